@@ -1,0 +1,317 @@
+"""Records survive the file exactly, and foreign or newer files are refused."""
+
+import dataclasses
+import os
+import sys
+from types import SimpleNamespace
+
+import h5netcdf
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from pyfric import catalogue, record
+from pyfric.record import LABELS, Method, Record, RecordError
+from pyfric.scene import setup1, setup2
+
+MS = 1e-3
+
+
+def make_catalogue(scene, n_events=3):
+    """Events that slip 2, 3, ... blocks from the trailing edge, 5 ms apart, and a corner slip."""
+    column = np.argsort(scene.n_of_i)
+    rows, quiet = [], []
+    u_x = np.zeros(scene.N_x)
+    for e in range(n_events):
+        t, step = (1 + 5 * e) * MS, 10_000 * e
+        mode = np.zeros(scene.N_x, dtype=np.int32)
+        mode[column[0]] = 1
+        quiet.append((step, t, 1, 10.0 * e, u_x.copy(), mode))
+        for n in range(e + 2):
+            rows.append((step, column[n], 0, 1, 0, t + n * 2e-6, 0.0, 10.0))
+        for n in range(e + 2):
+            rows.append((step + 9, column[n], 1, 0, 0, t + 0.5 * MS, 0.1e-6, 10.0))
+        u_x = u_x + 0.1e-6
+        quiet.append((step + 9, t + 0.5 * MS, -1, 10.0 * e - 1, u_x.copy(), 0 * mode))
+        rows.append((step + 20, column[0], 0, -1, 1, t + MS, 0.0, 0.1))
+        rows.append((step + 21, column[0], -1, 0, 1, t + 1.1 * MS, -1e-9, 0.2))
+    switches = np.array(rows, dtype=float).reshape(len(rows), 8).T
+    switches = dict(zip(catalogue.SWITCH_COLUMNS, switches, strict=True))
+    columns = zip(*quiet, strict=True) if quiet else [[]] * 6
+    quiet = {
+        name: np.array(column, dtype=kind)
+        for (name, kind), column in zip(catalogue.QUIET_COLUMNS.items(), columns, strict=True)
+    }
+    quiet |= {name: quiet[name].reshape(-1, scene.N_x) for name in ("u_x", "mode")}
+
+    def solve(u, drive, *, free):
+        tau = np.sin(np.arange(scene.N_x) + 1e7 * drive)
+        return SimpleNamespace(F_T=1e6 * drive, tau=tau, p=np.exp(tau))
+
+    solver = SimpleNamespace(solve=solve)
+    return catalogue.build_catalogue(switches, quiet, scene, solver=solver), quiet
+
+
+def make_record(scene=None, n_events=3, **changes):
+    scene = scene or setup1()
+    found, quiet = make_catalogue(scene, n_events)
+    t = np.linspace(0, 0.02, 50)
+    rng = np.random.default_rng(0)
+    entries = {
+        "curve": pd.DataFrame({"t": t, "F_T": 1e3 * np.sqrt(t), "kinetic": rng.random(50)}),
+        "tau_initial": rng.standard_normal(scene.N_x),
+        "p_initial": rng.random(scene.N_x),
+        "quiet": quiet,
+        "versions": {"pyfric": "0.1.0", "compiler": "GNU Fortran 12 – «µ»"},
+        "timings": {"run": 0.1 + 0.2, "catalogue": 1e-300},
+        "method": Method(engine="dynamic", geometry="finite", stepper="rk4", dt=0.2e-6),
+        "final_state": {
+            "y": rng.standard_normal((scene.N_z, 4, scene.N_x)),
+            "mode": np.arange(scene.N_x, dtype=np.int32),
+            "t": 0.1 + 0.2,
+            "n": 2**60 + 1,
+            "done": True,
+            "note": "exact",
+            "nothing": None,
+        },
+    }
+    return Record.from_catalogue(found, scene=scene, **(entries | changes))
+
+
+def through_file(original, tmp_path):
+    return Record.load(original.save(tmp_path / "run.nc"))
+
+
+@pytest.mark.parametrize("n_events", [0, 1, 7])
+@pytest.mark.parametrize("make_scene", [setup1, lambda: setup2(theta=-1 / 3)])
+def test_loaded_record_is_identical(make_scene, n_events, tmp_path):
+    original = make_record(make_scene(), n_events)
+    loaded = through_file(original, tmp_path)
+    assert loaded.identical(original)
+    for one in dataclasses.fields(Record):
+        a, b = getattr(original, one.name), getattr(loaded, one.name)
+        if isinstance(a, pd.DataFrame):
+            pd.testing.assert_frame_equal(a, b, check_exact=True)
+        elif isinstance(a, np.ndarray):
+            assert a.dtype == b.dtype
+            assert a.tobytes() == b.tobytes()
+        elif one.name not in ("quiet", "final_state"):
+            assert a == b
+    assert loaded.events.dtypes.equals(original.events.dtypes)
+    assert loaded.final_state["n"] == 2**60 + 1
+    assert type(loaded.final_state["t"]) is float
+    assert loaded.method == original.method
+
+
+def test_floats_survive_bit_for_bit(tmp_path):
+    rng = np.random.default_rng(2)
+    bits = rng.integers(0, 2**64, 10_000, dtype=np.uint64)  # NaN payloads, subnormals, infinities
+    wild = np.concatenate([bits.view(float), [-0.0, 0.0, np.nan, np.inf, 5e-324]])
+    curve = pd.DataFrame({"t": np.arange(wild.size) * 1e-7, "F_T": wild})
+    loaded = through_file(make_record(curve=curve), tmp_path)
+    assert loaded.curve["F_T"].to_numpy().tobytes() == wild.tobytes()
+
+
+@pytest.mark.parametrize("rows", [0, 4])
+def test_column_types_survive(rows, tmp_path):
+    curve = pd.DataFrame(
+        {
+            "t": np.arange(rows, dtype=float),
+            "F_T": np.arange(rows, dtype=np.float32),
+            "count": np.arange(rows, dtype=np.int64) + 2**62,
+            "small": np.arange(rows, dtype=np.int8),
+            "flag": np.arange(rows) % 2 == 0,
+            "words": pd.Series(["", "µs – x", "nan", "\t"][:rows], dtype="str"),
+        }
+    )
+    loaded = through_file(make_record(curve=curve), tmp_path)
+    pd.testing.assert_frame_equal(loaded.curve, curve, check_exact=True)
+
+
+def test_identical_sees_one_bit():
+    a = make_record()
+    p = a.p_initial.copy()
+    p[3] = np.nextafter(p[3], 1)
+    assert a.identical(make_record())
+    assert not a.identical(dataclasses.replace(a, p_initial=p))
+    assert not a.identical(dataclasses.replace(a, status="interrupted"))
+    assert not a.identical(dataclasses.replace(a, curve=a.curve.assign(t=a.curve["t"] + 1e-16)))
+    assert not a.identical(dataclasses.replace(a, timings=a.timings | {"run": 1.0}))
+
+
+@pytest.mark.parametrize("status", ["complete", "interrupted", "failed: p is not finite"])
+def test_status_survives(status, tmp_path):
+    assert through_file(make_record(status=status, final_state=None), tmp_path).status == status
+
+
+def test_state_object_survives(tmp_path, monkeypatch):
+    @dataclasses.dataclass
+    class State:
+        y: np.ndarray
+        rod: np.ndarray
+        t: float
+        n: int
+        u_drv0: float
+        last: np.float64
+
+    module = SimpleNamespace(State=State)
+    monkeypatch.setitem(sys.modules, "pyfric.state", module)
+    y = np.random.default_rng(4).standard_normal((3, 4, 5))
+    state = State(y, np.full(6, -0.0), 0.1 + 0.2, 7, -1e-310, np.float64(1 / 3))
+    original = make_record(final_state=state)
+    loaded = through_file(original, tmp_path)
+    assert isinstance(loaded.final_state, State)
+    assert loaded.identical(original)
+    state.rod[2] = 0.0
+    assert not loaded.identical(original)
+
+
+def test_record_checks_its_parts():
+    good = make_record()
+    for change, message in (
+        ({"status": "fine"}, "status"),
+        ({"p_initial": np.zeros(3)}, "p_initial has shape"),
+        ({"rupture_times": good.rupture_times[:-1]}, "rupture_times has shape"),
+        ({"curve": good.curve.drop(columns="F_T")}, "no column F_T"),
+    ):
+        with pytest.raises(RecordError, match=message):
+            dataclasses.replace(good, **change)
+
+
+def test_arrays_are_read_only_and_fields_frozen():
+    good = make_record()
+    with pytest.raises(ValueError, match="read-only"):
+        good.tau_before[0, 0] = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        good.quiet["u_x"][0, 0] = 1.0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        good.status = "complete"
+
+
+def test_column_that_the_file_cannot_hold_is_refused(tmp_path):
+    good = make_record()
+    mixed = good.curve.assign(odd=[object()] * len(good.curve))
+    with pytest.raises(RecordError, match="odd"):
+        dataclasses.replace(good, curve=mixed).save(tmp_path / "run.nc")
+    clash = good.curve.assign(p_initial=0.0)
+    with pytest.raises(RecordError, match="another name"):
+        dataclasses.replace(good, curve=clash).save(tmp_path / "run.nc")
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- the file ------------------------------------------------------------------------------------
+
+
+def test_file_describes_itself(tmp_path):
+    path = make_record().save(tmp_path / "run.nc")
+    with xr.open_dataset(path) as dataset:
+        for name, variable in dataset.variables.items():
+            assert variable.attrs["units"], name
+            assert variable.attrs["long_name"], name
+        assert dataset["F_T"].dims == ("t",)
+        assert dataset["F_T"].attrs["units"] == "N"
+        assert dataset["kinetic"].attrs["units"] == "J"
+        assert dataset["tau_before"].dims == ("event", "x")
+        assert dataset["event_is_main"].dtype == bool
+        assert {"x", "t", "n"} <= set(dataset.coords)
+        assert "[slider]" in dataset.attrs["scene"]
+
+
+def test_every_column_of_the_catalogue_is_described():
+    found, quiet = make_catalogue(setup1())
+    for name in (*found.events, *found.episodes, *quiet):
+        assert name in LABELS
+
+
+def test_saving_replaces_the_file_whole(tmp_path, monkeypatch):
+    path = tmp_path / "run.nc"
+    old = make_record(n_events=1)
+    old.save(path)
+    assert [one.name for one in tmp_path.iterdir()] == ["run.nc"]
+
+    def no_space(*_, **__):
+        raise OSError("no space left")
+
+    monkeypatch.setattr(record, "_flush", no_space)
+    with pytest.raises(OSError, match="no space"):
+        make_record(n_events=2).save(path)
+    assert [one.name for one in tmp_path.iterdir()] == ["run.nc"]
+    assert Record.load(path).identical(old)
+
+
+def test_saved_file_has_the_usual_permissions(tmp_path):
+    path = make_record(n_events=1).save(tmp_path / "run.nc")
+    (tmp_path / "plain").touch()
+    assert path.stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"run\.nc"):
+        Record.load(tmp_path / "run.nc")
+
+
+def test_foreign_files_are_refused(tmp_path):
+    path = tmp_path / "run.nc"
+    for content in (b"", b"t,F_T\n0,0\n", os.urandom(2000)):
+        path.write_bytes(content)
+        with pytest.raises(RecordError, match="not a pyfric record"):
+            Record.load(path)
+    xr.Dataset({"a": ("x", [1.0])}).to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(RecordError, match="no attribute pyfric_schema"):
+        Record.load(path)
+    with pytest.raises(RecordError, match="not a pyfric record"):
+        Record.load(tmp_path)
+
+
+def test_cut_off_file_is_refused(tmp_path):
+    path = make_record().save(tmp_path / "run.nc")
+    path.write_bytes(path.read_bytes()[:-3000])
+    with pytest.raises(RecordError, match=r"run\.nc"):
+        Record.load(path)
+
+
+def test_file_without_a_part_is_refused(tmp_path):
+    path = make_record().save(tmp_path / "run.nc")
+    with h5netcdf.File(path, "a") as file:
+        del file.attrs["method"]
+    with pytest.raises(RecordError, match="damaged.*method"):
+        Record.load(path)
+
+
+def test_newer_schema_is_refused(tmp_path):
+    path = make_record().save(tmp_path / "run.nc")
+    with h5netcdf.File(path, "a") as file:
+        file.attrs["pyfric_schema"] = 99
+    with pytest.raises(RecordError, match="schema 99.*up to 1.*newer pyfric"):
+        Record.load(path)
+
+
+# --- CSV -----------------------------------------------------------------------------------------
+
+
+def test_csv_holds_every_digit(tmp_path):
+    original = make_record()
+    paths = original.to_csv(tmp_path / "csv")
+    names = ["curve", "events", "episodes", "stresses", "columns"]
+    assert [path.stem for path in paths] == names
+    read = {path.stem: pd.read_csv(path, engine="python") for path in paths}
+    pd.testing.assert_frame_equal(read["curve"], original.curve, check_exact=True)
+    pd.testing.assert_frame_equal(
+        read["events"].drop(columns="event"), original.events, check_exact=True
+    )
+    pd.testing.assert_frame_equal(
+        read["episodes"], original.episodes, check_exact=True, check_dtype=False
+    )
+    stresses = read["stresses"]
+    tau = stresses.loc[stresses["event"] == 1, "tau_before"].to_numpy()
+    np.testing.assert_array_equal(tau, original.tau_before[1])
+    p = stresses.loc[stresses["event"] == -1, "p_before"].to_numpy()
+    np.testing.assert_array_equal(p, original.p_initial)
+    described = set(zip(read["columns"]["table"], read["columns"]["column"], strict=True))
+    assert described == {(name, column) for name in names[:-1] for column in read[name]}
+
+
+def test_csv_of_no_events(tmp_path):
+    paths = make_record(n_events=0).to_csv(tmp_path)
+    assert all(path.read_text().count("\n") >= 1 for path in paths)

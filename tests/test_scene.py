@@ -1,0 +1,689 @@
+"""Scenes: values of the paper, exact round trip, and refusals that are always a SceneError."""
+
+import copy
+import dataclasses
+import math
+import pickle
+import subprocess
+import sys
+import tomllib
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import tomli_w
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from pyfric.scene import (
+    MAX_BLOCKS,
+    MAX_FILE,
+    PRESETS,
+    DistributedLoad,
+    Driver,
+    Interface,
+    Rod,
+    Scene,
+    SceneError,
+    Slider,
+    preset,
+    run1,
+    run4,
+    setup1,
+    setup2,
+)
+from pyfric.units import LARGEST, SMALLEST, check_number, parse_quantity
+
+GOOD = """\
+name = "good"
+[slider]
+L = "140 mm"
+H = "75 mm"
+l = "2.5 mm"
+k = "13.5 MN/m"
+M = "75.6 g"
+[top]
+kind = "rod"
+F_N = "3500 N"
+mass = "75.6 g"
+mattress = "0.4 MN/m"
+[driver]
+K = "4 MN/m"
+V = "0.7875 mm/s"
+h = "5 mm"
+side = "left"
+[interface]
+mu_s = 0.7
+mu_k = 0.45
+"""
+
+
+def refused(text_or_call) -> SceneError:
+    """Return the SceneError of a scene text or a call."""
+    with pytest.raises(SceneError) as caught:
+        Scene.from_toml(text_or_call) if isinstance(text_or_call, str) else text_or_call()
+    error = caught.value
+    for one in error.flat():
+        assert one.field in str(error)
+        assert one.allowed in str(error)
+    return error
+
+
+def same(a, b) -> bool:
+    """Return whether two values are equal or both NaN."""
+    return a == b or (isinstance(a, float) and math.isnan(a) and math.isnan(b))
+
+
+def changed(old: str, new: str) -> str:
+    assert GOOD.count(old) >= 1
+    return GOOD.replace(old, new, 1)
+
+
+# Values of the paper
+
+
+def test_setup1_has_the_values_of_the_paper():
+    scene = setup1()
+    assert scene.slider == Slider(L=0.14, H=0.075, l=2.5e-3, k=13.5e6, M=0.0756)
+    assert scene.top == Rod(F_N=3500.0, mass=0.0756, mattress=0.4e6)
+    assert scene.driver == Driver(K=4e6, V=0.7875e-3, h=5e-3, side="left")
+    assert scene.interface == Interface(mu_s=0.7, mu_k=0.45)
+    assert (scene.N_x, scene.N_z, scene.i_h, scene.j_h, scene.d) == (57, 31, 0, 2, 1)
+    assert scene.m == 0.0756 / (57 * 31)
+    assert scene.eta == math.sqrt(0.1 * 13.5e6 * scene.m)
+    assert scene.k_f == 13.5e6
+    assert scene.rigid
+    assert scene.M_rod == 0.0756
+    assert scene.kappa == pytest.approx(0.4e6 * 0.14**2 / 12, rel=1e-15)
+    assert not scene.load.any()
+
+
+@pytest.mark.parametrize(
+    ("name", "L", "F_N", "h", "mu_s", "mu_k", "M"),
+    [
+        ("fig1", 0.14, 3500.0, 5e-3, 0.7, 0.45, 0.0756),
+        ("run1", 0.14, 3500.0, 5e-3, 0.5, 0.2, 0.0756),
+        ("run2", 0.14, 3500.0, 5e-3, 0.55, 0.3, 0.0756),
+        ("run3", 0.14, 3500.0, 7.5e-3, 0.7, 0.45, 0.0756),
+        ("run4", 0.2, 2700.0, 10e-3, 0.7, 0.45, 0.108),
+    ],
+)
+def test_runs_of_the_paper(name, L, F_N, h, mu_s, mu_k, M):
+    scene = preset(name)
+    assert scene == setup1(L=L, F_N=F_N, h=h, mu_s=mu_s, mu_k=mu_k, M=M, name=name)
+
+
+@pytest.mark.parametrize(
+    ("name", "theta"), [("setup2", 0.0), ("setup2+", 0.833), ("setup2-", -0.833)]
+)
+def test_setup2_has_the_values_of_the_paper(name, theta):
+    scene = preset(name)
+    assert scene.slider == Slider(L=0.1, H=0.02, l=1e-3, k=9.375e6, M=0.012)
+    assert scene.top == DistributedLoad(F_N=400.0, theta=theta)
+    assert scene.driver == Driver(K=0.8e6, V=0.45e-3, h=2e-3)
+    assert scene.interface == Interface(mu_s=0.7, mu_k=0.45)
+    assert (scene.N_x, scene.N_z, scene.j_h, scene.name) == (101, 21, 2, name)
+    assert not scene.rigid
+    assert scene.M_rod == scene.kappa == 0.0
+    n = np.arange(1, 102)
+    np.testing.assert_allclose(scene.load, 400 / 101 * (1 + theta * (2 * n - 102) / 100), 1e-15)
+    assert scene.load.sum() == pytest.approx(400.0, rel=1e-14)
+
+
+def test_wave_speeds_of_the_paper_follow_at_both_lengths():
+    for scene in (setup1(), run4()):
+        c = scene.slider.l * math.sqrt(scene.slider.k / scene.m)
+        # The lattice has one row and column more than L/l and H/l, hence the few per cent.
+        assert math.sqrt(1.5) * c == pytest.approx(1677, rel=0.04)
+        assert math.sqrt(0.5) * c == pytest.approx(968, rel=0.04)
+    assert run4(M=0.0756).slider.M == 0.0756
+
+
+def test_changing_l_keeps_k_and_the_mass():
+    coarse = setup1(l=5e-3)
+    assert (coarse.N_x, coarse.N_z, coarse.j_h) == (29, 16, 1)
+    assert coarse.slider.k == 13.5e6
+    assert coarse.m == 0.0756 / (29 * 16)
+
+
+def test_x_is_measured_from_the_centre():
+    scene = setup1()
+    assert scene.x.shape == (57,)
+    np.testing.assert_array_equal(scene.x, -scene.x[::-1])
+    assert scene.x[-1] == pytest.approx(0.07, rel=1e-12)
+
+
+@pytest.mark.parametrize("theta", [0.833, 0.0, -0.833, 1.0, -1.0])
+def test_switching_the_side_mirrors_the_scene(theta):
+    left = setup2(theta=theta)
+    right = dataclasses.replace(left, driver=dataclasses.replace(left.driver, side="right"))
+    assert right == setup2(theta=theta, side="right")
+    np.testing.assert_array_equal(right.load, left.load[::-1])
+    np.testing.assert_array_equal(right.n_of_i, left.n_of_i[::-1])
+    assert left.n_of_i[0] == 1
+    assert (right.d, right.i_h, right.j_h) == (-1, 100, left.j_h)
+    assert (left.load >= 0).all()
+    if theta > 0:
+        assert left.load[0] < left.load[-1]
+
+
+def test_doubling_the_load_doubles_every_bit_of_it():
+    np.testing.assert_array_equal(setup2(theta=0.833, F_N=800.0).load, 2 * setup2(theta=0.833).load)
+
+
+def test_given_eta_and_k_f_are_used():
+    scene = setup1(eta=0.0, k_f=1e6)
+    assert (scene.eta, scene.k_f) == (0.0, 1e6)
+
+
+def test_scenes_are_immutable_hashable_and_copied_exactly():
+    scene = run1()
+    with pytest.raises(AttributeError):
+        scene.name = "x"
+    with pytest.raises(AttributeError):
+        scene.slider.L = 1.0
+    assert hash(scene) == hash(copy.deepcopy(scene))
+    assert pickle.loads(pickle.dumps(scene)) == scene
+    with pytest.raises(TypeError):
+        PRESETS["mine"] = run1
+
+
+def test_numpy_and_integer_scalars_become_plain_floats():
+    slider = Slider(L=np.float64(4), H=np.int64(2), l=1, k=np.float32(2), M=Fraction(1, 2))
+    assert dataclasses.astuple(slider) == (4.0, 2.0, 1.0, 2.0, 0.5, None)
+    assert {type(value) for value in dataclasses.astuple(slider)[:5]} == {float}
+
+
+# Files
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_round_trip_exactly(name, tmp_path):
+    scene = PRESETS[name]()
+    path = tmp_path / "scene.toml"
+    text = scene.to_toml(path)
+    assert path.read_text() == text
+    assert [file.name for file in tmp_path.iterdir()] == ["scene.toml"]
+    for again in (Scene.from_toml(text), Scene.from_toml(path), Scene.from_toml(str(path))):
+        assert again == scene
+        assert repr(again) == repr(scene)  # all digits
+
+
+awkward = st.floats(1e-3, 1e3, allow_nan=False)
+
+
+@settings(max_examples=300)
+@given(
+    spacing=st.floats(1e-6, 1.0),
+    columns=st.integers(2, 50),
+    rows=st.integers(1, 50),
+    k=awkward,
+    M=awkward,
+    eta=st.none() | awkward | st.just(0.0),
+    k_f=st.none() | awkward,
+    theta=st.none() | st.floats(-1.0, 1.0),
+    F_N=awkward,
+    K=awkward,
+    V=awkward | st.just(0.0),
+    mu=st.tuples(st.floats(0.0, 1e20), st.floats(0.0, 1.0)),
+    side=st.sampled_from(["left", "right"]),
+    name=st.text(st.characters(exclude_categories=["Cs"]), max_size=200),
+    data=st.data(),
+)
+def test_every_scene_round_trips_exactly(
+    spacing, columns, rows, k, M, eta, k_f, theta, F_N, K, V, mu, side, name, data
+):
+    row = data.draw(st.integers(1, rows))
+    mu_s, ratio = mu
+    tiny = mu_s * ratio < SMALLEST
+    scene = Scene(
+        slider=Slider(L=columns * spacing, H=rows * spacing, l=spacing, k=k, M=M, eta=eta),
+        top=Rod(F_N=F_N)
+        if theta is None or 0 < abs(theta) < SMALLEST
+        else DistributedLoad(F_N=F_N, theta=theta),
+        driver=Driver(K=K, V=V, h=row * spacing, side=side),
+        interface=Interface(
+            mu_s=0.0 if mu_s < SMALLEST else mu_s, mu_k=0.0 if tiny else mu_s * ratio, k_f=k_f
+        ),
+        name=name,
+    )
+    assert (scene.N_x, scene.N_z, scene.j_h) == (columns + 1, rows + 1, row)
+    again = Scene.from_toml(scene.to_toml() + "\n")
+    assert again == scene
+    assert repr(again) == repr(scene)
+
+
+def test_units_are_converted_and_rounded_once():
+    assert Scene.from_toml(GOOD) == setup1(name="good")
+    other = (
+        GOOD.replace("140 mm", "14cm")
+        .replace('"2.5 mm"', '"2500 µm"')
+        .replace("13.5 MN/m", "13.5e3 N/mm")
+        .replace("75.6 g", " 0.0756 kg ")
+        .replace("0.4 MN/m", "4e5 kg/s^2")
+        .replace("0.7875 mm/s", "787.5 um / s")
+        .replace("3500 N", "3.5 kN")
+    )
+    assert Scene.from_toml(other) == setup1(name="good")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("5 mm", "m", 5e-3),
+        ("+.5e1 mm", "m", 5e-3),
+        ("5. mm", "m", 5e-3),
+        ("1 inch", "m", 0.0254),
+        ("1 N·s/m", "N s/m", 1.0),
+        ("1 kg/s", "N s/m", 1.0),
+        ("2 kg/s²", "N/m", 2.0),
+        ("2 kg s**-2", "N/m", 2.0),
+        ("0.2 us", "s", 0.2e-6),
+        ("1e-400 mm", "m", 0.0),
+        ("1e400 mm", "m", math.inf),
+        ("1e308 km", "m", math.inf),
+    ],
+)
+def test_quantities(text, unit, value):
+    assert parse_quantity("x", text, unit) == value
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", " ", "mm", "5", "five mm", "5 mmm", "5 kg", "5 m m", "5 degC", "5 m*dB", "5 %"),
+        *("5,0 mm", "1.2.3 mm", "0x10 m", "5 mm mm/", "5 / mm", "5 m/0", "1_0 mm", "5 (m)"),
+        *("9**9**9**9 m", "5 m**9**9**9", "5 m^99", "5 m**(1/2)", "1e9 1e9 m", "__import__ m"),
+        *(
+            "5 m" + " m" * 60,
+            "5 m\0",
+            "5\nkg",
+            "\u0665 mm",
+            "5 m if 1",
+            "5 lambda",
+            "5 dimensionless",
+        ),
+    ],
+)
+def test_texts_that_are_no_length(text):
+    error = refused(lambda: parse_quantity("slider.l", text, "m"))
+    assert (error.field, error.value, error.unit) == ("slider.l", text, "m")
+    assert "5 mm" in error.allowed
+
+
+def test_pint_is_imported_only_for_other_units():
+    code = (
+        "import sys; from pyfric.scene import Scene, setup1;"
+        "Scene.from_toml(setup1().to_toml()); assert 'pint' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "scene.toml"
+    setup1().to_toml(path)
+    before = path.read_text()
+
+    def broken(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("os.replace", broken)
+    with pytest.raises(OSError, match="disk full"):
+        setup2().to_toml(path)
+    assert path.read_text() == before
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    long = tmp_path / "long.toml"
+    long.write_text("#" * (MAX_FILE + 1))
+    latin = tmp_path / "latin.toml"
+    latin.write_bytes(b'name = "\xe9"\n')
+    for source in (tmp_path, tmp_path / "none.toml", long, latin, "", "a\0b", "x" * 5000):
+        error = refused(lambda source=source: Scene.from_toml(source))
+        assert error.field == "scene"
+    assert str(long) in str(refused(str(long)))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\n",
+        "not toml\n",
+        "a = [\n",
+        "[slider]\n[slider]\n",
+        "a = " + "[" * 5000 + "\n",
+        "a = " + "9" * 5000 + "\n",
+        "a = 0x" + "f" * 5000 + "\n",
+        ".".join("a" * 4000) + " = 1\n",
+        "#\n" * MAX_FILE,
+        "\ud800\n",
+        '"__dataclass_self__" = 1\nself = 2\n',
+    ],
+)
+def test_texts_that_are_no_scene(text):
+    assert refused(text).field
+
+
+# Refusals: field, value, unit and allowed range
+
+
+@pytest.mark.parametrize(
+    ("changes", "field", "value", "unit", "allowed"),
+    [
+        ({"L": math.nan}, "slider.L", math.nan, "m", "> 0 m"),
+        ({"F_N": math.nan}, "top.F_N", math.nan, "N", "> 0 N"),
+        ({"K": math.inf}, "driver.K", math.inf, "N/m", "> 0 N/m"),
+        ({"mu_k": -math.inf}, "interface.mu_k", -math.inf, "", ">= 0"),
+        ({"L": 0.141}, "slider.L", 0.141, "m", "a multiple of l = 0.0025 m"),
+        ({"L": 0.14 * (1 + 1e-8)}, "slider.L", 0.14 * (1 + 1e-8), "m", "a multiple of l"),
+        ({"L": 0.0025}, "slider.L", 0.0025, "m", ">= 2 l = 0.005 m"),
+        ({"H": 0.001}, "slider.H", 0.001, "m", ">= 1 l = 0.0025 m"),
+        ({"H": 0.0751}, "slider.H", 0.0751, "m", "a multiple of l = 0.0025 m"),
+        ({"h": 0.0}, "driver.h", 0.0, "m", "> 0 m, a multiple of l up to H"),
+        ({"h": 0.004}, "driver.h", 0.004, "m", "a multiple of l = 0.0025 m, from l to H = 0.075"),
+        ({"h": 0.0775}, "driver.h", 0.0775, "m", "from l to H = 0.075 m"),
+        ({"h": -0.0025}, "driver.h", -0.0025, "m", "> 0 m"),
+        ({"mu_k": 0.8}, "interface.mu_k", 0.8, "", "0 <= mu_k <= mu_s = 0.7"),
+        ({"mu_k": -0.1}, "interface.mu_k", -0.1, "", ">= 0"),
+        ({"k": 0.0}, "slider.k", 0.0, "N/m", "> 0 N/m"),
+        ({"K": -1.0}, "driver.K", -1.0, "N/m", "> 0 N/m"),
+        ({"k_f": 0.0}, "interface.k_f", 0.0, "N/m", "> 0 N/m"),
+        ({"M": 0.0}, "slider.M", 0.0, "kg", "> 0 kg"),
+        ({"mass": -0.1}, "top.mass", -0.1, "kg", ">= 0 kg"),
+        ({"mattress": -1.0}, "top.mattress", -1.0, "N/m", ">= 0 N/m"),
+        ({"eta": -1.0}, "slider.eta", -1.0, "N s/m", ">= 0 N s/m"),
+        ({"F_N": 0.0}, "top.F_N", 0.0, "N", "> 0 N"),
+        ({"V": -1.0}, "driver.V", -1.0, "m/s", ">= 0 m/s"),
+        ({"l": 1e-6}, "slider.l", 1e-6, "m", f"at most {MAX_BLOCKS} blocks"),
+        ({"k": 1e300}, "slider.k", 1e300, "N/m", "1e-30 to 1e+30"),
+        ({"M": 1e-300}, "slider.M", 1e-300, "kg", "1e-30 to 1e+30"),
+        ({"L": True}, "slider.L", True, "m", "> 0 m"),
+        ({"M": "0.1"}, "slider.M", "0.1", "kg", "> 0 kg"),
+        ({"M": "75.6 g"}, "slider.M", "75.6 g", "kg", "> 0 kg"),
+        ({"k": 10**400}, "slider.k", 10**400, "N/m", "> 0 N/m"),
+        ({"mu_s": None}, "interface.mu_s", None, "", ">= 0"),
+        ({"mu_s": 1j}, "interface.mu_s", 1j, "", ">= 0"),
+        ({"mu_s": np.True_}, "interface.mu_s", np.True_, "", ">= 0"),
+        ({"side": "up"}, "driver.side", "up", "", "'left' or 'right'"),
+        ({"side": 1}, "driver.side", 1, "", "'left' or 'right'"),
+        ({"name": 3}, "name", 3, "", "text"),
+    ],
+)
+def test_refused_values(changes, field, value, unit, allowed):
+    error = refused(lambda: setup1(**changes))
+    assert (error.field, error.unit) == (field, unit)
+    assert same(error.value, value)
+    assert type(error.value) is type(value)
+    assert allowed in error.allowed
+    if isinstance(value, float):
+        assert f"{field} = {value!r} {unit}".strip() + ":" in str(error)
+
+
+@pytest.mark.parametrize("theta", [1.001, -1.001, math.nan, math.inf])
+def test_theta_outside_its_range(theta):
+    error = refused(lambda: setup2(theta=theta))
+    assert (error.field, error.unit) == ("top.theta", "")
+    assert error.allowed == "a finite number >= -1 and <= 1"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "field", "value", "unit", "reason"),
+    [
+        ('"140 mm"', "140", "slider.L", 140, "m", 'missing unit: write e.g. "5 mm"'),
+        ('"140 mm"', "0.14", "slider.L", 0.14, "m", "missing unit"),
+        ('"140 mm"', '"0.14"', "slider.L", "0.14", "m", "missing unit"),
+        ('"13.5 MN/m"', "nan", "slider.k", math.nan, "N/m", "missing unit"),
+        ("13.5 MN/m", "13.5 MN", "slider.k", "13.5 MN", "N/m", "wrong unit: 'MN'"),
+        ("75.6 g", "75.6 mm", "slider.M", "75.6 mm", "kg", "wrong unit: 'mm'"),
+        ("75.6 g", "75.6 gg", "slider.M", "75.6 gg", "kg", "unknown unit 'gg'"),
+        ("75 mm", "70.1 mm", "slider.H", 70.1e-3, "m", "not a multiple of l"),
+        ('"75.6 g"', "true", "slider.M", True, "kg", "a quantity in quotes is needed"),
+        ('"75.6 g"', "[1]", "slider.M", [1], "kg", "a quantity in quotes is needed"),
+        ("3500 N", "nan N", "top.F_N", math.nan, "N", "not a finite number"),
+        ("3500 N", "1e999 kN", "top.F_N", math.inf, "N", "not a finite number"),
+        ("3500 N", "-3500 N", "top.F_N", -3500.0, "N", "too small"),
+        ("mu_s = 0.7", 'mu_s = "0.7"', "interface.mu_s", "0.7", "", "not str"),
+        ("mu_s = 0.7", "mu_s = true", "interface.mu_s", True, "", "not bool"),
+        ("mu_s = 0.7", "mu_s = nan", "interface.mu_s", math.nan, "", "not a finite"),
+        ("mu_s = 0.7", "", "interface.mu_s", None, "", "missing"),
+        ("mu_s = 0.7", "mus = 0.7", "interface.mus", 0.7, "", "did you mean 'mu_s'?"),
+        ('L = "140 mm"', 'Length = "1 m"', "slider.Length", "1 m", "", "did you mean 'L'?"),
+        ("mattress", "matress", "top.matress", "0.4 MN/m", "", "did you mean 'mattress'?"),
+        ("mattress", "theta", "top.theta", "0.4 MN/m", "", "did you mean 'mattress'?"),
+        ('"left"', '"Left"', "driver.side", "Left", "", "Input should be"),
+        ('"rod"', '"rods"', "top.kind", "rods", "", "did you mean 'rod'?"),
+        ('"rod"', "1", "top.kind", 1, "", "not text"),
+        ('kind = "rod"', "", "top.kind", None, "", "missing"),
+        ('"good"', "5", "name", 5, "", "string"),
+    ],
+)
+def test_refused_texts(old, new, field, value, unit, reason):
+    error = refused(changed(old, new))
+    assert (error.field, error.unit) == (field, unit)
+    assert same(error.value, value)
+    assert reason in error.reason
+
+
+def test_a_wrong_unit_names_the_range_too():
+    assert "> 0 kg" in refused(changed("75.6 g", "75.6 mm")).allowed
+
+
+@pytest.mark.parametrize("section", ["slider", "top", "driver", "interface"])
+def test_missing_and_misnamed_tables(section):
+    document = tomllib.loads(GOOD)
+    table = document.pop(section)
+    assert refused(tomli_w.dumps(document)).field == section
+    error = refused(tomli_w.dumps(document | {section + "s": table}))
+    assert error.field == section + "s"
+    assert f"did you mean {section!r}?" in str(error)
+    error = refused(tomli_w.dumps({section: 3} | document))
+    assert (error.field, error.value, error.allowed) == (section, 3, f"a table [{section}]")
+
+
+def test_all_problems_are_listed_and_the_first_gives_the_attributes():
+    error = refused(GOOD.replace('"140 mm"', "140").replace("3500 N", "-1 N").replace("0.45", "-1"))
+    assert [one.field for one in error.flat()] == ["slider.L", "top.F_N", "interface.mu_k"]
+    assert error.field == "slider.L"
+    assert len(str(error).splitlines()) == 3
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error)
+    assert (again.field, again.value, again.unit) == (error.field, error.value, error.unit)
+
+
+def test_parts_of_the_wrong_type():
+    good = setup1()
+    parts = {"slider": good.slider, "top": good.top, "driver": good.driver}
+    assert refused(lambda: Scene(**parts)).field == "interface"
+    error = refused(lambda: Scene(**parts, interface={"mu_s": 0.7, "mu_k": 0.4}))
+    assert (error.field, error.allowed) == ("interface", "an Interface")
+    error = refused(lambda: dataclasses.replace(good, top=good.driver))
+    assert (error.field, error.allowed) == ("top", "a Rod or a DistributedLoad")
+    assert refused(lambda: Slider(Length=1.0)).flat()[-1].reason.endswith("did you mean 'L'?")
+    assert refused(lambda: Scene(good.slider)).field
+    for name in ("\ud800", "x" * 201):
+        assert refused(lambda name=name: dataclasses.replace(good, name=name)).field == "name"
+
+
+def test_unknown_presets():
+    error = refused(lambda: preset("run5"))
+    assert (error.field, error.value) == ("preset", "run5")
+    assert "run4" in error.allowed
+    assert "did you mean 'mu_s'?" in str(refused(lambda: preset("run1", mus=0.5)))
+    assert preset("run1", h=7.5e-3) == run1(h=7.5e-3)
+
+
+def test_check_number_for_run_parameters():
+    assert check_number("dt", 1, "s", gt=0) == 1.0
+    error = refused(lambda: check_number("dt", 2e-6, "s", gt=0, le=1.57e-6))
+    assert (error.field, error.value, error.unit) == ("dt", 2e-6, "s")
+    assert str(error) == ("dt = 2e-06 s: too large; allowed: a finite number > 0 and <= 1.57e-06 s")
+    assert refused(lambda: check_number("n", 1.0, "", lt=1)).allowed == "a finite number < 1"
+    assert math.copysign(1, check_number("x", -0.0, "")) == 1
+
+
+# Thousands of broken scenes: a valid scene or a SceneError, never anything else
+
+
+def consistent(scene: Scene) -> None:
+    """Assert that nothing derived from an accepted scene is NaN or infinite."""
+    assert scene.N_x >= 3
+    assert scene.N_z >= 2
+    assert scene.N_x * scene.N_z <= MAX_BLOCKS
+    assert 1 <= scene.j_h < scene.N_z
+    assert scene.m > 0
+    assert 0 <= scene.interface.mu_k <= scene.interface.mu_s
+    for value in (scene.eta, scene.k_f, scene.kappa, scene.M_rod, scene.slider.k / scene.m):
+        assert math.isfinite(value)
+        assert value >= 0
+    if scene.N_x < 10_000:
+        assert np.isfinite(scene.x).all()
+        assert np.isfinite(scene.load).all()
+    assert Scene.from_toml(scene.to_toml()) == scene
+
+
+def accepted_or_refused(text: str) -> None:
+    try:
+        scene = Scene.from_toml(text)
+    except SceneError as error:
+        assert str(error)
+        assert repr(error)
+        return
+    consistent(scene)
+
+
+KEYS = [(section, key) for section, table in tomllib.loads(GOOD).items()
+        if isinstance(table, dict) for key in table]  # fmt: skip
+UNITS = ["m", "mm", "km", "N", "kN", "kg", "g", "N/m", "MN/m", "mm/s", "m/s", "N s/m", "s", "K"]
+UNITS += ["", "mmm", "degC", "dB", "inch", "lbf", "N/", "/m", "m**9**9", "%", "µm", "rad m", "ohm"]
+
+numbers = (
+    st.floats()
+    | st.integers()
+    | st.sampled_from([0, -1, 1e-320, 1e300, SMALLEST, LARGEST, 10**400, 1 << 70, 2.5e-3, 0.14])
+    | st.sampled_from(["nan", "inf", "-inf", "1e999", "1e-999", "1e-99999999", "1.", ".5", "1e"])
+)
+quantities = st.builds("{}{}{}".format, numbers, st.sampled_from(["", " "]), st.sampled_from(UNITS))
+scalars = (
+    quantities
+    | st.floats()
+    | st.integers(-(2**70), 2**70)
+    | st.booleans()
+    | st.text(max_size=20)
+    | st.dates()
+    | st.datetimes()
+)
+values = st.recursive(
+    scalars,
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+    ),
+    max_leaves=4,
+)
+spellings = st.text(max_size=12) | st.sampled_from(
+    [
+        "self",
+        "cls",
+        "kind",
+        "theta",
+        "eta",
+        "k_f",
+        "__dataclass_self__",
+        "l ",
+        "\u2113",
+        "slider",
+        "",
+    ]
+)
+changes = st.one_of(
+    st.tuples(st.just("set"), st.sampled_from(KEYS), values),
+    st.tuples(st.just("set"), st.sampled_from(KEYS), quantities),
+    st.tuples(st.just("drop"), st.sampled_from(KEYS), st.none()),
+    st.tuples(st.just("rename"), st.sampled_from(KEYS), spellings),
+    st.tuples(st.just("add"), st.sampled_from(KEYS), st.tuples(spellings, values)),
+    st.tuples(st.just("table"), st.sampled_from(KEYS), values),
+    st.tuples(st.just("top"), st.sampled_from(KEYS), st.tuples(spellings, values)),
+)
+
+
+def broken(steps: list) -> str:
+    """Return GOOD after some changes, as TOML."""
+    document = tomllib.loads(GOOD)
+    for action, (section, key), new in steps:
+        table = document[section]
+        if action == "table":
+            document[section] = new
+        elif action == "top":
+            document.setdefault(*new)
+        elif not isinstance(table, dict):
+            continue
+        elif action == "set":
+            table[key] = new
+        elif action == "drop":
+            table.pop(key, None)
+        elif action == "rename" and key in table:
+            table[new] = table.pop(key)
+        elif action == "add":
+            table.setdefault(*new)
+    return tomli_w.dumps(document)
+
+
+@settings(max_examples=2000)
+@given(st.lists(changes, min_size=1, max_size=3))
+def test_broken_documents(steps):
+    try:
+        text = broken(steps)
+    except ValueError:  # not writable as TOML
+        return
+    accepted_or_refused(text)
+
+
+@settings(max_examples=1500)
+@given(
+    start=st.integers(0, len(GOOD)),
+    length=st.integers(0, 12),
+    insert=st.text(max_size=8) | st.text("0123456789.eE+-_[]{}=\"'\n nafi", max_size=8),
+)
+def test_documents_with_random_edits(start, length, insert):
+    accepted_or_refused(GOOD[:start] + insert + GOOD[start + length :])
+
+
+@settings(max_examples=500)
+@given(st.text(max_size=200) | st.text("[]{}=\"'\n\t ab1.,#\\", max_size=200))
+@example("/dev/null")
+@example(".")
+def test_random_text(text):
+    with pytest.raises(SceneError):
+        Scene.from_toml(text)
+
+
+@settings(max_examples=1000)
+@given(quantities | st.text("0123456789.eE+-*/^ mNkgs²µ%()", max_size=20) | st.text(max_size=12))
+def test_random_quantities(text):
+    for unit in ("m", "N s/m"):
+        try:
+            number = parse_quantity("x", text, unit)
+        except SceneError:
+            continue
+        assert isinstance(number, float)
+
+
+@settings(max_examples=1000)
+@given(
+    st.dictionaries(
+        st.sampled_from(list(setup1.__kwdefaults__)),
+        st.floats() | st.integers() | st.fractions() | st.text(max_size=5) | st.none()
+        | st.complex_numbers() | st.binary(max_size=3) | st.booleans()
+        | st.builds(np.float32, st.floats(width=32)) | st.lists(st.floats(), max_size=2)
+        | st.builds(np.array, st.floats()),
+        min_size=1,
+        max_size=3,
+    )
+)  # fmt: skip
+def test_broken_arguments(changes):
+    try:
+        scene = setup1(**changes)
+    except SceneError as error:
+        assert str(error)
+        return
+    consistent(scene)

@@ -15,8 +15,9 @@ the first newton on, always in one direction, so the final state alone decides:
 
 For mu_s = mu_k this is a linear complementarity problem. For mu_s > mu_k the same conditions hold
 with mu_k on blocks that slipped, which leaves several solutions; the rule is to release the block
-with the largest |f| - mu_s p, one at a time, to solve again, and to hold again blocks that moved
-along their friction force. In finite geometry the same conditions are imposed at full load.
+with the largest |f| - mu_s p, one at a time (equal ones together), to solve again, and to hold
+again blocks that moved along their friction force. In finite geometry the same conditions are
+imposed at full load.
 
 Forces are compared relative to F_N/N_x, displacements relative to others, never absolutely: in
 linear geometry, doubling F_N and all displacements doubles every result bit for bit.
@@ -28,12 +29,10 @@ from __future__ import annotations
 
 import functools
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import scipy.linalg
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
@@ -48,6 +47,8 @@ from pyfric.operators import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pyfric.scene import Scene
 
 __all__ = ["Equilibrium", "EquilibriumError", "StaticSolver", "loaded_state", "solve_static"]
@@ -58,6 +59,8 @@ ACCEPTED = 1e-9
 """Largest accepted residual force, in units of F_N/N_x, where rounding forbids a smaller one."""
 CONTACT_TOL = 1e-11
 """Violations of contact or friction conditions below this many F_N/N_x are rounding."""
+TIE = 1e-9
+"""Excess forces closer than this many F_N/N_x are equal, so that symmetric scenes stay so."""
 KEPT = 12
 """Number of factorisations a solver keeps."""
 
@@ -90,7 +93,7 @@ class Equilibrium:
         f: friction force on each block in +x, shape (N_x,), in N.
         tau: -d f, shape (N_x,), in N: positive against driving, so that sum(tau) = F_T.
         p: foundation force on each block, shape (N_x,), in N.
-        open: p = 0, shape (N_x,), bool.
+        open: does not touch the foundation, p = f = 0, shape (N_x,), bool.
         slipped: blocks that slipped while F_N was applied, shape (N_x,), bool (`loaded_state`).
         drive: displacement V t of the driver since t = 0, in m.
         u_drv0: u_x of the driven block at which drive = 0 gives F_T = 0, in m.
@@ -121,11 +124,20 @@ class _Contact(NamedTuple):
 
     held: np.ndarray  # u_x is given (bool)
     closed: np.ndarray  # touches the foundation (bool)
-    slip: np.ndarray  # direction of slip: f = -slip mu_k p (int8; 0 also where held or free)
+    slip: np.ndarray  # direction of slip, f = -slip mu_k p (int8); 0 where held or frictionless
 
     @property
     def key(self) -> bytes:
         return b"".join(part.tobytes() for part in self)
+
+
+class _Interface(NamedTuple):
+    """What one contact set leads to, each of shape (N_x,)."""
+
+    u_x: np.ndarray
+    u_z: np.ndarray
+    f: np.ndarray  # on held blocks what balances their other forces
+    rounding: float  # size of rounding errors of forces, N
 
 
 class StaticSolver:
@@ -160,24 +172,24 @@ class StaticSolver:
         self._lattice, self._T = bonds(scene), coordinates(scene)
         self._T_transposed = self._T.T.tocsr()
         self._unit = scene.F_N / N_x
+        self._limit = ACCEPTED * self._unit
+        self._stiffest = max(12 * scene.slider.k, scene.k_f, scene.driver.K)
         self._load = np.zeros(2 * N_x * N_z)
         self._load[-N_x:] = -scene.load
         self._h = driven_dof(scene)
         # u_x and u_z of the bottom row are the first 2 N_x coordinates, because N_z >= 2.
         self._x, self._z = slice(0, N_x), slice(N_x, 2 * N_x)
-        self._stiffest = max(12 * scene.slider.k, scene.k_f, scene.driver.K)
-        # A residual torque on the rod counts as a force at its end.
+        # phi times arm is the displacement of the end of the rod, a torque over arm a force there.
         self._arm = np.ones(self._T.shape[1])
         if scene.rigid:
-            self._arm[-1] = 2 / scene.slider.L
-        self._reference: np.ndarray | None = None  # q at which factorisations are taken
+            self._arm[-1] = scene.slider.L / 2
         self._factors: dict[tuple[bool, bytes], SuperLU] = {}
-        self._K: sp.csr_array | None = None
         self._u_drv0 = 0.0
-        self.loaded = self._loaded()
-        self._reference = self._coordinates_of(self.loaded)
-        self._factors.clear()
-        self._K = None
+        self._K = self._bond_stiffness(np.zeros(self._T.shape[1]))
+        self.loaded = self._load_slider()
+        if geometry == "finite":
+            self._K = self._bond_stiffness(self._coordinates_of(self.loaded))
+            self._factors.clear()
         self._u_drv0 = self.loaded.u_drv0 if u_drv0 is None else float(u_drv0)
 
     def solve(
@@ -198,7 +210,7 @@ class StaticSolver:
             start: state from which the iteration starts; None means the loaded state.
 
         A held block that lifts off is freed. If it comes down again it is held again; a block that
-        lifts off a second time stays free, with p = k_f max(-u_z, 0).
+        lifts off a second time stays without friction.
 
         Returns:
             The equilibrium; F_T = K (drive - d (u_x - u_drv0)) at the driven block.
@@ -208,8 +220,7 @@ class StaticSolver:
             EquilibriumError: no equilibrium was found.
         """
         N_x = self.scene.N_x
-        given = np.array(u_x_bottom, dtype=float)
-        drive = float(drive)
+        given, drive = np.array(u_x_bottom, dtype=float), float(drive)
         frictionless = np.zeros(N_x, bool) if free is None else np.array(free, dtype=bool)
         for name, value in (("u_x_bottom", given), ("free", frictionless)):
             if value.shape != (N_x,):
@@ -219,35 +230,38 @@ class StaticSolver:
         begin = self.loaded if start is None else start
         if begin.u.shape != self.loaded.u.shape:
             raise ValueError(f"start.u: shape {begin.u.shape}, expected {self.loaded.u.shape}")
-        q = self._coordinates_of(begin)
-        closed, lifted = ~begin.open, np.zeros(N_x, dtype=int)
-        no_slip, steps = np.zeros(N_x, dtype=np.int8), 0
+        q, closed = self._coordinates_of(begin), ~begin.open
+        if np.sum(closed & ~frictionless) >= 2:  # enough to stand on: the free ones are open
+            closed &= ~frictionless
+        lifted, no_slip = np.zeros(N_x, dtype=int), np.zeros(N_x, dtype=np.int8)
+        steps = 0
         for _ in range(4 * N_x + 20):
             contact = _Contact(closed & ~frictionless, closed, no_slip)
             q[self._x][contact.held] = given[contact.held]
             q, residual, used = self._newton(q, contact, drive)
             steps += used
-            wrong = self._wrong_contact(q[self._z], closed)
+            wrong = self._wrong_side(q[self._z], closed, self._rounding(q))
             if not wrong.any():
                 return self._result(q, contact, drive, residual, steps)
             lifted += wrong & closed
             frictionless |= lifted > 1
             closed = closed ^ wrong
-        raise EquilibriumError("the set of open blocks does not settle", residual, 0.0, steps)
+        raise EquilibriumError(
+            "the set of open blocks does not settle", residual, self._limit, steps
+        )
 
     # --- forces and Newton's method --------------------------------------------------------------
 
     def _forces(
         self, q: np.ndarray, contact: _Contact, drive: float | None
     ) -> tuple[np.ndarray, float]:
-        """Return the force on each generalised coordinate (friction of held blocks excluded), F_T.
+        """Return the forces on the coordinates, without friction of held blocks, and F_T.
 
         drive = None means that there is no driver spring.
         """
         scene, x, z = self.scene, self._x, self._z
         u = self._T @ q
-        force = spring_forces(self._lattice, u, self.geometry)
-        force += self._load
+        force = spring_forces(self._lattice, u, self.geometry) + self._load
         p = -scene.k_f * u[z] * contact.closed
         force[z] += p
         force[x] -= contact.slip * (scene.interface.mu_k * p)
@@ -261,39 +275,37 @@ class StaticSolver:
             force[-1] -= scene.kappa * q[-1]
         return force, float(F_T)
 
-    def _tangent(self, contact: _Contact, driven: bool, q: np.ndarray | None) -> SuperLU:
-        """Factorise the tangent stiffness of the unknown coordinates at q (None: undeformed)."""
-        if q is self._reference and self._K is not None:
-            K = self._K
-        else:
-            u = None if q is None else self._T @ q
-            K = stiffness(
-                self.scene,
-                closed=np.zeros(self.scene.N_x, dtype=bool),
-                driver=False,
-                lattice=self._lattice,
-                u=u,
-                geometry=self.geometry,
-            )
-            if q is self._reference:
-                self._K = K
-        N_x, n = self.scene.N_x, K.shape[0]
+    def _bond_stiffness(self, q: np.ndarray) -> sp.csr_array:
+        """Return the tangent stiffness of bonds and mattress at q."""
+        nowhere = np.zeros(self.scene.N_x, dtype=bool)
+        return stiffness(
+            self.scene,
+            closed=nowhere,
+            driver=False,
+            lattice=self._lattice,
+            u=self._T @ q,
+            geometry=self.geometry,
+        )
+
+    def _factorised(self, K: sp.csr_array, contact: _Contact, driven: bool) -> SuperLU:
+        """Factorise K with foundation, driver and friction, for the coordinates not held."""
+        scene, n = self.scene, K.shape[0]
         foundation = np.zeros(n)
-        foundation[self._z] = self.scene.k_f * contact.closed
+        foundation[self._z] = scene.k_f * contact.closed
         K = K + sp.diags_array(foundation)
         if driven:
             row = self._T[[self._h]]
-            K = K + self.scene.driver.K * (row.T @ row)
-        if contact.slip.any():  # d/du_z of the friction force -slip mu_k p, p = -k_f u_z
-            coupling = -contact.slip * (self.scene.interface.mu_k * self.scene.k_f)
-            K = K + sp.diags_array(coupling.astype(float), offsets=N_x, shape=(n, n))
+            K = K + scene.driver.K * (row.T @ row)
+        # Friction -slip mu_k p with p = -k_f u_z couples u_x to u_z, N_x columns to the right.
+        coupling = np.zeros(n - scene.N_x)
+        coupling[self._x] = -scene.interface.mu_k * scene.k_f * contact.slip
+        K = (K + sp.diags_array(coupling, offsets=scene.N_x)).tocsr()
         unknown = self._unknown(contact)
-        K = K.tocsr()[unknown][:, unknown].tocsc()
         options = {} if contact.slip.any() else {"SymmetricMode": True}
         try:
-            return splu(K, permc_spec="MMD_AT_PLUS_A", options=options)
+            return splu(K[unknown][:, unknown].tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
         except RuntimeError as error:
-            raise EquilibriumError("the slider is not supported", np.nan, 0.0, 0) from error
+            raise EquilibriumError("the slider is not supported", np.nan, self._limit, 0) from error
 
     def _factor(self, contact: _Contact, driven: bool) -> SuperLU:
         """Return the factorisation at the reference state, from the store if it is there."""
@@ -301,45 +313,268 @@ class StaticSolver:
         if key not in self._factors:
             while len(self._factors) >= KEPT:
                 del self._factors[next(iter(self._factors))]
-            self._factors[key] = self._tangent(contact, driven, self._reference)
+            self._factors[key] = self._factorised(self._K, contact, driven)
         return self._factors[key]
 
     def _unknown(self, contact: _Contact) -> np.ndarray:
         """Return the indices of the coordinates that are not held."""
-        unknown = np.ones(self._T.shape[1], dtype=bool)
+        unknown = np.ones(len(self._arm), dtype=bool)
         unknown[self._x] = ~contact.held
         return np.flatnonzero(unknown)
+
+    def _rounding(self, q: np.ndarray) -> float:
+        """Return the size of rounding errors in forces at q, in N."""
+        return 2.0**-52 * self._stiffest * float(np.max(np.abs(q * self._arm)))
 
     def _newton(
         self, q: np.ndarray, contact: _Contact, drive: float | None
     ) -> tuple[np.ndarray, float, int]:
-        """Return q at rest for one contact set, the residual force, the number of steps.
+        """Return q at rest for one contact set, the residual force in N, the number of steps.
 
-        The iteration ends at the level of rounding, or where the residual has stopped to fall at
-        less than `ACCEPTED`. Linear geometry takes one step and a refinement.
+        The iteration ends at the level of rounding, or, below `ACCEPTED`, where a renewed tangent
+        does not help. Linear geometry takes one step and a refinement.
         """
-        unknown = self._unknown(contact)
-        factor = self._factor(contact, drive is not None)
-        limit = ACCEPTED * self._unit
+        unknown, driven = self._unknown(contact), drive is not None
+        factor, renewed = self._factor(contact, driven), False
         best, least, previous = q, np.inf, np.inf
         for step in range(MAX_NEWTON + 1):
-            force = self._forces(q, contact, drive)[0][unknown]
-            residual = float(np.max(np.abs(force * self._arm[unknown])))
+            with np.errstate(all="ignore"):
+                force = self._forces(q, contact, drive)[0][unknown]
+                residual = float(np.max(np.abs(force / self._arm[unknown])))
             if not np.isfinite(residual):
                 break
+            rounding = self._rounding(q)
             if residual < least:
                 best, least = q, residual
-            rounding = 2.0**-52 * self._stiffest * float(np.max(np.abs(q[: 2 * len(self._z_all)])))
-            if residual <= 2.0**-50 * self._unit + rounding / 4:
+            if residual <= rounding / 4:
                 break
             if residual > 0.5 * previous:
-                if least <= limit + 16 * rounding:
+                if least <= 16 * rounding or (renewed and least <= self._limit):
                     break
-                factor = self._tangent(contact, drive is not None, q)
+                factor = self._factorised(self._bond_stiffness(q), contact, driven)
+                renewed = True
             previous = residual
             q = q.copy()
-            with np.errstate(all="ignore"):
-                q[unknown] += factor.solve(force)
-        if not least <= limit + 16 * rounding:
+            q[unknown] += factor.solve(force)
+        limit = max(self._limit, 16 * self._rounding(best))
+        if not least <= limit:
             raise EquilibriumError("Newton's method does not converge", least, limit, step)
         return best, least, step
+
+    # --- loading ---------------------------------------------------------------------------------
+
+    def _load_slider(self) -> Equilibrium:
+        """Return the loaded state: the bottom row held, or slipped where it has to."""
+        N_x = self.scene.N_x
+        everywhere = np.ones(N_x, dtype=bool)
+        contact = _Contact(everywhere, everywhere, np.zeros(N_x, dtype=np.int8))
+        state: list = [np.zeros(len(self._arm)), 0.0, 0]
+
+        def at_rest(contact: _Contact) -> _Interface:
+            q = state[0].copy()
+            q[self._x][contact.held] = 0.0
+            q, residual, used = self._newton(q, contact, None)
+            state[:] = q, residual, state[2] + used
+            f = self._friction(q, contact, self._forces(q, contact, None)[0])
+            return _Interface(q[self._x], q[self._z], f, self._rounding(q))
+
+        if self._next_contact(contact, at_rest(contact)) is not None:
+            S, g = self._condensed()
+            contact = self._settled(contact, lambda c: self._condensed_rest(S, g, c))
+            contact = self._settled(contact, at_rest)
+            self._warn_if_ambiguous(S, contact)
+        return self._result(state[0], contact, None, *state[1:])
+
+    def _settled(self, contact: _Contact, rest: Callable[[_Contact], _Interface]) -> _Contact:
+        """Return the contact set that meets all conditions of loading."""
+        sweeps = 8 * self.scene.N_x + 20
+        for sweep in range(sweeps):
+            changed = self._next_contact(contact, rest(contact), one=sweep > sweeps // 2)
+            if changed is None:
+                return contact
+            contact = changed
+        what = "slip during loading does not settle"
+        raise EquilibriumError(what, np.nan, self._limit, sweeps)
+
+    def _next_contact(
+        self, contact: _Contact, now: _Interface, *, one: bool = False
+    ) -> _Contact | None:
+        """Return the next contact set to try while F_N is applied, or None if this one is right.
+
+        In this order: blocks on the wrong side of the foundation change; blocks that moved along
+        their friction force are held again; the block with the largest |f| - mu_s p is released.
+        With `one`, only the leftmost block of all these changes, which ends cycles.
+        """
+        held, closed, slip = (part.copy() for part in contact)
+        p = -self.scene.k_f * now.u_z * closed
+        excess = np.where(held, np.abs(now.f) - self.scene.interface.mu_s * p, 0.0)
+        wrong = self._wrong_side(now.u_z, closed, now.rounding)
+        back = slip * now.u_x * self._stiffest < -now.rounding
+        over = excess > CONTACT_TOL * self._unit + 16 * now.rounding
+        if not (wrong | back | over).any():
+            return None
+        if one:
+            first = np.arange(len(p)) == np.argmax(wrong | back | over)
+            wrong, back, over = wrong & first, back & first, over & first
+        if wrong.any():
+            closed ^= wrong
+            held[wrong], slip[wrong] = closed[wrong], 0
+        elif back.any():
+            held[back], slip[back] = True, 0
+        else:
+            excess = np.where(over, excess, -np.inf)
+            i = int(np.argmax(excess))
+            released = excess >= excess[i] - TIE * self._unit
+            held[released], slip[released] = False, -np.sign(now.f[released])
+            if not held.any():
+                # All blocks slip: the slider moves as a whole until one of them is back at u_x = 0.
+                other = np.flatnonzero(slip == -slip[i])
+                if not len(other):
+                    raise EquilibriumError("the slider slides away", np.nan, self._limit, 0)
+                j = other[np.argmin(np.abs(now.u_x[other]))]
+                held[j], slip[j] = True, 0
+        return _Contact(held, closed, slip)
+
+    def _condensed(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return S and g: without contact, S (u_x, u_z) - g are the forces the interface needs.
+
+        Linear geometry, without driver: S has shape (2 N_x, 2 N_x), g shape (2 N_x,).
+        """
+        b = 2 * self.scene.N_x
+        K = stiffness(
+            self.scene,
+            closed=np.zeros(self.scene.N_x, dtype=bool),
+            driver=False,
+            lattice=self._lattice,
+        ).tocsc()
+        load = self._T_transposed @ self._load
+        if self.scene.rigid:
+            load[-2] -= self.scene.F_N
+        inside = splu(K[b:, b:], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        to_inside = K[b:, :b].toarray()
+        S = K[:b, :b].toarray() - to_inside.T @ inside.solve(to_inside)
+        return S, -to_inside.T @ inside.solve(load[b:])
+
+    def _with_contact(self, S: np.ndarray, contact: _Contact) -> np.ndarray:
+        """Return S with foundation and friction of the slipping blocks."""
+        i = np.arange(self.scene.N_x)
+        j = i + self.scene.N_x
+        A = S.copy()
+        A[j, j] += self.scene.k_f * contact.closed
+        A[i, j] -= self.scene.interface.mu_k * self.scene.k_f * contact.slip
+        return A
+
+    def _condensed_rest(self, S: np.ndarray, g: np.ndarray, contact: _Contact) -> _Interface:
+        """Return the interface at rest for one contact set, in linear geometry."""
+        N_x = self.scene.N_x
+        unknown = np.concatenate([~contact.held, np.ones(N_x, dtype=bool)])
+        v = np.zeros(2 * N_x)
+        A = self._with_contact(S, contact)
+        try:
+            v[unknown] = np.linalg.solve(A[np.ix_(unknown, unknown)], g[unknown])
+        except np.linalg.LinAlgError as error:
+            raise EquilibriumError("the slider is not supported", np.nan, self._limit, 0) from error
+        u_x, u_z = v[self._x], v[self._z]
+        f = np.where(contact.held, (S @ v - g)[self._x], 0.0)
+        f += contact.slip * (self.scene.interface.mu_k * self.scene.k_f * u_z)
+        return _Interface(u_x, u_z, f, 64 * self._rounding(np.pad(v, (0, len(self._arm) - len(v)))))
+
+    def _warn_if_ambiguous(self, S: np.ndarray, contact: _Contact) -> None:
+        """Warn where the slip operator (friction against slip) is not positive definite."""
+        N_x = self.scene.N_x
+        A = self._with_contact(S, contact)
+        rest = np.flatnonzero(np.concatenate([~contact.closed, np.ones(N_x, dtype=bool)]))
+        slipping = np.flatnonzero(contact.slip)
+        if not len(slipping):
+            return
+        B = np.linalg.solve(A[np.ix_(rest, rest)], A[np.ix_(rest, slipping)])
+        W = A[np.ix_(slipping, slipping)] - A[np.ix_(slipping, rest)] @ B
+        if np.linalg.eigvalsh(W + W.T)[0] <= 0:
+            warnings.warn(
+                f"{len(slipping)} blocks slip while F_N is applied and friction is so strong that "
+                "the loaded state may not be the only one",
+                RuntimeWarning,
+                stacklevel=4,
+            )
+
+    # --- states ----------------------------------------------------------------------------------
+
+    def _wrong_side(self, u_z: np.ndarray, closed: np.ndarray, rounding: float) -> np.ndarray:
+        """Return the closed blocks with u_z > 0 and the open ones with u_z < 0."""
+        pull = self.scene.k_f * np.where(closed, u_z, -u_z)
+        return pull > CONTACT_TOL * self._unit + 16 * rounding
+
+    def _friction(self, q: np.ndarray, contact: _Contact, forces: np.ndarray) -> np.ndarray:
+        """Return f: what balances the other forces where held, -slip mu_k p elsewhere."""
+        slipping = contact.slip * (self.scene.interface.mu_k * self.scene.k_f * q[self._z])
+        return np.where(contact.held, -forces[self._x], slipping)
+
+    def _coordinates_of(self, state: Equilibrium) -> np.ndarray:
+        """Return q of a state, as a new array."""
+        q = np.zeros(len(self._arm))
+        n = len(q) - 3 if self.scene.rigid else len(q)
+        q[:n] = state.u.reshape(-1)[:n]
+        q[n:] = state.rod[: len(q) - n]
+        return q
+
+    def _result(
+        self, q: np.ndarray, contact: _Contact, drive: float | None, residual: float, steps: int
+    ) -> Equilibrium:
+        scene = self.scene
+        forces, F_T = self._forces(q, contact, drive)
+        u = (self._T @ q).reshape(scene.N_z, 2, scene.N_x)
+        f = self._friction(q, contact, forces)
+        return Equilibrium(
+            u=u,
+            rod=q[-3:].copy() if scene.rigid else np.zeros(3),
+            F_T=F_T,
+            f=f,
+            tau=-scene.d * f,
+            p=np.where(contact.closed, scene.k_f * np.maximum(-u[0, 1], 0.0), 0.0),
+            open=~contact.closed,
+            slipped=contact.slip != 0,
+            drive=0.0 if drive is None else drive,
+            u_drv0=float(u[scene.j_h, 0, scene.i_h]) if drive is None else self._u_drv0,
+            residual=residual,
+            iterations=steps,
+        )
+
+
+@functools.lru_cache(maxsize=4)
+def _solver(scene: Scene, geometry: Geometry) -> StaticSolver:
+    return StaticSolver(scene, geometry)
+
+
+def loaded_state(scene: Scene, geometry: Geometry = "linear") -> Equilibrium:
+    """Return the start of a run: F_N applied with friction active, F_T = 0.
+
+    Args:
+        scene: the scene.
+        geometry: "linear" or "finite".
+
+    Returns:
+        The equilibrium; its u_drv0 is u_x of the driven block.
+
+    Raises:
+        ValueError: unknown geometry.
+        EquilibriumError: no equilibrium was found.
+
+    Warns:
+        RuntimeWarning: blocks slip while F_N is applied and the state may not be unique.
+
+    Source: PRL 107, 074301 (2011).
+    """
+    return _solver(scene, geometry).loaded
+
+
+def solve_static(
+    scene: Scene,
+    u_x_bottom: np.ndarray,
+    drive: float,
+    *,
+    geometry: Geometry = "linear",
+    free: np.ndarray | None = None,
+    start: Equilibrium | None = None,
+) -> Equilibrium:
+    """Return the equilibrium with the interface held: see `StaticSolver.solve`."""
+    return _solver(scene, geometry).solve(u_x_bottom, drive, free=free, start=start)

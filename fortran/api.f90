@@ -1,0 +1,172 @@
+! External procedures for f2py: plain arrays in, plain arrays out. Nothing is checked here; pyfric.core checks.
+
+!> Steps of classical RK4 with switching at step ends.
+subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, t0, dt, n_steps, n_threads, keep_budget, &
+                   max_switch, max_quiet, step, y, rod, mode, corner, slack, loss, dissipated, heat, work, &
+                   n_log, switch_i, switch_r, quiet_i, quiet_r, status)
+  use, intrinsic :: iso_c_binding, only: c_double, c_int
+  use pyfric_model, only: model_t, unpack
+  use pyfric_rows, only: budget_t
+  use pyfric_contact, only: contact_t, log_t
+  use pyfric_stepping, only: advance_rk4
+  implicit none
+  !f2py threadsafe
+  integer(c_int), intent(in) :: nx                           !! blocks along the interface
+  integer(c_int), intent(in) :: nz                           !! rows
+  integer(c_int), intent(in) :: n_constants                  !! length of constants
+  integer(c_int), intent(in) :: finite                       !! 1: finite geometry, 0: linear
+  integer(c_int), intent(in) :: rigid                        !! 1: rod, 0: free top row
+  integer(c_int), intent(in) :: i_h                          !! column of the driven block, from 1
+  integer(c_int), intent(in) :: j_h                          !! row of the driven block, from 1
+  real(c_double), intent(in) :: constants(n_constants)       !! see pyfric_model [SI]
+  real(c_double), intent(in) :: x(nx)                        !! positions from the centre [m]
+  real(c_double), intent(in) :: load(nx)                     !! downward load on the top row [N]
+  real(c_double), intent(in) :: t0                           !! time of step 0 [s]
+  real(c_double), intent(in) :: dt                           !! step [s]
+  integer(c_int), intent(in) :: n_steps                      !! steps to make
+  integer(c_int), intent(in) :: n_threads                    !! threads
+  integer(c_int), intent(in) :: keep_budget                  !! 1: integrate works and dissipations
+  integer(c_int), intent(in) :: max_switch                   !! room for switches
+  integer(c_int), intent(in) :: max_quiet                    !! room for quiet transitions
+  real(c_double), intent(inout) :: step(1)                   !! steps made
+  real(c_double), intent(inout) :: y(nx, 4, nz)              !! u_x, u_z [m], v_x, v_z [m/s]
+  real(c_double), intent(inout) :: rod(6)                    !! X, Z [m], phi [rad] and their rates
+  integer(c_int), intent(inout) :: mode(nx)                  !! contact states
+  integer(c_int), intent(inout) :: corner(nx)                !! 1: corner episode
+  real(c_double), intent(inout) :: slack(nx)                 !! mu_s p - |f| [N]
+  real(c_double), intent(inout) :: loss(nx)                  !! switching loss [J]
+  real(c_double), intent(inout) :: dissipated(nz)            !! bond dissipation [J]
+  real(c_double), intent(inout) :: heat(nx)                  !! friction heat [J]
+  real(c_double), intent(inout) :: work(2)                   !! driver, normal load [J]
+  integer(c_int), intent(out) :: n_log(2)                    !! switches and quiet transitions logged
+  integer(c_int), intent(inout) :: switch_i(4, max_switch)   !! block from 0, old, new, corner
+  real(c_double), intent(inout) :: switch_r(4, max_switch)   !! step, t [s], u_x [m], p [N]
+  integer(c_int), intent(inout) :: quiet_i(nx + 1, max_quiet)  !! kind, contact states
+  real(c_double), intent(inout) :: quiet_r(nx + 3, max_quiet)  !! step, t [s], F_T [N], u_x [m]
+  integer(c_int), intent(out) :: status                      !! see pyfric_status
+  type(model_t) :: s
+  type(contact_t) :: contact
+  type(budget_t) :: budget
+  type(log_t) :: log
+
+  s = unpack(nx, nz, finite, rigid, i_h, j_h, constants, x, load)
+  contact = contact_t(mode, corner, slack, loss)
+  budget = budget_t(dissipated, heat, work)
+  allocate (log%switch_i(4, max_switch), log%switch_r(4, max_switch))
+  allocate (log%quiet_i(nx + 1, max_quiet), log%quiet_r(nx + 3, max_quiet))
+  call advance_rk4(s, t0, dt, n_steps, n_threads, keep_budget == 1, step(1), y, rod, contact, budget, log, status)
+  mode = contact%mode
+  corner = contact%corner
+  slack = contact%slack
+  loss = contact%loss
+  dissipated = budget%dissipated
+  heat = budget%heat
+  work = budget%work
+  n_log = [log%n_switch, log%n_quiet]
+  switch_i(:, :n_log(1)) = log%switch_i(:, :n_log(1))
+  switch_r(:, :n_log(1)) = log%switch_r(:, :n_log(1))
+  quiet_i(:, :n_log(2)) = log%quiet_i(:, :n_log(2))
+  quiet_r(:, :n_log(2)) = log%quiet_r(:, :n_log(2))
+end subroutine advance
+
+!> One evaluation of all forces, accelerations and powers, with frozen contact states.
+subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, t, y, rod, mode, &
+                    a, a_rod, f, p, f_t, dissipated, heat, work)
+  use, intrinsic :: iso_c_binding, only: c_double, c_int
+  use pyfric_model, only: model_t, unpack
+  use pyfric_rows, only: row_t, new_row, row_forces, row_powers, budget_t
+  use pyfric_boundaries, only: rod_acceleration
+  implicit none
+  integer(c_int), intent(in) :: nx                           !! blocks along the interface
+  integer(c_int), intent(in) :: nz                           !! rows
+  integer(c_int), intent(in) :: n_constants                  !! length of constants
+  integer(c_int), intent(in) :: finite                       !! 1: finite geometry, 0: linear
+  integer(c_int), intent(in) :: rigid                        !! 1: rod, 0: free top row
+  integer(c_int), intent(in) :: i_h                          !! column of the driven block, from 1
+  integer(c_int), intent(in) :: j_h                          !! row of the driven block, from 1
+  real(c_double), intent(in) :: constants(n_constants)       !! see pyfric_model [SI]
+  real(c_double), intent(in) :: x(nx)                        !! positions from the centre [m]
+  real(c_double), intent(in) :: load(nx)                     !! downward load on the top row [N]
+  real(c_double), intent(in) :: t                            !! time [s]
+  real(c_double), intent(in) :: y(nx, 4, nz)                 !! u_x, u_z [m], v_x, v_z [m/s]
+  real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
+  integer(c_int), intent(in) :: mode(nx)                     !! contact states
+  real(c_double), intent(out) :: a(nx, 2, nz)                !! accelerations [m/s2]
+  real(c_double), intent(out) :: a_rod(3)                    !! of X, Z [m/s2], phi [rad/s2]
+  real(c_double), intent(out) :: f(nx)                       !! friction force along +x [N]
+  real(c_double), intent(out) :: p(nx)                       !! foundation force [N]
+  real(c_double), intent(out) :: f_t                         !! driver force [N]
+  real(c_double), intent(out) :: dissipated(nz)              !! power in the bonds of each row [W]
+  real(c_double), intent(out) :: heat(nx)                    !! friction power [W]
+  real(c_double), intent(out) :: work(2)                     !! power of driver and normal load [W]
+  type(model_t) :: s
+  type(row_t) :: w
+  type(budget_t) :: power
+  real(c_double) :: carry(nx, 2)
+  integer :: j
+
+  s = unpack(nx, nz, finite, rigid, i_h, j_h, constants, x, load)
+  w = new_row(s%nx)
+  allocate (power%dissipated(nz), power%heat(nx))
+  power%dissipated = 0
+  power%heat = 0
+  power%work = 0
+  carry = 0
+  a_rod = 0
+  do j = 1, s%nz
+    call row_forces(s, j, t, y(:, :, j), y(:, :, min(j + 1, s%nz)), mode, carry, w)
+    call row_powers(s, j, 1.0_c_double, y(:, :, j), y(:, :, min(j + 1, s%nz)), rod(5), w, power)
+    a(:, 1, j) = w%fx/s%m
+    a(:, 2, j) = w%fz/s%m
+    if (j == s%nz .and. s%rigid) then
+      a_rod = rod_acceleration(s, rod(3), w%fx, w%fz)
+      a(:, 1, j) = a_rod(1)
+      a(:, 2, j) = a_rod(2) + a_rod(3)*s%x
+    end if
+  end do
+  f = w%f
+  p = w%p
+  f_t = w%f_t
+  dissipated = power%dissipated
+  heat = power%heat
+  work = power%work
+end subroutine evaluate
+
+!> Energies of a state.
+subroutine energy(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, t, y, rod, e)
+  use, intrinsic :: iso_c_binding, only: c_double, c_int
+  use pyfric_model, only: unpack
+  use pyfric_energy, only: energies
+  implicit none
+  integer(c_int), intent(in) :: nx                           !! blocks along the interface
+  integer(c_int), intent(in) :: nz                           !! rows
+  integer(c_int), intent(in) :: n_constants                  !! length of constants
+  integer(c_int), intent(in) :: finite                       !! 1: finite geometry, 0: linear
+  integer(c_int), intent(in) :: rigid                        !! 1: rod, 0: free top row
+  integer(c_int), intent(in) :: i_h                          !! column of the driven block, from 1
+  integer(c_int), intent(in) :: j_h                          !! row of the driven block, from 1
+  real(c_double), intent(in) :: constants(n_constants)       !! see pyfric_model [SI]
+  real(c_double), intent(in) :: x(nx)                        !! positions from the centre [m]
+  real(c_double), intent(in) :: load(nx)                     !! downward load on the top row [N]
+  real(c_double), intent(in) :: t                            !! time [s]
+  real(c_double), intent(in) :: y(nx, 4, nz)                 !! u_x, u_z [m], v_x, v_z [m/s]
+  real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
+  real(c_double), intent(out) :: e(6)                        !! see pyfric_energy [J]
+
+  e = energies(unpack(nx, nz, finite, rigid, i_h, j_h, constants, x, load), t, y, rod)
+end subroutine energy
+
+!> Compiler, its options, and whether OpenMP is in.
+subroutine build_info(compiler, options, openmp)
+  use, intrinsic :: iso_c_binding, only: c_int
+  use, intrinsic :: iso_fortran_env, only: compiler_version, compiler_options
+  implicit none
+  character(len=128), intent(out) :: compiler  !! version
+  character(len=1024), intent(out) :: options  !! flags
+  integer(c_int), intent(out) :: openmp        !! 1: built with OpenMP
+
+  compiler = compiler_version()
+  options = compiler_options()
+  openmp = 0
+  !$ openmp = 1
+end subroutine build_info

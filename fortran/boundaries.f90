@@ -1,0 +1,71 @@
+!> Boundary forces: elastic foundation, side driver, normal load, rigid rod.
+module pyfric_boundaries
+  use pyfric_kinds, only: dp
+  use pyfric_model, only: model_t, UX, UZ, VX, VZ
+  implicit none
+  private
+  public :: foundation, driver_force, rod_acceleration, rod_to_row, mirror_sum
+
+contains
+
+  !> p_i = k_f |z_i| where z_i < 0, else 0 [N].
+  pure subroutine foundation(s, u_z, p)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: u_z(s%nx)  !! bottom row [m]
+    real(dp), intent(out) :: p(s%nx)   !! upward force [N]
+    integer :: i
+
+    do i = 1, s%nx
+      p(i) = s%k_f*max(-u_z(i), 0.0_dp)
+    end do
+  end subroutine foundation
+
+  !> F_T = K (V t - x_h), x_h the driven block's displacement along the push since t = 0 [N].
+  elemental function driver_force(s, t, u_x) result(f_t)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: t    !! time [s]
+    real(dp), intent(in) :: u_x  !! driven block [m]
+    real(dp) :: f_t
+
+    f_t = s%k_drv*(s%v_drv*t - s%d*(u_x - s%u_drv0))
+  end function driver_force
+
+  !> Rod with the top row glued to it: X'', Z'', phi'' from the forces on that row.
+  pure function rod_acceleration(s, phi, fx, fz) result(a)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: phi       !! tilt [rad]
+    real(dp), intent(in) :: fx(s%nx)  !! forces on the top row [N]
+    real(dp), intent(in) :: fz(s%nx)  !! forces on the top row [N]
+    real(dp) :: a(3)
+
+    a(1) = mirror_sum(s%nx, fx)/s%m_top
+    a(2) = (mirror_sum(s%nx, fz) - s%f_n)/s%m_top
+    a(3) = (mirror_sum(s%nx, s%x*fz) - s%kappa*phi)/s%i_top
+  end function rod_acceleration
+
+  !> The top row as the rod carries it: u_x = X, u_z = Z + phi x.
+  pure subroutine rod_to_row(s, rod, q)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: rod(6)      !! X, Z, phi and their rates
+    real(dp), intent(out) :: q(s%nx, 4)
+
+    q(:, UX) = rod(1)
+    q(:, UZ) = rod(2) + rod(3)*s%x
+    q(:, VX) = rod(4)
+    q(:, VZ) = rod(5) + rod(6)*s%x
+  end subroutine rod_to_row
+
+  !> A sum that pairs i with N_x + 1 - i: the mirrored row gives the same bits.
+  pure function mirror_sum(n, w) result(total)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: w(n)
+    real(dp) :: total
+    integer :: i
+
+    total = 0.0_dp
+    do i = 1, n/2
+      total = total + (w(i) + w(n + 1 - i))
+    end do
+    if (mod(n, 2) == 1) total = total + w(n/2 + 1)
+  end function mirror_sum
+end module pyfric_boundaries

@@ -1,0 +1,105 @@
+!> Contact states of the interface: switching at the end of a step, and the log of switches.
+module pyfric_contact
+  use pyfric_kinds, only: dp, ip
+  use pyfric_model, only: model_t, UX, UZ, VX
+  use pyfric_lattice, only: bond_row, gather
+  use pyfric_boundaries, only: foundation, driver_force
+  use pyfric_friction, only: next_mode, STUCK, OPEN_GAP
+  use pyfric_rows, only: row_t
+  implicit none
+  private
+  public :: contact_t, log_t, switch_contacts, interface_forces
+
+  !> What the contact adds to the state.
+  type :: contact_t
+    integer(ip), allocatable :: mode(:)    !! contact states
+    integer(ip), allocatable :: corner(:)  !! 1: the block's slip began with p < p_corner
+    real(dp), allocatable :: slack(:)      !! mu_s p - |f| at the last step's end [N]
+    real(dp), allocatable :: loss(:)       !! kinetic energy removed by switching [J]
+  end type contact_t
+
+  !> Switches, and the interface each time its last slipping block stops or the first one starts.
+  type :: log_t
+    integer :: n_switch = 0
+    integer :: n_quiet = 0
+    integer(ip), allocatable :: switch_i(:, :)    !! block from 0, old state, new state, corner
+    real(dp), allocatable :: switch_r(:, :)       !! step, time [s], u_x [m], p [N]
+    integer(ip), allocatable :: quiet_i(:, :)     !! +1 first slip or -1 last stick, then contact states
+    real(dp), allocatable :: quiet_r(:, :)        !! step, time [s], F_T [N], then u_x [m]
+  end type log_t
+
+contains
+
+  !> Horizontal force on the bottom blocks other than friction, and p.
+  pure subroutine interface_forces(s, q, up, w)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: q(s%nx, 4)   !! bottom row
+    real(dp), intent(in) :: up(s%nx, 4)  !! second row
+    type(row_t), intent(inout) :: w      !! w%fx and w%p on return
+    real(dp) :: carry(s%nx, 2)
+
+    carry = 0.0_dp
+    call bond_row(s, .true., q, up, w%b)
+    call gather(s%nx, w%b, carry(1, 1), carry(1, 2), w%fx, w%fz)
+    call foundation(s, q(:, UZ), w%p)
+  end subroutine interface_forces
+
+  !> New contact states at the end of step number `step`, at time t. Releases are timed inside the step, where
+  !> the slack mu_s p - |f| crosses zero on a straight line; the state itself switches at the step's end.
+  pure subroutine switch_contacts(s, step, t, dt, y, contact, log, w)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: step                    !! steps made
+    real(dp), intent(in) :: t                       !! time [s]
+    real(dp), intent(in) :: dt                      !! step [s]
+    real(dp), intent(inout) :: y(s%nx, 4, s%nz)     !! v_x of the bottom row may be set to zero
+    type(contact_t), intent(inout) :: contact
+    type(log_t), intent(inout) :: log
+    type(row_t), intent(inout) :: w
+    integer(ip) :: old
+    real(dp) :: v, slack, t_switch
+    logical :: was_active, active
+    integer :: i
+
+    call interface_forces(s, y(:, :, 1), y(:, :, 2), w)
+    was_active = any(abs(contact%mode) == 1 .and. contact%corner == 0)
+    do i = 1, s%nx
+      old = contact%mode(i)
+      v = y(i, VX, 1)
+      slack = s%mu_s*w%p(i) - abs(w%fx(i))
+      call next_mode(s%mu_s, w%fx(i), w%p(i), contact%mode(i), y(i, VX, 1))
+      if (y(i, VX, 1) /= v) contact%loss(i) = contact%loss(i) + 0.5_dp*s%m*v**2
+      if (contact%mode(i) /= old) then
+        t_switch = t
+        if (old == STUCK .and. slack < 0.0_dp .and. contact%slack(i) > 0.0_dp) &
+          t_switch = t + dt*(slack/(contact%slack(i) - slack))
+        if (abs(old) /= 1) contact%corner(i) = merge(1_ip, 0_ip, w%p(i) < s%p_corner)
+        call log_switch(i, old, t_switch)
+      end if
+      contact%slack(i) = slack
+    end do
+    active = any(abs(contact%mode) == 1 .and. contact%corner == 0)
+    if (active .neqv. was_active) call log_quiet()
+
+  contains
+
+    pure subroutine log_switch(i, old, t_switch)
+      integer, intent(in) :: i            !! block, from 1
+      integer(ip), intent(in) :: old      !! contact state before
+      real(dp), intent(in) :: t_switch    !! time [s]
+
+      log%n_switch = log%n_switch + 1
+      log%switch_i(:, log%n_switch) = [int(i - 1, ip), old, contact%mode(i), contact%corner(i)]
+      log%switch_r(:, log%n_switch) = [step, t_switch, y(i, UX, 1), w%p(i)]
+    end subroutine log_switch
+
+    pure subroutine log_quiet()
+      log%n_quiet = log%n_quiet + 1
+      log%quiet_i(1, log%n_quiet) = merge(1_ip, -1_ip, active)
+      log%quiet_i(2:, log%n_quiet) = contact%mode
+      log%quiet_r(1, log%n_quiet) = step
+      log%quiet_r(2, log%n_quiet) = t
+      log%quiet_r(3, log%n_quiet) = driver_force(s, t, y(s%i_h, UX, s%j_h))
+      log%quiet_r(4:, log%n_quiet) = y(:, UX, 1)
+    end subroutine log_quiet
+  end subroutine switch_contacts
+end module pyfric_contact

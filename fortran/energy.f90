@@ -1,0 +1,34 @@
+!> Energies of a state.
+module pyfric_energy
+  use pyfric_kinds, only: dp
+  use pyfric_model, only: model_t, UX, UZ, VX, VZ
+  use pyfric_lattice, only: bond_energy
+  use pyfric_boundaries, only: driver_force
+  implicit none
+  private
+  public :: energies
+
+contains
+
+  !> Kinetic (blocks, rod) and elastic (bonds, foundation, mattress, driver spring) energies [J].
+  pure function energies(s, t, y, rod) result(e)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: t                  !! time [s]
+    real(dp), intent(in) :: y(s%nx, 4, s%nz)   !! state
+    real(dp), intent(in) :: rod(6)             !! rod
+    real(dp) :: e(6)
+    integer :: j
+
+    e = 0.0_dp
+    do j = 1, s%nz
+      e(1) = e(1) + 0.5_dp*s%m*sum(y(:, VX, j)**2 + y(:, VZ, j)**2)
+      e(3) = e(3) + bond_energy(s, j < s%nz, y(:, :, j), y(:, :, min(j + 1, s%nz)))
+    end do
+    e(4) = 0.5_dp*s%k_f*sum(min(y(:, UZ, 1), 0.0_dp)**2)
+    if (s%rigid) then
+      e(2) = 0.5_dp*(s%m_rod*(rod(4)**2 + rod(5)**2) + s%i_rod*rod(6)**2)
+      e(5) = 0.5_dp*s%kappa*rod(3)**2
+    end if
+    if (s%k_drv > 0.0_dp) e(6) = 0.5_dp*driver_force(s, t, y(s%i_h, UX, s%j_h))**2/s%k_drv
+  end function energies
+end module pyfric_energy

@@ -1,0 +1,90 @@
+!> All forces on one row of blocks, and the powers that go with them.
+module pyfric_rows
+  use pyfric_kinds, only: dp, ip
+  use pyfric_model, only: model_t, UX, UZ, VX, VZ
+  use pyfric_lattice, only: bond_row, gather, bond_power, N_BOND
+  use pyfric_boundaries, only: foundation, driver_force, mirror_sum
+  use pyfric_friction, only: friction_force
+  implicit none
+  private
+  public :: row_t, new_row, row_forces, row_powers, budget_t
+
+  !> Work space of one row: bonds, forces, and at the bottom the contact.
+  type :: row_t
+    real(dp), allocatable :: b(:, :)  !! bond forces (0:N_x, N_BOND) [N]
+    real(dp), allocatable :: fx(:)    !! forces on the blocks [N]
+    real(dp), allocatable :: fz(:)    !! forces on the blocks [N]
+    real(dp), allocatable :: p(:)     !! foundation force, bottom row [N]
+    real(dp), allocatable :: f(:)     !! friction force along +x, bottom row [N]
+    real(dp) :: f_t                   !! driver force, row of the driven block [N]
+  end type row_t
+
+  !> Works and dissipations since the start [J].
+  type :: budget_t
+    real(dp), allocatable :: dissipated(:)  !! in the bonds that start in each row
+    real(dp), allocatable :: heat(:)        !! by friction under each bottom block
+    real(dp) :: work(2)                     !! of the driver, of the normal load
+  end type budget_t
+
+contains
+
+  pure function new_row(nx) result(w)
+    integer, intent(in) :: nx  !! blocks along the interface
+    type(row_t) :: w
+
+    allocate (w%b(0:nx, N_BOND), w%fx(nx), w%fz(nx), w%p(nx), w%f(nx))
+    w%b = 0.0_dp
+    w%p = 0.0_dp
+    w%f = 0.0_dp
+    w%f_t = 0.0_dp
+  end function new_row
+
+  !> Forces on row j, friction included, at frozen contact states; the carry of the bonds moves up one row.
+  pure subroutine row_forces(s, j, t, q, up, mode, carry, w)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: j                  !! row, from 1 at the bottom
+    real(dp), intent(in) :: t                 !! time [s]
+    real(dp), intent(in) :: q(s%nx, 4)        !! the row
+    real(dp), intent(in) :: up(s%nx, 4)       !! the row above, not used at the top
+    integer(ip), intent(in) :: mode(s%nx)     !! contact states
+    real(dp), intent(inout) :: carry(s%nx, 2) !! bond forces shared with the row below [N]
+    type(row_t), intent(inout) :: w
+
+    call bond_row(s, j < s%nz, q, up, w%b)
+    call gather(s%nx, w%b, carry(1, 1), carry(1, 2), w%fx, w%fz)
+    if (j == s%j_h) then
+      w%f_t = driver_force(s, t, q(s%i_h, UX))
+      w%fx(s%i_h) = w%fx(s%i_h) + s%d*w%f_t
+    end if
+    if (j == s%nz .and. .not. s%rigid) w%fz = w%fz - s%load
+    if (j == 1) then
+      call foundation(s, q(:, UZ), w%p)
+      call friction_force(s, mode, w%fx, w%p, w%f)
+      w%fz = w%fz + w%p
+      w%fx = w%fx + w%f
+    end if
+  end subroutine row_forces
+
+  !> Adds c times the powers that row j owns to the budget; row_forces has just been called.
+  pure subroutine row_powers(s, j, c, q, up, v_rod, w, budget)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: j                !! row
+    real(dp), intent(in) :: c               !! weight of this evaluation [s]
+    real(dp), intent(in) :: q(s%nx, 4)      !! the row
+    real(dp), intent(in) :: up(s%nx, 4)     !! the row above
+    real(dp), intent(in) :: v_rod           !! Z' of the rod [m/s]
+    type(row_t), intent(in) :: w
+    type(budget_t), intent(inout) :: budget
+
+    budget%dissipated(j) = budget%dissipated(j) + c*bond_power(s, j < s%nz, q, up)
+    if (j == 1) budget%heat = budget%heat - c*(w%f*q(:, VX))
+    if (j == s%j_h) budget%work(1) = budget%work(1) + c*(w%f_t*s%v_drv)
+    if (j == s%nz) then
+      if (s%rigid) then
+        budget%work(2) = budget%work(2) - c*(s%f_n*v_rod)
+      else
+        budget%work(2) = budget%work(2) - c*mirror_sum(s%nx, s%load*q(:, VZ))
+      end if
+    end if
+  end subroutine row_powers
+end module pyfric_rows

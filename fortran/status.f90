@@ -1,0 +1,10 @@
+!> Codes that leave the core. The same list, with its messages, is pyfric.core.Status.
+module pyfric_status
+  use pyfric_kinds, only: ip
+  implicit none
+  private
+  public :: DONE, LOG_FULL
+
+  integer(ip), parameter :: DONE = 0      !! all steps were made
+  integer(ip), parameter :: LOG_FULL = 1  !! stopped early: the log has no room for one more step
+end module pyfric_status

@@ -1,0 +1,438 @@
+"""Matrices of the lattice: elasticity, waves, damping and the step limit of RK4."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.sparse.linalg import eigs, spsolve
+
+from pyfric.operators import (
+    bonds,
+    coordinates,
+    damping,
+    dispersion,
+    mass,
+    operators,
+    rk4_radius,
+    spring_forces,
+    spring_stiffness,
+    stability_limit,
+    stiffness,
+)
+from pyfric.scene import Driver, Scene, setup1, setup2
+
+
+def small_scene(**changes) -> Scene:
+    """Setup 2 with 7 x 5 blocks."""
+    return setup2(**{"L": 6e-3, "H": 4e-3} | changes)
+
+
+def small_rod(**changes) -> Scene:
+    """Setup 1 with 7 x 5 blocks."""
+    return setup1(**{"L": 0.015, "H": 0.01} | changes)
+
+
+def displacements(scene: Scene, size: float, seed: int = 1) -> np.ndarray:
+    shape = (scene.N_z, 2, scene.N_x)
+    return size * scene.slider.l * np.random.default_rng(seed).standard_normal(shape)
+
+
+def neighbours(scene: Scene):
+    """Yield each pair of connected blocks once: (j, i), (j', i'), stiffness."""
+    k = scene.slider.k
+    for j in range(scene.N_z):
+        for i in range(scene.N_x):
+            for dj, di, stiff in ((0, 1, k), (1, 0, k), (1, 1, k / 2), (1, -1, k / 2)):
+                if j + dj < scene.N_z and 0 <= i + di < scene.N_x:
+                    yield (j, i), (j + dj, i + di), stiff
+
+
+def twin_forces(scene: Scene, u: np.ndarray, geometry: str) -> np.ndarray:
+    """Spring forces as the paper writes them, one bond after the other."""
+    F, l = np.zeros_like(u), scene.slider.l
+    for (j, i), (J, I), k in neighbours(scene):
+        d = np.array([(I - i) * l, (J - j) * l])
+        du = u[J, :, I] - u[j, :, i]
+        l_ij = math.hypot(*d)
+        if geometry == "linear":
+            n = d / l_ij
+            pull = k * n * (n @ du)
+        else:
+            r = math.hypot(*(d + du))
+            pull = k * (r - l_ij) * (d + du) / r
+        F[j, :, i] += pull
+        F[J, :, I] -= pull
+    return F
+
+
+# --- bonds and spring forces ---------------------------------------------------------------------
+
+
+def test_every_pair_of_neighbours_has_one_bond():
+    scene = small_scene()
+    lattice = bonds(scene)
+    N_x = scene.N_x
+    expected = {(j * N_x + i, J * N_x + I): k for (j, i), (J, I), k in neighbours(scene)}
+    found = {}
+    for a, b, d, l, k in zip(*(getattr(lattice, n) for n in "abdlk"), strict=True):
+        (J, I), (j, i) = divmod(int(b), N_x), divmod(int(a), N_x)
+        np.testing.assert_allclose(d, [(I - i) * scene.slider.l, (J - j) * scene.slider.l])
+        assert l == pytest.approx(math.hypot(*d), rel=1e-15)
+        pair = (int(a), int(b)) if (int(a), int(b)) in expected else (int(b), int(a))
+        assert pair not in found
+        found[pair] = k
+    assert found == expected
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+@pytest.mark.parametrize("scene", [small_scene(), setup2(L=2e-3, H=1e-3, h=1e-3)])
+def test_spring_forces_are_those_of_the_paper(scene, geometry):
+    u = displacements(scene, 0.1)
+    F = spring_forces(bonds(scene), u, geometry)
+    expected = twin_forces(scene, u, geometry)
+    np.testing.assert_allclose(F, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+    assert np.abs(F.sum(axis=(0, 2))).max() < 1e-13 * np.abs(F).max()
+
+
+def test_finite_forces_keep_their_digits_at_tiny_strain():
+    """The difference to the linear geometry falls with the square of the displacements."""
+    scene = small_scene()
+    lattice, u = bonds(scene), displacements(scene, 1.0)
+    difference = []
+    for size in (1e-3, 1e-6):
+        linear, finite = (spring_forces(lattice, size * u, g) for g in ("linear", "finite"))
+        difference.append(np.abs(finite - linear).max() / size**2)
+    assert difference[1] == pytest.approx(difference[0], rel=0.01)
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+def test_stiffness_is_the_derivative_of_the_forces(geometry):
+    scene = small_scene()
+    lattice, u, du = bonds(scene), displacements(scene, 0.05), displacements(scene, 1e-5, seed=2)
+    K = spring_stiffness(lattice, u, geometry)
+    change = spring_forces(lattice, u + du, geometry) - spring_forces(lattice, u - du, geometry)
+    np.testing.assert_allclose(-(K @ du.ravel()) * 2, change.ravel(), atol=2e-9 * abs(change).max())
+    assert abs(K - K.T).max() <= 1e-15 * abs(K).max()
+
+
+def test_finite_bonds_ignore_a_rigid_rotation():
+    scene = small_scene()
+    z, x = np.mgrid[: scene.N_z, : scene.N_x] * scene.slider.l
+    c, s = math.cos(0.3), math.sin(0.3)
+    u = np.stack([c * x - s * z - x, s * x + c * z - z], axis=1)
+    scale = scene.slider.k * scene.slider.l
+    lattice = bonds(scene)
+    assert np.abs(spring_forces(lattice, u, "finite")).max() < 1e-14 * scale
+    assert np.abs(spring_forces(lattice, u, "linear")).max() > 1e-3 * scale
+    small = np.stack([-z, x], axis=1)
+    assert np.abs(spring_forces(lattice, small, "linear")).max() < 1e-14 * scale
+
+
+def test_unknown_geometry_is_refused():
+    with pytest.raises(ValueError, match="geometry"):
+        spring_forces(bonds(small_scene()), displacements(small_scene(), 0.1), "cubic")
+
+
+# --- generalised coordinates ---------------------------------------------------------------------
+
+
+def test_rod_moves_the_top_row_rigidly():
+    scene = small_rod()
+    T = coordinates(scene)
+    q = np.random.default_rng(1).standard_normal(T.shape[1])
+    u = (T @ q).reshape(scene.N_z, 2, scene.N_x)
+    np.testing.assert_array_equal(u[:-1].ravel(), q[:-3])
+    np.testing.assert_array_equal(u[-1, 0], q[-3])
+    np.testing.assert_allclose(u[-1, 1], q[-2] + q[-1] * scene.x, rtol=1e-15)
+    free = small_scene()
+    assert abs(coordinates(free) - sp.eye_array(2 * 7 * 5)).max() == 0
+
+
+def test_mass_of_rod_and_blocks():
+    scene = small_rod(mass=0.01)
+    m, N_x = scene.m, scene.N_x
+    inertia = 0.01 * 0.015**2 / 12 + m * sum(x * x for x in scene.x)
+    np.testing.assert_allclose(mass(scene)[-3:], [0.01 + N_x * m] * 2 + [inertia], rtol=1e-14)
+    assert (mass(scene)[:-3] == m).all()
+    # Kinetic energy of the blocks does not depend on the coordinates used.
+    T, q = coordinates(scene), np.random.default_rng(2).standard_normal(len(mass(scene)))
+    rod = 0.01 * (q[-3] ** 2 + q[-2] ** 2) + 0.01 * 0.015**2 / 12 * q[-1] ** 2
+    assert np.sum(mass(scene) * q**2) == pytest.approx(m * np.sum((T @ q) ** 2) + rod, rel=1e-13)
+
+
+@pytest.mark.parametrize("scene", [small_rod(side="right"), small_rod(h=0.01), small_scene()])
+def test_stiffness_is_the_curvature_of_the_energy(scene):
+    """Bonds, foundation of the closed blocks, driver spring and mattress, summed one by one."""
+    closed = np.arange(scene.N_x) % 3 > 0
+    K = stiffness(scene, closed=closed)
+    T = coordinates(scene)
+    q = np.random.default_rng(3).standard_normal(T.shape[1])
+    u = (T @ q).reshape(scene.N_z, 2, scene.N_x)
+    energy = -np.sum(u * twin_forces(scene, u, "linear"))
+    energy += scene.k_f * np.sum(u[0, 1, closed] ** 2)
+    energy += scene.driver.K * u[scene.j_h, 0, scene.i_h] ** 2
+    energy += scene.kappa * q[-1] ** 2 if scene.rigid else 0.0
+    assert q @ (K @ q) == pytest.approx(energy, rel=1e-13)
+
+
+@pytest.mark.parametrize("scene", [small_rod(), small_scene()])
+def test_damping_dissipates_eta_times_relative_velocity_squared(scene):
+    C, T = damping(scene), coordinates(scene)
+    q = np.random.default_rng(4).standard_normal(T.shape[1])
+    v = (T @ q).reshape(scene.N_z, 2, scene.N_x)
+    power = sum(np.sum((v[J, :, I] - v[j, :, i]) ** 2) for (j, i), (J, I), _ in neighbours(scene))
+    assert q @ (C @ q) == pytest.approx(scene.eta * power, rel=1e-13)
+    assert abs(C - C.T).max() <= 1e-15 * abs(C).max()
+    uniform = np.zeros_like(v)
+    uniform[:, 0] = 1.0
+    if not scene.rigid:
+        assert np.abs(C @ uniform.ravel()).max() < 1e-14 * scene.eta
+
+
+# --- elasticity ----------------------------------------------------------------------------------
+
+
+def test_affine_strain_gives_isotropic_plane_stress():
+    """sigma = (E B/(1 - nu^2)) (...) with nu = 1/3, E B = 4k/3, from the bonds of one cell."""
+    scene = small_scene()
+    lattice, l, k = bonds(scene), scene.slider.l, scene.slider.k
+    centre = 2 * scene.N_x + 3  # an inner block; its 8 bonds share their work with a neighbour
+    mine = (lattice.a == centre) | (lattice.b == centre)
+    assert mine.sum() == 8
+
+    def stress(strain: np.ndarray) -> np.ndarray:
+        n = lattice.d / lattice.l[:, None]
+        tension = lattice.k * lattice.l * np.einsum("bi,ij,bj->b", n, strain, n)
+        work = tension[:, None, None] * n[:, :, None] * lattice.d[:, None, :]
+        return work[mine].sum(axis=0) / 2 / l**2
+
+    EB, nu = 4 * k / 3, 1 / 3
+    for strain in (np.diag([1.0, 0.0]), np.array([[0.3, 0.7], [0.7, -0.2]])):
+        expected = EB / (1 - nu**2) * ((1 - nu) * strain + nu * np.trace(strain) * np.eye(2))
+        np.testing.assert_allclose(stress(strain), expected, rtol=1e-13, atol=1e-13 * k)
+
+
+def test_pulled_strip_has_the_modulus_and_the_poisson_ratio():
+    """A strip between rollers, far from its ends: nu = 1/3, force = strain (4k/3 (N_x-1) l + k l).
+
+    Springs on the edges have full stiffness, twice the share of a lattice cell: each of the two
+    edges adds k/2 per bond, and the lateral strain stays uniform.
+    """
+    scene = setup2(L=8e-3, H=64e-3)
+    N_x, N_z, l, k = scene.N_x, scene.N_z, scene.slider.l, scene.slider.k
+    dof = np.arange(2 * N_x * N_z).reshape(N_z, 2, N_x)
+    u = np.zeros(dof.shape)
+    u[-1, 1] = 1e-3 * l
+    given = np.zeros(dof.shape, dtype=bool)
+    given[0, 1] = given[-1, 1] = given[0, 0, N_x // 2] = True
+    K = spring_stiffness(bonds(scene)).tocsc()
+    inner, outer = dof[~given], dof[given]
+    flat = u.reshape(-1)
+    flat[inner] = spsolve(K[np.ix_(inner, inner)], -K[np.ix_(inner, outer)] @ flat[outer])
+    middle = N_z // 2
+    along = (u[middle + 1, 1] - u[middle - 1, 1]) / (2 * l)
+    across = (u[middle, 0, 1:] - u[middle, 0, :-1]) / l
+    np.testing.assert_allclose(across, -along.mean() / 3, rtol=1e-5)
+    np.testing.assert_allclose(along, along.mean(), rtol=1e-5)
+    force = (K @ flat)[dof[-1, 1]].sum()
+    assert force == pytest.approx(along.mean() * (4 * k / 3 * (N_x - 1) * l + k * l), rel=1e-5)
+
+
+# --- waves ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.2, math.pi / 8, math.pi / 4, 1.2])
+def test_long_waves_are_isotropic(angle):
+    scene = setup1()
+    ql = 1e-3
+    q = ql / scene.slider.l * np.array([math.cos(angle), math.sin(angle)])
+    omega, gamma = dispersion(scene, q)
+    speed = omega / np.hypot(*q) / (scene.slider.l * math.sqrt(scene.slider.k / scene.m))
+    np.testing.assert_allclose(speed, [math.sqrt(0.5), math.sqrt(1.5)], rtol=1e-6)
+    assert gamma == pytest.approx(3 * ql**2 * scene.eta / scene.m, rel=1e-6)
+
+
+def test_wave_speeds_of_setup_1():
+    """1677 and 968 m/s with the mass per area M/(L H), 1720 and 993 m/s with m = M/N."""
+    scene = setup1()
+    slider = scene.slider
+    q = np.array([1e-3 / slider.l, 0.0])
+    shear, long = dispersion(scene, q)[0] / q[0]
+    assert (round(long), round(shear)) == (1720, 993)
+    continuum = math.sqrt(scene.m / (slider.M * slider.l**2 / (slider.L * slider.H)))
+    assert (round(long * continuum), round(shear * continuum)) == (1677, 968)
+
+
+@pytest.mark.parametrize("ql", [(0.3, 0.0), (1.1, -0.7), (math.pi, 0.0), (2.0, 2.5)])
+def test_operators_carry_plane_waves(ql):
+    """K and C on a plane wave, inside the lattice, give m omega^2 and m gamma of `dispersion`."""
+    scene = small_scene()
+    M, K, C = operators(scene)
+    z, x = np.mgrid[: scene.N_z, : scene.N_x]
+    phase = np.exp(1j * (ql[0] * x + ql[1] * z))
+    omega, gamma = dispersion(scene, np.array(ql) / scene.slider.l)
+    D = np.empty((2, 2), dtype=complex)
+    for c in range(2):
+        wave = np.zeros((scene.N_z, 2, scene.N_x), dtype=complex)
+        wave[:, c] = phase
+        D[:, c] = (K @ wave.ravel() / M).reshape(wave.shape)[2, :, 3] / phase[2, 3]
+        slow = (C @ wave.ravel() / M).reshape(wave.shape)[2, c, 3] / phase[2, 3]
+        assert slow == pytest.approx(gamma, rel=1e-12)
+    np.testing.assert_allclose(np.linalg.eigvalsh(D), omega**2, rtol=1e-11, atol=1e-11 * 1e13)
+
+
+def test_slow_modes_of_the_stuck_slider():
+    """Decay times 3.9, 4.7, 1.9 and 0.28 ms (model.md, measured with another program)."""
+    M, K, C = operators(setup1())
+    N_x = setup1().N_x
+    root = sp.diags_array(1 / np.sqrt(M[N_x:]))  # bottom u_x, the first N_x coordinates, held
+    stiff, viscous = (root @ A[N_x:, N_x:] @ root for A in (K, C))
+    n = viscous.shape[0]
+    A = sp.block_array([[None, sp.eye_array(n)], [-stiff, -viscous]]).tocsc()
+    slowest = eigs(A, k=30, sigma=-1.0, return_eigenvectors=False, v0=np.ones(2 * n))
+    decay = np.sort(-1 / slowest.real[slowest.imag > 0])[::-1] * 1e3
+    np.testing.assert_allclose(decay[:4], [4.662, 3.906, 1.886, 0.284], rtol=1e-3)
+
+
+# --- step limit ----------------------------------------------------------------------------------
+
+
+def rk4_factor(z):
+    return 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24
+
+
+def test_each_ray_leaves_the_rk4_region_once():
+    theta = np.linspace(math.pi / 2, math.pi, 181)
+    radius = rk4_radius(theta)
+    assert radius[0] == pytest.approx(2 * math.sqrt(2), rel=1e-12)
+    assert radius[-1] == pytest.approx(2.785293563405282, rel=1e-12)
+    ray = np.exp(1j * theta)
+    for share in np.linspace(0.02, 0.9999, 60):
+        assert (np.abs(rk4_factor(share * radius * ray)) <= 1 + 1e-15).all()
+    for share in np.linspace(1.0001, 2, 60):
+        assert (np.abs(rk4_factor(share * radius * ray)) > 1).all()
+
+
+@pytest.mark.parametrize(
+    ("scene", "expected"),
+    [
+        (setup1(), 1.57e-6),
+        (setup2(), 0.68e-6),
+        (setup1(eta=0.0), 2.06e-6),
+        (setup2(eta=0.0), 0.90e-6),
+    ],
+)
+def test_limits_of_the_two_setups(scene, expected):
+    """The figures of model.md, damped and undamped."""
+    assert stability_limit(scene)[0] == pytest.approx(expected, rel=0.01)
+
+
+def test_limits_in_closed_form():
+    """Undamped sqrt(8 m/(6 k)); damped by the overdamped shear wave at the zone edge."""
+    scene = setup1(eta=0.0)
+    assert stability_limit(scene)[0] == pytest.approx(
+        math.sqrt(8 * scene.m / (6 * scene.slider.k)), rel=1e-9
+    )
+    scene = setup1()
+    omega_0 = math.sqrt(scene.slider.k / scene.m)
+    half = 6 * math.sqrt(0.1)  # gamma = 12 eta/m, omega^2 = 2 k/m
+    expected = 2.785293563405282 / (half + math.sqrt(half**2 - 2)) / omega_0
+    assert stability_limit(scene)[0] == pytest.approx(expected, rel=1e-9)
+
+
+def full_limit(scene: Scene) -> float:
+    """Limit from all eigenvalues of the whole lattice: |R| <= 1, by bisection over dt."""
+    M, K, C = operators(scene)
+    n = len(M)
+    A = np.block(
+        [[np.zeros((n, n)), np.eye(n)], [-K.toarray() / M[:, None], -C.toarray() / M[:, None]]]
+    )
+    unit = math.sqrt(scene.slider.k / scene.m)
+    A[:n, n:] *= unit
+    A[n:, :n] /= unit
+    eigenvalues = np.linalg.eigvals(A)
+    low, high = 0.0, 1e-4
+    for _ in range(50):
+        middle = (low + high) / 2
+        stable = (np.abs(rk4_factor(eigenvalues * middle)) <= 1 + 1e-9).all()
+        low, high = (middle, high) if stable else (low, middle)
+    return low
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        setup2(L=17e-3, H=9e-3),
+        setup2(L=17e-3, H=9e-3, eta=0.0),
+        setup2(L=17e-3, H=9e-3, k_f=1e9),
+        setup2(L=17e-3, H=9e-3, K=1e9, h=5e-3, side="right"),
+        setup1(L=0.045, H=0.0225, K=1e10, h=0.0225),
+        setup1(L=0.045, H=0.0225, mattress=1e11),
+        setup1(L=0.045, H=0.0225, mass=0.0, k_f=1e8),
+    ],
+)
+def test_limit_of_a_larger_lattice_comes_from_the_small_one(scene):
+    """The local limit is at most 3 % below that of the whole lattice and never above it."""
+    limit, info = stability_limit(scene)
+    assert not info["exact"]
+    assert 0.97 < limit / full_limit(scene) < 1 + 1e-6
+
+
+@pytest.mark.parametrize("scene", [small_rod(), small_scene(eta=0.0), small_scene(k_f=1e8)])
+def test_rk4_blows_up_just_above_the_limit(scene):
+    limit, info = stability_limit(scene)
+    assert info["exact"]
+    found = {}
+    for share in (0.99, 1.01):
+        growth = 0.0
+        for closed in (True, False):
+            for first in (0, scene.N_x):
+                M, K, C = operators(scene, np.full(scene.N_x, closed))
+                A = _first_order(M[first:], K[first:, first:], C[first:, first:])
+                y = np.random.default_rng(5).standard_normal(A.shape[0])
+                y /= np.concatenate([np.ones(len(y) // 2), np.full(len(y) // 2, 1e-6)])
+                energy = []
+                for _ in range(1500):
+                    y = _rk4_step(A, y, share * limit)
+                    energy.append(np.linalg.norm(y[len(y) // 2 :]))
+                growth = max(growth, energy[-1] / max(energy[:50]))
+        found[share] = growth
+    assert found[0.99] < 1.5
+    assert found[1.01] > 1e3
+
+
+def _first_order(M: np.ndarray, K: sp.csr_array, C: sp.csr_array) -> np.ndarray:
+    n = len(M)
+    lower = [-K.toarray() / M[:, None], -C.toarray() / M[:, None]]
+    return np.block([[np.zeros((n, n)), np.eye(n)], lower])
+
+
+def _rk4_step(A: np.ndarray, y: np.ndarray, dt: float) -> np.ndarray:
+    a = A @ y
+    b = A @ (y + dt / 2 * a)
+    c = A @ (y + dt / 2 * b)
+    d = A @ (y + dt * c)
+    return y + dt / 6 * (a + 2 * b + 2 * c + d)
+
+
+def test_limit_of_millions_of_blocks_does_not_depend_on_their_number():
+    scene = setup2(l=2e-5)
+    assert scene.N_x * scene.N_z > 5_000_000
+    limit, info = stability_limit(scene)
+    assert info["shape"] == (5, 8)
+    assert limit == pytest.approx(
+        2.785293563405282 / 3.1623 * math.sqrt(scene.m / 9.375e6), rel=1e-3
+    )
+
+
+def test_limit_does_not_depend_on_the_load():
+    scene = setup2(F_N=400.0)
+    heavy = dataclasses.replace(setup2(F_N=8e5), driver=Driver(K=0.8e6, V=9.0, h=2e-3))
+    assert stability_limit(scene)[0] == stability_limit(heavy)[0]
+
+
+def test_other_integrators_are_refused():
+    with pytest.raises(ValueError, match="rk4"):
+        stability_limit(setup1(), "euler")

@@ -1,0 +1,364 @@
+"""The model once more, in plain Python loops: the oracle that the fast code is compared with.
+
+Written to be read beside the paper (J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011)), not
+to be fast: about 10 us per block and evaluation. Nothing here is shared with the package.
+
+A scene is any object with the attributes of `pyfric.scene.Scene`. The state is
+
+    y[j, c, i]   row j (0 = bottom), column i (0 = left), c = u_x, u_z, v_x, v_z; m and m/s
+    rod          X, Z, phi, X', Z', phi' of the rod (setup 1): m, rad and their rates
+    mode[i]      contact of bottom block i: STUCK, +1 or -1 (slips to +x or -x), OPEN
+    u_drv0       u_x of the driven block where F_T = 0, m
+
+Forces act on the blocks, positive to the right and up. Under a rod the top row of y follows from
+the rod; what y holds there is ignored.
+"""
+
+from dataclasses import dataclass, field
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+STUCK, RIGHT, LEFT, OPEN = 0, 1, -1, 2
+
+NEIGHBOURS = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)]
+"""Columns and rows from a block to its four nearest and four next-nearest neighbours."""
+
+WORKS = ("bonds", "friction", "driver", "load")
+"""Names of the powers, and of their integrals over time; see `right_hand_side`."""
+
+
+def bond_forces(scene: Any, y: np.ndarray, geometry: str) -> np.ndarray:
+    """Return the forces F[j, 0 or 1, i] in N of all springs and dashpots, shape (N_z, 2, N_x).
+
+    finite: k_ij (r - l_ij) (d + du)/r with r = |d + du|;  linear: k_ij n (n . du) with n = d/|d|;
+    both with eta (v_j - v_i). d is the reference vector from block i to block j.
+    """
+    F = np.zeros((scene.N_z, 2, scene.N_x))
+    u_x, u_z, v_x, v_z = (y[:, c, :].tolist() for c in range(4))
+    for j in range(scene.N_z):
+        for i in range(scene.N_x):
+            for a, b in NEIGHBOURS:
+                i2, j2 = i + a, j + b
+                if not (0 <= i2 < scene.N_x and 0 <= j2 < scene.N_z):
+                    continue
+                k, l, d_x, d_z = _bond(scene, a, b)
+                du_x, du_z = u_x[j2][i2] - u_x[j][i], u_z[j2][i2] - u_z[j][i]
+                if geometry == "linear":
+                    n_x, n_z = d_x / l, d_z / l
+                    tension = k * (n_x * du_x + n_z * du_z)
+                else:
+                    elongation, r = _elongation(l, d_x, d_z, du_x, du_z)
+                    n_x, n_z = (d_x + du_x) / r, (d_z + du_z) / r
+                    tension = k * elongation
+                F[j, 0, i] += tension * n_x + scene.eta * (v_x[j2][i2] - v_x[j][i])
+                F[j, 1, i] += tension * n_z + scene.eta * (v_z[j2][i2] - v_z[j][i])
+    return F
+
+
+def _bond(scene: Any, a: int, b: int) -> tuple[float, float, float, float]:
+    """Return stiffness k_ij, length l_ij and reference vector of the bond by (a, b) blocks."""
+    k, l = scene.slider.k, scene.slider.l
+    if a != 0 and b != 0:
+        return k / 2, sqrt(2) * l, a * l, b * l
+    return k, l, a * l, b * l
+
+
+def _elongation(l: float, d_x: float, d_z: float, du_x: float, du_z: float) -> tuple[float, float]:
+    """Return r - l = (2 d.du + |du|^2)/(r + l), free of cancellation, and r = |d + du|."""
+    r = sqrt((d_x + du_x) ** 2 + (d_z + du_z) ** 2)
+    return (2 * (d_x * du_x + d_z * du_z) + du_x**2 + du_z**2) / (r + l), r
+
+
+def with_rod(scene: Any, y: np.ndarray, rod: np.ndarray) -> np.ndarray:
+    """Return y with the top row glued to the rod: u_x = X, u_z = Z + phi x_i, and the rates."""
+    y = y.copy()
+    if scene.rigid:
+        X, Z, phi, dX, dZ, dphi = rod
+        y[-1, 0], y[-1, 1] = X, Z + phi * scene.x
+        y[-1, 2], y[-1, 3] = dX, dZ + dphi * scene.x
+    return y
+
+
+def rod_inertia(scene: Any) -> tuple[float, float]:
+    """Return mass (kg) and moment of inertia (kg m^2) of the rod with the top blocks."""
+    mass = scene.M_rod + scene.N_x * scene.m
+    inertia = scene.M_rod * scene.slider.L**2 / 12 + scene.m * sum(x * x for x in scene.x)
+    return mass, inertia
+
+
+def driver_force(scene: Any, t: float, y: np.ndarray, u_drv0: float) -> float:
+    """Return F_T = K (V t - x_h) in N, x_h the advance of the driven block along the driving."""
+    x_h = scene.d * (y[scene.j_h, 0, scene.i_h] - u_drv0)
+    return scene.driver.K * (scene.driver.V * t - x_h)
+
+
+def normal_forces(scene: Any, y: np.ndarray) -> np.ndarray:
+    """Return p_i = k_f |u_z| of the blocks pressed into the foundation, else 0, in N."""
+    return np.array([scene.k_f * -u_z if u_z < 0 else 0.0 for u_z in y[0, 1]])
+
+
+class Forces(NamedTuple):
+    """What `right_hand_side` returns."""
+
+    dydt: np.ndarray
+    drod: np.ndarray
+    f: np.ndarray
+    p: np.ndarray
+    F_T: float
+    rates: dict[str, float]
+
+
+def all_but_friction(
+    scene: Any, geometry: str, t: float, y: np.ndarray, u_drv0: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return the forces on all blocks without friction (N_z, 2, N_x), p (N_x,) and F_T, in N."""
+    F = bond_forces(scene, y, geometry)
+    F_T = driver_force(scene, t, y, u_drv0)
+    F[scene.j_h, 0, scene.i_h] += scene.d * F_T
+    p = normal_forces(scene, y)
+    F[0, 1] += p
+    if not scene.rigid:
+        F[-1, 1] -= scene.load
+    return F, p, F_T
+
+
+def right_hand_side(
+    scene: Any,
+    geometry: str,
+    t: float,
+    y: np.ndarray,
+    rod: np.ndarray,
+    mode: np.ndarray,
+    u_drv0: float,
+) -> Forces:
+    """Return the time derivative of the state while no contact changes its mode.
+
+    Stuck: v_x = 0, a_x = 0, and f balances all other horizontal forces. Slipping to s = +-1:
+    f = -s mu_k p. Open: f = 0.
+
+    Returns:
+        dydt (N_z, 4, N_x); drod (6,); f (N_x,), the friction force on the blocks in +x, N;
+        p (N_x,), N; F_T, N; rates, W: "bonds" (dissipated by the dashpots), "friction" (heat),
+        "driver" (work of its moving end), "load" (work of F_N). The energy of `energies` grows at
+        the rate driver + load - bonds - friction.
+    """
+    y = with_rod(scene, y, rod)
+    F, p, F_T = all_but_friction(scene, geometry, t, y, u_drv0)
+    f = np.zeros(scene.N_x)
+    for i in range(scene.N_x):
+        if mode[i] == STUCK:
+            f[i] = -F[0, 0, i]
+        elif mode[i] != OPEN:
+            f[i] = -mode[i] * scene.interface.mu_k * p[i]
+    F[0, 0] += f
+
+    dydt = np.zeros_like(y)
+    dydt[:, 0:2] = y[:, 2:4]
+    dydt[:, 2:4] = F / scene.m
+    for i in range(scene.N_x):
+        if mode[i] == STUCK:
+            dydt[0, 0, i] = dydt[0, 2, i] = 0.0
+
+    drod = np.zeros(6)
+    if scene.rigid:
+        mass, inertia = rod_inertia(scene)
+        drod[0:3] = rod[3:6]
+        drod[3] = sum(F[-1, 0]) / mass
+        drod[4] = (sum(F[-1, 1]) - scene.F_N) / mass
+        drod[5] = (sum(scene.x * F[-1, 1]) - scene.kappa * rod[2]) / inertia
+        dydt[-1, 2], dydt[-1, 3] = drod[3], drod[4] + drod[5] * scene.x
+
+    rates = {
+        "bonds": bond_dissipation(scene, y),
+        "friction": -sum(f * y[0, 2]),
+        "driver": F_T * scene.driver.V,
+        "load": -scene.F_N * rod[4] if scene.rigid else -sum(scene.load * y[-1, 3]),
+    }
+    return Forces(dydt, drod, f, p, F_T, rates)
+
+
+def each_bond(scene: Any) -> list[tuple[int, int, int, int]]:
+    """Return every bond once, as (j, i, a, b): from block (j, i) by (a, b) blocks."""
+    return [
+        (j, i, a, b)
+        for j in range(scene.N_z)
+        for i in range(scene.N_x)
+        for a, b in [(1, 0), (0, 1), (1, 1), (-1, 1)]
+        if 0 <= i + a < scene.N_x and j + b < scene.N_z
+    ]
+
+
+def bond_dissipation(scene: Any, y: np.ndarray) -> float:
+    """Return the power lost in the dashpots, the sum of eta |v_j - v_i|^2 over the bonds, in W."""
+    total = 0.0
+    for j, i, a, b in each_bond(scene):
+        dv = y[j + b, 2:4, i + a] - y[j, 2:4, i]
+        total += scene.eta * (dv[0] ** 2 + dv[1] ** 2)
+    return total
+
+
+def bond_energy(scene: Any, geometry: str, y: np.ndarray) -> float:
+    """Return the elastic energy of the springs in J: k (r - l)^2 / 2, or k (n . du)^2 / 2."""
+    total = 0.0
+    for j, i, a, b in each_bond(scene):
+        k, l, d_x, d_z = _bond(scene, a, b)
+        du_x, du_z = y[j + b, 0:2, i + a] - y[j, 0:2, i]
+        if geometry == "linear":
+            elongation = (d_x * du_x + d_z * du_z) / l
+        else:
+            elongation, _ = _elongation(l, d_x, d_z, du_x, du_z)
+        total += k * elongation**2 / 2
+    return total
+
+
+def energies(
+    scene: Any, geometry: str, y: np.ndarray, rod: np.ndarray, t: float, u_drv0: float
+) -> dict[str, float]:
+    """Return the energies in J; they are disjoint, and "total" is their sum.
+
+    "kinetic_blocks": the blocks that move on their own, all but the top row under a rod;
+    "kinetic_top": the top row under a rod, else 0; "kinetic_rod": the rod without it; "bonds",
+    "foundation", "mattress", "driver": elastic.
+    """
+    y = with_rod(scene, y, rod)
+    speed2 = np.sum(y[:, 2:4] ** 2, axis=(1, 2))
+    own = speed2[:-1] if scene.rigid else speed2
+    parts = {
+        "kinetic_blocks": scene.m * sum(own) / 2,
+        "kinetic_top": scene.m * speed2[-1] / 2 if scene.rigid else 0.0,
+        "kinetic_rod": 0.0,
+        "bonds": bond_energy(scene, geometry, y),
+        "foundation": sum(scene.k_f * u_z**2 / 2 for u_z in y[0, 1] if u_z < 0),
+        "mattress": 0.0,
+        "driver": driver_force(scene, t, y, u_drv0) ** 2 / (2 * scene.driver.K),
+    }
+    if scene.rigid:
+        _, _, phi, dX, dZ, dphi = rod
+        spin = scene.slider.L**2 / 12 * dphi**2
+        parts["kinetic_rod"] = scene.M_rod * (dX**2 + dZ**2 + spin) / 2
+        parts["mattress"] = scene.kappa * phi**2 / 2
+    return {name: float(value) for name, value in parts.items()} | {
+        "total": float(sum(parts.values()))
+    }
+
+
+def switch(
+    scene: Any,
+    geometry: str,
+    t: float,
+    y: np.ndarray,
+    rod: np.ndarray,
+    mode: np.ndarray,
+    u_drv0: float,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return the modes after a step, y with the stopped blocks at v_x = 0, and the kinetic energy
+    removed by stopping them (the switching loss, J).
+
+    First the blocks that slip against their direction, s v_x <= 0, are stopped, all at once. Then
+    the forces are evaluated, and every block is judged by them: `other` is the sum of all its
+    horizontal forces but friction.
+
+        p <= 0                          open (the block keeps its velocity)
+        slipping, not stopped           unchanged
+        open, p > 0 and v_x /= 0        slips along v_x
+        stuck, stopped, open at rest    stuck if |other| <= mu_s p, else slips along `other`
+    """
+    y = with_rod(scene, y, rod)
+    p = normal_forces(scene, y)
+    loss = 0.0
+    for i in range(scene.N_x):
+        slipping = mode[i] in (LEFT, RIGHT)
+        if slipping and p[i] > 0 and mode[i] * y[0, 2, i] <= 0:
+            loss += scene.m * y[0, 2, i] ** 2 / 2
+            y[0, 2, i] = 0.0
+
+    other = all_but_friction(scene, geometry, t, y, u_drv0)[0][0, 0]
+    new = np.array(mode)
+    for i in range(scene.N_x):
+        v_x = y[0, 2, i]
+        if p[i] <= 0:
+            new[i] = OPEN
+        elif v_x == 0:
+            new[i] = STUCK if abs(other[i]) <= scene.interface.mu_s * p[i] else _sign(other[i])
+        elif mode[i] == OPEN:
+            new[i] = _sign(v_x)
+    return new, y, float(loss)
+
+
+def _sign(value: float) -> int:
+    return RIGHT if value > 0 else LEFT
+
+
+def rk4_step(
+    scene: Any,
+    geometry: str,
+    t: float,
+    y: np.ndarray,
+    rod: np.ndarray,
+    mode: np.ndarray,
+    u_drv0: float,
+    dt: float,
+) -> tuple[np.ndarray, np.ndarray, dict[str, float]]:
+    """Return y, rod and the works of the step (J, names in `WORKS`): classical RK4, modes fixed."""
+
+    def slope(t: float, y: np.ndarray, rod: np.ndarray) -> tuple[np.ndarray, ...]:
+        F = right_hand_side(scene, geometry, t, y, rod, mode, u_drv0)
+        return F.dydt, F.drod, np.array([F.rates[name] for name in WORKS])
+
+    y = with_rod(scene, y, rod)
+    k1 = slope(t, y, rod)
+    k2 = slope(t + dt / 2, y + dt / 2 * k1[0], rod + dt / 2 * k1[1])
+    k3 = slope(t + dt / 2, y + dt / 2 * k2[0], rod + dt / 2 * k2[1])
+    k4 = slope(t + dt, y + dt * k3[0], rod + dt * k3[1])
+    dy, drod, works = (
+        dt / 6 * (a + 2 * b + 2 * c + d) for a, b, c, d in zip(k1, k2, k3, k4, strict=True)
+    )
+    y, rod = y + dy, rod + drod
+    return with_rod(scene, y, rod), rod, dict(zip(WORKS, works.tolist(), strict=True))
+
+
+@dataclass
+class Run:
+    """The state after `steps` steps, and what happened on the way.
+
+    works: integrals of the powers (J) plus "switching", the switching loss.
+    switches: (step, block, old mode, new mode), the step counted from 1.
+    """
+
+    y: np.ndarray
+    rod: np.ndarray
+    mode: np.ndarray
+    steps: int = 0
+    works: dict[str, float] = field(default_factory=lambda: dict.fromkeys((*WORKS, "switching"), 0))
+    switches: list[tuple[int, int, int, int]] = field(default_factory=list)
+
+
+def run(
+    scene: Any,
+    geometry: str,
+    y: np.ndarray,
+    rod: np.ndarray,
+    mode: np.ndarray,
+    u_drv0: float,
+    dt: float,
+    steps: int,
+    first: int = 0,
+) -> Run:
+    """Return the run of `steps` RK4 steps from t = first dt, contacts switched at step ends."""
+    now = Run(with_rod(scene, y, rod), np.array(rod, dtype=float), np.array(mode))
+    for n in range(first, first + steps):
+        now.y, now.rod, works = rk4_step(
+            scene, geometry, n * dt, now.y, now.rod, now.mode, u_drv0, dt
+        )
+        end = (n + 1) * dt
+        new, now.y, loss = switch(scene, geometry, end, now.y, now.rod, now.mode, u_drv0)
+        for i in np.flatnonzero(new != now.mode):
+            now.switches.append((n + 1, int(i), int(now.mode[i]), int(new[i])))
+        now.mode = new
+        now.steps += 1
+        for name in WORKS:
+            now.works[name] += works[name]
+        now.works["switching"] += loss
+    return now

@@ -5,7 +5,7 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
                    max_switch, max_quiet, step, y, rod, mode, corner, slack, loss, dissipated, heat, work, &
                    n_log, switch_i, switch_r, quiet_i, quiet_r, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
-  use pyfric_model, only: model_t, unpack
+  use pyfric_model, only: model_t, new_model
   use pyfric_rows, only: budget_t
   use pyfric_contact, only: contact_t, log_t
   use pyfric_stepping, only: advance_rk4
@@ -49,7 +49,7 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   type(budget_t) :: budget
   type(log_t) :: log
 
-  s = unpack(nx, nz, finite, rigid, i_h, j_h, constants, x, load)
+  s = new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load)
   contact = contact_t(mode, corner, slack, loss)
   budget = budget_t(dissipated, heat, work)
   allocate (log%switch_i(4, max_switch), log%switch_r(4, max_switch))
@@ -73,7 +73,7 @@ end subroutine advance
 subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, t, y, rod, mode, &
                     a, a_rod, f, p, f_t, dissipated, heat, work)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
-  use pyfric_model, only: model_t, unpack
+  use pyfric_model, only: model_t, new_model
   use pyfric_rows, only: row_t, new_row, row_forces, row_powers, budget_t
   use pyfric_boundaries, only: rod_acceleration
   implicit none
@@ -105,7 +105,7 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
   real(c_double) :: carry(nx, 2)
   integer :: j
 
-  s = unpack(nx, nz, finite, rigid, i_h, j_h, constants, x, load)
+  s = new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load)
   w = new_row(s%nx)
   allocate (power%dissipated(nz), power%heat(nx))
   power%dissipated = 0
@@ -135,7 +135,7 @@ end subroutine evaluate
 !> Energies of a state.
 subroutine energy(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, t, y, rod, e)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
-  use pyfric_model, only: unpack
+  use pyfric_model, only: new_model
   use pyfric_energy, only: energies
   implicit none
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
@@ -153,7 +153,7 @@ subroutine energy(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, lo
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
   real(c_double), intent(out) :: e(6)                        !! see pyfric_energy [J]
 
-  e = energies(unpack(nx, nz, finite, rigid, i_h, j_h, constants, x, load), t, y, rod)
+  e = energies(new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load), t, y, rod)
 end subroutine energy
 
 !> Compiler, its options, and whether OpenMP is in.

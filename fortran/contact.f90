@@ -46,7 +46,7 @@ contains
 
   !> New contact states at the end of step number `step`, at time t. Releases are timed inside the step, where
   !> the slack mu_s p - |f| crosses zero on a straight line; the state itself switches at the step's end.
-  pure subroutine switch_contacts(s, step, t, dt, y, contact, log, w)
+  subroutine switch_contacts(s, step, t, dt, y, contact, log, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                    !! steps made
     real(dp), intent(in) :: t                       !! time [s]
@@ -82,7 +82,7 @@ contains
 
   contains
 
-    pure subroutine log_switch(i, old, t_switch)
+    subroutine log_switch(i, old, t_switch)
       integer, intent(in) :: i            !! block, from 1
       integer(ip), intent(in) :: old      !! contact state before
       real(dp), intent(in) :: t_switch    !! time [s]
@@ -92,7 +92,7 @@ contains
       log%switch_r(:, log%n_switch) = [step, t_switch, y(i, UX, 1), w%p(i)]
     end subroutine log_switch
 
-    pure subroutine log_quiet()
+    subroutine log_quiet()
       log%n_quiet = log%n_quiet + 1
       log%quiet_i(1, log%n_quiet) = merge(1_ip, -1_ip, active)
       log%quiet_i(2:, log%n_quiet) = contact%mode

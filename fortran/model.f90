@@ -3,7 +3,7 @@ module pyfric_model
   use pyfric_kinds, only: dp, ip
   implicit none
   private
-  public :: model_t, unpack, N_CONSTANTS, UX, UZ, VX, VZ
+  public :: model_t, new_model, N_CONSTANTS, UX, UZ, VX, VZ
 
   integer(ip), parameter :: N_CONSTANTS = 18
   !> Fields of one row of the state y(N_x, 4, N_z).
@@ -41,7 +41,7 @@ module pyfric_model
 contains
 
   !> The model from the plain arrays that Python passes (order: pyfric.core.pack).
-  pure function unpack(nx, nz, finite, rigid, i_h, j_h, c, x, load) result(s)
+  pure function new_model(nx, nz, finite, rigid, i_h, j_h, c, x, load) result(s)
     integer(ip), intent(in) :: nx               !! blocks along the interface
     integer(ip), intent(in) :: nz               !! rows
     integer(ip), intent(in) :: finite           !! 1: finite geometry, 0: linear
@@ -79,5 +79,5 @@ contains
     s%p_corner = c(18)
     s%x = x
     s%load = load
-  end function unpack
+  end function new_model
 end module pyfric_model

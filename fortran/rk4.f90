@@ -36,7 +36,7 @@ contains
   end function new_rk4
 
   !> Rows j0..j1 of the state one step later. Contact states are frozen during the step.
-  pure subroutine rk4_step(s, t, dt, j0, j1, keep_budget, mode, y, rod, y_new, rod_new, budget, w)
+  subroutine rk4_step(s, t, dt, j0, j1, keep_budget, mode, y, rod, y_new, rod_new, budget, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                         !! time at the start [s]
     real(dp), intent(in) :: dt                        !! step [s]
@@ -72,7 +72,7 @@ contains
   contains
 
     !> Stage `stage` of row j: forces, powers, and the row of the next stage (or of the new state).
-    pure subroutine one_row(q, up)
+    subroutine one_row(q, up)
       real(dp), intent(in) :: q(s%nx, 4)   !! the row at this stage
       real(dp), intent(in) :: up(s%nx, 4)  !! the row above at this stage
       real(dp) :: c
@@ -100,7 +100,7 @@ contains
     end subroutine one_row
 
     !> The same for the rod, which carries the top row.
-    pure subroutine rod_row()
+    subroutine rod_row()
       real(dp) :: rate(6)
 
       rate(1:3) = rod_stage(4:6, stage)

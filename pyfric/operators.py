@@ -363,12 +363,17 @@ _REDUCED = (8, 5)
 """Largest N_x, N_z of the lattice whose eigenvalues are computed densely."""
 
 
+def _row_mass(m: float, n: int) -> float:
+    """Return 12/L^2 times the moment of inertia m sum x_i^2 of a row of n blocks, in kg."""
+    return m * n * (n + 1) / (n - 1)
+
+
 def _reduced(scene: Scene) -> Scene:
     """Return a small scene with the same local properties, or the scene if it is small.
 
-    l, k, m, eta, k_f are kept, and K where it acts on one block. The mass of the rod, the
-    mattress, and K where it acts on the rod are scaled with N_x, like the bonds that hold the rod:
-    frequencies of the rod keep their size.
+    l, k, m, eta, k_f are kept, and K where it acts on one block. The mass of the rod, and K where
+    it acts on the rod, are scaled with N_x, like the bonds that hold the rod, and the mattress with
+    the moment of inertia: frequencies of the rod keep their size.
     """
     n_x, n_z = (min(n, most) for n, most in zip((scene.N_x, scene.N_z), _REDUCED, strict=True))
     if (n_x, n_z) == (scene.N_x, scene.N_z):
@@ -379,7 +384,10 @@ def _reduced(scene: Scene) -> Scene:
     on_rod = scene.rigid and above == 0
     l, top = scene.slider.l, scene.top
     if scene.rigid:
-        top = Rod(F_N=top.F_N, mass=top.mass * share, mattress=top.mattress * share)
+        # kappa over the moment of inertia, 12/L^2 left out, is kept.
+        rod = top.mass * share
+        tilt = (rod + _row_mass(scene.m, n_x)) / (top.mass + _row_mass(scene.m, scene.N_x))
+        top = Rod(F_N=top.F_N, mass=rod, mattress=top.mattress * tilt)
     return Scene(
         slider=Slider(
             L=(n_x - 1) * l,

@@ -374,10 +374,10 @@ def full_limit(scene: Scene) -> float:
     ],
 )
 def test_limit_of_a_larger_lattice_comes_from_the_small_one(scene):
-    """The local limit is at most 3 % below that of the whole lattice and never above it."""
+    """The local limit is at most 5 % below that of the whole lattice and never above it."""
     limit, info = stability_limit(scene)
     assert not info["exact"]
-    assert 0.97 < limit / full_limit(scene) < 1 + 1e-6
+    assert 0.95 < limit / full_limit(scene) < 1 + 1e-6
 
 
 @pytest.mark.parametrize("scene", [small_rod(), small_scene(eta=0.0), small_scene(k_f=1e8)])

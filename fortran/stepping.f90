@@ -6,7 +6,7 @@ module pyfric_stepping
   use pyfric_rk4, only: rk4_t, new_rk4, rk4_step
   use pyfric_contact, only: contact_t, log_t, switch_contacts
   use pyfric_status, only: DONE, LOG_FULL
-!$ use omp_lib, only: omp_get_thread_num
+!$ use omp_lib, only: omp_get_thread_num, omp_get_num_threads
   implicit none
   private
   public :: advance_rk4
@@ -19,7 +19,7 @@ contains
     real(dp), intent(in) :: t0                      !! time of step 0 [s]
     real(dp), intent(in) :: dt                      !! step [s]
     integer, intent(in) :: n_steps                  !! steps to make
-    integer, intent(in) :: n_threads                !! threads, each with its own rows
+    integer, intent(in) :: n_threads                !! threads to ask for; each gets its own rows
     logical, intent(in) :: keep_budget              !! integrate works and dissipations too
     real(dp), intent(inout) :: step                 !! steps made
     real(dp), intent(inout) :: y(s%nx, 4, s%nz)     !! state
@@ -32,7 +32,7 @@ contains
     real(dp) :: rod_z(6), step_begin
     type(rk4_t) :: w
     type(row_t) :: bottom
-    integer :: k, made, me, j0, j1
+    integer :: k, made, me, team, j0, j1
     logical :: go
 
     allocate (z(s%nx, 4, s%nz))
@@ -41,13 +41,15 @@ contains
     made = 0
     step_begin = step
     go = room()
-    !$omp parallel default(none) num_threads(n_threads) private(w, k, me, j0, j1) &
-    !$omp shared(s, t0, dt, n_steps, n_threads, keep_budget, step, step_begin, y, z, rod, rod_z, contact, budget, log) &
+    !$omp parallel default(none) num_threads(n_threads) private(w, k, me, team, j0, j1) &
+    !$omp shared(s, t0, dt, n_steps, keep_budget, step, step_begin, y, z, rod, rod_z, contact, budget, log) &
     !$omp shared(bottom, made, go)
     me = 0
+    team = 1
     !$ me = omp_get_thread_num()
-    j0 = 1 + (me*s%nz)/n_threads
-    j1 = ((me + 1)*s%nz)/n_threads
+    !$ team = omp_get_num_threads()
+    j0 = 1 + (me*s%nz)/team
+    j1 = ((me + 1)*s%nz)/team
     w = new_rk4(s%nx)
     do k = 1, n_steps
       if (.not. go) exit

@@ -12,9 +12,9 @@ variable with its unit and meaning. Attributes of the file:
 ``status``
     "complete", "interrupted" or "failed: reason".
 
-Variables of the loading curve carry their plain names on the dimension ``t``; those of the event,
-episode and quiet tables begin with ``event_``, ``episode_``, ``quiet_``. Stresses are on
-(``event``, ``x``), x from the centre of the slider. Numbers are stored as they are in memory, so
+Variables of the loading curve carry their plain names on the dimension ``t``; those of the event
+and episode tables and of the two logs begin with ``event_``, ``episode_``, ``quiet_`` and
+``switch_``. Stresses are on (``event``, ``x``), x from the centre of the slider. Numbers are stored as they are in memory, so
 that a loaded record equals the saved one bit for bit.
 """
 
@@ -23,7 +23,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import secrets
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -32,7 +31,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import pandas as pd
 
-from pyfric.catalogue import QUIET_COLUMNS, T_GAP
+from pyfric.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP
+from pyfric.files import written
 from pyfric.scene import Scene
 
 if TYPE_CHECKING:
@@ -49,6 +49,8 @@ COMPRESSED_FROM = 4096
 """Arrays of at least this many elements are compressed (without loss)."""
 
 STRESSES = ("tau_before", "p_before", "tau_after", "p_after")
+LOGS = {"quiet": QUIET_COLUMNS, "switches": SWITCH_COLUMNS}
+PREFIX = {"quiet": "quiet_", "switches": "switch_"}
 TABLES = {"curve": ("t", ""), "events": ("event", "event_"), "episodes": ("episode", "episode_")}
 
 LABELS: dict[str, tuple[str, str]] = {
@@ -101,7 +103,11 @@ LABELS: dict[str, tuple[str, str]] = {
     "p_after": ("N", "contact force in the static state at last stick"),
     "tau_initial": ("N", "friction force at t = 0"),
     "p_initial": ("N", "contact force at t = 0"),
-    # quiet table
+    # logs
+    "block": ("1", "block column, 0 at the left"),
+    "old": ("1", "contact mode before: 0 stuck, +1 slips right, -1 slips left, 2 open"),
+    "new": ("1", "contact mode after"),
+    "p": ("N", "contact force"),
     "step": ("1", "time step"),
     "kind": ("1", "+1 slip begins, -1 slip ends (non-corner blocks)"),
     "u_x": ("m", "tangential displacement of the bottom row"),
@@ -124,8 +130,9 @@ def describe(name: str, table: str = "") -> tuple[str, str]:
 class Method:
     """How a scene was run.
 
-    ``dt`` (s) is None for engines without a fixed step; ``t_gap`` (s) is the longest pause inside
-    an event; ``budget`` says whether the energy budget was kept.
+    ``dt`` (s) is None for engines without a fixed step; ``sample`` is the number of steps between
+    two points of the curve; ``t_gap`` (s) is the longest pause inside an event; ``budget`` says
+    whether the energy budget was kept.
     """
 
     engine: str
@@ -133,6 +140,7 @@ class Method:
     stepper: str = ""
     switching: str = ""
     dt: float | None = None
+    sample: int = 0
     t_gap: float = T_GAP
     threads: int = 1
     variant: str = ""
@@ -155,8 +163,9 @@ class Record:
         The catalogue: see `pyfric.catalogue`. Arrays have shape (n_events, N_x).
     tau_initial, p_initial
         Interface forces at t = 0, shape (N_x,), N.
-    quiet
-        The quiet log as a dict of arrays (`pyfric.catalogue.QUIET_COLUMNS`).
+    quiet, switches
+        The logs as dicts of arrays (`QUIET_COLUMNS`, `SWITCH_COLUMNS` of `pyfric.catalogue`); what
+        the catalogue was made from, and what it is made from again when the run goes on.
     versions, timings
         Names to version texts, and names to seconds.
     status
@@ -184,6 +193,7 @@ class Record:
     tau_initial: np.ndarray
     p_initial: np.ndarray
     quiet: Mapping[str, np.ndarray]
+    switches: Mapping[str, np.ndarray]
     versions: Mapping[str, str] = field(default_factory=dict)
     timings: Mapping[str, float] = field(default_factory=dict)
     status: str = "complete"
@@ -195,8 +205,10 @@ class Record:
             if array.shape != shape:
                 raise RecordError(f"record: {name} has shape {array.shape}, needs {shape}")
             object.__setattr__(self, name, array)
-        quiet = {name: _read_only(self.quiet[name]) for name in QUIET_COLUMNS}
-        object.__setattr__(self, "quiet", quiet)
+        for log, columns in LOGS.items():
+            values = getattr(self, log)
+            frozen = {name: _read_only(values[name]) for name in columns}
+            object.__setattr__(self, log, frozen)
         for name in ("t", "F_T"):
             if name not in self.curve:
                 raise RecordError(f"record: the curve has no column {name}")
@@ -244,15 +256,8 @@ class Record:
         path = Path(path)
         dataset = self.to_xarray()
         encoding = {name: _encoding(variable) for name, variable in dataset.variables.items()}
-        draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
-        try:
+        with written(path) as draft:
             dataset.to_netcdf(draft, engine="h5netcdf", encoding=encoding)
-            _flush(draft)
-            os.replace(draft, path)
-        finally:
-            draft.unlink(missing_ok=True)
-        if os.name == "posix":
-            _flush(path.parent)
         return path
 
     def to_xarray(self) -> xr.Dataset:
@@ -296,8 +301,9 @@ class Record:
         for name, shape in self._shapes().items():
             dims = ("event", "x")[-len(shape) :]
             yield name, variable(dims, getattr(self, name), name)
-        for name, values in self.quiet.items():
-            yield "quiet_" + name, variable(("quiet", "x")[: values.ndim], values, name)
+        for log in LOGS:
+            for name, values in getattr(self, log).items():
+                yield PREFIX[log] + name, variable((log, "x")[: values.ndim], values, name)
         for name, value in _state_items(self.final_state).items():
             if _kind(value) in ("array", "int", "float", "bool"):
                 array = np.asarray(value)
@@ -353,7 +359,10 @@ class Record:
             method=Method(**json.loads(attributes["method"])),
             **tables,
             **{name: dataset[name].to_numpy() for name in arrays},
-            quiet={name: dataset["quiet_" + name].to_numpy() for name in QUIET_COLUMNS},
+            **{
+                log: {name: dataset[PREFIX[log] + name].to_numpy() for name in columns}
+                for log, columns in LOGS.items()
+            },
             versions=json.loads(attributes["versions"]),
             timings=json.loads(attributes["timings"]),
             status=attributes["status"],
@@ -439,14 +448,6 @@ def _encoding(variable: xr.Variable) -> dict[str, Any]:
     if variable.size < COMPRESSED_FROM:
         return exact
     return exact | {"zlib": True, "complevel": 1, "shuffle": True}
-
-
-def _flush(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 # --- final state ---------------------------------------------------------------------------------

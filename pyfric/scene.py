@@ -35,11 +35,9 @@ import dataclasses
 import functools
 import math
 import os
-import secrets
 import tomllib
 import typing
 from collections.abc import Callable
-from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -48,6 +46,7 @@ import pydantic
 import tomli_w
 from pydantic_core import core_schema
 
+from pyfric.files import written
 from pyfric.units import (
     SceneError,
     check_number,
@@ -510,7 +509,8 @@ class Scene:
             document[part._section] = table
         text = tomli_w.dumps(document)
         if path is not None:
-            _write(Path(path), text)
+            with written(path) as draft:
+                draft.write_text(text, encoding="utf-8", newline="\n")
         return text
 
     @classmethod
@@ -615,20 +615,6 @@ def _part_from(section: str, table: Any) -> Any:
     if errors:
         raise SceneError.joined(errors)
     return part
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a file so that it is there either as before or complete."""
-    path = Path(os.path.realpath(path))
-    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
-    try:
-        with open(draft, "x", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def setup1(

@@ -81,6 +81,7 @@ def made_up_record(side="left", lengths=LADDER, opened=()):
         tau_initial=np.zeros(N_x),
         p_initial=np.zeros(N_x),
         quiet=quiet,
+        switches=dict(names),
         versions={"pyfric": "0.1.0"},
     )
 

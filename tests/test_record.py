@@ -50,12 +50,12 @@ def make_catalogue(scene, n_events=3):
         return SimpleNamespace(F_T=1e6 * drive, tau=tau, p=np.exp(tau))
 
     solver = SimpleNamespace(solve=solve)
-    return catalogue.build_catalogue(switches, quiet, scene, solver=solver), quiet
+    return catalogue.build_catalogue(switches, quiet, scene, solver=solver), quiet, switches
 
 
 def make_record(scene=None, n_events=3, **changes):
     scene = scene or setup1()
-    found, quiet = make_catalogue(scene, n_events)
+    found, quiet, switches = make_catalogue(scene, n_events)
     t = np.linspace(0, 0.02, 50)
     rng = np.random.default_rng(0)
     entries = {
@@ -63,6 +63,7 @@ def make_record(scene=None, n_events=3, **changes):
         "tau_initial": rng.standard_normal(scene.N_x),
         "p_initial": rng.random(scene.N_x),
         "quiet": quiet,
+        "switches": switches,
         "versions": {"pyfric": "0.1.0", "compiler": "GNU Fortran 12 – «µ»"},
         "timings": {"run": 0.1 + 0.2, "catalogue": 1e-300},
         "method": Method(engine="dynamic", geometry="finite", stepper="rk4", dt=0.2e-6),
@@ -96,7 +97,7 @@ def test_loaded_record_is_identical(make_scene, n_events, tmp_path):
         elif isinstance(a, np.ndarray):
             assert a.dtype == b.dtype
             assert a.tobytes() == b.tobytes()
-        elif one.name not in ("quiet", "final_state"):
+        elif one.name not in ("quiet", "switches", "final_state"):
             assert a == b
     assert loaded.events.dtypes.equals(original.events.dtypes)
     assert loaded.final_state["n"] == 2**60 + 1
@@ -219,8 +220,8 @@ def test_file_describes_itself(tmp_path):
 
 
 def test_every_column_of_the_catalogue_is_described():
-    found, quiet = make_catalogue(setup1())
-    for name in (*found.events, *found.episodes, *quiet):
+    found, quiet, switches = make_catalogue(setup1())
+    for name in (*found.events, *found.episodes, *quiet, *switches):
         assert name in LABELS
 
 

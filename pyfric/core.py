@@ -1,0 +1,356 @@
+"""The compiled core: which build runs, how a scene is handed over, what its codes mean.
+
+The same Fortran sources are built for several instruction sets. The best one this processor runs
+is taken at import; the environment variable ``PYFRIC_VARIANT`` names another one. All give the
+same bits.
+"""
+
+from __future__ import annotations
+
+import enum
+import importlib
+import importlib.util
+import os
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pyfric.operators import Geometry, check_geometry
+
+if TYPE_CHECKING:
+    from pyfric.scene import Scene
+    from pyfric.state import State
+
+__all__ = [
+    "VARIANT",
+    "Forces",
+    "Log",
+    "Model",
+    "Status",
+    "advance",
+    "build_info",
+    "energies",
+    "evaluate",
+    "load_variant",
+    "model",
+    "useful_threads",
+    "variants",
+]
+
+ENVIRONMENT = "PYFRIC_VARIANT"
+CORNER_SHARE = 0.02
+"""Slip that starts with less than this share of F_N/N_x is a corner episode."""
+BLOCKS_PER_THREAD = 20_000
+"""Smallest share of the lattice for which one more thread pays (`pyfric bench threads`)."""
+
+ENERGIES = (
+    "kinetic_blocks",
+    "kinetic_rod",
+    "elastic_bonds",
+    "elastic_foundation",
+    "elastic_mattress",
+    "elastic_driver",
+)
+"""Order of the energies that leave the core."""
+
+
+class Status(enum.IntEnum):
+    """Codes of the core (pyfric_status in Fortran); `message` says what they mean."""
+
+    DONE = 0
+    LOG_FULL = 1
+
+    @property
+    def message(self) -> str:
+        return {
+            Status.DONE: "all steps were made",
+            Status.LOG_FULL: "stopped early: the log has no room for one more step",
+        }[self]
+
+
+# --- builds --------------------------------------------------------------------------------------
+
+
+def variants() -> dict[str, bool]:
+    """Return the variants that are installed, best first, and whether this processor runs them."""
+    found = {"X86_V2"}
+    simd = np.show_config(mode="dicts").get("SIMD Extensions", {})  # what NumPy found at import
+    for names in simd.values():
+        if names is not simd.get("not found"):
+            found.update(names)
+    runs = {
+        "v4": bool(found & {"X86_V4", "AVX512_SKX"}),
+        "v3": bool(found & {"X86_V3"}) or {"AVX2", "FMA3"} <= found,
+        "v2": True,
+        "baseline": True,
+    }
+    here = {name: importlib.util.find_spec(f"pyfric._core_{name}") is not None for name in runs}
+    return {name: runs[name] for name in runs if here[name]}
+
+
+def load_variant(name: str) -> Any:
+    """Return the extension module of one variant.
+
+    Raises:
+        ImportError: it is not installed, or this processor cannot run it.
+    """
+    known = variants()
+    if name not in known:
+        listed = ", ".join(known) or "none"
+        raise ImportError(f"{ENVIRONMENT} = {name!r}: not installed (installed: {listed})")
+    if not known[name]:
+        raise ImportError(f"{ENVIRONMENT} = {name!r}: this processor lacks its instructions")
+    return importlib.import_module(f"pyfric._core_{name}")
+
+
+def _chosen() -> str:
+    wanted = os.environ.get(ENVIRONMENT, "")
+    if wanted:
+        return wanted
+    usable = [name for name, runs in variants().items() if runs]
+    if not usable:
+        raise ImportError("pyfric is not built: install it with `pip install .`")
+    return usable[0]
+
+
+VARIANT = _chosen()
+"""Name of the variant in use."""
+_core = load_variant(VARIANT)
+
+
+def build_info(name: str = VARIANT) -> dict[str, Any]:
+    """Return compiler, flags and openmp (bool) of one variant."""
+    compiler, options, openmp = load_variant(name).build_info()
+    flags = [f for f in options.decode().split() if f.startswith(("-O", "-m", "-f", "-std"))]
+    kept = [f for f in dict.fromkeys(flags) if not f.startswith(("-fpre-include", "-fdiagnostics"))]
+    return {
+        "compiler": compiler.decode().strip(),
+        "flags": " ".join(kept),
+        "openmp": bool(openmp),
+    }
+
+
+def useful_threads(n_blocks: int, threads: int | None = None) -> int:
+    """Return the number of threads that pays for a lattice of n_blocks.
+
+    Args:
+        n_blocks: N_x N_z.
+        threads: the most to use; None means all processors this process may run on.
+    """
+    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    most = (available or 1) if threads is None else threads
+    if not build_info()["openmp"]:
+        return 1
+    return max(1, min(most, n_blocks // BLOCKS_PER_THREAD))
+
+
+# --- calls ---------------------------------------------------------------------------------------
+
+
+class Model(NamedTuple):
+    """A scene as the core takes it; made by `model`, which is where it is checked."""
+
+    finite: int
+    rigid: int
+    i_h: int
+    j_h: int
+    constants: np.ndarray
+    x: np.ndarray
+    load: np.ndarray
+
+
+def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
+    """Return the scene as the core takes it.
+
+    Args:
+        scene: the scene (its values were checked when it was made).
+        geometry: "linear" or "finite".
+        u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m.
+
+    Raises:
+        ValueError: unknown geometry, or a derived constant is not finite.
+    """
+    check_geometry(geometry)
+    slider, driver, interface = scene.slider, scene.driver, scene.interface
+    m_top = scene.M_rod + scene.N_x * scene.m
+    i_rod = scene.M_rod * slider.L**2 / 12
+    constants = np.array(
+        [
+            slider.l,
+            slider.k,
+            scene.eta,
+            scene.m,
+            scene.k_f,
+            interface.mu_s,
+            interface.mu_k,
+            scene.F_N,
+            scene.M_rod,
+            i_rod,
+            m_top,
+            i_rod + scene.m * np.sum(scene.x**2),
+            scene.kappa,
+            scene.d,
+            driver.K,
+            driver.V,
+            u_drv0,
+            CORNER_SHARE * scene.F_N / scene.N_x,
+        ]
+    )
+    x, load = np.ascontiguousarray(scene.x), np.ascontiguousarray(scene.load)
+    for name, values in (("constants", constants), ("x", x), ("load", load)):
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name} of the scene are not finite: {values}")
+    return Model(
+        int(geometry == "finite"),
+        int(scene.rigid),
+        scene.i_h + 1,
+        scene.j_h + 1,
+        constants,
+        x,
+        load,
+    )
+
+
+class Log:
+    """Room for switches and quiet transitions that the core fills (see `pyfric.catalogue`)."""
+
+    def __init__(self, N_x: int, switches: int | None = None, quiet: int = 256) -> None:
+        switches = 16 * N_x + 1024 if switches is None else switches
+        self.N_x = N_x
+        self.switch_i = np.zeros((4, switches), dtype=np.int32, order="F")
+        self.switch_r = np.zeros((4, switches), order="F")
+        self.quiet_i = np.zeros((N_x + 1, quiet), dtype=np.int32, order="F")
+        self.quiet_r = np.zeros((N_x + 3, quiet), order="F")
+        self.n_switch = self.n_quiet = 0
+
+    def switches(self) -> dict[str, np.ndarray]:
+        """Return the columns of the switch log."""
+        i, r = self.switch_i[:, : self.n_switch], self.switch_r[:, : self.n_switch]
+        return {
+            "step": r[0].astype(np.int64),
+            "block": i[0].astype(np.int64),
+            "old": i[1].copy(),
+            "new": i[2].copy(),
+            "corner": i[3].astype(bool),
+            "t": r[1].copy(),
+            "u_x": r[2].copy(),
+            "p": r[3].copy(),
+        }
+
+    def quiet(self) -> dict[str, np.ndarray]:
+        """Return the columns of the quiet log."""
+        i, r = self.quiet_i[:, : self.n_quiet], self.quiet_r[:, : self.n_quiet]
+        return {
+            "step": r[0].astype(np.int64),
+            "t": r[1].copy(),
+            "kind": i[0].copy(),
+            "F_T": r[2].copy(),
+            "u_x": np.ascontiguousarray(r[3:].T),
+            "mode": np.ascontiguousarray(i[1:].T),
+        }
+
+
+def advance(
+    model: Model,
+    state: State,
+    log: Log,
+    n_steps: int,
+    *,
+    budget: bool = True,
+    threads: int = 1,
+    variant: str = VARIANT,
+) -> Status:
+    """Make up to n_steps of RK4 with switching at step ends; the state changes in place.
+
+    Args:
+        model: from `model`, for the scene the state belongs to.
+        state: where to start; on return, where the core stopped (`state.step` counts).
+        log: filled from its beginning. Where it could overflow, the core stops early.
+        n_steps: steps to make, at least 0.
+        budget: integrate works and dissipations.
+        threads: threads to use; results do not depend on it.
+        variant: build to use; results do not depend on it.
+
+    Raises:
+        ValueError: arrays do not fit the model, or a number is out of range.
+    """
+    N_x = len(model.x)
+    state.check(N_x)
+    if log.N_x != N_x or log.switch_r.shape[1] < N_x or log.quiet_r.shape[1] < 1:
+        raise ValueError(f"log: room for {log.N_x} blocks, expected {N_x}")
+    if not 0 <= n_steps < 2**31:
+        raise ValueError(f"n_steps = {n_steps}: must be in 0 … {2**31 - 1}")
+    if not 1 <= threads <= 4096:
+        raise ValueError(f"threads = {threads}: must be in 1 … 4096")
+    step = np.array([float(state.step)])
+    n_log, status = load_variant(variant).advance(
+        *model,
+        state.t0,
+        state.dt,
+        n_steps,
+        min(threads, state.y.shape[0]),
+        int(budget),
+        step,
+        state.y.T,
+        state.rod,
+        state.mode,
+        state.corner,
+        state.slack,
+        state.loss,
+        state.dissipated,
+        state.heat,
+        state.work,
+        log.switch_i,
+        log.switch_r,
+        log.quiet_i,
+        log.quiet_r,
+    )
+    state.step = int(step[0])
+    log.n_switch, log.n_quiet = int(n_log[0]), int(n_log[1])
+    return Status(status)
+
+
+class Forces(NamedTuple):
+    """One evaluation of the right-hand side, contact states frozen.
+
+    Attributes:
+        a: accelerations, shape (N_z, 2, N_x), in m/s^2.
+        a_rod: of X, Z (m/s^2) and phi (rad/s^2), shape (3,).
+        f: friction force on each bottom block in +x, shape (N_x,), in N.
+        p: foundation force, shape (N_x,), in N.
+        F_T: driver force, in N.
+        dissipated: power in the bonds that start in each row, shape (N_z,), in W.
+        heat: friction power of each bottom block, shape (N_x,), in W.
+        work: powers of the driver and of the normal load, shape (2,), in W.
+    """
+
+    a: np.ndarray
+    a_rod: np.ndarray
+    f: np.ndarray
+    p: np.ndarray
+    F_T: float
+    dissipated: np.ndarray
+    heat: np.ndarray
+    work: np.ndarray
+
+
+def evaluate(model: Model, state: State, t: float, variant: str = VARIANT) -> Forces:
+    """Return all forces at time t (s); the state does not change.
+
+    Raises:
+        ValueError: arrays do not fit the model.
+    """
+    state.check(len(model.x))
+    a, *rest = load_variant(variant).evaluate(*model, t, state.y.T, state.rod, state.mode)
+    return Forces(a.T, *rest)
+
+
+def energies(model: Model, state: State, t: float) -> dict[str, float]:
+    """Return the energies of a state at time t (s), in J, by the names of `ENERGIES`.
+
+    Raises:
+        ValueError: arrays do not fit the model.
+    """
+    state.check(len(model.x))
+    values = _core.energy(*model, t, state.y.T, state.rod)
+    return dict(zip(ENERGIES, map(float, values), strict=True))

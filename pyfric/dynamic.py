@@ -1,0 +1,426 @@
+"""Full dynamics: the reference engine.
+
+The whole lattice is integrated with classical RK4 on a uniform step; contact states switch at the
+end of a step. This is the paper's method. Steps are made in short calls of the core, so that a run
+can show progress, stop and go on.
+
+Source: PRL 107, 074301 (2011).
+"""
+
+from __future__ import annotations
+
+import math
+import platform
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from pyfric import core
+from pyfric.catalogue import T_GAP, build_catalogue
+from pyfric.equilibrium import StaticSolver
+from pyfric.operators import Geometry, check_geometry, stability_limit
+from pyfric.record import Method, Record
+from pyfric.state import State, StateError
+from pyfric.units import SceneError, check_number
+from pyfric.version import __version__
+
+if TYPE_CHECKING:
+    import os
+
+    from pyfric.scene import Scene
+
+__all__ = ["AUTO_SHARE", "Progress", "RunError", "simulate", "step_size"]
+
+AUTO_SHARE = 0.5
+"""dt = "auto" is this share of the stability limit, rounded down to two digits."""
+CURVE_POINTS = 5000
+"""Points of the loading curve, unless `sample` says otherwise."""
+CALL_SECONDS = 0.05
+"""Longest time in the core between two looks at Ctrl-C, s."""
+MAX_STEPS = 10**12
+"""Most steps of one run."""
+
+
+class RunError(RuntimeError):
+    """A run had to stop. Attribute `record`: what was done until then, valid throughout."""
+
+    def __init__(self, message: str, record: Record) -> None:
+        super().__init__(message)
+        self.record = record
+
+
+class Progress(NamedTuple):
+    """Where a run stands: times in s, force over F_N, events so far, steps per second."""
+
+    t: float
+    t_begin: float
+    t_end: float
+    force: float
+    events: int
+    rate: float
+
+
+def step_size(scene: Scene, dt: float | Literal["auto"] = "auto") -> float:
+    """Return the time step in s, checked against the stability limit of RK4.
+
+    Args:
+        scene: the scene.
+        dt: step in s, or "auto": `AUTO_SHARE` of the limit, rounded down to two digits.
+
+    Raises:
+        SceneError: dt is not a number, not positive, or above the limit.
+    """
+    limit, _ = stability_limit(scene, "rk4")
+    if isinstance(dt, str):
+        if dt != "auto":
+            raise SceneError("dt", dt, "s", "a number or 'auto'")
+        digit = 10.0 ** (math.floor(math.log10(AUTO_SHARE * limit)) - 1)
+        return float(f"{math.floor(AUTO_SHARE * limit / digit) * digit:.1e}")
+    dt = check_number("dt", dt, "s", gt=0.0)
+    if dt > limit:
+        allowed = f"0 < dt <= {limit:.4g} s, the stability limit of RK4 for this scene"
+        raise SceneError("dt", dt, "s", allowed, "unstable")
+    return dt
+
+
+def simulate(
+    scene: Scene,
+    t_end: float,
+    *,
+    geometry: Geometry = "finite",
+    method: Literal["rk4"] = "rk4",
+    dt: float | Literal["auto"] = "auto",
+    initial: State | Record | None = None,
+    budget: bool = True,
+    sample: float | None = None,
+    t_gap: float = T_GAP,
+    threads: int | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    checkpoint_every: float = 60.0,
+) -> Record:
+    """Integrate the full model from the loaded slider, or from where another run stopped.
+
+    Args:
+        scene: what is simulated.
+        t_end: time of the end, in s; the last step ends there or just beyond.
+        geometry: "finite" (as in the paper) or "linear".
+        method: "rk4": classical RK4, uniform step, contacts switch at step ends (the paper's).
+        dt: time step in s, or "auto" (see `step_size`).
+        initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there. A
+            `Record` of the same scene goes on where it stopped, with its geometry, step, sampling
+            and t_gap, and the result holds the whole run, as if it had never stopped.
+        budget: keep the energy budget (adds its columns to the curve).
+        sample: time between two points of the loading curve, in s; None means 5000 points.
+        t_gap: longest pause inside an event, in s.
+        threads: most threads to use, None for all; small lattices use one.
+        progress: True for a bar on stderr, a function that is called about ten times per second,
+            False for nothing; None shows the bar where stderr is a terminal.
+        checkpoint: file to which the run so far is saved as a record every `checkpoint_every` s.
+
+    Returns:
+        The record. Its status is "interrupted" if Ctrl-C stopped the run: what was done is
+        complete, and `initial=record` goes on.
+
+    Raises:
+        SceneError: an argument is refused; nothing has been done.
+        StateError: `initial` does not belong to the scene.
+        EquilibriumError: the scene has no loaded state.
+        RunError: the motion left the range of numbers; its `record` holds the run before that.
+
+    Source: PRL 107, 074301 (2011).
+    """
+    check_geometry(geometry)
+    if method != "rk4":
+        raise SceneError("method", method, "", "'rk4'")
+    t_gap = check_number("t_gap", t_gap, "s", ge=0.0)
+    check_number("checkpoint_every", checkpoint_every, "s", gt=0.0)
+    if threads is not None and not (isinstance(threads, int) and 1 <= threads <= 4096):
+        raise SceneError("threads", threads, "", "1 … 4096 or None")
+    before = initial if isinstance(initial, Record) else None
+    if before is not None:
+        _check_continues(before, scene)
+        geometry, t_gap, budget = before.method.geometry, before.method.t_gap, before.method.budget
+        dt, initial = before.method.dt, before.final_state
+    dt = step_size(scene, dt)
+    if initial is not None:
+        initial.check_physics(scene)
+    t_begin = 0.0 if initial is None else initial.t
+    t_end = check_number("t_end", t_end, "s", ge=t_begin)
+    if (t_end - t_begin) / dt > MAX_STEPS:
+        raise SceneError("t_end", t_end, "s", f"at most {MAX_STEPS:g} steps of {dt:g} s")
+    if before is not None:
+        every = before.method.sample
+    elif sample is None:
+        every = max(1, round((t_end - t_begin) / dt / CURVE_POINTS))
+    else:
+        every = max(1, round(check_number("sample", sample, "s", gt=0.0) / dt))
+
+    start = time.perf_counter()
+    u_drv0 = None if initial is None else initial.u_drv0
+    solver = StaticSolver(scene, geometry, u_drv0=u_drv0)
+    state = State.at_rest(scene, solver.loaded, dt) if initial is None else initial.with_dt(dt)
+    n_threads = core.useful_threads(scene.N_x * scene.N_z, threads)
+    how = Method(
+        engine="dynamic",
+        geometry=geometry,
+        stepper=method,
+        switching="step end",
+        dt=dt,
+        sample=every,
+        t_gap=t_gap,
+        threads=n_threads,
+        variant=core.VARIANT,
+        budget=budget,
+    )
+    run = _Run(scene, how, solver, state, before)
+    run.timings["set-up"] = time.perf_counter() - start
+    last = math.ceil((t_end - state.t0) / dt * (1 - 1e-14))
+    with _bar(progress, scene, t_begin, t_end) as show, _interruptible() as stop:
+        run.advance(last, stop, show, checkpoint, checkpoint_every)
+    status = "complete" if state.step >= last else "interrupted"
+    return run.record(status)
+
+
+def _check_continues(before: Record, scene: Scene) -> None:
+    if before.method.engine != "dynamic" or not isinstance(before.final_state, State):
+        raise StateError("initial: this record holds no state of the full dynamics to go on from")
+    if before.scene != scene:
+        raise StateError("initial: the record belongs to another scene; pass its final_state")
+
+
+class _Run:
+    """A run under way: the state, and what has been logged so far."""
+
+    def __init__(
+        self, scene: Scene, method: Method, solver: StaticSolver, state: State, before: Record | None
+    ) -> None:
+        self.scene, self.method, self.solver, self.state = scene, method, solver, state
+        self.model = core.model(scene, method.geometry, state.u_drv0)
+        self.log = core.Log(scene.N_x)
+        self.t_begin = state.t
+        self.switches: list[Mapping[str, np.ndarray]] = []
+        self.quiet: list[Mapping[str, np.ndarray]] = []
+        self.rows: list[list[float]] = []
+        self.timings: dict[str, float] = {}
+        self.events, self.last_slip = 0, -math.inf
+        self.steps, self.seconds, self.rate = 0, 0.0, 0.0
+        self.before = before
+        if before is None:
+            self.sample()
+        else:
+            self.t_begin = before.curve["t"].iloc[0]
+            self._add_logs(before.switches, before.quiet)
+            between = state.step % method.sample != 0
+            self.rows = before.curve.to_numpy().tolist()[: -1 if between else None]
+
+    def columns(self) -> list[str]:
+        """Names of the columns of the curve."""
+        names = ["t", "F_T"]
+        if self.method.budget:
+            names += [*core.ENERGIES, "work_driver", "work_load"]
+            names += ["dissipated_bonds", "friction_heat", "switching_loss"]
+        return names
+
+    def sample(self) -> None:
+        """Add the present to the loading curve."""
+        state, scene = self.state, self.scene
+        u_x = state.y[scene.j_h, 0, scene.i_h]
+        F_T = scene.driver.K * (scene.driver.V * state.t - scene.d * (u_x - state.u_drv0))
+        row = [state.t, float(F_T)]
+        if self.method.budget:
+            row += core.energies(self.model, state, state.t).values()
+            row += [*map(float, state.work), math.fsum(state.dissipated)]
+            row += [math.fsum(state.heat), math.fsum(state.loss)]
+        self.rows.append(row)
+
+    def advance(
+        self,
+        last: int,
+        stop: Callable[[], bool],
+        show: Callable[[Progress], None],
+        checkpoint: str | os.PathLike[str] | None,
+        checkpoint_every: float,
+    ) -> None:
+        """Make the steps up to number `last`; after Ctrl-C, leave before that."""
+        state, every = self.state, self.method.sample
+        start = saved = shown = time.perf_counter()
+        while state.step < last and not stop():
+            to_sample = every - state.step % every
+            in_time = max(1, int(CALL_SECONDS * self.rate)) if self.rate else 1
+            self.call(min(to_sample, in_time, last - state.step))
+            if state.step % every == 0:
+                self.sample()
+            now = time.perf_counter()
+            if now - shown > 0.1 or state.step >= last:
+                shown = now
+                force = self.rows[-1][1] / self.scene.F_N
+                begin = self.rows[0][0]
+                end = state.t0 + last * state.dt
+                show(Progress(state.t, begin, end, force, self.events, self.rate))
+            if checkpoint is not None and now - saved > checkpoint_every:
+                self.record("interrupted", static=False).save(checkpoint)
+                saved = time.perf_counter()
+        self.timings["stepping"] = time.perf_counter() - start
+
+    def call(self, n_steps: int) -> None:
+        """Let the core make up to n_steps and take over its log."""
+        state = self.state
+        good, step = state.copy(), state.step
+        start = time.perf_counter()
+        core.advance(
+            self.model,
+            state,
+            self.log,
+            n_steps,
+            budget=self.method.budget,
+            threads=self.method.threads,
+        )
+        seconds = time.perf_counter() - start
+        if not (np.isfinite(state.y).all() and np.isfinite(state.rod).all()):
+            self.state = good
+            self._fail(state, step)
+        self.steps += state.step - step
+        self.seconds += seconds
+        self.rate = self.steps / self.seconds
+        if self.log.n_switch or self.log.n_quiet:
+            self._add_logs(self.log.switches(), self.log.quiet())
+
+    def _add_logs(
+        self, switches: Mapping[str, np.ndarray], quiet: Mapping[str, np.ndarray]
+    ) -> None:
+        self.switches.append(switches)
+        self.quiet.append(quiet)
+        for t, kind in zip(quiet["t"], quiet["kind"], strict=True):
+            self.events += kind > 0 and t - self.last_slip > self.method.t_gap
+            self.last_slip = t
+
+    def _fail(self, broken: State, step: int) -> None:
+        limit, _ = stability_limit(self.scene, "rk4")
+        message = (
+            f"the motion is not finite between t = {self.state.t:.9g} s (step {step}) and "
+            f"t = {broken.t:.9g} s: dt = {broken.dt:g} s is below the limit {limit:.4g} s of small "
+            "motions, so the strains have left the range of the model; reduce dt, F_N or V"
+        )
+        raise RunError(message, self.record(f"failed: {message}"))
+
+    def record(self, status: str, *, static: bool = True) -> Record:
+        """Return what was done so far; without `static`, static forces are NaN."""
+        state, scene, method = self.state, self.scene, self.method
+        start = time.perf_counter()
+        switches, quiet = _joined(self.switches), _joined(self.quiet)
+        if not self.switches:
+            empty = core.Log(scene.N_x, 0, 0)
+            switches, quiet = empty.switches(), empty.quiet()
+        catalogue = build_catalogue(
+            switches,
+            quiet,
+            scene,
+            t_gap=method.t_gap,
+            t_begin=self.t_begin,
+            t_end=state.t,
+            solver=self.solver if static else None,
+        )
+        here = len(self.rows)
+        if self.rows[-1][0] != state.t:
+            self.sample()
+        curve = pd.DataFrame(self.rows, columns=self.columns())
+        del self.rows[here:]
+        timings = self.timings | {"catalogue": time.perf_counter() - start}
+        if self.before is not None:
+            timings = {k: v + self.before.timings.get(k, 0.0) for k, v in timings.items()}
+        if self.steps:
+            blocks = scene.N_x * scene.N_z
+            timings["per_block_and_step"] = self.seconds / self.steps / blocks
+        return Record.from_catalogue(
+            catalogue,
+            scene=scene,
+            method=method,
+            curve=curve,
+            tau_initial=self.solver.loaded.tau,
+            p_initial=self.solver.loaded.p,
+            quiet=quiet,
+            switches=switches,
+            versions=_versions(),
+            timings=timings,
+            status=status,
+            final_state=state.copy(),
+        )
+
+
+def _joined(logs: list[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    return {name: np.concatenate([log[name] for log in logs]) for name in (logs[0] if logs else ())}
+
+
+def _versions() -> dict[str, str]:
+    build = core.build_info()
+    return {
+        "pyfric": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "compiler": build["compiler"],
+        "flags": build["flags"],
+        "machine": platform.machine(),
+    }
+
+
+# --- progress and Ctrl-C -------------------------------------------------------------------------
+
+
+@contextmanager
+def _interruptible() -> Iterator[Callable[[], bool]]:
+    """Give a function that says whether Ctrl-C was pressed; a second Ctrl-C ends at once."""
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
+    pressed = False
+
+    def handler(number: int, frame: Any) -> None:
+        nonlocal pressed
+        if pressed:
+            raise KeyboardInterrupt
+        pressed = True
+
+    old = signal.signal(signal.SIGINT, handler)
+    try:
+        yield lambda: pressed
+    finally:
+        signal.signal(signal.SIGINT, old)
+
+
+@contextmanager
+def _bar(
+    progress: bool | Callable[[Progress], None] | None, scene: Scene, t_begin: float, t_end: float
+) -> Iterator[Callable[[Progress], None]]:
+    """Give the function that shows progress."""
+    if callable(progress):
+        yield progress
+        return
+    if progress is None:
+        progress = sys.stderr is not None and sys.stderr.isatty()
+    if not progress:
+        yield lambda _: None
+        return
+    from tqdm import tqdm
+
+    layout = "{desc}: {percentage:3.0f}%|{bar}| {n:.4f}/{total:.4f} s [{elapsed}<{remaining}{postfix}]"
+    with tqdm(
+        total=t_end, initial=t_begin, desc=scene.name or "run", bar_format=layout, file=sys.stderr
+    ) as bar:
+
+        def show(now: Progress) -> None:
+            bar.set_postfix_str(
+                f"F_T/F_N {now.force:.3f}, {now.events} events, {now.rate:.3g} steps/s",
+                refresh=False,
+            )
+            bar.update(min(now.t, t_end) - bar.n)
+
+        yield show

@@ -1,0 +1,191 @@
+"""What changes every step, in one object that can be copied, saved and continued."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from pyfric.files import written
+
+if TYPE_CHECKING:
+    from pyfric.equilibrium import Equilibrium
+    from pyfric.scene import Scene
+
+__all__ = ["OPEN", "STUCK", "State", "StateError"]
+
+STUCK, OPEN = 0, 2
+"""Contact states; a slipping block carries the sign of its motion, +1 or -1."""
+
+
+class StateError(ValueError):
+    """A state is damaged or does not belong to the scene."""
+
+
+@dataclass
+class State:
+    """State of a run between two steps; the time is t0 + step dt.
+
+    Attributes:
+        y: u_x, u_z (m), v_x, v_z (m/s), shape (N_z, 4, N_x); row 0 at the bottom. Under a rod the
+            top row is where the rod carries it.
+        rod: X, Z (m), phi (rad) and their rates, shape (6,); zeros without a rod.
+        mode: contact of the bottom blocks, shape (N_x,), int32: 0 stuck, +1 or -1 slips to that
+            side, 2 open.
+        corner: 1 where the present or last slip is a corner episode, shape (N_x,), int32.
+        slack: mu_s p - |f other than friction| at the last step, shape (N_x,), in N.
+        loss: kinetic energy removed where a switch stopped a block, shape (N_x,), in J.
+        dissipated: heat of the bonds that start in each row, shape (N_z,), in J.
+        heat: friction heat under each block, shape (N_x,), in J.
+        work: of the driver and of the normal load, shape (2,), in J.
+        step: steps made since t0.
+        t0: time of step 0, in s.
+        dt: time step, in s.
+        u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m.
+    """
+
+    y: np.ndarray
+    rod: np.ndarray
+    mode: np.ndarray
+    corner: np.ndarray
+    slack: np.ndarray
+    loss: np.ndarray
+    dissipated: np.ndarray
+    heat: np.ndarray
+    work: np.ndarray
+    step: int
+    t0: float
+    dt: float
+    u_drv0: float
+
+    @property
+    def t(self) -> float:
+        """Time, in s."""
+        return self.t0 + self.step * self.dt
+
+    @classmethod
+    def at_rest(cls, scene: Scene, rest: Equilibrium, dt: float, t0: float = 0.0) -> Self:
+        """Return the state in a static equilibrium: nothing moves, nothing slips.
+
+        Args:
+            scene: the scene.
+            rest: its equilibrium, such as `loaded_state(scene)`.
+            dt: time step, in s.
+            t0: time, in s.
+        """
+        N_x, N_z = scene.N_x, scene.N_z
+        y = np.zeros((N_z, 4, N_x))
+        y[:, :2] = rest.u
+        rod = np.zeros(6)
+        if scene.rigid:
+            rod[:3] = rest.rod
+            y[-1, 0] = rod[0]
+            y[-1, 1] = rod[1] + rod[2] * scene.x
+        return cls(
+            y=y,
+            rod=rod,
+            mode=np.where(rest.open, OPEN, STUCK).astype(np.int32),
+            corner=np.zeros(N_x, dtype=np.int32),
+            slack=scene.interface.mu_s * rest.p - np.abs(rest.f),
+            loss=np.zeros(N_x),
+            dissipated=np.zeros(N_z),
+            heat=np.zeros(N_x),
+            work=np.zeros(2),
+            step=0,
+            t0=float(t0),
+            dt=float(dt),
+            u_drv0=float(rest.u_drv0),
+        )
+
+    def copy(self) -> Self:
+        """Return a copy that shares nothing."""
+        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        return type(self)(
+            **{name: v.copy() if isinstance(v, np.ndarray) else v for name, v in values.items()}
+        )
+
+    def with_dt(self, dt: float) -> Self:
+        """Return a copy that goes on with another step; the same step keeps the count."""
+        new = self.copy()
+        if dt != self.dt:
+            new.t0, new.step, new.dt = self.t, 0, float(dt)
+        return new
+
+    def check(self, N_x: int, N_z: int | None = None) -> None:
+        """Check shapes and types, which is all the core relies on.
+
+        Raises:
+            StateError: an array has the wrong shape, type or memory order, or dt is not positive.
+        """
+        N_z = len(self.y) if N_z is None else N_z
+        for name, shape, dtype in (
+            ("y", (N_z, 4, N_x), np.float64),
+            ("rod", (6,), np.float64),
+            ("mode", (N_x,), np.int32),
+            ("corner", (N_x,), np.int32),
+            ("slack", (N_x,), np.float64),
+            ("loss", (N_x,), np.float64),
+            ("dissipated", (N_z,), np.float64),
+            ("heat", (N_x,), np.float64),
+            ("work", (2,), np.float64),
+        ):
+            array = getattr(self, name)
+            right = isinstance(array, np.ndarray) and array.shape == shape and array.dtype == dtype
+            if not (right and array.flags.c_contiguous and array.flags.writeable):
+                raise StateError(f"state.{name}: expected a contiguous {dtype.__name__} {shape}")
+        if not (self.dt > 0 and np.isfinite([self.t0, self.u_drv0]).all() and self.step >= 0):
+            raise StateError(
+                f"state: dt = {self.dt} s, t0 = {self.t0} s, u_drv0 = {self.u_drv0} m, "
+                f"step = {self.step}: expected finite values, dt > 0, step >= 0"
+            )
+
+    def check_physics(self, scene: Scene) -> None:
+        """Check a state that comes from outside before a run goes on from it.
+
+        Raises:
+            StateError: it does not fit the scene, holds values that are not finite, a contact
+                state that does not exist, a stuck block that moves, or a top row off its rod.
+        """
+        self.check(scene.N_x, scene.N_z)
+        for one in dataclasses.fields(self):
+            if not np.isfinite(getattr(self, one.name)).all():
+                raise StateError(f"state.{one.name}: holds values that are not finite")
+        if not np.isin(self.mode, (STUCK, 1, -1, OPEN)).all():
+            raise StateError(f"state.mode: {self.mode}, allowed: 0, 1, -1, 2")
+        if (self.y[0, 2, self.mode == STUCK] != 0).any():
+            raise StateError("state: a stuck block moves")
+        if scene.rigid:
+            X, Z, phi = self.rod[:3]
+            if (self.y[-1, 0] != X).any() or (self.y[-1, 1] != Z + phi * scene.x).any():
+                raise StateError("state: the top row is not where the rod carries it")
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the state to a NumPy archive (.npz), exactly and atomically.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        with written(path) as draft, open(draft, "wb") as file:
+            np.savez(file, **values)
+        return Path(path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a state written by `save`.
+
+        Raises:
+            OSError: the file cannot be read.
+            StateError: it holds no state.
+        """
+        try:
+            with np.load(path) as archive:
+                values = {one.name: archive[one.name] for one in dataclasses.fields(cls)}
+        except (KeyError, ValueError, EOFError) as error:
+            raise StateError(f"{path}: not a state ({error})") from error
+        numbers = {name: values[name].item() for name in ("step", "t0", "dt", "u_drv0")}
+        return cls(**values | numbers)

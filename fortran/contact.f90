@@ -4,7 +4,7 @@ module pyfric_contact
   use pyfric_model, only: model_t, UX, UZ, VX
   use pyfric_lattice, only: bond_row, gather
   use pyfric_boundaries, only: foundation, driver_force
-  use pyfric_friction, only: next_mode, STUCK, OPEN_GAP
+  use pyfric_friction, only: stop_reversed, next_mode, STUCK
   use pyfric_rows, only: row_t
   implicit none
   private
@@ -30,18 +30,17 @@ module pyfric_contact
 
 contains
 
-  !> Horizontal force on the bottom blocks other than friction, and p.
+  !> Horizontal force on the bottom blocks other than friction (w%fx).
   pure subroutine interface_forces(s, q, up, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: q(s%nx, 4)   !! bottom row
     real(dp), intent(in) :: up(s%nx, 4)  !! second row
-    type(row_t), intent(inout) :: w      !! w%fx and w%p on return
+    type(row_t), intent(inout) :: w      !! w%fx on return
     real(dp) :: carry(s%nx, 2)
 
     carry = 0.0_dp
     call bond_row(s, .true., q, up, w%b)
     call gather(s%nx, w%b, carry(1, 1), carry(1, 2), w%fx, w%fz)
-    call foundation(s, q(:, UZ), w%p)
   end subroutine interface_forces
 
   !> New contact states at the end of step number `step`, at time t. Releases are timed inside the step, where
@@ -56,18 +55,18 @@ contains
     type(log_t), intent(inout) :: log
     type(row_t), intent(inout) :: w
     integer(ip) :: old
-    real(dp) :: v, slack, t_switch
+    real(dp) :: slack, t_switch
     logical :: was_active, active
     integer :: i
 
+    call foundation(s, y(:, UZ, 1), w%p)
+    call stop_reversed(s%m, w%p, contact%mode, y(:, VX, 1), contact%loss)
     call interface_forces(s, y(:, :, 1), y(:, :, 2), w)
     was_active = any(abs(contact%mode) == 1 .and. contact%corner == 0)
     do i = 1, s%nx
       old = contact%mode(i)
-      v = y(i, VX, 1)
       slack = s%mu_s*w%p(i) - abs(w%fx(i))
-      call next_mode(s%mu_s, w%fx(i), w%p(i), contact%mode(i), y(i, VX, 1))
-      if (y(i, VX, 1) /= v) contact%loss(i) = contact%loss(i) + 0.5_dp*s%m*v**2
+      contact%mode(i) = next_mode(s%mu_s, w%fx(i), w%p(i), old, y(i, VX, 1))
       if (contact%mode(i) /= old) then
         t_switch = t
         if (old == STUCK .and. slack < 0.0_dp .and. contact%slack(i) > 0.0_dp) &

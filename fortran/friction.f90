@@ -4,7 +4,7 @@ module pyfric_friction
   use pyfric_model, only: model_t
   implicit none
   private
-  public :: friction_force, next_mode, STUCK, OPEN_GAP
+  public :: friction_force, stop_reversed, next_mode, STUCK, OPEN_GAP
 
   !> Contact states; slipping blocks carry the sign of their motion, +1 or -1.
   integer(ip), parameter :: STUCK = 0, OPEN_GAP = 2
@@ -32,48 +32,40 @@ contains
     end do
   end subroutine friction_force
 
-  !> The contact state after a step (the paper's rule); v_x is set to zero where the motion has ended.
-  pure elemental subroutine next_mode(mu_s, other, p, mode, v_x)
-    real(dp), intent(in) :: mu_s         !! static friction coefficient [-]
-    real(dp), intent(in) :: other        !! all other horizontal forces [N]
-    real(dp), intent(in) :: p            !! foundation force [N]
-    integer(ip), intent(inout) :: mode   !! contact state
-    real(dp), intent(inout) :: v_x       !! velocity [m/s]
+  !> Ends the motion of blocks that no longer move the way they slip; the energy that goes is the switching loss.
+  pure elemental subroutine stop_reversed(m, p, mode, v_x, loss)
+    real(dp), intent(in) :: m        !! block mass [kg]
+    real(dp), intent(in) :: p        !! foundation force [N]
+    integer(ip), intent(in) :: mode  !! contact state
+    real(dp), intent(inout) :: v_x   !! velocity [m/s]
+    real(dp), intent(inout) :: loss  !! kinetic energy removed so far [J]
+
+    if (abs(mode) == 1 .and. p > 0.0_dp .and. real(mode, dp)*v_x <= 0.0_dp) then
+      loss = loss + 0.5_dp*m*v_x**2
+      v_x = 0.0_dp
+    end if
+  end subroutine stop_reversed
+
+  !> The contact state after a step (the paper's rule). A block at rest sticks up to mu_s p; beyond, it slips
+  !> where the other forces pull it. A block that lands slips along its velocity.
+  pure elemental function next_mode(mu_s, other, p, mode, v_x) result(new)
+    real(dp), intent(in) :: mu_s     !! static friction coefficient [-]
+    real(dp), intent(in) :: other    !! all other horizontal forces [N]
+    real(dp), intent(in) :: p        !! foundation force [N]
+    integer(ip), intent(in) :: mode  !! contact state
+    real(dp), intent(in) :: v_x      !! velocity [m/s]
+    integer(ip) :: new
 
     if (p <= 0.0_dp) then
-      mode = OPEN_GAP
-      return
+      new = OPEN_GAP
+    else if (v_x == 0.0_dp .and. abs(other) <= mu_s*p) then
+      new = STUCK
+    else if (v_x == 0.0_dp) then
+      new = merge(1_ip, -1_ip, other > 0.0_dp)
+    else if (mode == OPEN_GAP) then
+      new = merge(1_ip, -1_ip, v_x > 0.0_dp)
+    else
+      new = mode
     end if
-    select case (mode)
-    case (STUCK)
-      mode = at_rest()
-    case (OPEN_GAP)
-      if (v_x > 0.0_dp) then
-        mode = 1
-      else if (v_x < 0.0_dp) then
-        mode = -1
-      else
-        mode = at_rest()
-      end if
-    case default
-      if (real(mode, dp)*v_x > 0.0_dp) return
-      v_x = 0.0_dp
-      mode = at_rest()
-    end select
-
-  contains
-
-    !> A block at rest sticks up to mu_s p; beyond, it slips where the other forces pull it.
-    pure function at_rest() result(new)
-      integer(ip) :: new
-
-      if (abs(other) <= mu_s*p) then
-        new = STUCK
-      else if (other > 0.0_dp) then
-        new = 1
-      else
-        new = -1
-      end if
-    end function at_rest
-  end subroutine next_mode
+  end function next_mode
 end module pyfric_friction

@@ -224,7 +224,7 @@ class Log:
         self.n_switch = self.n_quiet = 0
 
     def switches(self) -> dict[str, np.ndarray]:
-        """Return the columns of the switch log."""
+        """Return the columns of the switch log, as copies."""
         i, r = self.switch_i[:, : self.n_switch], self.switch_r[:, : self.n_switch]
         return {
             "step": r[0].astype(np.int64),
@@ -238,15 +238,15 @@ class Log:
         }
 
     def quiet(self) -> dict[str, np.ndarray]:
-        """Return the columns of the quiet log."""
+        """Return the columns of the quiet log, as copies."""
         i, r = self.quiet_i[:, : self.n_quiet], self.quiet_r[:, : self.n_quiet]
         return {
             "step": r[0].astype(np.int64),
             "t": r[1].copy(),
             "kind": i[0].copy(),
             "F_T": r[2].copy(),
-            "u_x": np.ascontiguousarray(r[3:].T),
-            "mode": np.ascontiguousarray(i[1:].T),
+            "u_x": r[3:].T.copy(order="C"),
+            "mode": i[1:].T.copy(order="C"),
         }
 
 

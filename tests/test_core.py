@@ -1,0 +1,464 @@
+"""The Fortran core against the twin, against itself, and against exact results."""
+
+import dataclasses
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import twin
+
+from pyfric import core
+from pyfric.equilibrium import loaded_state
+from pyfric.operators import stability_limit
+from pyfric.scene import setup1, setup2
+from pyfric.state import OPEN, STUCK, State, StateError
+
+GEOMETRIES = ("linear", "finite")
+ROUNDING = 2e-15
+"""Relative difference that rounding explains in one evaluation."""
+
+VARIANTS = [
+    pytest.param(name, marks=[] if runs else pytest.mark.skip(f"this processor cannot run {name}"))
+    for name, runs in core.variants().items()
+]
+
+
+def small(kind="rod", **changes):
+    if kind == "rod":
+        return setup1(**{"L": 0.02, "H": 0.0125, "V": 0.5} | changes)
+    return setup2(**{"L": 0.012, "H": 0.005, "theta": 0.5, "V": 0.3} | changes)
+
+
+SCENES = [
+    small(),
+    small("free"),
+    small(side="right", mu_s=0.5, mu_k=0.2),
+    small("free", side="right", F_N=40.0),
+    setup1(L=0.005, H=0.0025, h=2.5e-3),  # 3 x 2 blocks, the driver on the rod
+    setup2(L=0.002, H=0.001, h=1e-3),
+    small(L=0.0425, h=7.5e-3),
+]
+IDS = [f"{'rod' if s.rigid else 'free'}-{s.N_x}x{s.N_z}-{s.driver.side}" for s in SCENES]
+
+
+def on_rod(scene, state):
+    """Put the top row where the rod carries it."""
+    if scene.rigid:
+        X, Z, phi, dX, dZ, dphi = state.rod
+        one = np.ones(scene.N_x)
+        state.y[-1] = X * one, Z + phi * scene.x, dX * one, dZ + dphi * scene.x
+    else:
+        state.rod[:] = 0.0
+    return state
+
+
+def random_state(scene, geometry, strain=1e-4, speed=1.0, dt=None, seed=0):
+    """Return the loaded state, shaken: all contact states occur and many change soon."""
+    rng = np.random.default_rng(seed)
+    dt = 0.2 * stability_limit(scene)[0] if dt is None else dt
+    state = State.at_rest(scene, loaded_state(scene, geometry), dt)
+    l = scene.slider.l
+    state.y[:, :2] += strain * l * rng.standard_normal((scene.N_z, 2, scene.N_x))
+    state.y[:, 2:] += speed * rng.standard_normal((scene.N_z, 2, scene.N_x))
+    state.rod[:3] += strain * rng.standard_normal(3) * [l, l, 1]
+    state.rod[3:] += speed * rng.standard_normal(3) * [1, 1, 1 / l]
+    state.mode[:] = rng.choice([STUCK, 1, -1, OPEN], scene.N_x)
+    state.y[0, 2, state.mode == STUCK] = 0
+    return on_rod(scene, state)
+
+
+def advance(scene, geometry, state, n, **options):
+    log = core.Log(scene.N_x)
+    model = core.model(scene, geometry, state.u_drv0)
+    assert core.advance(model, state, log, n, **options) == core.Status.DONE
+    return log
+
+
+def bits(state):
+    values = dataclasses.asdict(state)
+    return {n: v.tobytes() if isinstance(v, np.ndarray) else v for n, v in values.items()}
+
+
+def log_bits(log):
+    return [a.tobytes() for table in (log.switches(), log.quiet()) for a in table.values()]
+
+
+# --- against the twin ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("strain", [1e-4, 2e-3, 0.2])  # series, where it ends, closed form
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("scene", SCENES, ids=IDS)
+def test_right_hand_side_is_that_of_the_twin(scene, geometry, strain, variant):
+    state = random_state(scene, geometry, strain)
+    state.mode[:] = np.resize([1, STUCK, -1, OPEN], scene.N_x)
+    state.y[0, 2, state.mode == STUCK] = 0
+    t = 0.013
+    here = core.evaluate(core.model(scene, geometry, state.u_drv0), state, t, variant)
+    there = twin.right_hand_side(scene, geometry, t, state.y, state.rod, state.mode, state.u_drv0)
+
+    def close(a, b, least=0.0):
+        scale = max(np.abs(b).max(), least)
+        np.testing.assert_allclose(a, b, rtol=0, atol=ROUNDING * scale)
+
+    m_top, i_top = twin.rod_inertia(scene)  # of the rod, F_N and its torque cancel in part
+    close(here.a, there.dydt[:, 2:], scene.F_N / m_top)
+    close(here.f, there.f)
+    close(here.p, there.p)
+    close(here.F_T, np.array(there.F_T))
+    if scene.rigid:
+        close(here.a_rod[:2], there.drod[3:5], scene.F_N / m_top)
+        close(here.a_rod[2:], there.drod[5:], scene.F_N * scene.slider.L / i_top)
+    powers = [here.dissipated.sum(), here.heat.sum(), *here.work]
+    np.testing.assert_allclose(powers, list(there.rates.values()), rtol=100 * ROUNDING)
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("scene", SCENES, ids=IDS)
+def test_energies_are_those_of_the_twin(scene, geometry):
+    state = random_state(scene, geometry, 1e-2)
+    here = core.energies(core.model(scene, geometry, state.u_drv0), state, 0.01)
+    there = twin.energies(scene, geometry, state.y, state.rod, 0.01, state.u_drv0)
+    assert here["kinetic_blocks"] == pytest.approx(
+        there["kinetic_blocks"] + there["kinetic_top"], rel=1e-14
+    )
+    assert here["kinetic_rod"] == pytest.approx(there["kinetic_rod"], rel=1e-14)
+    for name in ("bonds", "foundation", "mattress", "driver"):
+        assert here[f"elastic_{name}"] == pytest.approx(there[name], rel=1e-13)
+
+
+@pytest.mark.parametrize(("n", "growth"), [(10, 5), (150, 5000)])
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("scene", SCENES, ids=IDS)
+def test_runs_make_the_switches_of_the_twin(scene, geometry, n, growth):
+    """From a shaken state: the same switches, and the same state to (growing) rounding."""
+    state = random_state(scene, geometry)
+    start = state.copy()
+    log = advance(scene, geometry, state, n)
+    there = twin.run(
+        scene, geometry, start.y, start.rod, start.mode, start.u_drv0, start.dt, steps=n
+    )
+    made = log.switches()
+    rows = list(zip(*(made[name].tolist() for name in ("step", "block", "old", "new")), strict=True))
+    assert rows == there.switches
+    assert rows or n < 150
+    np.testing.assert_array_equal(state.mode, there.mode)
+    for c in range(4):
+        scale = np.abs(there.y[:, c]).max()
+        np.testing.assert_allclose(
+            state.y[:, c], there.y[:, c], rtol=0, atol=growth * ROUNDING * scale
+        )
+    works = [state.dissipated.sum(), state.heat.sum(), *state.work, state.loss.sum()]
+    np.testing.assert_allclose(works, list(there.works.values()), rtol=1e-12)
+
+
+def test_all_changes_of_contact_occur_in_these_runs():
+    seen = set()
+    for scene in SCENES:
+        state = random_state(scene, "linear")
+        made = advance(scene, "linear", state, 150).switches()
+        seen |= set(zip(made["old"].tolist(), made["new"].tolist(), strict=True))
+    # A block sticks only from slip, and opens from slip or stick.
+    assert {(0, 1), (0, -1), (1, 0), (-1, 0), (1, 2), (-1, 2), (2, 1), (2, -1)} <= seen
+
+
+# --- the same bits -------------------------------------------------------------------------------
+
+
+def wide(kind):
+    if kind == "rod":
+        return setup1(L=0.1, H=0.05, V=0.5)
+    return setup2(L=0.05, H=0.012, theta=0.5, V=0.3)
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_threads_and_variants_do_not_change_a_bit(kind, geometry):
+    scene = wide(kind)
+    start = random_state(scene, geometry)
+    reference = start.copy()
+    log = advance(scene, geometry, reference, 60)
+    assert log.n_switch > 20
+    others = [{"threads": 2}, {"threads": 3}, {"threads": 4}, {"threads": scene.N_z}]
+    others += [{"variant": name, "threads": 2} for name, runs in core.variants().items() if runs]
+    for options in others:
+        state = start.copy()
+        again = advance(scene, geometry, state, 60, **options)
+        assert bits(state) == bits(reference), options
+        assert log_bits(again) == log_bits(log), options
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_every_variant_runs(variant):
+    scene = small()
+    start = random_state(scene, "finite")
+    state, reference = start.copy(), start.copy()
+    advance(scene, "finite", state, 40, variant=variant)
+    advance(scene, "finite", reference, 40)
+    assert bits(state) == bits(reference)
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("kind", ["rod", "free"])
+@pytest.mark.parametrize("cuts", [(30, 30), (1, 59), (17, 0, 20, 23)])
+def test_split_runs_do_not_change_a_bit(kind, geometry, cuts, tmp_path):
+    scene = small(kind)
+    start = random_state(scene, geometry)
+    whole, state = start.copy(), start.copy()
+    advance(scene, geometry, whole, 60)
+    for n in cuts:
+        advance(scene, geometry, state, n)
+        state.save(tmp_path / "state.npz")
+        state = State.load(tmp_path / "state.npz")
+    assert bits(state) == bits(whole)
+
+
+def test_a_full_log_stops_early_and_goes_on():
+    scene = small()
+    start = random_state(scene, "linear")
+    whole, state = start.copy(), start.copy()
+    long = advance(scene, "linear", whole, 60)
+    short, found = core.Log(scene.N_x, switches=scene.N_x + 2, quiet=1), []
+    model = core.model(scene, "linear", state.u_drv0)
+    calls = 0
+    while state.step < 60:
+        status = core.advance(model, state, short, 60 - state.step)
+        assert (status == core.Status.DONE) == (state.step == 60)
+        found.append(short.switches())
+        calls += 1
+    assert calls > 2
+    assert bits(state) == bits(whole)
+    for name, column in long.switches().items():
+        np.testing.assert_array_equal(np.concatenate([one[name] for one in found]), column)
+
+
+def test_budget_does_not_change_the_motion():
+    scene = small()
+    state = random_state(scene, "finite")
+    other = state.copy()
+    advance(scene, "finite", state, 50)
+    advance(scene, "finite", other, 50, budget=False)
+    np.testing.assert_array_equal(state.y, other.y)
+    assert not other.dissipated.any()
+
+
+# --- symmetries ----------------------------------------------------------------------------------
+
+
+def mirrored(state):
+    sign = np.array([-1.0, 1.0, -1.0, 1.0])[None, :, None]
+    new = state.copy()
+    new.y = np.ascontiguousarray(sign * state.y[:, :, ::-1])
+    new.rod = state.rod * np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
+    new.mode = np.ascontiguousarray(np.where(state.mode == OPEN, OPEN, -state.mode)[::-1])
+    new.mode = new.mode.astype(np.int32)
+    for name in ("corner", "slack", "loss", "heat"):
+        setattr(new, name, np.ascontiguousarray(getattr(state, name)[::-1]))
+    new.u_drv0 = -state.u_drv0
+    return new
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_mirror_image(kind, geometry):
+    """The mirrored scene gives the mirrored bits (0 and -0 are equal)."""
+    left, right = small(kind), small(kind, side="right")
+    state = random_state(left, geometry)
+    image = mirrored(state)
+    log = advance(left, geometry, state, 100)
+    log_image = advance(right, geometry, image, 100)
+    assert log.n_switch == log_image.n_switch > 10
+    back = mirrored(image)
+    for name in ("y", "rod", "mode", "corner", "slack", "loss", "heat", "work"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(state, name), err_msg=name)
+
+
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_doubling_load_and_speed_doubles_every_bit(kind):
+    F_N, V = (3500.0, 0.5) if kind == "rod" else (400.0, 0.3)
+    one, two = small(kind, F_N=F_N, V=V), small(kind, F_N=2 * F_N, V=2 * V)
+    state = random_state(one, "linear")
+    double = state.copy()
+    for name, factor in (("y", 2), ("rod", 2), ("slack", 2), ("u_drv0", 2)):
+        setattr(double, name, factor * getattr(state, name))
+    log, log_double = (advance(s, "linear", x, 100) for s, x in ((one, state), (two, double)))
+    assert log.n_switch > 10
+    for name, factor in (
+        ("y", 2), ("rod", 2), ("mode", 1), ("corner", 1), ("slack", 2), ("loss", 4),
+        ("dissipated", 4), ("heat", 4), ("work", 4),
+    ):  # fmt: skip
+        np.testing.assert_array_equal(getattr(double, name), factor * getattr(state, name))
+    for name, factor in (("step", 1), ("t", 1), ("u_x", 2), ("p", 2), ("corner", 1)):
+        np.testing.assert_array_equal(log_double.switches()[name], factor * log.switches()[name])
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_rigid_translation_has_no_force(geometry):
+    scene = dataclasses.replace(small("free"), driver=dataclasses.replace(small().driver, K=1e-30))
+    state = State.at_rest(scene, loaded_state(scene, geometry), 1e-7)
+    state.y[:] = 0.0
+    state.y[:, 0], state.y[:, 1] = 3 * scene.slider.l, 0.5 * scene.slider.l  # above the foundation
+    state.mode[:] = OPEN
+    forces = core.evaluate(core.model(scene, geometry, 0.0), state, 0.0)
+    np.testing.assert_array_equal(forces.a[:-1, 1], 0.0)
+    np.testing.assert_allclose(forces.a[:, 0], 0.0, atol=1e-25)
+    np.testing.assert_allclose(-forces.a[-1, 1] * scene.m, scene.load, rtol=1e-14)
+
+
+def test_rigid_rotation_has_no_force_in_finite_geometry():
+    scene = small("free")
+    state = State.at_rest(scene, loaded_state(scene, "finite"), 1e-7)
+    l, angle = scene.slider.l, 0.3
+    j, i = np.mgrid[: scene.N_z, : scene.N_x]
+    r = l * np.stack([i, j], axis=1)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    state.y[:] = 0.0
+    state.y[:, :2] = np.einsum("ab,jbi->jai", turn, r) - r + [[[0], [l]]]
+    state.mode[:] = OPEN
+    model = core.model(scene, "finite", state.y[scene.j_h, 0, scene.i_h])
+    forces = scene.m * core.evaluate(model, state, 0.0).a
+    forces[-1, 1] += scene.load
+    assert np.abs(forces).max() < 1e-13 * scene.slider.k * l
+
+
+# --- switching -----------------------------------------------------------------------------------
+
+
+def test_release_is_located_inside_the_step():
+    """A driver that pulls steadily releases blocks at times that hardly depend on the step."""
+    scene = small(V=0.5)
+    limit = stability_limit(scene)[0]
+    first = []
+    for share in (0.4, 0.2, 0.1, 0.05):
+        state = State.at_rest(scene, loaded_state(scene), share * limit)
+        log = advance(scene, "linear", state, round(1.5e-3 / state.dt))
+        made = log.switches()
+        start = np.flatnonzero(made["old"] == STUCK)[0]
+        assert made["t"][start] <= made["step"][start] * state.dt
+        assert made["t"][start] > (made["step"][start] - 1) * state.dt
+        first.append(made["t"][start])
+    errors = np.abs(np.array(first[:-1]) - first[-1]) / limit
+    assert (errors < 0.01).all()
+
+
+def test_a_block_slips_back():
+    """tau is antisymmetric at the start: where it helps the driver, a block can slip backwards."""
+    scene = small(V=0.1)
+    state = State.at_rest(scene, loaded_state(scene), 0.5e-6)
+    made = advance(scene, "linear", state, 20_000).switches()
+    assert {1, -1} <= set(made["new"].tolist())
+
+
+def test_open_blocks_feel_no_friction():
+    scene = small()
+    state = random_state(scene, "linear")
+    state.mode[:] = OPEN
+    state.y[0, 1] = 1e-6
+    forces = core.evaluate(core.model(scene, "linear", 0.0), state, 0.0)
+    assert not forces.f.any()
+    assert not forces.p.any()
+    assert not forces.heat.any()
+
+
+def test_evaluation_leaves_the_state_alone():
+    scene = small()
+    state = random_state(scene, "finite")
+    before = bits(state)
+    core.evaluate(core.model(scene, "finite", state.u_drv0), state, 0.1)
+    core.energies(core.model(scene, "finite", state.u_drv0), state, 0.1)
+    assert bits(state) == before
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("y", np.zeros((6, 4, 8))),
+        ("y", np.zeros((6, 4, 9), dtype=np.float32)),
+        ("y", np.zeros((9, 4, 6)).T),
+        ("mode", np.zeros(9, dtype=np.int64)),
+        ("rod", np.zeros(3)),
+        ("work", [0.0, 0.0]),
+        ("dt", 0.0),
+        ("dt", float("nan")),
+        ("t0", float("inf")),
+        ("step", -1),
+    ],
+)
+def test_nothing_wrong_reaches_the_core(name, value):
+    scene = small()
+    state = random_state(scene, "linear")
+    model = core.model(scene, "linear", 0.0)
+    setattr(state, name, value)
+    with pytest.raises(StateError, match=name):
+        core.advance(model, state, core.Log(scene.N_x), 1)
+
+
+def test_wrong_calls_are_refused():
+    scene = small()
+    state = random_state(scene, "linear")
+    model = core.model(scene, "linear", 0.0)
+    with pytest.raises(ValueError, match="n_steps"):
+        core.advance(model, state, core.Log(scene.N_x), -1)
+    with pytest.raises(ValueError, match="threads"):
+        core.advance(model, state, core.Log(scene.N_x), 1, threads=0)
+    with pytest.raises(ValueError, match="log"):
+        core.advance(model, state, core.Log(3), 1)
+    with pytest.raises(ValueError, match="geometry"):
+        core.model(scene, "cubic", 0.0)
+    with pytest.raises(ValueError, match="not finite"):
+        core.model(scene, "linear", float("nan"))
+
+
+def test_status_codes_are_those_of_the_core():
+    """The list in Fortran and the one in Python are the same."""
+    from pathlib import Path
+
+    source = Path(__file__).parents[1] / "fortran" / "status.f90"
+    lines = [s for s in source.read_text().splitlines() if "parameter ::" in s]
+    codes = {s.split("::")[1].split("=")[0].strip(): int(s.split("=")[1].split()[0]) for s in lines}
+    assert codes == {one.name: one.value for one in core.Status}
+    assert all(one.message for one in core.Status)
+
+
+# --- builds --------------------------------------------------------------------------------------
+
+
+def run_python(code, **environment):
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_variant_is_chosen_by_the_environment():
+    known = core.variants()
+    name = [n for n, runs in known.items() if runs][-1]
+    done = run_python("from pyfric import core; print(core.VARIANT)", PYFRIC_VARIANT=name)
+    assert done.stdout.strip() == name, done.stderr
+    done = run_python("from pyfric import core", PYFRIC_VARIANT="v9")
+    assert done.returncode != 0
+    assert "PYFRIC_VARIANT = 'v9': not installed" in done.stderr
+
+
+def test_contraction_is_off():
+    """Fused multiply-add would change bits between instruction sets."""
+    info = core.build_info()
+    assert "-ffp-contract=off" in info["flags"]
+    assert not any(flag in info["flags"] for flag in ("-ffast-math", "-Ofast", "-march=native"))
+
+
+def test_small_lattices_use_one_thread():
+    assert core.useful_threads(57 * 31) == 1
+    assert core.useful_threads(57 * 31, threads=8) == 1
+    assert core.useful_threads(10 * core.BLOCKS_PER_THREAD, threads=1) == 1
+    if core.build_info()["openmp"]:
+        assert core.useful_threads(10 * core.BLOCKS_PER_THREAD, threads=4) == 4

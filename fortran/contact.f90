@@ -2,13 +2,12 @@
 module pyfric_contact
   use pyfric_kinds, only: dp, ip
   use pyfric_model, only: model_t, UX, UZ, VX
-  use pyfric_lattice, only: bond_row, gather
   use pyfric_boundaries, only: foundation, driver_force
   use pyfric_friction, only: stop_reversed, next_mode, STUCK
-  use pyfric_rows, only: row_t
+  use pyfric_rows, only: row_t, bond_forces
   implicit none
   private
-  public :: contact_t, log_t, switch_contacts, interface_forces
+  public :: contact_t, log_t, switch_contacts
 
   !> What the contact adds to the state.
   type :: contact_t
@@ -30,19 +29,6 @@ module pyfric_contact
 
 contains
 
-  !> Horizontal force on the bottom blocks other than friction (w%fx).
-  pure subroutine interface_forces(s, q, up, w)
-    type(model_t), intent(in) :: s
-    real(dp), intent(in) :: q(s%nx, 4)   !! bottom row
-    real(dp), intent(in) :: up(s%nx, 4)  !! second row
-    type(row_t), intent(inout) :: w      !! w%fx on return
-    real(dp) :: carry(s%nx, 2)
-
-    carry = 0.0_dp
-    call bond_row(s, .true., q, up, w%b)
-    call gather(s%nx, w%b, carry(1, 1), carry(1, 2), w%fx, w%fz)
-  end subroutine interface_forces
-
   !> New contact states at the end of step number `step`, at time t. Releases are timed inside the step, where
   !> the slack mu_s p - |f| crosses zero on a straight line; the state itself switches at the step's end.
   subroutine switch_contacts(s, step, t, dt, y, contact, log, w)
@@ -55,13 +41,14 @@ contains
     type(log_t), intent(inout) :: log
     type(row_t), intent(inout) :: w
     integer(ip) :: old
-    real(dp) :: slack, t_switch
+    real(dp) :: carry(s%nx, 2), slack, t_switch
     logical :: was_active, active
     integer :: i
 
     call foundation(s, y(:, UZ, 1), w%p)
     call stop_reversed(s%m, w%p, contact%mode, y(:, VX, 1), contact%loss)
-    call interface_forces(s, y(:, :, 1), y(:, :, 2), w)
+    carry = 0.0_dp
+    call bond_forces(s, .true., y(:, :, 1), y(:, :, 2), carry, w)
     was_active = any(abs(contact%mode) == 1 .and. contact%corner == 0)
     do i = 1, s%nx
       old = contact%mode(i)

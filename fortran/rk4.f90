@@ -15,11 +15,11 @@ module pyfric_rk4
 
   real(dp), parameter :: NODE(4) = [0.0_dp, 0.5_dp, 0.5_dp, 1.0_dp]    !! c_s
   real(dp), parameter :: WEIGHT(4) = [1.0_dp, 2.0_dp, 2.0_dp, 1.0_dp]  !! 6 b_s
+  integer, parameter :: RING = 4  !! rows of a stage that are kept: row j is last needed by stage 4 of row j
 
   !> Work space of one thread.
   type :: rk4_t
-    real(dp), allocatable :: q(:, :, :, :)   !! two rows of stages 2..4 (N_x, 4, 0:1, 2:4)
-    real(dp), allocatable :: sum(:, :, :)    !! weighted sums of four rows in flight (N_x, 4, 0:3)
+    real(dp), allocatable :: q(:, :, :, :)   !! rows of stages 2..4 (N_x, 4, 0:RING-1, 2:4)
     real(dp), allocatable :: carry(:, :, :)  !! (N_x, 2, 4)
     type(row_t) :: row
   end type rk4_t
@@ -30,7 +30,7 @@ contains
     integer, intent(in) :: nx  !! blocks along the interface
     type(rk4_t) :: w
 
-    allocate (w%q(nx, 4, 0:1, 2:4), w%sum(nx, 4, 0:3), w%carry(nx, 2, 4))
+    allocate (w%q(nx, 4, 0:RING - 1, 2:4), w%carry(nx, 2, 4))
     w%q = 0.0_dp
     w%row = new_row(nx)
   end function new_rk4
@@ -64,7 +64,7 @@ contains
         if (stage == 1) then
           call one_row(y(:, :, j), y(:, :, min(j + 1, s%nz)))
         else
-          call one_row(w%q(:, :, mod(j, 2), stage), w%q(:, :, mod(j + 1, 2), stage))
+          call one_row(w%q(:, :, mod(j, RING), stage), w%q(:, :, mod(j + 1, RING), stage))
         end if
       end do
     end do
@@ -86,16 +86,13 @@ contains
       if (j == s%nz .and. s%rigid) then
         call rod_row()
       else
-        c = 1.0_dp/s%m
-        select case (stage)
-        case (1)
-          call begin(s%nx, 0.5_dp*dt, c, q, w%row%fx, w%row%fz, w%sum(1, 1, mod(j, 4)), w%q(1, 1, mod(j, 2), 2))
-        case (2, 3)
-          call go_on(s%nx, NODE(stage + 1)*dt, c, y(1, 1, j), q, w%row%fx, w%row%fz, &
-                     w%sum(1, 1, mod(j, 4)), w%q(1, 1, mod(j, 2), stage + 1))
-        case (4)
-          call finish(s%nx, dt/6.0_dp, c, y(1, 1, j), q, w%row%fx, w%row%fz, w%sum(1, 1, mod(j, 4)), y_new(1, 1, j))
-        end select
+        if (stage < 4) then
+          call to_stage(s%nx, NODE(stage + 1)*dt, s%m, y(1, 1, j), q(1, VX), w%row%fx, w%row%fz, &
+                        w%q(1, 1, mod(j, RING), stage + 1))
+        else
+          call to_end(s%nx, dt, s%m, y(1, 1, j), w%q(1, VX, mod(j, RING), 2), w%q(1, VX, mod(j, RING), 3), q(1, VX), &
+                      w%row%fx, w%row%fz, y_new(1, 1, j))
+        end if
       end if
     end subroutine one_row
 
@@ -109,7 +106,7 @@ contains
       rod_sum = rod_sum + WEIGHT(stage)*rate
       if (stage < 4) then
         rod_stage(:, stage + 1) = rod + NODE(stage + 1)*dt*rate
-        call rod_to_row(s, rod_stage(:, stage + 1), w%q(:, :, mod(j, 2), stage + 1))
+        call rod_to_row(s, rod_stage(:, stage + 1), w%q(:, :, mod(j, RING), stage + 1))
       else
         rod_new = rod + dt/6.0_dp*rod_sum
         call rod_to_row(s, rod_new, y_new(:, :, j))
@@ -117,73 +114,56 @@ contains
     end subroutine rod_row
   end subroutine rk4_step
 
-  !> After stage 1: the weighted sum begins with k_1, and y_2 = y + c k_1.
-  pure subroutine begin(n, c, inv_m, y, fx, fz, total, q)
+  !> The next stage: u + c v_s, v + c F_s/m.
+  pure subroutine to_stage(n, c, m, y, v, fx, fz, q)
     integer, intent(in) :: n
-    real(dp), intent(in) :: c           !! time to the next stage [s]
-    real(dp), intent(in) :: inv_m       !! 1/m [1/kg]
-    real(dp), intent(in) :: y(n, 4)     !! state
-    real(dp), intent(in) :: fx(n)       !! force [N]
-    real(dp), intent(in) :: fz(n)       !! force [N]
-    real(dp), intent(out) :: total(n, 4)
-    real(dp), intent(out) :: q(n, 4)    !! next stage
+    real(dp), intent(in) :: c        !! time to the next stage [s]
+    real(dp), intent(in) :: m        !! block mass [kg]
+    real(dp), intent(in) :: y(n, 4)  !! state at the start of the step
+    real(dp), intent(in) :: v(n, 2)  !! velocities of this stage [m/s]
+    real(dp), intent(in) :: fx(n)    !! force [N]
+    real(dp), intent(in) :: fz(n)    !! force [N]
+    real(dp), intent(out) :: q(n, 4) !! next stage
+    real(dp) :: c_m
     integer :: i
 
+    c_m = c/m
+    !$omp simd
     do i = 1, n
-      total(i, UX) = y(i, VX)
-      total(i, UZ) = y(i, VZ)
-      total(i, VX) = fx(i)*inv_m
-      total(i, VZ) = fz(i)*inv_m
-      q(i, UX) = y(i, UX) + c*y(i, VX)
-      q(i, UZ) = y(i, UZ) + c*y(i, VZ)
-      q(i, VX) = y(i, VX) + c*(fx(i)*inv_m)
-      q(i, VZ) = y(i, VZ) + c*(fz(i)*inv_m)
+      q(i, UX) = y(i, UX) + c*v(i, 1)
+      q(i, UZ) = y(i, UZ) + c*v(i, 2)
+      q(i, VX) = y(i, VX) + c_m*fx(i)
+      q(i, VZ) = y(i, VZ) + c_m*fz(i)
     end do
-  end subroutine begin
+  end subroutine to_stage
 
-  !> After stages 2 and 3: sum + 2 k_s, and y_(s+1) = y + c k_s.
-  pure subroutine go_on(n, c, inv_m, y, qs, fx, fz, total, q)
+  !> The end of the step: u + dt/6 (v_1 + 2 v_2 + 2 v_3 + v_4), v + dt/6 (F_1 + 2 F_2 + 2 F_3 + F_4)/m. The first three
+  !> forces are taken from the velocities they led to: dt F_1/m = 2 (v_2 - v), dt F_2/m = 2 (v_3 - v), dt F_3/m = v_4 - v.
+  pure subroutine to_end(n, dt, m, y, v2, v3, v4, fx, fz, y_new)
     integer, intent(in) :: n
-    real(dp), intent(in) :: c           !! time to the next stage [s]
-    real(dp), intent(in) :: inv_m       !! 1/m [1/kg]
-    real(dp), intent(in) :: y(n, 4)     !! state at the start of the step
-    real(dp), intent(in) :: qs(n, 4)    !! this stage
-    real(dp), intent(in) :: fx(n)       !! force [N]
-    real(dp), intent(in) :: fz(n)       !! force [N]
-    real(dp), intent(inout) :: total(n, 4)
-    real(dp), intent(out) :: q(n, 4)    !! next stage
+    real(dp), intent(in) :: dt            !! step [s]
+    real(dp), intent(in) :: m             !! block mass [kg]
+    real(dp), intent(in) :: y(n, 4)       !! state at the start of the step
+    real(dp), intent(in) :: v2(n, 2)      !! velocities of stage 2 [m/s]
+    real(dp), intent(in) :: v3(n, 2)      !! velocities of stage 3 [m/s]
+    real(dp), intent(in) :: v4(n, 2)      !! velocities of stage 4 [m/s]
+    real(dp), intent(in) :: fx(n)         !! force of stage 4 [N]
+    real(dp), intent(in) :: fz(n)         !! force of stage 4 [N]
+    real(dp), intent(out) :: y_new(n, 4)  !! state at the end of the step
+    real(dp) :: c, c_m, third
     integer :: i
 
+    c = dt/6.0_dp
+    c_m = c/m
+    third = 1.0_dp/3.0_dp
+    !$omp simd
     do i = 1, n
-      total(i, UX) = total(i, UX) + 2.0_dp*qs(i, VX)
-      total(i, UZ) = total(i, UZ) + 2.0_dp*qs(i, VZ)
-      total(i, VX) = total(i, VX) + 2.0_dp*(fx(i)*inv_m)
-      total(i, VZ) = total(i, VZ) + 2.0_dp*(fz(i)*inv_m)
-      q(i, UX) = y(i, UX) + c*qs(i, VX)
-      q(i, UZ) = y(i, UZ) + c*qs(i, VZ)
-      q(i, VX) = y(i, VX) + c*(fx(i)*inv_m)
-      q(i, VZ) = y(i, VZ) + c*(fz(i)*inv_m)
+      y_new(i, UX) = y(i, UX) + c*((y(i, VX) + v4(i, 1)) + 2.0_dp*(v2(i, 1) + v3(i, 1)))
+      y_new(i, UZ) = y(i, UZ) + c*((y(i, VZ) + v4(i, 2)) + 2.0_dp*(v2(i, 2) + v3(i, 2)))
+      y_new(i, VX) = y(i, VX) + (third*(((v2(i, 1) - y(i, VX)) + 2.0_dp*(v3(i, 1) - y(i, VX))) + (v4(i, 1) - y(i, VX))) &
+                                 + c_m*fx(i))
+      y_new(i, VZ) = y(i, VZ) + (third*(((v2(i, 2) - y(i, VZ)) + 2.0_dp*(v3(i, 2) - y(i, VZ))) + (v4(i, 2) - y(i, VZ))) &
+                                 + c_m*fz(i))
     end do
-  end subroutine go_on
-
-  !> After stage 4: y_new = y + dt/6 (k_1 + 2 k_2 + 2 k_3 + k_4).
-  pure subroutine finish(n, c, inv_m, y, qs, fx, fz, total, y_new)
-    integer, intent(in) :: n
-    real(dp), intent(in) :: c           !! dt/6 [s]
-    real(dp), intent(in) :: inv_m       !! 1/m [1/kg]
-    real(dp), intent(in) :: y(n, 4)     !! state at the start of the step
-    real(dp), intent(in) :: qs(n, 4)    !! stage 4
-    real(dp), intent(in) :: fx(n)       !! force [N]
-    real(dp), intent(in) :: fz(n)       !! force [N]
-    real(dp), intent(in) :: total(n, 4)
-    real(dp), intent(out) :: y_new(n, 4)
-    integer :: i
-
-    do i = 1, n
-      y_new(i, UX) = y(i, UX) + c*(total(i, UX) + qs(i, VX))
-      y_new(i, UZ) = y(i, UZ) + c*(total(i, UZ) + qs(i, VZ))
-      y_new(i, VX) = y(i, VX) + c*(total(i, VX) + fx(i)*inv_m)
-      y_new(i, VZ) = y(i, VZ) + c*(total(i, VZ) + fz(i)*inv_m)
-    end do
-  end subroutine finish
+  end subroutine to_end
 end module pyfric_rk4

@@ -2,12 +2,12 @@
 module pyfric_rows
   use pyfric_kinds, only: dp, ip
   use pyfric_model, only: model_t, UX, UZ, VX, VZ
-  use pyfric_lattice, only: bond_row, gather, bond_power, N_BOND
+  use pyfric_lattice, only: elastic_row, viscous_row, bond_power, N_BOND
   use pyfric_boundaries, only: foundation, driver_force, mirror_sum
   use pyfric_friction, only: friction_force
   implicit none
   private
-  public :: row_t, new_row, row_forces, row_powers, budget_t
+  public :: row_t, new_row, bond_forces, row_forces, row_powers, budget_t
 
   !> Work space of one row: bonds, forces, and at the bottom the contact.
   type :: row_t
@@ -39,6 +39,20 @@ contains
     w%f_t = 0.0_dp
   end function new_row
 
+  !> Forces of all springs and dashpots on a row; carry comes from below and leaves for the row above.
+  pure subroutine bond_forces(s, has_up, q, up, carry, w)
+    type(model_t), intent(in) :: s
+    logical, intent(in) :: has_up             !! there is a row above
+    real(dp), intent(in) :: q(s%nx, 4)        !! the row
+    real(dp), intent(in) :: up(s%nx, 4)       !! the row above
+    real(dp), intent(inout) :: carry(s%nx, 2) !! forces on the row from below, then on the row above [N]
+    type(row_t), intent(inout) :: w           !! w%fx and w%fz on return
+
+    call elastic_row(s, has_up, q, up, w%b, carry, w%fx, w%fz)
+    call viscous_row(s%nx, s%eta, has_up, q(1, VX), up(1, VX), carry(1, 1), w%fx)
+    call viscous_row(s%nx, s%eta, has_up, q(1, VZ), up(1, VZ), carry(1, 2), w%fz)
+  end subroutine bond_forces
+
   !> Forces on row j, friction included, at frozen contact states; the carry of the bonds moves up one row.
   pure subroutine row_forces(s, j, t, q, up, mode, carry, w)
     type(model_t), intent(in) :: s
@@ -47,11 +61,10 @@ contains
     real(dp), intent(in) :: q(s%nx, 4)        !! the row
     real(dp), intent(in) :: up(s%nx, 4)       !! the row above, not used at the top
     integer(ip), intent(in) :: mode(s%nx)     !! contact states
-    real(dp), intent(inout) :: carry(s%nx, 2) !! bond forces shared with the row below [N]
+    real(dp), intent(inout) :: carry(s%nx, 2) !! bond forces from below, then on the row above [N]
     type(row_t), intent(inout) :: w
 
-    call bond_row(s, j < s%nz, q, up, w%b)
-    call gather(s%nx, w%b, carry(1, 1), carry(1, 2), w%fx, w%fz)
+    call bond_forces(s, j < s%nz, q, up, carry, w)
     if (j == s%j_h) then
       w%f_t = driver_force(s, t, q(s%i_h, UX))
       w%fx(s%i_h) = w%fx(s%i_h) + s%d*w%f_t

@@ -201,10 +201,11 @@ contains
   !> 1 - (1 + s)^(-1/2) by its Taylor series: coefficients (-1)^n (2n+1)!!/(2n+2)!!.
   elemental function series(s) result(e)
     real(dp), intent(in) :: s  !! (r/l0)^2 - 1
-    real(dp) :: e
+    real(dp) :: e, s2
 
-    e = s*(0.5_dp + s*(-0.375_dp + s*(0.3125_dp + s*(-0.2734375_dp + s*(0.24609375_dp &
-        + s*(-0.2255859375_dp + s*(0.20947265625_dp - s*0.196380615234375_dp)))))))
+    s2 = s*s
+    e = s*((0.5_dp - s*0.375_dp) + s2*((0.3125_dp - s*0.2734375_dp) + s2*((0.24609375_dp - s*0.2255859375_dp) &
+                                                                    + s2*(0.20947265625_dp - s*0.196380615234375_dp))))
   end function series
 
   !> All bonds that start in a row in closed form, for strains beyond the series.

@@ -1,4 +1,80 @@
 """The onset of frictional sliding in a 2D spring-block model.
 
+    import pyfric
+
+    record = pyfric.simulate(pyfric.preset("fig1"), t_end=0.9)
+    record.events                          # the event catalogue
+    pyfric.figures.fig1b(record, "fig1b")  # loading curve and slipping regions
+
 Source: J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011).
 """
+
+import importlib
+from types import ModuleType
+
+from pyfric.catalogue import build_catalogue, front_speed
+from pyfric.dynamic import Progress, RunError, simulate, step_size
+from pyfric.equilibrium import (
+    Equilibrium,
+    EquilibriumError,
+    StaticSolver,
+    loaded_state,
+    solve_static,
+)
+from pyfric.operators import stability_limit
+from pyfric.record import Method, Record, RecordError
+from pyfric.scene import (
+    PRESETS,
+    DistributedLoad,
+    Driver,
+    Interface,
+    Rod,
+    Scene,
+    Slider,
+    preset,
+    setup1,
+    setup2,
+)
+from pyfric.state import State, StateError
+from pyfric.units import SceneError
+from pyfric.version import __version__
+
+__all__ = [
+    "PRESETS",
+    "DistributedLoad",
+    "Driver",
+    "Equilibrium",
+    "EquilibriumError",
+    "Interface",
+    "Method",
+    "Progress",
+    "Record",
+    "RecordError",
+    "Rod",
+    "RunError",
+    "Scene",
+    "SceneError",
+    "Slider",
+    "State",
+    "StateError",
+    "StaticSolver",
+    "__version__",
+    "build_catalogue",
+    "figures",
+    "front_speed",
+    "loaded_state",
+    "preset",
+    "setup1",
+    "setup2",
+    "simulate",
+    "solve_static",
+    "stability_limit",
+    "step_size",
+]
+
+
+def __getattr__(name: str) -> ModuleType:
+    """Import `pyfric.figures` when it is first used: Matplotlib takes its time."""
+    if name == "figures":
+        return importlib.import_module("pyfric.figures")
+    raise AttributeError(f"module 'pyfric' has no attribute {name!r}")

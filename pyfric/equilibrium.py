@@ -337,7 +337,7 @@ class StaticSolver:
         unknown, driven = self._unknown(contact), drive is not None
         factor, renewed = self._factor(contact, driven), False
         best, least, previous = q, np.inf, np.inf
-        for step in range(MAX_NEWTON + 1):
+        for step in range(MAX_NEWTON + 1):  # noqa: B007 (returned after the loop)
             with np.errstate(all="ignore"):
                 force = self._forces(q, contact, drive)[0][unknown]
                 residual = float(np.max(np.abs(force / self._arm[unknown])))

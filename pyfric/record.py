@@ -14,8 +14,8 @@ variable with its unit and meaning. Attributes of the file:
 
 Variables of the loading curve carry their plain names on the dimension ``t``; those of the event
 and episode tables and of the two logs begin with ``event_``, ``episode_``, ``quiet_`` and
-``switch_``. Stresses are on (``event``, ``x``), x from the centre of the slider. Numbers are stored as they are in memory, so
-that a loaded record equals the saved one bit for bit.
+``switch_``. Stresses are on (``event``, ``x``), x from the centre of the slider. Numbers are stored
+as they are in memory, so that a loaded record equals the saved one bit for bit.
 """
 
 from __future__ import annotations

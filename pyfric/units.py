@@ -237,13 +237,13 @@ def _factor(name: str, unit: str) -> Fraction | str:
     try:
         given, wanted = registry.parse_units(spelled(name)), registry.parse_units(spelled(unit))
         same = given.dimensionality == wanted.dimensionality
-    except Exception:  # noqa: BLE001 (pint raises many types for a unit it cannot read)
+    except Exception:  # pint raises many types for a unit it cannot read
         return f"unknown unit {show(name)}"
     if not same:
         return f"wrong unit: {show(name)} does not convert to {unit}"
     try:
         factor = Fraction(registry.convert(Fraction(1), given, wanted))
-    except Exception:  # noqa: BLE001 (offset and logarithmic units in a product)
+    except Exception:  # offset and logarithmic units in a product
         return f"unit {show(name)} does not convert to {unit} by a factor"
     return factor if factor > 0 else f"unit {show(name)} has no positive factor"
 

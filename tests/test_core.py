@@ -142,7 +142,8 @@ def test_runs_make_the_switches_of_the_twin(scene, geometry, n, growth):
         scene, geometry, start.y, start.rod, start.mode, start.u_drv0, start.dt, steps=n
     )
     made = log.switches()
-    rows = list(zip(*(made[name].tolist() for name in ("step", "block", "old", "new")), strict=True))
+    columns = (made[name].tolist() for name in ("step", "block", "old", "new"))
+    rows = list(zip(*columns, strict=True))
     assert rows == there.switches
     assert rows or n < 150
     np.testing.assert_array_equal(state.mode, there.mode)

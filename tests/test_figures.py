@@ -44,10 +44,7 @@ def made_up_record(side="left", lengths=LADDER, opened=()):
 
     for n in lengths:
         drop = F_N * (0.006 + 0.1 * (n / 57) ** 4)
-        if n == 57:
-            ceiling = 0.47 * F_N
-        else:
-            ceiling = F_N * 0.46 * (n / 57) ** 0.75
+        ceiling = 0.47 * F_N if n == 57 else F_N * 0.46 * (n / 57) ** 0.75
         while force < ceiling:
             now, force = now + dt, force + rate * dt
             t.append(now)

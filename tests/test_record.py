@@ -276,7 +276,7 @@ def test_file_without_a_part_is_refused(tmp_path):
     path = make_record().save(tmp_path / "run.nc")
     with h5netcdf.File(path, "a") as file:
         del file.attrs["method"]
-    with pytest.raises(RecordError, match="damaged.*method"):
+    with pytest.raises(RecordError, match=r"damaged.*method"):
         Record.load(path)
 
 
@@ -284,7 +284,7 @@ def test_newer_schema_is_refused(tmp_path):
     path = make_record().save(tmp_path / "run.nc")
     with h5netcdf.File(path, "a") as file:
         file.attrs["pyfric_schema"] = 99
-    with pytest.raises(RecordError, match="schema 99.*up to 1.*newer pyfric"):
+    with pytest.raises(RecordError, match=r"schema 99.*up to 1.*newer pyfric"):
         Record.load(path)
 
 

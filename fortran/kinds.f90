@@ -1,7 +1,7 @@
 !> Number kinds shared by the core: C doubles and C integers, as NumPy holds them.
 module pyfric_kinds
   use, intrinsic :: iso_c_binding, only: c_double, c_int
-  implicit none
+  implicit none (type, external)
   private
   public :: dp, ip
 

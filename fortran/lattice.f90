@@ -7,7 +7,7 @@
 module pyfric_lattice
   use pyfric_kinds, only: dp
   use pyfric_model, only: model_t, UX, UZ, VX, VZ
-  implicit none
+  implicit none (type, external)
   private
   public :: elastic_row, viscous_row, bond_power, bond_energy
   public :: N_BOND

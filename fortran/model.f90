@@ -1,7 +1,7 @@
 !> What never changes during a run: lattice, boundaries, friction coefficients.
 module pyfric_model
   use pyfric_kinds, only: dp, ip
-  implicit none
+  implicit none (type, external)
   private
   public :: model_t, new_model, N_CONSTANTS, UX, UZ, VX, VZ
 

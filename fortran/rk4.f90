@@ -9,7 +9,7 @@ module pyfric_rk4
   use pyfric_model, only: model_t, UX, UZ, VX, VZ
   use pyfric_boundaries, only: rod_acceleration, rod_to_row
   use pyfric_rows, only: row_t, new_row, row_forces, row_powers, budget_t
-  implicit none
+  implicit none (type, external)
   private
   public :: rk4_t, new_rk4, rk4_step
 

@@ -5,7 +5,7 @@ module pyfric_rows
   use pyfric_lattice, only: elastic_row, viscous_row, bond_power, N_BOND
   use pyfric_boundaries, only: foundation, driver_force, mirror_sum
   use pyfric_friction, only: friction_force
-  implicit none
+  implicit none (type, external)
   private
   public :: row_t, new_row, bond_forces, row_forces, row_powers, budget_t
 

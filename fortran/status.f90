@@ -1,7 +1,7 @@
 !> Codes that leave the core. The same list, with its messages, is pyfric.core.Status.
 module pyfric_status
   use pyfric_kinds, only: ip
-  implicit none
+  implicit none (type, external)
   private
   public :: DONE, LOG_FULL
 

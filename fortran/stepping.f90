@@ -7,7 +7,7 @@ module pyfric_stepping
   use pyfric_contact, only: contact_t, log_t, switch_contacts
   use pyfric_status, only: DONE, LOG_FULL
 !$ use omp_lib, only: omp_get_thread_num, omp_get_num_threads
-  implicit none
+  implicit none (type, external)
   private
   public :: advance_rk4
 

@@ -17,7 +17,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -201,7 +200,12 @@ class _Run:
     """A run under way: the state, and what has been logged so far."""
 
     def __init__(
-        self, scene: Scene, method: Method, solver: StaticSolver, state: State, before: Record | None
+        self,
+        scene: Scene,
+        method: Method,
+        solver: StaticSolver,
+        state: State,
+        before: Record | None,
     ) -> None:
         self.scene, self.method, self.solver, self.state = scene, method, solver, state
         self.model = core.model(scene, method.geometry, state.u_drv0)
@@ -411,7 +415,8 @@ def _bar(
         return
     from tqdm import tqdm
 
-    layout = "{desc}: {percentage:3.0f}%|{bar}| {n:.4f}/{total:.4f} s [{elapsed}<{remaining}{postfix}]"
+    times = "{n:.4f}/{total:.4f} s [{elapsed}<{remaining}{postfix}]"
+    layout = "{desc}: {percentage:3.0f}%|{bar}| " + times
     with tqdm(
         total=t_end, initial=t_begin, desc=scene.name or "run", bar_format=layout, file=sys.stderr
     ) as bar:

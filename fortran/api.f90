@@ -114,7 +114,7 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
   carry = 0
   a_rod = 0
   do j = 1, s%nz
-    call row_forces(s, j, t, y(:, :, j), y(:, :, min(j + 1, s%nz)), mode, carry, w)
+    call row_forces(s, j, t, y(:, :, max(j - 1, 1)), y(:, :, j), y(:, :, min(j + 1, s%nz)), mode, carry, w)
     call row_powers(s, j, 1.0_c_double, y(:, :, j), y(:, :, min(j + 1, s%nz)), rod(5), w, power)
     a(:, 1, j) = w%fx/s%m
     a(:, 2, j) = w%fz/s%m

@@ -48,7 +48,7 @@ contains
     call foundation(s, y(:, UZ, 1), w%p)
     call stop_reversed(s%m, w%p, contact%mode, y(:, VX, 1), contact%loss)
     carry = 0.0_dp
-    call bond_forces(s, .true., y(:, :, 1), y(:, :, 2), carry, w)
+    call bond_forces(s, 1, w%none, y(:, :, 1), y(:, :, min(2, s%nz)), carry, w)
     was_active = any(abs(contact%mode) == 1 .and. contact%corner == 0)
     do i = 1, s%nx
       old = contact%mode(i)

@@ -1,212 +1,218 @@
 !> Forces of the springs and dashpots of the lattice, row by row.
 !>
-!> A row q(N_x, 4) holds u_x, u_z, v_x, v_z. The bonds of a row are those within it and those to the row above, up;
-!> the latter also pull at that row, which is what carry takes along to it. Between two rows a block has three bonds:
-!> vertical, and two diagonals with stiffness k/2. Sums pair left with right neighbours, so that a mirrored lattice
-!> gives the mirrored bits; a translation gives no force, to the last bit.
+!> A row q(N_x, 4) holds u_x, u_z, v_x, v_z. In linear geometry, and for the dashpots, a block gathers what its eight
+!> neighbours do to it. In finite geometry each bond is evaluated once, in the row where it starts, and what it does to
+!> the row above is carried along to it. Sums pair left with right neighbours, so that a mirrored lattice gives the
+!> mirrored bits, and a translation gives no force, to the last bit.
 module pyfric_lattice
   use pyfric_kinds, only: dp
   use pyfric_model, only: model_t, UX, UZ, VX, VZ
   implicit none (type, external)
   private
-  public :: elastic_row, viscous_row, bond_power, bond_energy
+  public :: elastic_linear, elastic_finite, viscous, bond_power, bond_energy
   public :: N_BOND
 
   !> Columns of the bond buffer b(0:N_x, N_BOND) of finite geometry: force on the first block of each bond [N].
   !> Horizontal h(i): (i) - (i+1), vertical w(i): (i) - (i), diagonals d1(i): (i) - (i+1) and d2(i): (i+1) - (i).
   integer, parameter :: HX = 1, HZ = 2, D1X = 3, D1Z = 4, D2X = 5, D2Z = 6, WX = 7, WZ = 8, N_BOND = 8
 
-  !> Up to this s = (r/l)^2 - 1 the series of 1 - l/r is exact to machine precision.
+  !> Up to this |s|, s = (r/l0)^2 - 1, the series of 1 - l0/r is exact to machine precision.
   real(dp), parameter :: S_SERIES = 2.0_dp**(-7)
 
 contains
 
-  !> Forces of the springs on a row; carry holds those from below, and on return those on the row above.
-  pure subroutine elastic_row(s, has_up, lo, up, b, carry, fx, fz)
-    type(model_t), intent(in) :: s
-    logical, intent(in) :: has_up                   !! there is a row above; else up is not read
-    real(dp), intent(in) :: lo(s%nx, 4)             !! the row [m, m/s]
-    real(dp), intent(in) :: up(s%nx, 4)             !! the row above [m, m/s]
-    real(dp), intent(inout) :: b(0:s%nx, N_BOND)    !! work space; b(0, :) and b(N_x, :D2Z) are zero
-    real(dp), intent(inout) :: carry(s%nx, 2)       !! forces on the row from below; then on the row above [N]
-    real(dp), intent(out) :: fx(s%nx)               !! force on the row [N]
-    real(dp), intent(out) :: fz(s%nx)               !! force on the row [N]
-
-    if (s%finite) then
-      call bonds_finite(s%nx, s%k, s%l, has_up, lo, up, b)
-      call gather(s%nx, b(0, HX), b(0, D1X), b(0, D2X), b(0, WX), carry(1, 1), fx)
-      call gather(s%nx, b(0, HZ), b(0, D1Z), b(0, D2Z), b(0, WZ), carry(1, 2), fz)
-    else if (has_up) then
-      call elastic_linear(s%nx, s%k, lo, up, carry, fx, fz)
-    else
-      call elastic_linear_top(s%nx, s%k, lo, carry, fx, fz)
-    end if
-  end subroutine elastic_row
-
   !> Linear geometry: F = k n (n.du) with n = (1, 0), (0, 1), and (k/2) n (n.du) with n = (1, 1)/sqrt(2), (-1, 1)/sqrt(2).
   !>
-  !> With a = up - lo and, along a row, second differences L and central differences C: k L_x within the row, k a_z
-  !> upward, and (k/4)(2 a_x + L_x + C_z), (k/4)(2 a_z + L_z + C_x) of the row above from the diagonals; so a_z has
-  !> (k/4) 6 a_z in all. (In the code, a_x and a_z hold 2 a.)
-  pure subroutine elastic_linear(n, k, lo, up, carry, fx, fz)
+  !> All eight bonds of a block, with c its own displacement and up, dn, E, W those around it:
+  !> F_x = (k/4)(4 (E + W)_x + sum of diagonal u_x + (NE - NW - SE + SW)_z - 12 c_x), F_z likewise with N + S for E + W.
+  !> Rows that do not exist are passed as zero: `rows` (0 to 2) of them exist, and edge is +1 (above only), -1 (below
+  !> only) or 0.
+  pure subroutine elastic_linear(n, k, rows, edge, dn, q, up, fx, fz)
     integer, intent(in) :: n
-    real(dp), intent(in) :: k               !! stiffness of nearest neighbours [N/m]
-    real(dp), intent(in) :: lo(n, 4)        !! the row
-    real(dp), intent(in) :: up(n, 4)        !! the row above
-    real(dp), intent(inout) :: carry(n, 2)  !! force on the row from below; then on the row above [N]
-    real(dp), intent(out) :: fx(n)          !! force on the row [N]
-    real(dp), intent(out) :: fz(n)          !! force on the row [N]
-    real(dp) :: k4, a_x, a_z, l_x, l_z, c_x, c_z
+    real(dp), intent(in) :: k          !! stiffness of nearest neighbours [N/m]
+    real(dp), intent(in) :: rows       !! neighbouring rows
+    real(dp), intent(in) :: edge       !! side of the only neighbouring row
+    real(dp), intent(in) :: dn(n, 4)   !! the row below
+    real(dp), intent(in) :: q(n, 4)    !! the row
+    real(dp), intent(in) :: up(n, 4)   !! the row above
+    real(dp), intent(out) :: fx(n)     !! force on the row [N]
+    real(dp), intent(out) :: fz(n)     !! force on the row [N]
+    real(dp) :: k4, c_x, c_z
     integer :: i
 
     k4 = 0.25_dp*k
+    c_x = 8.0_dp + 2.0_dp*rows
+    c_z = 6.0_dp*rows
     do i = 2, n - 1
-      a_x = 2.0_dp*(up(i, UX) - lo(i, UX))
-      a_z = 2.0_dp*(up(i, UZ) - lo(i, UZ))
-      l_x = (lo(i + 1, UX) + lo(i - 1, UX)) - 2.0_dp*lo(i, UX)
-      l_z = (lo(i + 1, UZ) + lo(i - 1, UZ)) - 2.0_dp*lo(i, UZ)
-      c_x = lo(i + 1, UX) - lo(i - 1, UX)
-      c_z = lo(i + 1, UZ) - lo(i - 1, UZ)
-      fx(i) = carry(i, 1) + k*l_x
-      fz(i) = carry(i, 2)
-      carry(i, 1) = k4*((l_x - a_x) - c_z)
-      carry(i, 2) = k4*((l_z - 3.0_dp*a_z) - c_x)
-      l_x = (up(i + 1, UX) + up(i - 1, UX)) - 2.0_dp*up(i, UX)
-      l_z = (up(i + 1, UZ) + up(i - 1, UZ)) - 2.0_dp*up(i, UZ)
-      c_x = up(i + 1, UX) - up(i - 1, UX)
-      c_z = up(i + 1, UZ) - up(i - 1, UZ)
-      fx(i) = fx(i) + k4*((l_x + a_x) + c_z)
-      fz(i) = fz(i) + k4*((l_z + 3.0_dp*a_z) + c_x)
+      fx(i) = k4*((4.0_dp*(q(i + 1, UX) + q(i - 1, UX)) &
+                   + (((up(i + 1, UX) + dn(i + 1, UX)) + (up(i - 1, UX) + dn(i - 1, UX))) &
+                      + ((up(i + 1, UZ) - dn(i + 1, UZ)) - (up(i - 1, UZ) - dn(i - 1, UZ))))) - c_x*q(i, UX))
+      fz(i) = k4*((4.0_dp*(up(i, UZ) + dn(i, UZ)) &
+                   + (((up(i + 1, UZ) + dn(i + 1, UZ)) + (up(i - 1, UZ) + dn(i - 1, UZ))) &
+                      + ((up(i + 1, UX) - dn(i + 1, UX)) - (up(i - 1, UX) - dn(i - 1, UX))))) - c_z*q(i, UZ))
     end do
-    call wall_linear(n, k, 1, 2, 1.0_dp, lo, up, carry, fx, fz)
-    call wall_linear(n, k, n, n - 1, -1.0_dp, lo, up, carry, fx, fz)
+    call wall_linear(n, k4, rows, edge, 1, 2, 1.0_dp, dn, q, up, fx, fz)
+    call wall_linear(n, k4, rows, edge, n, n - 1, -1.0_dp, dn, q, up, fx, fz)
   end subroutine elastic_linear
 
-  !> The same for a column at a side wall, which has one diagonal only, towards column c.
-  pure subroutine wall_linear(n, k, i, c, side, lo, up, carry, fx, fz)
+  !> The same for a block at a side wall, which has neighbours in its own column and in column c.
+  pure subroutine wall_linear(n, k4, rows, edge, i, c, side, dn, q, up, fx, fz)
     integer, intent(in) :: n
-    real(dp), intent(in) :: k               !! stiffness of nearest neighbours [N/m]
-    integer, intent(in) :: i                !! column of the wall
-    integer, intent(in) :: c                !! its neighbour
-    real(dp), intent(in) :: side            !! +1: the neighbour is on the right, -1: on the left
-    real(dp), intent(in) :: lo(n, 4)        !! the row
-    real(dp), intent(in) :: up(n, 4)        !! the row above
-    real(dp), intent(inout) :: carry(n, 2)  !! force on the row above [N]
-    real(dp), intent(inout) :: fx(n)        !! force on the row [N]
-    real(dp), intent(inout) :: fz(n)        !! force on the row [N]
-    real(dp) :: e_up, e_down, e
+    real(dp), intent(in) :: k4          !! k/4 [N/m]
+    real(dp), intent(in) :: rows        !! neighbouring rows
+    real(dp), intent(in) :: edge        !! side of the only neighbouring row
+    integer, intent(in) :: i            !! column of the wall
+    integer, intent(in) :: c            !! its neighbour
+    real(dp), intent(in) :: side        !! +1: the neighbour is on the right, -1: on the left
+    real(dp), intent(in) :: dn(n, 4)    !! the row below
+    real(dp), intent(in) :: q(n, 4)     !! the row
+    real(dp), intent(in) :: up(n, 4)    !! the row above
+    real(dp), intent(inout) :: fx(n)    !! force on the row [N]
+    real(dp), intent(inout) :: fz(n)    !! force on the row [N]
 
-    e_up = 0.25_dp*k*(side*(up(c, UX) - lo(i, UX)) + (up(c, UZ) - lo(i, UZ)))
-    e_down = 0.25_dp*k*(side*(lo(c, UX) - up(i, UX)) - (lo(c, UZ) - up(i, UZ)))
-    e = k*(up(i, UZ) - lo(i, UZ))
-    fx(i) = (k*(lo(c, UX) - lo(i, UX)) + side*e_up) + carry(i, 1)
-    fz(i) = (e_up + e) + carry(i, 2)
-    carry(i, 1) = side*e_down
-    carry(i, 2) = -(e_down + e)
+    fx(i) = k4*((4.0_dp*q(c, UX) + ((up(c, UX) + dn(c, UX)) + side*((up(c, UZ) - dn(c, UZ)) - edge*q(i, UZ)))) &
+                - (4.0_dp + rows)*q(i, UX))
+    fz(i) = k4*((4.0_dp*(up(i, UZ) + dn(i, UZ)) &
+                 + ((up(c, UZ) + dn(c, UZ)) + side*((up(c, UX) - dn(c, UX)) - edge*q(i, UX)))) - (5.0_dp*rows)*q(i, UZ))
   end subroutine wall_linear
 
-  !> The same for the top row, which has no row above.
-  pure subroutine elastic_linear_top(n, k, q, carry, fx, fz)
+  !> Adds the dashpots, eta (v_j - v_i) on all eight bonds, of one component of the motion.
+  pure subroutine viscous(n, eta, rows, dn, v, up, f)
     integer, intent(in) :: n
-    real(dp), intent(in) :: k             !! stiffness of nearest neighbours [N/m]
-    real(dp), intent(in) :: q(n, 4)       !! the row
-    real(dp), intent(in) :: carry(n, 2)   !! forces from below [N]
-    real(dp), intent(out) :: fx(n)        !! force on the row [N]
-    real(dp), intent(out) :: fz(n)        !! force on the row [N]
+    real(dp), intent(in) :: eta     !! viscosity [N s/m]
+    real(dp), intent(in) :: rows    !! neighbouring rows; those that do not exist are passed as zero
+    real(dp), intent(in) :: dn(n)   !! velocity of the row below [m/s]
+    real(dp), intent(in) :: v(n)    !! velocity of the row [m/s]
+    real(dp), intent(in) :: up(n)   !! velocity of the row above [m/s]
+    real(dp), intent(inout) :: f(n) !! force on the row [N]
+    real(dp) :: c
     integer :: i
 
-    fx(1) = k*(q(2, UX) - q(1, UX)) + carry(1, 1)
+    c = 2.0_dp + 3.0_dp*rows
     do i = 2, n - 1
-      fx(i) = carry(i, 1) + k*((q(i + 1, UX) + q(i - 1, UX)) - 2.0_dp*q(i, UX))
+      f(i) = f(i) + eta*(((v(i + 1) + v(i - 1)) + ((up(i) + dn(i)) &
+                          + ((up(i + 1) + dn(i + 1)) + (up(i - 1) + dn(i - 1))))) - c*v(i))
     end do
-    fx(n) = k*(q(n - 1, UX) - q(n, UX)) + carry(n, 1)
-    fz = carry(:, 2)
-  end subroutine elastic_linear_top
+    c = 1.0_dp + 2.0_dp*rows
+    f(1) = f(1) + eta*((v(2) + ((up(1) + dn(1)) + (up(2) + dn(2)))) - c*v(1))
+    f(n) = f(n) + eta*((v(n - 1) + ((up(n) + dn(n)) + (up(n - 1) + dn(n - 1)))) - c*v(n))
+  end subroutine viscous
 
-  !> Finite geometry: F = k (r - l0)/r (d + du) of every bond, with the reference bond d = (d_x, d_z), l0 = |d|.
-  !>
-  !> With s = (r/l0)^2 - 1 = (2 d.du + |du|^2)/l0^2, (r - l0)/r = 1 - (1 + s)^(-1/2): a series where all |s| in the
-  !> row are small, else the closed form. The choice depends on the state alone: same bits everywhere.
-  pure subroutine bonds_finite(n, k, l, has_up, lo, up, b)
+  !> Finite geometry: forces of the springs on a row; carry holds those from below, and on return those on the row above.
+  pure subroutine elastic_finite(n, k, l, has_up, q, up, b, carry, fx, fz)
     integer, intent(in) :: n
-    real(dp), intent(in) :: k                    !! stiffness of nearest neighbours [N/m]
-    real(dp), intent(in) :: l                    !! lattice constant [m]
-    logical, intent(in) :: has_up                !! there is a row above
-    real(dp), intent(in) :: lo(n, 4)             !! the row
-    real(dp), intent(in) :: up(n, 4)             !! the row above
-    real(dp), intent(inout) :: b(0:n, N_BOND)    !! forces on the first blocks [N]
-    real(dp) :: dx, dz, s, g, inv_l2, s_max, s_up
-    integer :: i
+    real(dp), intent(in) :: k                   !! stiffness of nearest neighbours [N/m]
+    real(dp), intent(in) :: l                   !! lattice constant [m]
+    logical, intent(in) :: has_up               !! there is a row above; else up is not read
+    real(dp), intent(in) :: q(n, 4)             !! the row
+    real(dp), intent(in) :: up(n, 4)            !! the row above
+    real(dp), intent(inout) :: b(0:n, N_BOND)   !! work space; b(0, :) and b(N_x, :D2Z) are zero
+    real(dp), intent(inout) :: carry(n, 2)      !! forces on the row from below; then on the row above [N]
+    real(dp), intent(out) :: fx(n)              !! force on the row [N]
+    real(dp), intent(out) :: fz(n)              !! force on the row [N]
+    real(dp) :: t_max, t_up
 
-    inv_l2 = 1.0_dp/l**2
-    s_max = 0.0_dp
-    do i = 1, n - 1
-      dx = lo(i + 1, UX) - lo(i, UX)
-      dz = lo(i + 1, UZ) - lo(i, UZ)
-      s = (dx*(2.0_dp*l + dx) + dz*dz)*inv_l2
-      s_max = max(s_max, abs(s))
-      g = k*series(s)
-      b(i, HX) = g*(l + dx)
-      b(i, HZ) = g*dz
-    end do
+    call horizontal_finite(n, k, l, q, b, t_max)
     if (has_up) then
-      call up_finite(n, k, l, lo, up, b, s_up)
-      s_max = max(s_max, s_up)
+      call up_finite(n, k, l, q, up, b, t_up)
+      t_max = max(t_max, t_up)
     else
       b(:, D1X:WZ) = 0.0_dp
     end if
-    if (s_max > S_SERIES) call bonds_exact(n, k, l, has_up, lo, up, b)
-  end subroutine bonds_finite
+    if (t_max > S_SERIES*l**2) call bonds_exact(n, k, l, has_up, q, up, b)
+    call gather(n, b(0, HX), b(0, D1X), b(0, D2X), b(0, WX), carry(1, 1), fx)
+    call gather(n, b(0, HZ), b(0, D1Z), b(0, D2Z), b(0, WZ), carry(1, 2), fz)
+  end subroutine elastic_finite
 
-  !> The bonds to the row above.
-  pure subroutine up_finite(n, k, l, lo, up, b, s_max)
+  !> Coefficients c_n of k (r - l0)/r = sum of c_n t^n, n = 1..8, in t = r^2 - l0^2 = 2 d.du + |du|^2.
+  !>
+  !> With s = t/l0^2, (r - l0)/r = 1 - (1 + s)^(-1/2), whose Taylor coefficients are -(-1)^n (2n-1)!!/(2n)!!.
+  pure function series(k, l2) result(c)
+    real(dp), intent(in) :: k   !! stiffness of the bond [N/m]
+    real(dp), intent(in) :: l2  !! its length squared [m2]
+    real(dp) :: c(8)
+    integer :: n
+
+    c(1) = 0.5_dp*k/l2
+    do n = 2, 8
+      c(n) = -c(n - 1)*real(2*n - 1, dp)/(real(2*n, dp)*l2)
+    end do
+  end function series
+
+  !> The sum of the series.
+  pure function summed(c, t) result(g)
+    real(dp), intent(in) :: c(8)
+    real(dp), intent(in) :: t     !! r^2 - l0^2 [m2]
+    real(dp) :: g, t2
+
+    t2 = t*t
+    g = t*((c(1) + t*c(2)) + t2*((c(3) + t*c(4)) + t2*((c(5) + t*c(6)) + t2*(c(7) + t*c(8)))))
+  end function summed
+
+  !> Finite geometry: F = k (r - l0)/r (d + du), bonds within a row, by the series.
+  pure subroutine horizontal_finite(n, k, l, q, b, t_max)
     integer, intent(in) :: n
-    real(dp), intent(in) :: k                    !! stiffness of nearest neighbours [N/m]
-    real(dp), intent(in) :: l                    !! lattice constant [m]
-    real(dp), intent(in) :: lo(n, 4)             !! the row
-    real(dp), intent(in) :: up(n, 4)             !! the row above
-    real(dp), intent(inout) :: b(0:n, N_BOND)    !! forces on the first blocks [N]
-    real(dp), intent(out) :: s_max               !! largest |s|
-    real(dp) :: dx, dz, s, s1, s2, g, inv_l2
+    real(dp), intent(in) :: k                   !! stiffness of nearest neighbours [N/m]
+    real(dp), intent(in) :: l                   !! lattice constant [m]
+    real(dp), intent(in) :: q(n, 4)             !! the row
+    real(dp), intent(inout) :: b(0:n, N_BOND)   !! forces on the first blocks [N]
+    real(dp), intent(out) :: t_max              !! largest |t| [m2]
+    real(dp) :: c(8), dx, dz, t, g
     integer :: i
 
-    inv_l2 = 1.0_dp/l**2
-    s_max = 0.0_dp
+    c = series(k, l*l)
+    t_max = 0.0_dp
+    do i = 1, n - 1
+      dx = q(i + 1, UX) - q(i, UX)
+      dz = q(i + 1, UZ) - q(i, UZ)
+      t = dx*(2.0_dp*l + dx) + dz*dz
+      t_max = max(t_max, abs(t))
+      g = summed(c, t)
+      b(i, HX) = g*(l + dx)
+      b(i, HZ) = g*dz
+    end do
+  end subroutine horizontal_finite
+
+  !> The bonds to the row above.
+  pure subroutine up_finite(n, k, l, q, up, b, t_max)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: k                   !! stiffness of nearest neighbours [N/m]
+    real(dp), intent(in) :: l                   !! lattice constant [m]
+    real(dp), intent(in) :: q(n, 4)             !! the row
+    real(dp), intent(in) :: up(n, 4)            !! the row above
+    real(dp), intent(inout) :: b(0:n, N_BOND)   !! forces on the first blocks [N]
+    real(dp), intent(out) :: t_max              !! largest |t|; half of it on diagonals, which are longer [m2]
+    real(dp) :: c(8), dx, dz, t, t1, t2, g
+    integer :: i
+
+    c = series(k, l*l)
+    t_max = 0.0_dp
     do i = 1, n
-      dx = up(i, UX) - lo(i, UX)
-      dz = up(i, UZ) - lo(i, UZ)
-      s = (dx*dx + dz*(2.0_dp*l + dz))*inv_l2
-      s_max = max(s_max, abs(s))
-      g = k*series(s)
+      dx = up(i, UX) - q(i, UX)
+      dz = up(i, UZ) - q(i, UZ)
+      t = dx*dx + dz*(2.0_dp*l + dz)
+      t_max = max(t_max, abs(t))
+      g = summed(c, t)
       b(i, WX) = g*dx
       b(i, WZ) = g*(l + dz)
     end do
+    c = series(0.5_dp*k, 2.0_dp*l*l)
     do i = 1, n - 1
-      dx = up(i + 1, UX) - lo(i, UX)
-      dz = up(i + 1, UZ) - lo(i, UZ)
-      s1 = (dx*(2.0_dp*l + dx) + dz*(2.0_dp*l + dz))*(0.5_dp*inv_l2)
-      g = 0.5_dp*k*series(s1)
+      dx = up(i + 1, UX) - q(i, UX)
+      dz = up(i + 1, UZ) - q(i, UZ)
+      t1 = dx*(2.0_dp*l + dx) + dz*(2.0_dp*l + dz)
+      g = summed(c, t1)
       b(i, D1X) = g*(l + dx)
       b(i, D1Z) = g*(l + dz)
-      dx = up(i, UX) - lo(i + 1, UX)
-      dz = up(i, UZ) - lo(i + 1, UZ)
-      s2 = (dx*(dx - 2.0_dp*l) + dz*(2.0_dp*l + dz))*(0.5_dp*inv_l2)
-      g = 0.5_dp*k*series(s2)
+      dx = up(i, UX) - q(i + 1, UX)
+      dz = up(i, UZ) - q(i + 1, UZ)
+      t2 = dx*(dx - 2.0_dp*l) + dz*(2.0_dp*l + dz)
+      g = summed(c, t2)
       b(i, D2X) = g*(dx - l)
       b(i, D2Z) = g*(l + dz)
-      s_max = max(s_max, max(abs(s1), abs(s2)))
+      t_max = max(t_max, 0.5_dp*max(abs(t1), abs(t2)))
     end do
   end subroutine up_finite
-
-  !> 1 - (1 + s)^(-1/2) by its Taylor series: coefficients (-1)^n (2n+1)!!/(2n+2)!!.
-  elemental function series(s) result(e)
-    real(dp), intent(in) :: s  !! (r/l0)^2 - 1
-    real(dp) :: e, s2
-
-    s2 = s*s
-    e = s*((0.5_dp - s*0.375_dp) + s2*((0.3125_dp - s*0.2734375_dp) + s2*((0.24609375_dp - s*0.2255859375_dp) &
-                                                                    + s2*(0.20947265625_dp - s*0.196380615234375_dp))))
-  end function series
 
   !> All bonds that start in a row in closed form, for strains beyond the series.
   pure subroutine bonds_exact(n, k, l, has_up, lo, up, b)
@@ -263,41 +269,6 @@ contains
       carry(i) = -(w(i) + (d1(i - 1) + d2(i)))
     end do
   end subroutine gather
-
-  !> Adds the dashpots, eta (v_j - v_i) on every bond, of one component of the motion.
-  !>
-  !> With a = up - lo and second differences L along a row: eta (L_lo + 3 a + L_up) below, eta (L_lo - 3 a) above;
-  !> the bonds within the row above are its own.
-  pure subroutine viscous_row(n, eta, has_up, lo, up, carry, f)
-    integer, intent(in) :: n
-    real(dp), intent(in) :: eta           !! viscosity [N s/m]
-    logical, intent(in) :: has_up         !! there is a row above
-    real(dp), intent(in) :: lo(n)         !! velocity of the row [m/s]
-    real(dp), intent(in) :: up(n)         !! velocity of the row above [m/s]
-    real(dp), intent(inout) :: carry(n)   !! force on the row above [N]
-    real(dp), intent(inout) :: f(n)       !! force on the row [N]
-    real(dp) :: a, second
-    integer :: i
-
-    f(1) = f(1) + eta*(lo(2) - lo(1))
-    f(n) = f(n) + eta*(lo(n - 1) - lo(n))
-    if (.not. has_up) then
-      do i = 2, n - 1
-        f(i) = f(i) + eta*((lo(i + 1) + lo(i - 1)) - 2.0_dp*lo(i))
-      end do
-      return
-    end if
-    do i = 2, n - 1
-      a = 3.0_dp*(up(i) - lo(i))
-      second = (lo(i + 1) + lo(i - 1)) - 2.0_dp*lo(i)
-      f(i) = f(i) + eta*(second + (a + ((up(i + 1) + up(i - 1)) - 2.0_dp*up(i))))
-      carry(i) = carry(i) + eta*(second - a)
-    end do
-    f(1) = f(1) + eta*((up(1) - lo(1)) + (up(2) - lo(1)))
-    f(n) = f(n) + eta*((up(n) - lo(n)) + (up(n - 1) - lo(n)))
-    carry(1) = carry(1) + eta*((lo(1) - up(1)) + (lo(2) - up(1)))
-    carry(n) = carry(n) + eta*((lo(n) - up(n)) + (lo(n - 1) - up(n)))
-  end subroutine viscous_row
 
   !> Power dissipated by the bonds that start in a row, sum of eta |dv|^2 [W].
   pure function bond_power(s, has_up, lo, up) result(power)

@@ -62,9 +62,10 @@ contains
         if (j < max(1, lo - 1) .or. j > hi) cycle
         if (j == max(1, lo - 1)) w%carry(:, :, stage) = 0.0_dp
         if (stage == 1) then
-          call one_row(y(:, :, j), y(:, :, min(j + 1, s%nz)))
+          call one_row(y(:, :, max(j - 1, 1)), y(:, :, j), y(:, :, min(j + 1, s%nz)))
         else
-          call one_row(w%q(:, :, mod(j, RING), stage), w%q(:, :, mod(j + 1, RING), stage))
+          call one_row(w%q(:, :, mod(j + RING - 1, RING), stage), w%q(:, :, mod(j, RING), stage), &
+                       w%q(:, :, mod(j + 1, RING), stage))
         end if
       end do
     end do
@@ -72,12 +73,13 @@ contains
   contains
 
     !> Stage `stage` of row j: forces, powers, and the row of the next stage (or of the new state).
-    subroutine one_row(q, up)
+    subroutine one_row(dn, q, up)
+      real(dp), intent(in) :: dn(s%nx, 4)  !! the row below at this stage
       real(dp), intent(in) :: q(s%nx, 4)   !! the row at this stage
       real(dp), intent(in) :: up(s%nx, 4)  !! the row above at this stage
       real(dp) :: c
 
-      call row_forces(s, j, t + NODE(stage)*dt, q, up, mode, w%carry(:, :, stage), w%row)
+      call row_forces(s, j, t + NODE(stage)*dt, dn, q, up, mode, w%carry(:, :, stage), w%row)
       if (j < lo) return
       if (keep_budget .and. j >= j0 .and. j <= j1) then
         c = dt/6.0_dp*WEIGHT(stage)
@@ -128,7 +130,7 @@ contains
     integer :: i
 
     c_m = c/m
-    !$omp simd
+    !GCC$ ivdep
     do i = 1, n
       q(i, UX) = y(i, UX) + c*v(i, 1)
       q(i, UZ) = y(i, UZ) + c*v(i, 2)
@@ -156,7 +158,7 @@ contains
     c = dt/6.0_dp
     c_m = c/m
     third = 1.0_dp/3.0_dp
-    !$omp simd
+    !GCC$ ivdep
     do i = 1, n
       y_new(i, UX) = y(i, UX) + c*((y(i, VX) + v4(i, 1)) + 2.0_dp*(v2(i, 1) + v3(i, 1)))
       y_new(i, UZ) = y(i, UZ) + c*((y(i, VZ) + v4(i, 2)) + 2.0_dp*(v2(i, 2) + v3(i, 2)))

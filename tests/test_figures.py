@@ -57,7 +57,11 @@ def made_up_record(side="left", lengths=LADDER, opened=()):
         t.append(now)
         F_T.append(force)
         now += 2e-3
-    names = zip(SWITCH_COLUMNS, np.array(switches, dtype=float).reshape(-1, 8).T, strict=True)
+    rows = np.array(switches, dtype=float).reshape(-1, len(SWITCH_COLUMNS))
+    switches = {
+        name: column.astype(kind)
+        for (name, kind), column in zip(SWITCH_COLUMNS.items(), rows.T, strict=True)
+    }
     table = list(zip(*quiet, strict=True)) or [[]] * 6
     quiet = {
         name: np.array(column, dtype=kind)
@@ -65,7 +69,7 @@ def made_up_record(side="left", lengths=LADDER, opened=()):
     }
     quiet |= {name: quiet[name].reshape(-1, N_x) for name in ("u_x", "mode")}
     return Record.from_catalogue(
-        build_catalogue(dict(names), quiet, scene),
+        build_catalogue(switches, quiet, scene),
         scene=scene,
         method=Method(
             engine="full dynamics",
@@ -78,7 +82,7 @@ def made_up_record(side="left", lengths=LADDER, opened=()):
         tau_initial=np.zeros(N_x),
         p_initial=np.zeros(N_x),
         quiet=quiet,
-        switches=dict(names),
+        switches=switches,
         versions={"pyfric": "0.1.0"},
     )
 

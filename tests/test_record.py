@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from pyfric import catalogue, record
+from pyfric import catalogue, files
 from pyfric.record import LABELS, Method, Record, RecordError
 from pyfric.scene import setup1, setup2
 
@@ -36,8 +36,11 @@ def make_catalogue(scene, n_events=3):
         quiet.append((step + 9, t + 0.5 * MS, -1, 10.0 * e - 1, u_x.copy(), 0 * mode))
         rows.append((step + 20, column[0], 0, -1, 1, t + MS, 0.0, 0.1))
         rows.append((step + 21, column[0], -1, 0, 1, t + 1.1 * MS, -1e-9, 0.2))
-    switches = np.array(rows, dtype=float).reshape(len(rows), 8).T
-    switches = dict(zip(catalogue.SWITCH_COLUMNS, switches, strict=True))
+    rows = np.array(rows, dtype=float).reshape(-1, len(catalogue.SWITCH_COLUMNS))
+    switches = {
+        name: column.astype(kind)
+        for (name, kind), column in zip(catalogue.SWITCH_COLUMNS.items(), rows.T, strict=True)
+    }
     columns = zip(*quiet, strict=True) if quiet else [[]] * 6
     quiet = {
         name: np.array(column, dtype=kind)
@@ -97,7 +100,12 @@ def test_loaded_record_is_identical(make_scene, n_events, tmp_path):
         elif isinstance(a, np.ndarray):
             assert a.dtype == b.dtype
             assert a.tobytes() == b.tobytes()
-        elif one.name not in ("quiet", "switches", "final_state"):
+        elif one.name in ("quiet", "switches"):
+            assert list(a) == list(b)
+            for name in a:
+                assert a[name].dtype == b[name].dtype
+                assert a[name].tobytes() == b[name].tobytes()
+        elif one.name != "final_state":
             assert a == b
     assert loaded.events.dtypes.equals(original.events.dtypes)
     assert loaded.final_state["n"] == 2**60 + 1
@@ -175,6 +183,8 @@ def test_record_checks_its_parts():
         ({"p_initial": np.zeros(3)}, "p_initial has shape"),
         ({"rupture_times": good.rupture_times[:-1]}, "rupture_times has shape"),
         ({"curve": good.curve.drop(columns="F_T")}, "no column F_T"),
+        ({"switches": {}}, "switches has no column step"),
+        ({"quiet": {"step": good.quiet["step"]}}, "quiet has no column t"),
     ):
         with pytest.raises(RecordError, match=message):
             dataclasses.replace(good, **change)
@@ -234,7 +244,7 @@ def test_saving_replaces_the_file_whole(tmp_path, monkeypatch):
     def no_space(*_, **__):
         raise OSError("no space left")
 
-    monkeypatch.setattr(record, "_flush", no_space)
+    monkeypatch.setattr(files, "_flush", no_space)
     with pytest.raises(OSError, match="no space"):
         make_record(n_events=2).save(path)
     assert [one.name for one in tmp_path.iterdir()] == ["run.nc"]

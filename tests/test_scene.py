@@ -628,9 +628,19 @@ def broken(steps: list) -> str:
     return tomli_w.dumps(document)
 
 
-@settings(max_examples=2000)
-@given(st.lists(changes, min_size=1, max_size=3))
-def test_broken_documents(steps):
+@settings(max_examples=1000)
+@given(change=changes)
+def test_documents_broken_once(change):
+    try_broken([change])
+
+
+@settings(max_examples=1000)
+@given(steps=st.lists(changes, min_size=2, max_size=3))
+def test_documents_broken_twice(steps):
+    try_broken(steps)
+
+
+def try_broken(steps: list) -> None:
     try:
         text = broken(steps)
     except ValueError:  # not writable as TOML

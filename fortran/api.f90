@@ -73,8 +73,9 @@ end subroutine advance
 subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, t, y, rod, mode, &
                     a, a_rod, f, p, f_t, dissipated, heat, work)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
-  use pyfric_model, only: model_t, new_model
+  use pyfric_model, only: model_t, new_model, LB, LANES
   use pyfric_rows, only: row_t, new_row, row_forces, row_powers, budget_t
+  use pyfric_stepping, only: widen
   use pyfric_boundaries, only: rod_acceleration
   implicit none
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
@@ -102,24 +103,26 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
   type(model_t) :: s
   type(row_t) :: w
   type(budget_t) :: power
-  real(c_double) :: carry(nx, 2)
+  real(c_double), allocatable :: wide(:, :, :), carry(:, :)
   integer :: j
 
   s = new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load)
-  w = new_row(s%nx)
+  w = new_row(s)
   allocate (power%dissipated(nz), power%heat(nx))
+  allocate (wide(LB:s%n + LANES, 4, nz), carry(LB:s%n + LANES, 2))
+  call widen(s, y, wide)
   power%dissipated = 0
   power%heat = 0
   power%work = 0
   carry = 0
   a_rod = 0
   do j = 1, s%nz
-    call row_forces(s, j, t, y(:, :, max(j - 1, 1)), y(:, :, j), y(:, :, min(j + 1, s%nz)), mode, carry, w)
-    call row_powers(s, j, 1.0_c_double, y(:, :, j), y(:, :, min(j + 1, s%nz)), rod(5), w, power)
-    a(:, 1, j) = w%fx/s%m
-    a(:, 2, j) = w%fz/s%m
+    call row_forces(s, j, t, wide(:, :, max(j - 1, 1)), wide(:, :, j), wide(:, :, min(j + 1, s%nz)), mode, carry, w)
+    call row_powers(s, j, 1.0_c_double, wide(:, :, j), wide(:, :, min(j + 1, s%nz)), rod(5), w, power)
+    a(:, 1, j) = w%fx(s%at(:nx))/s%m
+    a(:, 2, j) = w%fz(s%at(:nx))/s%m
     if (j == s%nz .and. s%rigid) then
-      a_rod = rod_acceleration(s, rod(3), w%fx, w%fz)
+      a_rod = rod_acceleration(s, rod(3), w%fx(s%at(:nx)), w%fz(s%at(:nx)))
       a(:, 1, j) = a_rod(1)
       a(:, 2, j) = a_rod(2) + a_rod(3)*s%x
     end if

@@ -1,7 +1,7 @@
 !> Boundary forces: elastic foundation, side driver, normal load, rigid rod.
 module pyfric_boundaries
   use pyfric_kinds, only: dp
-  use pyfric_model, only: model_t, UX, UZ, VX, VZ
+  use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES, close_state
   implicit none (type, external)
   private
   public :: foundation, driver_force, rod_acceleration, rod_to_row, mirror_sum
@@ -47,12 +47,13 @@ contains
   pure subroutine rod_to_row(s, rod, q)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: rod(6)      !! X, Z, phi and their rates
-    real(dp), intent(out) :: q(s%nx, 4)
+    real(dp), intent(inout) :: q(LB:s%n + LANES, 4)
 
-    q(:, UX) = rod(1)
-    q(:, UZ) = rod(2) + rod(3)*s%x
-    q(:, VX) = rod(4)
-    q(:, VZ) = rod(5) + rod(6)*s%x
+    q(s%at(:s%nx), UX) = rod(1)
+    q(s%at(:s%nx), UZ) = rod(2) + rod(3)*s%x
+    q(s%at(:s%nx), VX) = rod(4)
+    q(s%at(:s%nx), VZ) = rod(5) + rod(6)*s%x
+    call close_state(s, q)
   end subroutine rod_to_row
 
   !> A sum that pairs i with N_x + 1 - i: the mirrored row gives the same bits.

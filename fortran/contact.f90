@@ -1,7 +1,7 @@
 !> Contact states of the interface: switching at the end of a step, and the log of switches.
 module pyfric_contact
   use pyfric_kinds, only: dp, ip
-  use pyfric_model, only: model_t, UX, UZ, VX
+  use pyfric_model, only: model_t, close_row, UX, UZ, VX, LB, LANES
   use pyfric_boundaries, only: foundation, driver_force
   use pyfric_friction, only: stop_reversed, next_mode, STUCK
   use pyfric_rows, only: row_t, bond_forces
@@ -36,24 +36,28 @@ contains
     real(dp), intent(in) :: step                    !! steps made
     real(dp), intent(in) :: t                       !! time [s]
     real(dp), intent(in) :: dt                      !! step [s]
-    real(dp), intent(inout) :: y(s%nx, 4, s%nz)     !! v_x of the bottom row may be set to zero
+    real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz)  !! v_x of the bottom row may be set to zero
     type(contact_t), intent(inout) :: contact
     type(log_t), intent(inout) :: log
     type(row_t), intent(inout) :: w
     integer(ip) :: old
-    real(dp) :: carry(s%nx, 2), slack, t_switch
+    real(dp) :: carry(LB:s%n + LANES, 2), v_x(s%nx), other, slack, t_switch
     logical :: was_active, active
     integer :: i
 
-    call foundation(s, y(:, UZ, 1), w%p)
-    call stop_reversed(s%m, w%p, contact%mode, y(:, VX, 1), contact%loss)
+    v_x = y(s%at(:s%nx), VX, 1)
+    call foundation(s, y(s%at(:s%nx), UZ, 1), w%p)
+    call stop_reversed(s%m, w%p, contact%mode, v_x, contact%loss)
+    y(s%at(:s%nx), VX, 1) = v_x
+    call close_row(s%n, y(LB, VX, 1))
     carry = 0.0_dp
-    call bond_forces(s, 1, w%none, y(:, :, 1), y(:, :, min(2, s%nz)), carry, w)
+    call bond_forces(s, 1, w%none, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), carry, w)
     was_active = any(abs(contact%mode) == 1 .and. contact%corner == 0)
     do i = 1, s%nx
       old = contact%mode(i)
-      slack = s%mu_s*w%p(i) - abs(w%fx(i))
-      contact%mode(i) = next_mode(s%mu_s, w%fx(i), w%p(i), old, y(i, VX, 1))
+      other = w%fx(s%at(i))
+      slack = s%mu_s*w%p(i) - abs(other)
+      contact%mode(i) = next_mode(s%mu_s, other, w%p(i), old, v_x(i))
       if (contact%mode(i) /= old) then
         t_switch = t
         if (old == STUCK .and. slack < 0.0_dp .and. contact%slack(i) > 0.0_dp) then
@@ -76,7 +80,7 @@ contains
 
       log%n_switch = log%n_switch + 1
       log%switch_i(:, log%n_switch) = [int(i - 1, ip), old, contact%mode(i), contact%corner(i)]
-      log%switch_r(:, log%n_switch) = [step, t_switch, y(i, UX, 1), w%p(i)]
+      log%switch_r(:, log%n_switch) = [step, t_switch, y(s%at(i), UX, 1), w%p(i)]
     end subroutine log_switch
 
     subroutine log_quiet()
@@ -85,8 +89,8 @@ contains
       log%quiet_i(2:, log%n_quiet) = contact%mode
       log%quiet_r(1, log%n_quiet) = step
       log%quiet_r(2, log%n_quiet) = t
-      log%quiet_r(3, log%n_quiet) = driver_force(s, t, y(s%i_h, UX, s%j_h))
-      log%quiet_r(4:, log%n_quiet) = y(:, UX, 1)
+      log%quiet_r(3, log%n_quiet) = driver_force(s, t, y(s%at(s%i_h), UX, s%j_h))
+      log%quiet_r(4:, log%n_quiet) = y(s%at(:s%nx), UX, 1)
     end subroutine log_quiet
   end subroutine switch_contacts
 end module pyfric_contact

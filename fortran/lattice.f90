@@ -1,18 +1,18 @@
 !> Forces of the springs and dashpots of the lattice, row by row.
 !>
-!> A row q(N_x, 4) holds u_x, u_z, v_x, v_z. In linear geometry, and for the dashpots, a block gathers what its eight
+!> A row q holds u_x, u_z, v_x, v_z; neighbours in it are LANES elements apart (see pyfric_model). In linear geometry, and for the dashpots, a block gathers what its eight
 !> neighbours do to it. In finite geometry each bond is evaluated once, in the row where it starts, and what it does to
 !> the row above is carried along to it. Sums pair left with right neighbours, so that a mirrored lattice gives the
 !> mirrored bits, and a translation gives no force, to the last bit.
 module pyfric_lattice
   use pyfric_kinds, only: dp
-  use pyfric_model, only: model_t, UX, UZ, VX, VZ
+  use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES, close_row
   implicit none (type, external)
   private
   public :: elastic_linear, elastic_finite, viscous, bond_power, bond_energy
   public :: N_BOND
 
-  !> Columns of the bond buffer b(0:N_x, N_BOND) of finite geometry: force on the first block of each bond [N].
+  !> Columns of the bond buffer b(LB:n+LANES, N_BOND) of finite geometry: force on the first block of each bond [N].
   !> Horizontal h(i): (i) - (i+1), vertical w(i): (i) - (i), diagonals d1(i): (i) - (i+1) and d2(i): (i+1) - (i).
   integer, parameter :: HX = 1, HZ = 2, D1X = 3, D1Z = 4, D2X = 5, D2Z = 6, WX = 7, WZ = 8, N_BOND = 8
 
@@ -27,48 +27,49 @@ contains
   !> F_x = (k/4)(4 (E + W)_x + sum of diagonal u_x + (NE - NW - SE + SW)_z - 12 c_x), F_z likewise with N + S for E + W.
   !> Rows that do not exist are passed as zero: `rows` (0 to 2) of them exist, and edge is +1 (above only), -1 (below
   !> only) or 0.
-  pure subroutine elastic_linear(n, k, rows, edge, dn, q, up, fx, fz)
-    integer, intent(in) :: n
+  pure subroutine elastic_linear(n, last, k, rows, edge, dn, q, up, fx, fz)
+    integer, intent(in) :: n           !! padded length of a row
+    integer, intent(in) :: last        !! element of the last block
     real(dp), intent(in) :: k          !! stiffness of nearest neighbours [N/m]
     real(dp), intent(in) :: rows       !! neighbouring rows
     real(dp), intent(in) :: edge       !! side of the only neighbouring row
-    real(dp), intent(in) :: dn(n, 4)   !! the row below
-    real(dp), intent(in) :: q(n, 4)    !! the row
-    real(dp), intent(in) :: up(n, 4)   !! the row above
-    real(dp), intent(out) :: fx(n)     !! force on the row [N]
-    real(dp), intent(out) :: fz(n)     !! force on the row [N]
+    real(dp), intent(in) :: dn(LB:n + LANES, 4) !! the row below
+    real(dp), intent(in) :: q(LB:n + LANES, 4) !! the row
+    real(dp), intent(in) :: up(LB:n + LANES, 4) !! the row above
+    real(dp), intent(out) :: fx(LB:n + LANES)     !! force on the row [N]
+    real(dp), intent(out) :: fz(LB:n + LANES)     !! force on the row [N]
     real(dp) :: k4, c_x, c_z
     integer :: i
 
     k4 = 0.25_dp*k
     c_x = 8.0_dp + 2.0_dp*rows
     c_z = 6.0_dp*rows
-    do i = 2, n - 1
-      fx(i) = k4*((4.0_dp*(q(i + 1, UX) + q(i - 1, UX)) &
-                   + (((up(i + 1, UX) + dn(i + 1, UX)) + (up(i - 1, UX) + dn(i - 1, UX))) &
-                      + ((up(i + 1, UZ) - dn(i + 1, UZ)) - (up(i - 1, UZ) - dn(i - 1, UZ))))) - c_x*q(i, UX))
+    do i = 1, n
+      fx(i) = k4*((4.0_dp*(q(i + LANES, UX) + q(i - LANES, UX)) &
+                   + (((up(i + LANES, UX) + dn(i + LANES, UX)) + (up(i - LANES, UX) + dn(i - LANES, UX))) &
+                      + ((up(i + LANES, UZ) - dn(i + LANES, UZ)) - (up(i - LANES, UZ) - dn(i - LANES, UZ))))) - c_x*q(i, UX))
       fz(i) = k4*((4.0_dp*(up(i, UZ) + dn(i, UZ)) &
-                   + (((up(i + 1, UZ) + dn(i + 1, UZ)) + (up(i - 1, UZ) + dn(i - 1, UZ))) &
-                      + ((up(i + 1, UX) - dn(i + 1, UX)) - (up(i - 1, UX) - dn(i - 1, UX))))) - c_z*q(i, UZ))
+                   + (((up(i + LANES, UZ) + dn(i + LANES, UZ)) + (up(i - LANES, UZ) + dn(i - LANES, UZ))) &
+                      + ((up(i + LANES, UX) - dn(i + LANES, UX)) - (up(i - LANES, UX) - dn(i - LANES, UX))))) - c_z*q(i, UZ))
     end do
-    call wall_linear(n, k4, rows, edge, 1, 2, 1.0_dp, dn, q, up, fx, fz)
-    call wall_linear(n, k4, rows, edge, n, n - 1, -1.0_dp, dn, q, up, fx, fz)
+    call wall_linear(n, k4, rows, edge, 1, 1 + LANES, 1.0_dp, dn, q, up, fx, fz)
+    call wall_linear(n, k4, rows, edge, last, last - LANES, -1.0_dp, dn, q, up, fx, fz)
   end subroutine elastic_linear
 
   !> The same for a block at a side wall, which has neighbours in its own column and in column c.
   pure subroutine wall_linear(n, k4, rows, edge, i, c, side, dn, q, up, fx, fz)
-    integer, intent(in) :: n
+    integer, intent(in) :: n           !! padded length of a row
     real(dp), intent(in) :: k4          !! k/4 [N/m]
     real(dp), intent(in) :: rows        !! neighbouring rows
     real(dp), intent(in) :: edge        !! side of the only neighbouring row
     integer, intent(in) :: i            !! column of the wall
     integer, intent(in) :: c            !! its neighbour
     real(dp), intent(in) :: side        !! +1: the neighbour is on the right, -1: on the left
-    real(dp), intent(in) :: dn(n, 4)    !! the row below
-    real(dp), intent(in) :: q(n, 4)     !! the row
-    real(dp), intent(in) :: up(n, 4)    !! the row above
-    real(dp), intent(inout) :: fx(n)    !! force on the row [N]
-    real(dp), intent(inout) :: fz(n)    !! force on the row [N]
+    real(dp), intent(in) :: dn(LB:n + LANES, 4) !! the row below
+    real(dp), intent(in) :: q(LB:n + LANES, 4) !! the row
+    real(dp), intent(in) :: up(LB:n + LANES, 4) !! the row above
+    real(dp), intent(inout) :: fx(LB:n + LANES)    !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:n + LANES)    !! force on the row [N]
 
     fx(i) = k4*((4.0_dp*q(c, UX) + ((up(c, UX) + dn(c, UX)) + side*((up(c, UZ) - dn(c, UZ)) - edge*q(i, UZ)))) &
                 - (4.0_dp + rows)*q(i, UX))
@@ -77,40 +78,46 @@ contains
   end subroutine wall_linear
 
   !> Adds the dashpots, eta (v_j - v_i) on all eight bonds, of one component of the motion.
-  pure subroutine viscous(n, eta, rows, dn, v, up, f)
-    integer, intent(in) :: n
+  pure subroutine viscous(n, last, eta, rows, dn, v, up, f)
+    integer, intent(in) :: n           !! padded length of a row
+    integer, intent(in) :: last        !! element of the last block
     real(dp), intent(in) :: eta     !! viscosity [N s/m]
     real(dp), intent(in) :: rows    !! neighbouring rows; those that do not exist are passed as zero
-    real(dp), intent(in) :: dn(n)   !! velocity of the row below [m/s]
-    real(dp), intent(in) :: v(n)    !! velocity of the row [m/s]
-    real(dp), intent(in) :: up(n)   !! velocity of the row above [m/s]
-    real(dp), intent(inout) :: f(n) !! force on the row [N]
-    real(dp) :: c
+    real(dp), intent(in) :: dn(LB:n + LANES) !! velocity of the row below [m/s]
+    real(dp), intent(in) :: v(LB:n + LANES) !! velocity of the row [m/s]
+    real(dp), intent(in) :: up(LB:n + LANES) !! velocity of the row above [m/s]
+    real(dp), intent(inout) :: f(LB:n + LANES) !! force on the row [N]
+    real(dp) :: c, f_left, f_right
     integer :: i
 
+    f_left = f(1)
+    f_right = f(last)
     c = 2.0_dp + 3.0_dp*rows
-    do i = 2, n - 1
-      f(i) = f(i) + eta*(((v(i + 1) + v(i - 1)) + ((up(i) + dn(i)) &
-                          + ((up(i + 1) + dn(i + 1)) + (up(i - 1) + dn(i - 1))))) - c*v(i))
+    do i = 1, n
+      f(i) = f(i) + eta*(((v(i + LANES) + v(i - LANES)) + ((up(i) + dn(i)) &
+                          + ((up(i + LANES) + dn(i + LANES)) + (up(i - LANES) + dn(i - LANES))))) - c*v(i))
     end do
     c = 1.0_dp + 2.0_dp*rows
-    f(1) = f(1) + eta*((v(2) + ((up(1) + dn(1)) + (up(2) + dn(2)))) - c*v(1))
-    f(n) = f(n) + eta*((v(n - 1) + ((up(n) + dn(n)) + (up(n - 1) + dn(n - 1)))) - c*v(n))
+    f(1) = f_left + eta*((v(1 + LANES) + ((up(1) + dn(1)) + (up(1 + LANES) + dn(1 + LANES)))) - c*v(1))
+    i = last - LANES
+    f(last) = f_right + eta*((v(i) + ((up(last) + dn(last)) + (up(i) + dn(i)))) - c*v(last))
   end subroutine viscous
 
   !> Finite geometry: forces of the springs on a row; carry holds those from below, and on return those on the row above.
-  pure subroutine elastic_finite(n, k, l, has_up, q, up, b, carry, fx, fz)
-    integer, intent(in) :: n
+  pure subroutine elastic_finite(n, last, k, l, has_up, q, up, b, carry, fx, fz)
+    integer, intent(in) :: n           !! padded length of a row
+    integer, intent(in) :: last        !! element of the last block
     real(dp), intent(in) :: k                   !! stiffness of nearest neighbours [N/m]
     real(dp), intent(in) :: l                   !! lattice constant [m]
     logical, intent(in) :: has_up               !! there is a row above; else up is not read
-    real(dp), intent(in) :: q(n, 4)             !! the row
-    real(dp), intent(in) :: up(n, 4)            !! the row above
-    real(dp), intent(inout) :: b(0:n, N_BOND)   !! work space; b(0, :) and b(N_x, :D2Z) are zero
-    real(dp), intent(inout) :: carry(n, 2)      !! forces on the row from below; then on the row above [N]
-    real(dp), intent(out) :: fx(n)              !! force on the row [N]
-    real(dp), intent(out) :: fz(n)              !! force on the row [N]
+    real(dp), intent(in) :: q(LB:n + LANES, 4) !! the row
+    real(dp), intent(in) :: up(LB:n + LANES, 4) !! the row above
+    real(dp), intent(inout) :: b(LB:n + LANES, N_BOND)   !! work space; zero where there is no bond
+    real(dp), intent(inout) :: carry(LB:n + LANES, 2)      !! forces on the row from below; then on the row above [N]
+    real(dp), intent(out) :: fx(LB:n + LANES)              !! force on the row [N]
+    real(dp), intent(out) :: fz(LB:n + LANES)              !! force on the row [N]
     real(dp) :: t_max, t_up
+    integer :: i
 
     call horizontal_finite(n, k, l, q, b, t_max)
     if (has_up) then
@@ -120,8 +127,12 @@ contains
       b(:, D1X:WZ) = 0.0_dp
     end if
     if (t_max > S_SERIES*l**2) call bonds_exact(n, k, l, has_up, q, up, b)
-    call gather(n, b(0, HX), b(0, D1X), b(0, D2X), b(0, WX), carry(1, 1), fx)
-    call gather(n, b(0, HZ), b(0, D1Z), b(0, D2Z), b(0, WZ), carry(1, 2), fz)
+    b(last, HX:D2Z) = 0.0_dp
+    do i = HX, D2Z
+      call close_row(n, b(LB, i))
+    end do
+    call gather(n, b(LB, HX), b(LB, D1X), b(LB, D2X), b(LB, WX), carry(LB, 1), fx)
+    call gather(n, b(LB, HZ), b(LB, D1Z), b(LB, D2Z), b(LB, WZ), carry(LB, 2), fz)
   end subroutine elastic_finite
 
   !> Coefficients c_n of k (r - l0)/r = sum of c_n t^n, n = 1..8, in t = r^2 - l0^2 = 2 d.du + |du|^2.
@@ -151,20 +162,20 @@ contains
 
   !> Finite geometry: F = k (r - l0)/r (d + du), bonds within a row, by the series.
   pure subroutine horizontal_finite(n, k, l, q, b, t_max)
-    integer, intent(in) :: n
+    integer, intent(in) :: n           !! padded length of a row
     real(dp), intent(in) :: k                   !! stiffness of nearest neighbours [N/m]
     real(dp), intent(in) :: l                   !! lattice constant [m]
-    real(dp), intent(in) :: q(n, 4)             !! the row
-    real(dp), intent(inout) :: b(0:n, N_BOND)   !! forces on the first blocks [N]
+    real(dp), intent(in) :: q(LB:n + LANES, 4) !! the row
+    real(dp), intent(inout) :: b(LB:n + LANES, N_BOND)   !! forces on the first blocks [N]
     real(dp), intent(out) :: t_max              !! largest |t| [m2]
     real(dp) :: c(8), dx, dz, t, g
     integer :: i
 
     c = series(k, l*l)
     t_max = 0.0_dp
-    do i = 1, n - 1
-      dx = q(i + 1, UX) - q(i, UX)
-      dz = q(i + 1, UZ) - q(i, UZ)
+    do i = 1, n
+      dx = q(i + LANES, UX) - q(i, UX)
+      dz = q(i + LANES, UZ) - q(i, UZ)
       t = dx*(2.0_dp*l + dx) + dz*dz
       t_max = max(t_max, abs(t))
       g = summed(c, t)
@@ -175,12 +186,12 @@ contains
 
   !> The bonds to the row above.
   pure subroutine up_finite(n, k, l, q, up, b, t_max)
-    integer, intent(in) :: n
+    integer, intent(in) :: n           !! padded length of a row
     real(dp), intent(in) :: k                   !! stiffness of nearest neighbours [N/m]
     real(dp), intent(in) :: l                   !! lattice constant [m]
-    real(dp), intent(in) :: q(n, 4)             !! the row
-    real(dp), intent(in) :: up(n, 4)            !! the row above
-    real(dp), intent(inout) :: b(0:n, N_BOND)   !! forces on the first blocks [N]
+    real(dp), intent(in) :: q(LB:n + LANES, 4) !! the row
+    real(dp), intent(in) :: up(LB:n + LANES, 4) !! the row above
+    real(dp), intent(inout) :: b(LB:n + LANES, N_BOND)   !! forces on the first blocks [N]
     real(dp), intent(out) :: t_max              !! largest |t|; half of it on diagonals, which are longer [m2]
     real(dp) :: c(8), dx, dz, t, t1, t2, g
     integer :: i
@@ -197,15 +208,15 @@ contains
       b(i, WZ) = g*(l + dz)
     end do
     c = series(0.5_dp*k, 2.0_dp*l*l)
-    do i = 1, n - 1
-      dx = up(i + 1, UX) - q(i, UX)
-      dz = up(i + 1, UZ) - q(i, UZ)
+    do i = 1, n
+      dx = up(i + LANES, UX) - q(i, UX)
+      dz = up(i + LANES, UZ) - q(i, UZ)
       t1 = dx*(2.0_dp*l + dx) + dz*(2.0_dp*l + dz)
       g = summed(c, t1)
       b(i, D1X) = g*(l + dx)
       b(i, D1Z) = g*(l + dz)
-      dx = up(i, UX) - q(i + 1, UX)
-      dz = up(i, UZ) - q(i + 1, UZ)
+      dx = up(i, UX) - q(i + LANES, UX)
+      dz = up(i, UZ) - q(i + LANES, UZ)
       t2 = dx*(dx - 2.0_dp*l) + dz*(2.0_dp*l + dz)
       g = summed(c, t2)
       b(i, D2X) = g*(dx - l)
@@ -215,26 +226,26 @@ contains
   end subroutine up_finite
 
   !> All bonds that start in a row in closed form, for strains beyond the series.
-  pure subroutine bonds_exact(n, k, l, has_up, lo, up, b)
-    integer, intent(in) :: n
+  pure subroutine bonds_exact(n, k, l, has_up, q, up, b)
+    integer, intent(in) :: n           !! padded length of a row
     real(dp), intent(in) :: k                    !! stiffness of nearest neighbours [N/m]
     real(dp), intent(in) :: l                    !! lattice constant [m]
     logical, intent(in) :: has_up                !! there is a row above
-    real(dp), intent(in) :: lo(n, 4)             !! the row
-    real(dp), intent(in) :: up(n, 4)             !! the row above
-    real(dp), intent(inout) :: b(0:n, N_BOND)    !! forces on the first blocks [N]
+    real(dp), intent(in) :: q(LB:n + LANES, 4)    !! the row
+    real(dp), intent(in) :: up(LB:n + LANES, 4) !! the row above
+    real(dp), intent(inout) :: b(LB:n + LANES, N_BOND)    !! forces on the first blocks [N]
     integer :: i
 
-    do i = 1, n - 1
-      b(i, [HX, HZ]) = spring(k, l, 0.0_dp, lo(i, :), lo(i + 1, :))
+    do i = 1, n
+      b(i, [HX, HZ]) = spring(k, l, 0.0_dp, q(i, :), q(i + LANES, :))
     end do
     if (.not. has_up) return
     do i = 1, n
-      b(i, [WX, WZ]) = spring(k, 0.0_dp, l, lo(i, :), up(i, :))
+      b(i, [WX, WZ]) = spring(k, 0.0_dp, l, q(i, :), up(i, :))
     end do
-    do i = 1, n - 1
-      b(i, [D1X, D1Z]) = spring(0.5_dp*k, l, l, lo(i, :), up(i + 1, :))
-      b(i, [D2X, D2Z]) = spring(0.5_dp*k, -l, l, lo(i + 1, :), up(i, :))
+    do i = 1, n
+      b(i, [D1X, D1Z]) = spring(0.5_dp*k, l, l, q(i, :), up(i + LANES, :))
+      b(i, [D2X, D2Z]) = spring(0.5_dp*k, -l, l, q(i + LANES, :), up(i, :))
     end do
   end subroutine bonds_exact
 
@@ -255,87 +266,83 @@ contains
 
   !> One component of the force on a row: its own bonds, and carry from below; then carry for the row above.
   pure subroutine gather(n, h, d1, d2, w, carry, f)
-    integer, intent(in) :: n
-    real(dp), intent(in) :: h(0:n)        !! horizontal bonds [N]
-    real(dp), intent(in) :: d1(0:n)       !! diagonals to the right [N]
-    real(dp), intent(in) :: d2(0:n)       !! diagonals to the left [N]
-    real(dp), intent(in) :: w(0:n)        !! vertical bonds [N]
-    real(dp), intent(inout) :: carry(n)   !! force on the row from below; then on the row above [N]
-    real(dp), intent(out) :: f(n)         !! force on the row [N]
+    integer, intent(in) :: n           !! padded length of a row
+    real(dp), intent(in) :: h(LB:n + LANES)        !! horizontal bonds [N]
+    real(dp), intent(in) :: d1(LB:n + LANES)       !! diagonals to the right [N]
+    real(dp), intent(in) :: d2(LB:n + LANES)       !! diagonals to the left [N]
+    real(dp), intent(in) :: w(LB:n + LANES)        !! vertical bonds [N]
+    real(dp), intent(inout) :: carry(LB:n + LANES)   !! force on the row from below; then on the row above [N]
+    real(dp), intent(out) :: f(LB:n + LANES)         !! force on the row [N]
     integer :: i
 
     do i = 1, n
-      f(i) = ((h(i) - h(i - 1)) + (d1(i) + d2(i - 1))) + (w(i) + carry(i))
-      carry(i) = -(w(i) + (d1(i - 1) + d2(i)))
+      f(i) = ((h(i) - h(i - LANES)) + (d1(i) + d2(i - LANES))) + (w(i) + carry(i))
+      carry(i) = -(w(i) + (d1(i - LANES) + d2(i)))
     end do
   end subroutine gather
 
   !> Power dissipated by the bonds that start in a row, sum of eta |dv|^2 [W].
-  pure function bond_power(s, has_up, lo, up) result(power)
+  pure function bond_power(s, has_up, q, up) result(power)
     type(model_t), intent(in) :: s
     logical, intent(in) :: has_up
-    real(dp), intent(in) :: lo(s%nx, 4)  !! the row
-    real(dp), intent(in) :: up(s%nx, 4)  !! the row above
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row
+    real(dp), intent(in) :: up(LB:s%n + LANES, 4)  !! the row above
     real(dp) :: power
-    real(dp) :: w(s%nx)
-    integer :: i, n
+    real(dp) :: w(s%n), w_last
+    integer :: i, last
 
-    n = s%nx
+    last = s%at(s%nx)
+    w_last = 0.0_dp
+    do i = 1, s%n
+      w(i) = (q(i + LANES, VX) - q(i, VX))**2 + (q(i + LANES, VZ) - q(i, VZ))**2
+    end do
     if (has_up) then
-      do i = 1, n - 1
-        w(i) = (((lo(i + 1, VX) - lo(i, VX))**2 + (lo(i + 1, VZ) - lo(i, VZ))**2) &
-                + ((up(i, VX) - lo(i, VX))**2 + (up(i, VZ) - lo(i, VZ))**2)) &
-               + (((up(i + 1, VX) - lo(i, VX))**2 + (up(i + 1, VZ) - lo(i, VZ))**2) &
-                  + ((up(i, VX) - lo(i + 1, VX))**2 + (up(i, VZ) - lo(i + 1, VZ))**2))
+      do i = 1, s%n
+        w(i) = (w(i) + ((up(i, VX) - q(i, VX))**2 + (up(i, VZ) - q(i, VZ))**2)) &
+               + (((up(i + LANES, VX) - q(i, VX))**2 + (up(i + LANES, VZ) - q(i, VZ))**2) &
+                  + ((up(i, VX) - q(i + LANES, VX))**2 + (up(i, VZ) - q(i + LANES, VZ))**2))
       end do
-      w(n) = (up(n, VX) - lo(n, VX))**2 + (up(n, VZ) - lo(n, VZ))**2
-    else
-      do i = 1, n - 1
-        w(i) = (lo(i + 1, VX) - lo(i, VX))**2 + (lo(i + 1, VZ) - lo(i, VZ))**2
-      end do
-      w(n) = 0.0_dp
+      w_last = (up(last, VX) - q(last, VX))**2 + (up(last, VZ) - q(last, VZ))**2
     end if
-    power = s%eta*lane_sum(n, w)
+    w(last) = w_last
+    power = s%eta*lane_sum(s%n, w)
   end function bond_power
 
-  !> A sum in eight lanes: vectorises, and its order does not depend on the processor.
+  !> A sum lane by lane: vectorises, and its order does not depend on the processor.
   pure function lane_sum(n, w) result(total)
     integer, intent(in) :: n
     real(dp), intent(in) :: w(n)
     real(dp) :: total
-    real(dp) :: lane(8)
+    real(dp) :: lane(LANES)
     integer :: i
 
     lane = 0.0_dp
-    do i = 1, n - 7, 8
-      lane = lane + w(i:i + 7)
-    end do
-    do i = n - mod(n, 8) + 1, n
-      lane(1) = lane(1) + w(i)
+    do i = 1, n, LANES
+      lane = lane + w(i:i + LANES - 1)
     end do
     total = ((lane(1) + lane(2)) + (lane(3) + lane(4))) + ((lane(5) + lane(6)) + (lane(7) + lane(8)))
   end function lane_sum
 
   !> Elastic energy of the bonds that start in a row: k (r - l0)^2/2, or k (n.du)^2/2 in linear geometry [J].
-  pure function bond_energy(s, has_up, lo, up) result(energy)
+  pure function bond_energy(s, has_up, q, up) result(energy)
     type(model_t), intent(in) :: s
     logical, intent(in) :: has_up
-    real(dp), intent(in) :: lo(s%nx, 4)  !! the row
+    real(dp), intent(in) :: q(s%nx, 4)  !! the row
     real(dp), intent(in) :: up(s%nx, 4)  !! the row above
     real(dp) :: energy
     integer :: i
 
     energy = 0.0_dp
     do i = 1, s%nx - 1
-      energy = energy + one(s%k, s%l, 0.0_dp, lo(i, :), lo(i + 1, :))
+      energy = energy + one(s%k, s%l, 0.0_dp, q(i, :), q(i + 1, :))
     end do
     if (.not. has_up) return
     do i = 1, s%nx
-      energy = energy + one(s%k, 0.0_dp, s%l, lo(i, :), up(i, :))
+      energy = energy + one(s%k, 0.0_dp, s%l, q(i, :), up(i, :))
     end do
     do i = 1, s%nx - 1
-      energy = energy + (one(0.5_dp*s%k, s%l, s%l, lo(i, :), up(i + 1, :)) &
-                         + one(0.5_dp*s%k, -s%l, s%l, lo(i + 1, :), up(i, :)))
+      energy = energy + (one(0.5_dp*s%k, s%l, s%l, q(i, :), up(i + 1, :)) &
+                         + one(0.5_dp*s%k, -s%l, s%l, q(i + 1, :), up(i, :)))
     end do
 
   contains

@@ -3,15 +3,22 @@ module pyfric_model
   use pyfric_kinds, only: dp, ip
   implicit none (type, external)
   private
-  public :: model_t, new_model, N_CONSTANTS, UX, UZ, VX, VZ
+  public :: model_t, new_model, close_row, close_state, N_CONSTANTS, UX, UZ, VX, VZ, LB, LANES
 
   integer(ip), parameter :: N_CONSTANTS = 18
-  !> Fields of one row of the state y(N_x, 4, N_z).
+  !> Fields of one row of the state.
   integer, parameter :: UX = 1, UZ = 2, VX = 3, VZ = 4
+  !> Inside the core a row is cut into LANES pieces of equal length, interleaved: block i of piece c is element
+  !> c + (i - 1) LANES of a row with bounds LB:n+LANES. Neighbours are then LANES elements apart, so that loops over
+  !> 1:n work on whole, aligned vectors. Elements LB:0 and n+1: repeat the ends of the next pieces (`close_row`). Beyond
+  !> the last block the row is filled up with blocks at rest.
+  integer, parameter :: LANES = 8, LB = 1 - LANES
 
   type :: model_t
     integer :: nx           !! blocks along the interface
     integer :: nz           !! rows
+    integer :: n            !! nx rounded up to LANES
+    integer, allocatable :: at(:)   !! element of block i in a row, for i up to n; filling beyond nx
     logical :: finite       !! finite geometry (bonds rotate); else linear
     logical :: rigid        !! top row glued to the rod (setup 1); else free (setup 2)
     integer :: i_h          !! column of the driven block
@@ -52,9 +59,13 @@ contains
     real(dp), intent(in) :: x(nx)               !! positions from the centre [m]
     real(dp), intent(in) :: load(nx)            !! downward load on the top row [N]
     type(model_t) :: s
+    integer :: i, m
 
     s%nx = nx
     s%nz = nz
+    s%n = LANES*((nx + LANES - 1)/LANES)
+    m = s%n/LANES
+    s%at = [(1 + mod(i - 1, m)*LANES + (i - 1)/m, i=1, s%n)]
     s%finite = finite == 1
     s%rigid = rigid == 1
     s%i_h = i_h
@@ -80,4 +91,33 @@ contains
     s%x = x
     s%load = load
   end function new_model
+
+  !> Repeats the ends of the pieces of a row; at the walls there is nothing.
+  pure subroutine close_row(n, q)
+    integer, intent(in) :: n                    !! length of a row
+    real(dp), intent(inout) :: q(LB:n + LANES)  !! one field of it
+
+    q(LB + 1:0) = q(n + LB:n - 1)
+    q(LB) = 0.0_dp
+    q(n + 1:n + LANES - 1) = q(2:LANES)
+    q(n + LANES) = 0.0_dp
+  end subroutine close_row
+
+  !> Closes a row of the state. In finite geometry the filling follows the last block: no bond there is strained.
+  pure subroutine close_state(s, q)
+    type(model_t), intent(in) :: s
+    real(dp), intent(inout) :: q(LB:s%n + LANES, 4)  !! the row
+    integer :: i
+
+    if (s%finite) then
+      do i = s%nx + 1, s%n
+        q(s%at(i), UX) = q(s%at(s%nx), UX)
+        q(s%at(i), UZ) = q(s%at(s%nx), UZ)
+      end do
+    end if
+    do i = UX, VZ
+      call close_row(s%n, q(LB, i))
+    end do
+    if (s%finite) q(s%n + LANES, UX:UZ) = q(s%at(s%nx), UX:UZ)
+  end subroutine close_state
 end module pyfric_model

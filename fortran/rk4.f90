@@ -6,37 +6,21 @@
 !> a step runs, and every row sees the same operations for any number of threads.
 module pyfric_rk4
   use pyfric_kinds, only: dp, ip
-  use pyfric_model, only: model_t, UX, UZ, VX, VZ
+  use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES, close_state
   use pyfric_boundaries, only: rod_acceleration, rod_to_row
   use pyfric_rows, only: row_t, new_row, row_forces, row_powers, budget_t
   implicit none (type, external)
   private
-  public :: rk4_t, new_rk4, rk4_step
+  public :: rk4_step, RING
 
   real(dp), parameter :: NODE(4) = [0.0_dp, 0.5_dp, 0.5_dp, 1.0_dp]    !! c_s
   real(dp), parameter :: WEIGHT(4) = [1.0_dp, 2.0_dp, 2.0_dp, 1.0_dp]  !! 6 b_s
   integer, parameter :: RING = 4  !! rows of a stage that are kept: row j is last needed by stage 4 of row j
 
-  !> Work space of one thread.
-  type :: rk4_t
-    real(dp), allocatable :: q(:, :, :, :)   !! rows of stages 2..4 (N_x, 4, 0:RING-1, 2:4)
-    real(dp), allocatable :: carry(:, :, :)  !! (N_x, 2, 4)
-    type(row_t) :: row
-  end type rk4_t
-
 contains
 
-  pure function new_rk4(nx) result(w)
-    integer, intent(in) :: nx  !! blocks along the interface
-    type(rk4_t) :: w
-
-    allocate (w%q(nx, 4, 0:RING - 1, 2:4), w%carry(nx, 2, 4))
-    w%q = 0.0_dp
-    w%row = new_row(nx)
-  end function new_rk4
-
   !> Rows j0..j1 of the state one step later. Contact states are frozen during the step.
-  subroutine rk4_step(s, t, dt, j0, j1, keep_budget, mode, y, rod, y_new, rod_new, budget, w)
+  subroutine rk4_step(s, t, dt, j0, j1, keep_budget, mode, y, rod, y_new, rod_new, budget, q, carry, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                         !! time at the start [s]
     real(dp), intent(in) :: dt                        !! step [s]
@@ -44,28 +28,30 @@ contains
     integer, intent(in) :: j1                         !! last row of this thread
     logical, intent(in) :: keep_budget                !! integrate works and dissipations too
     integer(ip), intent(in) :: mode(s%nx)             !! contact states
-    real(dp), intent(in) :: y(s%nx, 4, s%nz)          !! state at the start
+    real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)          !! state at the start
     real(dp), intent(in) :: rod(6)                    !! X, Z, phi and their rates at the start
-    real(dp), intent(inout) :: y_new(s%nx, 4, s%nz)   !! rows j0..j1 are written
+    real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
     real(dp), intent(inout) :: rod_new(6)             !! written by the thread that owns the top row
     type(budget_t), intent(inout) :: budget           !! entries of rows j0..j1 are advanced
-    type(rk4_t), intent(inout) :: w
+    real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:RING - 1, 2:4)  !! work space: rows of stages 2 to 4
+    real(dp), intent(inout) :: carry(LB:s%n + LANES, 2, 4)            !! work space of finite geometry
+    type(row_t), intent(inout) :: w
     real(dp) :: rod_stage(6, 4), rod_sum(6)
-    integer :: lo, hi, j, stage, front
+    integer :: low, high, j, stage, front
 
     rod_stage(:, 1) = rod
     do front = max(1, j0 - 4), j1 + 3
       do stage = 1, 4
-        lo = max(1, j0 - (4 - stage))
-        hi = min(s%nz, j1 + (4 - stage))
+        low = max(1, j0 - (4 - stage))
+        high = min(s%nz, j1 + (4 - stage))
         j = front - stage + 1
-        if (j < max(1, lo - 1) .or. j > hi) cycle
-        if (j == max(1, lo - 1)) w%carry(:, :, stage) = 0.0_dp
+        if (j < max(1, low - 1) .or. j > high) cycle
+        if (j == max(1, low - 1)) carry(:, :, stage) = 0.0_dp
         if (stage == 1) then
-          call one_row(y(:, :, max(j - 1, 1)), y(:, :, j), y(:, :, min(j + 1, s%nz)))
+          call one_row(y(LB, 1, max(j - 1, 1)), y(LB, 1, j), y(LB, 1, min(j + 1, s%nz)))
         else
-          call one_row(w%q(:, :, mod(j + RING - 1, RING), stage), w%q(:, :, mod(j, RING), stage), &
-                       w%q(:, :, mod(j + 1, RING), stage))
+          call one_row(q(LB, 1, mod(j + RING - 1, RING), stage), q(LB, 1, mod(j, RING), stage), &
+                       q(LB, 1, mod(j + 1, RING), stage))
         end if
       end do
     end do
@@ -73,27 +59,34 @@ contains
   contains
 
     !> Stage `stage` of row j: forces, powers, and the row of the next stage (or of the new state).
-    subroutine one_row(dn, q, up)
-      real(dp), intent(in) :: dn(s%nx, 4)  !! the row below at this stage
-      real(dp), intent(in) :: q(s%nx, 4)   !! the row at this stage
-      real(dp), intent(in) :: up(s%nx, 4)  !! the row above at this stage
+    subroutine one_row(dn, here, up)
+      real(dp), intent(in) :: dn(LB:s%n + LANES, 4)    !! the row below at this stage
+      real(dp), intent(in) :: here(LB:s%n + LANES, 4)  !! the row at this stage
+      real(dp), intent(in) :: up(LB:s%n + LANES, 4)    !! the row above at this stage
       real(dp) :: c
 
-      call row_forces(s, j, t + NODE(stage)*dt, dn, q, up, mode, w%carry(:, :, stage), w%row)
-      if (j < lo) return
+      call row_forces(s, j, t + NODE(stage)*dt, dn, here, up, mode, carry(LB, 1, stage), w)
+      if (j < low) return
       if (keep_budget .and. j >= j0 .and. j <= j1) then
         c = dt/6.0_dp*WEIGHT(stage)
-        call row_powers(s, j, c, q, up, rod_stage(5, stage), w%row, budget)
+        call row_powers(s, j, c, here, up, rod_stage(5, stage), w, budget)
       end if
       if (j == s%nz .and. s%rigid) then
         call rod_row()
       else
         if (stage < 4) then
-          call to_stage(s%nx, NODE(stage + 1)*dt, s%m, y(1, 1, j), q(1, VX), w%row%fx, w%row%fz, &
-                        w%q(1, 1, mod(j, RING), stage + 1))
+          c = NODE(stage + 1)*dt
+          call to_stage(s%n, c, s%m, y(LB, UX, j), y(LB, VX, j), here(LB, VX), w%fx, q(LB, UX, mod(j, RING), stage + 1), &
+                        q(LB, VX, mod(j, RING), stage + 1))
+          call to_stage(s%n, c, s%m, y(LB, UZ, j), y(LB, VZ, j), here(LB, VZ), w%fz, q(LB, UZ, mod(j, RING), stage + 1), &
+                        q(LB, VZ, mod(j, RING), stage + 1))
+          call close_state(s, q(LB, 1, mod(j, RING), stage + 1))
         else
-          call to_end(s%nx, dt, s%m, y(1, 1, j), w%q(1, VX, mod(j, RING), 2), w%q(1, VX, mod(j, RING), 3), q(1, VX), &
-                      w%row%fx, w%row%fz, y_new(1, 1, j))
+          call to_end(s%n, dt, s%m, y(LB, UX, j), y(LB, VX, j), q(LB, VX, mod(j, RING), 2), q(LB, VX, mod(j, RING), 3), &
+                      here(LB, VX), w%fx, y_new(LB, UX, j), y_new(LB, VX, j))
+          call to_end(s%n, dt, s%m, y(LB, UZ, j), y(LB, VZ, j), q(LB, VZ, mod(j, RING), 2), q(LB, VZ, mod(j, RING), 3), &
+                      here(LB, VZ), w%fz, y_new(LB, UZ, j), y_new(LB, VZ, j))
+          call close_state(s, y_new(LB, 1, j))
         end if
       end if
     end subroutine one_row
@@ -103,55 +96,56 @@ contains
       real(dp) :: rate(6)
 
       rate(1:3) = rod_stage(4:6, stage)
-      rate(4:6) = rod_acceleration(s, rod_stage(3, stage), w%row%fx, w%row%fz)
+      rate(4:6) = rod_acceleration(s, rod_stage(3, stage), w%fx(s%at(:s%nx)), w%fz(s%at(:s%nx)))
       if (stage == 1) rod_sum = 0.0_dp
       rod_sum = rod_sum + WEIGHT(stage)*rate
       if (stage < 4) then
         rod_stage(:, stage + 1) = rod + NODE(stage + 1)*dt*rate
-        call rod_to_row(s, rod_stage(:, stage + 1), w%q(:, :, mod(j, RING), stage + 1))
+        call rod_to_row(s, rod_stage(:, stage + 1), q(LB, 1, mod(j, RING), stage + 1))
       else
         rod_new = rod + dt/6.0_dp*rod_sum
-        call rod_to_row(s, rod_new, y_new(:, :, j))
+        call rod_to_row(s, rod_new, y_new(LB, 1, j))
       end if
     end subroutine rod_row
   end subroutine rk4_step
 
-  !> The next stage: u + c v_s, v + c F_s/m.
-  pure subroutine to_stage(n, c, m, y, v, fx, fz, q)
+  !> The next stage, one component: u + c v_s, v + c F_s/m.
+  pure subroutine to_stage(n, c, m, u, v, v_s, f_s, u_next, v_next)
     integer, intent(in) :: n
-    real(dp), intent(in) :: c        !! time to the next stage [s]
-    real(dp), intent(in) :: m        !! block mass [kg]
-    real(dp), intent(in) :: y(n, 4)  !! state at the start of the step
-    real(dp), intent(in) :: v(n, 2)  !! velocities of this stage [m/s]
-    real(dp), intent(in) :: fx(n)    !! force [N]
-    real(dp), intent(in) :: fz(n)    !! force [N]
-    real(dp), intent(out) :: q(n, 4) !! next stage
+    real(dp), intent(in) :: c                     !! time to the next stage [s]
+    real(dp), intent(in) :: m                     !! block mass [kg]
+    real(dp), intent(in) :: u(LB:n + LANES)           !! displacement at the start of the step [m]
+    real(dp), intent(in) :: v(LB:n + LANES)           !! velocity at the start of the step [m/s]
+    real(dp), intent(in) :: v_s(LB:n + LANES)         !! velocity of this stage [m/s]
+    real(dp), intent(in) :: f_s(LB:n + LANES)         !! force of this stage [N]
+    real(dp), intent(inout) :: u_next(LB:n + LANES)   !! displacement of the next stage [m]
+    real(dp), intent(inout) :: v_next(LB:n + LANES)   !! velocity of the next stage [m/s]
     real(dp) :: c_m
     integer :: i
 
     c_m = c/m
     !GCC$ ivdep
     do i = 1, n
-      q(i, UX) = y(i, UX) + c*v(i, 1)
-      q(i, UZ) = y(i, UZ) + c*v(i, 2)
-      q(i, VX) = y(i, VX) + c_m*fx(i)
-      q(i, VZ) = y(i, VZ) + c_m*fz(i)
+      u_next(i) = u(i) + c*v_s(i)
+      v_next(i) = v(i) + c_m*f_s(i)
     end do
   end subroutine to_stage
 
-  !> The end of the step: u + dt/6 (v_1 + 2 v_2 + 2 v_3 + v_4), v + dt/6 (F_1 + 2 F_2 + 2 F_3 + F_4)/m. The first three
-  !> forces are taken from the velocities they led to: dt F_1/m = 2 (v_2 - v), dt F_2/m = 2 (v_3 - v), dt F_3/m = v_4 - v.
-  pure subroutine to_end(n, dt, m, y, v2, v3, v4, fx, fz, y_new)
+  !> The end of the step, one component: u + dt/6 (v_1 + 2 v_2 + 2 v_3 + v_4), v + dt/6 (F_1 + 2 F_2 + 2 F_3 + F_4)/m.
+  !> The first three forces are taken from the velocities they led to: dt F_1/m = 2 (v_2 - v), dt F_2/m = 2 (v_3 - v),
+  !> dt F_3/m = v_4 - v.
+  pure subroutine to_end(n, dt, m, u, v, v2, v3, v4, f4, u_new, v_new)
     integer, intent(in) :: n
-    real(dp), intent(in) :: dt            !! step [s]
-    real(dp), intent(in) :: m             !! block mass [kg]
-    real(dp), intent(in) :: y(n, 4)       !! state at the start of the step
-    real(dp), intent(in) :: v2(n, 2)      !! velocities of stage 2 [m/s]
-    real(dp), intent(in) :: v3(n, 2)      !! velocities of stage 3 [m/s]
-    real(dp), intent(in) :: v4(n, 2)      !! velocities of stage 4 [m/s]
-    real(dp), intent(in) :: fx(n)         !! force of stage 4 [N]
-    real(dp), intent(in) :: fz(n)         !! force of stage 4 [N]
-    real(dp), intent(out) :: y_new(n, 4)  !! state at the end of the step
+    real(dp), intent(in) :: dt                   !! step [s]
+    real(dp), intent(in) :: m                    !! block mass [kg]
+    real(dp), intent(in) :: u(LB:n + LANES)          !! displacement at the start of the step [m]
+    real(dp), intent(in) :: v(LB:n + LANES)          !! velocity at the start of the step [m/s]
+    real(dp), intent(in) :: v2(LB:n + LANES)         !! velocity of stage 2 [m/s]
+    real(dp), intent(in) :: v3(LB:n + LANES)         !! velocity of stage 3 [m/s]
+    real(dp), intent(in) :: v4(LB:n + LANES)         !! velocity of stage 4 [m/s]
+    real(dp), intent(in) :: f4(LB:n + LANES)         !! force of stage 4 [N]
+    real(dp), intent(inout) :: u_new(LB:n + LANES)   !! displacement at the end of the step [m]
+    real(dp), intent(inout) :: v_new(LB:n + LANES)   !! velocity at the end of the step [m/s]
     real(dp) :: c, c_m, third
     integer :: i
 
@@ -160,12 +154,8 @@ contains
     third = 1.0_dp/3.0_dp
     !GCC$ ivdep
     do i = 1, n
-      y_new(i, UX) = y(i, UX) + c*((y(i, VX) + v4(i, 1)) + 2.0_dp*(v2(i, 1) + v3(i, 1)))
-      y_new(i, UZ) = y(i, UZ) + c*((y(i, VZ) + v4(i, 2)) + 2.0_dp*(v2(i, 2) + v3(i, 2)))
-      y_new(i, VX) = y(i, VX) + (third*(((v2(i, 1) - y(i, VX)) + 2.0_dp*(v3(i, 1) - y(i, VX))) + (v4(i, 1) - y(i, VX))) &
-                                 + c_m*fx(i))
-      y_new(i, VZ) = y(i, VZ) + (third*(((v2(i, 2) - y(i, VZ)) + 2.0_dp*(v3(i, 2) - y(i, VZ))) + (v4(i, 2) - y(i, VZ))) &
-                                 + c_m*fz(i))
+      u_new(i) = u(i) + c*((v(i) + v4(i)) + 2.0_dp*(v2(i) + v3(i)))
+      v_new(i) = v(i) + (third*(((v2(i) - v(i)) + 2.0_dp*(v3(i) - v(i))) + (v4(i) - v(i))) + c_m*f4(i))
     end do
   end subroutine to_end
 end module pyfric_rk4

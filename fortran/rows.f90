@@ -1,7 +1,7 @@
 !> All forces on one row of blocks, and the powers that go with them.
 module pyfric_rows
   use pyfric_kinds, only: dp, ip
-  use pyfric_model, only: model_t, UX, UZ, VX, VZ
+  use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES
   use pyfric_lattice, only: elastic_linear, elastic_finite, viscous, bond_power, N_BOND
   use pyfric_boundaries, only: foundation, driver_force, mirror_sum
   use pyfric_friction, only: friction_force
@@ -9,15 +9,15 @@ module pyfric_rows
   private
   public :: row_t, new_row, bond_forces, row_forces, row_powers, budget_t
 
-  !> Work space of one row: bonds, forces, and at the bottom the contact.
+  !> Work space of one row. The first four have bounds LB:n+LANES, p and f have N_x elements.
   type :: row_t
-    real(dp), allocatable :: none(:, :)  !! zeros, in place of a row that does not exist (N_x, 4)
-    real(dp), allocatable :: b(:, :)     !! bond forces (0:N_x, N_BOND) [N]
-    real(dp), allocatable :: fx(:)    !! forces on the blocks [N]
-    real(dp), allocatable :: fz(:)    !! forces on the blocks [N]
-    real(dp), allocatable :: p(:)     !! foundation force, bottom row [N]
-    real(dp), allocatable :: f(:)     !! friction force along +x, bottom row [N]
-    real(dp) :: f_t                   !! driver force, row of the driven block [N]
+    real(dp), allocatable :: none(:, :)  !! zeros, in place of a row that does not exist (:, 4)
+    real(dp), allocatable :: b(:, :)     !! bond forces, finite geometry (:, N_BOND) [N]
+    real(dp), allocatable :: fx(:)       !! forces on the blocks [N]
+    real(dp), allocatable :: fz(:)       !! forces on the blocks [N]
+    real(dp), allocatable :: p(:)        !! foundation force, bottom row [N]
+    real(dp), allocatable :: f(:)        !! friction force along +x, bottom row [N]
+    real(dp) :: f_t                      !! driver force, row of the driven block [N]
   end type row_t
 
   !> Works and dissipations since the start [J].
@@ -29,13 +29,16 @@ module pyfric_rows
 
 contains
 
-  pure function new_row(nx) result(w)
-    integer, intent(in) :: nx  !! blocks along the interface
+  pure function new_row(s) result(w)
+    type(model_t), intent(in) :: s
     type(row_t) :: w
 
-    allocate (w%none(nx, 4), w%b(0:nx, N_BOND), w%fx(nx), w%fz(nx), w%p(nx), w%f(nx))
+    allocate (w%none(LB:s%n + LANES, 4), w%b(LB:s%n + LANES, N_BOND), w%fx(LB:s%n + LANES), w%fz(LB:s%n + LANES))
+    allocate (w%p(s%nx), w%f(s%nx))
     w%none = 0.0_dp
     w%b = 0.0_dp
+    w%fx = 0.0_dp
+    w%fz = 0.0_dp
     w%p = 0.0_dp
     w%f = 0.0_dp
     w%f_t = 0.0_dp
@@ -45,13 +48,13 @@ contains
   pure subroutine bond_forces(s, j, dn, q, up, carry, w)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom
-    real(dp), intent(in) :: dn(s%nx, 4)       !! the row below, not used at the bottom
-    real(dp), intent(in) :: q(s%nx, 4)        !! the row
-    real(dp), intent(in) :: up(s%nx, 4)       !! the row above, not used at the top
-    real(dp), intent(inout) :: carry(s%nx, 2) !! forces on the row from below, then on the row above [N]
+    real(dp), intent(in) :: dn(LB:s%n + LANES, 4)       !! the row below, not used at the bottom
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)        !! the row
+    real(dp), intent(in) :: up(LB:s%n + LANES, 4)       !! the row above, not used at the top
+    real(dp), intent(inout) :: carry(LB:s%n + LANES, 2) !! forces on the row from below, then on the row above [N]
     type(row_t), intent(inout) :: w           !! w%fx and w%fz on return
 
-    if (s%finite) call elastic_finite(s%nx, s%k, s%l, j < s%nz, q, up, w%b, carry, w%fx, w%fz)
+    if (s%finite) call elastic_finite(s%n, s%at(s%nx), s%k, s%l, j < s%nz, q, up, w%b, carry, w%fx, w%fz)
     if (j > 1 .and. j < s%nz) then
       call gathered(s, 2, 0, dn, q, up, w%fx, w%fz)
     else if (j < s%nz) then
@@ -68,17 +71,22 @@ contains
     type(model_t), intent(in) :: s
     integer, intent(in) :: rows             !! neighbouring rows that exist
     integer, intent(in) :: edge             !! +1: above only, -1: below only, else 0
-    real(dp), intent(in) :: dn(s%nx, 4)     !! the row below
-    real(dp), intent(in) :: q(s%nx, 4)      !! the row
-    real(dp), intent(in) :: up(s%nx, 4)     !! the row above
-    real(dp), intent(inout) :: fx(s%nx)     !! force on the row [N]
-    real(dp), intent(inout) :: fz(s%nx)     !! force on the row [N]
+    real(dp), intent(in) :: dn(LB:s%n + LANES, 4)     !! the row below
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)      !! the row
+    real(dp), intent(in) :: up(LB:s%n + LANES, 4)     !! the row above
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)     !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)     !! force on the row [N]
     real(dp) :: n_rows
+    integer :: i
 
     n_rows = real(rows, dp)
-    if (.not. s%finite) call elastic_linear(s%nx, s%k, n_rows, real(edge, dp), dn, q, up, fx, fz)
-    call viscous(s%nx, s%eta, n_rows, dn(1, VX), q(1, VX), up(1, VX), fx)
-    call viscous(s%nx, s%eta, n_rows, dn(1, VZ), q(1, VZ), up(1, VZ), fz)
+    if (.not. s%finite) call elastic_linear(s%n, s%at(s%nx), s%k, n_rows, real(edge, dp), dn, q, up, fx, fz)
+    call viscous(s%n, s%at(s%nx), s%eta, n_rows, dn(LB, VX), q(LB, VX), up(LB, VX), fx)
+    call viscous(s%n, s%at(s%nx), s%eta, n_rows, dn(LB, VZ), q(LB, VZ), up(LB, VZ), fz)
+    do i = s%nx + 1, s%n
+      fx(s%at(i)) = 0.0_dp
+      fz(s%at(i)) = 0.0_dp
+    end do
   end subroutine gathered
 
   !> Forces on row j, friction included, at frozen contact states; the carry of the bonds moves up one row.
@@ -86,24 +94,26 @@ contains
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom
     real(dp), intent(in) :: t                 !! time [s]
-    real(dp), intent(in) :: dn(s%nx, 4)       !! the row below, not used at the bottom
-    real(dp), intent(in) :: q(s%nx, 4)        !! the row
-    real(dp), intent(in) :: up(s%nx, 4)       !! the row above, not used at the top
+    real(dp), intent(in) :: dn(LB:s%n + LANES, 4)       !! the row below, not used at the bottom
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)        !! the row
+    real(dp), intent(in) :: up(LB:s%n + LANES, 4)       !! the row above, not used at the top
     integer(ip), intent(in) :: mode(s%nx)     !! contact states
-    real(dp), intent(inout) :: carry(s%nx, 2) !! bond forces from below, then on the row above [N]
+    real(dp), intent(inout) :: carry(LB:s%n + LANES, 2) !! bond forces from below, then on the row above [N]
     type(row_t), intent(inout) :: w
+    integer :: i
 
     call bond_forces(s, j, dn, q, up, carry, w)
     if (j == s%j_h) then
-      w%f_t = driver_force(s, t, q(s%i_h, UX))
-      w%fx(s%i_h) = w%fx(s%i_h) + s%d*w%f_t
+      i = s%at(s%i_h)
+      w%f_t = driver_force(s, t, q(i, UX))
+      w%fx(i) = w%fx(i) + s%d*w%f_t
     end if
-    if (j == s%nz .and. .not. s%rigid) w%fz = w%fz - s%load
+    if (j == s%nz .and. .not. s%rigid) w%fz(s%at(:s%nx)) = w%fz(s%at(:s%nx)) - s%load
     if (j == 1) then
-      call foundation(s, q(:, UZ), w%p)
-      call friction_force(s, mode, w%fx, w%p, w%f)
-      w%fz = w%fz + w%p
-      w%fx = w%fx + w%f
+      call foundation(s, q(s%at(:s%nx), UZ), w%p)
+      call friction_force(s, mode, w%fx(s%at(:s%nx)), w%p, w%f)
+      w%fz(s%at(:s%nx)) = w%fz(s%at(:s%nx)) + w%p
+      w%fx(s%at(:s%nx)) = w%fx(s%at(:s%nx)) + w%f
     end if
   end subroutine row_forces
 
@@ -112,20 +122,20 @@ contains
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                !! row
     real(dp), intent(in) :: c               !! weight of this evaluation [s]
-    real(dp), intent(in) :: q(s%nx, 4)      !! the row
-    real(dp), intent(in) :: up(s%nx, 4)     !! the row above
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)      !! the row
+    real(dp), intent(in) :: up(LB:s%n + LANES, 4)     !! the row above
     real(dp), intent(in) :: v_rod           !! Z' of the rod [m/s]
     type(row_t), intent(in) :: w
     type(budget_t), intent(inout) :: budget
 
     budget%dissipated(j) = budget%dissipated(j) + c*bond_power(s, j < s%nz, q, up)
-    if (j == 1) budget%heat = budget%heat - c*(w%f*q(:, VX))
+    if (j == 1) budget%heat = budget%heat - c*(w%f*q(s%at(:s%nx), VX))
     if (j == s%j_h) budget%work(1) = budget%work(1) + c*(w%f_t*s%v_drv)
     if (j == s%nz) then
       if (s%rigid) then
         budget%work(2) = budget%work(2) - c*(s%f_n*v_rod)
       else
-        budget%work(2) = budget%work(2) - c*mirror_sum(s%nx, s%load*q(:, VZ))
+        budget%work(2) = budget%work(2) - c*mirror_sum(s%nx, s%load*q(s%at(:s%nx), VZ))
       end if
     end if
   end subroutine row_powers

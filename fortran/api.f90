@@ -74,6 +74,7 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
                     a, a_rod, f, p, f_t, dissipated, heat, work)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model, LB, LANES
+  use pyfric_lattice, only: N_BOND
   use pyfric_rows, only: row_t, new_row, row_forces, row_powers, budget_t
   use pyfric_stepping, only: widen
   use pyfric_boundaries, only: rod_acceleration
@@ -103,26 +104,31 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
   type(model_t) :: s
   type(row_t) :: w
   type(budget_t) :: power
-  real(c_double), allocatable :: wide(:, :, :), carry(:, :)
+  real(c_double), allocatable :: wide(:, :, :), carry(:, :), b(:, :), fx(:), fz(:)
   integer :: j
 
   s = new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load)
   w = new_row(s)
   allocate (power%dissipated(nz), power%heat(nx))
   allocate (wide(LB:s%n + LANES, 4, nz), carry(LB:s%n + LANES, 2))
+  allocate (b(LB:s%n + LANES, N_BOND), fx(LB:s%n + LANES), fz(LB:s%n + LANES))
   call widen(s, y, wide)
   power%dissipated = 0
   power%heat = 0
   power%work = 0
   carry = 0
+  b = 0
+  fx = 0
+  fz = 0
   a_rod = 0
   do j = 1, s%nz
-    call row_forces(s, j, t, wide(:, :, max(j - 1, 1)), wide(:, :, j), wide(:, :, min(j + 1, s%nz)), mode, carry, w)
+    call row_forces(s, j, t, wide(:, :, max(j - 1, 1)), wide(:, :, j), wide(:, :, min(j + 1, s%nz)), mode, carry, &
+                    b, fx, fz, w)
     call row_powers(s, j, 1.0_c_double, wide(:, :, j), wide(:, :, min(j + 1, s%nz)), rod(5), w, power)
-    a(:, 1, j) = w%fx(s%at(:nx))/s%m
-    a(:, 2, j) = w%fz(s%at(:nx))/s%m
+    a(:, 1, j) = fx(s%at(:nx))/s%m
+    a(:, 2, j) = fz(s%at(:nx))/s%m
     if (j == s%nz .and. s%rigid) then
-      a_rod = rod_acceleration(s, rod(3), w%fx(s%at(:nx)), w%fz(s%at(:nx)))
+      a_rod = rod_acceleration(s, rod(3), fx(s%at(:nx)), fz(s%at(:nx)))
       a(:, 1, j) = a_rod(1)
       a(:, 2, j) = a_rod(2) + a_rod(3)*s%x
     end if

@@ -4,6 +4,7 @@ module pyfric_contact
   use pyfric_model, only: model_t, close_row, UX, UZ, VX, LB, LANES
   use pyfric_boundaries, only: foundation, driver_force
   use pyfric_friction, only: stop_reversed, next_mode, STUCK
+  use pyfric_lattice, only: N_BOND
   use pyfric_rows, only: row_t, bond_forces
   implicit none (type, external)
   private
@@ -41,7 +42,8 @@ contains
     type(log_t), intent(inout) :: log
     type(row_t), intent(inout) :: w
     integer(ip) :: old
-    real(dp) :: carry(LB:s%n + LANES, 2), v_x(s%nx), other, slack, t_switch
+    real(dp) :: carry(LB:s%n + LANES, 2), b(LB:s%n + LANES, N_BOND), fx(LB:s%n + LANES), fz(LB:s%n + LANES)
+    real(dp) :: v_x(s%nx), other, slack, t_switch
     logical :: was_active, active
     integer :: i
 
@@ -51,11 +53,12 @@ contains
     y(s%at(:s%nx), VX, 1) = v_x
     call close_row(s%n, y(LB, VX, 1))
     carry = 0.0_dp
-    call bond_forces(s, 1, w%none, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), carry, w)
+    b = 0.0_dp
+    call bond_forces(s, 1, w%none, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), carry, b, fx, fz, w)
     was_active = any(abs(contact%mode) == 1 .and. contact%corner == 0)
     do i = 1, s%nx
       old = contact%mode(i)
-      other = w%fx(s%at(i))
+      other = fx(s%at(i))
       slack = s%mu_s*w%p(i) - abs(other)
       contact%mode(i) = next_mode(s%mu_s, other, w%p(i), old, v_x(i))
       if (contact%mode(i) /= old) then

@@ -1,15 +1,15 @@
 !> Forces of the springs and dashpots of the lattice, row by row.
 !>
-!> A row q holds u_x, u_z, v_x, v_z; neighbours in it are LANES elements apart (see pyfric_model). In linear geometry, and for the dashpots, a block gathers what its eight
-!> neighbours do to it. In finite geometry each bond is evaluated once, in the row where it starts, and what it does to
-!> the row above is carried along to it. Sums pair left with right neighbours, so that a mirrored lattice gives the
-!> mirrored bits, and a translation gives no force, to the last bit.
+!> A row q holds u_x, u_z, v_x, v_z; neighbours in it are LANES elements apart (see pyfric_model). In linear geometry,
+!> and for the dashpots, a block gathers what its eight neighbours do to it. In finite geometry each bond is evaluated
+!> once, in the row where it starts, and what it does to the row above is carried along to it. Sums pair left with right
+!> neighbours, so that a mirrored lattice gives the mirrored bits, and a translation gives no force, to the last bit.
 module pyfric_lattice
   use pyfric_kinds, only: dp
-  use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES, close_row
+  use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES, close_left
   implicit none (type, external)
   private
-  public :: elastic_linear, elastic_finite, viscous, bond_power, bond_energy
+  public :: forces_linear, elastic_finite, viscous, bond_power, bond_energy
   public :: N_BOND
 
   !> Columns of the bond buffer b(LB:n+LANES, N_BOND) of finite geometry: force on the first block of each bond [N].
@@ -27,10 +27,11 @@ contains
   !> F_x = (k/4)(4 (E + W)_x + sum of diagonal u_x + (NE - NW - SE + SW)_z - 12 c_x), F_z likewise with N + S for E + W.
   !> Rows that do not exist are passed as zero: `rows` (0 to 2) of them exist, and edge is +1 (above only), -1 (below
   !> only) or 0.
-  pure subroutine elastic_linear(n, last, k, rows, edge, dn, q, up, fx, fz)
+  pure subroutine forces_linear(n, last, k, eta, rows, edge, dn, q, up, fx, fz)
     integer, intent(in) :: n           !! padded length of a row
     integer, intent(in) :: last        !! element of the last block
     real(dp), intent(in) :: k          !! stiffness of nearest neighbours [N/m]
+    real(dp), intent(in) :: eta        !! viscosity [N s/m]
     real(dp), intent(in) :: rows       !! neighbouring rows
     real(dp), intent(in) :: edge       !! side of the only neighbouring row
     real(dp), intent(in) :: dn(LB:n + LANES, 4) !! the row below
@@ -38,28 +39,34 @@ contains
     real(dp), intent(in) :: up(LB:n + LANES, 4) !! the row above
     real(dp), intent(out) :: fx(LB:n + LANES)     !! force on the row [N]
     real(dp), intent(out) :: fz(LB:n + LANES)     !! force on the row [N]
-    real(dp) :: k4, c_x, c_z
+    real(dp) :: k4, c_x, c_z, c_v
     integer :: i
 
     k4 = 0.25_dp*k
     c_x = 8.0_dp + 2.0_dp*rows
     c_z = 6.0_dp*rows
+    c_v = 2.0_dp + 3.0_dp*rows
     do i = 1, n
       fx(i) = k4*((4.0_dp*(q(i + LANES, UX) + q(i - LANES, UX)) &
                    + (((up(i + LANES, UX) + dn(i + LANES, UX)) + (up(i - LANES, UX) + dn(i - LANES, UX))) &
-                      + ((up(i + LANES, UZ) - dn(i + LANES, UZ)) - (up(i - LANES, UZ) - dn(i - LANES, UZ))))) - c_x*q(i, UX))
+                      + ((up(i + LANES, UZ) - dn(i + LANES, UZ)) - (up(i - LANES, UZ) - dn(i - LANES, UZ))))) - c_x*q(i, UX)) &
+              + eta*(((q(i + LANES, VX) + q(i - LANES, VX)) + ((up(i, VX) + dn(i, VX)) &
+                          + ((up(i + LANES, VX) + dn(i + LANES, VX)) + (up(i - LANES, VX) + dn(i - LANES, VX))))) - c_v*q(i, VX))
       fz(i) = k4*((4.0_dp*(up(i, UZ) + dn(i, UZ)) &
                    + (((up(i + LANES, UZ) + dn(i + LANES, UZ)) + (up(i - LANES, UZ) + dn(i - LANES, UZ))) &
-                      + ((up(i + LANES, UX) - dn(i + LANES, UX)) - (up(i - LANES, UX) - dn(i - LANES, UX))))) - c_z*q(i, UZ))
+                      + ((up(i + LANES, UX) - dn(i + LANES, UX)) - (up(i - LANES, UX) - dn(i - LANES, UX))))) - c_z*q(i, UZ)) &
+              + eta*(((q(i + LANES, VZ) + q(i - LANES, VZ)) + ((up(i, VZ) + dn(i, VZ)) &
+                          + ((up(i + LANES, VZ) + dn(i + LANES, VZ)) + (up(i - LANES, VZ) + dn(i - LANES, VZ))))) - c_v*q(i, VZ))
     end do
-    call wall_linear(n, k4, rows, edge, 1, 1 + LANES, 1.0_dp, dn, q, up, fx, fz)
-    call wall_linear(n, k4, rows, edge, last, last - LANES, -1.0_dp, dn, q, up, fx, fz)
-  end subroutine elastic_linear
+    call wall_linear(n, k4, eta, rows, edge, 1, 1 + LANES, 1.0_dp, dn, q, up, fx, fz)
+    call wall_linear(n, k4, eta, rows, edge, last, last - LANES, -1.0_dp, dn, q, up, fx, fz)
+  end subroutine forces_linear
 
   !> The same for a block at a side wall, which has neighbours in its own column and in column c.
-  pure subroutine wall_linear(n, k4, rows, edge, i, c, side, dn, q, up, fx, fz)
+  pure subroutine wall_linear(n, k4, eta, rows, edge, i, c, side, dn, q, up, fx, fz)
     integer, intent(in) :: n           !! padded length of a row
     real(dp), intent(in) :: k4          !! k/4 [N/m]
+    real(dp), intent(in) :: eta         !! viscosity [N s/m]
     real(dp), intent(in) :: rows        !! neighbouring rows
     real(dp), intent(in) :: edge        !! side of the only neighbouring row
     integer, intent(in) :: i            !! column of the wall
@@ -75,6 +82,8 @@ contains
                 - (4.0_dp + rows)*q(i, UX))
     fz(i) = k4*((4.0_dp*(up(i, UZ) + dn(i, UZ)) &
                  + ((up(c, UZ) + dn(c, UZ)) + side*((up(c, UX) - dn(c, UX)) - edge*q(i, UX)))) - (5.0_dp*rows)*q(i, UZ))
+    fx(i) = fx(i) + eta*((q(c, VX) + ((up(i, VX) + dn(i, VX)) + (up(c, VX) + dn(c, VX)))) - (1.0_dp + 2.0_dp*rows)*q(i, VX))
+    fz(i) = fz(i) + eta*((q(c, VZ) + ((up(i, VZ) + dn(i, VZ)) + (up(c, VZ) + dn(c, VZ)))) - (1.0_dp + 2.0_dp*rows)*q(i, VZ))
   end subroutine wall_linear
 
   !> Adds the dashpots, eta (v_j - v_i) on all eight bonds, of one component of the motion.
@@ -104,11 +113,13 @@ contains
   end subroutine viscous
 
   !> Finite geometry: forces of the springs on a row; carry holds those from below, and on return those on the row above.
-  pure subroutine elastic_finite(n, last, k, l, has_up, q, up, b, carry, fx, fz)
+  pure subroutine elastic_finite(n, last, k, l, near, diagonal, has_up, q, up, b, carry, fx, fz)
     integer, intent(in) :: n           !! padded length of a row
     integer, intent(in) :: last        !! element of the last block
     real(dp), intent(in) :: k                   !! stiffness of nearest neighbours [N/m]
     real(dp), intent(in) :: l                   !! lattice constant [m]
+    real(dp), intent(in) :: near(8)             !! series of a spring of length l
+    real(dp), intent(in) :: diagonal(8)         !! series of a diagonal spring
     logical, intent(in) :: has_up               !! there is a row above; else up is not read
     real(dp), intent(in) :: q(LB:n + LANES, 4) !! the row
     real(dp), intent(in) :: up(LB:n + LANES, 4) !! the row above
@@ -119,9 +130,9 @@ contains
     real(dp) :: t_max, t_up
     integer :: i
 
-    call horizontal_finite(n, k, l, q, b, t_max)
+    call horizontal_finite(n, near, l, q, b, t_max)
     if (has_up) then
-      call up_finite(n, k, l, q, up, b, t_up)
+      call up_finite(n, near, diagonal, l, q, up, b, t_up)
       t_max = max(t_max, t_up)
     else
       b(:, D1X:WZ) = 0.0_dp
@@ -129,26 +140,11 @@ contains
     if (t_max > S_SERIES*l**2) call bonds_exact(n, k, l, has_up, q, up, b)
     b(last, HX:D2Z) = 0.0_dp
     do i = HX, D2Z
-      call close_row(n, b(LB, i))
+      call close_left(n, b(LB, i))
     end do
     call gather(n, b(LB, HX), b(LB, D1X), b(LB, D2X), b(LB, WX), carry(LB, 1), fx)
     call gather(n, b(LB, HZ), b(LB, D1Z), b(LB, D2Z), b(LB, WZ), carry(LB, 2), fz)
   end subroutine elastic_finite
-
-  !> Coefficients c_n of k (r - l0)/r = sum of c_n t^n, n = 1..8, in t = r^2 - l0^2 = 2 d.du + |du|^2.
-  !>
-  !> With s = t/l0^2, (r - l0)/r = 1 - (1 + s)^(-1/2), whose Taylor coefficients are -(-1)^n (2n-1)!!/(2n)!!.
-  pure function series(k, l2) result(c)
-    real(dp), intent(in) :: k   !! stiffness of the bond [N/m]
-    real(dp), intent(in) :: l2  !! its length squared [m2]
-    real(dp) :: c(8)
-    integer :: n
-
-    c(1) = 0.5_dp*k/l2
-    do n = 2, 8
-      c(n) = -c(n - 1)*real(2*n - 1, dp)/(real(2*n, dp)*l2)
-    end do
-  end function series
 
   !> The sum of the series.
   pure function summed(c, t) result(g)
@@ -161,17 +157,16 @@ contains
   end function summed
 
   !> Finite geometry: F = k (r - l0)/r (d + du), bonds within a row, by the series.
-  pure subroutine horizontal_finite(n, k, l, q, b, t_max)
+  pure subroutine horizontal_finite(n, c, l, q, b, t_max)
     integer, intent(in) :: n           !! padded length of a row
-    real(dp), intent(in) :: k                   !! stiffness of nearest neighbours [N/m]
+    real(dp), intent(in) :: c(8)                !! series of a spring of length l
     real(dp), intent(in) :: l                   !! lattice constant [m]
     real(dp), intent(in) :: q(LB:n + LANES, 4) !! the row
     real(dp), intent(inout) :: b(LB:n + LANES, N_BOND)   !! forces on the first blocks [N]
     real(dp), intent(out) :: t_max              !! largest |t| [m2]
-    real(dp) :: c(8), dx, dz, t, g
+    real(dp) :: dx, dz, t, g
     integer :: i
 
-    c = series(k, l*l)
     t_max = 0.0_dp
     do i = 1, n
       dx = q(i + LANES, UX) - q(i, UX)
@@ -185,40 +180,39 @@ contains
   end subroutine horizontal_finite
 
   !> The bonds to the row above.
-  pure subroutine up_finite(n, k, l, q, up, b, t_max)
+  pure subroutine up_finite(n, near, diagonal, l, q, up, b, t_max)
     integer, intent(in) :: n           !! padded length of a row
-    real(dp), intent(in) :: k                   !! stiffness of nearest neighbours [N/m]
+    real(dp), intent(in) :: near(8)             !! series of a spring of length l
+    real(dp), intent(in) :: diagonal(8)         !! series of a diagonal spring
     real(dp), intent(in) :: l                   !! lattice constant [m]
     real(dp), intent(in) :: q(LB:n + LANES, 4) !! the row
     real(dp), intent(in) :: up(LB:n + LANES, 4) !! the row above
     real(dp), intent(inout) :: b(LB:n + LANES, N_BOND)   !! forces on the first blocks [N]
     real(dp), intent(out) :: t_max              !! largest |t|; half of it on diagonals, which are longer [m2]
-    real(dp) :: c(8), dx, dz, t, t1, t2, g
+    real(dp) :: dx, dz, t, t1, t2, g
     integer :: i
 
-    c = series(k, l*l)
     t_max = 0.0_dp
     do i = 1, n
       dx = up(i, UX) - q(i, UX)
       dz = up(i, UZ) - q(i, UZ)
       t = dx*dx + dz*(2.0_dp*l + dz)
       t_max = max(t_max, abs(t))
-      g = summed(c, t)
+      g = summed(near, t)
       b(i, WX) = g*dx
       b(i, WZ) = g*(l + dz)
     end do
-    c = series(0.5_dp*k, 2.0_dp*l*l)
     do i = 1, n
       dx = up(i + LANES, UX) - q(i, UX)
       dz = up(i + LANES, UZ) - q(i, UZ)
       t1 = dx*(2.0_dp*l + dx) + dz*(2.0_dp*l + dz)
-      g = summed(c, t1)
+      g = summed(diagonal, t1)
       b(i, D1X) = g*(l + dx)
       b(i, D1Z) = g*(l + dz)
       dx = up(i, UX) - q(i + LANES, UX)
       dz = up(i, UZ) - q(i + LANES, UZ)
       t2 = dx*(dx - 2.0_dp*l) + dz*(2.0_dp*l + dz)
-      g = summed(c, t2)
+      g = summed(diagonal, t2)
       b(i, D2X) = g*(dx - l)
       b(i, D2Z) = g*(l + dz)
       t_max = max(t_max, 0.5_dp*max(abs(t1), abs(t2)))
@@ -320,7 +314,7 @@ contains
     do i = 1, n, LANES
       lane = lane + w(i:i + LANES - 1)
     end do
-    total = ((lane(1) + lane(2)) + (lane(3) + lane(4))) + ((lane(5) + lane(6)) + (lane(7) + lane(8)))
+    total = (lane(1) + lane(2)) + (lane(3) + lane(4))
   end function lane_sum
 
   !> Elastic energy of the bonds that start in a row: k (r - l0)^2/2, or k (n.du)^2/2 in linear geometry [J].

@@ -3,7 +3,7 @@ module pyfric_model
   use pyfric_kinds, only: dp, ip
   implicit none (type, external)
   private
-  public :: model_t, new_model, close_row, close_state, N_CONSTANTS, UX, UZ, VX, VZ, LB, LANES
+  public :: model_t, new_model, close_left, close_row, close_state, N_CONSTANTS, UX, UZ, VX, VZ, LB, LANES
 
   integer(ip), parameter :: N_CONSTANTS = 18
   !> Fields of one row of the state.
@@ -12,7 +12,7 @@ module pyfric_model
   !> c + (i - 1) LANES of a row with bounds LB:n+LANES. Neighbours are then LANES elements apart, so that loops over
   !> 1:n work on whole, aligned vectors. Elements LB:0 and n+1: repeat the ends of the next pieces (`close_row`). Beyond
   !> the last block the row is filled up with blocks at rest.
-  integer, parameter :: LANES = 8, LB = 1 - LANES
+  integer, parameter :: LANES = 4, LB = 1 - LANES
 
   type :: model_t
     integer :: nx           !! blocks along the interface
@@ -40,6 +40,8 @@ module pyfric_model
     real(dp) :: k_drv       !! driver stiffness K [N/m]
     real(dp) :: v_drv       !! driver speed V [m/s]
     real(dp) :: u_drv0      !! u_x of the driven block at which F_T = 0 at t = 0 [m]
+    real(dp) :: near(8)     !! series of a spring of length l, see pyfric_lattice [N/m^(2n+1)], n = 1...
+    real(dp) :: diagonal(8) !! the same for length sqrt(2) l
     real(dp) :: p_corner    !! slip that starts below this p is a corner episode [N]
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
     real(dp), allocatable :: load(:)  !! downward load on the top row, setup 2 [N]
@@ -88,18 +90,53 @@ contains
     s%v_drv = c(16)
     s%u_drv0 = c(17)
     s%p_corner = c(18)
+    s%near = series(s%k, s%l**2)
+    s%diagonal = series(0.5_dp*s%k, 2.0_dp*s%l**2)
     s%x = x
     s%load = load
   end function new_model
 
-  !> Repeats the ends of the pieces of a row; at the walls there is nothing.
+  !> Coefficients c_n of k (r - l0)/r = sum of c_n t^n, n = 1..8, in t = r^2 - l0^2 = 2 d.du + |du|^2.
+  !>
+  !> With s = t/l0^2, (r - l0)/r = 1 - (1 + s)^(-1/2), whose Taylor coefficients are -(-1)^n (2n-1)!!/(2n)!!.
+  pure function series(k, l2) result(c)
+    real(dp), intent(in) :: k   !! stiffness of the bond [N/m]
+    real(dp), intent(in) :: l2  !! its length squared [m2]
+    real(dp) :: c(8)
+    integer :: n
+
+    c(1) = 0.5_dp*k/l2
+    do n = 2, 8
+      c(n) = -c(n - 1)*real(2*n - 1, dp)/(real(2*n, dp)*l2)
+    end do
+  end function series
+
+  !> Repeats the ends of the pieces of a row on its left, or on both sides; at the walls there is nothing.
+  !> Element by element: these were stored as vectors just before, and only parts of one of them can be read at once.
+  pure subroutine close_left(n, q)
+    integer, intent(in) :: n                    !! length of a row
+    real(dp), intent(inout) :: q(LB:n + LANES)  !! one field of it
+    integer :: i
+
+    q(LB) = 0.0_dp
+    !GCC$ novector
+    !GCC$ unroll 8
+    do i = LB + 1, 0
+      q(i) = q(n + i - 1)
+    end do
+  end subroutine close_left
+
   pure subroutine close_row(n, q)
     integer, intent(in) :: n                    !! length of a row
     real(dp), intent(inout) :: q(LB:n + LANES)  !! one field of it
+    integer :: i
 
-    q(LB + 1:0) = q(n + LB:n - 1)
-    q(LB) = 0.0_dp
-    q(n + 1:n + LANES - 1) = q(2:LANES)
+    call close_left(n, q)
+    !GCC$ novector
+    !GCC$ unroll 8
+    do i = 2, LANES
+      q(n + i - 1) = q(i)
+    end do
     q(n + LANES) = 0.0_dp
   end subroutine close_row
 

@@ -8,6 +8,7 @@ module pyfric_rk4
   use pyfric_kinds, only: dp, ip
   use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES, close_state
   use pyfric_boundaries, only: rod_acceleration, rod_to_row
+  use pyfric_lattice, only: N_BOND
   use pyfric_rows, only: row_t, new_row, row_forces, row_powers, budget_t
   implicit none (type, external)
   private
@@ -20,7 +21,7 @@ module pyfric_rk4
 contains
 
   !> Rows j0..j1 of the state one step later. Contact states are frozen during the step.
-  subroutine rk4_step(s, t, dt, j0, j1, keep_budget, mode, y, rod, y_new, rod_new, budget, q, carry, w)
+  subroutine rk4_step(s, t, dt, j0, j1, keep_budget, mode, y, rod, y_new, rod_new, budget, q, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                         !! time at the start [s]
     real(dp), intent(in) :: dt                        !! step [s]
@@ -35,6 +36,9 @@ contains
     type(budget_t), intent(inout) :: budget           !! entries of rows j0..j1 are advanced
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:RING - 1, 2:4)  !! work space: rows of stages 2 to 4
     real(dp), intent(inout) :: carry(LB:s%n + LANES, 2, 4)            !! work space of finite geometry
+    real(dp), intent(inout) :: b(LB:s%n + LANES, N_BOND)          !! work space of finite geometry, zero at first
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)                 !! work space
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)                 !! work space
     type(row_t), intent(inout) :: w
     real(dp) :: rod_stage(6, 4), rod_sum(6)
     integer :: low, high, j, stage, front
@@ -65,7 +69,7 @@ contains
       real(dp), intent(in) :: up(LB:s%n + LANES, 4)    !! the row above at this stage
       real(dp) :: c
 
-      call row_forces(s, j, t + NODE(stage)*dt, dn, here, up, mode, carry(LB, 1, stage), w)
+      call row_forces(s, j, t + NODE(stage)*dt, dn, here, up, mode, carry(LB, 1, stage), b, fx, fz, w)
       if (j < low) return
       if (keep_budget .and. j >= j0 .and. j <= j1) then
         c = dt/6.0_dp*WEIGHT(stage)
@@ -76,16 +80,11 @@ contains
       else
         if (stage < 4) then
           c = NODE(stage + 1)*dt
-          call to_stage(s%n, c, s%m, y(LB, UX, j), y(LB, VX, j), here(LB, VX), w%fx, q(LB, UX, mod(j, RING), stage + 1), &
-                        q(LB, VX, mod(j, RING), stage + 1))
-          call to_stage(s%n, c, s%m, y(LB, UZ, j), y(LB, VZ, j), here(LB, VZ), w%fz, q(LB, UZ, mod(j, RING), stage + 1), &
-                        q(LB, VZ, mod(j, RING), stage + 1))
+          call to_stage(s%n, c, s%m, y(LB, 1, j), here(LB, VX), fx, fz, q(LB, 1, mod(j, RING), stage + 1))
           call close_state(s, q(LB, 1, mod(j, RING), stage + 1))
         else
-          call to_end(s%n, dt, s%m, y(LB, UX, j), y(LB, VX, j), q(LB, VX, mod(j, RING), 2), q(LB, VX, mod(j, RING), 3), &
-                      here(LB, VX), w%fx, y_new(LB, UX, j), y_new(LB, VX, j))
-          call to_end(s%n, dt, s%m, y(LB, UZ, j), y(LB, VZ, j), q(LB, VZ, mod(j, RING), 2), q(LB, VZ, mod(j, RING), 3), &
-                      here(LB, VZ), w%fz, y_new(LB, UZ, j), y_new(LB, VZ, j))
+          call to_end(s%n, dt, s%m, y(LB, 1, j), q(LB, VX, mod(j, RING), 2), q(LB, VX, mod(j, RING), 3), here(LB, VX), &
+                      fx, fz, y_new(LB, 1, j))
           call close_state(s, y_new(LB, 1, j))
         end if
       end if
@@ -96,7 +95,7 @@ contains
       real(dp) :: rate(6)
 
       rate(1:3) = rod_stage(4:6, stage)
-      rate(4:6) = rod_acceleration(s, rod_stage(3, stage), w%fx(s%at(:s%nx)), w%fz(s%at(:s%nx)))
+      rate(4:6) = rod_acceleration(s, rod_stage(3, stage), fx(s%at(:s%nx)), fz(s%at(:s%nx)))
       if (stage == 1) rod_sum = 0.0_dp
       rod_sum = rod_sum + WEIGHT(stage)*rate
       if (stage < 4) then
@@ -109,44 +108,41 @@ contains
     end subroutine rod_row
   end subroutine rk4_step
 
-  !> The next stage, one component: u + c v_s, v + c F_s/m.
-  pure subroutine to_stage(n, c, m, u, v, v_s, f_s, u_next, v_next)
+  !> The next stage: u + c v_s, v + c F_s/m.
+  pure subroutine to_stage(n, c, m, y, v_s, fx, fz, q)
     integer, intent(in) :: n
     real(dp), intent(in) :: c                     !! time to the next stage [s]
     real(dp), intent(in) :: m                     !! block mass [kg]
-    real(dp), intent(in) :: u(LB:n + LANES)           !! displacement at the start of the step [m]
-    real(dp), intent(in) :: v(LB:n + LANES)           !! velocity at the start of the step [m/s]
-    real(dp), intent(in) :: v_s(LB:n + LANES)         !! velocity of this stage [m/s]
-    real(dp), intent(in) :: f_s(LB:n + LANES)         !! force of this stage [N]
-    real(dp), intent(inout) :: u_next(LB:n + LANES)   !! displacement of the next stage [m]
-    real(dp), intent(inout) :: v_next(LB:n + LANES)   !! velocity of the next stage [m/s]
+    real(dp), intent(in) :: y(LB:n + LANES, 4)    !! state at the start of the step
+    real(dp), intent(in) :: v_s(LB:n + LANES, 2)  !! velocities of this stage [m/s]
+    real(dp), intent(in) :: fx(LB:n + LANES)      !! force of this stage [N]
+    real(dp), intent(in) :: fz(LB:n + LANES)      !! force of this stage [N]
+    real(dp), intent(inout) :: q(LB:n + LANES, 4) !! the next stage
     real(dp) :: c_m
     integer :: i
 
     c_m = c/m
     !GCC$ ivdep
     do i = 1, n
-      u_next(i) = u(i) + c*v_s(i)
-      v_next(i) = v(i) + c_m*f_s(i)
+      q(i, UX) = y(i, UX) + c*v_s(i, 1)
+      q(i, UZ) = y(i, UZ) + c*v_s(i, 2)
+      q(i, VX) = y(i, VX) + c_m*fx(i)
+      q(i, VZ) = y(i, VZ) + c_m*fz(i)
     end do
   end subroutine to_stage
 
-  !> The end of the step, one component: u + dt/6 (v_1 + 2 v_2 + 2 v_3 + v_4), v + dt/6 (F_1 + 2 F_2 + 2 F_3 + F_4)/m.
-  !> The first three forces are taken from the velocities they led to: dt F_1/m = 2 (v_2 - v), dt F_2/m = 2 (v_3 - v),
-  !> dt F_3/m = v_4 - v.
-  pure subroutine to_end(n, dt, m, u, v, v2, v3, v4, f4, u_new, v_new)
+  pure subroutine to_end(n, dt, m, y, v2, v3, v4, fx, fz, y_new)
     integer, intent(in) :: n
     real(dp), intent(in) :: dt                   !! step [s]
     real(dp), intent(in) :: m                    !! block mass [kg]
-    real(dp), intent(in) :: u(LB:n + LANES)          !! displacement at the start of the step [m]
-    real(dp), intent(in) :: v(LB:n + LANES)          !! velocity at the start of the step [m/s]
-    real(dp), intent(in) :: v2(LB:n + LANES)         !! velocity of stage 2 [m/s]
-    real(dp), intent(in) :: v3(LB:n + LANES)         !! velocity of stage 3 [m/s]
-    real(dp), intent(in) :: v4(LB:n + LANES)         !! velocity of stage 4 [m/s]
-    real(dp), intent(in) :: f4(LB:n + LANES)         !! force of stage 4 [N]
-    real(dp), intent(inout) :: u_new(LB:n + LANES)   !! displacement at the end of the step [m]
-    real(dp), intent(inout) :: v_new(LB:n + LANES)   !! velocity at the end of the step [m/s]
-    real(dp) :: c, c_m, third
+    real(dp), intent(in) :: y(LB:n + LANES, 4)          !! displacement at the start of the step [m]
+    real(dp), intent(in) :: v2(LB:n + LANES, 2)         !! velocity of stage 2 [m/s]
+    real(dp), intent(in) :: v3(LB:n + LANES, 2)         !! velocity of stage 3 [m/s]
+    real(dp), intent(in) :: v4(LB:n + LANES, 2)         !! velocity of stage 4 [m/s]
+    real(dp), intent(in) :: fx(LB:n + LANES)         !! force of stage 4 [N]
+    real(dp), intent(in) :: fz(LB:n + LANES)         !! force of stage 4 [N]
+    real(dp), intent(inout) :: y_new(LB:n + LANES, 4)   !! displacement at the end of the step [m]
+    real(dp) :: c, c_m, third, ux_, uz_
     integer :: i
 
     c = dt/6.0_dp
@@ -154,8 +150,10 @@ contains
     third = 1.0_dp/3.0_dp
     !GCC$ ivdep
     do i = 1, n
-      u_new(i) = u(i) + c*((v(i) + v4(i)) + 2.0_dp*(v2(i) + v3(i)))
-      v_new(i) = v(i) + (third*(((v2(i) - v(i)) + 2.0_dp*(v3(i) - v(i))) + (v4(i) - v(i))) + c_m*f4(i))
+      y_new(i, UX) = y(i, UX) + c*((y(i, VX) + v4(i, 1)) + 2.0_dp*(v2(i, 1) + v3(i, 1)))
+      y_new(i, UZ) = y(i, UZ) + c*((y(i, VZ) + v4(i, 2)) + 2.0_dp*(v2(i, 2) + v3(i, 2)))
+      y_new(i, VX) = y(i, VX) + (third*(((v2(i, 1) + v4(i, 1)) + 2.0_dp*v3(i, 1)) - 4.0_dp*y(i, VX)) + c_m*fx(i))
+      y_new(i, VZ) = y(i, VZ) + (third*(((v2(i, 2) + v4(i, 2)) + 2.0_dp*v3(i, 2)) - 4.0_dp*y(i, VZ)) + c_m*fz(i))
     end do
   end subroutine to_end
 end module pyfric_rk4

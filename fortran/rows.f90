@@ -2,19 +2,16 @@
 module pyfric_rows
   use pyfric_kinds, only: dp, ip
   use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES
-  use pyfric_lattice, only: elastic_linear, elastic_finite, viscous, bond_power, N_BOND
+  use pyfric_lattice, only: forces_linear, elastic_finite, viscous, bond_power, N_BOND
   use pyfric_boundaries, only: foundation, driver_force, mirror_sum
   use pyfric_friction, only: friction_force
   implicit none (type, external)
   private
   public :: row_t, new_row, bond_forces, row_forces, row_powers, budget_t
 
-  !> Work space of one row. The first four have bounds LB:n+LANES, p and f have N_x elements.
+  !> Work space of one row. Forces on the blocks and bonds lie elsewhere, on vectors.
   type :: row_t
     real(dp), allocatable :: none(:, :)  !! zeros, in place of a row that does not exist (:, 4)
-    real(dp), allocatable :: b(:, :)     !! bond forces, finite geometry (:, N_BOND) [N]
-    real(dp), allocatable :: fx(:)       !! forces on the blocks [N]
-    real(dp), allocatable :: fz(:)       !! forces on the blocks [N]
     real(dp), allocatable :: p(:)        !! foundation force, bottom row [N]
     real(dp), allocatable :: f(:)        !! friction force along +x, bottom row [N]
     real(dp) :: f_t                      !! driver force, row of the driven block [N]
@@ -33,36 +30,36 @@ contains
     type(model_t), intent(in) :: s
     type(row_t) :: w
 
-    allocate (w%none(LB:s%n + LANES, 4), w%b(LB:s%n + LANES, N_BOND), w%fx(LB:s%n + LANES), w%fz(LB:s%n + LANES))
-    allocate (w%p(s%nx), w%f(s%nx))
+    allocate (w%none(LB:s%n + LANES, 4), w%p(s%nx), w%f(s%nx))
     w%none = 0.0_dp
-    w%b = 0.0_dp
-    w%fx = 0.0_dp
-    w%fz = 0.0_dp
     w%p = 0.0_dp
     w%f = 0.0_dp
     w%f_t = 0.0_dp
   end function new_row
 
   !> Forces of all springs and dashpots on row j. In finite geometry, carry comes from below and leaves for the row above.
-  pure subroutine bond_forces(s, j, dn, q, up, carry, w)
+  pure subroutine bond_forces(s, j, dn, q, up, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom
     real(dp), intent(in) :: dn(LB:s%n + LANES, 4)       !! the row below, not used at the bottom
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)        !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)       !! the row above, not used at the top
     real(dp), intent(inout) :: carry(LB:s%n + LANES, 2) !! forces on the row from below, then on the row above [N]
-    type(row_t), intent(inout) :: w           !! w%fx and w%fz on return
+    real(dp), intent(inout) :: b(LB:s%n + LANES, N_BOND) !! work space of finite geometry, zero where there is no bond
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)     !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)     !! force on the row [N]
+    type(row_t), intent(in) :: w
 
-    if (s%finite) call elastic_finite(s%n, s%at(s%nx), s%k, s%l, j < s%nz, q, up, w%b, carry, w%fx, w%fz)
+    if (s%finite) call elastic_finite(s%n, s%at(s%nx), s%k, s%l, s%near, s%diagonal, j < s%nz, q, up, b, carry, &
+                                       fx, fz)
     if (j > 1 .and. j < s%nz) then
-      call gathered(s, 2, 0, dn, q, up, w%fx, w%fz)
+      call gathered(s, 2, 0, dn, q, up, fx, fz)
     else if (j < s%nz) then
-      call gathered(s, 1, 1, w%none, q, up, w%fx, w%fz)
+      call gathered(s, 1, 1, w%none, q, up, fx, fz)
     else if (j > 1) then
-      call gathered(s, 1, -1, dn, q, w%none, w%fx, w%fz)
+      call gathered(s, 1, -1, dn, q, w%none, fx, fz)
     else
-      call gathered(s, 0, 0, w%none, q, w%none, w%fx, w%fz)
+      call gathered(s, 0, 0, w%none, q, w%none, fx, fz)
     end if
   end subroutine bond_forces
 
@@ -80,9 +77,12 @@ contains
     integer :: i
 
     n_rows = real(rows, dp)
-    if (.not. s%finite) call elastic_linear(s%n, s%at(s%nx), s%k, n_rows, real(edge, dp), dn, q, up, fx, fz)
-    call viscous(s%n, s%at(s%nx), s%eta, n_rows, dn(LB, VX), q(LB, VX), up(LB, VX), fx)
-    call viscous(s%n, s%at(s%nx), s%eta, n_rows, dn(LB, VZ), q(LB, VZ), up(LB, VZ), fz)
+    if (s%finite) then
+      call viscous(s%n, s%at(s%nx), s%eta, n_rows, dn(LB, VX), q(LB, VX), up(LB, VX), fx)
+      call viscous(s%n, s%at(s%nx), s%eta, n_rows, dn(LB, VZ), q(LB, VZ), up(LB, VZ), fz)
+    else
+      call forces_linear(s%n, s%at(s%nx), s%k, s%eta, n_rows, real(edge, dp), dn, q, up, fx, fz)
+    end if
     do i = s%nx + 1, s%n
       fx(s%at(i)) = 0.0_dp
       fz(s%at(i)) = 0.0_dp
@@ -90,7 +90,7 @@ contains
   end subroutine gathered
 
   !> Forces on row j, friction included, at frozen contact states; the carry of the bonds moves up one row.
-  pure subroutine row_forces(s, j, t, dn, q, up, mode, carry, w)
+  pure subroutine row_forces(s, j, t, dn, q, up, mode, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom
     real(dp), intent(in) :: t                 !! time [s]
@@ -99,21 +99,24 @@ contains
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)       !! the row above, not used at the top
     integer(ip), intent(in) :: mode(s%nx)     !! contact states
     real(dp), intent(inout) :: carry(LB:s%n + LANES, 2) !! bond forces from below, then on the row above [N]
+    real(dp), intent(inout) :: b(LB:s%n + LANES, N_BOND) !! work space of finite geometry, zero where there is no bond
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)     !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)     !! force on the row [N]
     type(row_t), intent(inout) :: w
     integer :: i
 
-    call bond_forces(s, j, dn, q, up, carry, w)
+    call bond_forces(s, j, dn, q, up, carry, b, fx, fz, w)
     if (j == s%j_h) then
       i = s%at(s%i_h)
       w%f_t = driver_force(s, t, q(i, UX))
-      w%fx(i) = w%fx(i) + s%d*w%f_t
+      fx(i) = fx(i) + s%d*w%f_t
     end if
-    if (j == s%nz .and. .not. s%rigid) w%fz(s%at(:s%nx)) = w%fz(s%at(:s%nx)) - s%load
+    if (j == s%nz .and. .not. s%rigid) fz(s%at(:s%nx)) = fz(s%at(:s%nx)) - s%load
     if (j == 1) then
       call foundation(s, q(s%at(:s%nx), UZ), w%p)
-      call friction_force(s, mode, w%fx(s%at(:s%nx)), w%p, w%f)
-      w%fz(s%at(:s%nx)) = w%fz(s%at(:s%nx)) + w%p
-      w%fx(s%at(:s%nx)) = w%fx(s%at(:s%nx)) + w%f
+      call friction_force(s, mode, fx(s%at(:s%nx)), w%p, w%f)
+      fz(s%at(:s%nx)) = fz(s%at(:s%nx)) + w%p
+      fx(s%at(:s%nx)) = fx(s%at(:s%nx)) + w%f
     end if
   end subroutine row_forces
 

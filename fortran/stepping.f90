@@ -3,6 +3,7 @@ module pyfric_stepping
   use, intrinsic :: iso_c_binding, only: c_loc, c_intptr_t
   use pyfric_kinds, only: dp, ip
   use pyfric_model, only: model_t, close_state, LB, LANES
+  use pyfric_lattice, only: N_BOND
   use pyfric_rows, only: budget_t, row_t, new_row
   use pyfric_rk4, only: rk4_step, RING
   use pyfric_contact, only: contact_t, log_t, switch_contacts
@@ -92,17 +93,19 @@ contains
       j1 = ((me + 1)*s%nz)/team
       row = new_row(s)
       n = s%n + 2*LANES
-      allocate (work(n*(12*RING + 8) + LANES))
+      allocate (work(n*(12*RING + 8 + N_BOND + 2) + LANES))
       work = 0.0_dp
       at = aligned(work)
       do k = 1, n_steps
         if (.not. go) exit
         if (mod(k, 2) == 1) then
           call rk4_step(s, t0 + (step_begin + (k - 1))*dt, dt, j0, j1, keep_budget, contact%mode, y, rod, z, rod_z, &
-                        budget, work(at), work(at + 12*n*RING), row)
+                        budget, work(at), work(at + 12*n*RING), work(at + n*(12*RING + 8)), &
+                        work(at + n*(12*RING + 8 + N_BOND)), work(at + n*(12*RING + 9 + N_BOND)), row)
         else
           call rk4_step(s, t0 + (step_begin + (k - 1))*dt, dt, j0, j1, keep_budget, contact%mode, z, rod_z, y, rod, &
-                        budget, work(at), work(at + 12*n*RING), row)
+                        budget, work(at), work(at + 12*n*RING), work(at + n*(12*RING + 8)), &
+                        work(at + n*(12*RING + 8 + N_BOND)), work(at + n*(12*RING + 9 + N_BOND)), row)
         end if
         !$omp barrier
         if (me == 0) then

@@ -15,6 +15,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -34,6 +35,8 @@ from pyfric.version import __version__
 if TYPE_CHECKING:
     import os
 
+    from pyfric.catalogue import Catalogue
+    from pyfric.equilibrium import Equilibrium
     from pyfric.scene import Scene
 
 __all__ = ["AUTO_SHARE", "Progress", "RunError", "simulate", "step_size"]
@@ -42,8 +45,10 @@ AUTO_SHARE = 0.5
 """dt = "auto" is this share of the stability limit, rounded down to two digits."""
 CURVE_POINTS = 5000
 """Points of the loading curve, unless `sample` says otherwise."""
-CALL_SECONDS = 0.05
+CALL_SECONDS = 0.2
 """Longest time in the core between two looks at Ctrl-C, s."""
+STATIC_SECONDS = 1.0
+"""Static forces of new events are found this often, so that little is left to do at the end, s."""
 MAX_STEPS = 10**12
 """Most steps of one run."""
 
@@ -207,7 +212,8 @@ class _Run:
         state: State,
         before: Record | None,
     ) -> None:
-        self.scene, self.method, self.solver, self.state = scene, method, solver, state
+        self.scene, self.method, self.state = scene, method, state
+        self.solver = _Remembering(solver)
         self.model = core.model(scene, method.geometry, state.u_drv0)
         self.log = core.Log(scene.N_x)
         self.t_begin = state.t
@@ -256,7 +262,7 @@ class _Run:
     ) -> None:
         """Make the steps up to number `last`; after Ctrl-C, leave before that."""
         state, every = self.state, self.method.sample
-        start = saved = shown = time.perf_counter()
+        start = saved = shown = solved = time.perf_counter()
         while state.step < last and not stop():
             to_sample = every - state.step % every
             in_time = max(1, int(CALL_SECONDS * self.rate)) if self.rate else 1
@@ -270,10 +276,22 @@ class _Run:
                 begin = self.rows[0][0]
                 end = state.t0 + last * state.dt
                 show(Progress(state.t, begin, end, force, self.events, self.rate))
+            if now - solved > STATIC_SECONDS:
+                self.catalogue()
+                solved = time.perf_counter()
             if checkpoint is not None and now - saved > checkpoint_every:
-                self.record("interrupted", static=False).save(checkpoint)
+                self.save(checkpoint)
                 saved = time.perf_counter()
         self.timings["stepping"] = time.perf_counter() - start
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Save the run so far; where that fails, warn and go on."""
+        try:
+            self.record("interrupted").save(path)
+        except OSError as error:
+            warnings.warn(
+                f"checkpoint {path} was not written: {error}", RuntimeWarning, stacklevel=4
+            )
 
     def call(self, n_steps: int) -> None:
         """Let the core make up to n_steps and take over its log."""
@@ -316,23 +334,29 @@ class _Run:
         )
         raise RunError(message, self.record(f"failed: {message}"))
 
-    def record(self, status: str, *, static: bool = True) -> Record:
-        """Return what was done so far; without `static`, static forces are NaN."""
-        state, scene, method = self.state, self.scene, self.method
-        start = time.perf_counter()
+    def catalogue(self) -> tuple[Catalogue, dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Return the catalogue of what has been logged, and the two logs."""
         switches, quiet = _joined(self.switches), _joined(self.quiet)
         if not self.switches:
-            empty = core.Log(scene.N_x, 0, 0)
+            empty = core.Log(self.scene.N_x, 0, 0)
             switches, quiet = empty.switches(), empty.quiet()
+        self.switches, self.quiet = [switches], [quiet]
         catalogue = build_catalogue(
             switches,
             quiet,
-            scene,
-            t_gap=method.t_gap,
+            self.scene,
+            t_gap=self.method.t_gap,
             t_begin=self.t_begin,
-            t_end=state.t,
-            solver=self.solver if static else None,
+            t_end=self.state.t,
+            solver=self.solver,
         )
+        return catalogue, switches, quiet
+
+    def record(self, status: str) -> Record:
+        """Return what was done so far."""
+        state, scene, method = self.state, self.scene, self.method
+        start = time.perf_counter()
+        catalogue, switches, quiet = self.catalogue()
         here = len(self.rows)
         if self.rows[-1][0] != state.t:
             self.sample()
@@ -349,8 +373,8 @@ class _Run:
             scene=scene,
             method=method,
             curve=curve,
-            tau_initial=self.solver.loaded.tau,
-            p_initial=self.solver.loaded.p,
+            tau_initial=self.solver.known.loaded.tau,
+            p_initial=self.solver.known.loaded.p,
             quiet=quiet,
             switches=switches,
             versions=_versions(),
@@ -358,6 +382,20 @@ class _Run:
             status=status,
             final_state=state.copy(),
         )
+
+
+class _Remembering:
+    """A `StaticSolver` that solves the same state once."""
+
+    def __init__(self, solver: StaticSolver) -> None:
+        self.known = solver
+        self.found: dict[tuple[bytes, float, bytes], Equilibrium] = {}
+
+    def solve(self, u_x_bottom: np.ndarray, drive: float, *, free: np.ndarray) -> Equilibrium:
+        key = u_x_bottom.tobytes(), float(drive), free.tobytes()
+        if key not in self.found:
+            self.found[key] = self.known.solve(u_x_bottom, drive, free=free)
+        return self.found[key]
 
 
 def _joined(logs: list[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:

@@ -1,5 +1,10 @@
 """Settings shared by all tests."""
 
+import os
+
+# Several workers with several BLAS threads each wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from hypothesis import HealthCheck, settings
 
 settings.register_profile(

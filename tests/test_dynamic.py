@@ -355,6 +355,13 @@ def test_checkpoints_can_be_continued(tmp_path):
     assert same(simulate(scene, 3e-3, initial=saved, progress=False), whole)
 
 
+def test_a_checkpoint_that_cannot_be_written_does_not_end_the_run(tmp_path):
+    options = {"checkpoint": tmp_path / "no folder" / "c.nc", "checkpoint_every": 2e-3}
+    with pytest.warns(RuntimeWarning, match="was not written"):
+        record = simulate(small(), 2e-3, progress=False, sample=3e-4, **options)
+    assert record.status == "complete"
+
+
 def test_a_run_that_leaves_the_numbers_keeps_what_was_good():
     scene = small()
     record = simulate(scene, 1e-4, progress=False)

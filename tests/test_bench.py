@@ -1,0 +1,70 @@
+"""The benchmark: what it times and how it reports, not how fast anything is."""
+
+import numpy as np
+import pytest
+
+from pyfric import bench, bench_peers, core
+
+BLOCKS = 5 * 4
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    monkeypatch.setattr(bench, "LATTICES", ((5, 4),))
+    monkeypatch.setattr(bench, "SECONDS", 1e-3)
+    monkeypatch.setattr(bench, "REPEATS", 2)
+
+
+@pytest.fixture
+def no_peers(monkeypatch):
+    monkeypatch.setattr(bench_peers, "available", lambda: {"numpy": "2", "lammps": "missing: x"})
+
+
+@pytest.mark.usefixtures("tiny", "no_peers")
+def test_kernel_times_every_variant_and_the_peers_at_hand():
+    frame = bench.kernel(quick=True)
+    mine = frame[frame["what"] == "pyfric"]
+    runs = [name for name, here in core.variants().items() if here]
+    assert set(mine["variant"]) == set(runs)
+    assert len(mine) == len(runs) * 2 * 2
+    assert set(frame["what"]) == {"pyfric", "numpy"}
+    assert (frame["ns"] > 0).all()
+    assert np.isfinite(frame["ns"]).all()
+    text = bench.report(frame)
+    assert "5 x 4" in text
+    assert "lammps: missing: x" in text
+    assert "times faster" not in text
+
+
+@pytest.mark.usefixtures("no_peers")
+def test_report_gives_ratios_to_the_rival():
+    rows = [
+        {"what": "pyfric", "geometry": "linear", "variant": "v2", "budget": False, "ns": 4.0},
+        {"what": bench.RIVAL, "geometry": "finite", "variant": "", "budget": False, "ns": 26.0},
+    ]
+    frame = bench.pd.DataFrame([{"N_x": 57, "N_z": 31} | row for row in rows])
+    assert bench.report(frame).rstrip().splitlines()[-2].split()[-1] == "6.5"
+
+
+@pytest.mark.usefixtures("tiny")
+def test_threads_compares_with_one():
+    frame = bench.threads(quick=True)
+    assert set(frame["threads"]) >= {1}
+    assert "times faster than one thread" in bench.report(frame)
+
+
+def test_a_run_counts_force_evaluations():
+    """n evaluations are n/4 steps."""
+    scene = bench._scene(5, 4)
+    state = bench._state(scene, "linear", loaded=True)
+    made = []
+
+    def advance(model, state, log, n_steps, **options):
+        made.append(n_steps)
+
+    original, core.advance = core.advance, advance
+    try:
+        bench._run(scene, "linear", state, core.VARIANT, False, 1)(40)
+    finally:
+        core.advance = original
+    assert made == [10]

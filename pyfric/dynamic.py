@@ -42,7 +42,12 @@ if TYPE_CHECKING:
 __all__ = ["AUTO_SHARE", "Progress", "RunError", "simulate", "step_size"]
 
 AUTO_SHARE = 0.5
-"""dt = "auto" is this share of the stability limit, rounded down to two digits."""
+"""dt = "auto" is this share of the stability limit, rounded down to two digits.
+
+Measured on the Fig. 1 scene up to 0.9 s against the paper's 0.2 us, which is an eighth of the
+limit: at half the limit (0.78 us) the 13 main precursors keep their order, their start and arrest
+forces agree within 8e-4 F_N and their lengths within one block; at 1.2 us within 1e-3 F_N and one
+block. The error falls in proportion to the step, because contacts switch at step ends."""
 CURVE_POINTS = 5000
 """Points of the loading curve, unless `sample` says otherwise."""
 CALL_SECONDS = 0.2
@@ -456,7 +461,12 @@ def _bar(
     times = "{n:.4f}/{total:.4f} s [{elapsed}<{remaining}{postfix}]"
     layout = "{desc}: {percentage:3.0f}%|{bar}| " + times
     with tqdm(
-        total=t_end, initial=t_begin, desc=scene.name or "run", bar_format=layout, file=sys.stderr
+        total=t_end,
+        initial=t_begin,
+        desc=scene.name or "run",
+        bar_format=layout,
+        file=sys.stderr,
+        mininterval=0.1 if sys.stderr.isatty() else 10.0,  # a log needs fewer lines
     ) as bar:
 
         def show(now: Progress) -> None:

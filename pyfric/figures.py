@@ -38,7 +38,7 @@ SMALL, BODY = 7, 8  # font sizes, pt
 
 KINDS = {
     "whole": ("whole interface", "#D55E00", 1.5, 3),
-    "partial": (f"part of it, {MAIN_EVENT_BLOCKS} blocks or more", "#0072B2", 1.5, 2),
+    "partial": (f"partial, {MAIN_EVENT_BLOCKS} blocks or more", "#0072B2", 1.5, 2),
     "micro": ("micro-slip, fewer blocks", "#999999", 0.6, 1),
 }
 """Kind of event -> legend text, colour, line width (pt), drawing order."""

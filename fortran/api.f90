@@ -128,7 +128,7 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
     a(:, 1, j) = fx(s%at(:nx))/s%m
     a(:, 2, j) = fz(s%at(:nx))/s%m
     if (j == s%nz .and. s%rigid) then
-      a_rod = rod_acceleration(s, rod(3), fx(s%at(:nx)), fz(s%at(:nx)))
+      a_rod = rod_acceleration(s, rod(3), fx, fz)
       a(:, 1, j) = a_rod(1)
       a(:, 2, j) = a_rod(2) + a_rod(3)*s%x
     end if

@@ -11,12 +11,12 @@ contains
   !> p_i = k_f |z_i| where z_i < 0, else 0 [N].
   pure subroutine foundation(s, u_z, p)
     type(model_t), intent(in) :: s
-    real(dp), intent(in) :: u_z(s%nx)  !! bottom row [m]
-    real(dp), intent(out) :: p(s%nx)   !! upward force [N]
+    real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
+    real(dp), intent(out) :: p(s%nx)             !! upward force on the blocks, left to right [N]
     integer :: i
 
     do i = 1, s%nx
-      p(i) = s%k_f*max(-u_z(i), 0.0_dp)
+      p(i) = s%k_f*max(-u_z(s%at(i)), 0.0_dp)
     end do
   end subroutine foundation
 
@@ -30,17 +30,27 @@ contains
     f_t = s%k_drv*(s%v_drv*t - s%d*(u_x - s%u_drv0))
   end function driver_force
 
-  !> Rod with the top row glued to it: X'', Z'', phi'' from the forces on that row.
+  !> Rod with the top row glued to it: X'', Z'', phi'' from the forces on that row. Blocks i and N_x + 1 - i are added
+  !> first: the mirrored row gives the same bits.
   pure function rod_acceleration(s, phi, fx, fz) result(a)
     type(model_t), intent(in) :: s
-    real(dp), intent(in) :: phi       !! tilt [rad]
-    real(dp), intent(in) :: fx(s%nx)  !! forces on the top row [N]
-    real(dp), intent(in) :: fz(s%nx)  !! forces on the top row [N]
-    real(dp) :: a(3)
+    real(dp), intent(in) :: phi                    !! tilt [rad]
+    real(dp), intent(in) :: fx(LB:s%n + LANES)     !! forces on the top row [N]
+    real(dp), intent(in) :: fz(LB:s%n + LANES)     !! forces on the top row [N]
+    real(dp) :: a(3), total(3)
+    integer :: i, l, r
 
-    a(1) = mirror_sum(s%nx, fx)/s%m_top
-    a(2) = (mirror_sum(s%nx, fz) - s%f_n)/s%m_top
-    a(3) = (mirror_sum(s%nx, s%x*fz) - s%kappa*phi)/s%i_top
+    total = 0.0_dp
+    do i = 1, s%nx/2
+      l = s%at(i)
+      r = s%at(s%nx + 1 - i)
+      total = total + [fx(l) + fx(r), fz(l) + fz(r), s%x(i)*fz(l) + s%x(s%nx + 1 - i)*fz(r)]
+    end do
+    if (mod(s%nx, 2) == 1) then
+      l = s%at(s%nx/2 + 1)
+      total = total + [fx(l), fz(l), s%x(s%nx/2 + 1)*fz(l)]
+    end if
+    a = [total(1)/s%m_top, (total(2) - s%f_n)/s%m_top, (total(3) - s%kappa*phi)/s%i_top]
   end function rod_acceleration
 
   !> The top row as the rod carries it: u_x = X, u_z = Z + phi x.
@@ -48,11 +58,14 @@ contains
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: rod(6)      !! X, Z, phi and their rates
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4)
+    integer :: i
 
-    q(s%at(:s%nx), UX) = rod(1)
-    q(s%at(:s%nx), UZ) = rod(2) + rod(3)*s%x
-    q(s%at(:s%nx), VX) = rod(4)
-    q(s%at(:s%nx), VZ) = rod(5) + rod(6)*s%x
+    do i = 1, s%nx
+      q(s%at(i), UX) = rod(1)
+      q(s%at(i), UZ) = rod(2) + rod(3)*s%x(i)
+      q(s%at(i), VX) = rod(4)
+      q(s%at(i), VZ) = rod(5) + rod(6)*s%x(i)
+    end do
     call close_state(s, q)
   end subroutine rod_to_row
 

@@ -48,7 +48,7 @@ contains
     integer :: i
 
     v_x = y(s%at(:s%nx), VX, 1)
-    call foundation(s, y(s%at(:s%nx), UZ, 1), w%p)
+    call foundation(s, y(LB, UZ, 1), w%p)
     call stop_reversed(s%m, w%p, contact%mode, v_x, contact%loss)
     y(s%at(:s%nx), VX, 1) = v_x
     call close_row(s%n, y(LB, VX, 1))

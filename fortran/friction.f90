@@ -1,7 +1,7 @@
 !> Amontons-Coulomb friction: the force in a given contact state, and the change of that state at a step's end.
 module pyfric_friction
   use pyfric_kinds, only: dp, ip
-  use pyfric_model, only: model_t
+  use pyfric_model, only: model_t, LB, LANES
   implicit none (type, external)
   private
   public :: friction_force, stop_reversed, next_mode, STUCK, OPEN_GAP
@@ -15,7 +15,7 @@ contains
   pure subroutine friction_force(s, mode, other, p, f)
     type(model_t), intent(in) :: s
     integer(ip), intent(in) :: mode(s%nx)  !! contact states
-    real(dp), intent(in) :: other(s%nx)    !! all other horizontal forces [N]
+    real(dp), intent(in) :: other(LB:s%n + LANES)  !! all other horizontal forces, as a row [N]
     real(dp), intent(in) :: p(s%nx)        !! foundation force [N]
     real(dp), intent(out) :: f(s%nx)       !! friction force on the blocks, along +x [N]
     integer :: i
@@ -23,7 +23,7 @@ contains
     do i = 1, s%nx
       select case (mode(i))
       case (STUCK)
-        f(i) = -other(i)
+        f(i) = -other(s%at(i))
       case (OPEN_GAP)
         f(i) = 0.0_dp
       case default

@@ -6,7 +6,7 @@
 !> neighbours, so that a mirrored lattice gives the mirrored bits, and a translation gives no force, to the last bit.
 module pyfric_lattice
   use pyfric_kinds, only: dp
-  use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES, close_left
+  use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES, S_SERIES, close_left
   implicit none (type, external)
   private
   public :: forces_linear, elastic_finite, viscous, bond_power, bond_energy
@@ -15,9 +15,6 @@ module pyfric_lattice
   !> Columns of the bond buffer b(LB:n+LANES, N_BOND) of finite geometry: force on the first block of each bond [N].
   !> Horizontal h(i): (i) - (i+1), vertical w(i): (i) - (i), diagonals d1(i): (i) - (i+1) and d2(i): (i+1) - (i).
   integer, parameter :: HX = 1, HZ = 2, D1X = 3, D1Z = 4, D2X = 5, D2Z = 6, WX = 7, WZ = 8, N_BOND = 8
-
-  !> Up to this |s|, s = (r/l0)^2 - 1, the series of 1 - l0/r is exact to machine precision.
-  real(dp), parameter :: S_SERIES = 2.0_dp**(-7)
 
 contains
 
@@ -82,35 +79,56 @@ contains
                 - (4.0_dp + rows)*q(i, UX))
     fz(i) = k4*((4.0_dp*(up(i, UZ) + dn(i, UZ)) &
                  + ((up(c, UZ) + dn(c, UZ)) + side*((up(c, UX) - dn(c, UX)) - edge*q(i, UX)))) - (5.0_dp*rows)*q(i, UZ))
-    fx(i) = fx(i) + eta*((q(c, VX) + ((up(i, VX) + dn(i, VX)) + (up(c, VX) + dn(c, VX)))) - (1.0_dp + 2.0_dp*rows)*q(i, VX))
-    fz(i) = fz(i) + eta*((q(c, VZ) + ((up(i, VZ) + dn(i, VZ)) + (up(c, VZ) + dn(c, VZ)))) - (1.0_dp + 2.0_dp*rows)*q(i, VZ))
+    call wall_viscous(n, eta, rows, i, c, dn, q, up, fx, fz)
   end subroutine wall_linear
 
-  !> Adds the dashpots, eta (v_j - v_i) on all eight bonds, of one component of the motion.
-  pure subroutine viscous(n, last, eta, rows, dn, v, up, f)
-    integer, intent(in) :: n           !! padded length of a row
-    integer, intent(in) :: last        !! element of the last block
-    real(dp), intent(in) :: eta     !! viscosity [N s/m]
-    real(dp), intent(in) :: rows    !! neighbouring rows; those that do not exist are passed as zero
-    real(dp), intent(in) :: dn(LB:n + LANES) !! velocity of the row below [m/s]
-    real(dp), intent(in) :: v(LB:n + LANES) !! velocity of the row [m/s]
-    real(dp), intent(in) :: up(LB:n + LANES) !! velocity of the row above [m/s]
-    real(dp), intent(inout) :: f(LB:n + LANES) !! force on the row [N]
-    real(dp) :: c, f_left, f_right
+  !> Adds the dashpots, eta (v_j - v_i) on all eight bonds.
+  pure subroutine viscous(n, last, eta, rows, dn, q, up, fx, fz)
+    integer, intent(in) :: n                       !! padded length of a row
+    integer, intent(in) :: last                    !! element of the last block
+    real(dp), intent(in) :: eta                    !! viscosity [N s/m]
+    real(dp), intent(in) :: rows                   !! neighbouring rows; those that do not exist are passed as zero
+    real(dp), intent(in) :: dn(LB:n + LANES, 4)    !! the row below
+    real(dp), intent(in) :: q(LB:n + LANES, 4)     !! the row
+    real(dp), intent(in) :: up(LB:n + LANES, 4)    !! the row above
+    real(dp), intent(inout) :: fx(LB:n + LANES)    !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:n + LANES)    !! force on the row [N]
+    real(dp) :: c, left(2), right(2)
     integer :: i
 
-    f_left = f(1)
-    f_right = f(last)
+    left = [fx(1), fz(1)]
+    right = [fx(last), fz(last)]
     c = 2.0_dp + 3.0_dp*rows
     do i = 1, n
-      f(i) = f(i) + eta*(((v(i + LANES) + v(i - LANES)) + ((up(i) + dn(i)) &
-                          + ((up(i + LANES) + dn(i + LANES)) + (up(i - LANES) + dn(i - LANES))))) - c*v(i))
+      fx(i) = fx(i) + eta*(((q(i + LANES, VX) + q(i - LANES, VX)) + ((up(i, VX) + dn(i, VX)) &
+                            + ((up(i + LANES, VX) + dn(i + LANES, VX)) + (up(i - LANES, VX) + dn(i - LANES, VX))))) - c*q(i, VX))
+      fz(i) = fz(i) + eta*(((q(i + LANES, VZ) + q(i - LANES, VZ)) + ((up(i, VZ) + dn(i, VZ)) &
+                            + ((up(i + LANES, VZ) + dn(i + LANES, VZ)) + (up(i - LANES, VZ) + dn(i - LANES, VZ))))) - c*q(i, VZ))
     end do
-    c = 1.0_dp + 2.0_dp*rows
-    f(1) = f_left + eta*((v(1 + LANES) + ((up(1) + dn(1)) + (up(1 + LANES) + dn(1 + LANES)))) - c*v(1))
-    i = last - LANES
-    f(last) = f_right + eta*((v(i) + ((up(last) + dn(last)) + (up(i) + dn(i)))) - c*v(last))
+    fx(1) = left(1)
+    fz(1) = left(2)
+    fx(last) = right(1)
+    fz(last) = right(2)
+    call wall_viscous(n, eta, rows, 1, 1 + LANES, dn, q, up, fx, fz)
+    call wall_viscous(n, eta, rows, last, last - LANES, dn, q, up, fx, fz)
   end subroutine viscous
+
+  !> The same for a block at a side wall, which has neighbours in its own column and in column c.
+  pure subroutine wall_viscous(n, eta, rows, i, c, dn, q, up, fx, fz)
+    integer, intent(in) :: n                       !! padded length of a row
+    real(dp), intent(in) :: eta                    !! viscosity [N s/m]
+    real(dp), intent(in) :: rows                   !! neighbouring rows
+    integer, intent(in) :: i                       !! element of the block at the wall
+    integer, intent(in) :: c                       !! element of its neighbour
+    real(dp), intent(in) :: dn(LB:n + LANES, 4)    !! the row below
+    real(dp), intent(in) :: q(LB:n + LANES, 4)     !! the row
+    real(dp), intent(in) :: up(LB:n + LANES, 4)    !! the row above
+    real(dp), intent(inout) :: fx(LB:n + LANES)    !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:n + LANES)    !! force on the row [N]
+
+    fx(i) = fx(i) + eta*((q(c, VX) + ((up(i, VX) + dn(i, VX)) + (up(c, VX) + dn(c, VX)))) - (1.0_dp + 2.0_dp*rows)*q(i, VX))
+    fz(i) = fz(i) + eta*((q(c, VZ) + ((up(i, VZ) + dn(i, VZ)) + (up(c, VZ) + dn(c, VZ)))) - (1.0_dp + 2.0_dp*rows)*q(i, VZ))
+  end subroutine wall_viscous
 
   !> Finite geometry: forces of the springs on a row; carry holds those from below, and on return those on the row above.
   pure subroutine elastic_finite(n, last, k, l, near, diagonal, has_up, q, up, b, carry, fx, fz)
@@ -118,8 +136,8 @@ contains
     integer, intent(in) :: last        !! element of the last block
     real(dp), intent(in) :: k                   !! stiffness of nearest neighbours [N/m]
     real(dp), intent(in) :: l                   !! lattice constant [m]
-    real(dp), intent(in) :: near(8)             !! series of a spring of length l
-    real(dp), intent(in) :: diagonal(8)         !! series of a diagonal spring
+    real(dp), intent(in) :: near(7)             !! series of a spring of length l
+    real(dp), intent(in) :: diagonal(7)         !! series of a diagonal spring
     logical, intent(in) :: has_up               !! there is a row above; else up is not read
     real(dp), intent(in) :: q(LB:n + LANES, 4) !! the row
     real(dp), intent(in) :: up(LB:n + LANES, 4) !! the row above
@@ -137,7 +155,7 @@ contains
     else
       b(:, D1X:WZ) = 0.0_dp
     end if
-    if (t_max > S_SERIES*l**2) call bonds_exact(n, k, l, has_up, q, up, b)
+    if (t_max > (S_SERIES*l**2)**2) call bonds_exact(n, k, l, has_up, q, up, b)
     b(last, HX:D2Z) = 0.0_dp
     do i = HX, D2Z
       call close_left(n, b(LB, i))
@@ -148,22 +166,22 @@ contains
 
   !> The sum of the series.
   pure function summed(c, t) result(g)
-    real(dp), intent(in) :: c(8)
+    real(dp), intent(in) :: c(7)
     real(dp), intent(in) :: t     !! r^2 - l0^2 [m2]
     real(dp) :: g, t2
 
     t2 = t*t
-    g = t*((c(1) + t*c(2)) + t2*((c(3) + t*c(4)) + t2*((c(5) + t*c(6)) + t2*(c(7) + t*c(8)))))
+    g = t*((c(1) + t*c(2)) + t2*((c(3) + t*c(4)) + t2*((c(5) + t*c(6)) + t2*c(7))))
   end function summed
 
   !> Finite geometry: F = k (r - l0)/r (d + du), bonds within a row, by the series.
   pure subroutine horizontal_finite(n, c, l, q, b, t_max)
     integer, intent(in) :: n           !! padded length of a row
-    real(dp), intent(in) :: c(8)                !! series of a spring of length l
+    real(dp), intent(in) :: c(7)                !! series of a spring of length l
     real(dp), intent(in) :: l                   !! lattice constant [m]
     real(dp), intent(in) :: q(LB:n + LANES, 4) !! the row
     real(dp), intent(inout) :: b(LB:n + LANES, N_BOND)   !! forces on the first blocks [N]
-    real(dp), intent(out) :: t_max              !! largest |t| [m2]
+    real(dp), intent(out) :: t_max              !! largest t^2 [m4]
     real(dp) :: dx, dz, t, g
     integer :: i
 
@@ -172,7 +190,7 @@ contains
       dx = q(i + LANES, UX) - q(i, UX)
       dz = q(i + LANES, UZ) - q(i, UZ)
       t = dx*(2.0_dp*l + dx) + dz*dz
-      t_max = max(t_max, abs(t))
+      t_max = max(t_max, t*t)
       g = summed(c, t)
       b(i, HX) = g*(l + dx)
       b(i, HZ) = g*dz
@@ -182,13 +200,13 @@ contains
   !> The bonds to the row above.
   pure subroutine up_finite(n, near, diagonal, l, q, up, b, t_max)
     integer, intent(in) :: n           !! padded length of a row
-    real(dp), intent(in) :: near(8)             !! series of a spring of length l
-    real(dp), intent(in) :: diagonal(8)         !! series of a diagonal spring
+    real(dp), intent(in) :: near(7)             !! series of a spring of length l
+    real(dp), intent(in) :: diagonal(7)         !! series of a diagonal spring
     real(dp), intent(in) :: l                   !! lattice constant [m]
     real(dp), intent(in) :: q(LB:n + LANES, 4) !! the row
     real(dp), intent(in) :: up(LB:n + LANES, 4) !! the row above
     real(dp), intent(inout) :: b(LB:n + LANES, N_BOND)   !! forces on the first blocks [N]
-    real(dp), intent(out) :: t_max              !! largest |t|; half of it on diagonals, which are longer [m2]
+    real(dp), intent(out) :: t_max              !! largest t^2; a fourth of it on diagonals, which are longer [m4]
     real(dp) :: dx, dz, t, t1, t2, g
     integer :: i
 
@@ -197,7 +215,7 @@ contains
       dx = up(i, UX) - q(i, UX)
       dz = up(i, UZ) - q(i, UZ)
       t = dx*dx + dz*(2.0_dp*l + dz)
-      t_max = max(t_max, abs(t))
+      t_max = max(t_max, t*t)
       g = summed(near, t)
       b(i, WX) = g*dx
       b(i, WZ) = g*(l + dz)
@@ -215,7 +233,7 @@ contains
       g = summed(diagonal, t2)
       b(i, D2X) = g*(dx - l)
       b(i, D2Z) = g*(l + dz)
-      t_max = max(t_max, 0.5_dp*max(abs(t1), abs(t2)))
+      t_max = max(t_max, 0.25_dp*max(t1*t1, t2*t2))
     end do
   end subroutine up_finite
 

@@ -3,7 +3,7 @@ module pyfric_model
   use pyfric_kinds, only: dp, ip
   implicit none (type, external)
   private
-  public :: model_t, new_model, close_left, close_row, close_state, N_CONSTANTS, UX, UZ, VX, VZ, LB, LANES
+  public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, N_CONSTANTS, UX, UZ, VX, VZ, LB, LANES
 
   integer(ip), parameter :: N_CONSTANTS = 18
   !> Fields of one row of the state.
@@ -13,6 +13,9 @@ module pyfric_model
   !> 1:n work on whole, aligned vectors. Elements LB:0 and n+1: repeat the ends of the next pieces (`close_row`). Beyond
   !> the last block the row is filled up with blocks at rest.
   integer, parameter :: LANES = 4, LB = 1 - LANES
+
+  !> Up to this |s|, s = (r/l0)^2 - 1, the series of 1 - l0/r is exact to machine precision.
+  real(dp), parameter :: S_SERIES = 2.0_dp**(-7)
 
   type :: model_t
     integer :: nx           !! blocks along the interface
@@ -40,8 +43,8 @@ module pyfric_model
     real(dp) :: k_drv       !! driver stiffness K [N/m]
     real(dp) :: v_drv       !! driver speed V [m/s]
     real(dp) :: u_drv0      !! u_x of the driven block at which F_T = 0 at t = 0 [m]
-    real(dp) :: near(8)     !! series of a spring of length l, see pyfric_lattice [N/m^(2n+1)], n = 1...
-    real(dp) :: diagonal(8) !! the same for length sqrt(2) l
+    real(dp) :: near(7)     !! series of a spring of length l, see pyfric_lattice [N/m^(2n+1)], n = 1...
+    real(dp) :: diagonal(7) !! the same for length sqrt(2) l
     real(dp) :: p_corner    !! slip that starts below this p is a corner episode [N]
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
     real(dp), allocatable :: load(:)  !! downward load on the top row, setup 2 [N]
@@ -96,18 +99,26 @@ contains
     s%load = load
   end function new_model
 
-  !> Coefficients c_n of k (r - l0)/r = sum of c_n t^n, n = 1..8, in t = r^2 - l0^2 = 2 d.du + |du|^2.
+  !> Coefficients c_n of k (r - l0)/r = sum of c_n t^n, n = 1..7, in t = r^2 - l0^2 = 2 d.du + |du|^2.
   !>
-  !> With s = t/l0^2, (r - l0)/r = 1 - (1 + s)^(-1/2), whose Taylor coefficients are -(-1)^n (2n-1)!!/(2n)!!.
+  !> With s = t/l0^2, (r - l0)/r = 1 - (1 + s)^(-1/2), whose Taylor coefficients are -(-1)^n (2n-1)!!/(2n)!!. The term
+  !> n = 8 is spread over lower ones by the Chebyshev polynomial T_7(s/S_SERIES), which leaves 1e-17 of the sum.
   pure function series(k, l2) result(c)
     real(dp), intent(in) :: k   !! stiffness of the bond [N/m]
     real(dp), intent(in) :: l2  !! its length squared [m2]
-    real(dp) :: c(8)
+    real(dp) :: c(7), taylor(8)
     integer :: n
 
-    c(1) = 0.5_dp*k/l2
+    taylor(1) = 0.5_dp
     do n = 2, 8
-      c(n) = -c(n - 1)*real(2*n - 1, dp)/(real(2*n, dp)*l2)
+      taylor(n) = -taylor(n - 1)*real(2*n - 1, dp)/real(2*n, dp)
+    end do
+    c = taylor(:7)
+    c(6) = c(6) + taylor(8)*S_SERIES**2*1.75_dp
+    c(4) = c(4) - taylor(8)*S_SERIES**4*0.875_dp
+    c(2) = c(2) + taylor(8)*S_SERIES**6*0.109375_dp
+    do n = 1, 7
+      c(n) = k*c(n)/l2**n
     end do
   end function series
 

@@ -95,7 +95,7 @@ contains
       real(dp) :: rate(6)
 
       rate(1:3) = rod_stage(4:6, stage)
-      rate(4:6) = rod_acceleration(s, rod_stage(3, stage), fx(s%at(:s%nx)), fz(s%at(:s%nx)))
+      rate(4:6) = rod_acceleration(s, rod_stage(3, stage), fx, fz)
       if (stage == 1) rod_sum = 0.0_dp
       rod_sum = rod_sum + WEIGHT(stage)*rate
       if (stage < 4) then

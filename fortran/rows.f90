@@ -78,8 +78,7 @@ contains
 
     n_rows = real(rows, dp)
     if (s%finite) then
-      call viscous(s%n, s%at(s%nx), s%eta, n_rows, dn(LB, VX), q(LB, VX), up(LB, VX), fx)
-      call viscous(s%n, s%at(s%nx), s%eta, n_rows, dn(LB, VZ), q(LB, VZ), up(LB, VZ), fz)
+      call viscous(s%n, s%at(s%nx), s%eta, n_rows, dn, q, up, fx, fz)
     else
       call forces_linear(s%n, s%at(s%nx), s%k, s%eta, n_rows, real(edge, dp), dn, q, up, fx, fz)
     end if
@@ -111,12 +110,18 @@ contains
       w%f_t = driver_force(s, t, q(i, UX))
       fx(i) = fx(i) + s%d*w%f_t
     end if
-    if (j == s%nz .and. .not. s%rigid) fz(s%at(:s%nx)) = fz(s%at(:s%nx)) - s%load
+    if (j == s%nz .and. .not. s%rigid) then
+      do i = 1, s%nx
+        fz(s%at(i)) = fz(s%at(i)) - s%load(i)
+      end do
+    end if
     if (j == 1) then
-      call foundation(s, q(s%at(:s%nx), UZ), w%p)
-      call friction_force(s, mode, fx(s%at(:s%nx)), w%p, w%f)
-      fz(s%at(:s%nx)) = fz(s%at(:s%nx)) + w%p
-      fx(s%at(:s%nx)) = fx(s%at(:s%nx)) + w%f
+      call foundation(s, q(LB, UZ), w%p)
+      call friction_force(s, mode, fx, w%p, w%f)
+      do i = 1, s%nx
+        fz(s%at(i)) = fz(s%at(i)) + w%p(i)
+        fx(s%at(i)) = fx(s%at(i)) + w%f(i)
+      end do
     end if
   end subroutine row_forces
 

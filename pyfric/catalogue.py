@@ -31,12 +31,15 @@ edge, the driven side. Times are in s, lengths in m, forces in N.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import pandas as pd
+
+from pyfric.equilibrium import EquilibriumError
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
@@ -347,12 +350,12 @@ def static_values(
         The quiet log (`QUIET_COLUMNS`).
     solver
         ``solver.solve(u_x_bottom, drive, free=mask)`` returns an object with F_T (N) and tau and p
-        ((N_x,), N). None leaves every value NaN.
+        ((N_x,), N). None leaves every value NaN, and so does an `EquilibriumError`, with a warning.
     V
         Driving speed, m/s.
     """
     u_x, mode = np.asarray(quiet["u_x"]), np.asarray(quiet["mode"])
-    values = {}
+    values, failed = {}, []
     for side, row_name, t_name in (
         ("start", "quiet_start", "t_start"),
         ("stop", "quiet_stop", "t_stop"),
@@ -364,9 +367,21 @@ def static_values(
         if solver is not None:
             for e in np.flatnonzero(rows >= 0):
                 row = rows[e]
-                rest = solver.solve(u_x[row], V * t[e], free=mode[row] == OPEN)
+                try:
+                    rest = solver.solve(u_x[row], V * t[e], free=mode[row] == OPEN)
+                except EquilibriumError as error:
+                    failed.append((t[e], error))
+                    continue
                 F_T[e], tau[e], p[e] = rest.F_T, rest.tau, rest.p
         values[side] = F_T, tau, p
+    if failed:
+        t_first, error = failed[0]
+        warnings.warn(
+            f"{len(failed)} static states of events were not found and are NaN, the first at "
+            f"t = {t_first:.6g} s: {error}",
+            RuntimeWarning,
+            stacklevel=2,
+        )
     (F_T_start, tau_before, p_before), (F_T_arrest, tau_after, p_after) = values.values()
     return StaticValues(
         F_T_start=F_T_start,

@@ -121,7 +121,9 @@ _core = load_variant(VARIANT)
 def build_info(name: str = VARIANT) -> dict[str, Any]:
     """Return compiler, flags and openmp (bool) of one variant."""
     compiler, options, openmp = load_variant(name).build_info()
-    flags = [f for f in options.decode().split() if f.startswith(("-O", "-m", "-f", "-std", "--param"))]
+    flags = [
+        f for f in options.decode().split() if f.startswith(("-O", "-m", "-f", "-std", "--param"))
+    ]
     kept = [f for f in dict.fromkeys(flags) if not f.startswith(("-fpre-include", "-fdiagnostics"))]
     return {
         "compiler": compiler.decode().strip(),

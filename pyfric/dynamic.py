@@ -25,7 +25,7 @@ import pandas as pd
 
 from pyfric import core
 from pyfric.catalogue import T_GAP, build_catalogue
-from pyfric.equilibrium import StaticSolver
+from pyfric.equilibrium import EquilibriumError, StaticSolver
 from pyfric.operators import Geometry, check_geometry, stability_limit
 from pyfric.record import Method, Record
 from pyfric.state import State, StateError
@@ -53,7 +53,8 @@ CURVE_POINTS = 5000
 CALL_SECONDS = 0.2
 """Longest time in the core between two looks at Ctrl-C, s."""
 STATIC_SECONDS = 1.0
-"""Static forces of new events are found this often, so that little is left to do at the end, s."""
+"""Static forces of new events are found this often, or more rarely where that takes a tenth of the
+time, so that little is left to do at the end, s."""
 MAX_STEPS = 10**12
 """Most steps of one run."""
 
@@ -267,7 +268,8 @@ class _Run:
     ) -> None:
         """Make the steps up to number `last`; after Ctrl-C, leave before that."""
         state, every = self.state, self.method.sample
-        start = saved = shown = solved = time.perf_counter()
+        start = saved = shown = time.perf_counter()
+        solve_at = start + STATIC_SECONDS
         while state.step < last and not stop():
             to_sample = every - state.step % every
             in_time = max(1, int(CALL_SECONDS * self.rate)) if self.rate else 1
@@ -281,9 +283,11 @@ class _Run:
                 begin = self.rows[0][0]
                 end = state.t0 + last * state.dt
                 show(Progress(state.t, begin, end, force, self.events, self.rate))
-            if now - solved > STATIC_SECONDS:
-                self.catalogue()
-                solved = time.perf_counter()
+            if now > solve_at:
+                with warnings.catch_warnings(action="ignore"):
+                    self.catalogue()
+                done = time.perf_counter()
+                solve_at = done + max(STATIC_SECONDS, 10 * (done - now))
             if checkpoint is not None and now - saved > checkpoint_every:
                 self.save(checkpoint)
                 saved = time.perf_counter()
@@ -394,13 +398,19 @@ class _Remembering:
 
     def __init__(self, solver: StaticSolver) -> None:
         self.known = solver
-        self.found: dict[tuple[bytes, float, bytes], Equilibrium] = {}
+        self.found: dict[tuple[bytes, float, bytes], Equilibrium | EquilibriumError] = {}
 
     def solve(self, u_x_bottom: np.ndarray, drive: float, *, free: np.ndarray) -> Equilibrium:
         key = u_x_bottom.tobytes(), float(drive), free.tobytes()
         if key not in self.found:
-            self.found[key] = self.known.solve(u_x_bottom, drive, free=free)
-        return self.found[key]
+            try:
+                self.found[key] = self.known.solve(u_x_bottom, drive, free=free)
+            except EquilibriumError as error:
+                self.found[key] = error
+        found = self.found[key]
+        if isinstance(found, EquilibriumError):
+            raise found
+        return found
 
 
 def _joined(logs: list[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -466,7 +476,7 @@ def _bar(
         desc=scene.name or "run",
         bar_format=layout,
         file=sys.stderr,
-        mininterval=0.1 if sys.stderr.isatty() else 10.0,  # a log needs fewer lines
+        mininterval=0.1 if sys.stderr.isatty() else 1.0,  # a log needs fewer lines
     ) as bar:
 
         def show(now: Progress) -> None:

@@ -183,6 +183,12 @@ class StaticSolver:
         self._arm = np.ones(self._T.shape[1])
         if scene.rigid:
             self._arm[-1] = scene.slider.L / 2
+        # A translation along the interface.
+        self._along = np.zeros(len(self._arm))
+        rows = N_z - 1 if scene.rigid else N_z
+        self._along[: 2 * N_x * rows].reshape(rows, 2, N_x)[:, 0] = 1.0
+        if scene.rigid:
+            self._along[-3] = 1.0
         self._factors: dict[tuple[bool, bytes], SuperLU] = {}
         self._u_drv0 = 0.0
         self._K = self._bond_stiffness(np.zeros(self._T.shape[1]))
@@ -232,6 +238,8 @@ class StaticSolver:
         if begin.u.shape != self.loaded.u.shape:
             raise ValueError(f"start.u: shape {begin.u.shape}, expected {self.loaded.u.shape}")
         q, closed = self._coordinates_of(begin), ~begin.open
+        if not frictionless.all():  # the slider as a whole may be far from where it began
+            q += np.mean((given - begin.u[0, 0])[~frictionless]) * self._along
         if np.sum(closed & ~frictionless) >= 2:  # enough to stand on: the free ones are open
             closed &= ~frictionless
         held, lifted = ~frictionless, np.zeros(N_x, dtype=bool)

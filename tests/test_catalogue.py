@@ -15,6 +15,7 @@ from pyfric.catalogue import (
     front_speed,
     rupture_front,
 )
+from pyfric.equilibrium import EquilibriumError
 from pyfric.scene import setup1
 
 MS = 1e-3
@@ -562,3 +563,20 @@ def test_a_million_switches_take_seconds():
 def test_build_episodes_stands_alone():
     switches, _ = Run().slip(0, 1 * MS, 2 * MS).logs()
     assert build_episodes(switches, np.arange(8, 0, -1))["n"].item() == 8
+
+
+def test_a_static_state_that_is_not_found_is_nan_and_said():
+    """The rest of the catalogue stands."""
+
+    class Solver:
+        def solve(self, u_x_bottom, drive, *, free):
+            if u_x_bottom.any():
+                raise EquilibriumError("it topples", 5.0, 1.0, 7)
+            return SimpleNamespace(F_T=1.0, tau=np.ones(8), p=np.ones(8))
+
+    run = Run().slip(0, 1 * MS, 2 * MS)
+    with pytest.warns(RuntimeWarning, match=r"1 static states .* t = 0.002 s: .*it topples"):
+        catalogue = run.catalogue(solver=Solver())
+    assert catalogue.events["F_T_start"].iloc[0] == 1.0
+    assert np.isnan(catalogue.events["F_T_arrest"].iloc[0])
+    assert np.isnan(catalogue.static.tau_after).all()

@@ -681,3 +681,18 @@ def test_no_equilibrium_is_an_error_that_names_its_figures(side):
 def test_wrong_arguments_are_refused(arguments, word):
     with pytest.raises(ValueError, match=word):
         solve_static(small_rod(), **{"u_x_bottom": np.zeros(13), "drive": 0.0} | arguments)
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+@pytest.mark.parametrize("scene", [small_rod(), small_scene(theta=0.4)])
+def test_a_slider_that_has_gone_far_is_the_same_slider(scene, geometry):
+    """After 40 l of sliding the same interface and load give the same forces."""
+    solver = StaticSolver(scene, geometry)
+    u_x = solver.loaded.u[0, 0] + 1e-7 * np.sin(np.arange(scene.N_x))
+    drive = 0.1 * scene.F_N / scene.driver.K
+    near = solver.solve(u_x, drive)
+    far = 40 * scene.slider.l
+    gone = solver.solve(u_x + scene.d * far, drive + far)
+    assert gone.F_T == pytest.approx(near.F_T, rel=1e-7)
+    np.testing.assert_allclose(gone.tau, near.tau, rtol=0, atol=1e-7 * scene.F_N / scene.N_x)
+    np.testing.assert_allclose(gone.p, near.p, rtol=0, atol=1e-7 * scene.F_N / scene.N_x)

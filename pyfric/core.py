@@ -40,7 +40,7 @@ __all__ = [
 ENVIRONMENT = "PYFRIC_VARIANT"
 CORNER_SHARE = 0.02
 """Slip that starts with less than this share of F_N/N_x is a corner episode."""
-BLOCKS_PER_THREAD = 20_000
+BLOCKS_PER_THREAD = 5_000
 """Smallest share of the lattice for which one more thread pays (`pyfric bench threads`)."""
 
 ENERGIES = (

@@ -272,6 +272,44 @@ def test_a_run_in_parts_is_the_whole_run(kind, geometry, tmp_path):
     assert same(rest, whole)
 
 
+def test_doubling_load_and_speed_doubles_a_whole_run():
+    """From the loaded state to the catalogue, in linear geometry, bit for bit."""
+    one, two = small(), small(F_N=7000.0, V=1.0)
+    records = [simulate(s, 3e-3, geometry="linear", t_gap=1e-4, progress=False) for s in (one, two)]
+    assert records[0].events["finished"].any()
+    a, b = (r.curve for r in records)
+    np.testing.assert_array_equal(b["t"], a["t"])
+    np.testing.assert_array_equal(b["F_T"], 2 * a["F_T"])
+    for name in (*core.ENERGIES, *ENERGY_IN, *ENERGY_OUT):
+        np.testing.assert_array_equal(b[name], 4 * a[name], err_msg=name)
+    a, b = (r.events for r in records)
+    for name, factor in (
+        ("t_start", 1), ("t_stop", 1), ("F_T_start", 2), ("F_T_arrest", 2), ("L_p_over_L", 1),
+        ("first_block", 1), ("last_block", 1), ("n_episodes", 1),
+    ):  # fmt: skip
+        np.testing.assert_array_equal(b[name], factor * a[name], err_msg=name)
+    for name in ("tau_before", "p_before", "tau_after", "p_after", "tau_initial", "p_initial"):
+        a, b = (getattr(r, name) for r in records)
+        np.testing.assert_array_equal(b, 2 * a, err_msg=name)
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_a_run_driven_from_the_right_is_the_mirror_image(kind, geometry):
+    """The same events; forces to rounding, because the sparse solve at the start has no mirror."""
+    left, right = (
+        simulate(small(kind, side=side), 3e-3, geometry=geometry, progress=False)
+        for side in ("left", "right")
+    )
+    assert len(left.events) > 0
+    np.testing.assert_allclose(right.curve["F_T"], left.curve["F_T"], rtol=0, atol=1e-6)
+    for name in ("first_block", "last_block", "nucleation_block", "n_episodes", "n_blocks"):
+        np.testing.assert_array_equal(right.events[name], left.events[name])
+    np.testing.assert_array_equal(right.region, left.region[:, ::-1])
+    np.testing.assert_allclose(right.p_after, left.p_after[:, ::-1], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(right.tau_after, left.tau_after[:, ::-1], rtol=0, atol=1e-6)
+
+
 def test_a_state_starts_a_run_of_its_own():
     scene = small()
     first = simulate(scene, 1.5e-3, progress=False)

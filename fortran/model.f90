@@ -43,7 +43,7 @@ module pyfric_model
     real(dp) :: k_drv       !! driver stiffness K [N/m]
     real(dp) :: v_drv       !! driver speed V [m/s]
     real(dp) :: u_drv0      !! u_x of the driven block at which F_T = 0 at t = 0 [m]
-    real(dp) :: near(7)     !! series of a spring of length l, see pyfric_lattice [N/m^(2n+1)], n = 1...
+    real(dp) :: near(7)     !! series of a spring of length l, see `series` [N/m^(2n+1)], n = 1...
     real(dp) :: diagonal(7) !! the same for length sqrt(2) l
     real(dp) :: p_corner    !! slip that starts below this p is a corner episode [N]
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
@@ -52,7 +52,7 @@ module pyfric_model
 
 contains
 
-  !> The model from the plain arrays that Python passes (order: pyfric.core.pack).
+  !> The model from the plain arrays that Python passes (order: pyfric.core.model).
   pure function new_model(nx, nz, finite, rigid, i_h, j_h, c, x, load) result(s)
     integer(ip), intent(in) :: nx               !! blocks along the interface
     integer(ip), intent(in) :: nz               !! rows

@@ -9,7 +9,7 @@ module pyfric_rk4
   use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES, close_state
   use pyfric_boundaries, only: rod_acceleration, rod_to_row
   use pyfric_lattice, only: N_BOND
-  use pyfric_rows, only: row_t, new_row, row_forces, row_powers, budget_t
+  use pyfric_rows, only: row_t, row_forces, row_powers, budget_t
   implicit none (type, external)
   private
   public :: rk4_step, RING
@@ -131,18 +131,20 @@ contains
     end do
   end subroutine to_stage
 
+  !> The end of the step: u + dt/6 (v_1 + 2 v_2 + 2 v_3 + v_4), v + dt/6 (F_1 + 2 F_2 + 2 F_3 + F_4)/m. The first three
+  !> forces are taken from the velocities they led to: dt F_1/m = 2 (v_2 - v), dt F_2/m = 2 (v_3 - v), dt F_3/m = v_4 - v.
   pure subroutine to_end(n, dt, m, y, v2, v3, v4, fx, fz, y_new)
     integer, intent(in) :: n
-    real(dp), intent(in) :: dt                   !! step [s]
-    real(dp), intent(in) :: m                    !! block mass [kg]
-    real(dp), intent(in) :: y(LB:n + LANES, 4)          !! displacement at the start of the step [m]
-    real(dp), intent(in) :: v2(LB:n + LANES, 2)         !! velocity of stage 2 [m/s]
-    real(dp), intent(in) :: v3(LB:n + LANES, 2)         !! velocity of stage 3 [m/s]
-    real(dp), intent(in) :: v4(LB:n + LANES, 2)         !! velocity of stage 4 [m/s]
-    real(dp), intent(in) :: fx(LB:n + LANES)         !! force of stage 4 [N]
-    real(dp), intent(in) :: fz(LB:n + LANES)         !! force of stage 4 [N]
-    real(dp), intent(inout) :: y_new(LB:n + LANES, 4)   !! displacement at the end of the step [m]
-    real(dp) :: c, c_m, third, ux_, uz_
+    real(dp), intent(in) :: dt                          !! step [s]
+    real(dp), intent(in) :: m                           !! block mass [kg]
+    real(dp), intent(in) :: y(LB:n + LANES, 4)          !! state at the start of the step
+    real(dp), intent(in) :: v2(LB:n + LANES, 2)         !! velocities of stage 2 [m/s]
+    real(dp), intent(in) :: v3(LB:n + LANES, 2)         !! velocities of stage 3 [m/s]
+    real(dp), intent(in) :: v4(LB:n + LANES, 2)         !! velocities of stage 4 [m/s]
+    real(dp), intent(in) :: fx(LB:n + LANES)            !! force of stage 4 [N]
+    real(dp), intent(in) :: fz(LB:n + LANES)            !! force of stage 4 [N]
+    real(dp), intent(inout) :: y_new(LB:n + LANES, 4)   !! state at the end of the step
+    real(dp) :: c, c_m, third
     integer :: i
 
     c = dt/6.0_dp

@@ -88,7 +88,7 @@ contains
     end do
   end subroutine gathered
 
-  !> Forces on row j, friction included, at frozen contact states; the carry of the bonds moves up one row.
+  !> Forces on row j, friction included, at frozen contact states; the carry of the bonds moves up one row (finite geometry).
   pure subroutine row_forces(s, j, t, dn, q, up, mode, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom

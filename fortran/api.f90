@@ -69,16 +69,15 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   quiet_r(:, :n_log(2)) = log%quiet_r(:, :n_log(2))
 end subroutine advance
 
-!> One evaluation of all forces, accelerations and powers, with frozen contact states.
-subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, t, y, rod, mode, &
+!> All forces, accelerations and powers, with frozen contact states.
+subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, t, n_times, y, rod, mode, &
                     a, a_rod, f, p, f_t, dissipated, heat, work)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
-  use pyfric_model, only: model_t, new_model, LB, LANES
-  use pyfric_lattice, only: N_BOND
-  use pyfric_rows, only: row_t, new_row, row_forces, row_powers, budget_t
-  use pyfric_stepping, only: widen
-  use pyfric_boundaries, only: rod_acceleration
+  use pyfric_model, only: new_model
+  use pyfric_rows, only: budget_t
+  use pyfric_evaluation, only: all_forces
   implicit none
+  !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
   integer(c_int), intent(in) :: n_constants                  !! length of constants
@@ -90,6 +89,7 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
   real(c_double), intent(in) :: x(nx)                        !! positions from the centre [m]
   real(c_double), intent(in) :: load(nx)                     !! downward load on the top row [N]
   real(c_double), intent(in) :: t                            !! time [s]
+  integer(c_int), intent(in) :: n_times                      !! evaluations to make, for timing
   real(c_double), intent(in) :: y(nx, 4, nz)                 !! u_x, u_z [m], v_x, v_z [m/s]
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
   integer(c_int), intent(in) :: mode(nx)                     !! contact states
@@ -101,41 +101,14 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
   real(c_double), intent(out) :: dissipated(nz)              !! power in the bonds of each row [W]
   real(c_double), intent(out) :: heat(nx)                    !! friction power [W]
   real(c_double), intent(out) :: work(2)                     !! power of driver and normal load [W]
-  type(model_t) :: s
-  type(row_t) :: w
   type(budget_t) :: power
-  real(c_double), allocatable :: wide(:, :, :), carry(:, :), b(:, :), fx(:), fz(:)
-  integer :: j
 
-  s = new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load)
-  w = new_row(s)
-  allocate (power%dissipated(nz), power%heat(nx))
-  allocate (wide(LB:s%n + LANES, 4, nz), carry(LB:s%n + LANES, 2))
-  allocate (b(LB:s%n + LANES, N_BOND), fx(LB:s%n + LANES), fz(LB:s%n + LANES))
-  call widen(s, y, wide)
-  power%dissipated = 0
-  power%heat = 0
-  power%work = 0
-  carry = 0
-  b = 0
-  fx = 0
-  fz = 0
-  a_rod = 0
-  do j = 1, s%nz
-    call row_forces(s, j, t, wide(:, :, max(j - 1, 1)), wide(:, :, j), wide(:, :, min(j + 1, s%nz)), mode, carry, &
-                    b, fx, fz, w)
-    call row_powers(s, j, 1.0_c_double, wide(:, :, j), wide(:, :, min(j + 1, s%nz)), rod(5), w, power)
-    a(:, 1, j) = fx(s%at(:nx))/s%m
-    a(:, 2, j) = fz(s%at(:nx))/s%m
-    if (j == s%nz .and. s%rigid) then
-      a_rod = rod_acceleration(s, rod(3), fx, fz)
-      a(:, 1, j) = a_rod(1)
-      a(:, 2, j) = a_rod(2) + a_rod(3)*s%x
-    end if
-  end do
-  f = w%f
-  p = w%p
-  f_t = w%f_t
+  dissipated = 0
+  heat = 0
+  work = 0
+  power = budget_t(dissipated, heat, work)
+  call all_forces(new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load), t, n_times, y, rod, mode, &
+                  a, a_rod, f, p, f_t, power)
   dissipated = power%dissipated
   heat = power%heat
   work = power%work

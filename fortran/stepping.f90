@@ -11,7 +11,7 @@ module pyfric_stepping
 !$ use omp_lib, only: omp_get_thread_num, omp_get_num_threads
   implicit none (type, external)
   private
-  public :: advance_rk4, widen
+  public :: advance_rk4, widen, aligned
 
 contains
 

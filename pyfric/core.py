@@ -336,14 +336,25 @@ class Forces(NamedTuple):
     work: np.ndarray
 
 
-def evaluate(model: Model, state: State, t: float, variant: str = VARIANT) -> Forces:
+def evaluate(
+    model: Model, state: State, t: float, variant: str = VARIANT, n_times: int = 1
+) -> Forces:
     """Return all forces at time t (s); the state does not change.
 
+    Args:
+        model: from `model`, for the scene the state belongs to.
+        state: the state.
+        t: time, in s.
+        variant: build to use; results do not depend on it.
+        n_times: evaluations to make, for timing.
+
     Raises:
-        ValueError: arrays do not fit the model.
+        ValueError: arrays do not fit the model, or n_times is less than 1.
     """
     state.check(len(model.x))
-    a, *rest = load_variant(variant).evaluate(*model, t, state.y.T, state.rod, state.mode)
+    if not 1 <= n_times < 2**31:
+        raise ValueError(f"n_times = {n_times}: must be in 1 … {2**31 - 1}")
+    a, *rest = load_variant(variant).evaluate(*model, t, n_times, state.y.T, state.rod, state.mode)
     return Forces(a.T, *rest)
 
 

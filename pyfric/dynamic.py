@@ -18,6 +18,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from numbers import Integral
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ import pandas as pd
 from pyfric import core
 from pyfric.catalogue import T_GAP, build_catalogue
 from pyfric.equilibrium import EquilibriumError, StaticSolver
-from pyfric.operators import Geometry, check_geometry, stability_limit
+from pyfric.operators import Geometry, stability_limit
 from pyfric.record import Method, Record
 from pyfric.state import State, StateError
 from pyfric.units import SceneError, check_number
@@ -148,13 +149,21 @@ def simulate(
 
     Source: PRL 107, 074301 (2011).
     """
-    check_geometry(geometry)
-    if method != "rk4":
-        raise SceneError("method", method, "", "'rk4'")
+    for name, value, known in (
+        ("geometry", geometry, ("linear", "finite")),
+        ("method", method, ("rk4",)),
+    ):
+        if value not in known:
+            raise SceneError(name, value, "", " or ".join(map(repr, known)))
+    if not isinstance(initial, State | Record | None):
+        raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
     t_gap = check_number("t_gap", t_gap, "s", ge=0.0)
     check_number("checkpoint_every", checkpoint_every, "s", gt=0.0)
-    if threads is not None and not (isinstance(threads, int) and 1 <= threads <= 4096):
-        raise SceneError("threads", threads, "", "1 … 4096 or None")
+    if threads is not None:
+        whole = isinstance(threads, Integral) and not isinstance(threads, bool)
+        if not (whole and 1 <= threads <= 4096):
+            raise SceneError("threads", threads, "", "1 … 4096 or None")
+        threads = int(threads)
     before = initial if isinstance(initial, Record) else None
     if before is not None:
         _check_continues(before, scene)

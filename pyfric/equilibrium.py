@@ -340,6 +340,9 @@ class StaticSolver:
             return splu(K[unknown][:, unknown].tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
         except RuntimeError as error:
             raise EquilibriumError("the slider is not supported", np.nan, self._limit, 0) from error
+        except MemoryError as error:
+            what = f"not enough memory to factorise {len(unknown)} unknowns"
+            raise EquilibriumError(what, np.nan, self._limit, 0) from error
 
     def _factor(self, contact: _Contact, driven: bool) -> SuperLU:
         """Return the factorisation at the reference state, from the store if it is there."""

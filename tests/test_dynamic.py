@@ -430,6 +430,8 @@ def test_a_run_that_leaves_the_numbers_keeps_what_was_good():
         ({"t_gap": -1.0}, "t_gap", ""),
         ({"threads": 0}, "threads", ""),
         ({"threads": 2.5}, "threads", ""),
+        ({"threads": True}, "threads", ""),
+        ({"geometry": "cubic"}, "geometry", "linear"),
         ({"method": "euler"}, "method", "rk4"),
         ({"checkpoint_every": 0.0}, "checkpoint_every", ""),
     ],
@@ -449,6 +451,8 @@ def test_a_step_above_the_limit_names_it():
 def test_states_that_do_not_fit_are_refused():
     scene = small()
     record = simulate(scene, 1e-4, progress=False)
+    with pytest.raises(StateError, match="not int"):
+        simulate(scene, 1e-3, initial=5, progress=False)
     with pytest.raises(StateError, match="another scene"):
         simulate(small(V=0.4), 1e-3, initial=record, progress=False)
     for change, word in (

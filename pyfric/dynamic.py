@@ -200,7 +200,7 @@ def simulate(
         variant=core.VARIANT,
         budget=budget,
     )
-    run = _Run(scene, how, solver, state, before)
+    run = Run(scene, how, solver, state, before)
     run.timings["set-up"] = time.perf_counter() - start
     last = math.ceil((t_end - state.t0) / dt * (1 - 1e-14))
     with _bar(progress, scene, t_begin, t_end) as show, _interruptible() as stop:
@@ -216,7 +216,7 @@ def _check_continues(before: Record, scene: Scene) -> None:
         raise StateError("initial: the record belongs to another scene; pass its final_state")
 
 
-class _Run:
+class Run:
     """A run under way: the state, and what has been logged so far."""
 
     def __init__(
@@ -246,6 +246,13 @@ class _Run:
             self._add_logs(before.switches, before.quiet)
             between = state.step % method.sample != 0
             self.rows = before.curve.to_numpy().tolist()[: -1 if between else None]
+
+    def before_call(self, last: int) -> None:
+        """Do what an engine does instead of making steps; step number last may be reached."""
+
+    def call_length(self) -> int:
+        """Return the most steps of the next call."""
+        return MAX_STEPS
 
     def columns(self) -> list[str]:
         """Names of the columns of the curve."""
@@ -280,9 +287,10 @@ class _Run:
         start = saved = shown = time.perf_counter()
         solve_at = start + STATIC_SECONDS
         while state.step < last and not stop():
+            self.before_call(last)
             to_sample = every - state.step % every
             in_time = max(1, int(CALL_SECONDS * self.rate)) if self.rate else 1
-            self.call(min(to_sample, in_time, last - state.step))
+            self.call(min(to_sample, in_time, last - state.step, self.call_length()))
             if state.step % every == 0:
                 self.sample()
             now = time.perf_counter()

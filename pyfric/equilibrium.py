@@ -284,6 +284,27 @@ class StaticSolver:
             "the set of open blocks does not settle", residual, self._limit, steps
         )
 
+    def tangent(self, stuck: np.ndarray) -> tuple[sp.csr_array, SuperLU, np.ndarray]:
+        """Return the tangent stiffness at the loaded state, with foundation and driver.
+
+        Args:
+            stuck: blocks that are closed and held, shape (N_x,), bool; the others are open.
+
+        Returns:
+            K, shape (n_q, n_q), in N/m; its factorisation for the free coordinates; their indices.
+        """
+        contact = _Contact(stuck, stuck, np.zeros(len(stuck), dtype=np.int8))
+        foundation = np.zeros(self._K.shape[0])
+        foundation[self._z] = self.scene.k_f * stuck
+        row = sp.csr_array(self.driven_row[None])
+        K = self._K + sp.diags_array(foundation) + self.scene.driver.K * (row.T @ row)
+        return K.tocsr(), self._factor(contact, True), self._unknown(contact)
+
+    @functools.cached_property
+    def driven_row(self) -> np.ndarray:
+        """Derivatives of u_x of the driven block by the coordinates, shape (n_q,)."""
+        return self._T[[self._h]].toarray()[0]
+
     # --- forces and Newton's method --------------------------------------------------------------
 
     def _forces(
@@ -547,12 +568,24 @@ class StaticSolver:
         return np.where(contact.held, -forces[self._x], slipping)
 
     def _coordinates_of(self, state: Equilibrium) -> np.ndarray:
-        """Return q of a state, as a new array."""
+        return self.coordinates(state.u, state.rod)
+
+    def coordinates(self, u: np.ndarray, rod: np.ndarray) -> np.ndarray:
+        """Return q, shape (n_q,), of u, shape (N_z, 2, N_x), and rod, shape (3,); rates alike."""
         q = np.zeros(len(self._arm))
         n = len(q) - 3 if self.scene.rigid else len(q)
-        q[:n] = state.u.reshape(-1)[:n]
-        q[n:] = state.rod[: len(q) - n]
+        q[:n] = u.reshape(-1)[:n]
+        q[n:] = rod[: len(q) - n]
         return q
+
+    def displacements(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return u, shape (N_z, 2, N_x), and rod, shape (3,), of q; the top row as the rod has it."""
+        scene = self.scene
+        u = (self._T @ q).reshape(scene.N_z, 2, scene.N_x)
+        if not scene.rigid:
+            return u, np.zeros(3)
+        u[-1, 0], u[-1, 1] = q[-3], q[-2] + q[-1] * scene.x
+        return u, q[-3:].copy()
 
     def _result(
         self, q: np.ndarray, contact: _Contact, drive: float | None, residual: float, steps: int

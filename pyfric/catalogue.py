@@ -253,7 +253,7 @@ EVENT_COLUMNS = (
 def build_episodes(
     switches: Mapping[str, np.ndarray] | np.ndarray, n_of_i: np.ndarray, *, t_begin: float = 0.0
 ) -> pd.DataFrame:
-    """Slip episodes, one row each, ordered by start (ties: by block number).
+    """Slip episodes, one row each, ordered by start (ties: by step, then by block number).
 
     Parameters
     ----------
@@ -327,7 +327,7 @@ def build_episodes(
         "corner": log["corner"][at_start],
         "p_start": log["p"][at_start],
     }
-    by_time = np.lexsort((table["n"], table["t_start"]))
+    by_time = np.lexsort((table["n"], table["step_start"], table["t_start"]))
     return pd.DataFrame({name: column[by_time] for name, column in table.items()})
 
 

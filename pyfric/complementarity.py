@@ -23,20 +23,15 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from pyfric.condensation import condense
+from pyfric.equilibrium import EquilibriumError, loaded_state
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
 
+__all__ = ["Contact", "Interface", "Statics", "Values"]
+
 CONTACT_TOL = 1e-11
 """Violations of contact or friction conditions below this many F_N/N_x are rounding."""
-
-
-class Change(NamedTuple):
-    """The next change of contact along the driver's path."""
-
-    X: float
-    block: int
-    kind: str  # "slip", "open", "land"
 
 
 class Values(NamedTuple):
@@ -87,9 +82,57 @@ class Interface:
         table[-1, N_x:] += s.c_2, s.c_1
         return table
 
-    def contact(self, u_x: np.ndarray, X: float, closed: np.ndarray) -> Contact:
-        """Return the interface held at u_x, open where not closed."""
-        return Contact(self, u_x, X, closed)
+    def loaded(self) -> Contact:
+        """Return the loaded state with F_T = 0: all blocks are held where they are.
+
+        Raises:
+            EquilibriumError: the scene has no loaded equilibrium.
+        """
+        scene = self.scene
+        contact = Contact(self, np.zeros(scene.N_x), 0.0, np.ones(scene.N_x, dtype=bool))
+        contact.X = -contact.values().F_T / contact.rates().F_T
+        now = contact.values()
+        if (np.abs(now.f) <= contact.mu_s * now.p).all():
+            return contact
+        # Blocks slip or lift off while F_N is applied.
+        rest = loaded_state(scene)
+        return Contact(self, rest.u[0, 0], scene.d * rest.u_drv0, ~rest.open)
+
+    def solver(self, X_0: float) -> Statics:
+        """Return static states for `pyfric.catalogue`; the driver's displacement counts from X_0."""
+        return Statics(self, X_0)
+
+
+class Static(NamedTuple):
+    """A static state of the interface; arrays of shape (N_x,), in N."""
+
+    F_T: float
+    tau: np.ndarray
+    p: np.ndarray
+
+
+class Statics:
+    """Static states with the interface held, as `pyfric.equilibrium.StaticSolver` gives them."""
+
+    def __init__(self, interface: Interface, X_0: float) -> None:
+        self.interface, self.X_0 = interface, X_0
+
+    def solve(self, u_x_bottom: np.ndarray, drive: float, *, free: np.ndarray) -> Static:
+        """Return the equilibrium with u_x held except where free (open).
+
+        Raises:
+            EquilibriumError: the set of open blocks does not settle.
+        """
+        contact = Contact(self.interface, u_x_bottom, self.X_0 + drive, ~free)
+        for _ in range(4 * contact.N_x + 20):
+            now = contact.values()
+            wrong = contact.wrong_side(now)
+            if wrong is None:
+                return Static(now.F_T, -self.interface.scene.d * now.f, now.p)
+            closed = contact.closed.copy()
+            closed[wrong] ^= True
+            contact.set_closed(closed)
+        raise EquilibriumError("the set of open blocks does not settle", np.nan, contact.tol, 0)
 
 
 class Contact:
@@ -99,6 +142,8 @@ class Contact:
         slip: direction of the blocks that slip, 0 elsewhere, shape (N_x,), int8.
         closed: blocks that touch the foundation, shape (N_x,), bool.
         X: position of the driver, in m.
+        ambiguous: releases after which a block yields to a force by moving against it, or not at
+            all: the solution need not be the only one.
     """
 
     def __init__(self, interface: Interface, u_x: np.ndarray, X: float, closed: np.ndarray) -> None:
@@ -109,6 +154,7 @@ class Contact:
         self.slip = np.zeros(self.N_x, dtype=np.int8)
         self.closed = np.array(closed, dtype=bool)
         self.free = np.zeros(self.N_x, dtype=bool)
+        self.ambiguous = 0
         self.column = np.concatenate([u_x, [X, 1.0]])
         self.table = interface.base(self.closed).copy()
         for i in np.flatnonzero(~self.closed):
@@ -123,8 +169,40 @@ class Contact:
         self.column[-2] = value
 
     @property
-    def held(self) -> np.ndarray:
+    def stuck(self) -> np.ndarray:
+        """Blocks that are closed and held, shape (N_x,), bool."""
         return ~self.free
+
+    def wrong_side(self, now: Values) -> int | None:
+        """Return the block that is deepest on the wrong side of the foundation, None for none."""
+        depth = self.k_f * np.where(self.closed, now.u_z, -now.u_z)
+        i = int(np.argmax(depth))
+        return i if depth[i] > self.tol else None
+
+    def next_change(self) -> tuple[float, int, int]:
+        """Return where the next contact state changes as X grows.
+
+        Returns:
+            X (inf for nowhere), the block, and what it does: +1 or -1 slips that way, 0 opens or
+            closes.
+        """
+        now, rate, stuck = self.values(), self.rates(), self.stuck
+        mu_s, closed = self.mu_s, self.closed
+        best = np.inf, 0, 0
+        for what, level, slope, which in (
+            (+1, mu_s * now.p + now.f, mu_s * rate.p + rate.f, stuck),
+            (-1, mu_s * now.p - now.f, mu_s * rate.p - rate.f, stuck),
+            (0, now.p, rate.p, closed),
+            (0, now.u_z, rate.u_z, ~closed),
+        ):
+            falls = which & (slope < 0)
+            if falls.any():
+                ahead = np.full(self.N_x, np.inf)
+                np.divide(np.maximum(level, 0.0), -slope, out=ahead, where=falls)
+                i = int(np.argmin(ahead))
+                if self.X + ahead[i] < best[0]:
+                    best = self.X + float(ahead[i]), i, what
+        return best
 
     def _exchange(self, i: int) -> None:
         """Free a held block, on which the force is then given, or hold a free one where it is."""
@@ -148,6 +226,7 @@ class Contact:
         """Let a stuck block slip."""
         self.slip[i] = direction
         self._exchange(i)
+        self.ambiguous += self.table[i, i] <= 0
 
     def hold(self, i: int, u_x: float | None = None) -> None:
         """Hold a slipping block, where it is or at u_x."""

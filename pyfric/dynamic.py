@@ -10,7 +10,6 @@ Source: PRL 107, 074301 (2011).
 from __future__ import annotations
 
 import math
-import platform
 import signal
 import sys
 import threading
@@ -28,10 +27,9 @@ from pyfric import core
 from pyfric.catalogue import T_GAP, build_catalogue
 from pyfric.equilibrium import EquilibriumError, StaticSolver
 from pyfric.operators import Geometry, stability_limit
-from pyfric.record import Method, Record
+from pyfric.record import Method, Record, versions
 from pyfric.state import State, StateError
 from pyfric.units import SceneError, check_number
-from pyfric.version import __version__
 
 if TYPE_CHECKING:
     import os
@@ -403,7 +401,7 @@ class Run:
             p_initial=self.solver.known.loaded.p,
             quiet=quiet,
             switches=switches,
-            versions=_versions(),
+            versions=versions(),
             timings=timings,
             status=status,
             final_state=state.copy(),
@@ -432,18 +430,6 @@ class _Remembering:
 
 def _joined(logs: list[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
     return {name: np.concatenate([log[name] for log in logs]) for name in (logs[0] if logs else ())}
-
-
-def _versions() -> dict[str, str]:
-    build = core.build_info()
-    return {
-        "pyfric": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "compiler": build["compiler"],
-        "flags": build["flags"],
-        "machine": platform.machine(),
-    }
 
 
 # --- progress and Ctrl-C -------------------------------------------------------------------------

@@ -23,6 +23,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import platform
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,9 +32,11 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import pandas as pd
 
+from pyfric import core
 from pyfric.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP
 from pyfric.files import written
 from pyfric.scene import Scene
+from pyfric.version import __version__
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -114,6 +117,19 @@ LABELS: dict[str, tuple[str, str]] = {
     "mode": ("1", "contact mode: 0 stuck, +1 slips right, -1 slips left, 2 open"),
 }
 """Column or variable -> unit and meaning."""
+
+
+def versions() -> dict[str, str]:
+    """Return what a record says about the software that made it."""
+    build = core.build_info()
+    return {
+        "pyfric": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "compiler": build["compiler"],
+        "flags": build["flags"],
+        "machine": platform.machine(),
+    }
 
 
 class RecordError(ValueError):

@@ -1,0 +1,325 @@
+"""Quasi-static engines: every state is an equilibrium, no inertia, linear geometry.
+
+`QuasistaticRun` is a ladder of events. Between events nothing slips and all forces are affine in the
+driver's position, so the next nucleation is a closed formula. The event rule: blocks that slip carry
+mu_k p, those that stick stay below mu_s p. The block with the largest |f| - mu_s p is released, one
+at a time; a block that would move back sticks again where it was; at the end all stick.
+What is left out: the overshoot of moving blocks, and with it a part of the length of an event.
+
+`prediction_curve` is the case mu_s = mu_k = mu, in which slip grows continuously. It is followed
+exactly from one change of contact state to the next; in between all quantities are linear. Which of
+the blocks at their threshold slip, and which stick, follows from the signs of the rates.
+
+Source: PRL 107, 074301 (2011), prediction of the arrest lengths with mu_s = mu_k.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from pyfric.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP, build_catalogue
+from pyfric.complementarity import Contact, Interface
+from pyfric.core import CORNER_SHARE
+from pyfric.equilibrium import EquilibriumError
+from pyfric.record import Method, Record, versions
+from pyfric.state import OPEN, STUCK
+from pyfric.units import check_number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pyfric.scene import Scene
+
+__all__ = ["QuasistaticRun", "prediction_curve"]
+
+SWEEPS = 60
+"""Most changes of contact state within one event or at one position of the driver, over N_x."""
+
+
+class _Log:
+    """Switches and quiet transitions, as `pyfric.catalogue` takes them."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.p_corner = scene, CORNER_SHARE * scene.F_N / scene.N_x
+        self.switch: list[tuple[Any, ...]] = []
+        self.quiet: list[tuple[Any, ...]] = []
+        self.mode = np.zeros(scene.N_x, dtype=np.int32)
+        self.corner = np.zeros(scene.N_x, dtype=bool)
+        self.step = 0
+
+    def set(self, contact: Contact, t: float) -> None:
+        """Log what differs from the last contact states."""
+        new = np.where(contact.closed, contact.slip, OPEN).astype(np.int32)
+        changed = np.flatnonzero(new != self.mode)
+        if not changed.size:
+            return
+        now = contact.values()
+        was = self._active()
+        u_x = now.u_x.copy()
+        before = self.mode.copy()
+        for i in changed:
+            if abs(self.mode[i]) != 1:
+                self.corner[i] = now.p[i] < self.p_corner
+            self.switch.append(
+                (self.step, i, self.mode[i], new[i], self.corner[i], t, u_x[i], now.p[i])
+            )
+        self.mode = new
+        if self._active() != was:
+            kind, mode = (-1, new) if was else (1, before)
+            self.quiet.append((self.step, t, kind, now.F_T, u_x, mode))
+        self.step += 1
+
+    def _active(self) -> bool:
+        return bool(((np.abs(self.mode) == 1) & ~self.corner).any())
+
+    def columns(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Return both logs as columns."""
+        return _columns(self.switch, SWITCH_COLUMNS), _columns(
+            self.quiet, QUIET_COLUMNS, self.scene.N_x
+        )
+
+
+def _columns(rows: list[Any], kinds: Any, N_x: int = 0) -> dict[str, np.ndarray]:
+    wide = ("u_x", "mode") if N_x else ()
+    if not rows:
+        return {k: np.zeros((0, N_x) if k in wide else 0, kind) for k, kind in kinds.items()}
+    values = zip(*rows, strict=True)
+    return {k: np.array(v, dtype=kind) for (k, kind), v in zip(kinds.items(), values, strict=True)}
+
+
+class QuasistaticRun:
+    """The ladder of quasi-static events of one scene.
+
+    Args:
+        scene: the scene.
+        t_gap: longest pause inside an event, in s.
+
+    Raises:
+        EquilibriumError: the scene has no loaded equilibrium.
+    """
+
+    def __init__(self, scene: Scene, t_gap: float = T_GAP) -> None:
+        start = time.perf_counter()
+        self.scene, self.t_gap = scene, t_gap
+        self.interface = Interface(scene)
+        self.contact = self.interface.loaded()
+        self.X_0 = self.contact.X
+        self.log = _Log(scene)
+        self.log.mode[~self.contact.closed] = OPEN
+        self.rows: list[tuple[float, float]] = []
+        self.events = 0
+        self.timings = {"set-up": time.perf_counter() - start}
+        self.initial = self.contact.values()
+
+    @property
+    def t(self) -> float:
+        V = self.scene.driver.V
+        return (self.contact.X - self.X_0) / V if V else 0.0
+
+    def sample(self) -> None:
+        self.rows.append((self.t, self.contact.values().F_T))
+
+    def advance(self, t_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> bool:
+        """Follow the scene to t_end (s); return whether it got there.
+
+        Raises:
+            EquilibriumError: an event does not settle.
+        """
+        start = time.perf_counter()
+        contact, X_end = self.contact, self.X_0 + self.scene.driver.V * t_end
+        self.sample()
+        while not stop():
+            X, i, what = contact.next_change()
+            if not X <= X_end:
+                break
+            contact.X = X
+            self.sample()
+            if what == 0:
+                self._flip(contact, i)
+            else:
+                self._event(i, what)
+                self.events += 1
+            self.sample()
+            show(self.t, self.rows[-1][1], self.events)
+        done = not stop()
+        if done and self.scene.driver.V:
+            contact.X = X_end
+            self.rows.append((t_end, contact.values().F_T))
+        elif done:
+            self.rows.append((t_end, self.rows[-1][1]))
+        self.timings["events"] = time.perf_counter() - start
+        return done
+
+    def _flip(self, contact: Contact, i: int) -> None:
+        """Open a closed block or close an open one."""
+        closed = contact.closed.copy()
+        closed[i] ^= True
+        contact.set_closed(closed)
+        self.log.set(contact, self.t)
+
+    def _event(self, i: int, direction: int) -> None:
+        """Let block i slip, and all that follows at this position of the driver."""
+        contact, log, t = self.contact, self.log, self.t
+        tol = 10 * contact.tol
+        u_x = contact.values().u_x.copy()
+        contact.release(i, direction)
+        log.set(contact, t)
+        for _ in range(SWEEPS * self.scene.N_x):
+            now = contact.values()
+            wrong = contact.wrong_side(now)
+            if wrong is not None:
+                self._flip(contact, wrong)
+                continue
+            move = contact.slip * (now.u_x - u_x) * contact.k_f
+            j = int(np.argmin(move))
+            if move[j] < -tol:
+                contact.hold(j, u_x[j])
+                log.set(contact, t)
+                continue
+            u_x = now.u_x.copy()
+            excess = np.where(contact.stuck, np.abs(now.f) - contact.mu_s * now.p, -np.inf)
+            j = int(np.argmax(excess))
+            if not excess[j] > tol:
+                contact.hold_all()
+                log.set(contact, t)
+                return
+            contact.release(j, -int(np.sign(now.f[j])))
+            log.set(contact, t)
+        what = f"the quasi-static event at t = {t:.6g} s does not settle"
+        raise EquilibriumError(what, np.nan, tol, SWEEPS * self.scene.N_x)
+
+    def record(self, status: str, engine: str = "quasistatic", **columns: Any) -> Record:
+        """Return what was done so far."""
+        start = time.perf_counter()
+        scene = self.scene
+        switches, quiet = self.log.columns()
+        catalogue = build_catalogue(
+            switches,
+            quiet,
+            scene,
+            t_gap=self.t_gap,
+            t_end=self.rows[-1][0],
+            solver=self.interface.solver(self.X_0),
+        )
+        curve = pd.DataFrame(self.rows, columns=["t", "F_T"]).assign(**columns)
+        f, p = self.initial.f, self.initial.p
+        return Record.from_catalogue(
+            catalogue,
+            scene=scene,
+            method=Method(engine=engine, geometry="linear", t_gap=self.t_gap),
+            curve=curve,
+            tau_initial=-scene.d * f,
+            p_initial=p,
+            quiet=quiet,
+            switches=switches,
+            versions=versions(),
+            timings=self.timings | {"catalogue": time.perf_counter() - start},
+            status=status,
+        )
+
+
+def prediction_curve(scene: Scene, mu: float | None = None) -> Record:
+    """Return the growth of the slipping zone with mu_s = mu_k, up to sliding.
+
+    The speed of the driver does not matter; t is the driver's displacement over V, or, where V = 0,
+    over 1 m/s.
+
+    Args:
+        scene: the scene; its friction coefficients are replaced.
+        mu: the friction coefficient; None means the scene's mu_k.
+
+    Returns:
+        A record of engine "prediction". Each row of its curve is a change of contact state: t (s),
+        F_T (N), drive (m), L_p_over_L of the blocks that have slipped or are open, from the trailing
+        edge. Its last row is where all blocks slip, or where no further block would.
+
+    Raises:
+        SceneError: mu is not a number >= 0.
+        EquilibriumError: no equilibrium was found.
+
+    Warns:
+        RuntimeWarning: the solution is not unique at some state.
+
+    Source: PRL 107, 074301 (2011), Fig. 2.
+    """
+    mu = scene.interface.mu_k if mu is None else check_number("mu", mu, "", ge=0.0)
+    V = scene.driver.V or 1.0
+    scene = dataclasses.replace(
+        scene,
+        interface=dataclasses.replace(scene.interface, mu_s=mu, mu_k=mu),
+        driver=dataclasses.replace(scene.driver, V=V),
+    )
+    run = QuasistaticRun(scene)
+    start = time.perf_counter()
+    contact, log = run.contact, run.log
+    slipped = np.zeros(scene.N_x, dtype=bool)
+    reached: list[float] = []
+    order = np.argsort(scene.n_of_i)
+
+    def note() -> None:
+        run.sample()
+        over = (slipped | ~contact.closed)[order]
+        length = scene.N_x if over.all() else int(np.argmin(over))
+        reached.append(length / scene.N_x)
+
+    note()
+    for _ in range(SWEEPS * scene.N_x):
+        _settle_rates(contact)
+        log.set(contact, run.t)
+        slipped |= contact.slip != 0
+        note()
+        if not contact.stuck.any():
+            break
+        X, i, what = contact.next_change()
+        if not np.isfinite(X):
+            break
+        contact.X = X
+        if what == 0:
+            closed = contact.closed.copy()
+            closed[i] ^= True
+            contact.set_closed(closed)
+        else:
+            contact.release(i, what)
+    else:
+        what = "the growth of the slipping zone does not end"
+        raise EquilibriumError(what, np.nan, contact.tol, SWEEPS * scene.N_x)
+    if contact.ambiguous:
+        warnings.warn(
+            f"mu = {mu:g}: the slip operator is not positive definite in {contact.ambiguous} of the "
+            "states passed, so that the solution may not be the only one",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+    run.timings["path"] = time.perf_counter() - start
+    drive = [V * t for t, _ in run.rows]
+    return run.record("complete", "prediction", drive=drive, L_p_over_L=reached)
+
+
+def _settle_rates(contact: Contact) -> None:
+    """Decide which of the blocks at their threshold slip as the driver goes on.
+
+    A slipping block that would turn back sticks; a stuck one at its threshold that would exceed it
+    slips. One block at a time, the worst first; the first one in order after many changes.
+    """
+    N_x = contact.N_x
+    for sweep in range(SWEEPS * N_x):
+        now, rate = contact.values(), contact.rates()
+        back = -contact.slip * rate.u_x * contact.k_f
+        at = contact.stuck & (contact.mu_s * now.p - np.abs(now.f) <= 1e3 * contact.tol)
+        over = np.where(at, np.sign(now.f) * rate.f - contact.mu_s * rate.p, 0.0)
+        worst = np.maximum(back, over)
+        small = 1e-9 * contact.k_f
+        if not worst.max() > small:
+            return
+        i = int(np.argmax(worst > small if sweep > 4 * N_x else worst))
+        if contact.slip[i]:
+            contact.hold(i)
+        else:
+            contact.release(i, -int(np.sign(now.f[i])))
+    raise EquilibriumError("stick and slip do not settle", np.nan, contact.tol, SWEEPS * N_x)

@@ -1,8 +1,8 @@
 ! External procedures for f2py: plain arrays in, plain arrays out. Nothing is checked here; pyfric.core checks.
 
 !> Steps of classical RK4 with switching at step ends.
-subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, t0, dt, n_steps, n_threads, keep_budget, &
-                   max_switch, max_quiet, step, y, rod, mode, corner, slack, loss, dissipated, heat, work, &
+subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, shear, t0, dt, n_steps, n_threads, &
+                   keep_budget, max_switch, max_quiet, step, y, rod, mode, corner, slack, loss, dissipated, heat, work, &
                    n_log, switch_i, switch_r, quiet_i, quiet_r, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
@@ -21,6 +21,7 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   real(c_double), intent(in) :: constants(n_constants)       !! see pyfric_model [SI]
   real(c_double), intent(in) :: x(nx)                        !! positions from the centre [m]
   real(c_double), intent(in) :: load(nx)                     !! downward load on the top row [N]
+  real(c_double), intent(in) :: shear(nx)                    !! horizontal force on the top row [N]
   real(c_double), intent(in) :: t0                           !! time of step 0 [s]
   real(c_double), intent(in) :: dt                           !! step [s]
   integer(c_int), intent(in) :: n_steps                      !! steps to make
@@ -37,7 +38,7 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   real(c_double), intent(inout) :: loss(nx)                  !! switching loss [J]
   real(c_double), intent(inout) :: dissipated(nz)            !! bond dissipation [J]
   real(c_double), intent(inout) :: heat(nx)                  !! friction heat [J]
-  real(c_double), intent(inout) :: work(2)                   !! driver, normal load [J]
+  real(c_double), intent(inout) :: work(2)                   !! driver, forces on the top [J]
   integer(c_int), intent(out) :: n_log(2)                    !! switches and quiet transitions logged
   integer(c_int), intent(inout) :: switch_i(4, max_switch)   !! block from 0, old, new, corner
   real(c_double), intent(inout) :: switch_r(4, max_switch)   !! step, t [s], u_x [m], p [N]
@@ -49,7 +50,7 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   type(budget_t) :: budget
   type(log_t) :: log
 
-  s = new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load)
+  s = new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load, shear)
   contact = contact_t(mode, corner, slack, loss)
   budget = budget_t(dissipated, heat, work)
   allocate (log%switch_i(4, max_switch), log%switch_r(4, max_switch))
@@ -70,7 +71,7 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
 end subroutine advance
 
 !> All forces, accelerations and powers, with frozen contact states.
-subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, t, n_times, y, rod, mode, &
+subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, shear, t, n_times, y, rod, mode, &
                     a, a_rod, f, p, f_t, dissipated, heat, work)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: new_model
@@ -88,6 +89,7 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
   real(c_double), intent(in) :: constants(n_constants)       !! see pyfric_model [SI]
   real(c_double), intent(in) :: x(nx)                        !! positions from the centre [m]
   real(c_double), intent(in) :: load(nx)                     !! downward load on the top row [N]
+  real(c_double), intent(in) :: shear(nx)                    !! horizontal force on the top row [N]
   real(c_double), intent(in) :: t                            !! time [s]
   integer(c_int), intent(in) :: n_times                      !! evaluations to make, for timing
   real(c_double), intent(in) :: y(nx, 4, nz)                 !! u_x, u_z [m], v_x, v_z [m/s]
@@ -100,14 +102,14 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
   real(c_double), intent(out) :: f_t                         !! driver force [N]
   real(c_double), intent(out) :: dissipated(nz)              !! power in the bonds of each row [W]
   real(c_double), intent(out) :: heat(nx)                    !! friction power [W]
-  real(c_double), intent(out) :: work(2)                     !! power of driver and normal load [W]
+  real(c_double), intent(out) :: work(2)                     !! power of driver and of the forces on the top [W]
   type(budget_t) :: power
 
   dissipated = 0
   heat = 0
   work = 0
   power = budget_t(dissipated, heat, work)
-  call all_forces(new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load), t, n_times, y, rod, mode, &
+  call all_forces(new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load, shear), t, n_times, y, rod, mode, &
                   a, a_rod, f, p, f_t, power)
   dissipated = power%dissipated
   heat = power%heat
@@ -115,7 +117,7 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
 end subroutine evaluate
 
 !> Energies of a state.
-subroutine energy(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, t, y, rod, e)
+subroutine energy(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, shear, t, y, rod, e)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: new_model
   use pyfric_energy, only: energies
@@ -130,12 +132,13 @@ subroutine energy(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, lo
   real(c_double), intent(in) :: constants(n_constants)       !! see pyfric_model [SI]
   real(c_double), intent(in) :: x(nx)                        !! positions from the centre [m]
   real(c_double), intent(in) :: load(nx)                     !! downward load on the top row [N]
+  real(c_double), intent(in) :: shear(nx)                    !! horizontal force on the top row [N]
   real(c_double), intent(in) :: t                            !! time [s]
   real(c_double), intent(in) :: y(nx, 4, nz)                 !! u_x, u_z [m], v_x, v_z [m/s]
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
   real(c_double), intent(out) :: e(6)                        !! see pyfric_energy [J]
 
-  e = energies(new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load), t, y, rod)
+  e = energies(new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load, shear), t, y, rod)
 end subroutine energy
 
 !> Compiler, its options, and whether OpenMP is in.

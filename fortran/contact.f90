@@ -5,7 +5,7 @@ module pyfric_contact
   use pyfric_boundaries, only: foundation, driver_force
   use pyfric_friction, only: stop_reversed, next_mode, STUCK
   use pyfric_lattice, only: N_BOND
-  use pyfric_rows, only: row_t, bond_forces
+  use pyfric_rows, only: row_t, bond_forces, outer_forces
   implicit none (type, external)
   private
   public :: contact_t, log_t, switch_contacts
@@ -55,6 +55,7 @@ contains
     carry = 0.0_dp
     b = 0.0_dp
     call bond_forces(s, 1, w%none, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), carry, b, fx, fz, w)
+    call outer_forces(s, 1, t, y(LB, 1, 1), fx, fz, w%f_t)
     was_active = any(abs(contact%mode) == 1 .and. contact%corner == 0)
     do i = 1, s%nx
       old = contact%mode(i)

@@ -10,7 +10,7 @@ module pyfric_energy
 
 contains
 
-  !> Kinetic (blocks, rod) and elastic (bonds, foundation, mattress, driver spring) energies [J].
+  !> Kinetic (blocks, rod) and elastic (bonds, foundation, mattress or k_top, driver spring) energies [J].
   pure function energies(s, t, y, rod) result(e)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                  !! time [s]
@@ -28,6 +28,8 @@ contains
     if (s%rigid) then
       e(2) = 0.5_dp*(s%m_rod*(rod(4)**2 + rod(5)**2) + s%i_rod*rod(6)**2)
       e(5) = 0.5_dp*s%kappa*rod(3)**2
+    else if (s%sheared) then
+      e(5) = 0.5_dp*s%k_top*sum(y(:, UX, s%nz)**2)
     end if
     if (s%k_drv > 0.0_dp) e(6) = 0.5_dp*driver_force(s, t, y(s%i_h, UX, s%j_h))**2/s%k_drv
   end function energies

@@ -5,7 +5,7 @@ module pyfric_model
   private
   public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, N_CONSTANTS, UX, UZ, VX, VZ, LB, LANES
 
-  integer(ip), parameter :: N_CONSTANTS = 18
+  integer(ip), parameter :: N_CONSTANTS = 19
   !> Fields of one row of the state.
   integer, parameter :: UX = 1, UZ = 2, VX = 3, VZ = 4
   !> Inside the core a row is cut into LANES pieces of equal length, interleaved: block i of piece c is element
@@ -46,14 +46,17 @@ module pyfric_model
     real(dp) :: near(7)     !! series of a spring of length l, see `series` [N/m^(2n+1)], n = 1...
     real(dp) :: diagonal(7) !! the same for length sqrt(2) l
     real(dp) :: p_corner    !! slip that starts below this p is a corner episode [N]
+    real(dp) :: k_top       !! stiffness that holds each block of a free top row at u_x = 0 [N/m]
+    logical :: sheared      !! shear or k_top is not zero
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
-    real(dp), allocatable :: load(:)  !! downward load on the top row, setup 2 [N]
+    real(dp), allocatable :: load(:)  !! downward load on a free top row [N]
+    real(dp), allocatable :: shear(:) !! constant force on a free top row, along +x [N]
   end type model_t
 
 contains
 
   !> The model from the plain arrays that Python passes (order: pyfric.core.model).
-  pure function new_model(nx, nz, finite, rigid, i_h, j_h, c, x, load) result(s)
+  pure function new_model(nx, nz, finite, rigid, i_h, j_h, c, x, load, shear) result(s)
     integer(ip), intent(in) :: nx               !! blocks along the interface
     integer(ip), intent(in) :: nz               !! rows
     integer(ip), intent(in) :: finite           !! 1: finite geometry, 0: linear
@@ -63,6 +66,7 @@ contains
     real(dp), intent(in) :: c(N_CONSTANTS)      !! constants [SI]
     real(dp), intent(in) :: x(nx)               !! positions from the centre [m]
     real(dp), intent(in) :: load(nx)            !! downward load on the top row [N]
+    real(dp), intent(in) :: shear(nx)           !! horizontal force on the top row [N]
     type(model_t) :: s
     integer :: i, m
 
@@ -93,10 +97,13 @@ contains
     s%v_drv = c(16)
     s%u_drv0 = c(17)
     s%p_corner = c(18)
+    s%k_top = c(19)
     s%near = series(s%k, s%l**2)
     s%diagonal = series(0.5_dp*s%k, 2.0_dp*s%l**2)
     s%x = x
     s%load = load
+    s%shear = shear
+    s%sheared = s%k_top > 0.0_dp .or. any(abs(shear) > 0.0_dp)
   end function new_model
 
   !> Coefficients c_n of k (r - l0)/r = sum of c_n t^n, n = 1..7, in t = r^2 - l0^2 = 2 d.du + |du|^2.

@@ -7,7 +7,7 @@ module pyfric_rows
   use pyfric_friction, only: friction_force
   implicit none (type, external)
   private
-  public :: row_t, new_row, bond_forces, row_forces, row_powers, budget_t
+  public :: row_t, new_row, bond_forces, outer_forces, row_forces, row_powers, budget_t
 
   !> Work space of one row. Forces on the blocks and bonds lie elsewhere, on vectors.
   type :: row_t
@@ -21,7 +21,7 @@ module pyfric_rows
   type :: budget_t
     real(dp), allocatable :: dissipated(:)  !! in the bonds that start in each row
     real(dp), allocatable :: heat(:)        !! by friction under each bottom block
-    real(dp) :: work(2)                     !! of the driver, of the normal load
+    real(dp) :: work(2)                     !! of the driver, of the forces on the top
   end type budget_t
 
 contains
@@ -88,6 +88,32 @@ contains
     end do
   end subroutine gathered
 
+  !> Adds the forces from outside on row j: the driver's, and on a free top row the load and shear - k_top u_x.
+  pure subroutine outer_forces(s, j, t, q, fx, fz, f_t)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: j                        !! row, from 1 at the bottom
+    real(dp), intent(in) :: t                       !! time [s]
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the row
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)   !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)   !! force on the row [N]
+    real(dp), intent(inout) :: f_t                  !! driver force, set on the row of the driven block [N]
+    integer :: i
+
+    if (j == s%j_h) then
+      i = s%at(s%i_h)
+      f_t = driver_force(s, t, q(i, UX))
+      fx(i) = fx(i) + s%d*f_t
+    end if
+    if (j < s%nz .or. s%rigid) return
+    do i = 1, s%nx
+      fz(s%at(i)) = fz(s%at(i)) - s%load(i)
+    end do
+    if (.not. s%sheared) return
+    do i = 1, s%nx
+      fx(s%at(i)) = fx(s%at(i)) + (s%shear(i) - s%k_top*q(s%at(i), UX))
+    end do
+  end subroutine outer_forces
+
   !> Forces on row j, friction included, at frozen contact states; the carry of the bonds moves up one row (finite geometry).
   pure subroutine row_forces(s, j, t, dn, q, up, mode, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
@@ -105,16 +131,7 @@ contains
     integer :: i
 
     call bond_forces(s, j, dn, q, up, carry, b, fx, fz, w)
-    if (j == s%j_h) then
-      i = s%at(s%i_h)
-      w%f_t = driver_force(s, t, q(i, UX))
-      fx(i) = fx(i) + s%d*w%f_t
-    end if
-    if (j == s%nz .and. .not. s%rigid) then
-      do i = 1, s%nx
-        fz(s%at(i)) = fz(s%at(i)) - s%load(i)
-      end do
-    end if
+    call outer_forces(s, j, t, q, fx, fz, w%f_t)
     if (j == 1) then
       call foundation(s, q(LB, UZ), w%p)
       call friction_force(s, mode, fx, w%p, w%f)
@@ -144,6 +161,7 @@ contains
         budget%work(2) = budget%work(2) - c*(s%f_n*v_rod)
       else
         budget%work(2) = budget%work(2) - c*mirror_sum(s%nx, s%load*q(s%at(:s%nx), VZ))
+        if (s%sheared) budget%work(2) = budget%work(2) + c*mirror_sum(s%nx, s%shear*q(s%at(:s%nx), VX))
       end if
     end if
   end subroutine row_powers

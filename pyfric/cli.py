@@ -143,14 +143,14 @@ def _number(field: str, text: str, unit: str, **limits: float | None) -> float:
 
 
 def _units() -> dict[str, str]:
-    """Return the SI units of all numbers in a scene, by the names that setup1 and setup2 use."""
+    """Return the SI units of all numbers in a scene, by the names that the presets use."""
     import typing
 
-    from pyfric.scene import DistributedLoad, Driver, Interface, Rod, Slider
+    from pyfric.scene import DistributedLoad, Driver, Interface, PrescribedLoad, Rod, Slider
 
     return {
         name: mark.unit
-        for part in (Slider, Rod, DistributedLoad, Driver, Interface)
+        for part in (Slider, Rod, DistributedLoad, PrescribedLoad, Driver, Interface)
         for name, hint in typing.get_type_hints(part, include_extras=True).items()
         for mark in getattr(hint, "__metadata__", ())
     }
@@ -205,7 +205,7 @@ _set_option = click.option(
     metavar="KEY=VALUE",
     multiple=True,
     help="Change a value of a preset, such as 'h=7.5 mm' or mu_k=0.4; repeatable. "
-    "Keys are the arguments of pyfric.setup1 or setup2; numbers without unit are SI.",
+    "Keys are the arguments of pyfric.setup1, setup2 or chain; numbers without unit are SI.",
 )
 _overwrite_option = click.option("--overwrite", is_flag=True, help="Replace the file in --out.")
 _json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -232,9 +232,8 @@ HERE = "\0"  # value of --resume without a file
 @click.option(
     "--geometry",
     type=click.Choice(["finite", "linear"]),
-    default="finite",
-    show_default=True,
-    help="Bonds that rotate, as in the paper, or linear ones.",
+    help="Bonds that rotate, as in the paper, or linear ones. "
+    "[default: finite; linear for a chain]",
 )
 @click.option(
     "--dt",
@@ -274,7 +273,7 @@ def run(
     scene: str,
     t_end: float,
     changes: tuple[str, ...],
-    geometry: str,
+    geometry: str | None,
     dt: float | str,
     sample: float | None,
     t_gap: float | None,
@@ -288,7 +287,7 @@ def run(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    """Simulate SCENE: a scene of the paper, such as fig1, or a TOML file.
+    """Simulate SCENE: a preset, such as fig1, or a TOML file.
 
     Figure and CSV are written when the run is complete. `pyfric scene` shows a scene as TOML.
     """

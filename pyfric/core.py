@@ -51,7 +51,7 @@ ENERGIES = (
     "elastic_mattress",
     "elastic_driver",
 )
-"""Order of the energies that leave the core."""
+"""Order of the energies that leave the core. In a chain, "elastic_mattress" is that of k_top."""
 
 
 class Status(enum.IntEnum):
@@ -159,6 +159,7 @@ class Model(NamedTuple):
     constants: np.ndarray
     x: np.ndarray
     load: np.ndarray
+    shear: np.ndarray
 
 
 def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
@@ -171,8 +172,9 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
 
     Raises:
         ValueError: unknown geometry, or a derived constant is not finite.
+        SceneError: finite geometry for a chain.
     """
-    check_geometry(geometry)
+    check_geometry(geometry, scene)
     slider, driver, interface = scene.slider, scene.driver, scene.interface
     m_top = scene.M_rod + scene.N_x * scene.m
     i_rod = scene.M_rod * slider.L**2 / 12
@@ -196,10 +198,11 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
             driver.V,
             u_drv0,
             CORNER_SHARE * scene.F_N / scene.N_x,
+            scene.k_top,
         ]
     )
-    x, load = np.ascontiguousarray(scene.x), np.ascontiguousarray(scene.load)
-    for name, values in (("constants", constants), ("x", x), ("load", load)):
+    rows = {name: np.ascontiguousarray(getattr(scene, name)) for name in ("x", "load", "shear")}
+    for name, values in {"constants": constants, **rows}.items():
         if not np.isfinite(values).all():
             raise ValueError(f"{name} of the scene are not finite: {values}")
     return Model(
@@ -208,8 +211,7 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
         scene.i_h + 1,
         scene.j_h + 1,
         constants,
-        x,
-        load,
+        **rows,
     )
 
 
@@ -323,7 +325,7 @@ class Forces(NamedTuple):
         F_T: driver force, in N.
         dissipated: power in the bonds that start in each row, shape (N_z,), in W.
         heat: friction power of each bottom block, shape (N_x,), in W.
-        work: powers of the driver and of the normal load, shape (2,), in W.
+        work: powers of the driver and of the forces on the top (load, shear), shape (2,), in W.
     """
 
     a: np.ndarray

@@ -26,7 +26,7 @@ import pandas as pd
 from pyfric import core
 from pyfric.catalogue import T_GAP, build_catalogue
 from pyfric.equilibrium import EquilibriumError, StaticSolver
-from pyfric.operators import Geometry, stability_limit
+from pyfric.operators import Geometry, check_geometry, default_geometry, stability_limit
 from pyfric.record import Method, Record, versions
 from pyfric.state import State, StateError
 from pyfric.units import SceneError, check_number
@@ -104,7 +104,7 @@ def simulate(
     scene: Scene,
     t_end: float,
     *,
-    geometry: Geometry = "finite",
+    geometry: Geometry | None = None,
     method: Literal["rk4"] = "rk4",
     dt: float | Literal["auto"] = "auto",
     initial: State | Record | None = None,
@@ -121,7 +121,8 @@ def simulate(
     Args:
         scene: what is simulated.
         t_end: time of the end, in s; the last step ends there or just beyond.
-        geometry: "finite" (as in the paper) or "linear".
+        geometry: "finite" (as in the paper) or "linear"; None means "finite", or "linear" for a
+            chain, which has no other.
         method: "rk4": classical RK4, uniform step, contacts switch at step ends (the paper's).
         dt: time step in s, or "auto" (see `step_size`).
         initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there. A
@@ -147,12 +148,15 @@ def simulate(
 
     Source: PRL 107, 074301 (2011).
     """
+    if geometry is None:
+        geometry = default_geometry(scene)
     for name, value, known in (
         ("geometry", geometry, ("linear", "finite")),
         ("method", method, ("rk4",)),
     ):
         if value not in known:
             raise SceneError(name, value, "", " or ".join(map(repr, known)))
+    check_geometry(geometry, scene)
     if not isinstance(initial, State | Record | None):
         raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
     t_gap = check_number("t_gap", t_gap, "s", ge=0.0)

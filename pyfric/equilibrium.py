@@ -22,6 +22,9 @@ imposed at full load.
 Forces are compared relative to F_N/N_x, displacements relative to others, never absolutely: in
 linear geometry, doubling F_N and all displacements doubles every result bit for bit.
 
+A chain does not slip while it is loaded: its scene is refused if it would. It keeps p_i, and blocks
+without friction stay closed.
+
 Source: PRL 107, 074301 (2011).
 """
 
@@ -91,7 +94,8 @@ class Equilibrium:
         rod: X (m), Z (m), phi (rad), shape (3,); zeros without a rod.
         F_T: force of the driver, in N, positive where it pushes.
         f: friction force on each block in +x, shape (N_x,), in N.
-        tau: -d f, shape (N_x,), in N: positive against driving, so that sum(tau) = F_T.
+        tau: -d f, shape (N_x,), in N: positive against driving, so that sum(tau) = F_T
+            (a chain: plus the sum of the prescribed tau, minus k_top d sum(u_x)).
         p: foundation force on each block, shape (N_x,), in N.
         open: does not touch the foundation, p = f = 0, shape (N_x,), bool.
         slipped: blocks that slipped while F_N was applied, shape (N_x,), bool (`loaded_state`).
@@ -158,6 +162,7 @@ class StaticSolver:
 
     Raises:
         ValueError: unknown geometry.
+        SceneError: finite geometry for a chain.
         EquilibriumError: the scene has no loaded equilibrium.
 
     Source: PRL 107, 074301 (2011).
@@ -166,18 +171,19 @@ class StaticSolver:
     def __init__(
         self, scene: Scene, geometry: Geometry = "linear", *, u_drv0: float | None = None
     ) -> None:
-        check_geometry(geometry)
+        check_geometry(geometry, scene)
         self.scene, self.geometry = scene, geometry
         N_x, N_z = scene.N_x, scene.N_z
         self._lattice, self._T = bonds(scene), coordinates(scene)
         self._T_transposed = self._T.T.tocsr()
         self._unit = scene.F_N / N_x
         self._limit = ACCEPTED * self._unit
-        self._stiffest = max(12 * scene.slider.k, scene.k_f, scene.driver.K)
+        self._stiffest = max(12 * scene.slider.k, scene.k_f, scene.driver.K, scene.k_top)
         self._load = np.zeros(2 * N_x * N_z)
-        self._load[-N_x:] = -scene.load
+        self._load[-2 * N_x :] = np.concatenate([scene.shear, -scene.load])
+        self._top = slice(2 * N_x * (N_z - 1), 2 * N_x * (N_z - 1) + N_x)  # u_x of the top row
         self._h = driven_dof(scene)
-        # u_x and u_z of the bottom row are the first 2 N_x coordinates, because N_z >= 2.
+        # u_x and u_z of the bottom row are the first 2 N_x coordinates: a rod has rows below.
         self._x, self._z = slice(0, N_x), slice(N_x, 2 * N_x)
         # phi times arm is the displacement of the end of the rod, a torque over arm a force there.
         self._arm = np.ones(self._T.shape[1])
@@ -240,7 +246,8 @@ class StaticSolver:
         q, closed = self._coordinates_of(begin), ~begin.open
         if not frictionless.all():  # the slider as a whole may be far from where it began
             q += np.mean((given - begin.u[0, 0])[~frictionless]) * self._along
-        if np.sum(closed & ~frictionless) >= 2:  # enough to stand on: the free ones are open
+        # Enough to stand on: the free ones are open. A block of a chain stands on its own.
+        if self.scene.N_z > 1 and np.sum(closed & ~frictionless) >= 2:
             closed &= ~frictionless
         held, lifted = ~frictionless, np.zeros(N_x, dtype=bool)
         steps = 0
@@ -317,6 +324,8 @@ class StaticSolver:
         scene, x, z = self.scene, self._x, self._z
         u = self._T @ q
         force = spring_forces(self._lattice, u, self.geometry) + self._load
+        if scene.k_top:
+            force[self._top] -= scene.k_top * u[self._top]
         p = -scene.k_f * u[z] * contact.closed
         force[z] += p
         force[x] -= contact.slip * (scene.interface.mu_k * p)
@@ -436,7 +445,8 @@ class StaticSolver:
             f = self._friction(q, contact, self._forces(q, contact, None)[0])
             return _Interface(q[self._x], q[self._z], f, self._rounding(q))
 
-        if self._next_contact(contact, at_rest(contact)) is not None:
+        held_everywhere = at_rest(contact)
+        if self.scene.N_z > 1 and self._next_contact(contact, held_everywhere) is not None:
             S, g = self._condensed()
             contact = self._settled(contact, lambda c: self._condensed_rest(S, g, c))
             contact = self._settled(contact, at_rest)
@@ -627,6 +637,7 @@ def loaded_state(scene: Scene, geometry: Geometry = "linear") -> Equilibrium:
 
     Raises:
         ValueError: unknown geometry.
+        SceneError: finite geometry for a chain.
         EquilibriumError: no equilibrium was found.
 
     Warns:

@@ -146,7 +146,12 @@ def figure_caption(record: Record) -> str:
     """Caption with the scene's parameters, the engine and what was found."""
     scene, method, events = record.scene, record.method, record.events
     slider, driver, friction = scene.slider, scene.driver, scene.interface
-    load = "rigid rod on top" if scene.rigid else f"distributed load, theta = {scene.top.theta:g}"
+    if scene.rigid:
+        load = "rigid rod on top"
+    elif scene.N_z == 1:
+        load = f"chain under prescribed loads, k_top = {scene.k_top / 1e6:g} MN/m"
+    else:
+        load = f"distributed load, theta = {scene.top.theta:g}"
     step = "" if method.dt is None else f", time step {method.dt * 1e6:g} us"
     how = ", ".join(part for part in (method.stepper, method.switching) if part)
     t_end = record.curve["t"].iloc[-1] if len(record.curve) else 0.0

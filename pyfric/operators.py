@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 import numpy as np
 import scipy.sparse as sp
 
-from pyfric.scene import Driver, Rod, Scene, Slider
+from pyfric.scene import Driver, PrescribedLoad, Rod, Scene, Slider
+from pyfric.units import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -34,6 +35,7 @@ __all__ = [
     "check_geometry",
     "coordinates",
     "damping",
+    "default_geometry",
     "dispersion",
     "driven_dof",
     "mass",
@@ -52,10 +54,22 @@ Geometry = Literal["linear", "finite"]
 _FAMILIES = ((1, 0, 1.0), (0, 1, 1.0), (1, 1, 0.5), (1, -1, 0.5))
 
 
-def check_geometry(geometry: str) -> None:
-    """Raise ValueError unless `geometry` is "linear" or "finite"."""
+def check_geometry(geometry: str, scene: Scene | None = None) -> None:
+    """Check that `geometry` is "linear" or "finite", and "linear" if the scene is a chain.
+
+    Raises:
+        ValueError: unknown geometry.
+        SceneError: finite geometry for a chain.
+    """
     if geometry not in get_args(Geometry):
         raise ValueError(f"geometry = {geometry!r}: expected 'linear' or 'finite'")
+    if geometry == "finite" and scene is not None and scene.N_z == 1:
+        raise SceneError("geometry", geometry, "", "'linear'", "a chain has linear geometry only")
+
+
+def default_geometry(scene: Scene) -> Geometry:
+    """Return "finite", as in the paper, or "linear" for a chain."""
+    return "finite" if scene.N_z > 1 else "linear"
 
 
 @dataclass(frozen=True)
@@ -228,7 +242,8 @@ def stiffness(
 ) -> sp.csr_array:
     """Return the tangent stiffness in generalised coordinates, shape (n_q, n_q), in N/m.
 
-    It holds the bonds, the foundation under the closed blocks, the mattress and the driver spring.
+    It holds the bonds, the foundation under the closed blocks, the mattress, k_top on the top row
+    and the driver spring.
 
     Args:
         scene: the scene.
@@ -244,6 +259,7 @@ def stiffness(
     N_x, n = scene.N_x, 2 * scene.N_x * scene.N_z
     diagonal = np.zeros(n)
     diagonal[N_x : 2 * N_x] = scene.k_f if closed is None else scene.k_f * closed
+    diagonal[n - 2 * N_x : n - N_x] += scene.k_top
     if driver:
         diagonal[driven_dof(scene)] += scene.driver.K
     T = coordinates(scene)
@@ -285,15 +301,18 @@ def operators(scene: Scene, closed: np.ndarray | None = None) -> Operators:
     return Operators(mass(scene), stiffness(scene, closed=closed), damping(scene))
 
 
-def dispersion(scene: Scene, wave_vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies and damping rates of plane waves in the infinite lattice.
+def dispersion(
+    scene: Scene, wave_vectors: np.ndarray, ground: tuple[float, float] = (0.0, 0.0)
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies and damping rates of plane waves in the infinite lattice or chain.
 
     A wave exp(i q.r + lambda t) has lambda^2 + gamma lambda + omega^2 = 0: its stiffness is a
     2 x 2 matrix with eigenvalues m omega^2, its damping m gamma is a number.
 
     Args:
-        scene: the scene (l, k, m, eta are used).
+        scene: the scene (l, k, m, eta are used; N_z = 1 is a chain).
         wave_vectors: q, shape (..., 2), in rad/m.
+        ground: stiffness that holds every block along x and z, in N/m.
 
     Returns:
         omega, shape (..., 2), ascending, in rad/s; gamma, shape (...), in 1/s.
@@ -302,10 +321,13 @@ def dispersion(scene: Scene, wave_vectors: np.ndarray) -> tuple[np.ndarray, np.n
     D = np.zeros((*wave_vectors.shape[:-1], 2, 2))
     gamma = np.zeros(wave_vectors.shape[:-1])
     for dx, dz, factor in _FAMILIES:
+        if abs(dz) >= scene.N_z:
+            continue
         d = np.array([dx, dz], dtype=float)
         s = 4 * np.sin(wave_vectors @ (d * l / 2)) ** 2
         D += (factor * s)[..., None, None] * np.outer(d, d) / (d @ d)
         gamma += s
+    D += np.diag(ground) / k
     omega = np.sqrt(k / m) * np.sqrt(np.maximum(np.linalg.eigvalsh(D), 0.0))
     return omega, gamma * (scene.eta / m)
 
@@ -341,6 +363,17 @@ def _step_limits(eigenvalues: np.ndarray) -> np.ndarray:
 def _bulk_limit(scene: Scene) -> tuple[float, complex, np.ndarray]:
     """Return the smallest limit over the Brillouin zone, its eigenvalue and its q l.
 
+    All blocks of a chain are on the foundation (or open) and held by k_top, so its waves are too.
+    """
+    grounds = [(0.0, 0.0)]
+    if scene.N_z == 1:
+        grounds = [(scene.k_top, scene.k_f), (scene.k_top, 0.0)]
+    return min((_waves_limit(scene, ground) for ground in grounds), key=lambda found: found[0])
+
+
+def _waves_limit(scene: Scene, ground: tuple[float, float]) -> tuple[float, complex, np.ndarray]:
+    """Return `_bulk_limit` for blocks held by `ground` (`dispersion`).
+
     The stiffness is even in q_x and q_z, so q l in [0, pi]^2 is enough; the grid is refined
     around its best point.
     """
@@ -348,7 +381,7 @@ def _bulk_limit(scene: Scene) -> tuple[float, complex, np.ndarray]:
     for _ in range(5):
         axes = [np.clip(c + np.linspace(-width, width, 33), 0, np.pi) for c in centre]
         ql = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        omega, gamma = dispersion(scene, ql / scene.slider.l)
+        omega, gamma = dispersion(scene, ql / scene.slider.l, ground)
         half = gamma[:, None] / 2
         eigenvalues = -half - np.sqrt((half**2 - omega**2).astype(complex))
         limits = _step_limits(eigenvalues)
@@ -388,6 +421,8 @@ def _reduced(scene: Scene) -> Scene:
         rod = top.mass * share
         tilt = (rod + _row_mass(scene.m, n_x)) / (top.mass + _row_mass(scene.m, scene.N_x))
         top = Rod(F_N=top.F_N, mass=rod, mattress=top.mattress * tilt)
+    elif n_z == 1:
+        top = PrescribedLoad(p=scene.F_N / scene.N_x, k_top=scene.k_top)
     return Scene(
         slider=Slider(
             L=(n_x - 1) * l,

@@ -16,7 +16,7 @@ Scene files are TOML. Every number that has a unit is written with it::
     M = "75.6 g"
 
     [top]
-    kind = "rod"            # or "distributed"
+    kind = "rod"            # or "distributed", or "prescribed" (a chain)
     F_N = "3500 N"
 
     [driver]
@@ -37,7 +37,7 @@ import math
 import os
 import tomllib
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -61,10 +61,12 @@ __all__ = [
     "DistributedLoad",
     "Driver",
     "Interface",
+    "PrescribedLoad",
     "Rod",
     "Scene",
     "SceneError",
     "Slider",
+    "chain",
     "check_number",
     "fig1",
     "parse_quantity",
@@ -81,8 +83,10 @@ __all__ = [
 
 MAX_BLOCKS = 20_000_000
 """Largest number of blocks N_x N_z accepted, so that a mistyped l does not exhaust the memory."""
-MAX_FILE = 16_384
-"""Largest scene file accepted, in bytes."""
+MAX_LISTED = 10_000
+"""Largest number of blocks whose forces can be listed one by one."""
+MAX_FILE = 1_048_576
+"""Largest scene file accepted, in bytes; two lists of `MAX_LISTED` forces fit."""
 MAX_NAME = 200
 """Largest number of characters in the name of a scene."""
 MULTIPLE_RTOL = 1e-9
@@ -105,6 +109,7 @@ class _Quantity:
     ge: float | None = None
     le: float | None = None
     optional: bool = False
+    listed: bool = False  # or a sequence of numbers, which becomes a tuple
     note: str = ""
 
     @property
@@ -115,18 +120,34 @@ class _Quantity:
     def allowed(self) -> str:
         return range_text(self.unit, **self._limits) + self.note
 
-    def check(self, value: Any) -> float | None:
+    def check(self, value: Any) -> float | tuple[float, ...] | None:
         if value is None and self.optional:
             return None
-        if isinstance(value, _Written):
+        written = isinstance(value, _Written)
+        if written:
             value = value.value
-            if self.unit:
-                value = parse_quantity("", value, self.unit, allowed=self.allowed)
+        several = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim)
+        if self.listed and several:
+            return self._each([_Written(one) for one in value] if written else value)
+        if written and self.unit:
+            value = parse_quantity("", value, self.unit, allowed=self.allowed)
         try:
             return check_number("", value, self.unit, **self._limits)
         except SceneError as error:
             allowed = error.allowed + self.note
             raise SceneError("", error.value, self.unit, allowed, error.reason) from None
+
+    def _each(self, values: Sequence[Any]) -> tuple[float, ...]:
+        if len(values) > MAX_LISTED:
+            raise SceneError("", values, "", f"at most {MAX_LISTED} numbers", "too many")
+        found, one = [], dataclasses.replace(self, listed=False, note="")
+        for n, value in enumerate(values, 1):
+            try:
+                found.append(one.check(value))
+            except SceneError as error:
+                reason = f"block {n}: {error.reason}"
+                raise SceneError("", error.value, self.unit, error.allowed, reason) from None
+        return tuple(found)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(self.check)
@@ -191,17 +212,20 @@ def _steps(length: float, l: float) -> int | None:
     return n if abs(length / l - n) <= MULTIPLE_RTOL * n else None
 
 
+LIST_NOTE = ", or a list of N_x of them"
+CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
+
 _Positive = functools.partial(_Quantity, gt=0.0)
 _NotNegative = functools.partial(_Quantity, ge=0.0)
 
 
 @_part
 class Slider:
-    """The slider: a square lattice of N_x by N_z blocks.
+    """The slider: a square lattice of N_x by N_z blocks, or a chain (N_z = 1).
 
     Args:
         L: length along the interface, m; a multiple of l, at least 2 l.
-        H: height, m; a multiple of l, at least l.
+        H: height, m; a multiple of l, at least l, or 0 for a chain under a `PrescribedLoad`.
         l: lattice constant, m; N_x N_z may not exceed `MAX_BLOCKS`.
         k: stiffness of the nearest-neighbour springs, N/m (3 B E / 4; it does not depend on l).
         M: mass, kg.
@@ -214,7 +238,7 @@ class Slider:
     """
 
     L: Annotated[float, _Positive("m")]
-    H: Annotated[float, _Positive("m")]
+    H: Annotated[float, _NotNegative("m")]
     l: Annotated[float, _Positive("m")]
     k: Annotated[float, _Positive("N/m")]
     M: Annotated[float, _Positive("kg")]
@@ -229,10 +253,11 @@ class Slider:
         if blocks > MAX_BLOCKS:
             allowed = f"a length in m that gives at most {MAX_BLOCKS} blocks"
             raise SceneError("slider.l", self.l, "m", allowed, f"{blocks:.3g} blocks")
-        for name, length, least in (("L", self.L, 2), ("H", self.H, 1)):
+        for name, length, least, note in (("L", self.L, 2, ""), ("H", self.H, 0, CHAIN_NOTE)):
             steps = _steps(length, self.l)
             if steps is None or steps < least:
-                allowed = f"a multiple of l = {self.l!r} m, >= {least} l = {least * self.l!r} m"
+                few = least or 1
+                allowed = f"a multiple of l = {self.l!r} m, >= {few} l = {few * self.l!r} m{note}"
                 reason = "too small" if steps is not None else "not a multiple of l"
                 errors.append(SceneError(f"slider.{name}", length, "m", allowed, reason))
         if errors:
@@ -308,13 +333,44 @@ class DistributedLoad:
 
 
 @_part
+class PrescribedLoad:
+    """Top boundary of a chain (N_z = 1): the forces on its blocks.
+
+    Sequences have N_x numbers, from the trailing edge on; they become tuples. A block is pressed
+    down with p_i, pushed along the driving with the constant force tau_i, which its friction
+    balances at t = 0, and pulled back with k_top times its displacement since then.
+
+    Args:
+        p: normal force on each block, N, > 0; one number or a sequence of N_x.
+        tau: friction force on each block at t = 0, N, positive against driving,
+            |tau_i| <= mu_s p_i; one number or a sequence of N_x.
+        k_top: shear stiffness between each block and a rigid top, N/m, >= 0.
+
+    Raises:
+        SceneError: a value is missing, unknown, of the wrong type or out of range.
+
+    Source: D. S. Amundsen et al., Phys. Rev. E 92, 032406 (2015), fronts in a chain with
+    prescribed stresses.
+    """
+
+    p: Annotated[float | tuple[float, ...], _Positive("N", listed=True, note=LIST_NOTE)]
+    tau: Annotated[float | tuple[float, ...], _Quantity("N", listed=True, note=LIST_NOTE)] = 0.0
+    k_top: Annotated[float, _NotNegative("N/m")] = 0.0
+
+    kind: ClassVar[str] = "prescribed"
+    _section: ClassVar[str] = "top"
+    _allowed: ClassVar[dict[str, str]] = {}
+
+
+@_part
 class Driver:
     """The spring that pushes one side of the slider; its far end moves at constant speed.
 
     Args:
         K: stiffness, N/m, > 0.
         V: speed of the far end towards the slider, m/s, >= 0 (0 holds the driver).
-        h: height of the driven block above the interface, m; a multiple of l, l <= h <= H.
+        h: height of the driven block above the interface, m; a multiple of l, l <= h <= H; 0 in a
+            chain.
         side: "left" or "right", the side that is pushed (the trailing edge).
 
     Raises:
@@ -325,7 +381,7 @@ class Driver:
 
     K: Annotated[float, _Positive("N/m")]
     V: Annotated[float, _NotNegative("m/s")]
-    h: Annotated[float, _Positive("m", note=", a multiple of l up to H")]
+    h: Annotated[float, _NotNegative("m", note=", a multiple of l up to H")]
     side: Literal["left", "right"] = "left"
 
     _section: ClassVar[str] = "driver"
@@ -366,13 +422,15 @@ class Scene:
 
     Args:
         slider: a `Slider`.
-        top: a `Rod` (setup 1) or a `DistributedLoad` (setup 2).
-        driver: a `Driver`; its h must be on a row of the slider above the bottom one.
+        top: a `Rod` (setup 1), a `DistributedLoad` (setup 2) or a `PrescribedLoad` (a chain).
+        driver: a `Driver`; its h must be on a row of the slider above the bottom one, or 0 for a
+            chain.
         interface: an `Interface`.
         name: free text of at most `MAX_NAME` characters.
 
     Raises:
-        SceneError: a part is missing, unknown or of the wrong type, or h is not on a row.
+        SceneError: a part is missing, unknown or of the wrong type, h is not on a row, or the
+            forces on a chain do not fit its blocks.
 
     Use `dataclasses.replace` on a scene and its parts to change values; all checks are repeated.
     Arrays run along the interface from the leftmost block to the rightmost one.
@@ -381,7 +439,7 @@ class Scene:
     """
 
     slider: Slider
-    top: Rod | DistributedLoad
+    top: Rod | DistributedLoad | PrescribedLoad
     driver: Driver
     interface: Interface
     name: str = ""
@@ -389,7 +447,7 @@ class Scene:
     _section: ClassVar[str] = ""
     _allowed: ClassVar[dict[str, str]] = {
         "slider": "a Slider",
-        "top": "a Rod or a DistributedLoad",
+        "top": "a Rod, a DistributedLoad or a PrescribedLoad",
         "driver": "a Driver",
         "interface": "an Interface",
         "name": f"text of at most {MAX_NAME} characters",
@@ -401,11 +459,37 @@ class Scene:
             allowed = self._allowed["name"]
             raise SceneError("name", self.name, "", allowed, "too long or not UTF-8")
         h, l, H = self.driver.h, self.slider.l, self.slider.H
+        if isinstance(self.top, PrescribedLoad):
+            self._check_chain()
+            return
+        if self.N_z == 1:
+            allowed = f"a multiple of l = {l!r} m, >= l{CHAIN_NOTE}"
+            reason = f"too small where top.kind = {self.top.kind!r}"
+            raise SceneError("slider.H", H, "m", allowed, reason)
         steps = _steps(h, l)
         if steps is None or not 1 <= steps < self.slider.N_z:
             allowed = f"a multiple of l = {l!r} m, from l to H = {H!r} m"
             reason = "not on a row" if steps is None else "not on a row that can be driven"
             raise SceneError("driver.h", h, "m", allowed, reason)
+
+    def _check_chain(self) -> None:
+        slider, top = self.slider, self.top
+        for name, length in (("slider.H", slider.H), ("driver.h", self.driver.h)):
+            if length:
+                raise SceneError(name, length, "m", "0 m", "a prescribed load needs a chain")
+        for name in ("p", "tau"):
+            value = getattr(top, name)
+            if isinstance(value, tuple) and len(value) != self.N_x:
+                allowed = f"one number in N, or {self.N_x} of them, one for each block"
+                raise SceneError(f"top.{name}", value, "N", allowed, f"{len(value)} numbers")
+        p, tau = np.atleast_1d(top.p), np.atleast_1d(top.tau)
+        most, tau = np.broadcast_arrays(self.interface.mu_s * p, tau)
+        over = np.abs(tau) > most
+        if over.any():
+            i = int(np.argmax(over))
+            allowed = f"|tau| <= mu_s p = {float(most[i])!r} N"
+            reason = f"block {i + 1} from the trailing edge would slip"
+            raise SceneError("top.tau", float(tau[i]), "N", allowed, reason)
 
     @property
     def N_x(self) -> int:
@@ -437,6 +521,9 @@ class Scene:
     @property
     def F_N(self) -> float:
         """Total normal force in N."""
+        if isinstance(self.top, PrescribedLoad):
+            p = self.top.p
+            return math.fsum(p) if isinstance(p, tuple) else self.N_x * p
         return self.top.F_N
 
     @property
@@ -470,8 +557,28 @@ class Scene:
         """Downward forces on the top blocks, left to right, shape (N_x,), in N; 0 for a rod."""
         if isinstance(self.top, Rod):
             return np.zeros(self.N_x)
+        if isinstance(self.top, PrescribedLoad):
+            return self._by_column(self.top.p)
         slope = (2 * self.n_of_i - self.N_x - 1) / (self.N_x - 1)
         return self.F_N / self.N_x * (1 + self.top.theta * slope)
+
+    @property
+    def shear(self) -> np.ndarray:
+        """Constant forces in +x on the top blocks, left to right, shape (N_x,), in N: d tau_i."""
+        if not isinstance(self.top, PrescribedLoad):
+            return np.zeros(self.N_x)
+        return self.d * self._by_column(self.top.tau) + 0.0  # no -0.0
+
+    def _by_column(self, values: float | tuple[float, ...]) -> np.ndarray:
+        """Return numbers that run from the trailing edge as an array from left to right."""
+        if isinstance(values, tuple):
+            return np.array(values)[self.n_of_i - 1]
+        return np.full(self.N_x, values)
+
+    @property
+    def k_top(self) -> float:
+        """Stiffness that holds each top block of a chain at u_x = 0, its place at t = 0, in N/m."""
+        return self.top.k_top if isinstance(self.top, PrescribedLoad) else 0.0
 
     @property
     def rigid(self) -> bool:
@@ -505,7 +612,7 @@ class Scene:
                 value = getattr(part, key)
                 if value is not None:
                     unit = marks[key].unit if key in marks else ""
-                    table[key] = f"{value!r} {unit}" if unit else value
+                    table[key] = _as_written(value, unit)
             document[part._section] = table
         text = tomli_w.dumps(document)
         if path is not None:
@@ -523,7 +630,7 @@ class Scene:
 
         Quantities are text with a unit, such as "5 mm"; any unit of the right dimension will
         do. Pure numbers (mu_s, mu_k, theta) are bare numbers. A table `[top]` has
-        kind = "rod" or "distributed".
+        kind = "rod", "distributed" or "prescribed"; in the last one, p and tau may be lists.
 
         Raises:
             SceneError: the file cannot be read, is not TOML or larger than `MAX_FILE` bytes,
@@ -548,9 +655,16 @@ class Scene:
         raise SceneError.joined(errors)
 
 
+def _as_written(value: Any, unit: str) -> Any:
+    """Return a value of a part as it stands in a scene file."""
+    if isinstance(value, tuple):
+        return [_as_written(one, unit) for one in value]
+    return f"{value!r} {unit}" if unit else value
+
+
 _PARTS: dict[str, tuple[type, ...]] = {
     "slider": (Slider,),
-    "top": (Rod, DistributedLoad),
+    "top": (Rod, DistributedLoad, PrescribedLoad),
     "driver": (Driver,),
     "interface": (Interface,),
 }
@@ -700,6 +814,61 @@ def setup2(
     )
 
 
+def chain(
+    *,
+    p: float | Sequence[float] | None = None,
+    tau: float | Sequence[float] = 0.0,
+    k_top: float = 0.0,
+    mu_s: float = 0.7,
+    mu_k: float = 0.45,
+    L: float = 0.14,
+    l: float = 2.5e-3,
+    k: float | None = None,
+    M: float | None = None,
+    K: float = 4e6,
+    V: float = 0.7875e-3,
+    side: Literal["left", "right"] = "left",
+    eta: float | None = None,
+    k_f: float | None = None,
+    name: str = "chain",
+) -> Scene:
+    """Return a chain (N_z = 1): by default setup 1 of the paper, lumped into one row.
+
+    Arguments are the fields of the parts, in SI units; p and tau are numbers or sequences of N_x
+    numbers from the trailing edge on. Each block stands for a column of setup 1:
+
+    - p = None means 3500 N / N_x, the normal force of setup 1, spread evenly;
+    - k = None means E B H / l = 1.35 MN / l, 540 MN/m at l = 2.5 mm, so that a uniform stretch
+      takes the same force; E B = 4 k/3 with k = 13.5 MN/m, H = 75 mm;
+    - M = None means 0.54 kg/m times L, as in `setup1`.
+
+    Waves then travel at l sqrt(k/m) = 1595 m/s, the speed of long waves in a rod, sqrt(E/rho).
+    Driver and friction are those of setup 1; tau = 0 and k_top = 0 leave a plain chain.
+
+    Raises:
+        SceneError: a value is of the wrong type or out of range.
+
+    Source: PRL 107, 074301 (2011), setup 1.
+    """
+    L = check_number("slider.L", L, "m", gt=0.0)
+    l = check_number("slider.l", l, "m", gt=0.0)
+    slider = Slider(
+        L=L,
+        H=0.0,
+        l=l,
+        k=1.35e6 / l if k is None else k,
+        M=0.0756 * (L / 0.14) if M is None else M,  # 0.54 kg/m
+        eta=eta,
+    )
+    return Scene(
+        slider=slider,
+        top=PrescribedLoad(p=3500.0 / slider.N_x if p is None else p, tau=tau, k_top=k_top),
+        driver=Driver(K=K, V=V, h=0.0, side=side),
+        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f),
+        name=name,
+    )
+
+
 def fig1(**changes: Any) -> Scene:
     """Return the scene of Figs 1, 3 and 4(a): setup 1 as it stands.
 
@@ -752,17 +921,18 @@ PRESETS: MappingProxyType[str, Callable[..., Scene]] = MappingProxyType(
         "setup2": setup2,
         "setup2+": setup2_plus,
         "setup2-": setup2_minus,
+        "chain": chain,
     }
 )
-"""The paper's scenes by name; each function takes the keyword arguments of its setup."""
+"""The paper's scenes and `chain` by name; functions take the keyword arguments of their setup."""
 
 
 def preset(name: str, **changes: Any) -> Scene:
-    """Return the named scene of the paper, with changes.
+    """Return the named scene, with changes.
 
     Args:
         name: a key of `PRESETS`.
-        changes: keyword arguments of `setup1` or `setup2`.
+        changes: keyword arguments of `setup1`, `setup2` or `chain`.
 
     Raises:
         SceneError: an unknown name or keyword (the nearest known one is given), or a value
@@ -770,7 +940,7 @@ def preset(name: str, **changes: Any) -> Scene:
     """
     if name not in PRESETS:
         raise unknown("preset", name, str(name), PRESETS)
-    setup = setup2 if name.startswith("setup2") else setup1
+    setup = chain if name == "chain" else setup2 if name.startswith("setup2") else setup1
     known = list(setup.__kwdefaults__)
     for key, value in changes.items():
         if key not in known:

@@ -41,7 +41,7 @@ class State:
         loss: kinetic energy removed where a switch stopped a block, shape (N_x,), in J.
         dissipated: heat of the bonds that start in each row, shape (N_z,), in J.
         heat: friction heat under each block, shape (N_x,), in J.
-        work: of the driver and of the normal load, shape (2,), in J.
+        work: of the driver and of the forces on the top (load, shear), shape (2,), in J.
         step: steps made since t0.
         t0: time of step 0, in s.
         dt: time step, in s.

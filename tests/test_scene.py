@@ -378,12 +378,13 @@ def test_texts_that_are_no_scene(text):
         ({"L": 0.141}, "slider.L", 0.141, "m", "a multiple of l = 0.0025 m"),
         ({"L": 0.14 * (1 + 1e-8)}, "slider.L", 0.14 * (1 + 1e-8), "m", "a multiple of l"),
         ({"L": 0.0025}, "slider.L", 0.0025, "m", ">= 2 l = 0.005 m"),
+        ({"H": 0.0}, "slider.H", 0.0, "m", ">= l, or 0 for a chain under a prescribed load"),
         ({"H": 0.001}, "slider.H", 0.001, "m", ">= 1 l = 0.0025 m"),
         ({"H": 0.0751}, "slider.H", 0.0751, "m", "a multiple of l = 0.0025 m"),
-        ({"h": 0.0}, "driver.h", 0.0, "m", "> 0 m, a multiple of l up to H"),
+        ({"h": 0.0}, "driver.h", 0.0, "m", "a multiple of l = 0.0025 m, from l to H = 0.075"),
         ({"h": 0.004}, "driver.h", 0.004, "m", "a multiple of l = 0.0025 m, from l to H = 0.075"),
         ({"h": 0.0775}, "driver.h", 0.0775, "m", "from l to H = 0.075 m"),
-        ({"h": -0.0025}, "driver.h", -0.0025, "m", "> 0 m"),
+        ({"h": -0.0025}, "driver.h", -0.0025, "m", ">= 0 m, a multiple of l up to H"),
         ({"mu_k": 0.8}, "interface.mu_k", 0.8, "", "0 <= mu_k <= mu_s = 0.7"),
         ({"mu_k": -0.1}, "interface.mu_k", -0.1, "", ">= 0"),
         ({"k": 0.0}, "slider.k", 0.0, "N/m", "> 0 N/m"),
@@ -498,7 +499,7 @@ def test_parts_of_the_wrong_type():
     error = refused(lambda: Scene(**parts, interface={"mu_s": 0.7, "mu_k": 0.4}))
     assert (error.field, error.allowed) == ("interface", "an Interface")
     error = refused(lambda: dataclasses.replace(good, top=good.driver))
-    assert (error.field, error.allowed) == ("top", "a Rod or a DistributedLoad")
+    assert (error.field, error.allowed) == ("top", "a Rod, a DistributedLoad or a PrescribedLoad")
     assert refused(lambda: Slider(Length=1.0)).flat()[-1].reason.endswith("did you mean 'L'?")
     assert refused(lambda: Scene(good.slider)).field
     for name in ("\ud800", "x" * 201):

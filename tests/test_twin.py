@@ -10,7 +10,10 @@ from twin import LEFT, OPEN, RIGHT, STUCK
 GEOMETRIES = ("linear", "finite")
 
 
-def make_scene(*, rigid=True, side="left", N_x=5, N_z=4, eta=None, mu_s=0.7, mu_k=0.45, F_N=300.0):
+def make_scene(
+    *, rigid=True, side="left", N_x=5, N_z=4, eta=None, mu_s=0.7, mu_k=0.45, F_N=300.0, tau=0.0
+):
+    """Return a scene; tau (N) is a force on each free top block, which then also has k_top."""
     k, l, m = 13.5e6, 2.5e-3, 4.3e-5
     x = (np.arange(N_x) - (N_x - 1) / 2) * l
     d = 1 if side == "left" else -1
@@ -27,6 +30,8 @@ def make_scene(*, rigid=True, side="left", N_x=5, N_z=4, eta=None, mu_s=0.7, mu_
         j_h=1,
         x=x,
         load=np.zeros(N_x) if rigid else F_N / N_x * (1 + 0.5 * d * x / x[-1]),
+        shear=d * tau * (1 + 0.3 * d * x / x[-1]),
+        k_top=0.1 * k if tau else 0.0,
         kappa=0.4e6 * L**2 / 12 if rigid else 0.0,
         M_rod=20 * m if rigid else 0.0,
         rigid=rigid,
@@ -133,7 +138,7 @@ def test_geometries_agree_for_small_strains(geometry):
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_energy_grows_at_the_rate_of_the_powers(geometry, side, rigid, j_h):
-    scene = make_scene(rigid=rigid, side=side)
+    scene = make_scene(rigid=rigid, side=side, tau=0.0 if rigid else 20.0)
     scene.j_h = 1 if j_h == "inside" else scene.N_z - 1
     y, rod, mode, u_drv0 = random_state(scene)
     t = 1e-3
@@ -259,7 +264,7 @@ def test_run_in_halves_is_the_whole_run():
 def test_mirror_image(rigid):
     ends = []
     for side in ("left", "right"):
-        scene = make_scene(rigid=rigid, side=side)
+        scene = make_scene(rigid=rigid, side=side, tau=0.0 if rigid else 20.0)
         y, rod, mode, u_drv0 = pushed(scene)
         ends.append(twin.run(scene, "finite", y, rod, mode, u_drv0 + scene.d * 2e-5, 2e-7, 60))
     left, right = ends

@@ -121,6 +121,7 @@ def all_but_friction(
     F[0, 1] += p
     if not scene.rigid:
         F[-1, 1] -= scene.load
+        F[-1, 0] += scene.shear - scene.k_top * y[-1, 0]
     return F, p, F_T
 
 
@@ -141,8 +142,8 @@ def right_hand_side(
     Returns:
         dydt (N_z, 4, N_x); drod (6,); f (N_x,), the friction force on the blocks in +x, N;
         p (N_x,), N; F_T, N; rates, W: "bonds" (dissipated by the dashpots), "friction" (heat),
-        "driver" (work of its moving end), "load" (work of F_N). The energy of `energies` grows at
-        the rate driver + load - bonds - friction.
+        "driver" (work of its moving end), "load" (work of F_N, or of load and shear). The energy of
+        `energies` grows at the rate driver + load - bonds - friction.
     """
     y = with_rod(scene, y, rod)
     F, p, F_T = all_but_friction(scene, geometry, t, y, u_drv0)
@@ -174,7 +175,9 @@ def right_hand_side(
         "bonds": bond_dissipation(scene, y),
         "friction": -sum(f * y[0, 2]),
         "driver": F_T * scene.driver.V,
-        "load": -scene.F_N * rod[4] if scene.rigid else -sum(scene.load * y[-1, 3]),
+        "load": -scene.F_N * rod[4]
+        if scene.rigid
+        else sum(scene.shear * y[-1, 2] - scene.load * y[-1, 3]),
     }
     return Forces(dydt, drod, f, p, F_T, rates)
 
@@ -220,7 +223,7 @@ def energies(
 
     "kinetic_blocks": the blocks that move on their own, all but the top row under a rod;
     "kinetic_top": the top row under a rod, else 0; "kinetic_rod": the rod without it; "bonds",
-    "foundation", "mattress", "driver": elastic.
+    "foundation", "mattress" (k_top without a rod), "driver": elastic.
     """
     y = with_rod(scene, y, rod)
     speed2 = np.sum(y[:, 2:4] ** 2, axis=(1, 2))
@@ -231,7 +234,7 @@ def energies(
         "kinetic_rod": 0.0,
         "bonds": bond_energy(scene, geometry, y),
         "foundation": sum(scene.k_f * u_z**2 / 2 for u_z in y[0, 1] if u_z < 0),
-        "mattress": 0.0,
+        "mattress": 0.0 if scene.rigid else scene.k_top * sum(y[-1, 0] ** 2) / 2,
         "driver": driver_force(scene, t, y, u_drv0) ** 2 / (2 * scene.driver.K),
     }
     if scene.rigid:

@@ -20,7 +20,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dposv
 
 from pyfric.condensation import condense
 from pyfric.equilibrium import EquilibriumError, loaded_state
@@ -32,6 +32,8 @@ __all__ = ["Contact", "Interface", "Statics", "Values"]
 
 CONTACT_TOL = 1e-11
 """Violations of contact or friction conditions below this many F_N/N_x are rounding."""
+LEAST = 1e-6
+"""A block with less load than this many F_N/N_x does not stick."""
 
 
 class Values(NamedTuple):
@@ -70,8 +72,9 @@ class Interface:
         load = np.column_stack([s.g_1, s.g_0])
         table = np.zeros((3 * N_x + 1, N_x + 2))
         table[:N_x, :N_x] = np.eye(N_x)
-        factor = cho_factor(A, check_finite=False)
-        u_z = cho_solve(factor, np.column_stack([-s.S[z, x], load[z]]), check_finite=False)
+        _, u_z, failed = dposv(A, np.column_stack([-s.S[z, x], load[z]]))
+        if failed:
+            raise EquilibriumError("the slider is not supported", np.nan, 0.0, 0)
         table[2 * N_x : 3 * N_x] = u_z
         f = table[N_x : 2 * N_x]
         f[:] = s.S[x, z] @ u_z
@@ -150,15 +153,13 @@ class Contact:
         self.interface, scene = interface, interface.scene
         self.N_x, self.k_f = scene.N_x, scene.k_f
         self.mu_s, self.mu_k = scene.interface.mu_s, scene.interface.mu_k
-        self.tol = CONTACT_TOL * interface.unit
+        self.tol, self.least = CONTACT_TOL * interface.unit, LEAST * interface.unit
         self.slip = np.zeros(self.N_x, dtype=np.int8)
         self.closed = np.array(closed, dtype=bool)
         self.free = np.zeros(self.N_x, dtype=bool)
         self.ambiguous = 0
         self.column = np.concatenate([u_x, [X, 1.0]])
-        self.table = interface.base(self.closed).copy()
-        for i in np.flatnonzero(~self.closed):
-            self._exchange(i)
+        self._renew()
 
     @property
     def X(self) -> float:
@@ -184,16 +185,18 @@ class Contact:
 
         Returns:
             X (inf for nowhere), the block, and what it does: +1 or -1 slips that way, 0 opens or
-            closes.
+            closes, 2 has load again and sticks.
         """
         now, rate, stuck = self.values(), self.rates(), self.stuck
         mu_s, closed = self.mu_s, self.closed
         best = np.inf, 0, 0
+        light = closed & ~stuck & (now.p <= 2 * self.least)
         for what, level, slope, which in (
             (+1, mu_s * now.p + now.f, mu_s * rate.p + rate.f, stuck),
             (-1, mu_s * now.p - now.f, mu_s * rate.p - rate.f, stuck),
             (0, now.p, rate.p, closed),
             (0, now.u_z, rate.u_z, ~closed),
+            (2, 2 * self.least - now.p, -rate.p, light),
         ):
             falls = which & (slope < 0)
             if falls.any():
@@ -236,10 +239,14 @@ class Contact:
             self.column[i] = u_x
 
     def hold_all(self) -> None:
-        """Hold all slipping blocks where they are; the table starts afresh."""
-        now = self.table[: self.N_x] @ self.column
-        self.column[: self.N_x] = now
-        self.slip[:] = 0
+        """Hold all slipping blocks where they are; the table starts afresh.
+
+        Blocks that carry next to nothing go on slipping. Before they lift off they would otherwise
+        slip and stick without end, by less each time.
+        """
+        now = self.values()
+        self.column[: self.N_x] = now.u_x
+        self.slip[now.p > self.least] = 0
         self._renew()
 
     def set_closed(self, closed: np.ndarray) -> None:
@@ -251,10 +258,22 @@ class Contact:
         self._renew()
 
     def _renew(self) -> None:
-        self.table = self.interface.base(self.closed).copy()
-        self.free[:] = False
-        for i in np.flatnonzero((self.slip != 0) | ~self.closed):
-            self._exchange(i)
+        """Start from the table with all blocks held, and free those that are not stuck at once."""
+        N_x = self.N_x
+        self.table = table = self.interface.base(self.closed).copy()
+        self.free = (self.slip != 0) | ~self.closed
+        free = np.flatnonzero(self.free)
+        if not free.size:
+            return
+        friction = (self.slip[free] * (self.mu_k * self.k_f))[:, None]
+        rows = table[N_x + free] - friction * table[2 * N_x + free]
+        inverse = np.linalg.inv(rows[:, free])
+        rows = -(inverse @ rows)
+        rows[:, free] = inverse
+        factor = table[:, free].copy()
+        table[:, free] = 0.0
+        table += factor @ rows
+        self.column[free] = 0.0
 
     def values(self) -> Values:
         v = self.table @ self.column

@@ -24,8 +24,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dposv
 
+from pyfric.equilibrium import EquilibriumError
 from pyfric.operators import driven_dof, stiffness
 
 if TYPE_CHECKING:
@@ -64,36 +65,35 @@ def condense(scene: Scene) -> Condensed:
         scene: the scene.
 
     Raises:
-        numpy.linalg.LinAlgError: a part of the slider is not supported.
+        EquilibriumError: a part of the slider is not supported.
     """
     N_x, N_z, K = scene.N_x, scene.N_z, scene.driver.K
-    no_contact = np.zeros(N_x, dtype=bool)
-    stiff = stiffness(scene, closed=no_contact).tocsr()
+    stiff = stiffness(scene, closed=np.zeros(N_x, dtype=bool))
     n = stiff.shape[0]
     g = np.zeros((n, 2))
     if scene.rigid:
         g[-2, 0] = -scene.F_N
     else:
         g[-N_x:, 0] = -scene.load
-    at_h = driven_dof(scene)
+        g[-2 * N_x : -N_x, 0] = scene.shear
     # Under a rod the driven block of the top row moves with X of the rod.
-    g[n - 3 if scene.rigid and scene.j_h == N_z - 1 else at_h, 1] = K * scene.d
+    on_rod = scene.rigid and scene.j_h == N_z - 1
+    g[n - 3 if on_rod else driven_dof(scene), 1] = K * scene.d
 
-    edges = [2 * N_x * j for j in range(N_z)] + [n]
+    edges = [*range(0, 2 * N_x * N_z, 2 * N_x), n]
     c_1, c_2 = 0.0, K
-    row = slice(edges[-2], n)
-    A, r = stiff[row, row].toarray(), g[row]
+    A, r = stiff[edges[-2] :, edges[-2] :].toarray(), g[edges[-2] :]
     for j in range(N_z - 2, -1, -1):
-        below = slice(edges[j], edges[j + 1])
-        B = stiff[row, below].toarray()
-        X = cho_solve(
-            cho_factor(A, check_finite=False), np.column_stack([B, r]), check_finite=False
-        )
+        here, above = slice(edges[j], edges[j + 1]), slice(edges[j + 1], edges[j + 2])
+        B = stiff[above, here]
+        _, X, failed = dposv(A, np.column_stack([B.toarray(), r]), overwrite_a=1, overwrite_b=1)
+        if failed:
+            raise EquilibriumError("the slider is not supported", np.nan, 0.0, 0)
         to_B, to_r = X[:, : 2 * N_x], X[:, 2 * N_x :]
         c_1 -= float(r[:, 1] @ to_r[:, 0])
         c_2 -= float(r[:, 1] @ to_r[:, 1])
-        half = B.T @ to_B
-        A = stiff[below, below].toarray() - (half + half.T) / 2
-        r = g[below] - B.T @ to_r
-        row = below
+        BT = B.T.tocsr()
+        half = BT @ to_B
+        A = stiff[here, here].toarray() - (half + half.T) / 2
+        r = g[here] - BT @ to_r
     return Condensed(S=A, g_0=r[:, 0], g_1=r[:, 1], c_1=c_1, c_2=c_2)

@@ -142,6 +142,9 @@ class QuasistaticRun:
             self.sample()
             if what == 0:
                 self._flip(contact, i)
+            elif what == 2:
+                contact.hold(i)
+                self.log.set(contact, self.t)
             else:
                 self._event(i, what)
                 self.events += 1
@@ -284,7 +287,7 @@ def prediction_curve(scene: Scene, mu: float | None = None) -> Record:
             closed = contact.closed.copy()
             closed[i] ^= True
             contact.set_closed(closed)
-        else:
+        elif what != 2:
             contact.release(i, what)
     else:
         what = "the growth of the slipping zone does not end"

@@ -13,7 +13,7 @@ import importlib
 from types import ModuleType
 
 from pyfric.catalogue import build_catalogue, front_speed
-from pyfric.dynamic import Progress, RunError, simulate, step_size
+from pyfric.dynamic import Progress, RunError, step_size
 from pyfric.equilibrium import (
     Equilibrium,
     EquilibriumError,
@@ -22,6 +22,8 @@ from pyfric.equilibrium import (
     solve_static,
 )
 from pyfric.operators import stability_limit
+from pyfric.planner import Assumption, Plan, plan
+from pyfric.quasistatic import prediction_curve
 from pyfric.record import Method, Record, RecordError
 from pyfric.scene import (
     PRESETS,
@@ -37,18 +39,21 @@ from pyfric.scene import (
     setup1,
     setup2,
 )
+from pyfric.simulation import simulate
 from pyfric.state import State, StateError
 from pyfric.units import SceneError
 from pyfric.version import __version__
 
 __all__ = [
     "PRESETS",
+    "Assumption",
     "DistributedLoad",
     "Driver",
     "Equilibrium",
     "EquilibriumError",
     "Interface",
     "Method",
+    "Plan",
     "PrescribedLoad",
     "Progress",
     "Record",
@@ -67,6 +72,8 @@ __all__ = [
     "figures",
     "front_speed",
     "loaded_state",
+    "plan",
+    "prediction_curve",
     "preset",
     "setup1",
     "setup2",

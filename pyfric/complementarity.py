@@ -6,10 +6,9 @@ A block is in exactly one of these states (d is the slider's, sigma a block's di
     slip    f = -sigma mu_k p,        sigma du_x >= 0, p >= 0
     open    p = f = 0,                u_z >= 0
 
-`Interface` holds the condensed slider of one scene. `Interface.contact` gives a `Contact`: f, u_x, u_z
-and F_T as affine functions of the held u_x and of the driver, in a table whose columns are exchanged
-when a block is released or held (a rank-one change each), so that following the states of one event
-costs microseconds for each change.
+`Interface` holds the condensed slider of one scene. A `Contact` gives u_x, f, u_z and F_T as affine
+functions of the held u_x and of the driver, in a table whose columns are exchanged when a block is
+released or held. That is a rank-one change, so following an event costs microseconds for each.
 
 Source: PRL 107, 074301 (2011), friction law; tables with exchanged columns are the pivots of linear
 complementarity (R. W. Cottle, J.-S. Pang, R. E. Stone, The Linear Complementarity Problem, 1992).
@@ -102,7 +101,7 @@ class Interface:
         return Contact(self, rest.u[0, 0], scene.d * rest.u_drv0, ~rest.open)
 
     def solver(self, X_0: float) -> Statics:
-        """Return static states for `pyfric.catalogue`; the driver's displacement counts from X_0."""
+        """Return static states for `pyfric.catalogue`; the driver counts from X_0."""
         return Statics(self, X_0)
 
 

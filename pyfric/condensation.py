@@ -1,13 +1,13 @@
 """Static condensation: the slider as its interface feels it.
 
 All rows above the bottom one, the rod and the driver spring are eliminated, from the top downward.
-What is left is the potential of the interface v = (u_x, u_z) and of the driver's position X, without
-foundation and friction,
+What is left is the potential of the interface v = (u_x, u_z) and of the driver's position X,
+without foundation and friction,
 
     U(v, X) = v.S v/2 - v.(g_0 + g_1 X) + c_2 X^2/2 + c_1 X,
 
-so that S v - g_0 - g_1 X are the forces the interface has to carry and F_T = dU/dX. X = V t + d u_drv0
-counts from the place where the driver spring is relaxed with the driven block at u_x = 0.
+so that S v - g_0 - g_1 X are the forces the interface has to carry and F_T = dU/dX. The driver
+spring is relaxed at X = 0 with the driven block at u_x = 0: X = V t + d u_drv0.
 
 The lattice couples neighbouring rows only. Eliminating row j + 1 therefore changes row j alone:
 

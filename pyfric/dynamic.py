@@ -1,4 +1,4 @@
-"""Full dynamics: the reference engine.
+"""Full dynamics: the reference engine, and what engines with time steps have in common.
 
 The whole lattice is integrated with classical RK4 on a uniform step; contact states switch at the
 end of a step. This is the paper's method. Steps are made in short calls of the core, so that a run
@@ -38,7 +38,16 @@ if TYPE_CHECKING:
     from pyfric.equilibrium import Equilibrium
     from pyfric.scene import Scene
 
-__all__ = ["AUTO_SHARE", "Progress", "RunError", "simulate", "step_size"]
+__all__ = [
+    "AUTO_SHARE",
+    "Progress",
+    "Run",
+    "RunError",
+    "integrate",
+    "interruptible",
+    "progress_bar",
+    "step_size",
+]
 
 AUTO_SHARE = 0.5
 """dt = "auto" is this share of the stability limit, rounded down to two digits.
@@ -100,7 +109,8 @@ def step_size(scene: Scene, dt: float | Literal["auto"] = "auto") -> float:
     return dt
 
 
-def simulate(
+def integrate(
+    engine: type[Run],
     scene: Scene,
     t_end: float,
     *,
@@ -108,7 +118,7 @@ def simulate(
     method: Literal["rk4"] = "rk4",
     dt: float | Literal["auto"] = "auto",
     initial: State | Record | None = None,
-    budget: bool = True,
+    budget: bool | None = None,
     sample: float | None = None,
     t_gap: float = T_GAP,
     threads: int | None = None,
@@ -116,38 +126,7 @@ def simulate(
     checkpoint: str | os.PathLike[str] | None = None,
     checkpoint_every: float = 60.0,
 ) -> Record:
-    """Integrate the full model from the loaded slider, or from where another run stopped.
-
-    Args:
-        scene: what is simulated.
-        t_end: time of the end, in s; the last step ends there or just beyond.
-        geometry: "finite" (as in the paper) or "linear"; None means "finite", or "linear" for a
-            chain, which has no other.
-        method: "rk4": classical RK4, uniform step, contacts switch at step ends (the paper's).
-        dt: time step in s, or "auto" (see `step_size`).
-        initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there. A
-            `Record` of the same scene goes on where it stopped, with its geometry, step, sampling
-            and t_gap, and the result holds the whole run, as if it had never stopped.
-        budget: keep the energy budget (adds its columns to the curve).
-        sample: time between two points of the loading curve, in s; None means 5000 points.
-        t_gap: longest pause inside an event, in s.
-        threads: most threads to use, None for all; small lattices use one.
-        progress: True for a bar on stderr, a function that is called about ten times per second,
-            False for nothing; None shows the bar where stderr is a terminal.
-        checkpoint: file to which the run so far is saved as a record every `checkpoint_every` s.
-
-    Returns:
-        The record. Its status is "interrupted" if Ctrl-C stopped the run: what was done is
-        complete, and `initial=record` goes on.
-
-    Raises:
-        SceneError: an argument is refused; nothing has been done.
-        StateError: `initial` does not belong to the scene.
-        EquilibriumError: the scene has no loaded state.
-        RunError: the motion left the range of numbers; its `record` holds the run before that.
-
-    Source: PRL 107, 074301 (2011).
-    """
+    """Integrate a scene with one of the engines that make time steps; see `pyfric.simulate`."""
     if geometry is None:
         geometry = default_geometry(scene)
     for name, value, known in (
@@ -159,6 +138,10 @@ def simulate(
     check_geometry(geometry, scene)
     if not isinstance(initial, State | Record | None):
         raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
+    if budget and not engine.keeps_budget:
+        allowed = "False, or fidelity = 'dynamic', which follows all motion"
+        raise SceneError("budget", budget, "", allowed)
+    budget = engine.keeps_budget if budget is None else bool(budget)
     t_gap = check_number("t_gap", t_gap, "s", ge=0.0)
     check_number("checkpoint_every", checkpoint_every, "s", gt=0.0)
     if threads is not None:
@@ -168,7 +151,7 @@ def simulate(
         threads = int(threads)
     before = initial if isinstance(initial, Record) else None
     if before is not None:
-        _check_continues(before, scene)
+        check_continues(before, scene, engine.name)
         geometry, t_gap, budget = before.method.geometry, before.method.t_gap, before.method.budget
         dt, initial = before.method.dt, before.final_state
     dt = step_size(scene, dt)
@@ -191,7 +174,7 @@ def simulate(
     state = State.at_rest(scene, solver.loaded, dt) if initial is None else initial.with_dt(dt)
     n_threads = core.useful_threads(scene.N_x * scene.N_z, threads)
     how = Method(
-        engine="dynamic",
+        engine=engine.name,
         geometry=geometry,
         stepper=method,
         switching="step end",
@@ -202,24 +185,31 @@ def simulate(
         variant=core.VARIANT,
         budget=budget,
     )
-    run = Run(scene, how, solver, state, before)
+    run = engine(scene, how, solver, state, before)
     run.timings["set-up"] = time.perf_counter() - start
     last = math.ceil((t_end - state.t0) / dt * (1 - 1e-14))
-    with _bar(progress, scene, t_begin, t_end) as show, _interruptible() as stop:
+    with progress_bar(progress, scene, t_begin, t_end) as show, interruptible() as stop:
         run.advance(last, stop, show, checkpoint, checkpoint_every)
     status = "complete" if state.step >= last else "interrupted"
     return run.record(status)
 
 
-def _check_continues(before: Record, scene: Scene) -> None:
-    if before.method.engine != "dynamic" or not isinstance(before.final_state, State):
-        raise StateError("initial: this record holds no state of the full dynamics to go on from")
+def check_continues(before: Record, scene: Scene, engine: str) -> None:
+    """Raise StateError unless an engine can go on from this record."""
+    made = before.method.engine
+    if made != engine:
+        raise StateError(f"initial: the record comes from the {made} engine, this is {engine}")
     if before.scene != scene:
         raise StateError("initial: the record belongs to another scene; pass its final_state")
+    if engine != "quasistatic" and not isinstance(before.final_state, State):
+        raise StateError("initial: this record holds no state of the dynamics to go on from")
 
 
 class Run:
-    """A run under way: the state, and what has been logged so far."""
+    """A run of full dynamics under way: the state, and what has been logged so far."""
+
+    name = "dynamic"
+    keeps_budget = True
 
     def __init__(
         self,
@@ -255,6 +245,16 @@ class Run:
     def call_length(self) -> int:
         """Return the most steps of the next call."""
         return MAX_STEPS
+
+    def counts(self) -> dict[str, int]:
+        """Return the steps that were made, and the blocks times force evaluations."""
+        steps = self.steps + (self.before.counts.get("steps", 0) if self.before else 0)
+        blocks = self.scene.N_x * self.scene.N_z
+        return {"steps": steps, "block_evaluations": 4 * steps * blocks}
+
+    def notes(self) -> tuple[str, ...]:
+        """Return what a reader of the record has to know."""
+        return ()
 
     def columns(self) -> list[str]:
         """Names of the columns of the curve."""
@@ -407,6 +407,8 @@ class Run:
             switches=switches,
             versions=versions(),
             timings=timings,
+            counts=self.counts(),
+            notes=self.notes(),
             status=status,
             final_state=state.copy(),
         )
@@ -440,7 +442,7 @@ def _joined(logs: list[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
 
 
 @contextmanager
-def _interruptible() -> Iterator[Callable[[], bool]]:
+def interruptible() -> Iterator[Callable[[], bool]]:
     """Give a function that says whether Ctrl-C was pressed; a second Ctrl-C ends at once."""
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False
@@ -461,7 +463,7 @@ def _interruptible() -> Iterator[Callable[[], bool]]:
 
 
 @contextmanager
-def _bar(
+def progress_bar(
     progress: bool | Callable[[Progress], None] | None, scene: Scene, t_begin: float, t_end: float
 ) -> Iterator[Callable[[Progress], None]]:
     """Give the function that shows progress."""

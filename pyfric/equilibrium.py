@@ -589,7 +589,7 @@ class StaticSolver:
         return q
 
     def displacements(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return u, shape (N_z, 2, N_x), and rod, shape (3,), of q; the top row as the rod has it."""
+        """Return u, shape (N_z, 2, N_x), and rod, shape (3,), of q, top row by the rod."""
         scene = self.scene
         u = (self._T @ q).reshape(scene.N_z, 2, scene.N_x)
         if not scene.rigid:

@@ -14,7 +14,7 @@ Source: PRL 107, 074301 (2011) for the model.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,10 +25,6 @@ from pyfric.ringdown import Frozen, first_crossing
 from pyfric.state import OPEN, STUCK
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    import os
-
-    from pyfric.dynamic import Progress
     from pyfric.equilibrium import Equilibrium
 
 __all__ = ["REMAINDER", "HybridRun"]
@@ -39,6 +35,8 @@ LOOK = 24
 """Steps between two looks whether a jump is possible; grows while it is not."""
 SHORTEST = 64
 """Shortest jump worth its cost, in steps."""
+MOSTLY = 0.5
+"""A larger share of time that is integrated is noted in the record."""
 KEPT = 8
 """Contact states whose modes are kept."""
 
@@ -57,11 +55,14 @@ class _Rest(NamedTuple):
 class HybridRun(Run):
     """A run that steps through events and jumps between them."""
 
-    def __init__(self, *args) -> None:
+    name = "hybrid"
+    keeps_budget = False
+
+    def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self.log = core.Log(self.scene.N_x, quiet=1)
         self.frozen: dict[bytes, Frozen] = {}
-        self.jumped, self.wait = 0, LOOK
+        self.jumps, self.jumped, self.wait = 0, 0, LOOK
         self.look_at = self.state.step
         self.rest_key: bytes | None = None
         self.rest: _Rest | None = None
@@ -85,6 +86,26 @@ class HybridRun(Run):
             self.wait = LOOK if self.jump(last) else min(2 * self.wait, 64 * LOOK)
             self.look_at = state.step + self.wait
 
+    def counts(self) -> dict[str, int]:
+        """Return steps, block evaluations, jumps and the steps they spared."""
+        made = super().counts()
+        old = self.before.counts if self.before else {}
+        return made | {
+            "jumps": self.jumps + old.get("jumps", 0),
+            "steps_spared": self.jumped + old.get("steps_spared", 0),
+        }
+
+    def notes(self) -> tuple[str, ...]:
+        """Say so where the slider hardly ever came to rest."""
+        done = self.counts()
+        share = done["steps"] / max(done["steps"] + done["steps_spared"], 1)
+        if share <= MOSTLY or done["steps"] < 1000:
+            return ()
+        return (
+            f"hybrid: {100 * share:.0f} % of the time was integrated like in full dynamics (more "
+            f"than {100 * MOSTLY:.0f} %), because the slider was hardly ever at rest",
+        )
+
     def jump(self, last: int) -> bool:
         """Go to the last step before a contact state can change; False if that is too near."""
         state, scene = self.state, self.scene
@@ -103,7 +124,7 @@ class HybridRun(Run):
         c = rest.margins + rate * since + frozen.margin_lag
         modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
         rates = np.append(frozen.rates, -frozen.decay)
-        there = None
+        there, n_there = None, 0
         for _ in range(8):
             s = first_crossing(c, rate, modal, rates, most * dt, dt)
             n = min(math.floor(s / dt), most)
@@ -184,6 +205,6 @@ class HybridRun(Run):
         state.y[0, 0, held], state.y[0, 2, held] = u_x[held], 0.0
         state.slack[:] = 0.0
         state.step += n
-        self.jumped += n
+        self.jumps, self.jumped = self.jumps + 1, self.jumped + n
         if state.step % self.method.sample == 0:
             self.sample()

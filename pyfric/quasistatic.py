@@ -1,9 +1,9 @@
 """Quasi-static engines: every state is an equilibrium, no inertia, linear geometry.
 
-`QuasistaticRun` is a ladder of events. Between events nothing slips and all forces are affine in the
-driver's position, so the next nucleation is a closed formula. The event rule: blocks that slip carry
-mu_k p, those that stick stay below mu_s p. The block with the largest |f| - mu_s p is released, one
-at a time; a block that would move back sticks again where it was; at the end all stick.
+`QuasistaticRun` is a ladder of events. Between events nothing slips and all forces are affine in
+the driver's position, so the next nucleation is a closed formula. The event rule: blocks that slip
+carry mu_k p, those that stick stay below mu_s p. The block with the largest |f| - mu_s p is
+released, one at a time; one that would move back sticks again where it was; at the end all stick.
 What is left out: the overshoot of moving blocks, and with it a part of the length of an event.
 
 `prediction_curve` is the case mu_s = mu_k = mu, in which slip grows continuously. It is followed
@@ -16,6 +16,7 @@ Source: PRL 107, 074301 (2011), prediction of the arrest lengths with mu_s = mu_
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 import warnings
 from typing import TYPE_CHECKING, Any
@@ -26,9 +27,10 @@ import pandas as pd
 from pyfric.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP, build_catalogue
 from pyfric.complementarity import Contact, Interface
 from pyfric.core import CORNER_SHARE
+from pyfric.dynamic import Progress, check_continues, interruptible, progress_bar
 from pyfric.equilibrium import EquilibriumError
 from pyfric.record import Method, Record, versions
-from pyfric.state import OPEN, STUCK
+from pyfric.state import OPEN, StateError
 from pyfric.units import check_number
 
 if TYPE_CHECKING:
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
 
     from pyfric.scene import Scene
 
-__all__ = ["QuasistaticRun", "prediction_curve"]
+__all__ = ["QuasistaticRun", "prediction_curve", "simulate"]
 
 SWEEPS = 60
 """Most changes of contact state within one event or at one position of the driver, over N_x."""
@@ -113,7 +115,7 @@ class QuasistaticRun:
         self.log = _Log(scene)
         self.log.mode[~self.contact.closed] = OPEN
         self.rows: list[tuple[float, float]] = []
-        self.events = 0
+        self.events = self.releases = 0
         self.timings = {"set-up": time.perf_counter() - start}
         self.initial = self.contact.values()
 
@@ -193,6 +195,7 @@ class QuasistaticRun:
                 log.set(contact, t)
                 return
             contact.release(j, -int(np.sign(now.f[j])))
+            self.releases += 1
             log.set(contact, t)
         what = f"the quasi-static event at t = {t:.6g} s does not settle"
         raise EquilibriumError(what, np.nan, tol, SWEEPS * self.scene.N_x)
@@ -223,8 +226,38 @@ class QuasistaticRun:
             switches=switches,
             versions=versions(),
             timings=self.timings | {"catalogue": time.perf_counter() - start},
+            counts={"releases": self.releases, "block_evaluations": 0},
             status=status,
         )
+
+
+def simulate(
+    scene: Scene,
+    t_end: float,
+    *,
+    initial: Record | None = None,
+    t_gap: float = T_GAP,
+    progress: bool | Callable[[Progress], None] | None = None,
+) -> Record:
+    """Follow the ladder of a scene to t_end (s); see `pyfric.simulate`.
+
+    A run that goes on from a record is made again from its start, which gives the same bits.
+    """
+    if initial is not None:
+        if not isinstance(initial, Record):
+            raise StateError("initial: the quasistatic engine goes on from records only")
+        check_continues(initial, scene, "quasistatic")
+        t_gap = initial.method.t_gap
+    t_gap = check_number("t_gap", t_gap, "s", ge=0.0)
+    t_end = check_number("t_end", t_end, "s", ge=0.0)
+    run = QuasistaticRun(scene, t_gap)
+    with progress_bar(progress, scene, 0.0, t_end) as bar, interruptible() as stop:
+
+        def show(t: float, F_T: float, events: int) -> None:
+            bar(Progress(t, 0.0, t_end, F_T / scene.F_N, events, math.nan))
+
+        done = run.advance(t_end, stop, show)
+    return run.record("complete" if done else "interrupted")
 
 
 def prediction_curve(scene: Scene, mu: float | None = None) -> Record:
@@ -239,8 +272,8 @@ def prediction_curve(scene: Scene, mu: float | None = None) -> Record:
 
     Returns:
         A record of engine "prediction". Each row of its curve is a change of contact state: t (s),
-        F_T (N), drive (m), L_p_over_L of the blocks that have slipped or are open, from the trailing
-        edge. Its last row is where all blocks slip, or where no further block would.
+        F_T (N), drive (m), L_p_over_L of the blocks that have slipped or are open, from the
+        trailing edge. Its last row is where all blocks slip, or where no further block would.
 
     Raises:
         SceneError: mu is not a number >= 0.
@@ -294,8 +327,8 @@ def prediction_curve(scene: Scene, mu: float | None = None) -> Record:
         raise EquilibriumError(what, np.nan, contact.tol, SWEEPS * scene.N_x)
     if contact.ambiguous:
         warnings.warn(
-            f"mu = {mu:g}: the slip operator is not positive definite in {contact.ambiguous} of the "
-            "states passed, so that the solution may not be the only one",
+            f"mu = {mu:g}: the slip operator is not positive definite in {contact.ambiguous} of "
+            "the states passed, so that the solution may not be the only one",
             RuntimeWarning,
             stacklevel=2,
         )

@@ -7,7 +7,7 @@ variable with its unit and meaning. Attributes of the file:
     Version of this layout. A file with a newer one is refused.
 ``scene``
     The scene as TOML text.
-``method``, ``versions``, ``timings``, ``final_state``, ``tables``
+``method``, ``versions``, ``timings``, ``counts``, ``notes``, ``final_state``, ``tables``
     JSON. ``tables`` lists the columns of each table in order, with their types.
 ``status``
     "complete", "interrupted" or "failed: reason".
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SCHEMA", "Method", "Record", "RecordError", "describe"]
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of the file layout written by this module."""
 
 COMPRESSED_FROM = 4096
@@ -184,6 +184,10 @@ class Record:
         the catalogue was made from, and what it is made from again when the run goes on.
     versions, timings
         Names to version texts, and names to seconds.
+    counts
+        Names to numbers of things done, such as steps and block_evaluations.
+    notes
+        What a reader has to know: assumptions that failed, levels of the plan that were left.
     status
         "complete", "interrupted" or "failed: reason".
     final_state
@@ -212,6 +216,8 @@ class Record:
     switches: Mapping[str, np.ndarray]
     versions: Mapping[str, str] = field(default_factory=dict)
     timings: Mapping[str, float] = field(default_factory=dict)
+    counts: Mapping[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
     status: str = "complete"
     final_state: Any = None
 
@@ -292,6 +298,8 @@ class Record:
             "method": json.dumps(dataclasses.asdict(self.method)),
             "versions": json.dumps(dict(self.versions)),
             "timings": json.dumps(dict(self.timings)),
+            "counts": json.dumps(dict(self.counts)),
+            "notes": json.dumps(list(self.notes)),
             "status": self.status,
             "final_state": json.dumps(_state_plan(self.final_state)),
             "tables": json.dumps({name: _dtypes(getattr(self, name)) for name in TABLES}),
@@ -384,6 +392,8 @@ class Record:
             },
             versions=json.loads(attributes["versions"]),
             timings=json.loads(attributes["timings"]),
+            counts=json.loads(attributes.get("counts", "{}")),
+            notes=tuple(json.loads(attributes.get("notes", "[]"))),
             status=attributes["status"],
             final_state=_load_state(json.loads(attributes["final_state"]), dataset),
         )

@@ -6,8 +6,8 @@ the open ones free,
 
     M w'' + C w' + K w = 0 .
 
-The slowest modes phi exp(lambda s), (lambda^2 M + lambda C + K) phi = 0, are followed in closed form.
-M, C and K are symmetric, so the amplitude of a mode is
+The slowest modes phi exp(lambda s), (lambda^2 M + lambda C + K) phi = 0, are followed in closed
+form. M, C and K are symmetric, so the amplitude of a mode is
 
     a = (phi.(C w + M w') + lambda phi.M w) / (phi.C phi + 2 lambda phi.M phi) .
 
@@ -191,9 +191,7 @@ def first_crossing(
         s += n_sure * h
         if n_sure == GRID:
             h *= 2
-        elif n_sure < GRID and (value[:, n_sure] <= 0).any():
-            return min(s, s_end)
-        elif h <= ds:
+        elif (n_sure < GRID and (value[:, n_sure] <= 0).any()) or h <= ds:
             return min(s, s_end)
         else:
             h = max(h / 4, ds / 2)

@@ -1,0 +1,408 @@
+"""The planner: which model is enough for a question.
+
+Full dynamics in finite geometry is the reference. `plan` says what may be left out of it for what
+is wanted, and at what cost and error:
+
+level         engine        geometry   left out
+----------    -----------   --------   -----------------------------------------------
+quasistatic   quasistatic   linear     inertia, rotation of bonds
+hybrid        hybrid        linear     rotation of bonds, the last of each ring-down
+hybrid        hybrid        finite     the last of each ring-down
+dynamic       dynamic       finite     nothing
+
+It takes the first level whose expected error is within the tolerance and whose assumptions hold.
+Each assumption is a number with a limit. `Plan.check` looks at them again in the record of a run.
+
+Expected errors are differences of forces at which main events start, over F_N, measured on the
+paper's scenes up to the first event over the whole interface (`reference_data/`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+
+import numpy as np
+
+from pyfric.dynamic import step_size
+from pyfric.equilibrium import EquilibriumError, StaticSolver
+from pyfric.operators import Geometry, default_geometry, stability_limit
+from pyfric.quasistatic import QuasistaticRun
+from pyfric.ringdown import Frozen
+from pyfric.state import OPEN
+from pyfric.units import SceneError, check_number
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+__all__ = ["Assumption", "Fidelity", "Plan", "Want", "plan"]
+
+Fidelity = Literal["quasistatic", "hybrid", "dynamic"]
+"""Engines, in order of what they model."""
+Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
+"""What a run is made for."""
+
+ERROR_QUASISTATIC = 0.05
+"""Largest difference of start forces between ladder and dynamics, event by event, over F_N."""
+ERROR_JUMPS = 1e-4
+"""The same between hybrid and dynamics."""
+ERROR_STEP = 8e-4
+"""The same between the automatic step and a quarter of it; proportional to the step."""
+STRAIN_SHARE = 0.65
+"""Largest strain of a bond, at the driven block, over F_T/(k l)."""
+RING_SHARE = 0.25
+"""Longest decay time of the slider's oscillations, over the time between main events."""
+OPEN_BLOCKS = 2
+"""More open blocks than this are a gap; small differences then decide the order of events."""
+OVERDAMPED = 0.433
+"""Blocks oscillate below this eta over sqrt(k m)."""
+SCOUT_BLOCKS = 5_000
+"""Larger lattices are scouted with larger blocks."""
+FRONT_SHARE = 0.3
+"""Relative error of front speeds over dt v/l, from switching at step ends (Fig. 1 scene)."""
+NS = {"linear": 3.1, "finite": 6.3}
+"""Time per block and force evaluation in ns, for the expected cost (`pyfric bench kernel`)."""
+STEPS_EVENT = 320
+"""Steps of the automatic size that an event takes in the hybrid engine, without its front."""
+
+
+class Assumption(NamedTuple):
+    """What a level relies on: it holds while `value` is at most `limit`."""
+
+    name: str
+    value: float
+    limit: float
+    meaning: str
+
+    @property
+    def holds(self) -> bool:
+        return self.value <= self.limit
+
+    def __str__(self) -> str:
+        sign = "<=" if self.holds else "> "
+        return f"{self.name}: {self.value:.3g} {sign} {self.limit:.3g} ({self.meaning})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What will be modelled, and why that is enough.
+
+    Attributes:
+        want: what the run is made for.
+        tolerance: accepted error, over F_N (relative, for front speeds).
+        fidelity, geometry: the engine and its geometry.
+        dt: time step in s; None for the quasi-static engine.
+        assumptions: what the level relies on; all of them hold.
+        reasons: why cheaper levels were passed over.
+        error: expected error, as the tolerance.
+        evaluations: expected number of blocks times force evaluations.
+        seconds: expected time on one core.
+    """
+
+    want: Want
+    tolerance: float
+    fidelity: Fidelity
+    geometry: Geometry
+    dt: float | None
+    assumptions: tuple[Assumption, ...]
+    reasons: tuple[str, ...]
+    error: float
+    evaluations: float
+    seconds: float
+
+    def __str__(self) -> str:
+        models = {
+            "quasistatic": "a ladder of static states; events by a rule without inertia",
+            "hybrid": "dynamics inside events, closed forms between them",
+            "dynamic": "dynamics throughout",
+        }
+        left_out = {
+            "quasistatic": "inertia, waves, ring-down",
+            "hybrid": "what ring-down leaves of fast modes",
+            "dynamic": "nothing",
+        }[self.fidelity]
+        if self.geometry == "linear":
+            left_out += "; rotation of bonds"
+        step = "" if self.dt is None else f", dt = {self.dt * 1e6:.3g} us"
+        lines = [
+            f"for {self.want} within {self.tolerance:g}: {self.fidelity}, {self.geometry} geometry"
+            + step,
+            f"modelled: {models[self.fidelity]}",
+            f"left out: {left_out}",
+            *(f"because {one}" for one in self.assumptions),
+            *(f"not less: {reason}" for reason in self.reasons),
+            f"expected error: {self.error:.2g}",
+            f"expected cost: {self.evaluations:.2g} block evaluations, about {self.seconds:.2g} s",
+        ]
+        return "\n".join(lines)
+
+    def up(self, scene: Scene, failed: list[Assumption]) -> Plan | None:
+        """Return the plan one level up from where these assumptions failed; None if it is the top.
+
+        The quasi-static engine moves up to the hybrid one. Linear geometry gives way to finite.
+        """
+        if self.fidelity == "quasistatic":
+            geometry = self.geometry
+            if any(one.name == STRAIN for one in failed):
+                geometry = default_geometry(scene)
+            dt = _step(scene, self.want, self.tolerance)
+            return dataclasses.replace(self, fidelity="hybrid", geometry=geometry, dt=dt)
+        if self.geometry == "linear" and default_geometry(scene) == "finite":
+            return dataclasses.replace(self, geometry="finite")
+        return None
+
+    def check(self, record: Record) -> list[Assumption]:
+        """Return the assumptions that the record of a run does not bear out."""
+        found = _of_record(record, self)
+        return [one for one in found if not one.holds]
+
+
+class _Scout(NamedTuple):
+    """What the ladder says about a scene."""
+
+    events: int
+    front_blocks: int  # blocks that slip in main events, all events together
+    interval: float  # median time between main events, s
+    open: int  # most blocks that are open at a time
+    F_max: float  # N
+    seconds: float
+    failed: str
+
+
+def plan(
+    scene: Scene,
+    want: Want = "precursors",
+    tolerance: float = 0.01,
+    *,
+    t_end: float = 1.0,
+) -> Plan:
+    """Return which engine, geometry and step are enough for a question.
+
+    Args:
+        scene: the scene.
+        want: "loading_curve", "precursors", "stress", "front_speed" or "motion".
+        tolerance: accepted error over F_N; for front speeds relative.
+        t_end: time of the end of the run, in s, for cost and assumptions.
+
+    Raises:
+        SceneError: an argument is refused.
+        EquilibriumError: the scene has no loaded state.
+
+    Source: errors of the levels as measured on the paper's scenes.
+    """
+    if want not in get_args(Want):
+        raise SceneError("want", want, "", " or ".join(map(repr, get_args(Want))))
+    tolerance = check_number("tolerance", tolerance, "", gt=0.0, le=1.0)
+    t_end = check_number("t_end", t_end, "s", ge=0.0)
+    scout, times = _scout(scene, t_end), decay_times(scene)
+    strain, one_row = largest_strain(scene, scout.F_max), scene.N_z == 1
+    reasons: list[str] = []
+    damped = _damping(scene)
+
+    # quasi-static
+    needs = [_waits(times.slow, scout.interval), _gap(scout.open), damped]
+    error = ERROR_QUASISTATIC + (0.0 if one_row else strain)
+    if want in ("front_speed", "motion"):
+        reasons.append(f"quasistatic: it has no {want.replace('_', ' ')}")
+    elif scout.failed:
+        reasons.append(f"quasistatic: {scout.failed}")
+    elif error > tolerance:
+        reasons.append(f"quasistatic: its expected error is {error:.2g}")
+    elif not all(one.holds for one in needs):
+        reasons += [f"quasistatic: {one}" for one in needs if not one.holds]
+    else:
+        return Plan(
+            want=want,
+            tolerance=tolerance,
+            fidelity="quasistatic",
+            geometry="linear",
+            dt=None,
+            assumptions=(*needs, *(() if one_row else (_strain(strain, tolerance),))),
+            reasons=(),
+            error=error,
+            evaluations=0.0,
+            seconds=scout.seconds,
+        )
+
+    # hybrid or dynamic
+    dt = _step(scene, want, tolerance)
+    finer = step_size(scene) / dt
+    needs, error = [_resolution(scene, dt)], ERROR_STEP / finer
+    geometry: Geometry = "linear"
+    if not one_row:
+        small = _strain(strain, tolerance / 2)
+        if small.holds:
+            needs.append(small)
+            error += strain
+        else:
+            geometry = default_geometry(scene)
+            reasons.append(f"linear geometry: {small}")
+    steps, fidelity = t_end / dt, "dynamic"
+    quiet = _comes_to_rest(times.fast, scout.interval)
+    if want == "motion":
+        reasons.append("hybrid: it leaves out fast motion between events")
+    elif not quiet.holds:
+        reasons.append(f"hybrid: {quiet}")
+    else:
+        fidelity, error = "hybrid", error + ERROR_JUMPS
+        needs.append(quiet)
+        steps = min(steps, (scout.events * STEPS_EVENT + 5 * scout.front_blocks) * finer)
+    evaluations = 4 * steps * scene.N_x * scene.N_z
+    return Plan(
+        want=want,
+        tolerance=tolerance,
+        fidelity=fidelity,
+        geometry=geometry,
+        dt=dt,
+        assumptions=tuple(needs),
+        reasons=tuple(reasons),
+        error=max(error, tolerance) if want == "front_speed" else error,
+        evaluations=evaluations,
+        seconds=evaluations * NS[geometry] * 1e-9 + scout.seconds,
+    )
+
+
+# --- numbers -------------------------------------------------------------------------------------
+
+
+def _scout(scene: Scene, t_end: float) -> _Scout:
+    refined = scene.N_x
+    scene = coarser(scene)
+    refined /= scene.N_x
+    F_max = scene.interface.mu_s * scene.F_N
+    guess = _Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, "")
+    try:
+        run = QuasistaticRun(scene)
+        run.advance(t_end, lambda: False, lambda *_: None)
+    except EquilibriumError as error:
+        return guess._replace(failed=str(error))
+    record = run.record("complete")
+    events = record.events
+    main = events[events["is_main"]]
+    starts = main["t_start"].to_numpy()
+    interval = float(np.median(np.diff(starts))) if len(starts) > 1 else max(t_end, 1e-9)
+    return _Scout(
+        events=max(int(len(events) * refined), 1),
+        front_blocks=int(main["n_blocks"].sum() * refined),
+        interval=interval,
+        open=_most_open(record),
+        F_max=max(F for _, F in run.rows),
+        seconds=sum(run.timings.values()),
+        failed="",
+    )
+
+
+def largest_strain(scene: Scene, F_T: float) -> float:
+    """Return the largest strain of a bond at a driver force F_T (N), and under F_N alone."""
+    unit = scene.slider.k * scene.slider.l
+    return max(STRAIN_SHARE * abs(F_T), scene.F_N / scene.N_x) / unit
+
+
+class DecayTimes(NamedTuple):
+    """How long oscillations of the stuck slider last, in s: the slowest one, the fast ones."""
+
+    slow: float
+    fast: float
+
+
+def decay_times(scene: Scene) -> DecayTimes:
+    """Return how long oscillations of the stuck slider last (linear geometry).
+
+    "Fast" are those that the hybrid engine does not follow in closed form. Lattices of more than
+    `SCOUT_BLOCKS` are replaced by coarser ones of the same viscosity.
+    """
+    if scene.eta == 0:
+        return DecayTimes(math.inf, math.inf)
+    scene = coarser(scene)
+    frozen = Frozen(StaticSolver(scene, "linear"), np.ones(scene.N_x, dtype=bool))
+    slow = float(np.min(-frozen.rates.real, initial=np.inf))
+    return DecayTimes(*(1 / rate if rate > 0 else math.inf for rate in (slow, frozen.decay)))
+
+
+def coarser(scene: Scene) -> Scene:
+    """Return the scene with blocks so large that there are at most `SCOUT_BLOCKS`, if they fit."""
+    n = math.gcd(scene.N_x - 1, scene.N_z - 1, scene.j_h)
+    for q in range(1, n + 1):
+        fits = n % q == 0 and (scene.N_x - 1) // q >= 2 and scene.N_z > 1
+        if fits and ((scene.N_x - 1) // q + 1) * ((scene.N_z - 1) // q + 1) <= SCOUT_BLOCKS:
+            slider = dataclasses.replace(scene.slider, l=scene.slider.l * q, eta=scene.eta)
+            return scene if q == 1 else dataclasses.replace(scene, slider=slider)
+    return scene
+
+
+STRAIN = "largest strain"
+
+
+def _damping(scene: Scene) -> Assumption:
+    ratio = scene.eta / math.sqrt(scene.slider.k * scene.m)
+    return Assumption("eta/sqrt(k m)", ratio, OVERDAMPED, "blocks are underdamped")
+
+
+def _waits(decay: float, interval: float) -> Assumption:
+    return Assumption(
+        "slowest decay over time between main events",
+        decay / interval,
+        RING_SHARE,
+        f"{decay * 1e3:.3g} ms in {interval * 1e3:.3g} ms: the driver's drift during ring-down",
+    )
+
+
+def _comes_to_rest(decay: float, interval: float) -> Assumption:
+    return Assumption(
+        "decay of fast modes over time between main events",
+        decay / interval,
+        RING_SHARE,
+        f"{decay * 1e3:.3g} ms in {interval * 1e3:.3g} ms",
+    )
+
+
+def _gap(blocks: int) -> Assumption:
+    return Assumption("open blocks", blocks, OPEN_BLOCKS, "no gap beyond the corner")
+
+
+def _most_open(record: Record) -> int:
+    return int((record.quiet["mode"] == OPEN).sum(axis=1).max(initial=0))
+
+
+def _strain(value: float, limit: float) -> Assumption:
+    return Assumption(STRAIN, value, limit, "bounds the error of linear geometry over F_N")
+
+
+def _resolution(scene: Scene, dt: float) -> Assumption:
+    limit = stability_limit(scene)[0]
+    return Assumption(
+        "dt over the stability limit", dt / limit, 1.0, f"{dt:.3g} s of {limit:.3g} s"
+    )
+
+
+def _step(scene: Scene, want: Want, tolerance: float) -> float:
+    """Return the time step in s."""
+    auto = step_size(scene)
+    if want == "front_speed":
+        # Contacts switch at step ends: a front at v is late by up to dt v/l at each block.
+        fastest = 1.5 * scene.slider.l * math.sqrt(1.5 * scene.slider.k / scene.m)
+        dt = tolerance * scene.slider.l / (FRONT_SHARE * fastest)
+    else:
+        dt = auto * tolerance / (2 * ERROR_STEP)
+    if dt >= auto:
+        return auto
+    digit = 10.0 ** (math.floor(math.log10(dt)) - 1)
+    return float(f"{math.floor(dt / digit) * digit:.1e}")
+
+
+def _of_record(record: Record, plan: Plan) -> list[Assumption]:
+    """Return the assumptions of a plan with the numbers of its record."""
+    scene, events, found = record.scene, record.events, []
+    if plan.fidelity == "quasistatic":
+        starts = events["t_start"].to_numpy()[events["is_main"].to_numpy()]
+        if len(starts) > 1:
+            found.append(_waits(decay_times(scene).slow, float(np.median(np.diff(starts)))))
+        found.append(_gap(_most_open(record)))
+    if plan.geometry == "linear" and scene.N_z > 1:
+        limit = plan.tolerance / (1 if plan.fidelity == "quasistatic" else 2)
+        F_max = float(record.curve["F_T"].abs().max())
+        found.append(_strain(largest_strain(scene, F_max), limit))
+    return found

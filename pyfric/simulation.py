@@ -1,0 +1,166 @@
+"""Runs of any fidelity: one function that chooses, or obeys."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Literal, get_args
+
+from pyfric import planner, quasistatic
+from pyfric.catalogue import T_GAP
+from pyfric.dynamic import Run, integrate
+from pyfric.equilibrium import EquilibriumError
+from pyfric.hybrid import HybridRun
+from pyfric.record import Record
+from pyfric.units import SceneError
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable
+
+    from pyfric.dynamic import Progress
+    from pyfric.operators import Geometry
+    from pyfric.planner import Fidelity, Plan, Want
+    from pyfric.scene import Scene
+    from pyfric.state import State
+
+__all__ = ["simulate"]
+
+ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
+
+
+def simulate(
+    scene: Scene,
+    t_end: float,
+    *,
+    fidelity: Fidelity | Literal["auto"] = "auto",
+    want: Want = "precursors",
+    tolerance: float = 0.01,
+    geometry: Geometry | None = None,
+    method: Literal["rk4"] = "rk4",
+    dt: float | Literal["auto"] = "auto",
+    initial: State | Record | None = None,
+    budget: bool | None = None,
+    sample: float | None = None,
+    t_gap: float = T_GAP,
+    threads: int | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    checkpoint_every: float = 60.0,
+) -> Record:
+    """Simulate a scene from the loaded slider, or from where another run stopped.
+
+    Args:
+        scene: what is simulated.
+        t_end: time of the end, in s; the last step ends there or just beyond.
+        fidelity: "dynamic" integrates everything. "hybrid" integrates events and solves the waiting
+            between them. "quasistatic" has no inertia. "auto" takes what `pyfric.plan` finds enough
+            for `want` within `tolerance`; options below that a level lacks rule it out.
+        want: what the run is made for; see `pyfric.plan`.
+        tolerance: accepted error; see `pyfric.plan`.
+        geometry: "finite" (as in the paper) or "linear"; None leaves it to the plan, or means
+            "finite", or "linear" where there is no other (chain, quasistatic).
+        method: "rk4": classical RK4, uniform step, contacts switch at step ends (the paper's).
+        dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
+        initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there. A
+            `Record` of the same scene goes on where it stopped, with its engine, geometry, step,
+            sampling and t_gap, and the result holds the whole run, as if it had never stopped.
+        budget: keep the energy budget (adds its columns to the curve); full dynamics only. None
+            means yes for fidelity = "dynamic".
+        sample: time between two points of the loading curve, in s; None means 5000 points.
+        t_gap: longest pause inside an event, in s.
+        threads: most threads to use, None for all; small lattices use one.
+        progress: True for a bar on stderr, a function that is called about ten times per second,
+            False for nothing; None shows the bar where stderr is a terminal.
+        checkpoint: file to which the run so far is saved as a record every `checkpoint_every` s.
+
+    Returns:
+        The record. Its status is "interrupted" if Ctrl-C stopped the run: what was done is
+        complete, and `initial=record` goes on. Its `notes` say where a run with fidelity = "auto"
+        had to move up one level, and why.
+
+    Raises:
+        SceneError: an argument is refused; nothing has been done.
+        StateError: `initial` does not belong to the scene or the engine.
+        EquilibriumError: the scene has no loaded state.
+        RunError: the motion left the range of numbers; its `record` holds the run before that.
+
+    Source: PRL 107, 074301 (2011).
+    """
+    known = ("auto", *get_args(planner.Fidelity))
+    if fidelity not in known:
+        raise SceneError("fidelity", fidelity, "", " or ".join(map(repr, known)))
+    stepped = {
+        "geometry": geometry,
+        "method": method,
+        "dt": dt,
+        "budget": budget,
+        "sample": sample,
+        "threads": threads,
+        "checkpoint": checkpoint,
+        "checkpoint_every": checkpoint_every,
+    }
+    common = {"initial": initial, "t_gap": t_gap, "progress": progress}
+    if fidelity == "auto" and isinstance(initial, Record):
+        fidelity = initial.method.engine
+    if fidelity != "auto":
+        return _run(fidelity, scene, t_end, stepped, common)
+    chosen = planner.plan(scene, want, tolerance, t_end=t_end)
+    chosen = _with_options(chosen, scene, stepped, initial)
+    return _planned(chosen, scene, t_end, stepped, common)
+
+
+def _run(fidelity: str, scene: Scene, t_end: float, stepped: dict, common: dict) -> Record:
+    if fidelity != "quasistatic":
+        return integrate(ENGINES[fidelity], scene, t_end, **stepped, **common)
+    for name, without in (("geometry", (None, "linear")), ("dt", ("auto",)), ("budget", (None, 0))):
+        if stepped[name] not in without:
+            allowed = "nothing, because the quasistatic engine is linear and makes no steps"
+            raise SceneError(name, stepped[name], "", allowed)
+    return quasistatic.simulate(scene, t_end, **common)
+
+
+def _with_options(chosen: Plan, scene: Scene, stepped: dict, initial: State | None) -> Plan:
+    """Return the plan at the level that has all the options that were given."""
+    up = {}
+    if stepped["budget"]:
+        up["fidelity"] = "dynamic"
+    elif chosen.fidelity == "quasistatic" and (
+        initial is not None or stepped["dt"] != "auto" or stepped["geometry"] == "finite"
+    ):
+        up["fidelity"] = "hybrid"
+    if stepped["geometry"] is not None:
+        up["geometry"] = stepped["geometry"]
+    return dataclasses.replace(chosen, **up)
+
+
+def _planned(chosen: Plan, scene: Scene, t_end: float, stepped: dict, common: dict) -> Record:
+    """Run a plan; where an assumption turns out wrong, move up one level and say so."""
+    notes: list[str] = []
+    while True:
+        options = dict(stepped)
+        if chosen.fidelity == "quasistatic":
+            options |= {"geometry": None, "dt": "auto", "budget": None}
+        else:
+            options["geometry"] = chosen.geometry
+            if options["dt"] == "auto":
+                options["dt"] = chosen.dt
+        try:
+            record, higher = _run(chosen.fidelity, scene, t_end, options, common), None
+            failed = chosen.check(record) if record.status == "complete" else []
+            reasons = [str(one) for one in failed]
+            if failed:
+                higher = chosen.up(scene, failed)
+        except EquilibriumError as error:
+            if chosen.fidelity != "quasistatic":
+                raise
+            higher, reasons = chosen.up(scene, []), [str(error)]
+        if higher is not None and stepped["geometry"] not in (None, higher.geometry):
+            higher = None
+        if higher is None:
+            notes += [f"does not hold: {reason}" for reason in reasons]
+            return dataclasses.replace(record, notes=(*record.notes, *notes))
+        before, chosen = chosen, higher
+        notes.append(
+            f"moved up from {before.fidelity}, {before.geometry} geometry, to {chosen.fidelity}, "
+            f"{chosen.geometry} geometry: {'; '.join(reasons)}"
+        )

@@ -26,6 +26,7 @@ from click.core import ParameterSource
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pyfric.planner import Plan
     from pyfric.record import Record
     from pyfric.scene import Scene
 
@@ -211,6 +212,22 @@ _overwrite_option = click.option("--overwrite", is_flag=True, help="Replace the 
 _json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
 
+_want_option = click.option(
+    "--want",
+    type=click.Choice(["loading_curve", "precursors", "stress", "front_speed", "motion"]),
+    default="precursors",
+    show_default=True,
+    help="What the run is made for.",
+)
+_tolerance_option = click.option(
+    "--tolerance",
+    type=click.FloatRange(0, 1, min_open=True),
+    default=0.01,
+    show_default=True,
+    help="Accepted error, over F_N; relative for front speeds.",
+)
+
+
 def _file_option(name: str, **rest: Any) -> Callable[..., Any]:
     return click.option(name, type=click.Path(path_type=Path), **rest)
 
@@ -229,6 +246,15 @@ HERE = "\0"  # value of --resume without a file
 @click.argument("scene")
 @click.option("--t-end", type=_Seconds(), required=True, help="Time of the end: '900 ms', or s.")
 @_set_option
+@click.option(
+    "--fidelity",
+    type=click.Choice(["auto", "quasistatic", "hybrid", "dynamic"]),
+    default="auto",
+    show_default=True,
+    help="What is modelled; auto takes what is enough (see pyfric plan).",
+)
+@_want_option
+@_tolerance_option
 @click.option(
     "--geometry",
     type=click.Choice(["finite", "linear"]),
@@ -251,7 +277,11 @@ HERE = "\0"  # value of --resume without a file
 @click.option(
     "--threads", type=click.IntRange(1, 4096), help="Most threads to use. [default: all that pay]"
 )
-@click.option("--no-budget", is_flag=True, help="Keep no energy budget.")
+@click.option(
+    "--budget/--no-budget",
+    default=None,
+    help="Keep the energy budget: full dynamics only. [default: with --fidelity dynamic]",
+)
 @_file_option("--out", metavar="FILE", help="Save the record here, and once a minute on the way.")
 @_overwrite_option
 @click.option(
@@ -273,12 +303,15 @@ def run(
     scene: str,
     t_end: float,
     changes: tuple[str, ...],
+    fidelity: str,
+    want: str,
+    tolerance: float,
     geometry: str | None,
     dt: float | str,
     sample: float | None,
     t_gap: float | None,
     threads: int | None,
-    no_budget: bool,
+    budget: bool | None,
     out: Path | None,
     overwrite: bool,
     resume: str | None,
@@ -315,8 +348,11 @@ def run(
             dt=dt,
             sample=sample,
             t_gap=T_GAP if t_gap is None else t_gap,
-            budget=not no_budget,
+            budget=budget,
             threads=threads,
+            fidelity=fidelity,
+            want=want,
+            tolerance=tolerance,
             progress=not (quiet or as_json),
         )
     files = [] if out is None else [record.save(out)]
@@ -369,6 +405,8 @@ def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
     method = before.method
 
     def same(name: str, value: Any) -> bool:
+        if name == "fidelity":
+            return value in ("auto", method.engine)
         if name == "dt":
             return pyfric.step_size(scene, value) == method.dt
         if name == "sample":
@@ -376,7 +414,7 @@ def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
         return value == {
             "geometry": method.geometry,
             "t_gap": method.t_gap,
-            "no_budget": not method.budget,
+            "budget": method.budget,
         }.get(name, value)
 
     for name, value in ctx.params.items():
@@ -449,11 +487,14 @@ def _summary(record: Record, files: list[Path]) -> dict[str, Any]:
         ],
         "timings": {name: float(value) for name, value in record.timings.items()},
         "method": {
+            "engine": record.method.engine,
             "geometry": record.method.geometry,
             "dt": record.method.dt,
             "threads": record.method.threads,
             "variant": record.method.variant,
         },
+        "counts": dict(record.counts),
+        "notes": list(record.notes),
         "files": [str(path) for path in files],
     }
 
@@ -485,13 +526,44 @@ def _text(summary: dict[str, Any]) -> str:
     if summary["main_events"]:
         lines.append("")
     lines.append(
-        f"{method['geometry']} geometry, dt = {method['dt']:g} s, variant {method['variant']}, "
-        f"{method['threads']} thread{'s' if method['threads'] > 1 else ''}"
+        ", ".join(
+            [f"{method['engine']} engine", f"{method['geometry']} geometry"]
+            + ([] if method["dt"] is None else [f"dt = {method['dt']:g} s"])
+            + ([f"variant {method['variant']}"] if method["variant"] else [])
+            + [f"{method['threads']} thread{'s' if method['threads'] > 1 else ''}"]
+        )
     )
     lines.append(f"time taken: {took}")
     if per_step is not None:
         lines.append(f"per block and step: {per_step * 1e9:.1f} ns")
+    lines += [f"note: {note}" for note in summary["notes"]]
     return "\n".join([*lines, *(f"written: {path}" for path in summary["files"])])
+
+
+# --- plan ----------------------------------------------------------------------------------------
+
+
+@main.command()
+@click.argument("scene")
+@click.option("--t-end", type=_Seconds(), default=1.0, help="Time of the end. [default: 1 s]")
+@_set_option
+@_want_option
+@_tolerance_option
+@_json_option
+def plan(
+    scene: str, t_end: float, changes: tuple[str, ...], want: str, tolerance: float, as_json: bool
+) -> None:
+    """Say which model of SCENE is enough for a question, why, and what it will cost."""
+    import dataclasses
+
+    import pyfric
+
+    found = pyfric.plan(_scene(scene, changes), want, tolerance, t_end=t_end)
+    if not as_json:
+        click.echo(str(found))
+        return
+    listed = [one._asdict() | {"holds": one.holds} for one in found.assumptions]
+    _print_json(dataclasses.asdict(found) | {"assumptions": listed})
 
 
 # --- scene and info ------------------------------------------------------------------------------
@@ -566,8 +638,8 @@ def info(as_json: bool) -> None:
 # --- figures -------------------------------------------------------------------------------------
 
 
-T_END = {"fig1": 0.9}
-"""Runs behind the paper's figures: preset -> time of the end, s."""
+T_END, WANTED = {"fig1": 0.9}, {"fig1": "loading_curve"}
+"""Runs behind the figures: preset -> time of the end in s, and what they are wanted for."""
 
 
 def _fig1b(folder: Path, quiet: bool) -> list[Path]:
@@ -606,16 +678,18 @@ def _paper_run(name: str, folder: Path, quiet: bool) -> Record:
     import pyfric
 
     path, scene, t_end = folder / f"{name}.nc", pyfric.preset(name), T_END[name]
-    before = _usable(path, scene, t_end, quiet)
+    plan = pyfric.plan(scene, WANTED[name], t_end=t_end)
+    before = _usable(path, scene, t_end, plan, quiet)
     if before is not None and _is_done(before, t_end):
         return before
-    record = _simulate(scene, t_end, path, initial=before, progress=not quiet)
+    how = {"want": plan.want, "tolerance": plan.tolerance, "progress": not quiet}
+    record = _simulate(scene, t_end, path, initial=before, **how)
     record.save(path)
     _stop_unless_complete(record, f"saved in {path}; the same command goes on")
     return record
 
 
-def _usable(path: Path, scene: Scene, t_end: float, quiet: bool) -> Record | None:
+def _usable(path: Path, scene: Scene, t_end: float, plan: Plan, quiet: bool) -> Record | None:
     """Return the record at path if it is of this run, complete or to be continued."""
     import pyfric
     from pyfric.catalogue import T_GAP
@@ -632,13 +706,11 @@ def _usable(path: Path, scene: Scene, t_end: float, quiet: bool) -> Record | Non
         say("not a record that this version reads; made again")
         return None
     method = record.method
-    how = (method.engine, method.geometry, method.stepper, method.switching, method.t_gap)
+    how = (method.engine, method.geometry, method.dt, method.t_gap)
     same = (
         record.scene == scene
         and record.versions.get("pyfric") == pyfric.__version__
-        and how == ("dynamic", "finite", "rk4", "step end", T_GAP)
-        and method.dt == pyfric.step_size(scene)
-        and method.budget
+        and how == (plan.fidelity, plan.geometry, plan.dt, T_GAP)
     )
     if same and _is_done(record, t_end):
         say("complete; used again")

@@ -61,6 +61,8 @@ OVERDAMPED = 0.433
 """Blocks oscillate below this eta over sqrt(k m)."""
 SCOUT_BLOCKS = 5_000
 """Larger lattices are scouted with larger blocks."""
+SCOUT_EVENTS = 300
+"""The scout stops after this many events; their number is extrapolated."""
 FRONT_SHARE = 0.3
 """Relative error of front speeds over dt v/l, from switching at step ends (Fig. 1 scene)."""
 NS = {"linear": 3.1, "finite": 6.3}
@@ -276,7 +278,7 @@ def _scout(scene: Scene, t_end: float) -> _Scout:
     guess = _Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, "")
     try:
         run = QuasistaticRun(scene)
-        run.advance(t_end, lambda: False, lambda *_: None)
+        run.advance(t_end, lambda: run.events >= SCOUT_EVENTS, lambda *_: None)
     except EquilibriumError as error:
         return guess._replace(failed=str(error))
     record = run.record("complete")
@@ -284,6 +286,7 @@ def _scout(scene: Scene, t_end: float) -> _Scout:
     main = events[events["is_main"]]
     starts = main["t_start"].to_numpy()
     interval = float(np.median(np.diff(starts))) if len(starts) > 1 else max(t_end, 1e-9)
+    refined *= t_end / max(run.rows[-1][0], 1e-300)
     return _Scout(
         events=max(int(len(events) * refined), 1),
         front_blocks=int(main["n_blocks"].sum() * refined),

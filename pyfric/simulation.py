@@ -135,7 +135,10 @@ def _with_options(chosen: Plan, scene: Scene, stepped: dict, initial: State | No
 
 def _planned(chosen: Plan, scene: Scene, t_end: float, stepped: dict, common: dict) -> Record:
     """Run a plan; where an assumption turns out wrong, move up one level and say so."""
-    notes: list[str] = []
+    notes = [
+        f"planned for {chosen.want} within {chosen.tolerance:g}: {chosen.fidelity}, "
+        f"{chosen.geometry} geometry"
+    ]
     while True:
         options = dict(stepped)
         if chosen.fidelity == "quasistatic":

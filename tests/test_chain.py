@@ -1,6 +1,7 @@
 """The chain, N_z = 1: scenes, forces, statics, fronts and whole runs."""
 
 import dataclasses
+import functools
 import tomllib
 
 import numpy as np
@@ -12,9 +13,9 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import pyfric
 from pyfric import core
 from pyfric.cli import Exit, main
-from pyfric.dynamic import simulate
 from pyfric.equilibrium import StaticSolver, loaded_state
 from pyfric.figures import fig1b
 from pyfric.operators import operators, rk4_radius, stability_limit, stiffness
@@ -30,6 +31,8 @@ from pyfric.scene import (
     setup2,
 )
 from pyfric.state import STUCK, State
+
+simulate = functools.partial(pyfric.simulate, fidelity="dynamic")
 
 N = 13
 TAU = tuple(20 * np.cos(np.arange(N)))

@@ -1,6 +1,7 @@
 """Full dynamics: waves, order, stability, budgets, runs that stop and go on, the paper's scene."""
 
 import dataclasses
+import functools
 import os
 import signal
 import subprocess
@@ -11,14 +12,17 @@ import time
 import numpy as np
 import pytest
 
+import pyfric
 from pyfric import core, dynamic
-from pyfric.dynamic import RunError, simulate, step_size
+from pyfric.dynamic import RunError, step_size
 from pyfric.equilibrium import StaticSolver, loaded_state
 from pyfric.operators import stability_limit
 from pyfric.record import Record
 from pyfric.scene import preset, setup1, setup2
 from pyfric.state import OPEN, STUCK, State, StateError
 from pyfric.units import SceneError
+
+simulate = functools.partial(pyfric.simulate, fidelity="dynamic")
 
 GEOMETRIES = ("linear", "finite")
 ENERGY_IN = ["work_driver", "work_load"]

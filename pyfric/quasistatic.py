@@ -37,6 +37,7 @@ from pyfric.units import check_number
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pyfric.complementarity import Values
     from pyfric.scene import Scene
 
 __all__ = ["QuasistaticRun", "prediction_curve", "simulate"]
@@ -59,26 +60,25 @@ class _Log:
         self.corner = np.zeros(scene.N_x, dtype=bool)
         self.step = 0
 
-    def set(self, contact: Contact, t: float) -> None:
-        """Log what differs from the last contact states."""
+    def set(self, contact: Contact, t: float, before: Values | None = None) -> None:
+        """Log what differs from the last contact states; slip starts at the values before."""
         new = np.where(contact.closed, contact.slip, OPEN).astype(np.int32)
         changed = np.flatnonzero(new != self.mode)
         if not changed.size:
             return
         now = contact.values()
-        was = self._active()
-        u_x = now.u_x.copy()
-        before = self.mode.copy()
+        before = now if before is None else before
+        was, old = self._active(), self.mode
         for i in changed:
-            if abs(self.mode[i]) != 1:
-                self.corner[i] = now.p[i] < self.p_corner
-            self.switch.append(
-                (self.step, i, self.mode[i], new[i], self.corner[i], t, u_x[i], now.p[i])
-            )
+            starts = abs(old[i]) != 1
+            u_x, _, _, p, _ = before if starts else now
+            if starts:
+                self.corner[i] = p[i] < self.p_corner
+            self.switch.append((self.step, i, old[i], new[i], self.corner[i], t, u_x[i], p[i]))
         self.mode = new
         if self._active() != was:
-            kind, mode = (-1, new) if was else (1, before)
-            self.quiet.append((self.step, t, kind, now.F_T, u_x, mode))
+            kind, mode, at = (-1, new, now) if was else (1, old, before)
+            self.quiet.append((self.step, t, kind, at.F_T, at.u_x.copy(), mode))
         self.step += 1
 
     def _active(self) -> bool:
@@ -223,9 +223,10 @@ class QuasistaticRun:
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
         """Let block i slip, and all that follows at this position of the driver."""
         contact, log, t = self.contact, self.log, self.t
-        u_x = contact.values().u_x.copy()
+        now = contact.values()
+        u_x = now.u_x
         contact.release(i, direction)
-        log.set(contact, t)
+        log.set(contact, t, now)
         for _ in range(SWEEPS * self.scene.N_x):
             if stop():
                 return
@@ -241,7 +242,7 @@ class QuasistaticRun:
                 contact.hold(j, u_x[j])
                 log.set(contact, t)
                 continue
-            u_x = now.u_x.copy()
+            u_x = now.u_x
             excess = np.where(contact.stuck, np.abs(now.f) - contact.mu_s * now.p, -np.inf)
             j = int(np.argmax(excess))
             if not excess[j] > tol:
@@ -250,7 +251,7 @@ class QuasistaticRun:
                 return
             contact.release(j, -int(np.sign(now.f[j])))
             self.releases += 1
-            log.set(contact, t)
+            log.set(contact, t, now)
         raise self._unsettled(SWEEPS * self.scene.N_x)
 
     def record(self, status: str, engine: str = "quasistatic", **columns: Any) -> Record:

@@ -179,9 +179,7 @@ def test_prediction_against_load_steps(name):
     drives = np.linspace(0, 1.02 * drive[-1], 160)
     F_T, first = LoadSteps(scene, scene.interface.mu_k).follow(run.initial.u_x, run.X_0 + drives)
     exact = np.interp(drives, drive, record.curve["F_T"])
-    # Reversals make the load steps inexact by the step; without them they are exact.
-    reversals = (record.episodes["direction"] != scene.d).any() or len(record.episodes) > scene.N_x
-    assert np.abs(F_T - exact).max() < (2e-3 if reversals else 1e-8) * scene.F_N
+    assert np.abs(F_T - exact).max() < 1e-11 * scene.F_N
     begin = record.episodes.groupby("i")["t_start"].min()
     for i, t in begin.items():
         X, step = run.X_0 + scene.driver.V * t, drives[1] - drives[0]

@@ -307,6 +307,24 @@ class StaticSolver:
         K = self._K + sp.diags_array(foundation) + self.scene.driver.K * (row.T @ row)
         return K.tocsr(), self._factor(contact, True), self._unknown(contact)
 
+    def rebase(self, state: Equilibrium) -> None:
+        """Take tangents at another state of rest (finite geometry): faster convergence near it."""
+        self._K = self._bond_stiffness(self._coordinates_of(state))
+        self._factors.clear()
+
+    @property
+    def u_drv0(self) -> float:
+        """u_x of the driven block at drive = 0 and F_T = 0, in m."""
+        return self._u_drv0
+
+    @functools.cached_property
+    def load(self) -> np.ndarray:
+        """Forces on the coordinates that do not depend on the state, shape (n_q,), in N."""
+        load = self._T_transposed @ self._load
+        if self.scene.rigid:
+            load[-2] -= self.scene.F_N
+        return load
+
     @functools.cached_property
     def driven_row(self) -> np.ndarray:
         """Derivatives of u_x of the driven block by the coordinates, shape (n_q,)."""

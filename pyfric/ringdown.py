@@ -34,14 +34,27 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 from pyfric.operators import damping, mass
 
 if TYPE_CHECKING:
-    from pyfric.equilibrium import Equilibrium, StaticSolver
+    from pyfric.equilibrium import StaticSolver
 
-__all__ = ["Frozen", "Motion", "first_crossing"]
+__all__ = ["Frozen", "Motion", "Rest", "first_crossing"]
 
 N_VALUES = 40
 """Eigenvalues that are computed, those of smallest modulus; two make an oscillating mode."""
+TINY = 1e-11
+"""Tension below this many F_N/N_x is rounding."""
 GRID = 64
 """Points at which margins are evaluated together."""
+
+
+class Rest(NamedTuple):
+    """A static state: coordinates, then forces on the interface (N), u_z (m), shape (N_x,)."""
+
+    q: np.ndarray
+    f: np.ndarray
+    tau: np.ndarray
+    p: np.ndarray
+    u_z: np.ndarray
+    F_T: float
 
 
 class Motion(NamedTuple):
@@ -73,10 +86,11 @@ class Frozen:
         N_x, k_f, mu_s, V = scene.N_x, scene.k_f, scene.interface.mu_s, scene.driver.V
         self.stuck, self.mu_s, self.k_f = stuck, mu_s, k_f
         K, factor, free = solver.tangent(stuck)
+        self.solver, self._factor, self._rows = solver, factor, K
         self.free, self.n_q = free, K.shape[0]
         C = damping(scene)
         self.K, self.C, self.M = K[free][:, free], C[free][:, free], mass(scene)[free]
-        push = scene.driver.K * scene.d * solver.driven_row
+        self.push = push = scene.driver.K * scene.d * solver.driven_row
         self.drift, self.lag = np.zeros(self.n_q), np.zeros(self.n_q)
         self.drift[free] = factor.solve(push[free])
         self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
@@ -132,10 +146,32 @@ class Frozen:
         one = (self.free == at).astype(float)
         return float(one @ factor.solve(one))
 
-    def margins(self, rest: Equilibrium) -> np.ndarray:
+    def rest(self, u_x: np.ndarray, drive: float) -> Rest | None:
+        """Return the static state in linear geometry, None if it has other open blocks.
+
+        Args:
+            u_x: of the bottom blocks, shape (N_x,), in m; not used where open.
+            drive: displacement of the driver since t = 0, in m.
+        """
+        scene, free = self.solver.scene, self.free
+        N_x, held = scene.N_x, np.flatnonzero(self.stuck)
+        load = self.solver.load + (drive + scene.d * self.solver.u_drv0) * self.push
+        q = np.zeros(self.n_q)
+        q[held] = u_x[held]
+        q[free] = self._factor.solve(load[free] - self._rows[free] @ q)
+        f = np.zeros(N_x)
+        f[held] = (self._rows[held] @ q) - load[held]
+        p = np.where(self.stuck, -self.k_f * q[N_x : 2 * N_x], 0.0)
+        F_T = scene.driver.K * (drive + scene.d * (self.solver.u_drv0 - self.solver.driven_row @ q))
+        rest = Rest(q, f, -scene.d * f, p, q[N_x : 2 * N_x], float(F_T))
+        tiny = TINY * scene.F_N / N_x
+        apart = (p[held] < -tiny).any() or (self.k_f * rest.u_z[~self.stuck] < -tiny).any()
+        return None if apart else rest
+
+    def margins(self, rest: Rest) -> np.ndarray:
         """Return the margins in a static state, shape (n_c,), in N."""
         load, f = self.mu_s * rest.p[self.stuck], rest.f[self.stuck]
-        return np.concatenate([load + f, load - f, self.k_f * rest.u[0, 1, ~self.stuck]])
+        return np.concatenate([load + f, load - f, self.k_f * rest.u_z[~self.stuck]])
 
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and remainder."""

@@ -21,7 +21,7 @@ import numpy as np
 from pyfric import core
 from pyfric.dynamic import Run
 from pyfric.equilibrium import EquilibriumError
-from pyfric.ringdown import Frozen, Rest, first_crossing
+from pyfric.ringdown import LARGE, Frozen, Rest, first_crossing
 from pyfric.state import OPEN, STUCK
 
 if TYPE_CHECKING:
@@ -49,7 +49,8 @@ class _Statics:
     def __init__(self, known: StaticSolver) -> None:
         self.known = known
         self._frozen: dict[bytes, Frozen] = {}
-        self._found: dict[tuple[bytes, float, bytes], Rest | Equilibrium] = {}
+        self._found: dict[tuple[bytes, float, bytes], tuple[Rest | Equilibrium, float]] = {}
+        self._latest: dict[tuple[bytes, bytes], tuple[Rest, float]] = {}
         self._last: Equilibrium | None = None
 
     def frozen(self, stuck: np.ndarray) -> Frozen:
@@ -57,16 +58,16 @@ class _Statics:
         key = stuck.tobytes()
         if key not in self._frozen:
             while len(self._frozen) >= KEPT:
-                del self._frozen[next(iter(self._frozen))]
-            self._frozen[key] = Frozen(self.known, stuck)
+                del self._frozen[next(k for k in self._frozen if 0 in k)]
+            closed = None
+            if self.known.geometry == "linear" and len(self.known.load) > LARGE and not stuck.all():
+                closed = self.frozen(np.ones_like(stuck))
+            self._frozen[key] = Frozen(self.known, stuck, closed)
         return self._frozen[key]
 
     def rest(self, u_x: np.ndarray, drive: float, open_: np.ndarray) -> Rest | None:
         """Return the static state, None if it has not exactly these open blocks."""
         key = u_x.tobytes(), float(drive), open_.tobytes()
-        found = self._found.get(key)
-        if isinstance(found, Rest):
-            return found
         if self.known.geometry == "linear":
             rest = self.frozen(~open_).rest(u_x, drive)
         else:
@@ -82,15 +83,18 @@ class _Statics:
             q = self.known.coordinates(state.u, state.rod)
             rest = Rest(q, state.f, state.tau, state.p, state.u[0, 1], state.F_T)
         if rest is not None:
-            self._found[key] = rest
+            self._found[key] = self._latest[key[0], key[2]] = rest._replace(q=None), drive
         return rest
 
     def solve(self, u_x: np.ndarray, drive: float, *, free: np.ndarray) -> Rest | Equilibrium:
         """Return the static state, for the catalogue."""
         key = u_x.tobytes(), float(drive), free.tobytes()
+        near = self._latest.get((key[0], key[2]))
+        if key not in self._found and near is not None and self.known.geometry == "linear":
+            self._found[key] = self.frozen(~free).driven(*near, drive), drive
         if key not in self._found and self.rest(u_x, drive, free) is None:
-            self._found[key] = self.known.solve(u_x, drive, free=free)
-        return self._found[key]
+            self._found[key] = self.known.solve(u_x, drive, free=free), drive
+        return self._found[key][0]
 
 
 class _Quiet(NamedTuple):

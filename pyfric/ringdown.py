@@ -34,6 +34,8 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 from pyfric.operators import damping, mass
 
 if TYPE_CHECKING:
+    from scipy.sparse.linalg import SuperLU
+
     from pyfric.equilibrium import StaticSolver
 
 __all__ = ["Frozen", "Motion", "Rest", "first_crossing"]
@@ -42,6 +44,10 @@ N_VALUES = 40
 """Eigenvalues that are computed, those of smallest modulus; two make an oscillating mode."""
 TINY = 1e-11
 """Tension below this many F_N/N_x is rounding."""
+LARGE = 20_000
+"""More free coordinates than this: states follow from the last one where few blocks moved."""
+FEW, MOST_COLUMNS = 6, 200
+"""Moved blocks that count as few, and responses to single blocks that are kept."""
 GRID = 64
 """Points at which margins are evaluated together."""
 
@@ -49,7 +55,7 @@ GRID = 64
 class Rest(NamedTuple):
     """A static state: coordinates, then forces on the interface (N), u_z (m), shape (N_x,)."""
 
-    q: np.ndarray
+    q: np.ndarray | None
     f: np.ndarray
     tau: np.ndarray
     p: np.ndarray
@@ -70,6 +76,9 @@ class Frozen:
     Args:
         solver: static states of the scene in its geometry.
         stuck: blocks that are held, shape (N_x,), bool; all others are open.
+        closed: the same slider with all blocks stuck. With it, blocks are opened by corrections of
+            low rank, without a factorisation, and modes are those of its modes together with the
+            static shapes that the opened blocks add: the way for large lattices.
 
     Attributes:
         rates: eigenvalues of the modes, one of each conjugate pair, shape (n,), in 1/s.
@@ -81,20 +90,31 @@ class Frozen:
         decay: rate at which the remainder decays at least, in 1/s.
     """
 
-    def __init__(self, solver: StaticSolver, stuck: np.ndarray) -> None:
+    def __init__(
+        self, solver: StaticSolver, stuck: np.ndarray, closed: Frozen | None = None
+    ) -> None:
         scene = solver.scene
         N_x, k_f, mu_s, V = scene.N_x, scene.k_f, scene.interface.mu_s, scene.driver.V
         self.stuck, self.mu_s, self.k_f = stuck, mu_s, k_f
-        K, factor, free = solver.tangent(stuck)
-        self.solver, self._factor, self._rows = solver, factor, K
+        self._columns: dict[int, np.ndarray] = {}
+        self._last: tuple[np.ndarray, float, np.ndarray] | None = None
+        if closed is None:
+            K, factor, free = solver.tangent(stuck)
+            C = damping(scene)
+        else:
+            factor = _Opened(closed, np.flatnonzero(~stuck))
+            K, free, C = factor.K, factor.free, closed._all_C
+        self.solver, self._factor, self._rows, self._all_C = solver, factor, K, C
         self.free, self.n_q = free, K.shape[0]
-        C = damping(scene)
         self.K, self.C, self.M = K[free][:, free], C[free][:, free], mass(scene)[free]
         self.push = push = scene.driver.K * scene.d * solver.driven_row
         self.drift, self.lag = np.zeros(self.n_q), np.zeros(self.n_q)
         self.drift[free] = factor.solve(push[free])
         self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
-        self._find_modes(factor)
+        if closed is None:
+            self._keep_modes(*self._find_modes(factor))
+        else:
+            self._keep_modes(*self._corrected_modes(closed, factor))
         cut = np.max(np.abs(self.rates), initial=0.0)
         self.decay = scene.eta * cut**2 / (4 * scene.slider.k)
 
@@ -117,8 +137,8 @@ class Frozen:
         self.force_modal, self.force_lag = row[free] @ self.phi, float(row @ self.lag)
         self.force_rate = scene.driver.K + float(row @ self.drift)
 
-    def _find_modes(self, factor) -> None:
-        """Find the eigenvalues of smallest modulus and their modes."""
+    def _find_modes(self, factor: SuperLU) -> tuple[np.ndarray, np.ndarray]:
+        """Return the eigenvalues of smallest modulus and their modes."""
         n, C, M = len(self.free), self.C, self.M
 
         def inverse(z: np.ndarray) -> np.ndarray:
@@ -134,15 +154,39 @@ class Frozen:
         except ArpackError:  # no modes: all is remainder
             found, vectors = np.zeros(0, complex), np.zeros((2 * n, 0), complex)
         one_of_pair = found.imag <= 0
-        self.rates = rates = 1 / found[one_of_pair]
-        self.phi = phi = vectors[:n, one_of_pair]
+        return 1 / found[one_of_pair], vectors[:n, one_of_pair]
+
+    def _corrected_modes(self, closed: Frozen, factor: _Opened) -> tuple[np.ndarray, np.ndarray]:
+        """Return the modes in the space of those of the closed slider and of static shapes."""
+        m = len(self.free) - len(closed.free)
+        basis = np.zeros((len(self.free), 2 * closed.phi.shape[1] + 2 * m))
+        n = closed.phi.shape[1]
+        basis[m:, :n], basis[m:, n : 2 * n] = closed.phi.real, closed.phi.imag
+        for k, at in enumerate((*range(m), *factor.z_at)):
+            one = np.zeros(len(self.free))
+            one[at] = 1.0
+            basis[:, 2 * n + k] = factor.solve(one)
+        basis, _ = np.linalg.qr(basis / np.linalg.norm(basis, axis=0))
+        K, C = basis.T @ (self.K @ basis), basis.T @ (self.C @ basis)
+        inverse = np.linalg.inv(basis.T @ (self.M[:, None] * basis))
+        size = len(K)
+        A = np.block([[np.zeros((size, size)), np.eye(size)], [-inverse @ K, -inverse @ C]])
+        found, vectors = np.linalg.eig(A)
+        slow = np.abs(found) <= np.max(np.abs(closed.rates), initial=0.0)
+        kept = slow & (found.imag >= 0)
+        return found[kept], basis @ vectors[:size, kept]
+
+    def _keep_modes(self, rates: np.ndarray, phi: np.ndarray) -> None:
+        """Store modes with what their amplitudes need."""
+        C, M = self.C, self.M
+        self.rates, self.phi = rates, phi
         self.weight = np.where(rates.imag > 0, 2.0, 1.0)
         momentum = M[:, None] * phi
         left = C @ phi + momentum * rates
         norm = np.sum(phi * (left + momentum * rates), axis=0)
         self._left, self._left_v = (left / norm).T, (momentum / norm).T
 
-    def _compliance(self, factor, at: int) -> float:
+    def _compliance(self, factor: SuperLU | _Opened, at: int) -> float:
         one = (self.free == at).astype(float)
         return float(one @ factor.solve(one))
 
@@ -156,9 +200,13 @@ class Frozen:
         scene, free = self.solver.scene, self.free
         N_x, held = scene.N_x, np.flatnonzero(self.stuck)
         load = self.solver.load + (drive + scene.d * self.solver.u_drv0) * self.push
-        q = np.zeros(self.n_q)
-        q[held] = u_x[held]
-        q[free] = self._factor.solve(load[free] - self._rows[free] @ q)
+        q = self._moved(u_x, drive)
+        if q is None:
+            q = np.zeros(self.n_q)
+            q[held] = u_x[held]
+            q[free] = self._factor.solve(load[free] - self._rows[free] @ q)
+        if len(free) > LARGE:
+            self._last = u_x.copy(), drive, q
         f = np.zeros(N_x)
         f[held] = (self._rows[held] @ q) - load[held]
         p = np.where(self.stuck, -self.k_f * q[N_x : 2 * N_x], 0.0)
@@ -167,6 +215,36 @@ class Frozen:
         tiny = TINY * scene.F_N / N_x
         apart = (p[held] < -tiny).any() or (self.k_f * rest.u_z[~self.stuck] < -tiny).any()
         return None if apart else rest
+
+    def driven(self, rest: Rest, drive: float, drive_now: float) -> Rest:
+        """Return a static state, without q, after the driver has moved on (linear geometry)."""
+        N_x, held = len(self.stuck), np.flatnonzero(self.stuck)
+        by = drive_now - drive
+        f = rest.f.copy()
+        f[held] += by * (self._rows[held] @ self.drift - self.push[held])
+        u_z = rest.u_z + by * self.drift[N_x : 2 * N_x]
+        p = np.where(self.stuck, -self.k_f * u_z, 0.0)
+        d = self.solver.scene.d
+        return Rest(None, f, -d * f, p, u_z, rest.F_T + by * self.force_rate)
+
+    def _moved(self, u_x: np.ndarray, drive: float) -> np.ndarray | None:
+        """Return q from the last state of a large lattice, if few blocks have moved since."""
+        if self._last is None:
+            return None
+        before, drive_before, q = self._last
+        moved = np.flatnonzero(self.stuck & (u_x != before))
+        if len(moved) > FEW:
+            return None
+        q = q + (drive - drive_before) * self.drift
+        for i in moved:
+            if i not in self._columns:
+                while len(self._columns) >= MOST_COLUMNS:
+                    del self._columns[next(iter(self._columns))]
+                side = self._rows[self.free][:, [i]].toarray()[:, 0]
+                self._columns[i] = -self._factor.solve(side)
+            q[self.free] += (u_x[i] - before[i]) * self._columns[i]
+            q[i] = u_x[i]
+        return q
 
     def margins(self, rest: Rest) -> np.ndarray:
         """Return the margins in a static state, shape (n_c,), in N."""
@@ -188,6 +266,51 @@ class Frozen:
         w[self.free] = (self.phi @ later).real
         v[self.free] = (self.phi @ (later * self.rates)).real
         return w, v
+
+
+class _Opened:
+    """Solves with some blocks opened, from the factorisation with all of them stuck.
+
+    Opening block i removes k_f from u_z and frees u_x. With y the coordinates that are free in both
+    cases, x the freed u_x and zeta the u_z of the opened blocks,
+
+        y = K^-1 (b + k_f E_z zeta - K_yx x),   zeta = E_z.y,   c = K_xy y + K_xx x .
+    """
+
+    def __init__(self, closed: Frozen, opened: np.ndarray) -> None:
+        N_x, k_f = len(closed.stuck), closed.k_f
+        rows = closed._rows
+        lift = np.zeros(rows.shape[0])
+        lift[opened + N_x] = -k_f
+        self.K = (rows + sp.diags_array(lift)).tocsr()
+        self.free = np.concatenate([opened, closed.free])
+        self._solve, self._m = closed._factor.solve, len(opened)
+        self._z = np.searchsorted(closed.free, opened + N_x)
+        self.z_at = self._z + len(opened)
+        self._K_xy, K_xx = rows[opened][:, closed.free], rows[opened][:, opened].toarray()
+        m = len(opened)
+        self._Y = np.empty((len(closed.free), 2 * m))
+        for k, i in enumerate(opened):
+            for column, key in ((k, i + N_x), (m + k, i)):
+                if key not in closed._columns:
+                    if key == i:
+                        side = -rows[closed.free][:, [i]].toarray()[:, 0]
+                    else:
+                        side = k_f * (closed.free == key)
+                    closed._columns[key] = self._solve(side)
+                self._Y[:, column] = closed._columns[key]
+        self._small = np.zeros((2 * m, 2 * m))
+        self._small[:m] = -self._Y[self._z]
+        self._small[:m, :m] += np.eye(m)
+        self._small[m:] = self._K_xy @ self._Y
+        self._small[m:, m:] += K_xx
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return the displacements under forces on the free coordinates."""
+        m = self._m
+        y = self._solve(b[m:])
+        theta = np.linalg.solve(self._small, np.concatenate([y[self._z], b[:m] - self._K_xy @ y]))
+        return np.concatenate([theta[m:], y + self._Y @ theta])
 
 
 def first_crossing(

@@ -40,11 +40,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Frozen", "Motion", "Rest", "first_crossing"]
 
-N_VALUES = 40
+N_VALUES, N_VALUES_LARGE = 40, 24
 """Eigenvalues that are computed, those of smallest modulus; two make an oscillating mode."""
 TINY = 1e-11
 """Tension below this many F_N/N_x is rounding."""
-LARGE = 20_000
+LARGE = 10_000
 """More free coordinates than this: states follow from the last one where few blocks moved."""
 FEW, MOST_COLUMNS = 6, 200
 """Moved blocks that count as few, and responses to single blocks that are kept."""
@@ -146,10 +146,10 @@ class Frozen:
 
         operator = LinearOperator((2 * n, 2 * n), inverse, dtype=float)
         start = np.concatenate([self.drift[self.free], np.zeros(n)])
-        count = min(N_VALUES, 2 * n - 2)
+        count = min(N_VALUES if n <= LARGE else N_VALUES_LARGE, 2 * n - 2)
         try:
             found, vectors = eigs(
-                operator, count, which="LM", v0=start + 1e-3 * np.abs(start).max()
+                operator, count, which="LM", v0=start + 1e-3 * np.abs(start).max(), tol=1e-10
             )
         except ArpackError:  # no modes: all is remainder
             found, vectors = np.zeros(0, complex), np.zeros((2 * n, 0), complex)

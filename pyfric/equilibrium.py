@@ -30,6 +30,7 @@ Source: PRL 107, 074301 (2011).
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import warnings
 from dataclasses import dataclass
@@ -39,6 +40,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
+from pyfric.banded import BandedCholesky
 from pyfric.operators import (
     Geometry,
     bonds,
@@ -64,8 +66,8 @@ CONTACT_TOL = 1e-11
 """Violations of contact or friction conditions below this many F_N/N_x are rounding."""
 TIE = 1e-9
 """Excess forces closer than this many F_N/N_x are equal, so that symmetric scenes stay so."""
-KEPT = 12
-"""Number of factorisations a solver keeps."""
+KEPT, LARGE = 12, 10_000
+"""Number of factorisations a solver keeps; with more unknowns than `LARGE` it keeps one."""
 
 
 class EquilibriumError(RuntimeError):
@@ -385,6 +387,9 @@ class StaticSolver:
         unknown = self._unknown(contact)
         options = {} if contact.slip.any() else {"SymmetricMode": True}
         try:
+            if not contact.slip.any():
+                with contextlib.suppress(np.linalg.LinAlgError):  # not positive definite
+                    return BandedCholesky(K[unknown][:, unknown], *self._banded(unknown))
             return splu(K[unknown][:, unknown].tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
         except RuntimeError as error:
             raise EquilibriumError("the slider is not supported", np.nan, self._limit, 0) from error
@@ -396,10 +401,18 @@ class StaticSolver:
         """Return the factorisation at the reference state, from the store if it is there."""
         key = (driven, contact.key)
         if key not in self._factors:
-            while len(self._factors) >= KEPT:
+            while len(self._factors) >= (KEPT if len(self._arm) <= LARGE else 1):
                 del self._factors[next(iter(self._factors))]
             self._factors[key] = self._factorised(self._K, contact, driven)
         return self._factors[key]
+
+    def _banded(self, unknown: np.ndarray) -> tuple[np.ndarray, int]:
+        """Return the order of unknowns that makes the narrowest band, rod last; size of the rod."""
+        scene, n_rod = self.scene, 3 if self.scene.rigid else 0
+        row, i = np.divmod(unknown[: len(unknown) - n_rod], scene.N_x)
+        tall = scene.N_z > scene.N_x
+        order = np.argsort(unknown[: len(unknown) - n_rod] if tall else i * (2 * scene.N_z) + row)
+        return np.append(order, np.arange(len(order), len(unknown))), n_rod
 
     def _unknown(self, contact: _Contact) -> np.ndarray:
         """Return the indices of the coordinates that are not held."""

@@ -20,8 +20,8 @@ import numpy as np
 
 from pyfric import core
 from pyfric.dynamic import Run
-from pyfric.equilibrium import EquilibriumError
-from pyfric.ringdown import LARGE, Frozen, Rest, first_crossing
+from pyfric.equilibrium import LARGE, EquilibriumError
+from pyfric.ringdown import Frozen, Rest, first_crossing
 from pyfric.state import OPEN, STUCK
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class _Statics:
         """Return the slider with these blocks held and all others open."""
         key = stuck.tobytes()
         if key not in self._frozen:
-            while len(self._frozen) >= KEPT:
+            while len(self._frozen) >= (KEPT if len(self.known.load) <= LARGE else 2):
                 del self._frozen[next(k for k in self._frozen if 0 in k)]
             closed = None
             if self.known.geometry == "linear" and len(self.known.load) > LARGE and not stuck.all():

@@ -31,6 +31,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
+from pyfric.equilibrium import LARGE
 from pyfric.operators import damping, mass
 
 if TYPE_CHECKING:
@@ -44,10 +45,9 @@ N_VALUES, N_VALUES_LARGE = 40, 24
 """Eigenvalues that are computed, those of smallest modulus; two make an oscillating mode."""
 TINY = 1e-11
 """Tension below this many F_N/N_x is rounding."""
-LARGE = 10_000
-"""More free coordinates than this: states follow from the last one where few blocks moved."""
 FEW, MOST_COLUMNS = 6, 200
-"""Moved blocks that count as few, and responses to single blocks that are kept."""
+"""On lattices of more than `LARGE` unknowns a state follows from the last one where few blocks
+moved since; the responses to single blocks are kept."""
 GRID = 64
 """Points at which margins are evaluated together."""
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+from scipy.linalg.lapack import dposv, dpotrf
 
 from pyfric.condensation import condense
 from pyfric.equilibrium import EquilibriumError, loaded_state
@@ -31,6 +31,10 @@ __all__ = ["Contact", "Interface", "Statics", "Values"]
 
 CONTACT_TOL = 1e-11
 """Violations of contact or friction conditions below this many F_N/N_x are rounding."""
+ROUNDING = 2.0**-48
+"""Errors of forces, over stiffness times displacement."""
+RATE_TOL = 1e-11
+"""Rates of forces below this share of stiffness times rate of displacement are rounding."""
 LEAST = 1e-6
 """A block with less load than this many F_N/N_x does not stick."""
 
@@ -122,18 +126,28 @@ class Statics:
     def solve(self, u_x_bottom: np.ndarray, drive: float, *, free: np.ndarray) -> Static:
         """Return the equilibrium with u_x held except where free (open).
 
+        Free blocks that touch the foundation have no friction. Held ones that lift off are freed;
+        where they come down again, they are held again, unless they lift off a second time.
+
         Raises:
             EquilibriumError: the set of open blocks does not settle.
         """
-        contact = Contact(self.interface, u_x_bottom, self.X_0 + drive, ~free)
-        for _ in range(4 * contact.N_x + 20):
+        given = np.where(free, 0.0, u_x_bottom)
+        contact = Contact(self.interface, given, self.X_0 + drive, ~free)
+        contact.mu_k = 0.0
+        loose, lifted = free.copy(), np.zeros_like(free)
+        for _ in range(8 * contact.N_x + 20):
             now = contact.values()
-            wrong = contact.wrong_side(now)
-            if wrong is None:
+            i = contact.wrong_side(now)
+            if i is None:
                 return Static(now.F_T, -self.interface.scene.d * now.f, now.p)
             closed = contact.closed.copy()
-            closed[wrong] ^= True
-            contact.set_closed(closed)
+            closed[i] ^= True
+            if not closed[i] and not loose[i]:
+                loose[i], lifted[i] = lifted[i], True
+            contact.closed, contact.slip = closed, (closed & loose).astype(np.int8)
+            contact.column[:-2] = given
+            contact.renew()
         raise EquilibriumError("the set of open blocks does not settle", np.nan, contact.tol, 0)
 
 
@@ -144,6 +158,7 @@ class Contact:
         slip: direction of the blocks that slip, 0 elsewhere, shape (N_x,), int8.
         closed: blocks that touch the foundation, shape (N_x,), bool.
         X: position of the driver, in m.
+        tol: violations of contact or friction conditions below it are rounding, in N.
         ambiguous: releases after which a block yields to a force by moving against it, or not at
             all: the solution need not be the only one.
     """
@@ -152,13 +167,13 @@ class Contact:
         self.interface, scene = interface, interface.scene
         self.N_x, self.k_f = scene.N_x, scene.k_f
         self.mu_s, self.mu_k = scene.interface.mu_s, scene.interface.mu_k
-        self.tol, self.least = CONTACT_TOL * interface.unit, LEAST * interface.unit
+        self.k, self.K, self.least = scene.slider.k, scene.driver.K, LEAST * interface.unit
         self.slip = np.zeros(self.N_x, dtype=np.int8)
         self.closed = np.array(closed, dtype=bool)
         self.free = np.zeros(self.N_x, dtype=bool)
         self.ambiguous = 0
         self.column = np.concatenate([u_x, [X, 1.0]])
-        self._renew()
+        self.renew()
 
     @property
     def X(self) -> float:
@@ -175,29 +190,31 @@ class Contact:
 
     def wrong_side(self, now: Values) -> int | None:
         """Return the block that is deepest on the wrong side of the foundation, None for none."""
-        depth = self.k_f * np.where(self.closed, now.u_z, -now.u_z)
+        depth = np.where(self.closed, self.k_f * now.u_z, -min(self.k, self.k_f) * now.u_z)
         i = int(np.argmax(depth))
         return i if depth[i] > self.tol else None
 
     def next_change(self) -> tuple[float, int, int]:
         """Return where the next contact state changes as X grows.
 
+        A rate that may be nothing but rounding changes nothing.
+
         Returns:
             X (inf for nowhere), the block, and what it does: +1 or -1 slips that way, 0 opens or
             closes, 2 has load again and sticks.
         """
         now, rate, stuck = self.values(), self.rates(), self.stuck
-        mu_s, closed = self.mu_s, self.closed
+        mu_s, closed, small = self.mu_s, self.closed, self.small_rate(rate)
         best = np.inf, 0, 0
         light = closed & ~stuck & (now.p <= 2 * self.least)
         for what, level, slope, which in (
             (+1, mu_s * now.p + now.f, mu_s * rate.p + rate.f, stuck),
             (-1, mu_s * now.p - now.f, mu_s * rate.p - rate.f, stuck),
             (0, now.p, rate.p, closed),
-            (0, now.u_z, rate.u_z, ~closed),
+            (0, self.k * now.u_z, self.k * rate.u_z, ~closed),
             (2, 2 * self.least - now.p, -rate.p, light),
         ):
-            falls = which & (slope < 0)
+            falls = which & (slope < -small)
             if falls.any():
                 ahead = np.full(self.N_x, np.inf)
                 np.divide(np.maximum(level, 0.0), -slope, out=ahead, where=falls)
@@ -205,6 +222,19 @@ class Contact:
                 if self.X + ahead[i] < best[0]:
                     best = self.X + float(ahead[i]), i, what
         return best
+
+    def small_rate(self, rate: Values) -> float:
+        """Return the rate of a force that may be nothing but rounding, in N/m."""
+        moves = float(np.abs(rate.u_x).max())
+        return RATE_TOL * (self.k * moves + min(self.k, self.K))
+
+    def definite(self) -> bool:
+        """Return whether the slip operator is positive definite: the solution is then unique."""
+        i = np.flatnonzero(self.slip)
+        if not i.size:
+            return True
+        inverse = self.table[np.ix_(i, i)]
+        return dpotrf(inverse + inverse.T)[1] == 0
 
     def _exchange(self, i: int) -> None:
         """Free a held block, on which the force is then given, or hold a free one where it is."""
@@ -246,7 +276,7 @@ class Contact:
         now = self.values()
         self.column[: self.N_x] = now.u_x
         self.slip[now.p > self.least] = 0
-        self._renew()
+        self.renew()
 
     def set_closed(self, closed: np.ndarray) -> None:
         """Open and close blocks; blocks that close are held where they are, others stay."""
@@ -254,11 +284,13 @@ class Contact:
         self.closed = closed.copy()
         self.slip[~closed] = 0
         self.column[: self.N_x] = u_x
-        self._renew()
+        self.renew()
 
-    def _renew(self) -> None:
+    def renew(self) -> None:
         """Start from the table with all blocks held, and free those that are not stuck at once."""
         N_x = self.N_x
+        largest = max(self.k * np.abs(self.column[:N_x]).max(), min(self.k, self.K) * abs(self.X))
+        self.tol = CONTACT_TOL * self.interface.unit + ROUNDING * float(largest)
         self.table = table = self.interface.base(self.closed).copy()
         self.free = (self.slip != 0) | ~self.closed
         free = np.flatnonzero(self.free)

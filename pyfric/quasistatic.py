@@ -6,9 +6,10 @@ carry mu_k p, those that stick stay below mu_s p. The block with the largest |f|
 released, one at a time; one that would move back sticks again where it was; at the end all stick.
 What is left out: the overshoot of moving blocks, and with it a part of the length of an event.
 
-`prediction_curve` is the case mu_s = mu_k = mu, in which slip grows continuously. It is followed
-exactly from one change of contact state to the next; in between all quantities are linear. Which of
-the blocks at their threshold slip, and which stick, follows from the signs of the rates.
+For mu_s = mu_k slip grows continuously. It is followed exactly from one change of contact state to
+the next; in between all quantities are linear. Which of the blocks at their threshold slip, and
+which stick, follows from the signs of the rates. `prediction_curve` is this case, for any scene. A
+ladder whose mu_s - mu_k is next to nothing takes the same way, because its events would be endless.
 
 Source: PRL 107, 074301 (2011), prediction of the arrest lengths with mu_s = mu_k.
 """
@@ -36,12 +37,16 @@ from pyfric.units import check_number
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pyfric.complementarity import Values
     from pyfric.scene import Scene
 
 __all__ = ["QuasistaticRun", "prediction_curve", "simulate"]
 
 SWEEPS = 60
 """Most changes of contact state within one event or at one position of the driver, over N_x."""
+
+GRADUAL = 0.01
+"""With mu_s - mu_k up to this many mu_s, slip is continuous, at mu_s."""
 
 
 class _Log:
@@ -55,26 +60,25 @@ class _Log:
         self.corner = np.zeros(scene.N_x, dtype=bool)
         self.step = 0
 
-    def set(self, contact: Contact, t: float) -> None:
-        """Log what differs from the last contact states."""
+    def set(self, contact: Contact, t: float, before: Values | None = None) -> None:
+        """Log what differs from the last contact states; slip starts at the values before."""
         new = np.where(contact.closed, contact.slip, OPEN).astype(np.int32)
         changed = np.flatnonzero(new != self.mode)
         if not changed.size:
             return
         now = contact.values()
-        was = self._active()
-        u_x = now.u_x.copy()
-        before = self.mode.copy()
+        before = now if before is None else before
+        was, old = self._active(), self.mode
         for i in changed:
-            if abs(self.mode[i]) != 1:
-                self.corner[i] = now.p[i] < self.p_corner
-            self.switch.append(
-                (self.step, i, self.mode[i], new[i], self.corner[i], t, u_x[i], now.p[i])
-            )
+            starts = abs(old[i]) != 1
+            u_x, _, _, p, _ = before if starts else now
+            if starts:
+                self.corner[i] = p[i] < self.p_corner
+            self.switch.append((self.step, i, old[i], new[i], self.corner[i], t, u_x[i], p[i]))
         self.mode = new
         if self._active() != was:
-            kind, mode = (-1, new) if was else (1, before)
-            self.quiet.append((self.step, t, kind, now.F_T, u_x, mode))
+            kind, mode, at = (-1, new, now) if was else (1, old, before)
+            self.quiet.append((self.step, t, kind, at.F_T, at.u_x.copy(), mode))
         self.step += 1
 
     def _active(self) -> bool:
@@ -116,6 +120,7 @@ class QuasistaticRun:
         self.log.mode[~self.contact.closed] = OPEN
         self.rows: list[tuple[float, float]] = []
         self.events = self.releases = 0
+        self.notes: tuple[str, ...] = ()
         self.timings = {"set-up": time.perf_counter() - start}
         self.initial = self.contact.values()
 
@@ -134,12 +139,29 @@ class QuasistaticRun:
             EquilibriumError: an event does not settle.
         """
         start = time.perf_counter()
-        contact, X_end = self.contact, self.X_0 + self.scene.driver.V * t_end
+        V, mu_s, mu_k = self.scene.driver.V, self.contact.mu_s, self.contact.mu_k
         self.sample()
+        if not V:
+            self.rows.append((t_end, self.rows[-1][1]))
+        else:
+            gradual = mu_s - mu_k <= GRADUAL * mu_s
+            (self.grow if gradual else self._climb)(self.X_0 + V * t_end, stop, show)
+            if not stop():
+                self.contact.X = self.X_0 + V * t_end
+                self.rows.append((t_end, self.contact.values().F_T))
+        self.timings["events"] = time.perf_counter() - start
+        return not stop()
+
+    def _climb(self, X_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
+        """Follow the ladder of events until the driver is at X_end."""
+        contact, here, changes = self.contact, -math.inf, 0
         while not stop():
             X, i, what = contact.next_change()
             if not X <= X_end:
-                break
+                return
+            here, changes = (here, changes + 1) if X <= here else (X, 0)
+            if changes > SWEEPS * self.scene.N_x:
+                raise self._unsettled(changes)
             contact.X = X
             self.sample()
             if what == 0:
@@ -148,18 +170,48 @@ class QuasistaticRun:
                 contact.hold(i)
                 self.log.set(contact, self.t)
             else:
-                self._event(i, what)
+                self._event(i, what, stop)
                 self.events += 1
             self.sample()
             show(self.t, self.rows[-1][1], self.events)
-        done = not stop()
-        if done and self.scene.driver.V:
-            contact.X = X_end
-            self.rows.append((t_end, contact.values().F_T))
-        elif done:
-            self.rows.append((t_end, self.rows[-1][1]))
-        self.timings["events"] = time.perf_counter() - start
-        return done
+
+    def grow(self, X_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
+        """Follow continuous slip, mu_k = mu_s, until the driver is at X_end or nothing changes.
+
+        Raises:
+            EquilibriumError: stick and slip do not settle, or slip does not stop growing.
+        """
+        contact, mu_s = self.contact, self.contact.mu_s
+        if contact.mu_k < mu_s:
+            self.notes += (
+                f"mu_s - mu_k = {mu_s - contact.mu_k:.3g} is next to nothing: "
+                f"slip is continuous, at mu_s = {mu_s:g}",
+            )
+            contact.mu_k = mu_s
+        for _ in range(SWEEPS * self.scene.N_x):
+            _settle_rates(contact)
+            self.log.set(contact, self.t)
+            self.events = sum(row[2] > 0 for row in self.log.quiet)
+            self.sample()
+            show(self.t, self.rows[-1][1], self.events)
+            if stop() or not contact.stuck.any():
+                return
+            X, i, what = contact.next_change()
+            if not X <= X_end or X == np.inf:
+                return
+            contact.X = X
+            if what == 0:
+                closed = contact.closed.copy()
+                closed[i] ^= True
+                contact.set_closed(closed)
+            elif what != 2:
+                contact.release(i, what)
+        what = "the growth of the slipping zone does not end"
+        raise EquilibriumError(what, np.nan, contact.tol, SWEEPS * self.scene.N_x)
+
+    def _unsettled(self, changes: int) -> EquilibriumError:
+        what = f"the quasi-static event at t = {self.t:.6g} s does not settle"
+        return EquilibriumError(what, np.nan, self.contact.tol, changes)
 
     def _flip(self, contact: Contact, i: int) -> None:
         """Open a closed block or close an open one."""
@@ -168,26 +220,29 @@ class QuasistaticRun:
         contact.set_closed(closed)
         self.log.set(contact, self.t)
 
-    def _event(self, i: int, direction: int) -> None:
+    def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
         """Let block i slip, and all that follows at this position of the driver."""
         contact, log, t = self.contact, self.log, self.t
-        tol = 10 * contact.tol
-        u_x = contact.values().u_x.copy()
+        now = contact.values()
+        u_x = now.u_x
         contact.release(i, direction)
-        log.set(contact, t)
+        log.set(contact, t, now)
         for _ in range(SWEEPS * self.scene.N_x):
+            if stop():
+                return
+            tol = 10 * contact.tol
             now = contact.values()
             wrong = contact.wrong_side(now)
             if wrong is not None:
                 self._flip(contact, wrong)
                 continue
-            move = contact.slip * (now.u_x - u_x) * contact.k_f
+            move = contact.slip * (now.u_x - u_x) * contact.k
             j = int(np.argmin(move))
             if move[j] < -tol:
                 contact.hold(j, u_x[j])
                 log.set(contact, t)
                 continue
-            u_x = now.u_x.copy()
+            u_x = now.u_x
             excess = np.where(contact.stuck, np.abs(now.f) - contact.mu_s * now.p, -np.inf)
             j = int(np.argmax(excess))
             if not excess[j] > tol:
@@ -196,9 +251,8 @@ class QuasistaticRun:
                 return
             contact.release(j, -int(np.sign(now.f[j])))
             self.releases += 1
-            log.set(contact, t)
-        what = f"the quasi-static event at t = {t:.6g} s does not settle"
-        raise EquilibriumError(what, np.nan, tol, SWEEPS * self.scene.N_x)
+            log.set(contact, t, now)
+        raise self._unsettled(SWEEPS * self.scene.N_x)
 
     def record(self, status: str, engine: str = "quasistatic", **columns: Any) -> Record:
         """Return what was done so far."""
@@ -227,6 +281,7 @@ class QuasistaticRun:
             versions=versions(),
             timings=self.timings | {"catalogue": time.perf_counter() - start},
             counts={"releases": self.releases, "block_evaluations": 0},
+            notes=self.notes,
             status=status,
         )
 
@@ -293,42 +348,24 @@ def prediction_curve(scene: Scene, mu: float | None = None) -> Record:
     )
     run = QuasistaticRun(scene)
     start = time.perf_counter()
-    contact, log = run.contact, run.log
+    contact, order = run.contact, np.argsort(scene.n_of_i)
     slipped = np.zeros(scene.N_x, dtype=bool)
     reached: list[float] = []
-    order = np.argsort(scene.n_of_i)
 
-    def note() -> None:
-        run.sample()
+    def note(*_: Any) -> None:
+        nonlocal slipped
+        slipped |= contact.slip != 0
         over = (slipped | ~contact.closed)[order]
         length = scene.N_x if over.all() else int(np.argmin(over))
         reached.append(length / scene.N_x)
 
+    run.sample()
     note()
-    for _ in range(SWEEPS * scene.N_x):
-        _settle_rates(contact)
-        log.set(contact, run.t)
-        slipped |= contact.slip != 0
-        note()
-        if not contact.stuck.any():
-            break
-        X, i, what = contact.next_change()
-        if not np.isfinite(X):
-            break
-        contact.X = X
-        if what == 0:
-            closed = contact.closed.copy()
-            closed[i] ^= True
-            contact.set_closed(closed)
-        elif what != 2:
-            contact.release(i, what)
-    else:
-        what = "the growth of the slipping zone does not end"
-        raise EquilibriumError(what, np.nan, contact.tol, SWEEPS * scene.N_x)
-    if contact.ambiguous:
+    run.grow(np.inf, lambda: False, note)
+    if contact.ambiguous or not contact.definite():
         warnings.warn(
-            f"mu = {mu:g}: the slip operator is not positive definite in {contact.ambiguous} of "
-            "the states passed, so that the solution may not be the only one",
+            f"mu = {mu:g}: the slip operator is not positive definite in some of the states "
+            "passed, so that the solution may not be the only one",
             RuntimeWarning,
             stacklevel=2,
         )
@@ -346,11 +383,11 @@ def _settle_rates(contact: Contact) -> None:
     N_x = contact.N_x
     for sweep in range(SWEEPS * N_x):
         now, rate = contact.values(), contact.rates()
-        back = -contact.slip * rate.u_x * contact.k_f
+        back = -contact.slip * rate.u_x * contact.k
         at = contact.stuck & (contact.mu_s * now.p - np.abs(now.f) <= 1e3 * contact.tol)
         over = np.where(at, np.sign(now.f) * rate.f - contact.mu_s * rate.p, 0.0)
         worst = np.maximum(back, over)
-        small = 1e-9 * contact.k_f
+        small = 100 * contact.small_rate(rate)
         if not worst.max() > small:
             return
         i = int(np.argmax(worst > small if sweep > 4 * N_x else worst))

@@ -1,0 +1,160 @@
+"""The slider condensed onto its interface, against the full matrix and the static solver."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import spsolve
+
+from pyfric.condensation import condense
+from pyfric.equilibrium import EquilibriumError, StaticSolver
+from pyfric.operators import coordinates, driven_dof, stiffness
+from pyfric.scene import Scene, chain, preset, setup1, setup2
+
+
+def small_rod(**changes) -> Scene:
+    """Setup 1 with 13 x 7 blocks."""
+    return setup1(**{"L": 0.03, "H": 0.015} | changes)
+
+
+def small_free(**changes) -> Scene:
+    """Setup 2 with 21 x 7 blocks."""
+    return setup2(**{"L": 0.02, "H": 6e-3} | changes)
+
+
+def small_chain(**changes) -> Scene:
+    N = 9
+    tau = tuple(3.0 * np.cos(np.arange(N)))
+    return chain(**{"L": 0.02, "p": tuple(20.0 + np.arange(N)), "tau": tau, "k_top": 2e6} | changes)
+
+
+ROWS = [small_rod(h=j * 2.5e-3) for j in range(1, 7)]
+ROWS += [small_free(h=j * 1e-3, theta=0.4) for j in (1, 3, 6)]
+FLAT = [setup1(L=0.01, H=2.5e-3, h=2.5e-3), setup2(L=4e-3, H=1e-3, h=1e-3, theta=-1.0)]
+CHAINS = [small_chain(), small_chain(k_top=0.0), chain(L=5e-3)]
+ODD = [small_rod(k_f=1.0), small_rod(mattress=0.0), small_rod(K=1e-3), small_free(K=1e13)]
+ODD += [setup2(L=2e-3, H=8e-3, h=8e-3), setup1(L=5e-3, H=0.04, h=0.04)]
+SCENES = [
+    dataclasses.replace(one, driver=dataclasses.replace(one.driver, side=side))
+    for one in [*ROWS, *FLAT, *CHAINS, *ODD]
+    for side in ("left", "right")
+]
+
+
+def name(scene: Scene) -> str:
+    return f"{scene.name}-{scene.N_x}x{scene.N_z}-{scene.j_h}-{scene.driver.side}"
+
+
+def full(scene: Scene, v: np.ndarray, X: float) -> tuple[np.ndarray, float]:
+    """Forces the interface has to carry and F_T, from one sparse solve for all other unknowns."""
+    N_x, n = scene.N_x, 2 * scene.N_x * scene.N_z
+    K = stiffness(scene, closed=np.zeros(N_x, dtype=bool)).tocsc()
+    load = np.zeros(n)
+    if not scene.rigid:
+        load[n - N_x :] = -scene.load
+        load[n - 2 * N_x : n - N_x] = scene.shear
+    load[driven_dof(scene)] += scene.driver.K * scene.d * X
+    T = coordinates(scene)
+    load = T.T @ load
+    if scene.rigid:
+        load[-2] -= scene.F_N
+    b, q = 2 * N_x, np.zeros(len(load))
+    q[:b] = v
+    if len(q) > b:
+        q[b:] = spsolve(K[b:, b:], load[b:] - K[b:, :b] @ v)
+    F_T = scene.driver.K * (X - scene.d * (T @ q)[driven_dof(scene)])
+    return (K @ q - load)[:b], F_T
+
+
+def states(scene: Scene, seed: int):
+    """Random interfaces and drivers, of the size F_N gives them."""
+    rng, N_x = np.random.default_rng(seed), scene.N_x
+    size = scene.F_N / N_x / scene.slider.k
+    for scale in (0.0, 1.0, 100.0):
+        v = scale * size * rng.standard_normal(2 * N_x)
+        yield v, scale * size * rng.standard_normal()
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=name)
+def test_forces_are_those_of_the_full_matrix(scene):
+    slider = condense(scene)
+    for v, X in states(scene, 1):
+        forces, F_T = full(scene, v, X)
+        pull = scene.driver.K * max(abs(X), np.abs(v).max())
+        scale = max(np.abs(forces).max(), scene.F_N / scene.N_x)
+        here = slider.S @ v - slider.g_0 - slider.g_1 * X
+        np.testing.assert_allclose(here, forces, rtol=0, atol=1e-12 * max(scale, pull))
+        assert slider.F_T(v, X) == pytest.approx(F_T, rel=0, abs=1e-12 * max(scale, pull))
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=name)
+def test_the_potential_is_symmetric(scene):
+    """S = S^T; the driver pushes the interface as the interface pushes the driver."""
+    slider, N_x = condense(scene), scene.N_x
+    np.testing.assert_allclose(slider.S, slider.S.T, rtol=0, atol=1e-14 * np.abs(slider.S).max())
+    zero = np.zeros(2 * N_x)
+    at_0, F_0 = full(scene, zero, 0.0)
+    stiff = max(scene.slider.k, min(scene.driver.K, 1e10))
+    X = scene.F_N / stiff
+    at_X, F_X = full(scene, zero, X)
+    accuracy = 1e-10 * max(stiff, scene.driver.K)
+    np.testing.assert_allclose(slider.g_1, (at_0 - at_X) / X, rtol=0, atol=accuracy)
+    assert slider.c_2 == pytest.approx((F_X - F_0) / X, abs=accuracy)
+    for i in (0, N_x - 1, N_x, 2 * N_x - 1):
+        v = zero.copy()
+        v[i] = X
+        change = (full(scene, v, 0.0)[1] - F_0) / X
+        assert -slider.g_1[i] == pytest.approx(change, abs=accuracy)
+
+    def U(v, X):
+        quadratic = v @ slider.S @ v / 2 + slider.c_2 * X**2 / 2
+        return quadratic - v @ (slider.g_0 + slider.g_1 * X) + slider.c_1 * X
+
+    v, X = next(s for s in states(scene, 2) if s[1])
+    slope = (U(v, X * 1.5) - U(v, X * 0.5)) / X  # exact: U is quadratic
+    size = max(abs(slider.F_T(v, X)), scene.driver.K * abs(X), scene.F_N)
+    assert slope == pytest.approx(slider.F_T(v, X), abs=1e-9 * size)
+
+
+@pytest.mark.parametrize("scene", [*ROWS, *FLAT, small_chain(), chain()], ids=name)
+def test_states_are_those_of_the_static_solver(scene):
+    solver, slider = StaticSolver(scene, "linear"), condense(scene)
+    rng, size = np.random.default_rng(3), scene.F_N / scene.N_x / scene.slider.k
+    for _ in range(3):
+        drive = 0.1 * scene.F_N / scene.driver.K * rng.random()
+        u_x = solver.loaded.u[0, 0] + 0.1 * size * rng.standard_normal(scene.N_x)
+        state = solver.solve(u_x, drive)
+        v = np.concatenate(state.u[0])
+        X = drive + scene.d * state.u_drv0
+        forces = slider.S @ v - slider.g_0 - slider.g_1 * X
+        scale = 1e-12 * scene.F_N
+        np.testing.assert_allclose(forces, [*state.f, *state.p], rtol=0, atol=scale)
+        assert slider.F_T(v, X) == pytest.approx(state.F_T, rel=0, abs=scale)
+
+
+@pytest.mark.parametrize("name", ["fig1", "setup2+"])
+def test_the_papers_lattices(name):
+    scene = preset(name)
+    slider = condense(scene)
+    v, X = list(states(scene, 4))[1]
+    forces, F_T = full(scene, v, X)
+    here = slider.S @ v - slider.g_0 - slider.g_1 * X
+    np.testing.assert_allclose(here, forces, rtol=0, atol=1e-12 * np.abs(forces).max())
+    assert slider.F_T(v, X) == pytest.approx(F_T, rel=1e-11)
+
+
+def test_doubling_all_forces_doubles_all_loads():
+    one, two = condense(small_rod(F_N=1750.0)), condense(small_rod(F_N=3500.0))
+    np.testing.assert_array_equal(one.S, two.S)
+    np.testing.assert_array_equal(one.g_1, two.g_1)
+    np.testing.assert_array_equal(2 * one.g_0, two.g_0)
+    assert 2 * one.c_1 == two.c_1
+
+
+def test_a_slider_without_support_is_refused(monkeypatch):
+    scene = small_rod()
+    broken = stiffness(scene, closed=np.zeros(scene.N_x, dtype=bool)).tolil()
+    broken[-1, -1] = -1.0
+    monkeypatch.setattr("pyfric.condensation.stiffness", lambda *_, **__: broken.tocsr())
+    with pytest.raises(EquilibriumError, match="not supported"):
+        condense(scene)

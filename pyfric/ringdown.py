@@ -42,6 +42,8 @@ N_VALUES = 40
 """Eigenvalues that are computed, those of smallest modulus; two make an oscillating mode."""
 TINY = 1e-11
 """Tension below this many F_N/N_x is rounding."""
+MAX_ITER = 100
+"""Most restarts of ARPACK; few are needed."""
 GRID = 64
 """Points at which margins are evaluated together."""
 
@@ -120,21 +122,26 @@ class Frozen:
     def _find_modes(self, factor) -> None:
         """Find the eigenvalues of smallest modulus and their modes."""
         n, C, M = len(self.free), self.C, self.M
+        start = self.drift[self.free]
+        inertia = float(start @ (M * start))
+        # Rates are counted in units of a slow one: without that, ARPACK is lost where eta is small.
+        unit = math.sqrt(float(start @ (self.K @ start)) / inertia) if inertia > 0 else 1.0
 
         def inverse(z: np.ndarray) -> np.ndarray:
-            return np.concatenate([-factor.solve(C @ z[:n] + M * z[n:]), z[:n]])
+            return np.concatenate([-factor.solve(C @ z[:n] + (M * unit) * z[n:]), z[:n] / unit])
 
         operator = LinearOperator((2 * n, 2 * n), inverse, dtype=float)
-        start = np.concatenate([self.drift[self.free], np.zeros(n)])
+        start = np.concatenate([start, np.zeros(n)])
         count = min(N_VALUES, 2 * n - 2)
         try:
             found, vectors = eigs(
-                operator, count, which="LM", v0=start + 1e-3 * np.abs(start).max()
+                operator, count, which="LM", v0=start + 1e-3 * np.abs(start).max(), maxiter=MAX_ITER
             )
         except ArpackError:  # no modes: all is remainder
             found, vectors = np.zeros(0, complex), np.zeros((2 * n, 0), complex)
         one_of_pair = found.imag <= 0
-        self.rates = rates = 1 / found[one_of_pair]
+        rates = 1 / found[one_of_pair]
+        self.rates = rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
         self.phi = phi = vectors[:n, one_of_pair]
         self.weight = np.where(rates.imag > 0, 2.0, 1.0)
         momentum = M[:, None] * phi

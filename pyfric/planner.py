@@ -65,6 +65,8 @@ SCOUT_BLOCKS, SCOUT_COLUMNS = 5_000, 250
 """Lattices with more blocks, or more along the interface, are scouted with larger blocks."""
 SCOUT_EVENTS = 300
 """The scout stops after this many events; their number is extrapolated."""
+MOST_EVENTS = 1e5
+"""More events than this are left to dynamics, which need not look at each."""
 SCOUT_WORK = 5e8
 """It also stops after this many changes of contact state times N_x^2: a few seconds."""
 FRONT_SHARE = 0.3
@@ -302,7 +304,9 @@ def _scout(scene: Scene, t_end: float) -> _Scout:
     except EquilibriumError as error:
         return guess._replace(failed=str(error))
     main = record.events[record.events["is_main"]]
-    refined *= t_end / max(run.rows[-1][0], 1e-30)
+    far = t_end / max(run.rows[-1][0], 1e-30)
+    refined *= far
+    many = run.events * far > MOST_EVENTS
     return _Scout(
         events=max(int(len(record.events) * refined), 1),
         front_blocks=int(main["n_blocks"].sum() * refined),
@@ -310,7 +314,7 @@ def _scout(scene: Scene, t_end: float) -> _Scout:
         open=_most_open(record),
         F_max=max(abs(F) for _, F in run.rows),
         seconds=sum(run.timings.values()),
-        failed="",
+        failed=f"about {run.events * far:.0e} events up to t_end" if many else "",
     )
 
 

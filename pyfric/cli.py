@@ -754,6 +754,16 @@ def threads(as_json: bool, quick: bool) -> None:
     _show(bench.threads(quick=quick, progress=not as_json), as_json)
 
 
+@bench.command()
+@_json_option
+def fidelity(as_json: bool) -> None:
+    """Every engine on the Fig. 1 scene: time, work, agreement with full dynamics (2 minutes)."""
+    from pyfric import bench_fidelity
+
+    found = bench_fidelity.fidelity(progress=not as_json)
+    click.echo(found.to_json(orient="records") if as_json else bench_fidelity.report(found))
+
+
 def _show(frame: pd.DataFrame, as_json: bool) -> None:
     from pyfric import bench
 

@@ -298,7 +298,11 @@ class Contact:
             return
         friction = (self.slip[free] * (self.mu_k * self.k_f))[:, None]
         rows = table[N_x + free] - friction * table[2 * N_x + free]
-        inverse = np.linalg.inv(rows[:, free])
+        try:
+            inverse = np.linalg.inv(rows[:, free])
+        except np.linalg.LinAlgError:
+            what = "the slider is not held by the blocks that stick"
+            raise EquilibriumError(what, np.nan, self.tol, 0) from None
         rows = -(inverse @ rows)
         rows[:, free] = inverse
         factor = table[:, free].copy()

@@ -8,6 +8,7 @@ same bits.
 from __future__ import annotations
 
 import enum
+import functools
 import importlib
 import importlib.util
 import os
@@ -88,6 +89,7 @@ def variants() -> dict[str, bool]:
     return {name: runs[name] for name in runs if here[name]}
 
 
+@functools.cache
 def load_variant(name: str) -> Any:
     """Return the extension module of one variant.
 

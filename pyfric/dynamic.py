@@ -127,15 +127,8 @@ def integrate(
     checkpoint_every: float = 60.0,
 ) -> Record:
     """Integrate a scene with one of the engines that make time steps; see `pyfric.simulate`."""
-    if geometry is None:
-        geometry = default_geometry(scene)
-    for name, value, known in (
-        ("geometry", geometry, ("linear", "finite")),
-        ("method", method, ("rk4",)),
-    ):
-        if value not in known:
-            raise SceneError(name, value, "", " or ".join(map(repr, known)))
-    check_geometry(geometry, scene)
+    check_options(scene, geometry, method, budget, sample, threads, checkpoint_every)
+    geometry = geometry or default_geometry(scene)
     if not isinstance(initial, State | Record | None):
         raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
     if budget and not engine.keeps_budget:
@@ -143,12 +136,6 @@ def integrate(
         raise SceneError("budget", budget, "", allowed)
     budget = engine.keeps_budget if budget is None else bool(budget)
     t_gap = check_number("t_gap", t_gap, "s", ge=0.0)
-    check_number("checkpoint_every", checkpoint_every, "s", gt=0.0)
-    if threads is not None:
-        whole = isinstance(threads, Integral) and not isinstance(threads, bool)
-        if not (whole and 1 <= threads <= 4096):
-            raise SceneError("threads", threads, "", "1 … 4096 or None")
-        threads = int(threads)
     before = initial if isinstance(initial, Record) else None
     if before is not None:
         check_continues(before, scene, engine.name)
@@ -166,13 +153,13 @@ def integrate(
     elif sample is None:
         every = max(1, round((t_end - t_begin) / dt / CURVE_POINTS))
     else:
-        every = max(1, round(check_number("sample", sample, "s", gt=0.0) / dt))
+        every = max(1, round(sample / dt))
 
     start = time.perf_counter()
     u_drv0 = None if initial is None else initial.u_drv0
     solver = StaticSolver(scene, geometry, u_drv0=u_drv0)
     state = State.at_rest(scene, solver.loaded, dt) if initial is None else initial.with_dt(dt)
-    n_threads = core.useful_threads(scene.N_x * scene.N_z, threads)
+    n_threads = core.useful_threads(scene.N_x * scene.N_z, threads and int(threads))
     how = Method(
         engine=engine.name,
         geometry=geometry,
@@ -194,6 +181,33 @@ def integrate(
     return run.record(status)
 
 
+def check_options(
+    scene: Scene,
+    geometry: object,
+    method: object,
+    budget: object,
+    sample: object,
+    threads: object,
+    checkpoint_every: object,
+) -> None:
+    """Raise SceneError unless an engine may have these options; see `pyfric.simulate`."""
+    if geometry is not None:
+        if geometry not in ("linear", "finite"):
+            raise SceneError("geometry", geometry, "", "'linear' or 'finite'")
+        check_geometry(geometry, scene)
+    if method != "rk4":
+        raise SceneError("method", method, "", "'rk4'")
+    if not isinstance(budget, bool | np.bool | None):
+        raise SceneError("budget", budget, "", "True, False or None")
+    if sample is not None:
+        check_number("sample", sample, "s", gt=0.0)
+    if threads is not None:
+        whole = isinstance(threads, Integral) and not isinstance(threads, bool)
+        if not (whole and 1 <= threads <= 4096):
+            raise SceneError("threads", threads, "", "1 … 4096 or None")
+    check_number("checkpoint_every", checkpoint_every, "s", gt=0.0)
+
+
 def check_continues(before: Record, scene: Scene, engine: str) -> None:
     """Raise StateError unless an engine can go on from this record."""
     made = before.method.engine
@@ -203,6 +217,13 @@ def check_continues(before: Record, scene: Scene, engine: str) -> None:
         raise StateError("initial: the record belongs to another scene; pass its final_state")
     if engine != "quasistatic" and not isinstance(before.final_state, State):
         raise StateError("initial: this record holds no state of the dynamics to go on from")
+
+
+def kept_notes(before: Record | None) -> tuple[str, ...]:
+    """Return the notes that stay when a record goes on: all but those of its engine."""
+    if before is None:
+        return ()
+    return tuple(note for note in before.notes if not note.startswith(f"{before.method.engine}: "))
 
 
 class Run:
@@ -290,11 +311,12 @@ class Run:
         solve_at = start + STATIC_SECONDS
         while state.step < last and not stop():
             self.before_call(last)
-            to_sample = every - state.step % every
-            in_time = max(1, int(CALL_SECONDS * self.rate)) if self.rate else 1
-            self.call(min(to_sample, in_time, last - state.step, self.call_length()))
-            if state.step % every == 0:
-                self.sample()
+            if state.step < last:
+                to_sample = every - state.step % every
+                in_time = max(1, int(CALL_SECONDS * self.rate)) if self.rate else 1
+                self.call(min(to_sample, in_time, last - state.step, self.call_length()))
+                if state.step % every == 0:
+                    self.sample()
             now = time.perf_counter()
             if now - shown > 0.1 or state.step >= last:
                 shown = now
@@ -408,7 +430,7 @@ class Run:
             versions=versions(),
             timings=timings,
             counts=self.counts(),
-            notes=self.notes(),
+            notes=(*kept_notes(self.before), *self.notes()),
             status=status,
             final_state=state.copy(),
         )

@@ -30,6 +30,7 @@ Source: PRL 107, 074301 (2011).
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import warnings
 from dataclasses import dataclass
@@ -39,6 +40,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
+from pyfric.banded import BandedCholesky
 from pyfric.operators import (
     Geometry,
     bonds,
@@ -64,8 +66,8 @@ CONTACT_TOL = 1e-11
 """Violations of contact or friction conditions below this many F_N/N_x are rounding."""
 TIE = 1e-9
 """Excess forces closer than this many F_N/N_x are equal, so that symmetric scenes stay so."""
-KEPT = 12
-"""Number of factorisations a solver keeps."""
+KEPT, LARGE = 12, 10_000
+"""Number of factorisations a solver keeps; with more unknowns than `LARGE` it keeps one."""
 
 
 class EquilibriumError(RuntimeError):
@@ -307,6 +309,33 @@ class StaticSolver:
         K = self._K + sp.diags_array(foundation) + self.scene.driver.K * (row.T @ row)
         return K.tocsr(), self._factor(contact, True), self._unknown(contact)
 
+    def stiffening(self, q: np.ndarray, bonds: sp.csr_array) -> sp.csr_array:
+        """Return the stiffness of the bonds at q minus an earlier `bond_tangent`, in N/m."""
+        return self._bond_stiffness(q) - bonds
+
+    @property
+    def bond_tangent(self) -> sp.csr_array:
+        """Stiffness of bonds and mattress in `tangent`, shape (n_q, n_q), in N/m."""
+        return self._K
+
+    def rebase(self, state: Equilibrium) -> None:
+        """Take tangents at another state of rest (finite geometry): faster convergence near it."""
+        self._K = self._bond_stiffness(self._coordinates_of(state))
+        self._factors.clear()
+
+    @property
+    def u_drv0(self) -> float:
+        """u_x of the driven block at drive = 0 and F_T = 0, in m."""
+        return self._u_drv0
+
+    @functools.cached_property
+    def load(self) -> np.ndarray:
+        """Forces on the coordinates that do not depend on the state, shape (n_q,), in N."""
+        load = self._T_transposed @ self._load
+        if self.scene.rigid:
+            load[-2] -= self.scene.F_N
+        return load
+
     @functools.cached_property
     def driven_row(self) -> np.ndarray:
         """Derivatives of u_x of the driven block by the coordinates, shape (n_q,)."""
@@ -367,6 +396,9 @@ class StaticSolver:
         unknown = self._unknown(contact)
         options = {} if contact.slip.any() else {"SymmetricMode": True}
         try:
+            if not contact.slip.any():
+                with contextlib.suppress(np.linalg.LinAlgError):  # not positive definite
+                    return BandedCholesky(K[unknown][:, unknown], *self._banded(unknown))
             return splu(K[unknown][:, unknown].tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
         except RuntimeError as error:
             raise EquilibriumError("the slider is not supported", np.nan, self._limit, 0) from error
@@ -378,10 +410,18 @@ class StaticSolver:
         """Return the factorisation at the reference state, from the store if it is there."""
         key = (driven, contact.key)
         if key not in self._factors:
-            while len(self._factors) >= KEPT:
+            while len(self._factors) >= (KEPT if len(self._arm) <= LARGE else 1):
                 del self._factors[next(iter(self._factors))]
             self._factors[key] = self._factorised(self._K, contact, driven)
         return self._factors[key]
+
+    def _banded(self, unknown: np.ndarray) -> tuple[np.ndarray, int]:
+        """Return the order of unknowns that makes the narrowest band, rod last; size of the rod."""
+        scene, n_rod = self.scene, 3 if self.scene.rigid else 0
+        row, i = np.divmod(unknown[: len(unknown) - n_rod], scene.N_x)
+        tall = scene.N_z > scene.N_x
+        order = np.argsort(unknown[: len(unknown) - n_rod] if tall else i * (2 * scene.N_z) + row)
+        return np.append(order, np.arange(len(order), len(unknown))), n_rod
 
     def _unknown(self, contact: _Contact) -> np.ndarray:
         """Return the indices of the coordinates that are not held."""

@@ -20,12 +20,12 @@ import numpy as np
 
 from pyfric import core
 from pyfric.dynamic import Run
-from pyfric.equilibrium import EquilibriumError
-from pyfric.ringdown import Frozen, first_crossing
+from pyfric.equilibrium import LARGE, EquilibriumError
+from pyfric.ringdown import Frozen, Rest, first_crossing
 from pyfric.state import OPEN, STUCK
 
 if TYPE_CHECKING:
-    from pyfric.equilibrium import Equilibrium
+    from pyfric.equilibrium import Equilibrium, StaticSolver
 
 __all__ = ["REMAINDER", "HybridRun"]
 
@@ -35,21 +35,79 @@ LOOK = 24
 """Steps between two looks whether a jump is possible; grows while it is not."""
 SHORTEST = 64
 """Shortest jump worth its cost, in steps."""
+SLOW = 7
+"""After more Newton steps than this, finite geometry takes a new tangent."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
+STRAIGHT = 0.02
+"""In finite geometry, F_T over t is taken as straight up to a change of this share of F_N."""
 KEPT = 8
 """Contact states whose modes are kept."""
 
 
-class _Rest(NamedTuple):
-    """A static state and its slider with fixed contact states."""
+class _Statics:
+    """Static states, remembered, and the slider with fixed contact states that goes with each."""
+
+    def __init__(self, known: StaticSolver, dt: float | None) -> None:
+        self.known, self.dt = known, dt
+        self._frozen: dict[bytes, Frozen] = {}
+        self._found: dict[tuple[bytes, float, bytes], tuple[Rest | Equilibrium, float]] = {}
+        self._latest: dict[tuple[bytes, bytes], tuple[Rest, float]] = {}
+        self._last: Equilibrium | None = None
+
+    def frozen(self, stuck: np.ndarray) -> Frozen:
+        """Return the slider with these blocks held and all others open."""
+        key = stuck.tobytes()
+        if key not in self._frozen:
+            while len(self._frozen) >= (KEPT if len(self.known.load) <= LARGE else 2):
+                del self._frozen[next(k for k in self._frozen if 0 in k)]
+            closed = None
+            if self.known.geometry == "linear" and len(self.known.load) > LARGE and not stuck.all():
+                closed = self.frozen(np.ones_like(stuck))
+            self._frozen[key] = Frozen(self.known, stuck, self.dt, closed)
+        return self._frozen[key]
+
+    def rest(self, u_x: np.ndarray, drive: float, open_: np.ndarray) -> Rest | None:
+        """Return the static state, None if it has not exactly these open blocks."""
+        key = u_x.tobytes(), float(drive), open_.tobytes()
+        if self.known.geometry == "linear":
+            rest = self.frozen(~open_).rest(u_x, drive)
+        else:
+            try:
+                state = self.known.solve(u_x, drive, free=open_, start=self._last)
+            except EquilibriumError:
+                return None
+            if (state.open != open_).any():
+                return None
+            self._last = state
+            if state.iterations > SLOW:
+                self.known.rebase(state)
+            q = self.known.coordinates(state.u, state.rod)
+            rest = Rest(q, state.f, state.tau, state.p, state.u[0, 1], state.F_T)
+        if rest is not None:
+            self._found[key] = self._latest[key[0], key[2]] = rest._replace(q=None), drive
+        return rest
+
+    def solve(self, u_x: np.ndarray, drive: float, *, free: np.ndarray) -> Rest | Equilibrium:
+        """Return the static state, for the catalogue."""
+        key = u_x.tobytes(), float(drive), free.tobytes()
+        near = self._latest.get((key[0], key[2]))
+        if key not in self._found and near is not None and self.known.geometry == "linear":
+            self._found[key] = self.frozen(~free).driven(*near, drive), drive
+        if key not in self._found and self.rest(u_x, drive, free) is None:
+            self._found[key] = self.known.solve(u_x, drive, free=free), drive
+        return self._found[key][0]
+
+
+class _Quiet(NamedTuple):
+    """A static state about which the slider rings, its time, and its open blocks."""
 
     t: float
     open: np.ndarray
     frozen: Frozen
-    q: np.ndarray
+    growth: np.ndarray
+    rest: Rest
     margins: np.ndarray
-    F_T: float
 
 
 class HybridRun(Run):
@@ -61,11 +119,11 @@ class HybridRun(Run):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self.log = core.Log(self.scene.N_x, quiet=1)
-        self.frozen: dict[bytes, Frozen] = {}
+        self.solver = _Statics(self.solver.known, self.method.dt)
         self.jumps, self.jumped, self.wait = 0, 0, LOOK
         self.look_at = self.state.step
-        self.rest_key: bytes | None = None
-        self.rest: _Rest | None = None
+        self.quiet_key: bytes | None = None
+        self.quiet_now: _Quiet | None = None
 
     def _slips(self) -> np.ndarray:
         return np.abs(self.state.mode) == 1
@@ -110,101 +168,92 @@ class HybridRun(Run):
         """Go to the last step before a contact state can change; False if that is too near."""
         state, scene = self.state, self.scene
         dt, most, V = state.dt, last - state.step, scene.driver.V
-        rest = self._rest()
-        if rest is None:
+        quiet = self._now_quiet()
+        if quiet is None:
             return False
-        frozen, known = rest.frozen, self.solver.known
-        since = state.t - rest.t
-        q = known.coordinates(state.y[:, :2], state.rod[:3])
-        v = known.coordinates(state.y[:, 2:], state.rod[3:])
-        q -= rest.q + (V * since) * frozen.drift + frozen.lag
-        motion = frozen.split(q, v - V * frozen.drift)
+        frozen, rest, known = quiet.frozen, quiet.rest, self.solver.known
+        since = state.t - quiet.t
+        w = known.coordinates(state.y[:, :2], state.rod[:3])
+        w -= rest.q + (V * since) * frozen.drift + frozen.lag
+        v = known.coordinates(state.y[:, 2:], state.rod[3:]) - V * frozen.drift
+        motion = frozen.split(w, v)
         bound = frozen.bound * math.sqrt(motion.remainder)
         rate = V * frozen.margin_rate
-        c = rest.margins + rate * since + frozen.margin_lag
         modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
-        rates = np.append(frozen.rates, -frozen.decay)
-        there, n_there = None, 0
+        rates = np.append(quiet.growth, -frozen.decay)
+        there, n_there, t = None, 0, state.t
         for _ in range(8):
+            c = quiet.margins + rate * since + frozen.margin_lag
             s = first_crossing(c, rate, modal, rates, most * dt, dt)
             n = min(math.floor(s / dt), most)
             left = bound.max() * math.exp(-frozen.decay * n * dt)
-            too_soon = left > REMAINDER * scene.F_N / scene.N_x
-            if n < most and (n < SHORTEST or too_soon):
+            if left > REMAINDER * scene.F_N / scene.N_x or n < min(most, SHORTEST):
                 return False
             if self.method.geometry == "linear":
+                q = rest.q + (V * (since + n * dt)) * frozen.drift
+                force = rest.F_T + V * frozen.force_rate * (since + n * dt)
                 break
             if there is not None and abs(n - n_there) <= 2:
+                # The static state moves on by less than a few steps of drift.
+                q = there.q + (V * (n - n_there) * dt) * frozen.drift
+                force = there.F_T + V * frozen.force_rate * (n - n_there) * dt
                 break
             t, n_there = state.t0 + (state.step + n) * dt, n
-            there = self._static(t, rest.open)
+            there = self.solver.rest(state.y[0, 0], V * t, quiet.open)
             if there is None:
                 return False
-            rate = (frozen.margins(there) - rest.margins) / (t - rest.t)
-            c = rest.margins + rate * since + frozen.margin_lag
+            rate = (frozen.margins(there) - quiet.margins) / (t - quiet.t)
         else:
             return False
-        if there is None:
-            q_there = rest.q + (V * (since + n * dt)) * frozen.drift
-            F_rate = V * frozen.force_rate
-        else:
-            q_there = known.coordinates(there.u, there.rod)
-            F_rate = (there.F_T - rest.F_T) / (t - rest.t)
-        self._sample_jump(rest, F_rate, motion.a, n)
-        self._land(q_there, frozen, motion.a, n)
+        margins = c + rate * (n * dt) + (modal[:, :-1] @ np.exp(quiet.growth * (n * dt))).real
+        self._sample_jump(quiet, force, motion.a, n)
+        self._land(q, quiet, motion.a, n)
+        state.slack[:] = frozen.slack(margins)
         return True
 
-    def _static(self, t: float, open_: np.ndarray) -> Equilibrium | None:
-        """Return the static state at time t if it has these open blocks."""
-        try:
-            found = self.solver.solve(self.state.y[0, 0], self.scene.driver.V * t, free=open_)
-        except EquilibriumError:
-            return None
-        return found if (found.open == open_).all() else None
-
-    def _rest(self) -> _Rest | None:
+    def _now_quiet(self) -> _Quiet | None:
         """Return the static state about which the slider rings, None if there is none."""
-        state, known = self.state, self.solver.known
+        state = self.state
         open_ = state.mode == OPEN
         key = state.y[0, 0, ~open_].tobytes() + open_.tobytes()
-        if self.rest_key != key:
-            self.rest_key, self.rest = key, None
-            found = self._static(state.t, open_)
-            if found is not None:
-                frozen = self._frozen(~open_)
-                q = known.coordinates(found.u, found.rod)
-                self.rest = _Rest(state.t, open_, frozen, q, frozen.margins(found), found.F_T)
-        return self.rest
+        if self.quiet_key != key:
+            self.quiet_key, self.quiet_now = key, None
+            rest = self.solver.rest(state.y[0, 0], self.scene.driver.V * state.t, open_)
+            if rest is not None:
+                frozen = self.solver.frozen(~open_)
+                growth = frozen.growth
+                if self.method.geometry == "finite":
+                    growth = frozen.stiffened(rest.q)
+                margins = frozen.margins(rest)
+                self.quiet_now = _Quiet(state.t, open_, frozen, growth, rest, margins)
+        return self.quiet_now
 
-    def _frozen(self, stuck: np.ndarray) -> Frozen:
-        key = stuck.tobytes()
-        if key not in self.frozen:
-            while len(self.frozen) >= KEPT:
-                del self.frozen[next(iter(self.frozen))]
-            self.frozen[key] = Frozen(self.solver.known, stuck)
-        return self.frozen[key]
-
-    def _sample_jump(self, rest: _Rest, F_rate: float, a: np.ndarray, n: int) -> None:
-        """Add the points of the loading curve that lie inside a jump of n steps."""
-        state, every, frozen = self.state, self.method.sample, rest.frozen
-        steps = np.arange((state.step // every + 1) * every, state.step + n, every)
+    def _sample_jump(self, quiet: _Quiet, force: float, a: np.ndarray, n: int) -> None:
+        """Add the points of the loading curve in a jump of n steps that ends at a static force."""
+        state, every, frozen = self.state, self.method.sample, quiet.frozen
+        steps = np.arange((state.step // every + 1) * every, state.step + n + 1, every)
         t, s = state.t0 + steps * state.dt, (steps - state.step) * state.dt
+        t_end, begin = state.t + n * state.dt, quiet.rest.F_T
+        x = (t - quiet.t) / (t_end - quiet.t)
+        F_T = begin + (force - begin) * x
+        far = abs(force - begin) > STRAIGHT * self.scene.F_N
+        if far and len(t) and self.method.geometry == "finite":
+            drive = self.scene.driver.V * (quiet.t + t_end) / 2
+            middle = self.solver.rest(state.y[0, 0], drive, quiet.open)
+            if middle is not None:  # a parabola
+                F_T += (4 * middle.F_T - 2 * (begin + force)) * x * (1 - x)
         modes = frozen.force_modal * (frozen.weight * a)
-        F_T = rest.F_T + frozen.force_lag + F_rate * (t - rest.t)
-        F_T += (modes @ np.exp(np.outer(frozen.rates, s))).real
+        F_T += frozen.force_lag + (modes @ np.exp(np.outer(quiet.growth, s))).real
         self.rows += np.column_stack([t, F_T]).tolist()
 
-    def _land(self, q: np.ndarray, frozen: Frozen, a: np.ndarray, n: int) -> None:
+    def _land(self, q: np.ndarray, quiet: _Quiet, a: np.ndarray, n: int) -> None:
         """Put the state n steps later, where the static state is q."""
-        state, known = self.state, self.solver.known
-        w, v = frozen.deviation(a, n * state.dt)
+        state, known, frozen = self.state, self.solver.known, quiet.frozen
+        w, v = frozen.deviation(a, n * state.dt, quiet.growth)
         u_x = state.y[0, 0].copy()
         state.y[:, :2], state.rod[:3] = known.displacements(q + frozen.lag + w)
         state.y[:, 2:], state.rod[3:] = known.displacements(v + self.scene.driver.V * frozen.drift)
         held = state.mode == STUCK
         state.y[0, 0, held], state.y[0, 2, held] = u_x[held], 0.0
-        state.slack[:] = 0.0
         state.step += n
         self.jumps, self.jumped = self.jumps + 1, self.jumped + n
-        if state.step % self.method.sample == 0:
-            self.sample()

@@ -20,12 +20,14 @@ paper's scenes up to the first event over the whole interface (`reference_data/`
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from pyfric.catalogue import build_catalogue
 from pyfric.dynamic import step_size
 from pyfric.equilibrium import EquilibriumError, StaticSolver
 from pyfric.operators import Geometry, default_geometry, stability_limit
@@ -59,16 +61,23 @@ OPEN_BLOCKS = 2
 """More open blocks than this are a gap; small differences then decide the order of events."""
 OVERDAMPED = 0.433
 """Blocks oscillate below this eta over sqrt(k m)."""
-SCOUT_BLOCKS = 5_000
-"""Larger lattices are scouted with larger blocks."""
+SCOUT_BLOCKS, SCOUT_COLUMNS = 5_000, 250
+"""Lattices with more blocks, or more along the interface, are scouted with larger blocks."""
 SCOUT_EVENTS = 300
 """The scout stops after this many events; their number is extrapolated."""
+MOST_EVENTS = 1e5
+"""More events than this are left to dynamics, which need not look at each."""
+SCOUT_WORK = 5e8
+"""It also stops after this many changes of contact state times N_x^2: a few seconds."""
 FRONT_SHARE = 0.3
 """Relative error of front speeds over dt v/l, from switching at step ends (Fig. 1 scene)."""
 NS = {"linear": 3.1, "finite": 6.3}
 """Time per block and force evaluation in ns, for the expected cost (`pyfric bench kernel`)."""
-STEPS_EVENT = 320
-"""Steps of the automatic size that an event takes in the hybrid engine, without its front."""
+STEPS_EVENT, STEPS_BLOCK = 60, 5
+"""Steps of the automatic size that an event takes in the hybrid engine, and each block of its front
+(measured on the paper's scenes: within a factor of 2)."""
+JUMP = {"linear": 6e-6, "finite": 22e-6}
+"""Time of a jump per block, in s."""
 
 
 class Assumption(NamedTuple):
@@ -122,18 +131,18 @@ class Plan:
             "dynamic": "dynamics throughout",
         }
         left_out = {
-            "quasistatic": "inertia, waves, ring-down",
-            "hybrid": "what ring-down leaves of fast modes",
-            "dynamic": "nothing",
+            "quasistatic": ["inertia, waves, ring-down"],
+            "hybrid": ["what ring-down leaves of fast modes"],
+            "dynamic": [],
         }[self.fidelity]
-        if self.geometry == "linear":
-            left_out += "; rotation of bonds"
+        if any(one.name == STRAIN for one in self.assumptions):
+            left_out.append("rotation of bonds")
         step = "" if self.dt is None else f", dt = {self.dt * 1e6:.3g} us"
         lines = [
             f"for {self.want} within {self.tolerance:g}: {self.fidelity}, {self.geometry} geometry"
             + step,
             f"modelled: {models[self.fidelity]}",
-            f"left out: {left_out}",
+            f"left out: {'; '.join(left_out) or 'nothing'}",
             *(f"because {one}" for one in self.assumptions),
             *(f"not less: {reason}" for reason in self.reasons),
             f"expected error: {self.error:.2g}",
@@ -195,9 +204,7 @@ def plan(
 
     Source: errors of the levels as measured on the paper's scenes.
     """
-    if want not in get_args(Want):
-        raise SceneError("want", want, "", " or ".join(map(repr, get_args(Want))))
-    tolerance = check_number("tolerance", tolerance, "", gt=0.0, le=1.0)
+    tolerance = check_question(want, tolerance)
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     scout, times = _scout(scene, t_end), decay_times(scene)
     strain, one_row = largest_strain(scene, scout.F_max), scene.N_z == 1
@@ -242,6 +249,7 @@ def plan(
         else:
             geometry = default_geometry(scene)
             reasons.append(f"linear geometry: {small}")
+    blocks, seconds = scene.N_x * scene.N_z, scout.seconds
     steps, fidelity = t_end / dt, "dynamic"
     quiet = _comes_to_rest(times.fast, scout.interval)
     if want == "motion":
@@ -251,8 +259,10 @@ def plan(
     else:
         fidelity, error = "hybrid", error + ERROR_JUMPS
         needs.append(quiet)
-        steps = min(steps, (scout.events * STEPS_EVENT + 5 * scout.front_blocks) * finer)
-    evaluations = 4 * steps * scene.N_x * scene.N_z
+        made = scout.events * STEPS_EVENT + scout.front_blocks * STEPS_BLOCK
+        steps = min(steps, made * finer)
+        seconds += scout.events * JUMP[geometry] * blocks
+    evaluations = 4.0 * steps * blocks
     return Plan(
         want=want,
         tolerance=tolerance,
@@ -263,8 +273,15 @@ def plan(
         reasons=tuple(reasons),
         error=max(error, tolerance) if want == "front_speed" else error,
         evaluations=evaluations,
-        seconds=evaluations * NS[geometry] * 1e-9 + scout.seconds,
+        seconds=evaluations * NS[geometry] * 1e-9 + seconds,
     )
+
+
+def check_question(want: Want, tolerance: float) -> float:
+    """Return the tolerance as a float; raise SceneError if it or `want` is refused."""
+    if not (isinstance(want, str) and want in get_args(Want)):
+        raise SceneError("want", want, "", " or ".join(map(repr, get_args(Want))))
+    return check_number("tolerance", tolerance, "", gt=0.0, le=1.0)
 
 
 # --- numbers -------------------------------------------------------------------------------------
@@ -276,26 +293,42 @@ def _scout(scene: Scene, t_end: float) -> _Scout:
     refined /= scene.N_x
     F_max = scene.interface.mu_s * scene.F_N
     guess = _Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, "")
+
+    def enough() -> bool:
+        return run.events >= SCOUT_EVENTS or run.log.step * scene.N_x**2 > SCOUT_WORK
+
     try:
         run = QuasistaticRun(scene)
-        run.advance(t_end, lambda: run.events >= SCOUT_EVENTS, lambda *_: None)
+        run.advance(t_end, enough, lambda *_: None)
+        record = run.record("complete")
     except EquilibriumError as error:
         return guess._replace(failed=str(error))
-    record = run.record("complete")
-    events = record.events
-    main = events[events["is_main"]]
-    starts = main["t_start"].to_numpy()
-    interval = float(np.median(np.diff(starts))) if len(starts) > 1 else max(t_end, 1e-9)
-    refined *= t_end / max(run.rows[-1][0], 1e-300)
+    main = record.events[record.events["is_main"]]
+    far = t_end / max(run.rows[-1][0], 1e-30)
+    refined *= far
+    many = run.events * far > MOST_EVENTS
     return _Scout(
-        events=max(int(len(events) * refined), 1),
+        events=max(int(len(record.events) * refined), 1),
         front_blocks=int(main["n_blocks"].sum() * refined),
-        interval=interval,
+        interval=_interval(record),
         open=_most_open(record),
-        F_max=max(F for _, F in run.rows),
+        F_max=max(abs(F) for _, F in run.rows),
         seconds=sum(run.timings.values()),
-        failed="",
+        failed=f"about {run.events * far:.0e} events up to t_end" if many else "",
     )
+
+
+def _interval(record: Record) -> float:
+    """Return the median time between main events of the ladder, in s; inf where there are none.
+
+    A longest pause inside an event is left out: at high V it makes one event of many.
+    """
+    log = record.switches, record.quiet, record.scene
+    events = build_catalogue(*log, t_gap=0.0).events
+    starts = events["t_start"].to_numpy()[events["is_main"].to_numpy()]
+    if len(starts) > 1:
+        return float(np.median(np.diff(starts)))
+    return float(record.curve["t"].iloc[-1]) if len(starts) else math.inf
 
 
 def largest_strain(scene: Scene, F_T: float) -> float:
@@ -311,29 +344,64 @@ class DecayTimes(NamedTuple):
     fast: float
 
 
+@functools.lru_cache(maxsize=16)
 def decay_times(scene: Scene) -> DecayTimes:
     """Return how long oscillations of the stuck slider last (linear geometry).
 
-    "Fast" are those that the hybrid engine does not follow in closed form. Lattices of more than
-    `SCOUT_BLOCKS` are replaced by coarser ones of the same viscosity.
+    "Fast" are those that the hybrid engine does not follow in closed form. Large lattices are
+    replaced by coarser ones of the same viscosity. Nothing moves in a chain whose blocks stick.
     """
+    if scene.N_z == 1:
+        return DecayTimes(0.0, 0.0)
     if scene.eta == 0:
         return DecayTimes(math.inf, math.inf)
     scene = coarser(scene)
     frozen = Frozen(StaticSolver(scene, "linear"), np.ones(scene.N_x, dtype=bool))
-    slow = float(np.min(-frozen.rates.real, initial=np.inf))
-    return DecayTimes(*(1 / rate if rate > 0 else math.inf for rate in (slow, frozen.decay)))
+    slow = float(np.min(-frozen.rates.real, initial=frozen.decay or np.inf))
+    times = [1 / rate if rate > 0 else math.inf for rate in (slow, float(frozen.decay))]
+    return DecayTimes(*times)
 
 
 def coarser(scene: Scene) -> Scene:
-    """Return the scene with blocks so large that there are at most `SCOUT_BLOCKS`, if they fit."""
-    n = math.gcd(scene.N_x - 1, scene.N_z - 1, scene.j_h)
-    for q in range(1, n + 1):
-        fits = n % q == 0 and (scene.N_x - 1) // q >= 2 and scene.N_z > 1
-        if fits and ((scene.N_x - 1) // q + 1) * ((scene.N_z - 1) // q + 1) <= SCOUT_BLOCKS:
+    """Return the scene with blocks so large that `SCOUT_BLOCKS` and `SCOUT_COLUMNS` suffice.
+
+    It keeps L, H, h and eta where there are blocks that fit; L and eta otherwise.
+    """
+    N_x, N_z = scene.N_x, scene.N_z
+    if N_x * N_z <= SCOUT_BLOCKS and N_x <= SCOUT_COLUMNS:
+        return scene
+    if N_z == 1:
+        return _coarser_chain(scene)
+    n = math.gcd(N_x - 1, N_z - 1, scene.j_h)
+    for q in range(2, n + 1):
+        n_x, n_z = (N_x - 1) // q, (N_z - 1) // q
+        few = (n_x + 1) * (n_z + 1) <= SCOUT_BLOCKS and n_x < SCOUT_COLUMNS
+        if n % q == 0 and few and n_x >= 2:
             slider = dataclasses.replace(scene.slider, l=scene.slider.l * q, eta=scene.eta)
-            return scene if q == 1 else dataclasses.replace(scene, slider=slider)
-    return scene
+            return dataclasses.replace(scene, slider=slider)
+    q = max((N_x - 1) / (SCOUT_COLUMNS - 1), math.sqrt(N_x * N_z / SCOUT_BLOCKS))
+    n_x = max(math.floor((N_x - 1) / q), 2)
+    l = scene.slider.L / n_x
+    n_z = max(round(scene.slider.H / l), 1)
+    j_h = min(max(round(scene.driver.h / l), 1), n_z)
+    slider = dataclasses.replace(scene.slider, l=l, H=l * n_z, eta=scene.eta)
+    driver = dataclasses.replace(scene.driver, h=l * j_h)
+    return dataclasses.replace(scene, slider=slider, driver=driver)
+
+
+def _coarser_chain(scene: Scene) -> Scene:
+    """Return the chain with fewer blocks: the same rod under the same forces per length."""
+    slider, top, N_x, N = scene.slider, scene.top, scene.N_x, SCOUT_COLUMNS
+    q, at = (N_x - 1) / (N - 1), np.linspace(0, N_x - 1, N)
+    p, tau = (
+        np.interp(at, np.arange(N_x), np.broadcast_to(value, N_x)) * (N_x / N)
+        for value in (top.p, top.tau)
+    )
+    most = (1 - 1e-12) * scene.interface.mu_s * p
+    tau = np.clip(tau, -most, most)
+    top = dataclasses.replace(top, p=tuple(p), tau=tuple(tau), k_top=top.k_top * q)
+    slider = dataclasses.replace(slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q)
+    return dataclasses.replace(scene, slider=slider, top=top)
 
 
 STRAIN = "largest strain"
@@ -345,21 +413,25 @@ def _damping(scene: Scene) -> Assumption:
 
 
 def _waits(decay: float, interval: float) -> Assumption:
-    return Assumption(
-        "slowest decay over time between main events",
-        decay / interval,
-        RING_SHARE,
-        f"{decay * 1e3:.3g} ms in {interval * 1e3:.3g} ms: the driver's drift during ring-down",
-    )
+    name, times = "slowest decay over time between main events", _times(decay, interval)
+    meaning = f"{times}: the driver's drift during ring-down"
+    return Assumption(name, _share(decay, interval), RING_SHARE, meaning)
 
 
 def _comes_to_rest(decay: float, interval: float) -> Assumption:
-    return Assumption(
-        "decay of fast modes over time between main events",
-        decay / interval,
-        RING_SHARE,
-        f"{decay * 1e3:.3g} ms in {interval * 1e3:.3g} ms",
-    )
+    name, times = "decay of fast modes over time between main events", _times(decay, interval)
+    return Assumption(name, _share(decay, interval), RING_SHARE, times)
+
+
+def _share(decay: float, interval: float) -> float:
+    if not math.isfinite(decay):
+        return math.inf
+    return decay / interval if interval > 0 else math.inf
+
+
+def _times(decay: float, interval: float) -> str:
+    first = f"{decay * 1e3:.3g} ms" if math.isfinite(decay) else "no decay"
+    return f"{first} in " + (f"{interval * 1e3:.3g} ms" if interval < math.inf else "all of it")
 
 
 def _gap(blocks: int) -> Assumption:
@@ -398,11 +470,9 @@ def _step(scene: Scene, want: Want, tolerance: float) -> float:
 
 def _of_record(record: Record, plan: Plan) -> list[Assumption]:
     """Return the assumptions of a plan with the numbers of its record."""
-    scene, events, found = record.scene, record.events, []
+    scene, found = record.scene, []
     if plan.fidelity == "quasistatic":
-        starts = events["t_start"].to_numpy()[events["is_main"].to_numpy()]
-        if len(starts) > 1:
-            found.append(_waits(decay_times(scene).slow, float(np.median(np.diff(starts)))))
+        found.append(_waits(decay_times(scene).slow, _interval(record)))
         found.append(_gap(_most_open(record)))
     if plan.geometry == "linear" and scene.N_z > 1:
         limit = plan.tolerance / (1 if plan.fidelity == "quasistatic" else 2)

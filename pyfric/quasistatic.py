@@ -28,7 +28,13 @@ import pandas as pd
 from pyfric.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP, build_catalogue
 from pyfric.complementarity import Contact, Interface
 from pyfric.core import CORNER_SHARE
-from pyfric.dynamic import Progress, check_continues, interruptible, progress_bar
+from pyfric.dynamic import (
+    Progress,
+    check_continues,
+    interruptible,
+    kept_notes,
+    progress_bar,
+)
 from pyfric.equilibrium import EquilibriumError
 from pyfric.record import Method, Record, versions
 from pyfric.state import OPEN, StateError
@@ -47,6 +53,10 @@ SWEEPS = 60
 
 GRADUAL = 0.01
 """With mu_s - mu_k up to this many mu_s, slip is continuous, at mu_s."""
+
+
+IDLE = 200
+"""Most changes of contact state in a row at which the driver does not move."""
 
 
 class _Log:
@@ -136,7 +146,8 @@ class QuasistaticRun:
         """Follow the scene to t_end (s); return whether it got there.
 
         Raises:
-            EquilibriumError: an event does not settle.
+            EquilibriumError: an event does not settle, or slip is a creep without events, as it is
+                where mu_s = mu_k.
         """
         start = time.perf_counter()
         V, mu_s, mu_k = self.scene.driver.V, self.contact.mu_s, self.contact.mu_k
@@ -149,19 +160,24 @@ class QuasistaticRun:
             if not stop():
                 self.contact.X = self.X_0 + V * t_end
                 self.rows.append((t_end, self.contact.values().F_T))
+        if not np.isfinite(self.rows[-1][1]):
+            what = "the ladder left the range of numbers"
+            raise EquilibriumError(what, np.nan, self.contact.tol, 0)
         self.timings["events"] = time.perf_counter() - start
         return not stop()
 
     def _climb(self, X_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
         """Follow the ladder of events until the driver is at X_end."""
-        contact, here, changes = self.contact, -math.inf, 0
+        contact, idle = self.contact, 0
+        rounding = contact.tol / self.scene.driver.K
         while not stop():
             X, i, what = contact.next_change()
             if not X <= X_end:
                 return
-            here, changes = (here, changes + 1) if X <= here else (X, 0)
-            if changes > SWEEPS * self.scene.N_x:
-                raise self._unsettled(changes)
+            idle = idle + 1 if X - contact.X <= rounding else 0
+            if idle > IDLE:
+                text = f"at t = {self.t:.6g} s slip goes on without end, in events of no length"
+                raise EquilibriumError(text, np.nan, contact.tol, IDLE)
             contact.X = X
             self.sample()
             if what == 0:
@@ -312,7 +328,8 @@ def simulate(
             bar(Progress(t, 0.0, t_end, F_T / scene.F_N, events, math.nan))
 
         done = run.advance(t_end, stop, show)
-    return run.record("complete" if done else "interrupted")
+    record = run.record("complete" if done else "interrupted")
+    return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
 
 
 def prediction_curve(scene: Scene, mu: float | None = None) -> Record:

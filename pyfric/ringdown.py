@@ -14,12 +14,18 @@ form. M, C and K are symmetric, so the amplitude of a mode is
 The energy E of what the modes leave out cannot grow. By the inequality of Cauchy and Schwarz it
 bounds what the remainder does to the contact at any later time. It also decays: a mode of frequency
 omega with at least half of its elastic energy in the bonds has -Re lambda >= eta omega^2/(4 k),
-because the viscosity of a bond resists all of the relative motion and its spring only a part.
+because the viscosity of a bond resists all of the relative motion and its spring only a part. The
+slower one of two overdamped modes decays at its own |lambda|.
 
 Contact is watched through margins c in N, all positive while no state changes: mu_s p + f and
 mu_s p - f of stuck blocks, k_f u_z of open ones.
 
-In finite geometry K is that of the loaded state; strains are small, so it changes little.
+A step of RK4 multiplies a mode by R(lambda dt) = 1 + z + z^2/2 + z^3/6 + z^4/24 and reproduces the
+drifting state exactly, so that the ring-down of a run with steps dt is that of the rates
+log(R)/dt: nothing is lost or gained against stepping.
+
+In finite geometry K is that of an earlier state; strains are small, so it changes little.
+`Frozen.stiffened` corrects the rates, whose errors add up over time, to first order.
 """
 
 from __future__ import annotations
@@ -31,17 +37,38 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
+from pyfric.equilibrium import LARGE
 from pyfric.operators import damping, mass
 
 if TYPE_CHECKING:
-    from pyfric.equilibrium import Equilibrium, StaticSolver
+    from scipy.sparse.linalg import SuperLU
 
-__all__ = ["Frozen", "Motion", "first_crossing"]
+    from pyfric.equilibrium import StaticSolver
 
-N_VALUES = 40
+__all__ = ["Frozen", "Motion", "Rest", "first_crossing"]
+
+N_VALUES, N_VALUES_LARGE = 40, 24
 """Eigenvalues that are computed, those of smallest modulus; two make an oscillating mode."""
+TINY = 1e-11
+"""Tension below this many F_N/N_x is rounding."""
+FEW, MOST_COLUMNS = 6, 200
+"""On lattices of more than `LARGE` unknowns a state follows from the last one where few blocks
+moved since; the responses to single blocks are kept."""
+MAX_ITER = 100
+"""Most restarts of ARPACK; few are needed."""
 GRID = 64
 """Points at which margins are evaluated together."""
+
+
+class Rest(NamedTuple):
+    """A static state: coordinates, then forces on the interface (N), u_z (m), shape (N_x,)."""
+
+    q: np.ndarray | None
+    f: np.ndarray
+    tau: np.ndarray
+    p: np.ndarray
+    u_z: np.ndarray
+    F_T: float
 
 
 class Motion(NamedTuple):
@@ -57,9 +84,14 @@ class Frozen:
     Args:
         solver: static states of the scene in its geometry.
         stuck: blocks that are held, shape (N_x,), bool; all others are open.
+        dt: step of RK4 that the ring-down follows, in s; None means exact time.
+        closed: the same slider with all blocks stuck. With it, blocks are opened by corrections of
+            low rank, without a factorisation, and modes are those of its modes together with the
+            static shapes that the opened blocks add: the way for large lattices.
 
     Attributes:
         rates: eigenvalues of the modes, one of each conjugate pair, shape (n,), in 1/s.
+        growth: rates of the amplitudes: `rates`, or what RK4 makes of them, shape (n,), in 1/s.
         drift: dq/dX of the static state, shape (n_q,).
         lag: offset of the drifting state from the static one, shape (n_q,), in m.
         margin_rate: change of the margins with X, shape (n_c,), in N/m.
@@ -68,21 +100,39 @@ class Frozen:
         decay: rate at which the remainder decays at least, in 1/s.
     """
 
-    def __init__(self, solver: StaticSolver, stuck: np.ndarray) -> None:
+    def __init__(
+        self,
+        solver: StaticSolver,
+        stuck: np.ndarray,
+        dt: float | None = None,
+        closed: Frozen | None = None,
+    ) -> None:
         scene = solver.scene
         N_x, k_f, mu_s, V = scene.N_x, scene.k_f, scene.interface.mu_s, scene.driver.V
-        self.stuck, self.mu_s, self.k_f = stuck, mu_s, k_f
-        K, factor, free = solver.tangent(stuck)
+        self.stuck, self.mu_s, self.k_f, self.dt = stuck, mu_s, k_f, dt
+        self._bonds = solver.bond_tangent
+        self._columns: dict[int, np.ndarray] = {}
+        self._last: tuple[np.ndarray, float, np.ndarray] | None = None
+        if closed is None:
+            K, factor, free = solver.tangent(stuck)
+            C = damping(scene)
+        else:
+            factor = _Opened(closed, np.flatnonzero(~stuck))
+            K, free, C = factor.K, factor.free, closed._all_C
+        self.solver, self._factor, self._rows, self._all_C = solver, factor, K, C
         self.free, self.n_q = free, K.shape[0]
-        C = damping(scene)
         self.K, self.C, self.M = K[free][:, free], C[free][:, free], mass(scene)[free]
-        push = scene.driver.K * scene.d * solver.driven_row
+        self.push = push = scene.driver.K * scene.d * solver.driven_row
         self.drift, self.lag = np.zeros(self.n_q), np.zeros(self.n_q)
         self.drift[free] = factor.solve(push[free])
         self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
-        self._find_modes(factor)
+        if closed is None:
+            self._keep_modes(*self._find_modes(factor))
+        else:
+            self._keep_modes(*self._corrected_modes(closed, factor))
         cut = np.max(np.abs(self.rates), initial=0.0)
-        self.decay = scene.eta * cut**2 / (4 * scene.slider.k)
+        self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), cut)
+        self.growth = self.stepped(self.rates)
 
         # margins as rows over w and w'
         held, open_ = np.flatnonzero(stuck), np.flatnonzero(~stuck)
@@ -103,39 +153,132 @@ class Frozen:
         self.force_modal, self.force_lag = row[free] @ self.phi, float(row @ self.lag)
         self.force_rate = scene.driver.K + float(row @ self.drift)
 
-    def _find_modes(self, factor) -> None:
-        """Find the eigenvalues of smallest modulus and their modes."""
+    def _find_modes(self, factor: SuperLU) -> tuple[np.ndarray, np.ndarray]:
+        """Return the eigenvalues of smallest modulus and their modes."""
         n, C, M = len(self.free), self.C, self.M
+        start = self.drift[self.free]
+        inertia = float(start @ (M * start))
+        # Rates are counted in units of a slow one: without that, ARPACK is lost where eta is small.
+        unit = math.sqrt(float(start @ (self.K @ start)) / inertia) if inertia > 0 else 1.0
 
         def inverse(z: np.ndarray) -> np.ndarray:
-            return np.concatenate([-factor.solve(C @ z[:n] + M * z[n:]), z[:n]])
+            return np.concatenate([-factor.solve(C @ z[:n] + (M * unit) * z[n:]), z[:n] / unit])
 
         operator = LinearOperator((2 * n, 2 * n), inverse, dtype=float)
-        start = np.concatenate([self.drift[self.free], np.zeros(n)])
-        count = min(N_VALUES, 2 * n - 2)
+        start = np.concatenate([start, np.zeros(n)])
+        start += 1e-3 * np.abs(start).max()
+        count = min(N_VALUES if n <= LARGE else N_VALUES_LARGE, 2 * n - 2)
         try:
             found, vectors = eigs(
-                operator, count, which="LM", v0=start + 1e-3 * np.abs(start).max()
+                operator, count, which="LM", v0=start, tol=1e-10, maxiter=MAX_ITER
             )
         except ArpackError:  # no modes: all is remainder
             found, vectors = np.zeros(0, complex), np.zeros((2 * n, 0), complex)
         one_of_pair = found.imag <= 0
-        self.rates = rates = 1 / found[one_of_pair]
-        self.phi = phi = vectors[:n, one_of_pair]
+        rates = 1 / found[one_of_pair]
+        rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
+        return rates, vectors[:n, one_of_pair]
+
+    def _corrected_modes(self, closed: Frozen, factor: _Opened) -> tuple[np.ndarray, np.ndarray]:
+        """Return the modes in the space of those of the closed slider and of static shapes."""
+        m = len(self.free) - len(closed.free)
+        basis = np.zeros((len(self.free), 2 * closed.phi.shape[1] + 2 * m))
+        n = closed.phi.shape[1]
+        basis[m:, :n], basis[m:, n : 2 * n] = closed.phi.real, closed.phi.imag
+        for k, at in enumerate((*range(m), *factor.z_at)):
+            one = np.zeros(len(self.free))
+            one[at] = 1.0
+            basis[:, 2 * n + k] = factor.solve(one)
+        basis, _ = np.linalg.qr(basis / np.linalg.norm(basis, axis=0))
+        K, C = basis.T @ (self.K @ basis), basis.T @ (self.C @ basis)
+        inverse = np.linalg.inv(basis.T @ (self.M[:, None] * basis))
+        size = len(K)
+        A = np.block([[np.zeros((size, size)), np.eye(size)], [-inverse @ K, -inverse @ C]])
+        found, vectors = np.linalg.eig(A)
+        slow = np.abs(found) <= np.max(np.abs(closed.rates), initial=0.0)
+        kept = slow & (found.imag >= 0)
+        return found[kept], basis @ vectors[:size, kept]
+
+    def _keep_modes(self, rates: np.ndarray, phi: np.ndarray) -> None:
+        """Store modes with what their amplitudes need."""
+        C, M = self.C, self.M
+        self.rates, self.phi = rates, phi
         self.weight = np.where(rates.imag > 0, 2.0, 1.0)
         momentum = M[:, None] * phi
         left = C @ phi + momentum * rates
-        norm = np.sum(phi * (left + momentum * rates), axis=0)
+        self._norm = norm = np.sum(phi * (left + momentum * rates), axis=0)
         self._left, self._left_v = (left / norm).T, (momentum / norm).T
 
-    def _compliance(self, factor, at: int) -> float:
+    def _compliance(self, factor: SuperLU | _Opened, at: int) -> float:
         one = (self.free == at).astype(float)
         return float(one @ factor.solve(one))
 
-    def margins(self, rest: Equilibrium) -> np.ndarray:
+    def rest(self, u_x: np.ndarray, drive: float) -> Rest | None:
+        """Return the static state in linear geometry, None if it has other open blocks.
+
+        Args:
+            u_x: of the bottom blocks, shape (N_x,), in m; not used where open.
+            drive: displacement of the driver since t = 0, in m.
+        """
+        scene, free = self.solver.scene, self.free
+        N_x, held = scene.N_x, np.flatnonzero(self.stuck)
+        load = self.solver.load + (drive + scene.d * self.solver.u_drv0) * self.push
+        q = self._moved(u_x, drive)
+        if q is None:
+            q = np.zeros(self.n_q)
+            q[held] = u_x[held]
+            q[free] = self._factor.solve(load[free] - self._rows[free] @ q)
+        if len(free) > LARGE:
+            self._last = u_x.copy(), drive, q
+        f = np.zeros(N_x)
+        f[held] = (self._rows[held] @ q) - load[held]
+        p = np.where(self.stuck, -self.k_f * q[N_x : 2 * N_x], 0.0)
+        F_T = scene.driver.K * (drive + scene.d * (self.solver.u_drv0 - self.solver.driven_row @ q))
+        rest = Rest(q, f, -scene.d * f, p, q[N_x : 2 * N_x], float(F_T))
+        tiny = TINY * scene.F_N / N_x
+        apart = (p[held] < -tiny).any() or (self.k_f * rest.u_z[~self.stuck] < -tiny).any()
+        return None if apart else rest
+
+    def driven(self, rest: Rest, drive: float, drive_now: float) -> Rest:
+        """Return a static state, without q, after the driver has moved on (linear geometry)."""
+        N_x, held = len(self.stuck), np.flatnonzero(self.stuck)
+        by = drive_now - drive
+        f = rest.f.copy()
+        f[held] += by * (self._rows[held] @ self.drift - self.push[held])
+        u_z = rest.u_z + by * self.drift[N_x : 2 * N_x]
+        p = np.where(self.stuck, -self.k_f * u_z, 0.0)
+        d = self.solver.scene.d
+        return Rest(None, f, -d * f, p, u_z, rest.F_T + by * self.force_rate)
+
+    def _moved(self, u_x: np.ndarray, drive: float) -> np.ndarray | None:
+        """Return q from the last state of a large lattice, if few blocks have moved since."""
+        if self._last is None:
+            return None
+        before, drive_before, q = self._last
+        moved = np.flatnonzero(self.stuck & (u_x != before))
+        if len(moved) > FEW:
+            return None
+        q = q + (drive - drive_before) * self.drift
+        for i in moved:
+            if i not in self._columns:
+                while len(self._columns) >= MOST_COLUMNS:
+                    del self._columns[next(iter(self._columns))]
+                side = self._rows[self.free][:, [i]].toarray()[:, 0]
+                self._columns[i] = -self._factor.solve(side)
+            q[self.free] += (u_x[i] - before[i]) * self._columns[i]
+            q[i] = u_x[i]
+        return q
+
+    def margins(self, rest: Rest) -> np.ndarray:
         """Return the margins in a static state, shape (n_c,), in N."""
         load, f = self.mu_s * rest.p[self.stuck], rest.f[self.stuck]
-        return np.concatenate([load + f, load - f, self.k_f * rest.u[0, 1, ~self.stuck]])
+        return np.concatenate([load + f, load - f, self.k_f * rest.u_z[~self.stuck]])
+
+    def slack(self, margins: np.ndarray) -> np.ndarray:
+        """Return mu_s p - |f| of each bottom block, shape (N_x,), in N; 0 where open."""
+        n, slack = int(self.stuck.sum()), np.zeros(len(self.stuck))
+        slack[self.stuck] = np.minimum(margins[:n], margins[n : 2 * n])
+        return slack
 
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and remainder."""
@@ -143,15 +286,77 @@ class Frozen:
         a = self._left @ w + self._left_v @ v
         w = w - (self.phi @ (self.weight * a)).real
         v = v - (self.phi @ (self.weight * a * self.rates)).real
-        return Motion(a, 0.5 * float(v @ (self.M * v) + w @ (self.K @ w)))
+        energy = 0.5 * float(v @ (self.M * v) + w @ (self.K @ w))
+        return Motion(a, max(energy, 0.0))
 
-    def deviation(self, a: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
+    def stepped(self, rates: np.ndarray) -> np.ndarray:
+        """Return the rates of amplitudes that RK4 makes of rates, 1/s."""
+        if self.dt is None:
+            return rates
+        z = rates * self.dt
+        growth = np.log(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) / self.dt
+        growth.real = np.minimum(growth.real, 0.0)
+        return growth
+
+    def stiffened(self, q: np.ndarray) -> np.ndarray:
+        """Return `growth` where bonds are as stiff as at q, to first order (finite geometry)."""
+        change = self.solver.stiffening(q, self._bonds)[self.free][:, self.free] @ self.phi
+        return self.stepped(self.rates - np.sum(self.phi * change, axis=0) / self._norm)
+
+    def deviation(
+        self, a: np.ndarray, s: float, growth: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return w (m) and w' (m/s) of modes of amplitude a a time s (s) later, shape (n_q,)."""
         w, v = np.zeros(self.n_q), np.zeros(self.n_q)
-        later = self.weight * a * np.exp(self.rates * s)
+        later = self.weight * a * np.exp((self.growth if growth is None else growth) * s)
         w[self.free] = (self.phi @ later).real
         v[self.free] = (self.phi @ (later * self.rates)).real
         return w, v
+
+
+class _Opened:
+    """Solves with some blocks opened, from the factorisation with all of them stuck.
+
+    Opening block i removes k_f from u_z and frees u_x. With y the coordinates that are free in both
+    cases, x the freed u_x and zeta the u_z of the opened blocks,
+
+        y = K^-1 (b + k_f E_z zeta - K_yx x),   zeta = E_z.y,   c = K_xy y + K_xx x .
+    """
+
+    def __init__(self, closed: Frozen, opened: np.ndarray) -> None:
+        N_x, k_f = len(closed.stuck), closed.k_f
+        rows = closed._rows
+        lift = np.zeros(rows.shape[0])
+        lift[opened + N_x] = -k_f
+        self.K = (rows + sp.diags_array(lift)).tocsr()
+        self.free = np.concatenate([opened, closed.free])
+        self._solve, self._m = closed._factor.solve, len(opened)
+        self._z = np.searchsorted(closed.free, opened + N_x)
+        self.z_at = self._z + len(opened)
+        self._K_xy, K_xx = rows[opened][:, closed.free], rows[opened][:, opened].toarray()
+        m = len(opened)
+        self._Y = np.empty((len(closed.free), 2 * m))
+        for k, i in enumerate(opened):
+            for column, key in ((k, i + N_x), (m + k, i)):
+                if key not in closed._columns:
+                    if key == i:
+                        side = -rows[closed.free][:, [i]].toarray()[:, 0]
+                    else:
+                        side = k_f * (closed.free == key)
+                    closed._columns[key] = self._solve(side)
+                self._Y[:, column] = closed._columns[key]
+        self._small = np.zeros((2 * m, 2 * m))
+        self._small[:m] = -self._Y[self._z]
+        self._small[:m, :m] += np.eye(m)
+        self._small[m:] = self._K_xy @ self._Y
+        self._small[m:, m:] += K_xx
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return the displacements under forces on the free coordinates."""
+        m = self._m
+        y = self._solve(b[m:])
+        theta = np.linalg.solve(self._small, np.concatenate([y[self._z], b[:m] - self._K_xy @ y]))
+        return np.concatenate([theta[m:], y + self._Y @ theta])
 
 
 def first_crossing(

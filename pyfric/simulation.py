@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 from pyfric import planner, quasistatic
 from pyfric.catalogue import T_GAP
-from pyfric.dynamic import Run, integrate
+from pyfric.dynamic import Run, RunError, check_options, integrate
 from pyfric.equilibrium import EquilibriumError
 from pyfric.hybrid import HybridRun
 from pyfric.record import Record
+from pyfric.state import State, StateError
 from pyfric.units import SceneError
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from pyfric.operators import Geometry
     from pyfric.planner import Fidelity, Plan, Want
     from pyfric.scene import Scene
-    from pyfric.state import State
 
 __all__ = ["simulate"]
 
@@ -87,8 +87,12 @@ def simulate(
     Source: PRL 107, 074301 (2011).
     """
     known = ("auto", *get_args(planner.Fidelity))
-    if fidelity not in known:
+    if not (isinstance(fidelity, str) and fidelity in known):
         raise SceneError("fidelity", fidelity, "", " or ".join(map(repr, known)))
+    tolerance = planner.check_question(want, tolerance)
+    check_options(scene, geometry, method, budget, sample, threads, checkpoint_every)
+    if not isinstance(initial, State | Record | None):
+        raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
     stepped = {
         "geometry": geometry,
         "method": method,
@@ -102,6 +106,8 @@ def simulate(
     common = {"initial": initial, "t_gap": t_gap, "progress": progress}
     if fidelity == "auto" and isinstance(initial, Record):
         fidelity = initial.method.engine
+        if fidelity not in known:
+            raise StateError(f"initial: a record of the {fidelity} engine does not go on")
     if fidelity != "auto":
         return _run(fidelity, scene, t_end, stepped, common)
     chosen = planner.plan(scene, want, tolerance, t_end=t_end)
@@ -121,16 +127,18 @@ def _run(fidelity: str, scene: Scene, t_end: float, stepped: dict, common: dict)
 
 def _with_options(chosen: Plan, scene: Scene, stepped: dict, initial: State | None) -> Plan:
     """Return the plan at the level that has all the options that were given."""
-    up = {}
-    if stepped["budget"]:
-        up["fidelity"] = "dynamic"
-    elif chosen.fidelity == "quasistatic" and (
-        initial is not None or stepped["dt"] != "auto" or stepped["geometry"] == "finite"
+    if chosen.fidelity == "quasistatic" and (
+        initial is not None
+        or stepped["budget"]
+        or stepped["dt"] != "auto"
+        or stepped["geometry"] == "finite"
     ):
-        up["fidelity"] = "hybrid"
+        chosen = chosen.up(scene, [])
+    if stepped["budget"]:
+        chosen = dataclasses.replace(chosen, fidelity="dynamic")
     if stepped["geometry"] is not None:
-        up["geometry"] = stepped["geometry"]
-    return dataclasses.replace(chosen, **up)
+        chosen = dataclasses.replace(chosen, geometry=stepped["geometry"])
+    return chosen
 
 
 def _planned(chosen: Plan, scene: Scene, t_end: float, stepped: dict, common: dict) -> Record:
@@ -157,6 +165,9 @@ def _planned(chosen: Plan, scene: Scene, t_end: float, stepped: dict, common: di
             if chosen.fidelity != "quasistatic":
                 raise
             higher, reasons = chosen.up(scene, []), [str(error)]
+        except RunError as error:
+            error.record = dataclasses.replace(error.record, notes=(*error.record.notes, *notes))
+            raise
         if higher is not None and stepped["geometry"] not in (None, higher.geometry):
             higher = None
         if higher is None:

@@ -21,6 +21,7 @@ from pyfric.cli import Exit, main
 
 SMALL = ("--set", "L=20 mm", "--set", "H=12.5 mm", "--set", "V=500 mm/s")
 """Changes of fig1 that slip after 1.1 ms."""
+DYNAMIC = ("--fidelity", "dynamic")
 
 
 def pyf(*arguments):
@@ -29,6 +30,14 @@ def pyf(*arguments):
 
 def run(*arguments, t_end="1.2 ms"):
     return pyf("run", "fig1", *SMALL, "--t-end", t_end, *arguments)
+
+
+def dynamic(*arguments, **options):
+    return run(*DYNAMIC, *arguments, **options)
+
+
+def simulate(scene, t_end, *, fidelity="dynamic", **options):
+    return pyfric.simulate(scene, t_end, fidelity=fidelity, progress=False, **options)
 
 
 def tiny(**changes):
@@ -49,6 +58,22 @@ def same_run(one, other):
     """The records hold the same run; how long it took may differ."""
     plain = {"timings": {}, "versions": {}}
     return dataclasses.replace(one, **plain).identical(dataclasses.replace(other, **plain))
+
+
+def agree(one, other):
+    """The records hold the same run to 1e-10."""
+    assert one.status == other.status
+    assert one.method == other.method
+    assert one.notes == other.notes
+    assert len(one.curve) == len(other.curve)
+    np.testing.assert_allclose(
+        one.curve, other.curve, rtol=1e-10, atol=1e-10 * one.curve["F_T"].max()
+    )
+    exact = one.events.select_dtypes(exclude="float").columns
+    pd.testing.assert_frame_equal(one.events[exact], other.events[exact])
+    pd.testing.assert_frame_equal(one.events, other.events, check_exact=False, rtol=1e-10)
+    scale = np.abs(one.final_state.y).max(axis=(0, 2), keepdims=True)
+    assert (np.abs(one.final_state.y - other.final_state.y) <= 1e-10 * scale).all()
 
 
 # --- help and info -------------------------------------------------------------------------------
@@ -150,7 +175,7 @@ def test_refused_scenes(tmp_path):
 
 def test_run_shows_progress_and_summary(tmp_path):
     out, stem, folder = tmp_path / "a.nc", tmp_path / "fig", tmp_path / "csv"
-    result = run("--out", out, "--figure", stem, "--csv", folder)
+    result = dynamic("--out", out, "--figure", stem, "--csv", folder)
     assert result.exit_code == Exit.COMPLETE, result.output
     for text in ("F_T/F_N", "events", "steps/s"):
         assert text in result.stderr
@@ -160,16 +185,17 @@ def test_run_shows_progress_and_summary(tmp_path):
         assert path.stat().st_size > 0
     record = pyfric.Record.load(out)
     assert record.scene == tiny()
-    assert same_run(record, pyfric.simulate(tiny(), 1.2e-3, progress=False))
+    assert same_run(record, simulate(tiny(), 1.2e-3))
 
 
 def test_options_reach_the_run(tmp_path):
     out = tmp_path / "a.nc"
     how = "--geometry linear --dt 1us --sample 10us --t-gap 0.002 --threads 1 --no-budget --quiet"
-    assert run(*how.split(), "--out", out, t_end="0.0012").output == ""
+    assert dynamic(*how.split(), "--out", out, t_end="0.0012").output == ""
     method = pyfric.Record.load(out).method
     assert (method.geometry, method.dt, method.sample) == ("linear", 1e-6, 10)
     assert (method.t_gap, method.threads, method.budget) == (2e-3, 1, False)
+    assert method.engine == "dynamic"
 
 
 def test_a_file_runs_like_its_preset(tmp_path):
@@ -181,7 +207,7 @@ def test_a_file_runs_like_its_preset(tmp_path):
 
 def test_json(tmp_path):
     out = tmp_path / "a.nc"
-    result = run("--json", "--out", out)
+    result = dynamic("--json", "--out", out)
     assert result.stderr == ""
     summary = json.loads(result.stdout)
     record = pyfric.Record.load(out)
@@ -242,7 +268,7 @@ def test_files_are_not_replaced(tmp_path):
 def record_file(tmp_path_factory):
     """The record of `run`, not to be changed."""
     out = tmp_path_factory.mktemp("record") / "a.nc"
-    pyfric.simulate(tiny(), 1.2e-3, sample=1e-5, progress=False).save(out)
+    simulate(tiny(), 1.2e-3, sample=1e-5).save(out)
     return out
 
 
@@ -253,7 +279,7 @@ def test_resume(record_file, tmp_path):
     assert run(*arguments, t_end="1.5 ms").exit_code == Exit.COMPLETE
     arguments = ("--resume", "--out", out, "--sample", "10 us")
     assert run(*arguments, t_end="1.5 ms").exit_code == Exit.COMPLETE
-    whole = pyfric.simulate(tiny(), 1.5e-3, sample=1e-5, progress=False)
+    whole = simulate(tiny(), 1.5e-3, sample=1e-5)
     assert same_run(pyfric.Record.load(out), whole)
     assert same_run(pyfric.Record.load(other), whole)
 
@@ -267,10 +293,18 @@ def test_resume_of_a_complete_run_does_nothing(record_file, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "option", ["--geometry=linear", "--dt=1 us", "--sample=1 ms", "--t-gap=2 ms", "--no-budget"]
+    "option",
+    [
+        "--geometry=linear",
+        "--dt=1 us",
+        "--sample=1 ms",
+        "--t-gap=2 ms",
+        "--no-budget",
+        "--fidelity=hybrid",
+    ],
 )
 def test_resume_keeps_the_method(option, record_file):
-    name = option[2:].partition("=")[0].replace("-", "_")
+    name = option[2:].partition("=")[0].removeprefix("no-").replace("-", "_")
     assert refused(run("--resume", record_file, option), name, "cannot change")
 
 
@@ -329,9 +363,7 @@ def test_exit_codes(error, code, text, monkeypatch):
 
 
 def test_an_interrupted_run_without_out(monkeypatch):
-    record = dataclasses.replace(
-        pyfric.simulate(tiny(), 1e-4, progress=False), status="interrupted"
-    )
+    record = dataclasses.replace(simulate(tiny(), 1e-4), status="interrupted")
     monkeypatch.setattr(pyfric, "simulate", lambda *arguments, **options: record)
     result = run()
     assert result.exit_code == Exit.INTERRUPTED
@@ -345,7 +377,7 @@ def test_an_interrupted_run_without_out(monkeypatch):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_a_record_that_continues(number, tmp_path):
     out = tmp_path / "a.nc"
-    command = ["run", "fig1", *SMALL, "--sample", "10 us", "--out", str(out)]
+    command = ["run", "fig1", *SMALL, *DYNAMIC, "--sample", "10 us", "--out", str(out)]
     process = subprocess.Popen(
         [sys.executable, "-m", "pyfric.cli", *command, "--t-end", "100"],
         stdout=subprocess.PIPE,
@@ -373,7 +405,7 @@ def test_a_signal_leaves_a_record_that_continues(number, tmp_path):
     assert record.status == "interrupted"
     t_end = float(record.curve["t"].iloc[-1]) + 1e-4
     assert pyf(*command, "--t-end", t_end, "--resume", "--quiet").output == ""
-    whole = pyfric.simulate(tiny(), t_end, sample=1e-5, progress=False)
+    whole = simulate(tiny(), t_end, sample=1e-5)
     assert same_run(pyfric.Record.load(out), whole)
 
 
@@ -413,15 +445,22 @@ def test_figures(tmp_path, monkeypatch):
 @pytest.mark.usefixtures("small_paper")
 def test_figures_continue_an_interrupted_run(tmp_path, monkeypatch):
     monkeypatch.setattr(cli, "_draw", lambda record, stem: [])
-    half = pyfric.simulate(tiny(), 1.1e-3, sample=1.6e-6, progress=False)
+    how = {"fidelity": "auto", "want": "loading_curve", "sample": 1.6e-6}
+    half = simulate(tiny(), 1.1e-3, **how)
+    assert half.method.engine == "hybrid"
     dataclasses.replace(half, status="interrupted").save(tmp_path / "fig1.nc")
     result = pyf("figures", "--out", tmp_path)
     assert "continued from t = 0.0011" in result.stderr
-    whole = pyfric.simulate(tiny(), 1.2e-3, sample=1.6e-6, progress=False)
-    assert same_run(pyfric.Record.load(tmp_path / "fig1.nc"), whole)
+    agree(pyfric.Record.load(tmp_path / "fig1.nc"), simulate(tiny(), 1.2e-3, **how))
 
 
-@pytest.mark.parametrize("case", ["none", "version", "scene", "method", "t_end"])
+PLANNED = {"fidelity": "dynamic", "geometry": "finite", "dt": 1.6e-6}
+"""How `record_file` was made."""
+
+
+@pytest.mark.parametrize(
+    "case", ["none", "version", "scene", "method", "t_end", "fidelity", "geometry"]
+)
 def test_figures_do_not_use_another_run(case, record_file, monkeypatch, capsys):
     scene, t_end = tiny(), 1.2e-3
     record = pyfric.Record.load(record_file)
@@ -434,7 +473,12 @@ def test_figures_do_not_use_another_run(case, record_file, monkeypatch, capsys):
     if case == "t_end":
         t_end = 1.3e-3
     monkeypatch.setattr(pyfric.Record, "load", lambda path: record)
-    found = cli._usable(record_file, scene, t_end, quiet=False)
+    plan = dataclasses.replace(pyfric.plan(tiny(), t_end=1e-4), **PLANNED)
+    if case == "fidelity":
+        plan = dataclasses.replace(plan, fidelity="hybrid")
+    if case == "geometry":
+        plan = dataclasses.replace(plan, geometry="linear")
+    found = cli._usable(record_file, scene, t_end, plan, quiet=False)
     assert found is (record if case == "none" else None)
     assert ("used again" if case == "none" else "made again") in capsys.readouterr().err
 

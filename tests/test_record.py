@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 from pyfric import catalogue, files
-from pyfric.record import LABELS, Method, Record, RecordError
+from pyfric.record import LABELS, SCHEMA, Method, Record, RecordError
 from pyfric.scene import setup1, setup2
 
 MS = 1e-3
@@ -294,7 +294,7 @@ def test_newer_schema_is_refused(tmp_path):
     path = make_record().save(tmp_path / "run.nc")
     with h5netcdf.File(path, "a") as file:
         file.attrs["pyfric_schema"] = 99
-    with pytest.raises(RecordError, match=r"schema 99.*up to 1.*newer pyfric"):
+    with pytest.raises(RecordError, match=rf"schema 99.*up to {SCHEMA}.*newer pyfric"):
         Record.load(path)
 
 

@@ -1,0 +1,70 @@
+"""Cholesky factorisation of a banded matrix with a border of few unknowns.
+
+In column-first order the lattice couples neighbouring columns only, so that its stiffness is a band
+of about 2 N_z; the three unknowns of a rod couple to all columns and border the band:
+
+    [ A  B ] [y]   [b]
+    [ B' D ] [z] = [c] ,   (D - B' A^-1 B) z = c - B' A^-1 b ,   A y = b - B z .
+
+Source: LAPACK's pbtrf and pbtrs, through SciPy.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg.lapack import dpbtrf, dpbtrs
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp
+
+__all__ = ["BandedCholesky"]
+
+
+class BandedCholesky:
+    """A factorised symmetric, positive definite matrix.
+
+    Args:
+        K: the matrix, sparse, shape (n, n).
+        order: all indices of the band in the order in which they are coupled, then the border.
+        n_border: unknowns of the border.
+
+    Raises:
+        numpy.linalg.LinAlgError: the matrix is not positive definite.
+        MemoryError: the band does not fit.
+    """
+
+    def __init__(self, K: sp.sparray, order: np.ndarray, n_border: int) -> None:
+        n = len(order) - n_border
+        self._band, self._border = order[:n], order[n:]
+        at = np.empty(len(order), dtype=np.int64)
+        at[order] = np.arange(len(order))
+        entries = K.tocoo()
+        i, j = at[entries.coords[0]], at[entries.coords[1]]
+        lower = (i >= j) & (i < n)
+        i, j, value = i[lower], j[lower], entries.data[lower]
+        ab = np.zeros((int((i - j).max(initial=0)) + 1, n), order="F")
+        ab[i - j, j] = value
+        self._factor, failed = dpbtrf(ab, lower=1, overwrite_ab=1)
+        if failed:
+            raise np.linalg.LinAlgError("the matrix is not positive definite")
+        if n_border:
+            self._B = K[self._band][:, self._border].toarray(order="F")
+            self._AB = self._solved(self._B)
+            D = K[self._border][:, self._border].toarray() - self._B.T @ self._AB
+            self._inverse = np.linalg.inv((D + D.T) / 2)
+
+    def _solved(self, b: np.ndarray) -> np.ndarray:
+        return dpbtrs(self._factor, b, lower=1)[0]
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return x with K x = b, shape (n,)."""
+        x = np.empty_like(b)
+        y = self._solved(b[self._band])
+        if len(self._border):
+            z = self._inverse @ (b[self._border] - self._B.T @ y)
+            x[self._border] = z
+            y = y - self._AB @ z
+        x[self._band] = y
+        return x

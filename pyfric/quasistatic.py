@@ -54,7 +54,6 @@ SWEEPS = 60
 GRADUAL = 0.01
 """With mu_s - mu_k up to this many mu_s, slip is continuous, at mu_s."""
 
-
 IDLE = 200
 """Most changes of contact state in a row at which the driver does not move."""
 
@@ -146,8 +145,7 @@ class QuasistaticRun:
         """Follow the scene to t_end (s); return whether it got there.
 
         Raises:
-            EquilibriumError: an event does not settle, or slip is a creep without events, as it is
-                where mu_s = mu_k.
+            EquilibriumError: an event does not settle, or slip goes on in events of no length.
         """
         start = time.perf_counter()
         V, mu_s, mu_k = self.scene.driver.V, self.contact.mu_s, self.contact.mu_k

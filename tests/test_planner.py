@@ -295,14 +295,6 @@ def test_large_strains():
     assert STRAIN in passed_over("linear geometry", found)
 
 
-@pytest.mark.parametrize("make", [small, setup2, chain])
-def test_creep(make):
-    """With mu_s = mu_k slip has no events; the ladder says so."""
-    found = plan(make(mu_s=0.45, mu_k=0.45), tolerance=0.5, t_end=1.0)
-    assert found.fidelity != "quasistatic"
-    assert "without end" in passed_over("quasistatic", found)
-
-
 def test_very_many_events():
     found = plan(chain(p=tuple(np.linspace(0.01, 100, 57))), tolerance=0.5, t_end=1.0)
     assert found.fidelity == "hybrid"

@@ -19,8 +19,8 @@ from pyfric.state import State, StateError
 from pyfric.units import SceneError
 
 simulate = functools.partial(pyfric.simulate, progress=False)
-GAPING = setup2(L=0.05, H=0.01, theta=1.0, V=4.5e-3)
-"""A gap opens in the interior after 30 ms."""
+GAPING, T_GAPING = setup2(theta=1.0, l=2e-3, V=0.9e-3), 0.175
+"""A gap has opened in the interior before that time, in s."""
 
 
 def small(**changes):
@@ -140,26 +140,35 @@ def test_a_ladder_that_does_not_settle(monkeypatch):
         simulate(small(), 0.07, fidelity="quasistatic")
 
 
-@pytest.mark.usefixtures("calm")
 @pytest.mark.parametrize("make", [small, setup2, chain])
 def test_creep(make):
-    """With mu_s = mu_k the ladder has no events, and ends."""
-    scene = make(mu_s=0.3, mu_k=0.3, V=0.1)
+    """With mu_s = mu_k slip grows continuously; dynamics follow it with the same force."""
+    scene = make(mu_s=0.1, mu_k=0.1, V=0.02)
+    creep = simulate(scene, 0.015, tolerance=0.5)
+    assert creep.method.engine == "quasistatic"
+    dynamic = simulate(scene, 0.015, fidelity="dynamic", geometry="linear")
+    F_T = np.interp(dynamic.curve["t"], creep.curve["t"], creep.curve["F_T"])
+    assert np.abs(F_T - dynamic.curve["F_T"]).max() < 0.01 * scene.F_N
+
+
+def test_a_ladder_that_does_not_get_on(monkeypatch):
+    """Changes of contact state without end at one position of the driver are given up."""
+    monkeypatch.setattr(quasistatic, "IDLE", -1)
     with pytest.raises(EquilibriumError, match="without end"):
-        simulate(scene, 0.01, fidelity="quasistatic")
-    record = simulate(scene, 0.005, tolerance=0.3)
-    assert record.method.engine == "hybrid"
-    assert "without end" in moved(record)[0]
+        simulate(small(), 0.07, fidelity="quasistatic")
+    found = pyfric.plan(small(), tolerance=0.1, t_end=0.07)
+    assert found.fidelity == "hybrid"
+    assert any("without end" in reason for reason in found.reasons)
 
 
 def test_a_planned_gap():
-    record = simulate(GAPING, 0.045, tolerance=0.1)
+    record = simulate(GAPING, T_GAPING, tolerance=0.1)
     assert (record.method.engine, moved(record)) == ("hybrid", [])
 
 
 @pytest.mark.usefixtures("calm")
 def test_a_gap_that_was_not_planned():
-    record = simulate(GAPING, 0.045, tolerance=0.1)
+    record = simulate(GAPING, T_GAPING, tolerance=0.1)
     assert record.method.engine == "hybrid"
     (note,) = moved(record)
     assert "open blocks: " in note
@@ -179,7 +188,7 @@ def test_strains_that_were_not_planned():
     record = simulate(scene, 0.02, tolerance=0.1)
     assert (record.method.engine, record.method.geometry) == ("hybrid", "finite")
     assert "largest strain: " in moved(record)[0]
-    record = simulate(scene, 0.02, tolerance=0.06, dt=1e-6)
+    record = simulate(scene, 0.02, tolerance=0.08)
     assert (record.method.engine, record.method.geometry) == ("hybrid", "finite")
     (note,) = moved(record)
     assert note.startswith("moved up from hybrid, linear geometry, to hybrid, finite geometry")
@@ -187,7 +196,7 @@ def test_strains_that_were_not_planned():
 
 @pytest.mark.usefixtures("calm")
 def test_what_was_asked_for_stays_and_the_record_says_so():
-    record = simulate(small(F_N=14e3, V=0.1), 0.02, tolerance=0.06, dt=1e-6, geometry="linear")
+    record = simulate(small(F_N=14e3, V=0.1), 0.02, tolerance=0.08, geometry="linear")
     assert (record.method.engine, record.method.geometry) == ("hybrid", "linear")
     assert record.notes[-1].startswith("does not hold: largest strain: ")
 
@@ -322,26 +331,41 @@ def test_notes_go_on():
     assert simulate(small(), 0.07, initial=rested).notes == ("kept",)
 
 
-@pytest.mark.parametrize("geometry", ["linear", "finite"])
-@pytest.mark.parametrize("t_half", [0.0605, 0.0614, 0.066])
-def test_a_hybrid_run_in_two_halves(t_half, geometry, tmp_path):
-    """Split while it waits, or within an event: the same events, and the same motion to 1e-10."""
+def in_two(t_half, geometry, folder):
+    """Return a run and the same run in two halves."""
     how = {"fidelity": "hybrid", "geometry": geometry, "sample": 1e-4}
     whole = simulate(small(), 0.07, **how)
-    half = simulate(small(), t_half, **how).save(tmp_path / "half.nc")
+    half = simulate(small(), t_half, **how).save(folder / "half.nc")
     split = simulate(small(), 0.07, initial=Record.load(half))
-    assert len(whole.events) >= 4
-    exact = whole.events.select_dtypes(exclude="float").columns
-    pd.testing.assert_frame_equal(split.events[exact], whole.events[exact])
-    pd.testing.assert_frame_equal(split.events, whole.events, rtol=1e-10, atol=0)
+    exact = whole.events.select_dtypes(exclude="float").drop(columns=["quiet_start", "quiet_stop"])
+    pd.testing.assert_frame_equal(split.events[exact.columns], exact)
     np.testing.assert_array_equal(split.curve["t"], whole.curve["t"])
-    F_T = whole.curve["F_T"]
-    np.testing.assert_allclose(split.curve["F_T"], F_T, rtol=0, atol=1e-10 * F_T.max())
     a, b = split.final_state, whole.final_state
     assert (a.step, a.t) == (b.step, b.t)
     np.testing.assert_array_equal(a.mode, b.mode)
-    assert np.abs(a.y[:, :2] - b.y[:, :2]).max() <= 1e-10 * np.abs(b.y[:, :2]).max()
     assert split.counts["steps"] + split.counts["steps_spared"] == whole.final_state.step
+    assert len(whole.events) >= 4
+    return whole, split
+
+
+@pytest.mark.parametrize("t_half", [0.0605, 0.0614, 0.0652])
+def test_a_hybrid_run_in_two_halves(t_half, tmp_path):
+    """Split while it waits, rings down or slips: the same run to 1e-10 in linear geometry."""
+    whole, split = in_two(t_half, "linear", tmp_path)
+    pd.testing.assert_frame_equal(split.events, whole.events, rtol=1e-10, atol=0)
+    F_T = whole.curve["F_T"]
+    np.testing.assert_allclose(split.curve["F_T"], F_T, rtol=0, atol=1e-10 * F_T.max())
+    a, b = split.final_state.y, whole.final_state.y
+    assert np.abs(a[:, :2] - b[:, :2]).max() <= 1e-10 * np.abs(b[:, :2]).max()
+
+
+@pytest.mark.parametrize("t_half", [0.0605, 0.0614, 0.0652])
+def test_a_hybrid_run_in_two_halves_in_finite_geometry(t_half, tmp_path):
+    """Jumps follow tangents there: the same events, to a share of the error of jumps."""
+    whole, split = in_two(t_half, "finite", tmp_path)
+    same_events(split, whole, force=planner.ERROR_JUMPS)
+    dt = whole.method.dt
+    np.testing.assert_allclose(split.events["t_start"], whole.events["t_start"], atol=2 * dt)
 
 
 # --- chains --------------------------------------------------------------------------------------

@@ -65,9 +65,9 @@ SCOUT_BLOCKS, SCOUT_COLUMNS = 5_000, 250
 """Lattices with more blocks, or more along the interface, are scouted with larger blocks."""
 SCOUT_EVENTS = 300
 """The scout stops after this many events; their number is extrapolated."""
-MOST_EVENTS = 1e5
+MOST_EVENTS = 1e4
 """More events than this are left to dynamics, which need not look at each."""
-SCOUT_WORK = 5e8
+SCOUT_WORK = 2e8
 """It also stops after this many changes of contact state times N_x^2: a few seconds."""
 FRONT_SHARE = 0.3
 """Relative error of front speeds over dt v/l, from switching at step ends (Fig. 1 scene)."""
@@ -180,6 +180,7 @@ class _Scout(NamedTuple):
     open: int  # most blocks that are open at a time
     F_max: float  # N
     seconds: float
+    far: float  # t_end over the time at which the scout stopped
     failed: str
 
 
@@ -233,7 +234,7 @@ def plan(
             reasons=(),
             error=error,
             evaluations=0.0,
-            seconds=scout.seconds,
+            seconds=scout.seconds * (1 + scout.far),
         )
 
     # hybrid or dynamic
@@ -256,6 +257,8 @@ def plan(
         reasons.append("hybrid: it leaves out fast motion between events")
     elif not quiet.holds:
         reasons.append(f"hybrid: {quiet}")
+    elif error + ERROR_JUMPS > tolerance:
+        reasons.append(f"hybrid: its expected error is {error + ERROR_JUMPS:.2g}")
     else:
         fidelity, error = "hybrid", error + ERROR_JUMPS
         needs.append(quiet)
@@ -292,7 +295,7 @@ def _scout(scene: Scene, t_end: float) -> _Scout:
     scene = coarser(scene)
     refined /= scene.N_x
     F_max = scene.interface.mu_s * scene.F_N
-    guess = _Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, "")
+    guess = _Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, 1.0, "")
 
     def enough() -> bool:
         return run.events >= SCOUT_EVENTS or run.log.step * scene.N_x**2 > SCOUT_WORK
@@ -314,6 +317,7 @@ def _scout(scene: Scene, t_end: float) -> _Scout:
         open=_most_open(record),
         F_max=max(abs(F) for _, F in run.rows),
         seconds=sum(run.timings.values()),
+        far=far,
         failed=f"about {run.events * far:.0e} events up to t_end" if many else "",
     )
 
@@ -381,6 +385,8 @@ def coarser(scene: Scene) -> Scene:
             return dataclasses.replace(scene, slider=slider)
     q = max((N_x - 1) / (SCOUT_COLUMNS - 1), math.sqrt(N_x * N_z / SCOUT_BLOCKS))
     n_x = max(math.floor((N_x - 1) / q), 2)
+    while n_x > 2 and (n_x + 1) * (round(n_x * (N_z - 1) / (N_x - 1)) + 1) > SCOUT_BLOCKS:
+        n_x -= 1
     l = scene.slider.L / n_x
     n_z = max(round(scene.slider.H / l), 1)
     j_h = min(max(round(scene.driver.h / l), 1), n_z)

@@ -1,0 +1,423 @@
+"""One function for all engines: what a plan makes of a run, each fallback, and going on."""
+
+import dataclasses
+import functools
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import pyfric
+from pyfric import planner, quasistatic, simulation
+from pyfric.dynamic import RunError, step_size
+from pyfric.equilibrium import EquilibriumError
+from pyfric.record import Record
+from pyfric.scene import chain, setup1, setup2
+from pyfric.state import State, StateError
+from pyfric.units import SceneError
+
+simulate = functools.partial(pyfric.simulate, progress=False)
+GAPING, T_GAPING = setup2(theta=1.0, l=2e-3, V=0.9e-3), 0.175
+"""A gap has opened in the interior before that time, in s."""
+
+
+def small(**changes):
+    """A scene whose first event of more than one block comes after 61 ms."""
+    return setup1(**{"L": 0.03, "H": 0.015, "V": 7.875e-3} | changes)
+
+
+@pytest.fixture
+def calm(monkeypatch):
+    """The scout sees nothing that speaks against a level."""
+    scout = planner._scout
+
+    def sees(scene, t_end):
+        return scout(scene, t_end)._replace(interval=np.inf, open=0, F_max=0.0, failed="")
+
+    monkeypatch.setattr(planner, "_scout", sees)
+
+
+def moved(record):
+    return [note for note in record.notes if note.startswith("moved up")]
+
+
+def same_events(one, other, *, force, rows=None):
+    """The events agree: same blocks, start forces within `force` times F_N."""
+    a, b = one.events[:rows], other.events[:rows]
+    for name in ("n_blocks", "first_block", "last_block", "nucleation_block", "L_p_over_L"):
+        np.testing.assert_array_equal(a[name], b[name])
+    np.testing.assert_allclose(a["F_T_start"], b["F_T_start"], rtol=0, atol=force * one.scene.F_N)
+    return len(a)
+
+
+# --- levels --------------------------------------------------------------------------------------
+
+
+def test_auto_runs_what_the_plan_says():
+    for tolerance in (0.1, 0.01):
+        found = pyfric.plan(small(), "stress", tolerance, t_end=0.065)
+        record = simulate(small(), 0.065, want="stress", tolerance=tolerance)
+        method = record.method
+        assert (method.engine, method.geometry) == (found.fidelity, found.geometry)
+        assert method.dt == found.dt
+        text = f"planned for stress within {tolerance:g}: {found.fidelity}, {found.geometry}"
+        assert record.notes == (f"{text} geometry",)
+        assert not method.budget
+
+
+@pytest.mark.parametrize("fidelity", ["quasistatic", "hybrid", "dynamic"])
+def test_a_named_engine_has_no_plan(fidelity, monkeypatch):
+    monkeypatch.setattr(planner, "plan", None)
+    record = simulate(small(), 1e-3, fidelity=fidelity)
+    assert record.method.engine == fidelity
+    assert record.method.geometry == ("linear" if fidelity == "quasistatic" else "finite")
+    assert record.method.budget == (fidelity == "dynamic")
+    assert record.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("options", "engine"),
+    [
+        ({}, "quasistatic"),
+        ({"geometry": "linear"}, "quasistatic"),
+        ({"budget": False}, "quasistatic"),
+        ({"threads": 1, "sample": 1e-4}, "quasistatic"),
+        ({"budget": True}, "dynamic"),
+        ({"dt": 1e-6}, "hybrid"),
+        ({"dt": 1e-6, "budget": True}, "dynamic"),
+        ({"geometry": "finite"}, "hybrid"),
+        ({"geometry": "finite", "budget": True}, "dynamic"),
+        ({"initial": State}, "hybrid"),
+    ],
+    ids=str,
+)
+def test_options_override_levels(options, engine):
+    scene = small()
+    if options.get("initial") is State:
+        options = {"initial": simulate(scene, 1e-4, fidelity="dynamic").final_state}
+    method = simulate(scene, 5e-4, tolerance=0.1, **options).method
+    assert method.engine == engine
+    assert method.geometry == options.get("geometry", "linear")
+    assert method.budget == bool(options.get("budget"))
+    if engine != "quasistatic":
+        assert method.dt == options.get("dt", step_size(scene))
+
+
+def test_options_override_finer_levels():
+    for options, engine, geometry in (
+        ({"geometry": "linear"}, "hybrid", "linear"),
+        ({"budget": True}, "dynamic", "finite"),
+    ):
+        method = simulate(small(), 5e-4, tolerance=0.01, **options).method
+        assert (method.engine, method.geometry) == (engine, geometry)
+
+
+def test_the_step_of_the_plan():
+    record = simulate(small(), 1e-4, want="front_speed", tolerance=0.1)
+    assert record.method.dt == pyfric.plan(small(), "front_speed", 0.1, t_end=1e-4).dt
+    assert record.method.dt < step_size(small())
+
+
+# --- fallbacks -----------------------------------------------------------------------------------
+
+
+def test_a_ladder_that_does_not_settle(monkeypatch):
+    def fails(*arguments, **options):
+        raise EquilibriumError("the event at t = 1 s does not settle", np.nan, 0.0, 1)
+
+    monkeypatch.setattr(quasistatic, "simulate", fails)
+    record = simulate(small(), 0.07, tolerance=0.1)
+    assert (record.method.engine, record.method.geometry) == ("hybrid", "linear")
+    (note,) = moved(record)
+    assert note.startswith("moved up from quasistatic, linear geometry, to hybrid, linear geometry")
+    assert "does not settle" in note
+    monkeypatch.undo()
+    same_events(record, simulate(small(), 0.07, fidelity="hybrid"), force=0.02)
+    monkeypatch.setattr(quasistatic, "simulate", fails)
+    with pytest.raises(EquilibriumError):
+        simulate(small(), 0.07, fidelity="quasistatic")
+
+
+@pytest.mark.parametrize("make", [small, setup2, chain])
+def test_creep(make):
+    """With mu_s = mu_k slip grows continuously; dynamics follow it with the same force."""
+    scene = make(mu_s=0.1, mu_k=0.1, V=0.02)
+    creep = simulate(scene, 0.015, tolerance=0.5)
+    assert creep.method.engine == "quasistatic"
+    dynamic = simulate(scene, 0.015, fidelity="dynamic", geometry="linear")
+    F_T = np.interp(dynamic.curve["t"], creep.curve["t"], creep.curve["F_T"])
+    assert np.abs(F_T - dynamic.curve["F_T"]).max() < 0.01 * scene.F_N
+
+
+def test_a_ladder_that_does_not_get_on(monkeypatch):
+    """Changes of contact state without end at one position of the driver are given up."""
+    monkeypatch.setattr(quasistatic, "IDLE", -1)
+    with pytest.raises(EquilibriumError, match="without end"):
+        simulate(small(), 0.07, fidelity="quasistatic")
+    found = pyfric.plan(small(), tolerance=0.1, t_end=0.07)
+    assert found.fidelity == "hybrid"
+    assert any("without end" in reason for reason in found.reasons)
+
+
+def test_a_planned_gap():
+    record = simulate(GAPING, T_GAPING, tolerance=0.1)
+    assert (record.method.engine, moved(record)) == ("hybrid", [])
+
+
+@pytest.mark.usefixtures("calm")
+def test_a_gap_that_was_not_planned():
+    record = simulate(GAPING, T_GAPING, tolerance=0.1)
+    assert record.method.engine == "hybrid"
+    (note,) = moved(record)
+    assert "open blocks: " in note
+
+
+@pytest.mark.usefixtures("calm")
+def test_high_speed_that_was_not_planned():
+    record = simulate(small(V=0.05), 0.03, tolerance=0.1)
+    assert record.method.engine == "hybrid"
+    (note,) = moved(record)
+    assert "slowest decay over time between main events" in note
+
+
+@pytest.mark.usefixtures("calm")
+def test_strains_that_were_not_planned():
+    scene = small(F_N=14e3, V=0.1)
+    record = simulate(scene, 0.02, tolerance=0.1)
+    assert (record.method.engine, record.method.geometry) == ("hybrid", "finite")
+    assert "largest strain: " in moved(record)[0]
+    record = simulate(scene, 0.02, tolerance=0.08)
+    assert (record.method.engine, record.method.geometry) == ("hybrid", "finite")
+    (note,) = moved(record)
+    assert note.startswith("moved up from hybrid, linear geometry, to hybrid, finite geometry")
+
+
+@pytest.mark.usefixtures("calm")
+def test_what_was_asked_for_stays_and_the_record_says_so():
+    record = simulate(small(F_N=14e3, V=0.1), 0.02, tolerance=0.08, geometry="linear")
+    assert (record.method.engine, record.method.geometry) == ("hybrid", "linear")
+    assert record.notes[-1].startswith("does not hold: largest strain: ")
+
+
+def test_a_slider_that_never_rests():
+    """Without viscosity the plan takes dynamics, and the hybrid engine becomes it."""
+    scene, t_end = small(eta=0.0, V=0.02), 0.05
+    assert pyfric.plan(scene, t_end=1.5).fidelity == "dynamic"
+    hybrid, dynamic = (
+        simulate(scene, t_end, fidelity=name, geometry="linear", t_gap=2e-4)
+        for name in ("hybrid", "dynamic")
+    )
+    (note,) = hybrid.notes
+    assert "of the time was integrated like in full dynamics" in note
+    assert same_events(hybrid, dynamic, force=1e-3) >= 3
+
+
+def test_a_failed_run_says_what_was_planned(monkeypatch):
+    def fails(engine, scene, t_end, **options):
+        record = real(engine, scene, t_end, **options)
+        raise RunError("the motion is not finite", record)
+
+    real = simulation.integrate
+    monkeypatch.setattr(simulation, "integrate", fails)
+    with pytest.raises(RunError) as failure:
+        simulate(small(), 1e-4)
+    assert failure.value.record.notes[0].startswith("planned for precursors")
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fidelity", ["auto", "quasistatic", "hybrid", "dynamic"])
+@pytest.mark.parametrize(
+    ("name", "given_value", "allowed"),
+    [
+        ("want", "speed", "'front_speed'"),
+        ("want", None, "'precursors'"),
+        ("tolerance", 0.0, "> 0"),
+        ("tolerance", 1.5, "<= 1"),
+        ("tolerance", "1", "a finite number"),
+        ("geometry", "round", "'linear' or 'finite'"),
+        ("method", "euler", "'rk4'"),
+        ("budget", "yes", "True, False or None"),
+        ("sample", 0.0, "> 0 s"),
+        ("threads", 0, "1 … 4096"),
+        ("checkpoint_every", -1.0, "> 0 s"),
+        ("t_gap", -1.0, ">= 0 s"),
+        ("t_end", -1.0, ">= 0 s"),
+    ],
+)
+def test_refused_options(fidelity, name, given_value, allowed):
+    options = {"t_end": 1e-4, "tolerance": 0.5} | {name: given_value}
+    with pytest.raises(SceneError) as refusal:
+        simulate(small(), fidelity=fidelity, **options)
+    assert refusal.value.field == name
+    assert allowed in str(refusal.value)
+
+
+@pytest.mark.parametrize("fidelity", ["fast", "", None, 3, ["hybrid"], "prediction"])
+def test_refused_fidelity(fidelity):
+    with pytest.raises(SceneError, match="'auto' or 'quasistatic' or 'hybrid' or 'dynamic'"):
+        simulate(small(), 1e-3, fidelity=fidelity)
+
+
+@pytest.mark.parametrize(
+    ("fidelity", "name", "given_value", "text"),
+    [
+        ("hybrid", "budget", True, "fidelity = 'dynamic'"),
+        ("quasistatic", "budget", True, "quasistatic"),
+        ("quasistatic", "dt", 1e-6, "makes no steps"),
+        ("quasistatic", "geometry", "finite", "is linear"),
+    ],
+)
+def test_options_an_engine_lacks(fidelity, name, given_value, text):
+    with pytest.raises(SceneError, match=text) as refusal:
+        simulate(small(), 1e-3, fidelity=fidelity, **{name: given_value})
+    assert refusal.value.field == name
+
+
+@settings(max_examples=50)
+@given(
+    st.sampled_from(["fidelity", "want", "tolerance", "t_end", "budget", "initial"]),
+    st.floats(max_value=-1e-6) | st.text(max_size=3) | st.lists(st.none()) | st.just(np.nan),
+)
+def test_broken_arguments(name, given_value):
+    arguments = {"t_end": 1e-4} | {name: given_value}
+    with pytest.raises((SceneError, StateError)) as refusal:
+        simulate(small(), **arguments)
+    assert name in str(refusal.value)
+
+
+# --- going on ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def halves():
+    """Runs of each engine to 65 ms."""
+    return {
+        name: simulate(small(), 0.065, fidelity=name, sample=1e-4)
+        for name in ("quasistatic", "hybrid", "dynamic")
+    }
+
+
+@pytest.mark.parametrize("fidelity", ["quasistatic", "hybrid", "dynamic"])
+def test_a_record_goes_on_with_its_engine(fidelity, halves):
+    half = halves[fidelity]
+    record = simulate(small(), 0.07, initial=half)
+    assert record.method == half.method
+    assert record.curve["t"].iloc[-1] == pytest.approx(0.07, abs=2e-6)
+    assert len(record.events) > len(half.events) >= 2
+    for other in {"quasistatic", "hybrid", "dynamic"} - {fidelity}:
+        with pytest.raises(StateError, match=f"comes from the {fidelity} engine, this is {other}"):
+            simulate(small(), 0.07, initial=half, fidelity=other)
+    with pytest.raises(StateError, match="another scene"):
+        simulate(small(mu_k=0.4), 0.07, initial=half)
+
+
+def test_a_prediction_does_not_go_on():
+    record = pyfric.prediction_curve(small())
+    with pytest.raises(StateError, match="prediction"):
+        simulate(small(), 1.0, initial=record)
+
+
+def test_notes_go_on():
+    half = simulate(small(), 0.065, tolerance=0.01)
+    assert simulate(small(), 0.07, initial=half).notes == half.notes
+    assert len(half.notes) == 1
+    half = simulate(small(), 0.065, tolerance=0.1)
+    assert simulate(small(), 0.07, initial=half).notes == half.notes
+    rested = dataclasses.replace(half, notes=("quasistatic: of the first half", "kept"))
+    assert simulate(small(), 0.07, initial=rested).notes == ("kept",)
+
+
+def in_two(t_half, geometry, folder):
+    """Return a run and the same run in two halves."""
+    how = {"fidelity": "hybrid", "geometry": geometry, "sample": 1e-4}
+    whole = simulate(small(), 0.07, **how)
+    half = simulate(small(), t_half, **how).save(folder / "half.nc")
+    split = simulate(small(), 0.07, initial=Record.load(half))
+    exact = whole.events.select_dtypes(exclude="float").drop(columns=["quiet_start", "quiet_stop"])
+    pd.testing.assert_frame_equal(split.events[exact.columns], exact)
+    np.testing.assert_array_equal(split.curve["t"], whole.curve["t"])
+    a, b = split.final_state, whole.final_state
+    assert (a.step, a.t) == (b.step, b.t)
+    np.testing.assert_array_equal(a.mode, b.mode)
+    assert split.counts["steps"] + split.counts["steps_spared"] == whole.final_state.step
+    assert len(whole.events) >= 4
+    return whole, split
+
+
+@pytest.mark.parametrize("t_half", [0.0605, 0.0614, 0.0652])
+def test_a_hybrid_run_in_two_halves(t_half, tmp_path):
+    """Split while it waits, rings down or slips: the same run to 1e-10 in linear geometry."""
+    whole, split = in_two(t_half, "linear", tmp_path)
+    pd.testing.assert_frame_equal(split.events, whole.events, rtol=1e-10, atol=0)
+    F_T = whole.curve["F_T"]
+    np.testing.assert_allclose(split.curve["F_T"], F_T, rtol=0, atol=1e-10 * F_T.max())
+    a, b = split.final_state.y, whole.final_state.y
+    assert np.abs(a[:, :2] - b[:, :2]).max() <= 1e-10 * np.abs(b[:, :2]).max()
+
+
+@pytest.mark.parametrize("t_half", [0.0605, 0.0614, 0.0652])
+def test_a_hybrid_run_in_two_halves_in_finite_geometry(t_half, tmp_path):
+    """Jumps follow tangents there: the same events, to a share of the error of jumps."""
+    whole, split = in_two(t_half, "finite", tmp_path)
+    same_events(split, whole, force=planner.ERROR_JUMPS)
+    dt = whole.method.dt
+    np.testing.assert_allclose(split.events["t_start"], whole.events["t_start"], atol=2 * dt)
+
+
+# --- chains --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("changes", [{}, {"side": "right"}, {"eta": 0.0}, {"k_top": 1e6}], ids=str)
+def test_chains(changes):
+    scene, t_end = chain(L=0.03, V=7.875e-3, **changes), 0.035
+    assert pyfric.plan(scene, tolerance=0.1, t_end=t_end).fidelity == "quasistatic"
+    assert pyfric.plan(scene, tolerance=0.01, t_end=t_end).fidelity == "hybrid"
+    assert pyfric.plan(scene, "motion", t_end=t_end).fidelity == "dynamic"
+    runs = {
+        name: simulate(scene, t_end, fidelity=name) for name in ("quasistatic", "hybrid", "dynamic")
+    }
+    assert same_events(runs["hybrid"], runs["dynamic"], force=1e-4) >= 5
+    assert runs["hybrid"].counts["steps"] < 0.3 * runs["dynamic"].counts["steps"]
+    times = runs["dynamic"].curve["t"]
+    F_T = np.interp(times, *runs["quasistatic"].curve[["t", "F_T"]].to_numpy().T)
+    np.testing.assert_allclose(F_T, runs["dynamic"].curve["F_T"], atol=0.03 * scene.F_N)
+
+
+# --- odd scenes ----------------------------------------------------------------------------------
+
+ODD = {
+    "3 x 2 blocks": setup1(L=0.005, H=0.0025, h=2.5e-3, V=0.05),
+    "3 x 2 blocks, free": setup2(L=0.002, H=0.001, h=1e-3, V=0.05),
+    "3 blocks": chain(L=0.005, V=0.05),
+    "driven from the right": small(side="right", V=0.1),
+    "driven at the top": small(h=0.015, V=0.1),
+    "driven at the top, free": setup2(L=0.012, H=0.004, h=0.004, V=0.05),
+    "at rest": small(V=0.0),
+    "fast": small(V=1e4),
+    "creep": small(mu_s=0.45, V=0.1),
+    "slippery": small(mu_k=0.0, V=0.1),
+    "no friction": small(mu_s=0.0, mu_k=0.0),
+    "sticky": small(mu_s=2.0, mu_k=1.0, V=0.1),
+    "unloaded corner": setup2(L=0.012, H=0.004, theta=1.0, V=0.05),
+    "unloaded edge": setup2(L=0.012, H=0.004, theta=-1.0, V=0.05),
+    "soft driver": small(K=1.0, V=0.1),
+    "stiff driver": small(K=1e9, V=0.01),
+    "no viscosity": small(eta=0.0, V=0.1),
+    "soft foundation": small(k_f=1e4),
+    "no mattress": small(mattress=0.0, V=0.1),
+    "hardly loaded": chain(L=0.03, p=1e-6),
+}
+
+
+@pytest.mark.parametrize("scene", ODD.values(), ids=ODD)
+def test_odd_scenes(scene):
+    for t_end in (0.0, 0.01):
+        for tolerance in (0.5, 0.01):
+            record = simulate(scene, t_end, tolerance=tolerance)
+            assert record.status == "complete"
+            assert np.isfinite(record.curve.to_numpy()).all()
+            assert record.curve["t"].iloc[-1] >= t_end

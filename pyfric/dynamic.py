@@ -290,11 +290,12 @@ class Run:
         solve_at = start + STATIC_SECONDS
         while state.step < last and not stop():
             self.before_call(last)
-            to_sample = every - state.step % every
-            in_time = max(1, int(CALL_SECONDS * self.rate)) if self.rate else 1
-            self.call(min(to_sample, in_time, last - state.step, self.call_length()))
-            if state.step % every == 0:
-                self.sample()
+            if state.step < last:
+                to_sample = every - state.step % every
+                in_time = max(1, int(CALL_SECONDS * self.rate)) if self.rate else 1
+                self.call(min(to_sample, in_time, last - state.step, self.call_length()))
+                if state.step % every == 0:
+                    self.sample()
             now = time.perf_counter()
             if now - shown > 0.1 or state.step >= last:
                 shown = now

@@ -307,6 +307,10 @@ class StaticSolver:
         K = self._K + sp.diags_array(foundation) + self.scene.driver.K * (row.T @ row)
         return K.tocsr(), self._factor(contact, True), self._unknown(contact)
 
+    def stiffening(self, rest: Equilibrium) -> sp.csr_array:
+        """Return the stiffness of the bonds in a state minus that of `tangent`, in N/m."""
+        return self._bond_stiffness(self._coordinates_of(rest)) - self._K
+
     @functools.cached_property
     def driven_row(self) -> np.ndarray:
         """Derivatives of u_x of the driven block by the coordinates, shape (n_q,)."""

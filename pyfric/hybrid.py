@@ -37,6 +37,8 @@ SHORTEST = 64
 """Shortest jump worth its cost, in steps."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
+STRAIGHT = 0.02
+"""In finite geometry, F_T over t is taken as straight up to a change of this share of F_N."""
 KEPT = 8
 """Contact states whose modes are kept."""
 
@@ -47,6 +49,7 @@ class _Rest(NamedTuple):
     t: float
     open: np.ndarray
     frozen: Frozen
+    growth: np.ndarray
     q: np.ndarray
     margins: np.ndarray
     F_T: float
@@ -123,14 +126,14 @@ class HybridRun(Run):
         rate = V * frozen.margin_rate
         c = rest.margins + rate * since + frozen.margin_lag
         modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
-        rates = np.append(frozen.rates, -frozen.decay)
+        rates = np.append(rest.growth, -frozen.decay)
         there, n_there = None, 0
         for _ in range(8):
             s = first_crossing(c, rate, modal, rates, most * dt, dt)
             n = min(math.floor(s / dt), most)
             left = bound.max() * math.exp(-frozen.decay * n * dt)
             too_soon = left > REMAINDER * scene.F_N / scene.N_x
-            if n < most and (n < SHORTEST or too_soon):
+            if too_soon or n < min(most, SHORTEST):
                 return False
             if self.method.geometry == "linear":
                 break
@@ -146,12 +149,15 @@ class HybridRun(Run):
             return False
         if there is None:
             q_there = rest.q + (V * (since + n * dt)) * frozen.drift
-            F_rate = V * frozen.force_rate
+            force = rest.F_T + V * frozen.force_rate * (since + n * dt)
         else:
             q_there = known.coordinates(there.u, there.rod)
-            F_rate = (there.F_T - rest.F_T) / (t - rest.t)
-        self._sample_jump(rest, F_rate, motion.a, n)
-        self._land(q_there, frozen, motion.a, n)
+            q_there += (V * (n - n_there) * dt) * frozen.drift
+            force = there.F_T + V * frozen.force_rate * (n - n_there) * dt
+        margins = c + rate * (n * dt) + (modal[:, :-1] @ np.exp(rest.growth * (n * dt))).real
+        self._sample_jump(rest, force, motion.a, n)
+        self._land(q_there, rest, motion.a, n)
+        state.slack[:] = frozen.slack(margins)
         return True
 
     def _static(self, t: float, open_: np.ndarray) -> Equilibrium | None:
@@ -173,7 +179,11 @@ class HybridRun(Run):
             if found is not None:
                 frozen = self._frozen(~open_)
                 q = known.coordinates(found.u, found.rod)
-                self.rest = _Rest(state.t, open_, frozen, q, frozen.margins(found), found.F_T)
+                growth = frozen.growth
+                if self.method.geometry == "finite":
+                    growth = frozen.stiffened(known.stiffening(found))
+                margins = frozen.margins(found)
+                self.rest = _Rest(state.t, open_, frozen, growth, q, margins, found.F_T)
         return self.rest
 
     def _frozen(self, stuck: np.ndarray) -> Frozen:
@@ -181,30 +191,35 @@ class HybridRun(Run):
         if key not in self.frozen:
             while len(self.frozen) >= KEPT:
                 del self.frozen[next(iter(self.frozen))]
-            self.frozen[key] = Frozen(self.solver.known, stuck)
+            self.frozen[key] = Frozen(self.solver.known, stuck, self.method.dt)
         return self.frozen[key]
 
-    def _sample_jump(self, rest: _Rest, F_rate: float, a: np.ndarray, n: int) -> None:
-        """Add the points of the loading curve that lie inside a jump of n steps."""
+    def _sample_jump(self, rest: _Rest, force: float, a: np.ndarray, n: int) -> None:
+        """Add the points of the loading curve in a jump of n steps that ends at a static force."""
         state, every, frozen = self.state, self.method.sample, rest.frozen
-        steps = np.arange((state.step // every + 1) * every, state.step + n, every)
+        steps = np.arange((state.step // every + 1) * every, state.step + n + 1, every)
         t, s = state.t0 + steps * state.dt, (steps - state.step) * state.dt
+        t_end = state.t + n * state.dt
+        x = (t - rest.t) / (t_end - rest.t)
+        F_T = rest.F_T + (force - rest.F_T) * x
+        far = abs(force - rest.F_T) > STRAIGHT * self.scene.F_N
+        if far and len(t) and self.method.geometry == "finite":
+            middle = self._static((rest.t + t_end) / 2, rest.open)
+            if middle is not None:  # a parabola
+                F_T += (4 * middle.F_T - 2 * (rest.F_T + force)) * x * (1 - x)
         modes = frozen.force_modal * (frozen.weight * a)
-        F_T = rest.F_T + frozen.force_lag + F_rate * (t - rest.t)
-        F_T += (modes @ np.exp(np.outer(frozen.rates, s))).real
+        F_T += frozen.force_lag + (modes @ np.exp(np.outer(rest.growth, s))).real
         self.rows += np.column_stack([t, F_T]).tolist()
 
-    def _land(self, q: np.ndarray, frozen: Frozen, a: np.ndarray, n: int) -> None:
+    def _land(self, q: np.ndarray, rest: _Rest, a: np.ndarray, n: int) -> None:
         """Put the state n steps later, where the static state is q."""
         state, known = self.state, self.solver.known
-        w, v = frozen.deviation(a, n * state.dt)
+        frozen = rest.frozen
+        w, v = frozen.deviation(a, n * state.dt, rest.growth)
         u_x = state.y[0, 0].copy()
         state.y[:, :2], state.rod[:3] = known.displacements(q + frozen.lag + w)
         state.y[:, 2:], state.rod[3:] = known.displacements(v + self.scene.driver.V * frozen.drift)
         held = state.mode == STUCK
         state.y[0, 0, held], state.y[0, 2, held] = u_x[held], 0.0
-        state.slack[:] = 0.0
         state.step += n
         self.jumps, self.jumped = self.jumps + 1, self.jumped + n
-        if state.step % self.method.sample == 0:
-            self.sample()

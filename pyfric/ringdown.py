@@ -14,12 +14,18 @@ form. M, C and K are symmetric, so the amplitude of a mode is
 The energy E of what the modes leave out cannot grow. By the inequality of Cauchy and Schwarz it
 bounds what the remainder does to the contact at any later time. It also decays: a mode of frequency
 omega with at least half of its elastic energy in the bonds has -Re lambda >= eta omega^2/(4 k),
-because the viscosity of a bond resists all of the relative motion and its spring only a part.
+because the viscosity of a bond resists all of the relative motion and its spring only a part. The
+slower one of two overdamped modes decays at its own |lambda|.
 
 Contact is watched through margins c in N, all positive while no state changes: mu_s p + f and
 mu_s p - f of stuck blocks, k_f u_z of open ones.
 
+A step of RK4 multiplies a mode by R(lambda dt) = 1 + z + z^2/2 + z^3/6 + z^4/24 and reproduces the
+drifting state exactly, so that the ring-down of a run with steps dt is that of the rates
+log(R)/dt: nothing is lost or gained against stepping.
+
 In finite geometry K is that of the loaded state; strains are small, so it changes little.
+`Frozen.stiffened` corrects the rates, whose errors add up over time, to first order.
 """
 
 from __future__ import annotations
@@ -57,9 +63,11 @@ class Frozen:
     Args:
         solver: static states of the scene in its geometry.
         stuck: blocks that are held, shape (N_x,), bool; all others are open.
+        dt: step of RK4 that the ring-down follows, in s; None means exact time.
 
     Attributes:
         rates: eigenvalues of the modes, one of each conjugate pair, shape (n,), in 1/s.
+        growth: rates of the amplitudes: `rates`, or what RK4 makes of them, shape (n,), in 1/s.
         drift: dq/dX of the static state, shape (n_q,).
         lag: offset of the drifting state from the static one, shape (n_q,), in m.
         margin_rate: change of the margins with X, shape (n_c,), in N/m.
@@ -68,7 +76,7 @@ class Frozen:
         decay: rate at which the remainder decays at least, in 1/s.
     """
 
-    def __init__(self, solver: StaticSolver, stuck: np.ndarray) -> None:
+    def __init__(self, solver: StaticSolver, stuck: np.ndarray, dt: float | None = None) -> None:
         scene = solver.scene
         N_x, k_f, mu_s, V = scene.N_x, scene.k_f, scene.interface.mu_s, scene.driver.V
         self.stuck, self.mu_s, self.k_f = stuck, mu_s, k_f
@@ -81,8 +89,10 @@ class Frozen:
         self.drift[free] = factor.solve(push[free])
         self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
         self._find_modes(factor)
+        self.dt = dt
+        self.growth = self.stepped(self.rates)
         cut = np.max(np.abs(self.rates), initial=0.0)
-        self.decay = scene.eta * cut**2 / (4 * scene.slider.k)
+        self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), cut)
 
         # margins as rows over w and w'
         held, open_ = np.flatnonzero(stuck), np.flatnonzero(~stuck)
@@ -121,11 +131,12 @@ class Frozen:
             found, vectors = np.zeros(0, complex), np.zeros((2 * n, 0), complex)
         one_of_pair = found.imag <= 0
         self.rates = rates = 1 / found[one_of_pair]
+        rates.real = np.minimum(rates.real, 0.0)  # rounding where nothing is damped
         self.phi = phi = vectors[:n, one_of_pair]
         self.weight = np.where(rates.imag > 0, 2.0, 1.0)
         momentum = M[:, None] * phi
         left = C @ phi + momentum * rates
-        norm = np.sum(phi * (left + momentum * rates), axis=0)
+        self._norm = norm = np.sum(phi * (left + momentum * rates), axis=0)
         self._left, self._left_v = (left / norm).T, (momentum / norm).T
 
     def _compliance(self, factor, at: int) -> float:
@@ -137,18 +148,41 @@ class Frozen:
         load, f = self.mu_s * rest.p[self.stuck], rest.f[self.stuck]
         return np.concatenate([load + f, load - f, self.k_f * rest.u[0, 1, ~self.stuck]])
 
+    def slack(self, margins: np.ndarray) -> np.ndarray:
+        """Return mu_s p - |f| of each bottom block, shape (N_x,), in N; 0 where open."""
+        n, slack = int(self.stuck.sum()), np.zeros(len(self.stuck))
+        slack[self.stuck] = np.minimum(margins[:n], margins[n : 2 * n])
+        return slack
+
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and remainder."""
         w, v = w[self.free], v[self.free]
         a = self._left @ w + self._left_v @ v
         w = w - (self.phi @ (self.weight * a)).real
         v = v - (self.phi @ (self.weight * a * self.rates)).real
-        return Motion(a, 0.5 * float(v @ (self.M * v) + w @ (self.K @ w)))
+        energy = 0.5 * float(v @ (self.M * v) + w @ (self.K @ w))
+        return Motion(a, max(energy, 0.0))
 
-    def deviation(self, a: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
+    def stepped(self, rates: np.ndarray) -> np.ndarray:
+        """Return the rates of amplitudes that RK4 makes of rates, 1/s."""
+        if self.dt is None:
+            return rates
+        z = rates * self.dt
+        growth = np.log(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) / self.dt
+        growth.real = np.minimum(growth.real, 0.0)
+        return growth
+
+    def stiffened(self, change: sp.csr_array) -> np.ndarray:
+        """Return `growth` where K differs by a small change (N/m), to first order."""
+        change = change[self.free][:, self.free] @ self.phi
+        return self.stepped(self.rates - np.sum(self.phi * change, axis=0) / self._norm)
+
+    def deviation(
+        self, a: np.ndarray, s: float, growth: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return w (m) and w' (m/s) of modes of amplitude a a time s (s) later, shape (n_q,)."""
         w, v = np.zeros(self.n_q), np.zeros(self.n_q)
-        later = self.weight * a * np.exp(self.rates * s)
+        later = self.weight * a * np.exp((self.growth if growth is None else growth) * s)
         w[self.free] = (self.phi @ later).real
         v[self.free] = (self.phi @ (later * self.rates)).real
         return w, v

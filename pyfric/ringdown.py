@@ -88,7 +88,8 @@ class Frozen:
         self.drift, self.lag = np.zeros(self.n_q), np.zeros(self.n_q)
         self.drift[free] = factor.solve(push[free])
         self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
-        self._find_modes(factor)
+        # Stuck blocks of a chain can only move vertically, which nothing makes them do.
+        self._find_modes(factor, N_VALUES if scene.N_z > 1 else 0)
         self.dt = dt
         self.growth = self.stepped(self.rates)
         cut = np.max(np.abs(self.rates), initial=0.0)
@@ -113,8 +114,8 @@ class Frozen:
         self.force_modal, self.force_lag = row[free] @ self.phi, float(row @ self.lag)
         self.force_rate = scene.driver.K + float(row @ self.drift)
 
-    def _find_modes(self, factor) -> None:
-        """Find the eigenvalues of smallest modulus and their modes."""
+    def _find_modes(self, factor, count: int) -> None:
+        """Find the eigenvalues of smallest modulus, up to count of them, and their modes."""
         n, C, M = len(self.free), self.C, self.M
 
         def inverse(z: np.ndarray) -> np.ndarray:
@@ -122,13 +123,15 @@ class Frozen:
 
         operator = LinearOperator((2 * n, 2 * n), inverse, dtype=float)
         start = np.concatenate([self.drift[self.free], np.zeros(n)])
-        count = min(N_VALUES, 2 * n - 2)
-        try:
-            found, vectors = eigs(
-                operator, count, which="LM", v0=start + 1e-3 * np.abs(start).max()
-            )
-        except ArpackError:  # no modes: all is remainder
-            found, vectors = np.zeros(0, complex), np.zeros((2 * n, 0), complex)
+        start += 1e-3 * np.abs(start).max() * np.cos(np.arange(2 * n))
+        count = min(count, 2 * n - 2)
+        found, vectors = np.zeros(0, complex), np.zeros((2 * n, 0), complex)
+        for ncv in (2 * count + 1, 4 * count) if count else ():  # pairs may need more room
+            try:
+                found, vectors = eigs(operator, count, ncv=min(ncv, 2 * n), v0=start, maxiter=20)
+            except ArpackError:  # no modes: all is remainder
+                continue
+            break
         one_of_pair = found.imag <= 0
         self.rates = rates = 1 / found[one_of_pair]
         rates.real = np.minimum(rates.real, 0.0)  # rounding where nothing is damped

@@ -280,6 +280,12 @@ class Frozen:
         slack[self.stuck] = np.minimum(margins[:n], margins[n : 2 * n])
         return slack
 
+    def slack(self, margins: np.ndarray) -> np.ndarray:
+        """Return mu_s p - |f| of each bottom block, shape (N_x,), in N; 0 where open."""
+        n, slack = int(self.stuck.sum()), np.zeros(len(self.stuck))
+        slack[self.stuck] = np.minimum(margins[:n], margins[n : 2 * n])
+        return slack
+
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and remainder."""
         w, v = w[self.free], v[self.free]

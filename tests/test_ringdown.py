@@ -1,0 +1,414 @@
+"""Reduced ring-down: against stepping, dense eigenvalues, static states; first crossings."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from scipy.sparse.linalg import ArpackNoConvergence
+
+from pyfric import core, ringdown
+from pyfric.equilibrium import StaticSolver
+from pyfric.operators import damping, mass
+from pyfric.ringdown import Frozen, first_crossing
+from pyfric.scene import chain, setup1, setup2
+from pyfric.state import OPEN, State
+
+DT_SHARE = 0.5
+
+
+def rod(**changes):
+    return setup1(**{"L": 0.02, "H": 0.0125, "F_N": 400.0, "V": 1e-4, "mu_s": 50.0} | changes)
+
+
+def free(**changes):
+    return setup2(**{"L": 0.012, "H": 0.005, "F_N": 50.0, "V": 1e-4, "mu_s": 50.0} | changes)
+
+
+SCENES = {"rod": rod(), "free": free(theta=0.3), "right": free(side="right", h=4e-3)}
+OPENED = {"rod, open": (rod(h=0.01), 1e-4), "free, open": (free(h=5e-3), 3e-5)}
+"""Scenes with much friction, and displacements of the driver that lift blocks off."""
+
+
+class Slider:
+    """A scene, a state of rest, its frozen slider and the forces of the core."""
+
+    def __init__(self, scene, geometry="linear", drive=0.0, dt=None):
+        self.scene, self.geometry = scene, geometry
+        self.solver = StaticSolver(scene, geometry)
+        u_x = self.solver.loaded.u[0, 0]
+        self.rest = self.solver.solve(u_x, drive)
+        self.stuck = ~self.rest.open
+        self.dt = 4e-7 if dt is None else dt
+        self.frozen = Frozen(self.solver, self.stuck, self.dt)
+        self.q = self.solver.coordinates(self.rest.u, self.rest.rod)
+        self.model = core.model(scene, geometry, self.solver.loaded.u_drv0)
+        self.t0 = drive / scene.driver.V
+
+    def state(self, w, v):
+        """Return the state that deviates from the drifting one by w and v."""
+        frozen, V = self.frozen, self.scene.driver.V
+        state = State.at_rest(self.scene, self.rest, self.dt, self.t0)
+        held = state.y[0, 0].copy()
+        where = self.solver.displacements
+        state.y[:, :2], state.rod[:3] = where(self.q + frozen.lag + w)
+        state.y[:, 2:], state.rod[3:] = where(V * frozen.drift + v)
+        state.y[0, 0, self.stuck], state.y[0, 2, self.stuck] = held[self.stuck], 0.0
+        state.u_drv0 = self.solver.loaded.u_drv0
+        return state
+
+    def deviation(self, state):
+        """Return w and v of a state."""
+        frozen, V, since = self.frozen, self.scene.driver.V, state.t - self.t0
+        w = self.solver.coordinates(state.y[:, :2], state.rod[:3])
+        v = self.solver.coordinates(state.y[:, 2:], state.rod[3:])
+        w -= self.q + V * since * frozen.drift + frozen.lag
+        return w, v - V * frozen.drift
+
+    def margins(self, state):
+        """Return the margins that the core's forces leave."""
+        forces, stuck = core.evaluate(self.model, state, state.t), self.stuck
+        load, f = self.scene.interface.mu_s * forces.p[stuck], forces.f[stuck]
+        return np.concatenate([load + f, load - f, self.scene.k_f * state.y[0, 1, ~stuck]])
+
+    def expected_margins(self, a, s):
+        frozen, V = self.frozen, self.scene.driver.V
+        still = frozen.margins(self.rest) + frozen.margin_lag + V * s * frozen.margin_rate
+        return still + (frozen.modal @ (frozen.weight * a * np.exp(frozen.growth * s))).real
+
+    def smooth(self, seed=0, size=1e-9):
+        """Return a smooth random deviation and rate, and one that is rough."""
+        rng = np.random.default_rng(seed)
+        _, factor, unknown = self.solver.tangent(self.stuck)
+        w, v = (np.zeros(len(self.q)) for _ in range(2))
+        w[unknown] = factor.solve(rng.standard_normal(len(unknown)))
+        v[unknown] = factor.solve(rng.standard_normal(len(unknown)))
+        rough = np.zeros(len(self.q))
+        rough[unknown] = rng.standard_normal(len(unknown))
+        scale = size / np.abs(w).max()
+        v *= size * 1e5 / np.abs(v).max()
+        return w * scale + 0.02 * size * rough, v
+
+
+def step(slider, state, n):
+    log = core.Log(slider.scene.N_x)
+    assert core.advance(slider.model, state, log, n) == core.Status.DONE
+    assert log.n_switch == 0
+    return state
+
+
+def sliders():
+    cases = {name: (scene, 0.0) for name, scene in SCENES.items()} | OPENED
+    return pytest.mark.parametrize(("scene", "drive"), cases.values(), ids=cases)
+
+
+# --- against stepping ----------------------------------------------------------------------------
+
+
+@sliders()
+def test_ring_down_is_that_of_the_steps(scene, drive):
+    """Amplitudes to rounding; the remainder stays within its bound and decays as promised."""
+    slider = Slider(scene, drive=drive)
+    frozen = slider.frozen
+    assert slider.rest.open.any() == (drive > 0)
+    state = slider.state(*slider.smooth())
+    begin = frozen.split(*slider.deviation(state))
+    assert begin.remainder > 0
+    bound = frozen.bound * np.sqrt(begin.remainder)
+    rounding = 1e-9 * scene.F_N / scene.N_x
+    worst = 0.0
+    for n in (1, 3, 10, 30, 100, 300, 1000):
+        step(slider, state, n)
+        s = state.t - slider.t0
+        now = frozen.split(*slider.deviation(state))
+        expected = begin.a * np.exp(frozen.growth * s)
+        np.testing.assert_allclose(now.a, expected, rtol=0, atol=1e-8 * np.abs(begin.a).max())
+        fades = np.exp(-frozen.decay * s)
+        assert now.remainder <= begin.remainder * fades**2 * (1 + 1e-9) + 1e-24
+        rest = slider.margins(state) - slider.expected_margins(begin.a, s)
+        assert (np.abs(rest) <= bound * fades + rounding).all()
+        worst = max(worst, np.max(np.abs(rest) / bound))
+    assert worst > 1e-3  # or the bound says nothing
+
+
+@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
+def test_ring_down_in_finite_geometry(scene):
+    """Good to the strains, a few 1e-3, also at a state that is not the loaded one."""
+    slider = Slider(scene, "finite", drive=1e-6)
+    frozen = slider.frozen
+    state = slider.state(*slider.smooth())
+    begin = frozen.split(*slider.deviation(state))
+    growth = frozen.stiffened(slider.solver.stiffening(slider.rest))
+    bound = frozen.bound * np.sqrt(begin.remainder)
+    size = np.abs(frozen.modal * begin.a).sum(axis=1)
+    for n in (1, 10, 100, 1000):
+        step(slider, state, n)
+        s = state.t - slider.t0
+        now = frozen.split(*slider.deviation(state))
+        expected = begin.a * np.exp(growth * s)
+        np.testing.assert_allclose(now.a, expected, rtol=0, atol=0.02 * np.abs(begin.a).max())
+        assert now.remainder <= 1.1 * begin.remainder
+        rest = slider.margins(state) - slider.expected_margins(begin.a, s)
+        assert (np.abs(rest) <= 1.1 * bound + 0.02 * size.max()).all()
+
+
+def test_stiffness_of_the_state_corrects_the_rates():
+    """The first-order change of the rates against the modes of the changed stiffness."""
+    scene = rod()
+    one, other = Slider(scene, "finite"), Slider(scene, "finite", drive=2e-5)
+    solver = other.solver
+    corrected = other.frozen.stiffened(solver.stiffening(other.rest))
+    solver._K = solver._bond_stiffness(other.q)  # as if this were the loaded state
+    solver._factors.clear()
+    exact = Frozen(solver, other.stuck, other.dt).growth
+    slow = np.argsort(np.abs(one.frozen.rates))[:6]
+    for k in slow:
+        error = np.min(np.abs(exact - corrected[k]))
+        change = np.min(np.abs(exact - one.frozen.growth[k]))
+        assert change > 1e-5 * np.abs(exact).min()
+        assert error < 0.05 * change
+
+
+# --- parts ---------------------------------------------------------------------------------------
+
+
+@sliders()
+def test_the_parts_make_the_whole(scene, drive):
+    slider = Slider(scene, drive=drive)
+    frozen = slider.frozen
+    w, v = slider.smooth(seed=1)
+    motion = frozen.split(w, v)
+    w_modes, v_modes = frozen.deviation(motion.a, 0.0)
+    modes = frozen.split(w_modes, v_modes)
+    np.testing.assert_allclose(modes.a, motion.a, rtol=0, atol=1e-6 * np.abs(motion.a).max())
+    rest = frozen.split(w - w_modes, v - v_modes)
+    assert np.abs(rest.a).max() < 1e-6 * np.abs(motion.a).max()
+    assert rest.remainder == pytest.approx(motion.remainder, rel=1e-9)
+    assert modes.remainder < 1e-12 * motion.remainder
+
+
+@sliders()
+def test_energy_is_that_of_the_core(scene, drive, monkeypatch):
+    """Without modes, all energy is in the remainder: that of the core, loads aside."""
+
+    def fail(*_, **__):
+        raise ArpackNoConvergence("nothing converged", np.zeros(0), np.zeros((0, 0)))
+
+    monkeypatch.setattr(ringdown, "eigs", fail)
+    slider = Slider(scene, drive=drive)
+    assert slider.frozen.rates.shape == (0,)
+    assert slider.frozen.decay == 0
+    w, v = slider.smooth(seed=2, size=1e-7)
+    slider.frozen.lag[:], slider.frozen.drift[:] = 0, 0
+    values = []
+    for sign in (1, -1, 0):  # the loads' part of the energy is odd in w
+        state = slider.state(sign * w, sign * v)
+        values.append(sum(core.energies(slider.model, state, slider.t0).values()))
+    energy = (values[0] + values[1]) / 2 - values[2]
+    assert slider.frozen.split(w, v).remainder == pytest.approx(energy, rel=1e-5)
+
+
+@sliders()
+def test_rates_of_the_margins_are_those_of_static_states(scene, drive):
+    slider = Slider(scene, drive=drive)
+    frozen, solver = slider.frozen, slider.solver
+    more = 1e-7
+    there = solver.solve(slider.rest.u[0, 0], drive + more, free=slider.rest.open)
+    change = (frozen.margins(there) - frozen.margins(slider.rest)) / more
+    scale = np.abs(change).max()
+    np.testing.assert_allclose(frozen.margin_rate, change, rtol=0, atol=1e-6 * scale)
+    assert frozen.force_rate == pytest.approx((there.F_T - slider.rest.F_T) / more, rel=1e-6)
+
+
+@sliders()
+def test_the_drifting_state_drifts(scene, drive):
+    """Nothing accelerates in it, and its margins and force differ by the lag."""
+    scene = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, V=0.01))
+    slider = Slider(scene, drive=drive)
+    frozen = slider.frozen
+    state = slider.state(np.zeros(len(slider.q)), np.zeros(len(slider.q)))
+    forces = core.evaluate(slider.model, state, slider.t0)
+    acceleration = forces.a.copy()
+    acceleration[0, 0, slider.stuck] = 0
+    assert np.abs(acceleration).max() * scene.m < 1e-8 * scene.F_N / scene.N_x
+    lag = slider.margins(state) - frozen.margins(slider.rest)
+    np.testing.assert_allclose(frozen.margin_lag, lag, rtol=0, atol=1e-8 * scene.F_N)
+    assert np.abs(frozen.margin_lag).max() > 1e-6 * scene.F_N
+    F_T = forces.F_T - slider.rest.F_T
+    assert frozen.force_lag == pytest.approx(F_T, rel=1e-6, abs=1e-9 * scene.F_N)
+
+
+def test_slack_is_the_smaller_margin():
+    slider = Slider(*OPENED["rod, open"][:1], drive=OPENED["rod, open"][1])
+    slack = slider.frozen.slack(slider.frozen.margins(slider.rest))
+    rest = slider.rest
+    expected = slider.scene.interface.mu_s * rest.p - np.abs(rest.f)
+    np.testing.assert_allclose(slack, np.where(rest.open, 0, expected), rtol=1e-12)
+
+
+# --- eigenvalues ---------------------------------------------------------------------------------
+
+ODD = {
+    "rod": rod(),
+    "free": free(),
+    "little viscosity": rod(eta=1e-3),
+    "no viscosity": free(eta=0.0),
+    "much viscosity": rod(eta=1e3),
+    "very much": free(eta=1e5),
+    "hard foundation": free(k_f=1e10),
+    "soft foundation": rod(k_f=1e4),
+    "stiff driver": rod(K=1e10),
+    "heavy rod": rod(mass=1e3),
+    "light rod": rod(mass=1e-6, mattress=0.0),
+    "smallest": free(L=2e-3, H=1e-3, h=1e-3),
+    "smallest under a rod": rod(L=5e-3, H=2.5e-3, h=2.5e-3),
+}
+
+
+@pytest.mark.parametrize("scene", ODD.values(), ids=ODD)
+def test_eigenvalues_are_the_slow_ones_of_a_dense_solution(scene):
+    """And those left out decay at least at `decay`."""
+    solver = StaticSolver(scene)
+    stuck = np.ones(scene.N_x, dtype=bool)
+    frozen = Frozen(solver, stuck)
+    K, _, unknown = solver.tangent(stuck)
+    K, C = (A.toarray()[np.ix_(unknown, unknown)] for A in (K, damping(scene)))
+    M, n = mass(scene)[unknown], len(unknown)
+    unit = np.sqrt(scene.slider.k / scene.m)
+    A = np.block([[np.zeros((n, n)), unit * np.eye(n)], [-K / M[:, None] / unit, -C / M[:, None]]])
+    exact = np.linalg.eigvals(A)
+    found = np.concatenate([frozen.rates, frozen.rates[frozen.rates.imag > 0].conj()])
+    left = list(exact)
+    for rate in found:
+        nearest = int(np.argmin(np.abs(np.array(left) - rate)))
+        # A double eigenvalue is known to the root of the rounding only.
+        assert abs(left[nearest] - rate) < 1e-6 * abs(rate) + 1e-9 * np.abs(exact).max()
+        del left[nearest]
+    left = np.array(left)
+    assert np.abs(left).min() >= np.abs(found).max() * (1 - 1e-6)
+    assert -left.real.max() >= frozen.decay * (1 - 1e-6) - 1e-9 * np.abs(exact).max()
+    assert (frozen.rates.real <= 0).all()
+
+
+def test_a_stuck_chain_has_no_modes():
+    frozen = Frozen(StaticSolver(chain(L=0.02, k_top=1e6)), np.ones(9, dtype=bool))
+    assert frozen.rates.shape == (0,)
+    assert frozen.decay == 0
+
+
+# --- first crossing ------------------------------------------------------------------------------
+
+
+def value(c, rate, modal, rates, s):
+    return c[:, None] + rate[:, None] * s + (modal @ np.exp(np.outer(rates, s))).real
+
+
+def check_first_crossing(c, rate, modal, rates, s_end, ds):
+    """Against a fine scan: not late, and not early without a margin close to zero."""
+    found = first_crossing(c, rate, modal, rates, s_end, ds)
+    assert 0 <= found <= s_end
+    grid = np.linspace(0, s_end, 8 * round(s_end / ds) + 1)
+    below = (value(c, rate, modal, rates, grid) <= 0).any(axis=0)
+    first = grid[np.argmax(below)] if below.any() else np.inf
+    assert found <= first + ds * (1 + 1e-9)
+    if found < s_end:
+        near = np.linspace(found, min(found + 2 * ds, s_end), 33)
+        low = value(c, rate, modal, rates, near).min(axis=1)
+        curve = (np.abs(modal) * np.abs(rates) ** 2) @ np.exp(rates.real * found) * ds**2 / 8
+        assert (low <= curve + 1e-12 * np.abs(c)).any()
+    return found, first
+
+
+def numbers(low, high):
+    return st.floats(low, high, allow_nan=False)
+
+
+@st.composite
+def motions(draw):
+    n_c, n = draw(st.integers(1, 4)), draw(st.integers(0, 5))
+
+    def some(size, low, high):
+        return np.array(draw(st.lists(numbers(low, high), min_size=size, max_size=size)))
+
+    modal = (some(n_c * n, -2, 2) + 1j * some(n_c * n, -2, 2)).reshape(n_c, n)
+    rates = -some(n, 0, 30) + 1j * some(n, 0, 300)
+    room = np.abs(modal).sum(axis=1)
+    c = some(n_c, -0.1, 1.5) * np.maximum(room, 0.1)  # crossings, grazes and neither
+    rate = some(n_c, -3, 1)
+    return c, rate, modal, rates, draw(st.sampled_from([0.05, 0.5, 2.0]))
+
+
+@settings(max_examples=150)
+@given(motions())
+def test_first_crossing_is_that_of_a_fine_scan(motion):
+    *margins, s_end = motion
+    check_first_crossing(*margins, s_end, ds=1e-3)
+
+
+@settings(max_examples=60)
+@given(
+    depth=st.floats(1e-7, 1e-2),
+    omega=st.floats(20, 400),
+    phase=st.floats(0, 6.28),
+    decay=st.floats(0, 5),
+)
+@example(depth=1e-6, omega=300.0, phase=3.0, decay=0.0)
+def test_no_dip_is_missed(depth, omega, phase, decay):
+    """A margin that dips below zero, by little and for a short time, and comes back."""
+    ds = 1e-4
+    modal, rates = np.array([[np.exp(1j * phase)]]), np.array([-decay + 1j * omega])
+    grid = np.linspace(0, 0.5, 400_001)
+    wave = value(np.zeros(1), np.zeros(1), modal, rates, grid)[0]
+    lowest = wave.argmin()
+    c = np.array([-wave[lowest] - depth])
+    if c[0] + wave[0] <= 0:
+        return
+    first = grid[np.argmax(c[0] + wave <= 0)]
+    found = first_crossing(c, np.zeros(1), modal, rates, 0.5, ds)
+    assert first - 30 * np.sqrt(ds) <= found <= first + ds
+
+
+def test_first_crossing_without_modes_is_that_of_the_drift():
+    none, no_rates = np.zeros((2, 0), complex), np.zeros(0, complex)
+    c, rate = np.array([1.0, 2.0]), np.array([-2.0, -1.0])
+    found = first_crossing(c, rate, none, no_rates, 10.0, 1e-6)
+    assert 0.5 - 2e-6 <= found <= 0.5
+    assert first_crossing(c, -rate, none, no_rates, 10.0, 1e-6) == 10.0
+    assert first_crossing(-c, rate, none, no_rates, 10.0, 1e-6) == 0.0
+
+
+def test_first_crossing_after_a_long_wait_is_cheap(monkeypatch):
+    """Ten thousand decay times: leaps, not a scan."""
+    count = [0]
+    exp = np.exp
+
+    def counted(x):
+        count[0] += 1
+        return exp(x)
+
+    monkeypatch.setattr(ringdown.np, "exp", counted)
+    c, rate = np.array([1.0]), np.array([-1e-3])
+    modal, rates = np.array([[0.9 + 0j]]), np.array([-10 + 300j])
+    found = first_crossing(c, rate, modal, rates, 1e4, 1e-6)
+    assert found == pytest.approx(1000.0, abs=2e-6)
+    assert count[0] < 300
+
+
+def test_numbers_that_are_none_do_not_hang():
+    bad = np.array([np.nan, 1.0])
+    modal, rates = np.ones((2, 1), complex), np.array([-1 + 10j])
+    assert first_crossing(bad, np.zeros(2), modal, rates, 1.0, 1e-3) == 0.0
+
+
+def test_open_blocks_are_watched():
+    """The margins end with those of open blocks, positive while they are open."""
+    scene, drive = OPENED["free, open"]
+    slider = Slider(scene, drive=drive)
+    n_open = int(slider.rest.open.sum())
+    margins = slider.frozen.margins(slider.rest)
+    assert margins.shape == (2 * scene.N_x - n_open,)
+    assert n_open > 0
+    assert (margins > 0).all()
+    state = slider.state(*slider.smooth())
+    assert (state.mode == OPEN).sum() == n_open

@@ -197,7 +197,7 @@ class StaticSolver:
         self._along[: 2 * N_x * rows].reshape(rows, 2, N_x)[:, 0] = 1.0
         if scene.rigid:
             self._along[-3] = 1.0
-        self._factors: dict[tuple[bool, bytes], SuperLU] = {}
+        self._factors: dict[tuple[bool, bytes], BandedCholesky | SuperLU] = {}
         self._u_drv0 = 0.0
         self._K = self._bond_stiffness(np.zeros(self._T.shape[1]))
         self.loaded = self._load_slider()
@@ -293,7 +293,9 @@ class StaticSolver:
             "the set of open blocks does not settle", residual, self._limit, steps
         )
 
-    def tangent(self, stuck: np.ndarray) -> tuple[sp.csr_array, SuperLU, np.ndarray]:
+    def tangent(
+        self, stuck: np.ndarray
+    ) -> tuple[sp.csr_array, BandedCholesky | SuperLU, np.ndarray]:
         """Return the tangent stiffness at the loaded state, with foundation and driver.
 
         Args:
@@ -380,7 +382,9 @@ class StaticSolver:
             geometry=self.geometry,
         )
 
-    def _factorised(self, K: sp.csr_array, contact: _Contact, driven: bool) -> SuperLU:
+    def _factorised(
+        self, K: sp.csr_array, contact: _Contact, driven: bool
+    ) -> BandedCholesky | SuperLU:
         """Factorise K with foundation, driver and friction, for the coordinates not held."""
         scene, n = self.scene, K.shape[0]
         foundation = np.zeros(n)
@@ -406,7 +410,7 @@ class StaticSolver:
             what = f"not enough memory to factorise {len(unknown)} unknowns"
             raise EquilibriumError(what, np.nan, self._limit, 0) from error
 
-    def _factor(self, contact: _Contact, driven: bool) -> SuperLU:
+    def _factor(self, contact: _Contact, driven: bool) -> BandedCholesky | SuperLU:
         """Return the factorisation at the reference state, from the store if it is there."""
         key = (driven, contact.key)
         if key not in self._factors:

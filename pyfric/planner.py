@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 import numpy as np
 
 from pyfric.catalogue import build_catalogue
+from pyfric.blas import one_thread_if_small
 from pyfric.dynamic import step_size
 from pyfric.equilibrium import EquilibriumError, StaticSolver
 from pyfric.operators import Geometry, default_geometry, stability_limit
@@ -184,6 +185,7 @@ class _Scout(NamedTuple):
     failed: str
 
 
+@one_thread_if_small
 def plan(
     scene: Scene,
     want: Want = "precursors",

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from pyfric.blas import one_thread_if_small
 from pyfric.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP, build_catalogue
 from pyfric.complementarity import Contact, Interface
 from pyfric.core import CORNER_SHARE
@@ -330,6 +331,7 @@ def simulate(
     return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
 
 
+@one_thread_if_small
 def prediction_curve(scene: Scene, mu: float | None = None) -> Record:
     """Return the growth of the slipping zone with mu_s = mu_k, up to sliding.
 

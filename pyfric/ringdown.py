@@ -30,6 +30,7 @@ In finite geometry K is that of an earlier state; strains are small, so it chang
 
 from __future__ import annotations
 
+import contextlib
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -43,6 +44,7 @@ from pyfric.operators import damping, mass
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
+    from pyfric.banded import BandedCholesky
     from pyfric.equilibrium import StaticSolver
 
 __all__ = ["Frozen", "Motion", "Rest", "first_crossing"]
@@ -54,7 +56,7 @@ TINY = 1e-11
 FEW, MOST_COLUMNS = 6, 200
 """On lattices of more than `LARGE` unknowns a state follows from the last one where few blocks
 moved since; the responses to single blocks are kept."""
-MAX_ITER = 100
+MAX_ITER = 20
 """Most restarts of ARPACK; few are needed."""
 GRID = 64
 """Points at which margins are evaluated together."""
@@ -127,7 +129,9 @@ class Frozen:
         self.drift[free] = factor.solve(push[free])
         self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
         if closed is None:
-            self._keep_modes(*self._find_modes(factor))
+            # Stuck blocks of a chain can only move vertically, which nothing makes them do.
+            most = N_VALUES if len(free) <= LARGE else N_VALUES_LARGE
+            self._keep_modes(*self._find_modes(factor, most if scene.N_z > 1 else 0))
         else:
             self._keep_modes(*self._corrected_modes(closed, factor))
         cut = np.max(np.abs(self.rates), initial=0.0)
@@ -153,8 +157,10 @@ class Frozen:
         self.force_modal, self.force_lag = row[free] @ self.phi, float(row @ self.lag)
         self.force_rate = scene.driver.K + float(row @ self.drift)
 
-    def _find_modes(self, factor: SuperLU) -> tuple[np.ndarray, np.ndarray]:
-        """Return the eigenvalues of smallest modulus and their modes."""
+    def _find_modes(
+        self, factor: BandedCholesky | SuperLU, count: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the eigenvalues of smallest modulus, up to count of them, and their modes."""
         n, C, M = len(self.free), self.C, self.M
         start = self.drift[self.free]
         inertia = float(start @ (M * start))
@@ -166,14 +172,14 @@ class Frozen:
 
         operator = LinearOperator((2 * n, 2 * n), inverse, dtype=float)
         start = np.concatenate([start, np.zeros(n)])
-        start += 1e-3 * np.abs(start).max()
-        count = min(N_VALUES if n <= LARGE else N_VALUES_LARGE, 2 * n - 2)
-        try:
-            found, vectors = eigs(
-                operator, count, which="LM", v0=start, tol=1e-10, maxiter=MAX_ITER
-            )
-        except ArpackError:  # no modes: all is remainder
-            found, vectors = np.zeros(0, complex), np.zeros((2 * n, 0), complex)
+        start += 1e-3 * np.abs(start).max() * np.cos(np.arange(2 * n))
+        count = min(count, 2 * n - 2)
+        found, vectors = np.zeros(0, complex), np.zeros((2 * n, 0), complex)
+        for ncv in (2 * count + 1, 4 * count) if count else ():  # pairs may need more room
+            room = {"ncv": min(ncv, 2 * n), "maxiter": MAX_ITER, "tol": 1e-10}
+            with contextlib.suppress(ArpackError):  # no modes: all is remainder
+                found, vectors = eigs(operator, count, v0=start, **room)
+                break
         one_of_pair = found.imag <= 0
         rates = 1 / found[one_of_pair]
         rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
@@ -209,7 +215,7 @@ class Frozen:
         self._norm = norm = np.sum(phi * (left + momentum * rates), axis=0)
         self._left, self._left_v = (left / norm).T, (momentum / norm).T
 
-    def _compliance(self, factor: SuperLU | _Opened, at: int) -> float:
+    def _compliance(self, factor: BandedCholesky | SuperLU | _Opened, at: int) -> float:
         one = (self.free == at).astype(float)
         return float(one @ factor.solve(one))
 
@@ -273,12 +279,6 @@ class Frozen:
         """Return the margins in a static state, shape (n_c,), in N."""
         load, f = self.mu_s * rest.p[self.stuck], rest.f[self.stuck]
         return np.concatenate([load + f, load - f, self.k_f * rest.u_z[~self.stuck]])
-
-    def slack(self, margins: np.ndarray) -> np.ndarray:
-        """Return mu_s p - |f| of each bottom block, shape (N_x,), in N; 0 where open."""
-        n, slack = int(self.stuck.sum()), np.zeros(len(self.stuck))
-        slack[self.stuck] = np.minimum(margins[:n], margins[n : 2 * n])
-        return slack
 
     def slack(self, margins: np.ndarray) -> np.ndarray:
         """Return mu_s p - |f| of each bottom block, shape (N_x,), in N; 0 where open."""

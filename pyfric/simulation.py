@@ -6,6 +6,7 @@ import dataclasses
 from typing import TYPE_CHECKING, Literal, get_args
 
 from pyfric import planner, quasistatic
+from pyfric.blas import one_thread_if_small
 from pyfric.catalogue import T_GAP
 from pyfric.dynamic import Run, RunError, check_options, integrate
 from pyfric.equilibrium import EquilibriumError
@@ -28,6 +29,7 @@ __all__ = ["simulate"]
 ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
 
 
+@one_thread_if_small
 def simulate(
     scene: Scene,
     t_end: float,

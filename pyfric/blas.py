@@ -1,0 +1,36 @@
+"""Threads of BLAS: one for small problems, which more threads only slow down."""
+
+from __future__ import annotations
+
+import functools
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+from threadpoolctl import ThreadpoolController
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["SMALL", "one_thread_if_small"]
+
+SMALL = 250
+"""Matrices of up to twice this size run on one thread."""
+
+P, R = ParamSpec("P"), TypeVar("R")
+
+
+@functools.cache
+def _controller() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+def one_thread_if_small(function: Callable[P, R]) -> Callable[P, R]:
+    """Let BLAS use one thread in a function of a scene (its first argument) with few columns."""
+
+    @functools.wraps(function)
+    def limited(scene: Any, *args: Any, **kwargs: Any) -> Any:
+        small = getattr(scene, "N_x", 0) <= SMALL
+        with _controller().limit(limits=1, user_api="blas") if small else nullcontext():
+            return function(scene, *args, **kwargs)
+
+    return limited

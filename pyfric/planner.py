@@ -27,8 +27,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from pyfric.catalogue import build_catalogue
 from pyfric.blas import one_thread_if_small
+from pyfric.catalogue import build_catalogue
 from pyfric.dynamic import step_size
 from pyfric.equilibrium import EquilibriumError, StaticSolver
 from pyfric.operators import Geometry, default_geometry, stability_limit

@@ -123,7 +123,7 @@ def _run(fidelity: str, scene: Scene, t_end: float, stepped: dict, common: dict)
     for name, without in (("geometry", (None, "linear")), ("dt", ("auto",)), ("budget", (None, 0))):
         if stepped[name] not in without:
             allowed = "nothing, because the quasistatic engine is linear and makes no steps"
-            raise SceneError(name, stepped[name], "", allowed)
+            raise SceneError(name, stepped[name], "s" if name == "dt" else "", allowed)
     return quasistatic.simulate(scene, t_end, **common)
 
 

@@ -81,7 +81,7 @@ def agree(one, other):
 
 def test_help_names_commands_and_exit_codes():
     shown = pyf("--help").stdout
-    assert all(name in shown for name in ("run", "scene", "info", "figures", "bench"))
+    assert all(name in shown for name in ("run", "plan", "scene", "info", "figures", "bench"))
     for command in ("run", "figures"):
         shown = pyf(command, "--help").stdout
         assert all(f"{code.value}  " in shown for code in Exit)
@@ -312,6 +312,110 @@ def test_resume_needs_the_same_scene(record_file):
     assert refused(run("--resume", record_file, "--set", "mu_k=0.4"), "another scene")
 
 
+# --- fidelity and plan ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fidelity", ["quasistatic", "hybrid"])
+def test_fidelity(fidelity, tmp_path):
+    out = tmp_path / "a.nc"
+    result = run("--fidelity", fidelity, "--out", out, "--figure", tmp_path / "fig")
+    assert result.exit_code == Exit.COMPLETE, result.output
+    assert f"{fidelity} engine" in result.stdout
+    assert ("dt = " in result.stdout) == (fidelity == "hybrid")
+    assert "note: " not in result.stdout
+    record = pyfric.Record.load(out)
+    assert same_run(record, simulate(tiny(), 1.2e-3, fidelity=fidelity))
+    assert (tmp_path / "fig.png").stat().st_size > 0
+    longer = run("--resume", "--out", out, "--json", t_end="1.5 ms")
+    assert json.loads(longer.stdout)["method"]["engine"] == fidelity
+    assert pyfric.Record.load(out).curve["t"].iloc[-1] == pytest.approx(1.5e-3, abs=2e-6)
+
+
+def test_auto_says_what_it_took():
+    slow = ("--set", "V=50 mm/s")
+    result = run(*slow, "--want", "stress", "--tolerance", "0.1", "--json", t_end="15 ms")
+    summary = json.loads(result.stdout)
+    assert summary["method"]["engine"] == "quasistatic"
+    assert summary["notes"] == ["planned for stress within 0.1: quasistatic, linear geometry"]
+    assert summary["counts"]["block_evaluations"] == 0
+    text = run("--want", "motion").stdout
+    assert "note: planned for motion within 0.01: dynamic, finite geometry" in text
+    result = run("--tolerance", "0.1", "--budget", "--json")
+    assert json.loads(result.stdout)["method"]["engine"] == "dynamic"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "texts"),
+    [
+        (["--fidelity", "fast"], ["--fidelity", "quasistatic", "hybrid", "dynamic"]),
+        (["--want", "speed"], ["--want", "front_speed"]),
+        (["--tolerance", "0"], ["--tolerance", "0<x<=1"]),
+        (["--tolerance", "nan"], ["tolerance = nan"]),
+        (["--fidelity", "hybrid", "--budget"], ["budget = True", "dynamic"]),
+        (["--fidelity", "quasistatic", "--budget"], ["budget = True", "quasistatic"]),
+        (["--fidelity", "quasistatic", "--dt", "1 us"], ["dt = 1e-06 s", "no steps"]),
+        (["--fidelity", "quasistatic", "--geometry", "finite"], ["geometry", "linear"]),
+    ],
+)
+def test_refused_fidelity(arguments, texts, monkeypatch):
+    monkeypatch.setattr(core, "advance", None)
+    assert refused(run(*arguments), *texts)
+
+
+def test_plan():
+    arguments = ("plan", "fig1", *SMALL, "--t-end", "5 ms", "--want", "stress")
+    for tolerance in ("0.1", "0.01"):
+        found = pyfric.plan(tiny(), "stress", float(tolerance), t_end=5e-3)
+        result = pyf(*arguments, "--tolerance", tolerance)
+        assert result.exit_code == Exit.COMPLETE
+        lines = result.stdout.splitlines()
+        assert lines[:-1] == str(found).splitlines()[:-1]  # the last one holds a measured time
+        assert lines[-1].startswith("expected cost: ")
+        told = json.loads(pyf(*arguments, "--tolerance", tolerance, "--json").stdout)
+        for name in ("want", "tolerance", "fidelity", "geometry", "dt", "error", "evaluations"):
+            assert told[name] == getattr(found, name)
+        assert told["reasons"] == list(found.reasons)
+        for one, row in zip(found.assumptions, told["assumptions"], strict=True):
+            assert row == one._asdict() | {"holds": True}
+            assert any(line == f"because {one}" for line in lines)
+
+
+def test_plan_of_a_file_and_of_odd_scenes(tmp_path):
+    tiny(eta=0.0).to_toml(tmp_path / "own.toml")
+    told = json.loads(pyf("plan", tmp_path / "own.toml", "--json").stdout)
+    assert told["fidelity"] == "dynamic"
+    assert any("no decay in" in reason for reason in told["reasons"])
+    for change in ("V=0", "mu_k=0", "side=right", "K=1"):
+        result = pyf("plan", "fig1", *SMALL, "--set", change, "--tolerance", "0.5", "--json")
+        assert result.exit_code == Exit.COMPLETE, result.output
+    assert json.loads(pyf("plan", "chain", "--t-end", "0", "--json").stdout)["fidelity"] == "hybrid"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "texts"),
+    [
+        (["fig"], ["preset = 'fig'"]),
+        (["fig1", "--t-end", "-1"], ["t_end = -1.0 s"]),
+        (["fig1", "--t-end", "3 kg"], ["t_end = '3 kg'"]),
+        (["fig1", "--want", "all"], ["--want"]),
+        (["fig1", "--tolerance", "2"], ["--tolerance"]),
+        (["fig1", "--set", "h=7.6 mm"], ["driver.h"]),
+    ],
+)
+def test_refused_plans(arguments, texts):
+    assert refused(pyf("plan", *arguments), *texts)
+
+
+def test_a_plan_without_a_loaded_state(monkeypatch):
+    def fails(*arguments, **options):
+        raise pyfric.EquilibriumError("no equilibrium", 1.0, 0.1, 9)
+
+    monkeypatch.setattr(pyfric, "plan", fails)
+    result = pyf("plan", "fig1")
+    assert result.exit_code == Exit.FAILED
+    assert "no equilibrium" in result.stderr
+
+
 # --- failures ------------------------------------------------------------------------------------
 
 
@@ -374,10 +478,14 @@ def test_an_interrupted_run_without_out(monkeypatch):
 # --- signals -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_leaves_a_record_that_continues(number, tmp_path):
+@pytest.mark.parametrize(
+    ("number", "fidelity"),
+    [(signal.SIGINT, "dynamic"), (signal.SIGTERM, "dynamic"), (signal.SIGINT, "hybrid")],
+)
+def test_a_signal_leaves_a_record_that_continues(number, fidelity, tmp_path):
     out = tmp_path / "a.nc"
-    command = ["run", "fig1", *SMALL, *DYNAMIC, "--sample", "10 us", "--out", str(out)]
+    command = ["run", "fig1", *SMALL, "--fidelity", fidelity, "--geometry", "linear"]
+    command += ["--sample", "10 us", "--out", str(out)]
     process = subprocess.Popen(
         [sys.executable, "-m", "pyfric.cli", *command, "--t-end", "100"],
         stdout=subprocess.PIPE,
@@ -405,8 +513,11 @@ def test_a_signal_leaves_a_record_that_continues(number, tmp_path):
     assert record.status == "interrupted"
     t_end = float(record.curve["t"].iloc[-1]) + 1e-4
     assert pyf(*command, "--t-end", t_end, "--resume", "--quiet").output == ""
-    whole = simulate(tiny(), t_end, sample=1e-5)
-    assert same_run(pyfric.Record.load(out), whole)
+    whole = simulate(tiny(), t_end, fidelity=fidelity, geometry="linear", sample=1e-5)
+    if fidelity == "dynamic":
+        assert same_run(pyfric.Record.load(out), whole)
+    else:
+        agree(pyfric.Record.load(out), dataclasses.replace(whole, status="complete"))
 
 
 def test_sigterm_is_left_as_it_was():

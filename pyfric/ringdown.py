@@ -187,23 +187,21 @@ class Frozen:
 
     def _corrected_modes(self, closed: Frozen, factor: _Opened) -> tuple[np.ndarray, np.ndarray]:
         """Return the modes in the space of those of the closed slider and of static shapes."""
-        m = len(self.free) - len(closed.free)
-        basis = np.zeros((len(self.free), 2 * closed.phi.shape[1] + 2 * m))
-        n = closed.phi.shape[1]
+        m, n = len(self.free) - len(closed.free), closed.phi.shape[1]
+        basis = np.zeros((len(self.free), 2 * n + 2 * m))
         basis[m:, :n], basis[m:, n : 2 * n] = closed.phi.real, closed.phi.imag
-        for k, at in enumerate((*range(m), *factor.z_at)):
-            one = np.zeros(len(self.free))
-            one[at] = 1.0
-            basis[:, 2 * n + k] = factor.solve(one)
-        basis, _ = np.linalg.qr(basis / np.linalg.norm(basis, axis=0))
-        K, C = basis.T @ (self.K @ basis), basis.T @ (self.C @ basis)
-        inverse = np.linalg.inv(basis.T @ (self.M[:, None] * basis))
-        size = len(K)
-        A = np.block([[np.zeros((size, size)), np.eye(size)], [-inverse @ K, -inverse @ C]])
-        found, vectors = np.linalg.eig(A)
+        basis[m:, 2 * n :] = factor.shapes
+        basis[:m, 2 * n + m :] = np.eye(m)
+        basis /= np.linalg.norm(basis, axis=0)
+        size, axes = np.linalg.eigh(basis.T @ (self.M[:, None] * basis))
+        apart = size > 1e-13 * size[-1]
+        axes = axes[:, apart] / np.sqrt(size[apart])
+        K, C = (axes.T @ (basis.T @ (A @ basis)) @ axes for A in (self.K, self.C))
+        zero, one = np.zeros_like(K), np.eye(len(K))
+        found, vectors = np.linalg.eig(np.block([[zero, one], [-K, -C]]))
         slow = np.abs(found) <= np.max(np.abs(closed.rates), initial=0.0)
         kept = slow & (found.imag >= 0)
-        return found[kept], basis @ vectors[:size, kept]
+        return found[kept], basis @ (axes @ vectors[: len(K), kept])
 
     def _keep_modes(self, rates: np.ndarray, phi: np.ndarray) -> None:
         """Store modes with what their amplitudes need."""
@@ -341,7 +339,7 @@ class _Opened:
         self.z_at = self._z + len(opened)
         self._K_xy, K_xx = rows[opened][:, closed.free], rows[opened][:, opened].toarray()
         m = len(opened)
-        self._Y = np.empty((len(closed.free), 2 * m))
+        self.shapes = np.empty((len(closed.free), 2 * m))
         for k, i in enumerate(opened):
             for column, key in ((k, i + N_x), (m + k, i)):
                 if key not in closed._columns:
@@ -350,11 +348,11 @@ class _Opened:
                     else:
                         side = k_f * (closed.free == key)
                     closed._columns[key] = self._solve(side)
-                self._Y[:, column] = closed._columns[key]
+                self.shapes[:, column] = closed._columns[key]
         self._small = np.zeros((2 * m, 2 * m))
-        self._small[:m] = -self._Y[self._z]
+        self._small[:m] = -self.shapes[self._z]
         self._small[:m, :m] += np.eye(m)
-        self._small[m:] = self._K_xy @ self._Y
+        self._small[m:] = self._K_xy @ self.shapes
         self._small[m:, m:] += K_xx
 
     def solve(self, b: np.ndarray) -> np.ndarray:
@@ -362,7 +360,7 @@ class _Opened:
         m = self._m
         y = self._solve(b[m:])
         theta = np.linalg.solve(self._small, np.concatenate([y[self._z], b[:m] - self._K_xy @ y]))
-        return np.concatenate([theta[m:], y + self._Y @ theta])
+        return np.concatenate([theta[m:], y + self.shapes @ theta])
 
 
 def first_crossing(

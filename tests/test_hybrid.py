@@ -1,0 +1,416 @@
+"""Hybrid engine against full dynamics, on small scenes of every kind."""
+
+import dataclasses
+import functools
+import os
+import signal
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import ArpackNoConvergence
+
+import pyfric
+from pyfric import core, hybrid, ringdown
+from pyfric.equilibrium import EquilibriumError
+from pyfric.record import Record
+from pyfric.scene import chain, preset, setup1, setup2
+from pyfric.state import OPEN
+from pyfric.units import SceneError
+
+GEOMETRIES = ("linear", "finite")
+FORCE = 1e-6
+"""Start and arrest forces, over F_N, in linear geometry: the closed forms are exact there, and a
+jump drops only a remainder that has died away. Measured: below 1e-9."""
+FORCE_FINITE = 2e-5
+"""The same in finite geometry, where the modes are those of the loaded state, a few 1e-3 of strain
+away. Measured: below 1e-5 in the scenes below."""
+CURVE = 1e-5
+"""F_T between events, over F_N; 1e-4 in finite geometry, for the same reasons."""
+
+
+def rod(**changes):
+    return setup1(**{"L": 0.02, "H": 0.0125, "F_N": 400.0, "V": 2e-3} | changes)
+
+
+def free(**changes):
+    return setup2(**{"L": 0.012, "H": 0.005, "F_N": 50.0, "V": 2e-3} | changes)
+
+
+def links(**changes):
+    return chain(**{"L": 0.02, "V": 2e-3} | changes)
+
+
+run = functools.partial(pyfric.simulate, progress=False, threads=1)
+jump = functools.partial(run, fidelity="hybrid")
+step = functools.partial(run, fidelity="dynamic", budget=False)
+
+
+def both(scene, t_end, geometry, **options):
+    """Return the records of both engines, with 400 points of the curve."""
+    options |= {"geometry": geometry, "sample": t_end / 400}
+    records = [engine(scene, t_end, **options) for engine in (step, jump)]
+    for record in records:
+        assert record.status == "complete"
+    return records
+
+
+def check_same_events(a, b, force):
+    """Same blocks, and forces within `force` times F_N."""
+    assert len(a.events) == len(b.events)
+    for name in ("first_block", "last_block", "nucleation_block", "L_p_over_L", "n_episodes"):
+        np.testing.assert_array_equal(b.events[name], a.events[name], err_msg=name)
+    for name in ("F_T_start", "F_T_arrest"):
+        limit = force * a.scene.F_N
+        np.testing.assert_allclose(b.events[name], a.events[name], rtol=0, atol=limit, err_msg=name)
+    np.testing.assert_array_equal(b.region, a.region)
+
+
+def check_same_curve(a, b, force):
+    """The same points of the curve, and F_T where nothing slips."""
+    t = a.curve["t"].to_numpy()
+    np.testing.assert_array_equal(b.curve["t"], t)
+    assert (np.diff(t) > 0).all()
+    still = np.ones(len(t), dtype=bool)
+    for start, stop in zip(a.events["t_start"], a.events["t_stop"], strict=True):
+        still &= ~((t > start - 1e-5) & ~(t > stop + 2e-4))
+    assert still.sum() > 0.2 * len(t)
+    error = (b.curve["F_T"] - a.curve["F_T"]).to_numpy()[still] / a.scene.F_N
+    np.testing.assert_allclose(error, 0, atol=force)
+
+
+def check_counts(record):
+    counts = record.counts
+    assert counts["steps"] + counts["steps_spared"] == record.final_state.step
+    blocks = record.scene.N_x * record.scene.N_z
+    assert counts["block_evaluations"] == 4 * blocks * counts["steps"]
+
+
+# --- against full dynamics -----------------------------------------------------------------------
+
+SCENES = {
+    "rod": (rod(), 0.06),
+    "rod, right": (rod(side="right"), 0.06),
+    "rod, high driver": (rod(h=0.0075), 0.06),
+    "rod, top driver": (rod(h=0.0125), 0.06),
+    "free": (free(), 0.03),
+    "free, right": (free(side="right", theta=0.5), 0.03),
+    "free, light edge": (free(theta=0.833), 0.03),
+    "free, top driver": (free(h=5e-3), 0.04),
+    "no kinetic friction": (free(mu_k=0.0), 0.04),
+    "little friction": (rod(mu_s=0.2, mu_k=0.02), 0.03),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_linear_geometry_is_full_dynamics(name):
+    scene, t_end = SCENES[name]
+    a, b = both(scene, t_end, "linear")
+    assert len(a.events) > 1
+    check_same_events(a, b, FORCE)
+    np.testing.assert_allclose(b.events["t_start"], a.events["t_start"], rtol=0, atol=1e-8)
+    check_same_curve(a, b, CURVE)
+    check_counts(b)
+    assert b.counts["steps"] < 0.5 * a.counts["steps"]
+    assert b.counts["jumps"] > 0
+
+
+@pytest.mark.parametrize(
+    ("scene", "t_end"),
+    [
+        (rod(V=5e-4), 0.16),
+        (rod(V=5e-4, side="right"), 0.16),
+        (free(V=1e-3), 0.04),
+        (free(V=1e-3, theta=0.833, h=3e-3), 0.04),
+    ],
+    ids=["rod", "rod, right", "free", "free, light edge"],
+)
+def test_finite_geometry_is_full_dynamics(scene, t_end):
+    a, b = both(scene, t_end, "finite")
+    assert len(a.events) > 1
+    check_same_events(a, b, FORCE_FINITE)
+    check_same_curve(a, b, 10 * CURVE)
+    check_counts(b)
+    assert b.counts["steps"] < 0.5 * a.counts["steps"]
+
+
+def test_a_chain_is_full_dynamics():
+    for scene in (links(V=1e-2), links(V=5e-3, tau=np.linspace(10, 250, 9), k_top=1e6)):
+        a, b = both(scene, 0.03, "linear")
+        assert len(a.events) > 2
+        check_same_events(a, b, FORCE)
+        check_same_curve(a, b, CURVE)
+
+
+def test_the_scenes_cover_what_they_are_for():
+    """Slip both ways, open blocks, several system-size events."""
+    light, stick_slip, high = (
+        jump(scene, t_end, geometry="linear")
+        for scene, t_end in (
+            SCENES[k] for k in ("free, light edge", "free, top driver", "rod, top driver")
+        )
+    )
+    assert (light.switches["new"] == OPEN).any()
+    whole = stick_slip.events["L_p_over_L"] == 1
+    assert (whole & stick_slip.events["is_main"]).sum() >= 3
+    assert set(high.episodes["direction"]) == {-1, 1}
+    assert high.episodes["reversals"].any()
+
+
+def test_an_event_that_nucleates_during_ring_down_is_caught():
+    """Fig. 1, after the event at 0.5474 s: the next one comes while the slider still rings."""
+    scene = preset("fig1")
+    first = jump(scene, 0.546, geometry="linear")
+    options = {"initial": first.final_state, "geometry": "linear", "t_gap": 1e-5}
+    a, b = (engine(scene, 0.549, **options) for engine in (step, jump))
+    pause = a.events["t_start"].to_numpy()[1:] - a.events["t_stop"].to_numpy()[:-1]
+    assert (pause < 2e-4).any()
+    check_same_events(a, b, FORCE)
+    assert b.counts["steps_spared"] > 0
+
+
+# --- threads, variants, parts --------------------------------------------------------------------
+
+
+def check_equal(a, b, tolerance=1e-10):
+    """Same events, forces to `tolerance` times F_N, and the same curve where it is sampled."""
+    check_same_events(a, b, tolerance)
+    np.testing.assert_allclose(b.events["t_start"], a.events["t_start"], rtol=0, atol=1e-10)
+    np.testing.assert_array_equal(b.switches["block"], a.switches["block"])
+    np.testing.assert_array_equal(b.switches["step"], a.switches["step"])
+    limit = tolerance * a.scene.F_N
+    np.testing.assert_allclose(b.curve, a.curve, rtol=0, atol=limit)
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_threads_and_variants_make_no_difference(geometry, monkeypatch):
+    scene = free()
+    one = jump(scene, 0.015, geometry=geometry)
+    assert len(one.events) > 0
+    monkeypatch.setattr(core, "useful_threads", lambda blocks, threads: 2)
+    two = jump(scene, 0.015, geometry=geometry)
+    assert two.method.threads == 2
+    check_equal(one, two)
+    for variant, runs in core.variants().items():
+        if runs:
+            with monkeypatch.context() as patch:
+                patch.setattr(core, "advance", functools.partial(core.advance, variant=variant))
+                check_equal(one, jump(scene, 0.015, geometry=geometry))
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize(("scene", "t_end"), [(rod(), 0.04), (free(), 0.015)], ids=["rod", "free"])
+def test_a_run_in_parts_is_the_whole_run(scene, t_end, geometry, tmp_path):
+    """Cut while nothing slips for long, in an event, and in the ring-down; also through a file."""
+    options = {"geometry": geometry, "sample": 2e-4}
+    whole = jump(scene, t_end, **options)
+    start, stop = (whole.events[name].iloc[0] for name in ("t_start", "t_stop"))
+    part = None
+    for cut in (0.3 * start, (start + stop) / 2, stop + 2e-4, t_end):
+        part = jump(scene, cut, initial=part, **({} if part else options))
+        assert part.curve["t"].iloc[-1] == pytest.approx(cut, abs=2 * part.method.dt)
+        check_counts(part)
+        if cut < start and geometry == "finite":
+            part = Record.load(part.save(tmp_path / "part.nc"))
+    check_same_events(whole, part, FORCE_FINITE if geometry == "finite" else 1e-7)
+    np.testing.assert_array_equal(part.curve["t"], whole.curve["t"])
+    still_cut = jump(scene, 0.9 * start, initial=jump(scene, 0.2 * start, **options))
+    whole_cut = jump(scene, 0.9 * start, **options)
+    check_equal(whole_cut, still_cut, 1e-7 if geometry == "finite" else 1e-10)
+
+
+def test_ctrl_c_leaves_a_record_that_goes_on(monkeypatch):
+    scene = rod()
+    options = {"geometry": "linear", "sample": 1e-4}
+    whole = jump(scene, 0.04, **options)
+    jumps, original = [], hybrid.HybridRun.jump
+
+    def press(self, last):
+        jumps.append(self.state.step)
+        if len(jumps) == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+        return original(self, last)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(hybrid.HybridRun, "jump", press)
+        cut = jump(scene, 0.04, **options)
+    assert cut.status == "interrupted"
+    assert 0 < cut.final_state.t < 0.04
+    rest = jump(scene, 0.04, initial=cut)
+    assert rest.status == "complete"
+    check_equal(whole, rest)
+    check_counts(rest)
+    assert rest.counts["jumps"] >= whole.counts["jumps"]
+
+
+def test_checkpoints_can_be_continued(tmp_path):
+    scene, path = rod(), tmp_path / "c.nc"
+    often = {"checkpoint": path, "checkpoint_every": 1e-2}
+    whole = jump(scene, 0.04, geometry="linear", sample=1e-4, **often)
+    saved = Record.load(path)
+    assert saved.status == "interrupted"
+    assert saved.method.engine == "hybrid"
+    check_equal(whole, jump(scene, 0.04, initial=saved))
+
+
+def test_a_state_after_a_jump_starts_runs():
+    """Of either engine: it is a state like any other."""
+    scene = rod()
+    first = jump(scene, 0.01, geometry="linear")
+    assert first.counts["jumps"] > 0
+    a, b = (
+        engine(scene, 0.04, initial=first.final_state, geometry="linear") for engine in (step, jump)
+    )
+    check_same_events(a, b, FORCE)
+
+
+def test_the_end_may_lie_anywhere():
+    """In a jump, on a sample, at once; no point comes twice."""
+    scene = rod()
+    dt = pyfric.step_size(scene)
+    for steps, every in ((10_000, 1000), (10_001, 1000), (64, 1), (1, 1), (0, 1)):
+        record = jump(scene, steps * dt, geometry="linear", sample=every * dt)
+        t = record.curve["t"].to_numpy()
+        assert record.final_state.step == steps
+        assert t[-1] == record.final_state.t
+        assert (np.diff(t) > 0).all()
+        assert len(t) == 1 + -(-steps // every)
+        check_counts(record)
+
+
+def test_without_driving_nothing_happens():
+    for geometry in GEOMETRIES:
+        record = jump(free(V=0.0), 1.0, geometry=geometry)
+        assert record.counts["steps"] == 0
+        assert record.events.empty
+        np.testing.assert_allclose(record.curve["F_T"], 0, atol=1e-9)
+
+
+# --- symmetries ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("make", [rod, free])
+def test_a_mirrored_scene_gives_the_mirror_image(make, geometry):
+    scenes = (make(side=side, V=1e-3) for side in ("left", "right"))
+    left, right = (jump(scene, 0.08, geometry=geometry) for scene in scenes)
+    assert len(left.events) > 0
+    for name in ("first_block", "last_block", "nucleation_block", "n_episodes", "n_blocks"):
+        np.testing.assert_array_equal(right.events[name], left.events[name])
+    limit = 1e-9 * left.scene.F_N
+    for name in ("F_T_start", "F_T_arrest"):
+        np.testing.assert_allclose(right.events[name], left.events[name], rtol=0, atol=limit)
+    np.testing.assert_array_equal(right.region, left.region[:, ::-1])
+    np.testing.assert_allclose(right.curve["F_T"], left.curve["F_T"], rtol=0, atol=limit)
+    np.testing.assert_allclose(right.tau_after, left.tau_after[:, ::-1], rtol=0, atol=limit)
+
+
+def test_doubling_load_and_speed_doubles_a_whole_run():
+    one, two = (jump(rod(F_N=400.0 * n, V=2e-3 * n), 0.06, geometry="linear") for n in (1, 2))
+    assert one.events["finished"].sum() > 2
+    for name in ("t_start", "t_stop", "L_p_over_L", "first_block", "last_block", "n_episodes"):
+        np.testing.assert_allclose(two.events[name], one.events[name], rtol=1e-9, err_msg=name)
+    for name in ("F_T_start", "F_T_arrest"):
+        np.testing.assert_allclose(two.events[name], 2 * one.events[name], rtol=1e-9)
+    np.testing.assert_allclose(two.curve["F_T"], 2 * one.curve["F_T"], rtol=0, atol=1e-9 * 800)
+    assert two.counts["jumps"] == one.counts["jumps"]
+
+
+# --- hard scenes ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("eta", [0.0, 1e-6, 1e-3, 1e-2])
+@pytest.mark.parametrize(("make", "t_end"), [(rod, 0.04), (free, 0.015)], ids=["rod", "free"])
+def test_without_viscosity_the_run_is_stepped(make, t_end, eta):
+    """Jumps are rare there, and safe: the events are those of full dynamics."""
+    scene = make(eta=eta)
+    a, b = both(scene, t_end, "linear")
+    check_same_events(a, b, 10 * FORCE)  # what is dropped does not die away
+
+
+def test_where_no_modes_are_found_the_remainder_holds_all(monkeypatch):
+    def fail(*_, **__):
+        raise ArpackNoConvergence("nothing converged", np.zeros(0), np.zeros((0, 0)))
+
+    scene = free()
+    a = step(scene, 0.02, geometry="linear")
+    monkeypatch.setattr(ringdown, "eigs", fail)
+    b = jump(scene, 0.02, geometry="linear")
+    assert len(a.events) > 0
+    check_same_events(a, b, 10 * FORCE)
+
+
+ODD = {
+    "smallest": (free(L=2e-3, H=1e-3, h=1e-3, F_N=20.0), 0.02),
+    "smallest under a rod": (rod(L=5e-3, H=2.5e-3, h=2.5e-3, F_N=200.0), 0.02),
+    "no friction": (rod(mu_s=0.0, mu_k=0.0), 0.003),
+    "mu_s = mu_k": (rod(mu_s=0.45, mu_k=0.45), 0.03),
+    "strong friction": (rod(mu_s=2.0, mu_k=0.9), 0.05),
+    "huge speed": (free(V=5.0), 0.001),
+    "theta = 1": (free(theta=1.0), 0.02),
+    "theta = -1": (free(theta=-1.0), 0.03),
+    "hard foundation": (free(k_f=9.4e8), 0.01),
+    "soft foundation": (free(k_f=9.4e4), 0.02),
+    "much viscosity": (rod(eta=1e3), 0.001),
+    "stiff driver": (rod(K=4e9), 0.01),
+    "soft driver": (rod(K=4e3, V=0.5), 0.1),
+    "heavy rod": (rod(mass=100.0), 0.03),
+    "light rod": (rod(mass=1e-6, mattress=0.0), 0.03),
+    "tiny load": (rod(F_N=4e-6, V=2e-11), 0.03),
+    "huge load": (rod(F_N=4e6, V=20.0), 0.03),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_scenes_are_full_dynamics_too(name):
+    scene, t_end = ODD[name]
+    a, b = both(scene, t_end, "linear")
+    check_same_events(a, b, FORCE)
+    assert np.isfinite(b.curve["F_T"]).all()
+    done = b.events["finished"].to_numpy()
+    assert np.isfinite(b.events[["F_T_start", "F_T_arrest"]].to_numpy()[done]).all()
+    check_counts(b)
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_scenes_run_in_finite_geometry(name):
+    """They end, with numbers, or with an error that pyfric explains."""
+    scene, t_end = ODD[name]
+    try:
+        record = jump(scene, t_end / 3, geometry="finite")
+    except (EquilibriumError, pyfric.RunError):
+        return
+    assert np.isfinite(record.curve["F_T"]).all()
+    check_counts(record)
+
+
+# --- the record ----------------------------------------------------------------------------------
+
+
+def test_the_record_says_how_it_was_made():
+    record = jump(rod(), 0.04, geometry="linear")
+    assert record.method.engine == "hybrid"
+    assert not record.method.budget
+    assert list(record.curve) == ["t", "F_T"]
+    assert record.notes == ()
+    a = dataclasses.replace(record, timings={})
+    b = dataclasses.replace(jump(rod(), 0.04, geometry="linear"), timings={})
+    assert a.identical(b)
+
+
+def test_a_slider_that_never_rests_is_noted():
+    record = jump(free(V=5.0), 0.004, geometry="linear")
+    assert "hardly ever at rest" in record.notes[0]
+
+
+def test_a_budget_is_refused():
+    with pytest.raises(SceneError, match="dynamic"):
+        jump(rod(), 0.01, budget=True)
+
+
+def test_fig1_takes_few_steps():
+    """The paper's first scene: less than half a percent of the steps."""
+    record = jump(preset("fig1"), 0.9, geometry="linear")
+    assert record.counts["steps"] < 5000
+    assert record.counts["steps_spared"] > 1_100_000
+    assert record.events["is_main"].sum() == 13
+    check_counts(record)

@@ -511,10 +511,10 @@ def progress_bar(
     ) as bar:
 
         def show(now: Progress) -> None:
-            bar.set_postfix_str(
-                f"F_T/F_N {now.force:.3f}, {now.events} events, {now.rate:.3g} steps/s",
-                refresh=False,
-            )
+            text = f"F_T/F_N {now.force:.3f}, {now.events} events"
+            if math.isfinite(now.rate):
+                text += f", {now.rate:.3g} steps/s"
+            bar.set_postfix_str(text, refresh=False)
             bar.update(min(now.t, t_end) - bar.n)
 
         yield show

@@ -124,6 +124,11 @@ class Equilibrium:
         for name in ("u", "rod", "f", "tau", "p", "open", "slipped"):
             getattr(self, name).setflags(write=False)
 
+    @property
+    def u_z(self) -> np.ndarray:
+        """u_z of the bottom blocks, shape (N_x,), in m."""
+        return self.u[0, 1]
+
 
 class _Contact(NamedTuple):
     """What is imposed on the bottom blocks, each of shape (N_x,)."""
@@ -319,11 +324,6 @@ class StaticSolver:
     def bond_tangent(self) -> sp.csr_array:
         """Stiffness of bonds and mattress in `tangent`, shape (n_q, n_q), in N/m."""
         return self._K
-
-    def rebase(self, state: Equilibrium) -> None:
-        """Take tangents at another state of rest (finite geometry): faster convergence near it."""
-        self._K = self._bond_stiffness(self._coordinates_of(state))
-        self._factors.clear()
 
     @property
     def u_drv0(self) -> float:

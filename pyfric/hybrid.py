@@ -35,8 +35,6 @@ LOOK = 24
 """Steps between two looks whether a jump is possible; grows while it is not."""
 SHORTEST = 64
 """Shortest jump worth its cost, in steps."""
-SLOW = 7
-"""After more Newton steps than this, finite geometry takes a new tangent."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
 STRAIGHT = 0.02
@@ -80,8 +78,6 @@ class _Statics:
             if (state.open != open_).any():
                 return None
             self._last = state
-            if state.iterations > SLOW:
-                self.known.rebase(state)
             q = self.known.coordinates(state.u, state.rod)
             rest = Rest(q, state.f, state.tau, state.p, state.u[0, 1], state.F_T)
         if rest is not None:
@@ -93,7 +89,9 @@ class _Statics:
         key = u_x.tobytes(), float(drive), free.tobytes()
         near = self._latest.get((key[0], key[2]))
         if key not in self._found and near is not None and self.known.geometry == "linear":
-            self._found[key] = self.frozen(~free).driven(*near, drive), drive
+            moved = self.frozen(~free).driven(*near, drive)
+            if moved is not None:
+                self._found[key] = moved, drive
         if key not in self._found and self.rest(u_x, drive, free) is None:
             self._found[key] = self.known.solve(u_x, drive, free=free), drive
         return self._found[key][0]

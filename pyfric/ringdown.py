@@ -239,12 +239,19 @@ class Frozen:
         p = np.where(self.stuck, -self.k_f * q[N_x : 2 * N_x], 0.0)
         F_T = scene.driver.K * (drive + scene.d * (self.solver.u_drv0 - self.solver.driven_row @ q))
         rest = Rest(q, f, -scene.d * f, p, q[N_x : 2 * N_x], float(F_T))
-        tiny = TINY * scene.F_N / N_x
-        apart = (p[held] < -tiny).any() or (self.k_f * rest.u_z[~self.stuck] < -tiny).any()
-        return None if apart else rest
+        return rest if self._fits(rest) else None
 
-    def driven(self, rest: Rest, drive: float, drive_now: float) -> Rest:
-        """Return a static state, without q, after the driver has moved on (linear geometry)."""
+    def _fits(self, rest: Rest) -> bool:
+        """Whether no stuck block is pulled down, and no open one pressed up, but for rounding."""
+        scene = self.solver.scene
+        low = np.where(self.stuck, rest.p, self.k_f * rest.u_z)
+        return bool((low >= -TINY * scene.F_N / scene.N_x).all())
+
+    def driven(self, rest: Rest, drive: float, drive_now: float) -> Rest | None:
+        """Return a static state, without q, after the driver has moved on (linear geometry).
+
+        None if it has other open blocks.
+        """
         N_x, held = len(self.stuck), np.flatnonzero(self.stuck)
         by = drive_now - drive
         f = rest.f.copy()
@@ -252,7 +259,8 @@ class Frozen:
         u_z = rest.u_z + by * self.drift[N_x : 2 * N_x]
         p = np.where(self.stuck, -self.k_f * u_z, 0.0)
         d = self.solver.scene.d
-        return Rest(None, f, -d * f, p, u_z, rest.F_T + by * self.force_rate)
+        moved = Rest(None, f, -d * f, p, u_z, rest.F_T + by * self.force_rate)
+        return moved if self._fits(moved) else None
 
     def _moved(self, u_x: np.ndarray, drive: float) -> np.ndarray | None:
         """Return q from the last state of a large lattice, if few blocks have moved since."""

@@ -77,7 +77,7 @@ NS = {"linear": 3.1, "finite": 6.3}
 STEPS_EVENT, STEPS_BLOCK = 60, 5
 """Steps of the automatic size that an event takes in the hybrid engine, and each block of its front
 (measured on the paper's scenes: within a factor of 2)."""
-JUMP = {"linear": 6e-6, "finite": 22e-6}
+JUMP = {"linear": 3e-6, "finite": 15e-6}
 """Time of a jump per block, in s."""
 
 

@@ -332,8 +332,8 @@ def test_fidelity(fidelity, tmp_path):
 
 
 def test_auto_says_what_it_took():
-    slow = ("--set", "V=5 mm/s")
-    result = run(*slow, "--want", "stress", "--tolerance", "0.1", "--json", t_end="150 ms")
+    slow = ("--set", "V=10 mm/s")
+    result = run(*slow, "--want", "stress", "--tolerance", "0.1", "--json", t_end="60 ms")
     summary = json.loads(result.stdout)
     assert summary["method"]["engine"] == "quasistatic"
     assert summary["notes"] == ["planned for stress within 0.1: quasistatic, linear geometry"]

@@ -166,6 +166,7 @@ class StaticSolver:
 
     Attributes:
         loaded: the loaded equilibrium with F_T = 0 (an `Equilibrium`).
+        enough: residual force at which iterations may end, in N; 0 goes on to rounding.
 
     Raises:
         ValueError: unknown geometry.
@@ -202,6 +203,7 @@ class StaticSolver:
         self._along[: 2 * N_x * rows].reshape(rows, 2, N_x)[:, 0] = 1.0
         if scene.rigid:
             self._along[-3] = 1.0
+        self.enough = 0.0
         self._factors: dict[tuple[bool, bytes], BandedCholesky | SuperLU] = {}
         self._u_drv0 = 0.0
         self._K = self._bond_stiffness(np.zeros(self._T.shape[1]))
@@ -457,7 +459,7 @@ class StaticSolver:
             rounding = self._rounding(q)
             if residual < least:
                 best, least = q, residual
-            if residual <= rounding / 4:
+            if residual <= max(rounding / 4, self.enough):
                 break
             if residual > 0.5 * previous:
                 if least <= 16 * rounding or (renewed and least <= self._limit):

@@ -37,6 +37,10 @@ SHORTEST = 64
 """Shortest jump worth its cost, in steps."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
+ENOUGH = 1e-9
+"""Residual forces of static states in finite geometry, over F_N/N_x."""
+NEAR = 20
+"""In finite geometry a jump may end this many steps from where its static state was found."""
 STRAIGHT = 0.02
 """In finite geometry, F_T over t is taken as straight up to a change of this share of F_N."""
 KEPT = 8
@@ -48,6 +52,8 @@ class _Statics:
 
     def __init__(self, known: StaticSolver, dt: float | None) -> None:
         self.known, self.dt = known, dt
+        if known.geometry == "finite":
+            known.enough = ENOUGH * known.scene.F_N / known.scene.N_x
         self._frozen: dict[bytes, Frozen] = {}
         self._found: dict[tuple[bytes, float, bytes], tuple[Rest | Equilibrium, float]] = {}
         self._latest: dict[tuple[bytes, bytes], tuple[Rest, float]] = {}
@@ -191,8 +197,7 @@ class HybridRun(Run):
                 q = rest.q + (V * (since + n * dt)) * frozen.drift
                 force = rest.F_T + V * frozen.force_rate * (since + n * dt)
                 break
-            if there is not None and abs(n - n_there) <= 2:
-                # The static state moves on by less than a few steps of drift.
+            if there is not None and abs(n - n_there) <= NEAR:
                 q = there.q + (V * (n - n_there) * dt) * frozen.drift
                 force = there.F_T + V * frozen.force_rate * (n - n_there) * dt
                 break

@@ -129,9 +129,9 @@ def test_quasistatic_ladder_of_the_paper():
 
 @pytest.mark.parametrize("scene", ["run1", "run2", "run3", "run4", "setup2", "setup2-"])
 def test_quasistatic_forces_elsewhere(scene):
-    """Without the overshoot of moving blocks lengths drift apart, and the ladder may have precursors
-    more before the first event over the whole interface. Forces of the precursors that pair stay
-    within the error that the planner states for this engine."""
+    """Without the overshoot of moving blocks lengths drift apart, and the ladder may have more
+    precursors before the first event over the whole interface. Forces of the precursors that pair
+    stay within the error that the planner states for this engine."""
     from pyfric.planner import ERROR_QUASISTATIC
 
     _, start, arrest, _ = ladder_against(scene)

@@ -183,18 +183,18 @@ def check_equal(a, b, tolerance=1e-10):
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_threads_and_variants_make_no_difference(geometry, monkeypatch):
-    scene = free()
-    one = jump(scene, 0.015, geometry=geometry)
+    scene, options = free(), {"geometry": geometry, "sample": 1e-3}
+    one = jump(scene, 0.015, **options)
     assert len(one.events) > 0
     monkeypatch.setattr(core, "useful_threads", lambda blocks, threads: 2)
-    two = jump(scene, 0.015, geometry=geometry)
+    two = jump(scene, 0.015, **options)
     assert two.method.threads == 2
     check_equal(one, two)
     for variant, runs in core.variants().items():
         if runs:
             with monkeypatch.context() as patch:
                 patch.setattr(core, "advance", functools.partial(core.advance, variant=variant))
-                check_equal(one, jump(scene, 0.015, geometry=geometry))
+                check_equal(one, jump(scene, 0.015, **options))
 
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)

@@ -1,6 +1,7 @@
 """Command line: scenes and options, output, files, exit codes, Ctrl-C and SIGTERM."""
 
 import dataclasses
+import functools
 import json
 import os
 import shutil
@@ -555,14 +556,17 @@ def test_figures(tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("small_paper")
 def test_figures_continue_an_interrupted_run(tmp_path, monkeypatch):
+    light = functools.partial(tiny, F_N=100.0, V=0.5 / 35)  # strains so small that it is linear
+    monkeypatch.setattr(pyfric, "preset", lambda name: light(name=name))
     monkeypatch.setattr(cli, "_draw", lambda record, stem: [])
     how = {"fidelity": "auto", "want": "loading_curve", "sample": 1.6e-6}
-    half = simulate(tiny(), 1.1e-3, **how)
+    half = simulate(light(), 1.1e-3, **how)
     assert half.method.engine == "hybrid"
+    assert half.method.geometry == "linear"
     dataclasses.replace(half, status="interrupted").save(tmp_path / "fig1.nc")
     result = pyf("figures", "--out", tmp_path)
     assert "continued from t = 0.0011" in result.stderr
-    agree(pyfric.Record.load(tmp_path / "fig1.nc"), simulate(tiny(), 1.2e-3, **how))
+    agree(pyfric.Record.load(tmp_path / "fig1.nc"), simulate(light(), 1.2e-3, **how))
 
 
 PLANNED = {"fidelity": "dynamic", "geometry": "finite", "dt": 1.6e-6}

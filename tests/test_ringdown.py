@@ -239,6 +239,29 @@ def test_the_drifting_state_drifts(scene, drive):
     assert frozen.force_lag == pytest.approx(F_T, rel=1e-6, abs=1e-9 * scene.F_N)
 
 
+@pytest.mark.parametrize("eta", [None, 1e3])
+@sliders()
+def test_bound_is_above_the_worst_remainder(scene, drive, eta):
+    """Of all w and v of energy E, in a dense solution; and it is not far above."""
+    scene = dataclasses.replace(scene, slider=dataclasses.replace(scene.slider, eta=eta))
+    slider = Slider(scene, drive=drive, dt=1e-9)
+    frozen, stuck, N_x = slider.frozen, slider.stuck, scene.N_x
+    K, _, unknown = slider.solver.tangent(stuck)
+    K, C = K.toarray(), damping(scene).toarray()
+    held, lifted = np.flatnonzero(stuck), np.flatnonzero(~stuck)
+    p = np.zeros((len(held), len(K)))
+    p[np.arange(len(held)), held + N_x] = -scene.interface.mu_s * scene.k_f
+    up = np.zeros((len(lifted), len(K)))
+    up[np.arange(len(lifted)), lifted + N_x] = scene.k_f
+    rows = np.concatenate([p + K[held], p - K[held], up])[:, unknown]
+    rows_v = np.concatenate([C[held], -C[held], 0 * up])[:, unknown]
+    inside = K[np.ix_(unknown, unknown)]
+    stiff = np.sum(rows * np.linalg.solve(inside, rows.T).T, axis=1)
+    worst = np.sqrt(2 * (stiff + np.sum(rows_v**2 / mass(scene)[unknown], axis=1)))
+    assert (frozen.bound >= worst * (1 - 1e-9)).all()
+    assert (frozen.bound <= 3 * worst).all()
+
+
 def test_slack_is_the_smaller_margin():
     slider = Slider(*OPENED["rod, open"][:1], drive=OPENED["rod, open"][1])
     slack = slider.frozen.slack(slider.frozen.margins(slider.rest))

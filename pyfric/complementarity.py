@@ -286,6 +286,12 @@ class Contact:
         self.column[: self.N_x] = u_x
         self.renew()
 
+    def flip(self, i: int) -> None:
+        """Open a closed block or close an open one."""
+        closed = self.closed.copy()
+        closed[i] ^= True
+        self.set_closed(closed)
+
     def renew(self) -> None:
         """Start from the table with all blocks held, and free those that are not stuck at once."""
         N_x = self.N_x
@@ -311,16 +317,14 @@ class Contact:
         self.column[free] = 0.0
 
     def values(self) -> Values:
-        v = self.table @ self.column
-        N_x = self.N_x
-        u_z = v[2 * N_x : 3 * N_x]
-        p = np.where(self.closed, -self.k_f * u_z, 0.0)
-        f = np.where(self.free, -self.slip * (self.mu_k * p), v[N_x : 2 * N_x])
-        return Values(v[:N_x], f, u_z, p, float(v[-1]))
+        """Return the interface at the present position of the driver."""
+        return self._interface(self.table @ self.column)
 
     def rates(self) -> Values:
         """Return the derivatives of `values` by X."""
-        v = self.table[:, -2]
+        return self._interface(self.table[:, -2])
+
+    def _interface(self, v: np.ndarray) -> Values:
         N_x = self.N_x
         u_z = v[2 * N_x : 3 * N_x]
         p = np.where(self.closed, -self.k_f * u_z, 0.0)

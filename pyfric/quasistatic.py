@@ -216,9 +216,7 @@ class QuasistaticRun:
                 return
             contact.X = X
             if what == 0:
-                closed = contact.closed.copy()
-                closed[i] ^= True
-                contact.set_closed(closed)
+                contact.flip(i)
             elif what != 2:
                 contact.release(i, what)
         what = "the growth of the slipping zone does not end"
@@ -230,9 +228,7 @@ class QuasistaticRun:
 
     def _flip(self, contact: Contact, i: int) -> None:
         """Open a closed block or close an open one."""
-        closed = contact.closed.copy()
-        closed[i] ^= True
-        contact.set_closed(closed)
+        contact.flip(i)
         self.log.set(contact, self.t)
 
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:

@@ -59,7 +59,7 @@ class BandedCholesky:
         return dpbtrs(self._factor, b, lower=1)[0]
 
     def solve(self, b: np.ndarray) -> np.ndarray:
-        """Return x with K x = b, shape (n,)."""
+        """Return x with K x = b, shape (n,) or (n, columns)."""
         x = np.empty_like(b)
         y = self._solved(b[self._band])
         if len(self._border):

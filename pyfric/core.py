@@ -17,8 +17,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pyfric.operators import Geometry, check_geometry
+from pyfric.state import OPEN
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pyfric.scene import Scene
     from pyfric.state import State
 
@@ -29,6 +32,7 @@ __all__ = [
     "Model",
     "Status",
     "advance",
+    "bond_forces",
     "build_info",
     "energies",
     "evaluate",
@@ -360,6 +364,27 @@ def evaluate(
         raise ValueError(f"n_times = {n_times}: must be in 1 … {2**31 - 1}")
     a, *rest = load_variant(variant).evaluate(*model, t, n_times, state.y.T, state.rod, state.mode)
     return Forces(a.T, *rest)
+
+
+def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the function from displacements to the forces of all springs on the blocks.
+
+    The function takes u, shape (N_z, 2, N_x) or flat, in m, and returns forces in N in that shape.
+    """
+    whole = model(scene, geometry, 0.0)
+    constants = np.zeros_like(whole.constants)
+    constants[:2] = whole.constants[:2]  # l and k: nothing but springs
+    constants[3] = 1.0  # accelerations are forces
+    nothing = np.zeros(scene.N_x)
+    bare = whole._replace(rigid=0, constants=constants, load=nothing, shear=nothing)
+    y, rod = np.zeros((scene.N_z, 4, scene.N_x)), np.zeros(6)
+    mode = np.full(scene.N_x, OPEN, dtype=np.int32)
+
+    def forces(u: np.ndarray) -> np.ndarray:
+        y[:, :2] = u.reshape(scene.N_z, 2, scene.N_x)
+        return _core.evaluate(*bare, 0.0, 1, y.T, rod, mode)[0].T.reshape(u.shape)
+
+    return forces
 
 
 def energies(model: Model, state: State, t: float) -> dict[str, float]:

@@ -40,6 +40,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
+from pyfric import core
 from pyfric.banded import BandedCholesky
 from pyfric.operators import (
     Geometry,
@@ -48,6 +49,7 @@ from pyfric.operators import (
     coordinates,
     driven_dof,
     spring_forces,
+    spring_tangents,
     stiffness,
 )
 
@@ -166,7 +168,6 @@ class StaticSolver:
 
     Attributes:
         loaded: the loaded equilibrium with F_T = 0 (an `Equilibrium`).
-        enough: residual force at which iterations may end, in N; 0 goes on to rounding.
 
     Raises:
         ValueError: unknown geometry.
@@ -183,6 +184,9 @@ class StaticSolver:
         self.scene, self.geometry = scene, geometry
         N_x, N_z = scene.N_x, scene.N_z
         self._lattice, self._T = bonds(scene), coordinates(scene)
+        self._springs = functools.partial(spring_forces, self._lattice)
+        if geometry == "finite":
+            self._springs = core.bond_forces(scene, geometry)
         self._T_transposed = self._T.T.tocsr()
         self._unit = scene.F_N / N_x
         self._limit = ACCEPTED * self._unit
@@ -203,7 +207,6 @@ class StaticSolver:
         self._along[: 2 * N_x * rows].reshape(rows, 2, N_x)[:, 0] = 1.0
         if scene.rigid:
             self._along[-3] = 1.0
-        self.enough = 0.0
         self._factors: dict[tuple[bool, bytes], BandedCholesky | SuperLU] = {}
         self._u_drv0 = 0.0
         self._K = self._bond_stiffness(np.zeros(self._T.shape[1]))
@@ -220,6 +223,7 @@ class StaticSolver:
         *,
         free: np.ndarray | None = None,
         start: Equilibrium | None = None,
+        enough: float = 0.0,
     ) -> Equilibrium:
         """Return the equilibrium with the interface held.
 
@@ -229,6 +233,7 @@ class StaticSolver:
             free: blocks without friction (open ones), shape (N_x,), bool; their u_x is a
                 result. They carry p if they touch the foundation. None means no block.
             start: state from which the iteration starts; None means the loaded state.
+            enough: residual force at which it may end, in N; 0 goes on to rounding.
 
         The vertical contact is solved with u_x held. Held blocks that lift off in its solution are
         freed and it is solved again. Blocks that come down again are held again; one that lifts
@@ -262,7 +267,7 @@ class StaticSolver:
         steps = 0
         while True:  # a block lifts off at most twice
             q[self._x][held] = given[held]
-            q, contact, residual, used = self._touching(q, held, closed, drive)
+            q, contact, residual, used = self._touching(q, held, closed, drive, enough)
             steps, closed = steps + used, contact.closed
             up, down = held & ~closed, closed & ~held & ~frictionless
             if up.any():
@@ -275,7 +280,7 @@ class StaticSolver:
                 return self._result(q, contact, drive, residual, steps)
 
     def _touching(
-        self, q: np.ndarray, held: np.ndarray, closed: np.ndarray, drive: float
+        self, q: np.ndarray, held: np.ndarray, closed: np.ndarray, drive: float, enough: float
     ) -> tuple[np.ndarray, _Contact, float, int]:
         """Return q at rest with u_x held, the contact, the residual in N, the number of steps.
 
@@ -287,7 +292,7 @@ class StaticSolver:
         sweeps = 4 * len(held) + 20
         for sweep in range(sweeps):
             contact = _Contact(held, closed, no_slip)
-            q, residual, used = self._newton(q, contact, drive)
+            q, residual, used = self._newton(q, contact, drive, enough)
             steps += used
             wrong = self._wrong_side(q[self._z], closed, self._rounding(q))
             if not wrong.any():
@@ -318,14 +323,14 @@ class StaticSolver:
         K = self._K + sp.diags_array(foundation) + self.scene.driver.K * (row.T @ row)
         return K.tocsr(), self._factor(contact, True), self._unknown(contact)
 
-    def stiffening(self, q: np.ndarray, bonds: sp.csr_array) -> sp.csr_array:
-        """Return the stiffness of the bonds at q minus an earlier `bond_tangent`, in N/m."""
-        return self._bond_stiffness(q) - bonds
+    def bond_tangents(self, q: np.ndarray) -> np.ndarray:
+        """Return the stiffnesses xx, xz and zz of each bond at q, shape (3, n_bonds), in N/m."""
+        return spring_tangents(self._lattice, self._T @ q, self.geometry)
 
-    @property
-    def bond_tangent(self) -> sp.csr_array:
-        """Stiffness of bonds and mattress in `tangent`, shape (n_q, n_q), in N/m."""
-        return self._K
+    def elongations(self, shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return du_x and du_z over each bond, shape (n_bonds, n), of shapes (n_q, n)."""
+        u = self._T @ shapes
+        return tuple(D @ u for D in self._lattice.difference)
 
     @property
     def u_drv0(self) -> float:
@@ -356,7 +361,7 @@ class StaticSolver:
         """
         scene, x, z = self.scene, self._x, self._z
         u = self._T @ q
-        force = spring_forces(self._lattice, u, self.geometry) + self._load
+        force = self._springs(u) + self._load
         if scene.k_top:
             force[self._top] -= scene.k_top * u[self._top]
         p = -scene.k_f * u[z] * contact.closed
@@ -440,7 +445,7 @@ class StaticSolver:
         return 2.0**-52 * self._stiffest * float(np.max(np.abs(q * self._arm)))
 
     def _newton(
-        self, q: np.ndarray, contact: _Contact, drive: float | None
+        self, q: np.ndarray, contact: _Contact, drive: float | None, enough: float = 0.0
     ) -> tuple[np.ndarray, float, int]:
         """Return q at rest for one contact set, the residual force in N, the number of steps.
 
@@ -459,7 +464,7 @@ class StaticSolver:
             rounding = self._rounding(q)
             if residual < least:
                 best, least = q, residual
-            if residual <= max(rounding / 4, self.enough):
+            if residual <= max(rounding / 4, enough):
                 break
             if residual > 0.5 * previous:
                 if least <= 16 * rounding or (renewed and least <= self._limit):
@@ -469,7 +474,7 @@ class StaticSolver:
             previous = residual
             q = q.copy()
             q[unknown] += factor.solve(force)
-        limit = max(self._limit, 16 * self._rounding(best))
+        limit = max(self._limit, 16 * self._rounding(best), enough)
         if not least <= limit:
             raise EquilibriumError("Newton's method does not converge", least, limit, step)
         return best, least, step

@@ -37,8 +37,9 @@ SHORTEST = 64
 """Shortest jump worth its cost, in steps."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
-ENOUGH = 1e-9
-"""Residual forces of static states in finite geometry, over F_N/N_x."""
+ENOUGH, ROUGH = 1e-9, 1e-5
+"""Residual forces of static states in finite geometry, over F_N/N_x; of those that only show where
+to look."""
 NEAR = 20
 """In finite geometry a jump may end this many steps from where its static state was found."""
 STRAIGHT = 0.02
@@ -50,10 +51,8 @@ KEPT = 8
 class _Statics:
     """Static states, remembered, and the slider with fixed contact states that goes with each."""
 
-    def __init__(self, known: StaticSolver, dt: float | None) -> None:
+    def __init__(self, known: StaticSolver, dt: float) -> None:
         self.known, self.dt = known, dt
-        if known.geometry == "finite":
-            known.enough = ENOUGH * known.scene.F_N / known.scene.N_x
         self._frozen: dict[bytes, Frozen] = {}
         self._found: dict[tuple[bytes, float, bytes], tuple[Rest | Equilibrium, float]] = {}
         self._latest: dict[tuple[bytes, bytes], tuple[Rest, float]] = {}
@@ -71,14 +70,20 @@ class _Statics:
             self._frozen[key] = Frozen(self.known, stuck, self.dt, closed)
         return self._frozen[key]
 
-    def rest(self, u_x: np.ndarray, drive: float, open_: np.ndarray) -> Rest | None:
-        """Return the static state, None if it has not exactly these open blocks."""
+    def rest(
+        self, u_x: np.ndarray, drive: float, open_: np.ndarray, enough: float = ENOUGH
+    ) -> Rest | None:
+        """Return the static state, None if it has not exactly these open blocks.
+
+        In finite geometry residual forces up to `enough` F_N/N_x stay.
+        """
         key = u_x.tobytes(), float(drive), open_.tobytes()
         if self.known.geometry == "linear":
             rest = self.frozen(~open_).rest(u_x, drive)
         else:
+            left = enough * self.known.scene.F_N / self.known.scene.N_x
             try:
-                state = self.known.solve(u_x, drive, free=open_, start=self._last)
+                state = self.known.solve(u_x, drive, free=open_, start=self._last, enough=left)
             except EquilibriumError:
                 return None
             if (state.open != open_).any():
@@ -86,15 +91,20 @@ class _Statics:
             self._last = state
             q = self.known.coordinates(state.u, state.rod)
             rest = Rest(q, state.f, state.tau, state.p, state.u[0, 1], state.F_T)
-        if rest is not None:
+        if rest is not None and enough == ENOUGH:
             self._found[key] = self._latest[key[0], key[2]] = rest._replace(q=None), drive
         return rest
+
+    def _near(self, drive: float, other: float) -> bool:
+        """Whether the static states with the driver here and there differ by tangents."""
+        few = NEAR * self.dt * self.known.scene.driver.V
+        return self.known.geometry == "linear" or abs(drive - other) <= few
 
     def solve(self, u_x: np.ndarray, drive: float, *, free: np.ndarray) -> Rest | Equilibrium:
         """Return the static state, for the catalogue."""
         key = u_x.tobytes(), float(drive), free.tobytes()
         near = self._latest.get((key[0], key[2]))
-        if key not in self._found and near is not None and self.known.geometry == "linear":
+        if key not in self._found and near is not None and self._near(near[1], drive):
             moved = self.frozen(~free).driven(*near, drive)
             if moved is not None:
                 self._found[key] = moved, drive
@@ -185,8 +195,8 @@ class HybridRun(Run):
         rate = V * frozen.margin_rate
         modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
         rates = np.append(quiet.growth, -frozen.decay)
-        there, n_there, t = None, 0, state.t
-        for _ in range(8):
+        there, n_there, t = None, -NEAR - 1, state.t
+        for enough in (ROUGH, *(7 * [ENOUGH])):
             c = quiet.margins + rate * since + frozen.margin_lag
             s = first_crossing(c, rate, modal, rates, most * dt, dt)
             n = min(math.floor(s / dt), most)
@@ -197,12 +207,14 @@ class HybridRun(Run):
                 q = rest.q + (V * (since + n * dt)) * frozen.drift
                 force = rest.F_T + V * frozen.force_rate * (since + n * dt)
                 break
-            if there is not None and abs(n - n_there) <= NEAR:
+            if abs(n - n_there) <= NEAR:
                 q = there.q + (V * (n - n_there) * dt) * frozen.drift
                 force = there.F_T + V * frozen.force_rate * (n - n_there) * dt
                 break
-            t, n_there = state.t0 + (state.step + n) * dt, n
-            there = self.solver.rest(state.y[0, 0], V * t, quiet.open)
+            t = state.t0 + (state.step + n) * dt
+            if enough == ENOUGH:
+                n_there = n
+            there = self.solver.rest(state.y[0, 0], V * t, quiet.open, enough)
             if there is None:
                 return False
             rate = (frozen.margins(there) - quiet.margins) / (t - quiet.t)

@@ -43,6 +43,7 @@ __all__ = [
     "rk4_radius",
     "spring_forces",
     "spring_stiffness",
+    "spring_tangents",
     "stability_limit",
     "stiffness",
 ]
@@ -167,6 +168,23 @@ def spring_forces(lattice: Bonds, u: np.ndarray, geometry: Geometry = "linear") 
     return (gather_x @ (tension * X) + gather_z @ (tension * Z)).reshape(u.shape)
 
 
+def spring_tangents(
+    lattice: Bonds, u: np.ndarray | None = None, geometry: Geometry = "linear"
+) -> np.ndarray:
+    """Return the entries xx, xz and zz of the stiffness of each bond, shape (3, n_bonds), in N/m.
+
+    Arguments and source are those of `spring_stiffness`.
+    """
+    check_geometry(geometry)
+    X, Z = lattice.d.T
+    r, isotropic = lattice.l, 0.0
+    if geometry == "finite" and u is not None:
+        X, Z, r, e = _stretch(lattice, u.reshape(-1))
+        isotropic = lattice.k * e / r
+    along = lattice.k * lattice.l / r**3
+    return np.array([along * X * X + isotropic, along * X * Z, along * Z * Z + isotropic])
+
+
 def spring_stiffness(
     lattice: Bonds, u: np.ndarray | None = None, geometry: Geometry = "linear"
 ) -> sp.csr_array:
@@ -183,17 +201,11 @@ def spring_stiffness(
     Raises:
         ValueError: unknown geometry.
     """
-    check_geometry(geometry)
-    X, Z = lattice.d.T
-    r, isotropic = lattice.l, 0.0
-    if geometry == "finite" and u is not None:
-        X, Z, r, e = _stretch(lattice, u.reshape(-1))
-        isotropic = lattice.k * e / r
-    along = lattice.k * lattice.l / r**3
+    along_xx, along_xz, along_zz = spring_tangents(lattice, u, geometry)
     D_x, D_z = lattice.difference
-    xz = D_x.T @ sp.diags_array(along * X * Z) @ D_z
-    xx = D_x.T @ sp.diags_array(along * X * X + isotropic) @ D_x
-    zz = D_z.T @ sp.diags_array(along * Z * Z + isotropic) @ D_z
+    xz = D_x.T @ sp.diags_array(along_xz) @ D_z
+    xx = D_x.T @ sp.diags_array(along_xx) @ D_x
+    zz = D_z.T @ sp.diags_array(along_zz) @ D_z
     return (xx + zz + xz + xz.T).tocsr()
 
 

@@ -112,7 +112,8 @@ class Frozen:
         scene = solver.scene
         N_x, k_f, mu_s, V = scene.N_x, scene.k_f, scene.interface.mu_s, scene.driver.V
         self.stuck, self.mu_s, self.k_f, self.dt = stuck, mu_s, k_f, dt
-        self._bonds = solver.bond_tangent
+        loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
+        self._bonds = solver.bond_tangents(loaded)
         self._columns: dict[int, np.ndarray] = {}
         self._last: tuple[np.ndarray, float, np.ndarray] | None = None
         if closed is None:
@@ -186,21 +187,33 @@ class Frozen:
         return rates, vectors[:n, one_of_pair]
 
     def _corrected_modes(self, closed: Frozen, factor: _Opened) -> tuple[np.ndarray, np.ndarray]:
-        """Return the modes in the space of those of the closed slider and of static shapes."""
+        """Return the modes in the space of those of the closed slider and of static shapes.
+
+        What the modes found there still lack, K^-1 (lambda^2 M + lambda C + K) phi, is added to the
+        space, and they are found once more.
+        """
         m, n = len(self.free) - len(closed.free), closed.phi.shape[1]
         basis = np.zeros((len(self.free), 2 * n + 2 * m))
         basis[m:, :n], basis[m:, n : 2 * n] = closed.phi.real, closed.phi.imag
         basis[m:, 2 * n :] = factor.shapes
         basis[:m, 2 * n + m :] = np.eye(m)
-        basis /= np.linalg.norm(basis, axis=0)
+        slow = np.max(np.abs(closed.rates), initial=0.0)
+        rates, phi = self._modes_in(basis, slow)
+        left = rates * (rates * (self.M[:, None] * phi) + self.C @ phi) + self.K @ phi
+        lack = [factor.solve(part) for part in (left.real, left.imag)]
+        return self._modes_in(np.hstack([basis, *lack]), slow)
+
+    def _modes_in(self, basis: np.ndarray, slow: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the modes in a space of shapes with rates up to `slow`, Galerkin's way."""
+        length = np.linalg.norm(basis, axis=0)
+        basis = basis[:, length > 0] / length[length > 0]  # overdamped modes are real
         size, axes = np.linalg.eigh(basis.T @ (self.M[:, None] * basis))
         apart = size > 1e-13 * size[-1]
         axes = axes[:, apart] / np.sqrt(size[apart])
         K, C = (axes.T @ (basis.T @ (A @ basis)) @ axes for A in (self.K, self.C))
         zero, one = np.zeros_like(K), np.eye(len(K))
         found, vectors = np.linalg.eig(np.block([[zero, one], [-K, -C]]))
-        slow = np.abs(found) <= np.max(np.abs(closed.rates), initial=0.0)
-        kept = slow & (found.imag >= 0)
+        kept = (np.abs(found) <= slow) & (found.imag >= 0)
         return found[kept], basis @ (axes @ vectors[: len(K), kept])
 
     def _keep_modes(self, rates: np.ndarray, phi: np.ndarray) -> None:
@@ -248,9 +261,9 @@ class Frozen:
         return bool((low >= -TINY * scene.F_N / scene.N_x).all())
 
     def driven(self, rest: Rest, drive: float, drive_now: float) -> Rest | None:
-        """Return a static state, without q, after the driver has moved on (linear geometry).
+        """Return a static state, without q, after the driver has moved on, to first order.
 
-        None if it has other open blocks.
+        That is exact in linear geometry. None if it has other open blocks.
         """
         N_x, held = len(self.stuck), np.flatnonzero(self.stuck)
         by = drive_now - drive
@@ -312,8 +325,12 @@ class Frozen:
 
     def stiffened(self, q: np.ndarray) -> np.ndarray:
         """Return `growth` where bonds are as stiff as at q, to first order (finite geometry)."""
-        change = self.solver.stiffening(q, self._bonds)[self.free][:, self.free] @ self.phi
-        return self.stepped(self.rates - np.sum(self.phi * change, axis=0) / self._norm)
+        phi = np.zeros((self.n_q, len(self.rates)), complex)
+        phi[self.free] = self.phi
+        x, z = self.solver.elongations(phi)
+        xx, xz, zz = self.solver.bond_tangents(q) - self._bonds
+        change = xx @ (x * x) + 2 * (xz @ (x * z)) + zz @ (z * z)
+        return self.stepped(self.rates - change / self._norm)
 
     def deviation(
         self, a: np.ndarray, s: float, growth: np.ndarray | None = None
@@ -367,7 +384,8 @@ class _Opened:
         """Return the displacements under forces on the free coordinates."""
         m = self._m
         y = self._solve(b[m:])
-        theta = np.linalg.solve(self._small, np.concatenate([y[self._z], b[:m] - self._K_xy @ y]))
+        side = np.concatenate([y[self._z], b[:m] - self._K_xy @ y])
+        theta = np.linalg.solve(self._small, side)
         return np.concatenate([theta[m:], y + self.shapes @ theta])
 
 

@@ -118,6 +118,18 @@ def test_right_hand_side_is_that_of_the_twin(scene, geometry, strain, variant):
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("scene", SCENES, ids=IDS)
+def test_bond_forces_are_those_of_the_twin(scene, geometry):
+    """Springs alone: no foundation, no load, no viscosity, no rod."""
+    y = random_state(scene, geometry).y
+    here = core.bond_forces(scene, geometry)(y[:, :2])
+    y[:, 2:] = 0
+    there = twin.bond_forces(scene, y, geometry)
+    largest = 6 * scene.slider.k * np.abs(y[:, :2]).max()  # of the terms that are added
+    np.testing.assert_allclose(here, there, rtol=0, atol=ROUNDING * largest)
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("scene", SCENES, ids=IDS)
 def test_energies_are_those_of_the_twin(scene, geometry):
     state = random_state(scene, geometry, 1e-2)
     here = core.energies(core.model(scene, geometry, state.u_drv0), state, 0.01)

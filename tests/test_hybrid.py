@@ -10,7 +10,7 @@ import pytest
 from scipy.sparse.linalg import ArpackNoConvergence
 
 import pyfric
-from pyfric import core, hybrid, ringdown
+from pyfric import core, equilibrium, hybrid, ringdown
 from pyfric.equilibrium import EquilibriumError
 from pyfric.record import Record
 from pyfric.scene import chain, preset, setup1, setup2
@@ -112,6 +112,36 @@ def test_linear_geometry_is_full_dynamics(name):
     check_counts(b)
     assert b.counts["steps"] < 0.5 * a.counts["steps"]
     assert b.counts["jumps"] > 0
+
+
+@pytest.mark.parametrize("name", ["rod, high driver", "free, light edge", "free, top driver"])
+def test_the_way_of_large_lattices_is_full_dynamics(name, monkeypatch):
+    """Blocks opened by corrections of low rank, states taken from the last ones."""
+    for module in (equilibrium, hybrid, ringdown):
+        monkeypatch.setattr(module, "LARGE", 10)
+    opened, moved = [], []
+    correct, move = ringdown._Opened, ringdown.Frozen._moved
+
+    def counted(*args):
+        opened.append(args)
+        return correct(*args)
+
+    def watched(*args):
+        q = move(*args)
+        moved.append(q is not None)
+        return q
+
+    monkeypatch.setattr(ringdown, "_Opened", counted)
+    monkeypatch.setattr(ringdown.Frozen, "_moved", watched)
+    scene, t_end = SCENES[name]
+    a, b = both(scene, t_end, "linear")
+    check_same_events(a, b, FORCE)
+    check_same_curve(a, b, CURVE)
+    assert b.counts["steps"] < 0.5 * a.counts["steps"]
+    assert any(moved)
+    assert opened or not (b.switches["new"] == OPEN).any()
+    if name == "free, light edge":
+        assert opened
 
 
 @pytest.mark.parametrize(

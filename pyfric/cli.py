@@ -248,7 +248,7 @@ HERE = "\0"  # value of --resume without a file
 @_set_option
 @click.option(
     "--fidelity",
-    type=click.Choice(["auto", "quasistatic", "hybrid", "dynamic"]),
+    type=click.Choice(["auto", "equilibrium", "quasistatic", "hybrid", "dynamic"]),
     default="auto",
     show_default=True,
     help="What is modelled; auto takes what is enough (see pyfric plan).",

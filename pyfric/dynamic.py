@@ -215,7 +215,7 @@ def check_continues(before: Record, scene: Scene, engine: str) -> None:
         raise StateError(f"initial: the record comes from the {made} engine, this is {engine}")
     if before.scene != scene:
         raise StateError("initial: the record belongs to another scene; pass its final_state")
-    if engine != "quasistatic" and not isinstance(before.final_state, State):
+    if engine in ("dynamic", "hybrid") and not isinstance(before.final_state, State):
         raise StateError("initial: this record holds no state of the dynamics to go on from")
 
 

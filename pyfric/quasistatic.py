@@ -120,6 +120,8 @@ class QuasistaticRun:
         EquilibriumError: the scene has no loaded equilibrium.
     """
 
+    name = "quasistatic"
+
     def __init__(self, scene: Scene, t_gap: float = T_GAP) -> None:
         start = time.perf_counter()
         self.scene, self.t_gap = scene, t_gap
@@ -130,6 +132,7 @@ class QuasistaticRun:
         self.log.mode[~self.contact.closed] = OPEN
         self.rows: list[tuple[float, float]] = []
         self.events = self.releases = 0
+        self.over = False
         self.notes: tuple[str, ...] = ()
         self.timings = {"set-up": time.perf_counter() - start}
         self.initial = self.contact.values()
@@ -156,7 +159,7 @@ class QuasistaticRun:
         else:
             gradual = mu_s - mu_k <= GRADUAL * mu_s
             (self.grow if gradual else self._climb)(self.X_0 + V * t_end, stop, show)
-            if not stop():
+            if not (stop() or self.over):
                 self.contact.X = self.X_0 + V * t_end
                 self.rows.append((t_end, self.contact.values().F_T))
         if not np.isfinite(self.rows[-1][1]):
@@ -189,6 +192,8 @@ class QuasistaticRun:
                 self.events += 1
             self.sample()
             show(self.t, self.rows[-1][1], self.events)
+            if self.over:
+                return
 
     def grow(self, X_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
         """Follow continuous slip, mu_k = mu_s, until the driver is at X_end or nothing changes.
@@ -265,7 +270,7 @@ class QuasistaticRun:
             log.set(contact, t, now)
         raise self._unsettled(SWEEPS * self.scene.N_x)
 
-    def record(self, status: str, engine: str = "quasistatic", **columns: Any) -> Record:
+    def record(self, status: str, engine: str | None = None, **columns: Any) -> Record:
         """Return what was done so far."""
         start = time.perf_counter()
         scene = self.scene
@@ -283,7 +288,7 @@ class QuasistaticRun:
         return Record.from_catalogue(
             catalogue,
             scene=scene,
-            method=Method(engine=engine, geometry="linear", t_gap=self.t_gap),
+            method=Method(engine=engine or self.name, geometry="linear", t_gap=self.t_gap),
             curve=curve,
             tau_initial=-scene.d * f,
             p_initial=p,
@@ -297,7 +302,28 @@ class QuasistaticRun:
         )
 
 
+class EquilibriumRun(QuasistaticRun):
+    """The stuck slider under the driver, up to the first slip; blocks may lift off and land."""
+
+    name = "equilibrium"
+
+    def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
+        scene, F_T = self.scene, self.contact.values().F_T
+        n, self.events, self.over = int(scene.n_of_i[i]), -1, True
+        self.notes += (
+            f"equilibrium: the run ends where block {n} slips first, "
+            f"at t = {self.t:.9g} s and F_T/F_N = {F_T / scene.F_N:.9g}",
+        )
+
+    def grow(self, *args: Any) -> None:
+        self._climb(*args)
+
+
+ENGINES = {one.name: one for one in (QuasistaticRun, EquilibriumRun)}
+
+
 def simulate(
+    engine: str,
     scene: Scene,
     t_end: float,
     *,
@@ -305,18 +331,19 @@ def simulate(
     t_gap: float = T_GAP,
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> Record:
-    """Follow the ladder of a scene to t_end (s); see `pyfric.simulate`.
+    """Follow a scene through static states to t_end (s); see `pyfric.simulate`.
 
-    A run that goes on from a record is made again from its start, which gives the same bits.
+    Args are those of `pyfric.simulate`, with engine "quasistatic" or "equilibrium". A run that goes
+    on from a record is made again from its start, which gives the same bits.
     """
     if initial is not None:
         if not isinstance(initial, Record):
-            raise StateError("initial: the quasistatic engine goes on from records only")
-        check_continues(initial, scene, "quasistatic")
+            raise StateError(f"initial: the {engine} engine goes on from records only")
+        check_continues(initial, scene, engine)
         t_gap = initial.method.t_gap
     t_gap = check_number("t_gap", t_gap, "s", ge=0.0)
     t_end = check_number("t_end", t_end, "s", ge=0.0)
-    run = QuasistaticRun(scene, t_gap)
+    run = ENGINES[engine](scene, t_gap)
     with progress_bar(progress, scene, 0.0, t_end) as bar, interruptible() as stop:
 
         def show(t: float, F_T: float, events: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal
 
 from pyfric import planner, quasistatic
 from pyfric.blas import one_thread_if_small
@@ -34,7 +34,7 @@ def simulate(
     scene: Scene,
     t_end: float,
     *,
-    fidelity: Fidelity | Literal["auto"] = "auto",
+    fidelity: Fidelity | Literal["auto", "equilibrium"] = "auto",
     want: Want = "precursors",
     tolerance: float = 0.01,
     geometry: Geometry | None = None,
@@ -55,12 +55,13 @@ def simulate(
         scene: what is simulated.
         t_end: time of the end, in s; the last step ends there or just beyond.
         fidelity: "dynamic" integrates everything. "hybrid" integrates events and solves the waiting
-            between them. "quasistatic" has no inertia. "auto" takes what `pyfric.plan` finds enough
+            between them. "quasistatic" has no inertia. "equilibrium" is the stuck slider, and ends
+            at the first slip. "auto" takes what `pyfric.plan` finds enough
             for `want` within `tolerance`; options below that a level lacks rule it out.
         want: what the run is made for; see `pyfric.plan`.
         tolerance: accepted error; see `pyfric.plan`.
         geometry: "finite" (as in the paper) or "linear"; None leaves it to the plan, or means
-            "finite", or "linear" where there is no other (chain, quasistatic).
+            "finite", or "linear" where there is no other (chain, static engines).
         method: "rk4": classical RK4, uniform step, contacts switch at step ends (the paper's).
         dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
         initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there. A
@@ -88,7 +89,7 @@ def simulate(
 
     Source: PRL 107, 074301 (2011).
     """
-    known = ("auto", *get_args(planner.Fidelity))
+    known = ("auto", *ENGINES, *quasistatic.ENGINES)
     if not (isinstance(fidelity, str) and fidelity in known):
         raise SceneError("fidelity", fidelity, "", " or ".join(map(repr, known)))
     tolerance = planner.check_question(want, tolerance)
@@ -118,13 +119,13 @@ def simulate(
 
 
 def _run(fidelity: str, scene: Scene, t_end: float, stepped: dict, common: dict) -> Record:
-    if fidelity != "quasistatic":
+    if fidelity in ENGINES:
         return integrate(ENGINES[fidelity], scene, t_end, **stepped, **common)
     for name, without in (("geometry", (None, "linear")), ("dt", ("auto",)), ("budget", (None, 0))):
         if stepped[name] not in without:
-            allowed = "nothing, because the quasistatic engine is linear and makes no steps"
+            allowed = f"nothing, because the {fidelity} engine is linear and makes no steps"
             raise SceneError(name, stepped[name], "s" if name == "dt" else "", allowed)
-    return quasistatic.simulate(scene, t_end, **common)
+    return quasistatic.simulate(fidelity, scene, t_end, **common)
 
 
 def _with_options(chosen: Plan, scene: Scene, stepped: dict, initial: State | None) -> Plan:

@@ -11,7 +11,15 @@ import warnings
 import numpy as np
 import pytest
 
-from pyfric import Record, SceneError, StateError, prediction_curve, simulate
+from pyfric import (
+    Record,
+    SceneError,
+    StateError,
+    loaded_state,
+    prediction_curve,
+    simulate,
+    solve_static,
+)
 from pyfric.catalogue import T_GAP
 from pyfric.equilibrium import EquilibriumError, StaticSolver
 from pyfric.operators import coordinates, driven_dof, stiffness
@@ -692,3 +700,33 @@ def test_an_event_that_does_not_settle_says_so(monkeypatch):
         ladder(small_rod(), 1.0)
     with pytest.raises(EquilibriumError, match="does not end"):
         prediction_curve(small_rod())
+
+
+# --- equilibrium ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["fig1", "setup2+", "chain"])
+def test_equilibrium_is_the_stuck_slider_up_to_the_first_slip(name):
+    """Against the full sparse solve at each point, and the first event of the ladder."""
+    scene = preset(name)
+    ladder = simulate(scene, 1.0, fidelity="quasistatic", progress=False)
+    record = simulate(scene, 1.0, fidelity="equilibrium", progress=False)
+    first = ladder.events.iloc[0]
+    assert record.method.engine == "equilibrium"
+    assert len(record.events) == 0
+    assert record.curve["t"].iloc[-1] == first["t_start"] < 1.0
+    assert f"block {first['nucleation_block']} slips first" in record.notes[-1]
+    np.testing.assert_array_equal(record.tau_initial, ladder.tau_initial)
+    held = loaded_state(scene).u[0, 0]
+    for t, F_T in record.curve.to_numpy():
+        rest = solve_static(scene, held, scene.driver.V * t)
+        assert abs(rest.F_T - F_T) < 1e-11 * scene.F_N
+    excess = np.abs(rest.tau) - scene.interface.mu_s * rest.p
+    assert abs(excess.max()) < 1e-9 * scene.F_N / scene.N_x
+
+
+def test_equilibrium_without_slip_ends_where_it_is_told():
+    record = simulate(preset("fig1"), 0.01, fidelity="equilibrium", progress=False)
+    assert record.status == "complete"
+    assert record.curve["t"].iloc[-1] == 0.01
+    assert record.notes == ()

@@ -2,8 +2,8 @@
 
 !> Steps of classical RK4 with switching at step ends.
 subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, shear, t0, dt, n_steps, n_threads, &
-                   keep_budget, max_switch, max_quiet, step, y, rod, mode, corner, slack, loss, dissipated, heat, work, &
-                   n_log, switch_i, switch_r, quiet_i, quiet_r, status)
+                   keep_budget, max_switch, max_quiet, step, y, rod, mode, corner, slack, loss, s_0, dissipated, heat, &
+                   work, n_log, switch_i, switch_r, quiet_i, quiet_r, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_rows, only: budget_t
@@ -36,6 +36,7 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   integer(c_int), intent(inout) :: corner(nx)                !! 1: corner episode
   real(c_double), intent(inout) :: slack(nx)                 !! mu_s p - |f| [N]
   real(c_double), intent(inout) :: loss(nx)                  !! switching loss [J]
+  real(c_double), intent(inout) :: s_0(nx)                   !! see pyfric_friction [m]
   real(c_double), intent(inout) :: dissipated(nz)            !! bond dissipation [J]
   real(c_double), intent(inout) :: heat(nx)                  !! friction heat [J]
   real(c_double), intent(inout) :: work(2)                   !! driver, forces on the top [J]
@@ -51,7 +52,7 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   type(log_t) :: log
 
   s = new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load, shear)
-  contact = contact_t(mode, corner, slack, loss)
+  contact = contact_t(mode, corner, slack, loss, s_0)
   budget = budget_t(dissipated, heat, work)
   allocate (log%switch_i(4, max_switch), log%switch_r(4, max_switch))
   allocate (log%quiet_i(nx + 1, max_quiet), log%quiet_r(nx + 3, max_quiet))
@@ -60,6 +61,7 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   corner = contact%corner
   slack = contact%slack
   loss = contact%loss
+  s_0 = contact%s_0
   dissipated = budget%dissipated
   heat = budget%heat
   work = budget%work
@@ -72,7 +74,7 @@ end subroutine advance
 
 !> All forces, accelerations and powers, with frozen contact states.
 subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, shear, t, n_times, y, rod, mode, &
-                    a, a_rod, f, p, f_t, dissipated, heat, work)
+                    s_0, a, a_rod, f, p, f_t, dissipated, heat, work)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: new_model
   use pyfric_rows, only: budget_t
@@ -95,6 +97,7 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
   real(c_double), intent(in) :: y(nx, 4, nz)                 !! u_x, u_z [m], v_x, v_z [m/s]
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
   integer(c_int), intent(in) :: mode(nx)                     !! contact states
+  real(c_double), intent(in) :: s_0(nx)                      !! see pyfric_friction [m]
   real(c_double), intent(out) :: a(nx, 2, nz)                !! accelerations [m/s2]
   real(c_double), intent(out) :: a_rod(3)                    !! of X, Z [m/s2], phi [rad/s2]
   real(c_double), intent(out) :: f(nx)                       !! friction force along +x [N]
@@ -110,7 +113,7 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
   work = 0
   power = budget_t(dissipated, heat, work)
   call all_forces(new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load, shear), t, n_times, y, rod, mode, &
-                  a, a_rod, f, p, f_t, power)
+                  s_0, a, a_rod, f, p, f_t, power)
   dissipated = power%dissipated
   heat = power%heat
   work = power%work

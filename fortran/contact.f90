@@ -3,7 +3,7 @@ module pyfric_contact
   use pyfric_kinds, only: dp, ip
   use pyfric_model, only: model_t, close_row, UX, UZ, VX, LB, LANES
   use pyfric_boundaries, only: foundation, driver_force
-  use pyfric_friction, only: stop_reversed, next_mode, STUCK
+  use pyfric_friction, only: stop_reversed, next_mode, slip, STUCK
   use pyfric_lattice, only: N_BOND
   use pyfric_rows, only: row_t, bond_forces, outer_forces
   implicit none (type, external)
@@ -16,6 +16,7 @@ module pyfric_contact
     integer(ip), allocatable :: corner(:)  !! 1: the block's slip began with p < p_corner
     real(dp), allocatable :: slack(:)      !! mu_s p - |f| at the last step's end [N]
     real(dp), allocatable :: loss(:)       !! kinetic energy removed by switching [J]
+    real(dp), allocatable :: s_0(:)        !! slip s = s_0 +- u_x since the last stick; s itself while open [m]
   end type contact_t
 
   !> Switches, and the interface each time its last slipping block stops or the first one starts.
@@ -67,6 +68,9 @@ contains
         if (old == STUCK .and. slack < 0.0_dp .and. contact%slack(i) > 0.0_dp) then
           t_switch = t + dt*(slack/(contact%slack(i) - slack))
         end if
+        contact%s_0(i) = slip(old, contact%s_0(i), y(s%at(i), UX, 1))
+        if (contact%mode(i) == STUCK) contact%s_0(i) = 0.0_dp
+        contact%s_0(i) = slip(contact%mode(i), contact%s_0(i), -y(s%at(i), UX, 1))
         if (abs(old) /= 1) contact%corner(i) = merge(1_ip, 0_ip, w%p(i) < s%p_corner)
         call log_switch(i, old, t_switch)
       end if

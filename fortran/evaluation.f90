@@ -13,13 +13,14 @@ module pyfric_evaluation
 contains
 
   !> Accelerations, contact forces and powers; repeated n_times, which only takes time.
-  subroutine all_forces(s, t, n_times, y, rod, mode, a, a_rod, f, p, f_t, power)
+  subroutine all_forces(s, t, n_times, y, rod, mode, s_0, a, a_rod, f, p, f_t, power)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                   !! time [s]
     integer, intent(in) :: n_times              !! evaluations to make
     real(dp), intent(in) :: y(s%nx, 4, s%nz)    !! state
     real(dp), intent(in) :: rod(6)              !! X, Z, phi and their rates
     integer(ip), intent(in) :: mode(s%nx)       !! contact states
+    real(dp), intent(in) :: s_0(s%nx)           !! see pyfric_friction [m]
     real(dp), intent(out) :: a(s%nx, 2, s%nz)   !! accelerations [m/s2]
     real(dp), intent(out) :: a_rod(3)           !! of X, Z [m/s2], phi [rad/s2]
     real(dp), intent(out) :: f(s%nx)            !! friction force along +x [N]
@@ -62,7 +63,7 @@ contains
       do j = 1, s%nz
         below = max(j - 1, 1)
         above = min(j + 1, s%nz)
-        call row_forces(s, j, t, q(LB, 1, below), q(LB, 1, j), q(LB, 1, above), mode, carry, b, fx, fz, w)
+        call row_forces(s, j, t, q(LB, 1, below), q(LB, 1, j), q(LB, 1, above), mode, s_0, carry, b, fx, fz, w)
         if (.not. keep) cycle
         call row_powers(s, j, 1.0_dp, q(LB, 1, j), q(LB, 1, above), rod(5), w, power)
         a(:, 1, j) = fx(s%at(:s%nx))/s%m

@@ -4,20 +4,25 @@ module pyfric_friction
   use pyfric_model, only: model_t, LB, LANES
   implicit none (type, external)
   private
-  public :: friction_force, stop_reversed, next_mode, STUCK, OPEN_GAP
+  public :: friction_force, stop_reversed, next_mode, slip, STUCK, OPEN_GAP
 
   !> Contact states; slipping blocks carry the sign of their motion, +1 or -1.
   integer(ip), parameter :: STUCK = 0, OPEN_GAP = 2
 
 contains
 
-  !> Stuck: f balances all other horizontal forces. Slipping: mu_k p against the motion. Open: none.
-  pure subroutine friction_force(s, mode, other, p, f)
+  !> Stuck: f balances all other horizontal forces. Slipping: mu p against the motion. Open: none.
+  !>
+  !>   mu = mu_s - (mu_s - mu_k) min(s/d_c, 1), s the slip since the last stick; mu_k without weakening (d_c = 0)
+  pure subroutine friction_force(s, mode, s_0, u_x, other, p, f)
     type(model_t), intent(in) :: s
     integer(ip), intent(in) :: mode(s%nx)  !! contact states
+    real(dp), intent(in) :: s_0(s%nx)      !! see `slip` [m]
+    real(dp), intent(in) :: u_x(LB:s%n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: other(LB:s%n + LANES)  !! all other horizontal forces, as a row [N]
     real(dp), intent(in) :: p(s%nx)        !! foundation force [N]
     real(dp), intent(out) :: f(s%nx)       !! friction force on the blocks, along +x [N]
+    real(dp) :: mu
     integer :: i
 
     do i = 1, s%nx
@@ -27,10 +32,23 @@ contains
       case (OPEN_GAP)
         f(i) = 0.0_dp
       case default
-        f(i) = -real(mode(i), dp)*(s%mu_k*p(i))
+        mu = max(s%mu_k, min(s%mu_0, s%mu_0 - s%drop*slip(mode(i), s_0(i), u_x(s%at(i)))))
+        f(i) = -real(mode(i), dp)*(mu*p(i))
       end select
     end do
   end subroutine friction_force
+
+  !> Slip since the last stick, s = s_0 +- u_x: within a step it follows the displacement of each stage. The stepper
+  !> keeps its order, except for a step in which s reaches d_c, where mu(s) has a corner: second order.
+  pure elemental function slip(mode, s_0, u_x) result(path)
+    integer(ip), intent(in) :: mode  !! contact state
+    real(dp), intent(in) :: s_0      !! set when the contact state changes; the slip itself while the block is open [m]
+    real(dp), intent(in) :: u_x      !! displacement [m]
+    real(dp) :: path
+
+    path = s_0
+    if (abs(mode) == 1) path = s_0 + real(mode, dp)*u_x
+  end function slip
 
   !> Ends the motion of blocks that no longer move the way they slip; the energy that goes is the switching loss.
   pure elemental subroutine stop_reversed(m, p, mode, v_x, loss)

@@ -5,7 +5,7 @@ module pyfric_model
   private
   public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, N_CONSTANTS, UX, UZ, VX, VZ, LB, LANES
 
-  integer(ip), parameter :: N_CONSTANTS = 19
+  integer(ip), parameter :: N_CONSTANTS = 20
   !> Fields of one row of the state.
   integer, parameter :: UX = 1, UZ = 2, VX = 3, VZ = 4
   !> Inside the core a row is cut into LANES pieces of equal length, interleaved: block i of piece c is element
@@ -33,6 +33,8 @@ module pyfric_model
     real(dp) :: k_f         !! foundation stiffness [N/m]
     real(dp) :: mu_s        !! static friction coefficient [-]
     real(dp) :: mu_k        !! kinetic friction coefficient [-]
+    real(dp) :: mu_0        !! friction coefficient where slip begins: mu_s, or mu_k without weakening [-]
+    real(dp) :: drop        !! its loss per slip, (mu_s - mu_k)/d_c, or 0 without weakening [1/m]
     real(dp) :: f_n         !! normal force at the rod's centre [N]
     real(dp) :: m_rod       !! mass of the rod alone [kg]
     real(dp) :: i_rod       !! inertia of the rod alone [kg m2]
@@ -98,6 +100,9 @@ contains
     s%u_drv0 = c(17)
     s%p_corner = c(18)
     s%k_top = c(19)
+    s%mu_0 = merge(s%mu_s, s%mu_k, c(20) > 0.0_dp)
+    s%drop = 0.0_dp
+    if (c(20) > 0.0_dp) s%drop = (s%mu_s - s%mu_k)/c(20)
     s%near = series(s%k, s%l**2)
     s%diagonal = series(0.5_dp*s%k, 2.0_dp*s%l**2)
     s%x = x

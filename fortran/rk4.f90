@@ -21,7 +21,7 @@ module pyfric_rk4
 contains
 
   !> Rows j0..j1 of the state one step later. Contact states are frozen during the step.
-  subroutine rk4_step(s, t, dt, j0, j1, keep_budget, mode, y, rod, y_new, rod_new, budget, q, carry, b, fx, fz, w)
+  subroutine rk4_step(s, t, dt, j0, j1, keep_budget, mode, s_0, y, rod, y_new, rod_new, budget, q, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                         !! time at the start [s]
     real(dp), intent(in) :: dt                        !! step [s]
@@ -29,6 +29,7 @@ contains
     integer, intent(in) :: j1                         !! last row of this thread
     logical, intent(in) :: keep_budget                !! integrate works and dissipations too
     integer(ip), intent(in) :: mode(s%nx)             !! contact states
+    real(dp), intent(in) :: s_0(s%nx)                 !! see pyfric_friction [m]
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)          !! state at the start
     real(dp), intent(in) :: rod(6)                    !! X, Z, phi and their rates at the start
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
@@ -69,7 +70,7 @@ contains
       real(dp), intent(in) :: up(LB:s%n + LANES, 4)    !! the row above at this stage
       real(dp) :: c
 
-      call row_forces(s, j, t + NODE(stage)*dt, dn, here, up, mode, carry(LB, 1, stage), b, fx, fz, w)
+      call row_forces(s, j, t + NODE(stage)*dt, dn, here, up, mode, s_0, carry(LB, 1, stage), b, fx, fz, w)
       if (j < low) return
       if (keep_budget .and. j >= j0 .and. j <= j1) then
         c = dt/6.0_dp*WEIGHT(stage)

@@ -115,7 +115,7 @@ contains
   end subroutine outer_forces
 
   !> Forces on row j, friction included, at frozen contact states; the carry of the bonds moves up one row (finite geometry).
-  pure subroutine row_forces(s, j, t, dn, q, up, mode, carry, b, fx, fz, w)
+  pure subroutine row_forces(s, j, t, dn, q, up, mode, s_0, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom
     real(dp), intent(in) :: t                 !! time [s]
@@ -123,6 +123,7 @@ contains
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)        !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)       !! the row above, not used at the top
     integer(ip), intent(in) :: mode(s%nx)     !! contact states
+    real(dp), intent(in) :: s_0(s%nx)         !! slip at the last change of contact state, see pyfric_friction [m]
     real(dp), intent(inout) :: carry(LB:s%n + LANES, 2) !! bond forces from below, then on the row above [N]
     real(dp), intent(inout) :: b(LB:s%n + LANES, N_BOND) !! work space of finite geometry, zero where there is no bond
     real(dp), intent(inout) :: fx(LB:s%n + LANES)     !! force on the row [N]
@@ -134,7 +135,7 @@ contains
     call outer_forces(s, j, t, q, fx, fz, w%f_t)
     if (j == 1) then
       call foundation(s, q(LB, UZ), w%p)
-      call friction_force(s, mode, fx, w%p, w%f)
+      call friction_force(s, mode, s_0, q(LB, UX), fx, w%p, w%f)
       do i = 1, s%nx
         fz(s%at(i)) = fz(s%at(i)) + w%p(i)
         fx(s%at(i)) = fx(s%at(i)) + w%f(i)

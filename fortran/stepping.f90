@@ -99,12 +99,12 @@ contains
       do k = 1, n_steps
         if (.not. go) exit
         if (mod(k, 2) == 1) then
-          call rk4_step(s, t0 + (step_begin + (k - 1))*dt, dt, j0, j1, keep_budget, contact%mode, y, rod, z, rod_z, &
-                        budget, work(at), work(at + 12*n*RING), work(at + n*(12*RING + 8)), &
+          call rk4_step(s, t0 + (step_begin + (k - 1))*dt, dt, j0, j1, keep_budget, contact%mode, contact%s_0, y, rod, &
+                        z, rod_z, budget, work(at), work(at + 12*n*RING), work(at + n*(12*RING + 8)), &
                         work(at + n*(12*RING + 8 + N_BOND)), work(at + n*(12*RING + 9 + N_BOND)), row)
         else
-          call rk4_step(s, t0 + (step_begin + (k - 1))*dt, dt, j0, j1, keep_budget, contact%mode, z, rod_z, y, rod, &
-                        budget, work(at), work(at + 12*n*RING), work(at + n*(12*RING + 8)), &
+          call rk4_step(s, t0 + (step_begin + (k - 1))*dt, dt, j0, j1, keep_budget, contact%mode, contact%s_0, z, rod_z, &
+                        y, rod, budget, work(at), work(at + 12*n*RING), work(at + n*(12*RING + 8)), &
                         work(at + n*(12*RING + 8 + N_BOND)), work(at + n*(12*RING + 9 + N_BOND)), row)
         end if
         !$omp barrier

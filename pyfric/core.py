@@ -205,6 +205,7 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
             u_drv0,
             CORNER_SHARE * scene.F_N / scene.N_x,
             scene.k_top,
+            interface.d_c,
         ]
     )
     rows = {name: np.ascontiguousarray(getattr(scene, name)) for name in ("x", "load", "shear")}
@@ -307,6 +308,7 @@ def advance(
         state.corner,
         state.slack,
         state.loss,
+        state.s_0,
         state.dissipated,
         state.heat,
         state.work,
@@ -362,7 +364,9 @@ def evaluate(
     state.check(len(model.x))
     if not 1 <= n_times < 2**31:
         raise ValueError(f"n_times = {n_times}: must be in 1 … {2**31 - 1}")
-    a, *rest = load_variant(variant).evaluate(*model, t, n_times, state.y.T, state.rod, state.mode)
+    a, *rest = load_variant(variant).evaluate(
+        *model, t, n_times, state.y.T, state.rod, state.mode, state.s_0
+    )
     return Forces(a.T, *rest)
 
 
@@ -382,7 +386,7 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
 
     def forces(u: np.ndarray) -> np.ndarray:
         y[:, :2] = u.reshape(scene.N_z, 2, scene.N_x)
-        return _core.evaluate(*bare, 0.0, 1, y.T, rod, mode)[0].T.reshape(u.shape)
+        return _core.evaluate(*bare, 0.0, 1, y.T, rod, mode, nothing)[0].T.reshape(u.shape)
 
     return forces
 

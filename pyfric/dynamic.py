@@ -275,7 +275,17 @@ class Run:
 
     def notes(self) -> tuple[str, ...]:
         """Return what a reader of the record has to know."""
-        return ()
+        scene, dt = self.scene, self.method.dt
+        d_c, drop = scene.interface.d_c, scene.interface.mu_s - scene.interface.mu_k
+        if not scene.interface.weakens:
+            return ()
+        growth = math.sqrt(drop * scene.F_N / scene.N_x / (scene.m * d_c))
+        if dt * growth <= 1:
+            return ()
+        return (
+            f"{self.name}: steps of {dt:.3g} s do not resolve weakening over d_c = "
+            f"{d_c * 1e6:.3g} um, which takes dt <= {1 / growth:.3g} s; it acts like d_c = 0",
+        )
 
     def columns(self) -> list[str]:
         """Names of the columns of the curve."""

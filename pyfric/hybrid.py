@@ -169,11 +169,12 @@ class HybridRun(Run):
 
     def notes(self) -> tuple[str, ...]:
         """Say so where the slider hardly ever came to rest."""
-        done = self.counts()
+        notes, done = super().notes(), self.counts()
         share = done["steps"] / max(done["steps"] + done["steps_spared"], 1)
         if share <= MOSTLY or done["steps"] < 1000:
-            return ()
+            return notes
         return (
+            *notes,
             f"hybrid: {100 * share:.0f} % of the time was integrated like in full dynamics (more "
             f"than {100 * MOSTLY:.0f} %), because the slider was hardly ever at rest",
         )

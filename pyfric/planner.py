@@ -219,6 +219,9 @@ def plan(
     error = ERROR_QUASISTATIC + (0.0 if one_row else strain)
     if want in ("front_speed", "motion"):
         reasons.append(f"quasistatic: it has no {want.replace('_', ' ')}")
+    elif scene.interface.weakens:
+        d_c = scene.interface.d_c
+        reasons.append(f"quasistatic: it has no weakening over d_c = {d_c * 1e6:.3g} um of slip")
     elif scout.failed:
         reasons.append(f"quasistatic: {scout.failed}")
     elif error > tolerance:
@@ -294,7 +297,7 @@ def check_question(want: Want, tolerance: float) -> float:
 
 def _scout(scene: Scene, t_end: float) -> _Scout:
     refined = scene.N_x
-    scene = coarser(scene)
+    scene = _without_weakening(coarser(scene))
     refined /= scene.N_x
     F_max = scene.interface.mu_s * scene.F_N
     guess = _Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, 1.0, "")
@@ -322,6 +325,11 @@ def _scout(scene: Scene, t_end: float) -> _Scout:
         far=far,
         failed=f"about {run.events * far:.0e} events up to t_end" if many else "",
     )
+
+
+def _without_weakening(scene: Scene) -> Scene:
+    """Return the scene with d_c = 0, which the ladder can follow."""
+    return dataclasses.replace(scene, interface=dataclasses.replace(scene.interface, d_c=0.0))
 
 
 def _interval(record: Record) -> float:

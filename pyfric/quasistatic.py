@@ -39,7 +39,7 @@ from pyfric.dynamic import (
 from pyfric.equilibrium import EquilibriumError
 from pyfric.record import Method, Record, versions
 from pyfric.state import OPEN, StateError
-from pyfric.units import check_number
+from pyfric.units import SceneError, check_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -343,6 +343,9 @@ def simulate(
         t_gap = initial.method.t_gap
     t_gap = check_number("t_gap", t_gap, "s", ge=0.0)
     t_end = check_number("t_end", t_end, "s", ge=0.0)
+    if engine == "quasistatic" and scene.interface.weakens:
+        allowed = "0, or fidelity = 'hybrid' or 'dynamic': the ladder knows slip at mu_k only"
+        raise SceneError("interface.d_c", scene.interface.d_c, "m", allowed)
     run = ENGINES[engine](scene, t_gap)
     with progress_bar(progress, scene, 0.0, t_end) as bar, interruptible() as stop:
 

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SCHEMA", "Method", "Record", "RecordError", "describe"]
 
-SCHEMA = 2
+SCHEMA = 3
 """Version of the file layout written by this module."""
 
 COMPRESSED_FROM = 4096

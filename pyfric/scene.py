@@ -396,16 +396,25 @@ class Interface:
         mu_s: static friction coefficient, >= 0.
         mu_k: kinetic friction coefficient, 0 <= mu_k <= mu_s.
         k_f: stiffness of the elastic foundation per block, N/m, > 0; None means k.
+        d_c: slip over which friction weakens, m, >= 0; 0 is Amontons-Coulomb friction.
+
+    A block that has slipped by s since it last stuck resists with mu(s) p,
+    mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1). A direct reversal does not end its slip; sticking
+    does. Weakening is a negative stiffness (mu_s - mu_k) p/d_c. A slider that is stiffer slips
+    stably, at the pace of the driver, until the slipping zone is too long for that. Steps resolve
+    it if dt sqrt((mu_s - mu_k) p/(m d_c)) is below 1, p being F_N/N_x; the notes of a record say
+    where they do not.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
 
-    Source: PRL 107, 074301 (2011), interface law.
+    Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
     """
 
     mu_s: Annotated[float, _NotNegative("")]
     mu_k: Annotated[float, _NotNegative("")]
     k_f: Annotated[float | None, _Positive("N/m", optional=True)] = None
+    d_c: Annotated[float, _NotNegative("m")] = 0.0
 
     _section: ClassVar[str] = "interface"
     _allowed: ClassVar[dict[str, str]] = {}
@@ -414,6 +423,11 @@ class Interface:
         if self.mu_k > self.mu_s:
             allowed = f"0 <= mu_k <= mu_s = {self.mu_s!r}"
             raise SceneError("interface.mu_k", self.mu_k, "", allowed, "mu_k exceeds mu_s")
+
+    @property
+    def weakens(self) -> bool:
+        """True if friction depends on slip."""
+        return self.d_c > 0 and self.mu_s > self.mu_k
 
 
 @_part
@@ -749,6 +763,7 @@ def setup1(
     mattress: float = 0.4e6,
     eta: float | None = None,
     k_f: float | None = None,
+    d_c: float = 0.0,
     name: str = "setup1",
 ) -> Scene:
     """Return setup 1 of the paper: the top row glued to a rigid rod.
@@ -771,7 +786,7 @@ def setup1(
         slider=Slider(L=L, H=H, l=l, k=k, M=M, eta=eta),
         top=Rod(F_N=F_N, mass=mass, mattress=mattress),
         driver=Driver(K=K, V=V, h=h, side=side),
-        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f),
+        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f, d_c=d_c),
         name=name,
     )
 
@@ -793,6 +808,7 @@ def setup2(
     side: Literal["left", "right"] = "left",
     eta: float | None = None,
     k_f: float | None = None,
+    d_c: float = 0.0,
     name: str = "setup2",
 ) -> Scene:
     """Return setup 2 of the paper: a free top row under a distributed load with slope theta.
@@ -809,7 +825,7 @@ def setup2(
         slider=Slider(L=L, H=H, l=l, k=k, M=M, eta=eta),
         top=DistributedLoad(F_N=F_N, theta=theta),
         driver=Driver(K=K, V=V, h=h, side=side),
-        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f),
+        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f, d_c=d_c),
         name=name,
     )
 
@@ -830,6 +846,7 @@ def chain(
     side: Literal["left", "right"] = "left",
     eta: float | None = None,
     k_f: float | None = None,
+    d_c: float = 0.0,
     name: str = "chain",
 ) -> Scene:
     """Return a chain (N_z = 1): by default setup 1 of the paper, lumped into one row.
@@ -864,7 +881,7 @@ def chain(
         slider=slider,
         top=PrescribedLoad(p=3500.0 / slider.N_x if p is None else p, tau=tau, k_top=k_top),
         driver=Driver(K=K, V=V, h=0.0, side=side),
-        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f),
+        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f, d_c=d_c),
         name=name,
     )
 

@@ -46,6 +46,9 @@ class State:
         t0: time of step 0, in s.
         dt: time step, in s.
         u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m.
+        s_0: slip of each bottom block since it last stuck, less mode u_x while it slips, shape
+            (N_x,), in m; see `slip`. None starts slip at 0. An open block keeps what it had
+            slipped; moving without contact is not slip.
     """
 
     y: np.ndarray
@@ -61,6 +64,17 @@ class State:
     t0: float
     dt: float
     u_drv0: float
+    s_0: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        if self.s_0 is None:  # a state of files that do not hold it
+            slips = np.abs(self.mode) == 1
+            self.s_0 = np.where(slips, -self.mode * self.y[0, 0], 0.0)
+
+    @property
+    def slip(self) -> np.ndarray:
+        """Path that each bottom block has slipped since it last stuck, shape (N_x,), in m."""
+        return self.s_0 + np.where(np.abs(self.mode) == 1, self.mode * self.y[0, 0], 0.0)
 
     @property
     def t(self) -> float:
@@ -99,6 +113,7 @@ class State:
             t0=float(t0),
             dt=float(dt),
             u_drv0=float(rest.u_drv0),
+            s_0=np.zeros(N_x),
         )
 
     def copy(self) -> Self:
@@ -129,6 +144,7 @@ class State:
             ("corner", (N_x,), np.int32),
             ("slack", (N_x,), np.float64),
             ("loss", (N_x,), np.float64),
+            ("s_0", (N_x,), np.float64),
             ("dissipated", (N_z,), np.float64),
             ("heat", (N_x,), np.float64),
             ("work", (2,), np.float64),
@@ -184,7 +200,8 @@ class State:
         """
         try:
             with np.load(path) as archive:
-                values = {one.name: archive[one.name] for one in dataclasses.fields(cls)}
+                names = [one.name for one in dataclasses.fields(cls)]
+                values = {n: archive[n] for n in names if n != "s_0" or n in archive}
         except (KeyError, ValueError, EOFError) as error:
             raise StateError(f"{path}: not a state ({error})") from error
         numbers = {name: values[name].item() for name in ("step", "t0", "dt", "u_drv0")}

@@ -246,7 +246,13 @@ def test_broken_documents(key, value, drop):
 
 # --- forces and matrices -------------------------------------------------------------------------
 
-SCENES = [small(), small(side="right"), chain(L=5e-3, tau=9.0, K=1e9), small(k_top=0.0, eta=0.0)]
+SCENES = [
+    small(),
+    small(side="right"),
+    chain(L=5e-3, tau=9.0, K=1e9),
+    small(k_top=0.0, eta=0.0),
+    small(d_c=1e-6),
+]
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -254,7 +260,8 @@ def test_forces_and_energies_are_those_of_the_twin(scene):
     state, t = shaken(scene), 1e-4
     model = core.model(scene, "linear", state.u_drv0)
     here = core.evaluate(model, state, t)
-    there = twin.right_hand_side(scene, "linear", t, state.y, state.rod, state.mode, state.u_drv0)
+    now = state.y, state.rod, state.mode, state.u_drv0, state.slip
+    there = twin.right_hand_side(scene, "linear", t, *now)
     for a, b in (
         (here.a, there.dydt[:, 2:]), (here.f, there.f), (here.p, there.p), (here.F_T, there.F_T),
         ([here.dissipated.sum(), here.heat.sum(), *here.work], list(there.rates.values())),
@@ -273,7 +280,15 @@ def test_runs_make_the_switches_of_the_twin(scene):
     start = state.copy()
     made = advance(scene, state, 150).switches()
     there = twin.run(
-        scene, "linear", start.y, start.rod, start.mode, start.u_drv0, start.dt, steps=150
+        scene,
+        "linear",
+        start.y,
+        start.rod,
+        start.mode,
+        start.u_drv0,
+        start.dt,
+        150,
+        slip=start.slip,
     )
     columns = (made[name].tolist() for name in ("step", "block", "old", "new"))
     rows = list(zip(*columns, strict=True))

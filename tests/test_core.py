@@ -39,8 +39,13 @@ SCENES = [
     setup1(L=0.005, H=0.0025, h=2.5e-3),  # 3 x 2 blocks, the driver on the rod
     setup2(L=0.002, H=0.001, h=1e-3),
     small(L=0.0425, h=7.5e-3),
+    small(mu_s=0.9, mu_k=0.3, d_c=2e-6),
+    small("free", side="right", d_c=4e-7),
 ]
-IDS = [f"{'rod' if s.rigid else 'free'}-{s.N_x}x{s.N_z}-{s.driver.side}" for s in SCENES]
+IDS = [
+    f"{'rod' if s.rigid else 'free'}-{s.N_x}x{s.N_z}-{s.driver.side}-{s.interface.d_c:g}"
+    for s in SCENES
+]
 
 
 def on_rod(scene, state):
@@ -66,7 +71,15 @@ def random_state(scene, geometry, strain=1e-4, speed=1.0, dt=None, seed=0):
     state.rod[3:] += speed * rng.standard_normal(3) * [1, 1, 1 / l]
     state.mode[:] = rng.choice([STUCK, 1, -1, OPEN], scene.N_x)
     state.y[0, 2, state.mode == STUCK] = 0
+    with_slip(scene, state, rng)
     return on_rod(scene, state)
+
+
+def with_slip(scene, state, rng):
+    """Let the blocks that do not stick have slipped, by up to 1.5 d_c."""
+    state.s_0 = np.zeros(scene.N_x)
+    slipped = 1.5 * scene.interface.d_c * rng.random(scene.N_x)
+    state.s_0 = np.where(state.mode == STUCK, 0.0, slipped - state.slip)
 
 
 def advance(scene, geometry, state, n, **options):
@@ -96,9 +109,11 @@ def test_right_hand_side_is_that_of_the_twin(scene, geometry, strain, variant):
     state = random_state(scene, geometry, strain)
     state.mode[:] = np.resize([1, STUCK, -1, OPEN], scene.N_x)
     state.y[0, 2, state.mode == STUCK] = 0
+    with_slip(scene, state, np.random.default_rng(1))
     t = 0.013
     here = core.evaluate(core.model(scene, geometry, state.u_drv0), state, t, variant)
-    there = twin.right_hand_side(scene, geometry, t, state.y, state.rod, state.mode, state.u_drv0)
+    now = state.y, state.rod, state.mode, state.u_drv0, state.slip
+    there = twin.right_hand_side(scene, geometry, t, *now)
 
     def close(a, b, least=0.0):
         scale = max(np.abs(b).max(), least)
@@ -151,7 +166,7 @@ def test_runs_make_the_switches_of_the_twin(scene, geometry, n, growth):
     start = state.copy()
     log = advance(scene, geometry, state, n)
     there = twin.run(
-        scene, geometry, start.y, start.rod, start.mode, start.u_drv0, start.dt, steps=n
+        scene, geometry, start.y, start.rod, start.mode, start.u_drv0, start.dt, n, slip=start.slip
     )
     made = log.switches()
     columns = (made[name].tolist() for name in ("step", "block", "old", "new"))
@@ -159,6 +174,7 @@ def test_runs_make_the_switches_of_the_twin(scene, geometry, n, growth):
     assert rows == there.switches
     assert rows or n < 150
     np.testing.assert_array_equal(state.mode, there.mode)
+    np.testing.assert_allclose(state.slip, there.slip, rtol=0, atol=growth * ROUNDING * 1e-6)
     for c in range(4):
         scale = np.abs(there.y[:, c]).max()
         np.testing.assert_allclose(
@@ -181,16 +197,17 @@ def test_all_changes_of_contact_occur_in_these_runs():
 # --- the same bits -------------------------------------------------------------------------------
 
 
-def wide(kind):
+def wide(kind, d_c=0.0):
     if kind == "rod":
-        return setup1(L=0.1, H=0.05, V=0.5)
-    return setup2(L=0.05, H=0.012, theta=0.5, V=0.3)
+        return setup1(L=0.1, H=0.05, V=0.5, d_c=d_c)
+    return setup2(L=0.05, H=0.012, theta=0.5, V=0.3, d_c=d_c)
 
 
+@pytest.mark.parametrize("d_c", [0.0, 1e-6])
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("kind", ["rod", "free"])
-def test_threads_and_variants_do_not_change_a_bit(kind, geometry):
-    scene = wide(kind)
+def test_threads_and_variants_do_not_change_a_bit(kind, geometry, d_c):
+    scene = wide(kind, d_c)
     start = random_state(scene, geometry)
     reference = start.copy()
     log = advance(scene, geometry, reference, 60)
@@ -217,8 +234,9 @@ def test_every_variant_runs(variant):
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("kind", ["rod", "free"])
 @pytest.mark.parametrize("cuts", [(30, 30), (1, 59), (17, 0, 20, 23)])
-def test_split_runs_do_not_change_a_bit(kind, geometry, cuts, tmp_path):
-    scene = small(kind)
+@pytest.mark.parametrize("d_c", [0.0, 1e-6])
+def test_split_runs_do_not_change_a_bit(kind, geometry, d_c, cuts, tmp_path):
+    scene = small(kind, d_c=d_c)
     start = random_state(scene, geometry)
     whole, state = start.copy(), start.copy()
     advance(scene, geometry, whole, 60)
@@ -268,40 +286,42 @@ def mirrored(state):
     new.rod = state.rod * np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
     new.mode = np.ascontiguousarray(np.where(state.mode == OPEN, OPEN, -state.mode)[::-1])
     new.mode = new.mode.astype(np.int32)
-    for name in ("corner", "slack", "loss", "heat"):
+    for name in ("corner", "slack", "loss", "heat", "s_0"):
         setattr(new, name, np.ascontiguousarray(getattr(state, name)[::-1]))
     new.u_drv0 = -state.u_drv0
     return new
 
 
+@pytest.mark.parametrize("d_c", [0.0, 1e-6])
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("kind", ["rod", "free"])
-def test_mirror_image(kind, geometry):
+def test_mirror_image(kind, geometry, d_c):
     """The mirrored scene gives the mirrored bits (0 and -0 are equal)."""
-    left, right = small(kind), small(kind, side="right")
+    left, right = (small(kind, side=side, d_c=d_c) for side in ("left", "right"))
     state = random_state(left, geometry)
     image = mirrored(state)
     log = advance(left, geometry, state, 100)
     log_image = advance(right, geometry, image, 100)
     assert log.n_switch == log_image.n_switch > 10
     back = mirrored(image)
-    for name in ("y", "rod", "mode", "corner", "slack", "loss", "heat", "work"):
+    for name in ("y", "rod", "mode", "corner", "slack", "loss", "heat", "work", "s_0"):
         np.testing.assert_array_equal(getattr(back, name), getattr(state, name), err_msg=name)
 
 
+@pytest.mark.parametrize("d_c", [0.0, 1e-6])
 @pytest.mark.parametrize("kind", ["rod", "free"])
-def test_doubling_load_and_speed_doubles_every_bit(kind):
+def test_doubling_load_and_speed_doubles_every_bit(kind, d_c):
     F_N, V = (3500.0, 0.5) if kind == "rod" else (400.0, 0.3)
-    one, two = small(kind, F_N=F_N, V=V), small(kind, F_N=2 * F_N, V=2 * V)
+    one, two = (small(kind, F_N=c * F_N, V=c * V, d_c=c * d_c) for c in (1, 2))
     state = random_state(one, "linear")
     double = state.copy()
-    for name, factor in (("y", 2), ("rod", 2), ("slack", 2), ("u_drv0", 2)):
+    for name, factor in (("y", 2), ("rod", 2), ("slack", 2), ("u_drv0", 2), ("s_0", 2)):
         setattr(double, name, factor * getattr(state, name))
     log, log_double = (advance(s, "linear", x, 100) for s, x in ((one, state), (two, double)))
     assert log.n_switch > 10
     for name, factor in (
         ("y", 2), ("rod", 2), ("mode", 1), ("corner", 1), ("slack", 2), ("loss", 4),
-        ("dissipated", 4), ("heat", 4), ("work", 4),
+        ("dissipated", 4), ("heat", 4), ("work", 4), ("s_0", 2),
     ):  # fmt: skip
         np.testing.assert_array_equal(getattr(double, name), factor * getattr(state, name))
     for name, factor in (("step", 1), ("t", 1), ("u_x", 2), ("p", 2), ("corner", 1)):
@@ -397,6 +417,7 @@ def test_evaluation_leaves_the_state_alone():
         ("mode", np.zeros(9, dtype=np.int64)),
         ("rod", np.zeros(3)),
         ("work", [0.0, 0.0]),
+        ("s_0", np.zeros(8)),
         ("dt", 0.0),
         ("dt", float("nan")),
         ("t0", float("inf")),

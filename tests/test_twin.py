@@ -11,7 +11,17 @@ GEOMETRIES = ("linear", "finite")
 
 
 def make_scene(
-    *, rigid=True, side="left", N_x=5, N_z=4, eta=None, mu_s=0.7, mu_k=0.45, F_N=300.0, tau=0.0
+    *,
+    rigid=True,
+    side="left",
+    N_x=5,
+    N_z=4,
+    eta=None,
+    mu_s=0.7,
+    mu_k=0.45,
+    F_N=300.0,
+    tau=0.0,
+    d_c=0.0,
 ):
     """Return a scene; tau (N) is a force on each free top block, which then also has k_top."""
     k, l, m = 13.5e6, 2.5e-3, 4.3e-5
@@ -37,7 +47,7 @@ def make_scene(
         rigid=rigid,
         slider=SimpleNamespace(l=l, k=k, L=L),
         driver=SimpleNamespace(K=4e6, V=7.875e-4),
-        interface=SimpleNamespace(mu_s=mu_s, mu_k=mu_k),
+        interface=SimpleNamespace(mu_s=mu_s, mu_k=mu_k, d_c=d_c),
     )
 
 
@@ -154,6 +164,13 @@ def test_energy_grows_at_the_rate_of_the_powers(geometry, side, rigid, j_h):
     scale = sum(abs(rate) for rate in rates.values())
     assert (energy(h) - energy(-h)) / (2 * h) == pytest.approx(expected, abs=1e-5 * scale)
     assert rates["bonds"] > 0.0
+
+
+def test_friction_weakens_with_slip():
+    scene = make_scene(mu_s=0.7, mu_k=0.4, d_c=2e-6)
+    found = [twin.friction_coefficient(scene, s * 1e-6) for s in (-1, 0, 0.5, 1, 2, 9)]
+    assert found == pytest.approx([0.7, 0.7, 0.625, 0.55, 0.4, 0.4])
+    assert twin.friction_coefficient(make_scene(), 0.0) == 0.45
 
 
 def test_right_hand_side_by_contact_mode():
@@ -283,7 +300,7 @@ def test_order_four_while_nothing_switches():
         state = y, rod
         for n in range(steps):
             t, dt = n * T / steps, T / steps
-            *state, _ = twin.rk4_step(scene, "finite", t, *state, mode, u_drv0, dt)
+            *state, _, _ = twin.rk4_step(scene, "finite", t, *state, mode, u_drv0, dt)
         ends.append(state[0][:, :2])
     errors = [np.abs(end - ends[-1]).max() for end in ends[:2]]
     assert errors[0] / errors[1] == pytest.approx(16, rel=0.2)

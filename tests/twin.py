@@ -8,6 +8,7 @@ A scene is any object with the attributes of `pyfric.scene.Scene`. The state is
     y[j, c, i]   row j (0 = bottom), column i (0 = left), c = u_x, u_z, v_x, v_z; m and m/s
     rod          X, Z, phi, X', Z', phi' of the rod (setup 1): m, rad and their rates
     mode[i]      contact of bottom block i: STUCK, +1 or -1 (slips to +x or -x), OPEN
+    slip[i]      path that bottom block i has slipped since it last stuck, m; None means 0
     u_drv0       u_x of the driven block where F_T = 0, m
 
 Forces act on the blocks, positive to the right and up. Under a rod the top row of y follows from
@@ -104,6 +105,7 @@ class Forces(NamedTuple):
 
     dydt: np.ndarray
     drod: np.ndarray
+    dslip: np.ndarray
     f: np.ndarray
     p: np.ndarray
     F_T: float
@@ -133,26 +135,29 @@ def right_hand_side(
     rod: np.ndarray,
     mode: np.ndarray,
     u_drv0: float,
+    slip: np.ndarray | None = None,
 ) -> Forces:
     """Return the time derivative of the state while no contact changes its mode.
 
     Stuck: v_x = 0, a_x = 0, and f balances all other horizontal forces. Slipping to s = +-1:
-    f = -s mu_k p. Open: f = 0.
+    f = -s mu p, with mu from `friction_coefficient`; the slip grows at the rate s v_x. Open: f = 0.
 
     Returns:
-        dydt (N_z, 4, N_x); drod (6,); f (N_x,), the friction force on the blocks in +x, N;
-        p (N_x,), N; F_T, N; rates, W: "bonds" (dissipated by the dashpots), "friction" (heat),
-        "driver" (work of its moving end), "load" (work of F_N, or of load and shear). The energy of
-        `energies` grows at the rate driver + load - bonds - friction.
+        dydt (N_z, 4, N_x); drod (6,); dslip (N_x,), m/s; f (N_x,), the friction force on the
+        blocks in +x, N; p (N_x,), N; F_T, N; rates, W: "bonds" (dissipated by the dashpots),
+        "friction" (heat), "driver" (work of its moving end), "load" (work of F_N, or of load and
+        shear). The energy of `energies` grows at the rate driver + load - bonds - friction.
     """
     y = with_rod(scene, y, rod)
     F, p, F_T = all_but_friction(scene, geometry, t, y, u_drv0)
-    f = np.zeros(scene.N_x)
+    f, dslip = np.zeros(scene.N_x), np.zeros(scene.N_x)
     for i in range(scene.N_x):
         if mode[i] == STUCK:
             f[i] = -F[0, 0, i]
         elif mode[i] != OPEN:
-            f[i] = -mode[i] * scene.interface.mu_k * p[i]
+            mu = friction_coefficient(scene, 0.0 if slip is None else slip[i])
+            f[i] = -mode[i] * mu * p[i]
+            dslip[i] = mode[i] * y[0, 2, i]
     F[0, 0] += f
 
     dydt = np.zeros_like(y)
@@ -179,7 +184,18 @@ def right_hand_side(
         if scene.rigid
         else sum(scene.shear * y[-1, 2] - scene.load * y[-1, 3]),
     }
-    return Forces(dydt, drod, f, p, F_T, rates)
+    return Forces(dydt, drod, dslip, f, p, F_T, rates)
+
+
+def friction_coefficient(scene: Any, slip: float) -> float:
+    """Return mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1) of a block that slips; mu_k if d_c = 0.
+
+    Within a step that ends a slip the block can move back beyond its start: s < 0 counts as 0.
+    """
+    mu_s, mu_k, d_c = scene.interface.mu_s, scene.interface.mu_k, scene.interface.d_c
+    if d_c == 0:
+        return mu_k
+    return mu_s - (mu_s - mu_k) * min(max(slip, 0.0) / d_c, 1.0)
 
 
 def each_bond(scene: Any) -> list[tuple[int, int, int, int]]:
@@ -303,23 +319,28 @@ def rk4_step(
     mode: np.ndarray,
     u_drv0: float,
     dt: float,
-) -> tuple[np.ndarray, np.ndarray, dict[str, float]]:
-    """Return y, rod and the works of the step (J, names in `WORKS`): classical RK4, modes fixed."""
+    slip: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
+    """Return y, rod, slip and the works of the step (J, `WORKS`): classical RK4, modes fixed."""
 
-    def slope(t: float, y: np.ndarray, rod: np.ndarray) -> tuple[np.ndarray, ...]:
-        F = right_hand_side(scene, geometry, t, y, rod, mode, u_drv0)
-        return F.dydt, F.drod, np.array([F.rates[name] for name in WORKS])
+    def slope(t: float, *state: np.ndarray) -> tuple[np.ndarray, ...]:
+        y, rod, slip = state
+        F = right_hand_side(scene, geometry, t, y, rod, mode, u_drv0, slip)
+        return F.dydt, F.drod, F.dslip, np.array([F.rates[name] for name in WORKS])
 
-    y = with_rod(scene, y, rod)
-    k1 = slope(t, y, rod)
-    k2 = slope(t + dt / 2, y + dt / 2 * k1[0], rod + dt / 2 * k1[1])
-    k3 = slope(t + dt / 2, y + dt / 2 * k2[0], rod + dt / 2 * k2[1])
-    k4 = slope(t + dt, y + dt * k3[0], rod + dt * k3[1])
-    dy, drod, works = (
+    def moved(h: float, k: tuple[np.ndarray, ...]) -> list[np.ndarray]:
+        return [a + h * b for a, b in zip(state, k[:3], strict=True)]
+
+    state = with_rod(scene, y, rod), rod, np.zeros(scene.N_x) if slip is None else slip
+    k1 = slope(t, *state)
+    k2 = slope(t + dt / 2, *moved(dt / 2, k1))
+    k3 = slope(t + dt / 2, *moved(dt / 2, k2))
+    k4 = slope(t + dt, *moved(dt, k3))
+    *changes, works = (
         dt / 6 * (a + 2 * b + 2 * c + d) for a, b, c, d in zip(k1, k2, k3, k4, strict=True)
     )
-    y, rod = y + dy, rod + drod
-    return with_rod(scene, y, rod), rod, dict(zip(WORKS, works.tolist(), strict=True))
+    y, rod, slip = (a + b for a, b in zip(state, changes, strict=True))
+    return with_rod(scene, y, rod), rod, slip, dict(zip(WORKS, works.tolist(), strict=True))
 
 
 @dataclass
@@ -333,6 +354,7 @@ class Run:
     y: np.ndarray
     rod: np.ndarray
     mode: np.ndarray
+    slip: np.ndarray
     steps: int = 0
     works: dict[str, float] = field(default_factory=lambda: dict.fromkeys((*WORKS, "switching"), 0))
     switches: list[tuple[int, int, int, int]] = field(default_factory=list)
@@ -348,18 +370,21 @@ def run(
     dt: float,
     steps: int,
     first: int = 0,
+    slip: np.ndarray | None = None,
 ) -> Run:
     """Return the run of `steps` RK4 steps from t = first dt, contacts switched at step ends."""
-    now = Run(with_rod(scene, y, rod), np.array(rod, dtype=float), np.array(mode))
+    slip = np.zeros(scene.N_x) if slip is None else slip
+    now = Run(with_rod(scene, y, rod), np.array(rod, dtype=float), np.array(mode), slip.copy())
     for n in range(first, first + steps):
-        now.y, now.rod, works = rk4_step(
-            scene, geometry, n * dt, now.y, now.rod, now.mode, u_drv0, dt
+        now.y, now.rod, now.slip, works = rk4_step(
+            scene, geometry, n * dt, now.y, now.rod, now.mode, u_drv0, dt, now.slip
         )
         end = (n + 1) * dt
         new, now.y, loss = switch(scene, geometry, end, now.y, now.rod, now.mode, u_drv0)
         for i in np.flatnonzero(new != now.mode):
             now.switches.append((n + 1, int(i), int(now.mode[i]), int(new[i])))
         now.mode = new
+        now.slip[new == STUCK] = 0.0
         now.steps += 1
         for name in WORKS:
             now.works[name] += works[name]

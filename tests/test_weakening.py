@@ -276,7 +276,7 @@ def test_refused_lengths(d_c):
 
 def test_the_ladder_refuses_weakening():
     with pytest.raises(SceneError, match="hybrid") as caught:
-        quasistatic.simulate(rod(), 0.1)
+        quasistatic.simulate("quasistatic", rod(), 0.1)
     assert caught.value.field == "interface.d_c"
     assert caught.value.value == 2e-7
 

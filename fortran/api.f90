@@ -1,14 +1,14 @@
 ! External procedures for f2py: plain arrays in, plain arrays out. Nothing is checked here; pyfric.core checks.
 
-!> Steps of classical RK4 with switching at step ends.
-subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, shear, t0, dt, n_steps, n_threads, &
-                   keep_budget, max_switch, max_quiet, step, y, rod, mode, corner, slack, loss, s_0, dissipated, heat, &
-                   work, n_log, switch_i, switch_r, quiet_i, quiet_r, status)
+!> Steps of an explicit stepper, with contacts switched at their ends or located inside them.
+subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, shear, stepper, located, rtol, t0, dt, &
+                   n_steps, n_threads, keep_budget, max_switch, max_quiet, step, h, y, rod, mode, corner, slack, loss, s_0, &
+                   dissipated, heat, work, n_log, switch_i, switch_r, quiet_i, quiet_r, tried, block, t_block, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_rows, only: budget_t
   use pyfric_contact, only: contact_t, log_t
-  use pyfric_stepping, only: advance_rk4
+  use pyfric_stepping, only: method_t, advance_steps
   implicit none
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
@@ -22,6 +22,9 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   real(c_double), intent(in) :: x(nx)                        !! positions from the centre [m]
   real(c_double), intent(in) :: load(nx)                     !! downward load on the top row [N]
   real(c_double), intent(in) :: shear(nx)                    !! horizontal force on the top row [N]
+  integer(c_int), intent(in) :: stepper                      !! see pyfric_nystrom
+  integer(c_int), intent(in) :: located                      !! 1: locate switches inside steps, 0: at step ends
+  real(c_double), intent(in) :: rtol                         !! error of an adaptive sub-step over what F_N/N_x does
   real(c_double), intent(in) :: t0                           !! time of step 0 [s]
   real(c_double), intent(in) :: dt                           !! step [s]
   integer(c_int), intent(in) :: n_steps                      !! steps to make
@@ -30,6 +33,7 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   integer(c_int), intent(in) :: max_switch                   !! room for switches
   integer(c_int), intent(in) :: max_quiet                    !! room for quiet transitions
   real(c_double), intent(inout) :: step(1)                   !! steps made
+  real(c_double), intent(inout) :: h(1)                      !! longest sub-step that the error allows [s]
   real(c_double), intent(inout) :: y(nx, 4, nz)              !! u_x, u_z [m], v_x, v_z [m/s]
   real(c_double), intent(inout) :: rod(6)                    !! X, Z [m], phi [rad] and their rates
   integer(c_int), intent(inout) :: mode(nx)                  !! contact states
@@ -45,8 +49,12 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   real(c_double), intent(inout) :: switch_r(4, max_switch)   !! step, t [s], u_x [m], p [N]
   integer(c_int), intent(inout) :: quiet_i(nx + 1, max_quiet)  !! kind, contact states
   real(c_double), intent(inout) :: quiet_r(nx + 3, max_quiet)  !! step, t [s], F_T [N], u_x [m]
+  real(c_double), intent(out) :: tried                       !! steps and sub-steps computed
+  integer(c_int), intent(out) :: block                       !! where status is not done: block from 1, 0 for none
+  real(c_double), intent(out) :: t_block                     !! and the time [s]
   integer(c_int), intent(out) :: status                      !! see pyfric_status
   type(model_t) :: s
+  type(method_t) :: method
   type(contact_t) :: contact
   type(budget_t) :: budget
   type(log_t) :: log
@@ -56,7 +64,12 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   budget = budget_t(dissipated, heat, work)
   allocate (log%switch_i(4, max_switch), log%switch_r(4, max_switch))
   allocate (log%quiet_i(nx + 1, max_quiet), log%quiet_r(nx + 3, max_quiet))
-  call advance_rk4(s, t0, dt, n_steps, n_threads, keep_budget == 1, step(1), y, rod, contact, budget, log, status)
+  method = method_t(stepper, located == 1, rtol, h(1))
+  call advance_steps(s, method, t0, dt, n_steps, n_threads, keep_budget == 1, step(1), y, rod, contact, budget, log, status)
+  h = method%h
+  tried = method%tried
+  block = method%block
+  t_block = method%t
   mode = contact%mode
   corner = contact%corner
   slack = contact%slack

@@ -3,8 +3,10 @@ module pyfric_status
   use pyfric_kinds, only: ip
   implicit none (type, external)
   private
-  public :: DONE, LOG_FULL
+  public :: DONE, LOG_FULL, ENDLESS, TOO_SHORT
 
-  integer(ip), parameter :: DONE = 0      !! all steps were made
-  integer(ip), parameter :: LOG_FULL = 1  !! stopped early: the log has no room for one more step
+  integer(ip), parameter :: DONE = 0       !! all steps were made
+  integer(ip), parameter :: LOG_FULL = 1   !! stopped early: the log has no room for one more step
+  integer(ip), parameter :: ENDLESS = 2    !! stopped inside a step: contacts switch too often in it
+  integer(ip), parameter :: TOO_SHORT = 3  !! stopped inside a step: its error stays too large
 end module pyfric_status

@@ -11,8 +11,9 @@ import enum
 import functools
 import importlib
 import importlib.util
+import math
 import os
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -26,11 +27,15 @@ if TYPE_CHECKING:
     from pyfric.state import State
 
 __all__ = [
+    "EVALUATIONS",
+    "STEPPERS",
     "VARIANT",
     "Forces",
     "Log",
     "Model",
     "Status",
+    "Stepper",
+    "Switching",
     "advance",
     "bond_forces",
     "build_info",
@@ -38,6 +43,7 @@ __all__ = [
     "evaluate",
     "load_variant",
     "model",
+    "room_of_step",
     "useful_threads",
     "variants",
 ]
@@ -47,6 +53,13 @@ CORNER_SHARE = 0.02
 """Slip that starts with less than this share of F_N/N_x is a corner episode."""
 BLOCKS_PER_THREAD = 5_000
 """Smallest share of the lattice for which one more thread pays (`pyfric bench threads`)."""
+
+Stepper = Literal["rk4", "symplectic_euler", "verlet", "adaptive"]
+Switching = Literal["step_end", "located"]
+STEPPERS: dict[str, int] = {"rk4": 0, "symplectic_euler": 1, "verlet": 2, "adaptive": 3}
+"""Explicit steppers, and their numbers in the core (pyfric_nystrom)."""
+EVALUATIONS = {"rk4": 4, "symplectic_euler": 1, "verlet": 2, "adaptive": 5}
+"""Force evaluations of each step or sub-step."""
 
 ENERGIES = (
     "kinetic_blocks",
@@ -64,12 +77,16 @@ class Status(enum.IntEnum):
 
     DONE = 0
     LOG_FULL = 1
+    ENDLESS = 2
+    TOO_SHORT = 3
 
     @property
     def message(self) -> str:
         return {
             Status.DONE: "all steps were made",
             Status.LOG_FULL: "stopped early: the log has no room for one more step",
+            Status.ENDLESS: "stopped inside a step: contacts switch too often in it",
+            Status.TOO_SHORT: "stopped inside a step: its error stays too large",
         }[self]
 
 
@@ -222,12 +239,23 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
     )
 
 
+def room_of_step(N_x: int, switching: Switching) -> tuple[int, int]:
+    """Return the most switches and quiet transitions that one step may log (pyfric_location)."""
+    return (8 * N_x + 200, 64) if switching == "located" else (N_x, 1)
+
+
 class Log:
-    """Room for switches and quiet transitions that the core fills (see `pyfric.catalogue`)."""
+    """Room for switches and quiet transitions that the core fills (see `pyfric.catalogue`).
+
+    Attributes:
+        tried: steps and sub-steps that the last call computed, also those it did not accept.
+        block: where the last call failed, the block, counted from 0, else -1.
+        t: and the time, in s.
+    """
 
     def __init__(self, N_x: int, switches: int | None = None, quiet: int = 256) -> None:
         switches = 16 * N_x + 1024 if switches is None else switches
-        self.N_x = N_x
+        self.N_x, self.tried, self.block, self.t = N_x, 0, -1, math.nan
         self.switch_i = np.zeros((4, switches), dtype=np.int32, order="F")
         self.switch_r = np.zeros((4, switches), order="F")
         self.quiet_i = np.zeros((N_x + 1, quiet), dtype=np.int32, order="F")
@@ -267,41 +295,62 @@ def advance(
     log: Log,
     n_steps: int,
     *,
+    method: Stepper = "rk4",
+    switching: Switching = "step_end",
+    rtol: float = 1.0,
     budget: bool = True,
     threads: int = 1,
     variant: str = VARIANT,
 ) -> Status:
-    """Make up to n_steps of RK4 with switching at step ends; the state changes in place.
+    """Make up to n_steps; the state changes in place.
 
     Args:
         model: from `model`, for the scene the state belongs to.
         state: where to start; on return, where the core stopped (`state.step` counts).
         log: filled from its beginning. Where it could overflow, the core stops early.
         n_steps: steps to make, at least 0.
+        method: stepper, one of `STEPPERS`.
+        switching: "step_end", or "located": contacts switch inside the step, at the root of what
+            makes them switch, and the step is finished from there.
+        rtol: for "adaptive": largest error of a sub-step, over F_N/(N_x k) for displacements and
+            over F_N/(N_x sqrt(k m)) for velocities.
         budget: integrate works and dissipations.
         threads: threads to use; results do not depend on it.
         variant: build to use; results do not depend on it.
+
+    Returns:
+        What ended the call. After `ENDLESS` and `TOO_SHORT` the state lies inside a step and is not
+        to be gone on from; `log.block` and `log.t` say where.
 
     Raises:
         ValueError: arrays do not fit the model, or a number is out of range.
     """
     N_x = len(model.x)
     state.check(N_x)
-    if log.N_x != N_x or log.switch_r.shape[1] < N_x or log.quiet_r.shape[1] < 1:
+    room = log.switch_r.shape[1], log.quiet_r.shape[1]
+    if log.N_x != N_x or any(
+        a < b for a, b in zip(room, room_of_step(N_x, switching), strict=True)
+    ):
         raise ValueError(f"log: room for {log.N_x} blocks, expected {N_x}")
+    if method not in STEPPERS or switching not in get_args(Switching) or not rtol > 0:
+        raise ValueError(f"method = {method!r}, switching = {switching!r}, rtol = {rtol}")
     if not 0 <= n_steps < 2**31:
         raise ValueError(f"n_steps = {n_steps}: must be in 0 … {2**31 - 1}")
     if not 1 <= threads <= 4096:
         raise ValueError(f"threads = {threads}: must be in 1 … 4096")
-    step = np.array([float(state.step)])
-    n_log, status = load_variant(variant).advance(
+    step, h = np.array([float(state.step)]), np.array([state.h or state.dt])
+    n_log, tried, block, log.t, status = load_variant(variant).advance(
         *model,
+        STEPPERS[method],
+        int(switching == "located"),
+        rtol,
         state.t0,
         state.dt,
         n_steps,
         min(threads, state.y.shape[0]),
         int(budget),
         step,
+        h,
         state.y.T,
         state.rod,
         state.mode,
@@ -317,7 +366,9 @@ def advance(
         log.quiet_i,
         log.quiet_r,
     )
-    state.step = int(step[0])
+    state.step, log.tried, log.block = int(step[0]), int(tried), block - 1
+    if method == "adaptive":
+        state.h = float(h[0])
     log.n_switch, log.n_quiet = int(n_log[0]), int(n_log[1])
     return Status(status)
 

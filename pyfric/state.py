@@ -49,6 +49,7 @@ class State:
         s_0: slip of each bottom block since it last stuck, less mode u_x while it slips, shape
             (N_x,), in m; see `slip`. None starts slip at 0. An open block keeps what it had
             slipped; moving without contact is not slip.
+        h: longest sub-step that the error of the adaptive stepper allows, in s; 0 for dt.
     """
 
     y: np.ndarray
@@ -64,6 +65,7 @@ class State:
     t0: float
     dt: float
     u_drv0: float
+    h: float = 0.0
     s_0: np.ndarray | None = None
 
     def __post_init__(self) -> None:
@@ -127,7 +129,7 @@ class State:
         """Return a copy that goes on with another step; the same step keeps the count."""
         new = self.copy()
         if dt != self.dt:
-            new.t0, new.step, new.dt = self.t, 0, float(dt)
+            new.t0, new.step, new.dt, new.h = self.t, 0, float(dt), 0.0
         return new
 
     def check(self, N_x: int, N_z: int | None = None) -> None:
@@ -201,8 +203,9 @@ class State:
         try:
             with np.load(path) as archive:
                 names = [one.name for one in dataclasses.fields(cls)]
-                values = {n: archive[n] for n in names if n != "s_0" or n in archive}
+                values = {n: archive[n] for n in names if n not in ("s_0", "h") or n in archive}
         except (KeyError, ValueError, EOFError) as error:
             raise StateError(f"{path}: not a state ({error})") from error
-        numbers = {name: values[name].item() for name in ("step", "t0", "dt", "u_drv0")}
+        scalars = ("step", "t0", "dt", "u_drv0", "h")
+        numbers = {name: values[name].item() for name in scalars if name in values}
         return cls(**values | numbers)

@@ -262,6 +262,23 @@ HERE = "\0"  # value of --resume without a file
     "[default: finite; linear for a chain]",
 )
 @click.option(
+    "--method",
+    type=click.Choice(["rk4", "verlet", "symplectic_euler", "adaptive", "moreau_jean"]),
+    default="rk4",
+    show_default=True,
+    help="Stepper; all but rk4 need full dynamics.",
+)
+@click.option(
+    "--switching",
+    type=click.Choice(["step_end", "located"]),
+    default="step_end",
+    show_default=True,
+    help="Contacts switch at the end of a step, as in the paper, or where they do inside it.",
+)
+@click.option(
+    "--rtol", type=float, help="Error of a sub-step of --method adaptive. [default: 1e-3]"
+)
+@click.option(
     "--dt",
     type=_Seconds("auto"),
     default="auto",
@@ -307,6 +324,9 @@ def run(
     want: str,
     tolerance: float,
     geometry: str | None,
+    method: str,
+    switching: str,
+    rtol: float | None,
     dt: float | str,
     sample: float | None,
     t_gap: float | None,
@@ -345,6 +365,9 @@ def run(
             out,
             initial=before,
             geometry=geometry,
+            method=method,
+            switching=switching,
+            rtol=rtol,
             dt=dt,
             sample=sample,
             t_gap=T_GAP if t_gap is None else t_gap,
@@ -408,11 +431,14 @@ def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
         if name == "fidelity":
             return value in ("auto", method.engine)
         if name == "dt":
-            return pyfric.step_size(scene, value) == method.dt
+            return pyfric.step_size(scene, value, method.stepper) == method.dt
         if name == "sample":
             return max(1, round(value / (method.dt or math.inf))) == method.sample
         return value == {
             "geometry": method.geometry,
+            "method": method.stepper or "rk4",
+            "switching": method.switching.replace(" ", "_") or "step_end",
+            "rtol": method.rtol,
             "t_gap": method.t_gap,
             "budget": method.budget,
         }.get(name, value)

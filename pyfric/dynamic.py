@@ -1,8 +1,8 @@
 """Full dynamics: the reference engine, and what engines with time steps have in common.
 
-The whole lattice is integrated with classical RK4 on a uniform step; contact states switch at the
-end of a step. This is the paper's method. Steps are made in short calls of the core, so that a run
-can show progress, stop and go on.
+The whole lattice is integrated on a uniform step. Classical RK4 with contact states that switch at
+the end of a step is the paper's method; other steppers, and switches located inside the step, are
+options. Steps are made in short calls of the core, so that a run can show progress, stop and go on.
 
 Source: PRL 107, 074301 (2011).
 """
@@ -18,7 +18,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from numbers import Integral
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
@@ -26,7 +26,13 @@ import pandas as pd
 from pyfric import core
 from pyfric.catalogue import T_GAP, build_catalogue
 from pyfric.equilibrium import EquilibriumError, StaticSolver
-from pyfric.operators import Geometry, check_geometry, default_geometry, stability_limit
+from pyfric.operators import (
+    METHODS,
+    Geometry,
+    check_geometry,
+    default_geometry,
+    stability_limit,
+)
 from pyfric.record import Method, Record, versions
 from pyfric.state import State, StateError
 from pyfric.units import SceneError, check_number
@@ -35,11 +41,13 @@ if TYPE_CHECKING:
     import os
 
     from pyfric.catalogue import Catalogue
+    from pyfric.core import Switching
     from pyfric.equilibrium import Equilibrium
     from pyfric.scene import Scene
 
 __all__ = [
     "AUTO_SHARE",
+    "RTOL",
     "Progress",
     "Run",
     "RunError",
@@ -56,10 +64,14 @@ Measured on the Fig. 1 scene up to 0.9 s against the paper's 0.2 us, which is an
 limit: at half the limit (0.78 us) the 13 main precursors keep their order, their start and arrest
 forces agree within 8e-4 F_N and their lengths within one block; at 1.2 us within 1e-3 F_N and one
 block. The error falls in proportion to the step, because contacts switch at step ends."""
+RTOL = 1e-3
+"""Default of rtol, the largest error of an adaptive sub-step; see `pyfric.simulate`."""
 CURVE_POINTS = 5000
 """Points of the loading curve, unless `sample` says otherwise."""
 CALL_SECONDS = 0.2
 """Longest time in the core between two looks at Ctrl-C, s."""
+Stepper = Literal["rk4", "verlet", "symplectic_euler", "adaptive", "moreau_jean"]
+"""Names of the steppers (`pyfric.operators.METHODS`)."""
 STATIC_SECONDS = 1.0
 """Static forces of new events are found this often, or more rarely where that takes a tenth of the
 time, so that little is left to do at the end, s."""
@@ -86,25 +98,29 @@ class Progress(NamedTuple):
     rate: float
 
 
-def step_size(scene: Scene, dt: float | Literal["auto"] = "auto") -> float:
-    """Return the time step in s, checked against the stability limit of RK4.
+def step_size(scene: Scene, dt: float | Literal["auto"] = "auto", method: Stepper = "rk4") -> float:
+    """Return the time step in s, checked against the stability limit of the stepper.
 
     Args:
         scene: the scene.
-        dt: step in s, or "auto": `AUTO_SHARE` of the limit, rounded down to two digits.
+        dt: step in s, or "auto": `AUTO_SHARE` of the limit, rounded down to two digits. "adaptive"
+            makes sub-steps inside dt, and "moreau_jean" is stable for every dt: they have no
+            limit, and "auto" is half that of RK4.
+        method: the stepper.
 
     Raises:
         SceneError: dt is not a number, not positive, or above the limit.
     """
-    limit, _ = stability_limit(scene, "rk4")
+    limited = method not in ("adaptive", "moreau_jean")
+    limit, _ = stability_limit(scene, method if limited else "rk4")
     if isinstance(dt, str):
         if dt != "auto":
             raise SceneError("dt", dt, "s", "a number or 'auto'")
         digit = 10.0 ** (math.floor(math.log10(AUTO_SHARE * limit)) - 1)
         return float(f"{math.floor(AUTO_SHARE * limit / digit) * digit:.1e}")
     dt = check_number("dt", dt, "s", gt=0.0)
-    if dt > limit:
-        allowed = f"0 < dt <= {limit:.4g} s, the stability limit of RK4 for this scene"
+    if limited and dt > limit:
+        allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {method} for this scene"
         raise SceneError("dt", dt, "s", allowed, "unstable")
     return dt
 
@@ -115,7 +131,9 @@ def integrate(
     t_end: float,
     *,
     geometry: Geometry | None = None,
-    method: Literal["rk4"] = "rk4",
+    method: Stepper = "rk4",
+    switching: Switching = "step_end",
+    rtol: float | None = None,
     dt: float | Literal["auto"] = "auto",
     initial: State | Record | None = None,
     budget: bool | None = None,
@@ -127,7 +145,12 @@ def integrate(
     checkpoint_every: float = 60.0,
 ) -> Record:
     """Integrate a scene with one of the engines that make time steps; see `pyfric.simulate`."""
-    check_options(scene, geometry, method, budget, sample, threads, checkpoint_every)
+    check_options(
+        scene, geometry, method, switching, rtol, budget, sample, threads, checkpoint_every
+    )
+    if method not in engine.steppers:
+        allowed = " or ".join(map(repr, engine.steppers)) + ", or fidelity = 'dynamic'"
+        raise SceneError("method", method, "", allowed)
     geometry = geometry or default_geometry(scene)
     if not isinstance(initial, State | Record | None):
         raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
@@ -141,7 +164,9 @@ def integrate(
         check_continues(before, scene, engine.name)
         geometry, t_gap, budget = before.method.geometry, before.method.t_gap, before.method.budget
         dt, initial = before.method.dt, before.final_state
-    dt = step_size(scene, dt)
+        method, rtol = before.method.stepper, before.method.rtol
+        switching = before.method.switching.replace(" ", "_")
+    dt = step_size(scene, dt, method)
     if initial is not None:
         initial.check_physics(scene)
     t_begin = 0.0 if initial is None else initial.t
@@ -164,7 +189,8 @@ def integrate(
         engine=engine.name,
         geometry=geometry,
         stepper=method,
-        switching="step end",
+        switching=switching.replace("_", " "),
+        rtol=(rtol or RTOL) if method == "adaptive" else None,
         dt=dt,
         sample=every,
         t_gap=t_gap,
@@ -185,6 +211,8 @@ def check_options(
     scene: Scene,
     geometry: object,
     method: object,
+    switching: object,
+    rtol: object,
     budget: object,
     sample: object,
     threads: object,
@@ -195,8 +223,16 @@ def check_options(
         if geometry not in ("linear", "finite"):
             raise SceneError("geometry", geometry, "", "'linear' or 'finite'")
         check_geometry(geometry, scene)
-    if method != "rk4":
-        raise SceneError("method", method, "", "'rk4'")
+    for name, value, known in (
+        ("method", method, METHODS),
+        ("switching", switching, get_args(core.Switching)),
+    ):
+        if not (isinstance(value, str) and value in known):
+            raise SceneError(name, value, "", " or ".join(map(repr, known)))
+    if rtol is not None:
+        if method != "adaptive":
+            raise SceneError("rtol", rtol, "", "None, or method = 'adaptive'")
+        check_number("rtol", rtol, "", ge=1e-12, le=1.0)
     if not isinstance(budget, bool | np.bool | None):
         raise SceneError("budget", budget, "", "True, False or None")
     if sample is not None:
@@ -231,6 +267,7 @@ class Run:
 
     name = "dynamic"
     keeps_budget = True
+    steppers: tuple[str, ...] = tuple(core.STEPPERS)
 
     def __init__(
         self,
@@ -243,6 +280,7 @@ class Run:
         self.scene, self.method, self.state = scene, method, state
         self.solver = _Remembering(solver)
         self.model = core.model(scene, method.geometry, state.u_drv0)
+        self.switching: Switching = method.switching.replace(" ", "_")
         self.log = core.Log(scene.N_x)
         self.t_begin = state.t
         self.switches: list[Mapping[str, np.ndarray]] = []
@@ -251,6 +289,7 @@ class Run:
         self.timings: dict[str, float] = {}
         self.events, self.last_slip = 0, -math.inf
         self.steps, self.seconds, self.rate = 0, 0.0, 0.0
+        self.evaluations = 0
         self.before = before
         if before is None:
             self.sample()
@@ -269,9 +308,9 @@ class Run:
 
     def counts(self) -> dict[str, int]:
         """Return the steps that were made, and the blocks times force evaluations."""
-        steps = self.steps + (self.before.counts.get("steps", 0) if self.before else 0)
-        blocks = self.scene.N_x * self.scene.N_z
-        return {"steps": steps, "block_evaluations": 4 * steps * blocks}
+        old = self.before.counts if self.before else {}
+        made = {"steps": self.steps, "block_evaluations": self.evaluations}
+        return {name: value + old.get(name, 0) for name, value in made.items()}
 
     def notes(self) -> tuple[str, ...]:
         """Return what a reader of the record has to know."""
@@ -358,18 +397,26 @@ class Run:
         state = self.state
         good, step = state.copy(), state.step
         start = time.perf_counter()
-        core.advance(
+        status = core.advance(
             self.model,
             state,
             self.log,
             n_steps,
+            method=self.method.stepper,
+            switching=self.switching,
+            rtol=self.method.rtol or 1.0,
             budget=self.method.budget,
             threads=self.method.threads,
         )
         seconds = time.perf_counter() - start
+        per_step = core.EVALUATIONS[self.method.stepper] * self.scene.N_x * self.scene.N_z
+        self.evaluations += self.log.tried * per_step
+        if status in (core.Status.ENDLESS, core.Status.TOO_SHORT):
+            self.state = good
+            self._fail(self._stuck_at(status))
         if not (np.isfinite(state.y).all() and np.isfinite(state.rod).all()):
             self.state = good
-            self._fail(state, step)
+            self._fail(self._left_numbers(state, step))
         self.steps += state.step - step
         self.seconds += seconds
         self.rate = self.steps / self.seconds
@@ -385,13 +432,30 @@ class Run:
             self.events += kind > 0 and t - self.last_slip > self.method.t_gap
             self.last_slip = t
 
-    def _fail(self, broken: State, step: int) -> None:
-        limit, _ = stability_limit(self.scene, "rk4")
-        message = (
+    def _stuck_at(self, status: core.Status) -> str:
+        """Say where and why the core could not finish a step."""
+        method, t, dt = self.method, self.log.t, self.state.dt
+        if status == core.Status.TOO_SHORT:
+            return (
+                f"the error of an adaptive sub-step stays above rtol = {method.rtol:g} at "
+                f"t = {t:.9g} s, however short it is; increase rtol"
+            )
+        return (
+            f"contacts switch without end inside one step of dt = {dt:g} s: block "
+            f"{self.scene.n_of_i[self.log.block]} (1 at the trailing edge) between stick, slip and "
+            f"gap at t = {t:.12g} s, more often than {len(self.scene.x) * 2 + 100} times are "
+            "allowed; switching = 'step_end' or a smaller dt goes on"
+        )
+
+    def _left_numbers(self, broken: State, step: int) -> str:
+        limit, _ = stability_limit(self.scene, self.method.stepper)
+        return (
             f"the motion is not finite between t = {self.state.t:.9g} s (step {step}) and "
             f"t = {broken.t:.9g} s: dt = {broken.dt:g} s is below the limit {limit:.4g} s of small "
             "motions, so the strains have left the range of the model; reduce dt, F_N or V"
         )
+
+    def _fail(self, message: str) -> None:
         raise RunError(message, self.record(f"failed: {message}"))
 
     def catalogue(self) -> tuple[Catalogue, dict[str, np.ndarray], dict[str, np.ndarray]]:

@@ -129,10 +129,12 @@ class HybridRun(Run):
 
     name = "hybrid"
     keeps_budget = False
+    steppers = ("rk4",)
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        self.log = core.Log(self.scene.N_x, quiet=1)
+        _, quiet = core.room_of_step(self.scene.N_x, self.switching)
+        self.log = core.Log(self.scene.N_x, quiet=quiet)
         self.solver = _Statics(self.solver.known, self.method.dt)
         self.jumps, self.jumped, self.wait = 0, 0, LOOK
         self.look_at = self.state.step

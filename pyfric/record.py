@@ -146,7 +146,8 @@ def describe(name: str, table: str = "") -> tuple[str, str]:
 class Method:
     """How a scene was run.
 
-    ``dt`` (s) is None for engines without a fixed step; ``sample`` is the number of steps between
+    ``rtol`` is the largest error of an adaptive sub-step, None for other steppers. ``dt`` (s) is
+    None for engines without a fixed step; ``sample`` is the number of steps between
     two points of the curve; ``t_gap`` (s) is the longest pause inside an event; ``budget`` says
     whether the energy budget was kept.
     """
@@ -155,6 +156,7 @@ class Method:
     geometry: str
     stepper: str = ""
     switching: str = ""
+    rtol: float | None = None
     dt: float | None = None
     sample: int = 0
     t_gap: float = T_GAP

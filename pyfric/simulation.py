@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Callable
 
-    from pyfric.dynamic import Progress
+    from pyfric.core import Switching
+    from pyfric.dynamic import Progress, Stepper
     from pyfric.operators import Geometry
     from pyfric.planner import Fidelity, Plan, Want
     from pyfric.scene import Scene
@@ -38,7 +39,9 @@ def simulate(
     want: Want = "precursors",
     tolerance: float = 0.01,
     geometry: Geometry | None = None,
-    method: Literal["rk4"] = "rk4",
+    method: Stepper = "rk4",
+    switching: Switching = "step_end",
+    rtol: float | None = None,
     dt: float | Literal["auto"] = "auto",
     initial: State | Record | None = None,
     budget: bool | None = None,
@@ -62,7 +65,18 @@ def simulate(
         tolerance: accepted error; see `pyfric.plan`.
         geometry: "finite" (as in the paper) or "linear"; None leaves it to the plan, or means
             "finite", or "linear" where there is no other (chain, static engines).
-        method: "rk4": classical RK4, uniform step, contacts switch at step ends (the paper's).
+        method: the stepper. "rk4": classical RK4, order 4 (the paper's). "verlet": velocity Verlet
+            with viscous forces at a predicted velocity, order 2. "symplectic_euler": semi-implicit
+            Euler, order 1. "adaptive": RK4 with an estimate of its error, sub-steps inside dt.
+            "moreau_jean": implicit and non-smooth, linear geometry, stable for every dt; contacts
+            are solved at step ends. All but "rk4" need full dynamics.
+        switching: "step_end": contacts switch at the end of a step (the paper's), which costs an
+            order-1 error of their times. "located": they switch inside the step, where v_x,
+            mu_s p - |f| or u_z of a block has its root, and the step is finished from there. A
+            margin that crosses zero twice in a sub-step is noticed if the parabola through its
+            start, middle and end dips below zero.
+        rtol: for method "adaptive": largest error of a sub-step, in displacements over F_N/(N_x k),
+            in velocities over F_N/(N_x sqrt(k m)); None means 1e-3.
         dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
         initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there. A
             `Record` of the same scene goes on where it stopped, with its engine, geometry, step,
@@ -85,7 +99,8 @@ def simulate(
         SceneError: an argument is refused; nothing has been done.
         StateError: `initial` does not belong to the scene or the engine.
         EquilibriumError: the scene has no loaded state.
-        RunError: the motion left the range of numbers; its `record` holds the run before that.
+        RunError: the motion left the range of numbers, or contacts switched without end inside a
+            step; its `record` holds the run before that.
 
     Source: PRL 107, 074301 (2011).
     """
@@ -93,12 +108,16 @@ def simulate(
     if not (isinstance(fidelity, str) and fidelity in known):
         raise SceneError("fidelity", fidelity, "", " or ".join(map(repr, known)))
     tolerance = planner.check_question(want, tolerance)
-    check_options(scene, geometry, method, budget, sample, threads, checkpoint_every)
+    check_options(
+        scene, geometry, method, switching, rtol, budget, sample, threads, checkpoint_every
+    )
     if not isinstance(initial, State | Record | None):
         raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
     stepped = {
         "geometry": geometry,
         "method": method,
+        "switching": switching,
+        "rtol": rtol,
         "dt": dt,
         "budget": budget,
         "sample": sample,
@@ -121,7 +140,13 @@ def simulate(
 def _run(fidelity: str, scene: Scene, t_end: float, stepped: dict, common: dict) -> Record:
     if fidelity in ENGINES:
         return integrate(ENGINES[fidelity], scene, t_end, **stepped, **common)
-    for name, without in (("geometry", (None, "linear")), ("dt", ("auto",)), ("budget", (None, 0))):
+    for name, without in (
+        ("geometry", (None, "linear")),
+        ("method", ("rk4",)),
+        ("switching", ("step_end",)),
+        ("dt", ("auto",)),
+        ("budget", (None, 0)),
+    ):
         if stepped[name] not in without:
             allowed = f"nothing, because the {fidelity} engine is linear and makes no steps"
             raise SceneError(name, stepped[name], "s" if name == "dt" else "", allowed)
@@ -135,9 +160,10 @@ def _with_options(chosen: Plan, scene: Scene, stepped: dict, initial: State | No
         or stepped["budget"]
         or stepped["dt"] != "auto"
         or stepped["geometry"] == "finite"
+        or stepped["switching"] != "step_end"
     ):
         chosen = chosen.up(scene, [])
-    if stepped["budget"]:
+    if stepped["budget"] or stepped["method"] != "rk4":
         chosen = dataclasses.replace(chosen, fidelity="dynamic")
     if stepped["geometry"] is not None:
         chosen = dataclasses.replace(chosen, geometry=stepped["geometry"])

@@ -19,7 +19,7 @@ module pyfric_stepping
   type :: method_t
     integer(ip) :: stepper       !! see pyfric_nystrom
     logical :: located           !! locate switches inside the step; else they are made at its end
-    real(dp) :: rtol             !! adaptive: error of a sub-step over what F_N/N_x moves a block
+    real(dp) :: rtol             !! adaptive: error of a sub-step over that of F_N/N_x on the stiffest spring
     real(dp) :: h                !! adaptive: longest sub-step that the error allows [s]
     real(dp) :: tried = 0.0_dp   !! steps and sub-steps computed, also those that were not accepted
     integer :: block = 0         !! where it went wrong: block from 1
@@ -83,7 +83,7 @@ contains
     type(budget_t), intent(inout) :: budget
     type(log_t), intent(inout) :: log
     integer(ip), intent(out) :: status                     !! see pyfric_status
-    real(dp) :: rod_z(6), step_begin, t, h, err(2, n_threads), allowed(2)
+    real(dp) :: rod_z(6), step_begin, t, h, err(2, n_threads), allowed(2), stiffest
     type(row_t) :: bottom
     type(pace_t) :: pace
     integer :: n_work
@@ -95,7 +95,8 @@ contains
     t = t0 + step*dt
     h = dt
     err = 0.0_dp
-    allowed = method%rtol*s%f_n/s%nx/[s%k, sqrt(s%k*s%m)]
+    stiffest = max(s%k, s%k_f, s%k_top)
+    allowed = method%rtol*s%f_n/s%nx/[stiffest, sqrt(stiffest*s%m)]
     whole = .not. method%located .and. method%stepper /= ADAPTIVE
     if (.not. whole) then
       call new_pace(s, t, dt, method%located, method%h, y, contact, budget, bottom, pace)

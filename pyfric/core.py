@@ -312,8 +312,8 @@ def advance(
         method: stepper, one of `STEPPERS`.
         switching: "step_end", or "located": contacts switch inside the step, at the root of what
             makes them switch, and the step is finished from there.
-        rtol: for "adaptive": largest error of a sub-step, over F_N/(N_x k) for displacements and
-            over F_N/(N_x sqrt(k m)) for velocities.
+        rtol: for "adaptive": largest error of a sub-step, over F_N/(N_x s) for displacements and
+            over F_N/(N_x sqrt(s m)) for velocities, s the largest of k, k_f and k_top.
         budget: integrate works and dissipations.
         threads: threads to use; results do not depend on it.
         variant: build to use; results do not depend on it.

@@ -75,8 +75,9 @@ def simulate(
             mu_s p - |f| or u_z of a block has its root, and the step is finished from there. A
             margin that crosses zero twice in a sub-step is noticed if the parabola through its
             start, middle and end dips below zero.
-        rtol: for method "adaptive": largest error of a sub-step, in displacements over F_N/(N_x k),
-            in velocities over F_N/(N_x sqrt(k m)); None means 1e-3.
+        rtol: for method "adaptive": largest error of a sub-step, in displacements over F_N/(N_x s),
+            in velocities over F_N/(N_x sqrt(s m)), s the largest of k, k_f and k_top; None means
+            1e-3.
         dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
         initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there. A
             `Record` of the same scene goes on where it stopped, with its engine, geometry, step,
@@ -160,6 +161,7 @@ def _with_options(chosen: Plan, scene: Scene, stepped: dict, initial: State | No
         or stepped["budget"]
         or stepped["dt"] != "auto"
         or stepped["geometry"] == "finite"
+        or stepped["method"] != "rk4"
         or stepped["switching"] != "step_end"
     ):
         chosen = chosen.up(scene, [])
@@ -182,7 +184,7 @@ def _planned(chosen: Plan, scene: Scene, t_end: float, stepped: dict, common: di
             options |= {"geometry": None, "dt": "auto", "budget": None}
         else:
             options["geometry"] = chosen.geometry
-            if options["dt"] == "auto":
+            if options["dt"] == "auto" and options["method"] == "rk4":
                 options["dt"] = chosen.dt
         try:
             record, higher = _run(chosen.fidelity, scene, t_end, options, common), None

@@ -343,6 +343,57 @@ def rk4_step(
     return with_rod(scene, y, rod), rod, slip, dict(zip(WORKS, works.tolist(), strict=True))
 
 
+def symplectic_euler_step(
+    scene: Any,
+    geometry: str,
+    t: float,
+    y: np.ndarray,
+    rod: np.ndarray,
+    mode: np.ndarray,
+    u_drv0: float,
+    dt: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return y and rod after v' = v + dt a(u, v), u' = u + dt v'."""
+    y = with_rod(scene, y, rod)
+    F = right_hand_side(scene, geometry, t, y, rod, mode, u_drv0)
+    y, rod = y.copy(), rod.copy()
+    y[:, 2:] += dt * F.dydt[:, 2:]
+    rod[3:] += dt * F.drod[3:]
+    y[:, :2] += dt * y[:, 2:]
+    rod[:3] += dt * rod[3:]
+    return with_rod(scene, y, rod), rod
+
+
+def verlet_step(
+    scene: Any,
+    geometry: str,
+    t: float,
+    y: np.ndarray,
+    rod: np.ndarray,
+    mode: np.ndarray,
+    u_drv0: float,
+    dt: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return y and rod after a kick of dt/2, a drift of dt, and a kick of dt/2.
+
+    The second kick is by the forces at the new positions and the velocities v + dt a.
+    """
+    y = with_rod(scene, y, rod)
+    F = right_hand_side(scene, geometry, t, y, rod, mode, u_drv0)
+    half, half_rod = y.copy(), rod.copy()
+    half[:, 2:] += dt / 2 * F.dydt[:, 2:]
+    half_rod[3:] += dt / 2 * F.drod[3:]
+    half[:, :2] += dt * half[:, 2:]
+    half_rod[:3] += dt * half_rod[3:]
+    guess, guess_rod = half.copy(), half_rod.copy()
+    guess[:, 2:] += dt / 2 * F.dydt[:, 2:]
+    guess_rod[3:] += dt / 2 * F.drod[3:]
+    F = right_hand_side(scene, geometry, t + dt, guess, guess_rod, mode, u_drv0)
+    half[:, 2:] += dt / 2 * F.dydt[:, 2:]
+    half_rod[3:] += dt / 2 * F.drod[3:]
+    return with_rod(scene, half, half_rod), half_rod
+
+
 @dataclass
 class Run:
     """The state after `steps` steps, and what happened on the way.

@@ -1,0 +1,496 @@
+"""The steppers beside RK4: order, twin, stability, the same bits, agreement, budgets."""
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+import twin
+
+import pyfric
+from pyfric import core
+from pyfric.dynamic import step_size
+from pyfric.equilibrium import loaded_state
+from pyfric.operators import dispersion, stability_limit
+from pyfric.scene import chain, preset, setup1, setup2
+from pyfric.state import OPEN, STUCK, State
+from pyfric.units import SceneError
+
+simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False)
+
+GEOMETRIES = ("linear", "finite")
+TABLES = ("symplectic_euler", "verlet", "adaptive")
+"""Steppers given by a table; RK4 has a sweep of its own, and tests of its own."""
+FIXED = {"rtol": 1.0}
+"""With this error allowed, adaptive steps are as long as dt."""
+WAYS = [(m, s) for m in core.STEPPERS for s in ("step_end", "located")]
+
+
+def small(kind="rod", **changes):
+    if kind == "rod":
+        return setup1(**{"L": 0.02, "H": 0.0125, "V": 0.5} | changes)
+    return setup2(**{"L": 0.012, "H": 0.005, "theta": 0.5, "V": 0.3} | changes)
+
+
+def shaken(scene, geometry, dt, size=1e-7, seed=0):
+    """Return the loaded state with random velocities; nothing slips soon."""
+    state = State.at_rest(scene, loaded_state(scene, geometry), dt)
+    rng = np.random.default_rng(seed)
+    state.y[:, 2:] = size * rng.standard_normal((scene.N_z, 2, scene.N_x)) / dt
+    state.y[0, 2] = 0
+    if scene.rigid:
+        state.y[-1, 2:] = 0
+    return state
+
+
+def wild(scene, geometry="linear", seed=0, speed=1.0):
+    """Return a state far from rest in which many contacts switch soon."""
+    rng = np.random.default_rng(seed)
+    dt = 0.2 * stability_limit(scene)[0]
+    state = State.at_rest(scene, loaded_state(scene, geometry), dt)
+    l = scene.slider.l
+    state.y[:, :2] += 1e-4 * l * rng.standard_normal((scene.N_z, 2, scene.N_x))
+    state.y[:, 2:] += speed * rng.standard_normal((scene.N_z, 2, scene.N_x))
+    state.mode[:] = np.where(state.y[0, 1] < 0, rng.choice([STUCK, 1, -1], scene.N_x), OPEN)
+    slips = np.abs(state.mode) == 1
+    state.y[0, 2, slips] = state.mode[slips] * np.abs(state.y[0, 2, slips])
+    state.y[0, 2, state.mode == STUCK] = 0
+    if scene.rigid:
+        state.rod[3:] = speed * rng.standard_normal(3) * [1, 1, 1 / l]
+        X, Z, phi, dX, dZ, dphi = state.rod
+        one = np.ones(scene.N_x)
+        state.y[-1] = X * one, Z + phi * scene.x, dX * one, dZ + dphi * scene.x
+    return state
+
+
+def advance(scene, geometry, state, n, **options):
+    log = core.Log(scene.N_x, 200_000, 20_000)
+    model = core.model(scene, geometry, state.u_drv0)
+    assert core.advance(model, state, log, n, **options) == core.Status.DONE
+    return log
+
+
+def bits(state):
+    values = dataclasses.asdict(state)
+    return {n: v.tobytes() if isinstance(v, np.ndarray) else v for n, v in values.items()}
+
+
+def log_bits(log):
+    return [a.tobytes() for table in (log.switches(), log.quiet()) for a in table.values()]
+
+
+# --- one step, and its order ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", TABLES)
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_one_step_is_that_of_the_twin(kind, geometry, method):
+    scene = small(kind)
+    state = wild(scene, geometry)
+    there = {
+        "symplectic_euler": twin.symplectic_euler_step,
+        "verlet": twin.verlet_step,
+        "adaptive": twin.rk4_step,
+    }[method](
+        scene, geometry, 0.0, state.y, state.rod, state.mode, state.u_drv0, state.dt
+    )  # fmt: skip
+    before = state.mode.copy()
+    advance(scene, geometry, state, 1, method=method, **FIXED)
+    kept = state.mode == before
+    y = there[0]
+    for c in range(4):
+        scale = np.abs(y[:, c]).max()
+        close = np.abs(state.y[:, c] - y[:, c]) < 1e-14 * scale
+        assert close[1:].all()
+        assert close[0][kept].all()
+    np.testing.assert_allclose(state.rod, there[1], rtol=1e-13, atol=1e-25)
+
+
+@pytest.mark.parametrize(
+    ("method", "order"), [("symplectic_euler", 1), ("verlet", 2), ("adaptive", 4)]
+)
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_order_while_nothing_switches(kind, geometry, method, order):
+    """State and budget converge at the order of the stepper; the reference is RK4."""
+    scene = small(kind, V=1e-3)
+    coarse = (0.2 if order == 4 else 0.05) * stability_limit(scene)[0]
+    size = 1e-8
+    exact = shaken(scene, geometry, coarse, size)
+    exact.dt = coarse / 16
+    advance(scene, geometry, exact, 40 * 16)
+    ends = []
+    for halvings in range(3):
+        state = shaken(scene, geometry, coarse, size)
+        state.dt = coarse / 2**halvings
+        log = advance(scene, geometry, state, 40 * 2**halvings, method=method, **FIXED)
+        assert log.n_switch == 0
+        assert log.tried == 40 * 2**halvings
+        ends.append(state)
+    for names in (("y",), ("dissipated", "work")):
+        errors = [max(np.abs(getattr(s, n) - getattr(exact, n)).max() for n in names) for s in ends]
+        orders = np.log2(np.array(errors[:-1]) / errors[1:])
+        assert np.all(np.abs(orders - order) < 0.3), (names, orders)
+
+
+@pytest.mark.parametrize("method", core.STEPPERS)
+def test_order_of_pure_slip(method):
+    """All blocks slip the same way throughout: motion is smooth, and converges as it should."""
+    scene = small(mu_s=0.3, mu_k=0.2)
+    order = {"symplectic_euler": 1, "verlet": 2, "rk4": 4, "adaptive": 4}[method]
+    coarse, ends = 0.2e-6, []
+    for halvings in (0, 1, 2, 6):
+        state = State.at_rest(scene, loaded_state(scene), coarse / 2**halvings)
+        state.y[:, 2], state.rod[3], state.mode[:] = 20.0, 20.0, 1
+        how = {"method": "rk4"} if halvings == 6 else {"method": method}
+        log = advance(scene, "linear", state, 30 * 2**halvings, **how, **FIXED)
+        assert log.n_switch == 0
+        ends.append(np.concatenate([state.y.ravel() / 1e-6, state.heat]))
+    errors = [np.abs(end - ends[-1]).max() for end in ends[:-1]]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(np.abs(orders - order) < 0.35), orders
+
+
+# --- the adaptive stepper ------------------------------------------------------------------------
+
+
+def test_adaptive_error_follows_rtol():
+    """Sub-steps are halved until their error is allowed: the error of the run goes with rtol."""
+    scene = small("free", V=1e-3)
+    dt = stability_limit(scene)[0]
+    exact = shaken(scene, "linear", dt, size=1e-6)
+    exact.dt = dt / 64
+    advance(scene, "linear", exact, 20 * 64)
+    errors, tried = [], []
+    unit = scene.F_N / scene.N_x / np.sqrt(scene.slider.k * scene.m)
+    allowed = 10.0 ** -np.arange(2.0, 9.0)
+    for rtol in allowed:
+        state = shaken(scene, "linear", dt, size=1e-6)
+        log = advance(scene, "linear", state, 20, method="adaptive", rtol=rtol)
+        errors.append(np.abs(state.y - exact.y)[:, 2:].max() / unit)
+        tried.append(log.tried)
+    assert (np.diff(tried) >= 0).all()
+    assert tried[-1] > 4 * tried[0]
+    assert (errors < 20 * allowed).all()
+    assert errors[-1] < 1e-4 * errors[0]
+
+
+def test_adaptive_sub_steps_end_on_the_grid():
+    """With dt beyond the limit of RK4 sub-steps stay inside it, and time stays a count."""
+    scene = small(V=1e-3)
+    limit = stability_limit(scene, "adaptive")[0]
+    assert limit == stability_limit(scene, "rk4")[0]
+    state = shaken(scene, "linear", 0.1 * limit, size=1e-7)
+    state.dt = 10 * limit
+    log = advance(scene, "linear", state, 50, method="adaptive", rtol=1e-4)
+    assert (state.step, state.t) == (50, 50 * state.dt)
+    assert log.tried > 10 * 50
+    assert 0 < state.h < 2 * limit
+    assert np.abs(state.y[:, 2:]).max() < 1.0
+    with pytest.raises(SceneError):
+        step_size(scene, 10 * limit, "rk4")
+    assert step_size(scene, 10 * limit, "adaptive") == 10 * limit
+
+
+def test_an_error_that_nothing_brings_down_is_a_status():
+    scene = small()
+    state = wild(scene)
+    log = core.Log(scene.N_x)
+    model = core.model(scene, "linear", state.u_drv0)
+    options = {"method": "adaptive", "rtol": 1e-300}
+    assert core.advance(model, state, log, 1, **options) == core.Status.TOO_SHORT
+    assert 0 <= log.t < state.dt
+
+
+# --- stability -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["symplectic_euler", "verlet", "adaptive"])
+@pytest.mark.parametrize("eta", [None, 1e-3])
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_blow_up_is_where_theory_puts_it(kind, eta, method):
+    """Just below the limit a shaken slider calms down, just above it explodes."""
+    scene = preset("fig1" if kind == "rod" else "setup2", eta=eta)
+    limit, _ = stability_limit(scene, method)
+    size = {}
+    for share in (0.99, 1.02):
+        state = shaken(scene, "linear", share * limit, size=1e-9)
+        begin = np.abs(state.y[:, 2:]).max()
+        advance(scene, "linear", state, 1000, method=method, budget=False, rtol=1e300)
+        size[share] = np.abs(state.y[:, 2:]).max() / begin
+    assert size[0.99] < 3
+    assert not size[1.02] < 1e4
+
+
+@pytest.mark.parametrize("eta", [1e-9, None, 300.0])
+def test_limits_of_plane_waves_are_the_analytic_ones(eta):
+    """Semi-implicit Euler: (w h)^2 + 2 g h = 4 over the Brillouin zone; both: 2/w and 2/g."""
+    scene = preset("fig1", eta=eta)
+    grid = np.linspace(0, np.pi, 201) / scene.slider.l
+    q = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    w, g = dispersion(scene, q)
+    g = g[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        exact = np.nanmin((np.sqrt(g * g + 4 * w * w) - g) / (w * w))
+    assert stability_limit(scene, "symplectic_euler")[0] == pytest.approx(exact, rel=1e-3)
+    for method in ("symplectic_euler", "verlet"):
+        limit = stability_limit(scene, method)[0]
+        if eta == 1e-9:
+            assert limit == pytest.approx(2 / w.max(), rel=1e-4)
+        elif eta == 300.0:
+            assert limit == pytest.approx(2 / g.max(), rel=0.02)
+        assert limit < stability_limit(scene, "rk4")[0]
+
+
+@pytest.mark.parametrize("method", ["symplectic_euler", "verlet"])
+@pytest.mark.parametrize("k_f", [None, 1e9])
+def test_limits_of_small_lattices_are_exact(method, k_f):
+    """The core's own step as a matrix: its spectral radius passes one at the limit.
+
+    Also where the foundation is much stiffer than the lattice and sets the limit.
+    """
+    scene = setup1(L=0.005, H=0.0025, h=2.5e-3, k_f=k_f, mu_k=0.0)
+    limit, info = stability_limit(scene, method)
+    assert info["exact"]
+    radius = {}
+    for share in (0.999, 1.001):
+        worst = 0.0
+        for mode, raised in ((STUCK, False), (STUCK, True), (1, False), (OPEN, True)):
+            columns = []
+            rest = State.at_rest(scene, loaded_state(scene), share * limit)
+            rest.mode[:] = mode
+            if mode == 1:
+                rest.y[:, 2], rest.rod[3] = 1.0, 1.0  # no block stops
+            if raised:
+                rest.y[:, 1] += 1e-3
+                rest.rod[1] += 1e-3
+            free = [(0, c, i) for c in ((1, 3) if mode == STUCK else range(4)) for i in range(3)]
+            base = rest.copy()
+            advance(scene, "linear", base, 1, method=method)
+            size = 1e-9 * np.array([1.0, 1.0, 1 / rest.dt, 1 / rest.dt])
+            for where in [*free, *range(6)]:
+                state = rest.copy()
+                if isinstance(where, tuple):
+                    unit = size[where[1]]
+                    state.y[where] += unit
+                else:
+                    unit = size[2 * (where // 3)] / (scene.x[-1] if where % 3 == 2 else 1)
+                    state.rod[where] += unit
+                    X, Z, phi, *v = state.rod
+                    one = np.ones(3)
+                    state.y[-1] = X * one, Z + phi * scene.x, v[0] * one, v[1] + v[2] * scene.x
+                advance(scene, "linear", state, 1, method=method)
+                dy, drod = state.y - base.y, state.rod - base.rod
+                image = [dy[at] / size[at[1]] for at in free]
+                arm = np.array([1, 1, scene.x[-1]] * 2)
+                image += list(drod * arm / np.repeat(size[[0, 2]], 3))
+                columns.append(np.array(image))
+            worst = max(worst, np.abs(np.linalg.eigvals(np.array(columns).T)).max())
+        radius[share] = worst
+    assert radius[0.999] < 1 + 1e-4
+    assert radius[1.001] > 1 + 1e-4
+
+
+def test_steps_above_the_limit_are_refused_by_name():
+    scene = preset("fig1")
+    for method in ("rk4", "verlet", "symplectic_euler"):
+        limit = stability_limit(scene, method)[0]
+        assert step_size(scene, 0.999 * limit, method) == 0.999 * limit
+        assert 0.4 * limit < step_size(scene, "auto", method) <= 0.5 * limit
+        with pytest.raises(SceneError, match=f"stability limit of {method}"):
+            simulate(scene, 1e-3, method=method, dt=1.001 * limit)
+    with pytest.raises(ValueError, match="'verlet'"):
+        stability_limit(scene, "leapfrog")
+
+
+# --- the same bits -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("method", "switching"), WAYS)
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_threads_variants_and_cuts_do_not_change_a_bit(geometry, method, switching):
+    scene = setup1(L=0.04, H=0.0175, V=0.5)
+    begin = wild(scene, geometry)
+    how = {"method": method, "switching": switching, "rtol": 1e-3}
+    reference = begin.copy()
+    log = advance(scene, geometry, reference, 30, **how)
+    assert log.n_switch > 5
+    others = [{"threads": 3}]
+    others += [{"variant": name, "threads": 2} for name, runs in core.variants().items() if runs]
+    for options in others:
+        state = begin.copy()
+        again = advance(scene, geometry, state, 30, **how, **options)
+        assert bits(state) == bits(reference), options
+        assert log_bits(again) == log_bits(log), options
+    state, logs = begin.copy(), []
+    for n in (1, 16, 0, 13):
+        logs.append(advance(scene, geometry, state, n, **how).switches())
+    assert bits(state) == bits(reference)
+    for name, column in log.switches().items():
+        np.testing.assert_array_equal(np.concatenate([one[name] for one in logs]), column)
+
+
+def mirrored(state):
+    sign = np.array([-1.0, 1.0, -1.0, 1.0])[None, :, None]
+    new = state.copy()
+    new.y = np.ascontiguousarray(sign * state.y[:, :, ::-1])
+    new.rod = state.rod * np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
+    new.mode = np.where(state.mode == OPEN, OPEN, -state.mode)[::-1].astype(np.int32)
+    for name in ("corner", "slack", "loss", "heat"):
+        setattr(new, name, np.ascontiguousarray(getattr(state, name)[::-1]))
+    new.u_drv0 = -state.u_drv0
+    return new
+
+
+@pytest.mark.parametrize(("method", "switching"), WAYS)
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_mirror_image(kind, method, switching):
+    left, right = small(kind), small(kind, side="right")
+    how = {"method": method, "switching": switching, "rtol": 1e-3}
+    state = wild(left)
+    image = mirrored(state)
+    log = advance(left, "linear", state, 300, **how)
+    log_image = advance(right, "linear", image, 300, **how)
+    assert log.n_switch == log_image.n_switch > 5
+    back = mirrored(image)
+    for name in ("y", "rod", "mode", "corner", "slack", "loss", "heat", "work", "h"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(state, name), err_msg=name)
+    np.testing.assert_array_equal(np.sort(log.switches()["t"]), np.sort(log_image.switches()["t"]))
+
+
+@pytest.mark.parametrize(("method", "switching"), WAYS)
+def test_doubling_load_and_speed_doubles_every_bit(method, switching):
+    one, two = small(), small(F_N=7000.0, V=1.0)
+    how = {"method": method, "switching": switching, "rtol": 1e-3}
+    state = wild(one)
+    double = state.copy()
+    for name in ("y", "rod", "slack", "u_drv0"):
+        setattr(double, name, 2 * getattr(state, name))
+    log, log_double = (
+        advance(s, "linear", x, 300, **how) for s, x in ((one, state), (two, double))
+    )
+    assert log.n_switch > 5
+    for name, factor in (
+        ("y", 2), ("rod", 2), ("mode", 1), ("corner", 1), ("slack", 2), ("loss", 4),
+        ("dissipated", 4), ("heat", 4), ("work", 4), ("h", 1),
+    ):  # fmt: skip
+        np.testing.assert_array_equal(getattr(double, name), factor * getattr(state, name))
+    np.testing.assert_array_equal(log_double.switches()["t"], log.switches()["t"])
+    assert log_double.tried == log.tried
+
+
+# --- runs ----------------------------------------------------------------------------------------
+
+
+EVENTS = {"geometry": "linear", "t_gap": 2e-5, "budget": False}
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return simulate(small(), 2.5e-3, **EVENTS, dt=0.02e-6, switching="located")
+
+
+@pytest.mark.parametrize(
+    ("method", "switching", "dt", "error"),
+    [
+        ("rk4", "located", 0.4e-6, 1e-6),
+        ("verlet", "located", 0.1e-6, 1e-5),
+        ("symplectic_euler", "located", 0.02e-6, 1e-3),
+        ("adaptive", "located", 1.0e-6, 1e-4),
+        ("rk4", "step_end", 0.05e-6, 1e-3),
+        ("verlet", "step_end", 0.05e-6, 1e-3),
+        ("symplectic_euler", "step_end", 0.02e-6, 1e-3),
+        ("adaptive", "step_end", 0.05e-6, 1e-3),
+    ],
+)
+def test_every_method_tends_to_the_same_run(method, switching, dt, error, reference):
+    """Events of the reference: the same blocks, start and arrest forces within `error` of F_N."""
+    how = {"rtol": 1e-5} if method == "adaptive" else {}
+    record = simulate(small(), 2.5e-3, **EVENTS, method=method, switching=switching, dt=dt, **how)
+    assert (record.method.stepper, record.method.switching) == (method, switching.replace("_", " "))
+    assert record.method.rtol == how.get("rtol")
+    per_step = core.EVALUATIONS[method] * 9 * 6
+    assert record.counts["block_evaluations"] >= per_step * record.counts["steps"]
+    a, b = record.events, reference.events
+    assert len(b) >= 2
+    for name in ("first_block", "last_block"):
+        np.testing.assert_array_equal(a[name], b[name])
+    for name in ("F_T_start", "F_T_arrest"):
+        difference = np.abs(a[name] - b[name]) / record.scene.F_N
+        assert np.nanmax(difference) < error, name
+
+
+@pytest.mark.parametrize(
+    ("method", "least"), [("verlet", 1.8), ("symplectic_euler", 0.8), ("adaptive", 3.5)]
+)
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_energy_budget_closes(geometry, method, least):
+    """At the order of the stepper, through slip, reversal and lift-off, switches located."""
+    errors = []
+    for dt in (0.4e-6, 0.2e-6):
+        how = {"rtol": 1.0} if method == "adaptive" else {}
+        record = simulate(
+            small(), 1.4e-3, geometry=geometry, method=method, switching="located", dt=dt, **how
+        )
+        curve = record.curve
+        stored = curve[list(core.ENERGIES)].sum(axis=1)
+        put_in = curve[["work_driver", "work_load"]].sum(axis=1)
+        lost = curve[["dissipated_bonds", "friction_heat", "switching_loss"]].sum(axis=1)
+        scale = curve["work_driver"].iloc[-1]
+        assert curve["friction_heat"].iloc[-1] > 0.05 * scale
+        assert curve["switching_loss"].iloc[-1] < 1e-20 * scale
+        errors.append(np.abs(stored - stored[0] - put_in + lost).max() / scale)
+    assert np.log2(errors[0] / errors[1]) > least, errors
+    assert errors[1] < 0.03
+
+
+def test_a_record_goes_on_with_its_own_method(tmp_path):
+    how = {"method": "adaptive", "switching": "located", "rtol": 1e-4, "dt": 2e-6, "sample": 1e-5}
+    whole = simulate(small(), 1.5e-3, **how)
+    part = simulate(small(), 1.15e-3, **how)
+    part = pyfric.Record.load(part.save(tmp_path / "part.nc"))
+    assert part.method == dataclasses.replace(whole.method, sample=part.method.sample)
+    rest = simulate(small(), 1.5e-3, initial=part)
+    assert rest.method == whole.method
+    drop = {"timings": {}}
+    assert dataclasses.replace(rest, **drop).identical(dataclasses.replace(whole, **drop))
+    state = whole.final_state
+    assert State.load(state.save(tmp_path / "s.npz")).h == state.h > 0
+
+
+def test_plans_keep_the_method_that_was_asked_for():
+    record = pyfric.simulate(small(), 2e-4, method="verlet", tolerance=0.5, progress=False)
+    assert (record.method.engine, record.method.stepper) == ("dynamic", "verlet")
+    record = pyfric.simulate(small(), 2e-4, switching="located", tolerance=0.5, progress=False)
+    assert (record.method.engine, record.method.switching) == ("hybrid", "located")
+
+
+@pytest.mark.parametrize(
+    ("fidelity", "options", "field", "allowed"),
+    [
+        ("dynamic", {"switching": "never"}, "switching", "'step_end' or 'located'"),
+        ("dynamic", {"switching": None}, "switching", "'located'"),
+        ("dynamic", {"method": "rk45"}, "method", "'adaptive'"),
+        ("dynamic", {"rtol": 1e-3}, "rtol", "method = 'adaptive'"),
+        ("dynamic", {"method": "adaptive", "rtol": 0.0}, "rtol", ">="),
+        ("dynamic", {"method": "adaptive", "rtol": float("nan")}, "rtol", "finite"),
+        ("hybrid", {"method": "verlet"}, "method", "'rk4', or fidelity = 'dynamic'"),
+        ("quasistatic", {"method": "verlet"}, "method", "makes no steps"),
+        ("quasistatic", {"switching": "located"}, "switching", "makes no steps"),
+    ],
+)
+def test_refused_options(fidelity, options, field, allowed):
+    with pytest.raises(SceneError) as refusal:
+        pyfric.simulate(small(), 1e-4, fidelity=fidelity, progress=False, **options)
+    assert refusal.value.field == field
+    assert allowed in str(refusal.value)
+
+
+def test_the_chain_runs_with_every_method():
+    scene = chain(L=0.03, V=0.05, tau=30.0)
+    ends = [
+        simulate(scene, 2e-3, method=m, switching=s, dt=0.1e-6).curve["F_T"].iloc[-1]
+        for m, s in WAYS
+    ]
+    assert np.ptp(ends) < 1e-3 * scene.F_N

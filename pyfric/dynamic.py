@@ -148,10 +148,9 @@ def integrate(
     check_options(
         scene, geometry, method, switching, rtol, budget, sample, threads, checkpoint_every
     )
-    if method not in engine.steppers:
-        allowed = " or ".join(map(repr, engine.steppers)) + ", or fidelity = 'dynamic'"
-        raise SceneError("method", method, "", allowed)
-    geometry = geometry or default_geometry(scene)
+    geometry = geometry or (
+        default_geometry(scene) if "finite" in engine.geometries else engine.geometries[0]
+    )
     if not isinstance(initial, State | Record | None):
         raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
     if budget and not engine.keeps_budget:
@@ -166,6 +165,16 @@ def integrate(
         dt, initial = before.method.dt, before.final_state
         method, rtol = before.method.stepper, before.method.rtol
         switching = before.method.switching.replace(" ", "_")
+    for name, value, known in (
+        ("method", method, engine.steppers),
+        ("switching", switching, engine.switchings),
+        ("geometry", geometry, engine.geometries),
+    ):
+        if value not in known:
+            others = f"with fidelity = {engine.name!r}"
+            if method not in core.STEPPERS:
+                others += f", method = {method!r}"
+            raise SceneError(name, value, "", f"{' or '.join(map(repr, known))} {others}")
     dt = step_size(scene, dt, method)
     if initial is not None:
         initial.check_physics(scene)
@@ -268,6 +277,8 @@ class Run:
     name = "dynamic"
     keeps_budget = True
     steppers: tuple[str, ...] = tuple(core.STEPPERS)
+    switchings: tuple[str, ...] = get_args(core.Switching)
+    geometries: tuple[str, ...] = get_args(Geometry)
 
     def __init__(
         self,
@@ -392,12 +403,9 @@ class Run:
                 f"checkpoint {path} was not written: {error}", RuntimeWarning, stacklevel=4
             )
 
-    def call(self, n_steps: int) -> None:
-        """Let the core make up to n_steps and take over its log."""
-        state = self.state
-        good, step = state.copy(), state.step
-        start = time.perf_counter()
-        status = core.advance(
+    def make_steps(self, state: State, n_steps: int) -> core.Status:
+        """Make up to n_steps; the state changes in place, and the log is filled."""
+        return core.advance(
             self.model,
             state,
             self.log,
@@ -408,6 +416,13 @@ class Run:
             budget=self.method.budget,
             threads=self.method.threads,
         )
+
+    def call(self, n_steps: int) -> None:
+        """Let the core make up to n_steps and take over its log."""
+        state = self.state
+        good, step = state.copy(), state.step
+        start = time.perf_counter()
+        status = self.make_steps(state, n_steps)
         seconds = time.perf_counter() - start
         per_step = core.EVALUATIONS[self.method.stepper] * self.scene.N_x * self.scene.N_z
         self.evaluations += self.log.tried * per_step

@@ -409,7 +409,7 @@ class StaticSolver:
         try:
             if not contact.slip.any():
                 with contextlib.suppress(np.linalg.LinAlgError):  # not positive definite
-                    return BandedCholesky(K[unknown][:, unknown], *self._banded(unknown))
+                    return BandedCholesky(K[unknown][:, unknown], *self.banded(unknown))
             return splu(K[unknown][:, unknown].tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
         except RuntimeError as error:
             raise EquilibriumError("the slider is not supported", np.nan, self._limit, 0) from error
@@ -426,7 +426,7 @@ class StaticSolver:
             self._factors[key] = self._factorised(self._K, contact, driven)
         return self._factors[key]
 
-    def _banded(self, unknown: np.ndarray) -> tuple[np.ndarray, int]:
+    def banded(self, unknown: np.ndarray) -> tuple[np.ndarray, int]:
         """Return the order of unknowns that makes the narrowest band, rod last; size of the rod."""
         scene, n_rod = self.scene, 3 if self.scene.rigid else 0
         row, i = np.divmod(unknown[: len(unknown) - n_rod], scene.N_x)

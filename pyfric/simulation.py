@@ -11,6 +11,7 @@ from pyfric.catalogue import T_GAP
 from pyfric.dynamic import Run, RunError, check_options, integrate
 from pyfric.equilibrium import EquilibriumError
 from pyfric.hybrid import HybridRun
+from pyfric.implicit import ImplicitRun
 from pyfric.record import Record
 from pyfric.state import State, StateError
 from pyfric.units import SceneError
@@ -140,7 +141,12 @@ def simulate(
 
 def _run(fidelity: str, scene: Scene, t_end: float, stepped: dict, common: dict) -> Record:
     if fidelity in ENGINES:
-        return integrate(ENGINES[fidelity], scene, t_end, **stepped, **common)
+        before, method = common["initial"], stepped["method"]
+        if isinstance(before, Record):
+            method = before.method.stepper
+        implicit = fidelity == "dynamic" and method == "moreau_jean"
+        engine = ImplicitRun if implicit else ENGINES[fidelity]
+        return integrate(engine, scene, t_end, **stepped, **common)
     for name, without in (
         ("geometry", (None, "linear")),
         ("method", ("rk4",)),

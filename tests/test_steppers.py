@@ -475,7 +475,7 @@ def test_plans_keep_the_method_that_was_asked_for():
         ("dynamic", {"rtol": 1e-3}, "rtol", "method = 'adaptive'"),
         ("dynamic", {"method": "adaptive", "rtol": 0.0}, "rtol", ">="),
         ("dynamic", {"method": "adaptive", "rtol": float("nan")}, "rtol", "finite"),
-        ("hybrid", {"method": "verlet"}, "method", "'rk4', or fidelity = 'dynamic'"),
+        ("hybrid", {"method": "verlet"}, "method", "'rk4' with fidelity = 'hybrid'"),
         ("quasistatic", {"method": "verlet"}, "method", "makes no steps"),
         ("quasistatic", {"switching": "located"}, "switching", "makes no steps"),
     ],

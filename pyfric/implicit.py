@@ -119,7 +119,7 @@ class MoreauJean:
         self, q: np.ndarray, v: np.ndarray, mode: np.ndarray, free: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, _Impulses] | None:
         """Return directions of slip, closed blocks and impulses; None where nothing is found."""
-        h, N, mu_s = self.h, self.scene.N_x, self.scene.interface.mu_s
+        N, mu_s = self.scene.N_x, self.scene.interface.mu_s
         slip, closed = np.where(mode == OPEN, 0, mode), mode != OPEN
         stopped = np.zeros(N, dtype=bool)
         v_x, u_z = v[:N], q[N : 2 * N]
@@ -132,7 +132,8 @@ class MoreauJean:
                     wrong = depth == depth.max()
                 lands = wrong & ~closed
                 closed = closed ^ wrong
-                slip = np.where(lands, np.sign(v_x), np.where(closed, slip, 0)).astype(int)
+                along = np.sign(2 * now.v_x - v_x).astype(np.int32)
+                slip = np.where(lands, along, np.where(closed, slip, 0))
                 continue
             back = closed & (slip * (2 * now.v_x - v_x) * self.scene.m < -self.tol)
             if back.any():
@@ -144,7 +145,7 @@ class MoreauJean:
             if not over[i] > self.tol:
                 return slip, closed, now
             slip = slip.copy()
-            slip[i] = -np.sign(now.P_x[i])
+            slip[i] = 1 if now.P_x[i] < 0 else -1
         return None
 
     def _solve(

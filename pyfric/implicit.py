@@ -37,7 +37,8 @@ from pyfric.banded import BandedCholesky
 from pyfric.core import Status
 from pyfric.dynamic import Run
 from pyfric.operators import damping, mass, stiffness
-from pyfric.state import OPEN
+from pyfric.state import OPEN, STUCK
+from pyfric.units import SceneError
 
 if TYPE_CHECKING:
     from pyfric.equilibrium import StaticSolver
@@ -196,6 +197,10 @@ class ImplicitRun(Run):
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
+        interface = self.scene.interface
+        if interface.weakens:
+            allowed = "0 m with method = 'moreau_jean'"
+            raise SceneError("interface.d_c", interface.d_c, "m", allowed)
         self.scheme = MoreauJean(self.solver.known, self.state.dt, self.state.u_drv0)
 
     def make_steps(self, state: State, n_steps: int) -> Status:
@@ -253,6 +258,8 @@ class ImplicitRun(Run):
             old = state.mode[i]
             if abs(old) != 1:
                 state.corner[i] = p[i] < self.model.constants[17]
+            slip = 0.0 if mode[i] == STUCK else state.slip[i]
+            state.s_0[i] = slip - (mode[i] * q[i] if abs(mode[i]) == 1 else 0.0)
             state.mode[i] = mode[i]
             log.switch_i[:, log.n_switch] = i, old, mode[i], state.corner[i]
             log.switch_r[:, log.n_switch] = state.step, state.t, q[i], p[i]

@@ -234,13 +234,15 @@ def test_no_contact_state_ends_the_run_with_a_reason(monkeypatch):
     [
         ("dynamic", {"geometry": "finite"}, "geometry", "method = 'moreau_jean'"),
         ("dynamic", {"switching": "located"}, "switching", "'step_end'"),
+        ("dynamic", {"d_c": 1e-6}, "interface.d_c", "method = 'moreau_jean'"),
         ("hybrid", {}, "method", "fidelity = 'hybrid'"),
         ("quasistatic", {}, "method", "makes no steps"),
     ],
 )
 def test_refused_options(fidelity, options, field, allowed):
+    scene = small(d_c=options.pop("d_c", 0.0))
     with pytest.raises(SceneError) as refusal:
-        implicit(small(), 1e-4, fidelity=fidelity, **options)
+        implicit(scene, 1e-4, fidelity=fidelity, **options)
     assert refusal.value.field == field
     assert allowed in str(refusal.value)
 

@@ -262,6 +262,17 @@ class LammpsBonds:
             self._lmp.command("fix 1 all nve")
         self._lmp.command("run 0 post no")
 
+    def start(self, u: np.ndarray, dt: float) -> None:
+        """Begin again from rest at displacements u, shape (N_z, 2, N_x), in m.
+
+        dt is the time step in units of sqrt(m/k).
+        """
+        column, row = self._site[:, 0], self._site[:, 1]
+        self._x()[:] = self._site + u[row, :, column] / self._l
+        self._lmp.numpy.extract_atom("v")[:] = 0.0
+        self._lmp.command(f"timestep {dt!r}")
+        self._lmp.command("run 0 post no")
+
     def run(self, n: int) -> None:
         """Make n steps, each with one force evaluation; there is none before the first step."""
         self._lmp.command(f"run {n} pre no post no")

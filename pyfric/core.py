@@ -44,6 +44,7 @@ __all__ = [
     "load_variant",
     "model",
     "room_of_step",
+    "springs",
     "useful_threads",
     "variants",
 ]
@@ -237,6 +238,22 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
         constants,
         **rows,
     )
+
+
+def springs(scene: Scene, geometry: Geometry, m: float | None = None) -> Model:
+    """Return the free lattice, without viscosity, foundation, loads, driver and rod.
+
+    Args:
+        scene: gives the lattice.
+        geometry: "linear" or "finite".
+        m: mass of a block, in kg; None means the scene's.
+    """
+    whole = model(scene, geometry, 0.0)
+    constants = np.zeros_like(whole.constants)
+    constants[:2] = whole.constants[:2]
+    constants[3] = scene.m if m is None else m
+    nothing = np.zeros(scene.N_x)
+    return whole._replace(rigid=0, constants=constants, load=nothing, shear=nothing)
 
 
 def room_of_step(N_x: int, switching: Switching) -> tuple[int, int]:

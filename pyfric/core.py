@@ -240,17 +240,21 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
     )
 
 
-def springs(scene: Scene, geometry: Geometry, m: float | None = None) -> Model:
-    """Return the free lattice, without viscosity, foundation, loads, driver and rod.
+def springs(
+    scene: Scene, geometry: Geometry, m: float | None = None, *, viscous: bool = False
+) -> Model:
+    """Return the free lattice, without foundation, loads, driver and rod.
 
     Args:
         scene: gives the lattice.
         geometry: "linear" or "finite".
         m: mass of a block, in kg; None means the scene's.
+        viscous: with the dashpots of the bonds.
     """
     whole = model(scene, geometry, 0.0)
     constants = np.zeros_like(whole.constants)
     constants[:2] = whole.constants[:2]
+    constants[2] = scene.eta if viscous else 0.0
     constants[3] = scene.m if m is None else m
     nothing = np.zeros(scene.N_x)
     return whole._replace(rigid=0, constants=constants, load=nothing, shear=nothing)

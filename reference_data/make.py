@@ -4,13 +4,15 @@
 
 NAME is a scene (`fig1`) or one set (`fig1_linear`); none means all, which takes about half an hour
 on one core. pyfric has to be installed. Every scene runs until 0.02 s after its first system-size
-event (a main event with L_p = L), with the automatic step. Each set is a folder:
+event (a main event with L_p = L), with the automatic step and contacts that switch inside steps:
+the most accurate of the methods that can be afforded (`pyfric chart`). Each set is a folder:
 
     events.csv       all events: times (s), forces (N), extents; every digit
     curve.csv        F_T (N) over t (s), about every 2 ms; every digit
     stresses.csv     tau and p (N) at first slip and last stick of the main events, 10 digits;
                      event -1 is the loaded slider
-    fronts.csv       rupture times (s) of the main events' fronts; every digit
+    fronts.csv       fronts of the main events: rupture times (s), front speed v_c (m/s), tau/p just
+                     before the event; every digit
     provenance.toml  the scene, how it was run and with what
 
 Blocks n count from 1 at the trailing edge, events are rows of events.csv, from 0.
@@ -72,6 +74,7 @@ def run(scene: pyfric.Scene, geometry: str, label: str) -> tuple[pyfric.Record, 
             t_end,
             fidelity="dynamic",
             geometry=geometry,
+            switching="located",
             budget=False,
             sample=SAMPLE,
             threads=1,
@@ -104,7 +107,11 @@ def tables(record: pyfric.Record) -> dict[str, pd.DataFrame]:
         values = np.concatenate([first, getattr(record, name)[main].ravel()])
         stresses[name] = [f"{value:.10g}" for value in values]
     row, i = np.nonzero(np.isfinite(record.rupture_times[main]))
-    fronts = {"event": main[row], "n": n[i], "t": record.rupture_times[main][row, i]}
+    times = record.rupture_times[main]
+    v_c = pyfric.front_speed(times, record.scene.slider.l, record.scene.d)
+    ratio = record.tau_before[main] / record.p_before[main]
+    fronts = {"event": main[row], "n": n[i]}
+    fronts |= {"t": times[row, i], "v_c": v_c[row, i], "tau_over_p": ratio[row, i]}
     events = record.events[list(EVENTS)].rename_axis("event").reset_index()
     return {
         "events": events,

@@ -35,7 +35,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.integrate import solve_ivp
 
@@ -44,7 +43,7 @@ from pyfric.bench_fidelity import compare
 from pyfric.catalogue import front_speed
 from pyfric.dynamic import RunError
 from pyfric.equilibrium import loaded_state
-from pyfric.figures import DataFigure, save_figure
+from pyfric.figures import DataFigure
 from pyfric.operators import stability_limit
 from pyfric.scene import chain, preset
 from pyfric.simulation import simulate
@@ -58,7 +57,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["QUESTIONS", "chart", "curve_points", "event_points", "orders"]
+__all__ = ["QUESTIONS", "chart", "curve_points", "event_points", "figure", "orders"]
 
 EVENT, BEFORE, AFTER = 10, 20e-6, 300e-6
 """The main precursor, counted from 0, and the times before and after its first slip, s."""
@@ -587,7 +586,7 @@ def figure(table: pd.DataFrame) -> DataFigure:
     """Return the chart: error over computing time, one panel for each question.
 
     Filled markers are finite geometry, open ones linear; circles are located switching, squares
-    switching at step ends, diamonds peers. Points that failed stand at the top, crossed.
+    switching at step ends, triangles runs without switches, diamonds peers.
     """
     fig = DataFigure(figsize=(7.2, 8.4), layout="constrained")
     FigureCanvasAgg(fig)
@@ -623,11 +622,11 @@ def figure(table: pd.DataFrame) -> DataFigure:
     failed = table[table["status"] != "ok"]
     fig.caption = (
         "Error against computing time for every method. (a-d) The 11th main precursor of the "
-        "Fig. 1 scene, from one state; reference: RK4 with located switching in finite geometry, steps "
-        "halved until converged. (e) Loading curve of that scene up to 0.35 s, whole runs. (f) A "
-        "standing wave in the free lattice, beside LAMMPS. (g) Four blocks, beside SciPy. Each line "
-        f"is a ladder of steps or tolerances; {len(failed)} points were refused or failed and stand "
-        "in the table with the reason."
+        "Fig. 1 scene, from one state; reference: RK4 with located switching in finite geometry, "
+        "steps halved until converged. (e) Loading curve of that scene up to 0.35 s, whole runs. "
+        "(f) A standing wave in the free lattice, beside LAMMPS. (g) Four blocks, beside SciPy. "
+        f"Each line is a ladder of steps or tolerances; {len(failed)} points were refused or "
+        "failed and stand in the table with the reason."
     )
     fig.tables = {"points": table}
     return fig

@@ -1,0 +1,75 @@
+"""The stability map: computed limits against runs."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from pyfric import core, stability
+from pyfric.equilibrium import loaded_state
+from pyfric.figures import save_figure
+from pyfric.operators import stability_limit
+from pyfric.scene import preset
+from pyfric.simulation import simulate
+from pyfric.state import State
+
+WITHIN = 0.05
+
+
+@pytest.mark.parametrize("method", stability.LIMITED)
+@pytest.mark.parametrize("eta", [0.0, math.sqrt(0.1), 3.0])
+@pytest.mark.parametrize("stiffness", [1.0, 100.0])
+def test_computed_limits_are_those_of_runs(method, eta, stiffness):
+    scene = stability.small_slider(eta, stiffness)
+    computed, details = stability_limit(scene, method)
+    assert details["exact"]
+    measured = stability.measured_limit(scene, method, computed)
+    assert measured == pytest.approx(computed, rel=WITHIN)
+    assert not stability.grows(scene, method, 0.98 * computed)
+
+
+def test_the_limit_of_the_paper_s_lattice_is_that_of_runs():
+    """57 x 31 blocks: plane waves give the limit, model and runs 1.57 us."""
+    scene = preset("fig1", V=0.0, mu_s=1e6)
+    computed = stability_limit(scene)[0]
+    assert not stability.grows(scene, "rk4", computed)
+    assert stability.grows(scene, "rk4", 1.03 * computed)
+
+
+@pytest.mark.parametrize("method", ["adaptive", "moreau_jean"])
+def test_steppers_without_a_limit_stay_stable_far_above_that_of_rk4(method):
+    scene = stability.small_slider(math.sqrt(0.1), 1.0)
+    dt = 20 * stability_limit(scene)[0]
+    if method == "moreau_jean":
+        slow = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, V=1e-4))
+        record = simulate(
+            slow,
+            400 * dt,
+            fidelity="dynamic",
+            geometry="linear",
+            method=method,
+            dt=dt,
+            budget=False,
+            progress=False,
+        )
+        assert record.status == "complete"
+        assert np.abs(record.curve["F_T"]).max() < 2 * scene.driver.K * 1e-4 * 400 * dt
+        return
+    rest = loaded_state(scene)
+    state = State.at_rest(scene, rest, dt)
+    state.y[1:-1, 2:] = 1e-9 * np.random.default_rng(1).standard_normal(state.y[1:-1, 2:].shape)
+    model, log = core.model(scene, "linear", rest.u_drv0), core.Log(scene.N_x)
+    core.advance(model, state, log, 200, method=method, rtol=1e-3, budget=False)
+    allowed = 1e-3 * scene.F_N / scene.N_x / math.sqrt(scene.slider.k * scene.m)
+    assert np.abs(state.y[:, 2:]).max() < allowed  # errors may grow as far as they are accepted
+
+
+def test_map_and_figure(tmp_path):
+    table = stability.stability_map(("rk4",), (0.1, 1.0), (1.0, 10.0))
+    assert list(table) == ["method", "eta", "stiffness", "computed", "measured", "ratio"]
+    assert len(table) == 4
+    np.testing.assert_allclose(table["ratio"], 1, atol=WITHIN)
+    fig = stability.figure(table)
+    names = {path.name for path in save_figure(fig, tmp_path / "map")}
+    assert names == {"map.png", "map.pdf", "map.txt", "map_limits.csv"}

@@ -276,7 +276,7 @@ HERE = "\0"  # value of --resume without a file
     help="Contacts switch at the end of a step, as in the paper, or where they do inside it.",
 )
 @click.option(
-    "--rtol", type=float, help="Error of a sub-step of --method adaptive. [default: 1e-3]"
+    "--rtol", type=float, help="Error of a sub-step of --method adaptive. [default: 1e-6]"
 )
 @click.option(
     "--dt",

@@ -78,7 +78,7 @@ def simulate(
             start, middle and end dips below zero.
         rtol: for method "adaptive": largest error of a sub-step, in displacements over F_N/(N_x s),
             in velocities over F_N/(N_x sqrt(s m)), s the largest of k, k_f and k_top; None means
-            1e-3.
+            1e-6.
         dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
         initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there. A
             `Record` of the same scene goes on where it stopped, with its engine, geometry, step,

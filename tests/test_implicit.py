@@ -5,6 +5,7 @@ import functools
 
 import numpy as np
 import pytest
+import twin
 
 import pyfric
 from pyfric import core
@@ -67,6 +68,27 @@ def test_order_is_two_while_nothing_switches(kind):
         errors.append(np.abs(record.final_state.y - exact.y).max())
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all(np.abs(orders - 2) < 0.2), orders
+
+
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_one_step_obeys_the_equation_of_the_twin(kind):
+    """(v' - v)/h is the acceleration of the twin at the middle, (q' - q)/h the velocity there."""
+    scene = small(kind)
+    dt = 2e-8
+    state = shaken(scene, dt, 0.02)
+    slips = np.arange(scene.N_x) % 2 == 0
+    state.mode[slips] = 1
+    state.y[0, 2] = np.where(slips, 0.3, 0.0)
+    now = implicit(scene, dt, initial=state, dt=dt).final_state
+    assert (now.mode == state.mode).all()
+    y, rod = (now.y + state.y) / 2, (now.rod + state.rod) / 2
+    there = twin.right_hand_side(scene, "linear", dt / 2, y, rod, now.mode, now.u_drv0)
+    change = (now.y - state.y) / dt
+    for c in range(4):
+        scale = np.abs(there.dydt[:, c]).max()
+        assert np.abs(change[:, c] - there.dydt[:, c]).max() < 1e-9 * scale
+    works = [now.dissipated.sum(), now.heat.sum(), *now.work]
+    np.testing.assert_allclose(works, dt * np.array(list(there.rates.values())), rtol=1e-9)
 
 
 def test_a_static_state_stays_where_it_is():

@@ -12,6 +12,7 @@ Source: J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011).
 import importlib
 from types import ModuleType
 
+from pyfric import analysis
 from pyfric.catalogue import build_catalogue, front_speed
 from pyfric.dynamic import Progress, RunError, step_size
 from pyfric.equilibrium import (
@@ -67,6 +68,7 @@ __all__ = [
     "StateError",
     "StaticSolver",
     "__version__",
+    "analysis",
     "build_catalogue",
     "chain",
     "figures",

@@ -1,0 +1,275 @@
+"""Analysis of hand-made records whose answers are known exactly, and of one real run."""
+
+import dataclasses
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import pyfric
+from pyfric import SceneError, analysis
+from pyfric.catalogue import EVENT_COLUMNS, QUIET_COLUMNS, SWITCH_COLUMNS
+from pyfric.record import Method, Record
+from pyfric.scene import setup1
+
+F_N, N, L_BLOCK = 1000.0, 11, 2.5e-3
+MU_S, MU_K = 0.75, 0.5
+UNIT = F_N / N
+
+EVENTS = (
+    # n_blocks, reached, finished, F_T_start, F_T_arrest
+    (5, 5, True, 100.0, 90.0),
+    (1, 1, True, 120.0, 119.0),  # micro-slip
+    (6, 0, True, 200.0, 190.0),  # away from the trailing edge
+    (8, 8, True, 300.0, 280.0),
+    (11, 11, True, 400.0, 240.0),
+    (4, 4, True, 350.0, 340.0),  # after the first system-size event
+    (11, 11, True, 420.0, 250.0),
+    (9, 9, False, 410.0, np.nan),
+)
+T_START = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
+
+
+def made_up(side="left", mu_s=MU_S, events=EVENTS, speed=500.0):
+    """Event e ruptures blocks 1 ... reached at `speed`; block n has tau/p = 0.5 + n/100 before."""
+    scene = setup1(L=(N - 1) * L_BLOCK, H=5e-3, h=2.5e-3, F_N=F_N, mu_s=mu_s, mu_k=MU_K, side=side)
+    column = np.argsort(scene.n_of_i)  # column of block n = 1 ... N
+    count = len(events)
+    n = np.arange(1, N + 1)
+    blocks, reached, finished, F_start, F_arrest = (np.array(x) for x in zip(*events, strict=True))
+    p = UNIT * (1 + 0.1 * n)
+
+    def by_column(rows):
+        table = np.empty_like(rows)
+        table[..., column] = rows
+        return table
+
+    inside = n <= reached[:, None]
+    times = np.where(inside, T_START[:count, None] + (n - 1) * L_BLOCK / speed, np.nan)
+    p_before = np.tile(p, (count, 1))
+    p_before[:, 2] = 0.0  # block 3 is open
+    tau_before = p_before * (0.5 + n / 100)
+    p_after = np.where(inside, 0.75 * p, p) * np.where(finished, 1.0, np.nan)[:, None]
+    table = dict.fromkeys(EVENT_COLUMNS, np.zeros(count)) | {
+        "t_start": T_START[:count],
+        "t_stop": T_START[:count] + 1e-3,
+        "F_T_start": F_start,
+        "F_T_arrest": F_arrest,
+        "L_p_over_L": reached / N,
+        "n_blocks": blocks,
+        "finished": finished,
+        "is_precursor": (reached > 0) & (reached < N),
+        "is_main": blocks >= 4,
+    }
+    t = np.linspace(0, 8, 801)
+    quiet = {
+        k: np.zeros((0, N) if k in ("u_x", "mode") else 0, v) for k, v in QUIET_COLUMNS.items()
+    }
+    return Record(
+        scene=scene,
+        method=Method(engine="made up", geometry="linear"),
+        curve=pd.DataFrame({"t": t, "F_T": 50.0 * t}),
+        events=pd.DataFrame(table),
+        episodes=pd.DataFrame(),
+        region=by_column(inside.astype(np.int8)),
+        rupture_times=by_column(times),
+        tau_before=by_column(tau_before),
+        p_before=by_column(p_before),
+        tau_after=by_column(MU_K * p_after),
+        p_after=by_column(p_after),
+        tau_initial=by_column(UNIT * (n - 6.0)),
+        p_initial=by_column(p),
+        quiet=quiet,
+        switches={k: np.zeros(0, v) for k, v in SWITCH_COLUMNS.items()},
+    )
+
+
+@pytest.fixture(scope="module", params=["left", "right"])
+def record(request):
+    return made_up(request.param)
+
+
+# --- events --------------------------------------------------------------------------------------
+
+
+def test_precursors_are_finished_main_events_short_of_the_whole(record):
+    table = analysis.precursors(record)
+    assert table["event"].tolist() == [0, 3, 5]
+    assert table["force_start"].tolist() == [0.1, 0.3, 0.35]
+    assert table["force_arrest"].tolist() == [0.09, 0.28, 0.34]
+    assert set(EVENT_COLUMNS) < set(table)
+    assert analysis.system_size_events(record)["event"].tolist() == [4, 6]
+
+
+def test_lengths_are_those_of_the_first_loading(record):
+    table = analysis.precursor_lengths(record)
+    assert list(table) == ["event", "force", "L_p_over_L"]
+    assert table["event"].tolist() == [0, 3]
+    assert table["force"].tolist() == [0.09, 0.28]
+    assert table["L_p_over_L"].tolist() == [5 / N, 8 / N]
+    cut = analysis.precursor_lengths(made_up(events=EVENTS[:2]))
+    assert cut["event"].tolist() == [0]
+
+
+# --- stresses ------------------------------------------------------------------------------------
+
+
+def test_profile_of_the_loaded_slider(record):
+    table = analysis.stress_profile(record)
+    n = np.arange(1, N + 1)
+    assert table["n"].tolist() == n.tolist()
+    np.testing.assert_allclose(table["x_over_L"], (n - 1) / 10, rtol=1e-15)
+    np.testing.assert_allclose(table["tau"], n - 6.0, rtol=1e-15)
+    np.testing.assert_allclose(table["p"], 1 + 0.1 * n, rtol=1e-15)
+    np.testing.assert_array_equal(table["p_over_p_initial"], 1.0)
+    assert not table["region"].any()
+
+
+def test_profile_before_and_after_an_event(record):
+    n = np.arange(1, N + 1)
+    before = analysis.stress_profile(record, 3)
+    shut = n != 3
+    np.testing.assert_allclose(before["tau_over_p"][shut], 0.5 + n[shut] / 100, rtol=1e-14)
+    np.testing.assert_allclose(before["scaled"][shut], n[shut] / 25, rtol=1e-12)
+    assert before["p_over_p_initial"].tolist() == np.where(shut, 1.0, 0.0).tolist()
+    assert before[["tau_over_p", "scaled"]][~shut].isna().all(axis=None)
+    after = analysis.stress_profile(record, 3, "after")
+    np.testing.assert_allclose(after["scaled"], 0.0, atol=1e-14)
+    np.testing.assert_allclose(after["p_over_p_initial"], np.where(n <= 8, 0.75, 1.0), rtol=1e-14)
+    np.testing.assert_array_equal(after["region"], n <= 8)
+
+
+def test_equal_coefficients_leave_no_scaled_prestress():
+    record = made_up(mu_s=MU_K)
+    assert analysis.stress_profile(record)["scaled"].isna().all()
+    assert np.isnan(analysis.friction_coefficients(record).R)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "field"),
+    [
+        ((8,), "event"),
+        ((-1,), "event"),
+        ((1.0,), "event"),
+        ((True,), "event"),
+        ((0, "during"), "when"),
+        ((7, "after"), "event"),  # not finished
+    ],
+)
+def test_states_that_do_not_exist_are_refused(arguments, field):
+    with pytest.raises(SceneError) as refused:
+        analysis.stress_profile(made_up(), *arguments)
+    assert refused.value.field == field
+    assert refused.value.value == arguments[field == "when"]
+
+
+# --- fronts --------------------------------------------------------------------------------------
+
+
+def test_front_has_the_speed_it_was_made_with(record):
+    table = analysis.front(record, np.int64(3))
+    assert table["n"].tolist() == list(range(1, 9))
+    assert table["v_c"].isna().tolist() == [True, True, False, False, False, False, True, True]
+    np.testing.assert_allclose(table["v_c"][2:6], 500.0, rtol=1e-9)
+    np.testing.assert_allclose(table["t"], 3.0 + np.arange(8) * 5e-6, rtol=1e-15)
+    np.testing.assert_allclose(table["scaled"][3:], np.arange(4, 9) / 25, rtol=1e-12)
+    assert np.isnan(table["tau_over_p"][2])
+
+
+def test_fronts_are_those_of_all_finished_main_events(record):
+    table = analysis.fronts(record)
+    assert table["event"].unique().tolist() == [0, 3, 4, 5, 6]
+    pd.testing.assert_frame_equal(
+        table[table["event"] == 4].drop(columns="event").reset_index(drop=True),
+        analysis.front(record, 4),
+    )
+    none = analysis.fronts(made_up(events=EVENTS[1:2]))
+    assert list(none) == list(table)
+    assert none.empty
+
+
+@pytest.mark.parametrize("event", [99, None, "3"])
+def test_fronts_of_no_event_are_refused(event):
+    with pytest.raises(SceneError, match="event"):
+        analysis.front(made_up(), event)
+
+
+# --- numbers -------------------------------------------------------------------------------------
+
+
+def test_friction_of_the_whole_slider(record):
+    found = analysis.friction_coefficients(record)
+    assert found.mu_s_macro == pytest.approx(0.42, rel=1e-15)
+    assert found.mu_k_macro == pytest.approx(0.05 * 5.0, rel=1e-12)  # mean of 0.05 t over 4 ... 6 s
+    assert found.R == pytest.approx((0.42 - 0.5) / 0.25, rel=1e-12)
+    once = analysis.friction_coefficients(made_up(events=EVENTS[:5]))
+    assert once.mu_s_macro == pytest.approx(0.4, rel=1e-15)
+    assert np.isnan(once.mu_k_macro)
+
+
+def test_friction_needs_sliding():
+    with pytest.raises(SceneError, match="raise t_end"):
+        analysis.friction_coefficients(made_up(events=EVENTS[:4]))
+
+
+def test_points_on_steps_have_no_spread_and_noise_has_its_own():
+    x = np.repeat([1.0, 2.0, 3.0, 4.0], 10)
+    curve = analysis.collapse_spread(x, np.exp(x), bins=4)
+    assert curve.rms < 1e-15
+    assert curve.n == 40
+    np.testing.assert_allclose(curve.median, np.exp([1.0, 2.0, 3.0, 4.0]), rtol=1e-14)
+    sign = np.tile([1, -1], 20)
+    assert analysis.collapse_spread(x, np.exp(x + 0.1 * sign), bins=4).rms == pytest.approx(0.1)
+    assert analysis.collapse_spread(x, x + 0.1 * sign, bins=4, log=False).rms == pytest.approx(0.1)
+    two = np.concatenate([np.exp(x), 2 * np.exp(x)])  # two curves, ln 2 apart: not one
+    found = analysis.collapse_spread(np.tile(x, 2), two, bins=4)
+    assert found.rms == pytest.approx(np.log(2) / 2)
+
+
+def test_missing_points_are_left_out():
+    x = np.arange(100.0)
+    y = np.where(x % 2, np.nan, 3.0)
+    found = analysis.collapse_spread(x, y, bins=5)
+    assert (found.n, found.rms) == (50, 0.0)
+    assert found.edges[0] == 0
+    assert found.edges[-1] == 98
+
+
+@pytest.mark.parametrize(
+    ("y", "bins", "field"), [(1.0, 0, "bins"), (1.0, 11, "bins"), (-1.0, 2, "y")]
+)
+def test_too_few_points_or_no_logarithm_are_refused(y, bins, field):
+    with pytest.raises(SceneError) as refused:
+        analysis.collapse_spread(np.arange(50.0), y, bins=bins)
+    assert refused.value.field == field
+
+
+# --- a real run ----------------------------------------------------------------------------------
+
+
+def test_real_run():
+    """The driver's force is the sum of tau; before an event some block is at mu_s."""
+    scene = pyfric.preset("fig1")
+    record = pyfric.simulate(scene, 0.45, fidelity="hybrid", geometry="linear", progress=False)
+    main = analysis.precursors(record)
+    assert len(main) >= 4
+    for row in main.itertuples():
+        before = analysis.stress_profile(record, row.event)
+        assert before["tau"].sum() / scene.N_x == pytest.approx(row.force_start, rel=1e-9)
+        assert before["p"].sum() / scene.N_x == pytest.approx(1.0, rel=1e-9)
+        # one step of the driver may pass between the last grid point and the switch
+        assert before["scaled"].max() == pytest.approx(1.0, abs=2e-4)
+        assert before["n"][before["scaled"].argmax()] == row.nucleation_block
+        after = analysis.stress_profile(record, row.event, "after")
+        reached = round(row.L_p_over_L * scene.N_x)
+        assert (after["region"][:reached] > 0).all()
+        assert after["region"][reached] == 0
+        speeds = analysis.front(record, row.event)["v_c"].dropna()
+        assert ((speeds > 100) & (speeds < 4000)).all()
+    assert (np.diff(analysis.precursor_lengths(record)["L_p_over_L"]) > 0).all()
+    image = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, side="right"))
+    mirror = pyfric.simulate(image, 0.45, fidelity="hybrid", geometry="linear", progress=False)
+    event = int(main["event"].iloc[-1])
+    pd.testing.assert_frame_equal(
+        analysis.front(mirror, event), analysis.front(record, event), rtol=1e-6, check_exact=False
+    )

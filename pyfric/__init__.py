@@ -42,6 +42,7 @@ from pyfric.scene import (
 )
 from pyfric.simulation import simulate
 from pyfric.state import State, StateError
+from pyfric.sweep import Job, JobError, run_all
 from pyfric.units import SceneError
 from pyfric.version import __version__
 
@@ -53,6 +54,8 @@ __all__ = [
     "Equilibrium",
     "EquilibriumError",
     "Interface",
+    "Job",
+    "JobError",
     "Method",
     "Plan",
     "PrescribedLoad",
@@ -77,6 +80,7 @@ __all__ = [
     "plan",
     "prediction_curve",
     "preset",
+    "run_all",
     "setup1",
     "setup2",
     "simulate",

@@ -1,0 +1,245 @@
+"""Runs side by side give what `simulate` gives, are kept by content, and stop when told to."""
+
+import dataclasses
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import pyfric
+from pyfric import sweep
+from pyfric.sweep import Job, JobError, run_all
+
+OPTIONS = {"fidelity": "hybrid", "geometry": "linear"}
+
+
+def tiny(**changes):
+    return pyfric.setup1(**{"L": 0.02, "H": 0.0125, "V": 0.5} | changes)
+
+
+def job(t_end=1.2e-3, options=OPTIONS, **changes):
+    return Job(scene=tiny(**changes), t_end=t_end, options=options)
+
+
+def same_run(one, other):
+    plain = {"timings": {}}
+    return dataclasses.replace(one, **plain).identical(dataclasses.replace(other, **plain))
+
+
+@pytest.fixture
+def count(monkeypatch):
+    """Number of runs that were made in this process."""
+    made = []
+    simulate = sweep.simulate
+    monkeypatch.setattr(sweep, "simulate", lambda *a, **k: made.append(a) or simulate(*a, **k))
+    return made
+
+
+def test_processes_give_what_simulate_gives_in_order(tmp_path):
+    jobs = [job(t_end=2e-4), job(h=5e-3), job(h=2.5e-3, options={"fidelity": "quasistatic"})]
+    shown = []
+    found = run_all(jobs, workers=2, cache=tmp_path, progress=lambda *now: shown.append(now))
+    assert shown == [(0, 3), (1, 3), (2, 3), (3, 3)]
+    for record, one in zip(found, jobs, strict=True):
+        alone = pyfric.simulate(one.scene, one.t_end, threads=1, progress=False, **one.options)
+        assert same_run(record, alone)
+        assert record.timings["processor"] > 0
+    assert len(found[1].events)
+
+
+def test_finished_runs_are_used_again(tmp_path, count):
+    (first,) = run_all([job()], cache=tmp_path)
+    (again,) = run_all([job()], cache=tmp_path)
+    assert first.identical(again)
+    assert len(count) == 1
+    run_all([job()], cache=False)
+    assert len(count) == 2
+
+
+def test_equal_jobs_run_once_and_keep_their_names(count, tmp_path):
+    jobs = [job(name="one"), job(name="two"), job(name="one")]
+    found = run_all(jobs, cache=tmp_path, progress=False)
+    assert len(count) == 1
+    assert [one.scene.name for one in found] == ["one", "two", "one"]
+
+
+def test_key_holds_all_that_determines_a_run(monkeypatch):
+    different = [
+        job(),
+        job(t_end=1.3e-3),
+        job(mu_k=0.45 + 1e-16 + 1e-15),
+        job(eta=1.0),
+        job(side="right"),
+        job(options={}),
+        job(options=OPTIONS | {"t_gap": 2e-3}),
+    ]
+    assert len({one.key for one in different}) == len(different)
+    assert job(name="a").key == job(name="b").key
+    before = job().key
+    monkeypatch.setattr(sweep, "code_version", lambda: "another code")
+    assert job().key != before
+
+
+def test_code_version_follows_the_installed_files(monkeypatch, tmp_path):
+    def version():
+        sweep.code_version.cache_clear()
+        return sweep.code_version()
+
+    real = version()
+    monkeypatch.setattr(sweep, "__file__", str(tmp_path / "sweep.py"))
+    (tmp_path / "scene.py").write_text("a")
+    one = version()
+    (tmp_path / "scene.py").write_text("b")
+    two = version()
+    (tmp_path / "_core_v2.so").write_bytes(b"c")
+    assert len({real, one, two, version()}) == 4
+    monkeypatch.undo()
+    assert version() == real
+
+
+def test_damaged_and_foreign_files_are_made_again(tmp_path, count):
+    (first,) = run_all([job()], cache=tmp_path)
+    (path,) = tmp_path.glob("*.nc")
+    path.write_bytes(path.read_bytes()[:1000])
+    (again,) = run_all([job()], cache=tmp_path)
+    assert len(count) == 2
+    assert same_run(first, again)
+    assert pyfric.Record.load(path).identical(again)
+    dataclasses.replace(first, status="interrupted").save(path)
+    run_all([job()], cache=tmp_path)
+    dataclasses.replace(first, scene=tiny(F_N=3000.0)).save(path)
+    run_all([job()], cache=tmp_path)
+    assert len(count) == 4
+
+
+def test_only_complete_runs_are_kept(tmp_path, monkeypatch):
+    simulate = sweep.simulate
+    monkeypatch.setattr(
+        sweep,
+        "simulate",
+        lambda *a, **k: dataclasses.replace(simulate(*a, **k), status="interrupted"),
+    )
+    with pytest.raises(KeyboardInterrupt):
+        run_all([job()], cache=tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_cache_folder_follows_the_environment(monkeypatch, tmp_path):
+    monkeypatch.setenv(sweep.CACHE_VARIABLE, str(tmp_path / "mine"))
+    assert sweep.cache_folder() == tmp_path / "mine"
+    run_all([job(t_end=1e-5)])
+    assert len(list((tmp_path / "mine").glob("*.nc"))) == 1
+    monkeypatch.delenv(sweep.CACHE_VARIABLE)
+    assert sweep.cache_folder().name == "pyfric"
+
+
+def test_records_used_least_recently_go(tmp_path, monkeypatch):
+    for age, name in enumerate("abc"):
+        (tmp_path / f"{name}.nc").write_bytes(bytes(1000))
+        os.utime(tmp_path / f"{name}.nc", (1e9 - age, 1e9 - age))
+    (tmp_path / "notes.txt").write_bytes(bytes(5000))
+    sweep._trim(tmp_path, 2500)
+    assert {path.name for path in tmp_path.iterdir()} == {"a.nc", "b.nc", "notes.txt"}
+    run_all([job(t_end=1e-5)], cache=tmp_path)
+    os.utime(tmp_path / "b.nc", (1e9 + 9, 1e9 + 9))
+    kept = job(t_end=1e-5).key
+    monkeypatch.setattr(sweep, "MAX_BYTES", (tmp_path / f"{kept}.nc").stat().st_size + 1100)
+    os.utime(tmp_path / f"{kept}.nc", (1e9, 1e9))  # old, but used below, and so it stays
+    run_all([job(t_end=1e-5)], cache=tmp_path)
+    sweep._trim(tmp_path, sweep.MAX_BYTES)
+    assert {path.name for path in tmp_path.glob("*.nc")} == {f"{kept}.nc", "b.nc"}
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_error_names_its_job_and_others_are_kept(tmp_path, workers):
+    bad = job(options=OPTIONS | {"dt": 1.0}, name="too coarse")
+    good = job(t_end=1e-5)
+    with pytest.raises(JobError, match=r"too coarse to t = 0.0012 s.*dt = 1\.0.*unstable") as error:
+        run_all([good, bad], workers=workers, cache=tmp_path)
+    assert error.value.job == bad
+    run_all([good], cache=tmp_path)
+    assert (tmp_path / f"{good.key}.nc").exists()
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: job(t_end=-1.0), "t_end"),
+        (lambda: job(options={"thread": 1}), "options.thread"),
+        (lambda: job(options={"threads": 2}), "options.threads"),
+        (lambda: job(options={"initial": None}), "options.initial"),
+        (lambda: job(options={"dt": [1.0]}), "options.dt"),
+        (lambda: Job(scene="fig1", t_end=1.0), "scene"),
+        (lambda: run_all(["fig1"]), "jobs"),
+        (lambda: run_all([job()], workers=0), "workers"),
+        (lambda: run_all([job()], workers=True), "workers"),
+    ],
+)
+def test_bad_input_is_refused(make, text):
+    with pytest.raises(pyfric.SceneError, match=text):
+        make()
+
+
+def test_no_jobs_give_no_records():
+    assert run_all([]) == []
+
+
+SCRIPT = """
+import sys
+from pyfric import Job, run_all, setup1
+
+def tiny(h):
+    return setup1(L=0.02, H=0.0125, V=0.5, h=h)
+
+if __name__ == "__main__":
+    short = Job(scene=tiny(2.5e-3), t_end=1e-4, options={"fidelity": "dynamic"})
+    long = [
+        Job(scene=tiny(h), t_end=1e3, options={"fidelity": "dynamic"}) for h in (5e-3, 7.5e-3)
+    ]
+    run_all([short], cache=sys.argv[1])
+    print("ready", flush=True)
+    run_all([short, *long], workers=2, cache=sys.argv[1], progress=lambda *n: print(n, flush=True))
+"""
+
+
+def alive(group):
+    """Processes of a group that still run (those that nobody has waited for do not)."""
+    listed = subprocess.run(["ps", "-eo", "pgid=,stat="], capture_output=True, text=True).stdout
+    pairs = [line.split() for line in listed.splitlines()]
+    return sum(pgid == str(group) and not stat.startswith("Z") for pgid, stat in pairs)
+
+
+@pytest.mark.skipif(shutil.which("ps") is None, reason="needs ps and signals")
+@pytest.mark.parametrize("whole_group", [False, True])
+def test_ctrl_c_stops_all_workers_and_keeps_what_is_finished(tmp_path, whole_group):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    running = subprocess.Popen(
+        [sys.executable, "-P", str(script), str(tmp_path / "kept")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        assert running.stdout.readline() == "ready\n"
+        assert running.stdout.readline() == "(1, 3)\n"
+        begin = time.monotonic()
+        while alive(running.pid) < 4 and time.monotonic() - begin < 30:
+            time.sleep(0.1)  # itself, two workers and the tracker of resources
+        time.sleep(2.0)
+        (os.killpg if whole_group else os.kill)(running.pid, signal.SIGINT)
+        running.wait(20)
+        _, errors = running.communicate()
+    finally:
+        if running.poll() is None:
+            os.killpg(running.pid, signal.SIGKILL)
+    assert running.returncode != 0
+    assert errors.count("Traceback") == 1
+    assert "KeyboardInterrupt" in errors
+    assert not alive(running.pid)
+    assert len(list((tmp_path / "kept").iterdir())) == 1

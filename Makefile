@@ -7,9 +7,9 @@ PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto
 
 .PHONY: figures test test-slow lint format bench setup clean
 
-# Runs the model and draws the paper's figures into figures/.
+# Runs the model and draws the paper's figures into figures/, with the page figures/index.html.
 figures: setup
-	$(BIN)/pyfric figures --out figures
+	$(BIN)/pyfric reproduce --out figures
 
 # A part of them: make test ARGS="tests/test_core.py -k name"
 test: setup

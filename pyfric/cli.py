@@ -26,7 +26,6 @@ from click.core import ParameterSource
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pyfric.planner import Plan
     from pyfric.record import Record
     from pyfric.scene import Scene
 
@@ -48,6 +47,13 @@ Exit codes:
     1  the run failed; what was done is in --out
     2  bad input; nothing was started
   130  interrupted by Ctrl-C or SIGTERM; what was done is in --out
+"""
+SHORT_EXIT_CODES = """\b
+Exit codes:
+    0  complete
+    1  a run failed or a file could not be written
+    2  bad input; nothing was started
+  130  interrupted by Ctrl-C or SIGTERM; finished runs are kept
 """
 
 
@@ -71,7 +77,7 @@ class _Commands(click.Group):
             _stop(Exit.INTERRUPTED, "interrupted")
         except refusals as error:
             _stop(Exit.BAD_INPUT, f"Error: {error}")
-        except (pyfric.RunError, pyfric.EquilibriumError, MemoryError) as error:
+        except (pyfric.RunError, pyfric.JobError, pyfric.EquilibriumError, MemoryError) as error:
             _stop(Exit.FAILED, f"Error: {str(error) or 'out of memory'}")
         except OSError as error:
             if error.errno == errno.EPIPE:  # the reader of stdout has left: click ends quietly
@@ -185,6 +191,11 @@ def _writable(folder: Path) -> bool:
     while not here.exists():
         here = here.parent
     return here.is_dir() and os.access(here, os.W_OK | os.X_OK)
+
+
+def _check_folder(out: Path) -> None:
+    if not _writable(out):
+        raise click.UsageError(f"--out {out}: files cannot be written there.")
 
 
 def _check_out(out: Path | None, overwrite: bool) -> None:
@@ -664,89 +675,114 @@ def info(as_json: bool) -> None:
 # --- figures -------------------------------------------------------------------------------------
 
 
-T_END, WANTED = {"fig1": 0.9}, {"fig1": "loading_curve"}
-"""Runs behind the figures: preset -> time of the end in s, and what they are wanted for."""
+_names = click.Choice(["fig1b", "fig2a", "fig2b", "fig3a", "fig3b", "fig4a", "fig4b", "all"])
 
 
-def _fig1b(folder: Path, quiet: bool) -> list[Path]:
-    """Loading curve and slipping regions of Fig. 1(b)."""
-    record = _paper_run("fig1", folder, quiet)
-    return [folder / "fig1.nc", *_draw(record, folder / "fig1b")]
-
-
-FIGURES: dict[str, Callable[[Path, bool], list[Path]]] = {"fig1b": _fig1b}
-"""Name -> function that makes the figure in a folder and returns the files."""
-
-
-@main.command(epilog=EXIT_CODES.replace("--out", "the folder"))
-@click.argument("names", nargs=-1, type=click.Choice(list(FIGURES)))
+@main.command(epilog=SHORT_EXIT_CODES)
+@click.argument("names", nargs=-1, type=_names)
 @_file_option(
     "--out", metavar="DIR", default="figures", show_default=True, help="Folder of the files."
 )
+@click.option(
+    "--workers", type=click.IntRange(1, 4096), help="Most runs at a time. [default: processors]"
+)
+@click.option("--no-cache", is_flag=True, help="Make all runs again, and keep none.")
 @click.option("--quiet", is_flag=True, help="Show nothing but errors.")
-def figures(names: tuple[str, ...], out: Path, quiet: bool) -> None:
-    """Make the paper's figures from full runs of the model: all, or those named.
+def reproduce(
+    names: tuple[str, ...], out: Path, workers: int | None, no_cache: bool, quiet: bool
+) -> None:
+    """Make the paper's figures from runs of the model: all, or those named.
 
-    Each figure is PNG and PDF with its caption and data. Runs are kept beside them as records and
-    used again; an interrupted one is continued.
+    Each figure is PNG and PDF with its caption and data; index.html shows them. Runs are made side
+    by side. Finished ones are kept in the user's cache folder, or where PYFRIC_CACHE says, and used
+    again; delete that folder to clear it.
     """
-    if not _writable(out):
-        raise click.UsageError(f"--out {out}: files cannot be written there.")
-    out.mkdir(parents=True, exist_ok=True)
-    for name in dict.fromkeys(names or FIGURES):
-        for path in FIGURES[name](out, quiet):
-            if not quiet:
-                click.echo(path)
+    from pyfric.reproduce import reproduce
+
+    _check_folder(out)
+    chosen = () if "all" in names else names
+    progress = False if quiet else None
+    files = reproduce(chosen, out, workers=workers, cache=not no_cache, progress=progress)
+    _show_files(files, quiet)
 
 
-def _paper_run(name: str, folder: Path, quiet: bool) -> Record:
-    """Return the complete record of a preset, from the folder or from a run that is saved there."""
+@main.command()
+@click.argument("scene")
+@_set_option
+@_file_option("--out", metavar="STEM", help="Names of the files. [default: sketch_SCENE]")
+@click.option("--quiet", is_flag=True, help="Show nothing but errors.")
+def draw(scene: str, changes: tuple[str, ...], out: Path | None, quiet: bool) -> None:
+    """Draw a sketch of SCENE, to scale: STEM.png and STEM.pdf, with caption and data."""
+    from pyfric import figures
+
+    what = _scene(scene, changes)
+    stem = out or Path(f"sketch_{Path(scene).stem}")
+    _check_folder(stem.parent)
+    _show_files(figures.save_figure(figures.sketch(what), stem), quiet)
+
+
+@main.command()
+@click.argument("source", metavar="SCENE|RECORD")
+@click.option(
+    "--event",
+    type=click.IntRange(1),
+    required=True,
+    metavar="N",
+    help="Main event (at least 4 blocks), counted from 1.",
+)
+@click.option(
+    "--t-end", type=_Seconds(), default=1.0, help="Time of the end of a scene's run. [default: 1 s]"
+)
+@_set_option
+@_file_option("--out", metavar="STEM", help="Names of the files. [default: event_N]")
+@click.option("--gif", is_flag=True, help="Also write STEM.gif, an animation.")
+@click.option("--quiet", is_flag=True, help="Show nothing but errors.")
+def movie(
+    source: str,
+    event: int,
+    t_end: float,
+    changes: tuple[str, ...],
+    out: Path | None,
+    gif: bool,
+    quiet: bool,
+) -> None:
+    """Draw one event as a strip of frames: velocity field, with the interface below it.
+
+    From a scene (a preset or a TOML file), or from a record of the hybrid or dynamic engine
+    (.nc). The event is run again with full dynamics from a state just before it.
+    """
+    import numpy as np
+
     import pyfric
+    from pyfric import figures
 
-    path, scene, t_end = folder / f"{name}.nc", pyfric.preset(name), T_END[name]
-    plan = pyfric.plan(scene, WANTED[name], t_end=t_end)
-    before = _usable(path, scene, t_end, plan, quiet)
-    if before is not None and _is_done(before, t_end):
-        return before
-    how = {"want": plan.want, "tolerance": plan.tolerance, "progress": not quiet}
-    record = _simulate(scene, t_end, path, initial=before, **how)
-    record.save(path)
-    _stop_unless_complete(record, f"saved in {path}; the same command goes on")
-    return record
+    stem = out or Path(f"event_{event}")
+    _check_folder(stem.parent)
+    if source.lower().endswith(".nc"):
+        if changes:
+            raise click.UsageError(f"--set changes presets; {source} is a record.")
+        record = pyfric.Record.load(source)
+    else:
+        progress = False if quiet else None
+        scene = _scene(source, changes)
+        record = pyfric.simulate(scene, t_end, fidelity="hybrid", progress=progress)
+        _stop_unless_complete(record, "")
+    main_events = np.flatnonzero(record.events["is_main"])
+    if event > len(main_events):
+        t = record.curve["t"].iloc[-1]
+        allowed = f"1 to {len(main_events)}, the main events up to t = {t:.4g} s"
+        raise pyfric.SceneError("event", event, "", allowed, "no such event")
+    row = int(main_events[event - 1])
+    files = figures.save_figure(figures.event_strip(record, row), stem)
+    if gif:
+        files.append(figures.event_movie(record, row, stem.with_name(stem.name + ".gif")))
+    _show_files(files, quiet)
 
 
-def _usable(path: Path, scene: Scene, t_end: float, plan: Plan, quiet: bool) -> Record | None:
-    """Return the record at path if it is of this run, complete or to be continued."""
-    import pyfric
-    from pyfric.catalogue import T_GAP
-
-    def say(text: str) -> None:
-        if not quiet:
-            click.echo(f"{path}: {text}", err=True)
-
-    if not path.exists():
-        return None
-    try:
-        record = pyfric.Record.load(path)
-    except pyfric.RecordError:
-        say("not a record that this version reads; made again")
-        return None
-    method = record.method
-    how = (method.engine, method.geometry, method.dt, method.t_gap)
-    same = (
-        record.scene == scene
-        and record.versions.get("pyfric") == pyfric.__version__
-        and how == (plan.fidelity, plan.geometry, plan.dt, T_GAP)
-    )
-    if same and _is_done(record, t_end):
-        say("complete; used again")
-        return record
-    t = record.curve["t"].iloc[-1]
-    if same and record.status == "interrupted" and t < t_end:
-        say(f"continued from t = {t:.6g} s")
-        return record
-    say("of another run or version; made again")
-    return None
+def _show_files(files: list[Path], quiet: bool) -> None:
+    if not quiet:
+        for path in files:
+            click.echo(path)
 
 
 # --- bench ---------------------------------------------------------------------------------------

@@ -47,7 +47,7 @@ FIG4A = Job(scene=preset("fig1"), t_end=0.8, options=SPEEDS | {"geometry": "fini
 
 FIG4B = tuple(
     Job(scene=preset(name), t_end=t_end, options=SPEEDS)
-    for name, t_end in (("run1", 0.8), ("run2", 0.9), ("run3", 1.3), ("run4", 1.1))
+    for name, t_end in (("run1", 0.8), ("run2", 0.9), ("run3", 1.0), ("run4", 1.1))
 )
 """Runs 1 to 4, up to a few events over the whole interface."""
 

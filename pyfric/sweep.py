@@ -116,9 +116,10 @@ def code_version() -> str:
     """Return a hash of the installed package: its version, sources and compiled core."""
     found = hashlib.sha256(__version__.encode())
     here = Path(__file__).parent
-    for path in sorted(here.iterdir()):
+    for path in sorted(here.rglob("*")):
         if path.suffix in (".py", ".so", ".pyd"):
-            found.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+            name = path.relative_to(here).as_posix().encode()
+            found.update(name + b"\0" + hashlib.sha256(path.read_bytes()).digest())
     return found.hexdigest()
 
 

@@ -1,7 +1,6 @@
 """Command line: scenes and options, output, files, exit codes, Ctrl-C and SIGTERM."""
 
 import dataclasses
-import functools
 import json
 import os
 import shutil
@@ -17,7 +16,7 @@ import pytest
 from click.testing import CliRunner
 
 import pyfric
-from pyfric import cli, core
+from pyfric import cli, core, reproduce, sweep
 from pyfric.cli import Exit, main
 
 SMALL = ("--set", "L=20 mm", "--set", "H=12.5 mm", "--set", "V=500 mm/s")
@@ -82,8 +81,11 @@ def agree(one, other):
 
 def test_help_names_commands_and_exit_codes():
     shown = pyf("--help").stdout
-    assert all(name in shown for name in ("run", "plan", "scene", "info", "figures", "bench"))
-    for command in ("run", "figures"):
+    assert all(
+        name in shown
+        for name in ("run", "plan", "scene", "info", "reproduce", "draw", "movie", "bench")
+    )
+    for command in ("run", "reproduce"):
         shown = pyf(command, "--help").stdout
         assert all(f"{code.value}  " in shown for code in Exit)
 
@@ -532,102 +534,106 @@ def test_sigterm_is_left_as_it_was():
 
 @pytest.fixture
 def small_paper(monkeypatch):
-    monkeypatch.setattr(pyfric, "preset", lambda name: tiny(name=name))
-    monkeypatch.setitem(cli.T_END, "fig1", 1.2e-3)
+    """One small run behind every figure, and only the figures that it is enough for."""
+    job = pyfric.Job(scene=tiny(), t_end=1.2e-3, options={"fidelity": "hybrid"})
+    defaults = reproduce.reproduce.__kwdefaults__
+    monkeypatch.setitem(defaults, "jobs", {"fig1b": (job,), "fig4b": (job,)})
+    monkeypatch.setattr(
+        reproduce, "DRAW", {name: reproduce.DRAW[name] for name in ("fig1b", "fig4b")}
+    )
 
 
 @pytest.mark.usefixtures("small_paper")
-def test_figures(tmp_path, monkeypatch):
+def test_reproduce(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYFRIC_CACHE", str(tmp_path / "kept"))
     out = tmp_path / "new" / "figures"
-    result = pyf("figures", "--out", out)
+    result = pyf("reproduce", "--out", out)
     assert result.exit_code == Exit.COMPLETE, result.output
-    names = ["fig1.nc", "fig1b.png", "fig1b.pdf", "fig1b.txt", "fig1b_curve.csv", "fig1b_slip.csv"]
-    assert result.stdout.split() == [str(out / name) for name in names]
-    assert all((out / name).stat().st_size > 0 for name in names)
-    record = pyfric.Record.load(out / "fig1.nc")
+    written = {path.name for path in out.iterdir()}
+    assert {"fig1b.png", "fig1b.pdf", "fig1b_curve.csv", "fig4b.png", "index.html"} <= written
+    assert set(result.stdout.split()) == {str(out / name) for name in written}
+    assert len(list((tmp_path / "kept").iterdir())) == 1
 
     monkeypatch.setattr(core, "advance", None)  # no new run
-    result = pyf("figures", "fig1b", "--out", out)
+    result = pyf("reproduce", "fig1b", "--out", out, "--quiet")
     assert result.exit_code == Exit.COMPLETE, result.output
-    assert "used again" in result.stderr
-    assert pyfric.Record.load(out / "fig1.nc").identical(record)
-    assert pyf("figures", "--out", out, "--quiet").output == ""
+    assert result.output == ""
 
 
 @pytest.mark.usefixtures("small_paper")
-def test_figures_continue_an_interrupted_run(tmp_path, monkeypatch):
-    light = functools.partial(tiny, F_N=100.0, V=0.5 / 35)  # strains so small that it is linear
-    monkeypatch.setattr(pyfric, "preset", lambda name: light(name=name))
-    monkeypatch.setattr(cli, "_draw", lambda record, stem: [])
-    how = {"fidelity": "auto", "want": "loading_curve", "sample": 1.6e-6}
-    half = simulate(light(), 1.1e-3, **how)
-    assert half.method.engine == "hybrid"
-    assert half.method.geometry == "linear"
-    dataclasses.replace(half, status="interrupted").save(tmp_path / "fig1.nc")
-    result = pyf("figures", "--out", tmp_path)
-    assert "continued from t = 0.0011" in result.stderr
-    agree(pyfric.Record.load(tmp_path / "fig1.nc"), simulate(light(), 1.2e-3, **how))
-
-
-PLANNED = {"fidelity": "dynamic", "geometry": "finite", "dt": 1.6e-6}
-"""How `record_file` was made."""
-
-
-@pytest.mark.parametrize(
-    "case", ["none", "version", "scene", "method", "t_end", "fidelity", "geometry"]
-)
-def test_figures_do_not_use_another_run(case, record_file, monkeypatch, capsys):
-    scene, t_end = tiny(), 1.2e-3
-    record = pyfric.Record.load(record_file)
-    if case == "version":
-        record = dataclasses.replace(record, versions={"pyfric": "0.0.1"})
-    if case == "scene":
-        scene = tiny(mu_k=0.4)
-    if case == "method":
-        record = dataclasses.replace(record, method=dataclasses.replace(record.method, dt=1e-6))
-    if case == "t_end":
-        t_end = 1.3e-3
-    monkeypatch.setattr(pyfric.Record, "load", lambda path: record)
-    plan = dataclasses.replace(pyfric.plan(tiny(), t_end=1e-4), **PLANNED)
-    if case == "fidelity":
-        plan = dataclasses.replace(plan, fidelity="hybrid")
-    if case == "geometry":
-        plan = dataclasses.replace(plan, geometry="linear")
-    found = cli._usable(record_file, scene, t_end, plan, quiet=False)
-    assert found is (record if case == "none" else None)
-    assert ("used again" if case == "none" else "made again") in capsys.readouterr().err
-
-
-@pytest.mark.usefixtures("small_paper")
-def test_figures_replace_another_run(tmp_path, monkeypatch):
-    monkeypatch.setattr(cli, "_draw", lambda record, stem: [])
-    (tmp_path / "fig1.nc").write_text("no record")
-    assert "made again" in pyf("figures", "--out", tmp_path).stderr
-    assert pyfric.Record.load(tmp_path / "fig1.nc").status == "complete"
-
-
-@pytest.mark.usefixtures("small_paper")
-def test_interrupted_figures(record_file, tmp_path, monkeypatch):
-    record = dataclasses.replace(pyfric.Record.load(record_file), status="interrupted")
-    monkeypatch.setattr(pyfric, "simulate", lambda *arguments, **options: record)
-    result = pyf("figures", "--out", tmp_path)
-    assert result.exit_code == Exit.INTERRUPTED
-    assert "fig1.nc" in result.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["fig1.nc"]
-    assert pyfric.Record.load(tmp_path / "fig1.nc").status == "interrupted"
+def test_reproduce_without_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYFRIC_CACHE", str(tmp_path / "kept"))
+    result = pyf("reproduce", "all", "--no-cache", "--out", tmp_path / "out", "--workers", "1")
+    assert result.exit_code == Exit.COMPLETE, result.output
+    assert not (tmp_path / "kept").exists()
 
 
 @pytest.mark.usefixtures("small_paper", "broken")
-def test_failed_figures(tmp_path):
-    result = pyf("figures", "--out", tmp_path)
+def test_failed_reproduce(tmp_path):
+    result = pyf("reproduce", "fig1b", "--no-cache", "--out", tmp_path)
     assert result.exit_code == Exit.FAILED
+    assert "fig1 to t = 0.0012 s" in result.stderr
     assert "the motion is not finite" in result.stderr
+    assert "Traceback" not in result.stderr
 
 
-def test_refused_figures(tmp_path):
-    assert refused(pyf("figures", "fig2"), "fig2", "fig1b")
+@pytest.mark.usefixtures("small_paper")
+def test_interrupted_reproduce(tmp_path, monkeypatch):
+    simulate = sweep.simulate
+
+    def stopped(*arguments, **options):
+        return dataclasses.replace(simulate(*arguments, **options), status="interrupted")
+
+    monkeypatch.setattr(sweep, "simulate", stopped)
+    result = pyf("reproduce", "fig1b", "--no-cache", "--out", tmp_path)
+    assert result.exit_code == Exit.INTERRUPTED
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_reproduce_names_are_those_of_the_figures():
+    (names,) = (one for one in cli.reproduce.params if one.name == "names")
+    assert list(names.type.choices) == [*reproduce.DRAW, "all"]
+
+
+def test_refused_reproduce(tmp_path):
+    assert refused(pyf("reproduce", "fig2"), "fig2", "fig1b")
     (tmp_path / "file").touch()
-    assert refused(pyf("figures", "--out", tmp_path / "file"), "--out")
+    assert refused(pyf("reproduce", "--out", tmp_path / "file"), "--out")
+
+
+def test_draw(tmp_path):
+    result = pyf("draw", "setup2", "--set", "theta=0.5", "--out", tmp_path / "sketch")
+    assert result.exit_code == Exit.COMPLETE, result.output
+    names = ["sketch.png", "sketch.pdf", "sketch.txt", "sketch_columns.csv"]
+    assert result.stdout.split() == [str(tmp_path / name) for name in names]
+    assert "theta = 0.5" in (tmp_path / "sketch.txt").read_text(encoding="utf-8")
+    file = tmp_path / "own.toml"
+    tiny(name="own").to_toml(file)
+    assert pyf("draw", file, "--out", tmp_path / "own", "--quiet").output == ""
+    assert "Scene own" in (tmp_path / "own.txt").read_text(encoding="utf-8")
+    assert refused(pyf("draw", "setup3"), "setup3")
+
+
+def test_movie(tmp_path):
+    stem = tmp_path / "event"
+    result = pyf("movie", "fig1", *SMALL, "--t-end", "4 ms", "--event", 1, "--out", stem, "--quiet")
+    assert result.exit_code == Exit.COMPLETE, result.output
+    assert result.output == ""
+    assert {one.name for one in tmp_path.iterdir()} == {
+        "event.png", "event.pdf", "event.txt", "event_interface.csv", "event_field.csv"
+    }  # fmt: skip
+    record = simulate(tiny(), 4e-3, fidelity="hybrid")
+    first = int(np.flatnonzero(record.events["is_main"])[0])
+    assert f"Event {first} " in stem.with_suffix(".txt").read_text(encoding="utf-8")
+    record.save(tmp_path / "run.nc")
+    again = tmp_path / "again"
+    result = pyf("movie", tmp_path / "run.nc", "--event", 1, "--out", again)
+    assert result.exit_code == Exit.COMPLETE, result.output
+    one, other = (path.with_name(path.name + "_field.csv").read_bytes() for path in (stem, again))
+    assert one == other
+    assert refused(pyf("movie", tmp_path / "run.nc", "--event", 99), "event = 99", "1 to ")
+    assert refused(pyf("movie", tmp_path / "run.nc", "--event", 1, *SMALL), "--set")
+    assert refused(pyf("movie", "fig1"), "--event")
 
 
 # --- bench ---------------------------------------------------------------------------------------

@@ -10,11 +10,15 @@ import pandas as pd
 import pytest
 from matplotlib.collections import LineCollection
 
-from pyfric import figures
+import pyfric
+from pyfric import analysis, figures
 from pyfric.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP, build_catalogue
 from pyfric.figures import fig1b, figure_caption, save_figure, slip_segments
+from pyfric.figures.fronts import wave_speeds
+from pyfric.figures.loading import CURVE_BINS, _envelope
+from pyfric.figures.strip import event_frames, frame_times
 from pyfric.record import Method, Record
-from pyfric.scene import setup1
+from pyfric.scene import setup1, setup2
 
 LADDER = (6, 8, 10, 12, 14, 17, 20, 23, 27, 31, 36, 42, 49, 57, 9, 22, 40, 57, 11, 26, 45, 57)
 
@@ -128,9 +132,13 @@ def test_curve_and_bars_are_drawn(ladder):
 
 
 def test_all_text_stays_inside_and_is_readable(ladder):
-    fig = fig1b(ladder)
+    inside_and_readable(fig1b(ladder))
+
+
+def inside_and_readable(fig, width=3.4):
     fig.canvas.draw()
-    width, height = fig.canvas.get_width_height()
+    assert fig.get_figwidth() == width
+    right, top = fig.canvas.get_width_height()
     for text in fig.findobj(matplotlib.text.Text):
         if text.get_text() and text.get_visible():
             assert text.get_fontsize() >= 7
@@ -138,8 +146,8 @@ def test_all_text_stays_inside_and_is_readable(ladder):
         box = axes.get_tightbbox()
         assert box.x0 >= 0
         assert box.y0 >= 0
-        assert box.x1 <= width
-        assert box.y1 <= height
+        assert box.x1 <= right
+        assert box.y1 <= top
 
 
 def test_saved_files(ladder, tmp_path):
@@ -197,8 +205,8 @@ def test_long_curves_keep_their_extremes():
     y = np.sin(20 * t)
     y[123_456] = -3.0
     y[654_321] = 3.0
-    thin_t, thin_y = figures._envelope(t, y)
-    assert thin_t.size <= 2 * figures.CURVE_BINS + 2
+    thin_t, thin_y = _envelope(t, y)
+    assert thin_t.size <= 2 * CURVE_BINS + 2
     assert (thin_t[0], thin_t[-1]) == (0, 1)
     assert (thin_y.min(), thin_y.max()) == (-3, 3)
     assert (np.diff(thin_t) > 0).all()
@@ -211,3 +219,278 @@ def test_drawing_leaves_no_global_state():
         "assert 'xarray' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+# --- figures 2 to 4, on a small slider -----------------------------------------------------------
+
+
+def small(side="left", **changes):
+    """A run with eight main precursors and a few events over the whole interface."""
+    own = {"L": 0.07, "H": 0.0375, "V": 5e-3, "F_N": 1750.0, "name": "small", "side": side}
+    return simulated(setup1(**own | changes), 0.11)
+
+
+def simulated(scene, t_end):
+    how = {"fidelity": "hybrid", "geometry": "linear", "progress": False}
+    return pyfric.simulate(scene, t_end, **how)
+
+
+@pytest.fixture(scope="module")
+def run():
+    return small()
+
+
+@pytest.fixture(scope="module")
+def short():
+    """A run with another height and load, up to a few precursors."""
+    return simulated(small_scene(h=7.5e-3, F_N=1500.0, name="short"), 0.05)
+
+
+def small_scene(**changes):
+    return setup1(**{"L": 0.07, "H": 0.0375, "V": 5e-3, "F_N": 1750.0} | changes)
+
+
+def test_lengths_are_those_of_the_records_with_their_predictions(run, short):
+    fig = figures.fig2a([run, short])
+    points, curves = fig.tables["points"], fig.tables["prediction"]
+    for record in (run, short):
+        mine = points[points["scene"] == record.scene.name]
+        expected = analysis.precursor_lengths(record)
+        assert len(mine) == len(expected) > 3
+        np.testing.assert_array_equal(mine["F_T_over_F_N"], expected["force"])
+        np.testing.assert_array_equal(mine["L_p_over_L"], expected["L_p_over_L"])
+        assert (mine["h_mm"] == record.scene.driver.h * 1e3).all()
+        curve = pyfric.prediction_curve(record.scene).curve
+        mine = curves[curves["scene"] == record.scene.name]
+        np.testing.assert_array_equal(mine["F_T_over_F_N"], curve["F_T"] / record.scene.F_N)
+        assert mine["L_p_over_L"].iloc[-1] == 1
+    (axes,) = fig.axes
+    drawn = [line for line in axes.get_lines() if line.get_marker() in ("o", "s", "^", "D")]
+    assert sum(len(line.get_xdata()) for line in drawn) == points["advances"].sum()
+    assert [0.45, 0.45] in [list(line.get_xdata()) for line in axes.get_lines()]  # mu_k
+    assert f"{len(points)} precursors" in fig.caption
+    assert "h = 5, 7.5 mm" in fig.caption
+    assert "F_N = 1500, 1750 N" in fig.caption
+    assert "hybrid, linear geometry" in fig.caption
+    inside_and_readable(fig)
+
+
+def test_precursors_behind_an_earlier_one_are_told_apart(run):
+    lengths = figures.lengths.lengths_of([run])
+    ahead = lengths["L_p_over_L"][lengths["advances"]]
+    assert (np.diff(ahead) > 0).all()
+    behind = lengths[~lengths["advances"]]
+    for row, one in behind.iterrows():
+        assert one["L_p_over_L"] <= lengths["L_p_over_L"][:row].max()
+
+
+def test_slopes_of_the_load_are_three_curves():
+    records = [
+        simulated(setup2(L=0.05, H=0.01, V=5e-3, theta=theta, name=f"theta {theta}"), 0.05)
+        for theta in (0.8, -0.8, 0.0)
+    ]
+    fig = figures.fig2b(records)
+    points = fig.tables["points"]
+    # lower load on the trailing edge: lower force for the same length
+    curves = [points[points["theta"] == theta] for theta in (0.8, 0.0, -0.8)]
+    force = [np.interp(0.3, one["L_p_over_L"], one["F_T_over_F_N"]) for one in curves]
+    assert force[0] < force[1] < force[2]
+    shown = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
+    assert [text for text in shown if "theta" in text] == [
+        rf"$\theta = {theta:g}$" for theta in (-0.8, 0, 0.8)
+    ]
+    inside_and_readable(fig)
+
+
+def test_profiles_about_a_precursor(run):
+    fig = figures.fig3a(run, 4)
+    event = int(analysis.precursor_lengths(run)["event"][3])
+    table = fig.tables["profiles"].set_index("state")
+    for state, when in (("before", "before"), ("after", "after")):
+        expected = analysis.stress_profile(run, event, when)
+        np.testing.assert_array_equal(table.loc[state, "tau"], expected["tau"])
+        np.testing.assert_array_equal(table.loc[state, "p"], expected["p"])
+    initial = table.loc["initial"]
+    p, tau = initial["p"].to_numpy(), initial["tau"].to_numpy()
+    np.testing.assert_allclose(p, p[::-1], rtol=1e-9)
+    np.testing.assert_allclose(tau, -tau[::-1], atol=1e-9)
+    for state in ("initial", "before", "after"):  # sums of p and tau are the loads
+        assert table.loc[state, "p"].mean() == pytest.approx(1, rel=1e-9)
+    force = run.events["F_T_arrest"][event] / run.scene.F_N
+    assert table.loc["after", "tau"].mean() == pytest.approx(force, rel=1e-9)
+    slipped = table.loc["after"]["region"].to_numpy() == 1
+    inner = np.flatnonzero(slipped)[:-1]
+    np.testing.assert_allclose(table.loc["after", "tau_over_p"].iloc[inner], 0.45, atol=0.05)
+    assert "main precursor 4" in fig.caption
+    inside_and_readable(fig)
+
+
+@pytest.mark.parametrize("number", [0, 99])
+@pytest.mark.parametrize("figure", [figures.fig3a, figures.fig4a])
+def test_a_precursor_that_is_not_there_is_refused(run, figure, number):
+    with pytest.raises(pyfric.SceneError, match=r"number = .*1 to 8, the main precursors"):
+        figure(run, number)
+
+
+def test_normal_forces_after_precursors_and_sliding(run, short):
+    fig = figures.fig3b(run)
+    before, after = fig.tables["precursors"], fig.tables["sliding"]
+    assert list(before["number"].unique()) == [2, 4, 6, 8]
+    assert after["number"].nunique() == len(analysis.system_size_events(run)) >= 3
+    top, bottom = fig.axes
+    assert sum(len(line.get_xdata()) == 29 for line in top.get_lines()) == 4
+    assert (
+        sum(len(line.get_xdata()) == 29 for line in bottom.get_lines())
+        == after["number"].nunique() + 1
+    )
+    last = before[before["number"] == 8]
+    inside = (last["n"] > run.scene.j_h + 2) & (last["n"] < round(0.97 * 29))
+    lowest = [
+        table["p_over_p_initial"][
+            (table["n"] > 4) & (table["n"] < round(table["L_p_over_L"].iloc[0] * 29))
+        ].min()
+        for _, table in before.groupby("number")
+    ]
+    assert inside.any()
+    assert f"up to {1 - min(lowest):.0%}" in fig.caption
+    inside_and_readable(fig)
+    with pytest.raises(pyfric.SceneError, match="events over the whole interface"):
+        figures.fig3b(short)
+
+
+def test_front_speed_and_prestress_of_one_event(run):
+    fig = figures.fig4a(run, 6)
+    event = int(analysis.precursor_lengths(run)["event"][5])
+    pd.testing.assert_frame_equal(fig.tables["front"], analysis.front(run, event))
+    top = fig.axes[0]
+    speeds = [line.get_ydata()[0] for line in top.get_lines() if len(line.get_xdata()) == 2]
+    np.testing.assert_allclose(speeds, wave_speeds(run.scene))
+    shown = next(line for line in top.get_lines() if line.get_marker() == "o")
+    np.testing.assert_array_equal(shown.get_ydata(), fig.tables["front"]["v_c"])
+    assert f"{fig.tables['front']['v_c'].count()} points" in fig.caption
+    inside_and_readable(fig)
+
+
+def test_wave_speeds_are_the_paper_s():
+    scene = setup1()
+    blocks = (scene.N_x - 1) * (scene.N_z - 1) / (scene.N_x * scene.N_z)
+    np.testing.assert_allclose(
+        np.array(wave_speeds(scene)) * np.sqrt(blocks), [1677, 968], rtol=1e-3
+    )
+
+
+def test_speeds_of_several_runs(run):
+    weak = small(mu_s=0.5, mu_k=0.2, name="weak")
+    fig = figures.fig4b([run, weak])
+    points = fig.tables["points"]
+    for record in (run, weak):
+        all_fronts = analysis.fronts(record)
+        mine = points[points["run"] == record.scene.name]
+        known = all_fronts["v_c"].notna() & all_fronts["tau_over_p"].notna()
+        assert len(mine) == known.sum() > 20
+        mu_s, mu_k = record.scene.interface.mu_s, record.scene.interface.mu_k
+        np.testing.assert_allclose(mine["scaled"], (mine["tau_over_p"] - mu_k) / (mu_s - mu_k))
+    both = fig.axes
+    for axes in both:
+        drawn = [line for line in axes.get_lines() if line.get_marker() in ("o", "s")]
+        assert sum(len(line.get_xdata()) for line in drawn) == len(points)
+    spread = analysis.collapse_spread(points["scaled"].to_numpy(), points["v_c"].to_numpy()).rms
+    assert any(f"{spread:.2f}" in text.get_text() for text in both[1].texts)
+    assert "mu_s/mu_k = 0.5/0.2, 0.7/0.45" in fig.caption
+    inside_and_readable(fig)
+
+
+# --- sketch, strip and movie ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("scene", "texts"),
+    [
+        (setup1(), ("$L$ = 140 mm", "$H$ = 75 mm", "$h$ = 5 mm", "rod 75.6 g", "3500 N")),
+        (setup2(theta=0.5, side="right"), ("400 N", r"$\theta = 0.5$", "$K$ = 0.8 MN/m")),
+        (pyfric.chain(L=0.05, tau=10.0, k_top=2e6), ("61.4 N on each", "= 2 MN/m to a rigid top")),
+    ],
+)
+def test_sketch_shows_the_scene_with_its_numbers(scene, texts):
+    if scene.N_z == 1:
+        scene = pyfric.chain(L=0.05, p=61.4, tau=10.0, k_top=2e6)
+    fig = figures.sketch(scene)
+    shown = " ".join(text.get_text() for text in fig.findobj(matplotlib.text.Text))
+    for text in texts:
+        assert text in shown
+    table = fig.tables["columns"]
+    np.testing.assert_array_equal(table["load_N"], scene.load)
+    np.testing.assert_array_equal(table["shear_N"], scene.shear)
+    blocks = next(line for line in fig.axes[0].get_lines() if line.get_marker() == "s")
+    x, z = blocks.get_xdata(), blocks.get_ydata()
+    assert (x.min(), x.max()) == pytest.approx((0, scene.slider.L * 1e3))
+    assert (z.min(), z.max()) == pytest.approx((0, scene.slider.H * 1e3))
+    if scene.N_z > 1:  # the driven row is drawn
+        assert np.isclose(z, scene.driver.h * 1e3).any()
+    fig.canvas.draw()
+    right, top = fig.canvas.get_width_height()
+    for text in fig.findobj(matplotlib.text.Text):
+        if text.get_text():
+            box = text.get_window_extent()
+            assert -1 <= box.x0 <= box.x1 <= right + 1
+            assert -1 <= box.y0 <= box.y1 <= top + 1
+
+
+def test_frames_run_the_event_again(run):
+    event = int(analysis.precursor_lengths(run)["event"][5])
+    row, times = run.events.iloc[event], run.rupture_times[event]
+    ruptured = np.sort(times[np.isfinite(times)])
+    frames = event_frames(run, event, [*ruptured, row["t_stop"] + 1e-5])
+    dt = run.method.dt
+    for t, frame in zip(ruptured, frames, strict=False):
+        assert 0 <= frame.t - t < 1.001 * dt
+        # what has ruptured by then has slipped or slips: the front is at the same place
+        behind = np.isfinite(times) & (times < frame.t - 1.5 * dt) & (times > frame.t - 5 * dt)
+        assert (np.abs(frame.mode[behind]) == 1).all()
+        ahead = np.isfinite(times) & (times > frame.t + 1.5 * dt)
+        assert (frame.mode[ahead] != 1).all()
+        slips = frame.mode == 1
+        np.testing.assert_allclose(frame.tau_over_p[slips], run.scene.interface.mu_k, rtol=1e-12)
+        assert (np.abs(frame.tau) <= run.scene.interface.mu_s * frame.p * (1 + 1e-9)).all()
+        assert (frame.v[0, 0, frame.mode == 0] == 0).all()
+    assert not (np.abs(frames[-1].mode) == 1).any()
+
+
+def test_frames_of_a_mirrored_run_are_the_same(run):
+    mirrored = small(side="right")
+    event = int(analysis.precursor_lengths(run)["event"][3])
+    one, other = (event_frames(r, event, frame_times(r, event, [0.5]))[0] for r in (run, mirrored))
+    np.testing.assert_array_equal(one.mode, other.mode)
+    np.testing.assert_allclose(one.v[:, 0], other.v[:, 0], atol=1e-9 * np.abs(one.v).max())
+    np.testing.assert_allclose(one.tau, other.tau, atol=1e-9 * one.p.max())
+
+
+def test_strip_and_movie(run, tmp_path):
+    event = int(analysis.precursor_lengths(run)["event"][5])
+    fig = figures.event_strip(run, event)
+    field, interface = fig.tables["field"], fig.tables["interface"]
+    assert len(field) == 6 * 29 * 16
+    images = [axes.images[0] for axes in fig.axes if axes.images]
+    assert len(images) == 6
+    for number, image in enumerate(images, 1):
+        mine = field[field["frame"] == number]
+        np.testing.assert_array_equal(image.get_array().ravel(), mine["v_x_m_per_s"])
+        below = interface[interface["frame"] == number]
+        bottom = field[(field["frame"] == number) & (field["row"] == 0)]
+        assert (bottom["v_x_m_per_s"].to_numpy()[below["mode"] == 0] == 0).all()
+    assert f"Event {event}" in fig.caption
+    inside_and_readable(fig, 6.8)
+    path = figures.event_movie(run, event, tmp_path / "event.gif", count=3)
+    assert path.read_bytes()[:6] == b"GIF89a"
+    assert [one.name for one in tmp_path.iterdir()] == ["event.gif"]
+
+
+def test_strip_refuses_what_it_cannot_show(run):
+    ladder = pyfric.simulate(run.scene, 0.05, fidelity="quasistatic", progress=False)
+    with pytest.raises(pyfric.SceneError, match="hybrid or the dynamic engine"):
+        figures.event_strip(ladder, 0)
+    for event in (-1, len(run.events), 1.0, True):
+        with pytest.raises(pyfric.SceneError, match="event = "):
+            figures.event_strip(run, event)
+    with pytest.raises(pyfric.SceneError, match="times"):
+        event_frames(run, 5, [0.0])

@@ -1,0 +1,32 @@
+"""Figures of the paper, drawn from records.
+
+Every function returns a `DataFigure`: a Matplotlib figure that carries its caption and the data
+behind it. `save_figure` writes all of them side by side. Nothing here uses pyplot, so drawing
+leaves no global state and needs no display. Colours are from the Okabe-Ito set, which stays
+distinguishable under colour blindness; markers or line widths differ as well.
+"""
+
+from pyfric.figures.fronts import fig4a, fig4b
+from pyfric.figures.lengths import fig2a, fig2b
+from pyfric.figures.loading import fig1b, figure_caption, slip_segments
+from pyfric.figures.sketch import sketch
+from pyfric.figures.stresses import fig3a, fig3b
+from pyfric.figures.strip import event_movie, event_strip
+from pyfric.figures.style import DataFigure, save_figure
+
+__all__ = [
+    "DataFigure",
+    "event_movie",
+    "event_strip",
+    "fig1b",
+    "fig2a",
+    "fig2b",
+    "fig3a",
+    "fig3b",
+    "fig4a",
+    "fig4b",
+    "figure_caption",
+    "save_figure",
+    "sketch",
+    "slip_segments",
+]

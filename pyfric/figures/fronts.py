@@ -1,0 +1,151 @@
+"""Fig. 4: how fast rupture fronts run, and the prestress that they meet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from pyfric.analysis import PER_BIN, collapse_spread, front, fronts
+from pyfric.figures.stresses import main_precursor
+from pyfric.figures.style import (
+    BLUE,
+    BODY,
+    GREEN,
+    ORANGE,
+    PAPER,
+    SMALL,
+    VERMILION,
+    DataFigure,
+    engine_text,
+    joined,
+    legend,
+    mark,
+    panels,
+    scene_text,
+)
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+LOOKS = ((BLUE, "o"), (ORANGE, "s"), (GREEN, "^"), (VERMILION, "D"))
+"""Colour and marker of each run."""
+
+
+def wave_speeds(scene: Scene) -> tuple[float, float]:
+    """Return the speeds of long longitudinal and shear waves in the lattice, m/s."""
+    unit = scene.slider.l * math.sqrt(scene.slider.k / scene.m)
+    return math.sqrt(1.5) * unit, math.sqrt(0.5) * unit
+
+
+def fig4a(record: Record, number: int = 11) -> DataFigure:
+    """Fig. 4(a) of the paper: front speed and prestress along the interface in one precursor.
+
+    Top: v_c, averaged over five blocks, with the wave speeds of the lattice. Bottom: tau/p of the
+    static state just before the event, with mu_s and mu_k.
+
+    Args:
+        record: a run with the small steps of want = "front_speed".
+        number: which main precursor of the first loading, from 1.
+
+    Raises:
+        SceneError: there are fewer.
+    """
+    event = main_precursor(record, number)
+    table = front(record, event)
+    friction, row = record.scene.interface, record.events.iloc[event]
+    fig, (top, bottom) = panels(3.4, sharex=True, ratios=(1.2, 1))
+    _speeds(top, record.scene)
+    top.plot(table["x_over_L"], table["v_c"], color=BLUE, lw=0.9, marker="o", ms=2.8)
+    top.set_ylim(0, 1.1 * max(table["v_c"].max(), wave_speeds(record.scene)[0]))
+    top.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)", fontsize=BODY)
+    mark(bottom, friction.mu_s, r"$\mu_\mathrm{s}$", at=0.97, away=(0, 1), ha="right")
+    mark(bottom, friction.mu_k, r"$\mu_\mathrm{k}$", at=0.97, away=(0, 1), ha="right")
+    bottom.plot(table["x_over_L"], table["tau_over_p"], color=VERMILION, lw=0.9, marker="s", ms=2.8)
+    bottom.set_ylim(min(0.0, table["tau_over_p"].min()), 1.35 * friction.mu_s)
+    bottom.set_ylabel(r"prestress $\tau/p$", fontsize=BODY)
+    bottom.set_xlabel(r"position $x/L$ from the trailing edge", fontsize=BODY)
+    bottom.set_xlim(-0.01, max(table["x_over_L"].max() * 1.05, 0.05))
+    fig.align_ylabels([top, bottom])
+    fig.tables = {"front": table}
+    known = table["v_c"].dropna()
+    between = int(table["v_c"].isna().sum()) - 4
+    what = (
+        f"Speed of the rupture front (a) and tau/p just before it (b), main precursor {number} of "
+        f"the first loading (L_p/L = {row['L_p_over_L']:.3g}, {len(known)} points; no speed at "
+        f"the two blocks at each end and at {max(between, 0)} more, whose five times do not "
+        f"increase); after Fig. 4(a) of {PAPER}. Dashed: long waves of the lattice, and mu_s, mu_k."
+    )
+    fig.caption = " ".join([what, scene_text(record.scene), engine_text(record)])
+    return fig
+
+
+def fig4b(records: Sequence[Record]) -> DataFigure:
+    """Fig. 4(b) of the paper: front speed against prestress, all main events of several runs.
+
+    Top: against tau/p. Bottom (its inset): against (tau/p - mu_k)/(mu_s - mu_k).
+
+    Args:
+        records: runs with the small steps of want = "front_speed".
+    """
+    tables = [fronts(one).assign(run=one.scene.name) for one in records]
+    points = pd.concat(tables, ignore_index=True)
+    blocks = len(points)
+    points = points[np.isfinite(points["v_c"]) & np.isfinite(points["tau_over_p"])]
+    points = points.reset_index(drop=True)
+    fig, both = panels(4.4, (1, 1), sharey=True)
+    handles = []
+    counts = points["run"].value_counts()
+    for n, one in enumerate(records):
+        colour, shape = LOOKS[n % len(LOOKS)]
+        rows, friction = points[points["run"] == one.scene.name], one.scene.interface
+        look = {"ls": "", "marker": shape, "ms": 1.8, "color": colour, "alpha": 0.6, "mew": 0.3}
+        look["zorder"] = 3 - counts.get(one.scene.name, 0) / max(len(points), 1)  # few on top
+        look["rasterized"] = len(rows) > 5000
+        for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
+            axes.plot(rows[x], rows["v_c"], **look)
+        name = rf"{one.scene.name}: $\mu_\mathrm{{s}}$, $\mu_\mathrm{{k}}$ = "
+        label = name + f"{friction.mu_s:g}, {friction.mu_k:g}"
+        handles.append(Line2D([], [], ls="", marker=shape, color=colour, ms=3.5, label=label))
+    for axes in both:
+        axes.set_yscale("log")
+        _speeds(axes, records[0].scene)
+        axes.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)", fontsize=BODY)
+    legend(both[0], handles=handles, loc="lower right")
+    both[0].set_xlabel(r"prestress $\tau/p$", fontsize=BODY)
+    scaled = r"(\tau/p-\mu_\mathrm{k})/(\mu_\mathrm{s}-\mu_\mathrm{k})"
+    both[1].set_xlabel(rf"scaled prestress ${scaled}$", fontsize=BODY)
+    fig.tables = {"points": points}
+    spreads = []
+    if len(points) >= PER_BIN * 20:
+        for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
+            rms = collapse_spread(points[x].to_numpy(), points["v_c"].to_numpy()).rms
+            spreads.append(f"{rms:.2f}")
+            axes.text(
+                0.02, 0.12, rf"rms of $\ln v_\mathrm{{c}}$: {rms:.2f}", transform=axes.transAxes,
+                ha="left", va="bottom", fontsize=SMALL,
+            )  # fmt: skip
+    what = (
+        "Speed of rupture fronts against tau/p just before the event (a) and against "
+        f"(tau/p - mu_k)/(mu_s - mu_k) (b); after Fig. 4(b) of {PAPER} and its inset. "
+        f"{len(points)} blocks in {points.groupby(['run', 'event']).ngroups} main events; "
+        f"{blocks - len(points)} blocks of their fronts have no speed (two at each end of a front, "
+        "and where five times do not increase) or are open. Dashed: long waves of the lattice."
+    )
+    if spreads:
+        what += f" Spread of ln v_c about one binned median: {joined(spreads)} (rms)."
+    scenes = scene_text([one.scene for one in records])
+    fig.caption = " ".join([what, scenes, engine_text(records)])
+    return fig
+
+
+def _speeds(axes: Axes, scene: Scene) -> None:
+    names = (r"$c_\mathrm{L}$", r"$c_\mathrm{S}$")
+    for speed, name in zip(wave_speeds(scene), names, strict=True):
+        mark(axes, speed, name, at=0.985, away=(0, 1), ha="right")

@@ -1,0 +1,193 @@
+"""Fig. 2: how far precursors reach at which force, with the prediction of mu_s = mu_k."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from pyfric.analysis import precursor_lengths
+from pyfric.figures.style import (
+    BLACK,
+    BLUE,
+    BODY,
+    GREEN,
+    ORANGE,
+    PAPER,
+    PURPLE,
+    SKY,
+    VERMILION,
+    DataFigure,
+    engine_text,
+    legend,
+    mark,
+    panels,
+    scene_text,
+)
+from pyfric.quasistatic import prediction_curve
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+COLOURS = (SKY, BLUE, GREEN, ORANGE, VERMILION, PURPLE)
+MARKERS = "os^D"
+
+
+def fig2a(records: Sequence[Record]) -> DataFigure:
+    """Fig. 2(a) of the paper: precursor length against force after arrest, setup 1.
+
+    Colours are h, markers F_N, filled ones the shortest slider. Lines are `prediction_curve`, one
+    for each L and h. Small dots are precursors that reach no further than an earlier one.
+
+    Args:
+        records: runs of setup 1 up to sliding; L, h and F_N may differ.
+    """
+    heights = _values(records, lambda scene: scene.driver.h)
+    forces = _values(records, lambda scene: scene.F_N)
+    lengths = _values(records, lambda scene: scene.slider.L)
+    colour = {h: COLOURS[n % len(COLOURS)] for n, h in enumerate(heights)}
+    shape = {F_N: MARKERS[n % len(MARKERS)] for n, F_N in enumerate(forces)}
+    predicted = {(one.scene.slider.L, one.scene.driver.h): one.scene for one in records}
+    points, curves = lengths_of(records), _predictions(list(predicted.values()))
+
+    fig, (axes,) = panels(3.1)
+    for _, curve in curves.groupby(["L_mm", "h_mm", "theta"], dropna=False):
+        axes.plot(curve["F_T_over_F_N"], curve["L_p_over_L"], color="0.75", lw=0.6, zorder=1)
+    for (L, h, F_N), rows in points.groupby(["L_mm", "h_mm", "F_N"]):
+        face = colour[h * 1e-3] if np.isclose(L * 1e-3, lengths[0]) else "white"
+        _draw(axes, rows, colour[h * 1e-3], face, shape[F_N])
+    handles = [_dot(colour[h], f"{h * 1e3:g} mm") for h in heights]
+    legend(axes, handles=handles, title=r"height $h$", loc="upper left")
+    axes.add_artist(axes.get_legend())
+    handles = [
+        _dot("0.3", f"$L$ = {L * 1e3:g} mm", "white" if n else None) for n, L in enumerate(lengths)
+    ]
+    handles += [_dot("0.3", rf"$F_\mathrm{{N}}$ = {F_N:g} N", None, shape[F_N]) for F_N in forces]
+    handles += [Line2D([], [], color="0.75", lw=1, label=PREDICTED)]
+    legend(axes, handles=handles, loc="upper left", bbox_to_anchor=(0.25, 1.0))
+    _frame(axes, records)
+    fig.tables = {"points": points, "prediction": curves}
+    what = (
+        "Precursor length L_p/L against the static F_T/F_N after arrest, setup 1; after Fig. 2(a) "
+        f"of {PAPER}. Colour: h; marker: F_N; filled: L = {lengths[0] * 1e3:g} mm, open: longer."
+    )
+    text = [what, _what(points), scene_text([one.scene for one in records]), engine_text(records)]
+    if {one.method.geometry for one in records} == {"linear"}:
+        text.insert(2, "In linear geometry F_N only sets the scale of all forces.")
+    fig.caption = " ".join(text)
+    return fig
+
+
+def fig2b(records: Sequence[Record]) -> DataFigure:
+    """Fig. 2(b) of the paper: as Fig. 2(a), for setup 2 and several slopes theta of the load."""
+    points, curves = lengths_of(records), _predictions([one.scene for one in records])
+    fig, (axes,) = panels(2.7)
+    handles = []
+    for n, theta in enumerate(_values(records, lambda scene: scene.top.theta)):
+        colour, shape = (BLUE, BLACK, VERMILION, GREEN)[n % 4], MARKERS[n % 4]
+        curve = curves[curves["theta"] == theta]
+        axes.plot(curve["F_T_over_F_N"], curve["L_p_over_L"], color=colour, lw=0.8, zorder=1)
+        _draw(axes, points[points["theta"] == theta], colour, colour, shape)
+        handles.append(_dot(colour, rf"$\theta = {theta:g}$", None, shape))
+    handles.append(Line2D([], [], color="0.3", lw=0.8, label=PREDICTED))
+    legend(axes, handles=handles, loc="upper left")
+    _frame(axes, records)
+    fig.tables = {"points": points, "prediction": curves}
+    what = (
+        "Precursor length L_p/L against the static F_T/F_N after arrest, setup 2; after Fig. 2(b) "
+        f"of {PAPER}. theta > 0: little load on the trailing edge. theta = 0.833: from F_T/F_N of "
+        "about 0.28 on an interior gap opens, and the order of events depends on rounding."
+    )
+    scenes = scene_text([one.scene for one in records])
+    fig.caption = " ".join([what, _what(points), scenes, engine_text(records)])
+    return fig
+
+
+PREDICTED = r"$\mu_\mathrm{s}=\mu_\mathrm{k}$ prediction"
+
+
+def lengths_of(records: Sequence[Record]) -> pd.DataFrame:
+    """Length and force of all precursors: scene, L_mm, h_mm, F_N, theta (NaN without), event,
+    F_T_over_F_N, L_p_over_L, and advances, whether it reaches further than all before it."""
+    tables = []
+    for record in records:
+        table = precursor_lengths(record).rename(columns={"force": "F_T_over_F_N"})
+        length = table["L_p_over_L"].to_numpy()
+        before = np.maximum.accumulate(np.concatenate([[0.0], length]))[:-1]
+        for column, value in reversed(_parameters(record.scene).items()):
+            table.insert(0, column, value)
+        tables.append(table.assign(advances=length > before))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _parameters(scene: Scene) -> dict[str, str | float]:
+    return {
+        "scene": scene.name,
+        "L_mm": round(scene.slider.L * 1e3, 9),
+        "h_mm": round(scene.driver.h * 1e3, 9),
+        "F_N": scene.F_N,
+        "theta": getattr(scene.top, "theta", np.nan),
+    }
+
+
+def _predictions(scenes: Sequence[Scene]) -> pd.DataFrame:
+    tables = []
+    for scene in scenes:
+        curve = prediction_curve(scene).curve
+        named = _parameters(scene) | {
+            "F_T_over_F_N": curve["F_T"] / scene.F_N,
+            "L_p_over_L": curve["L_p_over_L"],
+        }
+        tables.append(pd.DataFrame(named))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _values(records: Sequence[Record], get: object) -> list[float]:
+    return sorted({get(one.scene) for one in records})
+
+
+def _draw(axes: Axes, rows: pd.DataFrame, colour: str, face: str, shape: str) -> None:
+    ahead, behind = rows[rows["advances"]], rows[~rows["advances"]]
+    axes.plot(
+        ahead["F_T_over_F_N"],
+        ahead["L_p_over_L"],
+        ls="",
+        marker=shape,
+        ms=3.2,
+        mec=colour,
+        mfc=face,
+        mew=0.7,
+        zorder=3,
+    )
+    axes.plot(
+        behind["F_T_over_F_N"], behind["L_p_over_L"], ls="", marker=".", ms=2, mec=colour, zorder=2
+    )
+
+
+def _dot(colour: str, label: str, face: str | None = None, shape: str = "o") -> Line2D:
+    look = {"mec": colour, "mfc": colour if face is None else face, "mew": 0.7, "ms": 3.5}
+    return Line2D([], [], ls="", marker=shape, label=label, **look)
+
+
+def _frame(axes: Axes, records: Sequence[Record]) -> None:
+    for mu_k in _values(records, lambda scene: scene.interface.mu_k):
+        name = r"$\mu_\mathrm{k}$"
+        mark(axes, mu_k, name, vertical=True, at=0.02, away=(3, 2))
+    axes.set_xlim(0, 1.1 * max(one.scene.interface.mu_k for one in records))
+    axes.set_ylim(0, 1.02)
+    axes.set_xlabel(r"force after arrest $F_\mathrm{T}/F_\mathrm{N}$", fontsize=BODY)
+    axes.set_ylabel(r"precursor length $L_\mathrm{p}/L$", fontsize=BODY)
+
+
+def _what(points: pd.DataFrame) -> str:
+    return (
+        "Lines: growth of the slipping zone with mu_s = mu_k; dashed: mu_k. "
+        f"{len(points)} precursors of 4 blocks or more, before the first event over the whole "
+        f"interface; {int((~points['advances']).sum())} that reach no further than an earlier one "
+        "are small dots; smaller events are left out."
+    )

@@ -1,0 +1,240 @@
+"""Sketches of scenes, like Fig. 1(a): the lattice and all that acts on it, drawn to scale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.patches import Rectangle
+
+from pyfric.figures.style import (
+    BLACK,
+    BLUE,
+    COLUMN_WIDTH,
+    GREEN,
+    GREY,
+    ORANGE,
+    PAPER,
+    SMALL,
+    VERMILION,
+    DataFigure,
+    panels,
+    scene_text,
+)
+
+if TYPE_CHECKING:
+    from pyfric.scene import Scene
+
+MOST_COLUMNS = 32
+"""Lattices with more columns are thinned."""
+LINE = 0.8  # of springs and outlines, pt
+
+
+def sketch(scene: Scene) -> DataFigure:
+    """Draw a scene to scale: lattice, foundation, load on the top and driver, with their numbers.
+
+    Large lattices are thinned: every q-th block in both directions, said in the caption. Lengths
+    of the load's arrows are proportional to the forces.
+
+    Returns:
+        The figure. Its table "columns" has what acts on each column: n, x_mm, load_N and shear_N.
+    """
+    slider = scene.slider
+    L, H, unit = slider.L * 1e3, slider.H * 1e3, slider.L * 1e3 / 100
+    room = {"top": (23 if scene.N_z > 1 else 27) * unit, "bottom": 19 * unit, "side": 40 * unit}
+    width = L + room["side"] + 10 * unit
+    height = H + room["top"] + room["bottom"]
+    fig, (axes,) = panels(COLUMN_WIDTH * height / width)
+    fig.set_layout_engine("none")
+    axes.set_position((0, 0, 1, 1))
+    axes.set_axis_off()
+    x_min = -room["side"] if scene.d > 0 else -10 * unit
+    axes.set_xlim(x_min, x_min + width)
+    axes.set_ylim(-room["bottom"], H + room["top"])
+    axes.set_aspect("equal")
+
+    q = _thinning(scene)
+    x = _kept(scene.N_x, q) * slider.l * 1e3
+    z = np.union1d(_kept(scene.N_z, q), [scene.j_h]) * slider.l * 1e3
+    _lattice(axes, x, z, scene.N_z == 1, unit)
+    _foundation(axes, x, L, unit, scene)
+    top = _rod if scene.rigid else _load
+    top(axes, x, L, H, unit, scene)
+    _driver(axes, L, unit, scene)
+    _length(axes, (0, -13 * unit), (L, -13 * unit), f"$L$ = {L:g} mm", unit)
+    if scene.N_z > 1:
+        far = L + 4 * unit if scene.d > 0 else -4 * unit
+        _length(axes, (far, 0), (far, H), f"$H$ = {H:g} mm", scene.d * unit)
+
+    n = scene.n_of_i
+    columns = {"n": n, "x_mm": scene.x * 1e3, "load_N": scene.load, "shear_N": scene.shear}
+    fig.tables = {"columns": pd.DataFrame(columns)}
+    thin = f" Every {_ordinal(q)} block in both directions and the driven row are drawn."
+    what = f"Sketch of the scene, to scale, after Fig. 1(a) of {PAPER}."
+    fig.caption = f"{what}{thin if q > 1 else ''} {scene_text(scene)}"
+    return fig
+
+
+def _thinning(scene: Scene) -> int:
+    """Every how many blocks are drawn, if possible in equal steps from edge to edge."""
+    least = -(-scene.N_x // MOST_COLUMNS)
+    common = np.gcd.reduce([scene.N_x - 1, scene.N_z - 1, scene.j_h])
+    whole = [q for q in range(least, 3 * least + 1) if common % q == 0]
+    return whole[0] if whole else least
+
+
+def _kept(count: int, q: int) -> np.ndarray:
+    return np.unique(np.append(np.arange(0, count, q), count - 1))
+
+
+def _ordinal(q: int) -> str:
+    return {2: "second", 3: "third"}.get(q, f"{q}th")
+
+
+def _lattice(axes: Axes, x: np.ndarray, z: np.ndarray, chain: bool, unit: float) -> None:
+    if chain:
+        for left, right in pairwise(x):
+            axes.plot(*_zigzag((left, 0), (right, 0), 0.8 * unit, 3), color=BLUE, lw=0.5)
+    else:
+        X, Z = np.meshgrid(x, z)
+        ends = [
+            (X[:, :-1], Z[:, :-1], X[:, 1:], Z[:, 1:]),
+            (X[:-1], Z[:-1], X[1:], Z[1:]),
+            (X[:-1, :-1], Z[:-1, :-1], X[1:, 1:], Z[1:, 1:]),
+            (X[:-1, 1:], Z[:-1, 1:], X[1:, :-1], Z[1:, :-1]),
+        ]
+        lines = np.concatenate([np.stack(one, axis=-1).reshape(-1, 2, 2) for one in ends])
+        axes.add_collection(LineCollection(list(lines), colors=BLUE, linewidths=0.25, alpha=0.8))
+    X, Z = np.meshgrid(x, z)
+    size = 2.2 if chain else 0.9
+    axes.plot(X.ravel(), Z.ravel(), ls="", marker="s", ms=size, color=BLACK, zorder=3)
+
+
+def _foundation(axes: Axes, x: np.ndarray, L: float, unit: float, scene: Scene) -> None:
+    depth = 5 * unit
+    springs = [_zigzag((at, -0.3 * unit), (at, -depth), 0.7 * unit, 3).T for at in x]
+    axes.add_collection(LineCollection(springs, colors=GREEN, linewidths=0.5))
+    _wall(axes, (-2 * unit, -depth), (L + 2 * unit, -depth), unit, -1)
+    friction = scene.interface
+    text = rf"$\mu_\mathrm{{s}}$ = {friction.mu_s:g}, $\mu_\mathrm{{k}}$ = {friction.mu_k:g}"
+    if scene.N_z > 1:
+        text = rf"$k_\mathrm{{f}}$ = {scene.k_f / 1e6:.4g} MN/m,  {text}"
+    _text(axes, (L / 2, -9.5 * unit), text, GREEN)
+
+
+def _rod(axes: Axes, x: np.ndarray, L: float, H: float, unit: float, scene: Scene) -> None:
+    """The rod, the mattress that resists its tilt, and F_N at its centre."""
+    thick, above = 2 * unit, 10 * unit
+    axes.add_patch(Rectangle((0, H), L, thick, fc=GREY, ec=BLACK, lw=LINE, zorder=4))
+    if scene.top.mattress:
+        low = H + thick
+        places = [at for at in np.linspace(0, L, 14) if abs(at - L / 2) > 8 * unit]
+        springs = [_zigzag((at, low), (at, H + above), 0.9 * unit, 4).T for at in places]
+        axes.add_collection(LineCollection(springs, colors=ORANGE, linewidths=0.6))
+        for sign in (-1, 1):
+            ends = sorted((L / 2 + sign * 7 * unit, L / 2 + sign * (L / 2 + 2 * unit)))
+            _wall(axes, (ends[0], H + above), (ends[1], H + above), unit, 1)
+        text = rf"mattress {scene.top.mattress / 1e6:g} MN/m"
+        _text(axes, (0, H + 14 * unit), text, ORANGE, ha="left")
+    _arrow(axes, (L / 2, H + above + 5.5 * unit), (L / 2, H + thick), VERMILION, 1.6)
+    text = rf"$F_\mathrm{{N}}$ = {scene.F_N:g} N"
+    _text(axes, (L / 2, H + 18.5 * unit), text, VERMILION)
+    _text(axes, (L, H + 14 * unit), f"rod {scene.M_rod * 1e3:g} g", "0.3", ha="right")
+
+
+def _load(axes: Axes, x: np.ndarray, L: float, H: float, unit: float, scene: Scene) -> None:
+    """Forces on the top blocks, and for a chain the shear and springs to a rigid top."""
+    at = np.linspace(0, scene.N_x - 1, min(scene.N_x, 21)).round().astype(int)
+    place = at * scene.slider.l * 1e3
+    most = np.max(scene.load)
+    gap = 0.8 * unit
+    for where, force in zip(place, scene.load[at], strict=True):
+        tail = H + gap + 10 * unit * force / most
+        _arrow(axes, (where, tail), (where, H + gap), VERMILION, 0.7)
+    shear = scene.shear[at]
+    if np.any(shear):
+        for where, force in zip(place, shear, strict=True):
+            tip = where + 4 * unit * force / np.max(np.abs(shear))
+            _arrow(axes, (where, H + 0.6 * unit), (tip, H + 0.6 * unit), ORANGE, 0.7)
+    if scene.top.kind == "distributed":
+        text = rf"$F_\mathrm{{N}}$ = {scene.F_N:g} N, $\theta = {scene.top.theta:g}$"
+    else:
+        low, high = np.min(scene.load), most
+        span = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+        text = rf"$p_i$ = {span} N on each block"
+        more = []
+        if np.any(shear):
+            more.append(rf"$\tau_i$ up to {np.max(np.abs(shear)):.3g} N")
+        if scene.k_top:
+            more.append(rf"$k_\mathrm{{top}}$ = {scene.k_top / 1e6:.3g} MN/m to a rigid top")
+        text = "\n".join([text, ", ".join(more)]).strip()
+    _text(axes, (L / 2, H + 15.5 * unit), text, VERMILION, va="bottom")
+
+
+def _driver(axes: Axes, L: float, unit: float, scene: Scene) -> None:
+    """The spring at height h, its moving end, and their numbers."""
+    d, driver = scene.d, scene.driver
+    h = driver.h * 1e3
+    here = 0.0 if d > 0 else L
+    far = here - d * 13 * unit
+    axes.plot(*_zigzag((far, h), (here, h), 1.6 * unit, 6), color=BLACK, lw=LINE, zorder=5)
+    plate = Rectangle((far - 0.6 * unit, h - 3 * unit), 1.2 * unit, 6 * unit, fc=BLACK, zorder=5)
+    axes.add_patch(plate)
+    _arrow(axes, (far - d * 9 * unit, h), (far - d * 1.2 * unit, h), BLACK, 1.2)
+    left = far - d * 26 * unit
+    side = {"ha": "left" if d > 0 else "right"}
+    speed = rf"$V$ = {driver.V * 1e3:.4g} mm/s"
+    _text(axes, (left, h + 10 * unit), rf"$K$ = {driver.K / 1e6:g} MN/m", BLACK, **side)
+    _text(axes, (left, h + 5 * unit), speed, BLACK, **side)
+    if h:
+        _text(axes, (left, h - 6 * unit), f"$h$ = {h:g} mm", BLACK, **side)
+
+
+def _length(
+    axes: Axes, start: Sequence[float], stop: Sequence[float], text: str, unit: float
+) -> None:
+    """A length between two arrow heads, with its text."""
+    look = {"arrowstyle": "<->", "lw": 0.6, "color": "0.3", "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", stop, start, arrowprops=look)
+    middle = [(a + b) / 2 for a, b in zip(start, stop, strict=True)]
+    upright = start[0] == stop[0]
+    away = (3 * unit, 0) if upright else (0, -3.2 * unit)
+    at = (middle[0] + away[0], middle[1] + away[1])
+    _text(axes, at, text, "0.3", rotation=90 if upright else 0)
+
+
+def _wall(axes: Axes, start: Sequence[float], stop: Sequence[float], unit: float, out: int) -> None:
+    """A fixed horizontal wall, hatched above (out = 1) or below (out = -1)."""
+    axes.plot(*zip(start, stop, strict=True), color=BLACK, lw=LINE)
+    along = np.arange(start[0], stop[0] + 1e-9, 2.5 * unit)
+    lines = [[(a, start[1]), (a - 1.5 * unit, start[1] + 1.5 * unit * out)] for a in along]
+    axes.add_collection(LineCollection(lines, colors=BLACK, linewidths=0.3))
+
+
+def _arrow(
+    axes: Axes, tail: Sequence[float], tip: Sequence[float], colour: str, width: float
+) -> None:
+    look = {"arrowstyle": "-|>", "color": colour, "lw": width, "shrinkA": 0, "shrinkB": 0}
+    look["mutation_scale"] = 4 + 3 * width
+    axes.annotate("", tip, tail, arrowprops=look, zorder=6)
+
+
+def _text(axes: Axes, at: Sequence[float], text: str, colour: str, **where: str | float) -> None:
+    standard = {"ha": "center", "va": "center", "fontsize": SMALL, "color": colour, "zorder": 7}
+    axes.text(*at, text, **standard | where)
+
+
+def _zigzag(start: Sequence[float], stop: Sequence[float], width: float, turns: int) -> np.ndarray:
+    """A spring from start to stop, shape (2, points): straight ends, zigzag between."""
+    start, stop = np.asarray(start, float), np.asarray(stop, float)
+    along = stop - start
+    across = np.array([-along[1], along[0]]) / np.hypot(*along)
+    s = np.concatenate([[0, 0.12], np.linspace(0.12, 0.88, 4 * turns + 1)[1:-1:2], [0.88, 1]])
+    side = np.zeros(s.size)
+    side[2:-2] = np.resize([1, -1], s.size - 4)
+    return (start[:, None] + along[:, None] * s) + width / 2 * across[:, None] * side

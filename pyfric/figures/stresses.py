@@ -1,0 +1,222 @@
+"""Fig. 3: stresses along the interface, before and after precursors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.lines import Line2D
+
+from pyfric.analysis import precursor_lengths, stress_profile, system_size_events
+from pyfric.figures.style import (
+    BLACK,
+    BLUE,
+    BODY,
+    GREY,
+    PAPER,
+    SMALL,
+    VERMILION,
+    DataFigure,
+    engine_text,
+    joined,
+    legend,
+    panels,
+    scene_text,
+)
+from pyfric.units import SceneError
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+
+STATES = {"initial": (GREY, ":", 1.2), "before": (BLUE, "--", 1.0), "after": (VERMILION, "-", 1.0)}
+"""State -> colour, line style, line width (pt)."""
+
+
+def fig3a(record: Record, number: int = 11) -> DataFigure:
+    """Fig. 3(a) of the paper: p and tau along the interface, at F_T = 0 and about one precursor.
+
+    Top: p over F_N/N_x. Bottom: tau, with the thresholds mu_s p before and mu_k p after the event.
+
+    Args:
+        record: the run.
+        number: which main precursor of the first loading, from 1.
+
+    Raises:
+        SceneError: there are fewer.
+    """
+    event = main_precursor(record, number)
+    states = {
+        "initial": stress_profile(record),
+        "before": stress_profile(record, event, "before"),
+        "after": stress_profile(record, event, "after"),
+    }
+    friction, row = record.scene.interface, record.events.iloc[event]
+    tip = _tip(record, event)
+
+    fig, (top, bottom) = panels(3.6, (1, 1.35), letter_at=0.13, sharex=True)
+    for state, table in states.items():
+        colour, line, width = STATES[state]
+        look = {"color": colour, "ls": line, "lw": width, "zorder": 3}
+        top.plot(table["x_over_L"], table["p"], **look)
+        bottom.plot(table["x_over_L"], table["tau"], **look)
+    for state, mu, name in (("before", friction.mu_s, "s"), ("after", friction.mu_k, "k")):
+        table, (colour, _, _) = states[state], STATES[state]
+        bottom.plot(table["x_over_L"], mu * table["p"], color=colour, lw=0.6, alpha=0.6)
+        at = int(0.78 * len(table))
+        bottom.annotate(
+            rf"$\mu_\mathrm{{{name}}}\,p$ {state}",
+            (table["x_over_L"][at], mu * table["p"][at]),
+            xytext=(0, 2),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            fontsize=SMALL,
+            color=colour,
+        )
+    force = {"initial": 0.0, "before": row["F_T_start"], "after": row["F_T_arrest"]}
+    ratio = r"$F_\mathrm{T}/F_\mathrm{N}$"
+    handles = [
+        Line2D(
+            [],
+            [],
+            color=colour,
+            ls=line,
+            lw=width,
+            label=f"{state}, {ratio} = {force[state] / record.scene.F_N:.3g}",
+        )
+        for state, (colour, line, width) in STATES.items()
+    ]
+    legend(top, handles=handles, loc="upper center")
+    for axes in (top, bottom):
+        axes.axvline(tip, color="0.6", lw=0.6, ls=(0, (1, 2)), zorder=0)
+    bottom.axhline(0, color="0.6", lw=0.5, zorder=0)
+    top.set_ylim(bottom=0)
+    bottom.annotate(
+        r"$L_\mathrm{p}$", (tip, 0.02), xycoords=("data", "axes fraction"), xytext=(2, 1),
+        textcoords="offset points", fontsize=SMALL, color="0.35",
+    )  # fmt: skip
+    top.set_ylabel(r"$p\,N_x/F_\mathrm{N}$", fontsize=BODY)
+    bottom.set_ylabel(r"$\tau\,N_x/F_\mathrm{N}$", fontsize=BODY)
+    bottom.set_xlabel(r"position $x/L$ from the trailing edge", fontsize=BODY)
+    bottom.set_xlim(0, 1)
+    fig.align_ylabels([top, bottom])
+    tables = [table.assign(state=state) for state, table in states.items()]
+    fig.tables = {"profiles": pd.concat(tables, ignore_index=True)}
+    what = (
+        "Normal force p (a) and friction force tau (b) on each block over F_N/N_x, static states: "
+        f"at F_T = 0, and before and after main precursor {number} of the first loading "
+        f"(L_p/L = {row['L_p_over_L']:.3g}); after Fig. 3(a) of {PAPER}. Thin lines: the "
+        "thresholds mu_s p before and mu_k p after the event. Positive tau resists the drive."
+    )
+    fig.caption = " ".join([what, scene_text(record.scene), engine_text(record)])
+    return fig
+
+
+def fig3b(record: Record) -> DataFigure:
+    """Fig. 3(b) of the paper: how precursors change p, and (its inset) p after sliding.
+
+    Top: p over the p of the same block at F_T = 0, after every second main precursor of the first
+    loading; a dot marks the last block of each. Bottom: p over F_N/N_x after each event over the
+    whole interface.
+
+    Raises:
+        SceneError: the record holds no precursor or no event over the whole interface.
+    """
+    lengths, sliding = precursor_lengths(record), system_size_events(record)
+    if lengths.empty or sliding.empty:
+        allowed = "a run with precursors and events over the whole interface"
+        raise SceneError("record", record.scene.name, "", allowed, "raise t_end")
+    chosen = lengths.iloc[::-2].iloc[::-1]
+    colours = mpl.colormaps["viridis_r"](np.linspace(0.1, 1, len(chosen)))
+
+    fig, (top, bottom) = panels(4.0, (1.25, 1), letter_at=0.13, sharex=True)
+    profiles = []
+    for (number, one), colour in zip(chosen.iterrows(), colours, strict=True):
+        event = int(one["event"])
+        table = stress_profile(record, event, "after")
+        tip = round(one["L_p_over_L"] * len(table)) - 1
+        top.plot(table["x_over_L"], table["p_over_p_initial"], color=colour, lw=0.9)
+        top.plot(table["x_over_L"][tip], table["p_over_p_initial"][tip], "o", color=colour, ms=3)
+        profiles.append(table.assign(number=number + 1, event=event, L_p_over_L=one["L_p_over_L"]))
+    top.axhline(1, color="0.6", lw=0.5, zorder=0)
+    handles = [
+        Line2D([], [], color=colour, lw=1.2, marker="o", ms=3, label=f"{length:.2f}")
+        for length, colour in zip(chosen["L_p_over_L"], colours, strict=True)
+    ]
+    legend(top, handles=handles, title=r"$L_\mathrm{p}/L$", loc="upper center", ncols=2)
+    top.set_ylabel(r"$p/p_\mathrm{initial}$", fontsize=BODY)
+
+    after = []
+    for n, event in enumerate(sliding["event"]):
+        table = stress_profile(record, int(event), "after")
+        width = 1.3 if n == 0 else 0.8
+        look = {"color": BLACK if n == 0 else BLUE, "ls": "--" if n == 0 else "-"}
+        bottom.plot(table["x_over_L"], table["p"], lw=width, **look)
+        after.append(table.assign(event=event, number=n + 1))
+    first = stress_profile(record)
+    bottom.plot(first["x_over_L"], first["p"], color=GREY, lw=1.2, ls=":")
+    handles = [Line2D([], [], color=GREY, lw=1.2, ls=":", label=r"initial")]
+    handles.append(Line2D([], [], color=BLACK, lw=1.3, ls="--", label="after the first"))
+    rest = f"after the next {len(sliding) - 1}"
+    handles += [Line2D([], [], color=BLUE, label=rest)] if len(sliding) > 1 else []
+    legend(bottom, handles=handles, title="events over the whole interface", loc="upper center")
+    bottom.set_ylim(bottom=0)
+    bottom.set_ylabel(r"$p\,N_x/F_\mathrm{N}$", fontsize=BODY)
+    bottom.set_xlabel(r"position $x/L$ from the trailing edge", fontsize=BODY)
+    bottom.set_xlim(0, 1)
+    fig.align_ylabels([top, bottom])
+    fig.tables = {
+        "precursors": pd.concat(profiles, ignore_index=True),
+        "sliding": pd.concat(after, ignore_index=True),
+    }
+    drop, spread = _drop(record, profiles), _spread(after[1:])
+    numbers = joined(str(table["number"].iloc[0]) for table in profiles)
+    what = (
+        "(a) Normal force p over that of the same block at F_T = 0, after main precursors "
+        f"{numbers} of the first loading; dots: their last blocks. Between x = h + l and the tip "
+        f"it falls by up to {drop:.0%}. (b) p over F_N/N_x after the {len(after)} events over the "
+        f"whole interface; {spread}after Fig. 3(b) of {PAPER} and its inset."
+    )
+    fig.caption = " ".join([what, scene_text(record.scene), engine_text(record)])
+    return fig
+
+
+def main_precursor(record: Record, number: int) -> int:
+    """Return the event that is main precursor `number` (from 1) of the first loading.
+
+    Raises:
+        SceneError: there are fewer.
+    """
+    found = precursor_lengths(record)["event"]
+    if not 1 <= number <= len(found):
+        allowed = f"1 to {len(found)}, the main precursors of this run"
+        raise SceneError("number", number, "", allowed, "no such precursor")
+    return int(found.iloc[number - 1])
+
+
+def _tip(record: Record, event: int) -> float:
+    """x/L of the last block of an event."""
+    N_x = record.scene.N_x
+    return (record.events["L_p_over_L"].iloc[event] * N_x - 1) / (N_x - 1)
+
+
+def _drop(record: Record, profiles: list[pd.DataFrame]) -> float:
+    """Largest fall of p/p_initial over h + l < x < L_p."""
+    scene, lowest = record.scene, 1.0
+    for table in profiles:
+        n = table["n"]
+        inside = (n - 1 > scene.j_h + 1) & (n < round(table["L_p_over_L"].iloc[0] * scene.N_x))
+        lowest = min(lowest, table["p_over_p_initial"][inside].min())
+    return 1 - lowest
+
+
+def _spread(after: list[pd.DataFrame]) -> str:
+    if len(after) < 2:
+        return ""
+    p = np.array([table["p"] for table in after])
+    return (
+        f"from the second on, they differ by at most {np.ptp(p, axis=0).max():.2g} F_N/N_x at any "
+        "block; "
+    )

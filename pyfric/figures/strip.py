@@ -1,0 +1,330 @@
+"""One event as pictures: the velocity field of the slider with the interface below it.
+
+The event is run again with full dynamics from a state shortly before it, which the hybrid engine
+gives.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from matplotlib.animation import PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from pyfric import core
+from pyfric.figures.style import (
+    BLACK,
+    BODY,
+    COLUMN_WIDTH,
+    GREY,
+    SMALL,
+    VERMILION,
+    DataFigure,
+    engine_text,
+    mark,
+    scene_text,
+    style,
+)
+from pyfric.files import written
+from pyfric.simulation import simulate
+from pyfric.units import SceneError
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+__all__ = ["Frame", "event_frames", "event_movie", "event_strip", "frame_times"]
+
+LEAD = 20
+"""Steps between the state that the hybrid engine gives and the event."""
+MOMENTS = (0.05, 0.3, 0.55, 0.8, 1.0, 1.6)
+"""Frames of a strip, in units of the time the front takes."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The slider at one instant. Columns run from the trailing edge, rows from the bottom.
+
+    Attributes:
+        t: time, s.
+        v: velocity along the drive and upward, shape (N_z, 2, N_x), m/s.
+        tau, p: friction force, positive where it resists the drive, and normal force, shape
+            (N_x,), N.
+        mode: contact, shape (N_x,): 0 stuck, 1 slips along the drive, -1 slips back, 2 open.
+    """
+
+    t: float
+    v: np.ndarray
+    tau: np.ndarray
+    p: np.ndarray
+    mode: np.ndarray
+
+    @property
+    def tau_over_p(self) -> np.ndarray:
+        """tau/p, NaN where a block is open."""
+        return np.divide(self.tau, self.p, out=np.full(self.p.shape, np.nan), where=self.p > 0)
+
+
+def frame_times(record: Record, event: int, moments: Sequence[float] = MOMENTS) -> np.ndarray:
+    """Return times in s: the first slip plus `moments` times the time that the front takes.
+
+    Where no front is resolved, the duration of the event stands for that time.
+    """
+    _checked(record, event)
+    row, times = record.events.iloc[event], record.rupture_times[event]
+    last = np.nanmax(times) if np.isfinite(times).any() else math.nan
+    span = last - row["t_start"]
+    if not span > 0:
+        span = row["duration"]
+    if not span > 0:
+        span = LEAD * record.method.dt
+    return row["t_start"] + span * np.asarray(moments, dtype=float)
+
+
+def event_frames(record: Record, event: int, times: Sequence[float]) -> list[Frame]:
+    """Run one event again and return the slider at the given times.
+
+    Args:
+        record: a run of the hybrid or the dynamic engine; its geometry and step are kept.
+        event: row in ``record.events``.
+        times: increasing times in s, from the first slip of the event on; each is taken at the
+            next step end.
+
+    Raises:
+        SceneError: no such event, another engine, or times before the event.
+    """
+    _checked(record, event)
+    scene, method = record.scene, record.method
+    t_start = record.events["t_start"].iloc[event]
+    times = np.asarray(times, dtype=float)
+    if not (times.size and np.all(np.diff(times) >= 0) and times[0] >= t_start - method.dt):
+        allowed = f"increasing times in s from {t_start:.6g} on"
+        raise SceneError("times", times, "s", allowed)
+    begin = max(0.0, t_start - LEAD * method.dt)
+    how = {"geometry": method.geometry, "dt": method.dt, "progress": False}
+    state = simulate(scene, begin, fidelity="hybrid", **how).final_state
+    model, log = core.model(scene, method.geometry, state.u_drv0), core.Log(scene.N_x)
+    threads = core.useful_threads(scene.N_x * scene.N_z)
+    frames = []
+    for t in times:
+        last = math.ceil((t - state.t0) / state.dt * (1 - 1e-14))
+        while state.step < last:
+            core.advance(model, state, log, last - state.step, budget=False, threads=threads)
+        forces, order = core.evaluate(model, state, state.t), np.argsort(scene.n_of_i)
+        v = state.y[:, 2:].copy()
+        v[:, 0] *= scene.d
+        mode = np.where(np.abs(state.mode) == 1, scene.d * state.mode, state.mode)
+        tau = -scene.d * forces.f + 0.0
+        frames.append(Frame(state.t, v[:, :, order], tau[order], forces.p[order], mode[order]))
+    return frames
+
+
+def event_strip(record: Record, event: int, moments: Sequence[float] = MOMENTS) -> DataFigure:
+    """Draw an event as a strip of frames: velocity along the drive, tau/p and slip below it.
+
+    Args:
+        record: a run of the hybrid or the dynamic engine.
+        event: row in ``record.events``.
+        moments: times of the frames, from the first slip on, over the time that the front takes.
+
+    Raises:
+        SceneError: see `event_frames`.
+    """
+    frames = event_frames(record, event, frame_times(record, event, moments))
+    t_start, most = record.events["t_start"].iloc[event], _largest(frames)
+    fig, drawn = _panels(record.scene, len(frames), most)
+    for one, frame in zip(drawn, frames, strict=True):
+        one.show(frame, t_start)
+    fig.tables = _tables(frames, t_start)
+    fig.caption = _caption(record, event, most)
+    return fig
+
+
+def event_movie(
+    record: Record,
+    event: int,
+    path: str | os.PathLike[str],
+    *,
+    count: int = 60,
+    moments: tuple[float, float] = (0.0, 2.0),
+    fps: int = 12,
+) -> Path:
+    """Write an animated GIF of an event; see `event_strip`.
+
+    Args:
+        record, event: as in `event_strip`.
+        path: the file.
+        count: number of frames.
+        moments: times of the first and the last frame, over the time that the front takes.
+        fps: frames per second.
+
+    Raises:
+        SceneError: see `event_frames`.
+        OSError: the file cannot be written.
+    """
+    frames = event_frames(record, event, frame_times(record, event, np.linspace(*moments, count)))
+    t_start = record.events["t_start"].iloc[event]
+    fig, (panels,) = _panels(record.scene, 1, _largest(frames))
+    panels.show(frames[0], t_start)
+    fig.canvas.draw()
+    fig.set_layout_engine("none")  # nothing moves from frame to frame
+    writer = PillowWriter(fps=fps)
+    with written(path) as draft:
+        named = draft.with_name(draft.name + ".gif")  # Pillow goes by the name
+        try:
+            with writer.saving(fig, named, dpi=150):
+                for frame in frames:
+                    panels.show(frame, t_start)
+                    writer.grab_frame()
+            os.replace(named, draft)
+        finally:
+            named.unlink(missing_ok=True)
+    return Path(path)
+
+
+# --- parts ---------------------------------------------------------------------------------------
+
+
+def _panels(scene: Scene, count: int, most: float) -> tuple[DataFigure, list[_Panels]]:
+    """Return a figure with the panels of `count` frames, and one scale of colours."""
+    columns = min(3, count)
+    rows, width = -(-count // columns), COLUMN_WIDTH * min(2, count)
+    chain = scene.N_z == 1
+    field = 0.1 if chain else 0.72 * width / columns * scene.slider.H / scene.slider.L
+    below = max(0.55 * field, 0.55)
+    fig = DataFigure(figsize=(width, rows * (field + below + 0.25) + 0.3), layout="constrained")
+    FigureCanvasAgg(fig)
+    fig.get_layout_engine().set(h_pad=0.02, w_pad=0.02, hspace=0.02, wspace=0.02)
+    grid = fig.subplots(
+        2 * rows, columns, squeeze=False, sharex=True, height_ratios=[field, below] * rows
+    )
+    drawn = []
+    for n in range(rows * columns):
+        row, column = divmod(n, columns)
+        pair = grid[2 * row : 2 * row + 2, column]
+        if n < count:
+            drawn.append(_Panels(*pair, scene, most, labelled=column == 0, lowest=row == rows - 1))
+        else:
+            for axes in pair:
+                axes.set_axis_off()
+    shown = {"extend": "both", "pad": 0.01, "aspect": 30, "fraction": 0.05}
+    bar = fig.colorbar(drawn[0].image, ax=grid, **shown)
+    bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2)
+    bar.outline.set_linewidth(0.6)
+    bar.set_label(r"velocity along the drive $v_x$ (m/s)", fontsize=SMALL)
+    return fig, drawn
+
+
+class _Panels:
+    """Velocity field and interface of one frame."""
+
+    def __init__(
+        self, top: Axes, bottom: Axes, scene: Scene, most: float, *, labelled: bool, lowest: bool
+    ) -> None:
+        slider, friction = scene.slider, scene.interface
+        self.top, self.bottom = top, bottom
+        l, half = slider.l / slider.L, slider.l / slider.L / 2
+        z = slider.H / slider.L
+        self.image = self.top.imshow(
+            np.zeros((scene.N_z, scene.N_x)),
+            extent=(-half, 1 + half, -half, z + half) if scene.N_z > 1 else (-half, 1 + half, 0, l),
+            origin="lower",
+            cmap="RdBu_r",
+            vmin=-most,
+            vmax=most,
+            aspect="equal" if scene.N_z > 1 else "auto",
+            interpolation="nearest",
+        )
+        x = np.arange(scene.N_x) / (scene.N_x - 1)
+        (self.line,) = self.bottom.plot(x, np.zeros(scene.N_x), color=BLACK, lw=0.8)
+        (self.slip,) = self.bottom.plot(x, np.zeros(scene.N_x), "o", color=VERMILION, ms=1.8)
+        (self.open,) = self.bottom.plot(x, np.zeros(scene.N_x), "x", color=GREY, ms=2.5, mew=0.6)
+        for axes in (self.top, self.bottom):
+            style(axes)
+        mark(self.bottom, friction.mu_s, r"$\mu_\mathrm{s}$", at=0.98, away=(0, 1), ha="right")
+        mark(self.bottom, friction.mu_k, r"$\mu_\mathrm{k}$", at=0.98, away=(0, 1), ha="right")
+        self.bottom.set_ylim(-0.55 * friction.mu_s, 1.4 * friction.mu_s)
+        self.bottom.set_xlim(-half, 1 + half)
+        if scene.N_z == 1:
+            self.top.set_yticks([])
+        if labelled:
+            self.bottom.set_ylabel(r"$\tau/p$", fontsize=BODY)
+            self.top.set_ylabel(r"$z/L$" if scene.N_z > 1 else "", fontsize=BODY)
+        if lowest:
+            self.bottom.set_xlabel(r"$x/L$", fontsize=BODY)
+        self.title = self.top.set_title(" ", fontsize=SMALL, pad=2)
+
+    def show(self, frame: Frame, t_start: float) -> None:
+        """Show a frame; t_start is the time of the first slip, s."""
+        self.image.set_data(frame.v[:, 0])
+        ratio = frame.tau_over_p
+        self.line.set_ydata(ratio)
+        slips = np.abs(frame.mode) == 1
+        self.slip.set_ydata(np.where(slips, ratio, np.nan))
+        self.open.set_ydata(np.where(frame.mode == 2, 0.0, np.nan))
+        text = rf"{(frame.t - t_start) * 1e6:.1f} $\mu$s, slipping: {slips.sum()}"
+        self.title.set_text(text)
+
+
+def _largest(frames: Sequence[Frame]) -> float:
+    """Range of the colours, m/s: nearly all velocities of all frames are inside."""
+    found = float(np.quantile(np.abs([frame.v[:, 0] for frame in frames]), 0.995))
+    return found or 1e-12
+
+
+def _tables(frames: Sequence[Frame], t_start: float) -> dict[str, pd.DataFrame]:
+    interface, field = [], []
+    for number, frame in enumerate(frames, 1):
+        N_z, _, N_x = frame.v.shape
+        n = np.arange(1, N_x + 1)
+        about = {"frame": number, "t_s": frame.t, "t_from_start_us": (frame.t - t_start) * 1e6}
+        values = {
+            "n": n,
+            "x_over_L": (n - 1) / (N_x - 1),
+            "tau_N": frame.tau,
+            "p_N": frame.p,
+            "tau_over_p": frame.tau_over_p,
+            "mode": frame.mode,
+        }
+        interface.append(pd.DataFrame(about | values))
+        values = {
+            "n": np.tile(n, N_z),
+            "row": np.repeat(np.arange(N_z), N_x),
+            "v_x_m_per_s": frame.v[:, 0].ravel(),
+            "v_z_m_per_s": frame.v[:, 1].ravel(),
+        }
+        field.append(pd.DataFrame({"frame": number} | values))
+    return {
+        "interface": pd.concat(interface, ignore_index=True),
+        "field": pd.concat(field, ignore_index=True),
+    }
+
+
+def _caption(record: Record, event: int, most: float) -> str:
+    row = record.events.iloc[event]
+    what = (
+        f"Event {event} of the catalogue (first slip at t = {row['t_start']:.6g} s, "
+        f"L_p/L = {row['L_p_over_L']:.3g}, {row['n_blocks']} blocks), run again with full dynamics "
+        "from a state just before it. Above: velocity of the blocks along the drive, colours up to "
+        f"{most:.3g} m/s. Below: tau/p at the same instants; dots are blocks that slip, crosses "
+        "open ones. Times are from the first slip; x is from the trailing edge."
+    )
+    return " ".join([what, scene_text(record.scene), engine_text(record)])
+
+
+def _checked(record: Record, event: int) -> None:
+    if record.method.engine not in ("hybrid", "dynamic"):
+        allowed = "a run of the hybrid or the dynamic engine"
+        raise SceneError("record", record.method.engine, "", allowed, "it has no motion")
+    count = len(record.events)
+    whole = isinstance(event, int | np.integer) and not isinstance(event, bool)
+    if not (whole and 0 <= event < count):
+        raise SceneError("event", event, "", f"a row of record.events, 0 to {count - 1}")

@@ -1,0 +1,195 @@
+"""What all figures share: size, colours, panels, parts of captions, and their files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from pyfric.files import written
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+COLUMN_WIDTH = 3.4
+"""Width of one journal column, inches."""
+PNG_DPI = 300
+
+SMALL, BODY = 7, 8  # font sizes, pt
+
+BLACK, ORANGE, SKY, GREEN = "black", "#E69F00", "#56B4E9", "#009E73"
+YELLOW, BLUE, VERMILION, PURPLE, GREY = "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#999999"
+"""The Okabe-Ito set, which stays distinguishable under colour blindness, and grey."""
+
+PAPER = "Phys. Rev. Lett. 107, 074301"
+
+
+class DataFigure(Figure):
+    """A figure with its ``caption`` (text) and ``tables`` (name -> data frame behind it)."""
+
+    caption: str = ""
+    tables: dict[str, pd.DataFrame]
+
+
+def panels(
+    height: float, ratios: Sequence[float] = (1,), *, letter_at: float = 0.02, **rest: Any
+) -> tuple[DataFigure, list[Axes]]:
+    """Return a figure of this height (inches) and its panels, one below the other.
+
+    Letters, where there are several panels, are at the top, `letter_at` of the width from the left.
+    """
+    fig = DataFigure(figsize=(COLUMN_WIDTH, height), layout="constrained")
+    FigureCanvasAgg(fig)
+    fig.get_layout_engine().set(h_pad=0.02, w_pad=0.02, hspace=0.02)
+    fig.tables = {}
+    axes = list(fig.subplots(len(ratios), 1, squeeze=False, height_ratios=ratios, **rest)[:, 0])
+    for number, one in enumerate(axes):
+        style(one, "abcdef"[number] if len(axes) > 1 else "", letter_at)
+    return fig, axes
+
+
+def style(axes: Axes, letter: str = "", at: float = 0.02) -> None:
+    """Ticks, frame and letter of a panel."""
+    axes.tick_params(direction="in", top=True, right=True, labelsize=SMALL, width=0.6, length=3)
+    axes.tick_params(which="minor", direction="in", top=True, right=True, width=0.4, length=1.5)
+    for spine in axes.spines.values():
+        spine.set_linewidth(0.6)
+    if letter:
+        axes.text(
+            at,
+            0.96,
+            f"({letter})",
+            transform=axes.transAxes,
+            ha="left",
+            va="top",
+            fontsize=BODY,
+            fontweight="bold",
+        )
+
+
+def legend(axes: Axes, **options: Any) -> None:
+    """A compact legend without a frame."""
+    standard = {
+        "fontsize": SMALL,
+        "title_fontsize": SMALL,
+        "alignment": "left",
+        "handlelength": 1.4,
+        "handletextpad": 0.5,
+        "labelspacing": 0.3,
+        "columnspacing": 1.0,
+        "borderaxespad": 0.3,
+        "frameon": False,
+    }
+    axes.legend(**standard | options)
+
+
+def mark(axes: Axes, value: float, text: str, *, vertical: bool = False, **where: Any) -> None:
+    """A dashed line at a value, with its name."""
+    draw = axes.axvline if vertical else axes.axhline
+    draw(value, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
+    at, away = where.get("at", 0.02), where.get("away", (2, 2))
+    axes.annotate(
+        text,
+        (value, at) if vertical else (at, value),
+        xycoords=("data", "axes fraction") if vertical else ("axes fraction", "data"),
+        xytext=away,
+        textcoords="offset points",
+        ha=where.get("ha", "left"),
+        va=where.get("va", "bottom"),
+        fontsize=SMALL,
+        color="0.35",
+    )
+
+
+def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path]:
+    """Write the figure as PNG (300 dpi) and PDF, its caption as text and its data as CSV.
+
+    ``path_stem`` is a path without suffix; the files are stem.png, stem.pdf, stem.txt and
+    stem_<table>.csv. Missing folders are made. Returns the paths.
+    """
+    stem = Path(path_stem)
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    paths = [stem.with_name(stem.name + suffix) for suffix in (".png", ".pdf", ".txt")]
+    png, pdf, txt = paths
+    with written(png) as draft:
+        fig.savefig(draft, format="png", dpi=PNG_DPI, metadata={"Description": fig.caption})
+    with written(pdf) as draft:
+        about = {"Subject": fig.caption, "CreationDate": None}
+        fig.savefig(draft, format="pdf", dpi=PNG_DPI, metadata=about)
+    txt.write_text(fig.caption + "\n", encoding="utf-8")
+    for name, table in fig.tables.items():
+        paths.append(stem.with_name(f"{stem.name}_{name}.csv"))
+        table.to_csv(paths[-1], index=False)
+    return paths
+
+
+# --- captions ------------------------------------------------------------------------------------
+
+
+def scene_text(scenes: Scene | Sequence[Scene]) -> str:
+    """Parameters of a scene, or of several of one kind of load, with lists where they differ."""
+    scenes = [scenes] if not isinstance(scenes, Sequence) else list(scenes)
+    first = scenes[0]
+
+    def of(get: Any, unit: str = "", scale: float = 1.0) -> str:
+        values = sorted({get(one) / scale for one in scenes})
+        listed = ", ".join(f"{value:g}" for value in values)
+        return f"{listed} {unit}".strip()
+
+    if first.rigid:
+        load = "rigid rod on top"
+    elif first.N_z == 1:
+        load = f"chain under prescribed loads, k_top = {of(lambda s: s.k_top, 'MN/m', 1e6)}"
+    else:
+        load = f"distributed load, theta = {of(lambda s: s.top.theta)}"
+    blocks = sorted({(one.N_x, one.N_z) for one in scenes})
+    names = sorted({one.name for one in scenes}) if len(scenes) == 1 else []
+    head = "Scenes" if len(scenes) > 1 else f"Scene{' ' + names[0] if names[0] else ''}"
+    pairs = sorted({(one.interface.mu_s, one.interface.mu_k) for one in scenes})
+    if len(pairs) == 1:
+        friction = "mu_s = {:g}, mu_k = {:g}".format(*pairs[0])
+    else:
+        friction = "mu_s/mu_k = " + ", ".join(f"{s:g}/{k:g}" for s, k in pairs)
+    return (
+        f"{head}: {load}, L = {of(lambda s: s.slider.L, 'mm', 1e-3)}, "
+        f"H = {of(lambda s: s.slider.H, 'mm', 1e-3)}, l = {of(lambda s: s.slider.l, 'mm', 1e-3)} "
+        f"({', '.join(f'{x} x {z}' for x, z in blocks)} blocks), "
+        f"F_N = {of(lambda s: s.F_N, 'N')}, driver K = {of(lambda s: s.driver.K, 'MN/m', 1e6)}, "
+        f"V = {of(lambda s: s.driver.V, 'mm/s', 1e-3)}, "
+        f"h = {of(lambda s: s.driver.h, 'mm', 1e-3)}, on the {first.driver.side}; "
+        f"k = {of(lambda s: s.slider.k, 'MN/m', 1e6)}, {friction}."
+    )
+
+
+def engine_text(records: Record | Sequence[Record]) -> str:
+    """Engine, geometry, step and gap of the records, what they left open, and the version."""
+    records = [records] if not isinstance(records, Sequence) else list(records)
+    hows, text = [], []
+    for one in records:
+        method = one.method
+        step = "" if method.dt is None else f", time step {method.dt * 1e6:g} us"
+        how = ", ".join(part for part in (method.stepper, method.switching) if part)
+        hows.append(f"{method.engine}, {method.geometry} geometry{', ' + how if how else ''}{step}")
+    gaps = joined(f"{gap * 1e3:g} ms" for gap in sorted({one.method.t_gap for one in records}))
+    text.append(
+        f"Engine: {'; '.join(dict.fromkeys(hows))}; events joined over pauses up to {gaps}."
+    )
+    for status in dict.fromkeys(one.status for one in records if one.status != "complete"):
+        text.append(f"Run {status}.")
+    known = {one.versions["pyfric"] for one in records if "pyfric" in one.versions}
+    if known:
+        text.append(f"pyfric {joined(sorted(known))}.")
+    return " ".join(text)
+
+
+def joined(texts: Iterable[str]) -> str:
+    """Texts as a list in a sentence."""
+    *most, last = texts
+    return f"{', '.join(most)} and {last}" if most else last

@@ -1,0 +1,145 @@
+"""The folder of figures and its page: what is there is shown, with captions, costs and claims."""
+
+import json
+import re
+from html.parser import HTMLParser
+
+import pandas as pd
+import pytest
+
+import pyfric
+from pyfric import paper, reproduce
+from pyfric.sweep import Job
+
+OPTIONS = {"fidelity": "hybrid", "geometry": "linear"}
+
+
+def job(t_end=0.11, **changes):
+    own = {"L": 0.07, "H": 0.0375, "V": 5e-3, "F_N": 1750.0, "name": "small <1>"}
+    return Job(scene=pyfric.setup1(**own | changes), t_end=t_end, options=OPTIONS)
+
+
+JOBS = {
+    "fig1b": (job(),),
+    "fig2a": (job(), job(h=7.5e-3, name="higher")),
+    "fig2b": (Job(scene=pyfric.setup2(L=0.05, H=0.01, V=5e-3), t_end=0.05, options=OPTIONS),),
+    "fig3b": (job(),),
+}
+
+
+class Page(HTMLParser):
+    """Texts, tags and links of a page; tags have to close in order."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.links, self.texts, self.ids = [], [], [], []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        attributes = dict(attributes)
+        self.links += [attributes[name] for name in ("href", "src") if name in attributes]
+        self.ids += [attributes["id"]] if "id" in attributes else []
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("paper")
+    files = reproduce.reproduce(
+        JOBS, out / "new" / "figures", workers=1, cache=out / "kept", jobs=JOBS
+    )
+    assert len(list((out / "kept").glob("*.nc"))) == 3  # shared runs are made once
+    assert all(path.stat().st_size > 0 for path in files)
+    assert {path.name for path in files} == {
+        path.name for path in (out / "new" / "figures").iterdir()
+    }
+    return out / "new" / "figures"
+
+
+def test_every_figure_has_its_files(folder):
+    for name in JOBS:
+        for suffix in (".png", ".pdf", ".txt", "_runs.csv"):
+            assert (folder / f"{name}{suffix}").is_file()
+    assert (folder / "fig2a_points.csv").is_file()
+
+
+def test_page_shows_every_figure_with_caption_and_links(folder):
+    text = (folder / "index.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.ids == [*JOBS, "cost"]
+    words = " ".join(" ".join(page.texts).split())
+    for name in JOBS:
+        caption = (folder / f"{name}.txt").read_text(encoding="utf-8")
+        assert " ".join(caption.split()) in words
+        wanted = {f"{name}.png", f"{name}.pdf", *(p.name for p in folder.glob(f"{name}_*.csv"))}
+        assert wanted <= set(page.links)
+    assert all((folder / link).is_file() for link in page.links)  # nothing from elsewhere
+    assert "http" not in text
+    assert pyfric.__version__ in words
+
+
+def test_cost_lists_every_run_once(folder):
+    tables = [pd.read_csv(folder / f"{name}_runs.csv") for name in JOBS]
+    runs = pd.concat(tables).drop_duplicates()
+    assert len(runs) == 3
+    words = " ".join(Page((folder / "index.html").read_text(encoding="utf-8")).texts)
+    assert f"3 runs, {runs['seconds'].sum():.1f} s of processor time" in words
+    assert "fig1b, fig2a, fig3b" in words
+    assert (runs["engine"] == "hybrid").all()
+    assert (runs["block_evaluations"] > 0).all()
+
+
+def test_claims_are_shown_where_they_are_there(folder):
+    first = {"number": "1", "text": "a <b> & c", "value": 0.123456, "band": "0 to 1"}
+    rows = [
+        first | {"verdict": "holds", "unit": "m/s"},
+        {"number": "2", "text": "more", "value": None, "verdict": "misses", "how": "by eye"},
+    ]
+    claims = folder / "claims.json"
+    claims.write_text(json.dumps({"claims": rows}), encoding="utf-8")
+    try:
+        text = reproduce.write_index(folder).read_text(encoding="utf-8")
+    finally:
+        claims.unlink()
+    page = Page(text)
+    assert page.ids == [*JOBS, "claims", "cost"]
+    for one in ("a <b> & c", "0.1235", "m/s", "by eye", "verdict"):
+        assert one in page.texts
+    assert "1 of 2 claims hold" in text
+    assert len(re.findall('<tr class="miss">', text)) == 1
+    assert "claims" not in Page(reproduce.write_index(folder).read_text(encoding="utf-8")).ids
+
+
+def test_page_of_an_empty_folder(tmp_path):
+    page = Page(reproduce.write_index(tmp_path).read_text(encoding="utf-8"))
+    assert page.ids == []
+
+
+def test_unknown_figures_are_refused(tmp_path):
+    with pytest.raises(pyfric.SceneError, match=r"fig2.*fig2a"):
+        reproduce.reproduce(["fig2"], tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_every_figure_has_jobs_and_a_title():
+    assert list(reproduce.DRAW) == list(paper.JOBS) == list(reproduce.TITLES)
+
+
+def test_the_paper_s_scenes():
+    scenes = [job.scene for job in paper.FIG2A]
+    assert {one.slider.L for one in scenes} == {0.14, 0.2}
+    assert {one.F_N for one in scenes} == {1750, 2700, 3500}
+    assert {one.driver.h for one in scenes} == {2.5e-3, 5e-3, 7.5e-3, 10e-3, 12.5e-3, 15e-3}
+    assert [job.scene.top.theta for job in paper.FIG2B] == [-0.833, 0, 0.833]
+    assert [job.scene for job in paper.FIG4B] == [
+        pyfric.preset(name) for name in ("run1", "run2", "run3", "run4")
+    ]
+    assert paper.FIG1.scene == paper.FIG4A.scene == pyfric.preset("fig1")

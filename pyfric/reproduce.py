@@ -97,7 +97,7 @@ def runs_table(jobs: Sequence[Job], records: Sequence[Record]) -> pd.DataFrame:
             "t_end_s": job.t_end,
             "engine": record.method.engine,
             "geometry": record.method.geometry,
-            "dt_us": float("nan") if record.method.dt is None else record.method.dt * 1e6,
+            "dt_us": float("nan") if record.method.dt is None else round(record.method.dt * 1e6, 9),
             "events": len(record.events),
             "block_evaluations": record.counts.get("block_evaluations", 0),
             "seconds": record.timings["processor"],
@@ -147,7 +147,7 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
         parts.append(_figure(folder, name))
     claims = folder / "claims.json"
     if claims.is_file():
-        parts.append(_claims(json.loads(claims.read_text(encoding="utf-8"))))
+        parts.append(_claims(claims))
     runs = [folder / f"{name}_runs.csv" for name in there]
     tables = [(path.name.removesuffix("_runs.csv"), pd.read_csv(path)) for path in runs]
     if tables:
@@ -189,11 +189,14 @@ def _figure(folder: Path, name: str) -> str:
 CLAIM_COLUMNS = ("number", "text", "value", "unit", "band", "verdict", "how", "source", "note")
 
 
-def _claims(found: Mapping[str, Any]) -> str:
+def _claims(path: Path) -> str:
     """The claims as `pyfric claims` writes them; misses stand out."""
-    rows = found["claims"]
-    body = [[_plain(row.get(column)) for column in CLAIM_COLUMNS] for row in rows]
-    missed = ["miss" if row.get("verdict") == "misses" else "" for row in rows]
+    try:
+        rows = json.loads(path.read_text(encoding="utf-8"))["claims"]
+        body = [[_plain(row.get(column)) for column in CLAIM_COLUMNS] for row in rows]
+        missed = ["miss" if row.get("verdict") == "misses" else "" for row in rows]
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return f'<section id="claims">\n<p>{escape(path.name)} holds no claims.</p>\n</section>\n'
     holds = len(rows) - sum(map(bool, missed))
     return (
         '<section id="claims">\n<h2>What the paper says, measured</h2>\n'

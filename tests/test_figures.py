@@ -17,6 +17,7 @@ from pyfric.figures import fig1b, figure_caption, save_figure, slip_segments
 from pyfric.figures.fronts import wave_speeds
 from pyfric.figures.loading import CURVE_BINS, _envelope
 from pyfric.figures.strip import event_frames, frame_times
+from pyfric.figures.style import scene_text
 from pyfric.record import Method, Record
 from pyfric.scene import setup1, setup2
 
@@ -189,6 +190,13 @@ def test_caption_states_scene_engine_and_counts(ladder):
         assert part in caption
     interrupted = dataclasses.replace(ladder, status="interrupted")
     assert "Run interrupted." in figure_caption(interrupted)
+
+
+def test_caption_states_slip_weakening():
+    scene = setup1(d_c=5e-6)
+    assert "mu_k = 0.45, d_c = 5 um." in scene_text(scene)
+    assert "d_c" not in scene_text(setup1())
+    assert "d_c = 0, 5 um." in scene_text([scene, setup1()])
 
 
 def test_record_without_events(tmp_path):

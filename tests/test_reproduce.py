@@ -118,6 +118,13 @@ def test_claims_are_shown_where_they_are_there(folder):
     assert "claims" not in Page(reproduce.write_index(folder).read_text(encoding="utf-8")).ids
 
 
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"claims": 1}', '{"claims": [1]}'])
+def test_a_damaged_file_of_claims_is_named(tmp_path, text):
+    (tmp_path / "claims.json").write_text(text, encoding="utf-8")
+    page = Page(reproduce.write_index(tmp_path).read_text(encoding="utf-8"))
+    assert "claims.json holds no claims." in page.texts
+
+
 def test_page_of_an_empty_folder(tmp_path):
     page = Page(reproduce.write_index(tmp_path).read_text(encoding="utf-8"))
     assert page.ids == []

@@ -122,6 +122,8 @@ def _foundation(axes: Axes, x: np.ndarray, L: float, unit: float, scene: Scene) 
     _wall(axes, (-2 * unit, -depth), (L + 2 * unit, -depth), unit, -1)
     friction = scene.interface
     text = rf"$\mu_\mathrm{{s}}$ = {friction.mu_s:g}, $\mu_\mathrm{{k}}$ = {friction.mu_k:g}"
+    if friction.d_c:
+        text += rf", $d_\mathrm{{c}}$ = {friction.d_c * 1e6:g} $\mu$m"
     if scene.N_z > 1:
         text = rf"$k_\mathrm{{f}}$ = {scene.k_f / 1e6:.4g} MN/m,  {text}"
     _text(axes, (L / 2, -9.5 * unit), text, GREEN)

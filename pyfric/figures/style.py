@@ -157,6 +157,8 @@ def scene_text(scenes: Scene | Sequence[Scene]) -> str:
         friction = "mu_s = {:g}, mu_k = {:g}".format(*pairs[0])
     else:
         friction = "mu_s/mu_k = " + ", ".join(f"{s:g}/{k:g}" for s, k in pairs)
+    if any(one.interface.d_c for one in scenes):
+        friction += f", d_c = {of(lambda s: s.interface.d_c, 'um', 1e-6)}"
     return (
         f"{head}: {load}, L = {of(lambda s: s.slider.L, 'mm', 1e-3)}, "
         f"H = {of(lambda s: s.slider.H, 'mm', 1e-3)}, l = {of(lambda s: s.slider.l, 'mm', 1e-3)} "

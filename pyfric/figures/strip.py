@@ -240,7 +240,7 @@ class _Panels:
             cmap="RdBu_r",
             vmin=-most,
             vmax=most,
-            aspect="equal" if scene.N_z > 1 else "auto",
+            aspect="auto",  # in line with the interface below; heights are chosen to scale
             interpolation="nearest",
         )
         x = np.arange(scene.N_x) / (scene.N_x - 1)

@@ -212,9 +212,10 @@ def _outcomes(
     stop = spawn.Event()
     pool = ProcessPoolExecutor(workers, spawn, _start_worker, (stop,))
     try:
-        futures: dict[Future, str] = {
-            pool.submit(_work, job, folder, key): key for key, job in todo.items()
-        }
+        with _ctrl_c_held_back():  # the processes that start here never see it
+            futures: dict[Future, str] = {
+                pool.submit(_work, job, folder, key): key for key, job in todo.items()
+            }
         for future in as_completed(futures):
             key = futures[future]
             try:
@@ -230,6 +231,19 @@ def _outcomes(
     finally:
         stop.set()
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def _ctrl_c_held_back() -> Iterator[None]:
+    """Let Ctrl-C wait until the end of the block, and block it in processes that start here."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 _stop: Event

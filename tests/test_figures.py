@@ -238,9 +238,9 @@ def small(side="left", **changes):
     return simulated(setup1(**own | changes), 0.11)
 
 
-def simulated(scene, t_end):
+def simulated(scene, t_end, **options):
     how = {"fidelity": "hybrid", "geometry": "linear", "progress": False}
-    return pyfric.simulate(scene, t_end, **how)
+    return pyfric.simulate(scene, t_end, **how, **options)
 
 
 @pytest.fixture(scope="module")
@@ -444,7 +444,10 @@ def test_sketch_shows_the_scene_with_its_numbers(scene, texts):
             assert -1 <= box.y0 <= box.y1 <= top + 1
 
 
-def test_frames_run_the_event_again(run):
+@pytest.mark.parametrize("switching", ["step_end", "located"])
+def test_frames_run_the_event_again(run, switching):
+    if switching == "located":
+        run = simulated(run.scene, 0.08, switching=switching)
     event = int(analysis.precursor_lengths(run)["event"][5])
     row, times = run.events.iloc[event], run.rupture_times[event]
     ruptured = np.sort(times[np.isfinite(times)])

@@ -93,13 +93,14 @@ def event_frames(record: Record, event: int, times: Sequence[float]) -> list[Fra
     """Run one event again and return the slider at the given times.
 
     Args:
-        record: a run of the hybrid or the dynamic engine; its geometry and step are kept.
+        record: a run of the hybrid or the dynamic engine; its geometry and stepper are kept.
         event: row in ``record.events``.
         times: increasing times in s, from the first slip of the event on; each is taken at the
             next step end.
 
     Raises:
-        SceneError: no such event, another engine, or times before the event.
+        SceneError: no such event, another engine, a stepper that the hybrid engine lacks, or times
+            before the event.
     """
     _checked(record, event)
     scene, method = record.scene, record.method
@@ -109,15 +110,18 @@ def event_frames(record: Record, event: int, times: Sequence[float]) -> list[Fra
         allowed = f"increasing times in s from {t_start:.6g} on"
         raise SceneError("times", times, "s", allowed)
     begin = max(0.0, t_start - LEAD * method.dt)
+    steps = {"method": method.stepper, "switching": method.switching.replace(" ", "_")}
+    if method.rtol is not None:
+        steps["rtol"] = method.rtol
     how = {"geometry": method.geometry, "dt": method.dt, "progress": False}
-    state = simulate(scene, begin, fidelity="hybrid", **how).final_state
+    state = simulate(scene, begin, fidelity="hybrid", **how, **steps).final_state
     model, log = core.model(scene, method.geometry, state.u_drv0), core.Log(scene.N_x)
-    threads = core.useful_threads(scene.N_x * scene.N_z)
+    steps["threads"] = core.useful_threads(scene.N_x * scene.N_z)
     frames = []
     for t in times:
         last = math.ceil((t - state.t0) / state.dt * (1 - 1e-14))
         while state.step < last:
-            core.advance(model, state, log, last - state.step, budget=False, threads=threads)
+            core.advance(model, state, log, last - state.step, budget=False, **steps)
         forces, order = core.evaluate(model, state, state.t), np.argsort(scene.n_of_i)
         v = state.y[:, 2:].copy()
         v[:, 0] *= scene.d

@@ -74,6 +74,7 @@ __all__ = [
     "analysis",
     "build_catalogue",
     "chain",
+    "claims",
     "figures",
     "front_speed",
     "loaded_state",
@@ -91,7 +92,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> ModuleType:
-    """Import `pyfric.figures` when it is first used: Matplotlib takes its time."""
-    if name == "figures":
-        return importlib.import_module("pyfric.figures")
+    """Import `pyfric.figures` and `pyfric.claims` when first used: they take their time."""
+    if name in ("claims", "figures"):
+        return importlib.import_module(f"pyfric.{name}")
     raise AttributeError(f"module 'pyfric' has no attribute {name!r}")

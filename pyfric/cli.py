@@ -1,4 +1,4 @@
-"""Command line: runs, scenes, figures and timings.
+"""Command line: runs, scenes, figures, claims and timings.
 
 Every command ends with a code of `Exit`; refusals and failures are one message on stderr, without
 a traceback. SIGTERM acts as Ctrl-C does.
@@ -236,6 +236,13 @@ _tolerance_option = click.option(
     default=0.01,
     show_default=True,
     help="Accepted error, over F_N; relative for front speeds.",
+)
+
+_workers_option = click.option(
+    "--workers", type=click.IntRange(1, 4096), help="Most runs at a time. [default: processors]"
+)
+_no_cache_option = click.option(
+    "--no-cache", is_flag=True, help="Make all runs again, and keep none."
 )
 
 
@@ -683,10 +690,8 @@ _names = click.Choice(["fig1b", "fig2a", "fig2b", "fig3a", "fig3b", "fig4a", "fi
 @_file_option(
     "--out", metavar="DIR", default="figures", show_default=True, help="Folder of the files."
 )
-@click.option(
-    "--workers", type=click.IntRange(1, 4096), help="Most runs at a time. [default: processors]"
-)
-@click.option("--no-cache", is_flag=True, help="Make all runs again, and keep none.")
+@_workers_option
+@_no_cache_option
 @click.option("--quiet", is_flag=True, help="Show nothing but errors.")
 def reproduce(
     names: tuple[str, ...], out: Path, workers: int | None, no_cache: bool, quiet: bool
@@ -783,6 +788,36 @@ def _show_files(files: list[Path], quiet: bool) -> None:
     if not quiet:
         for path in files:
             click.echo(path)
+
+
+# --- claims --------------------------------------------------------------------------------------
+
+
+@main.command(epilog=SHORT_EXIT_CODES)
+@click.argument("numbers", nargs=-1, metavar="[N]...")
+@_file_option("--out", metavar="DIR", help="Also write claims.json and claims.csv there.")
+@_workers_option
+@_no_cache_option
+@_json_option
+def claims(
+    numbers: tuple[str, ...], out: Path | None, workers: int | None, no_cache: bool, as_json: bool
+) -> None:
+    """Measure what the paper says: all claims, or those named (1 to 16, E1 to E10).
+
+    A value outside its band is a miss and stays in the table; the exit code is 0 all the same.
+    """
+    from pyfric import claims
+
+    if out is not None:
+        _check_folder(out)
+    progress = False if as_json else None
+    found = claims.measure(numbers or None, workers=workers, cache=not no_cache, progress=progress)
+    files = [] if out is None else claims.save(found, out)
+    if as_json:
+        _print_json(claims.table(found))
+    else:
+        click.echo(claims.report(found))
+        _show_files(files, quiet=False)
 
 
 # --- bench ---------------------------------------------------------------------------------------

@@ -1,0 +1,202 @@
+"""The claims: verdicts, table and files; cheap ones for real; those that a disturbance breaks."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+import pyfric
+from pyfric import SceneError, claims
+from pyfric.claims import NUMBERS, ROWS, Claim
+from pyfric.cli import main
+from pyfric.sweep import Job
+
+WITHOUT_RUNS = [number for number in NUMBERS if not ROWS[number].runs]
+LINEAR = {"fidelity": "hybrid", "geometry": "linear"}
+
+
+def claim(value=1.0, **changes):
+    return Claim(**{"number": "1", "text": "t", "how": "h", "source": "s"} | changes, value=value)
+
+
+def by_number(found):
+    return {one.number: one for one in found}
+
+
+# --- verdicts, table, files ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "holds"),
+    [
+        (0.5, 0.5, 1.0, True),
+        (1.0, 0.5, 1.0, True),
+        (np.nextafter(1.0, 2.0), 0.5, 1.0, False),
+        (np.nextafter(0.5, 0.0), 0.5, 1.0, False),
+        (1e300, 0.5, None, True),
+        (-1e300, None, 1.0, True),
+        (math.nan, 0.5, 1.0, False),
+        (math.nan, None, None, False),
+    ],
+)
+def test_verdict_is_whether_the_value_is_in_the_band(value, low, high, holds):
+    found = claim(value, low=low, high=high)
+    assert found.holds is holds
+    assert found.verdict == ("holds" if holds else "misses")
+
+
+def test_bands_in_words():
+    assert claim(low=1.0, high=2.5).band == "1 to 2.5"
+    assert claim(low=1.0).band == ">= 1"
+    assert claim(high=0.1).band == "<= 0.1"
+
+
+def test_every_claim_has_a_row_and_every_run_a_job():
+    assert NUMBERS == (*map(str, range(1, 17)), *(f"E{n}" for n in range(1, 11)))
+    jobs = claims.jobs()
+    assert {name for row in ROWS.values() for name in row.runs} == set(jobs)
+    assert all(isinstance(job, Job) for job in jobs.values())
+
+
+def test_misses_stay_in_the_table():
+    text = claims.report([claim(1.0, high=2.0), claim(3.0, number="2b", high=2.0, note="because")])
+    assert "1 of 2 hold; misses: 2b" in text
+    assert "misses" in text.splitlines()[2]
+    assert "because" in text
+    assert "3 (band <= 2)" in text
+
+
+def test_files_hold_every_digit_and_every_attribute(tmp_path):
+    found = [claim(1 / 3, low=0.1, unit="m/s"), claim(math.nan, number="2")]
+    paths = claims.save(found, tmp_path / "new" / "folder")
+    assert [path.name for path in paths] == ["claims.json", "claims.csv"]
+    rows = json.loads(paths[0].read_text())["claims"]
+    assert rows[0]["value"] == 1 / 3
+    assert rows[1]["value"] is None
+    assert [row["verdict"] for row in rows] == ["holds", "misses"]
+    table = pd.read_csv(paths[1])
+    assert table["value"][0] == 1 / 3
+    assert {field.name for field in dataclasses.fields(Claim)} | {"band", "verdict"} == set(table)
+    assert set(rows[0]) == set(table)
+    assert len(list(paths[0].parent.iterdir())) == 2  # no drafts are left
+
+
+def test_unknown_numbers_are_refused_before_anything_runs(monkeypatch):
+    monkeypatch.setattr(claims, "run_all", None)
+    with pytest.raises(SceneError, match="E10") as refused:
+        claims.measure(["14", "E11"])
+    assert refused.value.value == "E11"
+
+
+def test_command_line(tmp_path):
+    done = CliRunner().invoke(main, ["claims", "14", "e8", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert "3 of 3 hold" in done.output
+    listed = json.loads((tmp_path / "claims.json").read_text())["claims"]
+    assert [row["number"] for row in listed] == ["14a", "14b", "E8"]
+    bare = CliRunner().invoke(main, ["claims", "E8", "--json"])
+    assert json.loads(bare.output)[0]["verdict"] == "holds"
+    refused = CliRunner().invoke(main, ["claims", "17"])
+    assert refused.exit_code == 2
+
+
+# --- rows ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", WITHOUT_RUNS)
+def test_rows_without_runs_hold(number):
+    found = ROWS[number].measure({})
+    assert found
+    for one in found:
+        assert one.holds, f"{one.number}: {one.value} {one.band}"
+        assert one.number.rstrip("ab") == number
+
+
+def test_a_row_gets_its_runs(monkeypatch, tmp_path):
+    job = Job(scene=pyfric.preset("fig1"), t_end=0.3, options=LINEAR)
+    monkeypatch.setattr(claims, "jobs", lambda: {"fig1": job})
+    first, second = claims.measure(["E2"], workers=1, cache=tmp_path)
+    assert first.holds
+    assert second.holds
+    assert first.seconds > 0
+    assert first.seconds == second.seconds
+
+
+def run(t_end=0.76, scene=None, **changes):
+    """The Fig. 1 scene with changed parameters; `scene` is what the record then claims to be."""
+    record = pyfric.simulate(pyfric.preset("fig1", **changes), t_end, progress=False, **LINEAR)
+    return dataclasses.replace(record, scene=scene or record.scene)
+
+
+@pytest.fixture(scope="module")
+def fig1():
+    return run()
+
+
+def test_rows_of_the_fig1_scene_hold(fig1):
+    found = by_number(ROWS["1"].measure({"fig1": fig1}))
+    assert found["1a"].value == 11
+    assert all(one.holds for one in found.values())
+    (eighth,) = ROWS["8"].measure({"fig1": fig1})
+    assert eighth.holds
+    assert eighth.value > 0.02
+    found = by_number(ROWS["11"].measure({"fig1": fig1}))
+    assert found["11a"].holds
+    assert found["11b"].holds
+    assert math.isnan(found["11c"].value)  # no event over the whole interface yet
+    assert not found["11c"].holds
+
+
+@pytest.mark.parametrize("mu_k", [0.40, 0.50])
+def test_other_kinetic_friction_is_noticed(fig1, mu_k):
+    """A run with another mu_k, taken for the Fig. 1 scene."""
+    disturbed = run(mu_k=mu_k, scene=fig1.scene)
+    (eighth,) = ROWS["8"].measure({"fig1": disturbed})
+    assert not eighth.holds
+    assert eighth.value > 1.5 * ROWS["8"].measure({"fig1": fig1})[0].value
+
+
+def test_prediction_is_that_of_the_scene(fig1):
+    good = claims._prediction_error(fig1)
+    assert len(good) == 11
+    assert good.min() > 0
+    assert good.max() < 0.02
+    wrong = claims._prediction_error(run(mu_k=0.40, scene=fig1.scene))
+    assert wrong[-1] < -0.02
+
+
+def test_a_short_run_of_few_precursors_misses():
+    found = by_number(ROWS["1"].measure({"fig1": run(0.45)}))
+    assert found["1a"].value < 11
+    assert not found["1a"].holds
+
+
+def test_one_per_cent_of_stiffness_is_noticed(monkeypatch):
+    soft = pyfric.preset("fig1", k=0.99 * 13.5e6)
+    monkeypatch.setattr(claims, "preset", lambda name: soft)
+    assert not any(one.holds for one in ROWS["14"].measure({}))
+    stiffness = claims.spring_stiffness
+    monkeypatch.setattr(claims, "spring_stiffness", lambda bonds: 1.01 * stiffness(bonds))
+    found = by_number(ROWS["E1"].measure({}))
+    assert not found["E1a"].holds
+    assert found["E1b"].holds  # the ratio does not know
+
+
+def test_missing_diagonals_are_noticed(monkeypatch):
+    """Without diagonal springs a pulled strip does not contract."""
+    all_bonds = claims.bonds
+
+    def straight(scene):
+        found = all_bonds(scene)
+        diagonal = np.abs(found.d).min(axis=1) > 0
+        return dataclasses.replace(found, k=np.where(diagonal, 1e-6, 1.0) * found.k)
+
+    monkeypatch.setattr(claims, "bonds", straight)
+    found = by_number(ROWS["E1"].measure({}))
+    assert not found["E1a"].holds
+    assert not found["E1b"].holds
+    assert found["E1b"].value == pytest.approx(1 / 3, rel=1e-3)

@@ -11,7 +11,8 @@ from click.testing import CliRunner
 
 import pyfric
 from pyfric import SceneError, claims
-from pyfric.claims import NUMBERS, ROWS, Claim
+from pyfric.claims import NUMBERS, ROWS, Claim, exact, fronts, scorecard
+from pyfric.claims.parts import prediction_error
 from pyfric.cli import main
 from pyfric.sweep import Job
 
@@ -86,7 +87,7 @@ def test_files_hold_every_digit_and_every_attribute(tmp_path):
 
 
 def test_unknown_numbers_are_refused_before_anything_runs(monkeypatch):
-    monkeypatch.setattr(claims, "run_all", None)
+    monkeypatch.setattr(scorecard, "run_all", None)
     with pytest.raises(SceneError, match="E10") as refused:
         claims.measure(["14", "E11"])
     assert refused.value.value == "E11"
@@ -118,7 +119,7 @@ def test_rows_without_runs_hold(number):
 
 def test_a_row_gets_its_runs(monkeypatch, tmp_path):
     job = Job(scene=pyfric.preset("fig1"), t_end=0.3, options=LINEAR)
-    monkeypatch.setattr(claims, "jobs", lambda: {"fig1": job})
+    monkeypatch.setattr(scorecard, "jobs", lambda: {"fig1": job})
     first, second = claims.measure(["E2"], workers=1, cache=tmp_path)
     assert first.holds
     assert second.holds
@@ -161,11 +162,11 @@ def test_other_kinetic_friction_is_noticed(fig1, mu_k):
 
 
 def test_prediction_is_that_of_the_scene(fig1):
-    good = claims._prediction_error(fig1)
+    good = prediction_error(fig1)
     assert len(good) == 11
     assert good.min() > 0
     assert good.max() < 0.02
-    wrong = claims._prediction_error(run(mu_k=0.40, scene=fig1.scene))
+    wrong = prediction_error(run(mu_k=0.40, scene=fig1.scene))
     assert wrong[-1] < -0.02
 
 
@@ -177,10 +178,10 @@ def test_a_short_run_of_few_precursors_misses():
 
 def test_one_per_cent_of_stiffness_is_noticed(monkeypatch):
     soft = pyfric.preset("fig1", k=0.99 * 13.5e6)
-    monkeypatch.setattr(claims, "preset", lambda name: soft)
+    monkeypatch.setattr(fronts, "preset", lambda name: soft)
     assert not any(one.holds for one in ROWS["14"].measure({}))
-    stiffness = claims.spring_stiffness
-    monkeypatch.setattr(claims, "spring_stiffness", lambda bonds: 1.01 * stiffness(bonds))
+    stiffness = exact.spring_stiffness
+    monkeypatch.setattr(exact, "spring_stiffness", lambda bonds: 1.01 * stiffness(bonds))
     found = by_number(ROWS["E1"].measure({}))
     assert not found["E1a"].holds
     assert found["E1b"].holds  # the ratio does not know
@@ -188,14 +189,14 @@ def test_one_per_cent_of_stiffness_is_noticed(monkeypatch):
 
 def test_missing_diagonals_are_noticed(monkeypatch):
     """Without diagonal springs a pulled strip does not contract."""
-    all_bonds = claims.bonds
+    all_bonds = exact.bonds
 
     def straight(scene):
         found = all_bonds(scene)
         diagonal = np.abs(found.d).min(axis=1) > 0
         return dataclasses.replace(found, k=np.where(diagonal, 1e-6, 1.0) * found.k)
 
-    monkeypatch.setattr(claims, "bonds", straight)
+    monkeypatch.setattr(exact, "bonds", straight)
     found = by_number(ROWS["E1"].measure({}))
     assert not found["E1a"].holds
     assert not found["E1b"].holds

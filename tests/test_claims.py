@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import pyfric
 from pyfric import SceneError, claims
 from pyfric.claims import NUMBERS, ROWS, Claim, exact, fronts, scorecard
-from pyfric.claims.parts import prediction_error
+from pyfric.claims.parts import exponent, force_step, forces_apart, prediction_error, straight
 from pyfric.cli import main
 from pyfric.sweep import Job
 
@@ -103,6 +103,25 @@ def test_command_line(tmp_path):
     assert json.loads(bare.output)[0]["verdict"] == "holds"
     refused = CliRunner().invoke(main, ["claims", "17"])
     assert refused.exit_code == 2
+
+
+# --- parts ---------------------------------------------------------------------------------------
+
+
+def test_curves_are_compared_at_equal_length():
+    base = pd.DataFrame({"force": [0.1, 0.2, 0.4], "L_p_over_L": [0.1, 0.3, 0.5]})
+    other = pd.DataFrame({"force": [0.16, 0.31, 0.5], "L_p_over_L": [0.2, 0.4, 0.6]})
+    np.testing.assert_allclose(forces_apart(other, base), [0.01, 0.01], rtol=1e-12)  # 0.6: outside
+    assert force_step(base) == pytest.approx(0.15)
+    assert math.isnan(force_step(base[:1]))
+
+
+def test_straightness_is_in_blocks():
+    force = np.linspace(0.1, 0.3, 4)
+    bent = 2 * force + 0.01 * np.array([1, -1, -1, 1])  # orthogonal to every straight line
+    table = pd.DataFrame({"force": force, "L_p_over_L": bent})
+    assert straight(table, 50) == pytest.approx(0.5)
+    assert exponent([1.0, 2.0, 4.0], [3.0, 12.0, 48.0]) == pytest.approx(2.0)
 
 
 # --- rows ----------------------------------------------------------------------------------------

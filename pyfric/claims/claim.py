@@ -103,13 +103,13 @@ def row(rows: dict[str, Row], number: str, *runs: str) -> Callable[[Measure], Me
 
 
 def report(claims: Iterable[Claim]) -> str:
-    """Return the table of the claims as text: two lines each, and why those that miss do."""
+    """Return the table of the claims as text, with the processor time of each and its runs."""
     claims = list(claims)
     lines = []
     for claim in claims:
         value = f"{claim.value:.4g} {claim.unit}".strip()
         band = f"{claim.band} {claim.unit}".strip()
-        lines.append(f"{claim.number:>4}  {claim.verdict:<6}  {claim.text}")
+        lines.append(f"{claim.number:>4}  {claim.verdict:<6}  {claim.text} ({claim.seconds:.1f} s)")
         lines.append(f"      {value} (band {band}): {claim.how}")
         if claim.note:
             lines.append(f"      note: {claim.note}")

@@ -21,7 +21,7 @@ from pyfric.claims.parts import (
     rms,
     straight,
 )
-from pyfric.claims.runs import AT_2700, BASE, GRID, H_2A, SETUP2, SPEEDS_V
+from pyfric.claims.runs import AT_2700, BASE, GRID, H_2A, SETUP2, SPEEDS_V, jobs
 from pyfric.quasistatic import prediction_curve
 
 __all__ = ["ROWS"]
@@ -210,7 +210,7 @@ def _claim_4(runs: Runs) -> list[Claim]:
             text=text + "the curves are apart",
             value=float(np.nanmin(gaps[:, lengths < 0.55])),
             unit="F_N",
-            low=0.02,
+            low=jobs()[SETUP2[0]].options["tolerance"],
             how=f"{how} ... 0.5",
             source="the accepted error of these runs; the paper has no number",
         ),
@@ -239,7 +239,8 @@ def _claim_5(runs: Runs) -> list[Claim]:
             how="RMS of F_arrest - F_pred(n) over the mean step between precursors, worst of "
             f"{len(names)} scenes ({names[int(np.argmax(shares))]}); the Fig. 1 scene or the first "
             f"one {shares[0]:.3f}; over F_N, all together: RMS {rms(every):.4f}, largest "
-            f"{np.abs(every).max():.4f}",
+            f"{np.abs(every).max():.4f}; engine: "
+            + ", ".join(sorted({runs[name].method.engine for name in names})),
             source=source,
         )
 

@@ -289,9 +289,8 @@ HERE = "\0"  # value of --resume without a file
 @click.option(
     "--switching",
     type=click.Choice(["step_end", "located"]),
-    default="step_end",
-    show_default=True,
-    help="Contacts switch at the end of a step, as in the paper, or where they do inside it.",
+    help="Contacts switch at the end of a step, as in the paper, or where they do inside it. "
+    "[default: as planned, or step_end]",
 )
 @click.option(
     "--rtol", type=float, help="Error of a sub-step of --method adaptive. [default: 1e-6]"
@@ -343,7 +342,7 @@ def run(
     tolerance: float,
     geometry: str | None,
     method: str,
-    switching: str,
+    switching: str | None,
     rtol: float | None,
     dt: float | str,
     sample: float | None,

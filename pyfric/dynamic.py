@@ -134,7 +134,7 @@ def integrate(
     *,
     geometry: Geometry | None = None,
     method: Stepper = "rk4",
-    switching: Switching = "step_end",
+    switching: Switching | None = None,
     rtol: float | None = None,
     dt: float | Literal["auto"] = "auto",
     initial: State | Record | None = None,
@@ -150,6 +150,7 @@ def integrate(
     check_options(
         scene, geometry, method, switching, rtol, budget, sample, threads, checkpoint_every
     )
+    switching = switching or "step_end"
     geometry = geometry or (
         default_geometry(scene) if "finite" in engine.geometries else engine.geometries[0]
     )
@@ -236,7 +237,7 @@ def check_options(
         check_geometry(geometry, scene)
     for name, value, known in (
         ("method", method, METHODS),
-        ("switching", switching, get_args(core.Switching)),
+        ("switching", "step_end" if switching is None else switching, get_args(core.Switching)),
     ):
         if not (isinstance(value, str) and value in known):
             raise SceneError(name, value, "", " or ".join(map(repr, known)))

@@ -38,6 +38,7 @@ from pyfric.state import OPEN
 from pyfric.units import SceneError, check_number
 
 if TYPE_CHECKING:
+    from pyfric.core import Switching
     from pyfric.record import Record
     from pyfric.scene import Scene
 
@@ -52,8 +53,13 @@ ERROR_QUASISTATIC = 0.05
 """Largest difference of start forces between ladder and dynamics, event by event, over F_N."""
 ERROR_JUMPS = 1e-4
 """The same between hybrid and dynamics."""
-ERROR_STEP = 8e-4
-"""The same between the automatic step and a quarter of it; proportional to the step."""
+ERROR_STEP, ERROR_LOCATED = 8e-4, 1e-5
+"""The same by steps of automatic size, where contacts switch at step ends, and inside steps. The
+first is proportional to the step, the second to its fourth power (`pyfric chart`)."""
+ERROR_SPEED = 1e-3
+"""Relative error of front speeds by steps of automatic size with switches inside them, fourth power
+of the step (`pyfric chart`: 2e-4 in the 11th precursor of the Fig. 1 scene). With switches at step
+ends it is 0.1."""
 STRAIN_SHARE = 0.65
 """Largest strain of a bond, at the driven block, over F_T/(k l)."""
 RING_SHARE = 0.25
@@ -70,13 +76,11 @@ MOST_EVENTS = 1e4
 """More events than this are left to dynamics, which need not look at each."""
 SCOUT_WORK = 2e8
 """It also stops after this many changes of contact state times N_x^2: a few seconds."""
-FRONT_SHARE = 0.3
-"""Relative error of front speeds over dt v/l, from switching at step ends (Fig. 1 scene)."""
 NS = {"linear": 3.1, "finite": 6.3}
 """Time per block and force evaluation in ns, for the expected cost (`pyfric bench kernel`)."""
-STEPS_EVENT, STEPS_BLOCK = 60, 5
+STEPS_EVENT, STEPS_BLOCK, STEPS_SWITCH = 60, 5, 10
 """Steps of the automatic size that an event takes in the hybrid engine, and each block of its front
-(measured on the paper's scenes: within a factor of 2)."""
+(measured on the paper's scenes: within a factor of 2); and steps more to locate its switches."""
 JUMP = {"linear": 3e-6, "finite": 15e-6}
 """Time of a jump per block, in s."""
 
@@ -106,7 +110,7 @@ class Plan:
         want: what the run is made for.
         tolerance: accepted error, over F_N (relative, for front speeds).
         fidelity, geometry: the engine and its geometry.
-        dt: time step in s; None for the quasi-static engine.
+        switching, dt: where contacts switch; time step in s; None for the quasi-static engine.
         assumptions: what the level relies on; all of them hold.
         reasons: why cheaper levels were passed over.
         error: expected error, as the tolerance.
@@ -118,6 +122,7 @@ class Plan:
     tolerance: float
     fidelity: Fidelity
     geometry: Geometry
+    switching: Switching | None
     dt: float | None
     assumptions: tuple[Assumption, ...]
     reasons: tuple[str, ...]
@@ -138,7 +143,10 @@ class Plan:
         }[self.fidelity]
         if any(one.name == STRAIN for one in self.assumptions):
             left_out.append("rotation of bonds")
-        step = "" if self.dt is None else f", dt = {self.dt * 1e6:.3g} us"
+        step = ""
+        if self.dt is not None:
+            where = {"step_end": "at step ends", "located": "inside steps"}[self.switching]
+            step = f", dt = {self.dt * 1e6:.3g} us, contacts switch {where}"
         lines = [
             f"for {self.want} within {self.tolerance:g}: {self.fidelity}, {self.geometry} geometry"
             + step,
@@ -160,8 +168,9 @@ class Plan:
             geometry = self.geometry
             if any(one.name == STRAIN for one in failed):
                 geometry = default_geometry(scene)
-            dt = _step(scene, self.want, self.tolerance)
-            return dataclasses.replace(self, fidelity="hybrid", geometry=geometry, dt=dt)
+            switching, dt, _ = _step(scene, self.want, self.tolerance)
+            how = {"fidelity": "hybrid", "geometry": geometry, "switching": switching, "dt": dt}
+            return dataclasses.replace(self, **how)
         if self.geometry == "linear" and default_geometry(scene) == "finite":
             return dataclasses.replace(self, geometry="finite")
         return None
@@ -234,6 +243,7 @@ def plan(
             tolerance=tolerance,
             fidelity="quasistatic",
             geometry="linear",
+            switching=None,
             dt=None,
             assumptions=(*needs, *(() if one_row else (_strain(strain, tolerance),))),
             reasons=(),
@@ -243,9 +253,9 @@ def plan(
         )
 
     # hybrid or dynamic
-    dt = _step(scene, want, tolerance)
+    switching, dt, error = _step(scene, want, tolerance)
     finer = step_size(scene) / dt
-    needs, error = [_resolution(scene, dt)], ERROR_STEP / finer
+    needs = [_resolution(scene, dt)]
     geometry: Geometry = "linear"
     if not one_row:
         small = _strain(strain, tolerance / 2)
@@ -269,6 +279,8 @@ def plan(
         needs.append(quiet)
         made = scout.events * STEPS_EVENT + scout.front_blocks * STEPS_BLOCK
         steps = min(steps, made * finer)
+        if switching == "located":
+            steps += scout.front_blocks * STEPS_SWITCH
         seconds += scout.events * JUMP[geometry] * blocks
     evaluations = 4.0 * steps * blocks
     return Plan(
@@ -276,10 +288,11 @@ def plan(
         tolerance=tolerance,
         fidelity=fidelity,
         geometry=geometry,
+        switching=switching,
         dt=dt,
         assumptions=tuple(needs),
         reasons=tuple(reasons),
-        error=max(error, tolerance) if want == "front_speed" else error,
+        error=error,
         evaluations=evaluations,
         seconds=evaluations * NS[geometry] * 1e-9 + seconds,
     )
@@ -469,19 +482,21 @@ def _resolution(scene: Scene, dt: float) -> Assumption:
     )
 
 
-def _step(scene: Scene, want: Want, tolerance: float) -> float:
-    """Return the time step in s."""
+def _step(scene: Scene, want: Want, tolerance: float) -> tuple[Switching, float, float]:
+    """Return where contacts switch, the time step in s, and the error of both.
+
+    Switches at step ends are cheaper. Located ones keep the order of the stepper, 4.
+    """
     auto = step_size(scene)
-    if want == "front_speed":
-        # Contacts switch at step ends: a front at v is late by up to dt v/l at each block.
-        fastest = 1.5 * scene.slider.l * math.sqrt(1.5 * scene.slider.k / scene.m)
-        dt = tolerance * scene.slider.l / (FRONT_SHARE * fastest)
-    else:
-        dt = auto * tolerance / (2 * ERROR_STEP)
+    if want != "front_speed" and 2 * ERROR_STEP <= tolerance:
+        return "step_end", auto, ERROR_STEP
+    error = ERROR_SPEED if want == "front_speed" else ERROR_LOCATED
+    dt = auto * (tolerance / (2 * error)) ** 0.25
     if dt >= auto:
-        return auto
+        return "located", auto, error
     digit = 10.0 ** (math.floor(math.log10(dt)) - 1)
-    return float(f"{math.floor(dt / digit) * digit:.1e}")
+    dt = float(f"{math.floor(dt / digit) * digit:.1e}")
+    return "located", dt, error * (dt / auto) ** 4
 
 
 def _of_record(record: Record, plan: Plan) -> list[Assumption]:

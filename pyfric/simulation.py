@@ -41,7 +41,7 @@ def simulate(
     tolerance: float = 0.01,
     geometry: Geometry | None = None,
     method: Stepper = "rk4",
-    switching: Switching = "step_end",
+    switching: Switching | None = None,
     rtol: float | None = None,
     dt: float | Literal["auto"] = "auto",
     initial: State | Record | None = None,
@@ -75,7 +75,8 @@ def simulate(
             order-1 error of their times. "located": they switch inside the step, where v_x,
             mu_s p - |f| or u_z of a block has its root, and the step is finished from there. A
             margin that crosses zero twice in a sub-step is noticed if the parabola through its
-            start, middle and end dips below zero.
+            start, middle and end dips below zero. None leaves it to the plan, or means
+            "step_end".
         rtol: for method "adaptive": largest error of a sub-step, in displacements over F_N/(N_x s),
             in velocities over F_N/(N_x sqrt(s m)), s the largest of k, k_f and k_top; None means
             1e-6.
@@ -150,7 +151,7 @@ def _run(fidelity: str, scene: Scene, t_end: float, stepped: dict, common: dict)
     for name, without in (
         ("geometry", (None, "linear")),
         ("method", ("rk4",)),
-        ("switching", ("step_end",)),
+        ("switching", (None, "step_end")),
         ("dt", ("auto",)),
         ("budget", (None, 0)),
     ):
@@ -168,7 +169,7 @@ def _with_options(chosen: Plan, scene: Scene, stepped: dict, initial: State | No
         or stepped["dt"] != "auto"
         or stepped["geometry"] == "finite"
         or stepped["method"] != "rk4"
-        or stepped["switching"] != "step_end"
+        or stepped["switching"] == "located"
     ):
         chosen = chosen.up(scene, [])
     if stepped["budget"] or stepped["method"] != "rk4":
@@ -187,11 +188,13 @@ def _planned(chosen: Plan, scene: Scene, t_end: float, stepped: dict, common: di
     while True:
         options = dict(stepped)
         if chosen.fidelity == "quasistatic":
-            options |= {"geometry": None, "dt": "auto", "budget": None}
+            options |= {"geometry": None, "dt": "auto", "budget": None, "switching": None}
         else:
             options["geometry"] = chosen.geometry
             if options["dt"] == "auto" and options["method"] == "rk4":
                 options["dt"] = chosen.dt
+            if options["switching"] is None and options["method"] != "moreau_jean":
+                options["switching"] = chosen.switching
         try:
             record, higher = _run(chosen.fidelity, scene, t_end, options, common), None
             failed = chosen.check(record) if record.status == "complete" else []

@@ -89,10 +89,21 @@ def test_what_is_wanted():
     assert "quasistatic: it has no front speed" in front.reasons
     assert "quasistatic: it has no motion" in motion.reasons
     assert any("fast motion" in reason for reason in motion.reasons)
-    assert front.dt < motion.dt == step_size(scene)
-    # Late by up to dt v/l at each block: half the error needs half the step.
-    finer = plan(scene, "front_speed", 0.05, t_end=0.7)
-    assert finer.dt == pytest.approx(front.dt / 2, rel=0.02)
+    assert front.dt == motion.dt == step_size(scene)
+    assert (front.switching, motion.switching) == ("located", "step_end")
+
+
+def test_steps_follow_from_the_orders_of_the_methods():
+    """Switches at step ends are first order and are left; located ones are of fourth order."""
+    scene = small()
+    found = {tol: plan(scene, "stress", tol, t_end=0.7) for tol in (1e-2, 1e-3, 1e-5, 1e-9)}
+    assert [one.switching for one in found.values()] == ["step_end", *(3 * ["located"])]
+    auto = step_size(scene)
+    assert found[1e-2].dt == found[1e-3].dt == auto
+    assert found[1e-5].dt == pytest.approx(auto / 2**0.25, rel=0.03)
+    assert found[1e-9].dt == pytest.approx(auto / (2e4) ** 0.25, rel=0.03)
+    speeds = [plan(scene, "front_speed", tol, t_end=0.7).dt for tol in (1e-3, 1e-3 / 16)]
+    assert speeds[1] == pytest.approx(speeds[0] / 2, rel=0.03)
 
 
 @settings(max_examples=20)

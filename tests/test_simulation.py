@@ -114,10 +114,13 @@ def test_options_override_finer_levels():
         assert (method.engine, method.geometry) == (engine, geometry)
 
 
-def test_the_step_of_the_plan():
-    record = simulate(small(), 1e-4, want="front_speed", tolerance=0.1)
-    assert record.method.dt == pyfric.plan(small(), "front_speed", 0.1, t_end=1e-4).dt
-    assert record.method.dt < step_size(small())
+def test_step_and_switching_of_the_plan():
+    record = simulate(small(), 1e-4, want="front_speed", tolerance=1e-3)
+    planned = pyfric.plan(small(), "front_speed", 1e-3, t_end=1e-4)
+    assert record.method.dt == planned.dt < step_size(small())
+    assert record.method.switching == planned.switching == "located"
+    record = simulate(small(), 1e-4, want="front_speed", switching="step_end")
+    assert record.method.switching == "step end"
 
 
 # --- fallbacks -----------------------------------------------------------------------------------
@@ -258,7 +261,7 @@ def test_refused_options(fidelity, name, given_value, allowed):
 
 @pytest.mark.parametrize("fidelity", ["fast", "", None, 3, ["hybrid"], "prediction"])
 def test_refused_fidelity(fidelity):
-    with pytest.raises(SceneError, match="'auto' or 'quasistatic' or 'hybrid' or 'dynamic'"):
+    with pytest.raises(SceneError, match="'auto' or 'dynamic' or 'hybrid' or 'quasistatic'"):
         simulate(small(), 1e-3, fidelity=fidelity)
 
 

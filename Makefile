@@ -7,9 +7,10 @@ PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto
 
 .PHONY: figures test test-slow lint format bench setup clean
 
-# Runs the model and draws the paper's figures into figures/, with the page figures/index.html.
+# Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
 figures: setup
 	$(BIN)/pyfric reproduce --out figures
+	$(BIN)/pyfric claims --out figures
 
 # A part of them: make test ARGS="tests/test_core.py -k name"
 test: setup

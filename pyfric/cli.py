@@ -803,15 +803,19 @@ def claims(
 ) -> None:
     """Measure what the paper says: all claims, or those named (1 to 16, E1 to E10).
 
-    A value outside its band is a miss and stays in the table; the exit code is 0 all the same.
+    A value outside its band is a miss and stays in the table; the exit code is 0 all the same. If
+    the page of `pyfric reproduce` is in --out, it shows the claims too.
     """
     from pyfric import claims
+    from pyfric.reproduce import write_index
 
     if out is not None:
         _check_folder(out)
     progress = False if as_json else None
     found = claims.measure(numbers or None, workers=workers, cache=not no_cache, progress=progress)
     files = [] if out is None else claims.save(found, out)
+    if out is not None and (out / "index.html").is_file():
+        files.append(write_index(out))
     if as_json:
         _print_json(claims.table(found))
     else:

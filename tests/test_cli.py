@@ -1,6 +1,7 @@
 """Command line: scenes and options, output, files, exit codes, Ctrl-C and SIGTERM."""
 
 import dataclasses
+import html
 import json
 import os
 import shutil
@@ -593,6 +594,17 @@ def test_interrupted_reproduce(tmp_path, monkeypatch):
 def test_reproduce_names_are_those_of_the_figures():
     (names,) = (one for one in cli.reproduce.params if one.name == "names")
     assert list(names.type.choices) == [*reproduce.DRAW, "all"]
+
+
+def test_claims_are_added_to_the_page_of_figures(tmp_path):
+    assert pyf("claims", "14", "--out", tmp_path).exit_code == Exit.COMPLETE
+    page = tmp_path / "index.html"
+    assert not page.exists()
+    page.write_text("old", encoding="utf-8")
+    result = pyf("claims", "14", "--out", tmp_path)
+    assert str(page) in result.stdout
+    rows = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))["claims"]
+    assert all(row["how"] in html.unescape(page.read_text(encoding="utf-8")) for row in rows)
 
 
 def test_refused_reproduce(tmp_path):

@@ -43,7 +43,7 @@ FIG2B = tuple(
 """Setup 2 with theta = -0.833, 0 and 0.833, up to about the first event over the interface."""
 
 FIG4A = Job(scene=preset("fig1"), t_end=0.8, options=SPEEDS | {"geometry": "finite"})
-"""The Fig. 1 scene with small steps, up to its 11th main precursor and a little further."""
+"""The Fig. 1 scene with located switches, up to its 11th main precursor and a little further."""
 
 FIG4B = tuple(
     Job(scene=preset(name), t_end=t_end, options=SPEEDS)

@@ -26,6 +26,7 @@ from click.core import ParameterSource
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pyfric.figures import DataFigure
     from pyfric.record import Record
     from pyfric.scene import Scene
 
@@ -821,6 +822,59 @@ def claims(
     else:
         click.echo(claims.report(found))
         _show_files(files, quiet=False)
+
+
+# --- studies -------------------------------------------------------------------------------------
+
+
+_study_out = _file_option(
+    "--out", metavar="DIR", default=".", show_default=True, help="Folder of the files."
+)
+
+
+@main.command()
+@_study_out
+@click.option("--quiet", is_flag=True, help="Show nothing but errors.")
+def chart(out: Path, quiet: bool) -> None:
+    """Chart the error of every method against its cost (about five minutes).
+
+    DIR gets chart.png, chart.pdf, the points and measured orders as CSV, and their provenance.
+    """
+    from pyfric import chart as study
+
+    _save_study("chart", lambda: study.figure(study.chart(progress=not quiet)), out, quiet)
+
+
+@main.command()
+@_study_out
+@click.option("--quiet", is_flag=True, help="Show nothing but errors.")
+def stability(out: Path, quiet: bool) -> None:
+    """Map the largest stable step of every stepper, computed and measured (about two minutes)."""
+    from pyfric import stability as study
+
+    made = lambda: study.figure(study.stability_map(progress=not quiet))  # noqa: E731
+    _save_study("stability", made, out, quiet)
+
+
+@main.command()
+@_study_out
+@click.option("--quiet", is_flag=True, help="Show nothing but errors.")
+def resolution(out: Path, quiet: bool) -> None:
+    """Refine the lattice of the Fig. 1 scene and show what converges (several minutes)."""
+    from pyfric import resolution as study
+
+    _save_study("resolution", lambda: study.figure(study.study(progress=not quiet)), out, quiet)
+
+
+def _save_study(name: str, make: Callable[[], DataFigure], out: Path, quiet: bool) -> None:
+    """Make a study's figure and save it with its provenance."""
+    from pyfric import figures
+    from pyfric.record import provenance
+
+    _check_folder(out)
+    files = figures.save_figure(make(), out / name)
+    files.append(provenance(out / f"{name}_provenance.toml", f"pyfric {name}"))
+    _show_files(files, quiet)
 
 
 # --- bench ---------------------------------------------------------------------------------------

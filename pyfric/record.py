@@ -21,6 +21,7 @@ as they are in memory, so that a loaded record equals the saved one bit for bit.
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import json
 import os
 import platform
@@ -31,6 +32,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pandas as pd
+import tomli_w
 
 from pyfric import core
 from pyfric.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP
@@ -43,7 +45,7 @@ if TYPE_CHECKING:
 
     from pyfric.catalogue import Catalogue
 
-__all__ = ["SCHEMA", "Method", "Record", "RecordError", "describe"]
+__all__ = ["SCHEMA", "Method", "Record", "RecordError", "describe", "provenance"]
 
 SCHEMA = 3
 """Version of the file layout written by this module."""
@@ -130,6 +132,29 @@ def versions() -> dict[str, str]:
         "flags": build["flags"],
         "machine": platform.machine(),
     }
+
+
+def provenance(path: Path, command: str) -> Path:
+    """Write what made a set of files: command, date, software and processor. Return the path."""
+    made = {
+        "command": command,
+        "date": datetime.datetime.now(datetime.UTC).replace(microsecond=0),
+        "processor": _processor(),
+        "versions": versions(),
+    }
+    with written(path) as draft:
+        draft.write_text(tomli_w.dumps(made), encoding="utf-8")
+    return path
+
+
+def _processor() -> str:
+    """Return the model of the processor as the system names it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor()
 
 
 class RecordError(ValueError):

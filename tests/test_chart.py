@@ -133,4 +133,4 @@ def test_the_figure_shows_every_question(tmp_path):
     assert min(drawn[:4]) >= 4
     assert drawn[6] >= 3
     names = {path.name for path in save_figure(fig, tmp_path / "chart")}
-    assert names == {"chart.png", "chart.pdf", "chart.txt", "chart_points.csv"}
+    assert names == {"chart.png", "chart.pdf", "chart.txt", "chart_points.csv", "chart_orders.csv"}

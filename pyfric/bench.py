@@ -21,13 +21,14 @@ import pandas as pd
 from pyfric import bench_peers, core
 from pyfric.equilibrium import loaded_state
 from pyfric.operators import Geometry
-from pyfric.scene import setup1
+from pyfric.scene import preset, setup1
 from pyfric.state import State
+from pyfric.sweep import Job, run_all
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
 
-__all__ = ["LATTICES", "RIVAL", "kernel", "report", "threads", "time_peer"]
+__all__ = ["LATTICES", "RIVAL", "kernel", "report", "scenes", "threads", "time_peer"]
 
 LATTICES = ((40, 25), (57, 31), (200, 50), (400, 250), (1000, 1000))
 """Blocks along x and z; 57 x 31 is the paper's setup 1."""
@@ -101,8 +102,39 @@ def time_peer(scene: Scene) -> float:
     return least / n_blocks
 
 
+def scenes(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
+    """Time independent runs of full dynamics, one after another and side by side in processes.
+
+    Args:
+        quick: shorter runs.
+        progress: say on stderr what is being timed.
+
+    Returns:
+        Columns: workers, runs, seconds (from the first job to the last record, start of the
+        processes included), gain (over one worker).
+    """
+    t_end, heights = (0.01 if quick else 0.1), (5e-3, 7.5e-3, 10e-3, 12.5e-3)
+    how = {"fidelity": "dynamic", "geometry": "linear", "budget": False}
+    jobs = [Job(scene=preset("fig1", h=h), t_end=t_end, options=how) for h in heights]
+    most = core.useful_threads(10**9)
+    rows = []
+    for workers in sorted({1, most}):
+        if progress:
+            print(f"{len(jobs)} runs, {workers} at a time", file=sys.stderr, flush=True)
+        seconds = np.inf
+        for _ in range(1 if quick else 2):
+            start = time.perf_counter()
+            run_all(jobs, workers=workers, cache=False, progress=False)
+            seconds = min(seconds, time.perf_counter() - start)
+        rows.append({"workers": workers, "runs": len(jobs), "seconds": seconds})
+    frame = pd.DataFrame(rows)
+    return frame.assign(gain=frame["seconds"].iloc[0] / frame["seconds"])
+
+
 def report(frame: pd.DataFrame) -> str:
-    """Return a table of `kernel` or `threads` as text, with ratios."""
+    """Return a table of `kernel`, `threads` or `scenes` as text, with ratios."""
+    if "workers" in frame:
+        return frame.to_string(index=False, float_format="{:.2f}".format)
     frame = frame.assign(lattice=[f"{a} x {b}" for a, b in zip(frame.N_x, frame.N_z, strict=True)])
     lattices = list(dict.fromkeys(frame.lattice))
     head = f"pyfric {core.VARIANT}, {core.build_info()['compiler']}; "

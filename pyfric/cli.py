@@ -910,6 +910,16 @@ def threads(as_json: bool, quick: bool) -> None:
 
 @bench.command()
 @_json_option
+@_quick_option
+def scenes(as_json: bool, quick: bool) -> None:
+    """Gain from several processes on independent runs."""
+    from pyfric import bench
+
+    _show(bench.scenes(quick=quick, progress=not as_json), as_json)
+
+
+@bench.command()
+@_json_option
 def fidelity(as_json: bool) -> None:
     """Every engine on the Fig. 1 scene: time, work, agreement with full dynamics (2 minutes)."""
     from pyfric import bench_fidelity

@@ -34,11 +34,11 @@ __all__ = ["SPACINGS", "figure", "study", "summary"]
 
 SPACINGS = (5e-3, 2.5e-3, 1.25e-3, 0.625e-3)
 """Lattice constants, m."""
-T_END = 0.36
-"""End of the runs, s: five main precursors at l = 2.5 mm."""
+T_END = 0.45
+"""End of the runs, s: six main precursors at l = 2.5 mm."""
 LENGTHS = (0.1, 0.15, 0.2)
 """L_p/L at which forces of the prediction curve are compared."""
-LOADS = (0.2, 0.4, 0.6, 0.8)
+LOADS = (0.05, 0.1, 0.2, 0.4)
 """x/L at which the loaded state is compared."""
 TRAVEL = 0.02
 """Nearest distance from the trailing edge at which a front speed counts, m."""

@@ -53,6 +53,20 @@ def test_threads_compares_with_one():
     assert "times faster than one thread" in bench.report(frame)
 
 
+def test_scenes_compares_processes_with_one(monkeypatch):
+    asked = []
+
+    def run_all(jobs, *, workers, cache, progress):
+        asked.append((len(jobs), workers, cache))
+
+    monkeypatch.setattr(bench, "run_all", run_all)
+    monkeypatch.setattr(bench.core, "useful_threads", lambda blocks: 2)
+    frame = bench.scenes(quick=True)
+    assert asked == [(4, 1, False), (4, 2, False)]
+    assert frame["gain"].iloc[0] == 1
+    assert "workers" in bench.report(frame)
+
+
 def test_a_run_counts_force_evaluations():
     """n evaluations are n/4 steps."""
     scene = bench._scene(5, 4)

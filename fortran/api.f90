@@ -157,6 +157,21 @@ subroutine energy(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, lo
   e = energies(new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load, shear), t, y, rod)
 end subroutine energy
 
+!> Additions in registers, for timing.
+subroutine additions(n, step, width_of_sums, total)
+  use, intrinsic :: iso_c_binding, only: c_double, c_int
+  use pyfric_peak, only: make => additions, WIDTH
+  implicit none
+  !f2py threadsafe
+  integer(c_int), intent(in) :: n               !! additions to each sum
+  real(c_double), intent(in) :: step            !! what is added
+  integer(c_int), intent(out) :: width_of_sums  !! sums
+  real(c_double), intent(out) :: total          !! of all sums
+
+  width_of_sums = WIDTH
+  call make(n, step, total)
+end subroutine additions
+
 !> Compiler, its options, and whether OpenMP is in.
 subroutine build_info(compiler, options, openmp)
   use, intrinsic :: iso_c_binding, only: c_int

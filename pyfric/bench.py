@@ -28,7 +28,7 @@ from pyfric.sweep import Job, run_all
 if TYPE_CHECKING:
     from pyfric.scene import Scene
 
-__all__ = ["LATTICES", "RIVAL", "kernel", "report", "scenes", "threads", "time_peer"]
+__all__ = ["LATTICES", "RIVAL", "kernel", "limit", "report", "scenes", "threads", "time_peer"]
 
 LATTICES = ((40, 25), (57, 31), (200, 50), (400, 250), (1000, 1000))
 """Blocks along x and z; 57 x 31 is the paper's setup 1."""
@@ -102,6 +102,47 @@ def time_peer(scene: Scene) -> float:
     return least / n_blocks
 
 
+ADDITIONS = {"linear": 38, "finite": 80}
+"""Additions, subtractions and comparisons per block in one force evaluation, as the loops of
+fortran/lattice.f90 have them; there are fewer multiplications, which have units of their own.
+Linear: 10 for the springs and 9 for the dashpots, in each direction. Finite: 11 for each of the two
+straight springs, 13 for each of the two diagonal ones, 14 to gather them, 18 for the dashpots."""
+STEP_ADDITIONS = 4
+"""And by the stepper, in each stage."""
+
+
+def limit(*, quick: bool = False) -> pd.DataFrame:
+    """Compare the core with the most additions this processor makes, on the Fig. 1 lattice.
+
+    Fused multiply-adds would spare additions, but would make bits depend on the processor.
+
+    Args:
+        quick: shorter measurements.
+
+    Returns:
+        Columns: what, geometry, additions (per block and evaluation), limit (ns, if nothing but
+        them took time), ns (measured), share (limit over ns). The attribute "peak" of the frame is
+        additions per ns.
+    """
+    scene = _scene(*LATTICES[1])
+    n, blocks = (10**5 if quick else 10**6), scene.N_x * scene.N_z
+    peak = 0.0
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        made = core.additions(n)
+        peak = max(peak, made / (time.perf_counter() - start) * 1e-9)
+    chosen = {key: run for key, run in _core(scene, 1).items() if key[2:] == (core.VARIANT, False)}
+    rows = []
+    for (what, geometry, *_), seconds in _minima(chosen, blocks, progress=False).items():
+        count = ADDITIONS[geometry] + (STEP_ADDITIONS if what == "pyfric" else 0)
+        ns = seconds / blocks * 1e9
+        row = {"what": what, "geometry": geometry, "additions": count, "limit": count / peak}
+        rows.append(row | {"ns": ns, "share": count / peak / ns})
+    frame = pd.DataFrame(rows)
+    frame.attrs["peak"] = peak
+    return frame
+
+
 def scenes(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
     """Time independent runs of full dynamics, one after another and side by side in processes.
 
@@ -133,6 +174,10 @@ def scenes(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
 
 def report(frame: pd.DataFrame) -> str:
     """Return a table of `kernel`, `threads` or `scenes` as text, with ratios."""
+    if "additions" in frame:
+        head = f"{core.VARIANT}: {frame.attrs['peak']:.1f} additions per ns at most; "
+        head += "ns per block and force evaluation, 57 x 31 blocks\n\n"
+        return head + frame.to_string(index=False, float_format="{:.2f}".format)
     if "workers" in frame:
         return frame.to_string(index=False, float_format="{:.2f}".format)
     frame = frame.assign(lattice=[f"{a} x {b}" for a, b in zip(frame.N_x, frame.N_z, strict=True)])

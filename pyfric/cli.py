@@ -911,6 +911,16 @@ def threads(as_json: bool, quick: bool) -> None:
 @bench.command()
 @_json_option
 @_quick_option
+def limit(as_json: bool, quick: bool) -> None:
+    """How near the core is to what this processor can do."""
+    from pyfric import bench
+
+    _show(bench.limit(quick=quick), as_json)
+
+
+@bench.command()
+@_json_option
+@_quick_option
 def scenes(as_json: bool, quick: bool) -> None:
     """Gain from several processes on independent runs."""
     from pyfric import bench

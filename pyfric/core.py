@@ -36,6 +36,7 @@ __all__ = [
     "Status",
     "Stepper",
     "Switching",
+    "additions",
     "advance",
     "bond_forces",
     "build_info",
@@ -168,6 +169,13 @@ def useful_threads(n_blocks: int, threads: int | None = None) -> int:
     if not build_info()["openmp"]:
         return 1
     return max(1, min(most, n_blocks // BLOCKS_PER_THREAD))
+
+
+def additions(n: int, variant: str = VARIANT) -> int:
+    """Make n additions to each of some sums in registers; return how many there were in all."""
+    width, total = load_variant(variant).additions(n, 1.0)
+    assert total == n * width
+    return n * width
 
 
 # --- calls ---------------------------------------------------------------------------------------

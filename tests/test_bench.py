@@ -53,6 +53,16 @@ def test_threads_compares_with_one():
     assert "times faster than one thread" in bench.report(frame)
 
 
+@pytest.mark.usefixtures("tiny")
+def test_limit_is_below_what_is_measured():
+    """No kernel makes its additions faster than they can be made."""
+    frame = bench.limit(quick=True)
+    assert set(frame["what"]) == {"pyfric", "pyfric, forces only"}
+    assert frame.attrs["peak"] > 0
+    assert (frame["limit"] < frame["ns"]).all()
+    assert "additions per ns" in bench.report(frame)
+
+
 def test_scenes_compares_processes_with_one(monkeypatch):
     asked = []
 

@@ -1,0 +1,29 @@
+!> How many additions a second this processor makes at most, as a measure for the kernels.
+module pyfric_peak
+  use pyfric_kinds, only: dp
+  implicit none (type, external)
+  private
+  public :: additions, WIDTH
+
+  integer, parameter :: WIDTH = 32  !! sums that grow side by side: enough to hide the latency, few enough for registers
+
+contains
+
+  !> Adds step to each of WIDTH sums, n times; nothing but the additions reaches memory.
+  pure subroutine additions(n, step, total)
+    integer, intent(in) :: n                  !! additions to each sum
+    real(dp), intent(in) :: step              !! what is added
+    real(dp), intent(out) :: total            !! of all sums
+    real(dp) :: sums(WIDTH)
+    integer :: i, k
+
+    sums = 0.0_dp
+    do k = 1, n
+      !GCC$ unroll 32
+      do i = 1, WIDTH
+        sums(i) = sums(i) + step
+      end do
+    end do
+    total = sum(sums)
+  end subroutine additions
+end module pyfric_peak

@@ -877,6 +877,31 @@ def _save_study(name: str, make: Callable[[], DataFigure], out: Path, quiet: boo
     _show_files(files, quiet)
 
 
+# --- regimes -------------------------------------------------------------------------------------
+
+
+@main.command()
+@_file_option("--out", metavar="FILE", help="Write the table as CSV.")
+@_overwrite_option
+@_json_option
+def regimes(out: Path | None, overwrite: bool, as_json: bool) -> None:
+    """Run the model where methods fail and say what happens there (about 15 s).
+
+    The exit code is 1 if something is not as stated.
+    """
+    from pyfric import regimes
+    from pyfric.files import written
+
+    _check_out(out, overwrite)
+    table = regimes.observe(progress=lambda name: as_json or click.echo(name, err=True))
+    if out is not None:
+        with written(out) as draft:
+            table.to_csv(draft, index=False, float_format="%.3g")
+    click.echo(table.to_json(orient="records") if as_json else regimes.report(table))
+    if not table["as_stated"].all():
+        _stop(Exit.FAILED, "Error: not everything is as stated")
+
+
 # --- bench ---------------------------------------------------------------------------------------
 
 

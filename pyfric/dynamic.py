@@ -26,6 +26,7 @@ import pandas as pd
 from pyfric import core
 from pyfric.catalogue import T_GAP, build_catalogue
 from pyfric.equilibrium import EquilibriumError, StaticSolver
+from pyfric.guard import STEPS, Energy, Guard, folded, largest_strain, strain_notes
 from pyfric.operators import (
     METHODS,
     Geometry,
@@ -51,6 +52,7 @@ __all__ = [
     "Progress",
     "Run",
     "RunError",
+    "budget_error",
     "integrate",
     "interruptible",
     "progress_bar",
@@ -77,6 +79,12 @@ Stepper = Literal["rk4", "verlet", "symplectic_euler", "adaptive", "moreau_jean"
 STATIC_SECONDS = 1.0
 """Static forces of new events are found this often, or more rarely where that takes a tenth of the
 time, so that little is left to do at the end, s."""
+FOLDING = 0.2
+"""Where no loaded state is found and bonds are strained by more than this, F_N is too large."""
+OPEN_BUDGET = 1e-3
+"""An energy budget that misses more than this share is noted."""
+UNFINISHED = (core.Status.ENDLESS, core.Status.TOO_SHORT)
+"""What the core says where it could not finish a step."""
 MAX_STEPS = 10**12
 """Most steps of one run."""
 
@@ -87,6 +95,20 @@ class RunError(RuntimeError):
     def __init__(self, message: str, record: Record) -> None:
         super().__init__(message)
         self.record = record
+
+
+def budget_error(curve: pd.DataFrame) -> float:
+    """Return the largest error of an energy budget, over the largest energy that changed hands.
+
+    Args:
+        curve: the loading curve of a run with budget = True.
+    """
+    stored = curve[list(core.ENERGIES)].sum(axis=1)
+    stored -= stored.iloc[0]
+    work = curve["work_driver"] + curve["work_load"]
+    lost = curve["dissipated_bonds"] + curve["friction_heat"] + curve["switching_loss"]
+    moved = max(np.abs(one).max() for one in (stored, work, lost))
+    return float(np.abs(stored - work + lost).max() / moved) if moved > 0 else 0.0
 
 
 class Progress(NamedTuple):
@@ -194,7 +216,7 @@ def integrate(
 
     start = time.perf_counter()
     u_drv0 = None if initial is None else initial.u_drv0
-    solver = StaticSolver(scene, geometry, u_drv0=u_drv0)
+    solver = _loaded(scene, geometry, u_drv0)
     state = State.at_rest(scene, solver.loaded, dt) if initial is None else initial.with_dt(dt)
     n_threads = core.useful_threads(scene.N_x * scene.N_z, threads and int(threads))
     how = Method(
@@ -217,6 +239,31 @@ def integrate(
         run.advance(last, stop, show, checkpoint, checkpoint_every)
     status = "complete" if state.step >= last else "interrupted"
     return run.record(status)
+
+
+def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSolver:
+    """Return the solver with the loaded slider.
+
+    Raises:
+        SceneError: the load folds the lattice (finite geometry).
+        EquilibriumError: there is no loaded state for another reason.
+    """
+    strain = largest_strain(scene, 0.0)
+    allowed = (
+        "a force that compresses bonds by less than their length, far below k l N_x = "
+        f"{scene.slider.k * scene.slider.l * scene.N_x:.3g} N"
+    )
+    try:
+        solver = StaticSolver(scene, geometry, u_drv0=u_drv0)
+    except EquilibriumError as error:
+        if geometry == "linear" or strain < FOLDING:
+            raise
+        raise SceneError("top.F_N", scene.F_N, "N", allowed, str(error)) from error
+    at = folded(scene, solver.loaded.u) if geometry == "finite" else None
+    if at is not None:
+        reason = f"it folds the lattice at the block in column {at[0] + 1}, row {at[1] + 1}"
+        raise SceneError("top.F_N", scene.F_N, "N", allowed, reason)
+    return solver
 
 
 def check_options(
@@ -274,6 +321,18 @@ def kept_notes(before: Record | None) -> tuple[str, ...]:
     return tuple(note for note in before.notes if not note.startswith(f"{before.method.engine}: "))
 
 
+class _Good(NamedTuple):
+    """A sound state, its energy, and what had been logged until then."""
+
+    state: State
+    energy: Energy
+    steps: int
+    evaluations: int
+    rows: list[list[float]]
+    switches: list[Mapping[str, np.ndarray]]
+    quiet: list[Mapping[str, np.ndarray]]
+
+
 class Run:
     """A run of full dynamics under way: the state, and what has been logged so far."""
 
@@ -295,6 +354,7 @@ class Run:
         self.solver = _Remembering(solver)
         self.model = core.model(scene, method.geometry, state.u_drv0)
         self.switching: Switching = method.switching.replace(" ", "_")
+        self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
         self.log = core.Log(scene.N_x)
         self.t_begin = state.t
         self.switches: list[Mapping[str, np.ndarray]] = []
@@ -304,6 +364,7 @@ class Run:
         self.events, self.last_slip = 0, -math.inf
         self.steps, self.seconds, self.rate = 0, 0.0, 0.0
         self.evaluations = 0
+        self.good: _Good | None = None  # where a run that fails goes back to
         self.before = before
         if before is None:
             self.sample()
@@ -330,12 +391,22 @@ class Run:
         """Return what a reader of the record has to know."""
         scene, dt = self.scene, self.method.dt
         d_c, drop = scene.interface.d_c, scene.interface.mu_s - scene.interface.mu_k
+        notes = ()
+        if self.method.geometry == "linear":
+            notes = strain_notes(scene, self.name, max(abs(row[1]) for row in self.rows))
+        missing = budget_error(self.curve()) if self.method.budget else 0.0
+        if missing > OPEN_BUDGET:
+            notes += (
+                f"{self.name}: the energy budget misses {missing:.2g} of what went through it "
+                f"(limit {OPEN_BUDGET:g}): steps of {dt:.3g} s damp fast motion; take smaller ones",
+            )
         if not scene.interface.weakens:
-            return ()
+            return notes
         growth = math.sqrt(drop * scene.F_N / scene.N_x / (scene.m * d_c))
         if dt * growth <= 1:
-            return ()
+            return notes
         return (
+            *notes,
             f"{self.name}: steps of {dt:.3g} s do not resolve weakening over d_c = "
             f"{d_c * 1e6:.3g} um, which takes dt <= {1 / growth:.3g} s; it acts like d_c = 0",
         )
@@ -347,6 +418,10 @@ class Run:
             names += [*core.ENERGIES, "work_driver", "work_load"]
             names += ["dissipated_bonds", "friction_heat", "switching_loss"]
         return names
+
+    def curve(self) -> pd.DataFrame:
+        """Return the loading curve so far."""
+        return pd.DataFrame(self.rows, columns=self.columns())
 
     def sample(self) -> None:
         """Add the present to the loading curve."""
@@ -395,6 +470,8 @@ class Run:
             if checkpoint is not None and now - saved > checkpoint_every:
                 self.save(checkpoint)
                 saved = time.perf_counter()
+        if self.good is not None:
+            self._look(due=True)
         self.timings["stepping"] = time.perf_counter() - start
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -421,25 +498,48 @@ class Run:
         )
 
     def call(self, n_steps: int) -> None:
+        """Make up to n_steps that leave a sound state.
+
+        Raises:
+            RunError: they do not.
+        """
+        if self.good is None:
+            self.good = self._kept()
+        self._make(n_steps)
+        self._look(self.state.step - self.good.state.step >= STEPS)
+
+    def _make(self, n_steps: int) -> None:
         """Let the core make up to n_steps and take over its log."""
-        state = self.state
-        good, step = state.copy(), state.step
+        state, step = self.state, self.state.step
         start = time.perf_counter()
         status = self.make_steps(state, n_steps)
         seconds = time.perf_counter() - start
         per_step = core.EVALUATIONS[self.method.stepper] * self.scene.N_x * self.scene.N_z
         self.evaluations += self.log.tried * per_step
-        if status in (core.Status.ENDLESS, core.Status.TOO_SHORT):
-            self.state = good
-            self._fail(self._stuck_at(status))
-        if not (np.isfinite(state.y).all() and np.isfinite(state.rod).all()):
-            self.state = good
-            self._fail(self._left_numbers(state, step))
+        if status in UNFINISHED:
+            message = self._stuck_at(status)
+            self._back_to(step)
+            raise RunError(message, self.record(f"failed: {message}"))
         self.steps += state.step - step
         self.seconds += seconds
         self.rate = self.steps / self.seconds
         if self.log.n_switch or self.log.n_quiet:
             self._add_logs(self.log.switches(), self.log.quiet())
+
+    def _kept(self) -> _Good:
+        """Return what a run that fails later goes back to."""
+        made, logs = (self.steps, self.evaluations), (self.rows, self.switches, self.quiet)
+        energy = self.guard.energy(self.state)
+        return _Good(self.state.copy(), energy, *made, *(log[:] for log in logs))
+
+    def _look(self, due: bool) -> None:
+        """Raise RunError if the state is not sound; energy and lattice are looked at if due."""
+        good = self.good
+        base = good.energy if due else None
+        if self.guard.trouble(good.state, self.state, base) is not None:
+            self._fail()
+        if due:
+            self.good = None
 
     def _add_logs(
         self, switches: Mapping[str, np.ndarray], quiet: Mapping[str, np.ndarray]
@@ -465,16 +565,44 @@ class Run:
             "allowed; switching = 'step_end' or a smaller dt goes on"
         )
 
-    def _left_numbers(self, broken: State, step: int) -> str:
+    def _fail(self) -> None:
+        """Go back to the last step that was sound and raise RunError with the one that was not."""
+        good, base, fine, wrong = *self.good[:2], self.good.state.step, self.state.step
+        while wrong - fine > 1:
+            middle = (fine + wrong) // 2
+            if self.guard.trouble(good, self._again(good, middle), base) is None:
+                fine = middle
+            else:
+                wrong = middle
+        self._back_to(fine)
+        before, after = self.state, self._again(good, wrong)
+        trouble = self.guard.trouble(before, after, base)
+        v = np.hypot(before.y[:, 2], before.y[:, 3])
         limit, _ = stability_limit(self.scene, self.method.stepper)
-        return (
-            f"the motion is not finite between t = {self.state.t:.9g} s (step {step}) and "
-            f"t = {broken.t:.9g} s: dt = {broken.dt:g} s is below the limit {limit:.4g} s of small "
-            "motions, so the strains have left the range of the model; reduce dt, F_N or V"
+        message = (
+            f"{trouble.what} at step {wrong}, t = {after.t:.9g} s, at the block in column "
+            f"{trouble.i + 1} from the left, row {trouble.j + 1} from the bottom; one step before, "
+            f"speeds reach {v.max():.3g} m/s. dt = {good.dt:g} s is below the limit {limit:.4g} s "
+            "of small motions: the strains have left the range of the model; reduce dt, F_N or V"
         )
-
-    def _fail(self, message: str) -> None:
         raise RunError(message, self.record(f"failed: {message}"))
+
+    def _back_to(self, step: int) -> None:
+        """Go back to the last good state, and from there to a sound step, with all that is kept."""
+        state, _, self.steps, self.evaluations, self.rows, self.switches, self.quiet = self.good
+        self.state, every = state.copy(), self.method.sample
+        while self.state.step < step:
+            self._make(min(step, (self.state.step // every + 1) * every) - self.state.step)
+            if self.state.step % every == 0:
+                self.sample()
+
+    def _again(self, good: State, step: int) -> State:
+        """Return the state of a step number, made once more from an earlier state."""
+        state, kept, self.log = good.copy(), self.log, core.Log(self.scene.N_x)
+        while state.step < step and self.make_steps(state, step - state.step) not in UNFINISHED:
+            pass
+        self.log = kept
+        return state
 
     def catalogue(self) -> tuple[Catalogue, dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Return the catalogue of what has been logged, and the two logs."""
@@ -502,7 +630,7 @@ class Run:
         here = len(self.rows)
         if self.rows[-1][0] != state.t:
             self.sample()
-        curve = pd.DataFrame(self.rows, columns=self.columns())
+        curve, notes = self.curve(), self.notes()
         del self.rows[here:]
         timings = self.timings | {"catalogue": time.perf_counter() - start}
         if self.before is not None:
@@ -522,7 +650,7 @@ class Run:
             versions=versions(),
             timings=timings,
             counts=self.counts(),
-            notes=(*kept_notes(self.before), *self.notes()),
+            notes=(*kept_notes(self.before), *notes),
             status=status,
             final_state=state.copy(),
         )

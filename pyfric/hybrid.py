@@ -274,4 +274,5 @@ class HybridRun(Run):
         held = state.mode == STUCK
         state.y[0, 0, held], state.y[0, 2, held] = u_x[held], 0.0
         state.step += n
+        self.good = None
         self.jumps, self.jumped = self.jumps + 1, self.jumped + n

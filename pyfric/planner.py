@@ -31,6 +31,7 @@ from pyfric.blas import one_thread_if_small
 from pyfric.catalogue import build_catalogue
 from pyfric.dynamic import step_size
 from pyfric.equilibrium import EquilibriumError, StaticSolver
+from pyfric.guard import largest_strain
 from pyfric.operators import Geometry, default_geometry, stability_limit
 from pyfric.quasistatic import QuasistaticRun
 from pyfric.ringdown import Frozen
@@ -60,8 +61,6 @@ ERROR_SPEED = 1e-3
 """Relative error of front speeds by steps of automatic size with switches inside them, fourth power
 of the step (`pyfric chart`: 2e-4 in the 11th precursor of the Fig. 1 scene). With switches at step
 ends it is 0.1."""
-STRAIN_SHARE = 0.65
-"""Largest strain of a bond, at the driven block, over F_T/(k l)."""
 RING_SHARE = 0.25
 """Longest decay time of the slider's oscillations, over the time between main events."""
 OPEN_BLOCKS = 2
@@ -278,7 +277,8 @@ def plan(
         fidelity, error = "hybrid", error + ERROR_JUMPS
         needs.append(quiet)
         made = scout.events * STEPS_EVENT + scout.front_blocks * STEPS_BLOCK
-        steps = min(steps, made * finer)
+        if not scene.interface.weakens:  # stable slip before an event may take any share of it
+            steps = min(steps, made * finer)
         if switching == "located":
             steps += scout.front_blocks * STEPS_SWITCH
         seconds += scout.events * JUMP[geometry] * blocks
@@ -356,12 +356,6 @@ def _interval(record: Record) -> float:
     if len(starts) > 1:
         return float(np.median(np.diff(starts)))
     return float(record.curve["t"].iloc[-1]) if len(starts) else math.inf
-
-
-def largest_strain(scene: Scene, F_T: float) -> float:
-    """Return the largest strain of a bond at a driver force F_T (N), and under F_N alone."""
-    unit = scene.slider.k * scene.slider.l
-    return max(STRAIN_SHARE * abs(F_T), scene.F_N / scene.N_x) / unit
 
 
 class DecayTimes(NamedTuple):

@@ -37,6 +37,7 @@ from pyfric.dynamic import (
     progress_bar,
 )
 from pyfric.equilibrium import EquilibriumError
+from pyfric.guard import hurry_notes, strain_notes
 from pyfric.record import Method, Record, versions
 from pyfric.state import OPEN, StateError
 from pyfric.units import SceneError, check_number
@@ -285,10 +286,14 @@ class QuasistaticRun:
         )
         curve = pd.DataFrame(self.rows, columns=["t", "F_T"]).assign(**columns)
         f, p = self.initial.f, self.initial.p
+        engine = engine or self.name
+        warned = strain_notes(scene, engine, max(abs(F) for _, F in self.rows))
+        if engine == "quasistatic":  # V does not matter to a prediction
+            warned += hurry_notes(scene, engine)
         return Record.from_catalogue(
             catalogue,
             scene=scene,
-            method=Method(engine=engine or self.name, geometry="linear", t_gap=self.t_gap),
+            method=Method(engine=engine, geometry="linear", t_gap=self.t_gap),
             curve=curve,
             tau_initial=-scene.d * f,
             p_initial=p,
@@ -297,7 +302,7 @@ class QuasistaticRun:
             versions=versions(),
             timings=self.timings | {"catalogue": time.perf_counter() - start},
             counts={"releases": self.releases, "block_evaluations": 0},
-            notes=self.notes,
+            notes=(*self.notes, *warned),
             status=status,
         )
 

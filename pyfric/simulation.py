@@ -181,9 +181,10 @@ def _with_options(chosen: Plan, scene: Scene, stepped: dict, initial: State | No
 
 def _planned(chosen: Plan, scene: Scene, t_end: float, stepped: dict, common: dict) -> Record:
     """Run a plan; where an assumption turns out wrong, move up one level and say so."""
+    not_less = f"; not less: {'; '.join(chosen.reasons)}" if chosen.reasons else ""
     notes = [
         f"planned for {chosen.want} within {chosen.tolerance:g}: {chosen.fidelity}, "
-        f"{chosen.geometry} geometry"
+        f"{chosen.geometry} geometry{not_less}"
     ]
     while True:
         options = dict(stepped)

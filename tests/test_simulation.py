@@ -63,7 +63,8 @@ def test_auto_runs_what_the_plan_says():
         assert (method.engine, method.geometry) == (found.fidelity, found.geometry)
         assert method.dt == found.dt
         text = f"planned for stress within {tolerance:g}: {found.fidelity}, {found.geometry}"
-        assert record.notes == (f"{text} geometry",)
+        not_less = f"; not less: {'; '.join(found.reasons)}" if found.reasons else ""
+        assert record.notes == (f"{text} geometry{not_less}",)
         assert not method.budget
 
 

@@ -1,0 +1,138 @@
+"""What stops a run: numbers, energy, lattice."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import pyfric
+from pyfric import core, dynamic
+from pyfric.dynamic import RunError
+from pyfric.equilibrium import StaticSolver
+from pyfric.guard import MARGIN, Guard, folded
+from pyfric.operators import stability_limit
+from pyfric.scene import SceneError, chain, setup1, setup2
+from pyfric.state import State
+
+
+def rod(**changes):
+    return setup1(**{"L": 0.02, "H": 0.0125, "F_N": 400.0, "V": 2e-2} | changes)
+
+
+def free(**changes):
+    return setup2(**{"L": 0.012, "H": 0.005, "F_N": 50.0, "V": 2e-2} | changes)
+
+
+SCENES = {
+    "rod": (rod(), 0.02),
+    "rod, fast": (rod(V=10.0), 2e-3),
+    "rod, high driver": (rod(h=0.0125, V=0.2), 0.02),
+    "free": (free(), 0.02),
+    "free, light edge": (free(theta=1.0, V=0.2), 0.01),
+    "no viscosity": (rod(eta=0.0, V=0.2), 0.01),
+    "no friction": (free(mu_s=0.0, mu_k=0.0), 0.01),
+    "chain": (chain(L=0.02, tau=60.0, V=0.2), 0.01),
+    "chain, held": (chain(L=0.02, tau=60.0, k_top=2e7, V=0.2), 0.01),
+    "soft driver": (rod(K=1e3, V=10.0), 0.01),
+    "weakening": (rod(V=0.2, d_c=1e-6), 0.01),
+}
+
+
+@pytest.mark.parametrize("share", [0.5, 0.99])
+@pytest.mark.parametrize("name", SCENES)
+def test_the_bound_of_energy_holds_without_its_margin(name, share, monkeypatch):
+    """The exact motion cannot cross it; steps up to the limit use little of the margin."""
+    scene, t_end = SCENES[name]
+    monkeypatch.setattr("pyfric.guard.MARGIN", 0.02)
+    dt = share * stability_limit(scene)[0]
+    for every in (t_end / 5000, t_end / 20):  # short calls and long ones
+        how = {"geometry": "linear", "budget": False, "progress": False}
+        record = pyfric.simulate(scene, t_end, fidelity="dynamic", dt=dt, sample=every, **how)
+        assert record.status == "complete"
+
+
+@pytest.mark.parametrize(("name", "share"), [("rod", 1.3), ("free", 1.1), ("chain", 1.1)])
+def test_steps_above_the_limit_are_stopped(name, share, monkeypatch):
+    """Growth is seen long before the numbers end. (The limit holds for any contact states; where
+    all blocks stick, it can be a little larger.)"""
+    scene, _ = SCENES[name]
+    dt = share * stability_limit(scene)[0]
+    monkeypatch.setattr(dynamic, "step_size", lambda *_: dt)
+    with pytest.raises(RunError, match=r"energy grows from .* at step") as caught:
+        pyfric.simulate(scene, 0.05, fidelity="dynamic", geometry="linear", progress=False)
+    kept = caught.value.record
+    assert kept.status.startswith("failed: the energy grows")
+    assert np.isfinite(kept.final_state.y).all()
+    assert kept.curve["t"].iloc[-1] > 0
+    assert np.abs(kept.curve["F_T"]).max() < 10 * scene.F_N
+
+
+def test_the_step_and_the_block_are_those_where_it_began():
+    scene = rod()
+    record = pyfric.simulate(scene, 1e-4, fidelity="dynamic", progress=False)
+    state = record.final_state.copy()
+    state.y[3, 3, 5] = 1e200
+    with pytest.raises(RunError, match=r"column 6 .*, row 4 ") as caught:
+        pyfric.simulate(scene, 2e-4, initial=state, fidelity="dynamic", progress=False)
+    assert f"at step {state.step + 1}, " in str(caught.value)
+
+
+def test_energy_from_nowhere_is_seen():
+    scene = rod(V=0.0)
+    solver = StaticSolver(scene, "linear")
+    state = State.at_rest(scene, solver.loaded, 1e-6)
+    guard = Guard(scene, core.model(scene, "linear", state.u_drv0), "linear", solver.loaded)
+    base = guard.energy(state)
+    assert guard.trouble(state, state, base) is None
+    for share in (0.5 * MARGIN, 2 * MARGIN):
+        kicked = state.copy()
+        kicked.y[2, 2, 3] = np.sqrt(2 * share * base.stored / scene.m)
+        kicked.step = 1
+        found = guard.trouble(state, kicked, base)
+        assert (found is None) == (share < MARGIN)
+    assert (found.i, found.j) == (3, 2)
+    assert "energy" in found.what
+
+
+def test_folded_cells_are_found():
+    scene = free()
+    l = scene.slider.l
+    u = np.zeros((scene.N_z, 2, scene.N_x))
+    j, i = np.mgrid[: scene.N_z, : scene.N_x]
+    assert folded(scene, u) is None
+    angle = 2.5  # a turned lattice is not folded
+    u[:, 0] = l * (np.cos(angle) * i - np.sin(angle) * j - i)
+    u[:, 1] = l * (np.sin(angle) * i + np.cos(angle) * j - j)
+    assert folded(scene, u) is None
+    u[:] = 0.0
+    u[2, 0, 4] = 0.9 * l
+    assert folded(scene, u) is None
+    u[2, 0, 4] = 1.1 * l
+    column, row = folded(scene, u)
+    assert row in (1, 2, 3)
+    assert column in (4, 5)
+    assert folded(chain(), np.zeros((1, 2, 57))) is None
+
+
+def test_loads_that_fold_are_refused_or_noted():
+    scene = rod(F_N=4e5, V=20.0)
+    for fidelity in ("hybrid", "dynamic", "auto"):
+        with pytest.raises(SceneError, match="folds the lattice") as caught:
+            pyfric.simulate(scene, 1e-3, fidelity=fidelity, progress=False)
+        assert caught.value.field == "top.F_N"
+    for fidelity in ("quasistatic", "hybrid"):
+        geometry = None if fidelity == "quasistatic" else "linear"
+        how = {"fidelity": fidelity, "geometry": geometry, "progress": False}
+        assert "strains reach about 1.3" in pyfric.simulate(scene, 1e-5, **how).notes[0]
+        assert not pyfric.simulate(rod(V=1e-3), 1e-5, **how).notes
+    soft = dataclasses.replace(free(), top=dataclasses.replace(free().top, F_N=5e4))
+    with pytest.raises(SceneError, match=r"top\.F_N = 50000"):  # no loaded state at all
+        pyfric.simulate(soft, 1e-3, fidelity="hybrid", progress=False)
+
+
+def test_a_lattice_that_folds_stops_the_run():
+    with pytest.raises(RunError, match=r"folded at step \d+, t = .* block in column 1 ") as caught:
+        pyfric.simulate(rod(V=300.0), 1e-3, fidelity="dynamic", progress=False)
+    kept = caught.value.record
+    assert folded(kept.scene, kept.final_state.y[:, :2]) is None
+    assert kept.final_state.step > 0

@@ -158,18 +158,20 @@ subroutine energy(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, lo
 end subroutine energy
 
 !> Additions in registers, for timing.
-subroutine additions(n, step, width_of_sums, total)
+subroutine additions(n, width_of_sums, total)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_peak, only: make => additions, WIDTH
   implicit none
   !f2py threadsafe
   integer(c_int), intent(in) :: n               !! additions to each sum
-  real(c_double), intent(in) :: step            !! what is added
   integer(c_int), intent(out) :: width_of_sums  !! sums
-  real(c_double), intent(out) :: total          !! of all sums
+  real(c_double), intent(out) :: total          !! of all sums, n times 1 + 2 + ... + width_of_sums
+  real(c_double) :: steps(WIDTH)
+  integer :: i
 
   width_of_sums = WIDTH
-  call make(n, step, total)
+  steps = [(real(i, c_double), i=1, WIDTH)]
+  call make(n, steps, total)
 end subroutine additions
 
 !> Compiler, its options, and whether OpenMP is in.

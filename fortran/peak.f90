@@ -9,10 +9,10 @@ module pyfric_peak
 
 contains
 
-  !> Adds step to each of WIDTH sums, n times; nothing but the additions reaches memory.
-  pure subroutine additions(n, step, total)
+  !> Adds to each of WIDTH sums its own step, n times; sums stay in registers.
+  pure subroutine additions(n, steps, total)
     integer, intent(in) :: n                  !! additions to each sum
-    real(dp), intent(in) :: step              !! what is added
+    real(dp), intent(in) :: steps(WIDTH)      !! what is added
     real(dp), intent(out) :: total            !! of all sums
     real(dp) :: sums(WIDTH)
     integer :: i, k
@@ -21,7 +21,7 @@ contains
     do k = 1, n
       !GCC$ unroll 32
       do i = 1, WIDTH
-        sums(i) = sums(i) + step
+        sums(i) = sums(i) + steps(i)
       end do
     end do
     total = sum(sums)

@@ -173,8 +173,8 @@ def useful_threads(n_blocks: int, threads: int | None = None) -> int:
 
 def additions(n: int, variant: str = VARIANT) -> int:
     """Make n additions to each of some sums in registers; return how many there were in all."""
-    width, total = load_variant(variant).additions(n, 1.0)
-    assert total == n * width
+    width, total = load_variant(variant).additions(n)
+    assert total == n * width * (width + 1) // 2
     return n * width
 
 

@@ -100,10 +100,10 @@ def test_steps_follow_from_the_orders_of_the_methods():
     assert [one.switching for one in found.values()] == ["step_end", *(3 * ["located"])]
     auto = step_size(scene)
     assert found[1e-2].dt == found[1e-3].dt == auto
-    assert found[1e-5].dt == pytest.approx(auto / 2**0.25, rel=0.03)
-    assert found[1e-9].dt == pytest.approx(auto / (2e4) ** 0.25, rel=0.03)
+    for tolerance, steps in ((1e-5, 2**0.25), (1e-9, 2e4**0.25)):  # rounded down to two digits
+        assert 0.9 * auto / steps < found[tolerance].dt <= auto / steps
     speeds = [plan(scene, "front_speed", tol, t_end=0.7).dt for tol in (1e-3, 1e-3 / 16)]
-    assert speeds[1] == pytest.approx(speeds[0] / 2, rel=0.03)
+    assert speeds[1] == pytest.approx(speeds[0] / 2, rel=0.1)
 
 
 @settings(max_examples=20)

@@ -61,17 +61,18 @@ def value(found, name):
 @pytest.mark.parametrize(
     ("tolerance", "expected"),
     [
-        (0.1, ("quasistatic", "linear", None)),
-        (0.08, ("hybrid", "linear", 7.8e-7)),
-        (0.06, ("hybrid", "finite", 7.8e-7)),
-        (0.01, ("hybrid", "finite", 7.8e-7)),
-        (4e-4, ("hybrid", "finite", 1.9e-7)),
-        (1e-4, ("dynamic", "finite", 4.8e-8)),
+        (0.1, ("quasistatic", "linear", None, None)),
+        (0.08, ("hybrid", "linear", "step_end", 7.8e-7)),
+        (0.06, ("hybrid", "finite", "step_end", 7.8e-7)),
+        (0.01, ("hybrid", "finite", "step_end", 7.8e-7)),
+        (4e-4, ("hybrid", "finite", "located", 7.8e-7)),
+        (1e-4, ("dynamic", "finite", "located", 7.8e-7)),
+        (1e-6, ("dynamic", "finite", "located", 3.6e-7)),
     ],
 )
 def test_levels_of_the_fig1_scene(tolerance, expected):
     found = plan(preset("fig1"), "loading_curve", tolerance, t_end=0.9)
-    assert (found.fidelity, found.geometry, found.dt) == expected
+    assert (found.fidelity, found.geometry, found.switching, found.dt) == expected
     assert found.error <= tolerance
     assert all(one.holds for one in found.assumptions)
     assert len(found.reasons) == {"quasistatic": 0, "hybrid": 1, "dynamic": 2}[found.fidelity] + (

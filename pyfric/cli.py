@@ -887,16 +887,18 @@ def _save_study(name: str, make: Callable[[], DataFigure], out: Path, quiet: boo
 def regimes(out: Path | None, overwrite: bool, as_json: bool) -> None:
     """Run the model where methods fail and say what happens there (about 15 s).
 
-    The exit code is 1 if something is not as stated.
+    Beside --out, a CSV file, goes its provenance. The exit code is 1 if something is not as stated.
     """
     from pyfric import regimes
     from pyfric.files import written
+    from pyfric.record import provenance
 
     _check_out(out, overwrite)
     table = regimes.observe(progress=lambda name: as_json or click.echo(name, err=True))
     if out is not None:
         with written(out) as draft:
             table.to_csv(draft, index=False, float_format="%.3g")
+        provenance(out.with_name(f"{out.stem}_provenance.toml"), "pyfric regimes")
     click.echo(table.to_json(orient="records") if as_json else regimes.report(table))
     if not table["as_stated"].all():
         _stop(Exit.FAILED, "Error: not everything is as stated")

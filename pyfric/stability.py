@@ -143,9 +143,11 @@ def figure(table: pd.DataFrame) -> DataFigure:
         part = table[table["method"] == method]
         for (stiffness, line), colour in zip(part.groupby("stiffness"), colours, strict=False):
             text = rf"$k_\mathrm{{f}}/k$ = {stiffness:g}"
-            axes.plot(line["eta"], line["computed"], color=colour, lw=1.2, label=text)
+            width = 2.6 if stiffness == part["stiffness"].min() else 1.2  # seen below another
+            axes.plot(line["eta"], line["computed"], color=colour, lw=width, label=text)
             axes.plot(line["eta"], line["measured"], "o", mec=colour, mfc="none", ms=4.5)
         axes.set_xscale("symlog", linthresh=0.03, linscale=0.4)
+        axes.set_xticks([0, 0.1, 1], ["0", "0.1", "1"])
         axes.set_yscale("log")
         axes.axvline(math.sqrt(0.1), color="0.7", lw=0.7, ls=":")
         axes.set_title(f"({letter}) {method.replace('_', ' ')}", fontsize=8, loc="left")

@@ -863,7 +863,8 @@ def resolution(out: Path, quiet: bool) -> None:
     """Refine the lattice of the Fig. 1 scene and show what converges (several minutes)."""
     from pyfric import resolution as study
 
-    _save_study("resolution", lambda: study.figure(study.study(progress=not quiet)), out, quiet)
+    made = lambda: study.figure(study.study(progress=False if quiet else None))  # noqa: E731
+    _save_study("resolution", made, out, quiet)
 
 
 def _save_study(name: str, make: Callable[[], DataFigure], out: Path, quiet: bool) -> None:

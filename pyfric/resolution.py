@@ -11,7 +11,6 @@ needs no dynamics.
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +21,7 @@ from pyfric import analysis
 from pyfric.figures import DataFigure
 from pyfric.quasistatic import prediction_curve
 from pyfric.scene import preset
-from pyfric.simulation import simulate
+from pyfric.sweep import Job, run_all
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,14 +56,19 @@ VISCOSITIES = ("eta = sqrt(0.1 k m)", "eta fixed")
 
 
 def study(
-    spacings: Sequence[float] = SPACINGS, t_end: float = T_END, *, progress: bool = False
+    spacings: Sequence[float] = SPACINGS,
+    t_end: float = T_END,
+    *,
+    workers: int | None = None,
+    cache: bool = True,
+    progress: bool | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Run the study.
 
     Args:
         spacings: lattice constants, in m, that divide the lengths of the scene.
         t_end: end of the runs, in s.
-        progress: say on stderr what is running.
+        workers, cache, progress: see `pyfric.run_all`, which makes the runs.
 
     Returns:
         Tables. "events": the main events of each run, with l (m), viscosity, event, force_start,
@@ -78,21 +82,18 @@ def study(
     tables: dict[str, list[pd.DataFrame]] = {
         name: [] for name in ("events", "fronts", "prediction", "loaded")
     }
+    how = {"fidelity": "hybrid", "geometry": "linear", "switching": "located"}
+    which = [(l, viscosity) for l in spacings for viscosity in VISCOSITIES]
+    jobs = [Job(scene=scene(*one), t_end=t_end, options=how) for one in which]
+    records = dict(
+        zip(which, run_all(jobs, workers=workers, cache=cache, progress=progress), strict=True)
+    )
     for l in spacings:
         curve = prediction_curve(scene(l, VISCOSITIES[0]))
         grown = curve.curve[["F_T", "L_p_over_L"]].assign(F_T=curve.curve["F_T"] / curve.scene.F_N)
         tables["prediction"].append(grown.rename(columns={"F_T": "force"}).assign(l=l))
         for viscosity in VISCOSITIES:
-            if progress:
-                print(f"l = {l * 1e3:g} mm, {viscosity}", file=sys.stderr, flush=True)
-            record = simulate(
-                scene(l, viscosity),
-                t_end,
-                fidelity="hybrid",
-                geometry="linear",
-                switching="located",
-                progress=False,
-            )
+            record = records[l, viscosity]
             same = {"l": l, "viscosity": viscosity}
             tables["events"].append(_events(record).assign(**same))
             fronts = analysis.fronts(record)

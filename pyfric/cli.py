@@ -14,6 +14,7 @@ import os
 import shlex
 import signal
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -191,7 +192,11 @@ def _writable(folder: Path) -> bool:
     here = folder.absolute()
     while not here.exists():
         here = here.parent
-    return here.is_dir() and os.access(here, os.W_OK | os.X_OK)
+    try:
+        with tempfile.TemporaryFile(dir=here):
+            return True
+    except OSError:
+        return False
 
 
 def _check_folder(out: Path) -> None:
@@ -465,7 +470,7 @@ def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
         given = ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
         if given and not same(name, value):
             allowed = "what the record that is continued was made with, or no such option"
-            unit = "s" if isinstance(value, float) else ""
+            unit = "s" if isinstance(value, float) and name != "rtol" else ""
             raise pyfric.SceneError(name, value, unit, allowed, "cannot change")
     return before
 
@@ -754,7 +759,8 @@ def movie(
     """Draw one event as a strip of frames: velocity field, with the interface below it.
 
     From a scene (a preset or a TOML file), or from a record of the hybrid or dynamic engine
-    (.nc). The event is run again with full dynamics from a state just before it.
+    with rk4 that began with the loaded slider (.nc). The event is run again with full dynamics
+    from a state just before it.
     """
     import numpy as np
 
@@ -766,7 +772,10 @@ def movie(
     if source.lower().endswith(".nc"):
         if changes:
             raise click.UsageError(f"--set changes presets; {source} is a record.")
-        record = pyfric.Record.load(source)
+        try:
+            record = pyfric.Record.load(source)
+        except FileNotFoundError as error:
+            raise pyfric.RecordError(str(error)) from None
     else:
         progress = False if quiet else None
         scene = _scene(source, changes)

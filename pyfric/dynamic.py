@@ -70,6 +70,10 @@ RTOL = 1e-6
 """Default of rtol, the largest error of an adaptive sub-step; see `pyfric.simulate`. On a short
 front, with dt = "auto" and located switching, rupture times are then right to 2e-11 s for 1.3 times
 the work of rtol = 1e-3, where sub-steps are as long as dt and times right to 7e-9 s."""
+LONGEST_LOCATED = 30.0
+"""Longest step of the adaptive stepper with located switching, over the stability limit of RK4."""
+ROUNDED = 1e-7
+"""Energy that changes hands below this share of what is stored is next to nothing."""
 CURVE_POINTS = 5000
 """Points of the loading curve, unless `sample` says otherwise."""
 CALL_SECONDS = 0.2
@@ -100,6 +104,8 @@ class RunError(RuntimeError):
 def budget_error(curve: pd.DataFrame) -> float:
     """Return the largest error of an energy budget, over the largest energy that changed hands.
 
+    Where next to nothing did, the error is that of rounding: it is taken over the stored energy.
+
     Args:
         curve: the loading curve of a run with budget = True.
     """
@@ -108,6 +114,7 @@ def budget_error(curve: pd.DataFrame) -> float:
     work = curve["work_driver"] + curve["work_load"]
     lost = curve["dissipated_bonds"] + curve["friction_heat"] + curve["switching_loss"]
     moved = max(np.abs(one).max() for one in (stored, work, lost))
+    moved = max(moved, ROUNDED * curve[list(core.ENERGIES)].abs().sum(axis=1).max())
     return float(np.abs(stored - work + lost).max() / moved) if moved > 0 else 0.0
 
 
@@ -201,6 +208,8 @@ def integrate(
                 others += f", method = {method!r}"
             raise SceneError(name, value, "", f"{' or '.join(map(repr, known))} {others}")
     dt = step_size(scene, dt, method)
+    if switching == "located":
+        _check_located(scene, method, dt)
     if initial is not None:
         initial.check_physics(scene)
     t_begin = 0.0 if initial is None else initial.t
@@ -239,6 +248,20 @@ def integrate(
         run.advance(last, stop, show, checkpoint, checkpoint_every)
     status = "complete" if state.step >= last else "interrupted"
     return run.record(status)
+
+
+def _check_located(scene: Scene, method: Stepper, dt: float) -> None:
+    """Raise SceneError where switches cannot be located with this stepper or step."""
+    if scene.eta == 0 and method in ("verlet", "symplectic_euler"):
+        allowed = (
+            f"'step_end', or another method than {method!r}, or eta > 0: its steps conserve energy "
+            "only as long as they are equal, and those that end at a switch are not"
+        )
+        raise SceneError("switching", "located", "", allowed)
+    limit = LONGEST_LOCATED * stability_limit(scene, "rk4")[0]
+    if method == "adaptive" and dt > limit:
+        allowed = f"at most {limit:.3g} s with located switching: each step has room for some"
+        raise SceneError("dt", dt, "s", allowed, "too long")
 
 
 def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSolver:
@@ -398,7 +421,8 @@ class Run:
         if missing > OPEN_BUDGET:
             notes += (
                 f"{self.name}: the energy budget misses {missing:.2g} of what went through it "
-                f"(limit {OPEN_BUDGET:g}): steps of {dt:.3g} s damp fast motion; take smaller ones",
+                f"(limit {OPEN_BUDGET:g}): steps of {dt:.3g} s damp fast motion; take a smaller "
+                + ("rtol" if self.method.rtol else "dt"),
             )
         if not scene.interface.weakens:
             return notes
@@ -584,8 +608,15 @@ class Run:
             f"{trouble.i + 1} from the left, row {trouble.j + 1} from the bottom; one step before, "
             f"speeds reach {v.max():.3g} m/s. dt = {good.dt:g} s is below the limit {limit:.4g} s "
             "of small motions: the strains have left the range of the model; reduce dt, F_N or V"
+            + self._located_hint()
         )
         raise RunError(message, self.record(f"failed: {message}"))
+
+    def _located_hint(self) -> str:
+        method = self.method
+        if method.switching != "located" or method.stepper not in ("verlet", "symplectic_euler"):
+            return ""
+        return ", or take switching = 'step_end', because steps of different length can feed energy"
 
     def _back_to(self, step: int) -> None:
         """Go back to the last good state, and from there to a sound step, with all that is kept."""

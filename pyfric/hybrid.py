@@ -37,7 +37,7 @@ SHORTEST = 64
 """Shortest jump worth its cost, in steps."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
-ENOUGH, ROUGH = 1e-9, 1e-5
+ENOUGH, ROUGH = 2e-7, 1e-4
 """Residual forces of static states in finite geometry, over F_N/N_x; of those that only show where
 to look."""
 NEAR = 20

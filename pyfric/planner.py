@@ -54,13 +54,12 @@ ERROR_QUASISTATIC = 0.05
 """Largest difference of start forces between ladder and dynamics, event by event, over F_N."""
 ERROR_JUMPS = 1e-4
 """The same between hybrid and dynamics."""
-ERROR_STEP, ERROR_LOCATED = 8e-4, 1e-5
-"""The same by steps of automatic size, where contacts switch at step ends, and inside steps. The
-first is proportional to the step, the second to its fourth power (`pyfric chart`)."""
+ERROR_STEP = 1e-5
+"""The same by steps of automatic size; proportional to the fourth power of the step, because
+contacts switch inside steps. With switches at step ends it is 1e-3, for two thirds of the time."""
 ERROR_SPEED = 1e-3
-"""Relative error of front speeds by steps of automatic size with switches inside them, fourth power
-of the step (`pyfric chart`: 2e-4 in the 11th precursor of the Fig. 1 scene). With switches at step
-ends it is 0.1."""
+"""Relative error of front speeds by such steps: 2e-4 in Fig. 1's 11th precursor, against 0.1 with
+switches at step ends (`pyfric chart`)."""
 RING_SHARE = 0.25
 """Longest decay time of the slider's oscillations, over the time between main events."""
 OPEN_BLOCKS = 2
@@ -278,9 +277,7 @@ def plan(
         needs.append(quiet)
         made = scout.events * STEPS_EVENT + scout.front_blocks * STEPS_BLOCK
         if not scene.interface.weakens:  # stable slip before an event may take any share of it
-            steps = min(steps, made * finer)
-        if switching == "located":
-            steps += scout.front_blocks * STEPS_SWITCH
+            steps = min(steps, made * finer) + scout.front_blocks * STEPS_SWITCH
         seconds += scout.events * JUMP[geometry] * blocks
     evaluations = 4.0 * steps * blocks
     return Plan(
@@ -477,14 +474,9 @@ def _resolution(scene: Scene, dt: float) -> Assumption:
 
 
 def _step(scene: Scene, want: Want, tolerance: float) -> tuple[Switching, float, float]:
-    """Return where contacts switch, the time step in s, and the error of both.
-
-    Switches at step ends are cheaper. Located ones keep the order of the stepper, 4.
-    """
+    """Return where contacts switch, the time step in s, and the error of both."""
     auto = step_size(scene)
-    if want != "front_speed" and 2 * ERROR_STEP <= tolerance:
-        return "step_end", auto, ERROR_STEP
-    error = ERROR_SPEED if want == "front_speed" else ERROR_LOCATED
+    error = ERROR_SPEED if want == "front_speed" else ERROR_STEP
     dt = auto * (tolerance / (2 * error)) ** 0.25
     if dt >= auto:
         return "located", auto, error

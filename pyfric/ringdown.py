@@ -115,6 +115,7 @@ class Frozen:
         loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
         self._bonds = solver.bond_tangents(loaded)
         self._columns: dict[int, np.ndarray] = {}
+        self._squares: np.ndarray | None = None
         self._last: tuple[np.ndarray, float, np.ndarray] | None = None
         if closed is None:
             K, factor, free = solver.tangent(stuck)
@@ -325,11 +326,15 @@ class Frozen:
 
     def stiffened(self, q: np.ndarray) -> np.ndarray:
         """Return `growth` where bonds are as stiff as at q, to first order (finite geometry)."""
-        phi = np.zeros((self.n_q, len(self.rates)), complex)
-        phi[self.free] = self.phi
-        x, z = self.solver.elongations(phi)
-        xx, xz, zz = self.solver.bond_tangents(q) - self._bonds
-        change = xx @ (x * x) + 2 * (xz @ (x * z)) + zz @ (z * z)
+        if self._squares is None:
+            phi = np.zeros((self.n_q, len(self.rates)), complex)
+            phi[self.free] = self.phi
+            x, z = self.solver.elongations(phi)
+            self._squares = np.concatenate([x * x, 2 * x * z, z * z])
+        stiffer = (self.solver.bond_tangents(q) - self._bonds).ravel()
+        change = stiffer @ self._squares.real + 1j * (stiffer @ self._squares.imag)
+        if len(self.free) > LARGE:
+            self._squares = None
         return self.stepped(self.rates - change / self._norm)
 
     def deviation(

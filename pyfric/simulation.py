@@ -82,8 +82,11 @@ def simulate(
             1e-6.
         dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
         initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there. A
-            `Record` of the same scene goes on where it stopped, with its engine, geometry, step,
-            sampling and t_gap, and the result holds the whole run, as if it had never stopped.
+            `Record` of the same scene goes on where it stopped, and the result holds the whole run.
+            Its engine, geometry, method, switching, step, rtol, budget, sampling and t_gap are
+            kept, and those arguments are not used. Full dynamics goes on with the same bits; the
+            hybrid engine finds the same events, at forces that agree to 1e-10 F_N in linear
+            geometry and to 1e-6 in finite geometry.
         budget: keep the energy budget (adds its columns to the curve); full dynamics only. None
             means yes for fidelity = "dynamic".
         sample: time between two points of the loading curve, in s; None means 5000 points.
@@ -111,6 +114,8 @@ def simulate(
     if not (isinstance(fidelity, str) and fidelity in known):
         raise SceneError("fidelity", fidelity, "", " or ".join(map(repr, known)))
     tolerance = planner.check_question(want, tolerance)
+    if isinstance(initial, Record) and initial.method.stepper:
+        method, rtol = initial.method.stepper, initial.method.rtol
     check_options(
         scene, geometry, method, switching, rtol, budget, sample, threads, checkpoint_every
     )
@@ -191,7 +196,8 @@ def _planned(chosen: Plan, scene: Scene, t_end: float, stepped: dict, common: di
         if chosen.fidelity == "quasistatic":
             options |= {"geometry": None, "dt": "auto", "budget": None, "switching": None}
         else:
-            options["geometry"] = chosen.geometry
+            if options["method"] != "moreau_jean":
+                options["geometry"] = chosen.geometry
             if options["dt"] == "auto" and options["method"] == "rk4":
                 options["dt"] = chosen.dt
             if options["switching"] is None and options["method"] != "moreau_jean":

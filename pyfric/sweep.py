@@ -30,6 +30,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import scipy
 from platformdirs import user_cache_path
 from threadpoolctl import threadpool_limits
 
@@ -113,8 +115,9 @@ class Job:
 
 @functools.cache
 def code_version() -> str:
-    """Return a hash of the installed package: its version, sources and compiled core."""
-    found = hashlib.sha256(__version__.encode())
+    """Return a hash of the installed package, of its sources and core, and of NumPy and SciPy."""
+    versions = (__version__, np.__version__, scipy.__version__)  # static states go through LAPACK
+    found = hashlib.sha256(" ".join(versions).encode())
     here = Path(__file__).parent
     for path in sorted(here.rglob("*")):
         if path.suffix in (".py", ".so", ".pyd"):

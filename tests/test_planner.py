@@ -62,9 +62,9 @@ def value(found, name):
     ("tolerance", "expected"),
     [
         (0.1, ("quasistatic", "linear", None, None)),
-        (0.08, ("hybrid", "linear", "step_end", 7.8e-7)),
-        (0.06, ("hybrid", "finite", "step_end", 7.8e-7)),
-        (0.01, ("hybrid", "finite", "step_end", 7.8e-7)),
+        (0.08, ("hybrid", "linear", "located", 7.8e-7)),
+        (0.06, ("hybrid", "finite", "located", 7.8e-7)),
+        (0.01, ("hybrid", "finite", "located", 7.8e-7)),
         (4e-4, ("hybrid", "finite", "located", 7.8e-7)),
         (1e-4, ("dynamic", "finite", "located", 7.8e-7)),
         (1e-6, ("dynamic", "finite", "located", 3.6e-7)),
@@ -91,14 +91,14 @@ def test_what_is_wanted():
     assert "quasistatic: it has no motion" in motion.reasons
     assert any("fast motion" in reason for reason in motion.reasons)
     assert front.dt == motion.dt == step_size(scene)
-    assert (front.switching, motion.switching) == ("located", "step_end")
+    assert front.switching == motion.switching == "located"
 
 
 def test_steps_follow_from_the_orders_of_the_methods():
-    """Switches at step ends are first order and are left; located ones are of fourth order."""
+    """Switches are located, so that errors are of the order of the stepper, four."""
     scene = small()
     found = {tol: plan(scene, "stress", tol, t_end=0.7) for tol in (1e-2, 1e-3, 1e-5, 1e-9)}
-    assert [one.switching for one in found.values()] == ["step_end", *(3 * ["located"])]
+    assert {one.switching for one in found.values()} == {"located"}
     auto = step_size(scene)
     assert found[1e-2].dt == found[1e-3].dt == auto
     for tolerance, steps in ((1e-5, 2**0.25), (1e-9, 2e4**0.25)):  # rounded down to two digits
@@ -242,7 +242,8 @@ def test_load_alone_strains_too():
 def test_expected_cost(scene, t_end, geometry):
     found = plan(scene, t_end=t_end)
     assert found.fidelity == "hybrid"
-    record = pyfric.simulate(scene, t_end, fidelity="hybrid", geometry=geometry)
+    how = {"geometry": geometry, "switching": found.switching}
+    record = pyfric.simulate(scene, t_end, fidelity="hybrid", **how)
     assert 1 / 3 < found.evaluations / record.counts["block_evaluations"] < 3
 
 

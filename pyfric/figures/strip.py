@@ -114,7 +114,13 @@ def event_frames(record: Record, event: int, times: Sequence[float]) -> list[Fra
     if method.rtol is not None:
         steps["rtol"] = method.rtol
     how = {"geometry": method.geometry, "dt": method.dt, "progress": False}
-    state = simulate(scene, begin, fidelity="hybrid", **how, **steps).final_state
+    again = simulate(scene, begin, fidelity="hybrid", **how, **steps)
+    state = again.final_state
+    before = record.events["t_stop"] < begin
+    same = record.final_state.u_drv0 == state.u_drv0 and len(again.events) == before.sum()
+    if not (same and record.curve["t"].iloc[0] == 0.0):
+        allowed = "a run from the loaded slider at t = 0, which can be made again"
+        raise SceneError("record", "a run from another state", "", allowed)
     model, log = core.model(scene, method.geometry, state.u_drv0), core.Log(scene.N_x)
     steps["threads"] = core.useful_threads(scene.N_x * scene.N_z)
     frames = []

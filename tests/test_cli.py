@@ -648,6 +648,7 @@ def test_movie(tmp_path):
     assert refused(pyf("movie", tmp_path / "run.nc", "--event", 99), "event = 99", "1 to ")
     assert refused(pyf("movie", tmp_path / "run.nc", "--event", 1, *SMALL), "--set")
     assert refused(pyf("movie", "fig1"), "--event")
+    assert refused(pyf("movie", tmp_path / "none.nc", "--event", 1), "no record")
 
 
 # --- bench ---------------------------------------------------------------------------------------

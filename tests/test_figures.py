@@ -505,3 +505,8 @@ def test_strip_refuses_what_it_cannot_show(run):
             figures.event_strip(run, event)
     with pytest.raises(pyfric.SceneError, match="times"):
         event_frames(run, 5, [0.0])
+    other = pyfric.simulate(run.scene, 0.01, fidelity="hybrid", progress=False).final_state
+    late = pyfric.simulate(run.scene, 0.05, fidelity="hybrid", initial=other, progress=False)
+    assert len(late.events)
+    with pytest.raises(pyfric.SceneError, match="from the loaded slider"):
+        figures.event_strip(late, len(late.events) - 1)

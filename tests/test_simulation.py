@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import pyfric
 from pyfric import planner, quasistatic, simulation
-from pyfric.dynamic import RunError, step_size
+from pyfric.dynamic import RunError, budget_error, step_size
 from pyfric.equilibrium import EquilibriumError
 from pyfric.record import Record
 from pyfric.scene import chain, setup1, setup2
@@ -425,3 +425,52 @@ def test_odd_scenes(scene):
             assert record.status == "complete"
             assert np.isfinite(record.curve.to_numpy()).all()
             assert record.curve["t"].iloc[-1] >= t_end
+
+
+# --- options that do not go together -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["verlet", "symplectic_euler"])
+def test_without_viscosity_steps_that_conserve_energy_have_to_be_equal(method):
+    """Steps that end at a switch are not: the energy would grow."""
+    how = {"fidelity": "dynamic", "geometry": "linear", "method": method}
+    with pytest.raises(SceneError, match="or eta > 0") as refusal:
+        simulate(small(eta=0.0), 1e-4, switching="located", **how)
+    assert refusal.value.field == "switching"
+    assert simulate(small(eta=0.0), 1e-4, **how).status == "complete"
+    assert simulate(small(), 1e-4, switching="located", **how).status == "complete"
+
+
+def test_long_adaptive_steps_have_no_room_for_located_switches():
+    scene = small()
+    dt = 31 * pyfric.stability_limit(scene)[0]
+    how = {"fidelity": "dynamic", "geometry": "linear", "method": "adaptive", "dt": dt}
+    with pytest.raises(SceneError, match="too long") as refusal:
+        simulate(scene, 2 * dt, switching="located", **how)
+    assert refusal.value.field == "dt"
+    assert simulate(scene, 2 * dt, **how).status == "complete"
+
+
+def test_the_implicit_stepper_keeps_its_geometry_under_a_plan():
+    found = pyfric.plan(small(), "precursors", 1e-5, t_end=1e-4)
+    assert found.geometry == "finite"
+    record = simulate(small(), 1e-4, method="moreau_jean", tolerance=1e-5)
+    assert (record.method.stepper, record.method.geometry) == ("moreau_jean", "linear")
+
+
+def test_a_record_goes_on_with_its_own_method():
+    how = {"method": "adaptive", "rtol": 1e-4, "switching": "located", "geometry": "linear"}
+    first = simulate(small(), 1e-4, fidelity="dynamic", **how)
+    for given_rtol in (None, 1e-4, 1e-9):
+        whole = simulate(small(), 2e-4, initial=first, rtol=given_rtol)
+        assert whole.method.stepper == "adaptive"
+        assert whole.method.switching == "located"
+        assert whole.method.rtol == 1e-4
+
+
+@pytest.mark.parametrize("method", ["rk4", "moreau_jean"])
+def test_nothing_is_missing_from_the_budget_of_a_slider_at_rest(method):
+    """Rounding is not compared with the energy that moved, which is rounding too."""
+    record = simulate(small(V=0.0), 1e-4, fidelity="dynamic", geometry="linear", method=method)
+    assert not any("budget" in note for note in record.notes)
+    assert budget_error(record.curve) < 1e-6

@@ -684,6 +684,28 @@ def info(as_json: bool) -> None:
         click.echo(f"{name:<11} {value}")
 
 
+@main.command(
+    epilog="""\b
+Exit codes:
+    0  all checks hold
+    1  a check fails
+"""
+)
+@_json_option
+def verify(as_json: bool) -> None:
+    """Check this build (a minute): bits, exact answers, stored full dynamics."""
+    from pyfric import verify
+
+    show = None if as_json else lambda group: click.echo(f"{group.name} ...", err=True)
+    groups = verify.verify(progress=show)
+    if as_json:
+        _print_json(verify.table(groups))
+    else:
+        click.echo(verify.report(groups))
+    if not all(group.holds for group in groups):
+        _stop(Exit.FAILED)
+
+
 # --- figures -------------------------------------------------------------------------------------
 
 

@@ -1,33 +1,23 @@
 """Engines against stored full dynamics of the paper's scenes (`reference_data/make.py`)."""
 
+import dataclasses
 import functools
-import tomllib
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import pyfric
-from pyfric.scene import Scene, preset
+from pyfric import regression
+from pyfric.regression import DYNAMIC, HYBRID, STEP_END, Check, Ladder
+from pyfric.scene import preset
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference_data"
 SCENES = ("fig1", "run1", "run2", "run3", "run4", "setup2", "setup2-", "setup2+")
 GEOMETRIES = ("linear", "finite")
+CLEAN = tuple(name for name in SCENES if name != "setup2+")
 
-# --- tolerances: forces over F_N, stresses over F_N/N_x, lengths in blocks -----------------------
-
-START, ARREST, BLOCKS = 1e-3, 5e-3, 1
-"""Hybrid: what is required. Measured: 1e-9 in linear and 2e-5 in finite geometry, same blocks."""
-STRESS = 1e-3
-"""Hybrid: tau and p of main events. Measured: 2e-8 in linear and 8e-5 in finite geometry."""
-RUPTURE = 5e-6
-"""Hybrid: rupture times after the start of the event, s. Measured: 2e-9 in linear geometry, 7e-7 in
-finite geometry, about a step, and 2.4e-6 for a whole front of fig1 that creeps 0.28 ms before."""
-CURVE = 1e-4
-"""Hybrid: F_T(t) where nothing slips. Measured: 2e-7 in linear and 3e-5 in finite geometry, there
-in ring-down, whose modes are those of the loaded state."""
+# --- limits of single scenes; tolerances of the engines are in `pyfric.regression` ---------------
 
 GAP = 0.26
 """F_T/F_N at which, in setup2+, an interior gap opens (0.261 linear, 0.281 finite). Blocks at its
@@ -35,54 +25,29 @@ edges then micro-slip almost without rest, and the order of events hangs on less
 full dynamics with a step shorter by a tenth leave the reference by 0.008 (F_T) and 6 blocks."""
 GAP_CURVE, GAP_MEAN, GAP_FRONT = 0.015, 0.005, 8
 """Hybrid beyond the gap, up to the first system-size event of either run: F_T(t) at every point
-and on average, and how far slip has come. Measured: 0.008, 0.002 and 7 of 101 blocks."""
+and on average, and how far slip has come."""
 
-LADDER_FORCE = 0.03
-"""Quasi-static, required: forces. Measured: 0.0085 (fig1), 0.006, 0.020, 0.007 (runs 1, 2, 4)."""
-LADDER_BLOCKS = {"fig1": 2, "run1": 2, "run2": 2, "run4": 3}
-"""Quasi-static, required: 2. Measured: 1, 1, 2, and in run 4 3 of 81 blocks in the longest
-precursor, 2 in the others. In run 3, setup2 and setup2- lengths drift apart event by event. Without
-inertia nothing overshoots, so steps are shorter (16 instead of 14 precursors in setup2), or others
-where the trailing edge lifts off (run 3). There, and in all scenes, forces at given length are
-compared: they agree within 0.014 (run 3), 0.026, 0.029, and 0.012 in the others (finite: 0.016,
-0.028, 0.028, and 0.012)."""
-
-
-class Reference(NamedTuple):
-    """One stored set; `whole` is its first system-size event."""
-
-    scene: Scene
-    about: dict
-    events: pd.DataFrame
-    curve: pd.DataFrame
-    stresses: pd.DataFrame
-    fronts: pd.DataFrame
-    whole: pd.Series
-
-    def up_to_whole(self, events: pd.DataFrame) -> pd.DataFrame:
-        """Return the events up to the first system-size one of the reference."""
-        return events[events["t_start"] <= self.whole["t_start"] + 1e-4]
+LADDER_BLOCKS = {"fig1": (2, 2), "run1": (2, 2), "run2": (2, 2), "run4": (2, 3)}
+"""Quasi-static: lengths, and that of the longest precursor. In run 3, setup2 and setup2- lengths
+drift apart event by event: without inertia nothing overshoots, so steps are shorter (16 instead of
+14 precursors in setup2), or others where the trailing edge lifts off (run 3). There, and in all
+scenes, forces at given length are compared."""
 
 
 @functools.cache
-def reference(name: str, geometry: str) -> Reference:
-    folder = FOLDER / f"{name}_{geometry}"
-    about = tomllib.loads((folder / "provenance.toml").read_text(encoding="utf-8"))
-    names = ("events", "curve", "stresses", "fronts")
-    tables = {table: pd.read_csv(folder / f"{table}.csv") for table in names}
-    events = tables["events"]
-    whole = events[events["is_main"] & (events["L_p_over_L"] == 1)].iloc[0]
-    return Reference(Scene.from_toml(about["scene"]), about, **tables, whole=whole)
+def reference(name, geometry):
+    return regression.load(f"{name}_{geometry}", FOLDER)
 
 
 @functools.cache
-def hybrid(name: str, geometry: str, t_end: float) -> pyfric.Record:
-    """Return the hybrid run, sampled like the reference."""
-    known = reference(name, geometry)
-    sample = known.about["sample"] * known.about["dt"]
-    return pyfric.simulate(
-        known.scene, t_end, fidelity="hybrid", geometry=geometry, sample=sample, progress=False
-    )
+def hybrid(name, geometry, switching="located"):
+    return regression.hybrid(reference(name, geometry), switching=switching)
+
+
+def assert_all(checks):
+    assert checks
+    failed = [str(check) for check in checks if not check.holds]
+    assert not failed, "\n".join(failed)
 
 
 # --- what is stored ------------------------------------------------------------------------------
@@ -95,6 +60,7 @@ def test_reference_is_whole_and_of_the_preset(name, geometry):
     assert known.scene == preset(name)
     about = known.about
     assert (about["engine"], about["geometry"]) == ("dynamic", geometry)
+    assert about["switching"] == "located"
     assert about["dt"] == pyfric.step_size(known.scene)
     assert about["t_end"] >= known.whole["t_stop"] + 0.02
     main = np.flatnonzero(known.events["is_main"])
@@ -115,90 +81,75 @@ def test_fig1_has_the_paper_s_precursors(geometry):
     assert (np.diff(main["L_p_over_L"]) > 0).all()
 
 
-# --- hybrid --------------------------------------------------------------------------------------
+def test_installed_sets_are_those_of_the_source_tree():
+    names = sorted(folder.name for folder in regression.INSTALLED.iterdir())
+    assert names == ["fig1_finite", "fig1_linear", "run1_linear", "setup2_linear"]
+    for name in names:
+        for file in (regression.INSTALLED / name).iterdir():
+            assert file.read_bytes() == (FOLDER / name / file.name).read_bytes()
 
 
-def check_events(known: Reference, made: pyfric.Record, before: pd.DataFrame) -> None:
-    """Compare event by event, for the events `before` of the reference."""
-    a, b = before, made.events.iloc[: len(before)]
-    F_N = known.scene.F_N
-    assert len(a) == len(b)
-    for name, limit in (
-        ("F_T_start", START * F_N),
-        ("F_T_arrest", ARREST * F_N),
-        ("first_block", BLOCKS),
-        ("last_block", BLOCKS),
-    ):
-        np.testing.assert_allclose(b[name], a[name], rtol=0, atol=limit, err_msg=name)
+# --- hybrid and dynamic: each of the three comparisons -------------------------------------------
+
+FAST = [(name, "linear") for name in CLEAN] + [("fig1", "finite")]
+SLOW = [(name, "finite") for name in CLEAN if name != "fig1"]
+ALL = [
+    *FAST,
+    *(pytest.param(*one, marks=pytest.mark.slow) for one in SLOW),
+]
 
 
-def still(known: Reference, t: np.ndarray) -> np.ndarray:
-    """Return where nothing slips, a bit of ring-down aside."""
-    quiet = t < known.whole["t_start"]
-    for start, stop in known.events[["t_start", "t_stop"]].to_numpy():
-        quiet &= ~((t > start - 1e-5) & (t < stop + 2e-4))
-    return quiet
+@pytest.mark.parametrize(("name", "geometry"), ALL)
+def test_loading_curve(name, geometry):
+    made = hybrid(name, geometry)
+    assert_all(regression.loading_curve(reference(name, geometry), made, HYBRID[geometry]))
 
 
-def check_hybrid(name: str, geometry: str) -> None:
-    """Compare up to the first system-size event."""
+@pytest.mark.parametrize(("name", "geometry"), ALL)
+def test_normalised_stresses(name, geometry):
+    made = hybrid(name, geometry)
+    assert_all(regression.stresses(reference(name, geometry), made, HYBRID[geometry]))
+
+
+@pytest.mark.parametrize(("name", "geometry"), ALL)
+def test_crack_speeds(name, geometry):
+    made = hybrid(name, geometry)
+    assert_all(regression.crack_speeds(reference(name, geometry), made, HYBRID[geometry]))
+
+
+@pytest.mark.parametrize(("name", "geometry"), ALL)
+def test_switching_at_step_ends(name, geometry):
+    made = hybrid(name, geometry, "step_end")
+    assert_all(regression.compare(reference(name, geometry), made, STEP_END))
+
+
+@pytest.mark.parametrize("event", [3, 6])
+@pytest.mark.parametrize(("name", "geometry"), [("fig1", "linear"), ("run1", "linear")])
+def test_full_dynamics_of_one_event(name, geometry, event):
     known = reference(name, geometry)
-    made = hybrid(name, geometry, known.whole["t_stop"] + 2e-3)
-    before = known.up_to_whole(known.events)
-    assert len(known.up_to_whole(made.events)) == len(before)
-    check_events(known, made, before)
-
-    n, F_N = len(made.curve) - 1, known.scene.F_N
-    t = known.curve["t"].to_numpy()[:n]
-    np.testing.assert_array_equal(made.curve["t"].to_numpy()[:n], t)
-    error = (made.curve["F_T"] - known.curve["F_T"]).to_numpy()[:n][still(known, t)]
-    np.testing.assert_allclose(error, 0, atol=CURVE * F_N)
-
-    unit, order = F_N / known.scene.N_x, np.argsort(known.scene.n_of_i)
-    for event, table in known.stresses[known.stresses["event"] >= 0].groupby("event"):
-        if event in before.index:
-            for column in ("tau_before", "p_before", "tau_after", "p_after"):
-                values = getattr(made, column)[event][order]
-                expected = table.sort_values("n")[column]
-                np.testing.assert_allclose(values, expected, rtol=0, atol=STRESS * unit)
-    for event, table in known.fronts.groupby("event"):
-        if event in before.index:
-            times = made.rupture_times[event][order] - made.events["t_start"][event]
-            expected = np.full(len(times), np.nan)
-            expected[table["n"] - 1] = table["t"] - known.events["t_start"][event]
-            np.testing.assert_allclose(times, expected, rtol=0, atol=RUPTURE)
+    row = known.events.index[known.events["is_main"]][event - 1]
+    made = regression.dynamic(known, row)
+    assert made.method.engine == "dynamic"
+    assert_all(regression.compare(known, made, DYNAMIC[geometry]))
 
 
-FAST = [(name, "linear") for name in SCENES if name != "setup2+"] + [("fig1", "finite")]
-SLOW = [(name, "finite") for name in SCENES if name not in ("fig1", "setup2+")]
+# --- setup2+, where the order of events is lost --------------------------------------------------
 
 
-@pytest.mark.parametrize(("name", "geometry"), FAST)
-def test_hybrid(name, geometry):
-    check_hybrid(name, geometry)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "geometry"), SLOW)
-def test_hybrid_slow(name, geometry):
-    check_hybrid(name, geometry)
-
-
-def before_gap(known: Reference) -> pd.DataFrame:
-    """Return the events of setup2+ before the interior gap opens."""
+def before_gap(known):
+    """Return the set with the events of setup2+ before the interior gap opens."""
     late = known.events["F_T_start"] > GAP * known.scene.F_N
-    return known.events.loc[: late.idxmax() - 1]
+    return known._replace(events=known.events.loc[: late.idxmax() - 1])
 
 
 def test_hybrid_until_the_gap_opens():
-    known = reference("setup2+", "linear")
-    before = before_gap(known)
-    assert len(before) > 70
-    made = hybrid("setup2+", "linear", before["t_stop"].iloc[-1] + 2e-3)
-    check_events(known, made, before)
+    known = before_gap(reference("setup2+", "linear"))
+    assert len(known.events) > 70
+    made = regression.hybrid(known, known.events["t_stop"].iloc[-1] + 2e-3)
+    assert_all(regression.compare(known, made, HYBRID["linear"]))
 
 
-def slid(events: pd.DataFrame, t: np.ndarray) -> np.ndarray:
+def slid(events, t):
     """Return the farthest block that has slipped in a main event, over time."""
     main = events[events["is_main"]]
     farthest = np.maximum.accumulate(main["last_block"].to_numpy())
@@ -210,13 +161,13 @@ def slid(events: pd.DataFrame, t: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_hybrid_beyond_the_gap(geometry):
     known = reference("setup2+", geometry)
-    made = hybrid("setup2+", geometry, known.about["t_end"])
-    before = before_gap(known)
-    check_events(known, made, before)
+    made = regression.hybrid(known, known.about["t_end"])
+    clean = before_gap(known)
+    assert_all(regression.compare(clean, made, DYNAMIC[geometry]))
     whole = made.events[made.events["is_main"] & (made.events["last_block"] == known.scene.N_x)]
     end = min(known.whole["t_start"], whole["t_start"].iloc[0])
     t = known.curve["t"].to_numpy()
-    beyond = (t > before["t_stop"].iloc[-1]) & (t < end - 1e-4)
+    beyond = (t > clean.events["t_stop"].iloc[-1]) & (t < end - 1e-4)
     n = len(t)
     np.testing.assert_array_equal(made.curve["t"].to_numpy()[:n], t)
     error = (made.curve["F_T"][:n] - known.curve["F_T"]).to_numpy()[beyond] / known.scene.F_N
@@ -229,80 +180,82 @@ def test_hybrid_beyond_the_gap(geometry):
 # --- quasi-static --------------------------------------------------------------------------------
 
 
-class Ladder(NamedTuple):
-    """Main precursors from the trailing edge: lengths in blocks, forces over F_N."""
-
-    length: np.ndarray
-    start: np.ndarray
-    arrest: np.ndarray
-
-    @classmethod
-    def of(cls, events: pd.DataFrame, scene: Scene) -> "Ladder":
-        """Return the precursors before the first system-size event.
-
-        The length is the farthest block: L_p is 0 where a corner block that hardly carries load did
-        not move.
-        """
-        main = events[events["is_main"] & events["at_trailing_edge"]]
-        main = main[(main["last_block"] == scene.N_x).cumsum() == 0]
-        forces = main[["F_T_start", "F_T_arrest"]].to_numpy().T / scene.F_N
-        return cls(main["last_block"].to_numpy(), *forces)
-
-
 @functools.cache
-def ladders(name: str, geometry: str) -> tuple[Ladder, Ladder]:
+def ladders(name, geometry):
     """Return the ladders of full dynamics and of the quasi-static engine."""
     known = reference(name, geometry)
-    made = pyfric.simulate(
-        known.scene, 1.2 * known.about["t_end"], fidelity="quasistatic", progress=False
-    )
+    made = regression.quasistatic(known)
     return tuple(Ladder.of(events, known.scene) for events in (known.events, made.events))
-
-
-def matched(a: Ladder, b: Ladder) -> np.ndarray:
-    """Return for each event of a one of b, in order; b may have more.
-
-    The largest deviation, in parts of the tolerances, is the smallest possible.
-    """
-    length = np.abs(a.length[:, None] - b.length) / 2
-    cost = np.maximum(length, np.abs(a.start[:, None] - b.start) / LADDER_FORCE)
-    n, m = cost.shape
-    best = np.full((n + 1, m + 1), np.inf)
-    best[0] = 0
-    for i in range(n):
-        for j in range(i, m):
-            best[i + 1, j + 1] = min(best[i + 1, j], max(best[i, j], cost[i, j]))
-    assert np.isfinite(best[n, m]), "fewer events than in full dynamics"
-    partner, j = np.zeros(n, dtype=int), m
-    for i in range(n, 0, -1):
-        while best[i, j] == best[i, j - 1]:
-            j -= 1
-        j -= 1
-        partner[i - 1] = j
-    return partner
 
 
 @pytest.mark.parametrize("name", LADDER_BLOCKS)
 def test_ladder_event_by_event(name):
     """At the same geometry, the linear one. The ladder of fig1 makes two steps of the first."""
-    a, b = ladders(name, "linear")
-    k = matched(a, b)
-    assert len(b.length) - len(a.length) <= 1
-    assert np.abs(b.length[k] - a.length).max() <= LADDER_BLOCKS[name]
-    assert np.abs(b.length[k] - a.length)[:-1].max() <= 2
-    assert np.abs(b.start[k] - a.start).max() < LADDER_FORCE
-    assert np.abs(b.arrest[k] - a.arrest).max() < LADDER_FORCE
+    blocks, last = LADDER_BLOCKS[name]
+    assert_all(regression.ladder_event_by_event(*ladders(name, "linear"), blocks, last))
 
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)
-@pytest.mark.parametrize("name", [name for name in SCENES if name != "setup2+"])
+@pytest.mark.parametrize("name", CLEAN)
 def test_ladder_at_given_length(name, geometry):
     """Forces at which precursors of a length start and stop, between those the ladder has."""
-    a, b = ladders(name, geometry)
-    assert (np.diff(b.length) > 0).all()
-    common = (a.length >= b.length[0]) & (a.length <= b.length[-1])
-    assert common.sum() >= len(a.length) - 2
-    for force in ("start", "arrest"):
-        at_length = np.interp(a.length[common], b.length, getattr(b, force))
-        error = at_length - getattr(a, force)[common]
-        assert np.abs(error).max() < LADDER_FORCE
+    assert_all(regression.ladder_at_given_length(*ladders(name, geometry)))
+
+
+# --- the comparisons notice ----------------------------------------------------------------------
+
+
+def disturbed(**changes):
+    """The run of another scene, taken for that of fig1."""
+    known = reference("fig1", "linear")
+    scene = preset("fig1", **changes)
+    made = regression.hybrid(known._replace(scene=scene))
+    return dataclasses.replace(made, scene=known.scene)
+
+
+THREE = (regression.loading_curve, regression.stresses, regression.crack_speeds)
+
+
+@pytest.mark.parametrize("within", [HYBRID["linear"], STEP_END], ids=["located", "step end"])
+@pytest.mark.parametrize("comparison", THREE, ids=lambda one: one.__name__)
+def test_the_same_run_has_no_error(comparison, within):
+    known = reference("fig1", "linear")
+    made = hybrid("fig1", "linear")
+    tight = dataclasses.replace(
+        within,
+        **{name: 0.1 * getattr(within, name) for name in ("start", "arrest", "time", "stress")},
+    )
+    assert_all(comparison(known, made, tight))
+
+
+@pytest.mark.parametrize(
+    "changes", [{"k": 1.01 * 13.5e6}, {"mu_k": 1.01 * 0.45}], ids=["k", "mu_k"]
+)
+def test_each_comparison_notices_one_per_cent(changes):
+    known, made = reference("fig1", "linear"), disturbed(**changes)
+    for comparison in THREE:
+        checks = comparison(known, made, HYBRID["linear"])
+        assert not all(check.holds for check in checks), comparison.__name__
+
+
+def test_a_run_without_events_does_not_hold():
+    known = reference("fig1", "linear")
+    made = regression.hybrid(known, 0.1)
+    for comparison in THREE:
+        checks = comparison(known, made, DYNAMIC["linear"])
+        assert not all(check.holds for check in checks), comparison.__name__
+
+
+def test_a_missing_event_does_not_hold():
+    known, made = reference("fig1", "linear"), hybrid("fig1", "linear")
+    shorter = known.events[known.events.index != 20]
+    checks = regression.loading_curve(known._replace(events=shorter), made, HYBRID["linear"])
+    assert checks[0].value == 1
+    assert not checks[0].holds
+
+
+def test_nan_never_holds():
+    assert not Check("x", np.nan, np.inf).holds
+    assert Check("x", 1.0, 1.0).holds
+    with pytest.raises(FileNotFoundError):
+        regression.load("no such set", FOLDER)

@@ -1,0 +1,93 @@
+"""`pyfric verify`: what it checks, and that it fails."""
+
+import json
+import math
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from pyfric import core, verify
+from pyfric.cli import main
+from pyfric.regression import Check
+from pyfric.verify import Group
+
+
+def test_this_build_outside_the_source_tree(tmp_path):
+    words = [sys.executable, "-P", "-m", "pyfric.cli", "verify", "--json"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
+    checks = json.loads(done.stdout)
+    failed = [check for check in checks if not check["holds"]]
+    assert (done.returncode, failed) == (0, [])
+    groups = {check["group"] for check in checks}
+    assert len(groups) == len(list(verify._all()))
+    for part in ("static force at first slip", "behind the tip", "v_c of blocks", "collapse"):
+        of = [check for check in checks if part in check["name"]]
+        assert len(of) >= 5, part
+        assert all(check["tolerance"] < 0.5 for check in of)
+
+
+def of(monkeypatch, *makers):
+    monkeypatch.setattr(verify, "_all", lambda: [(f"group {n}", m) for n, m in enumerate(makers)])
+
+
+def test_a_check_that_fails_is_told(monkeypatch):
+    of(
+        monkeypatch,
+        lambda: ([Check("fine", 0.5, 1.0, "s")], "a note"),
+        lambda: ([Check("wrong", 1.5, 1.0), Check("nothing", math.nan, 1.0)], ""),
+    )
+    run = CliRunner().invoke(main, ["verify"])
+    assert run.exit_code == 1
+    lines = run.output.splitlines()
+    verdicts = {line.split()[0]: line.split()[-1] for line in lines if line.startswith("  ")}
+    assert verdicts == {"fine": "holds", "note:": "note", "wrong": "FAILS", "nothing": "FAILS"}
+    assert "2 of 3 FAIL" in run.output
+    run = CliRunner().invoke(main, ["verify", "--json"])
+    assert run.exit_code == 1
+    assert [check["holds"] for check in json.loads(run.output)] == [True, False, False]
+
+
+def test_a_check_that_cannot_be_made_fails(monkeypatch):
+    def broken():
+        raise RuntimeError("contacts switch without end")
+
+    of(monkeypatch, broken, lambda: ([Check("fine", 0.0, 1.0)], ""))
+    first, second = verify.verify()
+    assert not first.holds
+    assert second.holds
+    assert "without end" in verify.report([first, second])
+
+
+def test_all_that_holds_ends_with_code_0(monkeypatch):
+    of(monkeypatch, lambda: ([Check("fine", 1.0, 1.0)], ""))
+    run = CliRunner().invoke(main, ["verify"])
+    assert run.exit_code == 0
+    assert "all 1 checks hold" in run.output
+
+
+@pytest.mark.parametrize(
+    "other", [("linear", "step_end"), ("finite", "located"), ("finite", "step_end")]
+)
+def test_other_bits_are_noticed(other, monkeypatch):
+    """The last case differs in one bit of one velocity."""
+    known = verify.digest("finite", "step_end", core.VARIANT, 1)
+    if other == ("finite", "step_end"):
+        advance = core.advance
+
+        def off(model, state, *rest, **options):
+            state.y[3, 2, 5] = math.nextafter(state.y[3, 2, 5], math.inf)
+            return advance(model, state, *rest, **options)
+
+        monkeypatch.setattr(core, "advance", off)
+    assert verify.digest(*other, core.VARIANT, 1)[0] != known[0]
+    assert known[1] >= verify.SWITCHES
+
+
+def test_skipped_variants_are_named(monkeypatch):
+    monkeypatch.setattr(core, "variants", lambda: {"v9": False, core.VARIANT: True})
+    checks, note = verify._bits()
+    assert "v9 (not on this processor)" in note
+    assert not any("v9" in check.name for check in checks)
+    assert Group("bits", tuple(checks)).holds

@@ -56,6 +56,7 @@ __all__ = [
 
 INSTALLED = Path(__file__).parent / "reference"
 """Sets that come with the package."""
+COMPARED = ("F_T_start", "F_T_arrest", "t_start", "first_block", "last_block")
 TABLES = ("events", "curve", "stresses", "fronts")
 BINS = 10
 """Bins of the scaled prestress: at least 5 points in each, for run 1 with its 6 main events."""
@@ -101,8 +102,10 @@ class Tolerances:
     """What a run may differ by from full dynamics with located switching.
 
     Attributes:
-        start, arrest: static forces of events, over F_N.
-        time: start of events, s.
+        start, arrest: static forces of main events, over F_N.
+        time: start of main events, s.
+        small: static forces of the other events, over F_N; None where only main events are
+            compared.
         blocks: first and last block of events, and blocks in only one of two fronts.
         stress: tau and p, RMS over the interface, over F_N/N_x.
         behind: RMS of the scaled tau/p behind the tip after an event.
@@ -110,13 +113,13 @@ class Tolerances:
         speed: RMS of the ln of the ratio of v_c, over all blocks.
         spread: RMS of ln v_c about the stored binned median.
         curve: F_T(t) where nothing slips, over F_N; None where it is not compared.
-        every: compare every event, or only the main ones.
         why: where the values come from.
     """
 
     start: float
     arrest: float
     time: float
+    small: float | None
     blocks: int
     stress: float
     behind: float
@@ -124,7 +127,6 @@ class Tolerances:
     speed: float
     spread: float
     curve: float | None
-    every: bool
     why: str
 
 
@@ -133,6 +135,7 @@ HYBRID = {
         start=5e-6,
         arrest=5e-6,
         time=1e-5,
+        small=5e-6,
         blocks=0,
         stress=1e-4,
         behind=5e-5,
@@ -140,31 +143,34 @@ HYBRID = {
         speed=1e-3,
         spread=1e-3,
         curve=5e-6,
-        every=True,
         why="the same steps and switches; what jumps drop, and how rounding grows in events",
     ),
     "finite": Tolerances(
-        start=1e-4,
-        arrest=1e-4,
-        time=2e-4,
-        blocks=1,
-        stress=1e-3,
-        behind=5e-4,
-        rupture=5e-6,
-        speed=0.01,
-        spread=0.01,
-        curve=1e-4,
-        every=True,
+        start=3e-5,
+        arrest=3e-5,
+        time=5e-5,
+        small=1e-3,
+        blocks=0,
+        stress=2e-4,
+        behind=3e-4,
+        rupture=2e-6,
+        speed=1e-3,
+        spread=5e-3,
+        curve=2e-4,
         why="as in linear geometry; besides, jumps take the modes of the loaded state",
     ),
 }
-"""Hybrid with located switching, geometry -> tolerances."""
+"""Hybrid with located switching, geometry -> tolerances. Measured in seven scenes: in linear
+geometry forces 3.5e-7, stresses 2e-6, rupture times 2e-8 s, v_c 5e-5; in finite geometry forces
+3e-6 (2.3e-4 for a single-block event of run 3), stresses 1.2e-5, rupture times 2.3e-7 s, v_c 6e-5;
+no block more or less."""
 DYNAMIC = {geometry: replace(within, curve=None) for geometry, within in HYBRID.items()}
 """Full dynamics of one event, from a hybrid state."""
 STEP_END = Tolerances(
     start=2.5e-3,
     arrest=0.01,
     time=4e-3,
+    small=None,
     blocks=2,
     stress=0.1,
     behind=0.2,
@@ -172,11 +178,12 @@ STEP_END = Tolerances(
     speed=0.25,
     spread=0.1,
     curve=None,
-    every=False,
     why="switches wait for step ends: an error of order 1 in the step, which is felt most by "
     "rupture times one or two steps apart",
 )
-"""Hybrid with switching at step ends. Slow nucleation takes up to 0.8 ms longer or shorter."""
+"""Hybrid with switching at step ends. Measured: start 1.2e-3, arrest 5.1e-3, 1.9 ms, 2 blocks,
+stresses 0.06, behind the tip 0.12 (run 3), v_c 0.13, spread 0.07. Slow nucleation takes up to
+0.8 ms longer or shorter, so that rupture times say nothing."""
 
 
 class Reference(NamedTuple):
@@ -270,19 +277,25 @@ def compare(known: Reference, made: Record, within: Tolerances) -> list[Check]:
 def loading_curve(known: Reference, made: Record, within: Tolerances) -> list[Check]:
     """Compare the events of a run, and F_T(t) between them, with those of a set."""
     a, b = _events(known, made, within)
-    F_N, n = known.scene.F_N, min(len(a), len(b))
-    which = "events" if within.every else "main events"
+    which = "main events" if within.small is None else "events"
     checks = [_check(f"{which} that are missing or new", abs(len(a) - len(b)), 0, within)]
+    n, F_N = min(len(a), len(b)), known.scene.F_N
+    a, b = a.iloc[:n], b.iloc[:n]
+    error = pd.DataFrame({name: b[name].to_numpy() - a[name].to_numpy() for name in COMPARED})
+    main = a["is_main"].to_numpy(dtype=bool)
     for name, column, unit, limit in (
         ("static force at first slip, over F_N", "F_T_start", F_N, within.start),
         ("static force at last stick, over F_N", "F_T_arrest", F_N, within.arrest),
         ("start", "t_start", 1.0, within.time),
-        ("first block", "first_block", 1, within.blocks),
-        ("last block", "last_block", 1, within.blocks),
     ):
-        error = (b[column].to_numpy()[:n] - a[column].to_numpy()[:n]) / unit
+        value = _largest(error[column][main] / unit)
         of = "s" if column == "t_start" else ""
-        checks.append(_check(f"{which}: {name}", _largest(error), limit, within, of))
+        checks.append(_check(f"main events: {name}", value, limit, within, of))
+    if within.small is not None and not main.all():
+        value = _largest(error.loc[~main, ["F_T_start", "F_T_arrest"]].to_numpy().ravel() / F_N)
+        checks.append(_check("small events: static forces, over F_N", value, within.small, within))
+    value = _largest(error[["first_block", "last_block"]].to_numpy().ravel())
+    checks.append(_check(f"{which}: first and last block", value, within.blocks, within))
     if within.curve is not None:
         _, i, j = np.intersect1d(known.curve["t"], made.curve["t"], return_indices=True)
         t = known.curve["t"].to_numpy()[i]
@@ -478,7 +491,7 @@ def _events(
     a = a[(a["t_start"] >= begin) & (a["t_stop"] + made.method.t_gap <= end)]
     a = a[a["t_start"] <= known.whole["t_start"]]
     b = b[b["t_start"] <= a["t_start"].max() + within.time + 1e-4]
-    return (a, b) if within.every else (a[a["is_main"]], b[b["is_main"]])
+    return (a[a["is_main"]], b[b["is_main"]]) if within.small is None else (a, b)
 
 
 def _main(known: Reference, made: Record, within: Tolerances) -> list[tuple[int, int]]:

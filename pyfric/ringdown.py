@@ -53,7 +53,7 @@ N_VALUES, N_VALUES_LARGE = 40, 24
 """Eigenvalues that are computed, those of smallest modulus; two make an oscillating mode."""
 TINY = 1e-11
 """Tension below this many F_N/N_x is rounding."""
-FEW, MOST_COLUMNS = 6, 200
+FEW, MOST_COLUMNS = 6, 120
 """On lattices of more than `LARGE` unknowns a state follows from the last one where few blocks
 moved since; the responses to single blocks are kept."""
 MAX_ITER = 20
@@ -200,14 +200,27 @@ class Frozen:
         basis[:m, 2 * n + m :] = np.eye(m)
         slow = np.max(np.abs(closed.rates), initial=0.0)
         rates, phi = self._modes_in(basis, slow)
-        left = rates * (rates * (self.M[:, None] * phi) + self.C @ phi) + self.K @ phi
-        lack = [factor.solve(part) for part in (left.real, left.imag)]
-        return self._modes_in(np.hstack([basis, *lack]), slow)
+        left = self.M[:, None] * phi
+        left *= rates
+        left += self.C @ phi
+        left *= rates
+        left += self.K @ phi
+        count = basis.shape[1]
+        wider = np.empty((len(basis), count + 2 * len(rates)))
+        wider[:, :count] = basis
+        del basis, phi
+        wider[:, count : count + len(rates)] = factor.solve(left.real)
+        wider[:, count + len(rates) :] = factor.solve(left.imag)
+        del left
+        return self._modes_in(wider, slow)
 
     def _modes_in(self, basis: np.ndarray, slow: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the modes in a space of shapes with rates up to `slow`, Galerkin's way."""
+        """Return the modes in a space of shapes with rates up to `slow`, Galerkin's way.
+
+        The shapes are scaled in place: on large lattices they take much memory.
+        """
         length = np.linalg.norm(basis, axis=0)
-        basis = basis[:, length > 0] / length[length > 0]  # overdamped modes are real
+        basis /= np.where(length > 0, length, 1.0)  # overdamped modes are real: no imaginary part
         size, axes = np.linalg.eigh(basis.T @ (self.M[:, None] * basis))
         apart = size > 1e-13 * size[-1]
         axes = axes[:, apart] / np.sqrt(size[apart])
@@ -215,7 +228,10 @@ class Frozen:
         zero, one = np.zeros_like(K), np.eye(len(K))
         found, vectors = np.linalg.eig(np.block([[zero, one], [-K, -C]]))
         kept = (np.abs(found) <= slow) & (found.imag >= 0)
-        return found[kept], basis @ (axes @ vectors[: len(K), kept])
+        shares = axes @ vectors[: len(K), kept]
+        phi = np.empty((len(basis), kept.sum()), complex)
+        phi.real, phi.imag = basis @ shares.real, basis @ shares.imag
+        return found[kept], phi
 
     def _keep_modes(self, rates: np.ndarray, phi: np.ndarray) -> None:
         """Store modes with what their amplitudes need."""

@@ -2,7 +2,7 @@
 
     python reference_data/make.py [NAME ...]
 
-NAME is a scene (`fig1`) or one set (`fig1_linear`); none means all, which takes about half an hour
+NAME is a scene (`fig1`) or one set (`fig1_linear`); none means all, which takes about an hour
 on one core. pyfric has to be installed. Every scene runs until 0.02 s after its first system-size
 event (a main event with L_p = L), with the automatic step and contacts that switch inside steps:
 the most accurate of the methods that can be afforded (`pyfric chart`). Each set is a folder:

@@ -124,7 +124,7 @@ def limit(*, quick: bool = False) -> pd.DataFrame:
         them took time), ns (measured), share (limit over ns). The attribute "peak" of the frame is
         additions per ns.
     """
-    scene = _scene(*LATTICES[1])
+    scene = _scene(57, 31)
     n, blocks = (10**5 if quick else 10**6), scene.N_x * scene.N_z
     peak = 0.0
     for _ in range(REPEATS):

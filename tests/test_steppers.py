@@ -470,7 +470,7 @@ def test_plans_keep_the_method_that_was_asked_for():
     ("fidelity", "options", "field", "allowed"),
     [
         ("dynamic", {"switching": "never"}, "switching", "'step_end' or 'located'"),
-        ("dynamic", {"switching": None}, "switching", "'located'"),
+        ("dynamic", {"switching": 3}, "switching", "'located'"),
         ("dynamic", {"method": "rk45"}, "method", "'adaptive'"),
         ("dynamic", {"rtol": 1e-3}, "rtol", "method = 'adaptive'"),
         ("dynamic", {"method": "adaptive", "rtol": 0.0}, "rtol", ">="),

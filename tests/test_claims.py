@@ -230,4 +230,4 @@ def test_the_scorecard():
     assert {one.number for one in found if not one.holds} == MISSES
 
 
-MISSES = {"3a", "3b", "8", "9c", "10d", "11a", "15c"}
+MISSES = {"3a", "3b", "8", "9c", "10d", "11a", "12a", "15c"}

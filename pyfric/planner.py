@@ -143,8 +143,7 @@ class Plan:
             left_out.append("rotation of bonds")
         step = ""
         if self.dt is not None:
-            where = {"step_end": "at step ends", "located": "inside steps"}[self.switching]
-            step = f", dt = {self.dt * 1e6:.3g} us, contacts switch {where}"
+            step = f", dt = {self.dt * 1e6:.3g} us, {self.switching} switching"
         lines = [
             f"for {self.want} within {self.tolerance:g}: {self.fidelity}, {self.geometry} geometry"
             + step,

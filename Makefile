@@ -5,7 +5,7 @@ BIN = .venv/bin
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto
 
-.PHONY: figures test test-slow mutations lint format bench setup clean
+.PHONY: figures test test-slow mutations digests lint format bench setup clean
 
 # Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
 figures: setup
@@ -22,6 +22,10 @@ test-slow: setup
 # Which tests notice when the model is disturbed: make mutations ARGS="k mu_k"; half an hour.
 mutations: setup
 	$(BIN)/python scripts/mutate $(ARGS)
+
+# Eight runs of full dynamics, bit for bit, against stored digests: for changes of shape, not of results.
+digests: setup
+	$(BIN)/python -P scripts/digests
 
 lint: setup
 	$(BIN)/ruff check

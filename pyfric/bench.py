@@ -20,7 +20,7 @@ import pandas as pd
 
 from pyfric import bench_peers, core
 from pyfric.equilibrium import loaded_state
-from pyfric.operators import Geometry
+from pyfric.geometry import Geometry
 from pyfric.scene import preset, setup1
 from pyfric.state import State
 from pyfric.sweep import Job, run_all
@@ -234,7 +234,7 @@ def _core(scene: Scene, n_threads: int) -> dict[tuple, Timed]:
 def _state(scene: Scene, geometry: Geometry, *, loaded: bool) -> State:
     """Return the loaded state, or for large lattices the unstrained one (speeds are equal)."""
     if loaded:
-        return State.at_rest(scene, loaded_state(scene, geometry), 1e-7)
+        return loaded_state(scene, geometry).state(scene, 1e-7)
     N_x, N_z = scene.N_x, scene.N_z
     return State(
         y=np.zeros((N_z, 4, N_x)),

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
-from pyfric.operators import Geometry, check_geometry
+from pyfric.geometry import Geometry, check_geometry
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene

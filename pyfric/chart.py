@@ -53,7 +53,7 @@ from pyfric.units import SceneError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from pyfric.operators import Geometry
+    from pyfric.geometry import Geometry
     from pyfric.record import Record
     from pyfric.scene import Scene
 
@@ -396,7 +396,7 @@ def _wave(
     scene: Scene, u: np.ndarray, t_end: float, n: int, method: str
 ) -> tuple[np.ndarray, float]:
     """Return u after n steps of the free lattice from rest at u, and the time it took, in s."""
-    state = State.at_rest(scene, loaded_state(scene), t_end / n)
+    state = loaded_state(scene).state(scene, t_end / n)
     state.y[:], state.rod[:], state.mode[:] = 0.0, 0.0, OPEN
     state.y[:, :2] = u
     model, log = core.springs(scene, "finite"), core.Log(scene.N_x)

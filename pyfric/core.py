@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from pyfric.operators import Geometry, check_geometry
+from pyfric.geometry import Geometry, check_geometry
 from pyfric.state import OPEN
 
 if TYPE_CHECKING:

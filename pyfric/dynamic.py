@@ -26,14 +26,9 @@ import pandas as pd
 from pyfric import core
 from pyfric.catalogue import T_GAP, build_catalogue
 from pyfric.equilibrium import EquilibriumError, StaticSolver
+from pyfric.geometry import Geometry, check_geometry, default_geometry
 from pyfric.guard import STEPS, Energy, Guard, folded, largest_strain, strain_notes
-from pyfric.operators import (
-    METHODS,
-    Geometry,
-    check_geometry,
-    default_geometry,
-    stability_limit,
-)
+from pyfric.operators import METHODS, stability_limit
 from pyfric.record import Method, Record, versions
 from pyfric.state import State, StateError
 from pyfric.units import SceneError, check_number
@@ -226,7 +221,7 @@ def integrate(
     start = time.perf_counter()
     u_drv0 = None if initial is None else initial.u_drv0
     solver = _loaded(scene, geometry, u_drv0)
-    state = State.at_rest(scene, solver.loaded, dt) if initial is None else initial.with_dt(dt)
+    state = solver.loaded.state(scene, dt) if initial is None else initial.with_dt(dt)
     n_threads = core.useful_threads(scene.N_x * scene.N_z, threads and int(threads))
     how = Method(
         engine=engine.name,

@@ -42,16 +42,16 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from pyfric import core
 from pyfric.banded import BandedCholesky
+from pyfric.geometry import Geometry, check_geometry
 from pyfric.operators import (
-    Geometry,
     bonds,
-    check_geometry,
     coordinates,
     driven_dof,
     spring_forces,
     spring_tangents,
     stiffness,
 )
+from pyfric.state import OPEN, STUCK, State
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -130,6 +130,39 @@ class Equilibrium:
     def u_z(self) -> np.ndarray:
         """u_z of the bottom blocks, shape (N_x,), in m."""
         return self.u[0, 1]
+
+    def state(self, scene: Scene, dt: float, t0: float = 0.0) -> State:
+        """Return the state of a run that starts here: nothing moves, nothing slips.
+
+        Args:
+            scene: the scene.
+            dt: time step, in s.
+            t0: time, in s.
+        """
+        N_x, N_z = scene.N_x, scene.N_z
+        y = np.zeros((N_z, 4, N_x))
+        y[:, :2] = self.u
+        rod = np.zeros(6)
+        if scene.rigid:
+            rod[:3] = self.rod
+            y[-1, 0] = rod[0]
+            y[-1, 1] = rod[1] + rod[2] * scene.x
+        return State(
+            y=y,
+            rod=rod,
+            mode=np.where(self.open, OPEN, STUCK).astype(np.int32),
+            corner=np.zeros(N_x, dtype=np.int32),
+            slack=scene.interface.mu_s * self.p - np.abs(self.f),
+            loss=np.zeros(N_x),
+            dissipated=np.zeros(N_z),
+            heat=np.zeros(N_x),
+            work=np.zeros(2),
+            step=0,
+            t0=float(t0),
+            dt=float(dt),
+            u_drv0=float(self.u_drv0),
+            s_0=np.zeros(N_x),
+        )
 
 
 class _Contact(NamedTuple):

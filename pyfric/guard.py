@@ -29,7 +29,7 @@ from pyfric.state import State
 
 if TYPE_CHECKING:
     from pyfric.equilibrium import Equilibrium
-    from pyfric.operators import Geometry
+    from pyfric.geometry import Geometry
     from pyfric.scene import Scene
 
 __all__ = [
@@ -89,7 +89,7 @@ class Guard:
         self.finite = geometry == "finite"
         # Without friction the loaded slider would take a little more from the load, but less than
         # it took. So G, the elastic energy at rest, stays above the energy of the driver's spring.
-        rest = State.at_rest(scene, loaded, 1.0)
+        rest = loaded.state(scene, 1.0)
         parts = core.energies(model, rest, 0.0)
         elastic = sum(parts[name] for name in core.ENERGIES[2:5])
         self.floor = elastic - self._potential(rest)

@@ -17,13 +17,13 @@ import functools
 import math
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
+from pyfric.geometry import Geometry, check_geometry
 from pyfric.scene import Driver, PrescribedLoad, Rod, Scene, Slider
-from pyfric.units import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -31,13 +31,10 @@ if TYPE_CHECKING:
 __all__ = [
     "METHODS",
     "Bonds",
-    "Geometry",
     "Operators",
     "bonds",
-    "check_geometry",
     "coordinates",
     "damping",
-    "default_geometry",
     "dispersion",
     "driven_dof",
     "mass",
@@ -57,29 +54,8 @@ _RK4 = ("rk4", "adaptive")
 ROUNDED = 1e-7
 """Growth in one step that rounding explains: eigenvalues on the unit circle can be double."""
 
-Geometry = Literal["linear", "finite"]
-"""How bond forces follow from displacements."""
-
 # Bonds lead from each block to its neighbour by (columns, rows); stiffness in units of k.
 _FAMILIES = ((1, 0, 1.0), (0, 1, 1.0), (1, 1, 0.5), (1, -1, 0.5))
-
-
-def check_geometry(geometry: str, scene: Scene | None = None) -> None:
-    """Check that `geometry` is "linear" or "finite", and "linear" if the scene is a chain.
-
-    Raises:
-        ValueError: unknown geometry.
-        SceneError: finite geometry for a chain.
-    """
-    if geometry not in get_args(Geometry):
-        raise ValueError(f"geometry = {geometry!r}: expected 'linear' or 'finite'")
-    if geometry == "finite" and scene is not None and scene.N_z == 1:
-        raise SceneError("geometry", geometry, "", "'linear'", "a chain has linear geometry only")
-
-
-def default_geometry(scene: Scene) -> Geometry:
-    """Return "finite", as in the paper, or "linear" for a chain."""
-    return "finite" if scene.N_z > 1 else "linear"
 
 
 @dataclass(frozen=True)

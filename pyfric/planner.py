@@ -31,8 +31,9 @@ from pyfric.blas import one_thread_if_small
 from pyfric.catalogue import build_catalogue
 from pyfric.dynamic import step_size
 from pyfric.equilibrium import EquilibriumError, StaticSolver
+from pyfric.geometry import Geometry, default_geometry
 from pyfric.guard import largest_strain
-from pyfric.operators import Geometry, default_geometry, stability_limit
+from pyfric.operators import stability_limit
 from pyfric.quasistatic import QuasistaticRun
 from pyfric.ringdown import Frozen
 from pyfric.state import OPEN

@@ -33,7 +33,7 @@ from pyfric.operators import stability_limit
 from pyfric.quasistatic import prediction_curve
 from pyfric.scene import Scene, chain, run3, setup1, setup2
 from pyfric.simulation import simulate
-from pyfric.state import OPEN, State
+from pyfric.state import OPEN
 from pyfric.units import SceneError
 
 __all__ = ["REGIMES", "Behaviour", "Observed", "Regime", "observe", "report"]
@@ -231,7 +231,7 @@ def _at_once(scene: Callable[[], Scene]) -> Observed:
     omega = math.sqrt(what.k_top / what.m)
     half = math.pi / omega
     dt, u_0 = half / 4000, -0.4 * top.p / what.k_top
-    state = State.at_rest(what, StaticSolver(what, "linear").loaded, dt)
+    state = StaticSolver(what, "linear").loaded.state(what, dt)
     state.y[0, 0] = u_0
     stop = 2 * (top.tau - friction.mu_k * top.p) / what.k_top - u_0
     record = _run(what, 1.2 * half, initial=state, fidelity="dynamic", dt=dt)
@@ -247,7 +247,7 @@ def _pulled(scene: Callable[[], Scene], *, force: float, t_end: float) -> Observ
     """A driver that starts at F_T = -force F_N: the slider comes to rest in static equilibrium."""
     what, dt = scene(), 2e-7  # resolves the waves of the sudden pull
     loaded = StaticSolver(what, "linear")
-    state = State.at_rest(what, loaded.loaded, dt)
+    state = loaded.loaded.state(what, dt)
     state.u_drv0 -= what.d * force * what.F_N / what.driver.K
     record = _run(what, t_end, initial=state, fidelity="dynamic", geometry="linear", dt=dt)
     end = record.final_state

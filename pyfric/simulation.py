@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from pyfric.core import Switching
     from pyfric.dynamic import Progress, Stepper
-    from pyfric.operators import Geometry
+    from pyfric.geometry import Geometry
     from pyfric.planner import Fidelity, Plan, Want
     from pyfric.scene import Scene
 

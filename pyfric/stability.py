@@ -25,7 +25,7 @@ from pyfric.equilibrium import loaded_state
 from pyfric.figures import DataFigure
 from pyfric.operators import stability_limit
 from pyfric.scene import setup1
-from pyfric.state import OPEN, State
+from pyfric.state import OPEN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,7 +76,7 @@ def grows(scene: Scene, method: str, dt: float) -> bool:
     """Whether a disturbance grows by `GROWTH` within `STEPS` steps, stuck or lifted off."""
     rest, rng = loaded_state(scene), np.random.default_rng(1)
     for lifted in (False, True):
-        state = State.at_rest(scene, rest, dt)
+        state = rest.state(scene, dt)
         model = core.model(scene, "linear", rest.u_drv0)
         if lifted:
             model = core.springs(scene, "linear", viscous=True)

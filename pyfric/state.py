@@ -13,7 +13,6 @@ import numpy as np
 from pyfric.files import written
 
 if TYPE_CHECKING:
-    from pyfric.equilibrium import Equilibrium
     from pyfric.scene import Scene
 
 __all__ = ["OPEN", "STUCK", "State", "StateError"]
@@ -82,41 +81,6 @@ class State:
     def t(self) -> float:
         """Time, in s."""
         return self.t0 + self.step * self.dt
-
-    @classmethod
-    def at_rest(cls, scene: Scene, rest: Equilibrium, dt: float, t0: float = 0.0) -> Self:
-        """Return the state in a static equilibrium: nothing moves, nothing slips.
-
-        Args:
-            scene: the scene.
-            rest: its equilibrium, such as `loaded_state(scene)`.
-            dt: time step, in s.
-            t0: time, in s.
-        """
-        N_x, N_z = scene.N_x, scene.N_z
-        y = np.zeros((N_z, 4, N_x))
-        y[:, :2] = rest.u
-        rod = np.zeros(6)
-        if scene.rigid:
-            rod[:3] = rest.rod
-            y[-1, 0] = rod[0]
-            y[-1, 1] = rod[1] + rod[2] * scene.x
-        return cls(
-            y=y,
-            rod=rod,
-            mode=np.where(rest.open, OPEN, STUCK).astype(np.int32),
-            corner=np.zeros(N_x, dtype=np.int32),
-            slack=scene.interface.mu_s * rest.p - np.abs(rest.f),
-            loss=np.zeros(N_x),
-            dissipated=np.zeros(N_z),
-            heat=np.zeros(N_x),
-            work=np.zeros(2),
-            step=0,
-            t0=float(t0),
-            dt=float(dt),
-            u_drv0=float(rest.u_drv0),
-            s_0=np.zeros(N_x),
-        )
 
     def copy(self) -> Self:
         """Return a copy that shares nothing."""

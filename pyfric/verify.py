@@ -20,7 +20,6 @@ from pyfric.claims import ROWS
 from pyfric.equilibrium import loaded_state
 from pyfric.regression import Check
 from pyfric.scene import setup1
-from pyfric.state import State
 
 __all__ = ["Group", "report", "table", "verify"]
 
@@ -167,7 +166,7 @@ def digest(geometry: str, switching: str, variant: str, threads: int) -> tuple[s
     The loaded slider is shaken, at 20 m/s, so that its blocks slip at once.
     """
     scene = setup1(L=0.05, H=0.025)
-    state, log = State.at_rest(scene, loaded_state(scene, geometry), 4e-7), core.Log(scene.N_x)
+    state, log = loaded_state(scene, geometry).state(scene, 4e-7), core.Log(scene.N_x)
     noise = np.random.default_rng(0).standard_normal((scene.N_z - 1, 2, scene.N_x))
     state.y[:-1, 2:] = 20.0 * noise
     state.y[0, 2] = 0.0

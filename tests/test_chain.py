@@ -30,7 +30,7 @@ from pyfric.scene import (
     preset,
     setup2,
 )
-from pyfric.state import STUCK, State
+from pyfric.state import STUCK
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic")
 
@@ -51,7 +51,7 @@ def small(factor=1.0, **changes):
 def shaken(scene, seed=0):
     """Return a state away from rest in which blocks are stuck and slip either way."""
     rng = np.random.default_rng(seed)
-    state = State.at_rest(scene, loaded_state(scene), 0.2 * stability_limit(scene)[0])
+    state = loaded_state(scene).state(scene, 0.2 * stability_limit(scene)[0])
     size = scene.F_N / scene.N_x / scene.slider.k
     state.y[0, :2] += 0.3 * size * rng.standard_normal((2, scene.N_x))
     state.y[0, 2:] += 1e5 * size * rng.standard_normal((2, scene.N_x))
@@ -409,7 +409,7 @@ def front_speed(taubar, eta, share):
     scene = chain(L=(n - 1) * 2.5e-3, p=p, tau=tau, eta=eta, K=1e-3, V=0.0)
     unit = np.sqrt(scene.m / scene.slider.k)
     guess = UNDAMPED[taubar] if eta == 0 else DAMPED[taubar]
-    state = State.at_rest(scene, loaded_state(scene), share * unit / guess)
+    state = loaded_state(scene).state(scene, share * unit / guess)
     state.mode[:released] = 1
     t_end = 1.05 * (n - released) * unit / guess
     record = simulate(

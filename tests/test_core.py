@@ -63,7 +63,7 @@ def random_state(scene, geometry, strain=1e-4, speed=1.0, dt=None, seed=0):
     """Return the loaded state, shaken: all contact states occur and many change soon."""
     rng = np.random.default_rng(seed)
     dt = 0.2 * stability_limit(scene)[0] if dt is None else dt
-    state = State.at_rest(scene, loaded_state(scene, geometry), dt)
+    state = loaded_state(scene, geometry).state(scene, dt)
     l = scene.slider.l
     state.y[:, :2] += strain * l * rng.standard_normal((scene.N_z, 2, scene.N_x))
     state.y[:, 2:] += speed * rng.standard_normal((scene.N_z, 2, scene.N_x))
@@ -331,7 +331,7 @@ def test_doubling_load_and_speed_doubles_every_bit(kind, d_c):
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_rigid_translation_has_no_force(geometry):
     scene = dataclasses.replace(small("free"), driver=dataclasses.replace(small().driver, K=1e-30))
-    state = State.at_rest(scene, loaded_state(scene, geometry), 1e-7)
+    state = loaded_state(scene, geometry).state(scene, 1e-7)
     state.y[:] = 0.0
     state.y[:, 0], state.y[:, 1] = 3 * scene.slider.l, 0.5 * scene.slider.l  # above the foundation
     state.mode[:] = OPEN
@@ -343,7 +343,7 @@ def test_rigid_translation_has_no_force(geometry):
 
 def test_rigid_rotation_has_no_force_in_finite_geometry():
     scene = small("free")
-    state = State.at_rest(scene, loaded_state(scene, "finite"), 1e-7)
+    state = loaded_state(scene, "finite").state(scene, 1e-7)
     l, angle = scene.slider.l, 0.3
     j, i = np.mgrid[: scene.N_z, : scene.N_x]
     r = l * np.stack([i, j], axis=1)
@@ -366,7 +366,7 @@ def test_release_is_located_inside_the_step():
     limit = stability_limit(scene)[0]
     first = []
     for share in (0.4, 0.2, 0.1, 0.05):
-        state = State.at_rest(scene, loaded_state(scene), share * limit)
+        state = loaded_state(scene).state(scene, share * limit)
         log = advance(scene, "linear", state, round(1.5e-3 / state.dt))
         made = log.switches()
         start = np.flatnonzero(made["old"] == STUCK)[0]
@@ -380,7 +380,7 @@ def test_release_is_located_inside_the_step():
 def test_a_block_slips_back():
     """tau is antisymmetric at the start: where it helps the driver, a block can slip backwards."""
     scene = small(V=0.1)
-    state = State.at_rest(scene, loaded_state(scene), 0.5e-6)
+    state = loaded_state(scene).state(scene, 0.5e-6)
     made = advance(scene, "linear", state, 20_000).switches()
     assert {1, -1} <= set(made["new"].tolist())
 

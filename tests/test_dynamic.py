@@ -19,7 +19,7 @@ from pyfric.equilibrium import StaticSolver, loaded_state
 from pyfric.operators import stability_limit
 from pyfric.record import Record
 from pyfric.scene import preset, setup1, setup2
-from pyfric.state import OPEN, STUCK, State, StateError
+from pyfric.state import OPEN, STUCK, StateError
 from pyfric.units import SceneError
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic")
@@ -45,7 +45,7 @@ def advance(scene, geometry, state, n):
 
 def shaken(scene, geometry, dt, size=1e-7, seed=0):
     """Return the loaded state with smooth velocities; nothing slips soon."""
-    state = State.at_rest(scene, loaded_state(scene, geometry), dt)
+    state = loaded_state(scene, geometry).state(scene, dt)
     rng = np.random.default_rng(seed)
     state.y[:, 2:] = size * rng.standard_normal((scene.N_z, 2, scene.N_x)) / dt
     state.y[0, 2] = 0
@@ -68,7 +68,7 @@ def test_wave_speeds(polarisation, speed, geometry):
     scene = setup2(L=0.2, H=0.004, l=1e-3, eta=1e-12, h=1e-3)
     c = speed * scene.slider.l * np.sqrt(scene.slider.k / scene.m)
     # Plane waves fill the plane: use the long-wave acceleration -(c q)^2 u of an interior block.
-    state = State.at_rest(scene, loaded_state(scene, geometry), 1e-9)
+    state = loaded_state(scene, geometry).state(scene, 1e-9)
     state.y[:] = 0
     q = 2 * np.pi / (100 * scene.slider.l)
     amplitude = 1e-9 * scene.slider.l
@@ -97,7 +97,7 @@ def test_a_pulse_travels_at_the_longitudinal_speed():
     scene = setup2(L=0.3, H=0.06, l=1e-3, eta=1e-12, h=1e-3, M=0.108)
     c = np.sqrt(1.5) * scene.slider.l * np.sqrt(scene.slider.k / scene.m)
     dt, n = 0.2 * stability_limit(scene)[0], 100
-    state = State.at_rest(scene, loaded_state(scene), dt)
+    state = loaded_state(scene).state(scene, dt)
     width, amplitude = 8e-3, 1e-9
     profile = amplitude * np.exp(-((scene.x / width) ** 2))
     state.y[:] = 0
@@ -192,7 +192,7 @@ def test_momentum_follows_the_outer_forces():
     """Horizontal momentum changes by the impulse of driver and friction, with the step's order."""
     scene = small("free")
     dt = 0.05 * stability_limit(scene)[0]
-    state = State.at_rest(scene, loaded_state(scene), dt)
+    state = loaded_state(scene).state(scene, dt)
     advance(scene, "linear", state, 30_000)
     model = core.model(scene, "linear", state.u_drv0)
     momentum, force = [], []

@@ -12,7 +12,6 @@ from pyfric.equilibrium import StaticSolver
 from pyfric.guard import MARGIN, Guard, folded
 from pyfric.operators import stability_limit
 from pyfric.scene import SceneError, chain, setup1, setup2
-from pyfric.state import State
 
 
 def rod(**changes):
@@ -80,7 +79,7 @@ def test_the_step_and_the_block_are_those_where_it_began():
 def test_energy_from_nowhere_is_seen():
     scene = rod(V=0.0)
     solver = StaticSolver(scene, "linear")
-    state = State.at_rest(scene, solver.loaded, 1e-6)
+    state = solver.loaded.state(scene, 1e-6)
     guard = Guard(scene, core.model(scene, "linear", state.u_drv0), "linear", solver.loaded)
     base = guard.energy(state)
     assert guard.trouble(state, state, base) is None

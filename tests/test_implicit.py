@@ -14,7 +14,7 @@ from pyfric.equilibrium import StaticSolver, loaded_state
 from pyfric.implicit import MoreauJean
 from pyfric.operators import stability_limit
 from pyfric.scene import chain, preset, setup1, setup2
-from pyfric.state import OPEN, State
+from pyfric.state import OPEN
 from pyfric.units import SceneError
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False)
@@ -35,7 +35,7 @@ def slider(**changes):
 
 def shaken(scene, dt, size):
     """Return the loaded state with smooth velocities of `size` m/s; nothing slips."""
-    state = State.at_rest(scene, loaded_state(scene), dt)
+    state = loaded_state(scene).state(scene, dt)
     j = np.arange(scene.N_z)[:, None]
     state.y[:, 2] = size * np.sin(0.7 * j) * np.cos(3 * scene.x / scene.x[-1])
     state.y[:, 3] = size * np.sin(0.5 * j) * np.sin(2 * scene.x / scene.x[-1])
@@ -106,7 +106,7 @@ def test_reversals_and_final_stick_of_a_block_on_a_spring():
     errors = []
     for dt in (0.02, 0.01, 0.005):
         scene = slider(k_top=1.0)
-        state = State.at_rest(scene, loaded_state(scene), dt)
+        state = loaded_state(scene).state(scene, dt)
         state.y[0, 0, 1], state.mode[1] = -2.35, 1
         record = implicit(scene, 20.0, initial=state, dt=dt)
         own = record.switches["block"] == 1
@@ -137,7 +137,7 @@ def test_stuck_blocks_use_mu_s_and_slipping_ones_mu_k():
 def test_a_block_opens_and_lands():
     """Thrown up from the foundation: SHM, flight, SHM; see test_location."""
     scene = slider()
-    state = State.at_rest(scene, loaded_state(scene), 0.005)
+    state = loaded_state(scene).state(scene, 0.005)
     state.y[0, 3, 1] = 2.0
     record = implicit(scene, 6.0, initial=state, dt=0.005)
     s = record.switches
@@ -207,7 +207,7 @@ def test_many_blocks_at_threshold_at_once():
     N = 41
     scene = chain(L=(N - 1) * 2.5e-3, k_top=1e7, K=1e-30, V=0.0, mu_s=0.7)
     dt = 0.3 * stability_limit(scene)[0]
-    state = State.at_rest(scene, loaded_state(scene), dt)
+    state = loaded_state(scene).state(scene, dt)
     state.y[0, 0] = -1.2 * 0.7 * scene.load / scene.k_top
     record = implicit(scene, 400 * dt, initial=state, dt=dt)
     first, last = record.switches["t"][:N], record.switches["t"][-N:]

@@ -12,7 +12,7 @@ from pyfric.dynamic import RunError
 from pyfric.equilibrium import loaded_state
 from pyfric.operators import stability_limit
 from pyfric.scene import chain, setup1, setup2
-from pyfric.state import OPEN, STUCK, State
+from pyfric.state import OPEN, STUCK
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False)
 
@@ -29,7 +29,7 @@ def slider(**changes):
 
 
 def start(scene, dt):
-    return State.at_rest(scene, loaded_state(scene), dt)
+    return loaded_state(scene).state(scene, dt)
 
 
 def advance(scene, state, n, log=None, **options):
@@ -294,7 +294,7 @@ def test_signs_are_compared_not_products():
     """With forces of 1e-170 N products of margins underflow; the same switches are found."""
     scene = setup1(L=0.02, H=0.0125, V=0.5)
     scale = 2.0**-580
-    state = State.at_rest(scene, loaded_state(scene), 0.5e-6)
+    state = loaded_state(scene).state(scene, 0.5e-6)
     model = core.model(scene, "linear", state.u_drv0)
     advance_to = functools.partial(core.advance, switching="located", budget=False)
     tiny = state.copy()
@@ -315,7 +315,7 @@ def test_signs_are_compared_not_products():
 def test_blocks_that_switch_together_do_so_in_mirror_symmetry():
     """Both halves of a slider that is pulled apart switch at the same times, bit for bit."""
     scene = setup2(L=0.012, H=0.005, theta=0.0, K=1e-30, V=0.0)
-    state = State.at_rest(scene, loaded_state(scene), 0.4 * stability_limit(scene)[0])
+    state = loaded_state(scene).state(scene, 0.4 * stability_limit(scene)[0])
     u = state.y[:, :2]
     u[:, 0] = (u[:, 0] - u[:, 0, ::-1]) / 2
     u[:, 1] = (u[:, 1] + u[:, 1, ::-1]) / 2
@@ -353,7 +353,7 @@ def test_many_blocks_at_threshold_at_the_same_instant():
 
 def rupture_times(dt, T, **options):
     scene = setup1(L=0.02, H=0.0125, V=0.5)
-    state = State.at_rest(scene, loaded_state(scene), dt)
+    state = loaded_state(scene).state(scene, dt)
     made = advance(scene, state, round(T / dt), **options)
     return made["t"], made["block"], made["new"]
 

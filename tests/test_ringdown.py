@@ -13,7 +13,7 @@ from pyfric.equilibrium import StaticSolver
 from pyfric.operators import damping, mass
 from pyfric.ringdown import Frozen, first_crossing
 from pyfric.scene import chain, setup1, setup2
-from pyfric.state import OPEN, State
+from pyfric.state import OPEN
 
 DT_SHARE = 0.5
 
@@ -49,7 +49,7 @@ class Slider:
     def state(self, w, v):
         """Return the state that deviates from the drifting one by w and v."""
         frozen, V = self.frozen, self.scene.driver.V
-        state = State.at_rest(self.scene, self.rest, self.dt, self.t0)
+        state = self.rest.state(self.scene, self.dt, self.t0)
         held = state.y[0, 0].copy()
         where = self.solver.displacements
         state.y[:, :2], state.rod[:3] = where(self.q + frozen.lag + w)

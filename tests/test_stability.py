@@ -12,7 +12,6 @@ from pyfric.figures import save_figure
 from pyfric.operators import stability_limit
 from pyfric.scene import preset
 from pyfric.simulation import simulate
-from pyfric.state import State
 
 WITHIN = 0.05
 
@@ -57,7 +56,7 @@ def test_steppers_without_a_limit_stay_stable_far_above_that_of_rk4(method):
         assert np.abs(record.curve["F_T"]).max() < 2 * scene.driver.K * 1e-4 * 400 * dt
         return
     rest = loaded_state(scene)
-    state = State.at_rest(scene, rest, dt)
+    state = rest.state(scene, dt)
     state.y[1:-1, 2:] = 1e-9 * np.random.default_rng(1).standard_normal(state.y[1:-1, 2:].shape)
     model, log = core.model(scene, "linear", rest.u_drv0), core.Log(scene.N_x)
     core.advance(model, state, log, 200, method=method, rtol=1e-3, budget=False)

@@ -34,7 +34,7 @@ def small(kind="rod", **changes):
 
 def shaken(scene, geometry, dt, size=1e-7, seed=0):
     """Return the loaded state with random velocities; nothing slips soon."""
-    state = State.at_rest(scene, loaded_state(scene, geometry), dt)
+    state = loaded_state(scene, geometry).state(scene, dt)
     rng = np.random.default_rng(seed)
     state.y[:, 2:] = size * rng.standard_normal((scene.N_z, 2, scene.N_x)) / dt
     state.y[0, 2] = 0
@@ -47,7 +47,7 @@ def wild(scene, geometry="linear", seed=0, speed=1.0):
     """Return a state far from rest in which many contacts switch soon."""
     rng = np.random.default_rng(seed)
     dt = 0.2 * stability_limit(scene)[0]
-    state = State.at_rest(scene, loaded_state(scene, geometry), dt)
+    state = loaded_state(scene, geometry).state(scene, dt)
     l = scene.slider.l
     state.y[:, :2] += 1e-4 * l * rng.standard_normal((scene.N_z, 2, scene.N_x))
     state.y[:, 2:] += speed * rng.standard_normal((scene.N_z, 2, scene.N_x))
@@ -141,7 +141,7 @@ def test_order_of_pure_slip(method):
     order = {"symplectic_euler": 1, "verlet": 2, "rk4": 4, "adaptive": 4}[method]
     coarse, ends = 0.2e-6, []
     for halvings in (0, 1, 2, 6):
-        state = State.at_rest(scene, loaded_state(scene), coarse / 2**halvings)
+        state = loaded_state(scene).state(scene, coarse / 2**halvings)
         state.y[:, 2], state.rod[3], state.mode[:] = 20.0, 20.0, 1
         how = {"method": "rk4"} if halvings == 6 else {"method": method}
         log = advance(scene, "linear", state, 30 * 2**halvings, **how, **FIXED)
@@ -258,7 +258,7 @@ def test_limits_of_small_lattices_are_exact(method, k_f):
         worst = 0.0
         for mode, raised in ((STUCK, False), (STUCK, True), (1, False), (OPEN, True)):
             columns = []
-            rest = State.at_rest(scene, loaded_state(scene), share * limit)
+            rest = loaded_state(scene).state(scene, share * limit)
             rest.mode[:] = mode
             if mode == 1:
                 rest.y[:, 2], rest.rod[3] = 1.0, 1.0  # no block stops

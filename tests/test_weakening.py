@@ -32,7 +32,7 @@ def rigid(k_top=0.0, K=1e-30, V=0.0):
 
 def sliding(scene, dt, v=0.0):
     """Return the loaded state in which all blocks begin to slip at a speed v (m/s)."""
-    state = State.at_rest(scene, loaded_state(scene), dt)
+    state = loaded_state(scene).state(scene, dt)
     state.mode[:] = 1
     state.y[0, 2] = v
     return state
@@ -134,7 +134,7 @@ def test_without_difference_of_coefficients_nothing_weakens():
 def one_step(mode, v, u=0.0, tau=0.0, s=0.0):
     """Return the state one short step after a uniform chain had slipped by s, at displacement u."""
     scene = chain(L=5e-3, p=P, d_c=D_C, k_top=1e7, K=1e-30)
-    state = State.at_rest(scene, loaded_state(scene), 1e-10)
+    state = loaded_state(scene).state(scene, 1e-10)
     state.mode[:], state.y[0, 0], state.y[0, 2] = mode, u, v
     state.s_0 = np.full(3, s) - (mode * u if abs(mode) == 1 else 0.0)
     np.testing.assert_allclose(state.slip, s, atol=1e-20)
@@ -158,7 +158,7 @@ def test_a_reversal_goes_on_with_the_slip(side):
 
 def test_open_blocks_keep_their_slip():
     scene = setup1(L=0.01, H=0.005, h=2.5e-3, d_c=D_C)
-    state = State.at_rest(scene, loaded_state(scene, "linear"), 1e-8)
+    state = loaded_state(scene, "linear").state(scene, 1e-8)
     state.mode[:], state.s_0 = 1, 1e-6 - state.y[0, 0]
     state.y[:, 3], state.rod[4] = 100.0, 100.0  # upwards
     state.y[0, 2] = 1.0
@@ -332,7 +332,7 @@ def test_records_of_the_layout_before_are_read(tmp_path):
 
 def test_states_of_the_layout_before_are_read(tmp_path):
     scene = rod()
-    state = State.at_rest(scene, loaded_state(scene), 1e-7)
+    state = loaded_state(scene).state(scene, 1e-7)
     state.mode[2], path = 1, tmp_path / "state.npz"
     values = dataclasses.asdict(state)
     del values["s_0"]

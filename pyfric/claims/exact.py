@@ -118,7 +118,7 @@ def _check_momentum(runs: Runs) -> list[Claim]:
 
 def _shaken(scene: Scene, geometry: str, dt: float) -> State:
     """The loaded state with random velocities, the same every time."""
-    state = State.at_rest(scene, loaded_state(scene, geometry), dt)
+    state = loaded_state(scene, geometry).state(scene, dt)
     noise = np.random.default_rng(0).standard_normal((scene.N_z, 2, scene.N_x))
     state.y[:, 2:] = 1e-7 / stability_limit(scene)[0] * noise
     state.y[0, 2] = 0.0
@@ -157,7 +157,7 @@ def _check_mirror(runs: Runs) -> list[Claim]:
     ends, switches = [], 0
     for side in ("left", "right"):
         scene = _small(side=side)
-        state = State.at_rest(_small(), loaded_state(_small(), "finite"), 2e-7)
+        state = loaded_state(_small(), "finite").state(_small(), 2e-7)
         if side == "right":
             state = _mirrored(state)
         log = core.Log(scene.N_x)
@@ -220,7 +220,7 @@ def _check_stuck(runs: Runs) -> list[Claim]:
     for geometry in ("linear", "finite"):
         u_x, drive = loaded_state(scene, geometry).u[0, 0], 1e-4
         rest = solve_static(scene, u_x, drive, geometry=geometry)
-        state = State.at_rest(scene, rest, 1e-7)
+        state = rest.state(scene, 1e-7)
         t = drive / scene.driver.V
         forces = core.evaluate(core.model(scene, geometry, state.u_drv0), state, t)
         left = np.abs(forces.a).max() * scene.m / (scene.F_N / scene.N_x)
@@ -244,7 +244,7 @@ def _check_translation(runs: Runs) -> list[Claim]:
     worst = 0.0
     for geometry in ("linear", "finite"):
         rest = loaded_state(scene, geometry)
-        state = State.at_rest(scene, rest, 1e-7)
+        state = rest.state(scene, 1e-7)
         state.y[:] = 0.0
         state.y[:, 0], state.y[:, 1] = 3 * scene.slider.l, 0.5 * scene.slider.l
         state.mode[:] = OPEN
@@ -287,7 +287,7 @@ def _chain_front(taubar: float) -> float:
     tau = p * (mu_k + taubar * (mu_s - mu_k))
     scene = chain(L=(n - 1) * 2.5e-3, p=p, tau=tau, eta=0.0, K=1e-3, V=0.0)
     unit, guess = math.sqrt(scene.m / scene.slider.k), 1 / math.sqrt(1 - taubar**2)
-    state = State.at_rest(scene, loaded_state(scene), 0.97e-3 * unit / guess)
+    state = loaded_state(scene).state(scene, 0.97e-3 * unit / guess)
     state.mode[:released] = 1
     record = simulate(
         scene,

@@ -12,20 +12,21 @@ Source: J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011).
 import importlib
 from types import ModuleType
 
-from pyfric import analysis
-from pyfric.catalogue import build_catalogue, front_speed
-from pyfric.dynamic import Progress, RunError, step_size
-from pyfric.equilibrium import (
-    Equilibrium,
-    EquilibriumError,
-    StaticSolver,
-    loaded_state,
-    solve_static,
+from pyfric.core import State, StateError
+from pyfric.engines import (
+    Assumption,
+    Job,
+    JobError,
+    Plan,
+    Progress,
+    RunError,
+    plan,
+    prediction_curve,
+    run_all,
+    simulate,
+    step_size,
 )
-from pyfric.operators import stability_limit
-from pyfric.planner import Assumption, Plan, plan
-from pyfric.quasistatic import prediction_curve
-from pyfric.record import Method, Record, RecordError
+from pyfric.record import Method, Record, RecordError, analysis, build_catalogue, front_speed
 from pyfric.scene import (
     PRESETS,
     DistributedLoad,
@@ -34,17 +35,22 @@ from pyfric.scene import (
     PrescribedLoad,
     Rod,
     Scene,
+    SceneError,
     Slider,
+    __version__,
     chain,
     preset,
     setup1,
     setup2,
 )
-from pyfric.simulation import simulate
-from pyfric.state import State, StateError
-from pyfric.sweep import Job, JobError, run_all
-from pyfric.units import SceneError
-from pyfric.version import __version__
+from pyfric.statics import (
+    Equilibrium,
+    EquilibriumError,
+    StaticSolver,
+    loaded_state,
+    solve_static,
+    stability_limit,
+)
 
 __all__ = [
     "PRESETS",
@@ -90,9 +96,11 @@ __all__ = [
     "step_size",
 ]
 
+_LATE = {"claims": "pyfric.paper.claims", "figures": "pyfric.figures"}
+
 
 def __getattr__(name: str) -> ModuleType:
     """Import `pyfric.figures` and `pyfric.claims` when first used: they take their time."""
-    if name in ("claims", "figures"):
-        return importlib.import_module(f"pyfric.{name}")
+    if name in _LATE:
+        return importlib.import_module(_LATE[name])
     raise AttributeError(f"module 'pyfric' has no attribute {name!r}")

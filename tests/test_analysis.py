@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 import pyfric
-from pyfric import SceneError, analysis
-from pyfric.catalogue import EVENT_COLUMNS, QUIET_COLUMNS, SWITCH_COLUMNS
-from pyfric.record import Method, Record
+from pyfric import SceneError
+from pyfric.record import QUIET_COLUMNS, SWITCH_COLUMNS, Method, Record, analysis
+from pyfric.record.catalogue import EVENT_COLUMNS
 from pyfric.scene import setup1
 
 F_N, N, L_BLOCK = 1000.0, 11, 2.5e-3

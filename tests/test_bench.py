@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pyfric import bench, bench_peers, core
+from pyfric import core
+from pyfric.checks import bench, bench_peers
 
 BLOCKS = 5 * 4
 

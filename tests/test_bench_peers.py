@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from twin import bond_forces
 
-from pyfric.bench_peers import available, lammps_bonds, numba_forces, numpy_forces
+from pyfric.checks.bench_peers import available, lammps_bonds, numba_forces, numpy_forces
 
 GEOMETRIES = ("linear", "finite")
 RTOL = 1e-12

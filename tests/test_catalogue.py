@@ -6,17 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pyfric.catalogue import (
+from pyfric.record import build_catalogue, front_speed
+from pyfric.record.catalogue import (
     EVENT_COLUMNS,
     LogError,
-    build_catalogue,
     build_episodes,
     default_link_time,
-    front_speed,
     rupture_front,
 )
-from pyfric.equilibrium import EquilibriumError
 from pyfric.scene import setup1
+from pyfric.statics import EquilibriumError
 
 MS = 1e-3
 DT = 1e-7
@@ -461,7 +460,7 @@ def test_static_states_hold_the_interface_of_first_slip_and_last_stick():
 @pytest.mark.parametrize(("side", "d"), [("left", 1), ("right", -1)])
 def test_static_states_are_in_balance(side, d):
     """With the real solver: sum of tau = F_T, sum of p = F_N, and slip lowers F_T."""
-    equilibrium = pytest.importorskip("pyfric.equilibrium")
+    equilibrium = pytest.importorskip("pyfric.statics.equilibrium")
     scene = setup1(L=0.05, H=0.02, h=5e-3)
     scene = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, side=side))
     new = RIGHT if d == 1 else LEFT

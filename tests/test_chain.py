@@ -15,22 +15,14 @@ from hypothesis import strategies as st
 
 import pyfric
 from pyfric import core
-from pyfric.cli import Exit, main
-from pyfric.equilibrium import StaticSolver, loaded_state
+from pyfric.cli.app import Exit, main
+from pyfric.core import STUCK
 from pyfric.figures import fig1b
-from pyfric.operators import operators, rk4_radius, stability_limit, stiffness
 from pyfric.record import Record
-from pyfric.scene import (
-    MAX_LISTED,
-    PrescribedLoad,
-    Scene,
-    SceneError,
-    Slider,
-    chain,
-    preset,
-    setup2,
-)
-from pyfric.state import STUCK
+from pyfric.scene import PrescribedLoad, Scene, Slider, chain, preset, setup2
+from pyfric.scene.scene import MAX_LISTED, SceneError
+from pyfric.statics import StaticSolver, loaded_state, stability_limit, stiffness
+from pyfric.statics.operators import operators, rk4_radius
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyfric import bench_peers, chart
+from pyfric.checks import bench_peers, chart
 from pyfric.figures import save_figure
 from pyfric.scene import preset
 

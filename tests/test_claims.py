@@ -10,11 +10,12 @@ import pytest
 from click.testing import CliRunner
 
 import pyfric
-from pyfric import SceneError, claims
-from pyfric.claims import NUMBERS, ROWS, Claim, exact, fronts, scorecard
-from pyfric.claims.parts import exponent, force_step, forces_apart, prediction_error, straight
-from pyfric.cli import main
-from pyfric.sweep import Job
+from pyfric import SceneError
+from pyfric.cli.app import main
+from pyfric.engines import Job
+from pyfric.paper import claims
+from pyfric.paper.claims import NUMBERS, ROWS, Claim, exact, fronts, scorecard
+from pyfric.paper.claims.parts import exponent, force_step, forces_apart, prediction_error, straight
 
 WITHOUT_RUNS = [number for number in NUMBERS if not ROWS[number].runs]
 LINEAR = {"fidelity": "hybrid", "geometry": "linear"}

@@ -17,8 +17,11 @@ import pytest
 from click.testing import CliRunner
 
 import pyfric
-from pyfric import cli, core, reproduce, sweep
-from pyfric.cli import Exit, main
+from pyfric import core
+from pyfric.cli import app as cli
+from pyfric.cli.app import Exit, main
+from pyfric.engines import sweep
+from pyfric.paper import reproduce
 
 SMALL = ("--set", "L=20 mm", "--set", "H=12.5 mm", "--set", "V=500 mm/s")
 """Changes of fig1 that slip after 1.1 ms."""
@@ -663,7 +666,7 @@ def test_bench(name, monkeypatch):
         return pd.DataFrame({"blocks": [1767], "ns": [1.5]})
 
     fake = types.SimpleNamespace(**{name: measure}, report=lambda frame: f"{len(frame)} rows")
-    monkeypatch.setitem(sys.modules, "pyfric.bench", fake)
+    monkeypatch.setitem(sys.modules, "pyfric.checks.bench", fake)
     monkeypatch.setattr(pyfric, "bench", fake, raising=False)
     assert pyf("bench", name).stdout == "1 rows\n"
     assert json.loads(pyf("bench", name, "--json", "--quick").stdout) == [

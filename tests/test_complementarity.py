@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pyfric.complementarity import Contact, Interface
-from pyfric.equilibrium import StaticSolver, loaded_state
 from pyfric.scene import Scene, chain, preset, setup1, setup2
+from pyfric.statics import Contact, Interface, StaticSolver, loaded_state
 
 
 def small_rod(**changes) -> Scene:

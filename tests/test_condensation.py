@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from pyfric.condensation import condense
-from pyfric.equilibrium import EquilibriumError, StaticSolver
-from pyfric.operators import coordinates, driven_dof, stiffness
 from pyfric.scene import Scene, chain, preset, setup1, setup2
+from pyfric.statics import EquilibriumError, StaticSolver, stiffness
+from pyfric.statics.condensation import condense
+from pyfric.statics.operators import coordinates, driven_dof
 
 
 def small_rod(**changes) -> Scene:
@@ -155,6 +155,6 @@ def test_a_slider_without_support_is_refused(monkeypatch):
     scene = small_rod()
     broken = stiffness(scene, closed=np.zeros(scene.N_x, dtype=bool)).tolil()
     broken[-1, -1] = -1.0
-    monkeypatch.setattr("pyfric.condensation.stiffness", lambda *_, **__: broken.tocsr())
+    monkeypatch.setattr("pyfric.statics.condensation.stiffness", lambda *_, **__: broken.tocsr())
     with pytest.raises(EquilibriumError, match="not supported"):
         condense(scene)

@@ -10,10 +10,9 @@ import pytest
 import twin
 
 from pyfric import core
-from pyfric.equilibrium import loaded_state
-from pyfric.operators import stability_limit
+from pyfric.core import OPEN, STUCK, State, StateError
 from pyfric.scene import setup1, setup2
-from pyfric.state import OPEN, STUCK, State, StateError
+from pyfric.statics import loaded_state, stability_limit
 
 GEOMETRIES = ("linear", "finite")
 ROUNDING = 2e-15

@@ -13,14 +13,12 @@ import numpy as np
 import pytest
 
 import pyfric
-from pyfric import core, dynamic
-from pyfric.dynamic import RunError, step_size
-from pyfric.equilibrium import StaticSolver, loaded_state
-from pyfric.operators import stability_limit
+from pyfric import core
+from pyfric.core import OPEN, STUCK, StateError
+from pyfric.engines import RunError, dynamic, step_size
 from pyfric.record import Record
-from pyfric.scene import preset, setup1, setup2
-from pyfric.state import OPEN, STUCK, StateError
-from pyfric.units import SceneError
+from pyfric.scene import SceneError, preset, setup1, setup2
+from pyfric.statics import StaticSolver, loaded_state, stability_limit
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic")
 

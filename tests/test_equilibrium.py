@@ -10,14 +10,9 @@ import scipy.sparse as sp
 import twin
 from scipy.sparse.linalg import spsolve
 
-from pyfric.equilibrium import (
-    EquilibriumError,
-    StaticSolver,
-    _Contact,
-    loaded_state,
-    solve_static,
-)
 from pyfric.scene import Scene, preset, setup1, setup2
+from pyfric.statics import EquilibriumError, StaticSolver, loaded_state, solve_static
+from pyfric.statics.equilibrium import _Contact
 
 ARRAYS = ("u", "rod", "f", "tau", "p")
 

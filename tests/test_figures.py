@@ -11,14 +11,21 @@ import pytest
 from matplotlib.collections import LineCollection
 
 import pyfric
-from pyfric import analysis, figures
-from pyfric.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP, build_catalogue
+from pyfric import figures
 from pyfric.figures import fig1b, figure_caption, save_figure, slip_segments
 from pyfric.figures.fronts import wave_speeds
 from pyfric.figures.loading import CURVE_BINS, _envelope
 from pyfric.figures.strip import event_frames, frame_times
 from pyfric.figures.style import scene_text
-from pyfric.record import Method, Record
+from pyfric.record import (
+    QUIET_COLUMNS,
+    SWITCH_COLUMNS,
+    T_GAP,
+    Method,
+    Record,
+    analysis,
+    build_catalogue,
+)
 from pyfric.scene import setup1, setup2
 
 LADDER = (6, 8, 10, 12, 14, 17, 20, 23, 27, 31, 36, 42, 49, 57, 9, 22, 40, 57, 11, 26, 45, 57)

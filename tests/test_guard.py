@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import pyfric
-from pyfric import core, dynamic
-from pyfric.dynamic import RunError
-from pyfric.equilibrium import StaticSolver
-from pyfric.guard import MARGIN, Guard, folded
-from pyfric.operators import stability_limit
-from pyfric.scene import SceneError, chain, setup1, setup2
+from pyfric import core
+from pyfric.engines import RunError, dynamic, folded
+from pyfric.engines.guard import MARGIN, Guard
+from pyfric.scene import chain, setup1, setup2
+from pyfric.scene.scene import SceneError
+from pyfric.statics import StaticSolver, stability_limit
 
 
 def rod(**changes):
@@ -42,7 +42,7 @@ SCENES = {
 def test_the_bound_of_energy_holds_without_its_margin(name, share, monkeypatch):
     """The exact motion cannot cross it; steps up to the limit use little of the margin."""
     scene, t_end = SCENES[name]
-    monkeypatch.setattr("pyfric.guard.MARGIN", 0.02)
+    monkeypatch.setattr("pyfric.engines.guard.MARGIN", 0.02)
     dt = share * stability_limit(scene)[0]
     for every in (t_end / 5000, t_end / 20):  # short calls and long ones
         how = {"geometry": "linear", "budget": False, "progress": False}

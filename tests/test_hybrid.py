@@ -10,12 +10,12 @@ import pytest
 from scipy.sparse.linalg import ArpackNoConvergence
 
 import pyfric
-from pyfric import core, equilibrium, hybrid, ringdown
-from pyfric.equilibrium import EquilibriumError
+from pyfric import core
+from pyfric.core import OPEN
+from pyfric.engines import hybrid, ringdown
 from pyfric.record import Record
-from pyfric.scene import chain, preset, setup1, setup2
-from pyfric.state import OPEN
-from pyfric.units import SceneError
+from pyfric.scene import SceneError, chain, preset, setup1, setup2
+from pyfric.statics import EquilibriumError, equilibrium
 
 GEOMETRIES = ("linear", "finite")
 FORCE = 1e-6

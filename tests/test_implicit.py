@@ -9,13 +9,11 @@ import twin
 
 import pyfric
 from pyfric import core
-from pyfric.dynamic import RunError
-from pyfric.equilibrium import StaticSolver, loaded_state
-from pyfric.implicit import MoreauJean
-from pyfric.operators import stability_limit
-from pyfric.scene import chain, preset, setup1, setup2
-from pyfric.state import OPEN
-from pyfric.units import SceneError
+from pyfric.core import OPEN
+from pyfric.engines import RunError
+from pyfric.engines.implicit import MoreauJean
+from pyfric.scene import SceneError, chain, preset, setup1, setup2
+from pyfric.statics import StaticSolver, loaded_state, stability_limit
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False)
 implicit = functools.partial(simulate, method="moreau_jean")

@@ -7,12 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pyfric
-from pyfric import core, dynamic
-from pyfric.dynamic import RunError
-from pyfric.equilibrium import loaded_state
-from pyfric.operators import stability_limit
+from pyfric import core
+from pyfric.core import OPEN, STUCK
+from pyfric.engines import RunError, dynamic
 from pyfric.scene import chain, setup1, setup2
-from pyfric.state import OPEN, STUCK
+from pyfric.statics import loaded_state, stability_limit
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False)
 

@@ -8,20 +8,17 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import eigs, spsolve
 
-from pyfric.operators import (
+from pyfric.scene import Driver, Scene, setup1, setup2
+from pyfric.statics import (
     bonds,
-    coordinates,
     damping,
     dispersion,
     mass,
-    operators,
-    rk4_radius,
-    spring_forces,
     spring_stiffness,
     stability_limit,
     stiffness,
 )
-from pyfric.scene import Driver, Scene, setup1, setup2
+from pyfric.statics.operators import coordinates, operators, rk4_radius, spring_forces
 
 
 def small_scene(**changes) -> Scene:

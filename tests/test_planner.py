@@ -12,17 +12,14 @@ from hypothesis import strategies as st
 from scipy import linalg
 
 import pyfric
-from pyfric import planner
-from pyfric.catalogue import build_catalogue
-from pyfric.dynamic import step_size
-from pyfric.equilibrium import StaticSolver
-from pyfric.operators import damping, mass, stability_limit
-from pyfric.planner import STRAIN, coarser, decay_times, largest_strain, plan
-from pyfric.quasistatic import QuasistaticRun
-from pyfric.ringdown import N_VALUES
-from pyfric.scene import chain, preset, setup1, setup2
-from pyfric.state import OPEN
-from pyfric.units import SceneError
+from pyfric.core import OPEN
+from pyfric.engines import decay_times, plan, planner, step_size
+from pyfric.engines.planner import STRAIN, coarser, largest_strain
+from pyfric.engines.quasistatic import QuasistaticRun
+from pyfric.engines.ringdown import N_VALUES
+from pyfric.record import build_catalogue
+from pyfric.scene import SceneError, chain, preset, setup1, setup2
+from pyfric.statics import StaticSolver, damping, mass, stability_limit
 
 WANTS = ("loading_curve", "precursors", "stress", "front_speed", "motion")
 WAITS = "slowest decay over time between main events"

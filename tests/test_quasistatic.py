@@ -20,12 +20,12 @@ from pyfric import (
     simulate,
     solve_static,
 )
-from pyfric.catalogue import T_GAP
-from pyfric.equilibrium import EquilibriumError, StaticSolver
-from pyfric.operators import coordinates, driven_dof, stiffness
-from pyfric.quasistatic import QuasistaticRun
+from pyfric.core import OPEN
+from pyfric.engines.quasistatic import QuasistaticRun
+from pyfric.record import T_GAP
 from pyfric.scene import Scene, chain, preset, setup1, setup2
-from pyfric.state import OPEN
+from pyfric.statics import EquilibriumError, StaticSolver, stiffness
+from pyfric.statics.operators import coordinates, driven_dof
 
 ladder = functools.partial(simulate, fidelity="quasistatic")
 
@@ -695,7 +695,7 @@ def test_ctrl_c_stops_inside_an_event():
 
 
 def test_an_event_that_does_not_settle_says_so(monkeypatch):
-    monkeypatch.setattr("pyfric.quasistatic.SWEEPS", 0)
+    monkeypatch.setattr("pyfric.engines.quasistatic.SWEEPS", 0)
     with pytest.raises(EquilibriumError, match="does not settle"):
         ladder(small_rod(), 1.0)
     with pytest.raises(EquilibriumError, match="does not end"):

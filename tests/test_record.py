@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from pyfric import catalogue, files
-from pyfric.record import LABELS, SCHEMA, Method, Record, RecordError
-from pyfric.scene import setup1, setup2
+from pyfric.record import Method, Record, RecordError, catalogue
+from pyfric.record.record import LABELS, SCHEMA
+from pyfric.scene import files, setup1, setup2
 
 MS = 1e-3
 
@@ -165,7 +165,7 @@ def test_state_object_survives(tmp_path, monkeypatch):
         last: np.float64
 
     module = SimpleNamespace(State=State)
-    monkeypatch.setitem(sys.modules, "pyfric.state", module)
+    monkeypatch.setitem(sys.modules, "pyfric.core", module)
     y = np.random.default_rng(4).standard_normal((3, 4, 5))
     state = State(y, np.full(6, -0.0), 0.1 + 0.2, 7, -1e-310, np.float64(1 / 3))
     original = make_record(final_state=state)

@@ -1,4 +1,4 @@
-"""Every regime of `pyfric.regimes` behaves as stated; the table itself can fail."""
+"""Every regime of `pyfric.checks.regimes` behaves as stated; the table itself can fail."""
 
 import dataclasses
 import json
@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from pyfric import regimes
-from pyfric.cli import main
-from pyfric.regimes import REGIMES, Observed, observe, report
+from pyfric.checks import regimes
+from pyfric.checks.regimes import REGIMES, Observed, observe, report
+from pyfric.cli.app import main
 
 NAMES = [one.name for one in REGIMES]
 LONGEST = 10.0

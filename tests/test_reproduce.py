@@ -8,8 +8,9 @@ import pandas as pd
 import pytest
 
 import pyfric
-from pyfric import paper, reproduce
-from pyfric.sweep import Job
+from pyfric.engines import Job
+from pyfric.paper import reproduce
+from pyfric.paper import runs as paper
 
 OPTIONS = {"fidelity": "hybrid", "geometry": "linear"}
 

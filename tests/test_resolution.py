@@ -5,10 +5,9 @@ import functools
 import numpy as np
 import pytest
 
-from pyfric import resolution
+from pyfric.checks import resolution
 from pyfric.figures import save_figure
-from pyfric.scene import preset
-from pyfric.units import SceneError
+from pyfric.scene import SceneError, preset
 
 SPACINGS = (5e-3, 2.5e-3)
 BY_FORMULA, FIXED = resolution.VISCOSITIES

@@ -8,12 +8,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.sparse.linalg import ArpackNoConvergence
 
-from pyfric import core, ringdown
-from pyfric.equilibrium import StaticSolver
-from pyfric.operators import damping, mass
-from pyfric.ringdown import Frozen, first_crossing
+from pyfric import core
+from pyfric.core import OPEN
+from pyfric.engines import ringdown
+from pyfric.engines.ringdown import Frozen, first_crossing
 from pyfric.scene import chain, setup1, setup2
-from pyfric.state import OPEN
+from pyfric.statics import StaticSolver, damping, mass
 
 DT_SHARE = 0.5
 

@@ -16,23 +16,21 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pyfric.scene import (
-    MAX_BLOCKS,
-    MAX_FILE,
     PRESETS,
     DistributedLoad,
     Driver,
     Interface,
     Rod,
     Scene,
-    SceneError,
     Slider,
+    check_number,
+    parse_quantity,
     preset,
-    run1,
-    run4,
     setup1,
     setup2,
 )
-from pyfric.units import LARGEST, SMALLEST, check_number, parse_quantity
+from pyfric.scene.scene import MAX_BLOCKS, MAX_FILE, SceneError, run1, run4
+from pyfric.scene.units import LARGEST, SMALLEST
 
 GOOD = """\
 name = "good"

@@ -10,13 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pyfric
-from pyfric import planner, quasistatic, simulation
-from pyfric.dynamic import RunError, budget_error, step_size
-from pyfric.equilibrium import EquilibriumError
+from pyfric.core import State, StateError
+from pyfric.engines import RunError, budget_error, planner, quasistatic, simulation, step_size
 from pyfric.record import Record
-from pyfric.scene import chain, setup1, setup2
-from pyfric.state import State, StateError
-from pyfric.units import SceneError
+from pyfric.scene import SceneError, chain, setup1, setup2
+from pyfric.statics import EquilibriumError
 
 simulate = functools.partial(pyfric.simulate, progress=False)
 GAPING, T_GAPING = setup2(theta=1.0, l=2e-3, V=0.9e-3), 0.175

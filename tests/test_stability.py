@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from pyfric import core, stability
-from pyfric.equilibrium import loaded_state
+from pyfric import core
+from pyfric.checks import stability
+from pyfric.engines import simulate
 from pyfric.figures import save_figure
-from pyfric.operators import stability_limit
 from pyfric.scene import preset
-from pyfric.simulation import simulate
+from pyfric.statics import loaded_state, stability_limit
 
 WITHIN = 0.05
 

@@ -9,12 +9,10 @@ import twin
 
 import pyfric
 from pyfric import core
-from pyfric.dynamic import step_size
-from pyfric.equilibrium import loaded_state
-from pyfric.operators import dispersion, stability_limit
-from pyfric.scene import chain, preset, setup1, setup2
-from pyfric.state import OPEN, STUCK, State
-from pyfric.units import SceneError
+from pyfric.core import OPEN, STUCK, State
+from pyfric.engines import step_size
+from pyfric.scene import SceneError, chain, preset, setup1, setup2
+from pyfric.statics import dispersion, loaded_state, stability_limit
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False)
 

@@ -11,8 +11,7 @@ import time
 import pytest
 
 import pyfric
-from pyfric import sweep
-from pyfric.sweep import Job, JobError, run_all
+from pyfric.engines import Job, JobError, run_all, sweep
 
 OPTIONS = {"fidelity": "hybrid", "geometry": "linear"}
 
@@ -90,7 +89,7 @@ def test_code_version_follows_the_installed_files(monkeypatch, tmp_path):
         return sweep.code_version()
 
     real = version()
-    monkeypatch.setattr(sweep, "__file__", str(tmp_path / "sweep.py"))
+    monkeypatch.setattr(sweep, "__file__", str(tmp_path / "engines" / "sweep.py"))
     (tmp_path / "scene.py").write_text("a")
     one = version()
     (tmp_path / "scene.py").write_text("b")

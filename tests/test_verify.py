@@ -8,10 +8,11 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from pyfric import core, verify
-from pyfric.cli import main
-from pyfric.regression import Check
-from pyfric.verify import Group
+from pyfric import core
+from pyfric.checks import verify
+from pyfric.checks.regression import Check
+from pyfric.checks.verify import Group
+from pyfric.cli.app import main
 
 
 def test_this_build_outside_the_source_tree(tmp_path):

@@ -10,13 +10,15 @@ import pytest
 from scipy.linalg import expm
 
 import pyfric
-from pyfric import core, quasistatic
-from pyfric.dynamic import AUTO_SHARE
-from pyfric.equilibrium import loaded_state
-from pyfric.operators import operators, stability_limit
+from pyfric import core
+from pyfric.core import OPEN, STUCK, State
+from pyfric.engines import quasistatic
+from pyfric.engines.dynamic import AUTO_SHARE
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, chain, preset, setup1
-from pyfric.state import OPEN, STUCK, State
+from pyfric.scene import Scene, chain, preset, setup1
+from pyfric.scene.scene import SceneError
+from pyfric.statics import loaded_state, stability_limit
+from pyfric.statics.operators import operators
 
 P, MU_S, MU_K, D_C = 60.0, 0.7, 0.45, 2e-6
 SLOPE = (MU_S - MU_K) * P / D_C

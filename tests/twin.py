@@ -3,7 +3,7 @@
 Written to be read beside the paper (J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011)), not
 to be fast: about 10 us per block and evaluation. Nothing here is shared with the package.
 
-A scene is any object with the attributes of `pyfric.scene.Scene`. The state is
+A scene is any object with the attributes of `pyfric.Scene`. The state is
 
     y[j, c, i]   row j (0 = bottom), column i (0 = left), c = u_x, u_z, v_x, v_z; m and m/s
     rod          X, Z, phi, X', Z', phi' of the rod (setup 1): m, rad and their rates

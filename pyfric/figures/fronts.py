@@ -11,7 +11,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from pyfric.analysis import PER_BIN, collapse_spread, front, fronts
 from pyfric.figures.stresses import main_precursor
 from pyfric.figures.style import (
     BLUE,
@@ -29,6 +28,7 @@ from pyfric.figures.style import (
     panels,
     scene_text,
 )
+from pyfric.record import PER_BIN, collapse_spread, front, fronts
 
 if TYPE_CHECKING:
     from pyfric.record import Record

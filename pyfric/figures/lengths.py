@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from pyfric.analysis import precursor_lengths
+from pyfric.engines import prediction_curve
 from pyfric.figures.style import (
     BLACK,
     BLUE,
@@ -28,7 +28,7 @@ from pyfric.figures.style import (
     panels,
     scene_text,
 )
-from pyfric.quasistatic import prediction_curve
+from pyfric.record import precursor_lengths
 
 if TYPE_CHECKING:
     from pyfric.record import Record

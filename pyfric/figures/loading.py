@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
-from pyfric.catalogue import MAIN_EVENT_BLOCKS
 from pyfric.figures.style import (
     BLACK,
     BLUE,
@@ -29,6 +28,7 @@ from pyfric.figures.style import (
     save_figure,
     scene_text,
 )
+from pyfric.record import MAIN_EVENT_BLOCKS
 
 if TYPE_CHECKING:
     from pyfric.record import Record

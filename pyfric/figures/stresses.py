@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
 
-from pyfric.analysis import precursor_lengths, stress_profile, system_size_events
 from pyfric.figures.style import (
     BLACK,
     BLUE,
@@ -25,7 +24,8 @@ from pyfric.figures.style import (
     panels,
     scene_text,
 )
-from pyfric.units import SceneError
+from pyfric.record import precursor_lengths, stress_profile, system_size_events
+from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
     from pyfric.record import Record

@@ -20,6 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pyfric import core
+from pyfric.engines import simulate
 from pyfric.figures.style import (
     BLACK,
     BODY,
@@ -33,9 +34,7 @@ from pyfric.figures.style import (
     scene_text,
     style,
 )
-from pyfric.files import written
-from pyfric.simulation import simulate
-from pyfric.units import SceneError
+from pyfric.scene import SceneError, written
 
 if TYPE_CHECKING:
     from pyfric.record import Record

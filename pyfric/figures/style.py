@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pyfric.files import written
+from pyfric.scene import written
 
 if TYPE_CHECKING:
     from pyfric.record import Record

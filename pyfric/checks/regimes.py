@@ -1,0 +1,439 @@
+"""Where methods fail: regimes at the edge of the model, and what pyfric does there.
+
+Each regime is a small scene, the behaviour that is stated for it, and a function that runs it and
+says what was seen. `observe` makes the table of all of them; `pyfric regimes` prints it, and the
+tests run the same table. Stated behaviour is one of
+
+refusal   a `SceneError` before anything starts
+stop      a `RunError` that names step, time and block; the record until then is kept
+warning   a note in the record, with the number
+switch    another method than the cheapest one, which the notes of the record name, with the reason
+answer    a correct result, measured against an oracle: an exact solution, full dynamics, a budget
+
+Source of the scenes: PRL 107, 074301 (2011), setups 1 and 2, cut to few blocks and driven faster.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from pyfric.core import OPEN
+from pyfric.engines import RunError, budget_error, folded, prediction_curve, simulate
+from pyfric.scene import Scene, SceneError, chain, run3, setup1, setup2
+from pyfric.statics import StaticSolver, stability_limit
+
+__all__ = ["REGIMES", "Behaviour", "Observed", "Regime", "observe", "report"]
+
+Behaviour = Literal["refusal", "stop", "warning", "switch", "answer"]
+
+FORCE = 1e-6
+"""Forces of events between hybrid engine and full dynamics, over F_N, in linear geometry."""
+BUDGET = 1e-6
+"""Error of the energy budget, over the largest energy that changed hands."""
+
+
+class Observed(NamedTuple):
+    """What was seen: a behaviour, a quantity with its value and limit, and text."""
+
+    behaviour: str
+    quantity: str
+    value: float
+    limit: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Regime:
+    """One regime.
+
+    Attributes:
+        name: what is extreme.
+        scene: makes the scene.
+        behaviour: what is stated to happen.
+        text: the same in words.
+        look: runs the scene and says what was seen.
+    """
+
+    name: str
+    scene: partial[Scene]
+    behaviour: Behaviour
+    text: str
+    look: Callable[[Callable[[], Scene]], Observed]
+
+
+# --- scenes --------------------------------------------------------------------------------------
+
+ROD = {"L": 0.02, "H": 0.0125, "F_N": 400.0, "V": 0.05}
+FREE = {"L": 0.012, "H": 0.005, "F_N": 50.0, "V": 0.05}
+LINKS = {"L": 0.02, "V": 0.05}
+
+
+def _scene(setup: Callable[..., Scene], small: dict[str, float], **changes: float) -> Scene:
+    return setup(**small | changes)
+
+
+rod, free = partial(_scene, setup1, ROD), partial(_scene, setup2, FREE)
+links, cascade = partial(_scene, chain, LINKS), partial(_scene, run3, {})
+
+
+def _changes(scene: partial[Scene]) -> str:
+    """Return a scene in words."""
+    setup, _ = scene.args
+    kept = ", ".join(f"{key} = {value:g}" for key, value in scene.keywords.items())
+    return f"{setup.__name__}: {kept}" if kept else setup.__name__
+
+
+# --- what is looked at ---------------------------------------------------------------------------
+
+_run = partial(simulate, progress=False, threads=1)
+
+
+def _refused(scene: Callable[[], Scene], *, field: str, t_end: float = 1e-3, **how) -> Observed:
+    """A refusal that names a field."""
+    try:
+        _run(scene(), t_end, **how)
+    except SceneError as error:
+        one = next((e for e in error.flat() if e.field == field), error)
+        right = float(one.field != field)
+        return Observed("refusal", f"field other than {field}", right, 0.0, str(one))
+    return Observed("silence", "", math.nan, 0.0, "the run was made")
+
+
+def _above_limit(scene: Callable[[], Scene]) -> Observed:
+    limit = stability_limit(scene())[0]
+    return _refused(scene, field="dt", dt=1.001 * limit)
+
+
+def _stopped(scene: Callable[[], Scene], *, t_end: float) -> Observed:
+    """A run that stops with step, time and block, and keeps what was done."""
+    try:
+        _run(scene(), t_end, fidelity="dynamic")
+    except RunError as error:
+        record, text = error.record, str(error)
+        named = all(word in text for word in ("at step", "t = ", "block in column"))
+        kept = record.final_state.step > 0 and np.isfinite(record.curve.to_numpy()).all()
+        sound = folded(record.scene, record.final_state.y[:, :2]) is None
+        wrong = float(not (named and kept and sound))
+        return Observed("stop", "something missing", wrong, 0.0, text)
+    return Observed("silence", "", math.nan, 0.0, "the run was made")
+
+
+def _noted(scene: Callable[[], Scene], *, note: str, t_end: float = 1e-5, **how) -> Observed:
+    """A note in the record."""
+    notes = _run(scene(), t_end, **how).notes
+    found = [one for one in notes if note in one]
+    if not found:
+        return Observed("silence", "", math.nan, 0.0, f"notes: {notes}")
+    return Observed("warning", "notes missing", 0.0, 0.0, found[0])
+
+
+def _moved_up(scene: Callable[[], Scene], *, t_end: float, damps: bool, finer: int) -> Observed:
+    """Full dynamics is chosen and the notes say why; its budget closes at a finer step.
+
+    Where the step itself damps the motion, the notes have to say by how much.
+    """
+    record = _run(scene(), t_end)
+    said = next((note for note in record.notes if note.startswith("planned")), "")
+    if record.method.engine != "dynamic" or "hybrid: " not in said:
+        return Observed("silence", "", math.nan, 0.0, f"{record.method.engine}: {record.notes}")
+    how = {"fidelity": "dynamic", "geometry": record.method.geometry}
+    full = _run(scene(), t_end, **how, dt=record.method.dt / finer)
+    missing = [note for note in _run(scene(), t_end, **how).notes if "budget misses" in note]
+    quantity, text = f"budget error at dt/{finer}", "; ".join([said, *missing])
+    if damps and not missing:
+        return Observed("silence", quantity, math.nan, BUDGET, "the budget is not noted")
+    return Observed("switch", quantity, budget_error(full.curve), BUDGET, text)
+
+
+def _same(
+    scene: Callable[[], Scene], *, t_end: float, least: int = 1, opens: bool = False
+) -> Observed:
+    """Events of the hybrid engine, one by one, against full dynamics."""
+    how = {"geometry": "linear"}
+    a = _run(scene(), t_end, fidelity="dynamic", budget=False, **how)
+    b = _run(scene(), t_end, fidelity="hybrid", **how)
+    quantity, n = "force of events, hybrid - dynamic, over F_N", len(a.events)
+    text = f"{n} events, dt = {a.method.dt:g} s"
+    names = ("first_block", "last_block", "nucleation_block", "n_episodes")
+    same = n == len(b.events) and all((a.events[x] == b.events[x]).all() for x in names)
+    opened = bool((a.switches["new"] == OPEN).any())
+    if not same or n < least or (opens and not opened) or not np.isfinite(a.curve).all(axis=None):
+        return Observed("wrong answer", quantity, math.inf, FORCE, text)
+    apart = [(a.events[x] - b.events[x]).abs().max() for x in ("F_T_start", "F_T_arrest")]
+    return Observed("answer", quantity, float(np.nanmax(apart)) / a.scene.F_N, FORCE, text)
+
+
+def _continuous(scene: Callable[[], Scene], *, t_end: float) -> Observed:
+    """Dynamics without a drop of friction against growth of the slipping zone in equilibrium."""
+    record = _run(scene(), t_end, fidelity="dynamic", geometry="linear", budget=False)
+    curve = prediction_curve(scene()).curve
+    within = (record.curve["t"] <= curve["t"].iloc[-1]).to_numpy()
+    t, F_T = record.curve["t"][within], record.curve["F_T"][within]
+    apart = np.abs(F_T - np.interp(t, curve["t"], curve["F_T"])).max() / record.scene.F_N
+    slipped = len(np.unique(record.switches["block"]))
+    quantity = "F_T, dynamics - equilibrium, over F_N"
+    text = f"{slipped} of {record.scene.N_x} blocks slip, {len(record.switches['t'])} switches"
+    return Observed(
+        "answer" if slipped > 2 else "nothing slips", quantity, float(apart), 5e-3, text
+    )
+
+
+def _nothing_slips(scene: Callable[[], Scene], *, t_end: float) -> Observed:
+    """A driver too soft to move anything: F_T = K V t."""
+    record = _run(scene(), t_end, fidelity="hybrid", geometry="linear")
+    driver, curve = record.scene.driver, record.curve
+    exact = driver.K * driver.V * curve["t"]
+    apart = float(np.abs(curve["F_T"] - exact).max() / exact.iloc[-1])
+    seen = "answer" if not len(record.events) else "something slips"
+    return Observed(seen, "F_T against K V t, relative", apart, 1e-6, f"to {exact.iloc[-1]:.2g} N")
+
+
+def _cascade(scene: Callable[[], Scene], *, t_end: float) -> Observed:
+    """The corner opens through many micro-slips: they are recorded, and the run goes on."""
+    record = _run(scene(), t_end, fidelity="hybrid", geometry="linear")
+    ladder = _run(scene(), t_end, fidelity="quasistatic")
+    steps, spared = record.counts["steps"], record.counts["steps_spared"]
+    opened = int((record.switches["new"] == OPEN).sum())
+    single = int((record.events["n_blocks"] == 1).sum() + record.episodes["corner"].sum())
+    ends = [one.curve["F_T"].iloc[-1] / one.scene.F_N for one in (record, ladder)]
+    text = (
+        f"{single} single-block slips, {opened} openings, "
+        f"{100 * steps / (steps + spared):.2g} % of the time integrated"
+    )
+    seen = "answer" if opened and single > 5 and steps < 0.2 * (steps + spared) else "no cascade"
+    return Observed(
+        seen, "F_T at the end, hybrid - ladder, over F_N", abs(ends[0] - ends[1]), 0.03, text
+    )
+
+
+def _at_once(scene: Callable[[], Scene]) -> Observed:
+    """All blocks of a chain are pulled beyond their threshold by k_top at the same instant.
+
+    m u'' = tau - k_top u - mu_k p from u = u_0 at rest: u swings about u_e = (tau - mu_k p)/k_top
+    and stops at 2 u_e - u_0 after half a period.
+    """
+    what = scene()
+    top, friction = what.top, what.interface
+    omega = math.sqrt(what.k_top / what.m)
+    half = math.pi / omega
+    dt, u_0 = half / 4000, -0.4 * top.p / what.k_top
+    state = StaticSolver(what, "linear").loaded.state(what, dt)
+    state.y[0, 0] = u_0
+    stop = 2 * (top.tau - friction.mu_k * top.p) / what.k_top - u_0
+    record = _run(what, 1.2 * half, initial=state, fidelity="dynamic", dt=dt)
+    first = record.switches["t"][record.switches["old"] == 0]
+    together = len(first) == what.N_x and (first == first[0]).all() and len(record.events) == 1
+    apart = float(np.abs(record.final_state.y[0, 0] / stop - 1).max())
+    text = f"{len(first)} blocks released in the same step, {len(record.events)} event"
+    seen = "answer" if together else "not at once"
+    return Observed(seen, "displacement at arrest, relative", apart, 1e-5, text)
+
+
+def _pulled(scene: Callable[[], Scene], *, force: float, t_end: float) -> Observed:
+    """A driver that starts at F_T = -force F_N: the slider comes to rest in static equilibrium."""
+    what, dt = scene(), 2e-7  # resolves the waves of the sudden pull
+    loaded = StaticSolver(what, "linear")
+    state = loaded.loaded.state(what, dt)
+    state.u_drv0 -= what.d * force * what.F_N / what.driver.K
+    record = _run(what, t_end, initial=state, fidelity="dynamic", geometry="linear", dt=dt)
+    end = record.final_state
+    static = StaticSolver(what, "linear", u_drv0=state.u_drv0)
+    rest = static.solve(end.y[0, 0], what.driver.V * end.t)
+    F_T = record.curve["F_T"]
+    apart = abs(F_T.iloc[-1] - rest.F_T) / what.F_N
+    slipped = int((np.abs(record.switches["new"]) == 1).sum())
+    moved = what.d * float(np.mean(end.y[0, 0] - loaded.loaded.u[0, 0]))
+    begin, last = F_T.iloc[0] / what.F_N, F_T.iloc[-1] / what.F_N
+    text = (
+        f"F_T/F_N from {begin:.2g} to {last:.2g}, {slipped} slips, on average {moved * 1e6:.2g} um"
+    )
+    fine = (
+        last < 0 and budget_error(record.curve) < BUDGET and (moved < 0 if slipped else moved == 0)
+    )
+    seen = "answer" if fine else "wrong answer"
+    return Observed(seen, "F_T at rest against statics, over F_N", float(apart), 1e-5, text)
+
+
+# --- the table -----------------------------------------------------------------------------------
+
+_hybrid_is_dynamic = "hybrid engine and full dynamics agree event by event"
+_linear = {"fidelity": "hybrid", "geometry": "linear"}
+
+REGIMES: tuple[Regime, ...] = (
+    Regime("dt above the limit", rod, "refusal", "the limit is named", _above_limit),
+    Regime(
+        "k_f >> k", partial(rod, k_f=1.35e10), "answer",
+        f"the step shrinks as 1/sqrt(k_f); {_hybrid_is_dynamic}", partial(_same, t_end=3e-3),
+    ),
+    Regime(
+        "eta = 0", partial(rod, eta=0.0), "switch",
+        "nothing decays: full dynamics; the notes say why, and how much the step damps",
+        partial(_moved_up, t_end=3e-3, damps=True, finer=16),
+    ),
+    Regime(
+        "eta limits dt", partial(rod, eta=300.0), "answer",
+        f"the step shrinks as 1/eta; {_hybrid_is_dynamic}", partial(_same, t_end=3e-3),
+    ),
+    Regime(
+        "mu_s = mu_k", partial(rod, mu_s=0.45, V=2e-3), "answer",
+        "slip grows with the driver; dynamics follows the equilibrium curve",
+        partial(_continuous, t_end=0.03),
+    ),
+    Regime(
+        "mu_s just above mu_k", partial(rod, mu_s=0.45 + 1e-6, V=2e-3), "answer",
+        "the same", partial(_continuous, t_end=0.03),
+    ),
+    Regime(
+        "mu_s just above mu_k, ladder", partial(rod, mu_s=0.45 + 1e-6), "warning",
+        "slip is taken as continuous, and the notes say so",
+        partial(_noted, note="slip is continuous", fidelity="quasistatic", t_end=3e-3),
+    ),
+    Regime(
+        "mu_k = 0", partial(free, mu_k=0.0), "answer", _hybrid_is_dynamic,
+        partial(_same, t_end=4e-3),
+    ),
+    Regime(
+        "lift-off", partial(rod, h=0.0125), "answer",
+        f"blocks open, carry no friction, and land; {_hybrid_is_dynamic}",
+        partial(_same, t_end=6e-3, opens=True),
+    ),
+    Regime(
+        "corner cascade", cascade, "answer",
+        "micro-slips of the corner are recorded and hold nothing up; forces as in the ladder",
+        partial(_cascade, t_end=0.9),
+    ),
+    Regime(
+        "all blocks at once", partial(links, tau=272.0, k_top=1e8, p=400.0, K=1e-20, V=0.0),
+        "answer", "released in one step, as one event; motion in closed form", _at_once,
+    ),
+    Regime(
+        "all blocks at their threshold", partial(links, tau=280.0, p=400.0), "answer",
+        _hybrid_is_dynamic, partial(_same, t_end=1e-3),
+    ),
+    Regime(
+        "V too high for jumps", partial(rod, V=1.0), "switch",
+        "the slider is never at rest: full dynamics, and the notes say so",
+        partial(_moved_up, t_end=3e-3, damps=False, finer=4),
+    ),
+    Regime(
+        "V too high for the ladder", partial(rod, V=1.0), "warning",
+        "the notes give the driver's push during a ring-down",
+        partial(_noted, note="rings down", fidelity="quasistatic"),
+    ),
+    Regime(
+        "load that folds the lattice", partial(rod, F_N=4e5), "refusal",
+        "the block that folds is named", partial(_refused, field="top.F_N"),
+    ),
+    Regime(
+        "load that folds it, linear geometry", partial(rod, F_N=4e5), "warning",
+        "the notes give the strain", partial(_noted, note="strains reach about", **_linear),
+    ),
+    Regime(
+        "driver that folds the lattice", partial(rod, V=300.0), "stop",
+        "step, time and block are named; the record before is kept",
+        partial(_stopped, t_end=1e-3),
+    ),
+    Regime(
+        "d_c > 0", partial(rod, V=2e-3, d_c=2e-7), "answer",
+        f"stable slip before rupture; {_hybrid_is_dynamic}", partial(_same, t_end=0.05, least=2),
+    ),
+    Regime(
+        "d_c too short for the step", partial(rod, d_c=1e-9), "warning",
+        "the notes name the step that would resolve it",
+        partial(_noted, note="do not resolve weakening", **_linear),
+    ),
+    Regime(
+        "d_c > 0, ladder", partial(rod, d_c=2e-7), "refusal", "the ladder has no weakening",
+        partial(_refused, field="interface.d_c", fidelity="quasistatic"),
+    ),
+    Regime(
+        "F_T pulls", partial(rod, V=0.0), "answer",
+        "the driver's spring is bilateral: the slider comes to rest as statics says",
+        partial(_pulled, force=0.2, t_end=0.04),
+    ),
+    Regime(
+        "F_T pulls the slider back", partial(rod, V=0.0), "answer",
+        "blocks slip away from the slider's front; statics at the end",
+        partial(_pulled, force=0.9, t_end=0.06),
+    ),
+    Regime("F_N = 0", partial(rod, F_N=0.0), "refusal", "nothing would touch",
+           partial(_refused, field="top.F_N")),
+    Regime("F_N = 0, chain", partial(links, p=0.0), "refusal", "nothing would touch",
+           partial(_refused, field="top.p")),
+    Regime(
+        "K very large", partial(rod, K=1e11, V=0.02), "answer",
+        f"the step shrinks as 1/sqrt(K); {_hybrid_is_dynamic}", partial(_same, t_end=2e-3),
+    ),
+    Regime("K very small", partial(rod, K=1e-3), "answer", "F_T = K V t and nothing slips",
+           partial(_nothing_slips, t_end=0.01)),
+    Regime("one row under a rod", partial(rod, H=0.0, h=0.0), "refusal",
+           "one row is a chain with prescribed forces", partial(_refused, field="slider.H")),
+    Regime("one row", links, "answer", _hybrid_is_dynamic, partial(_same, t_end=0.02)),
+    Regime("two rows under a rod", partial(rod, H=2.5e-3, h=2.5e-3), "answer", _hybrid_is_dynamic,
+           partial(_same, t_end=4e-3)),
+    Regime("two rows", partial(free, H=1e-3, h=1e-3), "answer", _hybrid_is_dynamic,
+           partial(_same, t_end=4e-3)),
+)  # fmt: skip
+"""All regimes, in the order in which the table shows them."""
+
+
+def observe(
+    regimes: Iterable[Regime] = REGIMES, progress: Callable[[str], None] = lambda _: None
+) -> pd.DataFrame:
+    """Run regimes and return a table with one row for each.
+
+    Args:
+        regimes: which ones.
+        progress: called with the name of each before it runs.
+
+    Returns:
+        Columns regime, scene, stated (behaviour), text, observed (behaviour), quantity, value,
+        limit, as_stated (behaviour as stated and value within the limit), seconds (processor
+        time) and says (what pyfric said, or what the run was like).
+    """
+    rows = []
+    for one in regimes:
+        progress(one.name)
+        start = time.process_time()
+        with warnings.catch_warnings(action="ignore"):
+            seen = one.look(one.scene)
+        rows.append(
+            {
+                "regime": one.name,
+                "scene": _changes(one.scene),
+                "stated": one.behaviour,
+                "text": one.text,
+                "observed": seen.behaviour,
+                "quantity": seen.quantity,
+                "value": seen.value,
+                "limit": seen.limit,
+                "as_stated": seen.behaviour == one.behaviour and seen.value <= seen.limit,
+                "seconds": time.process_time() - start,
+                "says": " ".join(seen.text.split()),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def report(table: pd.DataFrame) -> str:
+    """Return the table as text."""
+    lines = []
+    for row in table.itertuples():
+        mark = "as stated" if row.as_stated else f"NOT AS STATED ({row.observed})"
+        lines.append(f"{row.regime} [{row.scene}]: {row.stated}, {mark}; {row.seconds:.1f} s")
+        lines.append(f"    {row.text}")
+        if row.stated == "answer" or not row.as_stated:
+            lines.append(f"    {row.quantity}: {row.value:.2g} (limit {row.limit:g}); {row.says}")
+        else:
+            lines.append(f"    {row.says}")
+    lines.append(f"{int(table['as_stated'].sum())} of {len(table)} as stated")
+    return "\n".join(lines)

@@ -1,0 +1,225 @@
+"""Is this build right? The checks that a user can make of an installed package, in a minute.
+
+Exact answers, bits, and stored full dynamics (`pyfric.checks.regression`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pyfric import core
+from pyfric.checks import regression
+from pyfric.checks.regression import Check
+from pyfric.paper.claims import ROWS
+from pyfric.scene import setup1
+from pyfric.statics import loaded_state
+
+__all__ = ["Group", "report", "table", "verify"]
+
+STEPS, SWITCHES = 300, 50
+"""Steps of the runs whose bits are compared, and how many contacts have to switch in them."""
+
+
+ERRORS = (RuntimeError, ValueError, ArithmeticError, ImportError, OSError)
+"""What a wrong build may raise; the check then fails."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Checks that belong together.
+
+    Attributes:
+        name: what they compare with what.
+        checks: the checks; empty if none could be made.
+        note: what a reader has to know, such as what was skipped.
+        seconds: wall time, s.
+    """
+
+    name: str
+    checks: tuple[Check, ...]
+    note: str = ""
+    seconds: float = 0.0
+
+    @property
+    def holds(self) -> bool:
+        return all(check.holds for check in self.checks)
+
+
+def verify(progress: Callable[[Group], None] | None = None) -> list[Group]:
+    """Make all checks.
+
+    Args:
+        progress: called with each group when it is done.
+    """
+    groups = []
+    for name, make in _all():
+        start = time.perf_counter()
+        try:
+            checks, note = make()
+        except ERRORS as error:
+            what = f"could not be made ({type(error).__name__})"
+            checks, note = [Check(what, math.nan, 0)], str(error)
+        groups.append(Group(name, tuple(checks), note, time.perf_counter() - start))
+        if progress is not None:
+            progress(groups[-1])
+    return groups
+
+
+def table(groups: list[Group]) -> list[dict[str, Any]]:
+    """Return the checks as plain dicts; None stands for values that are not finite."""
+    return [
+        {
+            "group": group.name,
+            **dataclasses.asdict(check),
+            "value": float(check.value) if math.isfinite(check.value) else None,
+            "tolerance": float(check.tolerance),
+            "holds": check.holds,
+        }
+        for group in groups
+        for check in group.checks
+    ]
+
+
+def report(groups: list[Group]) -> str:
+    """Return the table: check, value, tolerance, verdict."""
+    lines = [f"{'check':<66}  {'value':>9}  {'tolerance':>9}  verdict"]
+    for group in groups:
+        lines += ["", f"{group.name} ({group.seconds:.1f} s)"]
+        for check in group.checks:
+            name = f"  {check.name}" + (f" ({check.unit})" if check.unit else "")
+            verdict = "holds" if check.holds else "FAILS"
+            lines.append(f"{name:<66}  {check.value:>9.2g}  {check.tolerance:>9.2g}  {verdict}")
+        lines += [f"  note: {group.note}"] if group.note else []
+    checks = [check for group in groups for check in group.checks]
+    failed = sum(not check.holds for check in checks)
+    seconds = sum(group.seconds for group in groups)
+    last = f"all {len(checks)} checks hold" if not failed else f"{failed} of {len(checks)} FAIL"
+    return "\n".join([*lines, "", f"{last} ({seconds:.0f} s)"])
+
+
+Made = tuple[list[Check], str]
+
+
+def _all() -> Iterator[tuple[str, Callable[[], Made]]]:
+    yield "build", _build
+    yield "bits of a short run with slip", _bits
+    yield "exact answers", _exact
+    for name in ("fig1_linear", "run1_linear", "setup2_linear", "fig1_finite"):
+        yield f"{name}: hybrid engine against stored full dynamics", lambda name=name: _hybrid(name)
+    yield "fig1_linear: switching at step ends", _step_end
+    for event in (3, 11):
+        name = f"fig1_linear: full dynamics of main event {event}, from a hybrid state before it"
+        yield name, lambda event=event: _dynamic(event)
+    yield "fig1_linear: quasi-static ladder", _ladder
+
+
+def _build() -> Made:
+    checks, notes = [], []
+    for name, runs in core.variants().items():
+        if not runs:
+            continue
+        build = core.build_info(name)
+        unsafe = {"-ffast-math", "-Ofast", "-funsafe-math-optimizations", "-ffp-contract=fast"}
+        wrong = len(unsafe & set(build["flags"].split()))
+        gcc = build["compiler"].startswith("GCC")
+        wrong += gcc and "-ffp-contract=off" not in build["flags"].split()
+        checks.append(Check(f"variant {name}: flags that change sums", wrong, 0))
+        notes.append(f"{name}: {build['compiler']}, OpenMP {'on' if build['openmp'] else 'off'}")
+    return checks, f"in use: {core.VARIANT}; {'; '.join(notes)}"
+
+
+def _bits() -> Made:
+    """Every variant, and one and two threads, against the variant in use on one thread."""
+    checks, skipped = (
+        [],
+        [f"{n} (not on this processor)" for n, r in core.variants().items() if not r],
+    )
+    others = {f"variant {n}, 1 thread": (n, 1) for n, r in core.variants().items() if r}
+    if core.build_info()["openmp"]:
+        others |= {f"variant {core.VARIANT}, 2 threads": (core.VARIANT, 2)}
+    else:
+        skipped.append("2 threads (built without OpenMP)")
+    switches = []
+    for geometry, switching in (("finite", "step_end"), ("linear", "located")):
+        first, n = digest(geometry, switching, core.VARIANT, 1)
+        switches.append(n)
+        for name, (variant, threads) in others.items():
+            differ = digest(geometry, switching, variant, threads)[0] != first
+            how = switching.replace("_", " ")
+            checks.append(Check(f"{name}, {geometry}, {how}: other bits", differ, 0))
+    checks.append(
+        Check(f"runs with fewer than {SWITCHES} switches", sum(n < SWITCHES for n in switches), 0)
+    )
+    return checks, f"skipped: {', '.join(skipped)}" if skipped else ""
+
+
+def digest(geometry: str, switching: str, variant: str, threads: int) -> tuple[str, int]:
+    """Return a checksum of all that a short run leaves, and how many contacts switched in it.
+
+    The loaded slider is shaken, at 20 m/s, so that its blocks slip at once.
+    """
+    scene = setup1(L=0.05, H=0.025)
+    state, log = loaded_state(scene, geometry).state(scene, 4e-7), core.Log(scene.N_x)
+    noise = np.random.default_rng(0).standard_normal((scene.N_z - 1, 2, scene.N_x))
+    state.y[:-1, 2:] = 20.0 * noise
+    state.y[0, 2] = 0.0
+    model = core.model(scene, geometry, state.u_drv0)
+    how = {"switching": switching, "variant": variant, "threads": threads}
+    content, switches = hashlib.sha256(), 0
+    while state.step < STEPS:
+        status = core.advance(model, state, log, STEPS - state.step, **how)
+        if status not in (core.Status.DONE, core.Status.LOG_FULL):
+            raise RuntimeError(f"{geometry} geometry, variant {variant}: {status.message}")
+        for table in (log.switches(), log.quiet()):
+            for values in table.values():
+                content.update(np.ascontiguousarray(values).tobytes())
+        switches += log.n_switch
+    for values in (state.y, state.rod, state.mode, state.heat, state.loss):
+        content.update(values.tobytes())
+    return content.hexdigest(), switches
+
+
+def _exact() -> Made:
+    """The claims E1, E3, E4, E7, E8 and E9, which need no stored run."""
+    found = [
+        claim
+        for number in ("E1", "E3", "E4", "E7", "E8", "E9")
+        for claim in ROWS[number].measure({})
+    ]
+    return [Check(one.text, one.value, one.high, one.unit, one.source) for one in found], ""
+
+
+def _hybrid(name: str) -> Made:
+    known = regression.load(name)
+    within = regression.HYBRID[known.about["geometry"]]
+    return regression.compare(known, regression.hybrid(known), within), within.why
+
+
+def _step_end() -> Made:
+    known, within = regression.load("fig1_linear"), regression.STEP_END
+    made = regression.hybrid(known, switching="step_end")
+    return regression.compare(known, made, within), within.why
+
+
+def _dynamic(event: int) -> Made:
+    known, within = regression.load("fig1_linear"), regression.DYNAMIC["linear"]
+    row = known.events.index[known.events["is_main"]][event - 1]
+    return regression.compare(known, regression.dynamic(known, row), within), within.why
+
+
+def _ladder() -> Made:
+    known = regression.load("fig1_linear")
+    made = regression.quasistatic(known)
+    a, b = (regression.Ladder.of(one, known.scene) for one in (known.events, made.events))
+    return [
+        *regression.ladder_event_by_event(a, b, 2),
+        *regression.ladder_at_given_length(a, b),
+    ], ""

@@ -1,0 +1,5 @@
+"""`python -m pyfric.cli` is the command `pyfric`."""
+
+from pyfric.cli import main
+
+main()

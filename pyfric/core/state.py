@@ -1,0 +1,175 @@
+"""What changes every step, in one object that can be copied, saved and continued."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from pyfric.scene import written
+
+if TYPE_CHECKING:
+    from pyfric.scene import Scene
+
+__all__ = ["OPEN", "STUCK", "State", "StateError"]
+
+STUCK, OPEN = 0, 2
+"""Contact states; a slipping block carries the sign of its motion, +1 or -1."""
+
+
+class StateError(ValueError):
+    """A state is damaged or does not belong to the scene."""
+
+
+@dataclass
+class State:
+    """State of a run between two steps; the time is t0 + step dt.
+
+    Attributes:
+        y: u_x, u_z (m), v_x, v_z (m/s), shape (N_z, 4, N_x); row 0 at the bottom. Under a rod the
+            top row is where the rod carries it.
+        rod: X, Z (m), phi (rad) and their rates, shape (6,); zeros without a rod.
+        mode: contact of the bottom blocks, shape (N_x,), int32: 0 stuck, +1 or -1 slips to that
+            side, 2 open.
+        corner: 1 where the present or last slip is a corner episode, shape (N_x,), int32.
+        slack: mu_s p - |f other than friction| at the last step, shape (N_x,), in N.
+        loss: kinetic energy removed where a switch stopped a block, shape (N_x,), in J.
+        dissipated: heat of the bonds that start in each row, shape (N_z,), in J.
+        heat: friction heat under each block, shape (N_x,), in J.
+        work: of the driver and of the forces on the top (load, shear), shape (2,), in J.
+        step: steps made since t0.
+        t0: time of step 0, in s.
+        dt: time step, in s.
+        u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m.
+        s_0: slip of each bottom block since it last stuck, less mode u_x while it slips, shape
+            (N_x,), in m; see `slip`. None starts slip at 0. An open block keeps what it had
+            slipped; moving without contact is not slip.
+        h: longest sub-step that the error of the adaptive stepper allows, in s; 0 for dt.
+    """
+
+    y: np.ndarray
+    rod: np.ndarray
+    mode: np.ndarray
+    corner: np.ndarray
+    slack: np.ndarray
+    loss: np.ndarray
+    dissipated: np.ndarray
+    heat: np.ndarray
+    work: np.ndarray
+    step: int
+    t0: float
+    dt: float
+    u_drv0: float
+    h: float = 0.0
+    s_0: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        if self.s_0 is None:  # a state of files that do not hold it
+            slips = np.abs(self.mode) == 1
+            self.s_0 = np.where(slips, -self.mode * self.y[0, 0], 0.0)
+
+    @property
+    def slip(self) -> np.ndarray:
+        """Path that each bottom block has slipped since it last stuck, shape (N_x,), in m."""
+        return self.s_0 + np.where(np.abs(self.mode) == 1, self.mode * self.y[0, 0], 0.0)
+
+    @property
+    def t(self) -> float:
+        """Time, in s."""
+        return self.t0 + self.step * self.dt
+
+    def copy(self) -> Self:
+        """Return a copy that shares nothing."""
+        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        return type(self)(
+            **{name: v.copy() if isinstance(v, np.ndarray) else v for name, v in values.items()}
+        )
+
+    def with_dt(self, dt: float) -> Self:
+        """Return a copy that goes on with another step; the same step keeps the count."""
+        new = self.copy()
+        if dt != self.dt:
+            new.t0, new.step, new.dt, new.h = self.t, 0, float(dt), 0.0
+        return new
+
+    def check(self, N_x: int, N_z: int | None = None) -> None:
+        """Check shapes and types, which is all the core relies on.
+
+        Raises:
+            StateError: an array has the wrong shape, type or memory order, or dt is not positive.
+        """
+        N_z = len(self.y) if N_z is None else N_z
+        for name, shape, dtype in (
+            ("y", (N_z, 4, N_x), np.float64),
+            ("rod", (6,), np.float64),
+            ("mode", (N_x,), np.int32),
+            ("corner", (N_x,), np.int32),
+            ("slack", (N_x,), np.float64),
+            ("loss", (N_x,), np.float64),
+            ("s_0", (N_x,), np.float64),
+            ("dissipated", (N_z,), np.float64),
+            ("heat", (N_x,), np.float64),
+            ("work", (2,), np.float64),
+        ):
+            array = getattr(self, name)
+            right = isinstance(array, np.ndarray) and array.shape == shape and array.dtype == dtype
+            if not (right and array.flags.c_contiguous and array.flags.writeable):
+                raise StateError(f"state.{name}: expected a contiguous {dtype.__name__} {shape}")
+        if not (self.dt > 0 and np.isfinite([self.t0, self.u_drv0]).all() and self.step >= 0):
+            raise StateError(
+                f"state: dt = {self.dt} s, t0 = {self.t0} s, u_drv0 = {self.u_drv0} m, "
+                f"step = {self.step}: expected finite values, dt > 0, step >= 0"
+            )
+
+    def check_physics(self, scene: Scene) -> None:
+        """Check a state that comes from outside before a run goes on from it.
+
+        Raises:
+            StateError: it does not fit the scene, holds values that are not finite, a contact
+                state that does not exist, a stuck block that moves, or a top row off its rod.
+        """
+        self.check(scene.N_x, scene.N_z)
+        for one in dataclasses.fields(self):
+            if not np.isfinite(getattr(self, one.name)).all():
+                raise StateError(f"state.{one.name}: holds values that are not finite")
+        if not np.isin(self.mode, (STUCK, 1, -1, OPEN)).all():
+            raise StateError(f"state.mode: {self.mode}, allowed: 0, 1, -1, 2")
+        if (self.y[0, 2, self.mode == STUCK] != 0).any():
+            raise StateError("state: a stuck block moves")
+        if scene.rigid:
+            X, Z, phi = self.rod[:3]
+            if (self.y[-1, 0] != X).any() or (self.y[-1, 1] != Z + phi * scene.x).any():
+                raise StateError("state: the top row is not where the rod carries it")
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the state to a NumPy archive (.npz), exactly and atomically.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        with written(path) as draft, open(draft, "wb") as file:
+            np.savez(file, **values)
+        return Path(path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a state written by `save`.
+
+        Raises:
+            OSError: the file cannot be read.
+            StateError: it holds no state.
+        """
+        try:
+            with np.load(path) as archive:
+                names = [one.name for one in dataclasses.fields(cls)]
+                values = {n: archive[n] for n in names if n not in ("s_0", "h") or n in archive}
+        except (KeyError, ValueError, EOFError) as error:
+            raise StateError(f"{path}: not a state ({error})") from error
+        scalars = ("step", "t0", "dt", "u_drv0", "h")
+        numbers = {name: values[name].item() for name in scalars if name in values}
+        return cls(**values | numbers)

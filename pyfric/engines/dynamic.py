@@ -1,0 +1,763 @@
+"""Full dynamics: the reference engine, and what engines with time steps have in common.
+
+The whole lattice is integrated on a uniform step. Classical RK4 with contact states that switch at
+the end of a step is the paper's method; other steppers, and switches located inside the step, are
+options. Steps are made in short calls of the core, so that a run can show progress, stop and go on.
+
+Source: PRL 107, 074301 (2011).
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from numbers import Integral
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
+
+import numpy as np
+import pandas as pd
+
+from pyfric import core
+from pyfric.core import State, StateError
+from pyfric.engines.guard import STEPS, Energy, Guard, folded, largest_strain, strain_notes
+from pyfric.record import T_GAP, Method, Record, build_catalogue, versions
+from pyfric.scene import Geometry, SceneError, check_geometry, check_number, default_geometry
+from pyfric.statics import METHODS, EquilibriumError, StaticSolver, stability_limit
+
+if TYPE_CHECKING:
+    import os
+
+    from pyfric.core import Switching
+    from pyfric.record import Catalogue
+    from pyfric.scene import Scene
+    from pyfric.statics import Equilibrium
+
+__all__ = [
+    "AUTO_SHARE",
+    "RTOL",
+    "Progress",
+    "Run",
+    "RunError",
+    "budget_error",
+    "integrate",
+    "interruptible",
+    "progress_bar",
+    "step_size",
+]
+
+AUTO_SHARE = 0.5
+"""dt = "auto" is this share of the stability limit, rounded down to two digits.
+
+Measured on the Fig. 1 scene up to 0.9 s against the paper's 0.2 us, which is an eighth of the
+limit: at half the limit (0.78 us) the 13 main precursors keep their order, their start and arrest
+forces agree within 8e-4 F_N and their lengths within one block; at 1.2 us within 1e-3 F_N and one
+block. The error falls in proportion to the step, because contacts switch at step ends."""
+RTOL = 1e-6
+"""Default of rtol, the largest error of an adaptive sub-step; see `pyfric.simulate`. On a short
+front, with dt = "auto" and located switching, rupture times are then right to 2e-11 s for 1.3 times
+the work of rtol = 1e-3, where sub-steps are as long as dt and times right to 7e-9 s."""
+LONGEST_LOCATED = 30.0
+"""Longest step of the adaptive stepper with located switching, over the stability limit of RK4."""
+ROUNDED = 1e-7
+"""Energy that changes hands below this share of what is stored is next to nothing."""
+CURVE_POINTS = 5000
+"""Points of the loading curve, unless `sample` says otherwise."""
+CALL_SECONDS = 0.2
+"""Longest time in the core between two looks at Ctrl-C, s."""
+Stepper = Literal["rk4", "verlet", "symplectic_euler", "adaptive", "moreau_jean"]
+"""Names of the steppers (`pyfric.statics.METHODS`)."""
+STATIC_SECONDS = 1.0
+"""Static forces of new events are found this often, or more rarely where that takes a tenth of the
+time, so that little is left to do at the end, s."""
+FOLDING = 0.2
+"""Where no loaded state is found and bonds are strained by more than this, F_N is too large."""
+OPEN_BUDGET = 1e-3
+"""An energy budget that misses more than this share is noted."""
+UNFINISHED = (core.Status.ENDLESS, core.Status.TOO_SHORT)
+"""What the core says where it could not finish a step."""
+MAX_STEPS = 10**12
+"""Most steps of one run."""
+
+
+class RunError(RuntimeError):
+    """A run had to stop. Attribute `record`: what was done until then, valid throughout."""
+
+    def __init__(self, message: str, record: Record) -> None:
+        super().__init__(message)
+        self.record = record
+
+
+def budget_error(curve: pd.DataFrame) -> float:
+    """Return the largest error of an energy budget, over the largest energy that changed hands.
+
+    Where next to nothing did, the error is that of rounding: it is taken over the stored energy.
+
+    Args:
+        curve: the loading curve of a run with budget = True.
+    """
+    stored = curve[list(core.ENERGIES)].sum(axis=1)
+    stored -= stored.iloc[0]
+    work = curve["work_driver"] + curve["work_load"]
+    lost = curve["dissipated_bonds"] + curve["friction_heat"] + curve["switching_loss"]
+    moved = max(np.abs(one).max() for one in (stored, work, lost))
+    moved = max(moved, ROUNDED * curve[list(core.ENERGIES)].abs().sum(axis=1).max())
+    return float(np.abs(stored - work + lost).max() / moved) if moved > 0 else 0.0
+
+
+class Progress(NamedTuple):
+    """Where a run stands: times in s, force over F_N, events so far, steps per second."""
+
+    t: float
+    t_begin: float
+    t_end: float
+    force: float
+    events: int
+    rate: float
+
+
+def step_size(scene: Scene, dt: float | Literal["auto"] = "auto", method: Stepper = "rk4") -> float:
+    """Return the time step in s, checked against the stability limit of the stepper.
+
+    Args:
+        scene: the scene.
+        dt: step in s, or "auto": `AUTO_SHARE` of the limit, rounded down to two digits. "adaptive"
+            makes sub-steps inside dt, and "moreau_jean" is stable for every dt: they have no
+            limit, and "auto" is half that of RK4.
+        method: the stepper.
+
+    Raises:
+        SceneError: dt is not a number, not positive, or above the limit.
+    """
+    limited = method not in ("adaptive", "moreau_jean")
+    limit, _ = stability_limit(scene, method if limited else "rk4")
+    if isinstance(dt, str):
+        if dt != "auto":
+            raise SceneError("dt", dt, "s", "a number or 'auto'")
+        digit = 10.0 ** (math.floor(math.log10(AUTO_SHARE * limit)) - 1)
+        return float(f"{math.floor(AUTO_SHARE * limit / digit) * digit:.1e}")
+    dt = check_number("dt", dt, "s", gt=0.0)
+    if limited and dt > limit:
+        allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {method} for this scene"
+        raise SceneError("dt", dt, "s", allowed, "unstable")
+    return dt
+
+
+def integrate(
+    engine: type[Run],
+    scene: Scene,
+    t_end: float,
+    *,
+    geometry: Geometry | None = None,
+    method: Stepper = "rk4",
+    switching: Switching | None = None,
+    rtol: float | None = None,
+    dt: float | Literal["auto"] = "auto",
+    initial: State | Record | None = None,
+    budget: bool | None = None,
+    sample: float | None = None,
+    t_gap: float = T_GAP,
+    threads: int | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    checkpoint_every: float = 60.0,
+) -> Record:
+    """Integrate a scene with one of the engines that make time steps; see `pyfric.simulate`."""
+    check_options(
+        scene, geometry, method, switching, rtol, budget, sample, threads, checkpoint_every
+    )
+    switching = switching or "step_end"
+    geometry = geometry or (
+        default_geometry(scene) if "finite" in engine.geometries else engine.geometries[0]
+    )
+    if not isinstance(initial, State | Record | None):
+        raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
+    if budget and not engine.keeps_budget:
+        allowed = "False, or fidelity = 'dynamic', which follows all motion"
+        raise SceneError("budget", budget, "", allowed)
+    budget = engine.keeps_budget if budget is None else bool(budget)
+    t_gap = check_number("t_gap", t_gap, "s", ge=0.0)
+    before = initial if isinstance(initial, Record) else None
+    if before is not None:
+        check_continues(before, scene, engine.name)
+        geometry, t_gap, budget = before.method.geometry, before.method.t_gap, before.method.budget
+        dt, initial = before.method.dt, before.final_state
+        method, rtol = before.method.stepper, before.method.rtol
+        switching = before.method.switching.replace(" ", "_")
+    for name, value, known in (
+        ("method", method, engine.steppers),
+        ("switching", switching, engine.switchings),
+        ("geometry", geometry, engine.geometries),
+    ):
+        if value not in known:
+            others = f"with fidelity = {engine.name!r}"
+            if method not in core.STEPPERS:
+                others += f", method = {method!r}"
+            raise SceneError(name, value, "", f"{' or '.join(map(repr, known))} {others}")
+    dt = step_size(scene, dt, method)
+    if switching == "located":
+        _check_located(scene, method, dt)
+    if initial is not None:
+        initial.check_physics(scene)
+    t_begin = 0.0 if initial is None else initial.t
+    t_end = check_number("t_end", t_end, "s", ge=t_begin)
+    if (t_end - t_begin) / dt > MAX_STEPS:
+        raise SceneError("t_end", t_end, "s", f"at most {MAX_STEPS:g} steps of {dt:g} s")
+    if before is not None:
+        every = before.method.sample
+    elif sample is None:
+        every = max(1, round((t_end - t_begin) / dt / CURVE_POINTS))
+    else:
+        every = max(1, round(sample / dt))
+
+    start = time.perf_counter()
+    u_drv0 = None if initial is None else initial.u_drv0
+    solver = _loaded(scene, geometry, u_drv0)
+    state = solver.loaded.state(scene, dt) if initial is None else initial.with_dt(dt)
+    n_threads = core.useful_threads(scene.N_x * scene.N_z, threads and int(threads))
+    how = Method(
+        engine=engine.name,
+        geometry=geometry,
+        stepper=method,
+        switching=switching.replace("_", " "),
+        rtol=(rtol or RTOL) if method == "adaptive" else None,
+        dt=dt,
+        sample=every,
+        t_gap=t_gap,
+        threads=n_threads,
+        variant=core.VARIANT,
+        budget=budget,
+    )
+    run = engine(scene, how, solver, state, before)
+    run.timings["set-up"] = time.perf_counter() - start
+    last = math.ceil((t_end - state.t0) / dt * (1 - 1e-14))
+    with progress_bar(progress, scene, t_begin, t_end) as show, interruptible() as stop:
+        run.advance(last, stop, show, checkpoint, checkpoint_every)
+    status = "complete" if state.step >= last else "interrupted"
+    return run.record(status)
+
+
+def _check_located(scene: Scene, method: Stepper, dt: float) -> None:
+    """Raise SceneError where switches cannot be located with this stepper or step."""
+    if scene.eta == 0 and method in ("verlet", "symplectic_euler"):
+        allowed = (
+            f"'step_end', or another method than {method!r}, or eta > 0: its steps conserve energy "
+            "only as long as they are equal, and those that end at a switch are not"
+        )
+        raise SceneError("switching", "located", "", allowed)
+    limit = LONGEST_LOCATED * stability_limit(scene, "rk4")[0]
+    if method == "adaptive" and dt > limit:
+        allowed = f"at most {limit:.3g} s with located switching: each step has room for some"
+        raise SceneError("dt", dt, "s", allowed, "too long")
+
+
+def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSolver:
+    """Return the solver with the loaded slider.
+
+    Raises:
+        SceneError: the load folds the lattice (finite geometry).
+        EquilibriumError: there is no loaded state for another reason.
+    """
+    strain = largest_strain(scene, 0.0)
+    allowed = (
+        "a force that compresses bonds by less than their length, far below k l N_x = "
+        f"{scene.slider.k * scene.slider.l * scene.N_x:.3g} N"
+    )
+    try:
+        solver = StaticSolver(scene, geometry, u_drv0=u_drv0)
+    except EquilibriumError as error:
+        if geometry == "linear" or strain < FOLDING:
+            raise
+        raise SceneError("top.F_N", scene.F_N, "N", allowed, str(error)) from error
+    at = folded(scene, solver.loaded.u) if geometry == "finite" else None
+    if at is not None:
+        reason = f"it folds the lattice at the block in column {at[0] + 1}, row {at[1] + 1}"
+        raise SceneError("top.F_N", scene.F_N, "N", allowed, reason)
+    return solver
+
+
+def check_options(
+    scene: Scene,
+    geometry: object,
+    method: object,
+    switching: object,
+    rtol: object,
+    budget: object,
+    sample: object,
+    threads: object,
+    checkpoint_every: object,
+) -> None:
+    """Raise SceneError unless an engine may have these options; see `pyfric.simulate`."""
+    if geometry is not None:
+        if geometry not in ("linear", "finite"):
+            raise SceneError("geometry", geometry, "", "'linear' or 'finite'")
+        check_geometry(geometry, scene)
+    for name, value, known in (
+        ("method", method, METHODS),
+        ("switching", "step_end" if switching is None else switching, get_args(core.Switching)),
+    ):
+        if not (isinstance(value, str) and value in known):
+            raise SceneError(name, value, "", " or ".join(map(repr, known)))
+    if rtol is not None:
+        if method != "adaptive":
+            raise SceneError("rtol", rtol, "", "None, or method = 'adaptive'")
+        check_number("rtol", rtol, "", ge=1e-12, le=1.0)
+    if not isinstance(budget, bool | np.bool | None):
+        raise SceneError("budget", budget, "", "True, False or None")
+    if sample is not None:
+        check_number("sample", sample, "s", gt=0.0)
+    if threads is not None:
+        whole = isinstance(threads, Integral) and not isinstance(threads, bool)
+        if not (whole and 1 <= threads <= 4096):
+            raise SceneError("threads", threads, "", "1 … 4096 or None")
+    check_number("checkpoint_every", checkpoint_every, "s", gt=0.0)
+
+
+def check_continues(before: Record, scene: Scene, engine: str) -> None:
+    """Raise StateError unless an engine can go on from this record."""
+    made = before.method.engine
+    if made != engine:
+        raise StateError(f"initial: the record comes from the {made} engine, this is {engine}")
+    if before.scene != scene:
+        raise StateError("initial: the record belongs to another scene; pass its final_state")
+    if engine in ("dynamic", "hybrid") and not isinstance(before.final_state, State):
+        raise StateError("initial: this record holds no state of the dynamics to go on from")
+
+
+def kept_notes(before: Record | None) -> tuple[str, ...]:
+    """Return the notes that stay when a record goes on: all but those of its engine."""
+    if before is None:
+        return ()
+    return tuple(note for note in before.notes if not note.startswith(f"{before.method.engine}: "))
+
+
+class _Good(NamedTuple):
+    """A sound state, its energy, and what had been logged until then."""
+
+    state: State
+    energy: Energy
+    steps: int
+    evaluations: int
+    rows: list[list[float]]
+    switches: list[Mapping[str, np.ndarray]]
+    quiet: list[Mapping[str, np.ndarray]]
+
+
+class Run:
+    """A run of full dynamics under way: the state, and what has been logged so far."""
+
+    name = "dynamic"
+    keeps_budget = True
+    steppers: tuple[str, ...] = tuple(core.STEPPERS)
+    switchings: tuple[str, ...] = get_args(core.Switching)
+    geometries: tuple[str, ...] = get_args(Geometry)
+
+    def __init__(
+        self,
+        scene: Scene,
+        method: Method,
+        solver: StaticSolver,
+        state: State,
+        before: Record | None,
+    ) -> None:
+        self.scene, self.method, self.state = scene, method, state
+        self.solver = _Remembering(solver)
+        self.model = core.model(scene, method.geometry, state.u_drv0)
+        self.switching: Switching = method.switching.replace(" ", "_")
+        self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
+        self.log = core.Log(scene.N_x)
+        self.t_begin = state.t
+        self.switches: list[Mapping[str, np.ndarray]] = []
+        self.quiet: list[Mapping[str, np.ndarray]] = []
+        self.rows: list[list[float]] = []
+        self.timings: dict[str, float] = {}
+        self.events, self.last_slip = 0, -math.inf
+        self.steps, self.seconds, self.rate = 0, 0.0, 0.0
+        self.evaluations = 0
+        self.good: _Good | None = None  # where a run that fails goes back to
+        self.before = before
+        if before is None:
+            self.sample()
+        else:
+            self.t_begin = before.curve["t"].iloc[0]
+            self._add_logs(before.switches, before.quiet)
+            between = state.step % method.sample != 0
+            self.rows = before.curve.to_numpy().tolist()[: -1 if between else None]
+
+    def before_call(self, last: int) -> None:
+        """Do what an engine does instead of making steps; step number last may be reached."""
+
+    def call_length(self) -> int:
+        """Return the most steps of the next call."""
+        return MAX_STEPS
+
+    def counts(self) -> dict[str, int]:
+        """Return the steps that were made, and the blocks times force evaluations."""
+        old = self.before.counts if self.before else {}
+        made = {"steps": self.steps, "block_evaluations": self.evaluations}
+        return {name: value + old.get(name, 0) for name, value in made.items()}
+
+    def notes(self) -> tuple[str, ...]:
+        """Return what a reader of the record has to know."""
+        scene, dt = self.scene, self.method.dt
+        d_c, drop = scene.interface.d_c, scene.interface.mu_s - scene.interface.mu_k
+        notes = ()
+        if self.method.geometry == "linear":
+            notes = strain_notes(scene, self.name, max(abs(row[1]) for row in self.rows))
+        missing = budget_error(self.curve()) if self.method.budget else 0.0
+        if missing > OPEN_BUDGET:
+            notes += (
+                f"{self.name}: the energy budget misses {missing:.2g} of what went through it "
+                f"(limit {OPEN_BUDGET:g}): steps of {dt:.3g} s damp fast motion; take a smaller "
+                + ("rtol" if self.method.rtol else "dt"),
+            )
+        if not scene.interface.weakens:
+            return notes
+        growth = math.sqrt(drop * scene.F_N / scene.N_x / (scene.m * d_c))
+        if dt * growth <= 1:
+            return notes
+        return (
+            *notes,
+            f"{self.name}: steps of {dt:.3g} s do not resolve weakening over d_c = "
+            f"{d_c * 1e6:.3g} um, which takes dt <= {1 / growth:.3g} s; it acts like d_c = 0",
+        )
+
+    def columns(self) -> list[str]:
+        """Names of the columns of the curve."""
+        names = ["t", "F_T"]
+        if self.method.budget:
+            names += [*core.ENERGIES, "work_driver", "work_load"]
+            names += ["dissipated_bonds", "friction_heat", "switching_loss"]
+        return names
+
+    def curve(self) -> pd.DataFrame:
+        """Return the loading curve so far."""
+        return pd.DataFrame(self.rows, columns=self.columns())
+
+    def sample(self) -> None:
+        """Add the present to the loading curve."""
+        state, scene = self.state, self.scene
+        u_x = state.y[scene.j_h, 0, scene.i_h]
+        F_T = scene.driver.K * (scene.driver.V * state.t - scene.d * (u_x - state.u_drv0))
+        row = [state.t, float(F_T)]
+        if self.method.budget:
+            row += core.energies(self.model, state, state.t).values()
+            row += [*map(float, state.work), math.fsum(state.dissipated)]
+            row += [math.fsum(state.heat), math.fsum(state.loss)]
+        self.rows.append(row)
+
+    def advance(
+        self,
+        last: int,
+        stop: Callable[[], bool],
+        show: Callable[[Progress], None],
+        checkpoint: str | os.PathLike[str] | None,
+        checkpoint_every: float,
+    ) -> None:
+        """Make the steps up to number `last`; after Ctrl-C, leave before that."""
+        state, every = self.state, self.method.sample
+        start = saved = shown = time.perf_counter()
+        solve_at = start + STATIC_SECONDS
+        while state.step < last and not stop():
+            self.before_call(last)
+            if state.step < last:
+                to_sample = every - state.step % every
+                in_time = max(1, int(CALL_SECONDS * self.rate)) if self.rate else 1
+                self.call(min(to_sample, in_time, last - state.step, self.call_length()))
+                if state.step % every == 0:
+                    self.sample()
+            now = time.perf_counter()
+            if now - shown > 0.1 or state.step >= last:
+                shown = now
+                force = self.rows[-1][1] / self.scene.F_N
+                begin = self.rows[0][0]
+                end = state.t0 + last * state.dt
+                show(Progress(state.t, begin, end, force, self.events, self.rate))
+            if now > solve_at:
+                with warnings.catch_warnings(action="ignore"):
+                    self.catalogue()
+                done = time.perf_counter()
+                solve_at = done + max(STATIC_SECONDS, 10 * (done - now))
+            if checkpoint is not None and now - saved > checkpoint_every:
+                self.save(checkpoint)
+                saved = time.perf_counter()
+        if self.good is not None:
+            self._look(due=True)
+        self.timings["stepping"] = time.perf_counter() - start
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Save the run so far; where that fails, warn and go on."""
+        try:
+            self.record("interrupted").save(path)
+        except OSError as error:
+            warnings.warn(
+                f"checkpoint {path} was not written: {error}", RuntimeWarning, stacklevel=4
+            )
+
+    def make_steps(self, state: State, n_steps: int) -> core.Status:
+        """Make up to n_steps; the state changes in place, and the log is filled."""
+        return core.advance(
+            self.model,
+            state,
+            self.log,
+            n_steps,
+            method=self.method.stepper,
+            switching=self.switching,
+            rtol=self.method.rtol or 1.0,
+            budget=self.method.budget,
+            threads=self.method.threads,
+        )
+
+    def call(self, n_steps: int) -> None:
+        """Make up to n_steps that leave a sound state.
+
+        Raises:
+            RunError: they do not.
+        """
+        if self.good is None:
+            self.good = self._kept()
+        self._make(n_steps)
+        self._look(self.state.step - self.good.state.step >= STEPS)
+
+    def _make(self, n_steps: int) -> None:
+        """Let the core make up to n_steps and take over its log."""
+        state, step = self.state, self.state.step
+        start = time.perf_counter()
+        status = self.make_steps(state, n_steps)
+        seconds = time.perf_counter() - start
+        per_step = core.EVALUATIONS[self.method.stepper] * self.scene.N_x * self.scene.N_z
+        self.evaluations += self.log.tried * per_step
+        if status in UNFINISHED:
+            message = self._stuck_at(status)
+            self._back_to(step)
+            raise RunError(message, self.record(f"failed: {message}"))
+        self.steps += state.step - step
+        self.seconds += seconds
+        self.rate = self.steps / self.seconds
+        if self.log.n_switch or self.log.n_quiet:
+            self._add_logs(self.log.switches(), self.log.quiet())
+
+    def _kept(self) -> _Good:
+        """Return what a run that fails later goes back to."""
+        made, logs = (self.steps, self.evaluations), (self.rows, self.switches, self.quiet)
+        energy = self.guard.energy(self.state)
+        return _Good(self.state.copy(), energy, *made, *(log[:] for log in logs))
+
+    def _look(self, due: bool) -> None:
+        """Raise RunError if the state is not sound; energy and lattice are looked at if due."""
+        good = self.good
+        base = good.energy if due else None
+        if self.guard.trouble(good.state, self.state, base) is not None:
+            self._fail()
+        if due:
+            self.good = None
+
+    def _add_logs(
+        self, switches: Mapping[str, np.ndarray], quiet: Mapping[str, np.ndarray]
+    ) -> None:
+        self.switches.append(switches)
+        self.quiet.append(quiet)
+        for t, kind in zip(quiet["t"], quiet["kind"], strict=True):
+            self.events += kind > 0 and t - self.last_slip > self.method.t_gap
+            self.last_slip = t
+
+    def _stuck_at(self, status: core.Status) -> str:
+        """Say where and why the core could not finish a step."""
+        method, t, dt = self.method, self.log.t, self.state.dt
+        if status == core.Status.TOO_SHORT:
+            return (
+                f"the error of an adaptive sub-step stays above rtol = {method.rtol:g} at "
+                f"t = {t:.9g} s, however short it is; increase rtol"
+            )
+        return (
+            f"contacts switch without end inside one step of dt = {dt:g} s: block "
+            f"{self.scene.n_of_i[self.log.block]} (1 at the trailing edge) between stick, slip and "
+            f"gap at t = {t:.12g} s, more often than {len(self.scene.x) * 2 + 100} times are "
+            "allowed; switching = 'step_end' or a smaller dt goes on"
+        )
+
+    def _fail(self) -> None:
+        """Go back to the last step that was sound and raise RunError with the one that was not."""
+        good, base, fine, wrong = *self.good[:2], self.good.state.step, self.state.step
+        while wrong - fine > 1:
+            middle = (fine + wrong) // 2
+            if self.guard.trouble(good, self._again(good, middle), base) is None:
+                fine = middle
+            else:
+                wrong = middle
+        self._back_to(fine)
+        before, after = self.state, self._again(good, wrong)
+        trouble = self.guard.trouble(before, after, base)
+        v = np.hypot(before.y[:, 2], before.y[:, 3])
+        limit, _ = stability_limit(self.scene, self.method.stepper)
+        message = (
+            f"{trouble.what} at step {wrong}, t = {after.t:.9g} s, at the block in column "
+            f"{trouble.i + 1} from the left, row {trouble.j + 1} from the bottom; one step before, "
+            f"speeds reach {v.max():.3g} m/s. dt = {good.dt:g} s is below the limit {limit:.4g} s "
+            "of small motions: the strains have left the range of the model; reduce dt, F_N or V"
+            + self._located_hint()
+        )
+        raise RunError(message, self.record(f"failed: {message}"))
+
+    def _located_hint(self) -> str:
+        method = self.method
+        if method.switching != "located" or method.stepper not in ("verlet", "symplectic_euler"):
+            return ""
+        return ", or take switching = 'step_end', because steps of different length can feed energy"
+
+    def _back_to(self, step: int) -> None:
+        """Go back to the last good state, and from there to a sound step, with all that is kept."""
+        state, _, self.steps, self.evaluations, self.rows, self.switches, self.quiet = self.good
+        self.state, every = state.copy(), self.method.sample
+        while self.state.step < step:
+            self._make(min(step, (self.state.step // every + 1) * every) - self.state.step)
+            if self.state.step % every == 0:
+                self.sample()
+
+    def _again(self, good: State, step: int) -> State:
+        """Return the state of a step number, made once more from an earlier state."""
+        state, kept, self.log = good.copy(), self.log, core.Log(self.scene.N_x)
+        while state.step < step and self.make_steps(state, step - state.step) not in UNFINISHED:
+            pass
+        self.log = kept
+        return state
+
+    def catalogue(self) -> tuple[Catalogue, dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Return the catalogue of what has been logged, and the two logs."""
+        switches, quiet = _joined(self.switches), _joined(self.quiet)
+        if not self.switches:
+            empty = core.Log(self.scene.N_x, 0, 0)
+            switches, quiet = empty.switches(), empty.quiet()
+        self.switches, self.quiet = [switches], [quiet]
+        catalogue = build_catalogue(
+            switches,
+            quiet,
+            self.scene,
+            t_gap=self.method.t_gap,
+            t_begin=self.t_begin,
+            t_end=self.state.t,
+            solver=self.solver,
+        )
+        return catalogue, switches, quiet
+
+    def record(self, status: str) -> Record:
+        """Return what was done so far."""
+        state, scene, method = self.state, self.scene, self.method
+        start = time.perf_counter()
+        catalogue, switches, quiet = self.catalogue()
+        here = len(self.rows)
+        if self.rows[-1][0] != state.t:
+            self.sample()
+        curve, notes = self.curve(), self.notes()
+        del self.rows[here:]
+        timings = self.timings | {"catalogue": time.perf_counter() - start}
+        if self.before is not None:
+            timings = {k: v + self.before.timings.get(k, 0.0) for k, v in timings.items()}
+        if self.steps:
+            blocks = scene.N_x * scene.N_z
+            timings["per_block_and_step"] = self.seconds / self.steps / blocks
+        return Record.from_catalogue(
+            catalogue,
+            scene=scene,
+            method=method,
+            curve=curve,
+            tau_initial=self.solver.known.loaded.tau,
+            p_initial=self.solver.known.loaded.p,
+            quiet=quiet,
+            switches=switches,
+            versions=versions(),
+            timings=timings,
+            counts=self.counts(),
+            notes=(*kept_notes(self.before), *notes),
+            status=status,
+            final_state=state.copy(),
+        )
+
+
+class _Remembering:
+    """A `StaticSolver` that solves the same state once."""
+
+    def __init__(self, solver: StaticSolver) -> None:
+        self.known = solver
+        self.found: dict[tuple[bytes, float, bytes], Equilibrium | EquilibriumError] = {}
+
+    def solve(self, u_x_bottom: np.ndarray, drive: float, *, free: np.ndarray) -> Equilibrium:
+        key = u_x_bottom.tobytes(), float(drive), free.tobytes()
+        if key not in self.found:
+            try:
+                self.found[key] = self.known.solve(u_x_bottom, drive, free=free)
+            except EquilibriumError as error:
+                self.found[key] = error
+        found = self.found[key]
+        if isinstance(found, EquilibriumError):
+            raise found
+        return found
+
+
+def _joined(logs: list[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    return {name: np.concatenate([log[name] for log in logs]) for name in (logs[0] if logs else ())}
+
+
+# --- progress and Ctrl-C -------------------------------------------------------------------------
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[], bool]]:
+    """Give a function that says whether Ctrl-C was pressed; a second Ctrl-C ends at once."""
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
+    pressed = False
+
+    def handler(number: int, frame: Any) -> None:
+        nonlocal pressed
+        if pressed:
+            raise KeyboardInterrupt
+        pressed = True
+
+    old = signal.signal(signal.SIGINT, handler)
+    try:
+        yield lambda: pressed
+    finally:
+        signal.signal(signal.SIGINT, old)
+
+
+@contextmanager
+def progress_bar(
+    progress: bool | Callable[[Progress], None] | None, scene: Scene, t_begin: float, t_end: float
+) -> Iterator[Callable[[Progress], None]]:
+    """Give the function that shows progress."""
+    if callable(progress):
+        yield progress
+        return
+    if progress is None:
+        progress = sys.stderr is not None and sys.stderr.isatty()
+    if not progress:
+        yield lambda _: None
+        return
+    from tqdm import tqdm
+
+    times = "{n:.4f}/{total:.4f} s [{elapsed}<{remaining}{postfix}]"
+    layout = "{desc}: {percentage:3.0f}%|{bar}| " + times
+    with tqdm(
+        total=t_end,
+        initial=t_begin,
+        desc=scene.name or "run",
+        bar_format=layout,
+        file=sys.stderr,
+        mininterval=0.1 if sys.stderr.isatty() else 1.0,  # a log needs fewer lines
+    ) as bar:
+
+        def show(now: Progress) -> None:
+            text = f"F_T/F_N {now.force:.3f}, {now.events} events"
+            if math.isfinite(now.rate):
+                text += f", {now.rate:.3g} steps/s"
+            bar.set_postfix_str(text, refresh=False)
+            bar.update(min(now.t, t_end) - bar.n)
+
+        yield show

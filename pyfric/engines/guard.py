@@ -1,0 +1,196 @@
+"""What ends a run that has left the range of the model: numbers, energy, or lattice.
+
+A step within the stability limit keeps small motions bounded, but not every motion is small. Three
+things are looked at, the first one after each call of the core, the others after calls that
+complete `STEPS` steps:
+
+- numbers: every displacement and velocity is finite;
+- energy: nothing but the driver and the forces on the top can feed the slider. With G the kinetic
+  and elastic energy and the potential of the load, dG/dt <= F_T V, and F_T <= sqrt(2 K G) because
+  the driver's spring is part of G. The first time at which G reaches a new height G_1, all earlier
+  values were below it, so that
+
+      G_1 - G_0 <= V (t_1 - t_0) sqrt(2 K max(G_0, G_1)) + work of the constant shear forces.
+
+  This holds for the exact motion, however it switches; a margin of `MARGIN` of G leaves room for
+  errors of the steps. An instability multiplies G without limit and cannot stay below;
+- lattice, in finite geometry: no corner of a cell is turned inside out. Springs would not mind.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pyfric import core
+from pyfric.core import State
+
+if TYPE_CHECKING:
+    from pyfric.scene import Geometry, Scene
+    from pyfric.statics import Equilibrium
+
+__all__ = [
+    "STEPS",
+    "Energy",
+    "Guard",
+    "Trouble",
+    "folded",
+    "hurry_notes",
+    "largest_strain",
+    "strain_notes",
+]
+
+STEPS = 250
+"""Steps between two looks at energy and lattice. A run that fails goes back to the last one."""
+MARGIN = 0.1
+"""Growth of energy that steps of an admitted size may add between two looks, over the energy."""
+STRAIN_SHARE = 0.65
+"""Largest strain of a bond, at the driven block, over F_T/(k l)."""
+LINEAR = 0.1
+"""Beyond this strain, results of linear geometry carry a note."""
+HURRY = 0.05
+"""A ladder carries a note where the driver pushes on by more F_N than this during a ring-down."""
+
+
+class Trouble(NamedTuple):
+    """What is wrong with a state, and where: the column and row of a block."""
+
+    what: str
+    i: int
+    j: int
+
+
+class Energy(NamedTuple):
+    """Step and time (s) of a state, its G and the work of the constant shear forces, in J."""
+
+    step: int
+    t: float
+    stored: float
+    shear: float
+
+
+class Guard:
+    """Looks at the states of one run.
+
+    Args:
+        scene: the scene.
+        model: the scene as the core takes it.
+        geometry: "linear" or "finite".
+        loaded: the loaded slider at rest; its energy sets the floor of G.
+    """
+
+    def __init__(
+        self, scene: Scene, model: core.Model, geometry: Geometry, loaded: Equilibrium
+    ) -> None:
+        self.scene, self.model = scene, model
+        self.finite = geometry == "finite"
+        # Without friction the loaded slider would take a little more from the load, but less than
+        # it took. So G, the elastic energy at rest, stays above the energy of the driver's spring.
+        rest = loaded.state(scene, 1.0)
+        parts = core.energies(model, rest, 0.0)
+        elastic = sum(parts[name] for name in core.ENERGIES[2:5])
+        self.floor = elastic - self._potential(rest)
+
+    def _potential(self, state: State) -> float:
+        """Return the potential of the load, in J."""
+        if self.scene.rigid:
+            return float(self.scene.F_N * state.rod[1])
+        return float(self.scene.load @ state.y[-1, 1])
+
+    def energy(self, state: State) -> Energy:
+        stored = sum(core.energies(self.model, state, state.t).values())
+        shear = float(self.scene.shear @ state.y[-1, 0])
+        stored += self._potential(state) + self.floor
+        return Energy(state.step, state.t, stored, shear)
+
+    def trouble(self, before: State, after: State, base: Energy | None = None) -> Trouble | None:
+        """Return what is wrong with a state that came from another one, None if nothing is.
+
+        Without energies to compare with, only the numbers are looked at.
+        """
+        if not (np.isfinite(after.y).all() and np.isfinite(after.rod).all()):
+            return Trouble("the motion is not finite", *_fastest(before))  # since, it has spread
+        if base is None:
+            return None
+        _, t_0, G_0, W_0 = base
+        _, t_1, G_1, W_1 = self.energy(after)
+        driver, most = self.scene.driver, max(G_0, G_1)
+        work = driver.V * (t_1 - t_0) * np.sqrt(2 * driver.K * max(most, 0.0))
+        if not G_1 - G_0 - (W_1 - W_0) <= work + MARGIN * most:
+            what = f"the energy grows from {G_0:.3g} J to {G_1:.3g} J, by more than the work done"
+            return Trouble(what, *_fastest(after))
+        at = folded(self.scene, after.y[:, :2]) if self.finite else None
+        return None if at is None else Trouble("the lattice is folded", *at)
+
+
+def _fastest(state: State) -> tuple[int, int]:
+    """Return column and row of the fastest block."""
+    v = np.hypot(state.y[:, 2], state.y[:, 3])
+    j, i = np.unravel_index(np.argmax(v), v.shape)
+    return int(i), int(j)
+
+
+def folded(scene: Scene, u: np.ndarray) -> tuple[int, int] | None:
+    """Return column and row of a block at which a cell is turned inside out, None if none is.
+
+    Args:
+        scene: the scene.
+        u: displacements, shape (N_z, 2, N_x), in m.
+    """
+    if scene.N_z == 1:
+        return None
+    l, x, z = scene.slider.l, u[:, 0], u[:, 1]
+    right_x, right_z = l + np.diff(x, axis=1), np.diff(z, axis=1)  # (N_z, N_x - 1)
+    up_x, up_z = np.diff(x, axis=0), l + np.diff(z, axis=0)  # (N_z - 1, N_x)
+    for rows in (slice(None, -1), slice(1, None)):
+        for columns in (slice(None, -1), slice(1, None)):
+            area = right_x[rows] * up_z[:, columns] - right_z[rows] * up_x[:, columns]
+            if not (area > 0).all():
+                j, i = np.argwhere(~(area > 0))[0]
+                return int(i + (columns.start or 0)), int(j + (rows.start or 0))
+    return None
+
+
+def largest_strain(scene: Scene, F_T: float) -> float:
+    """Return the largest strain of a bond at a driver force F_T (N), and under F_N alone."""
+    unit = scene.slider.k * scene.slider.l
+    if scene.N_z == 1:
+        return abs(F_T) / unit
+    return max(STRAIN_SHARE * abs(F_T), scene.F_N / scene.N_x) / unit
+
+
+def strain_notes(scene: Scene, engine: str, F_T: float) -> tuple[str, ...]:
+    """Return what to know about a run of linear geometry with driver forces up to F_T (N)."""
+    strain = largest_strain(scene, F_T)
+    if strain <= LINEAR:
+        return ()
+    instead = "; geometry = 'finite' follows them" if scene.N_z > 1 else ""
+    return (
+        f"{engine}: strains reach about {strain:.2g}, above {LINEAR:g}, where linear geometry, "
+        f"which leaves out the rotation and the change of length of bonds, means little{instead}",
+    )
+
+
+def hurry_notes(scene: Scene, engine: str) -> tuple[str, ...]:
+    """Return what to know where the driver does not wait for a slider to come to rest.
+
+    The slowest motion is taken as a shear wave across the height H, with the rod's mass on top,
+    omega^2 = c_s^2/(H^2 (M_rod/M + 4/pi^2)). Such waves decay at 3 eta omega^2/k, because three
+    bonds of each block damp them and only part of their stiffness acts. Nothing moves in a chain
+    whose blocks stick.
+    """
+    slider, driver = scene.slider, scene.driver
+    if scene.N_z == 1 or driver.V == 0:
+        return ()
+    heavy = scene.M_rod / slider.M + 4 / math.pi**2
+    omega2 = slider.l**2 * slider.k / (2 * scene.m) / (slider.H**2 * heavy)
+    decay = slider.k / (3 * scene.eta * omega2) if scene.eta else math.inf
+    share = driver.V * decay / (1 / driver.K + 1 / slider.k) / scene.F_N
+    if share <= HURRY:
+        return ()
+    return (
+        f"{engine}: while the slider rings down, in about {decay * 1e3:.2g} ms, the driver pushes "
+        f"on by {share:.2g} F_N (limit {HURRY:g}): it does not come to rest between events",
+    )

@@ -1,0 +1,278 @@
+"""Hybrid engine: dynamics where the interface slips, closed forms where it waits.
+
+Events are integrated like in full dynamics, by the same core and on the same steps in time. Once
+nothing slips any more, the slider rings down: `ringdown` follows its slow modes in closed
+form and bounds the rest. The run jumps to the last step before a contact state can change, and
+goes on there, with the modes that are left. What the jump drops is smaller than `REMAINDER`.
+
+Where a jump is not safe, steps are made: a slider that never comes to rest is integrated in full,
+and the record says so.
+
+Source: PRL 107, 074301 (2011) for the model.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pyfric import core
+from pyfric.core import OPEN, STUCK
+from pyfric.engines.dynamic import Run
+from pyfric.engines.ringdown import Frozen, Rest, first_crossing
+from pyfric.statics import LARGE, EquilibriumError
+
+if TYPE_CHECKING:
+    from pyfric.statics import Equilibrium, StaticSolver
+
+__all__ = ["REMAINDER", "HybridRun"]
+
+REMAINDER = 1e-3
+"""What a jump may neglect: its bound of the change of any contact force, over F_N/N_x."""
+LOOK = 24
+"""Steps between two looks whether a jump is possible; grows while it is not."""
+SHORTEST = 64
+"""Shortest jump worth its cost, in steps."""
+MOSTLY = 0.5
+"""A larger share of time that is integrated is noted in the record."""
+ENOUGH, ROUGH = 2e-7, 1e-4
+"""Residual forces of static states in finite geometry, over F_N/N_x; of those that only show where
+to look."""
+NEAR = 20
+"""In finite geometry a jump may end this many steps from where its static state was found."""
+STRAIGHT = 0.02
+"""In finite geometry, F_T over t is taken as straight up to a change of this share of F_N."""
+KEPT = 8
+"""Contact states whose modes are kept."""
+
+
+class _Statics:
+    """Static states, remembered, and the slider with fixed contact states that goes with each."""
+
+    def __init__(self, known: StaticSolver, dt: float) -> None:
+        self.known, self.dt = known, dt
+        self._frozen: dict[bytes, Frozen] = {}
+        self._found: dict[tuple[bytes, float, bytes], tuple[Rest | Equilibrium, float]] = {}
+        self._latest: dict[tuple[bytes, bytes], tuple[Rest, float]] = {}
+        self._last: Equilibrium | None = None
+
+    def frozen(self, stuck: np.ndarray) -> Frozen:
+        """Return the slider with these blocks held and all others open."""
+        key = stuck.tobytes()
+        if key not in self._frozen:
+            while len(self._frozen) >= (KEPT if len(self.known.load) <= LARGE else 2):
+                del self._frozen[next(k for k in self._frozen if 0 in k)]
+            closed = None
+            if self.known.geometry == "linear" and len(self.known.load) > LARGE and not stuck.all():
+                closed = self.frozen(np.ones_like(stuck))
+            self._frozen[key] = Frozen(self.known, stuck, self.dt, closed)
+        return self._frozen[key]
+
+    def rest(
+        self, u_x: np.ndarray, drive: float, open_: np.ndarray, enough: float = ENOUGH
+    ) -> Rest | None:
+        """Return the static state, None if it has not exactly these open blocks.
+
+        In finite geometry residual forces up to `enough` F_N/N_x stay.
+        """
+        key = u_x.tobytes(), float(drive), open_.tobytes()
+        if self.known.geometry == "linear":
+            rest = self.frozen(~open_).rest(u_x, drive)
+        else:
+            left = enough * self.known.scene.F_N / self.known.scene.N_x
+            try:
+                state = self.known.solve(u_x, drive, free=open_, start=self._last, enough=left)
+            except EquilibriumError:
+                return None
+            if (state.open != open_).any():
+                return None
+            self._last = state
+            q = self.known.coordinates(state.u, state.rod)
+            rest = Rest(q, state.f, state.tau, state.p, state.u[0, 1], state.F_T)
+        if rest is not None and enough == ENOUGH:
+            self._found[key] = self._latest[key[0], key[2]] = rest._replace(q=None), drive
+        return rest
+
+    def _near(self, drive: float, other: float) -> bool:
+        """Whether the static states with the driver here and there differ by tangents."""
+        few = NEAR * self.dt * self.known.scene.driver.V
+        return self.known.geometry == "linear" or abs(drive - other) <= few
+
+    def solve(self, u_x: np.ndarray, drive: float, *, free: np.ndarray) -> Rest | Equilibrium:
+        """Return the static state, for the catalogue."""
+        key = u_x.tobytes(), float(drive), free.tobytes()
+        near = self._latest.get((key[0], key[2]))
+        if key not in self._found and near is not None and self._near(near[1], drive):
+            moved = self.frozen(~free).driven(*near, drive)
+            if moved is not None:
+                self._found[key] = moved, drive
+        if key not in self._found and self.rest(u_x, drive, free) is None:
+            self._found[key] = self.known.solve(u_x, drive, free=free), drive
+        return self._found[key][0]
+
+
+class _Quiet(NamedTuple):
+    """A static state about which the slider rings, its time, and its open blocks."""
+
+    t: float
+    open: np.ndarray
+    frozen: Frozen
+    growth: np.ndarray
+    rest: Rest
+    margins: np.ndarray
+
+
+class HybridRun(Run):
+    """A run that steps through events and jumps between them."""
+
+    name = "hybrid"
+    keeps_budget = False
+    steppers = ("rk4",)
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        _, quiet = core.room_of_step(self.scene.N_x, self.switching)
+        self.log = core.Log(self.scene.N_x, quiet=quiet)
+        self.solver = _Statics(self.solver.known, self.method.dt)
+        self.jumps, self.jumped, self.wait = 0, 0, LOOK
+        self.look_at = self.state.step
+        self.quiet_key: bytes | None = None
+        self.quiet_now: _Quiet | None = None
+
+    def _slips(self) -> np.ndarray:
+        return np.abs(self.state.mode) == 1
+
+    def call_length(self) -> int:
+        """Return how many steps may be made before the next look."""
+        slips = self._slips()
+        if slips.any():  # the core returns when the last block stops, corner slip aside
+            return LOOK if self.state.corner[slips].all() else 2**30
+        return max(1, self.look_at - self.state.step)
+
+    def before_call(self, last: int) -> None:
+        """Jump if nothing slips and it is safe."""
+        state = self.state
+        if self._slips().any():
+            self.look_at, self.wait = state.step, LOOK
+        elif state.step >= self.look_at:
+            self.wait = LOOK if self.jump(last) else min(2 * self.wait, 64 * LOOK)
+            self.look_at = state.step + self.wait
+
+    def counts(self) -> dict[str, int]:
+        """Return steps, block evaluations, jumps and the steps they spared."""
+        made = super().counts()
+        old = self.before.counts if self.before else {}
+        return made | {
+            "jumps": self.jumps + old.get("jumps", 0),
+            "steps_spared": self.jumped + old.get("steps_spared", 0),
+        }
+
+    def notes(self) -> tuple[str, ...]:
+        """Say so where the slider hardly ever came to rest."""
+        notes, done = super().notes(), self.counts()
+        share = done["steps"] / max(done["steps"] + done["steps_spared"], 1)
+        if share <= MOSTLY or done["steps"] < 1000:
+            return notes
+        return (
+            *notes,
+            f"hybrid: {100 * share:.0f} % of the time was integrated like in full dynamics (more "
+            f"than {100 * MOSTLY:.0f} %), because the slider was hardly ever at rest",
+        )
+
+    def jump(self, last: int) -> bool:
+        """Go to the last step before a contact state can change; False if that is too near."""
+        state, scene = self.state, self.scene
+        dt, most, V = state.dt, last - state.step, scene.driver.V
+        quiet = self._now_quiet()
+        if quiet is None:
+            return False
+        frozen, rest, known = quiet.frozen, quiet.rest, self.solver.known
+        since = state.t - quiet.t
+        w = known.coordinates(state.y[:, :2], state.rod[:3])
+        w -= rest.q + (V * since) * frozen.drift + frozen.lag
+        v = known.coordinates(state.y[:, 2:], state.rod[3:]) - V * frozen.drift
+        motion = frozen.split(w, v)
+        bound = frozen.bound * math.sqrt(motion.remainder)
+        rate = V * frozen.margin_rate
+        modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
+        rates = np.append(quiet.growth, -frozen.decay)
+        there, n_there, t = None, -NEAR - 1, state.t
+        for enough in (ROUGH, *(7 * [ENOUGH])):
+            c = quiet.margins + rate * since + frozen.margin_lag
+            s = first_crossing(c, rate, modal, rates, most * dt, dt)
+            n = min(math.floor(s / dt), most)
+            left = bound.max() * math.exp(-frozen.decay * n * dt)
+            if left > REMAINDER * scene.F_N / scene.N_x or n < min(most, SHORTEST):
+                return False
+            if self.method.geometry == "linear":
+                q = rest.q + (V * (since + n * dt)) * frozen.drift
+                force = rest.F_T + V * frozen.force_rate * (since + n * dt)
+                break
+            if abs(n - n_there) <= NEAR:
+                q = there.q + (V * (n - n_there) * dt) * frozen.drift
+                force = there.F_T + V * frozen.force_rate * (n - n_there) * dt
+                break
+            t = state.t0 + (state.step + n) * dt
+            if enough == ENOUGH:
+                n_there = n
+            there = self.solver.rest(state.y[0, 0], V * t, quiet.open, enough)
+            if there is None:
+                return False
+            rate = (frozen.margins(there) - quiet.margins) / (t - quiet.t)
+        else:
+            return False
+        margins = c + rate * (n * dt) + (modal[:, :-1] @ np.exp(quiet.growth * (n * dt))).real
+        self._sample_jump(quiet, force, motion.a, n)
+        self._land(q, quiet, motion.a, n)
+        state.slack[:] = frozen.slack(margins)
+        return True
+
+    def _now_quiet(self) -> _Quiet | None:
+        """Return the static state about which the slider rings, None if there is none."""
+        state = self.state
+        open_ = state.mode == OPEN
+        key = state.y[0, 0, ~open_].tobytes() + open_.tobytes()
+        if self.quiet_key != key:
+            self.quiet_key, self.quiet_now = key, None
+            rest = self.solver.rest(state.y[0, 0], self.scene.driver.V * state.t, open_)
+            if rest is not None:
+                frozen = self.solver.frozen(~open_)
+                growth = frozen.growth
+                if self.method.geometry == "finite":
+                    growth = frozen.stiffened(rest.q)
+                margins = frozen.margins(rest)
+                self.quiet_now = _Quiet(state.t, open_, frozen, growth, rest, margins)
+        return self.quiet_now
+
+    def _sample_jump(self, quiet: _Quiet, force: float, a: np.ndarray, n: int) -> None:
+        """Add the points of the loading curve in a jump of n steps that ends at a static force."""
+        state, every, frozen = self.state, self.method.sample, quiet.frozen
+        steps = np.arange((state.step // every + 1) * every, state.step + n + 1, every)
+        t, s = state.t0 + steps * state.dt, (steps - state.step) * state.dt
+        t_end, begin = state.t + n * state.dt, quiet.rest.F_T
+        x = (t - quiet.t) / (t_end - quiet.t)
+        F_T = begin + (force - begin) * x
+        far = abs(force - begin) > STRAIGHT * self.scene.F_N
+        if far and len(t) and self.method.geometry == "finite":
+            drive = self.scene.driver.V * (quiet.t + t_end) / 2
+            middle = self.solver.rest(state.y[0, 0], drive, quiet.open)
+            if middle is not None:  # a parabola
+                F_T += (4 * middle.F_T - 2 * (begin + force)) * x * (1 - x)
+        modes = frozen.force_modal * (frozen.weight * a)
+        F_T += frozen.force_lag + (modes @ np.exp(np.outer(quiet.growth, s))).real
+        self.rows += np.column_stack([t, F_T]).tolist()
+
+    def _land(self, q: np.ndarray, quiet: _Quiet, a: np.ndarray, n: int) -> None:
+        """Put the state n steps later, where the static state is q."""
+        state, known, frozen = self.state, self.solver.known, quiet.frozen
+        w, v = frozen.deviation(a, n * state.dt, quiet.growth)
+        u_x = state.y[0, 0].copy()
+        state.y[:, :2], state.rod[:3] = known.displacements(q + frozen.lag + w)
+        state.y[:, 2:], state.rod[3:] = known.displacements(v + self.scene.driver.V * frozen.drift)
+        held = state.mode == STUCK
+        state.y[0, 0, held], state.y[0, 2, held] = u_x[held], 0.0
+        state.step += n
+        self.good = None
+        self.jumps, self.jumped = self.jumps + 1, self.jumped + n

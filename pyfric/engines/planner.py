@@ -1,0 +1,495 @@
+"""The planner: which model is enough for a question.
+
+Full dynamics in finite geometry is the reference. `plan` says what may be left out of it for what
+is wanted, and at what cost and error:
+
+level         engine        geometry   left out
+----------    -----------   --------   -----------------------------------------------
+quasistatic   quasistatic   linear     inertia, rotation of bonds
+hybrid        hybrid        linear     rotation of bonds, the last of each ring-down
+hybrid        hybrid        finite     the last of each ring-down
+dynamic       dynamic       finite     nothing
+
+It takes the first level whose expected error is within the tolerance and whose assumptions hold.
+Each assumption is a number with a limit. `Plan.check` looks at them again in the record of a run.
+
+Expected errors are differences of forces at which main events start, over F_N, measured on the
+paper's scenes up to the first event over the whole interface (`reference_data/`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+
+import numpy as np
+
+from pyfric.core import OPEN
+from pyfric.engines.dynamic import step_size
+from pyfric.engines.guard import largest_strain
+from pyfric.engines.quasistatic import QuasistaticRun
+from pyfric.engines.ringdown import Frozen
+from pyfric.record import build_catalogue
+from pyfric.scene import Geometry, SceneError, check_number, default_geometry
+from pyfric.statics import EquilibriumError, StaticSolver, one_thread_if_small, stability_limit
+
+if TYPE_CHECKING:
+    from pyfric.core import Switching
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+__all__ = ["Assumption", "Fidelity", "Plan", "Want", "plan"]
+
+Fidelity = Literal["quasistatic", "hybrid", "dynamic"]
+"""Engines, in order of what they model."""
+Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
+"""What a run is made for."""
+
+ERROR_QUASISTATIC = 0.05
+"""Largest difference of start forces between ladder and dynamics, event by event, over F_N."""
+ERROR_JUMPS = 1e-4
+"""The same between hybrid and dynamics."""
+ERROR_STEP = 1e-5
+"""The same by steps of automatic size; proportional to the fourth power of the step, because
+contacts switch inside steps. With switches at step ends it is 1e-3, for two thirds of the time."""
+ERROR_SPEED = 1e-3
+"""Relative error of front speeds by such steps: 2e-4 in Fig. 1's 11th precursor, against 0.1 with
+switches at step ends (`pyfric chart`)."""
+RING_SHARE = 0.25
+"""Longest decay time of the slider's oscillations, over the time between main events."""
+OPEN_BLOCKS = 2
+"""More open blocks than this are a gap; small differences then decide the order of events."""
+OVERDAMPED = 0.433
+"""Blocks oscillate below this eta over sqrt(k m)."""
+SCOUT_BLOCKS, SCOUT_COLUMNS = 5_000, 250
+"""Lattices with more blocks, or more along the interface, are scouted with larger blocks."""
+SCOUT_EVENTS = 300
+"""The scout stops after this many events; their number is extrapolated."""
+MOST_EVENTS = 1e4
+"""More events than this are left to dynamics, which need not look at each."""
+SCOUT_WORK = 2e8
+"""It also stops after this many changes of contact state times N_x^2: a few seconds."""
+NS = {"linear": 3.1, "finite": 6.3}
+"""Time per block and force evaluation in ns, for the expected cost (`pyfric bench kernel`)."""
+STEPS_EVENT, STEPS_BLOCK, STEPS_SWITCH = 60, 5, 10
+"""Steps of the automatic size that an event takes in the hybrid engine, and each block of its front
+(measured on the paper's scenes: within a factor of 2); and steps more to locate its switches."""
+JUMP = {"linear": 3e-6, "finite": 15e-6}
+"""Time of a jump per block, in s."""
+
+
+class Assumption(NamedTuple):
+    """What a level relies on: it holds while `value` is at most `limit`."""
+
+    name: str
+    value: float
+    limit: float
+    meaning: str
+
+    @property
+    def holds(self) -> bool:
+        return self.value <= self.limit
+
+    def __str__(self) -> str:
+        sign = "<=" if self.holds else "> "
+        return f"{self.name}: {self.value:.3g} {sign} {self.limit:.3g} ({self.meaning})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What will be modelled, and why that is enough.
+
+    Attributes:
+        want: what the run is made for.
+        tolerance: accepted error, over F_N (relative, for front speeds).
+        fidelity, geometry: the engine and its geometry.
+        switching, dt: where contacts switch; time step in s; None for the quasi-static engine.
+        assumptions: what the level relies on; all of them hold.
+        reasons: why cheaper levels were passed over.
+        error: expected error, as the tolerance.
+        evaluations: expected number of blocks times force evaluations.
+        seconds: expected time on one core.
+    """
+
+    want: Want
+    tolerance: float
+    fidelity: Fidelity
+    geometry: Geometry
+    switching: Switching | None
+    dt: float | None
+    assumptions: tuple[Assumption, ...]
+    reasons: tuple[str, ...]
+    error: float
+    evaluations: float
+    seconds: float
+
+    def __str__(self) -> str:
+        models = {
+            "quasistatic": "a ladder of static states; events by a rule without inertia",
+            "hybrid": "dynamics inside events, closed forms between them",
+            "dynamic": "dynamics throughout",
+        }
+        left_out = {
+            "quasistatic": ["inertia, waves, ring-down"],
+            "hybrid": ["what ring-down leaves of fast modes"],
+            "dynamic": [],
+        }[self.fidelity]
+        if any(one.name == STRAIN for one in self.assumptions):
+            left_out.append("rotation of bonds")
+        step = ""
+        if self.dt is not None:
+            step = f", dt = {self.dt * 1e6:.3g} us, {self.switching} switching"
+        lines = [
+            f"for {self.want} within {self.tolerance:g}: {self.fidelity}, {self.geometry} geometry"
+            + step,
+            f"modelled: {models[self.fidelity]}",
+            f"left out: {'; '.join(left_out) or 'nothing'}",
+            *(f"because {one}" for one in self.assumptions),
+            *(f"not less: {reason}" for reason in self.reasons),
+            f"expected error: {self.error:.2g}",
+            f"expected cost: {self.evaluations:.2g} block evaluations, about {self.seconds:.2g} s",
+        ]
+        return "\n".join(lines)
+
+    def up(self, scene: Scene, failed: list[Assumption]) -> Plan | None:
+        """Return the plan one level up from where these assumptions failed; None if it is the top.
+
+        The quasi-static engine moves up to the hybrid one. Linear geometry gives way to finite.
+        """
+        if self.fidelity == "quasistatic":
+            geometry = self.geometry
+            if any(one.name == STRAIN for one in failed):
+                geometry = default_geometry(scene)
+            switching, dt, _ = _step(scene, self.want, self.tolerance)
+            how = {"fidelity": "hybrid", "geometry": geometry, "switching": switching, "dt": dt}
+            return dataclasses.replace(self, **how)
+        if self.geometry == "linear" and default_geometry(scene) == "finite":
+            return dataclasses.replace(self, geometry="finite")
+        return None
+
+    def check(self, record: Record) -> list[Assumption]:
+        """Return the assumptions that the record of a run does not bear out."""
+        found = _of_record(record, self)
+        return [one for one in found if not one.holds]
+
+
+class _Scout(NamedTuple):
+    """What the ladder says about a scene."""
+
+    events: int
+    front_blocks: int  # blocks that slip in main events, all events together
+    interval: float  # median time between main events, s
+    open: int  # most blocks that are open at a time
+    F_max: float  # N
+    seconds: float
+    far: float  # t_end over the time at which the scout stopped
+    failed: str
+
+
+@one_thread_if_small
+def plan(
+    scene: Scene,
+    want: Want = "precursors",
+    tolerance: float = 0.01,
+    *,
+    t_end: float = 1.0,
+) -> Plan:
+    """Return which engine, geometry and step are enough for a question.
+
+    Args:
+        scene: the scene.
+        want: "loading_curve", "precursors", "stress", "front_speed" or "motion".
+        tolerance: accepted error over F_N; for front speeds relative.
+        t_end: time of the end of the run, in s, for cost and assumptions.
+
+    Raises:
+        SceneError: an argument is refused.
+        EquilibriumError: the scene has no loaded state.
+
+    Source: errors of the levels as measured on the paper's scenes.
+    """
+    tolerance = check_question(want, tolerance)
+    t_end = check_number("t_end", t_end, "s", ge=0.0)
+    scout, times = _scout(scene, t_end), decay_times(scene)
+    strain, one_row = largest_strain(scene, scout.F_max), scene.N_z == 1
+    reasons: list[str] = []
+    damped = _damping(scene)
+
+    # quasi-static
+    needs = [_waits(times.slow, scout.interval), _gap(scout.open), damped]
+    error = ERROR_QUASISTATIC + (0.0 if one_row else strain)
+    if want in ("front_speed", "motion"):
+        reasons.append(f"quasistatic: it has no {want.replace('_', ' ')}")
+    elif scene.interface.weakens:
+        d_c = scene.interface.d_c
+        reasons.append(f"quasistatic: it has no weakening over d_c = {d_c * 1e6:.3g} um of slip")
+    elif scout.failed:
+        reasons.append(f"quasistatic: {scout.failed}")
+    elif error > tolerance:
+        reasons.append(f"quasistatic: its expected error is {error:.2g}")
+    elif not all(one.holds for one in needs):
+        reasons += [f"quasistatic: {one}" for one in needs if not one.holds]
+    else:
+        return Plan(
+            want=want,
+            tolerance=tolerance,
+            fidelity="quasistatic",
+            geometry="linear",
+            switching=None,
+            dt=None,
+            assumptions=(*needs, *(() if one_row else (_strain(strain, tolerance),))),
+            reasons=(),
+            error=error,
+            evaluations=0.0,
+            seconds=scout.seconds * (1 + scout.far),
+        )
+
+    # hybrid or dynamic
+    switching, dt, error = _step(scene, want, tolerance)
+    finer = step_size(scene) / dt
+    needs = [_resolution(scene, dt)]
+    geometry: Geometry = "linear"
+    if not one_row:
+        small = _strain(strain, tolerance / 2)
+        if small.holds:
+            needs.append(small)
+            error += strain
+        else:
+            geometry = default_geometry(scene)
+            reasons.append(f"linear geometry: {small}")
+    blocks, seconds = scene.N_x * scene.N_z, scout.seconds
+    steps, fidelity = t_end / dt, "dynamic"
+    quiet = _comes_to_rest(times.fast, scout.interval)
+    if want == "motion":
+        reasons.append("hybrid: it leaves out fast motion between events")
+    elif not quiet.holds:
+        reasons.append(f"hybrid: {quiet}")
+    elif error + ERROR_JUMPS > tolerance:
+        reasons.append(f"hybrid: its expected error is {error + ERROR_JUMPS:.2g}")
+    else:
+        fidelity, error = "hybrid", error + ERROR_JUMPS
+        needs.append(quiet)
+        made = scout.events * STEPS_EVENT + scout.front_blocks * STEPS_BLOCK
+        if not scene.interface.weakens:  # stable slip before an event may take any share of it
+            steps = min(steps, made * finer) + scout.front_blocks * STEPS_SWITCH
+        seconds += scout.events * JUMP[geometry] * blocks
+    evaluations = 4.0 * steps * blocks
+    return Plan(
+        want=want,
+        tolerance=tolerance,
+        fidelity=fidelity,
+        geometry=geometry,
+        switching=switching,
+        dt=dt,
+        assumptions=tuple(needs),
+        reasons=tuple(reasons),
+        error=error,
+        evaluations=evaluations,
+        seconds=evaluations * NS[geometry] * 1e-9 + seconds,
+    )
+
+
+def check_question(want: Want, tolerance: float) -> float:
+    """Return the tolerance as a float; raise SceneError if it or `want` is refused."""
+    if not (isinstance(want, str) and want in get_args(Want)):
+        raise SceneError("want", want, "", " or ".join(map(repr, get_args(Want))))
+    return check_number("tolerance", tolerance, "", gt=0.0, le=1.0)
+
+
+# --- numbers -------------------------------------------------------------------------------------
+
+
+def _scout(scene: Scene, t_end: float) -> _Scout:
+    refined = scene.N_x
+    scene = _without_weakening(coarser(scene))
+    refined /= scene.N_x
+    F_max = scene.interface.mu_s * scene.F_N
+    guess = _Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, 1.0, "")
+
+    def enough() -> bool:
+        return run.events >= SCOUT_EVENTS or run.log.step * scene.N_x**2 > SCOUT_WORK
+
+    try:
+        run = QuasistaticRun(scene)
+        run.advance(t_end, enough, lambda *_: None)
+        record = run.record("complete")
+    except EquilibriumError as error:
+        return guess._replace(failed=str(error))
+    main = record.events[record.events["is_main"]]
+    far = t_end / max(run.rows[-1][0], 1e-30)
+    refined *= far
+    many = run.events * far > MOST_EVENTS
+    return _Scout(
+        events=max(int(len(record.events) * refined), 1),
+        front_blocks=int(main["n_blocks"].sum() * refined),
+        interval=_interval(record),
+        open=_most_open(record),
+        F_max=max(abs(F) for _, F in run.rows),
+        seconds=sum(run.timings.values()),
+        far=far,
+        failed=f"about {run.events * far:.0e} events up to t_end" if many else "",
+    )
+
+
+def _without_weakening(scene: Scene) -> Scene:
+    """Return the scene with d_c = 0, which the ladder can follow."""
+    return dataclasses.replace(scene, interface=dataclasses.replace(scene.interface, d_c=0.0))
+
+
+def _interval(record: Record) -> float:
+    """Return the median time between main events of the ladder, in s; inf where there are none.
+
+    A longest pause inside an event is left out: at high V it makes one event of many.
+    """
+    log = record.switches, record.quiet, record.scene
+    events = build_catalogue(*log, t_gap=0.0).events
+    starts = events["t_start"].to_numpy()[events["is_main"].to_numpy()]
+    if len(starts) > 1:
+        return float(np.median(np.diff(starts)))
+    return float(record.curve["t"].iloc[-1]) if len(starts) else math.inf
+
+
+class DecayTimes(NamedTuple):
+    """How long oscillations of the stuck slider last, in s: the slowest one, the fast ones."""
+
+    slow: float
+    fast: float
+
+
+@functools.lru_cache(maxsize=16)
+def decay_times(scene: Scene) -> DecayTimes:
+    """Return how long oscillations of the stuck slider last (linear geometry).
+
+    "Fast" are those that the hybrid engine does not follow in closed form. Large lattices are
+    replaced by coarser ones of the same viscosity. Nothing moves in a chain whose blocks stick.
+    """
+    if scene.N_z == 1:
+        return DecayTimes(0.0, 0.0)
+    if scene.eta == 0:
+        return DecayTimes(math.inf, math.inf)
+    scene = coarser(scene)
+    frozen = Frozen(StaticSolver(scene, "linear"), np.ones(scene.N_x, dtype=bool))
+    slow = float(np.min(-frozen.rates.real, initial=frozen.decay or np.inf))
+    times = [1 / rate if rate > 0 else math.inf for rate in (slow, float(frozen.decay))]
+    return DecayTimes(*times)
+
+
+def coarser(scene: Scene) -> Scene:
+    """Return the scene with blocks so large that `SCOUT_BLOCKS` and `SCOUT_COLUMNS` suffice.
+
+    It keeps L, H, h and eta where there are blocks that fit; L and eta otherwise.
+    """
+    N_x, N_z = scene.N_x, scene.N_z
+    if N_x * N_z <= SCOUT_BLOCKS and N_x <= SCOUT_COLUMNS:
+        return scene
+    if N_z == 1:
+        return _coarser_chain(scene)
+    n = math.gcd(N_x - 1, N_z - 1, scene.j_h)
+    for q in range(2, n + 1):
+        n_x, n_z = (N_x - 1) // q, (N_z - 1) // q
+        few = (n_x + 1) * (n_z + 1) <= SCOUT_BLOCKS and n_x < SCOUT_COLUMNS
+        if n % q == 0 and few and n_x >= 2:
+            slider = dataclasses.replace(scene.slider, l=scene.slider.l * q, eta=scene.eta)
+            return dataclasses.replace(scene, slider=slider)
+    q = max((N_x - 1) / (SCOUT_COLUMNS - 1), math.sqrt(N_x * N_z / SCOUT_BLOCKS))
+    n_x = max(math.floor((N_x - 1) / q), 2)
+    while n_x > 2 and (n_x + 1) * (round(n_x * (N_z - 1) / (N_x - 1)) + 1) > SCOUT_BLOCKS:
+        n_x -= 1
+    l = scene.slider.L / n_x
+    n_z = max(round(scene.slider.H / l), 1)
+    j_h = min(max(round(scene.driver.h / l), 1), n_z)
+    slider = dataclasses.replace(scene.slider, l=l, H=l * n_z, eta=scene.eta)
+    driver = dataclasses.replace(scene.driver, h=l * j_h)
+    return dataclasses.replace(scene, slider=slider, driver=driver)
+
+
+def _coarser_chain(scene: Scene) -> Scene:
+    """Return the chain with fewer blocks: the same rod under the same forces per length."""
+    slider, top, N_x, N = scene.slider, scene.top, scene.N_x, SCOUT_COLUMNS
+    q, at = (N_x - 1) / (N - 1), np.linspace(0, N_x - 1, N)
+    p, tau = (
+        np.interp(at, np.arange(N_x), np.broadcast_to(value, N_x)) * (N_x / N)
+        for value in (top.p, top.tau)
+    )
+    most = (1 - 1e-12) * scene.interface.mu_s * p
+    tau = np.clip(tau, -most, most)
+    top = dataclasses.replace(top, p=tuple(p), tau=tuple(tau), k_top=top.k_top * q)
+    slider = dataclasses.replace(slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q)
+    return dataclasses.replace(scene, slider=slider, top=top)
+
+
+STRAIN = "largest strain"
+
+
+def _damping(scene: Scene) -> Assumption:
+    ratio = scene.eta / math.sqrt(scene.slider.k * scene.m)
+    return Assumption("eta/sqrt(k m)", ratio, OVERDAMPED, "blocks are underdamped")
+
+
+def _waits(decay: float, interval: float) -> Assumption:
+    name, times = "slowest decay over time between main events", _times(decay, interval)
+    meaning = f"{times}: the driver's drift during ring-down"
+    return Assumption(name, _share(decay, interval), RING_SHARE, meaning)
+
+
+def _comes_to_rest(decay: float, interval: float) -> Assumption:
+    name, times = "decay of fast modes over time between main events", _times(decay, interval)
+    return Assumption(name, _share(decay, interval), RING_SHARE, times)
+
+
+def _share(decay: float, interval: float) -> float:
+    if not math.isfinite(decay):
+        return math.inf
+    return decay / interval if interval > 0 else math.inf
+
+
+def _times(decay: float, interval: float) -> str:
+    first = f"{decay * 1e3:.3g} ms" if math.isfinite(decay) else "no decay"
+    return f"{first} in " + (f"{interval * 1e3:.3g} ms" if interval < math.inf else "all of it")
+
+
+def _gap(blocks: int) -> Assumption:
+    return Assumption("open blocks", blocks, OPEN_BLOCKS, "no gap beyond the corner")
+
+
+def _most_open(record: Record) -> int:
+    return int((record.quiet["mode"] == OPEN).sum(axis=1).max(initial=0))
+
+
+def _strain(value: float, limit: float) -> Assumption:
+    return Assumption(STRAIN, value, limit, "bounds the error of linear geometry over F_N")
+
+
+def _resolution(scene: Scene, dt: float) -> Assumption:
+    limit = stability_limit(scene)[0]
+    return Assumption(
+        "dt over the stability limit", dt / limit, 1.0, f"{dt:.3g} s of {limit:.3g} s"
+    )
+
+
+def _step(scene: Scene, want: Want, tolerance: float) -> tuple[Switching, float, float]:
+    """Return where contacts switch, the time step in s, and the error of both."""
+    auto = step_size(scene)
+    error = ERROR_SPEED if want == "front_speed" else ERROR_STEP
+    dt = auto * (tolerance / (2 * error)) ** 0.25
+    if dt >= auto:
+        return "located", auto, error
+    digit = 10.0 ** (math.floor(math.log10(dt)) - 1)
+    dt = float(f"{math.floor(dt / digit) * digit:.1e}")
+    return "located", dt, error * (dt / auto) ** 4
+
+
+def _of_record(record: Record, plan: Plan) -> list[Assumption]:
+    """Return the assumptions of a plan with the numbers of its record."""
+    scene, found = record.scene, []
+    if plan.fidelity == "quasistatic":
+        found.append(_waits(decay_times(scene).slow, _interval(record)))
+        found.append(_gap(_most_open(record)))
+    if plan.geometry == "linear" and scene.N_z > 1:
+        limit = plan.tolerance / (1 if plan.fidelity == "quasistatic" else 2)
+        F_max = float(record.curve["F_T"].abs().max())
+        found.append(_strain(largest_strain(scene, F_max), limit))
+    return found

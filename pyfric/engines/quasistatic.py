@@ -1,0 +1,450 @@
+"""Quasi-static engines: every state is an equilibrium, no inertia, linear geometry.
+
+`QuasistaticRun` is a ladder of events. Between events nothing slips and all forces are affine in
+the driver's position, so the next nucleation is a closed formula. The event rule: blocks that slip
+carry mu_k p, those that stick stay below mu_s p. The block with the largest |f| - mu_s p is
+released, one at a time; one that would move back sticks again where it was; at the end all stick.
+What is left out: the overshoot of moving blocks, and with it a part of the length of an event.
+
+For mu_s = mu_k slip grows continuously. It is followed exactly from one change of contact state to
+the next; in between all quantities are linear. Which of the blocks at their threshold slip, and
+which stick, follows from the signs of the rates. `prediction_curve` is this case, for any scene. A
+ladder whose mu_s - mu_k is next to nothing takes the same way, because its events would be endless.
+
+Source: PRL 107, 074301 (2011), prediction of the arrest lengths with mu_s = mu_k.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from pyfric.core import CORNER_SHARE, OPEN, StateError
+from pyfric.engines.dynamic import (
+    Progress,
+    check_continues,
+    interruptible,
+    kept_notes,
+    progress_bar,
+)
+from pyfric.engines.guard import hurry_notes, strain_notes
+from pyfric.record import (
+    QUIET_COLUMNS,
+    SWITCH_COLUMNS,
+    T_GAP,
+    Method,
+    Record,
+    build_catalogue,
+    versions,
+)
+from pyfric.scene import SceneError, check_number
+from pyfric.statics import Contact, EquilibriumError, Interface, one_thread_if_small
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pyfric.scene import Scene
+    from pyfric.statics import Values
+
+__all__ = ["QuasistaticRun", "prediction_curve", "simulate"]
+
+SWEEPS = 60
+"""Most changes of contact state within one event or at one position of the driver, over N_x."""
+
+GRADUAL = 0.01
+"""With mu_s - mu_k up to this many mu_s, slip is continuous, at mu_s."""
+
+IDLE = 200
+"""Most changes of contact state in a row at which the driver does not move."""
+
+
+class _Log:
+    """Switches and quiet transitions, as `pyfric.record.catalogue` takes them."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.p_corner = scene, CORNER_SHARE * scene.F_N / scene.N_x
+        self.switch: list[tuple[Any, ...]] = []
+        self.quiet: list[tuple[Any, ...]] = []
+        self.mode = np.zeros(scene.N_x, dtype=np.int32)
+        self.corner = np.zeros(scene.N_x, dtype=bool)
+        self.step = 0
+
+    def set(self, contact: Contact, t: float, before: Values | None = None) -> None:
+        """Log what differs from the last contact states; slip starts at the values before."""
+        new = np.where(contact.closed, contact.slip, OPEN).astype(np.int32)
+        changed = np.flatnonzero(new != self.mode)
+        if not changed.size:
+            return
+        now = contact.values()
+        before = now if before is None else before
+        was, old = self._active(), self.mode
+        for i in changed:
+            starts = abs(old[i]) != 1
+            u_x, _, _, p, _ = before if starts else now
+            if starts:
+                self.corner[i] = p[i] < self.p_corner
+            self.switch.append((self.step, i, old[i], new[i], self.corner[i], t, u_x[i], p[i]))
+        self.mode = new
+        if self._active() != was:
+            kind, mode, at = (-1, new, now) if was else (1, old, before)
+            self.quiet.append((self.step, t, kind, at.F_T, at.u_x.copy(), mode))
+        self.step += 1
+
+    def _active(self) -> bool:
+        return bool(((np.abs(self.mode) == 1) & ~self.corner).any())
+
+    def columns(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Return both logs as columns."""
+        return _columns(self.switch, SWITCH_COLUMNS), _columns(
+            self.quiet, QUIET_COLUMNS, self.scene.N_x
+        )
+
+
+def _columns(rows: list[Any], kinds: Any, N_x: int = 0) -> dict[str, np.ndarray]:
+    wide = ("u_x", "mode") if N_x else ()
+    if not rows:
+        return {k: np.zeros((0, N_x) if k in wide else 0, kind) for k, kind in kinds.items()}
+    values = zip(*rows, strict=True)
+    return {k: np.array(v, dtype=kind) for (k, kind), v in zip(kinds.items(), values, strict=True)}
+
+
+class QuasistaticRun:
+    """The ladder of quasi-static events of one scene.
+
+    Args:
+        scene: the scene.
+        t_gap: longest pause inside an event, in s.
+
+    Raises:
+        EquilibriumError: the scene has no loaded equilibrium.
+    """
+
+    name = "quasistatic"
+
+    def __init__(self, scene: Scene, t_gap: float = T_GAP) -> None:
+        start = time.perf_counter()
+        self.scene, self.t_gap = scene, t_gap
+        self.interface = Interface(scene)
+        self.contact = self.interface.loaded()
+        self.X_0 = self.contact.X
+        self.log = _Log(scene)
+        self.log.mode[~self.contact.closed] = OPEN
+        self.rows: list[tuple[float, float]] = []
+        self.events = self.releases = 0
+        self.over = False
+        self.notes: tuple[str, ...] = ()
+        self.timings = {"set-up": time.perf_counter() - start}
+        self.initial = self.contact.values()
+
+    @property
+    def t(self) -> float:
+        V = self.scene.driver.V
+        return (self.contact.X - self.X_0) / V if V else 0.0
+
+    def sample(self) -> None:
+        self.rows.append((self.t, self.contact.values().F_T))
+
+    def advance(self, t_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> bool:
+        """Follow the scene to t_end (s); return whether it got there.
+
+        Raises:
+            EquilibriumError: an event does not settle, or slip goes on in events of no length.
+        """
+        start = time.perf_counter()
+        V, mu_s, mu_k = self.scene.driver.V, self.contact.mu_s, self.contact.mu_k
+        self.sample()
+        if not V:
+            self.rows.append((t_end, self.rows[-1][1]))
+        else:
+            gradual = mu_s - mu_k <= GRADUAL * mu_s
+            (self.grow if gradual else self._climb)(self.X_0 + V * t_end, stop, show)
+            if not (stop() or self.over):
+                self.contact.X = self.X_0 + V * t_end
+                self.rows.append((t_end, self.contact.values().F_T))
+        if not np.isfinite(self.rows[-1][1]):
+            what = "the ladder left the range of numbers"
+            raise EquilibriumError(what, np.nan, self.contact.tol, 0)
+        self.timings["events"] = time.perf_counter() - start
+        return not stop()
+
+    def _climb(self, X_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
+        """Follow the ladder of events until the driver is at X_end."""
+        contact, idle = self.contact, 0
+        rounding = contact.tol / self.scene.driver.K
+        while not stop():
+            X, i, what = contact.next_change()
+            if not X <= X_end:
+                return
+            idle = idle + 1 if X - contact.X <= rounding else 0
+            if idle > IDLE:
+                text = f"at t = {self.t:.6g} s slip goes on without end, in events of no length"
+                raise EquilibriumError(text, np.nan, contact.tol, IDLE)
+            contact.X = X
+            self.sample()
+            if what == 0:
+                self._flip(contact, i)
+            elif what == 2:
+                contact.hold(i)
+                self.log.set(contact, self.t)
+            else:
+                self._event(i, what, stop)
+                self.events += 1
+            self.sample()
+            show(self.t, self.rows[-1][1], self.events)
+            if self.over:
+                return
+
+    def grow(self, X_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
+        """Follow continuous slip, mu_k = mu_s, until the driver is at X_end or nothing changes.
+
+        Raises:
+            EquilibriumError: stick and slip do not settle, or slip does not stop growing.
+        """
+        contact, mu_s = self.contact, self.contact.mu_s
+        if contact.mu_k < mu_s:
+            self.notes += (
+                f"mu_s - mu_k = {mu_s - contact.mu_k:.3g} is next to nothing: "
+                f"slip is continuous, at mu_s = {mu_s:g}",
+            )
+            contact.mu_k = mu_s
+        for _ in range(SWEEPS * self.scene.N_x):
+            _settle_rates(contact)
+            self.log.set(contact, self.t)
+            self.events = sum(row[2] > 0 for row in self.log.quiet)
+            self.sample()
+            show(self.t, self.rows[-1][1], self.events)
+            if stop() or not contact.stuck.any():
+                return
+            X, i, what = contact.next_change()
+            if not X <= X_end or X == np.inf:
+                return
+            contact.X = X
+            if what == 0:
+                contact.flip(i)
+            elif what != 2:
+                contact.release(i, what)
+        what = "the growth of the slipping zone does not end"
+        raise EquilibriumError(what, np.nan, contact.tol, SWEEPS * self.scene.N_x)
+
+    def _unsettled(self, changes: int) -> EquilibriumError:
+        what = f"the quasi-static event at t = {self.t:.6g} s does not settle"
+        return EquilibriumError(what, np.nan, self.contact.tol, changes)
+
+    def _flip(self, contact: Contact, i: int) -> None:
+        """Open a closed block or close an open one."""
+        contact.flip(i)
+        self.log.set(contact, self.t)
+
+    def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
+        """Let block i slip, and all that follows at this position of the driver."""
+        contact, log, t = self.contact, self.log, self.t
+        now = contact.values()
+        u_x = now.u_x
+        contact.release(i, direction)
+        log.set(contact, t, now)
+        for _ in range(SWEEPS * self.scene.N_x):
+            if stop():
+                return
+            tol = 10 * contact.tol
+            now = contact.values()
+            wrong = contact.wrong_side(now)
+            if wrong is not None:
+                self._flip(contact, wrong)
+                continue
+            move = contact.slip * (now.u_x - u_x) * contact.k
+            j = int(np.argmin(move))
+            if move[j] < -tol:
+                contact.hold(j, u_x[j])
+                log.set(contact, t)
+                continue
+            u_x = now.u_x
+            excess = np.where(contact.stuck, np.abs(now.f) - contact.mu_s * now.p, -np.inf)
+            j = int(np.argmax(excess))
+            if not excess[j] > tol:
+                contact.hold_all()
+                log.set(contact, t)
+                return
+            contact.release(j, -int(np.sign(now.f[j])))
+            self.releases += 1
+            log.set(contact, t, now)
+        raise self._unsettled(SWEEPS * self.scene.N_x)
+
+    def record(self, status: str, engine: str | None = None, **columns: Any) -> Record:
+        """Return what was done so far."""
+        start = time.perf_counter()
+        scene = self.scene
+        switches, quiet = self.log.columns()
+        catalogue = build_catalogue(
+            switches,
+            quiet,
+            scene,
+            t_gap=self.t_gap,
+            t_end=self.rows[-1][0],
+            solver=self.interface.solver(self.X_0),
+        )
+        curve = pd.DataFrame(self.rows, columns=["t", "F_T"]).assign(**columns)
+        f, p = self.initial.f, self.initial.p
+        engine = engine or self.name
+        warned = strain_notes(scene, engine, max(abs(F) for _, F in self.rows))
+        if engine == "quasistatic":  # V does not matter to a prediction
+            warned += hurry_notes(scene, engine)
+        return Record.from_catalogue(
+            catalogue,
+            scene=scene,
+            method=Method(engine=engine, geometry="linear", t_gap=self.t_gap),
+            curve=curve,
+            tau_initial=-scene.d * f,
+            p_initial=p,
+            quiet=quiet,
+            switches=switches,
+            versions=versions(),
+            timings=self.timings | {"catalogue": time.perf_counter() - start},
+            counts={"releases": self.releases, "block_evaluations": 0},
+            notes=(*self.notes, *warned),
+            status=status,
+        )
+
+
+class EquilibriumRun(QuasistaticRun):
+    """The stuck slider under the driver, up to the first slip; blocks may lift off and land."""
+
+    name = "equilibrium"
+
+    def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
+        scene, F_T = self.scene, self.contact.values().F_T
+        n, self.events, self.over = int(scene.n_of_i[i]), -1, True
+        self.notes += (
+            f"equilibrium: the run ends where block {n} slips first, "
+            f"at t = {self.t:.9g} s and F_T/F_N = {F_T / scene.F_N:.9g}",
+        )
+
+    def grow(self, *args: Any) -> None:
+        self._climb(*args)
+
+
+ENGINES = {one.name: one for one in (QuasistaticRun, EquilibriumRun)}
+
+
+def simulate(
+    engine: str,
+    scene: Scene,
+    t_end: float,
+    *,
+    initial: Record | None = None,
+    t_gap: float = T_GAP,
+    progress: bool | Callable[[Progress], None] | None = None,
+) -> Record:
+    """Follow a scene through static states to t_end (s); see `pyfric.simulate`.
+
+    Args are those of `pyfric.simulate`, with engine "quasistatic" or "equilibrium". A run that goes
+    on from a record is made again from its start, which gives the same bits.
+    """
+    if initial is not None:
+        if not isinstance(initial, Record):
+            raise StateError(f"initial: the {engine} engine goes on from records only")
+        check_continues(initial, scene, engine)
+        t_gap = initial.method.t_gap
+    t_gap = check_number("t_gap", t_gap, "s", ge=0.0)
+    t_end = check_number("t_end", t_end, "s", ge=0.0)
+    if engine == "quasistatic" and scene.interface.weakens:
+        allowed = "0, or fidelity = 'hybrid' or 'dynamic': the ladder knows slip at mu_k only"
+        raise SceneError("interface.d_c", scene.interface.d_c, "m", allowed)
+    run = ENGINES[engine](scene, t_gap)
+    with progress_bar(progress, scene, 0.0, t_end) as bar, interruptible() as stop:
+
+        def show(t: float, F_T: float, events: int) -> None:
+            bar(Progress(t, 0.0, t_end, F_T / scene.F_N, events, math.nan))
+
+        done = run.advance(t_end, stop, show)
+    record = run.record("complete" if done else "interrupted")
+    return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
+
+
+@one_thread_if_small
+def prediction_curve(scene: Scene, mu: float | None = None) -> Record:
+    """Return the growth of the slipping zone with mu_s = mu_k, up to sliding.
+
+    The speed of the driver does not matter; t is the driver's displacement over V, or, where V = 0,
+    over 1 m/s.
+
+    Args:
+        scene: the scene; its friction coefficients are replaced.
+        mu: the friction coefficient; None means the scene's mu_k.
+
+    Returns:
+        A record of engine "prediction". Each row of its curve is a change of contact state: t (s),
+        F_T (N), drive (m), L_p_over_L of the blocks that have slipped or are open, from the
+        trailing edge. Its last row is where all blocks slip, or where no further block would.
+
+    Raises:
+        SceneError: mu is not a number >= 0.
+        EquilibriumError: no equilibrium was found.
+
+    Warns:
+        RuntimeWarning: the solution is not unique at some state.
+
+    Source: PRL 107, 074301 (2011), Fig. 2.
+    """
+    mu = scene.interface.mu_k if mu is None else check_number("mu", mu, "", ge=0.0)
+    V = scene.driver.V or 1.0
+    scene = dataclasses.replace(
+        scene,
+        interface=dataclasses.replace(scene.interface, mu_s=mu, mu_k=mu),
+        driver=dataclasses.replace(scene.driver, V=V),
+    )
+    run = QuasistaticRun(scene)
+    start = time.perf_counter()
+    contact, order = run.contact, np.argsort(scene.n_of_i)
+    slipped = np.zeros(scene.N_x, dtype=bool)
+    reached: list[float] = []
+
+    def note(*_: Any) -> None:
+        nonlocal slipped
+        slipped |= contact.slip != 0
+        over = (slipped | ~contact.closed)[order]
+        length = scene.N_x if over.all() else int(np.argmin(over))
+        reached.append(length / scene.N_x)
+
+    run.sample()
+    note()
+    run.grow(np.inf, lambda: False, note)
+    if contact.ambiguous or not contact.definite():
+        warnings.warn(
+            f"mu = {mu:g}: the slip operator is not positive definite in some of the states "
+            "passed, so that the solution may not be the only one",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+    run.timings["path"] = time.perf_counter() - start
+    drive = [V * t for t, _ in run.rows]
+    return run.record("complete", "prediction", drive=drive, L_p_over_L=reached)
+
+
+def _settle_rates(contact: Contact) -> None:
+    """Decide which of the blocks at their threshold slip as the driver goes on.
+
+    A slipping block that would turn back sticks; a stuck one at its threshold that would exceed it
+    slips. One block at a time, the worst first; the first one in order after many changes.
+    """
+    N_x = contact.N_x
+    for sweep in range(SWEEPS * N_x):
+        now, rate = contact.values(), contact.rates()
+        back = -contact.slip * rate.u_x * contact.k
+        at = contact.stuck & (contact.mu_s * now.p - np.abs(now.f) <= 1e3 * contact.tol)
+        over = np.where(at, np.sign(now.f) * rate.f - contact.mu_s * rate.p, 0.0)
+        worst = np.maximum(back, over)
+        small = 100 * contact.small_rate(rate)
+        if not worst.max() > small:
+            return
+        i = int(np.argmax(worst > small if sweep > 4 * N_x else worst))
+        if contact.slip[i]:
+            contact.hold(i)
+        else:
+            contact.release(i, -int(np.sign(now.f[i])))
+    raise EquilibriumError("stick and slip do not settle", np.nan, contact.tol, SWEEPS * N_x)

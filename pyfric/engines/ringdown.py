@@ -1,0 +1,452 @@
+"""Ring-down of a slider on which nothing slips: a few modes, and a bound for the rest.
+
+While no contact state changes, the slider is a damped linear oscillator about a static state that
+drifts with the driver. With w the deviation from the drifting state, the blocks that stick held and
+the open ones free,
+
+    M w'' + C w' + K w = 0 .
+
+The slowest modes phi exp(lambda s), (lambda^2 M + lambda C + K) phi = 0, are followed in closed
+form. M, C and K are symmetric, so the amplitude of a mode is
+
+    a = (phi.(C w + M w') + lambda phi.M w) / (phi.C phi + 2 lambda phi.M phi) .
+
+The energy E of what the modes leave out cannot grow. By the inequality of Cauchy and Schwarz it
+bounds what the remainder does to the contact at any later time. It also decays: a mode of frequency
+omega with at least half of its elastic energy in the bonds has -Re lambda >= eta omega^2/(4 k),
+because the viscosity of a bond resists all of the relative motion and its spring only a part. The
+slower one of two overdamped modes decays at its own |lambda|.
+
+Contact is watched through margins c in N, all positive while no state changes: mu_s p + f and
+mu_s p - f of stuck blocks, k_f u_z of open ones.
+
+A step of RK4 multiplies a mode by R(lambda dt) = 1 + z + z^2/2 + z^3/6 + z^4/24 and reproduces the
+drifting state exactly, so that the ring-down of a run with steps dt is that of the rates
+log(R)/dt: nothing is lost or gained against stepping.
+
+In finite geometry K is that of an earlier state; strains are small, so it changes little.
+`Frozen.stiffened` corrects the rates, whose errors add up over time, to first order.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
+
+from pyfric.statics import LARGE, damping, mass
+
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import SuperLU
+
+    from pyfric.statics import BandedCholesky, StaticSolver
+
+__all__ = ["Frozen", "Motion", "Rest", "first_crossing"]
+
+N_VALUES, N_VALUES_LARGE = 40, 24
+"""Eigenvalues that are computed, those of smallest modulus; two make an oscillating mode."""
+TINY = 1e-11
+"""Tension below this many F_N/N_x is rounding."""
+FEW, MOST_COLUMNS = 6, 120
+"""On lattices of more than `LARGE` unknowns a state follows from the last one where few blocks
+moved since; the responses to single blocks are kept."""
+MAX_ITER = 20
+"""Most restarts of ARPACK; few are needed."""
+GRID = 64
+"""Points at which margins are evaluated together."""
+
+
+class Rest(NamedTuple):
+    """A static state: coordinates, then forces on the interface (N), u_z (m), shape (N_x,)."""
+
+    q: np.ndarray | None
+    f: np.ndarray
+    tau: np.ndarray
+    p: np.ndarray
+    u_z: np.ndarray
+    F_T: float
+
+
+class Motion(NamedTuple):
+    """A deviation from the drifting state: amplitudes of modes and energy of the remainder, J."""
+
+    a: np.ndarray
+    remainder: float
+
+
+class Frozen:
+    """The slider with fixed contact states: drift, modes, and what they do to the contact.
+
+    Args:
+        solver: static states of the scene in its geometry.
+        stuck: blocks that are held, shape (N_x,), bool; all others are open.
+        dt: step of RK4 that the ring-down follows, in s; None means exact time.
+        closed: the same slider with all blocks stuck. With it, blocks are opened by corrections of
+            low rank, without a factorisation, and modes are those of its modes together with the
+            static shapes that the opened blocks add: the way for large lattices.
+
+    Attributes:
+        rates: eigenvalues of the modes, one of each conjugate pair, shape (n,), in 1/s.
+        growth: rates of the amplitudes: `rates`, or what RK4 makes of them, shape (n,), in 1/s.
+        drift: dq/dX of the static state, shape (n_q,).
+        lag: offset of the drifting state from the static one, shape (n_q,), in m.
+        margin_rate: change of the margins with X, shape (n_c,), in N/m.
+        force_rate: change of F_T with X, in N/m.
+        bound: change of the margins by a remainder of energy E over sqrt(E), (n_c,), in N/sqrt(J).
+        decay: rate at which the remainder decays at least, in 1/s.
+    """
+
+    def __init__(
+        self,
+        solver: StaticSolver,
+        stuck: np.ndarray,
+        dt: float | None = None,
+        closed: Frozen | None = None,
+    ) -> None:
+        scene = solver.scene
+        N_x, k_f, mu_s, V = scene.N_x, scene.k_f, scene.interface.mu_s, scene.driver.V
+        self.stuck, self.mu_s, self.k_f, self.dt = stuck, mu_s, k_f, dt
+        loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
+        self._bonds = solver.bond_tangents(loaded)
+        self._columns: dict[int, np.ndarray] = {}
+        self._squares: np.ndarray | None = None
+        self._last: tuple[np.ndarray, float, np.ndarray] | None = None
+        if closed is None:
+            K, factor, free = solver.tangent(stuck)
+            C = damping(scene)
+        else:
+            factor = _Opened(closed, np.flatnonzero(~stuck))
+            K, free, C = factor.K, factor.free, closed._all_C
+        self.solver, self._factor, self._rows, self._all_C = solver, factor, K, C
+        self.free, self.n_q = free, K.shape[0]
+        self.K, self.C, self.M = K[free][:, free], C[free][:, free], mass(scene)[free]
+        self.push = push = scene.driver.K * scene.d * solver.driven_row
+        self.drift, self.lag = np.zeros(self.n_q), np.zeros(self.n_q)
+        self.drift[free] = factor.solve(push[free])
+        self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
+        if closed is None:
+            # Stuck blocks of a chain can only move vertically, which nothing makes them do.
+            most = N_VALUES if len(free) <= LARGE else N_VALUES_LARGE
+            self._keep_modes(*self._find_modes(factor, most if scene.N_z > 1 else 0))
+        else:
+            self._keep_modes(*self._corrected_modes(closed, factor))
+        cut = np.max(np.abs(self.rates), initial=0.0)
+        self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), cut)
+        self.growth = self.stepped(self.rates)
+
+        # margins as rows over w and w'
+        held, open_ = np.flatnonzero(stuck), np.flatnonzero(~stuck)
+        pick = sp.eye_array(self.n_q, format="csr")
+        p = -k_f * pick[held + N_x]
+        rows = sp.vstack([mu_s * p + K[held], mu_s * p - K[held], k_f * pick[open_ + N_x]]).tocsr()
+        rows_v = sp.vstack([C[held], -C[held], sp.csr_array((len(open_), self.n_q))]).tocsr()
+        self.modal = rows[:, free] @ self.phi + (rows_v[:, free] @ self.phi) * self.rates
+        direct = np.concatenate([-push[held], push[held], np.zeros(len(open_))])
+        self.margin_rate = rows @ self.drift + direct
+        self.margin_lag = rows @ self.lag + rows_v @ (V * self.drift)
+        viscous = C[held][:, free].multiply(C[held][:, free]) @ (1 / self.M)
+        stiff = mu_s**2 * k_f + K.diagonal()[held] + viscous
+        lift = [self._compliance(factor, i + N_x) for i in open_]
+        self.bound = np.sqrt(2 * np.concatenate([stiff, stiff, k_f**2 * np.array(lift)]))
+        # F_T = K_drv (X - d u_h)
+        row = -scene.driver.K * scene.d * solver.driven_row
+        self.force_modal, self.force_lag = row[free] @ self.phi, float(row @ self.lag)
+        self.force_rate = scene.driver.K + float(row @ self.drift)
+
+    def _find_modes(
+        self, factor: BandedCholesky | SuperLU, count: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the eigenvalues of smallest modulus, up to count of them, and their modes."""
+        n, C, M = len(self.free), self.C, self.M
+        start = self.drift[self.free]
+        inertia = float(start @ (M * start))
+        # Rates are counted in units of a slow one: without that, ARPACK is lost where eta is small.
+        unit = math.sqrt(float(start @ (self.K @ start)) / inertia) if inertia > 0 else 1.0
+
+        def inverse(z: np.ndarray) -> np.ndarray:
+            return np.concatenate([-factor.solve(C @ z[:n] + (M * unit) * z[n:]), z[:n] / unit])
+
+        operator = LinearOperator((2 * n, 2 * n), inverse, dtype=float)
+        start = np.concatenate([start, np.zeros(n)])
+        start += 1e-3 * np.abs(start).max() * np.cos(np.arange(2 * n))
+        count = min(count, 2 * n - 2)
+        found, vectors = np.zeros(0, complex), np.zeros((2 * n, 0), complex)
+        for ncv in (2 * count + 1, 4 * count) if count else ():  # pairs may need more room
+            room = {"ncv": min(ncv, 2 * n), "maxiter": MAX_ITER, "tol": 1e-10}
+            with contextlib.suppress(ArpackError):  # no modes: all is remainder
+                found, vectors = eigs(operator, count, v0=start, **room)
+                break
+        one_of_pair = found.imag <= 0
+        rates = 1 / found[one_of_pair]
+        rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
+        return rates, vectors[:n, one_of_pair]
+
+    def _corrected_modes(self, closed: Frozen, factor: _Opened) -> tuple[np.ndarray, np.ndarray]:
+        """Return the modes in the space of those of the closed slider and of static shapes.
+
+        What the modes found there still lack, K^-1 (lambda^2 M + lambda C + K) phi, is added to the
+        space, and they are found once more.
+        """
+        m, n = len(self.free) - len(closed.free), closed.phi.shape[1]
+        basis = np.zeros((len(self.free), 2 * n + 2 * m))
+        basis[m:, :n], basis[m:, n : 2 * n] = closed.phi.real, closed.phi.imag
+        basis[m:, 2 * n :] = factor.shapes
+        basis[:m, 2 * n + m :] = np.eye(m)
+        slow = np.max(np.abs(closed.rates), initial=0.0)
+        rates, phi = self._modes_in(basis, slow)
+        left = self.M[:, None] * phi
+        left *= rates
+        left += self.C @ phi
+        left *= rates
+        left += self.K @ phi
+        count = basis.shape[1]
+        wider = np.empty((len(basis), count + 2 * len(rates)))
+        wider[:, :count] = basis
+        del basis, phi
+        wider[:, count : count + len(rates)] = factor.solve(left.real)
+        wider[:, count + len(rates) :] = factor.solve(left.imag)
+        del left
+        return self._modes_in(wider, slow)
+
+    def _modes_in(self, basis: np.ndarray, slow: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the modes in a space of shapes with rates up to `slow`, Galerkin's way.
+
+        The shapes are scaled in place: on large lattices they take much memory.
+        """
+        length = np.linalg.norm(basis, axis=0)
+        basis /= np.where(length > 0, length, 1.0)  # overdamped modes are real: no imaginary part
+        size, axes = np.linalg.eigh(basis.T @ (self.M[:, None] * basis))
+        apart = size > 1e-13 * size[-1]
+        axes = axes[:, apart] / np.sqrt(size[apart])
+        K, C = (axes.T @ (basis.T @ (A @ basis)) @ axes for A in (self.K, self.C))
+        zero, one = np.zeros_like(K), np.eye(len(K))
+        found, vectors = np.linalg.eig(np.block([[zero, one], [-K, -C]]))
+        kept = (np.abs(found) <= slow) & (found.imag >= 0)
+        shares = axes @ vectors[: len(K), kept]
+        phi = np.empty((len(basis), kept.sum()), complex)
+        phi.real, phi.imag = basis @ shares.real, basis @ shares.imag
+        return found[kept], phi
+
+    def _keep_modes(self, rates: np.ndarray, phi: np.ndarray) -> None:
+        """Store modes with what their amplitudes need."""
+        C, M = self.C, self.M
+        self.rates, self.phi = rates, phi
+        self.weight = np.where(rates.imag > 0, 2.0, 1.0)
+        momentum = M[:, None] * phi
+        left = C @ phi + momentum * rates
+        self._norm = norm = np.sum(phi * (left + momentum * rates), axis=0)
+        self._left, self._left_v = (left / norm).T, (momentum / norm).T
+
+    def _compliance(self, factor: BandedCholesky | SuperLU | _Opened, at: int) -> float:
+        one = (self.free == at).astype(float)
+        return float(one @ factor.solve(one))
+
+    def rest(self, u_x: np.ndarray, drive: float) -> Rest | None:
+        """Return the static state in linear geometry, None if it has other open blocks.
+
+        Args:
+            u_x: of the bottom blocks, shape (N_x,), in m; not used where open.
+            drive: displacement of the driver since t = 0, in m.
+        """
+        scene, free = self.solver.scene, self.free
+        N_x, held = scene.N_x, np.flatnonzero(self.stuck)
+        load = self.solver.load + (drive + scene.d * self.solver.u_drv0) * self.push
+        q = self._moved(u_x, drive)
+        if q is None:
+            q = np.zeros(self.n_q)
+            q[held] = u_x[held]
+            q[free] = self._factor.solve(load[free] - self._rows[free] @ q)
+        if len(free) > LARGE:
+            self._last = u_x.copy(), drive, q
+        f = np.zeros(N_x)
+        f[held] = (self._rows[held] @ q) - load[held]
+        p = np.where(self.stuck, -self.k_f * q[N_x : 2 * N_x], 0.0)
+        F_T = scene.driver.K * (drive + scene.d * (self.solver.u_drv0 - self.solver.driven_row @ q))
+        rest = Rest(q, f, -scene.d * f, p, q[N_x : 2 * N_x], float(F_T))
+        return rest if self._fits(rest) else None
+
+    def _fits(self, rest: Rest) -> bool:
+        """Whether no stuck block is pulled down, and no open one pressed up, but for rounding."""
+        scene = self.solver.scene
+        low = np.where(self.stuck, rest.p, self.k_f * rest.u_z)
+        return bool((low >= -TINY * scene.F_N / scene.N_x).all())
+
+    def driven(self, rest: Rest, drive: float, drive_now: float) -> Rest | None:
+        """Return a static state, without q, after the driver has moved on, to first order.
+
+        That is exact in linear geometry. None if it has other open blocks.
+        """
+        N_x, held = len(self.stuck), np.flatnonzero(self.stuck)
+        by = drive_now - drive
+        f = rest.f.copy()
+        f[held] += by * (self._rows[held] @ self.drift - self.push[held])
+        u_z = rest.u_z + by * self.drift[N_x : 2 * N_x]
+        p = np.where(self.stuck, -self.k_f * u_z, 0.0)
+        d = self.solver.scene.d
+        moved = Rest(None, f, -d * f, p, u_z, rest.F_T + by * self.force_rate)
+        return moved if self._fits(moved) else None
+
+    def _moved(self, u_x: np.ndarray, drive: float) -> np.ndarray | None:
+        """Return q from the last state of a large lattice, if few blocks have moved since."""
+        if self._last is None:
+            return None
+        before, drive_before, q = self._last
+        moved = np.flatnonzero(self.stuck & (u_x != before))
+        if len(moved) > FEW:
+            return None
+        q = q + (drive - drive_before) * self.drift
+        for i in moved:
+            if i not in self._columns:
+                while len(self._columns) >= MOST_COLUMNS:
+                    del self._columns[next(iter(self._columns))]
+                side = self._rows[self.free][:, [i]].toarray()[:, 0]
+                self._columns[i] = -self._factor.solve(side)
+            q[self.free] += (u_x[i] - before[i]) * self._columns[i]
+            q[i] = u_x[i]
+        return q
+
+    def margins(self, rest: Rest) -> np.ndarray:
+        """Return the margins in a static state, shape (n_c,), in N."""
+        load, f = self.mu_s * rest.p[self.stuck], rest.f[self.stuck]
+        return np.concatenate([load + f, load - f, self.k_f * rest.u_z[~self.stuck]])
+
+    def slack(self, margins: np.ndarray) -> np.ndarray:
+        """Return mu_s p - |f| of each bottom block, shape (N_x,), in N; 0 where open."""
+        n, slack = int(self.stuck.sum()), np.zeros(len(self.stuck))
+        slack[self.stuck] = np.minimum(margins[:n], margins[n : 2 * n])
+        return slack
+
+    def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
+        """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and remainder."""
+        w, v = w[self.free], v[self.free]
+        a = self._left @ w + self._left_v @ v
+        w = w - (self.phi @ (self.weight * a)).real
+        v = v - (self.phi @ (self.weight * a * self.rates)).real
+        energy = 0.5 * float(v @ (self.M * v) + w @ (self.K @ w))
+        return Motion(a, max(energy, 0.0))
+
+    def stepped(self, rates: np.ndarray) -> np.ndarray:
+        """Return the rates of amplitudes that RK4 makes of rates, 1/s."""
+        if self.dt is None:
+            return rates
+        z = rates * self.dt
+        growth = np.log(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) / self.dt
+        growth.real = np.minimum(growth.real, 0.0)
+        return growth
+
+    def stiffened(self, q: np.ndarray) -> np.ndarray:
+        """Return `growth` where bonds are as stiff as at q, to first order (finite geometry)."""
+        if self._squares is None:
+            phi = np.zeros((self.n_q, len(self.rates)), complex)
+            phi[self.free] = self.phi
+            x, z = self.solver.elongations(phi)
+            self._squares = np.concatenate([x * x, 2 * x * z, z * z])
+        stiffer = (self.solver.bond_tangents(q) - self._bonds).ravel()
+        change = stiffer @ self._squares.real + 1j * (stiffer @ self._squares.imag)
+        if len(self.free) > LARGE:
+            self._squares = None
+        return self.stepped(self.rates - change / self._norm)
+
+    def deviation(
+        self, a: np.ndarray, s: float, growth: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return w (m) and w' (m/s) of modes of amplitude a a time s (s) later, shape (n_q,)."""
+        w, v = np.zeros(self.n_q), np.zeros(self.n_q)
+        later = self.weight * a * np.exp((self.growth if growth is None else growth) * s)
+        w[self.free] = (self.phi @ later).real
+        v[self.free] = (self.phi @ (later * self.rates)).real
+        return w, v
+
+
+class _Opened:
+    """Solves with some blocks opened, from the factorisation with all of them stuck.
+
+    Opening block i removes k_f from u_z and frees u_x. With y the coordinates that are free in both
+    cases, x the freed u_x and zeta the u_z of the opened blocks,
+
+        y = K^-1 (b + k_f E_z zeta - K_yx x),   zeta = E_z.y,   c = K_xy y + K_xx x .
+    """
+
+    def __init__(self, closed: Frozen, opened: np.ndarray) -> None:
+        N_x, k_f = len(closed.stuck), closed.k_f
+        rows = closed._rows
+        lift = np.zeros(rows.shape[0])
+        lift[opened + N_x] = -k_f
+        self.K = (rows + sp.diags_array(lift)).tocsr()
+        self.free = np.concatenate([opened, closed.free])
+        self._solve, self._m = closed._factor.solve, len(opened)
+        self._z = np.searchsorted(closed.free, opened + N_x)
+        self.z_at = self._z + len(opened)
+        self._K_xy, K_xx = rows[opened][:, closed.free], rows[opened][:, opened].toarray()
+        m = len(opened)
+        self.shapes = np.empty((len(closed.free), 2 * m))
+        for k, i in enumerate(opened):
+            for column, key in ((k, i + N_x), (m + k, i)):
+                if key not in closed._columns:
+                    if key == i:
+                        side = -rows[closed.free][:, [i]].toarray()[:, 0]
+                    else:
+                        side = k_f * (closed.free == key)
+                    closed._columns[key] = self._solve(side)
+                self.shapes[:, column] = closed._columns[key]
+        self._small = np.zeros((2 * m, 2 * m))
+        self._small[:m] = -self.shapes[self._z]
+        self._small[:m, :m] += np.eye(m)
+        self._small[m:] = self._K_xy @ self.shapes
+        self._small[m:, m:] += K_xx
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return the displacements under forces on the free coordinates."""
+        m = self._m
+        y = self._solve(b[m:])
+        side = np.concatenate([y[self._z], b[:m] - self._K_xy @ y])
+        theta = np.linalg.solve(self._small, side)
+        return np.concatenate([theta[m:], y + self.shapes @ theta])
+
+
+def first_crossing(
+    c: np.ndarray, rate: np.ndarray, modal: np.ndarray, rates: np.ndarray, s_end: float, ds: float
+) -> float:
+    """Return the first s in [0, s_end] at which c + rate s + Re(modal exp(rates s)) reaches 0.
+
+    Nothing is missed between points: where a margin could dip below 0 within an interval, by the
+    bound of its second derivative, the interval is halved.
+
+    Args:
+        c: margins, shape (n_c,), in N.
+        rate: their drift, shape (n_c,), in N/s.
+        modal: amplitudes, shape (n_c, n), complex, in N.
+        rates: eigenvalues, shape (n,), in 1/s, with negative real part.
+        s_end: end of the search, in s; returned if nothing crosses before.
+        ds: resolution, in s: an interval this short that could hold a crossing counts as one.
+    """
+    size = np.abs(modal)
+    fastest = np.max(np.abs(rates), initial=1 / s_end)
+    s, h = 0.0, 0.1 / fastest
+    while s < s_end:
+        decay = np.exp(rates.real * s)
+        # Leap: the modes can do no more than their present amplitude.
+        low = c + rate * s - size @ decay
+        if (low > 0).all():
+            falls = rate < 0
+            leap = float(np.min(low[falls] / -rate[falls], initial=np.inf))
+            if leap > GRID * h:
+                s = min(s + leap, s_end)
+                continue
+        grid = s + h * np.arange(GRID + 1)
+        value = c[:, None] + rate[:, None] * grid + (modal @ np.exp(np.outer(rates, grid))).real
+        curve = (size * np.abs(rates) ** 2) @ np.exp(np.outer(rates.real, grid[:-1])) * (h**2 / 8)
+        sure = (np.minimum(value[:, :-1], value[:, 1:]) > curve).all(axis=0)
+        n_sure = int(np.argmin(sure)) if not sure.all() else GRID
+        s += n_sure * h
+        if n_sure == GRID:
+            h *= 2
+        elif (n_sure < GRID and (value[:, n_sure] <= 0).any()) or h <= ds:
+            return min(s, s_end)
+        else:
+            h = max(h / 4, ds / 2)
+    return s_end if math.isfinite(s_end) else s

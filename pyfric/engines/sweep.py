@@ -1,0 +1,341 @@
+"""Many runs: independent scenes side by side, and finished runs kept by content.
+
+    jobs = [Job(scene=preset("fig1", h=h), t_end=0.9) for h in (2.5e-3, 5e-3, 10e-3)]
+    records = run_all(jobs)
+
+A complete run is kept as a record file whose name is a hash of all that determines it: the scene
+(its name aside), the time of the end, the options of `pyfric.simulate` and the code itself. Records
+are kept in the folder that `PYFRIC_CACHE` names, or else in the user's cache folder; to clear it,
+delete that folder. The records that were used least recently go when it outgrows `MAX_BYTES`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import inspect
+import json
+import multiprocessing
+import os
+import signal
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy
+from platformdirs import user_cache_path
+from threadpoolctl import threadpool_limits
+
+from pyfric.engines.simulation import simulate
+from pyfric.record import Record, RecordError
+from pyfric.scene import Scene, SceneError, __version__, check_number, unknown
+
+if TYPE_CHECKING:
+    from multiprocessing.synchronize import Event
+
+__all__ = ["CACHE_VARIABLE", "MAX_BYTES", "Job", "JobError", "cache_folder", "run_all"]
+
+CACHE_VARIABLE = "PYFRIC_CACHE"
+"""Environment variable that names another folder for finished runs."""
+MAX_BYTES = 2**30
+"""Most bytes of finished runs that are kept."""
+
+_ELSEWHERE = {"scene", "t_end", "initial", "threads", "progress", "checkpoint", "checkpoint_every"}
+OPTIONS = [name for name in inspect.signature(simulate).parameters if name not in _ELSEWHERE]
+"""Arguments of `pyfric.simulate` that a job may have as options."""
+
+
+class JobError(RuntimeError):
+    """A run failed; the message names its job, which is the attribute `job`."""
+
+    def __init__(self, job: Job, message: str) -> None:
+        super().__init__(f"{job}: {message}")
+        self.job = job
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """One run: what `pyfric.simulate` is called with.
+
+    Args:
+        scene: what is simulated.
+        t_end: time of the end, in s.
+        options: keyword arguments of `pyfric.simulate` among `OPTIONS`.
+
+    Raises:
+        SceneError: a value is refused, or an option is unknown.
+    """
+
+    scene: Scene
+    t_end: float
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.scene, Scene):
+            raise SceneError("scene", self.scene, "", "a Scene")
+        object.__setattr__(self, "t_end", check_number("t_end", self.t_end, "s", ge=0.0))
+        object.__setattr__(self, "options", dict(self.options))
+        for name, value in self.options.items():
+            if name not in OPTIONS:
+                raise unknown(f"options.{name}", value, str(name), OPTIONS)
+            if not isinstance(value, str | bool | int | float | None):
+                raise SceneError(f"options.{name}", value, "", "text, a number, a bool or None")
+
+    @property
+    def key(self) -> str:
+        """Hash of all that determines the record: scene, end, options, code."""
+        scene = dataclasses.replace(self.scene, name="").to_toml()
+        content = json.dumps([scene, self.t_end, self.options, code_version()], sort_keys=True)
+        return hashlib.sha256(content.encode()).hexdigest()[:40]
+
+    @property
+    def weight(self) -> float:
+        """Rough measure of the work, to start long runs first: blocks times rise of the force."""
+        scene, options = self.scene, self.options
+        rise = scene.driver.K * scene.driver.V * self.t_end / scene.F_N
+        factor = {"dynamic": 100.0, "quasistatic": 0.1}.get(options.get("fidelity"), 1.0)
+        factor *= 5.0 if options.get("geometry") == "finite" else 1.0
+        return factor * scene.N_x * scene.N_z * rise
+
+    def __str__(self) -> str:
+        options = "".join(f", {name} = {value}" for name, value in self.options.items())
+        return f"{self.scene.name or 'scene'} to t = {self.t_end:g} s{options}"
+
+
+@functools.cache
+def code_version() -> str:
+    """Return a hash of the installed package, of its sources and core, and of NumPy and SciPy."""
+    versions = (__version__, np.__version__, scipy.__version__)  # static states go through LAPACK
+    found = hashlib.sha256(" ".join(versions).encode())
+    here = Path(__file__).parents[1]
+    for path in sorted(here.rglob("*")):
+        if path.suffix in (".py", ".so", ".pyd"):
+            name = path.relative_to(here).as_posix().encode()
+            found.update(name + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    return found.hexdigest()
+
+
+def cache_folder() -> Path:
+    """Return the folder in which finished runs are kept; it need not exist."""
+    given = os.environ.get(CACHE_VARIABLE)
+    return Path(given) if given else user_cache_path("pyfric", appauthor=False)
+
+
+def run_all(
+    jobs: Sequence[Job],
+    workers: int | None = None,
+    cache: bool | str | os.PathLike[str] = True,
+    progress: bool | Callable[[int, int], None] | None = None,
+) -> list[Record]:
+    """Run jobs side by side, each on one thread of a process of its own; longest first.
+
+    Worker processes are spawned: a script that is run as a file needs its calls below
+    ``if __name__ == "__main__":``. Ctrl-C stops all workers; what was finished stays in the cache.
+
+    Args:
+        jobs: what to run. Equal jobs are run once.
+        workers: most runs at a time; None means one for each processor. With 1, or one job, all is
+            done in this process.
+        cache: True reuses and keeps finished runs in `cache_folder()`, False does neither; a path
+            names another folder.
+        progress: True for a bar on stderr, a function of (number done, number of all), False for
+            nothing; None shows the bar where stderr is a terminal.
+
+    Returns:
+        The records, in the order of the jobs. `timings["processor"]` is the processor time of the
+        run and its plan, in s.
+
+    Raises:
+        SceneError: an argument is refused; nothing has been done.
+        JobError: a run failed. The others are stopped; those that were complete are in the cache.
+        KeyboardInterrupt: after Ctrl-C.
+    """
+    jobs = list(jobs)
+    for job in jobs:
+        if not isinstance(job, Job):
+            raise SceneError("jobs", job, "", "a list of Job")
+    if workers is None:
+        workers = _processors()
+    elif isinstance(workers, bool) or not (isinstance(workers, int) and workers >= 1):
+        raise SceneError("workers", workers, "", "a whole number >= 1, or None")
+    folder = None
+    if cache is not False:
+        folder = cache_folder() if cache is True else Path(cache)
+
+    by_key = {job.key: job for job in jobs}
+    found = {key: _kept(job, folder, key) for key, job in by_key.items()}
+    todo = {key: job for key, job in by_key.items() if found[key] is None}
+    todo = dict(sorted(todo.items(), key=lambda item: -item[1].weight))
+    with _progress_bar(progress, len(by_key)) as show:
+        done = len(by_key) - len(todo)
+        show(done, len(by_key))
+        with closing(_outcomes(todo, min(workers, len(todo)), folder)) as outcomes:
+            for key, made in outcomes:
+                if isinstance(made, str):
+                    raise JobError(todo[key], made)
+                if made.status != "complete":
+                    raise KeyboardInterrupt
+                found[key] = made
+                done += 1
+                show(done, len(by_key))
+    if folder is not None and todo:
+        _trim(folder, MAX_BYTES)
+    return [dataclasses.replace(found[job.key], scene=job.scene) for job in jobs]
+
+
+def _processors() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+# --- running -------------------------------------------------------------------------------------
+
+
+def _outcomes(
+    todo: Mapping[str, Job], workers: int, folder: Path | None
+) -> Iterator[tuple[str, Record | str]]:
+    """Yield key and record, or what went wrong, of each job as it ends."""
+    if workers <= 1:
+        for key, job in todo.items():
+            yield key, _made(job, folder, key, lambda *_: None)
+        return
+    spawn = multiprocessing.get_context("spawn")
+    stop = spawn.Event()
+    pool = ProcessPoolExecutor(workers, spawn, _start_worker, (stop,))
+    try:
+        with _ctrl_c_held_back():  # the processes that start here never see it
+            futures: dict[Future, str] = {
+                pool.submit(_work, job, folder, key): key for key, job in todo.items()
+            }
+        for future in as_completed(futures):
+            key = futures[future]
+            try:
+                yield key, future.result()
+            except BrokenProcessPool:
+                yield (
+                    key,
+                    (
+                        "a worker process ended by itself (out of memory, or a script without "
+                        'if __name__ == "__main__":)'
+                    ),
+                )
+    finally:
+        stop.set()
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def _ctrl_c_held_back() -> Iterator[None]:
+    """Let Ctrl-C wait until the end of the block, and block it in processes that start here."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+_stop: Event
+
+
+def _start_worker(stop: Event) -> None:
+    """Prepare a worker process: one thread, and the parent alone answers Ctrl-C."""
+    global _stop
+    _stop = stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threadpool_limits(1)
+
+
+class _Stopped(Exception):
+    """The parent wants no more of this run."""
+
+
+def _work(job: Job, folder: Path | None, key: str) -> Record | str:
+    """Make a record in a worker process, unless the parent says stop."""
+
+    def look(_: Any) -> None:
+        if _stop.is_set():
+            raise _Stopped
+
+    return _made(job, folder, key, look)
+
+
+def _made(job: Job, folder: Path | None, key: str, look: Callable[[Any], None]) -> Record | str:
+    """Return the record of a job, kept in the folder, or what went wrong."""
+    start = time.process_time()
+    try:
+        record = simulate(job.scene, job.t_end, threads=1, progress=look, **job.options)
+    except Exception as error:  # not every error survives the way between processes
+        return f"{type(error).__name__}: {error}"
+    timings = {**record.timings, "processor": time.process_time() - start}
+    record = dataclasses.replace(record, timings=timings)
+    if folder is not None and record.status == "complete":
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            record.save(folder / f"{key}.nc")
+        except OSError as error:
+            warnings.warn(f"{job}: not kept in {folder}: {error}", RuntimeWarning, stacklevel=2)
+    return record
+
+
+# --- finished runs -------------------------------------------------------------------------------
+
+
+def _kept(job: Job, folder: Path | None, key: str) -> Record | None:
+    """Return the finished run of a job; None where there is none, or its file is damaged."""
+    if folder is None:
+        return None
+    path = folder / f"{key}.nc"
+    try:
+        record = Record.load(path)
+        os.utime(path)  # used just now
+    except (OSError, RecordError):
+        return None
+    same = dataclasses.replace(record.scene, name=job.scene.name) == job.scene
+    return record if same and record.status == "complete" else None
+
+
+def _trim(folder: Path, most: int) -> None:
+    """Delete the records used least recently until those that are left fit into `most` bytes."""
+    files = []
+    for path in folder.glob("*.nc"):
+        try:
+            files.append((path.stat(), path))
+        except OSError:  # another process was faster
+            continue
+    size = 0
+    for stat, path in sorted(files, key=lambda one: -one[0].st_mtime_ns):
+        size += stat.st_size
+        if size > most:
+            path.unlink(missing_ok=True)
+
+
+@contextmanager
+def _progress_bar(
+    progress: bool | Callable[[int, int], None] | None, total: int
+) -> Iterator[Callable[[int, int], None]]:
+    """Give the function that shows how many jobs are done."""
+    if callable(progress):
+        yield progress
+        return
+    if progress is None:
+        progress = sys.stderr is not None and sys.stderr.isatty()
+    if not progress:
+        yield lambda *_: None
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=total, desc="runs", unit="run", file=sys.stderr) as bar:
+        yield lambda done, _: bar.update(done - bar.n)

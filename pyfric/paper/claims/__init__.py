@@ -1,0 +1,20 @@
+"""The paper's claims, measured: value, band, verdict.
+
+    for claim in pyfric.claims.measure():
+        print(claim.number, claim.verdict, claim.value, claim.text)
+
+Claims 1 to 16 are statements of the paper; E1 to E10 have exact answers. A claim that says several
+things is measured in several parts (1a, 1b ...). Each `Claim` says how its value was measured and
+where its band comes from: the paper's words, a convergence study, or the resolution of what is
+compared. A value outside its band is a miss, and stays one.
+
+Runs are those behind the paper's figures (`pyfric.paper.runs`) and variations of the Fig. 1 scene.
+
+Source: PRL 107, 074301 (2011).
+"""
+
+from pyfric.paper.claims.claim import Claim, report, save, table
+from pyfric.paper.claims.runs import jobs
+from pyfric.paper.claims.scorecard import NUMBERS, ROWS, measure
+
+__all__ = ["NUMBERS", "ROWS", "Claim", "jobs", "measure", "report", "save", "table"]

@@ -1,0 +1,155 @@
+"""A claim as measured, tables and files of claims."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import math
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import pandas as pd
+
+from pyfric.scene import __version__, written
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+
+__all__ = ["TENTH", "WORDS", "Claim", "Row", "Runs", "report", "row", "save", "table"]
+
+WORDS = "the paper's words"
+TENTH = "a tenth of mu_s - mu_k, our reading of 'about': the paper has no number"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """One claim, or a part of one, as measured.
+
+    Attributes:
+        number: "1" to "16" or "E1" to "E10", with a letter where a claim has several parts.
+        text: the claim in short.
+        value: what was measured.
+        unit: its unit, "" for a pure number.
+        low, high: the band; None where it has no end.
+        how: how the value was measured.
+        source: where the band comes from.
+        note: what a reader has to know, such as why it misses.
+        seconds: processor time of the claim, its runs included (shared by its parts, and with
+            other claims that need the same runs), s.
+    """
+
+    number: str
+    text: str
+    value: float
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    how: str
+    source: str
+    note: str = ""
+    seconds: float = 0.0
+
+    @property
+    def holds(self) -> bool:
+        """Whether the value is in the band, ends included; NaN never is."""
+        low = -math.inf if self.low is None else self.low
+        high = math.inf if self.high is None else self.high
+        return bool(low <= self.value <= high)
+
+    @property
+    def verdict(self) -> str:
+        return "holds" if self.holds else "misses"
+
+    @property
+    def band(self) -> str:
+        """The band as text."""
+        if self.low is None and self.high is None:
+            return "any"
+        if self.low is None:
+            return f"<= {self.high:.6g}"
+        if self.high is None:
+            return f">= {self.low:.6g}"
+        return f"{self.low:.6g} to {self.high:.6g}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Attributes, with band and verdict."""
+        return dataclasses.asdict(self) | {"band": self.band, "verdict": self.verdict}
+
+
+Runs = Mapping[str, "Record"]
+Measure = Callable[[Runs], list[Claim]]
+
+
+class Row(NamedTuple):
+    """A claim: the names of its runs, and the function that measures them."""
+
+    runs: tuple[str, ...]
+    measure: Measure
+
+
+def row(rows: dict[str, Row], number: str, *runs: str) -> Callable[[Measure], Measure]:
+    """Add the function below to the rows, under the number of its claim, with its runs."""
+
+    def add(function: Measure) -> Measure:
+        rows[number] = Row(runs, function)
+        return function
+
+    return add
+
+
+def report(claims: Iterable[Claim]) -> str:
+    """Return the table of the claims as text, with the processor time of each and its runs."""
+    claims = list(claims)
+    lines = []
+    for claim in claims:
+        value = f"{claim.value:.4g} {claim.unit}".strip()
+        band = f"{claim.band} {claim.unit}".strip()
+        lines.append(f"{claim.number:>4}  {claim.verdict:<6}  {claim.text} ({claim.seconds:.1f} s)")
+        lines.append(f"      {value} (band {band}): {claim.how}")
+        if claim.note:
+            lines.append(f"      note: {claim.note}")
+    missed = [claim.number for claim in claims if not claim.holds]
+    lines.append("")
+    lines.append(
+        f"{len(claims) - len(missed)} of {len(claims)} hold"
+        + (f"; misses: {', '.join(missed)}" if missed else "")
+    )
+    return "\n".join(lines)
+
+
+def save(claims: Iterable[Claim], folder: str | os.PathLike[str]) -> list[Path]:
+    """Write claims.json and claims.csv into a folder, which is made if it is missing.
+
+    Both hold every attribute of the claims, with band and verdict, and every digit.
+
+    Returns:
+        The paths.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    claims, folder = list(claims), Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    content = {"pyfric": __version__, "claims": table(claims)}
+    text = io.StringIO()
+    pd.DataFrame([claim.as_dict() for claim in claims]).to_csv(text, index=False)
+    paths = [folder / "claims.json", folder / "claims.csv"]
+    for path, full in zip(
+        paths, (json.dumps(content, indent=2, allow_nan=False) + "\n", text.getvalue()), strict=True
+    ):
+        with written(path) as draft:
+            draft.write_text(full, encoding="utf-8")
+    return paths
+
+
+def table(claims: Iterable[Claim]) -> list[dict[str, Any]]:
+    """Return the claims as plain dicts; None stands for numbers that are not finite."""
+    return [{name: _plain(value) for name, value in claim.as_dict().items()} for claim in claims]
+
+
+def _plain(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,59 @@
+"""The runs behind the claims."""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+from pyfric.engines import Job
+from pyfric.paper import runs as paper
+from pyfric.scene import Scene, preset
+
+LENGTHS = paper.LENGTHS
+T_END = 1.02
+"""End of variations of the Fig. 1 scene, s: just after it slides as a whole."""
+MU_S = (0.5, 0.6, 0.8, 0.9)
+D_C = (0.0, 0.5e-6, 1e-6, 2e-6, 5e-6, 10e-6)
+ETA = (0.15, 0.22, 0.42)  # over sqrt(k m); 0.316 is the default
+K_F = (2.0, 5.0, 10.0)  # over k
+SPEEDS_V = (0.5, 2.0)  # over V
+H_2A = (2.5, 5.0, 7.5, 10.0, 12.5, 15.0)  # mm
+
+
+def _name_2a(scene: Scene) -> str:
+    return f"{scene.slider.L * 1e3:g}/{scene.driver.h * 1e3:g}/{scene.F_N:g}"
+
+
+GRID = tuple(_name_2a(job.scene) for job in paper.FIG2A)
+AT_2700 = {L: tuple(f"{L}/{h:g}/2700" for h in H_2A) for L in (140, 200)}
+BASE = "140/5/3500"
+"""The Fig. 1 scene among the runs of Fig. 2(a)."""
+SETUP2 = ("setup2-", "setup2", "setup2+")
+FRONTS = ("fig4a", "run1", "run2", "run3", "run4")
+
+
+@functools.cache
+def jobs() -> dict[str, Job]:
+    """Return all runs behind the claims by name."""
+    fig1 = preset("fig1")
+    unit = math.sqrt(fig1.slider.k * fig1.m)
+
+    def fig(t_end: float = T_END, **changes: Any) -> Job:
+        return Job(scene=preset("fig1", **changes), t_end=t_end, options=LENGTHS)
+
+    found = {"fig1": paper.FIG1, "fig4a": paper.FIG4A}
+    found |= dict(zip(GRID, paper.FIG2A, strict=True))
+    found |= {job.scene.name: job for job in (*paper.FIG2B, *paper.FIG4B)}
+    finite = LENGTHS | {"geometry": "finite"}
+    for F_N in (1750.0, 2700.0):
+        job = Job(scene=preset("fig1", F_N=F_N), t_end=0.95 * F_N / 3500, options=finite)
+        found[f"F_N {F_N:g}"] = job
+    found |= {f"mu_s {mu_s:g}": fig(mu_s=mu_s) for mu_s in MU_S}
+    found |= {f"d_c {d_c * 1e6:g}": fig(0.92, d_c=d_c) for d_c in D_C}
+    found |= {f"eta {share:g}": fig(0.92, eta=share * unit) for share in ETA}
+    found |= {f"k_f {share:g}": fig(0.92, k_f=share * fig1.slider.k) for share in K_F}
+    V = fig1.driver.V
+    found |= {f"V {share:g}": fig(T_END / share, V=share * V) for share in SPEEDS_V}
+    found["chain"] = Job(scene=preset("chain"), t_end=0.55, options={"fidelity": "hybrid"})
+    return found

@@ -1,0 +1,47 @@
+"""What happened: curve, events, stresses."""
+
+from pyfric.record import analysis
+from pyfric.record.analysis import (
+    PER_BIN,
+    Collapse,
+    collapse_spread,
+    front,
+    fronts,
+    precursor_lengths,
+    stress_profile,
+    system_size_events,
+)
+from pyfric.record.catalogue import (
+    MAIN_EVENT_BLOCKS,
+    QUIET_COLUMNS,
+    SWITCH_COLUMNS,
+    T_GAP,
+    Catalogue,
+    build_catalogue,
+    front_speed,
+)
+from pyfric.record.record import Method, Record, RecordError, provenance, versions
+
+__all__ = [
+    "MAIN_EVENT_BLOCKS",
+    "PER_BIN",
+    "QUIET_COLUMNS",
+    "SWITCH_COLUMNS",
+    "T_GAP",
+    "Catalogue",
+    "Collapse",
+    "Method",
+    "Record",
+    "RecordError",
+    "analysis",
+    "build_catalogue",
+    "collapse_spread",
+    "front",
+    "front_speed",
+    "fronts",
+    "precursor_lengths",
+    "provenance",
+    "stress_profile",
+    "system_size_events",
+    "versions",
+]

@@ -1,0 +1,323 @@
+"""What the paper reads off a run: lengths, stresses, front speeds, friction coefficients.
+
+Every function takes a `pyfric.Record` of any engine and returns a table in the paper's normalised
+quantities. Blocks are numbered n = 1 ... N_x from the trailing edge, the driven side, and lie at
+x/L = (n-1)/(N_x-1); the tables list them in that order whichever side is driven. Forces are over
+F_N, interface forces over F_N/N_x. ``event`` is always the row in ``record.events``.
+
+tau is positive where friction resists the drive. The *scaled prestress* is
+(tau/p - mu_k)/(mu_s - mu_k): 0 at the kinetic and 1 at the static threshold. tau/p and everything
+made from it is NaN where a block is open (p = 0), and the scaled prestress where mu_s = mu_k.
+
+Source: PRL 107, 074301 (2011).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+
+import numpy as np
+import pandas as pd
+
+from pyfric.record.catalogue import front_speed
+from pyfric.scene import SceneError
+
+if TYPE_CHECKING:
+    from pyfric.record.record import Record
+
+__all__ = [
+    "Collapse",
+    "FrictionCoefficients",
+    "collapse_spread",
+    "friction_coefficients",
+    "front",
+    "fronts",
+    "precursor_lengths",
+    "precursors",
+    "stress_profile",
+    "system_size_events",
+]
+
+When = Literal["before", "after"]
+
+BINS = 20
+"""Default number of bins of `collapse_spread`."""
+
+PER_BIN = 5
+"""Fewest points for each bin of `collapse_spread`."""
+
+
+class FrictionCoefficients(NamedTuple):
+    """Friction of the slider as a whole.
+
+    Attributes:
+        mu_s_macro: F_max/F_N, F_max the largest static force at which an event started.
+        mu_k_macro: mean F_T/F_N over whole stick-slip cycles; NaN with fewer than two
+            system-size events.
+        R: (F_max/F_N - mu_k)/(mu_s - mu_k): 0 if mu_k alone limits the force, 1 if mu_s does;
+            NaN if mu_s = mu_k.
+    """
+
+    mu_s_macro: float
+    mu_k_macro: float
+    R: float
+
+
+class Collapse(NamedTuple):
+    """Spread of points about one curve.
+
+    Attributes:
+        rms: root mean square of ln y (or y) minus the median of its bin.
+        n: number of points.
+        edges: edges of the bins in x, shape (bins + 1,).
+        median: median of y in each bin, shape (bins,); NaN in a bin that equal x leave empty.
+    """
+
+    rms: float
+    n: int
+    edges: np.ndarray
+    median: np.ndarray
+
+
+# --- events --------------------------------------------------------------------------------------
+
+
+def precursors(record: Record) -> pd.DataFrame:
+    """Return the precursors: finished main events with 0 < L_p < L, at any time of the run.
+
+    Returns:
+        ``event``, the columns of ``record.events``, and ``force_start`` and ``force_arrest``, the
+        static forces at first slip and last stick over F_N; one row each, in order of time.
+    """
+    events = record.events
+    return _chosen(record, events["is_main"] & events["finished"] & events["is_precursor"])
+
+
+def system_size_events(record: Record) -> pd.DataFrame:
+    """Return the finished main events with L_p = L; columns as in `precursors`."""
+    events = record.events
+    return _chosen(record, events["is_main"] & events["finished"] & (events["L_p_over_L"] == 1))
+
+
+def precursor_lengths(record: Record) -> pd.DataFrame:
+    """Return length against force of the precursors, as in the paper's Fig. 2.
+
+    Only the first loading counts: precursors after the first system-size event start from another
+    state of the interface.
+
+    Returns:
+        ``event``; ``force``, the static F_T/F_N after arrest; ``L_p_over_L``.
+    """
+    table = precursors(record).rename(columns={"force_arrest": "force"})
+    sliding = system_size_events(record)["event"]
+    table = table[table["event"] < sliding.min()] if len(sliding) else table
+    return table[["event", "force", "L_p_over_L"]]
+
+
+# --- stresses ------------------------------------------------------------------------------------
+
+
+def stress_profile(record: Record, event: int | None = None, when: When = "before") -> pd.DataFrame:
+    """Return the static stresses along the interface, as in the paper's Fig. 3.
+
+    Args:
+        record: the run.
+        event: row in ``record.events``; None is the loaded slider at F_T = 0.
+        when: "before" is the state at the event's first slip, "after" at its last stick; without
+            meaning for event = None.
+
+    Returns:
+        One row per block: n; x_over_L; tau and p over F_N/N_x; tau_over_p; p_over_p_initial, over
+        the same block's p at F_T = 0, NaN where that was 0; scaled, the scaled prestress; region,
+        1 slipped in the event, 2 corner slip or open at its end, 0 neither.
+
+    Raises:
+        SceneError: no such event, its state was never reached, or unknown ``when``.
+    """
+    if when not in get_args(When):
+        raise SceneError("when", when, "", " or ".join(map(repr, get_args(When))))
+    order, unit = np.argsort(record.scene.n_of_i), record.scene.F_N / record.scene.N_x
+    if event is None:
+        tau, p = record.tau_initial, record.p_initial
+        region = np.zeros(record.scene.N_x, dtype=np.int8)
+    else:
+        event = _checked(record, event)
+        tau, p = (getattr(record, f"{name}_{when}")[event] for name in ("tau", "p"))
+        region = record.region[event]
+        if not np.isfinite(p).all():
+            reason = f"the record holds no static state {when} event {event}"
+            raise SceneError("event", event, "", "a finished event with static states", reason)
+    tau, p, p_initial = tau[order], p[order], record.p_initial[order]
+    tau_over_p = _ratio(tau, p)
+    return pd.DataFrame(
+        {
+            **_positions(record),
+            "tau": tau / unit,
+            "p": p / unit,
+            "tau_over_p": tau_over_p,
+            "p_over_p_initial": _ratio(p, p_initial),
+            "scaled": _scaled(record, tau_over_p),
+            "region": region[order],
+        }
+    )
+
+
+# --- fronts --------------------------------------------------------------------------------------
+
+
+def front(record: Record, event: int) -> pd.DataFrame:
+    """Return the rupture front of one event, as in the paper's Fig. 4.
+
+    Args:
+        record: the run; front speeds need the smaller steps of want = "front_speed".
+        event: row in ``record.events``.
+
+    Returns:
+        One row per block of the front (see `catalogue`): n; x_over_L; t, rupture time, s;
+        v_c, speed averaged over five blocks, m/s, NaN within two blocks of either end and where
+        the five times do not increase; tau_over_p and scaled, of the static state just before the
+        event.
+
+    Raises:
+        SceneError: no such event.
+    """
+    event = _checked(record, event)
+    scene = record.scene
+    order = np.argsort(scene.n_of_i)
+    t = record.rupture_times[event][order]
+    tau, p = record.tau_before[event][order], record.p_before[event][order]
+    tau_over_p = _ratio(tau, p)
+    table = pd.DataFrame(
+        {
+            **_positions(record),
+            "t": t,
+            "v_c": front_speed(t, scene.slider.l),
+            "tau_over_p": tau_over_p,
+            "scaled": _scaled(record, tau_over_p),
+        }
+    )
+    return table[np.isfinite(t)].reset_index(drop=True)
+
+
+def fronts(record: Record) -> pd.DataFrame:
+    """Return the fronts of all finished main events: ``event`` and the columns of `front`."""
+    events = record.events
+    rows = np.flatnonzero(events["is_main"] & events["finished"])
+    tables = [front(record, row).assign(event=row) for row in rows]
+    if not tables:
+        tables = [_EMPTY_FRONT]
+    table = pd.concat(tables, ignore_index=True)
+    return table[["event", *table.columns.drop("event")]]
+
+
+_EMPTY_FRONT = pd.DataFrame(
+    {
+        "n": np.zeros(0, np.int64),
+        **{name: np.zeros(0) for name in ("x_over_L", "t", "v_c", "tau_over_p", "scaled")},
+        "event": np.zeros(0, np.int64),
+    }
+)
+
+
+# --- numbers -------------------------------------------------------------------------------------
+
+
+def friction_coefficients(record: Record) -> FrictionCoefficients:
+    """Return the friction coefficients of the slider as a whole.
+
+    Args:
+        record: a run that reaches a system-size event.
+
+    Raises:
+        SceneError: the run ended before a system-size event, so that its largest force says
+            nothing.
+    """
+    sliding = system_size_events(record)
+    if sliding.empty:
+        t_end = float(record.curve["t"].iloc[-1]) if len(record.curve) else 0.0
+        allowed = "a run with a system-size event"
+        raise SceneError("record", t_end, "s", allowed, "the run ended before one: raise t_end")
+    friction, F_N = record.scene.interface, record.scene.F_N
+    mu_s_macro = float(record.events["F_T_start"].max()) / F_N
+    mean = np.nan
+    if len(sliding) > 1:
+        t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
+        first, last = sliding["t_start"].iloc[0], sliding["t_start"].iloc[-1]
+        within = (t > first) & (t < last)
+        t = np.concatenate([[first], t[within], [last]])
+        F_T = np.interp(t, record.curve["t"], record.curve["F_T"])
+        mean = float(np.trapezoid(F_T, t) / (last - first)) / F_N
+    gap = friction.mu_s - friction.mu_k
+    R = (mu_s_macro - friction.mu_k) / gap if gap else np.nan
+    return FrictionCoefficients(mu_s_macro, mean, R)
+
+
+def collapse_spread(
+    x: np.ndarray, y: np.ndarray, *, bins: int = BINS, log: bool = True
+) -> Collapse:
+    """Return how far points lie from one curve, the median of y in bins of x.
+
+    The bins hold equal numbers of points, up to one and up to equal x. Points with a NaN in x or y
+    are left out.
+
+    Args:
+        x, y: the points, equal shapes.
+        bins: number of bins.
+        log: take ln y, so that the spread is relative; y has to be positive.
+
+    Raises:
+        SceneError: fewer than 5 points per bin, or y not positive with log.
+    """
+    x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    kept = np.isfinite(x) & np.isfinite(y)
+    x, y = x[kept], y[kept]
+    if bins < 1 or x.size < PER_BIN * bins:
+        reason = f"{x.size} points are too few"
+        raise SceneError("bins", bins, "", f"1 to 1/{PER_BIN} of the number of points", reason)
+    if log and not (y > 0).all():
+        raise SceneError("y", float(y.min()), "", "positive values, or log=False")
+    values = np.log(y) if log else y
+    edges = np.quantile(x, np.linspace(0, 1, bins + 1))
+    in_bin = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
+    median = pd.Series(values).groupby(in_bin).median().reindex(range(bins)).to_numpy()
+    rms = float(np.sqrt(np.mean((values - median[in_bin]) ** 2)))
+    return Collapse(rms, int(x.size), edges, np.exp(median) if log else median)
+
+
+# --- parts ---------------------------------------------------------------------------------------
+
+
+def _chosen(record: Record, mask: pd.Series) -> pd.DataFrame:
+    rows = np.flatnonzero(mask.to_numpy(dtype=bool))
+    table = record.events.iloc[rows].reset_index(drop=True)
+    table.insert(0, "event", rows)
+    table["force_start"] = table["F_T_start"] / record.scene.F_N
+    table["force_arrest"] = table["F_T_arrest"] / record.scene.F_N
+    return table
+
+
+def _checked(record: Record, event: int) -> int:
+    """The row of an event as a Python int."""
+    count = len(record.events)
+    allowed = f"a row of record.events, 0 to {count - 1}" if count else "none: there are no events"
+    if isinstance(event, bool) or not isinstance(event, int | np.integer):
+        raise SceneError("event", event, "", allowed, "not an integer")
+    if not 0 <= event < count:
+        raise SceneError("event", int(event), "", allowed, "no such event")
+    return int(event)
+
+
+def _positions(record: Record) -> dict[str, np.ndarray]:
+    n = np.arange(1, record.scene.N_x + 1)
+    return {"n": n, "x_over_L": (n - 1) / (record.scene.N_x - 1)}
+
+
+def _ratio(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a/b, NaN where b is 0."""
+    return np.divide(a, b, out=np.full(a.shape, np.nan), where=b != 0)
+
+
+def _scaled(record: Record, tau_over_p: np.ndarray) -> np.ndarray:
+    friction = record.scene.interface
+    gap = friction.mu_s - friction.mu_k
+    return (tau_over_p - friction.mu_k) / gap if gap else np.full(tau_over_p.shape, np.nan)

@@ -1,0 +1,586 @@
+"""What happened in a run: one frozen object, one self-describing file.
+
+A record file is netCDF 4 and opens with any netCDF reader; `xarray.open_dataset` shows every
+variable with its unit and meaning. Attributes of the file:
+
+``pyfric_schema``
+    Version of this layout. A file with a newer one is refused.
+``scene``
+    The scene as TOML text.
+``method``, ``versions``, ``timings``, ``counts``, ``notes``, ``final_state``, ``tables``
+    JSON. ``tables`` lists the columns of each table in order, with their types.
+``status``
+    "complete", "interrupted" or "failed: reason".
+
+Variables of the loading curve carry their plain names on the dimension ``t``; those of the event
+and episode tables and of the two logs begin with ``event_``, ``episode_``, ``quiet_`` and
+``switch_``. Stresses are on (``event``, ``x``), x from the centre of the slider. Numbers are stored
+as they are in memory, so that a loaded record equals the saved one bit for bit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import json
+import os
+import platform
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+import pandas as pd
+import tomli_w
+
+from pyfric import core
+from pyfric.record.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP
+from pyfric.scene import Scene, __version__, written
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from pyfric.record.catalogue import Catalogue
+
+__all__ = ["SCHEMA", "Method", "Record", "RecordError", "describe", "provenance"]
+
+SCHEMA = 3
+"""Version of the file layout written by this module."""
+
+COMPRESSED_FROM = 4096
+"""Arrays of at least this many elements are compressed (without loss)."""
+
+STRESSES = ("tau_before", "p_before", "tau_after", "p_after")
+LOGS = {"quiet": QUIET_COLUMNS, "switches": SWITCH_COLUMNS}
+PREFIX = {"quiet": "quiet_", "switches": "switch_"}
+TABLES = {"curve": ("t", ""), "events": ("event", "event_"), "episodes": ("episode", "episode_")}
+
+LABELS: dict[str, tuple[str, str]] = {
+    # curve
+    "t": ("s", "time"),
+    "F_T": ("N", "tangential force of the driver"),
+    # events
+    "t_start": ("s", "time of the first slip"),
+    "t_stop": ("s", "time of the last stick"),
+    "duration": ("s", "time from first slip to last stick"),
+    "F_T_start": ("N", "tangential force of the static equilibrium at first slip"),
+    "F_T_arrest": ("N", "tangential force of the static equilibrium at last stick"),
+    "F_T_start_inst": ("N", "instantaneous tangential force at first slip"),
+    "F_T_arrest_inst": ("N", "instantaneous tangential force at last stick"),
+    "first_block": ("1", "lowest block number that slipped, 1 at the trailing edge"),
+    "last_block": ("1", "highest block number that slipped, 1 at the trailing edge"),
+    "L_p_over_L": ("1", "length slipped or open from the trailing edge, over L"),
+    "n_blocks": ("1", "number of distinct blocks that slipped"),
+    "nucleation_block": ("1", "number of the block that slipped first, 1 at the trailing edge"),
+    "x_nucleation": ("m", "distance of the first slip from the trailing edge"),
+    "n_episodes": ("1", "number of slip episodes"),
+    "n_front": ("1", "number of blocks in the front"),
+    "n_not_increasing": ("1", "blocks of the front without speed: times do not increase"),
+    "finished": ("1", "slip has stopped and no later episode can join"),
+    "is_precursor": ("1", "0 < L_p < L"),
+    "is_main": ("1", "at least 4 blocks slipped"),
+    "at_trailing_edge": ("1", "first slip at x <= h + l from the trailing edge"),
+    "quiet_start": ("1", "row of the quiet table at first slip, -1 for none"),
+    "quiet_stop": ("1", "row of the quiet table at last stick, -1 for none"),
+    # episodes
+    "n": ("1", "block number, 1 at the trailing edge"),
+    "i": ("1", "block column, 0 at the left"),
+    "step_start": ("1", "time step at the start, -1 for before the log"),
+    "step_stop": ("1", "time step at the end, -1 for unfinished"),
+    "u_x_start": ("m", "tangential displacement at the start"),
+    "u_x_stop": ("m", "tangential displacement at the end"),
+    "slip": ("m", "displacement during the episode, positive to the right"),
+    "direction": ("1", "direction of slip at the start, +1 to the right"),
+    "reversals": ("1", "changes of direction"),
+    "corner": ("1", "starts with almost no contact force: not part of any event"),
+    "p_start": ("N", "contact force at the start"),
+    "event": ("1", "number of the event (row, from 0), -1 for none"),
+    # arrays over blocks
+    "x": ("m", "position along the interface from the centre of the slider"),
+    "region": ("1", "1 slipped in the event, 2 corner slip or open at its end, 0 neither"),
+    "rupture_times": ("s", "rupture time of the blocks in the front"),
+    "tau_before": ("N", "friction force in the static state at first slip"),
+    "p_before": ("N", "contact force in the static state at first slip"),
+    "tau_after": ("N", "friction force in the static state at last stick"),
+    "p_after": ("N", "contact force in the static state at last stick"),
+    "tau_initial": ("N", "friction force at t = 0"),
+    "p_initial": ("N", "contact force at t = 0"),
+    # logs
+    "block": ("1", "block column, 0 at the left"),
+    "old": ("1", "contact mode before: 0 stuck, +1 slips right, -1 slips left, 2 open"),
+    "new": ("1", "contact mode after"),
+    "p": ("N", "contact force"),
+    "step": ("1", "time step"),
+    "kind": ("1", "+1 slip begins, -1 slip ends (non-corner blocks)"),
+    "u_x": ("m", "tangential displacement of the bottom row"),
+    "mode": ("1", "contact mode: 0 stuck, +1 slips right, -1 slips left, 2 open"),
+}
+"""Column or variable -> unit and meaning."""
+
+
+def versions() -> dict[str, str]:
+    """Return what a record says about the software that made it."""
+    build = core.build_info()
+    return {
+        "pyfric": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "compiler": build["compiler"],
+        "flags": build["flags"],
+        "machine": platform.machine(),
+    }
+
+
+def provenance(path: Path, command: str) -> Path:
+    """Write what made a set of files: command, date, software and processor. Return the path."""
+    made = {
+        "command": command,
+        "date": datetime.datetime.now(datetime.UTC).replace(microsecond=0),
+        "processor": _processor(),
+        "versions": versions(),
+    }
+    with written(path) as draft:
+        draft.write_text(tomli_w.dumps(made), encoding="utf-8")
+    return path
+
+
+def _processor() -> str:
+    """Return the model of the processor as the system names it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor()
+
+
+class RecordError(ValueError):
+    """A file is not a record that this version can read, or a record does not fit together."""
+
+
+def describe(name: str, table: str = "") -> tuple[str, str]:
+    """Unit and meaning of a column. Unlisted columns of the curve are energies in J."""
+    unlisted = ("J" if table == "curve" else "1", name.replace("_", " "))
+    return LABELS.get(name, unlisted)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """How a scene was run.
+
+    ``rtol`` is the largest error of an adaptive sub-step, None for other steppers. ``dt`` (s) is
+    None for engines without a fixed step; ``sample`` is the number of steps between
+    two points of the curve; ``t_gap`` (s) is the longest pause inside an event; ``budget`` says
+    whether the energy budget was kept.
+    """
+
+    engine: str
+    geometry: str
+    stepper: str = ""
+    switching: str = ""
+    rtol: float | None = None
+    dt: float | None = None
+    sample: int = 0
+    t_gap: float = T_GAP
+    threads: int = 1
+    variant: str = ""
+    budget: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Record:
+    """A finished, interrupted or failed run.
+
+    Arrays over blocks run from left to right and are read-only.
+
+    Attributes
+    ----------
+    scene, method
+        What was run and how.
+    curve
+        Data frame with t (s), F_T (N) and, when the budget was kept, energies (J).
+    events, episodes, region, rupture_times, tau_before, p_before, tau_after, p_after
+        The catalogue: see `pyfric.record.catalogue`. Arrays have shape (n_events, N_x).
+    tau_initial, p_initial
+        Interface forces at t = 0, shape (N_x,), N.
+    quiet, switches
+        The logs as dicts of arrays (`QUIET_COLUMNS`, `SWITCH_COLUMNS` of `catalogue`); what
+        the catalogue was made from, and what it is made from again when the run goes on.
+    versions, timings
+        Names to version texts, and names to seconds.
+    counts
+        Names to numbers of things done, such as steps and block_evaluations.
+    notes
+        What a reader has to know: assumptions that failed, levels of the plan that were left.
+    status
+        "complete", "interrupted" or "failed: reason".
+    final_state
+        The state to continue from: a `State`, a dict of arrays and numbers, or None.
+
+    Raises
+    ------
+    RecordError
+        If shapes or status do not fit together.
+    """
+
+    scene: Scene
+    method: Method
+    curve: pd.DataFrame
+    events: pd.DataFrame
+    episodes: pd.DataFrame
+    region: np.ndarray
+    rupture_times: np.ndarray
+    tau_before: np.ndarray
+    p_before: np.ndarray
+    tau_after: np.ndarray
+    p_after: np.ndarray
+    tau_initial: np.ndarray
+    p_initial: np.ndarray
+    quiet: Mapping[str, np.ndarray]
+    switches: Mapping[str, np.ndarray]
+    versions: Mapping[str, str] = field(default_factory=dict)
+    timings: Mapping[str, float] = field(default_factory=dict)
+    counts: Mapping[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    status: str = "complete"
+    final_state: Any = None
+
+    def __post_init__(self) -> None:
+        for name, shape in self._shapes().items():
+            array = _read_only(getattr(self, name))
+            if array.shape != shape:
+                raise RecordError(f"record: {name} has shape {array.shape}, needs {shape}")
+            object.__setattr__(self, name, array)
+        for log, columns in LOGS.items():
+            values = getattr(self, log)
+            for name in columns:
+                if name not in values:
+                    raise RecordError(f"record: {log} has no column {name}")
+            frozen = {name: _read_only(values[name]) for name in columns}
+            object.__setattr__(self, log, frozen)
+        for name in ("t", "F_T"):
+            if name not in self.curve:
+                raise RecordError(f"record: the curve has no column {name}")
+        if self.status not in ("complete", "interrupted") and not self.status.startswith("failed"):
+            raise RecordError(f"record: status {self.status!r} is unknown")
+
+    def _shapes(self) -> dict[str, tuple[int, ...]]:
+        by_block = (self.scene.N_x,)
+        by_event = (len(self.events), *by_block)
+        names = ("region", "rupture_times", *STRESSES)
+        shapes = dict.fromkeys(names, by_event)
+        return shapes | {"tau_initial": by_block, "p_initial": by_block}
+
+    @classmethod
+    def from_catalogue(cls, catalogue: Catalogue, **rest: Any) -> Self:
+        """Record of a run from its catalogue and the remaining attributes."""
+        return cls(
+            events=catalogue.events,
+            episodes=catalogue.episodes,
+            region=catalogue.region,
+            rupture_times=catalogue.rupture_times,
+            **{name: getattr(catalogue.static, name) for name in STRESSES},
+            **rest,
+        )
+
+    def identical(self, other: Record) -> bool:
+        """Whether both records hold the same values, bit for bit, with the same types."""
+        return all(
+            _identical(getattr(self, one.name), getattr(other, one.name))
+            for one in dataclasses.fields(self)
+        )
+
+    # --- files -----------------------------------------------------------------------------------
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write one netCDF file, atomically: a file of that name is replaced whole or not at all.
+
+        Raises
+        ------
+        RecordError
+            If a table holds a column that the file cannot hold exactly.
+        OSError
+            If the file cannot be written.
+        """
+        path = Path(path)
+        dataset = self.to_xarray()
+        encoding = {name: _encoding(variable) for name, variable in dataset.variables.items()}
+        with written(path) as draft:
+            dataset.to_netcdf(draft, engine="h5netcdf", encoding=encoding)
+        return path
+
+    def to_xarray(self) -> xr.Dataset:
+        """The record as an `xarray.Dataset`, as it is laid out in the file."""
+        import xarray as xr  # slow to import
+
+        variables = dict(self._variables())
+        attributes = {
+            "title": f"pyfric record: {self.scene.name or 'unnamed scene'}",
+            "Conventions": "CF-1.11",
+            "pyfric_schema": SCHEMA,
+            "scene": self.scene.to_toml(),
+            "method": json.dumps(dataclasses.asdict(self.method)),
+            "versions": json.dumps(dict(self.versions)),
+            "timings": json.dumps(dict(self.timings)),
+            "counts": json.dumps(dict(self.counts)),
+            "notes": json.dumps(list(self.notes)),
+            "status": self.status,
+            "final_state": json.dumps(_state_plan(self.final_state)),
+            "tables": json.dumps({name: _dtypes(getattr(self, name)) for name in TABLES}),
+        }
+        coordinates = {name: variables.pop(name) for name in ("t", "x", "n")}
+        return xr.Dataset(variables, coordinates, attributes)
+
+    def _variables(self) -> Iterator[tuple[str, tuple[Any, np.ndarray, dict[str, str]]]]:
+        """Name and (dimensions, values, attributes) of every variable of the file."""
+
+        def variable(
+            dims: Any, values: np.ndarray, name: str, table: str = ""
+        ) -> tuple[Any, np.ndarray, dict[str, str]]:
+            unit, long_name = describe(name, table)
+            return dims, values, {"units": unit, "long_name": long_name}
+
+        yield "x", variable("x", np.asarray(self.scene.x), "x")
+        yield "n", variable("x", np.asarray(self.scene.n_of_i), "n")
+        taken = {"x", "n", *self._shapes()}
+        for table, (dim, prefix) in TABLES.items():
+            for name, column in getattr(self, table).items():
+                if prefix + name in taken:
+                    raise RecordError(f"record: column {name!r} of {table} needs another name")
+                taken.add(prefix + name)
+                yield prefix + name, variable(dim, _plain(column), name, table)
+        for name, shape in self._shapes().items():
+            dims = ("event", "x")[-len(shape) :]
+            yield name, variable(dims, getattr(self, name), name)
+        for log in LOGS:
+            for name, values in getattr(self, log).items():
+                yield PREFIX[log] + name, variable((log, "x")[: values.ndim], values, name)
+        for name, value in _state_items(self.final_state).items():
+            if _kind(value) in ("array", "int", "float", "bool"):
+                array = np.asarray(value)
+                dims = [f"final_{name}_{axis}" for axis in range(array.ndim)]
+                attributes = {"units": "SI", "long_name": f"{name} of the final state"}
+                yield "final_" + name, (dims, array, attributes)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a record written by `save`.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is no such file.
+        RecordError
+            If the file is not a pyfric record, is damaged, or has a newer schema.
+        """
+        path = Path(path)
+        if not path.exists():
+            raise FileNotFoundError(f"no record at {path}")
+        try:
+            attributes, values = _read(path)
+        except Exception as error:  # whatever the HDF5 layers make of a foreign or cut-off file
+            raise RecordError(f"{path}: not a pyfric record ({error})") from error
+        schema = attributes.get("pyfric_schema")
+        if schema is None:
+            raise RecordError(f"{path}: not a pyfric record (no attribute pyfric_schema)")
+        if not 1 <= schema <= SCHEMA:
+            raise RecordError(
+                f"{path}: written with record schema {schema}, this pyfric reads up to {SCHEMA}; "
+                "a newer pyfric is needed"
+            )
+        try:
+            return cls._from_file(attributes, values)
+        except (KeyError, TypeError, ValueError) as error:
+            raise RecordError(f"{path}: damaged pyfric record ({error})") from error
+
+    @classmethod
+    def _from_file(cls, attributes: Mapping[str, Any], values: Mapping[str, np.ndarray]) -> Self:
+        tables = {
+            name: _table(values, TABLES[name][1], columns)
+            for name, columns in json.loads(attributes["tables"]).items()
+        }
+        arrays = ("region", "rupture_times", *STRESSES, "tau_initial", "p_initial")
+        return cls(
+            scene=Scene.from_toml(attributes["scene"]),
+            method=Method(**json.loads(attributes["method"])),
+            **tables,
+            **{name: values[name] for name in arrays},
+            **{
+                log: {name: values[PREFIX[log] + name] for name in columns}
+                for log, columns in LOGS.items()
+            },
+            versions=json.loads(attributes["versions"]),
+            timings=json.loads(attributes["timings"]),
+            counts=json.loads(attributes.get("counts", "{}")),
+            notes=tuple(json.loads(attributes.get("notes", "[]"))),
+            status=attributes["status"],
+            final_state=_load_state(json.loads(attributes["final_state"]), values),
+        )
+
+    def to_csv(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write the tables as CSV into ``folder`` (made if missing) and return the paths.
+
+        curve.csv, events.csv and episodes.csv are the data frames; stresses.csv has one row per
+        event and block, with event -1 for the initial state; columns.csv gives unit and meaning of
+        every column. Floats are written with all the digits that tell them apart.
+        """
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        tables = {name: getattr(self, name) for name in TABLES}
+        tables["events"] = tables["events"].rename_axis("event").reset_index()
+        tables["stresses"] = self._stress_table()
+        labels = [
+            (table, column, *describe(column, table))
+            for table, frame in tables.items()
+            for column in frame
+        ]
+        tables["columns"] = pd.DataFrame(labels, columns=["table", "column", "unit", "meaning"])
+        paths = []
+        for name, frame in tables.items():
+            paths.append(folder / f"{name}.csv")
+            frame.to_csv(paths[-1], index=False)
+        return paths
+
+    def _stress_table(self) -> pd.DataFrame:
+        n_events, N_x = self.region.shape
+        nothing = np.full(N_x, np.nan)
+        initial = {"tau_before": self.tau_initial, "p_before": self.p_initial}
+        columns = {
+            "event": np.repeat(np.arange(-1, n_events), N_x),
+            "n": np.tile(self.scene.n_of_i, n_events + 1),
+            "x": np.tile(self.scene.x, n_events + 1),
+            "region": np.concatenate([np.zeros(N_x, np.int8), self.region.ravel()]),
+        }
+        for name in (*STRESSES, "rupture_times"):
+            first = initial.get(name, nothing)
+            columns[name] = np.concatenate([first, getattr(self, name).ravel()])
+        return pd.DataFrame(columns)
+
+
+# --- columns -------------------------------------------------------------------------------------
+
+
+def _read_only(values: Any) -> np.ndarray:
+    view = np.asarray(values).view()
+    view.flags.writeable = False
+    return view
+
+
+def _dtypes(frame: pd.DataFrame) -> dict[str, str]:
+    return {str(name): str(dtype) for name, dtype in frame.dtypes.items()}
+
+
+def _plain(column: pd.Series) -> np.ndarray:
+    """Values of a column as a NumPy array of numbers, booleans or text."""
+    values = column.to_numpy()
+    if values.dtype.kind in "biuf":
+        return values
+    if all(isinstance(value, str) for value in values):
+        return np.array(values, dtype=np.str_)
+    raise RecordError(f"record: column {column.name!r} ({column.dtype}) is not numbers or text")
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Attributes and variables of a record file. xarray takes ten times as long."""
+    import h5py
+
+    with h5py.File(path) as file:
+        values = {}
+        for name, variable in file.items():
+            text = h5py.check_string_dtype(variable.dtype)
+            values[name] = np.array(variable.asstr()[()], np.str_) if text else variable[()]
+            if variable.attrs.get("dtype") == "bool":
+                values[name] = values[name].astype(bool)
+        numbers = (np.ndarray, np.generic)
+        return {k: v.item() if isinstance(v, numbers) else v for k, v in file.attrs.items()}, values
+
+
+def _table(
+    values: Mapping[str, np.ndarray], prefix: str, columns: Mapping[str, str]
+) -> pd.DataFrame:
+    return pd.DataFrame(
+        {name: pd.Series(values[prefix + name]).astype(dtype) for name, dtype in columns.items()}
+    )
+
+
+def _encoding(variable: xr.Variable) -> dict[str, Any]:
+    if variable.dtype.kind not in "biuf":
+        return {}
+    exact = {"_FillValue": None}
+    if variable.size < COMPRESSED_FROM:
+        return exact
+    return exact | {"zlib": True, "complevel": 1, "shuffle": True}
+
+
+# --- final state ---------------------------------------------------------------------------------
+
+
+def _state_items(state: Any) -> dict[str, Any]:
+    if state is None:
+        return {}
+    if isinstance(state, Mapping):
+        return dict(state)
+    return {one.name: getattr(state, one.name) for one in dataclasses.fields(state) if one.init}
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, np.ndarray | np.generic):
+        return "array"
+    for kind in (bool, int, float):  # bool first: it is an int
+        if type(value) is kind:
+            return kind.__name__
+    return "json"
+
+
+def _state_plan(state: Any) -> dict[str, Any] | None:
+    """What the attributes say about the final state: its class and the kind of each entry."""
+    if state is None:
+        return None
+    plan = {name: [_kind(value), None] for name, value in _state_items(state).items()}
+    for name, value in _state_items(state).items():
+        if plan[name][0] == "json":
+            plan[name][1] = value
+        elif plan[name][0] == "array":
+            plan[name][1] = np.asarray(value).dtype.str
+    return {"class": "dict" if isinstance(state, Mapping) else "State", "entries": plan}
+
+
+def _load_state(plan: Mapping[str, Any] | None, values: Mapping[str, np.ndarray]) -> Any:
+    if plan is None:
+        return None
+    types = {"bool": bool, "int": int, "float": float}
+    state = {}
+    for name, (kind, detail) in plan["entries"].items():
+        if kind == "json":
+            state[name] = detail
+        elif kind == "array":
+            state[name] = values["final_" + name].astype(detail)
+        else:
+            state[name] = types[kind](values["final_" + name].item())
+    if plan["class"] == "dict":
+        return state
+    from pyfric.core import State
+
+    return State(**state)
+
+
+# --- equality ------------------------------------------------------------------------------------
+
+
+def _identical(a: Any, b: Any) -> bool:
+    if isinstance(a, pd.DataFrame):
+        if not (isinstance(b, pd.DataFrame) and _dtypes(a) == _dtypes(b) and len(a) == len(b)):
+            return False
+        return list(a) == list(b) and all(_identical(_plain(a[c]), _plain(b[c])) for c in a)
+    if isinstance(a, np.ndarray | np.generic):
+        same_form = isinstance(b, np.ndarray | np.generic) and a.dtype == b.dtype
+        return same_form and np.shape(a) == np.shape(b) and a.tobytes() == b.tobytes()
+    if isinstance(a, Mapping):
+        same_keys = isinstance(b, Mapping) and list(a) == list(b)
+        return same_keys and all(_identical(a[key], b[key]) for key in a)
+    if isinstance(a, float) and isinstance(b, float):
+        return _identical(np.float64(a), np.float64(b))
+    if dataclasses.is_dataclass(a) and not isinstance(a, Scene | Method):
+        return type(a) is type(b) and _identical(_state_items(a), _state_items(b))
+    return type(a) is type(b) and a == b

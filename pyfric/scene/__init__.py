@@ -1,0 +1,55 @@
+"""What is simulated: parts, scenes, presets, units, geometry."""
+
+from pyfric.scene.files import written
+from pyfric.scene.geometry import Geometry, check_geometry, default_geometry
+from pyfric.scene.scene import (
+    PRESETS,
+    DistributedLoad,
+    Driver,
+    Interface,
+    PrescribedLoad,
+    Rod,
+    Scene,
+    Slider,
+    chain,
+    preset,
+    run3,
+    setup1,
+    setup2,
+)
+from pyfric.scene.units import (
+    SceneError,
+    check_number,
+    nearest,
+    parse_quantity,
+    range_text,
+    unknown,
+)
+from pyfric.scene.version import __version__
+
+__all__ = [
+    "PRESETS",
+    "DistributedLoad",
+    "Driver",
+    "Geometry",
+    "Interface",
+    "PrescribedLoad",
+    "Rod",
+    "Scene",
+    "SceneError",
+    "Slider",
+    "__version__",
+    "chain",
+    "check_geometry",
+    "check_number",
+    "default_geometry",
+    "nearest",
+    "parse_quantity",
+    "preset",
+    "range_text",
+    "run3",
+    "setup1",
+    "setup2",
+    "unknown",
+    "written",
+]

@@ -1,0 +1,45 @@
+"""States of rest."""
+
+from pyfric.statics.banded import BandedCholesky
+from pyfric.statics.blas import one_thread_if_small
+from pyfric.statics.complementarity import Contact, Interface, Values
+from pyfric.statics.equilibrium import (
+    LARGE,
+    Equilibrium,
+    EquilibriumError,
+    StaticSolver,
+    loaded_state,
+    solve_static,
+)
+from pyfric.statics.operators import (
+    METHODS,
+    bonds,
+    damping,
+    dispersion,
+    mass,
+    spring_stiffness,
+    stability_limit,
+    stiffness,
+)
+
+__all__ = [
+    "LARGE",
+    "METHODS",
+    "BandedCholesky",
+    "Contact",
+    "Equilibrium",
+    "EquilibriumError",
+    "Interface",
+    "StaticSolver",
+    "Values",
+    "bonds",
+    "damping",
+    "dispersion",
+    "loaded_state",
+    "mass",
+    "one_thread_if_small",
+    "solve_static",
+    "spring_stiffness",
+    "stability_limit",
+    "stiffness",
+]

@@ -1,0 +1,332 @@
+"""Contact of the interface as one complementarity problem: stuck, slip +, slip -, open.
+
+A block is in exactly one of these states (d is the slider's, sigma a block's direction):
+
+    stuck   u_x held,                 |f| <= mu_s p,  p >= 0
+    slip    f = -sigma mu_k p,        sigma du_x >= 0, p >= 0
+    open    p = f = 0,                u_z >= 0
+
+`Interface` holds the condensed slider of one scene. A `Contact` gives u_x, f, u_z and F_T as affine
+functions of the held u_x and of the driver, in a table whose columns are exchanged when a block is
+released or held. That is a rank-one change, so following an event costs microseconds for each.
+
+Source: PRL 107, 074301 (2011), friction law; tables with exchanged columns are the pivots of linear
+complementarity (R. W. Cottle, J.-S. Pang, R. E. Stone, The Linear Complementarity Problem, 1992).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.linalg.lapack import dposv, dpotrf
+
+from pyfric.statics.condensation import condense
+from pyfric.statics.equilibrium import EquilibriumError, loaded_state
+
+if TYPE_CHECKING:
+    from pyfric.scene import Scene
+
+__all__ = ["Contact", "Interface", "Statics", "Values"]
+
+CONTACT_TOL = 1e-11
+"""Violations of contact or friction conditions below this many F_N/N_x are rounding."""
+ROUNDING = 2.0**-48
+"""Errors of forces, over stiffness times displacement."""
+RATE_TOL = 1e-11
+"""Rates of forces below this share of stiffness times rate of displacement are rounding."""
+LEAST = 1e-6
+"""A block with less load than this many F_N/N_x does not stick."""
+
+
+class Values(NamedTuple):
+    """The interface at one position of the driver; arrays have shape (N_x,)."""
+
+    u_x: np.ndarray
+    f: np.ndarray
+    u_z: np.ndarray
+    p: np.ndarray
+    F_T: float
+
+
+class Interface:
+    """The condensed slider of one scene and its contact with the substrate (linear geometry)."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.slider = condense(scene)
+        self.unit = scene.F_N / scene.N_x
+        self._bases: dict[bytes, np.ndarray] = {}
+
+    def base(self, closed: np.ndarray) -> np.ndarray:
+        """Return the table with all u_x held: rows u_x, f, u_z, F_T; columns u_x, X, 1."""
+        key = closed.tobytes()
+        if key not in self._bases:
+            while len(self._bases) >= 64:
+                del self._bases[next(iter(self._bases))]
+            self._bases[key] = self._new_base(closed)
+        return self._bases[key]
+
+    def _new_base(self, closed: np.ndarray) -> np.ndarray:
+        s, N_x = self.slider, self.scene.N_x
+        x, z = slice(0, N_x), slice(N_x, 2 * N_x)
+        A = s.S[z, z].copy()
+        A[np.diag_indices(N_x)] += self.scene.k_f * closed
+        load = np.column_stack([s.g_1, s.g_0])
+        table = np.zeros((3 * N_x + 1, N_x + 2))
+        table[:N_x, :N_x] = np.eye(N_x)
+        _, u_z, failed = dposv(A, np.column_stack([-s.S[z, x], load[z]]))
+        if failed:
+            raise EquilibriumError("the slider is not supported", np.nan, 0.0, 0)
+        table[2 * N_x : 3 * N_x] = u_z
+        f = table[N_x : 2 * N_x]
+        f[:] = s.S[x, z] @ u_z
+        f[:, :N_x] += s.S[x, x]
+        f[:, N_x:] -= load[x]
+        table[-1] = -s.g_1[z] @ u_z
+        table[-1, :N_x] -= s.g_1[x]
+        table[-1, N_x:] += s.c_2, s.c_1
+        return table
+
+    def loaded(self) -> Contact:
+        """Return the loaded state with F_T = 0: all blocks are held where they are.
+
+        Raises:
+            EquilibriumError: the scene has no loaded equilibrium.
+        """
+        scene = self.scene
+        contact = Contact(self, np.zeros(scene.N_x), 0.0, np.ones(scene.N_x, dtype=bool))
+        contact.X = -contact.values().F_T / contact.rates().F_T
+        now = contact.values()
+        if (np.abs(now.f) <= contact.mu_s * now.p).all():
+            return contact
+        # Blocks slip or lift off while F_N is applied.
+        rest = loaded_state(scene)
+        return Contact(self, rest.u[0, 0], scene.d * rest.u_drv0, ~rest.open)
+
+    def solver(self, X_0: float) -> Statics:
+        """Return static states for `pyfric.record.catalogue`; the driver counts from X_0."""
+        return Statics(self, X_0)
+
+
+class Static(NamedTuple):
+    """A static state of the interface; arrays of shape (N_x,), in N."""
+
+    F_T: float
+    tau: np.ndarray
+    p: np.ndarray
+
+
+class Statics:
+    """Static states with the interface held, as `pyfric.StaticSolver` gives them."""
+
+    def __init__(self, interface: Interface, X_0: float) -> None:
+        self.interface, self.X_0 = interface, X_0
+
+    def solve(self, u_x_bottom: np.ndarray, drive: float, *, free: np.ndarray) -> Static:
+        """Return the equilibrium with u_x held except where free (open).
+
+        Free blocks that touch the foundation have no friction. Held ones that lift off are freed;
+        where they come down again, they are held again, unless they lift off a second time.
+
+        Raises:
+            EquilibriumError: the set of open blocks does not settle.
+        """
+        given = np.where(free, 0.0, u_x_bottom)
+        contact = Contact(self.interface, given, self.X_0 + drive, ~free)
+        contact.mu_k = 0.0
+        loose, lifted = free.copy(), np.zeros_like(free)
+        for _ in range(8 * contact.N_x + 20):
+            now = contact.values()
+            i = contact.wrong_side(now)
+            if i is None:
+                return Static(now.F_T, -self.interface.scene.d * now.f, now.p)
+            closed = contact.closed.copy()
+            closed[i] ^= True
+            if not closed[i] and not loose[i]:
+                loose[i], lifted[i] = lifted[i], True
+            contact.closed, contact.slip = closed, (closed & loose).astype(np.int8)
+            contact.column[:-2] = given
+            contact.renew()
+        raise EquilibriumError("the set of open blocks does not settle", np.nan, contact.tol, 0)
+
+
+class Contact:
+    """Contact states of all blocks, and the table that goes with them.
+
+    Attributes:
+        slip: direction of the blocks that slip, 0 elsewhere, shape (N_x,), int8.
+        closed: blocks that touch the foundation, shape (N_x,), bool.
+        X: position of the driver, in m.
+        tol: violations of contact or friction conditions below it are rounding, in N.
+        ambiguous: releases after which a block yields to a force by moving against it, or not at
+            all: the solution need not be the only one.
+    """
+
+    def __init__(self, interface: Interface, u_x: np.ndarray, X: float, closed: np.ndarray) -> None:
+        self.interface, scene = interface, interface.scene
+        self.N_x, self.k_f = scene.N_x, scene.k_f
+        self.mu_s, self.mu_k = scene.interface.mu_s, scene.interface.mu_k
+        self.k, self.K, self.least = scene.slider.k, scene.driver.K, LEAST * interface.unit
+        self.slip = np.zeros(self.N_x, dtype=np.int8)
+        self.closed = np.array(closed, dtype=bool)
+        self.free = np.zeros(self.N_x, dtype=bool)
+        self.ambiguous = 0
+        self.column = np.concatenate([u_x, [X, 1.0]])
+        self.renew()
+
+    @property
+    def X(self) -> float:
+        return float(self.column[-2])
+
+    @X.setter
+    def X(self, value: float) -> None:
+        self.column[-2] = value
+
+    @property
+    def stuck(self) -> np.ndarray:
+        """Blocks that are closed and held, shape (N_x,), bool."""
+        return ~self.free
+
+    def wrong_side(self, now: Values) -> int | None:
+        """Return the block that is deepest on the wrong side of the foundation, None for none."""
+        depth = np.where(self.closed, self.k_f * now.u_z, -min(self.k, self.k_f) * now.u_z)
+        i = int(np.argmax(depth))
+        return i if depth[i] > self.tol else None
+
+    def next_change(self) -> tuple[float, int, int]:
+        """Return where the next contact state changes as X grows.
+
+        A rate that may be nothing but rounding changes nothing.
+
+        Returns:
+            X (inf for nowhere), the block, and what it does: +1 or -1 slips that way, 0 opens or
+            closes, 2 has load again and sticks.
+        """
+        now, rate, stuck = self.values(), self.rates(), self.stuck
+        mu_s, closed, small = self.mu_s, self.closed, self.small_rate(rate)
+        best = np.inf, 0, 0
+        light = closed & ~stuck & (now.p <= 2 * self.least)
+        for what, level, slope, which in (
+            (+1, mu_s * now.p + now.f, mu_s * rate.p + rate.f, stuck),
+            (-1, mu_s * now.p - now.f, mu_s * rate.p - rate.f, stuck),
+            (0, now.p, rate.p, closed),
+            (0, self.k * now.u_z, self.k * rate.u_z, ~closed),
+            (2, 2 * self.least - now.p, -rate.p, light),
+        ):
+            falls = which & (slope < -small)
+            if falls.any():
+                ahead = np.full(self.N_x, np.inf)
+                np.divide(np.maximum(level, 0.0), -slope, out=ahead, where=falls)
+                i = int(np.argmin(ahead))
+                if self.X + ahead[i] < best[0]:
+                    best = self.X + float(ahead[i]), i, what
+        return best
+
+    def small_rate(self, rate: Values) -> float:
+        """Return the rate of a force that may be nothing but rounding, in N/m."""
+        moves = float(np.abs(rate.u_x).max())
+        return RATE_TOL * (self.k * moves + min(self.k, self.K))
+
+    def definite(self) -> bool:
+        """Return whether the slip operator is positive definite: the solution is then unique."""
+        i = np.flatnonzero(self.slip)
+        if not i.size:
+            return True
+        inverse = self.table[np.ix_(i, i)]
+        return dpotrf(inverse + inverse.T)[1] == 0
+
+    def _exchange(self, i: int) -> None:
+        """Free a held block, on which the force is then given, or hold a free one where it is."""
+        table, column, N_x = self.table, self.column, self.N_x
+        if self.free[i]:
+            row = table[i].copy()
+            value = row @ column
+        else:
+            row = table[N_x + i] - (self.slip[i] * self.mu_k * self.k_f) * table[2 * N_x + i]
+            value = 0.0
+        pivot = row[i]
+        row /= -pivot
+        row[i] = 1.0 / pivot
+        factor = table[:, i].copy()
+        table[:, i] = 0.0
+        table += np.outer(factor, row)
+        column[i] = value
+        self.free[i] = not self.free[i]
+
+    def release(self, i: int, direction: int) -> None:
+        """Let a stuck block slip."""
+        self.slip[i] = direction
+        self._exchange(i)
+        self.ambiguous += self.table[i, i] <= 0
+
+    def hold(self, i: int, u_x: float | None = None) -> None:
+        """Hold a slipping block, where it is or at u_x."""
+        self._exchange(i)
+        self.slip[i] = 0
+        if u_x is not None:
+            self.column[i] = u_x
+
+    def hold_all(self) -> None:
+        """Hold all slipping blocks where they are; the table starts afresh.
+
+        Blocks that carry next to nothing go on slipping. Before they lift off they would otherwise
+        slip and stick without end, by less each time.
+        """
+        now = self.values()
+        self.column[: self.N_x] = now.u_x
+        self.slip[now.p > self.least] = 0
+        self.renew()
+
+    def set_closed(self, closed: np.ndarray) -> None:
+        """Open and close blocks; blocks that close are held where they are, others stay."""
+        u_x = self.table[: self.N_x] @ self.column
+        self.closed = closed.copy()
+        self.slip[~closed] = 0
+        self.column[: self.N_x] = u_x
+        self.renew()
+
+    def flip(self, i: int) -> None:
+        """Open a closed block or close an open one."""
+        closed = self.closed.copy()
+        closed[i] ^= True
+        self.set_closed(closed)
+
+    def renew(self) -> None:
+        """Start from the table with all blocks held, and free those that are not stuck at once."""
+        N_x = self.N_x
+        largest = max(self.k * np.abs(self.column[:N_x]).max(), min(self.k, self.K) * abs(self.X))
+        self.tol = CONTACT_TOL * self.interface.unit + ROUNDING * float(largest)
+        self.table = table = self.interface.base(self.closed).copy()
+        self.free = (self.slip != 0) | ~self.closed
+        free = np.flatnonzero(self.free)
+        if not free.size:
+            return
+        friction = (self.slip[free] * (self.mu_k * self.k_f))[:, None]
+        rows = table[N_x + free] - friction * table[2 * N_x + free]
+        try:
+            inverse = np.linalg.inv(rows[:, free])
+        except np.linalg.LinAlgError:
+            what = "the slider is not held by the blocks that stick"
+            raise EquilibriumError(what, np.nan, self.tol, 0) from None
+        rows = -(inverse @ rows)
+        rows[:, free] = inverse
+        factor = table[:, free].copy()
+        table[:, free] = 0.0
+        table += factor @ rows
+        self.column[free] = 0.0
+
+    def values(self) -> Values:
+        """Return the interface at the present position of the driver."""
+        return self._interface(self.table @ self.column)
+
+    def rates(self) -> Values:
+        """Return the derivatives of `values` by X."""
+        return self._interface(self.table[:, -2])
+
+    def _interface(self, v: np.ndarray) -> Values:
+        N_x = self.N_x
+        u_z = v[2 * N_x : 3 * N_x]
+        p = np.where(self.closed, -self.k_f * u_z, 0.0)
+        f = np.where(self.free, -self.slip * (self.mu_k * p), v[N_x : 2 * N_x])
+        return Values(v[:N_x], f, u_z, p, float(v[-1]))

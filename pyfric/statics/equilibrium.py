@@ -1,0 +1,745 @@
+"""Static equilibria: the loaded slider at the start, and the slider at given interface positions.
+
+`StaticSolver` holds the bottom row at given u_x and finds the state of rest of everything else. The
+vertical contact is an active set: a block with u_z < 0 is closed and carries p = -k_f u_z, any
+other one is open and carries neither p nor friction, so its u_x is free.
+
+`loaded_state` is the start of a run: F_N applied, F_T = 0. The bottom row is held at u_x = 0 unless
+a block would need more than mu_s p. Then F_N is applied proportionally and quasi-statically.
+In linear geometry that loading is self-similar: a block that slips at all does so from
+the first newton on, always in one direction, so the final state alone decides:
+
+    stuck     u_x = 0,            |f| <= mu_s p
+    slipped   sign(u_x) = s != 0, f = -s mu_k p
+    open      p = 0,              f = 0
+
+For mu_s = mu_k this is a linear complementarity problem. For mu_s > mu_k the same conditions hold
+with mu_k on blocks that slipped, which leaves several solutions; the rule is to release the block
+with the largest |f| - mu_s p, one at a time (equal ones together), to solve again, and to hold
+again blocks that moved along their friction force. In finite geometry the same conditions are
+imposed at full load.
+
+Forces are compared relative to F_N/N_x, displacements relative to others, never absolutely: in
+linear geometry, doubling F_N and all displacements doubles every result bit for bit.
+
+A chain does not slip while it is loaded: its scene is refused if it would. It keeps p_i, and blocks
+without friction stay closed.
+
+Source: PRL 107, 074301 (2011).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import SuperLU, splu
+
+from pyfric import core
+from pyfric.core import OPEN, STUCK, State
+from pyfric.scene import Geometry, check_geometry
+from pyfric.statics.banded import BandedCholesky
+from pyfric.statics.operators import (
+    bonds,
+    coordinates,
+    driven_dof,
+    spring_forces,
+    spring_tangents,
+    stiffness,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pyfric.scene import Scene
+
+__all__ = ["Equilibrium", "EquilibriumError", "StaticSolver", "loaded_state", "solve_static"]
+
+MAX_NEWTON = 60
+"""Largest number of Newton steps for one contact set."""
+ACCEPTED = 1e-9
+"""Largest accepted residual force, in units of F_N/N_x, where rounding forbids a smaller one."""
+CONTACT_TOL = 1e-11
+"""Violations of contact or friction conditions below this many F_N/N_x are rounding."""
+TIE = 1e-9
+"""Excess forces closer than this many F_N/N_x are equal, so that symmetric scenes stay so."""
+KEPT, LARGE = 12, 10_000
+"""Number of factorisations a solver keeps; with more unknowns than `LARGE` it keeps one."""
+
+
+class EquilibriumError(RuntimeError):
+    """No equilibrium was found.
+
+    Attributes:
+        residual: largest force left over, in N (NaN if there is none to name).
+        limit: largest residual that would have been accepted, in N.
+        iterations: iterations done.
+    """
+
+    def __init__(self, what: str, residual: float, limit: float, iterations: int) -> None:
+        self.residual, self.limit, self.iterations = residual, limit, iterations
+        super().__init__(
+            f"no equilibrium: {what} (residual {residual:.3g} N, limit {limit:.3g} N, "
+            f"{iterations} iterations)"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Equilibrium:
+    """A state of rest. Arrays are read-only and run from left to right.
+
+    Attributes:
+        u: displacements, shape (N_z, 2, N_x), in m; [j, 0] is u_x of row j, [j, 1] is u_z.
+        rod: X (m), Z (m), phi (rad), shape (3,); zeros without a rod.
+        F_T: force of the driver, in N, positive where it pushes.
+        f: friction force on each block in +x, shape (N_x,), in N.
+        tau: -d f, shape (N_x,), in N: positive against driving, so that sum(tau) = F_T
+            (a chain: plus the sum of the prescribed tau, minus k_top d sum(u_x)).
+        p: foundation force on each block, shape (N_x,), in N.
+        open: does not touch the foundation, p = f = 0, shape (N_x,), bool.
+        slipped: blocks that slipped while F_N was applied, shape (N_x,), bool (`loaded_state`).
+        drive: displacement V t of the driver since t = 0, in m.
+        u_drv0: u_x of the driven block at which drive = 0 gives F_T = 0, in m.
+        residual: largest force left over, in N.
+        iterations: number of Newton steps, all contact sets together.
+    """
+
+    u: np.ndarray
+    rod: np.ndarray
+    F_T: float
+    f: np.ndarray
+    tau: np.ndarray
+    p: np.ndarray
+    open: np.ndarray
+    slipped: np.ndarray
+    drive: float
+    u_drv0: float
+    residual: float
+    iterations: int
+
+    def __post_init__(self) -> None:
+        for name in ("u", "rod", "f", "tau", "p", "open", "slipped"):
+            getattr(self, name).setflags(write=False)
+
+    @property
+    def u_z(self) -> np.ndarray:
+        """u_z of the bottom blocks, shape (N_x,), in m."""
+        return self.u[0, 1]
+
+    def state(self, scene: Scene, dt: float, t0: float = 0.0) -> State:
+        """Return the state of a run that starts here: nothing moves, nothing slips.
+
+        Args:
+            scene: the scene.
+            dt: time step, in s.
+            t0: time, in s.
+        """
+        N_x, N_z = scene.N_x, scene.N_z
+        y = np.zeros((N_z, 4, N_x))
+        y[:, :2] = self.u
+        rod = np.zeros(6)
+        if scene.rigid:
+            rod[:3] = self.rod
+            y[-1, 0] = rod[0]
+            y[-1, 1] = rod[1] + rod[2] * scene.x
+        return State(
+            y=y,
+            rod=rod,
+            mode=np.where(self.open, OPEN, STUCK).astype(np.int32),
+            corner=np.zeros(N_x, dtype=np.int32),
+            slack=scene.interface.mu_s * self.p - np.abs(self.f),
+            loss=np.zeros(N_x),
+            dissipated=np.zeros(N_z),
+            heat=np.zeros(N_x),
+            work=np.zeros(2),
+            step=0,
+            t0=float(t0),
+            dt=float(dt),
+            u_drv0=float(self.u_drv0),
+            s_0=np.zeros(N_x),
+        )
+
+
+class _Contact(NamedTuple):
+    """What is imposed on the bottom blocks, each of shape (N_x,)."""
+
+    held: np.ndarray  # u_x is given (bool)
+    closed: np.ndarray  # touches the foundation (bool)
+    slip: np.ndarray  # direction of slip, f = -slip mu_k p (int8); 0 where held or frictionless
+
+    @property
+    def key(self) -> bytes:
+        return b"".join(part.tobytes() for part in self)
+
+
+class _Interface(NamedTuple):
+    """What one contact set leads to, each of shape (N_x,)."""
+
+    u_x: np.ndarray
+    u_z: np.ndarray
+    f: np.ndarray  # on held blocks what balances their other forces
+    rounding: float  # size of rounding errors of forces, N
+
+
+class StaticSolver:
+    """States of rest of one scene, for given interface displacements and driver positions.
+
+    Factorisations are kept by contact set and taken at one state, the loaded one, so that results
+    do not depend on what was solved before. In finite geometry they drive a chord Newton
+    iteration; where it converges slowly, the tangent is renewed.
+
+    Args:
+        scene: the scene.
+        geometry: "linear" or "finite".
+        u_drv0: u_x of the driven block at drive = 0 and F_T = 0, in m; None means that of the
+            loaded state.
+
+    Attributes:
+        loaded: the loaded equilibrium with F_T = 0 (an `Equilibrium`).
+
+    Raises:
+        ValueError: unknown geometry.
+        SceneError: finite geometry for a chain.
+        EquilibriumError: the scene has no loaded equilibrium.
+
+    Source: PRL 107, 074301 (2011).
+    """
+
+    def __init__(
+        self, scene: Scene, geometry: Geometry = "linear", *, u_drv0: float | None = None
+    ) -> None:
+        check_geometry(geometry, scene)
+        self.scene, self.geometry = scene, geometry
+        N_x, N_z = scene.N_x, scene.N_z
+        self._lattice, self._T = bonds(scene), coordinates(scene)
+        self._springs = functools.partial(spring_forces, self._lattice)
+        if geometry == "finite":
+            self._springs = core.bond_forces(scene, geometry)
+        self._T_transposed = self._T.T.tocsr()
+        self._unit = scene.F_N / N_x
+        self._limit = ACCEPTED * self._unit
+        self._stiffest = max(12 * scene.slider.k, scene.k_f, scene.driver.K, scene.k_top)
+        self._load = np.zeros(2 * N_x * N_z)
+        self._load[-2 * N_x :] = np.concatenate([scene.shear, -scene.load])
+        self._top = slice(2 * N_x * (N_z - 1), 2 * N_x * (N_z - 1) + N_x)  # u_x of the top row
+        self._h = driven_dof(scene)
+        # u_x and u_z of the bottom row are the first 2 N_x coordinates: a rod has rows below.
+        self._x, self._z = slice(0, N_x), slice(N_x, 2 * N_x)
+        # phi times arm is the displacement of the end of the rod, a torque over arm a force there.
+        self._arm = np.ones(self._T.shape[1])
+        if scene.rigid:
+            self._arm[-1] = scene.slider.L / 2
+        # A translation along the interface.
+        self._along = np.zeros(len(self._arm))
+        rows = N_z - 1 if scene.rigid else N_z
+        self._along[: 2 * N_x * rows].reshape(rows, 2, N_x)[:, 0] = 1.0
+        if scene.rigid:
+            self._along[-3] = 1.0
+        self._factors: dict[tuple[bool, bytes], BandedCholesky | SuperLU] = {}
+        self._u_drv0 = 0.0
+        self._K = self._bond_stiffness(np.zeros(self._T.shape[1]))
+        self.loaded = self._load_slider()
+        if geometry == "finite":
+            self._K = self._bond_stiffness(self._coordinates_of(self.loaded))
+            self._factors.clear()
+        self._u_drv0 = self.loaded.u_drv0 if u_drv0 is None else float(u_drv0)
+
+    def solve(
+        self,
+        u_x_bottom: np.ndarray,
+        drive: float,
+        *,
+        free: np.ndarray | None = None,
+        start: Equilibrium | None = None,
+        enough: float = 0.0,
+    ) -> Equilibrium:
+        """Return the equilibrium with the interface held.
+
+        Args:
+            u_x_bottom: u_x of the bottom blocks, shape (N_x,), in m; not used where free.
+            drive: displacement V t of the driver since t = 0, in m.
+            free: blocks without friction (open ones), shape (N_x,), bool; their u_x is a
+                result. They carry p if they touch the foundation. None means no block.
+            start: state from which the iteration starts; None means the loaded state.
+            enough: residual force at which it may end, in N; 0 goes on to rounding.
+
+        The vertical contact is solved with u_x held. Held blocks that lift off in its solution are
+        freed and it is solved again. Blocks that come down again are held again; one that lifts
+        off a second time stays without friction.
+
+        Returns:
+            The equilibrium; F_T = K (drive - d (u_x - u_drv0)) at the driven block.
+
+        Raises:
+            ValueError: an argument has the wrong shape or is not finite.
+            EquilibriumError: no equilibrium was found.
+        """
+        N_x = self.scene.N_x
+        given, drive = np.array(u_x_bottom, dtype=float), float(drive)
+        frictionless = np.zeros(N_x, bool) if free is None else np.array(free, dtype=bool)
+        for name, value in (("u_x_bottom", given), ("free", frictionless)):
+            if value.shape != (N_x,):
+                raise ValueError(f"{name}: shape {value.shape}, expected ({N_x},)")
+        if not (np.isfinite(given[~frictionless]).all() and np.isfinite(drive)):
+            raise ValueError("u_x_bottom and drive must be finite")
+        begin = self.loaded if start is None else start
+        if begin.u.shape != self.loaded.u.shape:
+            raise ValueError(f"start.u: shape {begin.u.shape}, expected {self.loaded.u.shape}")
+        q, closed = self._coordinates_of(begin), ~begin.open
+        if not frictionless.all():  # the slider as a whole may be far from where it began
+            q += np.mean((given - begin.u[0, 0])[~frictionless]) * self._along
+        # Enough to stand on: the free ones are open. A block of a chain stands on its own.
+        if self.scene.N_z > 1 and np.sum(closed & ~frictionless) >= 2:
+            closed &= ~frictionless
+        held, lifted = ~frictionless, np.zeros(N_x, dtype=bool)
+        steps = 0
+        while True:  # a block lifts off at most twice
+            q[self._x][held] = given[held]
+            q, contact, residual, used = self._touching(q, held, closed, drive, enough)
+            steps, closed = steps + used, contact.closed
+            up, down = held & ~closed, closed & ~held & ~frictionless
+            if up.any():
+                frictionless |= up & lifted
+                lifted |= up
+                held = held & ~up
+            elif down.any():
+                held = held | down
+            else:
+                return self._result(q, contact, drive, residual, steps)
+
+    def _touching(
+        self, q: np.ndarray, held: np.ndarray, closed: np.ndarray, drive: float, enough: float
+    ) -> tuple[np.ndarray, _Contact, float, int]:
+        """Return q at rest with u_x held, the contact, the residual in N, the number of steps.
+
+        Blocks keep or lose u_x by `held` alone, open or not, so that the foundation is the only
+        condition: in linear geometry a convex problem with one solution. The iteration exchanges
+        all blocks on the wrong side; if that does not end, the worst ones only.
+        """
+        steps, no_slip = 0, np.zeros(len(held), dtype=np.int8)
+        sweeps = 4 * len(held) + 20
+        for sweep in range(sweeps):
+            contact = _Contact(held, closed, no_slip)
+            q, residual, used = self._newton(q, contact, drive, enough)
+            steps += used
+            wrong = self._wrong_side(q[self._z], closed, self._rounding(q))
+            if not wrong.any():
+                return q, contact, residual, steps
+            if sweep >= 20 or not (closed ^ wrong).any():
+                depth = np.where(wrong, np.abs(q[self._z]), -np.inf)
+                wrong = depth >= depth.max() * (1 - TIE)
+            closed = closed ^ wrong
+        raise EquilibriumError(
+            "the set of open blocks does not settle", residual, self._limit, steps
+        )
+
+    def tangent(
+        self, stuck: np.ndarray
+    ) -> tuple[sp.csr_array, BandedCholesky | SuperLU, np.ndarray]:
+        """Return the tangent stiffness at the loaded state, with foundation and driver.
+
+        Args:
+            stuck: blocks that are closed and held, shape (N_x,), bool; the others are open.
+
+        Returns:
+            K, shape (n_q, n_q), in N/m; its factorisation for the free coordinates; their indices.
+        """
+        contact = _Contact(stuck, stuck, np.zeros(len(stuck), dtype=np.int8))
+        foundation = np.zeros(self._K.shape[0])
+        foundation[self._z] = self.scene.k_f * stuck
+        row = sp.csr_array(self.driven_row[None])
+        K = self._K + sp.diags_array(foundation) + self.scene.driver.K * (row.T @ row)
+        return K.tocsr(), self._factor(contact, True), self._unknown(contact)
+
+    def bond_tangents(self, q: np.ndarray) -> np.ndarray:
+        """Return the stiffnesses xx, xz and zz of each bond at q, shape (3, n_bonds), in N/m."""
+        return spring_tangents(self._lattice, self._T @ q, self.geometry)
+
+    def elongations(self, shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return du_x and du_z over each bond, shape (n_bonds, n), of shapes (n_q, n)."""
+        u = self._T @ shapes
+        return tuple(D @ u for D in self._lattice.difference)
+
+    @property
+    def u_drv0(self) -> float:
+        """u_x of the driven block at drive = 0 and F_T = 0, in m."""
+        return self._u_drv0
+
+    @functools.cached_property
+    def load(self) -> np.ndarray:
+        """Forces on the coordinates that do not depend on the state, shape (n_q,), in N."""
+        load = self._T_transposed @ self._load
+        if self.scene.rigid:
+            load[-2] -= self.scene.F_N
+        return load
+
+    @functools.cached_property
+    def driven_row(self) -> np.ndarray:
+        """Derivatives of u_x of the driven block by the coordinates, shape (n_q,)."""
+        return self._T[[self._h]].toarray()[0]
+
+    # --- forces and Newton's method --------------------------------------------------------------
+
+    def _forces(
+        self, q: np.ndarray, contact: _Contact, drive: float | None
+    ) -> tuple[np.ndarray, float]:
+        """Return the forces on the coordinates, without friction of held blocks, and F_T.
+
+        drive = None means that there is no driver spring.
+        """
+        scene, x, z = self.scene, self._x, self._z
+        u = self._T @ q
+        force = self._springs(u) + self._load
+        if scene.k_top:
+            force[self._top] -= scene.k_top * u[self._top]
+        p = -scene.k_f * u[z] * contact.closed
+        force[z] += p
+        force[x] -= contact.slip * (scene.interface.mu_k * p)
+        F_T = 0.0
+        if drive is not None:
+            F_T = scene.driver.K * (drive - scene.d * (u[self._h] - self._u_drv0))
+            force[self._h] += scene.d * F_T
+        force = self._T_transposed @ force
+        if scene.rigid:
+            force[-2] -= scene.F_N
+            force[-1] -= scene.kappa * q[-1]
+        return force, float(F_T)
+
+    def _bond_stiffness(self, q: np.ndarray) -> sp.csr_array:
+        """Return the tangent stiffness of bonds and mattress at q."""
+        nowhere = np.zeros(self.scene.N_x, dtype=bool)
+        return stiffness(
+            self.scene,
+            closed=nowhere,
+            driver=False,
+            lattice=self._lattice,
+            u=self._T @ q,
+            geometry=self.geometry,
+        )
+
+    def _factorised(
+        self, K: sp.csr_array, contact: _Contact, driven: bool
+    ) -> BandedCholesky | SuperLU:
+        """Factorise K with foundation, driver and friction, for the coordinates not held."""
+        scene, n = self.scene, K.shape[0]
+        foundation = np.zeros(n)
+        foundation[self._z] = scene.k_f * contact.closed
+        K = K + sp.diags_array(foundation)
+        if driven:
+            row = self._T[[self._h]]
+            K = K + scene.driver.K * (row.T @ row)
+        # Friction -slip mu_k p with p = -k_f u_z couples u_x to u_z, N_x columns to the right.
+        coupling = np.zeros(n - scene.N_x)
+        coupling[self._x] = -scene.interface.mu_k * scene.k_f * contact.slip
+        K = (K + sp.diags_array(coupling, offsets=scene.N_x)).tocsr()
+        unknown = self._unknown(contact)
+        options = {} if contact.slip.any() else {"SymmetricMode": True}
+        try:
+            if not contact.slip.any():
+                with contextlib.suppress(np.linalg.LinAlgError):  # not positive definite
+                    return BandedCholesky(K[unknown][:, unknown], *self.banded(unknown))
+            return splu(K[unknown][:, unknown].tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
+        except RuntimeError as error:
+            raise EquilibriumError("the slider is not supported", np.nan, self._limit, 0) from error
+        except MemoryError as error:
+            what = f"not enough memory to factorise {len(unknown)} unknowns"
+            raise EquilibriumError(what, np.nan, self._limit, 0) from error
+
+    def _factor(self, contact: _Contact, driven: bool) -> BandedCholesky | SuperLU:
+        """Return the factorisation at the reference state, from the store if it is there."""
+        key = (driven, contact.key)
+        if key not in self._factors:
+            while len(self._factors) >= (KEPT if len(self._arm) <= LARGE else 1):
+                del self._factors[next(iter(self._factors))]
+            self._factors[key] = self._factorised(self._K, contact, driven)
+        return self._factors[key]
+
+    def banded(self, unknown: np.ndarray) -> tuple[np.ndarray, int]:
+        """Return the order of unknowns that makes the narrowest band, rod last; size of the rod."""
+        scene, n_rod = self.scene, 3 if self.scene.rigid else 0
+        row, i = np.divmod(unknown[: len(unknown) - n_rod], scene.N_x)
+        tall = scene.N_z > scene.N_x
+        order = np.argsort(unknown[: len(unknown) - n_rod] if tall else i * (2 * scene.N_z) + row)
+        return np.append(order, np.arange(len(order), len(unknown))), n_rod
+
+    def _unknown(self, contact: _Contact) -> np.ndarray:
+        """Return the indices of the coordinates that are not held."""
+        unknown = np.ones(len(self._arm), dtype=bool)
+        unknown[self._x] = ~contact.held
+        return np.flatnonzero(unknown)
+
+    def _rounding(self, q: np.ndarray) -> float:
+        """Return the size of rounding errors in forces at q, in N."""
+        return 2.0**-52 * self._stiffest * float(np.max(np.abs(q * self._arm)))
+
+    def _newton(
+        self, q: np.ndarray, contact: _Contact, drive: float | None, enough: float = 0.0
+    ) -> tuple[np.ndarray, float, int]:
+        """Return q at rest for one contact set, the residual force in N, the number of steps.
+
+        The iteration ends at the level of rounding, or, below `ACCEPTED`, where a renewed tangent
+        does not help. Linear geometry takes one step and a refinement.
+        """
+        unknown, driven = self._unknown(contact), drive is not None
+        factor, renewed = self._factor(contact, driven), False
+        best, least, previous = q, np.inf, np.inf
+        for step in range(MAX_NEWTON + 1):  # noqa: B007 (returned after the loop)
+            with np.errstate(all="ignore"):
+                force = self._forces(q, contact, drive)[0][unknown]
+                residual = float(np.max(np.abs(force / self._arm[unknown])))
+            if not np.isfinite(residual):
+                break
+            rounding = self._rounding(q)
+            if residual < least:
+                best, least = q, residual
+            if residual <= max(rounding / 4, enough):
+                break
+            if residual > 0.5 * previous:
+                if least <= 16 * rounding or (renewed and least <= self._limit):
+                    break
+                factor = self._factorised(self._bond_stiffness(q), contact, driven)
+                renewed = True
+            previous = residual
+            q = q.copy()
+            q[unknown] += factor.solve(force)
+        limit = max(self._limit, 16 * self._rounding(best), enough)
+        if not least <= limit:
+            raise EquilibriumError("Newton's method does not converge", least, limit, step)
+        return best, least, step
+
+    # --- loading ---------------------------------------------------------------------------------
+
+    def _load_slider(self) -> Equilibrium:
+        """Return the loaded state: the bottom row held, or slipped where it has to."""
+        N_x = self.scene.N_x
+        everywhere = np.ones(N_x, dtype=bool)
+        contact = _Contact(everywhere, everywhere, np.zeros(N_x, dtype=np.int8))
+        state: list = [np.zeros(len(self._arm)), 0.0, 0]
+
+        def at_rest(contact: _Contact) -> _Interface:
+            q = state[0].copy()
+            q[self._x][contact.held] = 0.0
+            q, residual, used = self._newton(q, contact, None)
+            state[:] = q, residual, state[2] + used
+            f = self._friction(q, contact, self._forces(q, contact, None)[0])
+            return _Interface(q[self._x], q[self._z], f, self._rounding(q))
+
+        held_everywhere = at_rest(contact)
+        if self.scene.N_z > 1 and self._next_contact(contact, held_everywhere) is not None:
+            S, g = self._condensed()
+            contact = self._settled(contact, lambda c: self._condensed_rest(S, g, c))
+            contact = self._settled(contact, at_rest)
+            self._warn_if_ambiguous(S, contact)
+        return self._result(state[0], contact, None, *state[1:])
+
+    def _settled(self, contact: _Contact, rest: Callable[[_Contact], _Interface]) -> _Contact:
+        """Return the contact set that meets all conditions of loading."""
+        sweeps = 8 * self.scene.N_x + 20
+        for sweep in range(sweeps):
+            changed = self._next_contact(contact, rest(contact), one=sweep > sweeps // 2)
+            if changed is None:
+                return contact
+            contact = changed
+        what = "slip during loading does not settle"
+        raise EquilibriumError(what, np.nan, self._limit, sweeps)
+
+    def _next_contact(
+        self, contact: _Contact, now: _Interface, *, one: bool = False
+    ) -> _Contact | None:
+        """Return the next contact set to try while F_N is applied, or None if this one is right.
+
+        In this order: blocks on the wrong side of the foundation change; blocks that moved along
+        their friction force are held again; the block with the largest |f| - mu_s p is released.
+        With `one`, only the leftmost block of all these changes, which ends cycles.
+        """
+        held, closed, slip = (part.copy() for part in contact)
+        p = -self.scene.k_f * now.u_z * closed
+        excess = np.where(held, np.abs(now.f) - self.scene.interface.mu_s * p, 0.0)
+        wrong = self._wrong_side(now.u_z, closed, now.rounding)
+        back = slip * now.u_x * self._stiffest < -now.rounding
+        over = excess > CONTACT_TOL * self._unit + 16 * now.rounding
+        if not (wrong | back | over).any():
+            return None
+        if one:
+            first = np.arange(len(p)) == np.argmax(wrong | back | over)
+            wrong, back, over = wrong & first, back & first, over & first
+        if wrong.any():
+            closed ^= wrong
+            held[wrong], slip[wrong] = closed[wrong], 0
+        elif back.any():
+            held[back], slip[back] = True, 0
+        else:
+            excess = np.where(over, excess, -np.inf)
+            i = int(np.argmax(excess))
+            released = excess >= excess[i] - TIE * self._unit
+            held[released], slip[released] = False, -np.sign(now.f[released])
+            if not held.any():
+                # All blocks slip: the slider moves as a whole until one of them is back at u_x = 0.
+                other = np.flatnonzero(slip == -slip[i])
+                if not len(other):
+                    raise EquilibriumError("the slider slides away", np.nan, self._limit, 0)
+                j = other[np.argmin(np.abs(now.u_x[other]))]
+                held[j], slip[j] = True, 0
+        return _Contact(held, closed, slip)
+
+    def _condensed(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return S and g: without contact, S (u_x, u_z) - g are the forces the interface needs.
+
+        Linear geometry, without driver: S has shape (2 N_x, 2 N_x), g shape (2 N_x,).
+        """
+        b = 2 * self.scene.N_x
+        K = stiffness(
+            self.scene,
+            closed=np.zeros(self.scene.N_x, dtype=bool),
+            driver=False,
+            lattice=self._lattice,
+        ).tocsc()
+        load = self._T_transposed @ self._load
+        if self.scene.rigid:
+            load[-2] -= self.scene.F_N
+        inside = splu(K[b:, b:], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        to_inside = K[b:, :b].toarray()
+        S = K[:b, :b].toarray() - to_inside.T @ inside.solve(to_inside)
+        return S, -to_inside.T @ inside.solve(load[b:])
+
+    def _with_contact(self, S: np.ndarray, contact: _Contact) -> np.ndarray:
+        """Return S with foundation and friction of the slipping blocks."""
+        i = np.arange(self.scene.N_x)
+        j = i + self.scene.N_x
+        A = S.copy()
+        A[j, j] += self.scene.k_f * contact.closed
+        A[i, j] -= self.scene.interface.mu_k * self.scene.k_f * contact.slip
+        return A
+
+    def _condensed_rest(self, S: np.ndarray, g: np.ndarray, contact: _Contact) -> _Interface:
+        """Return the interface at rest for one contact set, in linear geometry."""
+        N_x = self.scene.N_x
+        unknown = np.concatenate([~contact.held, np.ones(N_x, dtype=bool)])
+        v = np.zeros(2 * N_x)
+        A = self._with_contact(S, contact)
+        try:
+            v[unknown] = np.linalg.solve(A[np.ix_(unknown, unknown)], g[unknown])
+        except np.linalg.LinAlgError as error:
+            raise EquilibriumError("the slider is not supported", np.nan, self._limit, 0) from error
+        u_x, u_z = v[self._x], v[self._z]
+        f = np.where(contact.held, (S @ v - g)[self._x], 0.0)
+        f += contact.slip * (self.scene.interface.mu_k * self.scene.k_f * u_z)
+        return _Interface(u_x, u_z, f, 64 * self._rounding(np.pad(v, (0, len(self._arm) - len(v)))))
+
+    def _warn_if_ambiguous(self, S: np.ndarray, contact: _Contact) -> None:
+        """Warn where the slip operator (friction against slip) is not positive definite."""
+        N_x = self.scene.N_x
+        A = self._with_contact(S, contact)
+        rest = np.flatnonzero(np.concatenate([~contact.closed, np.ones(N_x, dtype=bool)]))
+        slipping = np.flatnonzero(contact.slip)
+        if not len(slipping):
+            return
+        B = np.linalg.solve(A[np.ix_(rest, rest)], A[np.ix_(rest, slipping)])
+        W = A[np.ix_(slipping, slipping)] - A[np.ix_(slipping, rest)] @ B
+        if np.linalg.eigvalsh(W + W.T)[0] <= 0:
+            warnings.warn(
+                f"{len(slipping)} blocks slip while F_N is applied and friction is so strong that "
+                "the loaded state may not be the only one",
+                RuntimeWarning,
+                stacklevel=4,
+            )
+
+    # --- states ----------------------------------------------------------------------------------
+
+    def _wrong_side(self, u_z: np.ndarray, closed: np.ndarray, rounding: float) -> np.ndarray:
+        """Return the closed blocks with u_z > 0 and the open ones with u_z < 0."""
+        pull = self.scene.k_f * np.where(closed, u_z, -u_z)
+        return pull > CONTACT_TOL * self._unit + 16 * rounding
+
+    def _friction(self, q: np.ndarray, contact: _Contact, forces: np.ndarray) -> np.ndarray:
+        """Return f: what balances the other forces where held, -slip mu_k p elsewhere."""
+        slipping = contact.slip * (self.scene.interface.mu_k * self.scene.k_f * q[self._z])
+        return np.where(contact.held, -forces[self._x], slipping)
+
+    def _coordinates_of(self, state: Equilibrium) -> np.ndarray:
+        return self.coordinates(state.u, state.rod)
+
+    def coordinates(self, u: np.ndarray, rod: np.ndarray) -> np.ndarray:
+        """Return q, shape (n_q,), of u, shape (N_z, 2, N_x), and rod, shape (3,); rates alike."""
+        q = np.zeros(len(self._arm))
+        n = len(q) - 3 if self.scene.rigid else len(q)
+        q[:n] = u.reshape(-1)[:n]
+        q[n:] = rod[: len(q) - n]
+        return q
+
+    def displacements(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return u, shape (N_z, 2, N_x), and rod, shape (3,), of q, top row by the rod."""
+        scene = self.scene
+        u = (self._T @ q).reshape(scene.N_z, 2, scene.N_x)
+        if not scene.rigid:
+            return u, np.zeros(3)
+        u[-1, 0], u[-1, 1] = q[-3], q[-2] + q[-1] * scene.x
+        return u, q[-3:].copy()
+
+    def _result(
+        self, q: np.ndarray, contact: _Contact, drive: float | None, residual: float, steps: int
+    ) -> Equilibrium:
+        scene = self.scene
+        forces, F_T = self._forces(q, contact, drive)
+        u = (self._T @ q).reshape(scene.N_z, 2, scene.N_x)
+        f = self._friction(q, contact, forces)
+        return Equilibrium(
+            u=u,
+            rod=q[-3:].copy() if scene.rigid else np.zeros(3),
+            F_T=F_T,
+            f=f,
+            tau=-scene.d * f,
+            p=np.where(contact.closed, scene.k_f * np.maximum(-u[0, 1], 0.0), 0.0),
+            open=~contact.closed,
+            slipped=contact.slip != 0,
+            drive=0.0 if drive is None else drive,
+            u_drv0=float(u[scene.j_h, 0, scene.i_h]) if drive is None else self._u_drv0,
+            residual=residual,
+            iterations=steps,
+        )
+
+
+@functools.lru_cache(maxsize=4)
+def _solver(scene: Scene, geometry: Geometry) -> StaticSolver:
+    return StaticSolver(scene, geometry)
+
+
+def loaded_state(scene: Scene, geometry: Geometry = "linear") -> Equilibrium:
+    """Return the start of a run: F_N applied with friction active, F_T = 0.
+
+    Args:
+        scene: the scene.
+        geometry: "linear" or "finite".
+
+    Returns:
+        The equilibrium; its u_drv0 is u_x of the driven block.
+
+    Raises:
+        ValueError: unknown geometry.
+        SceneError: finite geometry for a chain.
+        EquilibriumError: no equilibrium was found.
+
+    Warns:
+        RuntimeWarning: blocks slip while F_N is applied and the state may not be unique.
+
+    Source: PRL 107, 074301 (2011).
+    """
+    return _solver(scene, geometry).loaded
+
+
+def solve_static(
+    scene: Scene,
+    u_x_bottom: np.ndarray,
+    drive: float,
+    *,
+    geometry: Geometry = "linear",
+    free: np.ndarray | None = None,
+    start: Equilibrium | None = None,
+) -> Equilibrium:
+    """Return the equilibrium with the interface held: see `StaticSolver.solve`."""
+    return _solver(scene, geometry).solve(u_x_bottom, drive, free=free, start=start)

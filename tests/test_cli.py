@@ -17,11 +17,12 @@ import pytest
 from click.testing import CliRunner
 
 import pyfric
+import pyfric.checks
 from pyfric import core
 from pyfric.cli import app as cli
 from pyfric.cli.app import Exit, main
 from pyfric.engines import sweep
-from pyfric.paper import reproduce
+from pyfric.paper import page
 
 SMALL = ("--set", "L=20 mm", "--set", "H=12.5 mm", "--set", "V=500 mm/s")
 """Changes of fig1 that slip after 1.1 ms."""
@@ -542,11 +543,9 @@ def test_sigterm_is_left_as_it_was():
 def small_paper(monkeypatch):
     """One small run behind every figure, and only the figures that it is enough for."""
     job = pyfric.Job(scene=tiny(), t_end=1.2e-3, options={"fidelity": "hybrid"})
-    defaults = reproduce.reproduce.__kwdefaults__
+    defaults = page.reproduce.__kwdefaults__
     monkeypatch.setitem(defaults, "jobs", {"fig1b": (job,), "fig4b": (job,)})
-    monkeypatch.setattr(
-        reproduce, "DRAW", {name: reproduce.DRAW[name] for name in ("fig1b", "fig4b")}
-    )
+    monkeypatch.setattr(page, "DRAW", {name: page.DRAW[name] for name in ("fig1b", "fig4b")})
 
 
 @pytest.mark.usefixtures("small_paper")
@@ -598,7 +597,7 @@ def test_interrupted_reproduce(tmp_path, monkeypatch):
 
 def test_reproduce_names_are_those_of_the_figures():
     (names,) = (one for one in cli.reproduce.params if one.name == "names")
-    assert list(names.type.choices) == [*reproduce.DRAW, "all"]
+    assert list(names.type.choices) == [*page.DRAW, "all"]
 
 
 def test_claims_are_added_to_the_page_of_figures(tmp_path):
@@ -667,7 +666,7 @@ def test_bench(name, monkeypatch):
 
     fake = types.SimpleNamespace(**{name: measure}, report=lambda frame: f"{len(frame)} rows")
     monkeypatch.setitem(sys.modules, "pyfric.checks.bench", fake)
-    monkeypatch.setattr(pyfric, "bench", fake, raising=False)
+    monkeypatch.setattr(pyfric.checks, "bench", fake, raising=False)
     assert pyf("bench", name).stdout == "1 rows\n"
     assert json.loads(pyf("bench", name, "--json", "--quick").stdout) == [
         {"blocks": 1767, "ns": 1.5}

@@ -1,5 +1,5 @@
 """The paper's runs, page and claims."""
 
-from pyfric.paper.reproduce import reproduce, write_index
+from pyfric.paper.page import reproduce, write_index
 
 __all__ = ["reproduce", "write_index"]

@@ -9,8 +9,8 @@ import pytest
 
 import pyfric
 from pyfric.engines import Job
-from pyfric.paper import reproduce
 from pyfric.paper import runs as paper
+from pyfric.paper.page import DRAW, TITLES, reproduce, write_index
 
 OPTIONS = {"fidelity": "hybrid", "geometry": "linear"}
 
@@ -54,9 +54,7 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("paper")
-    files = reproduce.reproduce(
-        JOBS, out / "new" / "figures", workers=1, cache=out / "kept", jobs=JOBS
-    )
+    files = reproduce(JOBS, out / "new" / "figures", workers=1, cache=out / "kept", jobs=JOBS)
     assert len(list((out / "kept").glob("*.nc"))) == 3  # shared runs are made once
     assert all(path.stat().st_size > 0 for path in files)
     assert {path.name for path in files} == {
@@ -107,7 +105,7 @@ def test_claims_are_shown_where_they_are_there(folder):
     claims = folder / "claims.json"
     claims.write_text(json.dumps({"claims": rows}), encoding="utf-8")
     try:
-        text = reproduce.write_index(folder).read_text(encoding="utf-8")
+        text = write_index(folder).read_text(encoding="utf-8")
     finally:
         claims.unlink()
     page = Page(text)
@@ -116,29 +114,29 @@ def test_claims_are_shown_where_they_are_there(folder):
         assert one in page.texts
     assert "1 of 2 claims hold" in text
     assert len(re.findall('<tr class="miss">', text)) == 1
-    assert "claims" not in Page(reproduce.write_index(folder).read_text(encoding="utf-8")).ids
+    assert "claims" not in Page(write_index(folder).read_text(encoding="utf-8")).ids
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"claims": 1}', '{"claims": [1]}'])
 def test_a_damaged_file_of_claims_is_named(tmp_path, text):
     (tmp_path / "claims.json").write_text(text, encoding="utf-8")
-    page = Page(reproduce.write_index(tmp_path).read_text(encoding="utf-8"))
+    page = Page(write_index(tmp_path).read_text(encoding="utf-8"))
     assert "claims.json holds no claims." in page.texts
 
 
 def test_page_of_an_empty_folder(tmp_path):
-    page = Page(reproduce.write_index(tmp_path).read_text(encoding="utf-8"))
+    page = Page(write_index(tmp_path).read_text(encoding="utf-8"))
     assert page.ids == []
 
 
 def test_unknown_figures_are_refused(tmp_path):
     with pytest.raises(pyfric.SceneError, match=r"fig2.*fig2a"):
-        reproduce.reproduce(["fig2"], tmp_path / "out")
+        reproduce(["fig2"], tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
 def test_every_figure_has_jobs_and_a_title():
-    assert list(reproduce.DRAW) == list(paper.JOBS) == list(reproduce.TITLES)
+    assert list(DRAW) == list(paper.JOBS) == list(TITLES)
 
 
 def test_the_paper_s_scenes():

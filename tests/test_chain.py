@@ -19,8 +19,8 @@ from pyfric.cli.app import Exit, main
 from pyfric.core import STUCK
 from pyfric.figures import fig1b
 from pyfric.record import Record
-from pyfric.scene import PrescribedLoad, Scene, Slider, chain, preset, setup2
-from pyfric.scene.scene import MAX_LISTED, SceneError
+from pyfric.scene import PrescribedLoad, Scene, SceneError, Slider, chain, preset, setup2
+from pyfric.scene.checked import MAX_LISTED
 from pyfric.statics import StaticSolver, loaded_state, stability_limit, stiffness
 from pyfric.statics.operators import operators, rk4_radius
 

@@ -9,8 +9,7 @@ import pyfric
 from pyfric import core
 from pyfric.engines import RunError, dynamic, folded
 from pyfric.engines.guard import MARGIN, Guard
-from pyfric.scene import chain, setup1, setup2
-from pyfric.scene.scene import SceneError
+from pyfric.scene import SceneError, chain, setup1, setup2
 from pyfric.statics import StaticSolver, stability_limit
 
 

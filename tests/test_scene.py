@@ -22,6 +22,7 @@ from pyfric.scene import (
     Interface,
     Rod,
     Scene,
+    SceneError,
     Slider,
     check_number,
     parse_quantity,
@@ -29,7 +30,9 @@ from pyfric.scene import (
     setup1,
     setup2,
 )
-from pyfric.scene.scene import MAX_BLOCKS, MAX_FILE, SceneError, run1, run4
+from pyfric.scene.parts import MAX_BLOCKS
+from pyfric.scene.presets import run1, run4
+from pyfric.scene.toml import MAX_FILE
 from pyfric.scene.units import LARGEST, SMALLEST
 
 GOOD = """\

@@ -15,8 +15,7 @@ from pyfric.core import OPEN, STUCK, State
 from pyfric.engines import quasistatic
 from pyfric.engines.dynamic import AUTO_SHARE
 from pyfric.record import Record
-from pyfric.scene import Scene, chain, preset, setup1
-from pyfric.scene.scene import SceneError
+from pyfric.scene import Scene, SceneError, chain, preset, setup1
 from pyfric.statics import loaded_state, stability_limit
 from pyfric.statics.operators import operators
 

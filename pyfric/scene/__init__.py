@@ -2,21 +2,16 @@
 
 from pyfric.scene.files import written
 from pyfric.scene.geometry import Geometry, check_geometry, default_geometry
-from pyfric.scene.scene import (
-    PRESETS,
+from pyfric.scene.parts import (
     DistributedLoad,
     Driver,
     Interface,
     PrescribedLoad,
     Rod,
-    Scene,
     Slider,
-    chain,
-    preset,
-    run3,
-    setup1,
-    setup2,
 )
+from pyfric.scene.presets import PRESETS, chain, preset, run3, setup1, setup2
+from pyfric.scene.scene import Scene
 from pyfric.scene.units import (
     SceneError,
     check_number,

@@ -1,0 +1,245 @@
+"""The parts of a scene: slider, top boundary, driver, interface.
+
+Symbols and boundaries are those of PRL 107, 074301 (2011).
+"""
+
+from typing import Annotated, ClassVar, Literal
+
+from pyfric.scene.checked import NotNegative, Positive, Quantity, part
+from pyfric.scene.units import SceneError
+
+__all__ = [
+    "CHAIN_NOTE",
+    "MAX_BLOCKS",
+    "DistributedLoad",
+    "Driver",
+    "Interface",
+    "PrescribedLoad",
+    "Rod",
+    "Slider",
+    "steps_in",
+]
+
+MAX_BLOCKS = 20_000_000
+"""Largest number of blocks N_x N_z accepted, so that a mistyped l does not exhaust the memory."""
+MULTIPLE_RTOL = 1e-9
+"""Relative tolerance of "L, H and h are multiples of l"."""
+LIST_NOTE = ", or a list of N_x of them"
+CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
+
+
+def steps_in(length: float, l: float) -> int | None:
+    """Return length / l if it is a whole number within `MULTIPLE_RTOL`, else None."""
+    n = round(length / l)
+    return n if abs(length / l - n) <= MULTIPLE_RTOL * n else None
+
+
+@part
+class Slider:
+    """The slider: a square lattice of N_x by N_z blocks, or a chain (N_z = 1).
+
+    Args:
+        L: length along the interface, m; a multiple of l, at least 2 l.
+        H: height, m; a multiple of l, at least l, or 0 for a chain under a `PrescribedLoad`.
+        l: lattice constant, m; N_x N_z may not exceed `MAX_BLOCKS`.
+        k: stiffness of the nearest-neighbour springs, N/m (3 B E / 4; it does not depend on l).
+        M: mass, kg.
+        eta: viscosity of every bond, N s/m, >= 0; None means sqrt(0.1 k m).
+
+    Raises:
+        SceneError: a value is missing, unknown, of the wrong type or out of range.
+
+    Source: PRL 107, 074301 (2011), model section.
+    """
+
+    L: Annotated[float, Positive("m")]
+    H: Annotated[float, NotNegative("m")]
+    l: Annotated[float, Positive("m")]
+    k: Annotated[float, Positive("N/m")]
+    M: Annotated[float, Positive("kg")]
+    eta: Annotated[float | None, NotNegative("N s/m", optional=True)] = None
+
+    _section: ClassVar[str] = "slider"
+    _allowed: ClassVar[dict[str, str]] = {}
+
+    def __post_init__(self) -> None:
+        errors = []
+        blocks = (round(self.L / self.l) + 1) * (round(self.H / self.l) + 1)
+        if blocks > MAX_BLOCKS:
+            allowed = f"a length in m that gives at most {MAX_BLOCKS} blocks"
+            raise SceneError("slider.l", self.l, "m", allowed, f"{blocks:.3g} blocks")
+        for name, length, least, note in (("L", self.L, 2, ""), ("H", self.H, 0, CHAIN_NOTE)):
+            steps = steps_in(length, self.l)
+            if steps is None or steps < least:
+                few = least or 1
+                allowed = f"a multiple of l = {self.l!r} m, >= {few} l = {few * self.l!r} m{note}"
+                reason = "too small" if steps is not None else "not a multiple of l"
+                errors.append(SceneError(f"slider.{name}", length, "m", allowed, reason))
+        if errors:
+            raise SceneError.joined(errors)
+
+    @property
+    def N_x(self) -> int:
+        """Number of columns, L/l + 1."""
+        return round(self.L / self.l) + 1
+
+    @property
+    def N_z(self) -> int:
+        """Number of rows, H/l + 1."""
+        return round(self.H / self.l) + 1
+
+    @property
+    def m(self) -> float:
+        """Mass of one block, M / (N_x N_z), in kg."""
+        return self.M / (self.N_x * self.N_z)
+
+
+@part
+class Rod:
+    """Top boundary of setup 1: the top row is glued to a rigid rod that can tilt.
+
+    Args:
+        F_N: normal force at the centre of the rod, N, > 0.
+        mass: mass of the rod, kg, >= 0 (the top blocks add theirs).
+        mattress: total stiffness of the spring mattress that resists the tilt, N/m, >= 0.
+
+    F_N = 0 is refused: nothing would touch the interface, and forces are compared with F_N.
+
+    Raises:
+        SceneError: a value is missing, unknown, of the wrong type or out of range.
+
+    Source: PRL 107, 074301 (2011), setup 1.
+    """
+
+    F_N: Annotated[float, Positive("N")]
+    mass: Annotated[float, NotNegative("kg")] = 0.0756
+    mattress: Annotated[float, NotNegative("N/m")] = 0.4e6
+
+    kind: ClassVar[str] = "rod"
+    _section: ClassVar[str] = "top"
+    _allowed: ClassVar[dict[str, str]] = {}
+
+
+@part
+class DistributedLoad:
+    """Top boundary of setup 2: a free top row under vertical forces.
+
+    The block with number n from the trailing edge carries
+    (F_N/N_x) (1 + theta (2n - N_x - 1)/(N_x - 1)), downward.
+
+    Args:
+        F_N: total normal force, N, > 0.
+        theta: slope of the load, in [-1, 1]; positive means little load on the trailing edge.
+
+    F_N = 0 is refused: nothing would touch the interface, and forces are compared with F_N.
+
+    Raises:
+        SceneError: a value is missing, unknown, of the wrong type or out of range.
+
+    Source: PRL 107, 074301 (2011), setup 2.
+    """
+
+    F_N: Annotated[float, Positive("N")]
+    theta: Annotated[float, Quantity("", ge=-1.0, le=1.0)] = 0.0
+
+    kind: ClassVar[str] = "distributed"
+    _section: ClassVar[str] = "top"
+    _allowed: ClassVar[dict[str, str]] = {}
+
+
+@part
+class PrescribedLoad:
+    """Top boundary of a chain (N_z = 1): the forces on its blocks.
+
+    Sequences have N_x numbers, from the trailing edge on; they become tuples. A block is pressed
+    down with p_i, pushed along the driving with the constant force tau_i, which its friction
+    balances at t = 0, and pulled back with k_top times its displacement since then.
+
+    Args:
+        p: normal force on each block, N, > 0; one number or a sequence of N_x.
+        tau: friction force on each block at t = 0, N, positive against driving,
+            |tau_i| <= mu_s p_i; one number or a sequence of N_x.
+        k_top: shear stiffness between each block and a rigid top, N/m, >= 0.
+
+    Raises:
+        SceneError: a value is missing, unknown, of the wrong type or out of range.
+
+    Source: D. S. Amundsen et al., Phys. Rev. E 92, 032406 (2015), fronts in a chain with
+    prescribed stresses.
+    """
+
+    p: Annotated[float | tuple[float, ...], Positive("N", listed=True, note=LIST_NOTE)]
+    tau: Annotated[float | tuple[float, ...], Quantity("N", listed=True, note=LIST_NOTE)] = 0.0
+    k_top: Annotated[float, NotNegative("N/m")] = 0.0
+
+    kind: ClassVar[str] = "prescribed"
+    _section: ClassVar[str] = "top"
+    _allowed: ClassVar[dict[str, str]] = {}
+
+
+@part
+class Driver:
+    """The spring that pushes one side of the slider; its far end moves at constant speed.
+
+    Args:
+        K: stiffness, N/m, > 0.
+        V: speed of the far end towards the slider, m/s, >= 0 (0 holds the driver).
+        h: height of the driven block above the interface, m; a multiple of l, l <= h <= H; 0 in a
+            chain.
+        side: "left" or "right", the side that is pushed (the trailing edge).
+
+    Raises:
+        SceneError: a value is missing, unknown, of the wrong type or out of range.
+
+    Source: PRL 107, 074301 (2011), F_T = K (V t - x_h).
+    """
+
+    K: Annotated[float, Positive("N/m")]
+    V: Annotated[float, NotNegative("m/s")]
+    h: Annotated[float, NotNegative("m", note=", a multiple of l up to H")]
+    side: Literal["left", "right"] = "left"
+
+    _section: ClassVar[str] = "driver"
+    _allowed: ClassVar[dict[str, str]] = {"side": "'left' or 'right'"}
+
+
+@part
+class Interface:
+    """The frictional interface under the bottom row.
+
+    Args:
+        mu_s: static friction coefficient, >= 0.
+        mu_k: kinetic friction coefficient, 0 <= mu_k <= mu_s.
+        k_f: stiffness of the elastic foundation per block, N/m, > 0; None means k.
+        d_c: slip over which friction weakens, m, >= 0; 0 is Amontons-Coulomb friction.
+
+    A block that has slipped by s since it last stuck resists with mu(s) p,
+    mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1). A direct reversal does not end its slip; sticking
+    does. Weakening is a negative stiffness (mu_s - mu_k) p/d_c. A slider that is stiffer slips
+    stably, at the pace of the driver, until the slipping zone is too long for that. Steps resolve
+    it if dt sqrt((mu_s - mu_k) p/(m d_c)) is below 1, p being F_N/N_x; the notes of a record say
+    where they do not.
+
+    Raises:
+        SceneError: a value is missing, unknown, of the wrong type or out of range.
+
+    Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
+    """
+
+    mu_s: Annotated[float, NotNegative("")]
+    mu_k: Annotated[float, NotNegative("")]
+    k_f: Annotated[float | None, Positive("N/m", optional=True)] = None
+    d_c: Annotated[float, NotNegative("m")] = 0.0
+
+    _section: ClassVar[str] = "interface"
+    _allowed: ClassVar[dict[str, str]] = {}
+
+    def __post_init__(self) -> None:
+        if self.mu_k > self.mu_s:
+            allowed = f"0 <= mu_k <= mu_s = {self.mu_s!r}"
+            raise SceneError("interface.mu_k", self.mu_k, "", allowed, "mu_k exceeds mu_s")
+
+    @property
+    def weakens(self) -> bool:
+        """True if friction depends on slip."""
+        return self.d_c > 0 and self.mu_s > self.mu_k

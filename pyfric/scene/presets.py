@@ -1,0 +1,247 @@
+"""The paper's scenes, and a chain.
+
+Source: PRL 107, 074301 (2011).
+"""
+
+from collections.abc import Callable, Sequence
+from types import MappingProxyType
+from typing import Any, Literal
+
+from pyfric.scene.parts import DistributedLoad, Driver, Interface, PrescribedLoad, Rod, Slider
+from pyfric.scene.scene import Scene
+from pyfric.scene.units import check_number, unknown
+
+__all__ = [
+    "PRESETS",
+    "chain",
+    "fig1",
+    "preset",
+    "run1",
+    "run2",
+    "run3",
+    "run4",
+    "setup1",
+    "setup2",
+    "setup2_minus",
+    "setup2_plus",
+]
+
+
+def setup1(
+    *,
+    L: float = 0.14,
+    h: float = 5e-3,
+    F_N: float = 3500.0,
+    mu_s: float = 0.7,
+    mu_k: float = 0.45,
+    M: float | None = None,
+    l: float = 2.5e-3,
+    H: float = 0.075,
+    k: float = 13.5e6,
+    K: float = 4e6,
+    V: float = 0.7875e-3,
+    side: Literal["left", "right"] = "left",
+    mass: float = 0.0756,
+    mattress: float = 0.4e6,
+    eta: float | None = None,
+    k_f: float | None = None,
+    d_c: float = 0.0,
+    name: str = "setup1",
+) -> Scene:
+    """Return setup 1 of the paper: the top row glued to a rigid rod.
+
+    Arguments are the fields of the parts, in SI units. Where l is changed, k stays
+    (k = 3 B E / 4 does not depend on l) and the block mass follows from M / (N_x N_z).
+
+    M = None means 0.54 kg/m times L: 75.6 g at L = 140 mm, 108 g at L = 200 mm. The paper's
+    caption gives 75.6 g; only at L = 140 mm does this lead to its wave speeds (1677 and
+    968 m/s), so the density is kept. Pass M=0.0756 for the literal mass at every L.
+
+    Raises:
+        SceneError: a value is of the wrong type or out of range.
+
+    Source: PRL 107, 074301 (2011), Fig. 1 and its caption.
+    """
+    if M is None:
+        M = 0.0756 * (check_number("slider.L", L, "m", gt=0.0) / 0.14)  # 0.54 kg/m
+    return Scene(
+        slider=Slider(L=L, H=H, l=l, k=k, M=M, eta=eta),
+        top=Rod(F_N=F_N, mass=mass, mattress=mattress),
+        driver=Driver(K=K, V=V, h=h, side=side),
+        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f, d_c=d_c),
+        name=name,
+    )
+
+
+def setup2(
+    *,
+    theta: float = 0.0,
+    h: float = 2e-3,
+    F_N: float = 400.0,
+    mu_s: float = 0.7,
+    mu_k: float = 0.45,
+    L: float = 0.1,
+    H: float = 0.02,
+    l: float = 1e-3,
+    k: float = 9.375e6,
+    M: float = 0.012,
+    K: float = 0.8e6,
+    V: float = 0.45e-3,
+    side: Literal["left", "right"] = "left",
+    eta: float | None = None,
+    k_f: float | None = None,
+    d_c: float = 0.0,
+    name: str = "setup2",
+) -> Scene:
+    """Return setup 2 of the paper: a free top row under a distributed load with slope theta.
+
+    Arguments are the fields of the parts, in SI units; theta in [-1, 1] (the paper uses 0.833,
+    0 and -0.833). Where l is changed, k stays and the block mass follows from M / (N_x N_z).
+
+    Raises:
+        SceneError: a value is of the wrong type or out of range.
+
+    Source: PRL 107, 074301 (2011), setup 2.
+    """
+    return Scene(
+        slider=Slider(L=L, H=H, l=l, k=k, M=M, eta=eta),
+        top=DistributedLoad(F_N=F_N, theta=theta),
+        driver=Driver(K=K, V=V, h=h, side=side),
+        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f, d_c=d_c),
+        name=name,
+    )
+
+
+def chain(
+    *,
+    p: float | Sequence[float] | None = None,
+    tau: float | Sequence[float] = 0.0,
+    k_top: float = 0.0,
+    mu_s: float = 0.7,
+    mu_k: float = 0.45,
+    L: float = 0.14,
+    l: float = 2.5e-3,
+    k: float | None = None,
+    M: float | None = None,
+    K: float = 4e6,
+    V: float = 0.7875e-3,
+    side: Literal["left", "right"] = "left",
+    eta: float | None = None,
+    k_f: float | None = None,
+    d_c: float = 0.0,
+    name: str = "chain",
+) -> Scene:
+    """Return a chain (N_z = 1): by default setup 1 of the paper, lumped into one row.
+
+    Arguments are the fields of the parts, in SI units; p and tau are numbers or sequences of N_x
+    numbers from the trailing edge on. Each block stands for a column of setup 1:
+
+    - p = None means 3500 N / N_x, the normal force of setup 1, spread evenly;
+    - k = None means E B H / l = 1.35 MN / l, 540 MN/m at l = 2.5 mm, so that a uniform stretch
+      takes the same force; E B = 4 k/3 with k = 13.5 MN/m, H = 75 mm;
+    - M = None means 0.54 kg/m times L, as in `setup1`.
+
+    Waves then travel at l sqrt(k/m) = 1595 m/s, the speed of long waves in a rod, sqrt(E/rho).
+    Driver and friction are those of setup 1; tau = 0 and k_top = 0 leave a plain chain.
+
+    Raises:
+        SceneError: a value is of the wrong type or out of range.
+
+    Source: PRL 107, 074301 (2011), setup 1.
+    """
+    L = check_number("slider.L", L, "m", gt=0.0)
+    l = check_number("slider.l", l, "m", gt=0.0)
+    slider = Slider(
+        L=L,
+        H=0.0,
+        l=l,
+        k=1.35e6 / l if k is None else k,
+        M=0.0756 * (L / 0.14) if M is None else M,  # 0.54 kg/m
+        eta=eta,
+    )
+    return Scene(
+        slider=slider,
+        top=PrescribedLoad(p=3500.0 / slider.N_x if p is None else p, tau=tau, k_top=k_top),
+        driver=Driver(K=K, V=V, h=0.0, side=side),
+        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f, d_c=d_c),
+        name=name,
+    )
+
+
+def fig1(**changes: Any) -> Scene:
+    """Return the scene of Figs 1, 3 and 4(a): setup 1 as it stands.
+
+    Keyword arguments replace those of `setup1`, here and in the other named scenes.
+    """
+    return setup1(**{"name": "fig1"} | changes)
+
+
+def run1(**changes: Any) -> Scene:
+    """Return run 1 of Fig. 4(b): setup 1 with mu_s = 0.5, mu_k = 0.2."""
+    return setup1(**{"mu_s": 0.5, "mu_k": 0.2, "name": "run1"} | changes)
+
+
+def run2(**changes: Any) -> Scene:
+    """Return run 2 of Fig. 4(b): setup 1 with mu_s = 0.55, mu_k = 0.3."""
+    return setup1(**{"mu_s": 0.55, "mu_k": 0.3, "name": "run2"} | changes)
+
+
+def run3(**changes: Any) -> Scene:
+    """Return run 3 of Fig. 4(b): setup 1 with h = 7.5 mm."""
+    return setup1(**{"h": 7.5e-3, "name": "run3"} | changes)
+
+
+def run4(**changes: Any) -> Scene:
+    """Return run 4 of Fig. 4(b): setup 1 with L = 200 mm, F_N = 2700 N, h = 10 mm.
+
+    The mass is 108 g (constant density); M=0.0756 gives the literal value of the caption.
+    """
+    return setup1(**{"L": 0.2, "F_N": 2700.0, "h": 10e-3, "name": "run4"} | changes)
+
+
+def setup2_plus(**changes: Any) -> Scene:
+    """Return setup 2 with theta = 0.833: little load on the trailing edge."""
+    return setup2(**{"theta": 0.833, "name": "setup2+"} | changes)
+
+
+def setup2_minus(**changes: Any) -> Scene:
+    """Return setup 2 with theta = -0.833: much load on the trailing edge."""
+    return setup2(**{"theta": -0.833, "name": "setup2-"} | changes)
+
+
+PRESETS: MappingProxyType[str, Callable[..., Scene]] = MappingProxyType(
+    {
+        "fig1": fig1,
+        "run1": run1,
+        "run2": run2,
+        "run3": run3,
+        "run4": run4,
+        "setup1": setup1,
+        "setup2": setup2,
+        "setup2+": setup2_plus,
+        "setup2-": setup2_minus,
+        "chain": chain,
+    }
+)
+"""The paper's scenes and `chain` by name; functions take the keyword arguments of their setup."""
+
+
+def preset(name: str, **changes: Any) -> Scene:
+    """Return the named scene, with changes.
+
+    Args:
+        name: a key of `PRESETS`.
+        changes: keyword arguments of `setup1`, `setup2` or `chain`.
+
+    Raises:
+        SceneError: an unknown name or keyword (the nearest known one is given), or a value
+            that is refused.
+    """
+    if name not in PRESETS:
+        raise unknown("preset", name, str(name), PRESETS)
+    setup = chain if name == "chain" else setup2 if name.startswith("setup2") else setup1
+    known = list(setup.__kwdefaults__)
+    for key, value in changes.items():
+        if key not in known:
+            raise unknown(key, value, key, known)
+    return PRESETS[name](**changes)

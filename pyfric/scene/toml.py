@@ -1,0 +1,155 @@
+"""Scene files, which are TOML. Every number that has a unit is written with it::
+
+    name = "fig1"
+
+    [slider]
+    L = "140 mm"
+    H = "75 mm"
+    l = "2.5 mm"
+    k = "13.5 MN/m"
+    M = "75.6 g"
+
+    [top]
+    kind = "rod"            # or "distributed", or "prescribed" (a chain)
+    F_N = "3500 N"
+
+    [driver]
+    K = "4 MN/m"
+    V = "0.7875 mm/s"
+    h = "5 mm"
+
+    [interface]
+    mu_s = 0.7
+    mu_k = 0.45
+
+Pure numbers are bare; lengths, forces and so on are text with any unit that fits.
+"""
+
+import os
+import tomllib
+from collections.abc import Iterable
+from typing import Any
+
+import tomli_w
+
+from pyfric.scene.checked import Written, names, quantities
+from pyfric.scene.parts import DistributedLoad, Driver, Interface, PrescribedLoad, Rod, Slider
+from pyfric.scene.units import SceneError, unknown
+
+__all__ = ["MAX_FILE", "read", "text"]
+
+MAX_FILE = 1_048_576
+"""Largest scene file accepted, in bytes; two lists of `MAX_LISTED` forces fit."""
+PARTS: dict[str, tuple[type, ...]] = {
+    "slider": (Slider,),
+    "top": (Rod, DistributedLoad, PrescribedLoad),
+    "driver": (Driver,),
+    "interface": (Interface,),
+}
+"""Table of a scene file -> classes of the part that it may hold, by their kinds."""
+
+
+def text(name: str, parts: Iterable[Any]) -> str:
+    """Return a scene as TOML."""
+    document: dict[str, Any] = {"name": name} if name else {}
+    for part in parts:
+        several = len(PARTS[part._section]) > 1
+        table, marks = {"kind": part.kind} if several else {}, quantities(type(part))
+        for key in names(type(part)):
+            value = getattr(part, key)
+            if value is not None:
+                table[key] = _as_written(value, marks[key].unit if key in marks else "")
+        document[part._section] = table
+    return tomli_w.dumps(document)
+
+
+def read(source: str | os.PathLike[str]) -> tuple[dict[str, Any], list[SceneError]]:
+    """Return what a scene file or text holds, by the fields of a scene, and what is wrong in it.
+
+    Raises:
+        SceneError: it cannot be read, is too large or not TOML.
+    """
+    document = _parsed(source)
+    known = ["name", *PARTS]
+    errors = [
+        unknown(key, value, key, known) for key, value in document.items() if key not in known
+    ]
+    found: dict[str, Any] = {"name": document.get("name", "")}
+    for section in PARTS:
+        try:
+            found[section] = _part_from(section, document.get(section))
+        except SceneError as error:
+            errors.append(error)
+    return found, errors
+
+
+def _as_written(value: Any, unit: str) -> Any:
+    """Return a value of a part as it stands in a scene file."""
+    if isinstance(value, tuple):
+        return [_as_written(one, unit) for one in value]
+    return f"{value!r} {unit}" if unit else value
+
+
+def _parsed(source: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the TOML document in a file or text."""
+    if isinstance(source, str) and "\n" in source:
+        name, data = None, source.encode("utf-8", "replace")
+    else:
+        name = str(source)
+        try:
+            with open(source, "rb") as file:
+                data = file.read(MAX_FILE + 1)
+        except (OSError, ValueError) as error:
+            reason = f"cannot be read ({getattr(error, 'strerror', None) or error})"
+            raise SceneError("scene", name, "", "a readable scene file", reason) from None
+    if len(data) > MAX_FILE:
+        raise SceneError("scene", name, "", f"at most {MAX_FILE} bytes of TOML", "too large")
+    try:
+        return tomllib.loads(data.decode())
+    except RecursionError:
+        raise SceneError("scene", name, "", "a TOML document", "nested too deeply") from None
+    except ValueError as error:
+        raise SceneError("scene", name, "", "a TOML document", f"not TOML ({error})") from None
+
+
+def _part_from(section: str, table: Any) -> Any:
+    """Return the part that a table of a scene file describes."""
+    if not isinstance(table, dict):
+        reason = "missing" if table is None else "not a table"
+        raise SceneError(section, table, "", f"a table [{section}]", reason)
+    cls, table = _class_of(section, table)
+    known, marks = names(cls), quantities(cls)
+    listed = [*(["kind"] if len(PARTS[section]) > 1 else []), *known]
+    errors = [
+        unknown(f"{section}.{key}", value, key, listed)
+        for key, value in table.items()
+        if key not in known
+    ]
+    values = {
+        key: Written(value) if key in marks else value
+        for key, value in table.items()
+        if key in known
+    }
+    try:
+        part = cls(**values)
+    except SceneError as error:
+        errors.append(error)
+    if errors:
+        raise SceneError.joined(errors)
+    return part
+
+
+def _class_of(section: str, table: dict[str, Any]) -> tuple[type, dict[str, Any]]:
+    """Return the class that a table asks for, and the rest of the table."""
+    if len(PARTS[section]) == 1:
+        return PARTS[section][0], table
+    kinds, rest = {one.kind: one for one in PARTS[section]}, dict(table)
+    kind = rest.pop("kind", None)
+    if not isinstance(kind, str):
+        allowed = " or ".join(repr(one) for one in kinds)
+        raise SceneError(
+            f"{section}.kind", kind, "", allowed, "missing" if kind is None else "not text"
+        )
+    if kind not in kinds:
+        raise unknown(f"{section}.kind", kind, kind, kinds)
+    return kinds[kind], rest

@@ -695,14 +695,14 @@ Exit codes:
 @_json_option
 def verify(as_json: bool) -> None:
     """Check this build (a minute): bits, exact answers, stored full dynamics."""
-    from pyfric.checks import verify
+    from pyfric import checks
 
     show = None if as_json else lambda group: click.echo(f"{group.name} ...", err=True)
-    groups = verify.verify(progress=show)
+    groups = checks.verify.verify(progress=show)
     if as_json:
-        _print_json(verify.table(groups))
+        _print_json(checks.verify.table(groups))
     else:
-        click.echo(verify.report(groups))
+        click.echo(checks.verify.report(groups))
     if not all(group.holds for group in groups):
         _stop(Exit.FAILED)
 
@@ -871,8 +871,9 @@ def chart(out: Path, quiet: bool) -> None:
 
     DIR gets chart.png, chart.pdf, the points and measured orders as CSV, and their provenance.
     """
-    from pyfric.checks import chart as study
+    from pyfric import checks
 
+    study = checks.chart
     _save_study("chart", lambda: study.figure(study.chart(progress=not quiet)), out, quiet)
 
 
@@ -881,8 +882,9 @@ def chart(out: Path, quiet: bool) -> None:
 @click.option("--quiet", is_flag=True, help="Show nothing but errors.")
 def stability(out: Path, quiet: bool) -> None:
     """Map the largest stable step of every stepper, computed and measured (about two minutes)."""
-    from pyfric.checks import stability as study
+    from pyfric import checks
 
+    study = checks.stability
     made = lambda: study.figure(study.stability_map(progress=not quiet))  # noqa: E731
     _save_study("stability", made, out, quiet)
 
@@ -892,8 +894,9 @@ def stability(out: Path, quiet: bool) -> None:
 @click.option("--quiet", is_flag=True, help="Show nothing but errors.")
 def resolution(out: Path, quiet: bool) -> None:
     """Refine the lattice of the Fig. 1 scene and show what converges (several minutes)."""
-    from pyfric.checks import resolution as study
+    from pyfric import checks
 
+    study = checks.resolution
     made = lambda: study.figure(study.study(progress=False if quiet else None))  # noqa: E731
     _save_study("resolution", made, out, quiet)
 
@@ -921,17 +924,17 @@ def regimes(out: Path | None, overwrite: bool, as_json: bool) -> None:
 
     Beside --out, a CSV file, goes its provenance. The exit code is 1 if something is not as stated.
     """
-    from pyfric.checks import regimes
+    from pyfric import checks
     from pyfric.record import provenance
     from pyfric.scene import written
 
     _check_out(out, overwrite)
-    table = regimes.observe(progress=lambda name: as_json or click.echo(name, err=True))
+    table = checks.regimes.observe(progress=lambda name: as_json or click.echo(name, err=True))
     if out is not None:
         with written(out) as draft:
             table.to_csv(draft, index=False, float_format="%.3g")
         provenance(out.with_name(f"{out.stem}_provenance.toml"), "pyfric regimes")
-    click.echo(table.to_json(orient="records") if as_json else regimes.report(table))
+    click.echo(table.to_json(orient="records") if as_json else checks.regimes.report(table))
     if not table["as_stated"].all():
         _stop(Exit.FAILED, "Error: not everything is as stated")
 
@@ -952,9 +955,9 @@ _quick_option = click.option("--quick", is_flag=True, help="Fewer sizes and shor
 @_quick_option
 def kernel(as_json: bool, quick: bool) -> None:
     """Time per block and force evaluation, beside peers where they are installed."""
-    from pyfric.checks import bench
+    from pyfric import checks
 
-    _show(bench.kernel(quick=quick, progress=not as_json), as_json)
+    _show(checks.bench.kernel(quick=quick, progress=not as_json), as_json)
 
 
 @bench.command()
@@ -962,9 +965,9 @@ def kernel(as_json: bool, quick: bool) -> None:
 @_quick_option
 def threads(as_json: bool, quick: bool) -> None:
     """Gain from more threads, by the size of the lattice."""
-    from pyfric.checks import bench
+    from pyfric import checks
 
-    _show(bench.threads(quick=quick, progress=not as_json), as_json)
+    _show(checks.bench.threads(quick=quick, progress=not as_json), as_json)
 
 
 @bench.command()
@@ -972,9 +975,9 @@ def threads(as_json: bool, quick: bool) -> None:
 @_quick_option
 def limit(as_json: bool, quick: bool) -> None:
     """How near the core is to what this processor can do."""
-    from pyfric.checks import bench
+    from pyfric import checks
 
-    _show(bench.limit(quick=quick), as_json)
+    _show(checks.bench.limit(quick=quick), as_json)
 
 
 @bench.command()
@@ -982,25 +985,25 @@ def limit(as_json: bool, quick: bool) -> None:
 @_quick_option
 def scenes(as_json: bool, quick: bool) -> None:
     """Gain from several processes on independent runs."""
-    from pyfric.checks import bench
+    from pyfric import checks
 
-    _show(bench.scenes(quick=quick, progress=not as_json), as_json)
+    _show(checks.bench.scenes(quick=quick, progress=not as_json), as_json)
 
 
 @bench.command()
 @_json_option
 def fidelity(as_json: bool) -> None:
     """Every engine on the Fig. 1 scene: time, work, agreement with full dynamics (2 minutes)."""
-    from pyfric.checks import bench_fidelity
+    from pyfric import checks
 
-    found = bench_fidelity.fidelity(progress=not as_json)
-    click.echo(found.to_json(orient="records") if as_json else bench_fidelity.report(found))
+    found = checks.bench_fidelity.fidelity(progress=not as_json)
+    click.echo(found.to_json(orient="records") if as_json else checks.bench_fidelity.report(found))
 
 
 def _show(frame: pd.DataFrame, as_json: bool) -> None:
-    from pyfric.checks import bench
+    from pyfric import checks
 
-    click.echo(frame.to_json(orient="records") if as_json else bench.report(frame))
+    click.echo(frame.to_json(orient="records") if as_json else checks.bench.report(frame))
 
 
 if __name__ == "__main__":

@@ -21,7 +21,6 @@ def event():
         chart.Method("rk4", "located", "finite", SHARES),
         chart.Method("verlet", "located", "finite", SHARES),
         chart.Method("rk4", "located", "linear", SHARES[1:]),
-        chart.Method("moreau_jean", "step_end", "linear", (2.0, 0.5, 0.25, 0.125)),
     )
     points = chart.event_points(
         scene=preset("fig1", l=5e-3),
@@ -83,12 +82,6 @@ def test_points_that_fail_are_kept_with_the_reason():
     }
     assert failed["status"].str.contains("stability limit").all()
     assert failed["rupture"].isna().all()
-
-
-def test_the_implicit_stepper_goes_beyond_the_limit_of_the_explicit_ones():
-    line = event()[event()["method"] == "moreau_jean"]
-    assert (line["status"] == "ok").all()
-    assert (line["own_arrest"] < 1e-2).all()
 
 
 @functools.cache

@@ -61,7 +61,6 @@ EVENT, BEFORE, AFTER = 10, 20e-6, 300e-6
 CURVE_END = 0.35
 SHARES = (2.0, 0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125)
 """Steps over the stability limit; the first one must be refused."""
-IMPLICIT_SHARES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.125)
 REFERENCE_SHARES = (0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625)
 RTOLS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 REPEATS = 3
@@ -96,7 +95,6 @@ METHODS = (
     Method("adaptive", "located", "finite", (2.0,), RTOLS),
     Method("rk4", "step_end", "linear"),
     Method("rk4", "located", "linear"),
-    Method("moreau_jean", "step_end", "linear", IMPLICIT_SHARES),
 )
 
 
@@ -562,7 +560,6 @@ COLOURS = {
     "verlet": "#009E73",
     "symplectic_euler": "#E69F00",
     "adaptive": "#CC79A7",
-    "moreau_jean": "#D55E00",
     "quasistatic": "#000000",
     "hybrid": "#56B4E9",
 }

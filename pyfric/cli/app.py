@@ -287,7 +287,7 @@ HERE = "\0"  # value of --resume without a file
 )
 @click.option(
     "--method",
-    type=click.Choice(["rk4", "verlet", "symplectic_euler", "adaptive", "moreau_jean"]),
+    type=click.Choice(["rk4", "verlet", "symplectic_euler", "adaptive"]),
     default="rk4",
     show_default=True,
     help="Stepper; all but rk4 need full dynamics.",

@@ -60,8 +60,8 @@ Stepper = Literal["rk4", "symplectic_euler", "verlet", "adaptive"]
 Switching = Literal["step_end", "located"]
 STEPPERS: dict[str, int] = {"rk4": 0, "symplectic_euler": 1, "verlet": 2, "adaptive": 3}
 """Explicit steppers, and their numbers in the core (pyfric_nystrom)."""
-EVALUATIONS = {"rk4": 4, "symplectic_euler": 1, "verlet": 2, "adaptive": 5, "moreau_jean": 1}
-"""Force evaluations of each step or sub-step; "moreau_jean" solves two linear systems besides."""
+EVALUATIONS = {"rk4": 4, "symplectic_euler": 1, "verlet": 2, "adaptive": 5}
+"""Force evaluations of each step or sub-step."""
 
 ENERGIES = (
     "kinetic_blocks",

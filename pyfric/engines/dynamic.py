@@ -70,7 +70,7 @@ CURVE_POINTS = 5000
 """Points of the loading curve, unless `sample` says otherwise."""
 CALL_SECONDS = 0.2
 """Longest time in the core between two looks at Ctrl-C, s."""
-Stepper = Literal["rk4", "verlet", "symplectic_euler", "adaptive", "moreau_jean"]
+Stepper = Literal["rk4", "verlet", "symplectic_euler", "adaptive"]
 """Names of the steppers (`pyfric.statics.METHODS`)."""
 STATIC_SECONDS = 1.0
 """Static forces of new events are found this often, or more rarely where that takes a tenth of the
@@ -127,22 +127,20 @@ def step_size(scene: Scene, dt: float | Literal["auto"] = "auto", method: Steppe
     Args:
         scene: the scene.
         dt: step in s, or "auto": `AUTO_SHARE` of the limit, rounded down to two digits. "adaptive"
-            makes sub-steps inside dt, and "moreau_jean" is stable for every dt: they have no
-            limit, and "auto" is half that of RK4.
+            makes sub-steps inside dt: it has no limit, and "auto" is half that of RK4.
         method: the stepper.
 
     Raises:
         SceneError: dt is not a number, not positive, or above the limit.
     """
-    limited = method not in ("adaptive", "moreau_jean")
-    limit, _ = stability_limit(scene, method if limited else "rk4")
+    limit, _ = stability_limit(scene, method)
     if isinstance(dt, str):
         if dt != "auto":
             raise SceneError("dt", dt, "s", "a number or 'auto'")
         digit = 10.0 ** (math.floor(math.log10(AUTO_SHARE * limit)) - 1)
         return float(f"{math.floor(AUTO_SHARE * limit / digit) * digit:.1e}")
     dt = check_number("dt", dt, "s", gt=0.0)
-    if limited and dt > limit:
+    if method != "adaptive" and dt > limit:
         allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {method} for this scene"
         raise SceneError("dt", dt, "s", allowed, "unstable")
     return dt
@@ -195,10 +193,8 @@ def integrate(
         ("geometry", geometry, engine.geometries),
     ):
         if value not in known:
-            others = f"with fidelity = {engine.name!r}"
-            if method not in core.STEPPERS:
-                others += f", method = {method!r}"
-            raise SceneError(name, value, "", f"{' or '.join(map(repr, known))} {others}")
+            allowed = f"{' or '.join(map(repr, known))} with fidelity = {engine.name!r}"
+            raise SceneError(name, value, "", allowed)
     dt = step_size(scene, dt, method)
     if switching == "located":
         _check_located(scene, method, dt)

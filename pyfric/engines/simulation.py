@@ -9,7 +9,6 @@ from pyfric.core import State, StateError
 from pyfric.engines import planner, quasistatic
 from pyfric.engines.dynamic import Run, RunError, check_options, integrate
 from pyfric.engines.hybrid import HybridRun
-from pyfric.engines.implicit import ImplicitRun
 from pyfric.record import T_GAP, Record
 from pyfric.scene import SceneError
 from pyfric.statics import EquilibriumError, one_thread_if_small
@@ -66,8 +65,7 @@ def simulate(
         method: the stepper. "rk4": classical RK4, order 4 (the paper's). "verlet": velocity Verlet
             with viscous forces at a predicted velocity, order 2. "symplectic_euler": semi-implicit
             Euler, order 1. "adaptive": RK4 with an estimate of its error, sub-steps inside dt.
-            "moreau_jean": implicit and non-smooth, linear geometry, stable for every dt; contacts
-            are solved at step ends. All but "rk4" need full dynamics.
+            All but "rk4" need full dynamics.
         switching: "step_end": contacts switch at the end of a step (the paper's), which costs an
             order-1 error of their times. "located": they switch inside the step, where v_x,
             mu_s p - |f| or u_z of a block has its root, and the step is finished from there. A
@@ -144,12 +142,7 @@ def simulate(
 
 def _run(fidelity: str, scene: Scene, t_end: float, stepped: dict, common: dict) -> Record:
     if fidelity in ENGINES:
-        before, method = common["initial"], stepped["method"]
-        if isinstance(before, Record):
-            method = before.method.stepper
-        implicit = fidelity == "dynamic" and method == "moreau_jean"
-        engine = ImplicitRun if implicit else ENGINES[fidelity]
-        return integrate(engine, scene, t_end, **stepped, **common)
+        return integrate(ENGINES[fidelity], scene, t_end, **stepped, **common)
     for name, without in (
         ("geometry", (None, "linear")),
         ("method", ("rk4",)),
@@ -193,11 +186,10 @@ def _planned(chosen: Plan, scene: Scene, t_end: float, stepped: dict, common: di
         if chosen.fidelity == "quasistatic":
             options |= {"geometry": None, "dt": "auto", "budget": None, "switching": None}
         else:
-            if options["method"] != "moreau_jean":
-                options["geometry"] = chosen.geometry
+            options["geometry"] = chosen.geometry
             if options["dt"] == "auto" and options["method"] == "rk4":
                 options["dt"] = chosen.dt
-            if options["switching"] is None and options["method"] != "moreau_jean":
+            if options["switching"] is None:
                 options["switching"] = chosen.switching
         try:
             record, higher = _run(chosen.fidelity, scene, t_end, options, common), None

@@ -47,7 +47,7 @@ __all__ = [
     "stiffness",
 ]
 
-METHODS = ("rk4", "verlet", "symplectic_euler", "adaptive", "moreau_jean")
+METHODS = ("rk4", "verlet", "symplectic_euler", "adaptive")
 """Names of the steppers; see `pyfric.simulate`."""
 _RK4 = ("rk4", "adaptive")
 ROUNDED = 1e-7
@@ -564,7 +564,7 @@ def stability_limit(scene: Scene, method: str = "rk4") -> tuple[float, Mapping[s
     step, a matrix, must have no eigenvalue outside the unit circle. For a plane wave of frequency
     omega and damping rate gamma this is (omega dt)^2 + 2 gamma dt <= 4 for "symplectic_euler", and
     for "verlet" a polynomial condition that ends at omega dt = 2 without damping and at
-    gamma dt = 2 without stiffness. "moreau_jean" is implicit and stable for every dt: inf.
+    gamma dt = 2 without stiffness.
 
     The limit is local, so it is the smaller one of two: plane waves of the infinite lattice, and
     all modes of a lattice of at most 8 x 5 blocks with the boundaries of the scene (foundation,
@@ -573,7 +573,7 @@ def stability_limit(scene: Scene, method: str = "rk4") -> tuple[float, Mapping[s
 
     Args:
         scene: the scene.
-        method: "rk4", "symplectic_euler", "verlet", "adaptive" or "moreau_jean".
+        method: "rk4", "symplectic_euler", "verlet" or "adaptive".
 
     Returns:
         dt_max in s, and a mapping: `dt_bulk` (plane waves, s), `dt_boundary` (small lattice, s; inf
@@ -586,8 +586,6 @@ def stability_limit(scene: Scene, method: str = "rk4") -> tuple[float, Mapping[s
     """
     if method not in METHODS:
         raise ValueError(f"method = {method!r}: expected {' or '.join(map(repr, METHODS))}")
-    if method == "moreau_jean":
-        return np.inf, MappingProxyType({})
     small = _reduced(scene)
     exact = small is scene
     dt_bulk, bulk, ql = _bulk_limit(scene, method)

@@ -10,47 +10,50 @@ Source: J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011).
 """
 
 import importlib
-from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
-from pyfric.core import State, StateError
-from pyfric.engines import (
-    Assumption,
-    Job,
-    JobError,
-    Plan,
-    Progress,
-    RunError,
-    plan,
-    prediction_curve,
-    run_all,
-    simulate,
-    step_size,
-)
-from pyfric.record import Method, Record, RecordError, analysis, build_catalogue, front_speed
-from pyfric.scene import (
-    PRESETS,
-    DistributedLoad,
-    Driver,
-    Interface,
-    PrescribedLoad,
-    Rod,
-    Scene,
-    SceneError,
-    Slider,
-    __version__,
-    chain,
-    preset,
-    setup1,
-    setup2,
-)
-from pyfric.statics import (
-    Equilibrium,
-    EquilibriumError,
-    StaticSolver,
-    loaded_state,
-    solve_static,
-    stability_limit,
-)
+if TYPE_CHECKING:
+    from pyfric import figures
+    from pyfric.core import State, StateError
+    from pyfric.engines import (
+        Assumption,
+        Job,
+        JobError,
+        Plan,
+        Progress,
+        RunError,
+        plan,
+        prediction_curve,
+        run_all,
+        simulate,
+        step_size,
+    )
+    from pyfric.paper import claims
+    from pyfric.record import Method, Record, RecordError, analysis, build_catalogue, front_speed
+    from pyfric.scene import (
+        PRESETS,
+        DistributedLoad,
+        Driver,
+        Interface,
+        PrescribedLoad,
+        Rod,
+        Scene,
+        SceneError,
+        Slider,
+        __version__,
+        chain,
+        preset,
+        setup1,
+        setup2,
+    )
+    from pyfric.statics import (
+        Equilibrium,
+        EquilibriumError,
+        StaticSolver,
+        loaded_state,
+        solve_static,
+        stability_limit,
+    )
 
 __all__ = [
     "PRESETS",
@@ -96,11 +99,20 @@ __all__ = [
     "step_size",
 ]
 
-_LATE = {"claims": "pyfric.paper.claims", "figures": "pyfric.figures"}
+ROOMS = ("scene", "core", "statics", "record", "engines", "figures", "paper", "checks", "cli")
+"""From the ground up: a room imports those below it."""
 
 
-def __getattr__(name: str) -> ModuleType:
-    """Import `pyfric.figures` and `pyfric.claims` when first used: they take their time."""
-    if name in _LATE:
-        return importlib.import_module(_LATE[name])
+def __getattr__(name: str) -> Any:
+    """Import what is used when it is first used, with the rooms it needs and no others."""
+    if name in ROOMS:
+        return importlib.import_module(f"pyfric.{name}")
+    for room in ROOMS if name in __all__ else ():
+        found = importlib.import_module(f"pyfric.{room}")
+        if name in found.__all__:
+            return globals().setdefault(name, getattr(found, name))
     raise AttributeError(f"module 'pyfric' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, *ROOMS})

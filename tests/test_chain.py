@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 import pyfric
 from pyfric import core
-from pyfric.cli.app import Exit, main
+from pyfric.cli import main
+from pyfric.cli.shared import Exit
 from pyfric.core import STUCK
 from pyfric.figures import fig1b
 from pyfric.record import Record

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import pyfric
 from pyfric import SceneError
-from pyfric.cli.app import main
+from pyfric.cli import main
 from pyfric.engines import Job
 from pyfric.paper import claims
 from pyfric.paper.claims import NUMBERS, ROWS, Claim, exact, fronts, scorecard

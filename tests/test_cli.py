@@ -19,8 +19,9 @@ from click.testing import CliRunner
 import pyfric
 import pyfric.checks
 from pyfric import core
-from pyfric.cli import app as cli
-from pyfric.cli.app import Exit, main
+from pyfric.cli import main
+from pyfric.cli.commands import paper
+from pyfric.cli.shared import Exit
 from pyfric.engines import sweep
 from pyfric.paper import page
 
@@ -596,7 +597,7 @@ def test_interrupted_reproduce(tmp_path, monkeypatch):
 
 
 def test_reproduce_names_are_those_of_the_figures():
-    (names,) = (one for one in cli.reproduce.params if one.name == "names")
+    (names,) = (one for one in paper.reproduce.params if one.name == "names")
     assert list(names.type.choices) == [*page.DRAW, "all"]
 
 
@@ -651,6 +652,22 @@ def test_movie(tmp_path):
     assert refused(pyf("movie", tmp_path / "run.nc", "--event", 1, *SMALL), "--set")
     assert refused(pyf("movie", "fig1"), "--event")
     assert refused(pyf("movie", tmp_path / "none.nc", "--event", 1), "no record")
+
+
+def test_help_waits_for_no_library():
+    code = "import sys, pyfric.cli; print(sys.modules.keys() & {'numpy', 'pydantic', 'click'})"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "{'click'}\n"
+
+
+def test_public_names_are_there():
+    names = "n for n in [*pyfric.__all__, *pyfric.ROOMS] if not getattr(pyfric, n)"
+    code = f"import pyfric; print(*({names}))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "\n"
+    assert set(pyfric.__all__) | set(pyfric.ROOMS) <= set(dir(pyfric))
+    with pytest.raises(AttributeError, match="no attribute 'engine'"):
+        pyfric.engine  # noqa: B018
 
 
 # --- bench ---------------------------------------------------------------------------------------

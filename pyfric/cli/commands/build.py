@@ -1,0 +1,85 @@
+"""This build: what it is, and whether it is right."""
+
+from __future__ import annotations
+
+import os
+
+import click
+
+from pyfric.cli.app import main
+from pyfric.cli.shared import Exit, json_option, print_json, stop
+
+
+@main.command()
+@json_option
+def info(as_json: bool) -> None:
+    """Show version, compiler, instruction sets and threads."""
+    import platform
+
+    import numpy as np
+
+    from pyfric import core
+    from pyfric.scene import __version__
+
+    build = core.build_info()
+    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    found = {
+        "pyfric": __version__,
+        "variant": core.VARIANT,
+        "variants": core.variants(),
+        "environment": core.ENVIRONMENT,
+        **build,
+        "processors": available,
+        "blocks_per_thread": core.BLOCKS_PER_THREAD,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "machine": platform.machine(),
+    }
+    if as_json:
+        print_json(found)
+        return
+    installed = [
+        name if runs else f"{name} (not on this processor)"
+        for name, runs in found["variants"].items()
+    ]
+    if os.environ.get(core.ENVIRONMENT):
+        how = f"from {core.ENVIRONMENT}"
+    else:
+        how = f"the best one here; {core.ENVIRONMENT} names another"
+    threads = f"one for every {core.BLOCKS_PER_THREAD} blocks, at most {available}"
+    rows = {
+        "pyfric": __version__,
+        "variant": f"{core.VARIANT} ({how})",
+        "installed": ", ".join(installed),
+        "compiler": build["compiler"],
+        "flags": build["flags"],
+        "OpenMP": "yes" if build["openmp"] else "no",
+        "processors": available,
+        "threads": threads if build["openmp"] else "1",
+        "python": found["python"],
+        "numpy": found["numpy"],
+    }
+    for name, value in rows.items():
+        click.echo(f"{name:<11} {value}")
+
+
+@main.command(
+    epilog="""\b
+Exit codes:
+    0  all checks hold
+    1  a check fails
+"""
+)
+@json_option
+def verify(as_json: bool) -> None:
+    """Check this build (a minute): bits, exact answers, stored full dynamics."""
+    from pyfric import checks
+
+    show = None if as_json else lambda group: click.echo(f"{group.name} ...", err=True)
+    groups = checks.verify.verify(progress=show)
+    if as_json:
+        print_json(checks.verify.table(groups))
+    else:
+        click.echo(checks.verify.report(groups))
+    if not all(group.holds for group in groups):
+        stop(Exit.FAILED)

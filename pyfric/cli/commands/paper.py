@@ -1,0 +1,144 @@
+"""The paper: its figures, its claims, and strips of events."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pyfric.cli.app import main
+from pyfric.cli.shared import (
+    SHORT_EXIT_CODES,
+    Seconds,
+    check_folder,
+    file_option,
+    json_option,
+    no_cache_option,
+    print_json,
+    quiet_option,
+    scene_of,
+    set_option,
+    show_files,
+    stop_unless_complete,
+    workers_option,
+)
+
+_names = click.Choice(["fig1b", "fig2a", "fig2b", "fig3a", "fig3b", "fig4a", "fig4b", "all"])
+
+
+@main.command(epilog=SHORT_EXIT_CODES)
+@click.argument("names", nargs=-1, type=_names)
+@file_option(
+    "--out", metavar="DIR", default="figures", show_default=True, help="Folder of the files."
+)
+@workers_option
+@no_cache_option
+@quiet_option
+def reproduce(
+    names: tuple[str, ...], out: Path, workers: int | None, no_cache: bool, quiet: bool
+) -> None:
+    """Make the paper's figures from runs of the model: all, or those named.
+
+    Each figure is PNG and PDF with its caption and data; index.html shows them. Runs are made side
+    by side. Finished ones are kept in the user's cache folder, or where PYFRIC_CACHE says, and used
+    again; delete that folder to clear it.
+    """
+    from pyfric.paper import reproduce
+
+    check_folder(out)
+    chosen = () if "all" in names else names
+    progress = False if quiet else None
+    files = reproduce(chosen, out, workers=workers, cache=not no_cache, progress=progress)
+    show_files(files, quiet)
+
+
+@main.command(epilog=SHORT_EXIT_CODES)
+@click.argument("numbers", nargs=-1, metavar="[N]...")
+@file_option("--out", metavar="DIR", help="Also write claims.json and claims.csv there.")
+@workers_option
+@no_cache_option
+@json_option
+def claims(
+    numbers: tuple[str, ...], out: Path | None, workers: int | None, no_cache: bool, as_json: bool
+) -> None:
+    """Measure what the paper says: all claims, or those named (1 to 16, E1 to E10).
+
+    A value outside its band is a miss and stays in the table; the exit code is 0 all the same. If
+    the page of `pyfric reproduce` is in --out, it shows the claims too.
+    """
+    from pyfric.paper import claims, write_index
+
+    if out is not None:
+        check_folder(out)
+    progress = False if as_json else None
+    found = claims.measure(numbers or None, workers=workers, cache=not no_cache, progress=progress)
+    files = [] if out is None else claims.save(found, out)
+    if out is not None and (out / "index.html").is_file():
+        files.append(write_index(out))
+    if as_json:
+        print_json(claims.table(found))
+    else:
+        click.echo(claims.report(found))
+        show_files(files, quiet=False)
+
+
+@main.command()
+@click.argument("source", metavar="SCENE|RECORD")
+@click.option(
+    "--event",
+    type=click.IntRange(1),
+    required=True,
+    metavar="N",
+    help="Main event (at least 4 blocks), counted from 1.",
+)
+@click.option(
+    "--t-end", type=Seconds(), default=1.0, help="Time of the end of a scene's run. [default: 1 s]"
+)
+@set_option
+@file_option("--out", metavar="STEM", help="Names of the files. [default: event_N]")
+@click.option("--gif", is_flag=True, help="Also write STEM.gif, an animation.")
+@quiet_option
+def movie(
+    source: str,
+    event: int,
+    t_end: float,
+    changes: tuple[str, ...],
+    out: Path | None,
+    gif: bool,
+    quiet: bool,
+) -> None:
+    """Draw one event as a strip of frames: velocity field, with the interface below it.
+
+    From a scene (a preset or a TOML file), or from a record of the hybrid or dynamic engine
+    with rk4 that began with the loaded slider (.nc). The event is run again with full dynamics
+    from a state just before it.
+    """
+    import numpy as np
+
+    import pyfric
+    from pyfric import figures
+
+    stem = out or Path(f"event_{event}")
+    check_folder(stem.parent)
+    if source.lower().endswith(".nc"):
+        if changes:
+            raise click.UsageError(f"--set changes presets; {source} is a record.")
+        try:
+            record = pyfric.Record.load(source)
+        except FileNotFoundError as error:
+            raise pyfric.RecordError(str(error)) from None
+    else:
+        progress = False if quiet else None
+        scene = scene_of(source, changes)
+        record = pyfric.simulate(scene, t_end, fidelity="hybrid", progress=progress)
+        stop_unless_complete(record, "")
+    main_events = np.flatnonzero(record.events["is_main"])
+    if event > len(main_events):
+        t = record.curve["t"].iloc[-1]
+        allowed = f"1 to {len(main_events)}, the main events up to t = {t:.4g} s"
+        raise pyfric.SceneError("event", event, "", allowed, "no such event")
+    row = int(main_events[event - 1])
+    files = figures.save_figure(figures.event_strip(record, row), stem)
+    if gif:
+        files.append(figures.event_movie(record, row, stem.with_name(stem.name + ".gif")))
+    show_files(files, quiet)

@@ -1,0 +1,236 @@
+"""`pyfric run`."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+from pyfric.cli.app import main
+from pyfric.cli.report import summary, text
+from pyfric.cli.shared import (
+    EXIT_CODES,
+    Seconds,
+    check_out,
+    file_option,
+    overwrite_option,
+    print_json,
+    quiet_option,
+    scene_of,
+    set_option,
+    stop_unless_complete,
+    tolerance_option,
+    want_option,
+    writable,
+)
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+
+HERE = "\0"  # value of --resume without a file
+
+
+@main.command(epilog=EXIT_CODES)
+@click.argument("scene")
+@click.option("--t-end", type=Seconds(), required=True, help="Time of the end: '900 ms', or s.")
+@set_option
+@click.option(
+    "--fidelity",
+    type=click.Choice(["auto", "equilibrium", "quasistatic", "hybrid", "dynamic"]),
+    default="auto",
+    show_default=True,
+    help="What is modelled; auto takes what is enough (see pyfric plan).",
+)
+@want_option
+@tolerance_option
+@click.option(
+    "--geometry",
+    type=click.Choice(["finite", "linear"]),
+    help="Bonds that rotate, as in the paper, or linear ones. "
+    "[default: finite; linear for a chain]",
+)
+@click.option(
+    "--method",
+    type=click.Choice(["rk4", "verlet", "symplectic_euler", "adaptive"]),
+    default="rk4",
+    show_default=True,
+    help="Stepper; all but rk4 need full dynamics.",
+)
+@click.option(
+    "--switching",
+    type=click.Choice(["step_end", "located"]),
+    help="Contacts switch at the end of a step, as in the paper, or where they do inside it. "
+    "[default: as planned, or step_end]",
+)
+@click.option(
+    "--rtol", type=float, help="Error of a sub-step of --method adaptive. [default: 1e-6]"
+)
+@click.option(
+    "--dt",
+    type=Seconds("auto"),
+    default="auto",
+    show_default=True,
+    help="Time step: '0.2 us', s, or auto, about half the stability limit.",
+)
+@click.option(
+    "--sample",
+    type=Seconds(),
+    help="Time between two points of the curve. [default: 1/5000 of the run]",
+)
+@click.option("--t-gap", type=Seconds(), help="Longest pause inside an event. [default: 1 ms]")
+@click.option(
+    "--threads", type=click.IntRange(1, 4096), help="Most threads to use. [default: all that pay]"
+)
+@click.option(
+    "--budget/--no-budget",
+    default=None,
+    help="Keep the energy budget: full dynamics only. [default: with --fidelity dynamic]",
+)
+@file_option("--out", metavar="FILE", help="Save the record here, and once a minute on the way.")
+@overwrite_option
+@click.option(
+    "--resume",
+    is_flag=False,
+    flag_value=HERE,
+    metavar="[FILE]",
+    help="Continue the record in FILE, or in --out if no FILE is given.",
+)
+@file_option("--figure", metavar="STEM", help="Draw STEM.png and STEM.pdf, with caption and data.")
+@file_option("--csv", metavar="FOLDER", help="Write the tables of the record as CSV.")
+@quiet_option
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print one JSON object, also if the run fails or stops."
+)
+@click.pass_context
+def run(
+    ctx: click.Context,
+    scene: str,
+    t_end: float,
+    changes: tuple[str, ...],
+    out: Path | None,
+    overwrite: bool,
+    resume: str | None,
+    figure: Path | None,
+    csv: Path | None,
+    quiet: bool,
+    as_json: bool,
+    **how: Any,
+) -> None:
+    """Simulate SCENE: a preset, such as fig1, or a TOML file.
+
+    Figure and CSV are written when the run is complete. `pyfric scene` shows a scene as TOML.
+    """
+    what = scene_of(scene, changes)
+    if resume == HERE:
+        if out is None:
+            raise click.UsageError("--resume without a file continues the one in --out: name it.")
+        resume = str(out)
+    check_out(out, overwrite or _same_file(out, resume))
+    for option, folder in (("--figure", figure and figure.parent), ("--csv", csv)):
+        if folder is not None and not writable(folder):
+            raise click.UsageError(f"{option}: files cannot be written in {folder}.")
+    record = None if resume is None else _record_to_continue(resume, what, ctx)
+    if record is None or not _is_done(record, t_end):
+        how |= {"initial": record, "progress": not (quiet or as_json)}
+        record = _simulate(what, t_end, out, **how)
+    found = summary(record, _files(record, out, figure, csv))
+    if as_json:
+        print_json(found)
+    elif not quiet:
+        click.echo(text(found))
+    stop_unless_complete(record, _hint(scene, changes, t_end, out))
+
+
+def _files(record: Record, out: Path | None, figure: Path | None, csv: Path | None) -> list[Path]:
+    """Write the record; if it is complete, also figure and tables."""
+    from pyfric import figures
+
+    files = [] if out is None else [record.save(out)]
+    if record.status == "complete":
+        files += [] if figure is None else figures.save_figure(figures.fig1b(record), figure)
+        files += [] if csv is None else record.to_csv(csv)
+    return files
+
+
+def _hint(scene: str, changes: tuple[str, ...], t_end: float, out: Path | None) -> str:
+    """How to go on after a run that is not complete."""
+    if out is None:
+        return "nothing was saved, because there is no --out"
+    arguments = ["pyfric", "run", scene, *(f"--set={change}" for change in changes)]
+    arguments += ["--t-end", repr(t_end), "--out", str(out), "--resume"]
+    return f"continue with: {shlex.join(arguments)}"
+
+
+def _same_file(one: Path | None, other: str | None) -> bool:
+    if one is None or other is None:
+        return False
+    return one.exists() and Path(other).exists() and one.samefile(other)
+
+
+def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
+    """Return the record of this scene; options that were given have to agree with it.
+
+    Raises:
+        RecordError: no record, or one of another scene.
+        SceneError: an option differs.
+    """
+    import pyfric
+
+    try:
+        before = pyfric.Record.load(path)
+    except FileNotFoundError as error:
+        raise pyfric.RecordError(str(error)) from None
+    if before.scene != scene:
+        raise pyfric.RecordError(f"{path}: the record of another scene cannot be continued")
+    method = before.method
+
+    def same(name: str, value: Any) -> bool:
+        if name == "fidelity":
+            return value in ("auto", method.engine)
+        if name == "dt":
+            return pyfric.step_size(scene, value, method.stepper) == method.dt
+        if name == "sample":
+            return max(1, round(value / (method.dt or math.inf))) == method.sample
+        return value == {
+            "geometry": method.geometry,
+            "method": method.stepper or "rk4",
+            "switching": method.switching.replace(" ", "_") or "step_end",
+            "rtol": method.rtol,
+            "t_gap": method.t_gap,
+            "budget": method.budget,
+        }.get(name, value)
+
+    for name, value in ctx.params.items():
+        given = ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if given and not same(name, value):
+            allowed = "what the record that is continued was made with, or no such option"
+            unit = "s" if isinstance(value, float) and name != "rtol" else ""
+            raise pyfric.SceneError(name, value, unit, allowed, "cannot change")
+    return before
+
+
+def _is_done(record: Record, t_end: float) -> bool:
+    """Whether a complete record ends at t_end, or within the step beyond it."""
+    t = record.curve["t"].iloc[-1]
+    return record.status == "complete" and t - (record.method.dt or 0.0) < t_end <= t
+
+
+def _simulate(scene: Scene, t_end: float, out: Path | None, **how: Any) -> Record:
+    """Return the record of a run, whether it is complete, interrupted or failed."""
+    import pyfric
+
+    if out is not None:  # xarray is slow when it is used first, and that is not for after Ctrl-C
+        import xarray as xr
+
+        xr.Dataset({"a": ("x", [0.0])}, {"x": [0.0]}).to_netcdf(engine="h5netcdf")
+    how = {name: value for name, value in how.items() if value is not None}
+    try:
+        return pyfric.simulate(scene, t_end, checkpoint=out, **how)
+    except pyfric.RunError as error:
+        return error.record

@@ -1,0 +1,76 @@
+"""Scenes: show, draw, plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pyfric.cli.app import main
+from pyfric.cli.shared import (
+    Seconds,
+    check_folder,
+    check_out,
+    file_option,
+    json_option,
+    overwrite_option,
+    print_json,
+    quiet_option,
+    scene_of,
+    set_option,
+    show_files,
+    tolerance_option,
+    want_option,
+)
+
+
+@main.command()
+@click.argument("scene")
+@set_option
+@file_option("--out", metavar="FILE", help="Write a file instead of stdout.")
+@overwrite_option
+def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: bool) -> None:
+    """Show SCENE as TOML: a start for a scene of your own."""
+    what = scene_of(scene, changes)
+    check_out(out, overwrite)
+    text = what.to_toml(out)
+    if out is None:
+        click.echo(text, nl=False)
+
+
+@main.command()
+@click.argument("scene")
+@set_option
+@file_option("--out", metavar="STEM", help="Names of the files. [default: sketch_SCENE]")
+@quiet_option
+def draw(scene: str, changes: tuple[str, ...], out: Path | None, quiet: bool) -> None:
+    """Draw a sketch of SCENE, to scale: STEM.png and STEM.pdf, with caption and data."""
+    from pyfric import figures
+
+    what = scene_of(scene, changes)
+    stem = out or Path(f"sketch_{Path(scene).stem}")
+    check_folder(stem.parent)
+    show_files(figures.save_figure(figures.sketch(what), stem), quiet)
+
+
+@main.command()
+@click.argument("scene")
+@click.option("--t-end", type=Seconds(), default=1.0, help="Time of the end. [default: 1 s]")
+@set_option
+@want_option
+@tolerance_option
+@json_option
+def plan(
+    scene: str, t_end: float, changes: tuple[str, ...], want: str, tolerance: float, as_json: bool
+) -> None:
+    """Say which model of SCENE is enough for a question, why, and what it will cost."""
+    import dataclasses
+
+    import pyfric
+
+    found = pyfric.plan(scene_of(scene, changes), want, tolerance, t_end=t_end)
+    if not as_json:
+        click.echo(str(found))
+        return
+    listed = [one._asdict() | {"holds": one.holds} for one in found.assumptions]
+    print_json(dataclasses.asdict(found) | {"assumptions": listed})

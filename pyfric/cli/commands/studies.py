@@ -1,0 +1,90 @@
+"""Studies: error and cost, stable steps, resolution, and where methods fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pyfric.cli.app import main
+from pyfric.cli.shared import (
+    Exit,
+    check_folder,
+    check_out,
+    file_option,
+    json_option,
+    overwrite_option,
+    quiet_option,
+    show_files,
+    stop,
+)
+
+_study_out = file_option(
+    "--out", metavar="DIR", default=".", show_default=True, help="Folder of the files."
+)
+
+
+@main.command()
+@_study_out
+@quiet_option
+def chart(out: Path, quiet: bool) -> None:
+    """Chart the error of every method against its cost (about five minutes).
+
+    DIR gets chart.png, chart.pdf, the points and measured orders as CSV, and their provenance.
+    """
+    _save_study("chart", lambda study: study.chart(progress=not quiet), out, quiet)
+
+
+@main.command()
+@_study_out
+@quiet_option
+def stability(out: Path, quiet: bool) -> None:
+    """Map the largest stable step of every stepper, computed and measured (about two minutes)."""
+    _save_study("stability", lambda study: study.stability_map(progress=not quiet), out, quiet)
+
+
+@main.command()
+@_study_out
+@quiet_option
+def resolution(out: Path, quiet: bool) -> None:
+    """Refine the lattice of the Fig. 1 scene and show what converges (several minutes)."""
+    progress = False if quiet else None
+    _save_study("resolution", lambda study: study.study(progress=progress), out, quiet)
+
+
+def _save_study(name: str, make: Callable[[Any], Any], out: Path, quiet: bool) -> None:
+    """Make a study's figure and save it with its provenance."""
+    from pyfric import checks, figures
+    from pyfric.record import provenance
+
+    check_folder(out)
+    study = getattr(checks, name)
+    files = figures.save_figure(study.figure(make(study)), out / name)
+    files.append(provenance(out / f"{name}_provenance.toml", f"pyfric {name}"))
+    show_files(files, quiet)
+
+
+@main.command()
+@file_option("--out", metavar="FILE", help="Write the table as CSV.")
+@overwrite_option
+@json_option
+def regimes(out: Path | None, overwrite: bool, as_json: bool) -> None:
+    """Run the model where methods fail and say what happens there (about 15 s).
+
+    Beside --out, a CSV file, goes its provenance. The exit code is 1 if something is not as stated.
+    """
+    from pyfric import checks
+    from pyfric.record import provenance
+    from pyfric.scene import written
+
+    check_out(out, overwrite)
+    table = checks.regimes.observe(progress=lambda name: as_json or click.echo(name, err=True))
+    if out is not None:
+        with written(out) as draft:
+            table.to_csv(draft, index=False, float_format="%.3g")
+        provenance(out.with_name(f"{out.stem}_provenance.toml"), "pyfric regimes")
+    click.echo(table.to_json(orient="records") if as_json else checks.regimes.report(table))
+    if not table["as_stated"].all():
+        stop(Exit.FAILED, "Error: not everything is as stated")

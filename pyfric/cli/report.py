@@ -1,0 +1,99 @@
+"""What `pyfric run` says of a record."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+
+__all__ = ["summary", "text"]
+
+MAIN_COLUMNS = (
+    "t_start",
+    "t_stop",
+    "L_p_over_L",
+    "F_T_start_over_F_N",
+    "F_T_arrest_over_F_N",
+    "n_blocks",
+    "nucleation_block",
+    "is_precursor",
+)
+
+
+def summary(record: Record, files: list[Path]) -> dict[str, Any]:
+    """Return what `pyfric run` reports; None stands for numbers that are not known."""
+    events, F_N = record.events, record.scene.F_N
+    main = events[events["is_main"]]
+    for name in ("F_T_start", "F_T_arrest"):
+        main = main.assign(**{f"{name}_over_F_N": main[name] / F_N})
+    last = record.curve.iloc[-1]
+    return {
+        "scene": record.scene.name,
+        "status": record.status,
+        "t": float(last["t"]),
+        "F_T_over_F_N": float(last["F_T"] / F_N),
+        "events": {
+            "all": len(events),
+            "main": len(main),
+            "precursors": int(main["is_precursor"].sum()),
+            "micro": len(events) - len(main),
+        },
+        "main_events": [
+            {name: _plain(row[name]) for name in MAIN_COLUMNS} for _, row in main.iterrows()
+        ],
+        "timings": {name: float(value) for name, value in record.timings.items()},
+        "method": {
+            "engine": record.method.engine,
+            "geometry": record.method.geometry,
+            "dt": record.method.dt,
+            "threads": record.method.threads,
+            "variant": record.method.variant,
+        },
+        "counts": dict(record.counts),
+        "notes": list(record.notes),
+        "files": [str(path) for path in files],
+    }
+
+
+def _plain(value: Any) -> Any:
+    value = value.item() if hasattr(value, "item") else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def text(summary: dict[str, Any]) -> str:
+    events, timings, method = summary["events"], dict(summary["timings"]), summary["method"]
+    per_step = timings.pop("per_block_and_step", None)
+    took = ", ".join(f"{name} {value:.2f} s" for name, value in timings.items())
+    status = summary["status"].partition(":")[0]
+    lines = [
+        f"{summary['scene'] or 'run'}: {status} at t = {summary['t']:.6g} s, "
+        f"F_T/F_N = {summary['F_T_over_F_N']:.4f}",
+        f"events: {events['main']} main, of which {events['precursors']} precursors; "
+        f"{events['micro']} micro-slips",
+    ]
+    if summary["main_events"]:
+        lines += ["", f"{'t (s)':>10}  {'L_p/L':>6}  {'F_T/F_N':>8}  {'blocks':>6}"]
+    for event in summary["main_events"]:
+        force = event["F_T_start_over_F_N"]
+        lines.append(
+            f"{event['t_start']:>10.6f}  {event['L_p_over_L']:>6.3f}  "
+            f"{'-' if force is None else f'{force:.4f}':>8}  {event['n_blocks']:>6}"
+        )
+    if summary["main_events"]:
+        lines.append("")
+    lines.append(
+        ", ".join(
+            [f"{method['engine']} engine", f"{method['geometry']} geometry"]
+            + ([] if method["dt"] is None else [f"dt = {method['dt']:g} s"])
+            + ([f"variant {method['variant']}"] if method["variant"] else [])
+            + [f"{method['threads']} thread{'s' if method['threads'] > 1 else ''}"]
+        )
+    )
+    lines.append(f"time taken: {took}")
+    if per_step is not None:
+        lines.append(f"per block and step: {per_step * 1e9:.1f} ns")
+    lines += [f"note: {note}" for note in summary["notes"]]
+    return "\n".join([*lines, *(f"written: {path}" for path in summary["files"])])

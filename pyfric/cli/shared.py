@@ -1,0 +1,208 @@
+"""What commands share: exit codes, parameters, options, output."""
+
+from __future__ import annotations
+
+import enum
+import json
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import click
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+
+class Exit(enum.IntEnum):
+    """Exit codes."""
+
+    COMPLETE = 0
+    FAILED = 1
+    BAD_INPUT = 2
+    INTERRUPTED = 130
+
+
+EXIT_CODES = """\b
+Exit codes:
+    0  complete
+    1  the run failed; what was done is in --out
+    2  bad input; nothing was started
+  130  interrupted by Ctrl-C or SIGTERM; what was done is in --out
+"""
+SHORT_EXIT_CODES = """\b
+Exit codes:
+    0  complete
+    1  a run failed or a file could not be written
+    2  bad input; nothing was started
+  130  interrupted by Ctrl-C or SIGTERM; finished runs are kept
+"""
+
+
+def stop(code: Exit, message: str = "") -> NoReturn:
+    if message:
+        click.echo(message, err=True)
+    raise click.exceptions.Exit(int(code))
+
+
+def stop_unless_complete(record: Record, hint: str) -> None:
+    if record.status == "interrupted":
+        t = record.curve["t"].iloc[-1]
+        stop(Exit.INTERRUPTED, f"interrupted at t = {t:.6g} s; {hint}")
+    if record.status != "complete":
+        stop(Exit.FAILED, f"Error: {record.status.removeprefix('failed: ')}")
+
+
+# --- parameters ----------------------------------------------------------------------------------
+
+
+class Seconds(click.ParamType):
+    """A time: a bare number in s, or a quantity with its unit."""
+
+    name = "time"
+
+    def __init__(self, *words: str) -> None:
+        self.words = words
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> float | str:
+        return value if value in self.words else number(param.name, value, "s", ge=0.0)
+
+
+def number(field: str, text: str, unit: str, **limits: float | None) -> float:
+    """Return a bare SI number, or a quantity with its unit, as a number in SI.
+
+    Raises:
+        SceneError: it is neither, or outside the limits.
+    """
+    from pyfric.scene import SceneError, check_number, parse_quantity, range_text
+
+    allowed = range_text(unit, **limits)
+    try:
+        number = float(text)
+    except ValueError:
+        if not unit:
+            raise SceneError(field, text, "", allowed, "not a number") from None
+        number = parse_quantity(field, text, unit, allowed=allowed)
+    return check_number(field, number, unit, **limits)
+
+
+def _units() -> dict[str, str]:
+    """Return the SI units of all numbers in a scene, by the names that the presets use."""
+    import typing
+
+    from pyfric.scene import DistributedLoad, Driver, Interface, PrescribedLoad, Rod, Slider
+
+    return {
+        name: mark.unit
+        for part in (Slider, Rod, DistributedLoad, PrescribedLoad, Driver, Interface)
+        for name, hint in typing.get_type_hints(part, include_extras=True).items()
+        for mark in getattr(hint, "__metadata__", ())
+    }
+
+
+def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
+    """Return the preset of this name, or the scene in this file.
+
+    Raises:
+        SceneError: no such preset or file, or a value is refused.
+    """
+    import pyfric
+
+    looks_like_file = os.sep in name or "/" in name or name.lower().endswith(".toml")
+    if name not in pyfric.PRESETS and (looks_like_file or Path(name).is_file()):
+        if changes:
+            raise click.UsageError(f"--set changes presets; {name} is a file: change it there.")
+        return pyfric.Scene.from_toml(Path(name))
+    units, values = _units(), {}
+    for change in changes:
+        key, equals, text = (part.strip() for part in change.partition("="))
+        if not (key and equals):
+            raise click.UsageError(f"--set {change}: write KEY=VALUE, such as 'h=7.5 mm'.")
+        values[key] = number(key, text, units[key]) if key in units else text
+    return pyfric.preset(name, **values)
+
+
+def writable(folder: Path) -> bool:
+    """Whether files can be made in a folder, which is made first if it is missing."""
+    here = folder.absolute()
+    while not here.exists():
+        here = here.parent
+    try:
+        with tempfile.TemporaryFile(dir=here):
+            return True
+    except OSError:
+        return False
+
+
+def check_folder(out: Path) -> None:
+    if not writable(out):
+        raise click.UsageError(f"--out {out}: files cannot be written there.")
+
+
+def check_out(out: Path | None, overwrite: bool) -> None:
+    if out is None:
+        return
+    if not out.parent.is_dir():
+        raise click.UsageError(f"--out {out}: there is no folder {out.parent}.")
+    if out.is_dir():
+        raise click.UsageError(f"--out {out}: this is a folder.")
+    if not writable(out.parent):
+        raise click.UsageError(f"--out {out}: the folder {out.parent} is not writable.")
+    if out.exists() and not overwrite:
+        raise click.UsageError(f"--out {out}: the file exists; --overwrite replaces it.")
+
+
+set_option = click.option(
+    "--set",
+    "changes",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Change a value of a preset, such as 'h=7.5 mm' or mu_k=0.4; repeatable. "
+    "Keys are the arguments of pyfric.setup1, setup2 or chain; numbers without unit are SI.",
+)
+overwrite_option = click.option("--overwrite", is_flag=True, help="Replace the file in --out.")
+quiet_option = click.option("--quiet", is_flag=True, help="Show nothing but errors.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+
+
+want_option = click.option(
+    "--want",
+    type=click.Choice(["loading_curve", "precursors", "stress", "front_speed", "motion"]),
+    default="precursors",
+    show_default=True,
+    help="What the run is made for.",
+)
+tolerance_option = click.option(
+    "--tolerance",
+    type=click.FloatRange(0, 1, min_open=True),
+    default=0.01,
+    show_default=True,
+    help="Accepted error, over F_N; relative for front speeds.",
+)
+
+workers_option = click.option(
+    "--workers", type=click.IntRange(1, 4096), help="Most runs at a time. [default: processors]"
+)
+no_cache_option = click.option(
+    "--no-cache", is_flag=True, help="Make all runs again, and keep none."
+)
+
+
+def file_option(name: str, **rest: Any) -> Callable[..., Any]:
+    return click.option(name, type=click.Path(path_type=Path), **rest)
+
+
+# --- output --------------------------------------------------------------------------------------
+
+
+def print_json(value: Any) -> None:
+    click.echo(json.dumps(value, indent=2, allow_nan=False))
+
+
+def show_files(files: list[Path], quiet: bool) -> None:
+    if not quiet:
+        for path in files:
+            click.echo(path)

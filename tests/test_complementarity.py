@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from pyfric.scene import Scene, chain, preset, setup1, setup2
 from pyfric.statics import Contact, Interface, StaticSolver, loaded_state
+from pyfric.statics.uniqueness import LIMIT, definiteness, is_definite
 
 
 def small_rod(**changes) -> Scene:
@@ -175,7 +176,6 @@ def test_nothing_changes_in_a_driver_that_cannot_pull_further():
         contact.release(b, 1)
     assert contact.next_change()[0] == np.inf
     assert contact.definite()
-    assert contact.ambiguous == 0
 
 
 def test_the_slip_operator_loses_definiteness_near_mu_1():
@@ -193,6 +193,42 @@ def test_the_slip_operator_loses_definiteness_near_mu_1():
             found[mu] += not contact.definite()
     assert found[0.45] == found[0.7] == 0
     assert 0 < found[2.0]
+
+
+def test_definiteness_falls_linearly_with_friction():
+    """From 1 without friction; the value for all sliding one way bounds that of fewer blocks."""
+    contact = interface("rod").loaded()
+    found = []
+    for mu in (0.0, 0.5, 1.0):
+        contact.mu_k = mu
+        found.append(contact.definiteness_of_sliding())
+        for number in range(contact.N_x + 1):
+            slip = (np.arange(contact.N_x) < number).astype(np.int8)
+            for way in (slip, -slip):
+                assert definiteness(*contact.slip_operator(way)) >= found[-1] - 1e-12
+    assert found[0] == pytest.approx(1, abs=1e-12)
+    assert found[1] == pytest.approx((found[0] + found[2]) / 2, abs=1e-12)
+    limit = 1 / (1 - found[2])
+    for mu, definite in ((0.98 * limit, True), (0.995 * limit, False)):  # 0.99 limit: 0.01
+        contact.mu_k = mu
+        assert (contact.definiteness_of_sliding() > LIMIT) == definite
+        operators = [contact.slip_operator(np.full(contact.N_x, way)) for way in (1, -1)]
+        assert all(is_definite(*one) for one in operators) == definite
+
+
+@pytest.mark.parametrize("name", ["rod", "free"])
+def test_the_slip_operator_is_the_inverse_of_the_table(name):
+    """Also with open blocks, which follow."""
+    contact = interface(name).loaded()
+    closed = contact.closed.copy()
+    closed[[0, 3]] = False
+    contact.set_closed(closed)
+    for i, way in ((1, 1), (2, -1), (5, 1)):
+        contact.release(i, way)
+    W, F = contact.slip_operator(contact.slip)
+    i = np.flatnonzero(contact.slip)
+    np.testing.assert_allclose(np.linalg.inv(W), contact.table[np.ix_(i, i)], rtol=1e-9)
+    np.testing.assert_allclose(F, F.T, rtol=1e-9)
 
 
 LOADED = {

@@ -280,9 +280,35 @@ def test_prediction_without_friction():
     assert curve["L_p_over_L"].iloc[-1] == 1
 
 
-def test_prediction_says_where_it_may_not_be_unique():
-    with pytest.warns(RuntimeWarning, match="not be the only one"):
-        prediction_curve(small_free(k_f=1e10), mu=6.0)
+@pytest.mark.parametrize(("mu", "rows"), [(3.5, 44), (4.0, 44), (5.0, 24), (6.0, 23), (8.0, 22)])
+@pytest.mark.parametrize("nearly", [1.0, 1 - 1e-13, 1 + 3e-12])
+def test_prediction_says_where_it_may_not_be_unique(mu, rows, nearly):
+    """The operator decides, before slip is followed: rounding does not (limit mu = 3.64 here)."""
+    scene = small_free(k_f=nearly * 1e10)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        record = prediction_curve(scene, mu)
+    assert len(said) == (mu > 3.64)
+    for one in said:
+        assert "may not be the only one" in str(one.message)
+        assert "at least 0.01" in str(one.message)
+        assert "unique up to mu = 3.64" in str(one.message)
+    ends = mu >= 5
+    assert sum("may not be the only solution" in note for note in record.notes) == ends
+    assert len(record.curve) == rows
+    if not ends:
+        assert record.curve["F_T"].iloc[-1] == pytest.approx(mu * scene.F_N, rel=1e-9)
+
+
+@pytest.mark.parametrize(("name", "mu", "rows"), [("run4", 1.0, 86), ("setup2+", 0.7, 137)])
+def test_prediction_goes_on_after_a_block_lands(name, mu, rows):
+    """What a landed block carries is rounding first: it decides neither its way nor the end."""
+    scene = preset(name)
+    for nearly in (1.0, 1 - 2e-15, 1 + 3e-13):
+        interface = dataclasses.replace(scene.interface, k_f=nearly * scene.k_f)
+        curve = prediction_curve(dataclasses.replace(scene, interface=interface), mu).curve
+        assert len(curve) == rows
+        assert curve["F_T"].iloc[-1] == pytest.approx(mu * scene.F_N, rel=1e-9)
 
 
 @pytest.mark.parametrize(

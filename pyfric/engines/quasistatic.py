@@ -44,7 +44,13 @@ from pyfric.record import (
     versions,
 )
 from pyfric.scene import SceneError, check_number
-from pyfric.statics import Contact, EquilibriumError, Interface, one_thread_if_small
+from pyfric.statics import (
+    LEAST_DEFINITENESS,
+    Contact,
+    EquilibriumError,
+    Interface,
+    one_thread_if_small,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -221,13 +227,22 @@ class QuasistaticRun:
             show(self.t, self.rows[-1][1], self.events)
             if stop() or not contact.stuck.any():
                 return
-            X, i, what = contact.next_change()
+            if not contact.definite():
+                self.over = True
+                self.notes += (
+                    f"{self.name}: slip is followed up to F_T/F_N = "
+                    f"{self.rows[-1][1] / self.scene.F_N:.6g}, where the definiteness of the slip "
+                    f"operator falls below {LEAST_DEFINITENESS:g}: friction is so strong (mu = "
+                    f"{mu_s:g}) that what comes next may not be the only solution",
+                )
+                return
+            X, i, what = contact.next_change(reload=False)
             if not X <= X_end or X == np.inf:
                 return
             contact.X = X
             if what == 0:
                 contact.flip(i)
-            elif what != 2:
+            else:
                 contact.release(i, what)
         what = "the growth of the slipping zone does not end"
         raise EquilibriumError(what, np.nan, contact.tol, SWEEPS * self.scene.N_x)
@@ -380,14 +395,15 @@ def prediction_curve(scene: Scene, mu: float | None = None) -> Record:
     Returns:
         A record of engine "prediction". Each row of its curve is a change of contact state: t (s),
         F_T (N), drive (m), L_p_over_L of the blocks that have slipped or are open, from the
-        trailing edge. Its last row is where all blocks slip, or where no further block would.
+        trailing edge. Its last row is where all blocks slip, where no further block would, or
+        where what follows may not be the only solution, which a note then says.
 
     Raises:
         SceneError: mu is not a number >= 0.
         EquilibriumError: no equilibrium was found.
 
     Warns:
-        RuntimeWarning: the solution is not unique at some state.
+        RuntimeWarning: friction is so strong that the solution may not be unique.
 
     Source: PRL 107, 074301 (2011), Fig. 2.
     """
@@ -399,6 +415,7 @@ def prediction_curve(scene: Scene, mu: float | None = None) -> Record:
         driver=dataclasses.replace(scene.driver, V=V),
     )
     run = QuasistaticRun(scene)
+    _warn_if_ambiguous(run.contact)
     start = time.perf_counter()
     contact, order = run.contact, np.argsort(scene.n_of_i)
     slipped = np.zeros(scene.N_x, dtype=bool)
@@ -414,30 +431,41 @@ def prediction_curve(scene: Scene, mu: float | None = None) -> Record:
     run.sample()
     note()
     run.grow(np.inf, lambda: False, note)
-    if contact.ambiguous or not contact.definite():
-        warnings.warn(
-            f"mu = {mu:g}: the slip operator is not positive definite in some of the states "
-            "passed, so that the solution may not be the only one",
-            RuntimeWarning,
-            stacklevel=2,
-        )
     run.timings["path"] = time.perf_counter() - start
     drive = [V * t for t, _ in run.rows]
     return run.record("complete", "prediction", drive=drive, L_p_over_L=reached)
+
+
+def _warn_if_ambiguous(contact: Contact) -> None:
+    """Warn before slip is followed where it may not be determined."""
+    mu, found = contact.mu_k, contact.definiteness_of_sliding()
+    if found >= LEAST_DEFINITENESS:
+        return
+    most = mu * (1 - LEAST_DEFINITENESS) / (1 - found)  # it falls linearly
+    warnings.warn(
+        f"mu = {mu:g}: the definiteness of the slip operator, all blocks slipping one way, is "
+        f"{found:.3g} (at least {LEAST_DEFINITENESS:g}), so that the solution may not be the only "
+        f"one; the curve ends where that shows. It is unique up to mu = {most:.3g}",
+        RuntimeWarning,
+        stacklevel=3,
+    )
 
 
 def _settle_rates(contact: Contact) -> None:
     """Decide which of the blocks at their threshold slip as the driver goes on.
 
     A slipping block that would turn back sticks; a stuck one at its threshold that would exceed it
-    slips. One block at a time, the worst first; the first one in order after many changes.
+    slips. One block at a time, the worst first; the first one in order after many changes. A block
+    that just landed carries nothing yet: the rate of f, not its rounding, says which way it slips.
     """
     N_x = contact.N_x
     for sweep in range(SWEEPS * N_x):
         now, rate = contact.values(), contact.rates()
+        rounding = 1e3 * contact.tol
         back = -contact.slip * rate.u_x * contact.k
-        at = contact.stuck & (contact.mu_s * now.p - np.abs(now.f) <= 1e3 * contact.tol)
-        over = np.where(at, np.sign(now.f) * rate.f - contact.mu_s * rate.p, 0.0)
+        at = contact.stuck & (contact.mu_s * now.p - np.abs(now.f) <= rounding)
+        way = np.sign(np.where(np.abs(now.f) > rounding, now.f, rate.f))
+        over = np.where(at, way * rate.f - contact.mu_s * rate.p, 0.0)
         worst = np.maximum(back, over)
         small = 100 * contact.small_rate(rate)
         if not worst.max() > small:
@@ -446,5 +474,5 @@ def _settle_rates(contact: Contact) -> None:
         if contact.slip[i]:
             contact.hold(i)
         else:
-            contact.release(i, -int(np.sign(now.f[i])))
+            contact.release(i, -int(way[i]))
     raise EquilibriumError("stick and slip do not settle", np.nan, contact.tol, SWEEPS * N_x)

@@ -21,9 +21,11 @@ from pyfric.statics.operators import (
     stability_limit,
     stiffness,
 )
+from pyfric.statics.uniqueness import LIMIT as LEAST_DEFINITENESS
 
 __all__ = [
     "LARGE",
+    "LEAST_DEFINITENESS",
     "METHODS",
     "BandedCholesky",
     "Contact",

@@ -19,10 +19,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dposv, dpotrf
+from scipy.linalg.lapack import dposv
 
 from pyfric.statics.condensation import condense
 from pyfric.statics.equilibrium import EquilibriumError, loaded_state
+from pyfric.statics.uniqueness import definiteness, is_definite
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
@@ -159,8 +160,6 @@ class Contact:
         closed: blocks that touch the foundation, shape (N_x,), bool.
         X: position of the driver, in m.
         tol: violations of contact or friction conditions below it are rounding, in N.
-        ambiguous: releases after which a block yields to a force by moving against it, or not at
-            all: the solution need not be the only one.
     """
 
     def __init__(self, interface: Interface, u_x: np.ndarray, X: float, closed: np.ndarray) -> None:
@@ -171,7 +170,6 @@ class Contact:
         self.slip = np.zeros(self.N_x, dtype=np.int8)
         self.closed = np.array(closed, dtype=bool)
         self.free = np.zeros(self.N_x, dtype=bool)
-        self.ambiguous = 0
         self.column = np.concatenate([u_x, [X, 1.0]])
         self.renew()
 
@@ -194,10 +192,14 @@ class Contact:
         i = int(np.argmax(depth))
         return i if depth[i] > self.tol else None
 
-    def next_change(self) -> tuple[float, int, int]:
+    def next_change(self, *, reload: bool = True) -> tuple[float, int, int]:
         """Return where the next contact state changes as X grows.
 
         A rate that may be nothing but rounding changes nothing.
+
+        Args:
+            reload: whether a slipping block that carries next to nothing sticks once it has load
+                again. Without it, it slips on as others do.
 
         Returns:
             X (inf for nowhere), the block, and what it does: +1 or -1 slips that way, 0 opens or
@@ -206,7 +208,7 @@ class Contact:
         now, rate, stuck = self.values(), self.rates(), self.stuck
         mu_s, closed, small = self.mu_s, self.closed, self.small_rate(rate)
         best = np.inf, 0, 0
-        light = closed & ~stuck & (now.p <= 2 * self.least)
+        light = closed & ~stuck & (now.p <= 2 * self.least) & reload
         for what, level, slope, which in (
             (+1, mu_s * now.p + now.f, mu_s * rate.p + rate.f, stuck),
             (-1, mu_s * now.p - now.f, mu_s * rate.p - rate.f, stuck),
@@ -228,13 +230,35 @@ class Contact:
         moves = float(np.abs(rate.u_x).max())
         return RATE_TOL * (self.k * moves + min(self.k, self.K))
 
+    def slip_operator(self, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the forces against slip per displacement: with friction, and without it, in N/m.
+
+        Args:
+            slip: direction of the blocks that slip, 0 elsewhere, shape (N_x,).
+
+        Returns:
+            W and F, shape (n, n), for the n blocks that slip; open blocks follow.
+        """
+        N_x, i, open_ = self.N_x, np.flatnonzero(slip), np.flatnonzero(~self.closed)
+        base = self.interface.base(self.closed)
+        F, u_z = base[N_x : 2 * N_x, :N_x], base[2 * N_x : 3 * N_x, :N_x]
+        W = F - (self.mu_k * self.k_f) * slip[:, None] * u_z
+        if not open_.size:
+            return W[np.ix_(i, i)], F[np.ix_(i, i)]
+        follow = np.linalg.solve(F[np.ix_(open_, open_)], F[np.ix_(open_, i)])
+        return tuple(A[np.ix_(i, i)] - A[np.ix_(i, open_)] @ follow for A in (W, F))
+
     def definite(self) -> bool:
         """Return whether the slip operator is positive definite: the solution is then unique."""
-        i = np.flatnonzero(self.slip)
-        if not i.size:
-            return True
-        inverse = self.table[np.ix_(i, i)]
-        return dpotrf(inverse + inverse.T)[1] == 0
+        return is_definite(*self.slip_operator(self.slip))
+
+    def definiteness_of_sliding(self) -> float:
+        """Return how definite the slip operator is where all closed blocks slip one way.
+
+        It is the smaller value of both ways. Fewer slipping blocks make it larger.
+        """
+        one_way = self.closed.astype(np.int8)
+        return min(definiteness(*self.slip_operator(way)) for way in (one_way, -one_way))
 
     def _exchange(self, i: int) -> None:
         """Free a held block, on which the force is then given, or hold a free one where it is."""
@@ -258,7 +282,6 @@ class Contact:
         """Let a stuck block slip."""
         self.slip[i] = direction
         self._exchange(i)
-        self.ambiguous += self.table[i, i] <= 0
 
     def hold(self, i: int, u_x: float | None = None) -> None:
         """Hold a slipping block, where it is or at u_x."""

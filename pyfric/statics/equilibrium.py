@@ -52,6 +52,7 @@ from pyfric.statics.operators import (
     spring_tangents,
     stiffness,
 )
+from pyfric.statics.uniqueness import LIMIT, definiteness
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -633,18 +634,21 @@ class StaticSolver:
 
     def _warn_if_ambiguous(self, S: np.ndarray, contact: _Contact) -> None:
         """Warn where the slip operator (friction against slip) is not positive definite."""
-        N_x = self.scene.N_x
-        A = self._with_contact(S, contact)
-        rest = np.flatnonzero(np.concatenate([~contact.closed, np.ones(N_x, dtype=bool)]))
         slipping = np.flatnonzero(contact.slip)
-        if not len(slipping):
-            return
-        B = np.linalg.solve(A[np.ix_(rest, rest)], A[np.ix_(rest, slipping)])
-        W = A[np.ix_(slipping, slipping)] - A[np.ix_(slipping, rest)] @ B
-        if np.linalg.eigvalsh(W + W.T)[0] <= 0:
+        free = np.concatenate([~contact.closed, np.ones(self.scene.N_x, dtype=bool)])
+        rest = np.flatnonzero(free)
+
+        def slip_operator(slip: np.ndarray) -> np.ndarray:
+            A = self._with_contact(S, contact._replace(slip=slip))
+            B = np.linalg.solve(A[np.ix_(rest, rest)], A[np.ix_(rest, slipping)])
+            return A[np.ix_(slipping, slipping)] - A[np.ix_(slipping, rest)] @ B
+
+        found = definiteness(slip_operator(contact.slip), slip_operator(0 * contact.slip))
+        if found < LIMIT:
             warnings.warn(
-                f"{len(slipping)} blocks slip while F_N is applied and friction is so strong that "
-                "the loaded state may not be the only one",
+                f"{len(slipping)} blocks slip while F_N is applied, and the definiteness of their "
+                f"slip operator is {found:.3g} (at least {LIMIT:g}): friction is so strong that "
+                "the loaded state may not be the only one; a smaller mu_k makes it unique",
                 RuntimeWarning,
                 stacklevel=4,
             )

@@ -20,10 +20,9 @@ import pyfric
 import pyfric.checks
 from pyfric import core
 from pyfric.cli import main
-from pyfric.cli.commands import paper
 from pyfric.cli.shared import Exit
 from pyfric.engines import sweep
-from pyfric.paper import page
+from pyfric.figures import FIGURES
 
 SMALL = ("--set", "L=20 mm", "--set", "H=12.5 mm", "--set", "V=500 mm/s")
 """Changes of fig1 that slip after 1.1 ms."""
@@ -544,9 +543,10 @@ def test_sigterm_is_left_as_it_was():
 def small_paper(monkeypatch):
     """One small run behind every figure, and only the figures that it is enough for."""
     job = pyfric.Job(scene=tiny(), t_end=1.2e-3, options={"fidelity": "hybrid"})
-    defaults = page.reproduce.__kwdefaults__
-    monkeypatch.setitem(defaults, "jobs", {"fig1b": (job,), "fig4b": (job,)})
-    monkeypatch.setattr(page, "DRAW", {name: page.DRAW[name] for name in ("fig1b", "fig4b")})
+    defaults = pyfric.paper.reproduce.__kwdefaults__
+    monkeypatch.setitem(defaults, "runs", {"fig1": job, "fig4b": (job,)})
+    for name in FIGURES.keys() - {"fig1b", "fig4b"}:
+        monkeypatch.delitem(FIGURES, name)
 
 
 @pytest.mark.usefixtures("small_paper")
@@ -597,8 +597,8 @@ def test_interrupted_reproduce(tmp_path, monkeypatch):
 
 
 def test_reproduce_names_are_those_of_the_figures():
-    (names,) = (one for one in paper.reproduce.params if one.name == "names")
-    assert list(names.type.choices) == [*page.DRAW, "all"]
+    assert f"[{'|'.join(sorted(FIGURES))}|all]" in pyf("reproduce", "--help").stdout
+    assert refused(pyf("reproduce", "fig2"), "'fig2' is not one of", "'fig2a'", "'all'")
 
 
 def test_claims_are_added_to_the_page_of_figures(tmp_path):

@@ -9,13 +9,16 @@ distinguishable under colour blindness; markers or line widths differ as well.
 from pyfric.figures.fronts import fig4a, fig4b
 from pyfric.figures.lengths import fig2a, fig2b
 from pyfric.figures.loading import fig1b, figure_caption, slip_segments
+from pyfric.figures.registry import FIGURES, PaperFigure
 from pyfric.figures.sketch import sketch
 from pyfric.figures.stresses import fig3a, fig3b
 from pyfric.figures.strip import event_movie, event_strip
 from pyfric.figures.style import DataFigure, save_figure
 
 __all__ = [
+    "FIGURES",
     "DataFigure",
+    "PaperFigure",
     "event_movie",
     "event_strip",
     "fig1b",

@@ -11,6 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from pyfric.figures.registry import figure
 from pyfric.figures.stresses import main_precursor
 from pyfric.figures.style import (
     BLUE,
@@ -44,6 +45,7 @@ def wave_speeds(scene: Scene) -> tuple[float, float]:
     return math.sqrt(1.5) * unit, math.sqrt(0.5) * unit
 
 
+@figure("Fig. 4(a): front speed and prestress in one precursor", runs="fig4a")
 def fig4a(record: Record, number: int = 11) -> DataFigure:
     """Fig. 4(a) of the paper: front speed and prestress along the interface in one precursor.
 
@@ -86,6 +88,7 @@ def fig4a(record: Record, number: int = 11) -> DataFigure:
     return fig
 
 
+@figure("Fig. 4(b): front speed against prestress, runs 1 to 4", runs="fig4b")
 def fig4b(records: Sequence[Record]) -> DataFigure:
     """Fig. 4(b) of the paper: front speed against prestress, all main events of several runs.
 

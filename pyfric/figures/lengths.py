@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from pyfric.engines import prediction_curve
+from pyfric.figures.registry import figure
 from pyfric.figures.style import (
     BLACK,
     BLUE,
@@ -38,6 +39,7 @@ COLOURS = (SKY, BLUE, GREEN, ORANGE, VERMILION, PURPLE)
 MARKERS = "os^D"
 
 
+@figure("Fig. 2(a): precursor length against force, setup 1", runs="fig2a")
 def fig2a(records: Sequence[Record]) -> DataFigure:
     """Fig. 2(a) of the paper: precursor length against force after arrest, setup 1.
 
@@ -83,6 +85,7 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
     return fig
 
 
+@figure("Fig. 2(b): precursor length against force, setup 2", runs="fig2b")
 def fig2b(records: Sequence[Record]) -> DataFigure:
     """Fig. 2(b) of the paper: as Fig. 2(a), for setup 2 and several slopes theta of the load."""
     points, curves = lengths_of(records), _predictions([one.scene for one in records])

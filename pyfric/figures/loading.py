@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
+from pyfric.figures.registry import figure
 from pyfric.figures.style import (
     BLACK,
     BLUE,
@@ -44,6 +45,7 @@ KINDS = {
 """Kind of event -> legend text, colour, line width (pt), drawing order."""
 
 
+@figure("Fig. 1(b): loading curve and slipping regions", runs="fig1")
 def fig1b(record: Record, path: str | os.PathLike[str] | None = None) -> DataFigure:
     """Fig. 1(b) of the paper: loading curve, and where the interface slips in each event.
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
 
+from pyfric.figures.registry import figure
 from pyfric.figures.style import (
     BLACK,
     BLUE,
@@ -34,6 +35,7 @@ STATES = {"initial": (GREY, ":", 1.2), "before": (BLUE, "--", 1.0), "after": (VE
 """State -> colour, line style, line width (pt)."""
 
 
+@figure("Fig. 3(a): stresses before and after a precursor", runs="fig1")
 def fig3a(record: Record, number: int = 11) -> DataFigure:
     """Fig. 3(a) of the paper: p and tau along the interface, at F_T = 0 and about one precursor.
 
@@ -114,6 +116,7 @@ def fig3a(record: Record, number: int = 11) -> DataFigure:
     return fig
 
 
+@figure("Fig. 3(b): normal force after precursors, and after sliding", runs="fig1")
 def fig3b(record: Record) -> DataFigure:
     """Fig. 3(b) of the paper: how precursors change p, and (its inset) p after sliding.
 

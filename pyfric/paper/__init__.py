@@ -1,6 +1,8 @@
 """The paper's runs, page and claims."""
 
 from pyfric.paper import claims
-from pyfric.paper.page import reproduce, write_index
+from pyfric.paper.page import write_index
+from pyfric.paper.reproduction import reproduce
+from pyfric.paper.runs import RUNS
 
-__all__ = ["claims", "reproduce", "write_index"]
+__all__ = ["RUNS", "claims", "reproduce", "write_index"]

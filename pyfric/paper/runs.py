@@ -12,7 +12,7 @@ from __future__ import annotations
 from pyfric.engines import Job
 from pyfric.scene import Scene, preset, setup1
 
-__all__ = ["FIG1", "FIG2A", "FIG2B", "FIG4A", "FIG4B", "JOBS"]
+__all__ = ["FIG1", "FIG2A", "FIG2B", "FIG4A", "FIG4B", "RUNS"]
 
 LENGTHS = {"want": "precursors", "tolerance": 0.02, "geometry": "linear"}
 SPEEDS = {"want": "front_speed", "tolerance": 0.05, "geometry": "linear"}
@@ -51,13 +51,11 @@ FIG4B = tuple(
 )
 """Runs 1 to 4, beyond the first event over the whole interface."""
 
-JOBS: dict[str, tuple[Job, ...]] = {
-    "fig1b": (FIG1,),
+RUNS: dict[str, Job | tuple[Job, ...]] = {
+    "fig1": FIG1,
     "fig2a": FIG2A,
     "fig2b": FIG2B,
-    "fig3a": (FIG1,),
-    "fig3b": (FIG1,),
-    "fig4a": (FIG4A,),
+    "fig4a": FIG4A,
     "fig4b": FIG4B,
 }
-"""Figure -> its runs."""
+"""What figures are drawn from (`pyfric.figures.FIGURES`): one run, or several."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -23,11 +24,27 @@ from pyfric.cli.shared import (
     workers_option,
 )
 
-_names = click.Choice(["fig1b", "fig2a", "fig2b", "fig3a", "fig3b", "fig4a", "fig4b", "all"])
+
+class _Figure(click.ParamType):
+    """A figure's name, or "all". The names are known where figures are drawn, which takes time."""
+
+    name = "figure"
+
+    @property
+    def _choice(self) -> click.Choice:
+        from pyfric.figures import FIGURES
+
+        return click.Choice([*sorted(FIGURES), "all"])
+
+    def get_metavar(self, *where: Any, **rest: Any) -> str | None:
+        return self._choice.get_metavar(*where, **rest)
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> str:
+        return self._choice.convert(value, param, ctx)
 
 
 @main.command(epilog=SHORT_EXIT_CODES)
-@click.argument("names", nargs=-1, type=_names)
+@click.argument("names", nargs=-1, type=_Figure())
 @file_option(
     "--out", metavar="DIR", default="figures", show_default=True, help="Folder of the files."
 )

@@ -1,0 +1,41 @@
+"""The paper's figures by name. A figure enters where it is drawn, by its decorator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+if TYPE_CHECKING:
+    from pyfric.figures.style import DataFigure
+
+__all__ = ["FIGURES", "PaperFigure", "figure"]
+
+Draw = TypeVar("Draw", bound=Callable[..., Any])
+
+
+class PaperFigure(NamedTuple):
+    """A figure of the paper.
+
+    Attributes:
+        title: its title.
+        runs: name of what it is drawn from, a key of `pyfric.paper.RUNS`.
+        draw: function of a record where that is one run, of a list of records where it is several.
+    """
+
+    title: str
+    runs: str
+    draw: Callable[..., DataFigure]
+
+
+FIGURES: dict[str, PaperFigure] = {}
+"""Name -> figure, in the order of the modules; `sorted` gives the paper's."""
+
+
+def figure(title: str, *, runs: str) -> Callable[[Draw], Draw]:
+    """Enter the function below as a figure of the paper, under its own name."""
+
+    def enter(draw: Draw) -> Draw:
+        FIGURES[draw.__name__] = PaperFigure(title, runs, draw)
+        return draw
+
+    return enter

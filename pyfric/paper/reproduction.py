@@ -1,0 +1,91 @@
+"""The paper's figures in one folder: `reproduce` runs what they need and draws them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from pyfric.engines import Job, run_all
+from pyfric.figures import FIGURES, save_figure
+from pyfric.paper.page import write_index
+from pyfric.paper.runs import RUNS
+from pyfric.scene import unknown
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+
+__all__ = ["reproduce", "runs_table"]
+
+
+def reproduce(
+    names: Iterable[str] = (),
+    out: str | os.PathLike[str] = "figures",
+    *,
+    workers: int | None = None,
+    cache: bool | str | os.PathLike[str] = True,
+    progress: bool | None = None,
+    runs: Mapping[str, Job | Sequence[Job]] = RUNS,
+) -> list[Path]:
+    """Run what the figures need, side by side, and draw them.
+
+    Args:
+        names: figures, keys of `pyfric.figures.FIGURES`; none means all.
+        out: folder of the files; made if missing.
+        workers, cache, progress: see `pyfric.run_all`.
+        runs: what figures are drawn from, by the names that they ask for.
+
+    Returns:
+        The files: for each figure PNG, PDF, caption and tables (see `save_figure`), among them
+        ``<figure>_runs.csv`` with the cost of its runs; and the index page.
+
+    Raises:
+        SceneError: no such figure.
+        JobError: a run failed.
+        OSError: a file cannot be written.
+    """
+    names = list(dict.fromkeys(names)) or sorted(FIGURES)
+    for name in names:
+        if name not in FIGURES:
+            raise unknown("names", name, str(name), FIGURES)
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    jobs = {name: _listed(runs[FIGURES[name].runs]) for name in names}
+    records = iter(run_all([job for name in names for job in jobs[name]], workers, cache, progress))
+    paths = []
+    for name in names:
+        mine = [next(records) for _ in jobs[name]]
+        one = isinstance(runs[FIGURES[name].runs], Job)
+        fig = FIGURES[name].draw(mine[0] if one else mine)
+        fig.tables["runs"] = runs_table(jobs[name], mine)
+        paths += save_figure(fig, out / name)
+    return [*paths, write_index(out)]
+
+
+def _listed(runs: Job | Sequence[Job]) -> Sequence[Job]:
+    return (runs,) if isinstance(runs, Job) else runs
+
+
+def runs_table(jobs: Sequence[Job], records: Sequence[Record]) -> pd.DataFrame:
+    """What the runs were and cost: one row each.
+
+    Columns: scene; t_end_s; engine; geometry; dt_us (NaN without steps); events, all of the
+    record; block_evaluations; seconds, processor time of the run with its plan and catalogue.
+    """
+    rows = [
+        {
+            "scene": job.scene.name,
+            "t_end_s": job.t_end,
+            "engine": record.method.engine,
+            "geometry": record.method.geometry,
+            "dt_us": float("nan") if record.method.dt is None else round(record.method.dt * 1e6, 9),
+            "events": len(record.events),
+            "block_evaluations": record.counts.get("block_evaluations", 0),
+            "seconds": record.timings["processor"],
+        }
+        for job, record in zip(jobs, records, strict=True)
+    ]
+    return pd.DataFrame(rows)

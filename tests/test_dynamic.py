@@ -480,12 +480,20 @@ def test_auto_step_is_a_share_of_the_limit():
 # --- the paper's scene ---------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def fig1_record():
-    """Fig. 1 of the paper up to 0.9 s, in linear geometry at 0.9 of the stability limit."""
-    scene = preset("fig1")
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param({"l": 5e-3, "V": 8 * 0.7875e-3}, id="coarse and fast"),
+        pytest.param({}, id="as in the paper", marks=pytest.mark.slow),
+    ],
+)
+def fig1_record(request):
+    """Fig. 1 of the paper up to 0.9 s at the paper's V, in linear geometry, at 0.9 of the stability
+    limit."""
+    scene = preset("fig1", **request.param)
     dt = 0.9 * stability_limit(scene)[0]
-    return simulate(scene, 0.9, geometry="linear", dt=dt, budget=False, progress=False)
+    t_end = 0.9 * preset("fig1").driver.V / scene.driver.V
+    return simulate(scene, t_end, geometry="linear", dt=dt, budget=False, progress=False)
 
 
 def test_fig1_has_precursors_of_increasing_length(fig1_record):

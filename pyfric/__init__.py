@@ -29,7 +29,15 @@ if TYPE_CHECKING:
         step_size,
     )
     from pyfric.paper import claims
-    from pyfric.record import Method, Record, RecordError, analysis, build_catalogue, front_speed
+    from pyfric.record import (
+        Method,
+        Record,
+        RecordError,
+        analysis,
+        build_catalogue,
+        front_speed,
+        theory,
+    )
     from pyfric.scene import (
         PRESETS,
         DistributedLoad,
@@ -97,6 +105,7 @@ __all__ = [
     "solve_static",
     "stability_limit",
     "step_size",
+    "theory",
 ]
 
 ROOMS = ("scene", "core", "statics", "record", "engines", "figures", "paper", "checks", "cli")

@@ -1,6 +1,6 @@
 """What happened: curve, events, stresses."""
 
-from pyfric.record import analysis
+from pyfric.record import analysis, theory
 from pyfric.record.analysis import (
     PER_BIN,
     Collapse,
@@ -43,5 +43,6 @@ __all__ = [
     "provenance",
     "stress_profile",
     "system_size_events",
+    "theory",
     "versions",
 ]

@@ -1,0 +1,71 @@
+"""What theory says about fronts: wave speeds, fracture mechanics, the exact chain."""
+
+from pyfric.record.theory.chain import (
+    chain_prestress,
+    chain_speed,
+    chain_speed_critical,
+    chain_speed_undamped,
+)
+from pyfric.record.theory.cracks import (
+    A_II,
+    D,
+    I_v,
+    alpha_d,
+    alpha_s,
+    crack_length,
+    crack_speed,
+    energy_release_rate,
+    g_II,
+    k_II,
+    stress_intensity,
+)
+from pyfric.record.theory.rigid import (
+    echo_time,
+    quasistatic_length,
+    radiation_stress,
+    rigid_pressure,
+)
+from pyfric.record.theory.waves import (
+    Material,
+    Waves,
+    density_factor,
+    lattice_waves,
+    rayleigh_speed,
+)
+from pyfric.record.theory.weakening import (
+    ANDREWS_S,
+    cohesive_zone,
+    fracture_energy,
+    strength_excess,
+)
+
+__all__ = [
+    "ANDREWS_S",
+    "A_II",
+    "D",
+    "I_v",
+    "Material",
+    "Waves",
+    "alpha_d",
+    "alpha_s",
+    "chain_prestress",
+    "chain_speed",
+    "chain_speed_critical",
+    "chain_speed_undamped",
+    "cohesive_zone",
+    "crack_length",
+    "crack_speed",
+    "density_factor",
+    "echo_time",
+    "energy_release_rate",
+    "fracture_energy",
+    "g_II",
+    "k_II",
+    "lattice_waves",
+    "quasistatic_length",
+    "radiation_stress",
+    "rayleigh_speed",
+    "rigid_pressure",
+    "strength_excess",
+    "stress_intensity",
+]

@@ -1,0 +1,168 @@
+"""The chain: the exact speed of a steady front.
+
+Units: lattice constant l = 1, long-wave speed c = l sqrt(k/m) = 1. A block slips as soon as the
+force of its springs and dashpots reaches the static threshold. `eta` is the bond viscosity and
+`alpha` that of a force -alpha v on every sliding block, both over sqrt(k m). tau_bar is the scaled
+prestress (tau/p - mu_k)/(mu_s - mu_k), uniform.
+
+In the frame of the front the Fourier transform leads to a Wiener-Hopf problem with the kernel
+
+    kappa(q) = [v^2 q^2 + i alpha v q - 4 sin^2(q/2) (1 - i eta v q)]/[v q (v q + i alpha)],
+
+Im kappa >= 0 for q > 0, and kappa -> 1 for q -> inf. Its factor at q = 0 is tau_bar:
+
+    tau_bar = exp(-(1/pi) integral_0^inf arg kappa dq/q)           alpha > 0,
+    tau_bar = sqrt(1 - 1/v^2) times the same                       alpha = 0, v > 1.
+
+For alpha = 0 and eta = 1, kappa = (1 - A(q)/(i v q))(1 - A(-q)/(i v q)) with A = 1 - exp(i q), each
+factor without zeros in its half plane, as |A| <= |q| there: tau_bar = 1 - 1/v. For
+alpha = eta = 0 the argument vanishes: tau_bar = sqrt(1 - 1/v^2).
+
+tau_bar rises with v in all cases tried, so that its inverse is unique. The formulas give speeds
+only; whether a steady front exists must be seen in a run.
+
+Source: derived here (Wiener-Hopf), after L. I. Slepyan, Models and Phenomena in Fracture Mechanics
+(2002).
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import integrate, optimize, special
+
+from pyfric.record.theory.inputs import checked, checked_array
+from pyfric.scene import SceneError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+__all__ = [
+    "chain_prestress",
+    "chain_speed",
+    "chain_speed_critical",
+    "chain_speed_undamped",
+]
+
+SLOWEST, FASTEST = 0.01, 1e4
+"""Range of front speeds, in c."""
+LARGEST_VISCOSITY = 10.0
+"""Largest alpha and eta accepted, in sqrt(k m)."""
+
+_FAR = 200.0  # v q from which the tail is expanded, for eta, alpha <= 1
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
+
+
+def chain_prestress(v: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.ndarray:
+    """Return the scaled prestress tau_bar of a steady front of speed v, to about 1e-8.
+
+    Args:
+        v: front speed in c, any shape, `SLOWEST` to `FASTEST`; above 1 if alpha = 0.
+        alpha: absolute viscosity in sqrt(k m), 0 to `LARGEST_VISCOSITY`.
+        eta: bond viscosity in sqrt(k m), 0 to `LARGEST_VISCOSITY`.
+
+    Raises:
+        SceneError: a value is out of range.
+
+    Source: see the module.
+    """
+    alpha, eta = _viscosities(alpha, eta)
+    limits = {"ge": SLOWEST} if alpha else {"gt": 1.0}
+    v = checked_array("v", v, "c", **limits, le=FASTEST)
+    return np.reshape([_prestress(one, alpha, eta) for one in v.flat], v.shape)[()]
+
+
+def chain_speed(tau_bar: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.ndarray:
+    """Return the speed of a steady front, in c: the inverse of `chain_prestress`.
+
+    Args:
+        tau_bar: scaled prestress, between 0 and 1, any shape.
+        alpha, eta: as in `chain_prestress`.
+
+    Raises:
+        SceneError: a value is out of range, or the speed would be outside `SLOWEST` ... `FASTEST`.
+    """
+    alpha, eta = _viscosities(alpha, eta)
+    tau_bar = checked_array("tau_bar", tau_bar, gt=0, lt=1)
+    return np.reshape([_speed(one, alpha, eta) for one in tau_bar.flat], tau_bar.shape)[()]
+
+
+def chain_speed_undamped(tau_bar: ArrayLike) -> np.ndarray:
+    """Return v = 1/sqrt(1 - tau_bar^2), in c: the front for alpha = eta = 0.
+
+    Args:
+        tau_bar: scaled prestress, 0 to 1 (not included), any shape.
+
+    Raises:
+        SceneError: a value is out of range.
+    """
+    tau_bar = checked_array("tau_bar", tau_bar, ge=0, lt=1)
+    return (1 / np.sqrt((1 - tau_bar) * (1 + tau_bar)))[()]
+
+
+def chain_speed_critical(tau_bar: ArrayLike) -> np.ndarray:
+    """Return v = 1/(1 - tau_bar), in c: the front for alpha = 0, eta = 1; see the module.
+
+    Args and errors as in `chain_speed_undamped`.
+    """
+    return (1 / (1 - checked_array("tau_bar", tau_bar, ge=0, lt=1)))[()]
+
+
+# --- parts ---------------------------------------------------------------------------------------
+
+
+def _viscosities(alpha: float, eta: float) -> tuple[float, float]:
+    limits = {"ge": 0, "le": LARGEST_VISCOSITY}
+    return tuple(checked(n, x, "sqrt(k m)", **limits) for n, x in (("alpha", alpha), ("eta", eta)))
+
+
+def _arg_over_q(q: ArrayLike, v: float, alpha: float, eta: float) -> np.ndarray:
+    """arg kappa / q; Im kappa >= 0, so that arctan2 is the continuous branch, 0 ... pi."""
+    u, s = v * q, 4 * np.sin(q / 2) ** 2
+    w = s / (u * u + alpha * alpha)
+    return np.arctan2(w * (alpha / u + eta * u), 1 - w * (1 - alpha * eta)) / q
+
+
+def _prestress(v: float, alpha: float, eta: float) -> float:
+    if alpha == eta == 0:
+        return np.sqrt(1 - 1 / v**2)
+    period = 2 * np.pi
+    near = int(np.ceil(4 * max(1, eta) / (v * period)))  # zeros of kappa can lie close to these q
+    far = max(near, 6, int(np.ceil(_FAR * max(1, alpha, eta) / (v * period))))
+    # For small alpha, arg is a step of width alpha/v about q = alpha/v: a panel for each decade.
+    ends = np.append(0.0, 10.0 ** np.arange(np.floor(np.log10(min(alpha / v, 1.0) or 1.0)), 1))
+    ends = [*ends, *(period * np.arange(1, near + 1))]
+    total = 0.0
+    for low, high in itertools.pairwise(ends):
+        part, *_ = integrate.quad(
+            _arg_over_q, low, high, (v, alpha, eta), epsabs=1e-11, limit=1000, full_output=1
+        )
+        total += part
+    q = period * (np.arange(near, far)[:, None] + (1 + _NODES) / 2)
+    total += np.pi * np.sum(_arg_over_q(q, v, alpha, eta) @ _WEIGHTS)
+    # Beyond Q, a multiple of 2 pi, arg = 4 sin^2(q/2) eta/(v q) + terms of mean b/(v q)^3.
+    Q = period * far
+    b = 2 * (alpha + 3 * eta) * (1 - alpha * eta) - 20 / 3 * eta**3
+    total += 2 * eta / v * (np.pi / 2 - special.sici(Q)[0]) + b / (3 * (v * Q) ** 3)
+    factor = 1.0 if alpha else np.sqrt(1 - 1 / v**2)
+    return factor * np.exp(-total / np.pi)
+
+
+def _speed(tau_bar: float, alpha: float, eta: float) -> float:
+    def excess(v: float) -> float:
+        return (_prestress(v, alpha, eta) if alpha or v > 1 else 0.0) - tau_bar
+
+    low, high = 1.0, 2.0
+    while excess(high) < 0 and high < FASTEST:
+        low, high = high, min(2 * high, FASTEST)
+    while alpha and excess(low) > 0 and low > SLOWEST:
+        low, high = max(low / 2, SLOWEST), low
+    at_low, at_high = excess(low), excess(high)
+    if at_low > 0 or at_high < 0:
+        limit = tau_bar + (at_low if at_low > 0 else at_high)
+        sign = ">=" if at_low > 0 else "<="
+        reason = f"a front outside {SLOWEST:g} c ... {FASTEST:g} c"
+        raise SceneError("tau_bar", float(tau_bar), "", f"a number {sign} {limit:.9g}", reason)
+    return optimize.brentq(excess, low, high, xtol=1e-12, rtol=1e-11)

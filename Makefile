@@ -49,7 +49,7 @@ bench: setup
 setup: .venv/installed
 
 # .venv is made anew in another folder or with another PYTHON.
-MADE_WITH := $(CURDIR) $(PYTHON) $(shell $(PYTHON) -V 2>&1)
+MADE_WITH := $(CURDIR) $(PYTHON) $(shell $(PYTHON) -V 2>/dev/null)
 ifneq ($(shell cat .venv/packages 2>&1),$(MADE_WITH))
 .PHONY: .venv/packages
 endif

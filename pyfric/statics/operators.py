@@ -204,8 +204,8 @@ def coordinates(scene: Scene) -> sp.csr_array:
         return sp.eye_array(n, format="csr")
     below = n - 2 * N_x
     one = np.ones(N_x)
-    top = sp.block_diag([one[:, None], np.column_stack([one, scene.x])])
-    return sp.block_diag([sp.eye_array(below), top]).tocsr()
+    top = one[:, None], np.column_stack([one, scene.x])
+    return sp.block_diag([sp.eye_array(below), *top]).tocsr()
 
 
 def driven_dof(scene: Scene) -> int:

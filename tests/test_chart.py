@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyfric.checks import bench_peers, chart
+from pyfric.checks.studies import chart, peers
 from pyfric.figures import save_figure
 from pyfric.scene import preset
 
@@ -108,7 +108,7 @@ def test_a_free_wave_is_that_of_lammps():
         line = ok[(ok["engine"] == "pyfric") & (ok["method"] == method)]
         slope = np.polyfit(np.log(line["dt"][-3:]), np.log(line["displacement"][-3:]), 1)[0]
         assert slope == pytest.approx(expected, abs=0.25)
-    if bench_peers.available()["lammps"].startswith("missing"):
+    if peers.available()["lammps"].startswith("missing"):
         pytest.skip("LAMMPS is not installed")
     one, other = (
         ok[(ok["engine"] == engine) & (ok["method"] == "verlet")]["displacement"].to_numpy()

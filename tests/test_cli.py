@@ -682,8 +682,7 @@ def test_bench(name, monkeypatch):
         return pd.DataFrame({"blocks": [1767], "ns": [1.5]})
 
     fake = types.SimpleNamespace(**{name: measure}, report=lambda frame: f"{len(frame)} rows")
-    monkeypatch.setitem(sys.modules, "pyfric.checks.bench", fake)
-    monkeypatch.setattr(pyfric.checks, "bench", fake, raising=False)
+    monkeypatch.setattr(pyfric.checks.studies, "bench", fake)
     assert pyf("bench", name).stdout == "1 rows\n"
     assert json.loads(pyf("bench", name, "--json", "--quick").stdout) == [
         {"blocks": 1767, "ns": 1.5}

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import pytest
 
-from pyfric.checks import resolution
+from pyfric.checks.studies import resolution
 from pyfric.figures import save_figure
 from pyfric.scene import SceneError, preset
 

@@ -1,23 +1,16 @@
-"""Is it right, how good, how fast: one module for each command."""
+"""Is it right, how good, how fast. A module is imported when it is used: each takes its time."""
 
-from pyfric.checks import (
-    bench,
-    bench_fidelity,
-    chart,
-    regimes,
-    regression,
-    resolution,
-    stability,
-    verify,
-)
+import importlib
+from types import ModuleType
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "bench",
-    "bench_fidelity",
-    "chart",
-    "regimes",
-    "regression",
-    "resolution",
-    "stability",
-    "verify",
-]
+if TYPE_CHECKING:
+    from pyfric.checks import regimes, regression, studies, verify
+
+__all__ = ["regimes", "regression", "studies", "verify"]
+
+
+def __getattr__(name: str) -> ModuleType:
+    if name in __all__:
+        return importlib.import_module(f"pyfric.checks.{name}")
+    raise AttributeError(f"module 'pyfric.checks' has no attribute {name!r}")

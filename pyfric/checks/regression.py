@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pandas as pd
 
+from pyfric.checks.pairing import paired
 from pyfric.engines import simulate
 from pyfric.record import Collapse, collapse_spread, fronts
 from pyfric.scene import Scene
@@ -428,9 +429,10 @@ def ladder_event_by_event(
         blocks: tolerance of lengths.
         last: tolerance of the last, longest one; None means the same.
     """
-    k = _matched(a, b)
-    if k is None:
+    if len(b.length) < len(a.length):
         return [Check("ladder: precursors that are missing", math.nan, 0, "", NO_INERTIA)]
+    length = np.abs(np.subtract.outer(a.length, b.length)) / 2
+    _, k = paired(np.maximum(length, np.abs(np.subtract.outer(a.start, b.start)) / LADDER))
     off = np.abs(b.length[k] - a.length)
     return [
         Check("ladder: precursors more", abs(len(b.length) - len(a.length)), 1, "", NO_INERTIA),
@@ -453,30 +455,6 @@ def ladder_at_given_length(a: Ladder, b: Ladder) -> list[Check]:
             Check(f"ladder: {force} at given length, over F_N", error, LADDER, "", NO_INERTIA)
         )
     return checks
-
-
-def _matched(a: Ladder, b: Ladder) -> np.ndarray | None:
-    """Return for each event of a one of b, in order; None if b has fewer.
-
-    The largest deviation, in parts of the tolerances, is the smallest possible.
-    """
-    length = np.abs(a.length[:, None] - b.length) / 2
-    cost = np.maximum(length, np.abs(a.start[:, None] - b.start) / LADDER)
-    n, m = cost.shape
-    best = np.full((n + 1, m + 1), np.inf)
-    best[0] = 0
-    for i in range(n):
-        for j in range(i, m):
-            best[i + 1, j + 1] = min(best[i + 1, j], max(best[i, j], cost[i, j]))
-    if not np.isfinite(best[n, m]):
-        return None
-    partner, j = np.zeros(n, dtype=int), m
-    for i in range(n, 0, -1):
-        while best[i, j] == best[i, j - 1]:
-            j -= 1
-        j -= 1
-        partner[i - 1] = j
-    return partner
 
 
 # --- parts ---------------------------------------------------------------------------------------

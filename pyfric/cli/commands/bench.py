@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
@@ -26,9 +27,9 @@ _quick_option = click.option("--quick", is_flag=True, help="Fewer sizes and shor
 @_quick_option
 def kernel(as_json: bool, quick: bool) -> None:
     """Time per block and force evaluation, beside peers where they are installed."""
-    from pyfric import checks
+    from pyfric.checks import studies
 
-    _show(checks.bench.kernel(quick=quick, progress=not as_json), as_json)
+    _show(studies.bench.kernel(quick=quick, progress=not as_json), as_json, studies.bench.report)
 
 
 @bench.command()
@@ -36,9 +37,9 @@ def kernel(as_json: bool, quick: bool) -> None:
 @_quick_option
 def threads(as_json: bool, quick: bool) -> None:
     """Gain from more threads, by the size of the lattice."""
-    from pyfric import checks
+    from pyfric.checks import studies
 
-    _show(checks.bench.threads(quick=quick, progress=not as_json), as_json)
+    _show(studies.bench.threads(quick=quick, progress=not as_json), as_json, studies.bench.report)
 
 
 @bench.command()
@@ -46,9 +47,9 @@ def threads(as_json: bool, quick: bool) -> None:
 @_quick_option
 def limit(as_json: bool, quick: bool) -> None:
     """How near the core is to what this processor can do."""
-    from pyfric import checks
+    from pyfric.checks import studies
 
-    _show(checks.bench.limit(quick=quick), as_json)
+    _show(studies.bench.limit(quick=quick), as_json, studies.bench.report)
 
 
 @bench.command()
@@ -56,22 +57,19 @@ def limit(as_json: bool, quick: bool) -> None:
 @_quick_option
 def scenes(as_json: bool, quick: bool) -> None:
     """Gain from several processes on independent runs."""
-    from pyfric import checks
+    from pyfric.checks import studies
 
-    _show(checks.bench.scenes(quick=quick, progress=not as_json), as_json)
+    _show(studies.bench.scenes(quick=quick, progress=not as_json), as_json, studies.bench.report)
 
 
 @bench.command()
 @json_option
 def fidelity(as_json: bool) -> None:
     """Every engine on the Fig. 1 scene: time, work, agreement with full dynamics (2 minutes)."""
-    from pyfric import checks
+    from pyfric.checks import studies
 
-    found = checks.bench_fidelity.fidelity(progress=not as_json)
-    click.echo(found.to_json(orient="records") if as_json else checks.bench_fidelity.report(found))
+    _show(studies.fidelity.fidelity(progress=not as_json), as_json, studies.fidelity.report)
 
 
-def _show(frame: pd.DataFrame, as_json: bool) -> None:
-    from pyfric import checks
-
-    click.echo(frame.to_json(orient="records") if as_json else checks.bench.report(frame))
+def _show(frame: pd.DataFrame, as_json: bool, report: Callable[[pd.DataFrame], str]) -> None:
+    click.echo(frame.to_json(orient="records") if as_json else report(frame))

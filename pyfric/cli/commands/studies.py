@@ -56,11 +56,12 @@ def resolution(out: Path, quiet: bool) -> None:
 
 def _save_study(name: str, make: Callable[[Any], Any], out: Path, quiet: bool) -> None:
     """Make a study's figure and save it with its provenance."""
-    from pyfric import checks, figures
+    from pyfric import figures
+    from pyfric.checks import studies
     from pyfric.record import provenance
 
     check_folder(out)
-    study = getattr(checks, name)
+    study = getattr(studies, name)
     files = figures.save_figure(study.figure(make(study)), out / name)
     files.append(provenance(out / f"{name}_provenance.toml", f"pyfric {name}"))
     show_files(files, quiet)

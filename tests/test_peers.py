@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from twin import bond_forces
 
-from pyfric.checks.bench_peers import available, lammps_bonds, numba_forces, numpy_forces
+from pyfric.checks.studies.peers import available, lammps_bonds, numba_forces, numpy_forces
 
 GEOMETRIES = ("linear", "finite")
 RTOL = 1e-12
@@ -71,7 +71,7 @@ def test_every_peer_has_a_version_or_a_reason():
 
 def test_missing_numba_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "numba", None)
-    with pytest.raises(ImportError, match=r"pyfric\[bench\]"):
+    with pytest.raises(ImportError, match=r"pyfric\[studies\]"):
         numba_forces(make_scene(), "linear")
     assert available()["numba"].startswith("missing: ")
 

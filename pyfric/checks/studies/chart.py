@@ -39,8 +39,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.integrate import solve_ivp
 
 from pyfric import core
-from pyfric.checks import bench_peers
-from pyfric.checks.bench_fidelity import compare
+from pyfric.checks.pairing import agreement
+from pyfric.checks.studies import peers
 from pyfric.core import OPEN, State
 from pyfric.engines import RunError, simulate
 from pyfric.figures import DataFigure
@@ -289,7 +289,7 @@ def curve_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[s
         simulate(scene, CURVE_END, dt=share * limit, progress=False, threads=1, **hybrid)
         for share in (1 / 64, 1 / 32)
     )
-    found = compare(before, truth)
+    found = agreement(before, truth)
     yield {
         "scene": "reference",
         "engine": "hybrid",
@@ -321,7 +321,7 @@ def curve_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[s
                 begin = time.perf_counter()
                 record = simulate(scene, CURVE_END, progress=False, budget=False, **options)
                 seconds = min(seconds, time.perf_counter() - begin)
-            found = compare(record, truth)
+            found = agreement(record, truth)
             yield {
                 "scene": "curve",
                 "engine": engine,
@@ -368,10 +368,10 @@ def wave_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[st
                 "seconds": min(seconds for _, seconds in runs),
                 "evaluations": n * core.EVALUATIONS[method] * scene.N_x * scene.N_z,
             }
-    if bench_peers.available()["lammps"].startswith("missing"):
-        yield {"scene": "wave", "engine": "LAMMPS", "status": bench_peers.INSTALL}
+    if peers.available()["lammps"].startswith("missing"):
+        yield {"scene": "wave", "engine": "LAMMPS", "status": peers.INSTALL}
         return
-    with bench_peers.lammps_bonds(scene, integrate=True) as peer:
+    with peers.lammps_bonds(scene, integrate=True) as peer:
         for n in numbers:
             say(f"wave: LAMMPS, {n} steps")
             seconds = math.inf

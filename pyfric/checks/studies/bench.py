@@ -3,7 +3,7 @@
 All figures of a table come from one run, each the minimum of repeats taken in turn, so that their
 ratios hold on a noisy machine. A step of RK4 is four force evaluations; "pyfric" is a fourth of a
 full step, with everything in it: springs, dashpots, friction, boundaries, the stepper, switching;
-"forces only" leaves out the stepper and switching. The peers (`pyfric.checks.bench_peers`)
+"forces only" leaves out the stepper and switching. The peers (`pyfric.checks.studies.peers`)
 evaluate bond forces; LAMMPS with nve also moves its atoms.
 """
 
@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric import core
-from pyfric.checks import bench_peers
+from pyfric.checks.studies import peers
 from pyfric.core import State
 from pyfric.engines import Job, run_all
 from pyfric.scene import Geometry, preset, setup1
@@ -97,7 +97,7 @@ def time_peer(scene: Scene) -> float:
         ImportError: LAMMPS is not installed.
     """
     n_blocks = scene.N_x * scene.N_z
-    with bench_peers.lammps_bonds(scene, integrate=True, style="harmonic") as atoms:
+    with peers.lammps_bonds(scene, integrate=True, style="harmonic") as atoms:
         (least,) = _minima({(RIVAL,): atoms.run}, n_blocks, progress=False).values()
     return least / n_blocks
 
@@ -201,7 +201,7 @@ def report(frame: pd.DataFrame) -> str:
         if len(rival):
             gain = rival.iloc[0] / table[what == mine]
             text += f"\n\ntimes faster than {other}\n" + _text(gain, "{:.1f}")
-    missing = [f"{k}: {v}" for k, v in bench_peers.available().items() if v.startswith("missing")]
+    missing = [f"{k}: {v}" for k, v in peers.available().items() if v.startswith("missing")]
     return "\n".join([text, *missing])
 
 
@@ -285,10 +285,10 @@ def _peers(scene: Scene, stack: ExitStack) -> dict[tuple, Timed]:
 
         return run
 
-    there = {k for k, v in bench_peers.available().items() if not v.startswith("missing")}
+    there = {k for k, v in peers.available().items() if not v.startswith("missing")}
     for name, make in (
-        ("numpy", bench_peers.numpy_forces),
-        ("numba", bench_peers.numba_forces),
+        ("numpy", peers.numpy_forces),
+        ("numba", peers.numba_forces),
     ):
         for geometry in ("linear", "finite"):
             if name in there:
@@ -299,9 +299,7 @@ def _peers(scene: Scene, stack: ExitStack) -> dict[tuple, Timed]:
             (RIVAL_FORCES, False, "harmonic"),
             ("LAMMPS harmonic/omp, forces only", False, "harmonic/omp"),
         ):
-            atoms = stack.enter_context(
-                bench_peers.lammps_bonds(scene, integrate=integrate, style=style)
-            )
+            atoms = stack.enter_context(peers.lammps_bonds(scene, integrate=integrate, style=style))
             found[what, "finite", "", False] = atoms.run
     return found
 

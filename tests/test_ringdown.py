@@ -13,7 +13,7 @@ from pyfric.core import OPEN
 from pyfric.engines import ringdown
 from pyfric.engines.ringdown import Frozen, first_crossing
 from pyfric.scene import chain, setup1, setup2
-from pyfric.statics import StaticSolver, damping, mass
+from pyfric.statics import EquilibriumError, StaticSolver, damping, mass
 
 DT_SHARE = 0.5
 
@@ -435,3 +435,9 @@ def test_open_blocks_are_watched():
     assert (margins > 0).all()
     state = slider.state(*slider.smooth())
     assert (state.mode == OPEN).sum() == n_open
+
+
+def test_nothing_rings_where_all_blocks_are_open():
+    scene = setup1(L=5e-3, H=2.5e-3, h=2.5e-3)
+    with pytest.raises(EquilibriumError, match="not supported"):
+        Frozen(StaticSolver(scene), np.zeros(3, dtype=bool))

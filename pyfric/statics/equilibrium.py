@@ -349,7 +349,13 @@ class StaticSolver:
 
         Returns:
             K, shape (n_q, n_q), in N/m; its factorisation for the free coordinates; their indices.
+
+        Raises:
+            EquilibriumError: all blocks are open.
         """
+        if not stuck.any():  # singular: rounding would decide whether it can be factorised
+            what = "the slider is not supported: all blocks are open"
+            raise EquilibriumError(what, np.nan, self._limit, 0)
         contact = _Contact(stuck, stuck, np.zeros(len(stuck), dtype=np.int8))
         foundation = np.zeros(self._K.shape[0])
         foundation[self._z] = self.scene.k_f * stuck

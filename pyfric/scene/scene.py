@@ -102,9 +102,9 @@ class Scene:
                 raise SceneError(f"top.{name}", value, "N", allowed, f"{len(value)} numbers")
         p, tau = np.atleast_1d(top.p), np.atleast_1d(top.tau)
         most, tau = np.broadcast_arrays(self.interface.mu_s * p, tau)
-        over = np.abs(tau) > most
-        if over.any():
-            i = int(np.argmax(over))
+        margin = most - np.abs(tau)
+        if (margin < 0).any():
+            i = int(np.argmax(margin < 0))
             allowed = f"|tau| <= mu_s p = {float(most[i])!r} N"
             reason = f"block {i + 1} from the trailing edge would slip"
             raise SceneError("top.tau", float(tau[i]), "N", allowed, reason)

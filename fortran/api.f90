@@ -1,28 +1,26 @@
 ! External procedures for f2py: plain arrays in, plain arrays out. Nothing is checked here; pyfric.core checks.
 
 !> Steps of an explicit stepper, with contacts switched at their ends or located inside them.
-subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, shear, stepper, located, rtol, t0, dt, &
-                   n_steps, n_threads, keep_budget, max_switch, max_quiet, step, h, y, rod, mode, corner, slack, loss, s_0, &
-                   dissipated, heat, work, n_log, switch_i, switch_r, quiet_i, quiet_r, tried, block, t_block, status)
+subroutine advance(nx, nz, n_counts, n_numbers, stages, counts, numbers, table, located, rtol, t0, dt, n_steps, n_threads, &
+                   keep_budget, max_switch, max_quiet, step, sub, y, rod, mode, corner, margin, loss, s_0, dissipated, heat, &
+                   work, n_log, switch_i, switch_r, quiet_i, quiet_r, tried, block, t_block, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
-  use pyfric_model, only: model_t, new_model
+  use pyfric_model, only: new_model
   use pyfric_rows, only: budget_t
-  use pyfric_contact, only: contact_t, log_t
-  use pyfric_stepping, only: method_t, advance_steps
+  use pyfric_contact, only: contact_t
+  use pyfric_log, only: log_t, new_log
+  use pyfric_nystrom, only: new_table
+  use pyfric_stepping, only: method_t, run_t, advance_steps
   implicit none
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
-  integer(c_int), intent(in) :: n_constants                  !! length of constants
-  integer(c_int), intent(in) :: finite                       !! 1: finite geometry, 0: linear
-  integer(c_int), intent(in) :: rigid                        !! 1: rod, 0: free top row
-  integer(c_int), intent(in) :: i_h                          !! column of the driven block, from 1
-  integer(c_int), intent(in) :: j_h                          !! row of the driven block, from 1
-  real(c_double), intent(in) :: constants(n_constants)       !! see pyfric_model [SI]
-  real(c_double), intent(in) :: x(nx)                        !! positions from the centre [m]
-  real(c_double), intent(in) :: load(nx)                     !! downward load on the top row [N]
-  real(c_double), intent(in) :: shear(nx)                    !! horizontal force on the top row [N]
-  integer(c_int), intent(in) :: stepper                      !! see pyfric_nystrom
+  integer(c_int), intent(in) :: n_counts                     !! length of counts
+  integer(c_int), intent(in) :: n_numbers                    !! length of numbers
+  integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
+  real(c_double), intent(in) :: numbers(n_numbers)           !! the scene, see pyfric_model [SI]
+  integer(c_int), intent(in) :: stages                       !! of the stepper's table; 0: RK4
+  real(c_double), intent(in) :: table(stages, 5 + 2*stages)  !! see pyfric_nystrom
   integer(c_int), intent(in) :: located                      !! 1: locate switches inside steps, 0: at step ends
   real(c_double), intent(in) :: rtol                         !! error of an adaptive sub-step over what F_N/N_x does
   real(c_double), intent(in) :: t0                           !! time of step 0 [s]
@@ -33,14 +31,14 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   integer(c_int), intent(in) :: max_switch                   !! room for switches
   integer(c_int), intent(in) :: max_quiet                    !! room for quiet transitions
   real(c_double), intent(inout) :: step(1)                   !! steps made
-  real(c_double), intent(inout) :: h(1)                      !! longest sub-step that the error allows [s]
+  real(c_double), intent(inout) :: sub(1)                    !! longest sub-step that the error allows [s]
   real(c_double), intent(inout) :: y(nx, 4, nz)              !! u_x, u_z [m], v_x, v_z [m/s]
   real(c_double), intent(inout) :: rod(6)                    !! X, Z [m], phi [rad] and their rates
   integer(c_int), intent(inout) :: mode(nx)                  !! contact states
   integer(c_int), intent(inout) :: corner(nx)                !! 1: corner episode
-  real(c_double), intent(inout) :: slack(nx)                 !! mu_s p - |f| [N]
+  real(c_double), intent(inout) :: margin(nx)                !! of a stuck block [N]
   real(c_double), intent(inout) :: loss(nx)                  !! switching loss [J]
-  real(c_double), intent(inout) :: s_0(nx)                   !! see pyfric_friction [m]
+  real(c_double), intent(inout) :: s_0(nx)                   !! see pyfric_law [m]
   real(c_double), intent(inout) :: dissipated(nz)            !! bond dissipation [J]
   real(c_double), intent(inout) :: heat(nx)                  !! friction heat [J]
   real(c_double), intent(inout) :: work(2)                   !! driver, forces on the top [J]
@@ -53,26 +51,27 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
   integer(c_int), intent(out) :: block                       !! where status is not done: block from 1, 0 for none
   real(c_double), intent(out) :: t_block                     !! and the time [s]
   integer(c_int), intent(out) :: status                      !! see pyfric_status
-  type(model_t) :: s
-  type(method_t) :: method
   type(contact_t) :: contact
   type(budget_t) :: budget
   type(log_t) :: log
+  type(method_t) :: method
+  type(run_t) :: run
 
-  s = new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load, shear)
-  contact = contact_t(mode, corner, slack, loss, s_0)
+  contact = contact_t(mode, corner, margin, loss, s_0)
   budget = budget_t(dissipated, heat, work)
-  allocate (log%switch_i(4, max_switch), log%switch_r(4, max_switch))
-  allocate (log%quiet_i(nx + 1, max_quiet), log%quiet_r(nx + 3, max_quiet))
-  method = method_t(stepper, located == 1, rtol, h(1))
-  call advance_steps(s, method, t0, dt, n_steps, n_threads, keep_budget == 1, step(1), y, rod, contact, budget, log, status)
-  h = method%h
-  tried = method%tried
-  block = method%block
-  t_block = method%t
+  log = new_log(nx, max_switch, max_quiet)
+  method = method_t(new_table(stages, table), located == 1, rtol, t0, dt, n_steps, n_threads, keep_budget == 1)
+  run = run_t(step(1), sub(1))
+  call advance_steps(new_model(counts, numbers), method, run, y, rod, contact, budget, log)
+  step = run%step
+  sub = run%sub
+  tried = run%tried
+  block = run%block
+  t_block = run%t
+  status = run%status
   mode = contact%mode
   corner = contact%corner
-  slack = contact%slack
+  margin = contact%margin
   loss = contact%loss
   s_0 = contact%s_0
   dissipated = budget%dissipated
@@ -86,8 +85,8 @@ subroutine advance(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, l
 end subroutine advance
 
 !> All forces, accelerations and powers, with frozen contact states.
-subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, shear, t, n_times, y, rod, mode, &
-                    s_0, a, a_rod, f, p, f_t, dissipated, heat, work)
+subroutine evaluate(nx, nz, n_counts, n_numbers, counts, numbers, t, n_times, y, rod, mode, s_0, &
+                    a, a_rod, f, p, f_t, dissipated, heat, work)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: new_model
   use pyfric_rows, only: budget_t
@@ -96,21 +95,16 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
-  integer(c_int), intent(in) :: n_constants                  !! length of constants
-  integer(c_int), intent(in) :: finite                       !! 1: finite geometry, 0: linear
-  integer(c_int), intent(in) :: rigid                        !! 1: rod, 0: free top row
-  integer(c_int), intent(in) :: i_h                          !! column of the driven block, from 1
-  integer(c_int), intent(in) :: j_h                          !! row of the driven block, from 1
-  real(c_double), intent(in) :: constants(n_constants)       !! see pyfric_model [SI]
-  real(c_double), intent(in) :: x(nx)                        !! positions from the centre [m]
-  real(c_double), intent(in) :: load(nx)                     !! downward load on the top row [N]
-  real(c_double), intent(in) :: shear(nx)                    !! horizontal force on the top row [N]
+  integer(c_int), intent(in) :: n_counts                     !! length of counts
+  integer(c_int), intent(in) :: n_numbers                    !! length of numbers
+  integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
+  real(c_double), intent(in) :: numbers(n_numbers)           !! the scene, see pyfric_model [SI]
   real(c_double), intent(in) :: t                            !! time [s]
   integer(c_int), intent(in) :: n_times                      !! evaluations to make, for timing
   real(c_double), intent(in) :: y(nx, 4, nz)                 !! u_x, u_z [m], v_x, v_z [m/s]
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
   integer(c_int), intent(in) :: mode(nx)                     !! contact states
-  real(c_double), intent(in) :: s_0(nx)                      !! see pyfric_friction [m]
+  real(c_double), intent(in) :: s_0(nx)                      !! see pyfric_law [m]
   real(c_double), intent(out) :: a(nx, 2, nz)                !! accelerations [m/s2]
   real(c_double), intent(out) :: a_rod(3)                    !! of X, Z [m/s2], phi [rad/s2]
   real(c_double), intent(out) :: f(nx)                       !! friction force along +x [N]
@@ -125,36 +119,31 @@ subroutine evaluate(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, 
   heat = 0
   work = 0
   power = budget_t(dissipated, heat, work)
-  call all_forces(new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load, shear), t, n_times, y, rod, mode, &
-                  s_0, a, a_rod, f, p, f_t, power)
+  call all_forces(new_model(counts, numbers), t, n_times, y, rod, mode, s_0, &
+                  a, a_rod, f, p, f_t, power)
   dissipated = power%dissipated
   heat = power%heat
   work = power%work
 end subroutine evaluate
 
 !> Energies of a state.
-subroutine energy(nx, nz, n_constants, finite, rigid, i_h, j_h, constants, x, load, shear, t, y, rod, e)
+subroutine energy(nx, nz, n_counts, n_numbers, counts, numbers, t, y, rod, e)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: new_model
   use pyfric_energy, only: energies
   implicit none
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
-  integer(c_int), intent(in) :: n_constants                  !! length of constants
-  integer(c_int), intent(in) :: finite                       !! 1: finite geometry, 0: linear
-  integer(c_int), intent(in) :: rigid                        !! 1: rod, 0: free top row
-  integer(c_int), intent(in) :: i_h                          !! column of the driven block, from 1
-  integer(c_int), intent(in) :: j_h                          !! row of the driven block, from 1
-  real(c_double), intent(in) :: constants(n_constants)       !! see pyfric_model [SI]
-  real(c_double), intent(in) :: x(nx)                        !! positions from the centre [m]
-  real(c_double), intent(in) :: load(nx)                     !! downward load on the top row [N]
-  real(c_double), intent(in) :: shear(nx)                    !! horizontal force on the top row [N]
+  integer(c_int), intent(in) :: n_counts                     !! length of counts
+  integer(c_int), intent(in) :: n_numbers                    !! length of numbers
+  integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
+  real(c_double), intent(in) :: numbers(n_numbers)           !! the scene, see pyfric_model [SI]
   real(c_double), intent(in) :: t                            !! time [s]
   real(c_double), intent(in) :: y(nx, 4, nz)                 !! u_x, u_z [m], v_x, v_z [m/s]
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
   real(c_double), intent(out) :: e(6)                        !! see pyfric_energy [J]
 
-  e = energies(new_model(nx, nz, finite, rigid, i_h, j_h, constants, x, load, shear), t, y, rod)
+  e = energies(new_model(counts, numbers), t, y, rod)
 end subroutine energy
 
 !> Additions in registers, for timing.

@@ -1,7 +1,8 @@
 !> Boundary forces: elastic foundation, side driver, normal load, rigid rod.
 module pyfric_boundaries
   use pyfric_kinds, only: dp
-  use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES, close_state
+  use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
+  use pyfric_model, only: model_t, close_state
   implicit none (type, external)
   private
   public :: foundation, driver_force, rod_acceleration, rod_to_row, mirror_sum

@@ -1,38 +1,29 @@
-!> Contact states of the interface: switching at the end of a step, and the log of switches.
+!> Contact states of the interface, switched at the end of a step or sub-step.
 module pyfric_contact
   use pyfric_kinds, only: dp, ip
-  use pyfric_model, only: model_t, close_row, UX, UZ, VX, LB, LANES
+  use pyfric_layout, only: UX, UZ, VX, LB, LANES
+  use pyfric_model, only: model_t, close_row
   use pyfric_boundaries, only: foundation, driver_force
-  use pyfric_friction, only: stop_reversed, next_mode, slip, STUCK
-  use pyfric_lattice, only: N_BOND
-  use pyfric_rows, only: row_t, bond_forces, outer_forces
+  use pyfric_law, only: stop_reversed, next_state, stuck_margin, remembered, STUCK
+  use pyfric_log, only: log_t, log_switch, log_quiet
+  use pyfric_rows, only: row_t, other_forces
   implicit none (type, external)
   private
-  public :: contact_t, log_t, switch_contacts
+  public :: contact_t, switch_contacts
 
   !> What the contact adds to the state.
   type :: contact_t
     integer(ip), allocatable :: mode(:)    !! contact states
     integer(ip), allocatable :: corner(:)  !! 1: the block's slip began with p < p_corner
-    real(dp), allocatable :: slack(:)      !! mu_s p - |f| at the last step's end [N]
+    real(dp), allocatable :: margin(:)     !! what a stuck block could bear besides, at the last step's end [N]
     real(dp), allocatable :: loss(:)       !! kinetic energy removed by switching [J]
-    real(dp), allocatable :: s_0(:)        !! slip s = s_0 +- u_x since the last stick; s itself while open [m]
+    real(dp), allocatable :: s_0(:)        !! the law's memory, see pyfric_law [m]
   end type contact_t
-
-  !> Switches, and the interface each time its last slipping block stops or the first one starts.
-  type :: log_t
-    integer :: n_switch = 0
-    integer :: n_quiet = 0
-    integer(ip), allocatable :: switch_i(:, :)    !! block from 0, old state, new state, corner
-    real(dp), allocatable :: switch_r(:, :)       !! step, time [s], u_x [m], p [N]
-    integer(ip), allocatable :: quiet_i(:, :)     !! +1 first slip or -1 last stick, then contact states
-    real(dp), allocatable :: quiet_r(:, :)        !! step, time [s], F_T [N], then u_x [m]
-  end type log_t
 
 contains
 
   !> New contact states at the end of step number `step`, at time t. Releases are timed inside the step, where
-  !> the slack mu_s p - |f| crosses zero on a straight line; the state itself switches at the step's end.
+  !> the margin crosses zero on a straight line; the state itself switches at the step's end.
   subroutine switch_contacts(s, step, t, dt, y, contact, log, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                    !! steps made
@@ -42,63 +33,74 @@ contains
     type(contact_t), intent(inout) :: contact
     type(log_t), intent(inout) :: log
     type(row_t), intent(inout) :: w
-    integer(ip) :: old
-    real(dp) :: carry(LB:s%n + LANES, 2), b(LB:s%n + LANES, N_BOND), fx(LB:s%n + LANES), fz(LB:s%n + LANES)
-    real(dp) :: v_x(s%nx), other, slack, t_switch
-    logical :: was_active, active
-    integer :: i
+    integer(ip) :: new
+    real(dp) :: fx(LB:s%n + LANES), margin
+    logical :: was_active
+    integer :: i, e
 
-    v_x = y(s%at(:s%nx), VX, 1)
-    call foundation(s, y(LB, UZ, 1), w%p)
-    call stop_reversed(s%m, w%p, contact%mode, v_x, contact%loss)
-    y(s%at(:s%nx), VX, 1) = v_x
-    call close_row(s%n, y(LB, VX, 1))
-    carry = 0.0_dp
-    b = 0.0_dp
-    call bond_forces(s, 1, w%none, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), carry, b, fx, fz, w)
-    call outer_forces(s, 1, t, y(LB, 1, 1), fx, fz, w%f_t)
-    was_active = any(abs(contact%mode) == 1 .and. contact%corner == 0)
+    call stop_blocks(s, y(LB, 1, 1), contact, w)
+    call other_forces(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), w, fx)
+    was_active = active(contact)
     do i = 1, s%nx
-      old = contact%mode(i)
-      other = fx(s%at(i))
-      slack = s%mu_s*w%p(i) - abs(other)
-      contact%mode(i) = next_mode(s%mu_s, other, w%p(i), old, v_x(i))
-      if (contact%mode(i) /= old) then
-        t_switch = t
-        if (old == STUCK .and. slack < 0.0_dp .and. contact%slack(i) > 0.0_dp) then
-          t_switch = t + dt*(slack/(contact%slack(i) - slack))
-        end if
-        contact%s_0(i) = slip(old, contact%s_0(i), y(s%at(i), UX, 1))
-        if (contact%mode(i) == STUCK) contact%s_0(i) = 0.0_dp
-        contact%s_0(i) = slip(contact%mode(i), contact%s_0(i), -y(s%at(i), UX, 1))
-        if (abs(old) /= 1) contact%corner(i) = merge(1_ip, 0_ip, w%p(i) < s%p_corner)
-        call log_switch(i, old, t_switch)
-      end if
-      contact%slack(i) = slack
+      e = s%at(i)
+      margin = stuck_margin(s%law, fx(e), w%p(i))
+      new = next_state(s%law, fx(e), w%p(i), contact%mode(i), y(e, VX, 1))
+      if (new /= contact%mode(i)) call switch_block(s, i, new, margin, step, t, dt, y(e, UX, 1), w%p(i), contact, log)
+      contact%margin(i) = margin
     end do
-    active = any(abs(contact%mode) == 1 .and. contact%corner == 0)
-    if (active .neqv. was_active) call log_quiet()
-
-  contains
-
-    subroutine log_switch(i, old, t_switch)
-      integer, intent(in) :: i            !! block, from 1
-      integer(ip), intent(in) :: old      !! contact state before
-      real(dp), intent(in) :: t_switch    !! time [s]
-
-      log%n_switch = log%n_switch + 1
-      log%switch_i(:, log%n_switch) = [int(i - 1, ip), old, contact%mode(i), contact%corner(i)]
-      log%switch_r(:, log%n_switch) = [step, t_switch, y(s%at(i), UX, 1), w%p(i)]
-    end subroutine log_switch
-
-    subroutine log_quiet()
-      log%n_quiet = log%n_quiet + 1
-      log%quiet_i(1, log%n_quiet) = merge(1_ip, -1_ip, active)
-      log%quiet_i(2:, log%n_quiet) = contact%mode
-      log%quiet_r(1, log%n_quiet) = step
-      log%quiet_r(2, log%n_quiet) = t
-      log%quiet_r(3, log%n_quiet) = driver_force(s, t, y(s%at(s%i_h), UX, s%j_h))
-      log%quiet_r(4:, log%n_quiet) = y(s%at(:s%nx), UX, 1)
-    end subroutine log_quiet
+    if (active(contact) .neqv. was_active) then
+      call log_quiet(log, active(contact), contact%mode, step, t, driver_force(s, t, y(s%at(s%i_h), UX, s%j_h)), &
+                     y(s%at(:s%nx), UX, 1))
+    end if
   end subroutine switch_contacts
+
+  !> True while a block slips that is not a corner.
+  pure function active(contact) result(yes)
+    type(contact_t), intent(in) :: contact
+    logical :: yes
+
+    yes = any(abs(contact%mode) == 1 .and. contact%corner == 0)
+  end function active
+
+  !> Ends the motion of blocks of the bottom row that no longer move the way they slip.
+  subroutine stop_blocks(s, q, contact, w)
+    type(model_t), intent(in) :: s
+    real(dp), intent(inout) :: q(LB:s%n + LANES, 4)   !! the bottom row
+    type(contact_t), intent(inout) :: contact
+    type(row_t), intent(inout) :: w                   !! p is set [N]
+    real(dp) :: v_x(s%nx)
+
+    v_x = q(s%at(:s%nx), VX)
+    call foundation(s, q(LB, UZ), w%p)
+    call stop_reversed(s%m, w%p, contact%mode, v_x, contact%loss)
+    q(s%at(:s%nx), VX) = v_x
+    call close_row(s%n, q(LB, VX))
+  end subroutine stop_blocks
+
+  !> Block i switches and is logged.
+  subroutine switch_block(s, i, new, margin, step, t, dt, u_x, p, contact, log)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: i            !! block, from 1
+    integer(ip), intent(in) :: new      !! contact state after
+    real(dp), intent(in) :: margin      !! at the step's end [N]
+    real(dp), intent(in) :: step        !! steps made
+    real(dp), intent(in) :: t           !! time [s]
+    real(dp), intent(in) :: dt          !! step [s]
+    real(dp), intent(in) :: u_x         !! displacement [m]
+    real(dp), intent(in) :: p           !! foundation force [N]
+    type(contact_t), intent(inout) :: contact
+    type(log_t), intent(inout) :: log
+    integer(ip) :: old
+    real(dp) :: t_switch
+
+    old = contact%mode(i)
+    t_switch = t
+    if (old == STUCK .and. margin < 0.0_dp .and. contact%margin(i) > 0.0_dp) then
+      t_switch = t + dt*(margin/(contact%margin(i) - margin))
+    end if
+    contact%mode(i) = new
+    contact%s_0(i) = remembered(old, new, contact%s_0(i), u_x)
+    if (abs(old) /= 1) contact%corner(i) = merge(1_ip, 0_ip, p < s%p_corner)
+    call log_switch(log, i, old, new, contact%corner(i), step, t_switch, u_x, p)
+  end subroutine switch_block
 end module pyfric_contact

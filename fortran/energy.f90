@@ -1,7 +1,8 @@
 !> Energies of a state.
 module pyfric_energy
   use pyfric_kinds, only: dp
-  use pyfric_model, only: model_t, UX, UZ, VX, VZ
+  use pyfric_layout, only: UX, UZ, VX, VZ
+  use pyfric_model, only: model_t
   use pyfric_lattice, only: bond_energy
   use pyfric_boundaries, only: driver_force
   implicit none (type, external)

@@ -6,7 +6,8 @@
 !> neighbours, so that a mirrored lattice gives the mirrored bits, and a translation gives no force, to the last bit.
 module pyfric_lattice
   use pyfric_kinds, only: dp
-  use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES, S_SERIES, close_left
+  use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
+  use pyfric_model, only: model_t, S_SERIES, close_left
   implicit none (type, external)
   private
   public :: forces_linear, elastic_finite, viscous, bond_power, bond_energy

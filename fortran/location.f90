@@ -1,19 +1,19 @@
 !> Sub-steps inside a step: contact switches located in time, and the length of adaptive sub-steps.
 !>
-!> Contact states are frozen during a sub-step. Each closed block has margins that stay positive meanwhile: stuck,
-!> mu_s p - |f|; slipping, its velocity along its slip; both, its depth -u_z. An open block has its height u_z. Where
+!> Contact states are frozen during a sub-step. Each block has margins that stay positive meanwhile (pyfric_law). Where
 !> one is negative at the end, shorter sub-steps are made until the earliest root is closed in; the sub-step then ends
 !> just behind it, contacts switch there, and the next sub-step goes to the end of the step. A sub-step's end where no
 !> margin is negative is not believed before the parabola through each margin at its start, middle and end has been
 !> looked at: where it dips below zero, the sub-step is cut there. Signs are compared, never products.
 module pyfric_location
   use pyfric_kinds, only: dp, ip
-  use pyfric_model, only: model_t, close_state, UX, UZ, VX, VZ, LB, LANES
+  use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
+  use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: foundation
-  use pyfric_friction, only: STUCK, OPEN_GAP
-  use pyfric_lattice, only: N_BOND
-  use pyfric_rows, only: row_t, bond_forces, outer_forces, budget_t
-  use pyfric_contact, only: contact_t, log_t, switch_contacts
+  use pyfric_law, only: margins, stuck_margin
+  use pyfric_rows, only: row_t, other_forces, budget_t
+  use pyfric_contact, only: contact_t, switch_contacts
+  use pyfric_log, only: log_t, has_room
   use pyfric_status, only: DONE, ENDLESS, TOO_SHORT
   implicit none (type, external)
   private
@@ -32,7 +32,7 @@ module pyfric_location
     logical :: located             !! locate switches; else they are made at the step's end
     real(dp) :: from = 0.0_dp      !! start of the sub-step, counted from the start of the step [s]
     real(dp) :: left = 0.0_dp      !! time from there to the end of the step [s]
-    real(dp) :: h = 0.0_dp         !! length of the sub-step that is tried [s]
+    real(dp) :: sub = 0.0_dp       !! length of the sub-step that is tried [s]
     real(dp) :: wish = 0.0_dp      !! longest sub-step that the error allows [s]
     integer :: phase = WHOLE       !! a sub-step of full length, one cut at a dip, a search between a and b
     logical :: looked = .false.    !! dips have been looked for
@@ -42,10 +42,13 @@ module pyfric_location
     integer :: side = 0            !! end of the search interval that moved last: -1 for a, +1 for b
     integer :: instants = 0        !! times in this step at which contacts switched
     integer :: block = 0           !! first block that switched last, from 1
+    logical :: accepted = .true.   !! the sub-step that was tried is made
+    logical :: finished = .true.   !! and ends the step
     real(dp), allocatable :: g_0(:, :)  !! margins at the start of the sub-step (2, nx): friction [N] or [m/s], gap [m]
     real(dp), allocatable :: g_a(:, :)  !! at a
     real(dp), allocatable :: g_b(:, :)  !! at b
     real(dp), allocatable :: g(:, :)    !! at the end of the sub-step that was tried
+    real(dp), allocatable :: stuck(:)   !! there, what a block could bear besides if it were stuck [N]
     type(budget_t) :: saved             !! works at the start of the sub-step
   end type pace_t
 
@@ -79,32 +82,31 @@ contains
     type(budget_t), intent(in) :: budget
     type(row_t), intent(inout) :: w
     type(pace_t), intent(out) :: pace
-    real(dp) :: slack(s%nx)
 
     pace%located = located
     pace%wish = wish
-    allocate (pace%g_0(2, s%nx), pace%g_a(2, s%nx), pace%g_b(2, s%nx), pace%g(2, s%nx))
-    call margins(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), contact%mode, w, pace%g_0, slack)
-    call next_substep(dt, budget, pace)
+    allocate (pace%g_0(2, s%nx), pace%g_a(2, s%nx), pace%g_b(2, s%nx), pace%g(2, s%nx), pace%stuck(s%nx))
+    call all_margins(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), contact%mode, w, pace%g_0, pace%stuck)
+    call plan_next(dt, budget, pace)
   end subroutine new_pace
 
   !> Plans the next sub-step: as long as the error allows, to the end of the step at most.
-  pure subroutine next_substep(dt, budget, pace)
+  pure subroutine plan_next(dt, budget, pace)
     real(dp), intent(in) :: dt               !! step [s]
     type(budget_t), intent(in) :: budget
     type(pace_t), intent(inout) :: pace
 
     pace%left = dt - pace%from
-    pace%h = pace%left
-    if (pace%wish < pace%left*(1.0_dp - NEAR)) pace%h = pace%wish
+    pace%sub = pace%left
+    if (pace%wish < pace%left*(1.0_dp - NEAR)) pace%sub = pace%wish
     pace%phase = WHOLE
     pace%looked = .false.
     pace%saved = budget
-  end subroutine next_substep
+  end subroutine plan_next
 
   !> Looks at a sub-step that was tried. Accepted: contacts are switched where they must be, and the next sub-step is
   !> planned. Not accepted: the works are put back and another length is to be tried from the same start.
-  subroutine judge(s, step, t0, dt, err, old, new, contact, budget, log, w, pace, accepted, finished, status)
+  subroutine judge(s, step, t0, dt, err, old, new, contact, budget, log, w, pace, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
     real(dp), intent(in) :: t0                             !! time of step 0 [s]
@@ -117,118 +119,151 @@ contains
     type(log_t), intent(inout) :: log
     type(row_t), intent(inout) :: w
     type(pace_t), intent(inout) :: pace
-    logical, intent(out) :: accepted                       !! the sub-step is made
-    logical, intent(out) :: finished                       !! and ends the step
     integer(ip), intent(out) :: status                     !! see pyfric_status
-    real(dp) :: t, slack(s%nx)
-    logical :: cross
+    real(dp) :: t
+    logical :: crossed
 
-    finished = .false.
     status = DONE
-    if (pace%phase == WHOLE) then
-      accepted = err <= 1.0_dp
-      if (.not. accepted) then
-        pace%h = 0.5_dp*pace%h
-        pace%wish = pace%h
-        budget = pace%saved
-        if (pace%h < SHORTEST*dt) status = TOO_SHORT
-        return
-      end if
-    end if
-    accepted = .true.
-    cross = .false.
-    finished = pace%h >= pace%left
-    t = t0 + step*dt + (pace%from + pace%h)
-    if (finished) t = t0 + (step + 1.0_dp)*dt
-    if (pace%located) then
-      call margins(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact%mode, w, pace%g, slack)
-      cross = any(pace%g < 0.0_dp)
-      call search_on(cross)
-      if (accepted) call look_for_dips()
-      if (.not. accepted) then
-        finished = .false.
-        budget = pace%saved
-        return
-      end if
+    pace%finished = pace%sub >= pace%left
+    t = t0 + step*dt + (pace%from + pace%sub)
+    if (pace%finished) t = t0 + (step + 1.0_dp)*dt
+    call accept(s, t, dt, err, old, new, contact, w, pace, crossed, status)
+    if (.not. pace%accepted) then
+      pace%finished = .false.
+      budget = pace%saved
+      return
     end if
     ! the error allows longer sub-steps: doubling takes it up by 2^ADAPT_ORDER
-    if (pace%phase == WHOLE .and. err*2.0_dp**(ADAPT_ORDER + 1) < 1.0_dp) pace%wish = max(pace%wish, min(2.0_dp*pace%h, dt))
-    if (cross) then
-      pace%instants = pace%instants + 1
-      pace%block = findloc(any(pace%g < 0.0_dp, dim=1), .true., dim=1)
-      if (pace%instants > most_instants(s%nx) .or. log%n_switch + s%nx > size(log%switch_r, 2) .or. &
-          log%n_quiet >= size(log%quiet_r, 2)) then
-        status = ENDLESS
-        return
-      end if
-      call switch_contacts(s, step + 1.0_dp, t, 0.0_dp, new, contact, log, w)
-      call margins(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact%mode, w, pace%g, slack)
-    else if (finished .and. .not. pace%located) then
+    if (pace%phase == WHOLE .and. err*2.0_dp**(ADAPT_ORDER + 1) < 1.0_dp) then
+      pace%wish = max(pace%wish, min(2.0_dp*pace%sub, dt))
+    end if
+    if (crossed) then
+      call switch_inside(s, step, t, new, contact, log, w, pace, status)
+      if (status /= DONE) return
+    else if (pace%finished .and. .not. pace%located) then
       call switch_contacts(s, step + 1.0_dp, t, dt, new, contact, log, w)
     end if
     if (pace%located) then
-      contact%slack = slack
+      contact%margin = pace%stuck
       pace%g_0 = pace%g
     end if
-    pace%from = pace%from + pace%h
-    if (finished) then
+    pace%from = pace%from + pace%sub
+    if (pace%finished) then
       pace%from = 0.0_dp
       pace%instants = 0
     end if
-    call next_substep(dt, budget, pace)
-
-  contains
-
-    !> Narrows the search down with what the trial has shown, and chooses the next.
-    subroutine search_on(cross)
-      logical, intent(in) :: cross     !! a margin is negative at the end of the trial
-      real(dp) :: root
-
-      if (pace%phase /= SEARCH) then
-        if (.not. cross) return
-        pace%phase = SEARCH
-        pace%a = 0.0_dp
-        pace%g_a = pace%g_0
-        pace%side = 0
-        pace%trials = 0
-      end if
-      if (cross) then
-        pace%b = pace%h
-        pace%g_b = pace%g
-        if (pace%side == 1) pace%g_a = 0.5_dp*pace%g_a
-        pace%side = 1
-      else
-        pace%a = pace%h
-        pace%g_a = pace%g
-        if (pace%side == -1) pace%g_b = 0.5_dp*pace%g_b
-        pace%side = -1
-      end if
-      pace%trials = pace%trials + 1
-      root = pace%a + (pace%b - pace%a)*first_root(pace%g_a, pace%g_b)
-      accepted = cross .and. pace%b - root <= NEAR*dt
-      if (accepted) return
-      if (mod(pace%trials, 3) == 0) root = 0.5_dp*(pace%a + pace%b)
-      pace%h = min(max(root, pace%a) + 0.5_dp*NEAR*dt, pace%b)
-    end subroutine search_on
-
-    !> Cuts the sub-step where a margin seems to dip below zero inside, once.
-    subroutine look_for_dips()
-      real(dp) :: mid(LB:s%n + LANES, 4, 2), g_mid(2, s%nx), slack_mid(s%nx), x
-      integer :: j
-
-      if (pace%looked .or. pace%h < COARSE*dt) return
-      pace%looked = .true.
-      do j = 1, min(2, s%nz)
-        call middle(s, pace%h, old(LB, 1, j), new(LB, 1, j), mid(LB, 1, j))
-      end do
-      call margins(s, t - 0.5_dp*pace%h, mid(LB, 1, 1), mid(LB, 1, min(2, s%nz)), contact%mode, w, g_mid, slack_mid)
-      x = minval(dip_at(pace%g_0, g_mid, pace%g))
-      if (x >= 1.0_dp) return
-      accepted = .false.
-      pace%phase = CUT
-      pace%h = x*pace%h
-    end subroutine look_for_dips
+    call plan_next(dt, budget, pace)
   end subroutine judge
+
+  !> Whether the sub-step is made: its error is small, and no margin crosses zero before its end.
+  subroutine accept(s, t, dt, err, old, new, contact, w, pace, crossed, status)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: t                              !! time at its end [s]
+    real(dp), intent(in) :: dt                             !! step [s]
+    real(dp), intent(in) :: err                            !! error over what is allowed
+    real(dp), intent(in) :: old(LB:s%n + LANES, 4, s%nz)   !! state at the start of the sub-step
+    real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at its end
+    type(contact_t), intent(in) :: contact
+    type(row_t), intent(inout) :: w
+    type(pace_t), intent(inout) :: pace
+    logical, intent(out) :: crossed                        !! a margin is negative at its end
+    integer(ip), intent(inout) :: status                   !! see pyfric_status
+
+    crossed = .false.
+    pace%accepted = pace%phase /= WHOLE .or. err <= 1.0_dp
+    if (.not. pace%accepted) then
+      pace%sub = 0.5_dp*pace%sub
+      pace%wish = pace%sub
+      if (pace%sub < SHORTEST*dt) status = TOO_SHORT
+      return
+    end if
+    if (.not. pace%located) return
+    call all_margins(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact%mode, w, pace%g, pace%stuck)
+    crossed = any(pace%g < 0.0_dp)
+    if (crossed .or. pace%phase == SEARCH) call search_on(dt, crossed, pace)
+    if (pace%accepted) call look_for_dips(s, t, dt, old, new, contact%mode, w, pace)
+  end subroutine accept
+
+  !> Narrows the search down with what the trial has shown, and chooses the next.
+  pure subroutine search_on(dt, crossed, pace)
+    real(dp), intent(in) :: dt           !! step [s]
+    logical, intent(in) :: crossed       !! a margin is negative at the end of the trial
+    type(pace_t), intent(inout) :: pace
+    real(dp) :: root
+
+    if (pace%phase /= SEARCH) then
+      pace%phase = SEARCH
+      pace%a = 0.0_dp
+      pace%g_a = pace%g_0
+      pace%side = 0
+      pace%trials = 0
+    end if
+    if (crossed) then
+      pace%b = pace%sub
+      pace%g_b = pace%g
+      if (pace%side == 1) pace%g_a = 0.5_dp*pace%g_a
+      pace%side = 1
+    else
+      pace%a = pace%sub
+      pace%g_a = pace%g
+      if (pace%side == -1) pace%g_b = 0.5_dp*pace%g_b
+      pace%side = -1
+    end if
+    pace%trials = pace%trials + 1
+    root = pace%a + (pace%b - pace%a)*first_root(pace%g_a, pace%g_b)
+    pace%accepted = crossed .and. pace%b - root <= NEAR*dt
+    if (pace%accepted) return
+    if (mod(pace%trials, 3) == 0) root = 0.5_dp*(pace%a + pace%b)
+    pace%sub = min(max(root, pace%a) + 0.5_dp*NEAR*dt, pace%b)
+  end subroutine search_on
+
+  !> Cuts the sub-step where a margin seems to dip below zero inside, once.
+  subroutine look_for_dips(s, t, dt, old, new, mode, w, pace)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: t                              !! time at the end of the sub-step [s]
+    real(dp), intent(in) :: dt                             !! step [s]
+    real(dp), intent(in) :: old(LB:s%n + LANES, 4, s%nz)   !! state at its start
+    real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at its end
+    integer(ip), intent(in) :: mode(s%nx)                  !! contact states
+    type(row_t), intent(inout) :: w
+    type(pace_t), intent(inout) :: pace
+    real(dp) :: mid(LB:s%n + LANES, 4, 2), g_mid(2, s%nx), stuck_mid(s%nx), x
+    integer :: j
+
+    if (pace%looked .or. pace%sub < COARSE*dt) return
+    pace%looked = .true.
+    do j = 1, min(2, s%nz)
+      call middle(s, pace%sub, old(LB, 1, j), new(LB, 1, j), mid(LB, 1, j))
+    end do
+    call all_margins(s, t - 0.5_dp*pace%sub, mid(LB, 1, 1), mid(LB, 1, min(2, s%nz)), mode, w, g_mid, stuck_mid)
+    x = minval(dip_at(pace%g_0, g_mid, pace%g))
+    if (x >= 1.0_dp) return
+    pace%accepted = .false.
+    pace%phase = CUT
+    pace%sub = x*pace%sub
+  end subroutine look_for_dips
+
+  !> Switches contacts at the end of a sub-step that a margin has ended.
+  subroutine switch_inside(s, step, t, new, contact, log, w, pace, status)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: step                           !! steps made before this one
+    real(dp), intent(in) :: t                              !! time [s]
+    real(dp), intent(inout) :: new(LB:s%n + LANES, 4, s%nz) !! state; v_x of blocks that stop is set to zero
+    type(contact_t), intent(inout) :: contact
+    type(log_t), intent(inout) :: log
+    type(row_t), intent(inout) :: w
+    type(pace_t), intent(inout) :: pace
+    integer(ip), intent(inout) :: status                   !! see pyfric_status
+
+    pace%instants = pace%instants + 1
+    pace%block = findloc(any(pace%g < 0.0_dp, dim=1), .true., dim=1)
+    if (pace%instants > most_instants(s%nx) .or. .not. has_room(log, s%nx, 1)) then
+      status = ENDLESS
+      return
+    end if
+    call switch_contacts(s, step + 1.0_dp, t, 0.0_dp, new, contact, log, w)
+    call all_margins(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact%mode, w, pace%g, pace%stuck)
+  end subroutine switch_inside
 
   !> Smallest root of the straight lines from g_a at 0 to g_b at 1, over those that end below zero.
   pure function first_root(g_a, g_b) result(x)
@@ -267,8 +302,8 @@ contains
     end if
   end function dip_at
 
-  !> Margins of the bottom blocks, and mu_s p - |f| of all of them.
-  subroutine margins(s, t, q, up, mode, w, g, slack)
+  !> Margins of the bottom blocks, and what they could bear besides if they were stuck.
+  subroutine all_margins(s, t, q, up, mode, w, g, stuck)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                           !! time [s]
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)        !! bottom row
@@ -276,33 +311,23 @@ contains
     integer(ip), intent(in) :: mode(s%nx)               !! contact states
     type(row_t), intent(inout) :: w
     real(dp), intent(out) :: g(2, s%nx)                 !! [N] or [m/s], [m]
-    real(dp), intent(out) :: slack(s%nx)                !! [N]
-    real(dp) :: carry(LB:s%n + LANES, 2), b(LB:s%n + LANES, N_BOND), fx(LB:s%n + LANES), fz(LB:s%n + LANES)
-    integer :: i
+    real(dp), intent(out) :: stuck(s%nx)                !! [N]
+    real(dp) :: fx(LB:s%n + LANES)
+    integer :: i, e
 
-    carry = 0.0_dp
-    b = 0.0_dp
     call foundation(s, q(LB, UZ), w%p)
-    call bond_forces(s, 1, w%none, q, up, carry, b, fx, fz, w)
-    call outer_forces(s, 1, t, q, fx, fz, w%f_t)
+    call other_forces(s, t, q, up, w, fx)
     do i = 1, s%nx
-      slack(i) = s%mu_s*w%p(i) - abs(fx(s%at(i)))
-      g(2, i) = -q(s%at(i), UZ)
-      select case (mode(i))
-      case (STUCK)
-        g(1, i) = slack(i)
-      case (OPEN_GAP)
-        g(:, i) = q(s%at(i), UZ)
-      case default
-        g(1, i) = real(mode(i), dp)*q(s%at(i), VX)
-      end select
+      e = s%at(i)
+      stuck(i) = stuck_margin(s%law, fx(e), w%p(i))
+      g(:, i) = margins(s%law, mode(i), fx(e), w%p(i), q(e, UZ), q(e, VX))
     end do
-  end subroutine margins
+  end subroutine all_margins
 
   !> The middle of a sub-step by the cubic through its ends.
-  pure subroutine middle(s, h, old, new, mid)
+  pure subroutine middle(s, sub, old, new, mid)
     type(model_t), intent(in) :: s
-    real(dp), intent(in) :: h                            !! its length [s]
+    real(dp), intent(in) :: sub                          !! its length [s]
     real(dp), intent(in) :: old(LB:s%n + LANES, 4)       !! a row at the start
     real(dp), intent(in) :: new(LB:s%n + LANES, 4)       !! the row at the end
     real(dp), intent(out) :: mid(LB:s%n + LANES, 4)      !! the row in the middle
@@ -310,8 +335,8 @@ contains
 
     mid = 0.0_dp
     do i = 1, s%n
-      mid(i, UX:UZ) = 0.5_dp*(old(i, UX:UZ) + new(i, UX:UZ)) + 0.125_dp*h*(old(i, VX:VZ) - new(i, VX:VZ))
-      mid(i, VX:VZ) = 1.5_dp*((new(i, UX:UZ) - old(i, UX:UZ))/h) - 0.25_dp*(old(i, VX:VZ) + new(i, VX:VZ))
+      mid(i, UX:UZ) = 0.5_dp*(old(i, UX:UZ) + new(i, UX:UZ)) + 0.125_dp*sub*(old(i, VX:VZ) - new(i, VX:VZ))
+      mid(i, VX:VZ) = 1.5_dp*((new(i, UX:UZ) - old(i, UX:UZ))/sub) - 0.25_dp*(old(i, VX:VZ) + new(i, VX:VZ))
     end do
     call close_state(s, mid)
   end subroutine middle

@@ -1,40 +1,32 @@
-!> What never changes during a run: lattice, boundaries, friction coefficients.
+!> What never changes during a run: lattice, boundaries, friction law.
 module pyfric_model
   use pyfric_kinds, only: dp, ip
+  use pyfric_layout, only: LB, LANES, UX, UZ, VZ, padded, elements
+  use pyfric_law, only: law_constants_t, law_t, new_law
   implicit none (type, external)
   private
-  public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, N_CONSTANTS, UX, UZ, VX, VZ, LB, LANES
-
-  integer(ip), parameter :: N_CONSTANTS = 20
-  !> Fields of one row of the state.
-  integer, parameter :: UX = 1, UZ = 2, VX = 3, VZ = 4
-  !> Inside the core a row is cut into LANES pieces of equal length, interleaved: block i of piece c is element
-  !> c + (i - 1) LANES of a row with bounds LB:n+LANES. Neighbours are then LANES elements apart, so that loops over
-  !> 1:n work on whole, aligned vectors. Elements LB:0 and n+1: repeat the ends of the next pieces (`close_row`). Beyond
-  !> the last block the row is filled up with blocks at rest.
-  integer, parameter :: LANES = 4, LB = 1 - LANES
+  public :: model_t, new_model, S_SERIES, close_left, close_row, close_state
 
   !> Up to this |s|, s = (r/l0)^2 - 1, the series of 1 - l0/r is exact to machine precision.
   real(dp), parameter :: S_SERIES = 2.0_dp**(-7)
 
-  type :: model_t
-    integer :: nx           !! blocks along the interface
-    integer :: nz           !! rows
-    integer :: n            !! nx rounded up to LANES
-    integer, allocatable :: at(:)   !! element of block i in a row, for i up to n; filling beyond nx
-    logical :: finite       !! finite geometry (bonds rotate); else linear
-    logical :: rigid        !! top row glued to the rod (setup 1); else free (setup 2)
-    integer :: i_h          !! column of the driven block
-    integer :: j_h          !! row of the driven block
+  !> What Python passes as integers, in this order; the same names are in pyfric.core.Counts.
+  type, bind(c) :: counts_t
+    integer(ip) :: nx       !! blocks along the interface
+    integer(ip) :: nz       !! rows
+    integer(ip) :: finite   !! 1: finite geometry (bonds rotate), 0: linear
+    integer(ip) :: rigid    !! 1: top row glued to the rod (setup 1), 0: free (setup 2)
+    integer(ip) :: i_h      !! column of the driven block, from 1
+    integer(ip) :: j_h      !! row of the driven block, from 1
+  end type counts_t
+
+  !> What it passes as numbers, in this order, before x, load and shear; the same names are in pyfric.core.Constants.
+  type, bind(c) :: constants_t
     real(dp) :: l           !! lattice constant [m]
     real(dp) :: k           !! stiffness of nearest-neighbour springs [N/m]; diagonals have k/2
     real(dp) :: eta         !! bond viscosity [N s/m]
     real(dp) :: m           !! block mass [kg]
     real(dp) :: k_f         !! foundation stiffness [N/m]
-    real(dp) :: mu_s        !! static friction coefficient [-]
-    real(dp) :: mu_k        !! kinetic friction coefficient [-]
-    real(dp) :: mu_0        !! friction coefficient where slip begins: mu_s, or mu_k without weakening [-]
-    real(dp) :: drop        !! its loss per slip, (mu_s - mu_k)/d_c, or 0 without weakening [1/m]
     real(dp) :: f_n         !! normal force at the rod's centre [N]
     real(dp) :: m_rod       !! mass of the rod alone [kg]
     real(dp) :: i_rod       !! inertia of the rod alone [kg m2]
@@ -45,10 +37,40 @@ module pyfric_model
     real(dp) :: k_drv       !! driver stiffness K [N/m]
     real(dp) :: v_drv       !! driver speed V [m/s]
     real(dp) :: u_drv0      !! u_x of the driven block at which F_T = 0 at t = 0 [m]
-    real(dp) :: near(7)     !! series of a spring of length l, see `series` [N/m^(2n+1)], n = 1...
-    real(dp) :: diagonal(7) !! the same for length sqrt(2) l
     real(dp) :: p_corner    !! slip that starts below this p is a corner episode [N]
     real(dp) :: k_top       !! stiffness that holds each block of a free top row at u_x = 0 [N/m]
+    type(law_constants_t) :: law
+  end type constants_t
+
+  type :: model_t
+    integer :: nx           !! blocks along the interface
+    integer :: nz           !! rows
+    integer :: n            !! nx rounded up to LANES
+    integer, allocatable :: at(:)   !! element of block i in a row, for i up to n; filling beyond nx
+    logical :: finite       !! finite geometry (bonds rotate); else linear
+    logical :: rigid        !! top row glued to the rod (setup 1); else free (setup 2)
+    integer :: i_h          !! column of the driven block
+    integer :: j_h          !! row of the driven block
+    real(dp) :: l           !! these: see constants_t
+    real(dp) :: k
+    real(dp) :: eta
+    real(dp) :: m
+    real(dp) :: k_f
+    real(dp) :: f_n
+    real(dp) :: m_rod
+    real(dp) :: i_rod
+    real(dp) :: m_top
+    real(dp) :: i_top
+    real(dp) :: kappa
+    real(dp) :: d
+    real(dp) :: k_drv
+    real(dp) :: v_drv
+    real(dp) :: u_drv0
+    real(dp) :: p_corner
+    real(dp) :: k_top
+    type(law_t) :: law      !! friction under the bottom row
+    real(dp) :: near(7)     !! series of a spring of length l, see `series` [N/m^(2n+1)], n = 1...
+    real(dp) :: diagonal(7) !! the same for length sqrt(2) l
     logical :: sheared      !! shear or k_top is not zero
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
     real(dp), allocatable :: load(:)  !! downward load on a free top row [N]
@@ -57,59 +79,58 @@ module pyfric_model
 
 contains
 
-  !> The model from the plain arrays that Python passes (order: pyfric.core.model).
-  pure function new_model(nx, nz, finite, rigid, i_h, j_h, c, x, load, shear) result(s)
-    integer(ip), intent(in) :: nx               !! blocks along the interface
-    integer(ip), intent(in) :: nz               !! rows
-    integer(ip), intent(in) :: finite           !! 1: finite geometry, 0: linear
-    integer(ip), intent(in) :: rigid            !! 1: rod, 0: free top row
-    integer(ip), intent(in) :: i_h              !! column of the driven block, from 1
-    integer(ip), intent(in) :: j_h              !! row of the driven block, from 1
-    real(dp), intent(in) :: c(N_CONSTANTS)      !! constants [SI]
-    real(dp), intent(in) :: x(nx)               !! positions from the centre [m]
-    real(dp), intent(in) :: load(nx)            !! downward load on the top row [N]
-    real(dp), intent(in) :: shear(nx)           !! horizontal force on the top row [N]
+  !> The model from the plain arrays that Python passes.
+  pure function new_model(counts, numbers) result(s)
+    integer(ip), intent(in) :: counts(:)   !! see counts_t
+    real(dp), intent(in) :: numbers(:)     !! see constants_t; then x [m], load and shear [N], a row each
     type(model_t) :: s
-    integer :: i, m
+    type(counts_t) :: n
+    type(constants_t) :: c
+    integer :: first
 
-    s%nx = nx
-    s%nz = nz
-    s%n = LANES*((nx + LANES - 1)/LANES)
-    m = s%n/LANES
-    s%at = [(1 + mod(i - 1, m)*LANES + (i - 1)/m, i=1, s%n)]
-    s%finite = finite == 1
-    s%rigid = rigid == 1
-    s%i_h = i_h
-    s%j_h = j_h
-    s%l = c(1)
-    s%k = c(2)
-    s%eta = c(3)
-    s%m = c(4)
-    s%k_f = c(5)
-    s%mu_s = c(6)
-    s%mu_k = c(7)
-    s%f_n = c(8)
-    s%m_rod = c(9)
-    s%i_rod = c(10)
-    s%m_top = c(11)
-    s%i_top = c(12)
-    s%kappa = c(13)
-    s%d = c(14)
-    s%k_drv = c(15)
-    s%v_drv = c(16)
-    s%u_drv0 = c(17)
-    s%p_corner = c(18)
-    s%k_top = c(19)
-    s%mu_0 = merge(s%mu_s, s%mu_k, c(20) > 0.0_dp)
-    s%drop = 0.0_dp
-    if (c(20) > 0.0_dp) s%drop = (s%mu_s - s%mu_k)/c(20)
+    n = transfer(counts, n)
+    s%nx = n%nx
+    s%nz = n%nz
+    s%n = padded(s%nx)
+    s%at = elements(s%n)
+    s%finite = n%finite == 1
+    s%rigid = n%rigid == 1
+    s%i_h = n%i_h
+    s%j_h = n%j_h
+    first = size(numbers) - 3*s%nx
+    c = transfer(numbers(:first), c)
+    call take_constants(c, s)
+    s%x = numbers(first + 1:first + s%nx)
+    s%load = numbers(first + s%nx + 1:first + 2*s%nx)
+    s%shear = numbers(first + 2*s%nx + 1:)
+    s%sheared = s%k_top > 0.0_dp .or. any(abs(s%shear) > 0.0_dp)
+  end function new_model
+
+  pure subroutine take_constants(c, s)
+    type(constants_t), intent(in) :: c
+    type(model_t), intent(inout) :: s
+
+    s%l = c%l
+    s%k = c%k
+    s%eta = c%eta
+    s%m = c%m
+    s%k_f = c%k_f
+    s%f_n = c%f_n
+    s%m_rod = c%m_rod
+    s%i_rod = c%i_rod
+    s%m_top = c%m_top
+    s%i_top = c%i_top
+    s%kappa = c%kappa
+    s%d = c%d
+    s%k_drv = c%k_drv
+    s%v_drv = c%v_drv
+    s%u_drv0 = c%u_drv0
+    s%p_corner = c%p_corner
+    s%k_top = c%k_top
+    s%law = new_law(c%law)
     s%near = series(s%k, s%l**2)
     s%diagonal = series(0.5_dp*s%k, 2.0_dp*s%l**2)
-    s%x = x
-    s%load = load
-    s%shear = shear
-    s%sheared = s%k_top > 0.0_dp .or. any(abs(shear) > 0.0_dp)
-  end function new_model
+  end subroutine take_constants
 
   !> Coefficients c_n of k (r - l0)/r = sum of c_n t^n, n = 1..7, in t = r^2 - l0^2 = 2 d.du + |du|^2.
   !>

@@ -1,6 +1,6 @@
-!> Explicit steppers given by a table of coefficients: semi-implicit Euler, velocity Verlet, an embedded Runge-Kutta pair.
+!> Explicit steppers given by a table of coefficients (pyfric.core.steppers).
 !>
-!> With forces F_j(u_j, v_j, t + c_j h) of stages j < i, stage i lies at
+!> With forces F_j(u_j, v_j, t + c_j h) of stages j < i and h the length of the step or sub-step, stage i lies at
 !>
 !>     u_i = u + c_i h v + h^2 sum_j abar_ij F_j/m,   v_i = v + h sum_j a_ij F_j/m ,
 !>
@@ -8,109 +8,56 @@
 !> for the others between stages; every row sees the same operations for any number of threads.
 module pyfric_nystrom
   use pyfric_kinds, only: dp, ip
-  use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES, close_state
+  use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
+  use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: rod_acceleration, rod_to_row
-  use pyfric_lattice, only: N_BOND
   use pyfric_rows, only: row_t, row_forces, row_powers, budget_t
+  use pyfric_workspace, only: MOST_STAGES, FX, FZ, CARRY, BONDS, COLUMNS
   implicit none (type, external)
   private
-  public :: table_t, table_of, nystrom_step, RK4, SYMPLECTIC_EULER, VERLET, ADAPTIVE, MOST_STAGES
-
-  !> Steppers; the same numbers are in pyfric.core.
-  integer(ip), parameter :: RK4 = 0, SYMPLECTIC_EULER = 1, VERLET = 2, ADAPTIVE = 3
-  integer, parameter :: MOST_STAGES = 5
+  public :: table_t, new_table, nystrom_step
 
   type :: table_t
-    integer :: stages = 0
+    integer :: stages = 0   !! 0: RK4, which has a sweep of its own
     real(dp) :: c(MOST_STAGES) = 0.0_dp
-    real(dp) :: a(MOST_STAGES, MOST_STAGES) = 0.0_dp
-    real(dp) :: abar(MOST_STAGES, MOST_STAGES) = 0.0_dp
     real(dp) :: b(MOST_STAGES) = 0.0_dp
     real(dp) :: bbar(MOST_STAGES) = 0.0_dp
     real(dp) :: e(MOST_STAGES) = 0.0_dp     !! b minus that of the embedded method
     real(dp) :: ebar(MOST_STAGES) = 0.0_dp  !! bbar minus that of the embedded method
+    real(dp) :: a(MOST_STAGES, MOST_STAGES) = 0.0_dp
+    real(dp) :: abar(MOST_STAGES, MOST_STAGES) = 0.0_dp
   end type table_t
 
 contains
 
-  !> The table of a stepper.
-  pure function table_of(stepper) result(table)
-    integer(ip), intent(in) :: stepper
+  !> The table from the columns that Python passes: c, b, bbar, e, ebar, a, abar.
+  pure function new_table(stages, columns) result(table)
+    integer, intent(in) :: stages                !! at most MOST_STAGES
+    real(dp), intent(in) :: columns(stages, 5 + 2*stages)
     type(table_t) :: table
 
-    select case (stepper)
-    case (SYMPLECTIC_EULER)
-      table = symplectic_euler_table()
-    case (VERLET)
-      table = verlet_table()
-    case (ADAPTIVE)
-      table = zonneveld_table()
-    case default  ! RK4 has a sweep of its own
-      table = table_t()
-    end select
-  end function table_of
-
-  !> v' = v + h F(u, v)/m, u' = u + h v'. Order 1.
-  pure function symplectic_euler_table() result(table)
-    type(table_t) :: table
-
-    table%stages = 1
-    table%b(1) = 1.0_dp
-    table%bbar(1) = 1.0_dp
-  end function symplectic_euler_table
-
-  !> u' = u + h (v + h F_1/2m), v' = v + h (F_1 + F_2)/2m, with F_2 at u' and the predicted velocity v + h F_1/m, on
-  !> which viscous forces depend. Order 2.
-  pure function verlet_table() result(table)
-    type(table_t) :: table
-
-    table%stages = 2
-    table%c(2) = 1.0_dp
-    table%a(2, 1) = 1.0_dp
-    table%abar(2, 1) = 0.5_dp
-    table%b(1:2) = 0.5_dp
-    table%bbar(1) = 0.5_dp
-  end function verlet_table
-
-  !> Classical RK4 with one more stage, which makes it a pair of orders 4 and 3 (J. A. Zonneveld, 1963; E. Hairer,
-  !> S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, section II.4).
-  pure function zonneveld_table() result(table)
-    type(table_t) :: table
-    real(dp) :: low(MOST_STAGES)
-    integer :: i, j, k
-
-    table%stages = 5
-    table%c = [0.0_dp, 0.5_dp, 0.5_dp, 1.0_dp, 0.75_dp]
-    table%a(2, 1) = 0.5_dp
-    table%a(3, 2) = 0.5_dp
-    table%a(4, 3) = 1.0_dp
-    table%a(5, 1:4) = [5.0_dp, 7.0_dp, 13.0_dp, -1.0_dp]/32.0_dp
-    table%b = [1.0_dp, 2.0_dp, 2.0_dp, 1.0_dp, 0.0_dp]/6.0_dp
-    low = [-3.0_dp, 14.0_dp, 14.0_dp, 13.0_dp, -32.0_dp]/6.0_dp
-    table%e = table%b - low
-    do i = 1, 5  ! abar = a a, bbar = b a, as u' = v
-      do j = 1, 5
-        do k = 1, 5
-          table%abar(i, j) = table%abar(i, j) + table%a(i, k)*table%a(k, j)
-        end do
-        table%bbar(j) = table%bbar(j) + table%b(i)*table%a(i, j)
-        table%ebar(j) = table%ebar(j) + table%e(i)*table%a(i, j)
-      end do
-    end do
-  end function zonneveld_table
+    table%stages = stages
+    if (stages == 0) return
+    table%c(:stages) = columns(:, 1)
+    table%b(:stages) = columns(:, 2)
+    table%bbar(:stages) = columns(:, 3)
+    table%e(:stages) = columns(:, 4)
+    table%ebar(:stages) = columns(:, 5)
+    table%a(:stages, :stages) = columns(:, 6:5 + stages)
+    table%abar(:stages, :stages) = columns(:, 6 + stages:)
+  end function new_table
 
   !> Rows j0..j1 of the state one step later, and their part of the error. Contact states are frozen during the step.
-  subroutine nystrom_step(s, table, t, h, j0, j1, keep_budget, mode, s_0, y, rod, y_new, rod_new, budget, f, q, carry, b, &
-                          fx, fz, w, err)
+  subroutine nystrom_step(s, table, t, sub, j0, j1, keep_budget, mode, s_0, y, rod, y_new, rod_new, budget, f, q, work, w, err)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
     real(dp), intent(in) :: t                         !! time at the start [s]
-    real(dp), intent(in) :: h                         !! step [s]
+    real(dp), intent(in) :: sub                       !! length of the step or sub-step [s]
     integer, intent(in) :: j0                         !! first row of this thread
     integer, intent(in) :: j1                         !! last row of this thread
     logical, intent(in) :: keep_budget                !! integrate works and dissipations too
     integer(ip), intent(in) :: mode(s%nx)             !! contact states
-    real(dp), intent(in) :: s_0(s%nx)                 !! see pyfric_friction [m]
+    real(dp), intent(in) :: s_0(s%nx)                 !! see pyfric_law [m]
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)          !! state at the start
     real(dp), intent(in) :: rod(6)                    !! X, Z, phi and their rates at the start
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
@@ -118,10 +65,7 @@ contains
     type(budget_t), intent(inout) :: budget           !! entries of rows j0..j1 are advanced
     real(dp), intent(inout) :: f(LB:s%n + LANES, 2, s%nz, MOST_STAGES)  !! forces of the stages, shared [N]
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4, s%nz)       !! a stage, shared
-    real(dp), intent(inout) :: carry(LB:s%n + LANES, 2)         !! work space of finite geometry
-    real(dp), intent(inout) :: b(LB:s%n + LANES, N_BOND)        !! work space of finite geometry, zero at first
-    real(dp), intent(inout) :: fx(LB:s%n + LANES)               !! work space
-    real(dp), intent(inout) :: fz(LB:s%n + LANES)               !! work space
+    real(dp), intent(inout) :: work(LB:s%n + LANES, COLUMNS)    !! work space, bonds zero at first
     type(row_t), intent(inout) :: w
     real(dp), intent(out) :: err(2)                   !! largest error of u [m] and of v [m/s] in these rows
     real(dp) :: rod_a(3, MOST_STAGES), rod_stage(6)
@@ -133,18 +77,19 @@ contains
         call sweep(t, y)
       else
         do j = j0, j1
-          call one_row(table%c(stage), table%abar(stage, :), table%a(stage, :), stage - 1, q(LB, 1, j), rod_stage)
+          call stage_row(s, table%c(stage)*sub, sub, table%abar(stage, :), table%a(stage, :), stage - 1, j, y(LB, 1, j), &
+                         rod, f, rod_a, q(LB, 1, j), rod_stage)
         end do
         !$omp barrier
-        call sweep(t + table%c(stage)*h, q)
+        call sweep(t + table%c(stage)*sub, q)
       end if
       !$omp barrier
     end do
     do j = j0, j1
-      call one_row(1.0_dp, table%bbar, table%b, table%stages, y_new(LB, 1, j), rod_new)
+      call stage_row(s, sub, sub, table%bbar, table%b, table%stages, j, y(LB, 1, j), rod, f, rod_a, y_new(LB, 1, j), rod_new)
     end do
     err = 0.0_dp
-    if (any(abs(table%e) > 0.0_dp)) call row_errors()
+    if (any(abs(table%e) > 0.0_dp)) err = row_errors(s, table, sub, j0, j1, f, rod_a)
 
   contains
 
@@ -154,73 +99,91 @@ contains
       real(dp), intent(in) :: at(LB:s%n + LANES, 4, s%nz)  !! the stage
       integer :: below, above
 
-      carry = 0.0_dp
+      work(:, CARRY:CARRY + 1) = 0.0_dp
       do j = merge(max(1, j0 - 1), j0, s%finite), j1
         below = max(j - 1, 1)
         above = min(j + 1, s%nz)
         if (j < j0) then
-          call row_forces(s, j, t_stage, at(LB, 1, below), at(LB, 1, j), at(LB, 1, above), mode, s_0, carry, b, fx, fz, w)
+          call row_forces(s, j, t_stage, at(LB, 1, below), at(LB, 1, j), at(LB, 1, above), mode, s_0, &
+                          work(LB, CARRY), work(LB, BONDS), work(LB, FX), work(LB, FZ), w)
           cycle
         end if
-        call row_forces(s, j, t_stage, at(LB, 1, below), at(LB, 1, j), at(LB, 1, above), mode, s_0, carry, b, &
-                        f(LB, 1, j, stage), f(LB, 2, j, stage), w)
-        if (keep_budget) call row_powers(s, j, h*table%b(stage), at(LB, 1, j), at(LB, 1, above), rod_stage(5), w, budget)
+        call row_forces(s, j, t_stage, at(LB, 1, below), at(LB, 1, j), at(LB, 1, above), mode, s_0, &
+                        work(LB, CARRY), work(LB, BONDS), f(LB, 1, j, stage), f(LB, 2, j, stage), w)
+        if (keep_budget) then
+          call row_powers(s, j, sub*table%b(stage), at(LB, 1, j), at(LB, 1, above), rod_stage(5), w, budget)
+        end if
         if (j == s%nz .and. s%rigid) rod_a(:, stage) = rod_acceleration(s, rod_stage(3), f(LB, 1, j, stage), f(LB, 2, j, stage))
       end do
     end subroutine sweep
-
-    !> Row j at a stage or at the end, from the first n stages; the top row by the rod.
-    subroutine one_row(c, for_u, for_v, n, to, rod_to)
-      real(dp), intent(in) :: c                          !! time of the stage over h
-      real(dp), intent(in) :: for_u(MOST_STAGES)
-      real(dp), intent(in) :: for_v(MOST_STAGES)
-      integer, intent(in) :: n                           !! stages known
-      real(dp), intent(inout) :: to(LB:s%n + LANES, 4)   !! the row
-      real(dp), intent(inout) :: rod_to(6)               !! the rod
-      integer :: k
-
-      if (j < s%nz .or. .not. s%rigid) then
-        call combine(s%n, s%nz, n, j, c*h, h*h/s%m*for_u, h/s%m*for_v, y(LB, 1, j), f, to)
-        call close_state(s, to)
-      else
-        rod_to(1:3) = rod(1:3) + c*h*rod(4:6)
-        rod_to(4:6) = rod(4:6)
-        do k = 1, n
-          rod_to(1:3) = rod_to(1:3) + h*h*for_u(k)*rod_a(:, k)
-          rod_to(4:6) = rod_to(4:6) + h*for_v(k)*rod_a(:, k)
-        end do
-        call rod_to_row(s, rod_to, to)
-      end if
-    end subroutine one_row
-
-    !> Largest difference to the embedded method; tilt counts by the displacement of the slider's ends.
-    subroutine row_errors()
-      real(dp) :: of_rod(3, 2), arm(3)
-      integer :: k
-
-      do j = j0, j1
-        if (j < s%nz .or. .not. s%rigid) then
-          err = max(err, difference(s%n, s%nz, table%stages, j, h*h/s%m*table%ebar, h/s%m*table%e, f))
-        else
-          of_rod = 0.0_dp
-          do k = 1, table%stages
-            of_rod(:, 1) = of_rod(:, 1) + h*h*table%ebar(k)*rod_a(:, k)
-            of_rod(:, 2) = of_rod(:, 2) + h*table%e(k)*rod_a(:, k)
-          end do
-          arm = [1.0_dp, 1.0_dp, maxval(abs(s%x))]
-          err = max(err, [maxval(arm*abs(of_rod(:, 1))), maxval(arm*abs(of_rod(:, 2)))])
-        end if
-      end do
-    end subroutine row_errors
   end subroutine nystrom_step
 
-  !> u + ch v + sum_k abar_k F_k, v + sum_k a_k F_k.
-  pure subroutine combine(n, nz, stages, j, ch, abar, a, y, f, q)
+  !> Row j at a stage or at the end, from the first n stages; the top row by the rod.
+  pure subroutine stage_row(s, after, sub, for_u, for_v, n, j, y, rod, f, rod_a, to, rod_to)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: after                      !! time of the stage from the start of the step [s]
+    real(dp), intent(in) :: sub                        !! length of the step or sub-step [s]
+    real(dp), intent(in) :: for_u(MOST_STAGES)
+    real(dp), intent(in) :: for_v(MOST_STAGES)
+    integer, intent(in) :: n                           !! stages known
+    integer, intent(in) :: j                           !! row
+    real(dp), intent(in) :: y(LB:s%n + LANES, 4)       !! the row at the start
+    real(dp), intent(in) :: rod(6)                     !! the rod at the start
+    real(dp), intent(in) :: f(LB:s%n + LANES, 2, s%nz, MOST_STAGES)  !! forces of the stages [N]
+    real(dp), intent(in) :: rod_a(3, MOST_STAGES)      !! accelerations of the rod
+    real(dp), intent(inout) :: to(LB:s%n + LANES, 4)   !! the row
+    real(dp), intent(inout) :: rod_to(6)               !! the rod
+    integer :: k
+
+    if (j < s%nz .or. .not. s%rigid) then
+      call combine(s%n, s%nz, n, j, after, sub*sub/s%m*for_u, sub/s%m*for_v, y, f, to)
+      call close_state(s, to)
+    else
+      rod_to(1:3) = rod(1:3) + after*rod(4:6)
+      rod_to(4:6) = rod(4:6)
+      do k = 1, n
+        rod_to(1:3) = rod_to(1:3) + sub*sub*for_u(k)*rod_a(:, k)
+        rod_to(4:6) = rod_to(4:6) + sub*for_v(k)*rod_a(:, k)
+      end do
+      call rod_to_row(s, rod_to, to)
+    end if
+  end subroutine stage_row
+
+  !> Largest difference to the embedded method in rows j0..j1; tilt counts by the displacement of the slider's ends.
+  pure function row_errors(s, table, sub, j0, j1, f, rod_a) result(err)
+    type(model_t), intent(in) :: s
+    type(table_t), intent(in) :: table
+    real(dp), intent(in) :: sub                        !! length of the step or sub-step [s]
+    integer, intent(in) :: j0                          !! first row
+    integer, intent(in) :: j1                          !! last row
+    real(dp), intent(in) :: f(LB:s%n + LANES, 2, s%nz, MOST_STAGES)  !! forces of the stages [N]
+    real(dp), intent(in) :: rod_a(3, MOST_STAGES)      !! accelerations of the rod
+    real(dp) :: err(2), of_rod(3, 2), arm(3)
+    integer :: j, k
+
+    err = 0.0_dp
+    do j = j0, j1
+      if (j < s%nz .or. .not. s%rigid) then
+        err = max(err, difference(s%n, s%nz, table%stages, j, sub*sub/s%m*table%ebar, sub/s%m*table%e, f))
+      else
+        of_rod = 0.0_dp
+        do k = 1, table%stages
+          of_rod(:, 1) = of_rod(:, 1) + sub*sub*table%ebar(k)*rod_a(:, k)
+          of_rod(:, 2) = of_rod(:, 2) + sub*table%e(k)*rod_a(:, k)
+        end do
+        arm = [1.0_dp, 1.0_dp, maxval(abs(s%x))]
+        err = max(err, [maxval(arm*abs(of_rod(:, 1))), maxval(arm*abs(of_rod(:, 2)))])
+      end if
+    end do
+  end function row_errors
+
+  !> u + after v + sum_k abar_k F_k, v + sum_k a_k F_k.
+  pure subroutine combine(n, nz, stages, j, after, abar, a, y, f, q)
     integer, intent(in) :: n                         !! length of a row
     integer, intent(in) :: nz                        !! rows
     integer, intent(in) :: stages                    !! stages known
     integer, intent(in) :: j                         !! row
-    real(dp), intent(in) :: ch                       !! time from the start of the step [s]
+    real(dp), intent(in) :: after                    !! time from the start of the step [s]
     real(dp), intent(in) :: abar(MOST_STAGES)        !! times h^2/m [m/N]
     real(dp), intent(in) :: a(MOST_STAGES)           !! times h/m [m/(N s)]
     real(dp), intent(in) :: y(LB:n + LANES, 4)       !! the row at the start
@@ -229,8 +192,8 @@ contains
     integer :: i, k
 
     do i = 1, n
-      q(i, UX) = y(i, UX) + ch*y(i, VX)
-      q(i, UZ) = y(i, UZ) + ch*y(i, VZ)
+      q(i, UX) = y(i, UX) + after*y(i, VX)
+      q(i, UZ) = y(i, UZ) + after*y(i, VZ)
       q(i, VX) = y(i, VX)
       q(i, VZ) = y(i, VZ)
     end do

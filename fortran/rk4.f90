@@ -6,57 +6,53 @@
 !> a step runs, and every row sees the same operations for any number of threads.
 module pyfric_rk4
   use pyfric_kinds, only: dp, ip
-  use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES, close_state
+  use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
+  use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: rod_acceleration, rod_to_row
-  use pyfric_lattice, only: N_BOND
   use pyfric_rows, only: row_t, row_forces, row_powers, budget_t
+  use pyfric_workspace, only: carry_of, ring_row, RING, FX, FZ, BONDS, COLUMNS
   implicit none (type, external)
   private
-  public :: rk4_step, RING
+  public :: rk4_step
 
   real(dp), parameter :: NODE(4) = [0.0_dp, 0.5_dp, 0.5_dp, 1.0_dp]    !! c_s
   real(dp), parameter :: WEIGHT(4) = [1.0_dp, 2.0_dp, 2.0_dp, 1.0_dp]  !! 6 b_s
-  integer, parameter :: RING = 4  !! rows of a stage that are kept: row j is last needed by stage 4 of row j
 
 contains
 
   !> Rows j0..j1 of the state one step later. Contact states are frozen during the step.
-  subroutine rk4_step(s, t, dt, j0, j1, keep_budget, mode, s_0, y, rod, y_new, rod_new, budget, q, carry, b, fx, fz, w)
+  subroutine rk4_step(s, t, sub, j0, j1, keep_budget, mode, s_0, y, rod, y_new, rod_new, budget, work, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                         !! time at the start [s]
-    real(dp), intent(in) :: dt                        !! step [s]
+    real(dp), intent(in) :: sub                       !! length of the step or sub-step [s]
     integer, intent(in) :: j0                         !! first row of this thread
     integer, intent(in) :: j1                         !! last row of this thread
     logical, intent(in) :: keep_budget                !! integrate works and dissipations too
     integer(ip), intent(in) :: mode(s%nx)             !! contact states
-    real(dp), intent(in) :: s_0(s%nx)                 !! see pyfric_friction [m]
+    real(dp), intent(in) :: s_0(s%nx)                 !! see pyfric_law [m]
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)          !! state at the start
     real(dp), intent(in) :: rod(6)                    !! X, Z, phi and their rates at the start
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
     real(dp), intent(inout) :: rod_new(6)             !! written by the thread that owns the top row
     type(budget_t), intent(inout) :: budget           !! entries of rows j0..j1 are advanced
-    real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:RING - 1, 2:4)  !! work space: rows of stages 2 to 4
-    real(dp), intent(inout) :: carry(LB:s%n + LANES, 2, 4)            !! work space of finite geometry
-    real(dp), intent(inout) :: b(LB:s%n + LANES, N_BOND)          !! work space of finite geometry, zero at first
-    real(dp), intent(inout) :: fx(LB:s%n + LANES)                 !! work space
-    real(dp), intent(inout) :: fz(LB:s%n + LANES)                 !! work space
+    real(dp), intent(inout) :: work(LB:s%n + LANES, COLUMNS)    !! work space, bonds zero at first
     type(row_t), intent(inout) :: w
-    real(dp) :: rod_stage(6, 4), rod_sum(6)
+    real(dp) :: rods(6, 5), rod_sum(6)
     integer :: low, high, j, stage, front
 
-    rod_stage(:, 1) = rod
+    rods(:, 1) = rod
     do front = max(1, j0 - 4), j1 + 3
       do stage = 1, 4
         low = max(1, j0 - (4 - stage))
         high = min(s%nz, j1 + (4 - stage))
         j = front - stage + 1
         if (j < max(1, low - 1) .or. j > high) cycle
-        if (j == max(1, low - 1)) carry(:, :, stage) = 0.0_dp
+        if (j == max(1, low - 1)) work(:, carry_of(stage):carry_of(stage) + 1) = 0.0_dp
         if (stage == 1) then
           call one_row(y(LB, 1, max(j - 1, 1)), y(LB, 1, j), y(LB, 1, min(j + 1, s%nz)))
         else
-          call one_row(q(LB, 1, mod(j + RING - 1, RING), stage), q(LB, 1, mod(j, RING), stage), &
-                       q(LB, 1, mod(j + 1, RING), stage))
+          call one_row(work(LB, ring_row(j + RING - 1, stage)), work(LB, ring_row(j, stage)), &
+                       work(LB, ring_row(j + 1, stage)))
         end if
       end do
     end do
@@ -68,46 +64,72 @@ contains
       real(dp), intent(in) :: dn(LB:s%n + LANES, 4)    !! the row below at this stage
       real(dp), intent(in) :: here(LB:s%n + LANES, 4)  !! the row at this stage
       real(dp), intent(in) :: up(LB:s%n + LANES, 4)    !! the row above at this stage
-      real(dp) :: c
 
-      call row_forces(s, j, t + NODE(stage)*dt, dn, here, up, mode, s_0, carry(LB, 1, stage), b, fx, fz, w)
+      call row_forces(s, j, t + NODE(stage)*sub, dn, here, up, mode, s_0, work(LB, carry_of(stage)), work(LB, BONDS), &
+                      work(LB, FX), work(LB, FZ), w)
       if (j < low) return
       if (keep_budget .and. j >= j0 .and. j <= j1) then
-        c = dt/6.0_dp*WEIGHT(stage)
-        call row_powers(s, j, c, here, up, rod_stage(5, stage), w, budget)
+        call row_powers(s, j, sub/6.0_dp*WEIGHT(stage), here, up, rods(5, stage), w, budget)
       end if
-      if (j == s%nz .and. s%rigid) then
-        call rod_row()
-      else
-        if (stage < 4) then
-          c = NODE(stage + 1)*dt
-          call to_stage(s%n, c, s%m, y(LB, 1, j), here(LB, VX), fx, fz, q(LB, 1, mod(j, RING), stage + 1))
-          call close_state(s, q(LB, 1, mod(j, RING), stage + 1))
-        else
-          call to_end(s%n, dt, s%m, y(LB, 1, j), q(LB, VX, mod(j, RING), 2), q(LB, VX, mod(j, RING), 3), here(LB, VX), &
-                      fx, fz, y_new(LB, 1, j))
-          call close_state(s, y_new(LB, 1, j))
-        end if
+      if (j < s%nz .or. .not. s%rigid) then
+        call next_row(s, stage, sub, j, y(LB, 1, j), here, work, y_new(LB, 1, j))
+        return
       end if
-    end subroutine one_row
-
-    !> The same for the rod, which carries the top row.
-    subroutine rod_row()
-      real(dp) :: rate(6)
-
-      rate(1:3) = rod_stage(4:6, stage)
-      rate(4:6) = rod_acceleration(s, rod_stage(3, stage), fx, fz)
-      if (stage == 1) rod_sum = 0.0_dp
-      rod_sum = rod_sum + WEIGHT(stage)*rate
+      call next_rod(s, stage, sub, work(LB, FX), work(LB, FZ), rods, rod_sum)
       if (stage < 4) then
-        rod_stage(:, stage + 1) = rod + NODE(stage + 1)*dt*rate
-        call rod_to_row(s, rod_stage(:, stage + 1), q(LB, 1, mod(j, RING), stage + 1))
+        call rod_to_row(s, rods(:, stage + 1), work(LB, ring_row(j, stage + 1)))
       else
-        rod_new = rod + dt/6.0_dp*rod_sum
+        rod_new = rods(:, 5)
         call rod_to_row(s, rod_new, y_new(LB, 1, j))
       end if
-    end subroutine rod_row
+    end subroutine one_row
   end subroutine rk4_step
+
+  !> A row of blocks at the next stage, or at the end of the step.
+  pure subroutine next_row(s, stage, sub, j, y, here, work, y_new)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: stage
+    real(dp), intent(in) :: sub                          !! length of the step or sub-step [s]
+    integer, intent(in) :: j                             !! row
+    real(dp), intent(in) :: y(LB:s%n + LANES, 4)         !! the row at the start
+    real(dp), intent(in) :: here(LB:s%n + LANES, 4)      !! at this stage
+    real(dp), intent(inout) :: work(LB:s%n + LANES, COLUMNS)  !! forces, rows of stages
+    real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4)  !! at the end
+
+    integer :: next
+
+    if (stage < 4) then
+      next = ring_row(j, stage + 1)
+      call to_stage(s%n, NODE(stage + 1)*sub, s%m, y, here(LB, VX), work(LB, FX), work(LB, FZ), work(LB, next))
+      call close_state(s, work(LB, next))
+    else
+      call to_end(s%n, sub, s%m, y, work(LB, ring_row(j, 2) + VX - 1), work(LB, ring_row(j, 3) + VX - 1), here(LB, VX), &
+                  work(LB, FX), work(LB, FZ), y_new)
+      call close_state(s, y_new)
+    end if
+  end subroutine next_row
+
+  !> The same for the rod, which carries the top row.
+  pure subroutine next_rod(s, stage, sub, fx, fz, rods, rod_sum)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: stage
+    real(dp), intent(in) :: sub               !! length of the step or sub-step [s]
+    real(dp), intent(in) :: fx(LB:s%n + LANES)   !! forces on the top row [N]
+    real(dp), intent(in) :: fz(LB:s%n + LANES)   !! forces on the top row [N]
+    real(dp), intent(inout) :: rods(6, 5)     !! the rod at the stages and at the end
+    real(dp), intent(inout) :: rod_sum(6)     !! weighted sum of the rates of the stages
+    real(dp) :: rate(6)
+
+    rate(1:3) = rods(4:6, stage)
+    rate(4:6) = rod_acceleration(s, rods(3, stage), fx, fz)
+    if (stage == 1) rod_sum = 0.0_dp
+    rod_sum = rod_sum + WEIGHT(stage)*rate
+    if (stage < 4) then
+      rods(:, stage + 1) = rods(:, 1) + NODE(stage + 1)*sub*rate
+    else
+      rods(:, 5) = rods(:, 1) + sub/6.0_dp*rod_sum
+    end if
+  end subroutine next_rod
 
   !> The next stage: u + c v_s, v + c F_s/m.
   pure subroutine to_stage(n, c, m, y, v_s, fx, fz, q)

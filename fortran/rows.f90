@@ -1,13 +1,14 @@
 !> All forces on one row of blocks, and the powers that go with them.
 module pyfric_rows
   use pyfric_kinds, only: dp, ip
-  use pyfric_model, only: model_t, UX, UZ, VX, VZ, LB, LANES
+  use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
+  use pyfric_model, only: model_t
   use pyfric_lattice, only: forces_linear, elastic_finite, viscous, bond_power, N_BOND
   use pyfric_boundaries, only: foundation, driver_force, mirror_sum
-  use pyfric_friction, only: friction_force
+  use pyfric_law, only: friction_force
   implicit none (type, external)
   private
-  public :: row_t, new_row, bond_forces, outer_forces, row_forces, row_powers, budget_t
+  public :: row_t, new_row, other_forces, row_forces, row_powers, budget_t
 
   !> Work space of one row. Forces on the blocks and bonds lie elsewhere, on vectors.
   type :: row_t
@@ -114,6 +115,22 @@ contains
     end do
   end subroutine outer_forces
 
+  !> All horizontal forces on the bottom row but friction, outside of a step.
+  pure subroutine other_forces(s, t, q, up, w, fx)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: t                       !! time [s]
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the bottom row
+    real(dp), intent(in) :: up(LB:s%n + LANES, 4)   !! the row above
+    type(row_t), intent(inout) :: w
+    real(dp), intent(out) :: fx(LB:s%n + LANES)     !! [N]
+    real(dp) :: carry(LB:s%n + LANES, 2), b(LB:s%n + LANES, N_BOND), fz(LB:s%n + LANES)
+
+    carry = 0.0_dp
+    b = 0.0_dp
+    call bond_forces(s, 1, w%none, q, up, carry, b, fx, fz, w)
+    call outer_forces(s, 1, t, q, fx, fz, w%f_t)
+  end subroutine other_forces
+
   !> Forces on row j, friction included, at frozen contact states; the carry of the bonds moves up one row (finite geometry).
   pure subroutine row_forces(s, j, t, dn, q, up, mode, s_0, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
@@ -123,7 +140,7 @@ contains
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)        !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)       !! the row above, not used at the top
     integer(ip), intent(in) :: mode(s%nx)     !! contact states
-    real(dp), intent(in) :: s_0(s%nx)         !! slip at the last change of contact state, see pyfric_friction [m]
+    real(dp), intent(in) :: s_0(s%nx)         !! slip at the last change of contact state, see pyfric_law [m]
     real(dp), intent(inout) :: carry(LB:s%n + LANES, 2) !! bond forces from below, then on the row above [N]
     real(dp), intent(inout) :: b(LB:s%n + LANES, N_BOND) !! work space of finite geometry, zero where there is no bond
     real(dp), intent(inout) :: fx(LB:s%n + LANES)     !! force on the row [N]
@@ -135,7 +152,7 @@ contains
     call outer_forces(s, j, t, q, fx, fz, w%f_t)
     if (j == 1) then
       call foundation(s, q(LB, UZ), w%p)
-      call friction_force(s, mode, s_0, q(LB, UX), fx, w%p, w%f)
+      call friction_force(s%law, s%nx, s%n, s%at, mode, s_0, q(LB, UX), fx, w%p, w%f)
       do i = 1, s%nx
         fz(s%at(i)) = fz(s%at(i)) + w%p(i)
         fx(s%at(i)) = fx(s%at(i)) + w%f(i)

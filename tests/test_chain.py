@@ -23,7 +23,8 @@ from pyfric.record import Record
 from pyfric.scene import PrescribedLoad, Scene, SceneError, Slider, chain, preset, setup2
 from pyfric.scene.checked import MAX_LISTED
 from pyfric.statics import StaticSolver, loaded_state, stability_limit, stiffness
-from pyfric.statics.operators import operators, rk4_radius
+from pyfric.statics.operators import operators
+from pyfric.statics.stability import radius
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic")
 
@@ -333,7 +334,8 @@ def test_stability_limit(eta, k_top, k_f, K):
             n = len(a)
             z = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [a, b]]))
             z = z[np.abs(z) > 1e-4]
-            limits = rk4_radius(np.angle(np.minimum(z.real, 0) + 1j * np.abs(z.imag))) / np.abs(z)
+            angle = np.angle(np.minimum(z.real, 0) + 1j * np.abs(z.imag))
+            limits = radius(core.STEPPERS["rk4"], angle) / np.abs(z)
             exact = np.min(limits, initial=exact)
     limit = stability_limit(scene)[0]
     assert 0.97 * exact < limit < exact * (1 + 1e-6)
@@ -498,7 +500,7 @@ def test_doubling_all_forces_doubles_every_bit(record):
     for name in ("tau_before", "p_before", "tau_after", "p_after", "tau_initial", "p_initial"):
         np.testing.assert_array_equal(getattr(double, name), 2 * getattr(record, name))
     np.testing.assert_array_equal(double.rupture_times, record.rupture_times)
-    for name, factor in (("y", 2), ("mode", 1), ("heat", 4), ("loss", 4), ("slack", 2)):
+    for name, factor in (("y", 2), ("mode", 1), ("heat", 4), ("loss", 4), ("margin", 2)):
         there, here = getattr(double.final_state, name), getattr(record.final_state, name)
         np.testing.assert_array_equal(there, factor * here)
 

@@ -2,8 +2,10 @@
 
 import dataclasses
 import os
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -294,7 +296,7 @@ def mirrored(state):
     new.rod = state.rod * np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
     new.mode = np.ascontiguousarray(np.where(state.mode == OPEN, OPEN, -state.mode)[::-1])
     new.mode = new.mode.astype(np.int32)
-    for name in ("corner", "slack", "loss", "heat", "s_0"):
+    for name in ("corner", "margin", "loss", "heat", "s_0"):
         setattr(new, name, np.ascontiguousarray(getattr(state, name)[::-1]))
     new.u_drv0 = -state.u_drv0
     return new
@@ -312,7 +314,7 @@ def test_mirror_image(kind, geometry, d_c):
     log_image = advance(right, geometry, image, 100)
     assert log.n_switch == log_image.n_switch > 10
     back = mirrored(image)
-    for name in ("y", "rod", "mode", "corner", "slack", "loss", "heat", "work", "s_0"):
+    for name in ("y", "rod", "mode", "corner", "margin", "loss", "heat", "work", "s_0"):
         np.testing.assert_array_equal(getattr(back, name), getattr(state, name), err_msg=name)
 
 
@@ -323,12 +325,12 @@ def test_doubling_load_and_speed_doubles_every_bit(kind, d_c):
     one, two = (small(kind, F_N=c * F_N, V=c * V, d_c=c * d_c) for c in (1, 2))
     state = random_state(one, "linear")
     double = state.copy()
-    for name, factor in (("y", 2), ("rod", 2), ("slack", 2), ("u_drv0", 2), ("s_0", 2)):
+    for name, factor in (("y", 2), ("rod", 2), ("margin", 2), ("u_drv0", 2), ("s_0", 2)):
         setattr(double, name, factor * getattr(state, name))
     log, log_double = (advance(s, "linear", x, 100) for s, x in ((one, state), (two, double)))
     assert log.n_switch > 10
     for name, factor in (
-        ("y", 2), ("rod", 2), ("mode", 1), ("corner", 1), ("slack", 2), ("loss", 4),
+        ("y", 2), ("rod", 2), ("mode", 1), ("corner", 1), ("margin", 2), ("loss", 4),
         ("dissipated", 4), ("heat", 4), ("work", 4), ("s_0", 2),
     ):  # fmt: skip
         np.testing.assert_array_equal(getattr(double, name), factor * getattr(state, name))
@@ -457,10 +459,27 @@ def test_wrong_calls_are_refused():
         core.model(scene, "linear", float("nan"))
 
 
+def components(name):
+    """Return the components of a derived type in Fortran, in order, those of its parts in place."""
+    folder = Path(__file__).parents[1] / "fortran"
+    source = (folder / "law.f90").read_text() + (folder / "model.f90").read_text()
+    body = re.search(rf"type, bind\(c\) :: {name}\n(.*?)end type {name}", source, re.S).group(1)
+    found = []
+    for kind, component in re.findall(r"^ +(.*?) :: (\w+)", body, re.M):
+        part = re.fullmatch(r"type\((\w+)\)", kind)
+        found += components(part.group(1)) if part else [component]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "here"), [("counts_t", core.Counts), ("constants_t", core.Constants)]
+)
+def test_what_is_passed_has_the_same_names_in_the_same_order(name, here):
+    assert components(name) == [one.lower() for one in here._fields]
+
+
 def test_status_codes_are_those_of_the_core():
     """The list in Fortran and the one in Python are the same."""
-    from pathlib import Path
-
     source = Path(__file__).parents[1] / "fortran" / "status.f90"
     lines = [s for s in source.read_text().splitlines() if "parameter ::" in s]
     codes = {s.split("::")[1].split("=")[0].strip(): int(s.split("=")[1].split()[0]) for s in lines}

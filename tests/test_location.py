@@ -209,7 +209,7 @@ def test_a_root_at_the_end_of_a_step_is_found_once():
     assert state.u_drv0 == 0
     made = advance(scene, state, 64)
     assert not len(made["t"])
-    assert state.slack[0] == 0
+    assert state.margin[0] == 0
     made = advance(scene, state, 3)
     assert made["block"].tolist() == [0]
     assert made["step"][0] == 65
@@ -297,11 +297,14 @@ def test_signs_are_compared_not_products():
     model = core.model(scene, "linear", state.u_drv0)
     advance_to = functools.partial(core.advance, switching="located", budget=False)
     tiny = state.copy()
-    for name in ("y", "rod", "slack"):
+    for name in ("y", "rod", "margin"):
         setattr(tiny, name, scale * getattr(state, name))
-    constants = model.constants.copy()
-    constants[[7, 15, 16, 17]] *= scale  # F_N, V, u_drv0, p_corner
-    model_tiny = model._replace(constants=constants, load=scale * model.load)
+    numbers = model.numbers.copy()
+    for name in ("F_N", "v_drv", "u_drv0", "p_corner"):
+        numbers[core.Constants._fields.index(name)] *= scale
+    load = slice(-2 * scene.N_x, -scene.N_x)
+    numbers[load] *= scale
+    model_tiny = model._replace(numbers=numbers)
     log, log_tiny = core.Log(scene.N_x), core.Log(scene.N_x)
     advance_to(model, state, log, 2400)
     advance_to(model_tiny, tiny, log_tiny, 2400)

@@ -8,6 +8,7 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import eigs, spsolve
 
+from pyfric.core import STEPPERS
 from pyfric.scene import Driver, Scene, setup1, setup2
 from pyfric.statics import (
     bonds,
@@ -18,7 +19,8 @@ from pyfric.statics import (
     stability_limit,
     stiffness,
 )
-from pyfric.statics.operators import coordinates, operators, rk4_radius, spring_forces
+from pyfric.statics.operators import coordinates, operators, spring_forces
+from pyfric.statics.stability import radius
 
 
 def small_scene(**changes) -> Scene:
@@ -302,14 +304,14 @@ def rk4_factor(z):
 
 def test_each_ray_leaves_the_rk4_region_once():
     theta = np.linspace(math.pi / 2, math.pi, 181)
-    radius = rk4_radius(theta)
-    assert radius[0] == pytest.approx(2 * math.sqrt(2), rel=1e-12)
-    assert radius[-1] == pytest.approx(2.785293563405282, rel=1e-12)
+    ends = radius(STEPPERS["rk4"], theta)
+    assert ends[0] == pytest.approx(2 * math.sqrt(2), rel=1e-12)
+    assert ends[-1] == pytest.approx(2.785293563405282, rel=1e-12)
     ray = np.exp(1j * theta)
     for share in np.linspace(0.02, 0.9999, 60):
-        assert (np.abs(rk4_factor(share * radius * ray)) <= 1 + 1e-15).all()
+        assert (np.abs(rk4_factor(share * ends * ray)) <= 1 + 1e-15).all()
     for share in np.linspace(1.0001, 2, 60):
-        assert (np.abs(rk4_factor(share * radius * ray)) > 1).all()
+        assert (np.abs(rk4_factor(share * ends * ray)) > 1).all()
 
 
 @pytest.mark.parametrize(

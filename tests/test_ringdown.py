@@ -262,12 +262,12 @@ def test_bound_is_above_the_worst_remainder(scene, drive, eta):
     assert (frozen.bound <= 3 * worst).all()
 
 
-def test_slack_is_the_smaller_margin():
+def test_margin_is_the_smaller_margin():
     slider = Slider(*OPENED["rod, open"][:1], drive=OPENED["rod, open"][1])
-    slack = slider.frozen.slack(slider.frozen.margins(slider.rest))
+    margin = slider.frozen.margin(slider.frozen.margins(slider.rest))
     rest = slider.rest
     expected = slider.scene.interface.mu_s * rest.p - np.abs(rest.f)
-    np.testing.assert_allclose(slack, np.where(rest.open, 0, expected), rtol=1e-12)
+    np.testing.assert_allclose(margin, np.where(rest.open, 0, expected), rtol=1e-12)
 
 
 # --- eigenvalues ---------------------------------------------------------------------------------

@@ -1,46 +1,38 @@
 """The compiled core: builds, calls, steppers, state."""
 
-from pyfric.core.calls import (
+from pyfric.core.builds import (
     BLOCKS_PER_THREAD,
-    CORNER_SHARE,
-    ENERGIES,
     ENVIRONMENT,
-    EVALUATIONS,
-    STEPPERS,
     VARIANT,
-    Log,
-    Model,
-    Status,
-    Switching,
     additions,
-    advance,
-    bond_forces,
     build_info,
-    energies,
-    evaluate,
-    model,
-    room_of_step,
-    springs,
     useful_threads,
     variants,
 )
+from pyfric.core.calls import ENERGIES, advance, bond_forces, energies, evaluate
+from pyfric.core.log import Log, Switching, room_of_step
+from pyfric.core.packing import CORNER_SHARE, Constants, Counts, Model, model, springs
 from pyfric.core.state import OPEN, STUCK, State, StateError
+from pyfric.core.status import Status
+from pyfric.core.steppers import STEPPERS, Stepper
 
 __all__ = [
     "BLOCKS_PER_THREAD",
     "CORNER_SHARE",
     "ENERGIES",
     "ENVIRONMENT",
-    "EVALUATIONS",
     "OPEN",
     "STEPPERS",
     "STUCK",
     "VARIANT",
+    "Constants",
+    "Counts",
     "Log",
     "Model",
     "State",
     "StateError",
     "Status",
+    "Stepper",
     "Switching",
     "additions",
     "advance",

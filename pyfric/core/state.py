@@ -36,7 +36,7 @@ class State:
         mode: contact of the bottom blocks, shape (N_x,), int32: 0 stuck, +1 or -1 slips to that
             side, 2 open.
         corner: 1 where the present or last slip is a corner episode, shape (N_x,), int32.
-        slack: mu_s p - |f other than friction| at the last step, shape (N_x,), in N.
+        margin: mu_s p - |f other than friction| at the last step, shape (N_x,), in N.
         loss: kinetic energy removed where a switch stopped a block, shape (N_x,), in J.
         dissipated: heat of the bonds that start in each row, shape (N_z,), in J.
         heat: friction heat under each block, shape (N_x,), in J.
@@ -48,14 +48,14 @@ class State:
         s_0: slip of each bottom block since it last stuck, less mode u_x while it slips, shape
             (N_x,), in m; see `slip`. None starts slip at 0. An open block keeps what it had
             slipped; moving without contact is not slip.
-        h: longest sub-step that the error of the adaptive stepper allows, in s; 0 for dt.
+        sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 for dt.
     """
 
     y: np.ndarray
     rod: np.ndarray
     mode: np.ndarray
     corner: np.ndarray
-    slack: np.ndarray
+    margin: np.ndarray
     loss: np.ndarray
     dissipated: np.ndarray
     heat: np.ndarray
@@ -64,7 +64,7 @@ class State:
     t0: float
     dt: float
     u_drv0: float
-    h: float = 0.0
+    sub: float = 0.0
     s_0: np.ndarray | None = None
 
     def __post_init__(self) -> None:
@@ -93,7 +93,7 @@ class State:
         """Return a copy that goes on with another step; the same step keeps the count."""
         new = self.copy()
         if dt != self.dt:
-            new.t0, new.step, new.dt, new.h = self.t, 0, float(dt), 0.0
+            new.t0, new.step, new.dt, new.sub = self.t, 0, float(dt), 0.0
         return new
 
     def check(self, N_x: int, N_z: int | None = None) -> None:
@@ -108,7 +108,7 @@ class State:
             ("rod", (6,), np.float64),
             ("mode", (N_x,), np.int32),
             ("corner", (N_x,), np.int32),
-            ("slack", (N_x,), np.float64),
+            ("margin", (N_x,), np.float64),
             ("loss", (N_x,), np.float64),
             ("s_0", (N_x,), np.float64),
             ("dissipated", (N_z,), np.float64),
@@ -167,9 +167,9 @@ class State:
         try:
             with np.load(path) as archive:
                 names = [one.name for one in dataclasses.fields(cls)]
-                values = {n: archive[n] for n in names if n not in ("s_0", "h") or n in archive}
+                values = {n: archive[n] for n in names if n not in ("s_0", "sub") or n in archive}
         except (KeyError, ValueError, EOFError) as error:
             raise StateError(f"{path}: not a state ({error})") from error
-        scalars = ("step", "t0", "dt", "u_drv0", "h")
+        scalars = ("step", "t0", "dt", "u_drv0", "sub")
         numbers = {name: values[name].item() for name in scalars if name in values}
         return cls(**values | numbers)

@@ -28,7 +28,7 @@ from pyfric.core import State, StateError
 from pyfric.engines.guard import STEPS, Energy, Guard, folded, largest_strain, strain_notes
 from pyfric.record import T_GAP, Method, Record, build_catalogue, versions
 from pyfric.scene import Geometry, SceneError, check_geometry, check_number, default_geometry
-from pyfric.statics import METHODS, EquilibriumError, StaticSolver, stability_limit
+from pyfric.statics import EquilibriumError, StaticSolver, stability_limit
 
 if TYPE_CHECKING:
     import os
@@ -71,7 +71,7 @@ CURVE_POINTS = 5000
 CALL_SECONDS = 0.2
 """Longest time in the core between two looks at Ctrl-C, s."""
 Stepper = Literal["rk4", "verlet", "symplectic_euler", "adaptive"]
-"""Names of the steppers (`pyfric.statics.METHODS`)."""
+"""Names of the steppers (`pyfric.core.STEPPERS`)."""
 STATIC_SECONDS = 1.0
 """Static forces of new events are found this often, or more rarely where that takes a tenth of the
 time, so that little is left to do at the end, s."""
@@ -294,7 +294,7 @@ def check_options(
             raise SceneError("geometry", geometry, "", "'linear' or 'finite'")
         check_geometry(geometry, scene)
     for name, value, known in (
-        ("method", method, METHODS),
+        ("method", method, tuple(core.STEPPERS)),
         ("switching", "step_end" if switching is None else switching, get_args(core.Switching)),
     ):
         if not (isinstance(value, str) and value in known):
@@ -526,7 +526,7 @@ class Run:
         start = time.perf_counter()
         status = self.make_steps(state, n_steps)
         seconds = time.perf_counter() - start
-        per_step = core.EVALUATIONS[self.method.stepper] * self.scene.N_x * self.scene.N_z
+        per_step = core.STEPPERS[self.method.stepper].evaluations * self.scene.N_x * self.scene.N_z
         self.evaluations += self.log.tried * per_step
         if status in UNFINISHED:
             message = self._stuck_at(status)

@@ -230,7 +230,7 @@ class HybridRun(Run):
         margins = c + rate * (n * dt) + (modal[:, :-1] @ np.exp(quiet.growth * (n * dt))).real
         self._sample_jump(quiet, force, motion.a, n)
         self._land(q, quiet, motion.a, n)
-        state.slack[:] = frozen.slack(margins)
+        state.margin[:] = frozen.margin(margins)
         return True
 
     def _now_quiet(self) -> _Quiet | None:

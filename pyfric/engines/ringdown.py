@@ -314,11 +314,11 @@ class Frozen:
         load, f = self.mu_s * rest.p[self.stuck], rest.f[self.stuck]
         return np.concatenate([load + f, load - f, self.k_f * rest.u_z[~self.stuck]])
 
-    def slack(self, margins: np.ndarray) -> np.ndarray:
+    def margin(self, margins: np.ndarray) -> np.ndarray:
         """Return mu_s p - |f| of each bottom block, shape (N_x,), in N; 0 where open."""
-        n, slack = int(self.stuck.sum()), np.zeros(len(self.stuck))
-        slack[self.stuck] = np.minimum(margins[:n], margins[n : 2 * n])
-        return slack
+        n, margin = int(self.stuck.sum()), np.zeros(len(self.stuck))
+        margin[self.stuck] = np.minimum(margins[:n], margins[n : 2 * n])
+        return margin
 
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and remainder."""

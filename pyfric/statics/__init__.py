@@ -12,21 +12,19 @@ from pyfric.statics.equilibrium import (
     solve_static,
 )
 from pyfric.statics.operators import (
-    METHODS,
     bonds,
     damping,
     dispersion,
     mass,
     spring_stiffness,
-    stability_limit,
     stiffness,
 )
+from pyfric.statics.stability import stability_limit
 from pyfric.statics.uniqueness import LIMIT as LEAST_DEFINITENESS
 
 __all__ = [
     "LARGE",
     "LEAST_DEFINITENESS",
-    "METHODS",
     "BandedCholesky",
     "Contact",
     "Equilibrium",

@@ -153,7 +153,7 @@ class Equilibrium:
             rod=rod,
             mode=np.where(self.open, OPEN, STUCK).astype(np.int32),
             corner=np.zeros(N_x, dtype=np.int32),
-            slack=scene.interface.mu_s * self.p - np.abs(self.f),
+            margin=scene.interface.mu_s * self.p - np.abs(self.f),
             loss=np.zeros(N_x),
             dissipated=np.zeros(N_z),
             heat=np.zeros(N_x),

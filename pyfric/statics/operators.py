@@ -1,4 +1,4 @@
-"""The lattice as matrices: bonds, generalised coordinates, mass, stiffness, damping, step limit.
+"""The lattice as matrices: bonds, generalised coordinates, mass, stiffness, damping, waves.
 
 Displacements of all blocks are one vector u_full with index (2 j + c) N_x + i (row j, component
 c = 0 for x and 1 for z, column i): the order of an array u[j, c, i]. Under a rod the top row moves
@@ -14,21 +14,15 @@ Source: PRL 107, 074301 (2011), model section.
 from __future__ import annotations
 
 import functools
-import math
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
-from pyfric.scene import Driver, Geometry, PrescribedLoad, Rod, Scene, Slider, check_geometry
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+from pyfric.scene import Geometry, Scene, check_geometry
 
 __all__ = [
-    "METHODS",
     "Bonds",
     "Operators",
     "bonds",
@@ -38,20 +32,11 @@ __all__ = [
     "driven_dof",
     "mass",
     "operators",
-    "rk4_radius",
     "spring_forces",
     "spring_stiffness",
     "spring_tangents",
-    "stability_limit",
-    "stepped",
     "stiffness",
 ]
-
-METHODS = ("rk4", "verlet", "symplectic_euler", "adaptive")
-"""Names of the steppers; see `pyfric.simulate`."""
-_RK4 = ("rk4", "adaptive")
-ROUNDED = 1e-7
-"""Growth in one step that rounding explains: eigenvalues on the unit circle can be double."""
 
 # Bonds lead from each block to its neighbour by (columns, rows); stiffness in units of k.
 _FAMILIES = ((1, 0, 1.0), (0, 1, 1.0), (1, 1, 0.5), (1, -1, 0.5))
@@ -326,277 +311,3 @@ def dispersion(
     D += np.diag(ground) / k
     omega = np.sqrt(k / m) * np.sqrt(np.maximum(np.linalg.eigvalsh(D), 0.0))
     return omega, gamma * (scene.eta / m)
-
-
-def rk4_radius(theta: np.ndarray) -> np.ndarray:
-    """Return the largest |z| with |R(z)| <= 1 on the ray of angle theta, for RK4.
-
-    R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24; the stable part of each ray of the left half plane is
-    connected, so bisection finds its end.
-
-    Args:
-        theta: angle of z, any shape, in [pi/2, pi] (rad).
-    """
-    ray = np.exp(1j * np.asarray(theta))
-    low, high = np.full(ray.shape, 2.0), np.full(ray.shape, 4.0)
-    for _ in range(52):
-        middle = (low + high) / 2
-        z = middle * ray
-        stable = np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) <= 1
-        low, high = np.where(stable, middle, low), np.where(stable, high, middle)
-    return low
-
-
-def _step_limits(eigenvalues: np.ndarray) -> np.ndarray:
-    """Return the RK4 limit for each eigenvalue; rounding into the right half plane is removed."""
-    z = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag)
-    limits = np.full(z.shape, np.inf)
-    moving = z != 0
-    limits[moving] = rk4_radius(np.angle(z[moving])) / np.abs(z[moving])
-    return limits
-
-
-def stepped(
-    method: str, force: Callable[[Any, Any], Any], u: np.ndarray, p: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and p = h v (m) after one step of "symplectic_euler" or "verlet".
-
-    Args:
-        method: the stepper.
-        force: h^2 M^-1 F (m) as a function of u and p.
-        u, p: displacement and h times velocity before the step, in m.
-    """
-    a = force(u, p)
-    if method == "symplectic_euler":
-        p = p + a
-        return u + p, p
-    u, guess = u + (p + a / 2), p + a
-    return u, (p + guess + force(u, guess)) / 2
-
-
-def _pair_limits(method: str, omega: np.ndarray, gamma: np.ndarray) -> np.ndarray:
-    """Return the limit for motions with u'' + gamma u' + omega^2 u = 0, in s."""
-    if method in _RK4:
-        half = gamma / 2
-        return _step_limits(-half - np.sqrt((half**2 - omega**2).astype(complex)))
-    # Both steppers are unstable beyond 2/omega without damping, beyond 2/gamma without stiffness.
-    with np.errstate(divide="ignore"):
-        high = 4 / np.maximum(omega, gamma)
-    low, moving = np.zeros(high.shape), np.isfinite(high)
-    high[~moving] = 0.0
-    one, nil = np.ones(high.shape), np.zeros(high.shape)
-    for _ in range(52):
-        h = (low + high) / 2
-        W, g = (h * omega) ** 2, h * gamma
-        (uu, pu), (up, pp) = (
-            stepped(method, lambda u, p, W=W, g=g: -W * u - g * p, *start)
-            for start in ((one, nil), (nil, one))
-        )
-        trace, det = uu + pp, uu * pp - up * pu
-        stable = (np.abs(trace) <= 1 + det) & (det <= 1)
-        stable |= (np.abs(trace) <= 1 + det + ROUNDED) & (det <= 1 + ROUNDED) & (gamma == 0)
-        low, high = np.where(stable, h, low), np.where(stable, high, h)
-    low[~moving] = np.inf
-    return low
-
-
-def _bulk_limit(scene: Scene, method: str) -> tuple[float, complex, np.ndarray]:
-    """Return the smallest limit over the Brillouin zone, its eigenvalue and its q l.
-
-    All blocks of a chain are on the foundation (or open) and held by k_top, so its waves are too.
-    """
-    grounds = [(0.0, 0.0)]
-    if scene.N_z == 1:
-        grounds = [(scene.k_top, scene.k_f), (scene.k_top, 0.0)]
-    found = (_waves_limit(scene, ground, method) for ground in grounds)
-    return min(found, key=lambda one: one[0])
-
-
-def _waves_limit(
-    scene: Scene, ground: tuple[float, float], method: str
-) -> tuple[float, complex, np.ndarray]:
-    """Return `_bulk_limit` for blocks held by `ground` (`dispersion`).
-
-    The stiffness is even in q_x and q_z, so q l in [0, pi]^2 is enough; the grid is refined
-    around its best point.
-    """
-    centre, width, best = np.full(2, np.pi / 2), np.pi / 2, (np.inf, 0j, np.zeros(2))
-    for _ in range(5):
-        axes = [np.clip(c + np.linspace(-width, width, 33), 0, np.pi) for c in centre]
-        ql = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        omega, gamma = dispersion(scene, ql / scene.slider.l, ground)
-        gamma = np.broadcast_to(gamma[:, None], omega.shape)
-        limits = _pair_limits(method, omega, gamma)
-        i, branch = np.unravel_index(np.argmin(limits), limits.shape)
-        if limits[i, branch] < best[0]:
-            half = gamma[i, branch] / 2
-            eigenvalue = -half - np.sqrt(complex(half**2 - omega[i, branch] ** 2))
-            best = (float(limits[i, branch]), eigenvalue, ql[i])
-        centre, width = best[2], width / 16
-    return best
-
-
-_REDUCED = (8, 5)
-"""Largest N_x, N_z of the lattice whose eigenvalues are computed densely."""
-
-
-def _row_mass(m: float, n: int) -> float:
-    """Return 12/L^2 times the moment of inertia m sum x_i^2 of a row of n blocks, in kg."""
-    return m * n * (n + 1) / (n - 1)
-
-
-def _reduced(scene: Scene) -> Scene:
-    """Return a small scene with the same local properties, or the scene if it is small.
-
-    l, k, m, eta, k_f are kept, and K where it acts on one block. The mass of the rod, and K where
-    it acts on the rod, are scaled with N_x, like the bonds that hold the rod, and the mattress with
-    the moment of inertia: frequencies of the rod keep their size.
-    """
-    n_x, n_z = (min(n, most) for n, most in zip((scene.N_x, scene.N_z), _REDUCED, strict=True))
-    if (n_x, n_z) == (scene.N_x, scene.N_z):
-        return scene
-    below, above = scene.j_h, scene.N_z - 1 - scene.j_h
-    j_h = below if below <= n_z // 2 else max(n_z - 1 - above, n_z // 2)
-    share = n_x / scene.N_x
-    on_rod = scene.rigid and above == 0
-    l, top = scene.slider.l, scene.top
-    if scene.rigid:
-        # kappa over the moment of inertia, 12/L^2 left out, is kept.
-        rod = top.mass * share
-        tilt = (rod + _row_mass(scene.m, n_x)) / (top.mass + _row_mass(scene.m, scene.N_x))
-        top = Rod(F_N=top.F_N, mass=rod, mattress=top.mattress * tilt)
-    elif n_z == 1:
-        top = PrescribedLoad(p=scene.F_N / scene.N_x, k_top=scene.k_top)
-    return Scene(
-        slider=Slider(
-            L=(n_x - 1) * l,
-            H=(n_z - 1) * l,
-            l=l,
-            k=scene.slider.k,
-            M=scene.m * n_x * n_z,
-            eta=scene.eta,
-        ),
-        top=top,
-        driver=Driver(K=scene.driver.K * (share if on_rod else 1.0), V=0.0, h=j_h * l),
-        interface=scene.interface,
-    )
-
-
-def _matrices(scene: Scene) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield M^-1/2 K M^-1/2 and M^-1/2 C M^-1/2, in units of k/m and sqrt(k/m).
-
-    Bottom row closed or open, its u_x free or held.
-    """
-    unit = np.sqrt(scene.slider.k / scene.m)
-    M, K_closed, C = operators(scene)
-    K_open = stiffness(scene, closed=np.zeros(scene.N_x, dtype=bool))
-    root = np.sqrt(M)
-    for K in (K_closed, K_open):
-        for first in (0, scene.N_x):  # bottom u_x, the first N_x coordinates: free or held
-            scale = np.outer(root[first:], root[first:])
-            stiff = K.toarray()[first:, first:] / (scale * unit**2)
-            yield stiff, C.toarray()[first:, first:] / (scale * unit)
-
-
-def _small_limit(scene: Scene, method: str, enough: float) -> tuple[float, complex]:
-    """Return the limit of a small lattice in s and the eigenvalue (1/s) that sets it.
-
-    A limit above `enough` (s) need not be exact.
-    """
-    unit = np.sqrt(scene.slider.k / scene.m)
-    best, eigenvalue = np.inf, 0j
-    for K, C in _matrices(scene):
-        n = len(K)
-        if method in _RK4:
-            A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
-            found = np.linalg.eigvals(A)
-            limits = _step_limits(found)
-            i = int(np.argmin(limits))
-            if limits[i] < best:
-                best, eigenvalue = float(limits[i]), complex(found[i])
-        else:
-            limit, one = _map_limit(method, K, C, min(best, enough * unit))
-            if limit < best:
-                best, eigenvalue = limit, one
-    return best / unit, eigenvalue * unit
-
-
-def _map_limit(method: str, K: np.ndarray, C: np.ndarray, enough: float) -> tuple[float, complex]:
-    """Return the limit of u'' = -K u - C u' and its eigenvalue; inf where it is above `enough`.
-
-    The eigenvalue is that of the motion in the shape that becomes unstable.
-    """
-    n = len(K)
-    one, nil = np.eye(n), np.zeros((n, n))
-
-    def modes(h: float) -> tuple[np.ndarray, np.ndarray]:
-        u, p = stepped(
-            method,
-            lambda u, p: -(h * h) * (K @ u) - h * (C @ p),
-            np.hstack([one, nil]),
-            np.hstack([nil, one]),
-        )
-        return np.linalg.eig(np.vstack([u, p]))
-
-    def stable(h: float) -> bool:
-        return bool(np.abs(modes(h)[0]).max() <= 1 + ROUNDED)
-
-    low, high = 0.0, enough if math.isfinite(enough) else 4 / math.sqrt(np.linalg.norm(K, 2))
-    if stable(high):
-        return np.inf, 0j
-    for _ in range(26):
-        h = (low + high) / 2
-        low, high = (h, high) if stable(h) else (low, h)
-    values, shapes = modes(high)
-    x = shapes[:n, np.argmax(np.abs(values))]
-    x = x / np.linalg.norm(x)
-    half, omega2 = ((x.conj() @ A @ x).real for A in (C / 2, K))
-    return low, -half - np.sqrt(complex(half**2 - omega2))
-
-
-@functools.lru_cache(maxsize=64)
-def stability_limit(scene: Scene, method: str = "rk4") -> tuple[float, Mapping[str, Any]]:
-    """Return the largest stable time step of the linear, damped lattice.
-
-    For "rk4", all eigenvalues lambda of [[0, I], [-M^-1 K, -M^-1 C]] must keep |R(lambda dt)| <= 1.
-    "adaptive" makes the steps of RK4: this is where its error control cannot let sub-steps grow
-    beyond, not a limit of dt. The other steppers treat u and v differently, so that their whole
-    step, a matrix, must have no eigenvalue outside the unit circle. For a plane wave of frequency
-    omega and damping rate gamma this is (omega dt)^2 + 2 gamma dt <= 4 for "symplectic_euler", and
-    for "verlet" a polynomial condition that ends at omega dt = 2 without damping and at
-    gamma dt = 2 without stiffness.
-
-    The limit is local, so it is the smaller one of two: plane waves of the infinite lattice, and
-    all modes of a lattice of at most 8 x 5 blocks with the boundaries of the scene (foundation,
-    driver, rod; bottom row closed or open, held or free). A scene of at most that size is computed
-    exactly, without the plane waves.
-
-    Args:
-        scene: the scene.
-        method: "rk4", "symplectic_euler", "verlet" or "adaptive".
-
-    Returns:
-        dt_max in s, and a mapping: `dt_bulk` (plane waves, s), `dt_boundary` (small lattice, s; inf
-        for some steppers where it is above `dt_bulk`),
-        `eigenvalue` (the one that sets the limit, 1/s), `wave_vector` (q l of the plane wave,
-        rad), `shape` ((N_z, N_x) of the small lattice), `exact` (the small lattice is the scene).
-
-    Raises:
-        ValueError: unknown method.
-    """
-    if method not in METHODS:
-        raise ValueError(f"method = {method!r}: expected {' or '.join(map(repr, METHODS))}")
-    small = _reduced(scene)
-    exact = small is scene
-    dt_bulk, bulk, ql = _bulk_limit(scene, method)
-    dt_boundary, boundary = _small_limit(small, method, np.inf if exact else dt_bulk)
-    set_inside = dt_bulk < dt_boundary and not exact
-    info = {
-        "dt_bulk": dt_bulk,
-        "dt_boundary": dt_boundary,
-        "eigenvalue": bulk if set_inside else boundary,
-        "wave_vector": (float(ql[0]), float(ql[1])),
-        "shape": (small.N_z, small.N_x),
-        "exact": exact,
-    }
-    return (dt_bulk if set_inside else dt_boundary), MappingProxyType(info)

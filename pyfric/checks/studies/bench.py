@@ -241,7 +241,7 @@ def _state(scene: Scene, geometry: Geometry, *, loaded: bool) -> State:
         rod=np.zeros(6),
         mode=np.zeros(N_x, dtype=np.int32),
         corner=np.zeros(N_x, dtype=np.int32),
-        slack=np.ones(N_x),
+        margin=np.ones(N_x),
         loss=np.zeros(N_x),
         dissipated=np.zeros(N_z),
         heat=np.zeros(N_x),

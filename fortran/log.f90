@@ -1,0 +1,72 @@
+!> The log of a run: switches of single blocks, and the interface each time it falls quiet or leaves that.
+module pyfric_log
+  use pyfric_kinds, only: dp, ip
+  implicit none (type, external)
+  private
+  public :: log_t, new_log, log_switch, log_quiet, has_room
+
+  type :: log_t
+    integer :: n_switch = 0
+    integer :: n_quiet = 0
+    integer(ip), allocatable :: switch_i(:, :)    !! block from 0, old state, new state, corner
+    real(dp), allocatable :: switch_r(:, :)       !! step, time [s], u_x [m], p [N]
+    integer(ip), allocatable :: quiet_i(:, :)     !! +1 first slip or -1 last stick, then contact states
+    real(dp), allocatable :: quiet_r(:, :)        !! step, time [s], F_T [N], then u_x [m]
+  end type log_t
+
+contains
+
+  pure function new_log(nx, switches, quiet) result(log)
+    integer, intent(in) :: nx          !! blocks
+    integer, intent(in) :: switches    !! room for switches
+    integer, intent(in) :: quiet       !! and for quiet transitions
+    type(log_t) :: log
+
+    allocate (log%switch_i(4, switches), log%switch_r(4, switches))
+    allocate (log%quiet_i(nx + 1, quiet), log%quiet_r(nx + 3, quiet))
+  end function new_log
+
+  !> True while so many more fit in.
+  pure function has_room(log, switches, quiet) result(yes)
+    type(log_t), intent(in) :: log
+    integer, intent(in) :: switches
+    integer, intent(in) :: quiet
+    logical :: yes
+
+    yes = log%n_switch + switches <= size(log%switch_r, 2) .and. log%n_quiet + quiet <= size(log%quiet_r, 2)
+  end function has_room
+
+  !> Block i has switched.
+  pure subroutine log_switch(log, i, old, new, corner, step, t, u_x, p)
+    type(log_t), intent(inout) :: log
+    integer, intent(in) :: i            !! block, from 1
+    integer(ip), intent(in) :: old      !! contact state before
+    integer(ip), intent(in) :: new      !! contact state after
+    integer(ip), intent(in) :: corner   !! 1: corner episode
+    real(dp), intent(in) :: step        !! steps made
+    real(dp), intent(in) :: t           !! time [s]
+    real(dp), intent(in) :: u_x         !! displacement [m]
+    real(dp), intent(in) :: p           !! foundation force [N]
+
+    log%n_switch = log%n_switch + 1
+    log%switch_i(:, log%n_switch) = [int(i - 1, ip), old, new, corner]
+    log%switch_r(:, log%n_switch) = [step, t, u_x, p]
+  end subroutine log_switch
+
+  !> The first block slips, or the last one has stopped.
+  pure subroutine log_quiet(log, active, mode, step, t, f_t, u_x)
+    type(log_t), intent(inout) :: log
+    logical, intent(in) :: active       !! a block slips
+    integer(ip), intent(in) :: mode(:)  !! contact states
+    real(dp), intent(in) :: step        !! steps made
+    real(dp), intent(in) :: t           !! time [s]
+    real(dp), intent(in) :: f_t         !! driver force [N]
+    real(dp), intent(in) :: u_x(:)      !! displacements of the bottom row [m]
+
+    log%n_quiet = log%n_quiet + 1
+    log%quiet_i(1, log%n_quiet) = merge(1_ip, -1_ip, active)
+    log%quiet_i(2:, log%n_quiet) = mode
+    log%quiet_r(1:3, log%n_quiet) = [step, t, f_t]
+    log%quiet_r(4:, log%n_quiet) = u_x
+  end subroutine log_quiet
+end module pyfric_log

@@ -1,0 +1,79 @@
+!> Memory that steps work in: rows with bounds LB:n+LANES whose first block lies on a whole vector.
+module pyfric_workspace
+  use, intrinsic :: iso_c_binding, only: c_loc, c_intptr_t
+  use pyfric_kinds, only: dp
+  use pyfric_layout, only: LB, LANES
+  use pyfric_model, only: model_t, close_state
+  use pyfric_lattice, only: N_BOND
+  implicit none (type, external)
+  private
+  public :: reserve, aligned, widen, narrow, carry_of, ring_row
+  public :: MOST_STAGES, RING, FX, FZ, CARRY, BONDS, COLUMNS
+
+  integer, parameter :: MOST_STAGES = 5  !! of a stepper given by a table
+  integer, parameter :: RING = 4         !! rows of a stage that RK4 keeps: row j is last needed by stage 4 of row j
+  !> Columns of a thread's rows work(LB:n+LANES, COLUMNS): forces on a row [N]; in finite geometry, forces that go up a
+  !> row, two for each of four stages, and forces of bonds [N]; rows of stages 2 to 4 of RK4 (`ring_row`).
+  integer, parameter :: FX = 1, FZ = 2, CARRY = 3, BONDS = 11, RINGS = BONDS + N_BOND, COLUMNS = RINGS + 12*RING - 1
+
+contains
+
+  !> Room for n_rows rows, and `aligned` elements to spare.
+  pure subroutine reserve(s, n_rows, memory)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: n_rows                          !! rows of single fields
+    real(dp), allocatable, intent(out) :: memory(:)
+
+    allocate (memory((s%n + 2*LANES)*n_rows + LANES))
+  end subroutine reserve
+
+  !> Column of the forces that stage `stage` sends up.
+  elemental function carry_of(stage) result(column)
+    integer, intent(in) :: stage    !! 1 to 4
+    integer :: column
+
+    column = CARRY + 2*(stage - 1)
+  end function carry_of
+
+  !> First column of row j of stage `stage`.
+  elemental function ring_row(j, stage) result(column)
+    integer, intent(in) :: j        !! row, at least 0
+    integer, intent(in) :: stage    !! 2 to 4
+    integer :: column
+
+    column = RINGS + 4*(mod(j, RING) + RING*(stage - 2))
+  end function ring_row
+
+  !> Index of the first element of a that lies on a vector of LANES.
+  function aligned(a) result(at)
+    real(dp), intent(in), target :: a(:)
+    integer :: at
+    integer(c_intptr_t) :: first
+
+    first = transfer(c_loc(a), first)/8
+    at = 1 + int(modulo(-first, int(LANES, c_intptr_t)))
+  end function aligned
+
+  !> The state with rows of bounds LB:n+LANES.
+  pure subroutine widen(s, y, wide)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: y(s%nx, 4, s%nz)               !! state
+    real(dp), intent(out) :: wide(LB:s%n + LANES, 4, s%nz)     !! the same
+    integer :: j
+
+    wide = 0.0_dp
+    wide(s%at(:s%nx), :, :) = y
+    do j = 1, s%nz
+      call close_state(s, wide(LB, 1, j))
+    end do
+  end subroutine widen
+
+  !> And back.
+  pure subroutine narrow(s, wide, y)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: wide(LB:s%n + LANES, 4, s%nz)      !! state
+    real(dp), intent(out) :: y(s%nx, 4, s%nz)              !! the same
+
+    y = wide(s%at(:s%nx), :, :)
+  end subroutine narrow
+end module pyfric_workspace

@@ -1,0 +1,115 @@
+"""Builds of the core: which are installed, which one runs.
+
+The same Fortran sources are built for several instruction sets. The best one this processor runs
+is taken at import; the environment variable ``PYFRIC_VARIANT`` names another one. All give the
+same bits.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.util
+import os
+from typing import Any
+
+import numpy as np
+
+__all__ = [
+    "BLOCKS_PER_THREAD",
+    "ENVIRONMENT",
+    "VARIANT",
+    "additions",
+    "build_info",
+    "load_variant",
+    "useful_threads",
+    "variants",
+]
+
+ENVIRONMENT = "PYFRIC_VARIANT"
+BLOCKS_PER_THREAD = 5_000
+"""Smallest share of the lattice for which one more thread pays (`pyfric bench threads`)."""
+
+
+def variants() -> dict[str, bool]:
+    """Return the variants that are installed, best first, and whether this processor runs them."""
+    found = {"X86_V2"}
+    simd = np.show_config(mode="dicts").get("SIMD Extensions", {})  # what NumPy found at import
+    for names in simd.values():
+        if names is not simd.get("not found"):
+            found.update(names)
+    runs = {
+        "v4": bool(found & {"X86_V4", "AVX512_SKX"}),
+        "v3": bool(found & {"X86_V3"}) or {"AVX2", "FMA3"} <= found,
+        "v2": True,
+        "baseline": True,
+    }
+    here = {
+        name: importlib.util.find_spec(f"pyfric.core._core_{name}") is not None for name in runs
+    }
+    return {name: runs[name] for name in runs if here[name]}
+
+
+@functools.cache
+def load_variant(name: str) -> Any:
+    """Return the extension module of one variant.
+
+    Raises:
+        ImportError: it is not installed, or this processor cannot run it.
+    """
+    known = variants()
+    if name not in known:
+        listed = ", ".join(known) or "none"
+        raise ImportError(f"{ENVIRONMENT} = {name!r}: not installed (installed: {listed})")
+    if not known[name]:
+        raise ImportError(f"{ENVIRONMENT} = {name!r}: this processor lacks its instructions")
+    return importlib.import_module(f"pyfric.core._core_{name}")
+
+
+def _chosen() -> str:
+    wanted = os.environ.get(ENVIRONMENT, "")
+    if wanted:
+        return wanted
+    usable = [name for name, runs in variants().items() if runs]
+    if not usable:
+        raise ImportError("pyfric is not built: install it with `pip install .`")
+    return usable[0]
+
+
+VARIANT = _chosen()
+"""Name of the variant in use."""
+
+
+def build_info(name: str = VARIANT) -> dict[str, Any]:
+    """Return compiler, flags and openmp (bool) of one variant."""
+    compiler, options, openmp = load_variant(name).build_info()
+    flags = [
+        f for f in options.decode().split() if f.startswith(("-O", "-m", "-f", "-std", "--param"))
+    ]
+    kept = [f for f in dict.fromkeys(flags) if not f.startswith(("-fpre-include", "-fdiagnostics"))]
+    return {
+        "compiler": compiler.decode().strip(),
+        "flags": " ".join(kept),
+        "openmp": bool(openmp),
+    }
+
+
+def useful_threads(n_blocks: int, threads: int | None = None) -> int:
+    """Return the number of threads that pays for a lattice of n_blocks.
+
+    Args:
+        n_blocks: N_x N_z.
+        threads: the most to use; None means all processors this process may run on.
+    """
+    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    most = (available or 1) if threads is None else threads
+    if not build_info()["openmp"]:
+        return 1
+    return max(1, min(most, n_blocks // BLOCKS_PER_THREAD))
+
+
+def additions(n: int, variant: str = VARIANT) -> int:
+    """Make n additions to each of some sums in registers; return how many there were in all."""
+    width, total = load_variant(variant).additions(n)
+    assert total == n * width * (width + 1) // 2
+    return n * width

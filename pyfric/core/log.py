@@ -1,0 +1,62 @@
+"""Room for what the core logs while it steps."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+__all__ = ["Log", "Switching", "room_of_step"]
+
+Switching = Literal["step_end", "located"]
+
+
+def room_of_step(N_x: int, switching: Switching) -> tuple[int, int]:
+    """Return the most switches and quiet transitions that one step may log (pyfric_location)."""
+    return (8 * N_x + 200, 64) if switching == "located" else (N_x, 1)
+
+
+class Log:
+    """Room for switches and quiet transitions that the core fills (see `pyfric.record.catalogue`).
+
+    Attributes:
+        tried: steps and sub-steps that the last call computed, also those it did not accept.
+        block: where the last call failed, the block, counted from 0, else -1.
+        t: and the time, in s.
+    """
+
+    def __init__(self, N_x: int, switches: int | None = None, quiet: int = 256) -> None:
+        switches = 16 * N_x + 1024 if switches is None else switches
+        self.N_x, self.tried, self.block, self.t = N_x, 0, -1, math.nan
+        self.switch_i = np.zeros((4, switches), dtype=np.int32, order="F")
+        self.switch_r = np.zeros((4, switches), order="F")
+        self.quiet_i = np.zeros((N_x + 1, quiet), dtype=np.int32, order="F")
+        self.quiet_r = np.zeros((N_x + 3, quiet), order="F")
+        self.n_switch = self.n_quiet = 0
+
+    def switches(self) -> dict[str, np.ndarray]:
+        """Return the columns of the switch log, as copies."""
+        i, r = self.switch_i[:, : self.n_switch], self.switch_r[:, : self.n_switch]
+        return {
+            "step": r[0].astype(np.int64),
+            "block": i[0].astype(np.int64),
+            "old": i[1].copy(),
+            "new": i[2].copy(),
+            "corner": i[3].astype(bool),
+            "t": r[1].copy(),
+            "u_x": r[2].copy(),
+            "p": r[3].copy(),
+        }
+
+    def quiet(self) -> dict[str, np.ndarray]:
+        """Return the columns of the quiet log, as copies."""
+        i, r = self.quiet_i[:, : self.n_quiet], self.quiet_r[:, : self.n_quiet]
+        return {
+            "step": r[0].astype(np.int64),
+            "t": r[1].copy(),
+            "kind": i[0].copy(),
+            "F_T": r[2].copy(),
+            "u_x": r[3:].T.copy(order="C"),
+            "mode": i[1:].T.copy(order="C"),
+        }

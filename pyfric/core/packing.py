@@ -1,0 +1,154 @@
+"""A scene as the core takes it: one vector of integers, one of numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pyfric.scene import Geometry, check_geometry
+
+if TYPE_CHECKING:
+    from pyfric.scene import Scene
+
+__all__ = ["CORNER_SHARE", "Constants", "Counts", "Model", "model", "springs"]
+
+CORNER_SHARE = 0.02
+"""Slip that starts with less than this share of F_N/N_x is a corner episode."""
+
+
+class Counts(NamedTuple):
+    """Integers that the core takes, in the order of `counts_t` (pyfric_model in Fortran)."""
+
+    nx: int
+    nz: int
+    finite: int
+    rigid: int
+    i_h: int
+    j_h: int
+
+
+class Constants(NamedTuple):
+    """Numbers that the core takes, in SI units, in the order of `constants_t` (pyfric_model).
+
+    The last ones belong to the friction law (`law_constants_t`, pyfric_law). What each is, and its
+    unit, is said there.
+    """
+
+    l: float
+    k: float
+    eta: float
+    m: float
+    k_f: float
+    F_N: float
+    m_rod: float
+    i_rod: float
+    m_top: float
+    i_top: float
+    kappa: float
+    d: float
+    k_drv: float
+    v_drv: float
+    u_drv0: float
+    p_corner: float
+    k_top: float
+    mu_s: float
+    mu_k: float
+    d_c: float
+
+
+class Model(NamedTuple):
+    """A scene as the core takes it; made by `model`, which is where it is checked.
+
+    Attributes:
+        counts: `Counts`, int32.
+        numbers: `Constants`, then x (m), load and shear (N), of N_x numbers each.
+    """
+
+    counts: np.ndarray
+    numbers: np.ndarray
+
+    @property
+    def N_x(self) -> int:
+        return int(self.counts[0])
+
+
+def _packed(counts: Counts, constants: Constants, *rows: np.ndarray) -> Model:
+    return Model(np.array(counts, dtype=np.int32), np.concatenate([constants, *rows]))
+
+
+def _counts(scene: Scene, geometry: Geometry) -> Counts:
+    return Counts(
+        scene.N_x,
+        scene.N_z,
+        int(geometry == "finite"),
+        int(scene.rigid),
+        scene.i_h + 1,
+        scene.j_h + 1,
+    )
+
+
+def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
+    """Return the scene as the core takes it.
+
+    Args:
+        scene: the scene (its values were checked when it was made).
+        geometry: "linear" or "finite".
+        u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m.
+
+    Raises:
+        ValueError: unknown geometry, or a derived constant is not finite.
+        SceneError: finite geometry for a chain.
+    """
+    check_geometry(geometry, scene)
+    slider, driver, interface = scene.slider, scene.driver, scene.interface
+    i_rod = scene.M_rod * slider.L**2 / 12
+    constants = Constants(
+        l=slider.l,
+        k=slider.k,
+        eta=scene.eta,
+        m=scene.m,
+        k_f=scene.k_f,
+        F_N=scene.F_N,
+        m_rod=scene.M_rod,
+        i_rod=i_rod,
+        m_top=scene.M_rod + scene.N_x * scene.m,
+        i_top=i_rod + scene.m * np.sum(scene.x**2),
+        kappa=scene.kappa,
+        d=scene.d,
+        k_drv=driver.K,
+        v_drv=driver.V,
+        u_drv0=u_drv0,
+        p_corner=CORNER_SHARE * scene.F_N / scene.N_x,
+        k_top=scene.k_top,
+        mu_s=interface.mu_s,
+        mu_k=interface.mu_k,
+        d_c=interface.d_c,
+    )
+    packed = _packed(_counts(scene, geometry), constants, scene.x, scene.load, scene.shear)
+    if not np.isfinite(packed.numbers).all():
+        raise ValueError(f"constants of the scene are not finite: {constants}")
+    return packed
+
+
+def springs(
+    scene: Scene, geometry: Geometry, m: float | None = None, *, viscous: bool = False
+) -> Model:
+    """Return the free lattice, without foundation, loads, driver and rod.
+
+    Args:
+        scene: gives the lattice.
+        geometry: "linear" or "finite".
+        m: mass of a block, in kg; None means the scene's.
+        viscous: with the dashpots of the bonds.
+    """
+    check_geometry(geometry, scene)
+    constants = Constants(*np.zeros(len(Constants._fields)))._replace(
+        l=scene.slider.l,
+        k=scene.slider.k,
+        eta=scene.eta if viscous else 0.0,
+        m=scene.m if m is None else m,
+    )
+    nothing = np.zeros(scene.N_x)
+    counts = _counts(scene, geometry)._replace(rigid=0)
+    return _packed(counts, constants, scene.x, nothing, nothing)

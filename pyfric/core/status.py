@@ -1,0 +1,25 @@
+"""What the codes of the core mean."""
+
+from __future__ import annotations
+
+import enum
+
+__all__ = ["Status"]
+
+
+class Status(enum.IntEnum):
+    """Codes of the core (pyfric_status in Fortran); `message` says what they mean."""
+
+    DONE = 0
+    LOG_FULL = 1
+    ENDLESS = 2
+    TOO_SHORT = 3
+
+    @property
+    def message(self) -> str:
+        return {
+            Status.DONE: "all steps were made",
+            Status.LOG_FULL: "stopped early: the log has no room for one more step",
+            Status.ENDLESS: "stopped inside a step: contacts switch too often in it",
+            Status.TOO_SHORT: "stopped inside a step: its error stays too large",
+        }[self]

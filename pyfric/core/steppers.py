@@ -1,0 +1,166 @@
+"""The explicit steppers: one entry each, asked by everybody who needs to know one.
+
+A stepper is a table of coefficients. With h the step, forces F_j(u_j, v_j, t + c_j h) of stages
+j < i, and M the mass, stage i lies at
+
+    u_i = u + c_i h v + h^2 sum_j abar_ij F_j/M,   v_i = v + h sum_j a_ij F_j/M,
+
+and the step ends at u + h v + h^2 sum_i bbar_i F_i/M, v + h sum_i b_i F_i/M. An embedded method
+whose b differs by e, and whose bbar by ebar, measures the error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["STEPPERS", "Stepper"]
+
+
+def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Return left @ right, added in order: the same bits for every processor and BLAS."""
+    total = np.zeros((*left.shape[:-1], right.shape[-1]))
+    for k in range(len(right)):
+        total += left[..., k, None] * right[k]
+    return total
+
+
+@dataclass(frozen=True, eq=False)
+class Stepper:
+    """An explicit stepper.
+
+    Attributes:
+        name: what users call it.
+        order: of the error at the end of a run, where nothing switches.
+        c, b, a: the table, shapes (n,), (n,), (n, n).
+        bbar, abar: the same for displacements. None means those of a Runge-Kutta method.
+        e: b minus that of the embedded method, shape (n,); None for steps of fixed length.
+        growth: R(z), by which a motion exp(lambda t) grows in a step, z = lambda h, where u and v
+            are treated alike; None where they are not.
+        swept: the core has a procedure of its own for it (classical RK4).
+    """
+
+    name: str
+    order: int
+    c: np.ndarray
+    b: np.ndarray
+    a: np.ndarray
+    bbar: np.ndarray | None = None
+    abar: np.ndarray | None = None
+    e: np.ndarray | None = None
+    growth: Callable[[np.ndarray], np.ndarray] | None = None
+    swept: bool = False
+
+    def __post_init__(self) -> None:
+        nothing = np.zeros(len(self.b))
+        object.__setattr__(self, "e", nothing if self.e is None else self.e)
+        if self.bbar is None:  # u' = v
+            object.__setattr__(self, "bbar", _product(self.b, self.a))
+            object.__setattr__(self, "abar", _product(self.a, self.a))
+
+    @property
+    def evaluations(self) -> int:
+        """Force evaluations of each step or sub-step."""
+        return len(self.b)
+
+    @property
+    def adaptive(self) -> bool:
+        """It measures its error and makes sub-steps."""
+        return bool(self.e.any())
+
+    @property
+    def columns(self) -> np.ndarray:
+        """What the core takes: c, b, bbar, e, ebar, a, abar (pyfric_nystrom); no row: RK4."""
+        if self.swept:
+            return np.zeros((0, 5), order="F")
+        ebar = _product(self.e, self.a)
+        return np.asfortranarray(
+            np.column_stack([self.c, self.b, self.bbar, self.e, ebar, self.a, self.abar])
+        )
+
+    def step(
+        self,
+        force: Callable[[np.ndarray, np.ndarray], np.ndarray],
+        u: np.ndarray,
+        p: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return u and p = h v (m) after one step.
+
+        Args:
+            force: h^2 M^-1 F (m) as a function of u and p.
+            u, p: displacement and h times velocity before the step, in m.
+        """
+        found: list[np.ndarray] = []
+        for c, abar, a in zip(self.c, self.abar, self.a, strict=True):
+            at_u = u + c * p + sum(w * f for w, f in zip(abar, found, strict=False))
+            at_p = p + sum(w * f for w, f in zip(a, found, strict=False))
+            found.append(force(at_u, at_p))
+        to_u = u + p + sum(w * f for w, f in zip(self.bbar, found, strict=True))
+        return to_u, p + sum(w * f for w, f in zip(self.b, found, strict=True))
+
+
+def _rk4_growth(z: np.ndarray) -> np.ndarray:
+    """R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24."""
+    return 1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))
+
+
+def _lower(*rows: list[float]) -> np.ndarray:
+    """Return a strictly lower triangle."""
+    a = np.zeros((len(rows) + 1,) * 2)
+    for i, row in enumerate(rows, 1):
+        a[i, : len(row)] = row
+    return a
+
+
+_RK4_ROWS = [0.5], [0.0, 0.5], [0.0, 0.0, 1.0]
+
+STEPPERS: dict[str, Stepper] = {
+    one.name: one
+    for one in (
+        Stepper(
+            "rk4",
+            order=4,
+            c=np.array([0.0, 0.5, 0.5, 1.0]),
+            b=np.array([1.0, 2.0, 2.0, 1.0]) / 6,
+            a=_lower(*_RK4_ROWS),
+            growth=_rk4_growth,
+            swept=True,
+        ),
+        # u' = u + h (v + h F_1/2m), v' = v + h (F_1 + F_2)/2m, with F_2 at u' and the predicted
+        # velocity v + h F_1/m, on which viscous forces depend.
+        Stepper(
+            "verlet",
+            order=2,
+            c=np.array([0.0, 1.0]),
+            b=np.array([0.5, 0.5]),
+            a=_lower([1.0]),
+            bbar=np.array([0.5, 0.0]),
+            abar=_lower([0.5]),
+        ),
+        # v' = v + h F(u, v)/m, u' = u + h v'.
+        Stepper(
+            "symplectic_euler",
+            order=1,
+            c=np.zeros(1),
+            b=np.ones(1),
+            a=np.zeros((1, 1)),
+            bbar=np.ones(1),
+            abar=np.zeros((1, 1)),
+        ),
+        # Classical RK4 with one more stage, which makes it a pair of orders 4 and 3
+        # (J. A. Zonneveld, 1963; E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary
+        # Differential Equations I, section II.4).
+        Stepper(
+            "adaptive",
+            order=4,
+            c=np.array([0.0, 0.5, 0.5, 1.0, 0.75]),
+            b=np.array([1.0, 2.0, 2.0, 1.0, 0.0]) / 6,
+            a=_lower(*_RK4_ROWS, [5 / 32, 7 / 32, 13 / 32, -1 / 32]),
+            e=np.array([1.0, 2.0, 2.0, 1.0, 0.0]) / 6 - np.array([-3.0, 14, 14, 13, -32]) / 6,
+            growth=_rk4_growth,
+        ),
+    )
+}
+"""Explicit steppers by name."""

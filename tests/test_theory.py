@@ -10,6 +10,7 @@ from scipy.special import beta
 
 import pyfric
 from pyfric import SceneError, theory
+from pyfric.record.theory.cracks import _I
 from pyfric.record.theory.waves import reduced_D
 from pyfric.statics import dispersion, spring_stiffness
 from pyfric.statics.operators import bonds
@@ -172,6 +173,18 @@ def test_k_II_against_another_quadrature(material, fraction):
 
 
 @MATERIALS
+def test_slip_of_an_infinitely_fast_front(material):
+    """I is slip over static slip 4 dtau a/E', over 2 (1 - r); an infinitely fast front leaves
+    uniform sliding, where each body radiates: 2 dtau/(rho c_S) is the slip rate."""
+    xi = 1e7
+    slip_rate = 4 / material.E_prime * 2 * (1 - material.r) * _I(np.asarray(xi), material.r)
+    slip_rate *= xi * material.c_S
+    one_body = 1 / theory.radiation_stress(material, 1.0)
+    assert slip_rate == pytest.approx(2 * one_body, rel=1e-5)
+    assert theory.I_v(material, 0.0) * 2 * (1 - material.r) == pytest.approx(1)
+
+
+@MATERIALS
 def test_functions_of_the_front_speed(material):
     """The definitions as they stand, where they lose no digits."""
     v = np.linspace(0.2, 0.99, 9) * material.c_R
@@ -300,7 +313,7 @@ def test_a_front_stops_outside_its_patch():
     np.testing.assert_allclose(G, critical, rtol=1e-9)
     barrier = theory.crack_speed(ROCK, a[1:4], patch, critical * np.array([1, 1, 9]), breaks=[b])
     np.testing.assert_allclose(barrier, [v[1], v[2], 0], rtol=1e-12)
-    pulled = theory.crack_speed(ROCK, 1e4, lambda t: -patch(t), critical, breaks=[b])
+    pulled = theory.crack_speed(ROCK, b, lambda t: -patch(t), critical, breaks=[b])
     assert pulled == 0
 
 
@@ -377,7 +390,7 @@ def test_chain_against_brute_force(v, alpha, eta):
 def test_chain_closed_forms():
     tau_bar = np.array([0.05, 0.3, 0.7, 0.95])
     critical = theory.chain_speed_critical(tau_bar)
-    np.testing.assert_allclose(theory.chain_prestress(critical, 0.0, 1.0), tau_bar, atol=1e-9)
+    np.testing.assert_allclose(theory.chain_prestress(critical, 0.0, 1.0), tau_bar, rtol=1e-9)
     undamped = theory.chain_speed_undamped(tau_bar)
     np.testing.assert_allclose(theory.chain_prestress(undamped), tau_bar, atol=1e-13)
     # nothing is special at eta = 0 or alpha = 0

@@ -103,6 +103,35 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
     points = points[np.isfinite(points["v_c"]) & np.isfinite(points["tau_over_p"])]
     points = points.reset_index(drop=True)
     fig, both = panels(4.4, (1, 1), sharey=True)
+    handles = _draw_runs(both, records, points)
+    for axes in both:
+        axes.set_yscale("log")
+        _speeds(axes, records[0].scene)
+        axes.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)", fontsize=BODY)
+    legend(both[0], handles=handles, loc="lower right")
+    both[0].set_xlabel(r"prestress $\tau/p$", fontsize=BODY)
+    scaled = r"(\tau/p-\mu_\mathrm{k})/(\mu_\mathrm{s}-\mu_\mathrm{k})"
+    both[1].set_xlabel(rf"scaled prestress ${scaled}$", fontsize=BODY)
+    fig.tables = {"points": points}
+    spreads = _draw_spreads(both, points)
+    what = (
+        "Speed of rupture fronts against tau/p just before the event (a) and against "
+        f"(tau/p - mu_k)/(mu_s - mu_k) (b); after Fig. 4(b) of {PAPER} and its inset. "
+        f"{len(points)} blocks in {points.groupby(['run', 'event']).ngroups} main events; "
+        f"{blocks - len(points)} blocks of their fronts have no speed (two at each end of a front, "
+        "and where five times do not increase) or are open. Dashed: long waves of the lattice."
+    )
+    if spreads:
+        what += f" Spread of ln v_c about one binned median: {joined(spreads)} (rms)."
+    scenes = scene_text([one.scene for one in records])
+    fig.caption = " ".join([what, scenes, engine_text(records)])
+    return fig
+
+
+def _draw_runs(
+    both: Sequence[Axes], records: Sequence[Record], points: pd.DataFrame
+) -> list[Line2D]:
+    """Draw the points of each run; return one legend handle for each."""
     handles = []
     counts = points["run"].value_counts()
     for n, one in enumerate(records):
@@ -116,36 +145,22 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
         name = rf"{one.scene.name}: $\mu_\mathrm{{s}}$, $\mu_\mathrm{{k}}$ = "
         label = name + f"{friction.mu_s:g}, {friction.mu_k:g}"
         handles.append(Line2D([], [], ls="", marker=shape, color=colour, ms=3.5, label=label))
-    for axes in both:
-        axes.set_yscale("log")
-        _speeds(axes, records[0].scene)
-        axes.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)", fontsize=BODY)
-    legend(both[0], handles=handles, loc="lower right")
-    both[0].set_xlabel(r"prestress $\tau/p$", fontsize=BODY)
-    scaled = r"(\tau/p-\mu_\mathrm{k})/(\mu_\mathrm{s}-\mu_\mathrm{k})"
-    both[1].set_xlabel(rf"scaled prestress ${scaled}$", fontsize=BODY)
-    fig.tables = {"points": points}
+    return handles
+
+
+def _draw_spreads(both: Sequence[Axes], points: pd.DataFrame) -> list[str]:
+    """Write the spread of ln v_c into both panels, where there are enough points; return both."""
     spreads = []
-    if len(points) >= PER_BIN * 20:
-        for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
-            rms = collapse_spread(points[x].to_numpy(), points["v_c"].to_numpy()).rms
-            spreads.append(f"{rms:.2f}")
-            axes.text(
-                0.02, 0.12, rf"rms of $\ln v_\mathrm{{c}}$: {rms:.2f}", transform=axes.transAxes,
-                ha="left", va="bottom", fontsize=SMALL,
-            )  # fmt: skip
-    what = (
-        "Speed of rupture fronts against tau/p just before the event (a) and against "
-        f"(tau/p - mu_k)/(mu_s - mu_k) (b); after Fig. 4(b) of {PAPER} and its inset. "
-        f"{len(points)} blocks in {points.groupby(['run', 'event']).ngroups} main events; "
-        f"{blocks - len(points)} blocks of their fronts have no speed (two at each end of a front, "
-        "and where five times do not increase) or are open. Dashed: long waves of the lattice."
-    )
-    if spreads:
-        what += f" Spread of ln v_c about one binned median: {joined(spreads)} (rms)."
-    scenes = scene_text([one.scene for one in records])
-    fig.caption = " ".join([what, scenes, engine_text(records)])
-    return fig
+    if len(points) < PER_BIN * 20:
+        return spreads
+    for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
+        rms = collapse_spread(points[x].to_numpy(), points["v_c"].to_numpy()).rms
+        spreads.append(f"{rms:.2f}")
+        axes.text(
+            0.02, 0.12, rf"rms of $\ln v_\mathrm{{c}}$: {rms:.2f}", transform=axes.transAxes,
+            ha="left", va="bottom", fontsize=SMALL,
+        )  # fmt: skip
+    return spreads
 
 
 def _speeds(axes: Axes, scene: Scene) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from pyfric.figures.registry import figure
@@ -30,6 +31,7 @@ from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
     from pyfric.record import Record
+    from pyfric.scene import Interface
 
 STATES = {"initial": (GREY, ":", 1.2), "before": (BLUE, "--", 1.0), "after": (VERMILION, "-", 1.0)}
 """State -> colour, line style, line width (pt)."""
@@ -55,7 +57,6 @@ def fig3a(record: Record, number: int = 11) -> DataFigure:
         "after": stress_profile(record, event, "after"),
     }
     friction, row = record.scene.interface, record.events.iloc[event]
-    tip = _tip(record, event)
 
     fig, (top, bottom) = panels(3.6, (1, 1.35), letter_at=0.13, sharex=True)
     for state, table in states.items():
@@ -63,42 +64,10 @@ def fig3a(record: Record, number: int = 11) -> DataFigure:
         look = {"color": colour, "ls": line, "lw": width, "zorder": 3}
         top.plot(table["x_over_L"], table["p"], **look)
         bottom.plot(table["x_over_L"], table["tau"], **look)
-    for state, mu, name in (("before", friction.mu_s, "s"), ("after", friction.mu_k, "k")):
-        table, (colour, _, _) = states[state], STATES[state]
-        bottom.plot(table["x_over_L"], mu * table["p"], color=colour, lw=0.6, alpha=0.6)
-        at = int(0.78 * len(table))
-        bottom.annotate(
-            rf"$\mu_\mathrm{{{name}}}\,p$ {state}",
-            (table["x_over_L"][at], mu * table["p"][at]),
-            xytext=(0, 2),
-            textcoords="offset points",
-            ha="center",
-            va="bottom",
-            fontsize=SMALL,
-            color=colour,
-        )
-    force = {"initial": 0.0, "before": row["F_T_start"], "after": row["F_T_arrest"]}
-    ratio = r"$F_\mathrm{T}/F_\mathrm{N}$"
-    handles = [
-        Line2D(
-            [],
-            [],
-            color=colour,
-            ls=line,
-            lw=width,
-            label=f"{state}, {ratio} = {force[state] / record.scene.F_N:.3g}",
-        )
-        for state, (colour, line, width) in STATES.items()
-    ]
-    legend(top, handles=handles, loc="upper center")
-    for axes in (top, bottom):
-        axes.axvline(tip, color="0.6", lw=0.6, ls=(0, (1, 2)), zorder=0)
-    bottom.axhline(0, color="0.6", lw=0.5, zorder=0)
+    _thresholds(bottom, states, friction)
+    _states_legend(top, row, record.scene.F_N)
+    _mark_tip(top, bottom, _tip(record, event))
     top.set_ylim(bottom=0)
-    bottom.annotate(
-        r"$L_\mathrm{p}$", (tip, 0.02), xycoords=("data", "axes fraction"), xytext=(2, 1),
-        textcoords="offset points", fontsize=SMALL, color="0.35",
-    )  # fmt: skip
     top.set_ylabel(r"$p\,N_x/F_\mathrm{N}$", fontsize=BODY)
     bottom.set_ylabel(r"$\tau\,N_x/F_\mathrm{N}$", fontsize=BODY)
     bottom.set_xlabel(r"position $x/L$ from the trailing edge", fontsize=BODY)
@@ -132,41 +101,10 @@ def fig3b(record: Record) -> DataFigure:
         allowed = "a run with precursors and events over the whole interface"
         raise SceneError("record", record.scene.name, "", allowed, "raise t_end")
     chosen = lengths.iloc[::-2].iloc[::-1]
-    colours = mpl.colormaps["viridis_r"](np.linspace(0.1, 1, len(chosen)))
 
     fig, (top, bottom) = panels(4.0, (1.25, 1), letter_at=0.13, sharex=True)
-    profiles = []
-    for (number, one), colour in zip(chosen.iterrows(), colours, strict=True):
-        event = int(one["event"])
-        table = stress_profile(record, event, "after")
-        tip = round(one["L_p_over_L"] * len(table)) - 1
-        top.plot(table["x_over_L"], table["p_over_p_initial"], color=colour, lw=0.9)
-        top.plot(table["x_over_L"][tip], table["p_over_p_initial"][tip], "o", color=colour, ms=3)
-        profiles.append(table.assign(number=number + 1, event=event, L_p_over_L=one["L_p_over_L"]))
-    top.axhline(1, color="0.6", lw=0.5, zorder=0)
-    handles = [
-        Line2D([], [], color=colour, lw=1.2, marker="o", ms=3, label=f"{length:.2f}")
-        for length, colour in zip(chosen["L_p_over_L"], colours, strict=True)
-    ]
-    legend(top, handles=handles, title=r"$L_\mathrm{p}/L$", loc="upper center", ncols=2)
-    top.set_ylabel(r"$p/p_\mathrm{initial}$", fontsize=BODY)
-
-    after = []
-    for n, event in enumerate(sliding["event"]):
-        table = stress_profile(record, int(event), "after")
-        width = 1.3 if n == 0 else 0.8
-        look = {"color": BLACK if n == 0 else BLUE, "ls": "--" if n == 0 else "-"}
-        bottom.plot(table["x_over_L"], table["p"], lw=width, **look)
-        after.append(table.assign(event=event, number=n + 1))
-    first = stress_profile(record)
-    bottom.plot(first["x_over_L"], first["p"], color=GREY, lw=1.2, ls=":")
-    handles = [Line2D([], [], color=GREY, lw=1.2, ls=":", label=r"initial")]
-    handles.append(Line2D([], [], color=BLACK, lw=1.3, ls="--", label="after the first"))
-    rest = f"after the next {len(sliding) - 1}"
-    handles += [Line2D([], [], color=BLUE, label=rest)] if len(sliding) > 1 else []
-    legend(bottom, handles=handles, title="events over the whole interface", loc="upper center")
-    bottom.set_ylim(bottom=0)
-    bottom.set_ylabel(r"$p\,N_x/F_\mathrm{N}$", fontsize=BODY)
+    profiles = _after_precursors(top, record, chosen)
+    after = _after_sliding(bottom, record, [int(event) for event in sliding["event"]])
     bottom.set_xlabel(r"position $x/L$ from the trailing edge", fontsize=BODY)
     bottom.set_xlim(0, 1)
     fig.align_ylabels([top, bottom])
@@ -197,6 +135,96 @@ def main_precursor(record: Record, number: int) -> int:
         allowed = f"1 to {len(found)}, the main precursors of this run"
         raise SceneError("number", number, "", allowed, "no such precursor")
     return int(found.iloc[number - 1])
+
+
+# --- parts ---------------------------------------------------------------------------------------
+
+
+def _thresholds(axes: Axes, states: dict[str, pd.DataFrame], friction: Interface) -> None:
+    """The lines mu_s p before and mu_k p after the event."""
+    for state, mu, name in (("before", friction.mu_s, "s"), ("after", friction.mu_k, "k")):
+        table, (colour, _, _) = states[state], STATES[state]
+        axes.plot(table["x_over_L"], mu * table["p"], color=colour, lw=0.6, alpha=0.6)
+        at = int(0.78 * len(table))
+        axes.annotate(
+            rf"$\mu_\mathrm{{{name}}}\,p$ {state}",
+            (table["x_over_L"][at], mu * table["p"][at]),
+            xytext=(0, 2),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            fontsize=SMALL,
+            color=colour,
+        )
+
+
+def _states_legend(axes: Axes, event: pd.Series, F_N: float) -> None:
+    force = {"initial": 0.0, "before": event["F_T_start"], "after": event["F_T_arrest"]}
+    ratio = r"$F_\mathrm{T}/F_\mathrm{N}$"
+    handles = [
+        Line2D(
+            [],
+            [],
+            color=colour,
+            ls=line,
+            lw=width,
+            label=f"{state}, {ratio} = {force[state] / F_N:.3g}",
+        )
+        for state, (colour, line, width) in STATES.items()
+    ]
+    legend(axes, handles=handles, loc="upper center")
+
+
+def _mark_tip(top: Axes, bottom: Axes, tip: float) -> None:
+    for axes in (top, bottom):
+        axes.axvline(tip, color="0.6", lw=0.6, ls=(0, (1, 2)), zorder=0)
+    bottom.axhline(0, color="0.6", lw=0.5, zorder=0)
+    bottom.annotate(
+        r"$L_\mathrm{p}$", (tip, 0.02), xycoords=("data", "axes fraction"), xytext=(2, 1),
+        textcoords="offset points", fontsize=SMALL, color="0.35",
+    )  # fmt: skip
+
+
+def _after_precursors(axes: Axes, record: Record, chosen: pd.DataFrame) -> list[pd.DataFrame]:
+    """Draw p over the initial p after each precursor; return the profiles."""
+    colours = mpl.colormaps["viridis_r"](np.linspace(0.1, 1, len(chosen)))
+    profiles = []
+    for (number, one), colour in zip(chosen.iterrows(), colours, strict=True):
+        event = int(one["event"])
+        table = stress_profile(record, event, "after")
+        tip = round(one["L_p_over_L"] * len(table)) - 1
+        axes.plot(table["x_over_L"], table["p_over_p_initial"], color=colour, lw=0.9)
+        axes.plot(table["x_over_L"][tip], table["p_over_p_initial"][tip], "o", color=colour, ms=3)
+        profiles.append(table.assign(number=number + 1, event=event, L_p_over_L=one["L_p_over_L"]))
+    axes.axhline(1, color="0.6", lw=0.5, zorder=0)
+    handles = [
+        Line2D([], [], color=colour, lw=1.2, marker="o", ms=3, label=f"{length:.2f}")
+        for length, colour in zip(chosen["L_p_over_L"], colours, strict=True)
+    ]
+    legend(axes, handles=handles, title=r"$L_\mathrm{p}/L$", loc="upper center", ncols=2)
+    axes.set_ylabel(r"$p/p_\mathrm{initial}$", fontsize=BODY)
+    return profiles
+
+
+def _after_sliding(axes: Axes, record: Record, events: list[int]) -> list[pd.DataFrame]:
+    """Draw p after each event over the whole interface; return the profiles."""
+    after = []
+    for n, event in enumerate(events):
+        table = stress_profile(record, event, "after")
+        width = 1.3 if n == 0 else 0.8
+        look = {"color": BLACK if n == 0 else BLUE, "ls": "--" if n == 0 else "-"}
+        axes.plot(table["x_over_L"], table["p"], lw=width, **look)
+        after.append(table.assign(event=event, number=n + 1))
+    first = stress_profile(record)
+    axes.plot(first["x_over_L"], first["p"], color=GREY, lw=1.2, ls=":")
+    handles = [Line2D([], [], color=GREY, lw=1.2, ls=":", label=r"initial")]
+    handles.append(Line2D([], [], color=BLACK, lw=1.3, ls="--", label="after the first"))
+    rest = f"after the next {len(events) - 1}"
+    handles += [Line2D([], [], color=BLUE, label=rest)] if len(events) > 1 else []
+    legend(axes, handles=handles, title="events over the whole interface", loc="upper center")
+    axes.set_ylim(bottom=0)
+    axes.set_ylabel(r"$p\,N_x/F_\mathrm{N}$", fontsize=BODY)
+    return after
 
 
 def _tip(record: Record, event: int) -> float:

@@ -15,7 +15,8 @@ import pytest
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN, STUCK, StateError
-from pyfric.engines import RunError, dynamic, step_size
+from pyfric.engines import RunError, step_size
+from pyfric.engines.options import AUTO_SHARE
 from pyfric.record import Record
 from pyfric.scene import SceneError, preset, setup1, setup2
 from pyfric.statics import StaticSolver, loaded_state, stability_limit
@@ -434,7 +435,7 @@ def test_a_run_that_leaves_the_numbers_keeps_what_was_good():
         ({"threads": 2.5}, "threads", ""),
         ({"threads": True}, "threads", ""),
         ({"geometry": "cubic"}, "geometry", "linear"),
-        ({"method": "euler"}, "method", "rk4"),
+        ({"stepper": "euler"}, "stepper", "rk4"),
         ({"checkpoint_every": 0.0}, "checkpoint_every", ""),
     ],
 )
@@ -474,7 +475,7 @@ def test_auto_step_is_a_share_of_the_limit():
     for scene in (preset("fig1"), preset("setup2"), small()):
         limit, _ = stability_limit(scene)
         dt = step_size(scene)
-        assert 0.9 * dynamic.AUTO_SHARE * limit < dt <= dynamic.AUTO_SHARE * limit
+        assert 0.9 * AUTO_SHARE * limit < dt <= AUTO_SHARE * limit
 
 
 # --- the paper's scene ---------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import pytest
 
 import pyfric
 from pyfric import core
-from pyfric.engines import RunError, dynamic, folded
+from pyfric.engines import RunError, folded
 from pyfric.engines.guard import MARGIN, Guard
 from pyfric.scene import SceneError, chain, setup1, setup2
 from pyfric.statics import StaticSolver, stability_limit
@@ -55,7 +55,7 @@ def test_steps_above_the_limit_are_stopped(name, share, monkeypatch):
     all blocks stick, it can be a little larger.)"""
     scene, _ = SCENES[name]
     dt = share * stability_limit(scene)[0]
-    monkeypatch.setattr(dynamic, "step_size", lambda *_: dt)
+    monkeypatch.setattr("pyfric.engines.options.step_size", lambda *_: dt)
     with pytest.raises(RunError, match=r"energy grows from .* at step") as caught:
         pyfric.simulate(scene, 0.05, fidelity="dynamic", geometry="linear", progress=False)
     kept = caught.value.record

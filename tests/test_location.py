@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN, STUCK
-from pyfric.engines import RunError, dynamic
+from pyfric.engines import RunError
 from pyfric.scene import chain, setup1, setup2
 from pyfric.statics import loaded_state, stability_limit
 
@@ -268,11 +268,13 @@ def test_endless_switching_is_stopped_with_block_and_time(monkeypatch):
     state.y[0, 0, 1], state.mode[1] = -2.0, 1
     log = core.Log(scene.N_x)
     model = core.model(scene, "linear", state.u_drv0)
-    options = {"method": "adaptive", "rtol": 1e-4, "switching": "located"}
+    options = {"stepper": "adaptive", "rtol": 1e-4, "switching": "located"}
     assert core.advance(model, state.copy(), log, 1, **options) == core.Status.ENDLESS
     assert log.block == 1
     assert np.pi * 60 < log.t < 3141
-    monkeypatch.setattr(dynamic, "LONGEST_LOCATED", np.inf)  # else such a step is refused
+    monkeypatch.setattr(
+        "pyfric.engines.options.LONGEST_LOCATED", np.inf
+    )  # else such a step is refused
     with pytest.raises(RunError, match=r"block 2 .* between stick, slip and gap at t = \d") as stop:
         simulate(scene, 3141.0, initial=state, dt=3141.0, **options)
     assert stop.value.record.status.startswith("failed: contacts switch without end")
@@ -366,13 +368,13 @@ def reference():
 
 
 @pytest.mark.parametrize(
-    ("method", "least"), [("rk4", 3.5), ("verlet", 1.9), ("symplectic_euler", 0.9)]
+    ("stepper", "least"), [("rk4", 3.5), ("verlet", 1.9), ("symplectic_euler", 0.9)]
 )
-def test_order_of_rupture_times(method, least, reference):
+def test_order_of_rupture_times(stepper, least, reference):
     """A short front in a lattice: located switching keeps the order of the stepper."""
     errors = []
     for dt in (0.2e-6, 0.1e-6, 0.05e-6):
-        t, block, new = rupture_times(dt, 1.2e-3, method=method)
+        t, block, new = rupture_times(dt, 1.2e-3, stepper=stepper)
         n = 20
         np.testing.assert_array_equal(block[:n], reference[1][:n])
         np.testing.assert_array_equal(new[:n], reference[2][:n])
@@ -457,8 +459,8 @@ def test_the_core_refuses_wrong_options():
     scene = slider()
     state = start(scene, 0.01)
     model = core.model(scene, "linear", state.u_drv0)
-    for wrong in ({"method": "euler"}, {"switching": "never"}, {"rtol": 0.0}, {"rtol": np.nan}):
-        with pytest.raises(ValueError, match="method"):
+    for wrong in ({"stepper": "euler"}, {"switching": "never"}, {"rtol": 0.0}, {"rtol": np.nan}):
+        with pytest.raises(ValueError, match="stepper"):
             core.advance(model, state, core.Log(scene.N_x), 1, **wrong)
     small_log = core.Log(scene.N_x, quiet=1)
     with pytest.raises(ValueError, match="log"):

@@ -41,7 +41,7 @@ def test_adaptive_steps_stay_stable_far_above_the_limit_of_rk4():
     state = rest.state(scene, dt)
     state.y[1:-1, 2:] = 1e-9 * np.random.default_rng(1).standard_normal(state.y[1:-1, 2:].shape)
     model, log = core.model(scene, "linear", rest.u_drv0), core.Log(scene.N_x)
-    core.advance(model, state, log, 200, method="adaptive", rtol=1e-3, budget=False)
+    core.advance(model, state, log, 200, stepper="adaptive", rtol=1e-3, budget=False)
     allowed = 1e-3 * scene.F_N / scene.N_x / math.sqrt(scene.slider.k * scene.m)
     assert np.abs(state.y[:, 2:]).max() < allowed  # errors may grow as far as they are accepted
 

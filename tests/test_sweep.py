@@ -44,7 +44,7 @@ def test_processes_give_what_simulate_gives_in_order(tmp_path):
     found = run_all(jobs, workers=2, cache=tmp_path, progress=lambda *now: shown.append(now))
     assert shown == [(0, 3), (1, 3), (2, 3), (3, 3)]
     for record, one in zip(found, jobs, strict=True):
-        alone = pyfric.simulate(one.scene, one.t_end, threads=1, progress=False, **one.options)
+        alone = pyfric.simulate(one.scene, one.t_end, one.options, threads=1, progress=False)
         assert same_run(record, alone)
         assert record.timings["processor"] > 0
     assert len(found[1].events)
@@ -75,9 +75,11 @@ def test_key_holds_all_that_determines_a_run(monkeypatch):
         job(side="right"),
         job(options={}),
         job(options=OPTIONS | {"t_gap": 2e-3}),
+        job(options=OPTIONS | {"rtol": 1e-5, "stepper": "adaptive"}),
     ]
     assert len({one.key for one in different}) == len(different)
     assert job(name="a").key == job(name="b").key
+    assert job(options=pyfric.Options(**OPTIONS)).key == job().key
     before = job().key
     monkeypatch.setattr(sweep, "code_version", lambda: "another code")
     assert job().key != before
@@ -90,9 +92,17 @@ def test_code_version_follows_the_installed_files(monkeypatch, tmp_path):
 
     real = version()
     monkeypatch.setattr(sweep, "__file__", str(tmp_path / "engines" / "sweep.py"))
-    (tmp_path / "scene.py").write_text("a")
+    for room in (*sweep.ROOMS, "figures", "paper", "checks", "cli"):
+        (tmp_path / room).mkdir()
+        (tmp_path / room / "a.py").write_text("a")
     one = version()
-    (tmp_path / "scene.py").write_text("b")
+    for room in ("figures", "paper", "checks", "cli"):  # a caption voids no stored run
+        (tmp_path / room / "a.py").write_text("b")
+        assert version() == one
+    for room in sweep.ROOMS:
+        before = version()
+        (tmp_path / room / "a.py").write_text("b")
+        assert version() != before
     two = version()
     (tmp_path / "_core_v2.so").write_bytes(b"c")
     three = version()
@@ -173,7 +183,9 @@ def test_error_names_its_job_and_others_are_kept(tmp_path, workers):
         (lambda: job(options={"thread": 1}), "options.thread"),
         (lambda: job(options={"threads": 2}), "options.threads"),
         (lambda: job(options={"initial": None}), "options.initial"),
-        (lambda: job(options={"dt": [1.0]}), "options.dt"),
+        (lambda: job(options={"dt": [1.0]}), "dt"),
+        (lambda: job(options=pyfric.Options(threads=2)), "options.threads"),
+        (lambda: job(options=3), "options"),
         (lambda: Job(scene="fig1", t_end=1.0), "scene"),
         (lambda: run_all(["fig1"]), "jobs"),
         (lambda: run_all([job()], workers=0), "workers"),

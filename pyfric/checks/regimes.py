@@ -27,7 +27,8 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import OPEN
-from pyfric.engines import RunError, budget_error, folded, prediction_curve, simulate
+from pyfric.engines import RunError, folded, prediction_curve, simulate
+from pyfric.record import budget_error
 from pyfric.scene import Scene, SceneError, chain, run3, setup1, setup2
 from pyfric.statics import StaticSolver, stability_limit
 

@@ -6,6 +6,7 @@ from pyfric.core.builds import (
     VARIANT,
     additions,
     build_info,
+    processors,
     useful_threads,
     variants,
 )
@@ -41,6 +42,7 @@ __all__ = [
     "energies",
     "evaluate",
     "model",
+    "processors",
     "room_of_step",
     "springs",
     "useful_threads",

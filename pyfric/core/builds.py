@@ -94,6 +94,13 @@ def build_info(name: str = VARIANT) -> dict[str, Any]:
     }
 
 
+def processors() -> int:
+    """Return the number of processors that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def useful_threads(n_blocks: int, threads: int | None = None) -> int:
     """Return the number of threads that pays for a lattice of n_blocks.
 
@@ -101,8 +108,7 @@ def useful_threads(n_blocks: int, threads: int | None = None) -> int:
         n_blocks: N_x N_z.
         threads: the most to use; None means all processors this process may run on.
     """
-    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    most = (available or 1) if threads is None else threads
+    most = processors() if threads is None else threads
     if not build_info()["openmp"]:
         return 1
     return max(1, min(most, n_blocks // BLOCKS_PER_THREAD))

@@ -40,7 +40,7 @@ def advance(
     log: Log,
     n_steps: int,
     *,
-    method: str = "rk4",
+    stepper: str = "rk4",
     switching: Switching = "step_end",
     rtol: float = 1.0,
     budget: bool = True,
@@ -54,7 +54,7 @@ def advance(
         state: where to start; on return, where the core stopped (`state.step` counts).
         log: filled from its beginning. Where it could overflow, the core stops early.
         n_steps: steps to make, at least 0.
-        method: stepper, one of `STEPPERS`.
+        stepper: one of `STEPPERS`.
         switching: "step_end", or "located": contacts switch inside the step, at the root of what
             makes them switch, and the step is finished from there.
         rtol: for "adaptive": largest error of a sub-step, over F_N/(N_x s) for displacements and
@@ -77,8 +77,8 @@ def advance(
         a < b for a, b in zip(room, room_of_step(N_x, switching), strict=True)
     ):
         raise ValueError(f"log: room for {log.N_x} blocks, expected {N_x}")
-    if method not in STEPPERS or switching not in get_args(Switching) or not rtol > 0:
-        raise ValueError(f"method = {method!r}, switching = {switching!r}, rtol = {rtol}")
+    if stepper not in STEPPERS or switching not in get_args(Switching) or not rtol > 0:
+        raise ValueError(f"stepper = {stepper!r}, switching = {switching!r}, rtol = {rtol}")
     if not 0 <= n_steps < 2**31:
         raise ValueError(f"n_steps = {n_steps}: must be in 0 … {2**31 - 1}")
     if not 1 <= threads <= 4096:
@@ -86,7 +86,7 @@ def advance(
     step, sub = np.array([float(state.step)]), np.array([state.sub or state.dt])
     n_log, tried, block, log.t, status = load_variant(variant).advance(
         *model,
-        STEPPERS[method].columns,
+        STEPPERS[stepper].columns,
         int(switching == "located"),
         rtol,
         state.t0,
@@ -112,7 +112,7 @@ def advance(
         log.quiet_r,
     )
     state.step, log.tried, log.block = int(step[0]), int(tried), block - 1
-    if STEPPERS[method].adaptive:
+    if STEPPERS[stepper].adaptive:
         state.sub = float(sub[0])
     log.n_switch, log.n_quiet = int(n_log[0]), int(n_log[1])
     return Status(status)

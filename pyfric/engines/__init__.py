@@ -1,8 +1,10 @@
 """Plan and run."""
 
-from pyfric.engines.dynamic import Progress, RunError, budget_error, step_size
+from pyfric.engines.dynamic import RunError
 from pyfric.engines.guard import folded
+from pyfric.engines.options import Options, step_size
 from pyfric.engines.planner import Assumption, Plan, decay_times, plan
+from pyfric.engines.progress import Progress
 from pyfric.engines.quasistatic import prediction_curve
 from pyfric.engines.simulation import simulate
 from pyfric.engines.sweep import Job, JobError, run_all
@@ -11,10 +13,10 @@ __all__ = [
     "Assumption",
     "Job",
     "JobError",
+    "Options",
     "Plan",
     "Progress",
     "RunError",
-    "budget_error",
     "decay_times",
     "folded",
     "plan",

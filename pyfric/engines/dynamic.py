@@ -10,15 +10,11 @@ Source: PRL 107, 074301 (2011).
 from __future__ import annotations
 
 import math
-import signal
-import sys
-import threading
+import os
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from numbers import Integral
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -26,52 +22,23 @@ import pandas as pd
 from pyfric import core
 from pyfric.core import State, StateError
 from pyfric.engines.guard import STEPS, Energy, Guard, folded, largest_strain, strain_notes
-from pyfric.record import T_GAP, Method, Record, build_catalogue, versions
-from pyfric.scene import Geometry, SceneError, check_geometry, check_number, default_geometry
+from pyfric.engines.progress import Progress, interruptible, run_bar
+from pyfric.record import Method, Record, budget_error, build_catalogue, versions
+from pyfric.scene import SceneError, check_number
 from pyfric.statics import EquilibriumError, StaticSolver, stability_limit
 
 if TYPE_CHECKING:
-    import os
-
-    from pyfric.core import Switching
+    from pyfric.engines.options import Options
     from pyfric.record import Catalogue
-    from pyfric.scene import Scene
+    from pyfric.scene import Geometry, Scene
     from pyfric.statics import Equilibrium
 
-__all__ = [
-    "AUTO_SHARE",
-    "RTOL",
-    "Progress",
-    "Run",
-    "RunError",
-    "budget_error",
-    "integrate",
-    "interruptible",
-    "progress_bar",
-    "step_size",
-]
+__all__ = ["Run", "RunError", "check_continues", "integrate", "kept_notes"]
 
-AUTO_SHARE = 0.5
-"""dt = "auto" is this share of the stability limit, rounded down to two digits.
-
-Measured on the Fig. 1 scene up to 0.9 s against the paper's 0.2 us, which is an eighth of the
-limit: at half the limit (0.78 us) the 13 main precursors keep their order, their start and arrest
-forces agree within 8e-4 F_N and their lengths within one block; at 1.2 us within 1e-3 F_N and one
-block. The error falls in proportion to the step, because contacts switch at step ends."""
-RTOL = 1e-6
-"""Default of rtol, the largest error of an adaptive sub-step; see `pyfric.simulate`. On a short
-front, with dt = "auto" and located switching, rupture times are then right to 2e-11 s for 1.3 times
-the work of rtol = 1e-3, where sub-steps are as long as dt and times right to 7e-9 s."""
-LONGEST_LOCATED = 30.0
-"""Longest step of the adaptive stepper with located switching, over the stability limit of RK4."""
-ROUNDED = 1e-7
-"""Energy that changes hands below this share of what is stored is next to nothing."""
-CURVE_POINTS = 5000
-"""Points of the loading curve, unless `sample` says otherwise."""
 CALL_SECONDS = 0.2
 """Longest time in the core between two looks at Ctrl-C, s."""
-Stepper = Literal["rk4", "verlet", "symplectic_euler", "adaptive"]
-"""Names of the steppers (`pyfric.core.STEPPERS`)."""
+MAX_CALL = 2**30
+"""Most steps of one call of the core."""
 STATIC_SECONDS = 1.0
 """Static forces of new events are found this often, or more rarely where that takes a tenth of the
 time, so that little is left to do at the end, s."""
@@ -81,8 +48,6 @@ OPEN_BUDGET = 1e-3
 """An energy budget that misses more than this share is noted."""
 UNFINISHED = (core.Status.ENDLESS, core.Status.TOO_SHORT)
 """What the core says where it could not finish a step."""
-MAX_STEPS = 10**12
-"""Most steps of one run."""
 
 
 class RunError(RuntimeError):
@@ -93,163 +58,35 @@ class RunError(RuntimeError):
         self.record = record
 
 
-def budget_error(curve: pd.DataFrame) -> float:
-    """Return the largest error of an energy budget, over the largest energy that changed hands.
-
-    Where next to nothing did, the error is that of rounding: it is taken over the stored energy.
-
-    Args:
-        curve: the loading curve of a run with budget = True.
-    """
-    stored = curve[list(core.ENERGIES)].sum(axis=1)
-    stored -= stored.iloc[0]
-    work = curve["work_driver"] + curve["work_load"]
-    lost = curve["dissipated_bonds"] + curve["friction_heat"] + curve["switching_loss"]
-    moved = max(np.abs(one).max() for one in (stored, work, lost))
-    moved = max(moved, ROUNDED * curve[list(core.ENERGIES)].abs().sum(axis=1).max())
-    return float(np.abs(stored - work + lost).max() / moved) if moved > 0 else 0.0
-
-
-class Progress(NamedTuple):
-    """Where a run stands: times in s, force over F_N, events so far, steps per second."""
-
-    t: float
-    t_begin: float
-    t_end: float
-    force: float
-    events: int
-    rate: float
-
-
-def step_size(scene: Scene, dt: float | Literal["auto"] = "auto", method: Stepper = "rk4") -> float:
-    """Return the time step in s, checked against the stability limit of the stepper.
-
-    Args:
-        scene: the scene.
-        dt: step in s, or "auto": `AUTO_SHARE` of the limit, rounded down to two digits. "adaptive"
-            makes sub-steps inside dt: it has no limit, and "auto" is half that of RK4.
-        method: the stepper.
-
-    Raises:
-        SceneError: dt is not a number, not positive, or above the limit.
-    """
-    limit, _ = stability_limit(scene, method)
-    if isinstance(dt, str):
-        if dt != "auto":
-            raise SceneError("dt", dt, "s", "a number or 'auto'")
-        digit = 10.0 ** (math.floor(math.log10(AUTO_SHARE * limit)) - 1)
-        return float(f"{math.floor(AUTO_SHARE * limit / digit) * digit:.1e}")
-    dt = check_number("dt", dt, "s", gt=0.0)
-    if method != "adaptive" and dt > limit:
-        allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {method} for this scene"
-        raise SceneError("dt", dt, "s", allowed, "unstable")
-    return dt
-
-
 def integrate(
     engine: type[Run],
     scene: Scene,
     t_end: float,
+    options: Options,
     *,
-    geometry: Geometry | None = None,
-    method: Stepper = "rk4",
-    switching: Switching | None = None,
-    rtol: float | None = None,
-    dt: float | Literal["auto"] = "auto",
     initial: State | Record | None = None,
-    budget: bool | None = None,
-    sample: float | None = None,
-    t_gap: float = T_GAP,
-    threads: int | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
-    checkpoint: str | os.PathLike[str] | None = None,
-    checkpoint_every: float = 60.0,
 ) -> Record:
     """Integrate a scene with one of the engines that make time steps; see `pyfric.simulate`."""
-    check_options(
-        scene, geometry, method, switching, rtol, budget, sample, threads, checkpoint_every
-    )
-    switching = switching or "step_end"
-    geometry = geometry or (
-        default_geometry(scene) if "finite" in engine.geometries else engine.geometries[0]
-    )
-    if not isinstance(initial, State | Record | None):
-        raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
-    if budget and not engine.keeps_budget:
-        allowed = "False, or fidelity = 'dynamic', which follows all motion"
-        raise SceneError("budget", budget, "", allowed)
-    budget = engine.keeps_budget if budget is None else bool(budget)
-    t_gap = check_number("t_gap", t_gap, "s", ge=0.0)
     before = initial if isinstance(initial, Record) else None
     if before is not None:
-        check_continues(before, scene, engine.name)
-        geometry, t_gap, budget = before.method.geometry, before.method.t_gap, before.method.budget
-        dt, initial = before.method.dt, before.final_state
-        method, rtol = before.method.stepper, before.method.rtol
-        switching = before.method.switching.replace(" ", "_")
-    for name, value, known in (
-        ("method", method, engine.steppers),
-        ("switching", switching, engine.switchings),
-        ("geometry", geometry, engine.geometries),
-    ):
-        if value not in known:
-            allowed = f"{' or '.join(map(repr, known))} with fidelity = {engine.name!r}"
-            raise SceneError(name, value, "", allowed)
-    dt = step_size(scene, dt, method)
-    if switching == "located":
-        _check_located(scene, method, dt)
+        initial = before.final_state
     if initial is not None:
         initial.check_physics(scene)
     t_begin = 0.0 if initial is None else initial.t
     t_end = check_number("t_end", t_end, "s", ge=t_begin)
-    if (t_end - t_begin) / dt > MAX_STEPS:
-        raise SceneError("t_end", t_end, "s", f"at most {MAX_STEPS:g} steps of {dt:g} s")
-    if before is not None:
-        every = before.method.sample
-    elif sample is None:
-        every = max(1, round((t_end - t_begin) / dt / CURVE_POINTS))
-    else:
-        every = max(1, round(sample / dt))
+    method = options.method(scene, engine, t_begin, t_end)
 
     start = time.perf_counter()
-    u_drv0 = None if initial is None else initial.u_drv0
-    solver = _loaded(scene, geometry, u_drv0)
+    solver = _loaded(scene, method.geometry, None if initial is None else initial.u_drv0)
+    dt = method.dt
     state = solver.loaded.state(scene, dt) if initial is None else initial.with_dt(dt)
-    n_threads = core.useful_threads(scene.N_x * scene.N_z, threads and int(threads))
-    how = Method(
-        engine=engine.name,
-        geometry=geometry,
-        stepper=method,
-        switching=switching.replace("_", " "),
-        rtol=(rtol or RTOL) if method == "adaptive" else None,
-        dt=dt,
-        sample=every,
-        t_gap=t_gap,
-        threads=n_threads,
-        variant=core.VARIANT,
-        budget=budget,
-    )
-    run = engine(scene, how, solver, state, before)
+    run = engine(scene, method, solver, state, before)
     run.timings["set-up"] = time.perf_counter() - start
     last = math.ceil((t_end - state.t0) / dt * (1 - 1e-14))
-    with progress_bar(progress, scene, t_begin, t_end) as show, interruptible() as stop:
-        run.advance(last, stop, show, checkpoint, checkpoint_every)
-    status = "complete" if state.step >= last else "interrupted"
-    return run.record(status)
-
-
-def _check_located(scene: Scene, method: Stepper, dt: float) -> None:
-    """Raise SceneError where switches cannot be located with this stepper or step."""
-    if scene.eta == 0 and method in ("verlet", "symplectic_euler"):
-        allowed = (
-            f"'step_end', or another method than {method!r}, or eta > 0: its steps conserve energy "
-            "only as long as they are equal, and those that end at a switch are not"
-        )
-        raise SceneError("switching", "located", "", allowed)
-    limit = LONGEST_LOCATED * stability_limit(scene, "rk4")[0]
-    if method == "adaptive" and dt > limit:
-        allowed = f"at most {limit:.3g} s with located switching: each step has room for some"
-        raise SceneError("dt", dt, "s", allowed, "too long")
+    with run_bar(progress, scene, t_begin, t_end) as show, interruptible() as stop:
+        run.advance(last, stop, show, options)
+    return run.record("complete" if state.step >= last else "interrupted")
 
 
 def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSolver:
@@ -275,43 +112,6 @@ def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSol
         reason = f"it folds the lattice at the block in column {at[0] + 1}, row {at[1] + 1}"
         raise SceneError("top.F_N", scene.F_N, "N", allowed, reason)
     return solver
-
-
-def check_options(
-    scene: Scene,
-    geometry: object,
-    method: object,
-    switching: object,
-    rtol: object,
-    budget: object,
-    sample: object,
-    threads: object,
-    checkpoint_every: object,
-) -> None:
-    """Raise SceneError unless an engine may have these options; see `pyfric.simulate`."""
-    if geometry is not None:
-        if geometry not in ("linear", "finite"):
-            raise SceneError("geometry", geometry, "", "'linear' or 'finite'")
-        check_geometry(geometry, scene)
-    for name, value, known in (
-        ("method", method, tuple(core.STEPPERS)),
-        ("switching", "step_end" if switching is None else switching, get_args(core.Switching)),
-    ):
-        if not (isinstance(value, str) and value in known):
-            raise SceneError(name, value, "", " or ".join(map(repr, known)))
-    if rtol is not None:
-        if method != "adaptive":
-            raise SceneError("rtol", rtol, "", "None, or method = 'adaptive'")
-        check_number("rtol", rtol, "", ge=1e-12, le=1.0)
-    if not isinstance(budget, bool | np.bool | None):
-        raise SceneError("budget", budget, "", "True, False or None")
-    if sample is not None:
-        check_number("sample", sample, "s", gt=0.0)
-    if threads is not None:
-        whole = isinstance(threads, Integral) and not isinstance(threads, bool)
-        if not (whole and 1 <= threads <= 4096):
-            raise SceneError("threads", threads, "", "1 … 4096 or None")
-    check_number("checkpoint_every", checkpoint_every, "s", gt=0.0)
 
 
 def check_continues(before: Record, scene: Scene, engine: str) -> None:
@@ -350,8 +150,6 @@ class Run:
     name = "dynamic"
     keeps_budget = True
     steppers: tuple[str, ...] = tuple(core.STEPPERS)
-    switchings: tuple[str, ...] = get_args(core.Switching)
-    geometries: tuple[str, ...] = get_args(Geometry)
 
     def __init__(
         self,
@@ -364,7 +162,6 @@ class Run:
         self.scene, self.method, self.state = scene, method, state
         self.solver = _Remembering(solver)
         self.model = core.model(scene, method.geometry, state.u_drv0)
-        self.switching: Switching = method.switching.replace(" ", "_")
         self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
         self.log = core.Log(scene.N_x)
         self.t_begin = state.t
@@ -390,7 +187,7 @@ class Run:
 
     def call_length(self) -> int:
         """Return the most steps of the next call."""
-        return MAX_STEPS
+        return MAX_CALL
 
     def counts(self) -> dict[str, int]:
         """Return the steps that were made, and the blocks times force evaluations."""
@@ -452,8 +249,7 @@ class Run:
         last: int,
         stop: Callable[[], bool],
         show: Callable[[Progress], None],
-        checkpoint: str | os.PathLike[str] | None,
-        checkpoint_every: float,
+        options: Options,
     ) -> None:
         """Make the steps up to number `last`; after Ctrl-C, leave before that."""
         state, every = self.state, self.method.sample
@@ -479,8 +275,8 @@ class Run:
                     self.catalogue()
                 done = time.perf_counter()
                 solve_at = done + max(STATIC_SECONDS, 10 * (done - now))
-            if checkpoint is not None and now - saved > checkpoint_every:
-                self.save(checkpoint)
+            if options.checkpoint is not None and now - saved > options.checkpoint_every:
+                self.save(options.checkpoint)
                 saved = time.perf_counter()
         if self.good is not None:
             self._look(due=True)
@@ -502,8 +298,8 @@ class Run:
             state,
             self.log,
             n_steps,
-            method=self.method.stepper,
-            switching=self.switching,
+            stepper=self.method.stepper,
+            switching=self.method.switching,
             rtol=self.method.rtol or 1.0,
             budget=self.method.budget,
             threads=self.method.threads,
@@ -602,7 +398,7 @@ class Run:
 
     def _located_hint(self) -> str:
         method = self.method
-        if method.switching != "located" or method.stepper not in ("verlet", "symplectic_euler"):
+        if method.switching != "located" or core.STEPPERS[method.stepper].growth is not None:
             return ""
         return ", or take switching = 'step_end', because steps of different length can feed energy"
 
@@ -697,63 +493,3 @@ class _Remembering:
 
 def _joined(logs: list[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
     return {name: np.concatenate([log[name] for log in logs]) for name in (logs[0] if logs else ())}
-
-
-# --- progress and Ctrl-C -------------------------------------------------------------------------
-
-
-@contextmanager
-def interruptible() -> Iterator[Callable[[], bool]]:
-    """Give a function that says whether Ctrl-C was pressed; a second Ctrl-C ends at once."""
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: False
-        return
-    pressed = False
-
-    def handler(number: int, frame: Any) -> None:
-        nonlocal pressed
-        if pressed:
-            raise KeyboardInterrupt
-        pressed = True
-
-    old = signal.signal(signal.SIGINT, handler)
-    try:
-        yield lambda: pressed
-    finally:
-        signal.signal(signal.SIGINT, old)
-
-
-@contextmanager
-def progress_bar(
-    progress: bool | Callable[[Progress], None] | None, scene: Scene, t_begin: float, t_end: float
-) -> Iterator[Callable[[Progress], None]]:
-    """Give the function that shows progress."""
-    if callable(progress):
-        yield progress
-        return
-    if progress is None:
-        progress = sys.stderr is not None and sys.stderr.isatty()
-    if not progress:
-        yield lambda _: None
-        return
-    from tqdm import tqdm
-
-    times = "{n:.4f}/{total:.4f} s [{elapsed}<{remaining}{postfix}]"
-    layout = "{desc}: {percentage:3.0f}%|{bar}| " + times
-    with tqdm(
-        total=t_end,
-        initial=t_begin,
-        desc=scene.name or "run",
-        bar_format=layout,
-        file=sys.stderr,
-        mininterval=0.1 if sys.stderr.isatty() else 1.0,  # a log needs fewer lines
-    ) as bar:
-
-        def show(now: Progress) -> None:
-            text = f"F_T/F_N {now.force:.3f}, {now.events} events"
-            if math.isfinite(now.rate):
-                text += f", {now.rate:.3g} steps/s"
-            bar.set_postfix_str(text, refresh=False)
-            bar.update(min(now.t, t_end) - bar.n)
-
-        yield show

@@ -137,7 +137,7 @@ class HybridRun(Run):
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        _, quiet = core.room_of_step(self.scene.N_x, self.switching)
+        _, quiet = core.room_of_step(self.scene.N_x, self.method.switching)
         self.log = core.Log(self.scene.N_x, quiet=quiet)
         self.solver = _Statics(self.solver.known, self.method.dt)
         self.jumps, self.jumped, self.wait = 0, 0, LOOK

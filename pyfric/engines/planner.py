@@ -23,17 +23,17 @@ import dataclasses
 import functools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pyfric.core import OPEN
-from pyfric.engines.dynamic import step_size
 from pyfric.engines.guard import largest_strain
+from pyfric.engines.options import Fidelity, Options, Want, step_size
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.ringdown import Frozen
 from pyfric.record import build_catalogue
-from pyfric.scene import Geometry, SceneError, check_number, default_geometry
+from pyfric.scene import Geometry, check_number, default_geometry
 from pyfric.statics import EquilibriumError, StaticSolver, one_thread_if_small, stability_limit
 
 if TYPE_CHECKING:
@@ -41,12 +41,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["Assumption", "Fidelity", "Plan", "Want", "plan"]
-
-Fidelity = Literal["quasistatic", "hybrid", "dynamic"]
-"""Engines, in order of what they model."""
-Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
-"""What a run is made for."""
+__all__ = ["Assumption", "Plan", "plan"]
 
 ERROR_QUASISTATIC = 0.05
 """Largest difference of start forces between ladder and dynamics, event by event, over F_N."""
@@ -211,7 +206,7 @@ def plan(
 
     Source: errors of the levels as measured on the paper's scenes.
     """
-    tolerance = check_question(want, tolerance)
+    tolerance = Options(want=want, tolerance=tolerance).tolerance
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     scout, times = _scout(scene, t_end), decay_times(scene)
     strain, one_row = largest_strain(scene, scout.F_max), scene.N_z == 1
@@ -290,13 +285,6 @@ def plan(
         evaluations=evaluations,
         seconds=evaluations * NS[geometry] * 1e-9 + seconds,
     )
-
-
-def check_question(want: Want, tolerance: float) -> float:
-    """Return the tolerance as a float; raise SceneError if it or `want` is refused."""
-    if not (isinstance(want, str) and want in get_args(Want)):
-        raise SceneError("want", want, "", " or ".join(map(repr, get_args(Want))))
-    return check_number("tolerance", tolerance, "", gt=0.0, le=1.0)
 
 
 # --- numbers -------------------------------------------------------------------------------------

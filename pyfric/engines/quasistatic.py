@@ -26,14 +26,9 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import CORNER_SHARE, OPEN, StateError
-from pyfric.engines.dynamic import (
-    Progress,
-    check_continues,
-    interruptible,
-    kept_notes,
-    progress_bar,
-)
+from pyfric.engines.dynamic import check_continues, kept_notes
 from pyfric.engines.guard import hurry_notes, strain_notes
+from pyfric.engines.progress import Progress, interruptible, run_bar
 from pyfric.record import (
     QUIET_COLUMNS,
     SWITCH_COLUMNS,
@@ -371,7 +366,7 @@ def simulate(
         allowed = "0, or fidelity = 'hybrid' or 'dynamic': the ladder knows slip at mu_k only"
         raise SceneError("interface.d_c", scene.interface.d_c, "m", allowed)
     run = ENGINES[engine](scene, t_gap)
-    with progress_bar(progress, scene, 0.0, t_end) as bar, interruptible() as stop:
+    with run_bar(progress, scene, 0.0, t_end) as bar, interruptible() as stop:
 
         def show(t: float, F_T: float, events: int) -> None:
             bar(Progress(t, 0.0, t_end, F_T / scene.F_N, events, math.nan))

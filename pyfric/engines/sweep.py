@@ -14,12 +14,10 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
-import inspect
 import json
 import multiprocessing
 import os
 import signal
-import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -35,6 +33,9 @@ import scipy
 from platformdirs import user_cache_path
 from threadpoolctl import threadpool_limits
 
+from pyfric import core
+from pyfric.engines.options import Options
+from pyfric.engines.progress import jobs_bar
 from pyfric.engines.simulation import simulate
 from pyfric.record import Record, RecordError
 from pyfric.scene import Scene, SceneError, __version__, check_number, unknown
@@ -49,9 +50,12 @@ CACHE_VARIABLE = "PYFRIC_CACHE"
 MAX_BYTES = 2**30
 """Most bytes of finished runs that are kept."""
 
-_ELSEWHERE = {"scene", "t_end", "initial", "threads", "progress", "checkpoint", "checkpoint_every"}
-OPTIONS = [name for name in inspect.signature(simulate).parameters if name not in _ELSEWHERE]
-"""Arguments of `pyfric.simulate` that a job may have as options."""
+ELSEWHERE = ("threads", "checkpoint", "checkpoint_every")
+"""Options that do not change what a run gives; jobs leave them to `run_all`."""
+OPTIONS = [one.name for one in dataclasses.fields(Options) if one.name not in ELSEWHERE]
+"""Options that a job may have."""
+ROOMS = ("scene", "core", "statics", "record", "engines")
+"""Rooms whose code determines what a run gives."""
 
 
 class JobError(RuntimeError):
@@ -69,7 +73,7 @@ class Job:
     Args:
         scene: what is simulated.
         t_end: time of the end, in s.
-        options: keyword arguments of `pyfric.simulate` among `OPTIONS`.
+        options: an `Options`, or a mapping of names among `OPTIONS` to values, which becomes one.
 
     Raises:
         SceneError: a value is refused, or an option is unknown.
@@ -77,24 +81,30 @@ class Job:
 
     scene: Scene
     t_end: float
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Options = field(default_factory=Options)
 
     def __post_init__(self) -> None:
         if not isinstance(self.scene, Scene):
             raise SceneError("scene", self.scene, "", "a Scene")
         object.__setattr__(self, "t_end", check_number("t_end", self.t_end, "s", ge=0.0))
-        object.__setattr__(self, "options", dict(self.options))
-        for name, value in self.options.items():
-            if name not in OPTIONS:
-                raise unknown(f"options.{name}", value, str(name), OPTIONS)
-            if not isinstance(value, str | bool | int | float | None):
-                raise SceneError(f"options.{name}", value, "", "text, a number, a bool or None")
+        options = self.options
+        if isinstance(options, Mapping):
+            for name, value in options.items():
+                if name not in OPTIONS:
+                    raise unknown(f"options.{name}", value, str(name), OPTIONS)
+            options = Options(**options)
+            object.__setattr__(self, "options", options)
+        if not isinstance(options, Options):
+            raise SceneError("options", options, "", "Options, or a mapping")
+        for name in options.given().keys() & ELSEWHERE:
+            raise unknown(f"options.{name}", getattr(options, name), name, OPTIONS)
 
     @property
     def key(self) -> str:
         """Hash of all that determines the record: scene, end, options, code."""
         scene = dataclasses.replace(self.scene, name="").to_toml()
-        content = json.dumps([scene, self.t_end, self.options, code_version()], sort_keys=True)
+        options = {name: getattr(self.options, name) for name in OPTIONS}
+        content = json.dumps([scene, self.t_end, options, code_version()], sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()[:40]
 
     @property
@@ -102,23 +112,24 @@ class Job:
         """Rough measure of the work, to start long runs first: blocks times rise of the force."""
         scene, options = self.scene, self.options
         rise = scene.driver.K * scene.driver.V * self.t_end / scene.F_N
-        factor = {"dynamic": 100.0, "quasistatic": 0.1}.get(options.get("fidelity"), 1.0)
-        factor *= 5.0 if options.get("geometry") == "finite" else 1.0
+        factor = {"dynamic": 100.0, "quasistatic": 0.1}.get(options.fidelity, 1.0)
+        factor *= 5.0 if options.geometry == "finite" else 1.0
         return factor * scene.N_x * scene.N_z * rise
 
     def __str__(self) -> str:
-        options = "".join(f", {name} = {value}" for name, value in self.options.items())
+        options = "".join(f", {name} = {value}" for name, value in self.options.given().items())
         return f"{self.scene.name or 'scene'} to t = {self.t_end:g} s{options}"
 
 
 @functools.cache
 def code_version() -> str:
-    """Return a hash of the installed package, of its sources and core, and of NumPy and SciPy."""
+    """Return a hash of what computes a run: `ROOMS`, the compiled core, NumPy and SciPy."""
     versions = (__version__, np.__version__, scipy.__version__)  # static states go through LAPACK
     found = hashlib.sha256(" ".join(versions).encode())
     here = Path(__file__).parents[1]
     for path in sorted(here.rglob("*")):
-        if path.suffix in (".py", ".so", ".pyd"):
+        inside = path.relative_to(here).parts
+        if path.suffix in (".so", ".pyd") or (path.suffix == ".py" and inside[0] in ROOMS):
             name = path.relative_to(here).as_posix().encode()
             found.update(name + b"\0" + hashlib.sha256(path.read_bytes()).digest())
     return found.hexdigest()
@@ -164,7 +175,7 @@ def run_all(
         if not isinstance(job, Job):
             raise SceneError("jobs", job, "", "a list of Job")
     if workers is None:
-        workers = _processors()
+        workers = core.processors()
     elif isinstance(workers, bool) or not (isinstance(workers, int) and workers >= 1):
         raise SceneError("workers", workers, "", "a whole number >= 1, or None")
     folder = None
@@ -175,7 +186,7 @@ def run_all(
     found = {key: _kept(job, folder, key) for key, job in by_key.items()}
     todo = {key: job for key, job in by_key.items() if found[key] is None}
     todo = dict(sorted(todo.items(), key=lambda item: -item[1].weight))
-    with _progress_bar(progress, len(by_key)) as show:
+    with jobs_bar(progress, len(by_key)) as show:
         done = len(by_key) - len(todo)
         show(done, len(by_key))
         with closing(_outcomes(todo, min(workers, len(todo)), folder)) as outcomes:
@@ -190,12 +201,6 @@ def run_all(
     if folder is not None and todo:
         _trim(folder, MAX_BYTES)
     return [dataclasses.replace(found[job.key], scene=job.scene) for job in jobs]
-
-
-def _processors() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 # --- running -------------------------------------------------------------------------------------
@@ -276,7 +281,7 @@ def _made(job: Job, folder: Path | None, key: str, look: Callable[[Any], None]) 
     """Return the record of a job, kept in the folder, or what went wrong."""
     start = time.process_time()
     try:
-        record = simulate(job.scene, job.t_end, threads=1, progress=look, **job.options)
+        record = simulate(job.scene, job.t_end, job.options, threads=1, progress=look)
     except Exception as error:  # not every error survives the way between processes
         return f"{type(error).__name__}: {error}"
     timings = {**record.timings, "processor": time.process_time() - start}
@@ -320,22 +325,3 @@ def _trim(folder: Path, most: int) -> None:
         size += stat.st_size
         if size > most:
             path.unlink(missing_ok=True)
-
-
-@contextmanager
-def _progress_bar(
-    progress: bool | Callable[[int, int], None] | None, total: int
-) -> Iterator[Callable[[int, int], None]]:
-    """Give the function that shows how many jobs are done."""
-    if callable(progress):
-        yield progress
-        return
-    if progress is None:
-        progress = sys.stderr is not None and sys.stderr.isatty()
-    if not progress:
-        yield lambda *_: None
-        return
-    from tqdm import tqdm
-
-    with tqdm(total=total, desc="runs", unit="run", file=sys.stderr) as bar:
-        yield lambda done, _: bar.update(done - bar.n)

@@ -109,7 +109,7 @@ def event_frames(record: Record, event: int, times: Sequence[float]) -> list[Fra
         allowed = f"increasing times in s from {t_start:.6g} on"
         raise SceneError("times", times, "s", allowed)
     begin = max(0.0, t_start - LEAD * method.dt)
-    steps = {"method": method.stepper, "switching": method.switching.replace(" ", "_")}
+    steps = {"stepper": method.stepper, "switching": method.switching}
     if method.rtol is not None:
         steps["rtol"] = method.rtol
     how = {"geometry": method.geometry, "dt": method.dt, "progress": False}

@@ -177,7 +177,9 @@ def engine_text(records: Record | Sequence[Record]) -> str:
     for one in records:
         method = one.method
         step = "" if method.dt is None else f", time step {method.dt * 1e6:g} us"
-        how = ", ".join(part for part in (method.stepper, method.switching) if part)
+        how = ", ".join(
+            part for part in (method.stepper, method.switching.replace("_", " ")) if part
+        )
         hows.append(f"{method.engine}, {method.geometry} geometry{', ' + how if how else ''}{step}")
     gaps = joined(f"{gap * 1e3:g} ms" for gap in sorted({one.method.t_gap for one in records}))
     text.append(

@@ -4,6 +4,8 @@ from pyfric.record import analysis, theory
 from pyfric.record.analysis import (
     PER_BIN,
     Collapse,
+    budget_error,
+    budget_left,
     collapse_spread,
     front,
     fronts,
@@ -34,6 +36,8 @@ __all__ = [
     "Record",
     "RecordError",
     "analysis",
+    "budget_error",
+    "budget_left",
     "build_catalogue",
     "collapse_spread",
     "front",

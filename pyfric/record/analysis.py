@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 import numpy as np
 import pandas as pd
 
+from pyfric.core import ENERGIES
 from pyfric.record.catalogue import front_speed
 from pyfric.scene import SceneError
 
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Collapse",
     "FrictionCoefficients",
+    "budget_error",
+    "budget_left",
     "collapse_spread",
     "friction_coefficients",
     "front",
@@ -43,8 +46,42 @@ When = Literal["before", "after"]
 BINS = 20
 """Default number of bins of `collapse_spread`."""
 
+ROUNDED = 1e-7
+"""Energy that changes hands below this share of what is stored is next to nothing."""
+
 PER_BIN = 5
 """Fewest points for each bin of `collapse_spread`."""
+
+
+def budget_left(curve: pd.DataFrame) -> pd.Series:
+    """Return what an energy budget leaves over since its start, in J: 0 but for errors of steps.
+
+    Args:
+        curve: the loading curve of a run with budget = True.
+    """
+    stored, given, lost = _moved(curve)
+    return stored - given + lost
+
+
+def budget_error(curve: pd.DataFrame) -> float:
+    """Return the largest error of an energy budget, over the largest energy that changed hands.
+
+    Where next to nothing did, the error is that of rounding: it is taken over the stored energy.
+
+    Args:
+        curve: the loading curve of a run with budget = True.
+    """
+    moved = max(one.abs().max() for one in _moved(curve))
+    moved = max(moved, ROUNDED * curve[list(ENERGIES)].abs().sum(axis=1).max())
+    return float(budget_left(curve).abs().max() / moved) if moved > 0 else 0.0
+
+
+def _moved(curve: pd.DataFrame) -> tuple[pd.Series, pd.Series, pd.Series]:
+    """Return the energy stored since the start, the work done, and what was lost, in J."""
+    stored = curve[list(ENERGIES)].sum(axis=1)
+    work = curve["work_driver"] + curve["work_load"]
+    lost = curve["dissipated_bonds"] + curve["friction_heat"] + curve["switching_loss"]
+    return stored - stored.iloc[0], work, lost
 
 
 class FrictionCoefficients(NamedTuple):

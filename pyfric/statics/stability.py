@@ -235,7 +235,7 @@ def _map_limit(
 
 
 @functools.lru_cache(maxsize=64)
-def stability_limit(scene: Scene, method: str = "rk4") -> tuple[float, Mapping[str, Any]]:
+def stability_limit(scene: Scene, stepper: str = "rk4") -> tuple[float, Mapping[str, Any]]:
     """Return the largest stable time step of the linear, damped lattice.
 
     For "rk4", all eigenvalues lambda of [[0, I], [-M^-1 K, -M^-1 C]] must keep |R(lambda dt)| <= 1.
@@ -253,7 +253,7 @@ def stability_limit(scene: Scene, method: str = "rk4") -> tuple[float, Mapping[s
 
     Args:
         scene: the scene.
-        method: "rk4", "symplectic_euler", "verlet" or "adaptive".
+        stepper: "rk4", "symplectic_euler", "verlet" or "adaptive".
 
     Returns:
         dt_max in s, and a mapping: `dt_bulk` (plane waves, s), `dt_boundary` (small lattice, s; inf
@@ -262,14 +262,14 @@ def stability_limit(scene: Scene, method: str = "rk4") -> tuple[float, Mapping[s
         rad), `shape` ((N_z, N_x) of the small lattice), `exact` (the small lattice is the scene).
 
     Raises:
-        ValueError: unknown method.
+        ValueError: unknown stepper.
     """
-    if method not in STEPPERS:
-        raise ValueError(f"method = {method!r}: expected {' or '.join(map(repr, STEPPERS))}")
-    stepper, small = STEPPERS[method], _reduced(scene)
+    if stepper not in STEPPERS:
+        raise ValueError(f"stepper = {stepper!r}: expected {' or '.join(map(repr, STEPPERS))}")
+    table, small = STEPPERS[stepper], _reduced(scene)
     exact = small is scene
-    dt_bulk, bulk, ql = _bulk_limit(scene, stepper)
-    dt_boundary, boundary = _small_limit(small, stepper, np.inf if exact else dt_bulk)
+    dt_bulk, bulk, ql = _bulk_limit(scene, table)
+    dt_boundary, boundary = _small_limit(small, table, np.inf if exact else dt_bulk)
     set_inside = dt_bulk < dt_boundary and not exact
     info = {
         "dt_bulk": dt_bulk,

@@ -44,7 +44,7 @@ from pyfric.checks.studies import peers
 from pyfric.core import OPEN, State
 from pyfric.engines import RunError, simulate
 from pyfric.figures import DataFigure
-from pyfric.record import front_speed
+from pyfric.record import budget_left, front_speed
 from pyfric.scene import SceneError, chain, preset
 from pyfric.statics import loaded_state, stability_limit
 
@@ -155,7 +155,7 @@ def event_points(
     for geometry in ("finite", *({one.geometry for one in methods} - {"finite"})):
         say(f"event: reference, {geometry} geometry")
         state, t_end = _before_event(scene, event, geometry)
-        options = {"method": "rk4", "switching": "located", "geometry": geometry}
+        options = {"stepper": "rk4", "switching": "located", "geometry": geometry}
         runs = [
             _event_run(scene, state, t_end, dt=share * limit, **options)
             for share in reference_shares
@@ -176,7 +176,8 @@ def event_points(
         for share in one.shares:
             for rtol in one.rtols:
                 say(f"event: {one.method}, {one.switching}, {one.geometry}, {share:g} {rtol or ''}")
-                options = {name: getattr(one, name) for name in ("method", "switching", "geometry")}
+                options = {"stepper": one.method, "switching": one.switching}
+                options["geometry"] = one.geometry
                 options |= {"dt": share * limit, "rtol": rtol}
                 row = {"scene": "event", "engine": "dynamic", "share": share, **options}
                 try:
@@ -269,11 +270,9 @@ def _closure(record: Record) -> float:
     curve = record.curve
     if "friction_heat" not in curve:
         return math.nan
-    change = curve.iloc[-1] - curve.iloc[0]
-    stored = sum(change[name] for name in curve if name.startswith(("kinetic", "elastic")))
-    lost = change["dissipated_bonds"] + change["friction_heat"] + change["switching_loss"]
-    left = stored + lost - change["work_driver"] - change["work_load"]
-    return abs(float(left / change["friction_heat"]))
+    heat = curve["friction_heat"]
+    left = budget_left(curve)
+    return abs(float((left.iloc[-1] - left.iloc[0]) / (heat.iloc[-1] - heat.iloc[0])))
 
 
 # --- the loading curve ---------------------------------------------------------------------------
@@ -396,7 +395,7 @@ def _wave(
     state.y[:, :2] = u
     model, log = core.springs(scene, "finite"), core.Log(scene.N_x)
     begin = time.perf_counter()
-    core.advance(model, state, log, n, method=method, budget=False)
+    core.advance(model, state, log, n, stepper=method, budget=False)
     return state.y[:, :2].copy(), time.perf_counter() - begin
 
 

@@ -84,7 +84,7 @@ def grows(scene: Scene, method: str, dt: float) -> bool:
         shaken = slice(1, -1 if not lifted else None)
         state.y[shaken, 2:] = size * rng.standard_normal(state.y[shaken, 2:].shape)
         log, began = core.Log(scene.N_x), np.abs(state.y[:, 2:]).max()
-        core.advance(model, state, log, STEPS, method=method, budget=False)
+        core.advance(model, state, log, STEPS, stepper=method, budget=False)
         with np.errstate(all="ignore"):
             if not np.abs(state.y[:, 2:]).max() < GROWTH * began:
                 return True

@@ -22,14 +22,13 @@ def info(as_json: bool) -> None:
     from pyfric.scene import __version__
 
     build = core.build_info()
-    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     found = {
         "pyfric": __version__,
         "variant": core.VARIANT,
         "variants": core.variants(),
         "environment": core.ENVIRONMENT,
         **build,
-        "processors": available,
+        "processors": core.processors(),
         "blocks_per_thread": core.BLOCKS_PER_THREAD,
         "python": platform.python_version(),
         "numpy": np.__version__,
@@ -46,7 +45,7 @@ def info(as_json: bool) -> None:
         how = f"from {core.ENVIRONMENT}"
     else:
         how = f"the best one here; {core.ENVIRONMENT} names another"
-    threads = f"one for every {core.BLOCKS_PER_THREAD} blocks, at most {available}"
+    threads = f"one for every {core.BLOCKS_PER_THREAD} blocks, at most {core.processors()}"
     rows = {
         "pyfric": __version__,
         "variant": f"{core.VARIANT} ({how})",
@@ -54,7 +53,7 @@ def info(as_json: bool) -> None:
         "compiler": build["compiler"],
         "flags": build["flags"],
         "OpenMP": "yes" if build["openmp"] else "no",
-        "processors": available,
+        "processors": core.processors(),
         "threads": threads if build["openmp"] else "1",
         "python": found["python"],
         "numpy": found["numpy"],

@@ -56,7 +56,7 @@ HERE = "\0"  # value of --resume without a file
     "[default: finite; linear for a chain]",
 )
 @click.option(
-    "--method",
+    "--stepper",
     type=click.Choice(["rk4", "verlet", "symplectic_euler", "adaptive"]),
     default="rk4",
     show_default=True,
@@ -69,7 +69,7 @@ HERE = "\0"  # value of --resume without a file
     "[default: as planned, or step_end]",
 )
 @click.option(
-    "--rtol", type=float, help="Error of a sub-step of --method adaptive. [default: 1e-6]"
+    "--rtol", type=float, help="Error of a sub-step of --stepper adaptive. [default: 1e-6]"
 )
 @click.option(
     "--dt",
@@ -137,8 +137,7 @@ def run(
             raise click.UsageError(f"{option}: files cannot be written in {folder}.")
     record = None if resume is None else _record_to_continue(resume, what, ctx)
     if record is None or not _is_done(record, t_end):
-        how |= {"initial": record, "progress": not (quiet or as_json)}
-        record = _simulate(what, t_end, out, **how)
+        record = _simulate(what, t_end, record, out, not (quiet or as_json), how)
     found = summary(record, _files(record, out, figure, csv))
     if as_json:
         print_json(found)
@@ -199,8 +198,8 @@ def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
             return max(1, round(value / (method.dt or math.inf))) == method.sample
         return value == {
             "geometry": method.geometry,
-            "method": method.stepper or "rk4",
-            "switching": method.switching.replace(" ", "_") or "step_end",
+            "stepper": method.stepper or "rk4",
+            "switching": method.switching or "step_end",
             "rtol": method.rtol,
             "t_gap": method.t_gap,
             "budget": method.budget,
@@ -221,7 +220,14 @@ def _is_done(record: Record, t_end: float) -> bool:
     return record.status == "complete" and t - (record.method.dt or 0.0) < t_end <= t
 
 
-def _simulate(scene: Scene, t_end: float, out: Path | None, **how: Any) -> Record:
+def _simulate(
+    scene: Scene,
+    t_end: float,
+    initial: Record | None,
+    out: Path | None,
+    progress: bool,
+    how: dict[str, Any],
+) -> Record:
     """Return the record of a run, whether it is complete, interrupted or failed."""
     import pyfric
 
@@ -229,8 +235,9 @@ def _simulate(scene: Scene, t_end: float, out: Path | None, **how: Any) -> Recor
         import xarray as xr
 
         xr.Dataset({"a": ("x", [0.0])}, {"x": [0.0]}).to_netcdf(engine="h5netcdf")
-    how = {name: value for name, value in how.items() if value is not None}
+    given = {name: value for name, value in how.items() if value is not None}
+    options = pyfric.Options(checkpoint=out, **given)
     try:
-        return pyfric.simulate(scene, t_end, checkpoint=out, **how)
+        return pyfric.simulate(scene, t_end, options, initial=initial, progress=progress)
     except pyfric.RunError as error:
         return error.record

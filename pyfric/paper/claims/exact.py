@@ -12,6 +12,7 @@ from pyfric import core
 from pyfric.core import OPEN, State
 from pyfric.engines import simulate
 from pyfric.paper.claims.claim import Claim, Row, Runs, row
+from pyfric.record import budget_left
 from pyfric.scene import Scene, chain, preset, setup1, setup2
 from pyfric.statics import bonds, loaded_state, solve_static, spring_stiffness, stability_limit
 
@@ -133,11 +134,7 @@ def _check_energy(runs: Runs) -> list[Claim]:
         dt = share * stability_limit(scene)[0]
         how = {"fidelity": "dynamic", "geometry": "finite", "dt": dt, "budget": True}
         curve = simulate(scene, 3e-3, progress=False, **how).curve
-        stored = curve[list(core.ENERGIES)].sum(axis=1)
-        given = curve[["work_driver", "work_load"]].sum(axis=1)
-        lost = curve[["dissipated_bonds", "friction_heat", "switching_loss"]].sum(axis=1)
-        error = (stored - stored.iloc[0]) - given + lost
-        errors.append(float(np.abs(error).max() / np.abs(curve["work_driver"].iloc[-1])))
+        errors.append(float(budget_left(curve).abs().max() / abs(curve["work_driver"].iloc[-1])))
     return [
         _exact(
             "E4",

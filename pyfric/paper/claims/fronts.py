@@ -30,7 +30,8 @@ def _claim_12(runs: Runs) -> list[Claim]:
     record = runs["fig4a"]
     table = analysis.front(record, int(analysis.precursors(record)["event"].iloc[10]))
     speed = table["v_c"].dropna()
-    how = f"v_c of the 11th main precursor, Fig. 1 scene, {record.method.switching} switching: "
+    switching = record.method.switching.replace("_", " ")
+    how = f"v_c of the 11th main precursor, Fig. 1 scene, {switching} switching: "
     return [
         Claim(
             number="12a",

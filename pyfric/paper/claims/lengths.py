@@ -210,7 +210,7 @@ def _claim_4(runs: Runs) -> list[Claim]:
             text=text + "the curves are apart",
             value=float(np.nanmin(gaps[:, lengths < 0.55])),
             unit="F_N",
-            low=jobs()[SETUP2[0]].options["tolerance"],
+            low=jobs()[SETUP2[0]].options.tolerance,
             how=f"{how} ... 0.5",
             source="the accepted error of these runs; the paper has no number",
         ),

@@ -1,0 +1,262 @@
+"""How a run is made: what is asked for, and what that comes to for a scene and an engine.
+
+`Options` holds what is asked for, whatever the scene. `Options.method` looks at the scene and
+settles what was left open: a `Method`, which the record of the run keeps.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from dataclasses import dataclass
+from numbers import Integral
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from pyfric import core
+from pyfric.core import STEPPERS, Switching
+from pyfric.record import T_GAP, Method
+from pyfric.scene import Geometry, SceneError, check_geometry, check_number, default_geometry
+from pyfric.statics import stability_limit
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pyfric.engines.dynamic import Run
+    from pyfric.scene import Scene
+
+__all__ = ["AUTO_SHARE", "RTOL", "Fidelity", "Options", "Want", "kept", "step_size"]
+
+AUTO_SHARE = 0.5
+"""dt = "auto" is this share of the stability limit, rounded down to two digits.
+
+Measured on the Fig. 1 scene up to 0.9 s against the paper's 0.2 us, which is an eighth of the
+limit: at half the limit (0.78 us) the 13 main precursors keep their order, their start and arrest
+forces agree within 8e-4 F_N and their lengths within one block; at 1.2 us within 1e-3 F_N and one
+block. The error falls in proportion to the step, because contacts switch at step ends."""
+RTOL = 1e-6
+"""Default of rtol, the largest error of an adaptive sub-step. On a short front, with dt = "auto"
+and located switching, rupture times are then right to 2e-11 s for 1.3 times the work of
+rtol = 1e-3, where sub-steps are as long as dt and times right to 7e-9 s."""
+LONGEST_LOCATED = 30.0
+"""Longest step of the adaptive stepper with located switching, over the stability limit of RK4."""
+CURVE_POINTS = 5000
+"""Points of the loading curve, unless `sample` says otherwise."""
+MAX_STEPS = 10**12
+"""Most steps of one run."""
+MAX_THREADS = 4096
+"""Most threads that may be asked for."""
+
+Fidelity = Literal["auto", "equilibrium", "quasistatic", "hybrid", "dynamic"]
+"""What is modelled: a level, or "auto" for the one that is enough."""
+Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
+"""What a run is made for."""
+
+CHOICES: Mapping[str, tuple[str, ...]] = {
+    "fidelity": get_args(Fidelity),
+    "want": get_args(Want),
+    "geometry": get_args(Geometry),
+    "stepper": tuple(STEPPERS),
+    "switching": get_args(Switching),
+}
+"""Option -> the texts it may be."""
+NUMBERS: Mapping[str, tuple[str, dict[str, float]]] = {
+    "tolerance": ("", {"gt": 0.0, "le": 1.0}),
+    "rtol": ("", {"ge": 1e-12, "le": 1.0}),
+    "dt": ("s", {"gt": 0.0}),
+    "sample": ("s", {"gt": 0.0}),
+    "t_gap": ("s", {"ge": 0.0}),
+    "checkpoint_every": ("s", {"gt": 0.0}),
+}
+"""Option -> unit and range."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How a run is made; these are the keyword arguments of `pyfric.simulate`.
+
+    Args:
+        fidelity: "dynamic" integrates everything. "hybrid" integrates events and solves the waiting
+            between them. "quasistatic" has no inertia. "equilibrium" is the stuck slider, and ends
+            at the first slip. "auto" takes what `pyfric.plan` finds enough for `want` within
+            `tolerance`; options below that a level lacks rule it out.
+        want: what the run is made for; see `pyfric.plan`.
+        tolerance: accepted error; see `pyfric.plan`.
+        geometry: "finite" (as in the paper) or "linear"; None leaves it to the plan, or means
+            "finite", or "linear" where there is no other (chain, static engines).
+        stepper: "rk4": classical RK4, order 4 (the paper's). "verlet": velocity Verlet with viscous
+            forces at a predicted velocity, order 2. "symplectic_euler": semi-implicit Euler, order
+            1. "adaptive": RK4 with an estimate of its error, sub-steps inside dt. All but "rk4"
+            need full dynamics.
+        switching: "step_end": contacts switch at the end of a step (the paper's), which costs an
+            order-1 error of their times. "located": they switch inside the step, where v_x,
+            mu_s p - |f| or u_z of a block has its root, and the step is finished from there. A
+            margin that crosses zero twice in a sub-step is noticed if the parabola through its
+            start, middle and end dips below zero. None leaves it to the plan, or means
+            "step_end".
+        rtol: for the stepper "adaptive": largest error of a sub-step, in displacements over
+            F_N/(N_x s), in velocities over F_N/(N_x sqrt(s m)), s the largest of k, k_f and k_top;
+            None means 1e-6.
+        dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
+        budget: keep the energy budget (adds its columns to the curve); full dynamics only. None
+            means yes for fidelity = "dynamic".
+        sample: time between two points of the loading curve, in s; None means 5000 points.
+        t_gap: longest pause inside an event, in s.
+        threads: most threads to use, None for all; small lattices use one.
+        checkpoint: file to which the run so far is saved as a record every `checkpoint_every` s.
+        checkpoint_every: time between two such saves, in s.
+
+    Raises:
+        SceneError: a value is refused; the message names it, its unit and what is allowed.
+    """
+
+    fidelity: Fidelity = "auto"
+    want: Want = "precursors"
+    tolerance: float = 0.01
+    geometry: Geometry | None = None
+    stepper: str = "rk4"
+    switching: Switching | None = None
+    rtol: float | None = None
+    dt: float | Literal["auto"] = "auto"
+    budget: bool | None = None
+    sample: float | None = None
+    t_gap: float = T_GAP
+    threads: int | None = None
+    checkpoint: str | os.PathLike[str] | None = None
+    checkpoint_every: float = 60.0
+
+    def __post_init__(self) -> None:
+        free = self.open()
+        for name, known in CHOICES.items():
+            value = getattr(self, name)
+            if name not in free and not (isinstance(value, str) and value in known):
+                raise SceneError(name, value, "", " or ".join(map(repr, known)))
+        for name, (unit, allowed) in NUMBERS.items():
+            value = getattr(self, name)
+            if isinstance(value, str) and name == "dt":
+                if value != "auto":
+                    raise SceneError(name, value, unit, "a number or 'auto'")
+            elif name not in free:
+                object.__setattr__(self, name, check_number(name, value, unit, **allowed))
+        if self.rtol is not None and not STEPPERS[self.stepper].adaptive:
+            raise SceneError("rtol", self.rtol, "", "None, or stepper = 'adaptive'")
+        if not isinstance(self.budget, bool | np.bool | None):
+            raise SceneError("budget", self.budget, "", "True, False or None")
+        if self.threads is not None:
+            whole = isinstance(self.threads, Integral) and not isinstance(self.threads, bool)
+            if not (whole and 1 <= self.threads <= MAX_THREADS):
+                raise SceneError("threads", self.threads, "", f"1 … {MAX_THREADS} or None")
+        if not isinstance(self.checkpoint, str | os.PathLike | None):
+            raise SceneError("checkpoint", self.checkpoint, "", "a path or None")
+
+    def open(self) -> set[str]:
+        """Return the names of the options that are left open: those whose default None stays."""
+        fields = dataclasses.fields(self)
+        return {one.name for one in fields if one.default is None is getattr(self, one.name)}
+
+    def given(self) -> dict[str, Any]:
+        """Return the options that differ from their defaults."""
+        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        return {name: value for name, value in values.items() if value != getattr(Options, name)}
+
+    def check_static(self) -> None:
+        """Raise SceneError unless an engine without inertia can have these options."""
+        for name, without in (
+            ("geometry", (None, "linear")),
+            ("stepper", ("rk4",)),
+            ("switching", (None, "step_end")),
+            ("dt", ("auto",)),
+            ("budget", (None, False)),
+        ):
+            value = getattr(self, name)
+            if value not in without:
+                what = f"the {self.fidelity} engine is linear and makes no steps"
+                unit = "s" if name == "dt" else ""
+                raise SceneError(name, value, unit, f"nothing, because {what}")
+
+    def method(self, scene: Scene, engine: type[Run], t_begin: float, t_end: float) -> Method:
+        """Return how an engine with time steps makes a run between two times, in s.
+
+        Raises:
+            SceneError: an option that this scene or engine cannot have.
+        """
+        if self.geometry is not None:
+            check_geometry(self.geometry, scene)
+        if self.stepper not in engine.steppers:
+            known = " or ".join(map(repr, engine.steppers))
+            allowed = f"{known} with fidelity = {engine.name!r}"
+            raise SceneError("stepper", self.stepper, "", allowed)
+        if self.budget and not engine.keeps_budget:
+            allowed = "False, or fidelity = 'dynamic', which follows all motion"
+            raise SceneError("budget", self.budget, "", allowed)
+        dt = step_size(scene, self.dt, self.stepper)
+        if self.switching == "located":
+            _check_located(scene, self.stepper, dt)
+        steps = (t_end - t_begin) / dt
+        if steps > MAX_STEPS:
+            raise SceneError("t_end", t_end, "s", f"at most {MAX_STEPS:g} steps of {dt:g} s")
+        every = steps / CURVE_POINTS if self.sample is None else self.sample / dt
+        return Method(
+            engine=engine.name,
+            geometry=self.geometry or default_geometry(scene),
+            stepper=self.stepper,
+            switching=self.switching or "step_end",
+            rtol=(self.rtol or RTOL) if STEPPERS[self.stepper].adaptive else None,
+            dt=dt,
+            sample=max(1, round(every)),
+            t_gap=self.t_gap,
+            threads=core.useful_threads(scene.N_x * scene.N_z, self.threads and int(self.threads)),
+            variant=core.VARIANT,
+            budget=engine.keeps_budget if self.budget is None else bool(self.budget),
+        )
+
+
+def kept(method: Method) -> dict[str, Any]:
+    """Return the options with which a run goes on that was made like this."""
+    same: dict[str, Any] = {"geometry": method.geometry, "t_gap": method.t_gap}
+    if method.dt is not None:
+        names = ("stepper", "switching", "rtol", "dt", "budget")
+        same |= {name: getattr(method, name) for name in names}
+        same["sample"] = method.sample * method.dt
+    return same
+
+
+def step_size(scene: Scene, dt: float | Literal["auto"] = "auto", stepper: str = "rk4") -> float:
+    """Return the time step in s, checked against the stability limit of the stepper.
+
+    Args:
+        scene: the scene.
+        dt: step in s, or "auto": `AUTO_SHARE` of the limit, rounded down to two digits. "adaptive"
+            makes sub-steps inside dt: it has no limit, and "auto" is half that of RK4.
+        stepper: the stepper.
+
+    Raises:
+        SceneError: dt is not a number, not positive, or above the limit.
+    """
+    limit, _ = stability_limit(scene, stepper)
+    if isinstance(dt, str):
+        if dt != "auto":
+            raise SceneError("dt", dt, "s", "a number or 'auto'")
+        digit = 10.0 ** (math.floor(math.log10(AUTO_SHARE * limit)) - 1)
+        return float(f"{math.floor(AUTO_SHARE * limit / digit) * digit:.1e}")
+    dt = check_number("dt", dt, "s", gt=0.0)
+    if not STEPPERS[stepper].adaptive and dt > limit:
+        allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {stepper} for this scene"
+        raise SceneError("dt", dt, "s", allowed, "unstable")
+    return dt
+
+
+def _check_located(scene: Scene, stepper: str, dt: float) -> None:
+    """Raise SceneError where switches cannot be located with this stepper or step."""
+    if scene.eta == 0 and STEPPERS[stepper].growth is None:
+        allowed = (
+            f"'step_end', or another stepper than {stepper!r}, or eta > 0: its steps conserve "
+            "energy only as long as they are equal, and those that end at a switch are not"
+        )
+        raise SceneError("switching", "located", "", allowed)
+    limit = LONGEST_LOCATED * stability_limit(scene, "rk4")[0]
+    if STEPPERS[stepper].adaptive and dt > limit:
+        allowed = f"at most {limit:.3g} s with located switching: each step has room for some"
+        raise SceneError("dt", dt, "s", allowed, "too long")

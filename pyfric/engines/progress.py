@@ -1,0 +1,102 @@
+"""What a run shows on its way, and how Ctrl-C ends it."""
+
+from __future__ import annotations
+
+import functools
+import math
+import signal
+import sys
+import threading
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from contextlib import AbstractContextManager
+
+    from tqdm import tqdm
+
+    from pyfric.scene import Scene
+
+__all__ = ["Progress", "interruptible", "jobs_bar", "run_bar"]
+
+
+class Progress(NamedTuple):
+    """Where a run stands: times in s, force over F_N, events so far, steps per second."""
+
+    t: float
+    t_begin: float
+    t_end: float
+    force: float
+    events: int
+    rate: float
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[], bool]]:
+    """Give a function that says whether Ctrl-C was pressed; a second Ctrl-C ends at once."""
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
+    pressed = False
+
+    def handler(number: int, frame: Any) -> None:
+        nonlocal pressed
+        if pressed:
+            raise KeyboardInterrupt
+        pressed = True
+
+    old = signal.signal(signal.SIGINT, handler)
+    try:
+        yield lambda: pressed
+    finally:
+        signal.signal(signal.SIGINT, old)
+
+
+@contextmanager
+def _bar(
+    progress: bool | Callable[..., None] | None, show: Callable[..., None], **layout: Any
+) -> Iterator[Callable[..., None]]:
+    """Give the function that shows progress: the caller's own, a bar on stderr, or nothing."""
+    if callable(progress):
+        yield progress
+        return
+    if progress is None:
+        progress = sys.stderr is not None and sys.stderr.isatty()
+    if not progress:
+        yield lambda *_: None
+        return
+    from tqdm import tqdm
+
+    seldom = 0.1 if sys.stderr.isatty() else 1.0  # a log needs fewer lines
+    with tqdm(file=sys.stderr, mininterval=seldom, **layout) as bar:
+        yield functools.partial(show, bar)
+
+
+def run_bar(
+    progress: bool | Callable[[Progress], None] | None, scene: Scene, t_begin: float, t_end: float
+) -> AbstractContextManager[Callable[[Progress], None]]:
+    """Give the function that shows where one run stands."""
+
+    def show(bar: tqdm, now: Progress) -> None:
+        text = f"F_T/F_N {now.force:.3f}, {now.events} events"
+        if math.isfinite(now.rate):
+            text += f", {now.rate:.3g} steps/s"
+        bar.set_postfix_str(text, refresh=False)
+        bar.update(min(now.t, t_end) - bar.n)
+
+    times = "{n:.4f}/{total:.4f} s [{elapsed}<{remaining}{postfix}]"
+    layout = "{desc}: {percentage:3.0f}%|{bar}| " + times
+    name = scene.name or "run"
+    return _bar(progress, show, total=t_end, initial=t_begin, desc=name, bar_format=layout)
+
+
+def jobs_bar(
+    progress: bool | Callable[[int, int], None] | None, total: int
+) -> AbstractContextManager[Callable[[int, int], None]]:
+    """Give the function that shows how many of some runs are done."""
+
+    def show(bar: tqdm, done: int, _: int) -> None:
+        bar.update(done - bar.n)
+
+    return _bar(progress, show, total=total, desc="runs", unit="run")

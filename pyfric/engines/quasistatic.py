@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import CORNER_SHARE, OPEN, StateError
-from pyfric.engines.dynamic import check_continues, kept_notes
+from pyfric.engines.dynamic import kept_notes
 from pyfric.engines.guard import hurry_notes, strain_notes
 from pyfric.engines.progress import Progress, interruptible, run_bar
 from pyfric.record import (
@@ -355,12 +355,8 @@ def simulate(
     Args are those of `pyfric.simulate`, with engine "quasistatic" or "equilibrium". A run that goes
     on from a record is made again from its start, which gives the same bits.
     """
-    if initial is not None:
-        if not isinstance(initial, Record):
-            raise StateError(f"initial: the {engine} engine goes on from records only")
-        check_continues(initial, scene, engine)
-        t_gap = initial.method.t_gap
-    t_gap = check_number("t_gap", t_gap, "s", ge=0.0)
+    if not isinstance(initial, Record | None):
+        raise StateError(f"initial: the {engine} engine goes on from records only")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     if engine == "quasistatic" and scene.interface.weakens:
         allowed = "0, or fidelity = 'hybrid' or 'dynamic': the ladder knows slip at mu_k only"

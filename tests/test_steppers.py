@@ -371,7 +371,7 @@ def test_doubling_load_and_speed_doubles_every_bit(stepper, switching):
     assert log.n_switch > 5
     for name, factor in (
         ("y", 2), ("rod", 2), ("mode", 1), ("corner", 1), ("margin", 2), ("loss", 4),
-        ("dissipated", 4), ("heat", 4), ("work", 4), ("h", 1),
+        ("dissipated", 4), ("heat", 4), ("work", 4), ("sub", 1),
     ):  # fmt: skip
         np.testing.assert_array_equal(getattr(double, name), factor * getattr(state, name))
     np.testing.assert_array_equal(log_double.switches()["t"], log.switches()["t"])

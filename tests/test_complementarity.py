@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pyfric.scene import Scene, chain, preset, setup1, setup2
+from pyfric.scene import Law, Scene, chain, preset, setup1, setup2
 from pyfric.statics import Contact, Interface, StaticSolver, loaded_state
 from pyfric.statics.uniqueness import LIMIT, definiteness, is_definite
 
@@ -131,8 +131,8 @@ def margins(contact: Contact) -> dict[int, np.ndarray]:
     stuck, closed = contact.stuck, contact.closed
     gap = np.where(closed, now.p, contact.k_f * now.u_z)
     return {
-        1: np.where(stuck, contact.mu_s * now.p + now.f, inf),
-        -1: np.where(stuck, contact.mu_s * now.p - now.f, inf),
+        1: np.where(stuck, contact.law.margins(now.p, now.f)[0], inf),
+        -1: np.where(stuck, contact.law.margins(now.p, now.f)[1], inf),
         0: gap,
     }
 
@@ -142,7 +142,7 @@ def test_the_next_change_is_the_first(name):
     """Nothing is violated on a fine scan up to it; just beyond it, that condition is."""
     i = interface(name)
     contact, unit, seen = i.loaded(), i.unit, 0
-    contact.mu_s = contact.mu_k  # so that releases do not change the state
+    contact.law = Law(*2 * [contact.law.mu_k])  # so that releases do not change the state
     for n in range(12):
         X, b, what = contact.next_change()
         if not np.isfinite(X):
@@ -186,7 +186,7 @@ def test_the_slip_operator_loses_definiteness_near_mu_1():
     alternating = np.resize(np.array([1, -1], dtype=np.int8), contact.N_x)
     patterns = [alternating, *(rng.choice([-1, 1], contact.N_x) for _ in range(10))]
     for mu in found:
-        contact.mu_k = mu
+        contact.law = Law(mu, mu)
         for pattern in patterns:
             contact.slip = np.array(pattern, dtype=np.int8)
             contact.renew()
@@ -200,7 +200,7 @@ def test_definiteness_falls_linearly_with_friction():
     contact = interface("rod").loaded()
     found = []
     for mu in (0.0, 0.5, 1.0):
-        contact.mu_k = mu
+        contact.law = Law(mu, mu)
         found.append(contact.definiteness_of_sliding())
         for number in range(contact.N_x + 1):
             slip = (np.arange(contact.N_x) < number).astype(np.int8)
@@ -210,7 +210,7 @@ def test_definiteness_falls_linearly_with_friction():
     assert found[1] == pytest.approx((found[0] + found[2]) / 2, abs=1e-12)
     limit = 1 / (1 - found[2])
     for mu, definite in ((0.98 * limit, True), (0.995 * limit, False)):  # 0.99 limit: 0.01
-        contact.mu_k = mu
+        contact.law = Law(mu, mu)
         assert (contact.definiteness_of_sliding() > LIMIT) == definite
         operators = [contact.slip_operator(np.full(contact.N_x, way)) for way in (1, -1)]
         assert all(is_definite(*one) for one in operators) == definite

@@ -223,13 +223,13 @@ def _at_once(scene: Callable[[], Scene]) -> Observed:
     and stops at 2 u_e - u_0 after half a period.
     """
     what = scene()
-    top, friction = what.top, what.interface
+    top, law = what.top, what.interface.law
     omega = math.sqrt(what.k_top / what.m)
     half = math.pi / omega
     dt, u_0 = half / 4000, -0.4 * top.p / what.k_top
     state = StaticSolver(what, "linear").loaded.state(what, dt)
     state.y[0, 0] = u_0
-    stop = 2 * (top.tau - friction.mu_k * top.p) / what.k_top - u_0
+    stop = 2 * (top.tau - law.slide(top.p)) / what.k_top - u_0
     record = _run(what, 1.2 * half, initial=state, fidelity="dynamic", dt=dt)
     first = record.switches["t"][record.switches["old"] == 0]
     together = len(first) == what.N_x and (first == first[0]).all() and len(record.events) == 1

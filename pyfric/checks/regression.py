@@ -311,7 +311,7 @@ def loading_curve(known: Reference, made: Record, within: Tolerances) -> list[Ch
 def stresses(known: Reference, made: Record, within: Tolerances) -> list[Check]:
     """Compare tau and p of the main events of a run with those of a set."""
     unit, order = known.scene.F_N / known.scene.N_x, np.argsort(known.scene.n_of_i)
-    friction = known.scene.interface
+    law = known.scene.interface.law
     errors: dict[str, list[float]] = {"before": [], "after": []}
     behind = []
     for row, other in _main(known, made, within):
@@ -324,7 +324,7 @@ def stresses(known: Reference, made: Record, within: Tolerances) -> list[Check]:
         event = known.events.loc[row]
         slid = (n >= event["first_block"]) & (n < event["last_block"]) & (p > LEAST * unit)
         scaled = [
-            _rms((tau[slid] / p[slid] - friction.mu_k) / (friction.mu_s - friction.mu_k))
+            _rms(law.scaled(tau[slid] / p[slid]))
             for tau, p in (
                 (table["tau_after"].to_numpy(), p),
                 (made.tau_after[other][order], made.p_after[other][order]),
@@ -371,9 +371,9 @@ def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Che
         error = _largest(_joined(times))
         checks.append(_check("rupture times in events", error, within.rupture, within, "s"))
     if sum(map(len, theirs)) >= MANY:
-        friction = known.scene.interface
+        law = known.scene.interface.law
         stored = pd.concat(theirs)
-        scaled = (stored["tau_over_p"] - friction.mu_k) / (friction.mu_s - friction.mu_k)
+        scaled = law.scaled(stored["tau_over_p"])
         curve = collapse_spread(scaled, stored["v_c"], bins=BINS)
         points = pd.concat(ours)
         difference = abs(_spread(curve, points["scaled"], points["v_c"]) - curve.rms)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from pyfric.scene import written
+from pyfric.scene import clock, slipped, written
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
@@ -69,13 +69,12 @@ class State:
 
     def __post_init__(self) -> None:
         if self.s_0 is None:  # a state of files that do not hold it
-            slips = np.abs(self.mode) == 1
-            self.s_0 = np.where(slips, -self.mode * self.y[0, 0], 0.0)
+            self.s_0 = clock(0.0, self.mode, self.y[0, 0])
 
     @property
     def slip(self) -> np.ndarray:
         """Path that each bottom block has slipped since it last stuck, shape (N_x,), in m."""
-        return self.s_0 + np.where(np.abs(self.mode) == 1, self.mode * self.y[0, 0], 0.0)
+        return slipped(self.s_0, self.mode, self.y[0, 0])
 
     @property
     def t(self) -> float:

@@ -198,7 +198,7 @@ class Run:
     def notes(self) -> tuple[str, ...]:
         """Return what a reader of the record has to know."""
         scene, dt = self.scene, self.method.dt
-        d_c, drop = scene.interface.d_c, scene.interface.mu_s - scene.interface.mu_k
+        law = scene.interface.law
         notes = ()
         if self.method.geometry == "linear":
             notes = strain_notes(scene, self.name, max(abs(row[1]) for row in self.rows))
@@ -211,13 +211,13 @@ class Run:
             )
         if not scene.interface.weakens:
             return notes
-        growth = math.sqrt(drop * scene.F_N / scene.N_x / (scene.m * d_c))
+        growth = law.growth(scene.F_N / scene.N_x, scene.m)
         if dt * growth <= 1:
             return notes
         return (
             *notes,
             f"{self.name}: steps of {dt:.3g} s do not resolve weakening over d_c = "
-            f"{d_c * 1e6:.3g} um, which takes dt <= {1 / growth:.3g} s; it acts like d_c = 0",
+            f"{law.d_c * 1e6:.3g} um, which takes dt <= {1 / growth:.3g} s; it acts like d_c = 0",
         )
 
     def columns(self) -> list[str]:

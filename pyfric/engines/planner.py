@@ -294,7 +294,7 @@ def _scout(scene: Scene, t_end: float) -> _Scout:
     refined = scene.N_x
     scene = _without_weakening(coarser(scene))
     refined /= scene.N_x
-    F_max = scene.interface.mu_s * scene.F_N
+    F_max = scene.interface.law.hold(scene.F_N)
     guess = _Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, 1.0, "")
 
     def enough() -> bool:
@@ -402,7 +402,7 @@ def _coarser_chain(scene: Scene) -> Scene:
         np.interp(at, np.arange(N_x), np.broadcast_to(value, N_x)) * (N_x / N)
         for value in (top.p, top.tau)
     )
-    most = (1 - 1e-12) * scene.interface.mu_s * p
+    most = (1 - 1e-12) * scene.interface.law.hold(p)
     tau = np.clip(tau, -most, most)
     top = dataclasses.replace(top, p=tuple(p), tau=tuple(tau), k_top=top.k_top * q)
     slider = dataclasses.replace(slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q)

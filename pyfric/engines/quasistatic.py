@@ -58,9 +58,6 @@ __all__ = ["QuasistaticRun", "prediction_curve", "simulate"]
 SWEEPS = 60
 """Most changes of contact state within one event or at one position of the driver, over N_x."""
 
-GRADUAL = 0.01
-"""With mu_s - mu_k up to this many mu_s, slip is continuous, at mu_s."""
-
 IDLE = 200
 """Most changes of contact state in a row at which the driver does not move."""
 
@@ -158,13 +155,14 @@ class QuasistaticRun:
             EquilibriumError: an event does not settle, or slip goes on in events of no length.
         """
         start = time.perf_counter()
-        V, mu_s, mu_k = self.scene.driver.V, self.contact.mu_s, self.contact.mu_k
+        V = self.scene.driver.V
         self.sample()
         if not V:
             self.rows.append((t_end, self.rows[-1][1]))
         else:
-            gradual = mu_s - mu_k <= GRADUAL * mu_s
-            (self.grow if gradual else self._climb)(self.X_0 + V * t_end, stop, show)
+            (self.grow if self.contact.law.gradual else self._climb)(
+                self.X_0 + V * t_end, stop, show
+            )
             if not (stop() or self.over):
                 self.contact.X = self.X_0 + V * t_end
                 self.rows.append((t_end, self.contact.values().F_T))
@@ -207,13 +205,13 @@ class QuasistaticRun:
         Raises:
             EquilibriumError: stick and slip do not settle, or slip does not stop growing.
         """
-        contact, mu_s = self.contact, self.contact.mu_s
-        if contact.mu_k < mu_s:
+        contact, law = self.contact, self.contact.law.continuous()
+        if contact.law.drop > 0:
             self.notes += (
-                f"mu_s - mu_k = {mu_s - contact.mu_k:.3g} is next to nothing: "
-                f"slip is continuous, at mu_s = {mu_s:g}",
+                f"mu_s - mu_k = {contact.law.drop:.3g} is next to nothing: "
+                f"slip is continuous, at mu_s = {law.mu_s:g}",
             )
-            contact.mu_k = mu_s
+        contact.law = law
         for _ in range(SWEEPS * self.scene.N_x):
             _settle_rates(contact)
             self.log.set(contact, self.t)
@@ -228,7 +226,7 @@ class QuasistaticRun:
                     f"{self.name}: slip is followed up to F_T/F_N = "
                     f"{self.rows[-1][1] / self.scene.F_N:.6g}, where the definiteness of the slip "
                     f"operator falls below {LEAST_DEFINITENESS:g}: friction is so strong (mu = "
-                    f"{mu_s:g}) that what comes next may not be the only solution",
+                    f"{law.mu_s:g}) that what comes next may not be the only solution",
                 )
                 return
             X, i, what = contact.next_change(reload=False)
@@ -274,7 +272,7 @@ class QuasistaticRun:
                 log.set(contact, t)
                 continue
             u_x = now.u_x
-            excess = np.where(contact.stuck, np.abs(now.f) - contact.mu_s * now.p, -np.inf)
+            excess = np.where(contact.stuck, -contact.law.margin(now.p, now.f), -np.inf)
             j = int(np.argmax(excess))
             if not excess[j] > tol:
                 contact.hold_all()
@@ -429,7 +427,7 @@ def prediction_curve(scene: Scene, mu: float | None = None) -> Record:
 
 def _warn_if_ambiguous(contact: Contact) -> None:
     """Warn before slip is followed where it may not be determined."""
-    mu, found = contact.mu_k, contact.definiteness_of_sliding()
+    mu, found = contact.law.mu_k, contact.definiteness_of_sliding()
     if found >= LEAST_DEFINITENESS:
         return
     most = mu * (1 - LEAST_DEFINITENESS) / (1 - found)  # it falls linearly
@@ -454,9 +452,9 @@ def _settle_rates(contact: Contact) -> None:
         now, rate = contact.values(), contact.rates()
         rounding = 1e3 * contact.tol
         back = -contact.slip * rate.u_x * contact.k
-        at = contact.stuck & (contact.mu_s * now.p - np.abs(now.f) <= rounding)
+        at = contact.stuck & (contact.law.margin(now.p, now.f) <= rounding)
         way = np.sign(np.where(np.abs(now.f) > rounding, now.f, rate.f))
-        over = np.where(at, way * rate.f - contact.mu_s * rate.p, 0.0)
+        over = np.where(at, way * rate.f - contact.law.hold(rate.p), 0.0)
         worst = np.maximum(back, over)
         small = 100 * contact.small_rate(rate)
         if not worst.max() > small:

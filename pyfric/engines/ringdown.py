@@ -108,8 +108,8 @@ class Frozen:
         closed: Frozen | None = None,
     ) -> None:
         scene = solver.scene
-        N_x, k_f, mu_s, V = scene.N_x, scene.k_f, scene.interface.mu_s, scene.driver.V
-        self.stuck, self.mu_s, self.k_f, self.dt = stuck, mu_s, k_f, dt
+        N_x, k_f, law, V = scene.N_x, scene.k_f, scene.interface.law, scene.driver.V
+        self.stuck, self.law, self.k_f, self.dt = stuck, law, k_f, dt
         loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
         self._bonds = solver.bond_tangents(loaded)
         self._columns: dict[int, np.ndarray] = {}
@@ -142,14 +142,14 @@ class Frozen:
         held, open_ = np.flatnonzero(stuck), np.flatnonzero(~stuck)
         pick = sp.eye_array(self.n_q, format="csr")
         p = -k_f * pick[held + N_x]
-        rows = sp.vstack([mu_s * p + K[held], mu_s * p - K[held], k_f * pick[open_ + N_x]]).tocsr()
+        rows = sp.vstack([*law.margins(p, K[held]), k_f * pick[open_ + N_x]]).tocsr()
         rows_v = sp.vstack([C[held], -C[held], sp.csr_array((len(open_), self.n_q))]).tocsr()
         self.modal = rows[:, free] @ self.phi + (rows_v[:, free] @ self.phi) * self.rates
         direct = np.concatenate([-push[held], push[held], np.zeros(len(open_))])
         self.margin_rate = rows @ self.drift + direct
         self.margin_lag = rows @ self.lag + rows_v @ (V * self.drift)
         viscous = C[held][:, free].multiply(C[held][:, free]) @ (1 / self.M)
-        stiff = mu_s**2 * k_f + K.diagonal()[held] + viscous
+        stiff = law.hold(1.0) ** 2 * k_f + K.diagonal()[held] + viscous
         lift = [self._compliance(factor, i + N_x) for i in open_]
         self.bound = np.sqrt(2 * np.concatenate([stiff, stiff, k_f**2 * np.array(lift)]))
         # F_T = K_drv (X - d u_h)
@@ -311,8 +311,8 @@ class Frozen:
 
     def margins(self, rest: Rest) -> np.ndarray:
         """Return the margins in a static state, shape (n_c,), in N."""
-        load, f = self.mu_s * rest.p[self.stuck], rest.f[self.stuck]
-        return np.concatenate([load + f, load - f, self.k_f * rest.u_z[~self.stuck]])
+        held = self.law.margins(rest.p[self.stuck], rest.f[self.stuck])
+        return np.concatenate([*held, self.k_f * rest.u_z[~self.stuck]])
 
     def margin(self, margins: np.ndarray) -> np.ndarray:
         """Return mu_s p - |f| of each bottom block, shape (N_x,), in N; 0 where open."""

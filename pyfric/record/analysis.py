@@ -274,7 +274,7 @@ def friction_coefficients(record: Record) -> FrictionCoefficients:
         t_end = float(record.curve["t"].iloc[-1]) if len(record.curve) else 0.0
         allowed = "a run with a system-size event"
         raise SceneError("record", t_end, "s", allowed, "the run ended before one: raise t_end")
-    friction, F_N = record.scene.interface, record.scene.F_N
+    law, F_N = record.scene.interface.law, record.scene.F_N
     mu_s_macro = float(record.events["F_T_start"].max()) / F_N
     mean = np.nan
     if len(sliding) > 1:
@@ -284,9 +284,7 @@ def friction_coefficients(record: Record) -> FrictionCoefficients:
         t = np.concatenate([[first], t[within], [last]])
         F_T = np.interp(t, record.curve["t"], record.curve["F_T"])
         mean = float(np.trapezoid(F_T, t) / (last - first)) / F_N
-    gap = friction.mu_s - friction.mu_k
-    R = (mu_s_macro - friction.mu_k) / gap if gap else np.nan
-    return FrictionCoefficients(mu_s_macro, mean, R)
+    return FrictionCoefficients(mu_s_macro, mean, float(law.scaled(mu_s_macro)))
 
 
 def collapse_spread(
@@ -355,6 +353,4 @@ def _ratio(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _scaled(record: Record, tau_over_p: np.ndarray) -> np.ndarray:
-    friction = record.scene.interface
-    gap = friction.mu_s - friction.mu_k
-    return (tau_over_p - friction.mu_k) / gap if gap else np.full(tau_over_p.shape, np.nan)
+    return record.scene.interface.law.scaled(tau_over_p)

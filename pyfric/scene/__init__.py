@@ -1,6 +1,7 @@
 """What is simulated: parts, scenes, presets, units, geometry."""
 
 from pyfric.scene.files import written
+from pyfric.scene.friction import FRICTIONLESS, Law, clock, slipped
 from pyfric.scene.geometry import Geometry, check_geometry, default_geometry
 from pyfric.scene.parts import (
     DistributedLoad,
@@ -23,11 +24,13 @@ from pyfric.scene.units import (
 from pyfric.scene.version import __version__
 
 __all__ = [
+    "FRICTIONLESS",
     "PRESETS",
     "DistributedLoad",
     "Driver",
     "Geometry",
     "Interface",
+    "Law",
     "PrescribedLoad",
     "Rod",
     "Scene",
@@ -37,6 +40,7 @@ __all__ = [
     "chain",
     "check_geometry",
     "check_number",
+    "clock",
     "default_geometry",
     "nearest",
     "parse_quantity",
@@ -45,6 +49,7 @@ __all__ = [
     "run3",
     "setup1",
     "setup2",
+    "slipped",
     "unknown",
     "written",
 ]

@@ -6,6 +6,7 @@ Symbols and boundaries are those of PRL 107, 074301 (2011).
 from typing import Annotated, ClassVar, Literal
 
 from pyfric.scene.checked import NotNegative, Positive, Quantity, part
+from pyfric.scene.friction import Law
 from pyfric.scene.units import SceneError
 
 __all__ = [
@@ -238,6 +239,11 @@ class Interface:
         if self.mu_k > self.mu_s:
             allowed = f"0 <= mu_k <= mu_s = {self.mu_s!r}"
             raise SceneError("interface.mu_k", self.mu_k, "", allowed, "mu_k exceeds mu_s")
+
+    @property
+    def law(self) -> Law:
+        """The friction law."""
+        return Law(self.mu_s, self.mu_k, self.d_c)
 
     @property
     def weakens(self) -> bool:

@@ -101,7 +101,7 @@ class Scene:
                 allowed = f"one number in N, or {self.N_x} of them, one for each block"
                 raise SceneError(f"top.{name}", value, "N", allowed, f"{len(value)} numbers")
         p, tau = np.atleast_1d(top.p), np.atleast_1d(top.tau)
-        most, tau = np.broadcast_arrays(self.interface.mu_s * p, tau)
+        most, tau = np.broadcast_arrays(self.interface.law.hold(p), tau)
         margin = most - np.abs(tau)
         if (margin < 0).any():
             i = int(np.argmax(margin < 0))

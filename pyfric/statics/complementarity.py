@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dposv
 
+from pyfric.scene import FRICTIONLESS
 from pyfric.statics.condensation import condense
 from pyfric.statics.equilibrium import EquilibriumError, loaded_state
 from pyfric.statics.uniqueness import definiteness, is_definite
@@ -99,7 +100,7 @@ class Interface:
         contact = Contact(self, np.zeros(scene.N_x), 0.0, np.ones(scene.N_x, dtype=bool))
         contact.X = -contact.values().F_T / contact.rates().F_T
         now = contact.values()
-        if (np.abs(now.f) <= contact.mu_s * now.p).all():
+        if (contact.law.margin(now.p, now.f) >= 0).all():
             return contact
         # Blocks slip or lift off while F_N is applied.
         rest = loaded_state(scene)
@@ -135,7 +136,7 @@ class Statics:
         """
         given = np.where(free, 0.0, u_x_bottom)
         contact = Contact(self.interface, given, self.X_0 + drive, ~free)
-        contact.mu_k = 0.0
+        contact.law = FRICTIONLESS
         loose, lifted = free.copy(), np.zeros_like(free)
         for _ in range(8 * contact.N_x + 20):
             now = contact.values()
@@ -159,13 +160,14 @@ class Contact:
         slip: direction of the blocks that slip, 0 elsewhere, shape (N_x,), int8.
         closed: blocks that touch the foundation, shape (N_x,), bool.
         X: position of the driver, in m.
+        law: the friction law; slipping blocks have left weakening behind.
         tol: violations of contact or friction conditions below it are rounding, in N.
     """
 
     def __init__(self, interface: Interface, u_x: np.ndarray, X: float, closed: np.ndarray) -> None:
         self.interface, scene = interface, interface.scene
         self.N_x, self.k_f = scene.N_x, scene.k_f
-        self.mu_s, self.mu_k = scene.interface.mu_s, scene.interface.mu_k
+        self.law = scene.interface.law
         self.k, self.K, self.least = scene.slider.k, scene.driver.K, LEAST * interface.unit
         self.slip = np.zeros(self.N_x, dtype=np.int8)
         self.closed = np.array(closed, dtype=bool)
@@ -206,12 +208,13 @@ class Contact:
             closes, 2 has load again and sticks.
         """
         now, rate, stuck = self.values(), self.rates(), self.stuck
-        mu_s, closed, small = self.mu_s, self.closed, self.small_rate(rate)
+        closed, small = self.closed, self.small_rate(rate)
         best = np.inf, 0, 0
+        margins, rates = self.law.margins(now.p, now.f), self.law.margins(rate.p, rate.f)
         light = closed & ~stuck & (now.p <= 2 * self.least) & reload
-        for what, level, slope, which in (
-            (+1, mu_s * now.p + now.f, mu_s * rate.p + rate.f, stuck),
-            (-1, mu_s * now.p - now.f, mu_s * rate.p - rate.f, stuck),
+        for what, margin, slope, which in (
+            (+1, margins[0], rates[0], stuck),
+            (-1, margins[1], rates[1], stuck),
             (0, now.p, rate.p, closed),
             (0, self.k * now.u_z, self.k * rate.u_z, ~closed),
             (2, 2 * self.least - now.p, -rate.p, light),
@@ -219,7 +222,7 @@ class Contact:
             falls = which & (slope < -small)
             if falls.any():
                 ahead = np.full(self.N_x, np.inf)
-                np.divide(np.maximum(level, 0.0), -slope, out=ahead, where=falls)
+                np.divide(np.maximum(margin, 0.0), -slope, out=ahead, where=falls)
                 i = int(np.argmin(ahead))
                 if self.X + ahead[i] < best[0]:
                     best = self.X + float(ahead[i]), i, what
@@ -242,7 +245,7 @@ class Contact:
         N_x, i, open_ = self.N_x, np.flatnonzero(slip), np.flatnonzero(~self.closed)
         base = self.interface.base(self.closed)
         F, u_z = base[N_x : 2 * N_x, :N_x], base[2 * N_x : 3 * N_x, :N_x]
-        W = F - (self.mu_k * self.k_f) * slip[:, None] * u_z
+        W = F - self.law.slide(self.k_f) * slip[:, None] * u_z
         if not open_.size:
             return W[np.ix_(i, i)], F[np.ix_(i, i)]
         follow = np.linalg.solve(F[np.ix_(open_, open_)], F[np.ix_(open_, i)])
@@ -267,7 +270,7 @@ class Contact:
             row = table[i].copy()
             value = row @ column
         else:
-            row = table[N_x + i] - (self.slip[i] * self.mu_k * self.k_f) * table[2 * N_x + i]
+            row = table[N_x + i] - (self.slip[i] * self.law.slide(self.k_f)) * table[2 * N_x + i]
             value = 0.0
         pivot = row[i]
         row /= -pivot
@@ -325,7 +328,7 @@ class Contact:
         free = np.flatnonzero(self.free)
         if not free.size:
             return
-        friction = (self.slip[free] * (self.mu_k * self.k_f))[:, None]
+        friction = (self.slip[free] * self.law.slide(self.k_f))[:, None]
         rows = table[N_x + free] - friction * table[2 * N_x + free]
         try:
             inverse = np.linalg.inv(rows[:, free])
@@ -351,5 +354,5 @@ class Contact:
         N_x = self.N_x
         u_z = v[2 * N_x : 3 * N_x]
         p = np.where(self.closed, -self.k_f * u_z, 0.0)
-        f = np.where(self.free, -self.slip * (self.mu_k * p), v[N_x : 2 * N_x])
+        f = np.where(self.free, -self.slip * self.law.slide(p), v[N_x : 2 * N_x])
         return Values(v[:N_x], f, u_z, p, float(v[-1]))

@@ -477,7 +477,7 @@ def _slider_row(
 def _ivp(scene: Scene, rtol: float) -> tuple[list[tuple], float, int]:
     """Return the switches (t, block, old, new) by SciPy, seconds, and the evaluations of forces."""
     N, m, eta = scene.N_x, scene.m, scene.eta
-    mu_s, mu_k = scene.interface.mu_s, scene.interface.mu_k
+    law = scene.interface.law
     p, k, driver = scene.load, scene.slider.k, scene.driver
     bond = np.eye(N, k=1) + np.eye(N, k=-1) - np.diag([1.0, *((N - 2) * [2.0]), 1.0])
     stiff = k * bond - scene.k_top * np.eye(N)
@@ -491,14 +491,14 @@ def _ivp(scene: Scene, rtol: float) -> tuple[list[tuple], float, int]:
 
     def slope(t: float, y: np.ndarray) -> np.ndarray:
         v = np.where(mode == 0, 0.0, y[N:])
-        a = (other(t, y[:N], v) - mode * mu_k * p) / m
+        a = (other(t, y[:N], v) - mode * law.slide(p)) / m
         return np.concatenate([v, np.where(mode == 0, 0.0, a)])
 
     def margin(i: int) -> Callable[[float, np.ndarray], float]:
         def value(t: float, y: np.ndarray) -> float:
             if mode[i]:
                 return mode[i] * y[N + i]
-            return mu_s * p[i] - abs(other(t, y[:N], y[N:])[i])
+            return law.hold(p[i]) - abs(other(t, y[:N], y[N:])[i])
 
         value.terminal, value.direction = True, -1
         return value
@@ -516,7 +516,7 @@ def _ivp(scene: Scene, rtol: float) -> tuple[list[tuple], float, int]:
         i, old = hit[0], mode[hit[0]]
         y[N + i] = 0.0
         force = other(t, y[:N], y[N:])[i]
-        stays = old and abs(force) <= mu_s * p[i]
+        stays = old and abs(force) <= law.hold(p[i])
         mode[i] = 0 if stays else int(np.sign(force))
         found.append((t, i, old, mode[i]))
 

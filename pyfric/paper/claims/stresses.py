@@ -11,6 +11,7 @@ from pyfric.paper.claims.claim import TENTH, Claim, Row, Runs, row
 from pyfric.paper.claims.parts import arrested, growing, left_behind, prediction_error, reach, rms
 from pyfric.paper.claims.runs import AT_2700, BASE, D_C, MU_S
 from pyfric.record import analysis
+from pyfric.scene import Law
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -157,10 +158,10 @@ def _claim_10(runs: Runs) -> list[Claim]:
     record = runs["fig1"]
     last = analysis.precursor_lengths(record).iloc[-1]
     friction = record.scene.interface
-    left = (last["force"] - friction.mu_k) / (friction.mu_s - friction.mu_k)
+    left = friction.law.scaled(last["force"])
     by_mu_s = {0.7: runs[BASE]} | {mu_s: runs[f"mu_s {mu_s:g}"] for mu_s in MU_S}
     found = {mu_s: _largest(one) for mu_s, one in sorted(by_mu_s.items())}
-    R = {mu_s: (F_max - friction.mu_k) / (mu_s - friction.mu_k) for mu_s, F_max in found.items()}
+    R = {mu_s: Law(mu_s, friction.mu_k).scaled(F_max) for mu_s, F_max in found.items()}
     slope = np.polyfit(list(found), list(found.values()), 1)[0]
     listed = ", ".join(f"{value:.3f} at {mu_s:g}" for mu_s, value in R.items())
     long = analysis.friction_coefficients(record)

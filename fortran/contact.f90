@@ -4,7 +4,7 @@ module pyfric_contact
   use pyfric_layout, only: UX, UZ, VX, LB, LANES
   use pyfric_model, only: model_t, close_row
   use pyfric_boundaries, only: foundation, driver_force
-  use pyfric_law, only: stop_reversed, next_state, stuck_margin, remembered, STUCK
+  use pyfric_law, only: stop_reversed, next_states, remembered, STUCK
   use pyfric_log, only: log_t, log_switch, log_quiet
   use pyfric_rows, only: row_t, other_forces
   implicit none (type, external)
@@ -33,21 +33,21 @@ contains
     type(contact_t), intent(inout) :: contact
     type(log_t), intent(inout) :: log
     type(row_t), intent(inout) :: w
-    integer(ip) :: new
-    real(dp) :: fx(LB:s%n + LANES), margin
+    integer(ip) :: new(s%nx)
+    real(dp) :: fx(LB:s%n + LANES), margin(s%nx)
     logical :: was_active
-    integer :: i, e
+    integer :: i
 
     call stop_blocks(s, y(LB, 1, 1), contact, w)
     call other_forces(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), w, fx)
+    call next_states(s%law, s%nx, s%n, s%at, contact%mode, fx, w%p, y(LB, VX, 1), new, margin)
     was_active = active(contact)
     do i = 1, s%nx
-      e = s%at(i)
-      margin = stuck_margin(s%law, fx(e), w%p(i))
-      new = next_state(s%law, fx(e), w%p(i), contact%mode(i), y(e, VX, 1))
-      if (new /= contact%mode(i)) call switch_block(s, i, new, margin, step, t, dt, y(e, UX, 1), w%p(i), contact, log)
-      contact%margin(i) = margin
+      if (new(i) /= contact%mode(i)) then
+        call switch_block(s, i, new(i), margin(i), step, t, dt, y(s%at(i), UX, 1), w%p(i), contact, log)
+      end if
     end do
+    contact%margin = margin
     if (active(contact) .neqv. was_active) then
       call log_quiet(log, active(contact), contact%mode, step, t, driver_force(s, t, y(s%at(s%i_h), UX, s%j_h)), &
                      y(s%at(:s%nx), UX, 1))

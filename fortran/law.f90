@@ -7,7 +7,7 @@ module pyfric_law
   use pyfric_layout, only: LB, LANES
   implicit none (type, external)
   private
-  public :: law_constants_t, law_t, new_law, friction_force, stuck_margin, margins, stop_reversed, next_state, remembered
+  public :: law_constants_t, law_t, new_law, friction_force, margins, stop_reversed, next_states, remembered
   public :: STUCK, OPEN_GAP
 
   !> Contact states; slipping blocks carry the sign of their motion, +1 or -1.
@@ -123,25 +123,33 @@ contains
 
   !> What stays positive while a contact state lasts. Stuck: mu_s p - |f|; slipping: the velocity along the slip; both:
   !> the depth. Open: the height, twice.
-  pure function margins(law, mode, other, p, u_z, v_x) result(g)
+  pure subroutine margins(law, nx, n, at, mode, other, p, u_z, v_x, g, bears)
     type(law_t), intent(in) :: law
-    integer(ip), intent(in) :: mode  !! contact state
-    real(dp), intent(in) :: other    !! all other horizontal forces [N]
-    real(dp), intent(in) :: p        !! foundation force [N]
-    real(dp), intent(in) :: u_z      !! height [m]
-    real(dp), intent(in) :: v_x      !! velocity [m/s]
-    real(dp) :: g(2)                 !! of friction [N] or [m/s], of the gap [m]
+    integer, intent(in) :: nx                    !! blocks
+    integer, intent(in) :: n                     !! padded length of a row
+    integer, intent(in) :: at(n)                 !! element of each block in a row
+    integer(ip), intent(in) :: mode(nx)          !! contact states
+    real(dp), intent(in) :: other(LB:n + LANES)  !! all other horizontal forces, as a row [N]
+    real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    real(dp), intent(in) :: u_z(LB:n + LANES)    !! heights, as a row [m]
+    real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
+    real(dp), intent(out) :: g(2, nx)            !! of friction [N] or [m/s], of the gap [m]
+    real(dp), intent(out) :: bears(nx)           !! of friction if the block were stuck [N]
+    integer :: i
 
-    g(2) = -u_z
-    select case (mode)
-    case (STUCK)
-      g(1) = stuck_margin(law, other, p)
-    case (OPEN_GAP)
-      g = u_z
-    case default
-      g(1) = real(mode, dp)*v_x
-    end select
-  end function margins
+    do i = 1, nx
+      bears(i) = stuck_margin(law, other(at(i)), p(i))
+      g(2, i) = -u_z(at(i))
+      select case (mode(i))
+      case (STUCK)
+        g(1, i) = bears(i)
+      case (OPEN_GAP)
+        g(:, i) = u_z(at(i))
+      case default
+        g(1, i) = real(mode(i), dp)*v_x(at(i))
+      end select
+    end do
+  end subroutine margins
 
   !> Ends the motion of blocks that no longer move the way they slip; the energy that goes is the switching loss.
   pure elemental subroutine stop_reversed(m, p, mode, v_x, loss)
@@ -157,7 +165,27 @@ contains
     end if
   end subroutine stop_reversed
 
-  !> The contact state after a step (the paper's rule). A block at rest sticks up to mu_s p; beyond, it slips
+  !> The contact states after a step, and what each block could bear besides if it were stuck.
+  pure subroutine next_states(law, nx, n, at, mode, other, p, v_x, new, margin)
+    type(law_t), intent(in) :: law
+    integer, intent(in) :: nx                    !! blocks
+    integer, intent(in) :: n                     !! padded length of a row
+    integer, intent(in) :: at(n)                 !! element of each block in a row
+    integer(ip), intent(in) :: mode(nx)          !! contact states
+    real(dp), intent(in) :: other(LB:n + LANES)  !! all other horizontal forces, as a row [N]
+    real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
+    integer(ip), intent(out) :: new(nx)          !! contact states after
+    real(dp), intent(out) :: margin(nx)          !! [N]
+    integer :: i
+
+    do i = 1, nx
+      margin(i) = stuck_margin(law, other(at(i)), p(i))
+      new(i) = next_state(law, other(at(i)), p(i), mode(i), v_x(at(i)))
+    end do
+  end subroutine next_states
+
+  !> The paper's rule for one block. A block at rest sticks up to mu_s p; beyond, it slips
   !> where the other forces pull it. A block that lands slips along its velocity.
   pure elemental function next_state(law, other, p, mode, v_x) result(new)
     type(law_t), intent(in) :: law

@@ -10,7 +10,7 @@ module pyfric_location
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: foundation
-  use pyfric_law, only: margins, stuck_margin
+  use pyfric_law, only: margins
   use pyfric_rows, only: row_t, other_forces, budget_t
   use pyfric_contact, only: contact_t, switch_contacts
   use pyfric_log, only: log_t, has_room
@@ -313,15 +313,10 @@ contains
     real(dp), intent(out) :: g(2, s%nx)                 !! [N] or [m/s], [m]
     real(dp), intent(out) :: stuck(s%nx)                !! [N]
     real(dp) :: fx(LB:s%n + LANES)
-    integer :: i, e
 
     call foundation(s, q(LB, UZ), w%p)
     call other_forces(s, t, q, up, w, fx)
-    do i = 1, s%nx
-      e = s%at(i)
-      stuck(i) = stuck_margin(s%law, fx(e), w%p(i))
-      g(:, i) = margins(s%law, mode(i), fx(e), w%p(i), q(e, UZ), q(e, VX))
-    end do
+    call margins(s%law, s%nx, s%n, s%at, mode, fx, w%p, q(LB, UZ), q(LB, VX), g, stuck)
   end subroutine all_margins
 
   !> The middle of a sub-step by the cubic through its ends.

@@ -9,8 +9,9 @@ module pyfric_rk4
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: rod_acceleration, rod_to_row
+  use pyfric_lattice, only: N_BOND
   use pyfric_rows, only: row_t, row_forces, row_powers, budget_t
-  use pyfric_workspace, only: carry_of, ring_row, RING, FX, FZ, BONDS, COLUMNS
+  use pyfric_workspace, only: RING
   implicit none (type, external)
   private
   public :: rk4_step
@@ -21,7 +22,7 @@ module pyfric_rk4
 contains
 
   !> Rows j0..j1 of the state one step later. Contact states are frozen during the step.
-  subroutine rk4_step(s, t, sub, j0, j1, keep_budget, mode, s_0, y, rod, y_new, rod_new, budget, work, w)
+  subroutine rk4_step(s, t, sub, j0, j1, keep_budget, mode, s_0, y, rod, y_new, rod_new, budget, q, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                         !! time at the start [s]
     real(dp), intent(in) :: sub                       !! length of the step or sub-step [s]
@@ -35,7 +36,11 @@ contains
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
     real(dp), intent(inout) :: rod_new(6)             !! written by the thread that owns the top row
     type(budget_t), intent(inout) :: budget           !! entries of rows j0..j1 are advanced
-    real(dp), intent(inout) :: work(LB:s%n + LANES, COLUMNS)    !! work space, bonds zero at first
+    real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:RING - 1, 2:4)  !! work space: rows of stages 2 to 4
+    real(dp), intent(inout) :: carry(LB:s%n + LANES, 2, 4)            !! work space of finite geometry
+    real(dp), intent(inout) :: b(LB:s%n + LANES, N_BOND)          !! work space of finite geometry, zero at first
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)                 !! work space
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)                 !! work space
     type(row_t), intent(inout) :: w
     real(dp) :: rods(6, 5), rod_sum(6)
     integer :: low, high, j, stage, front
@@ -47,12 +52,12 @@ contains
         high = min(s%nz, j1 + (4 - stage))
         j = front - stage + 1
         if (j < max(1, low - 1) .or. j > high) cycle
-        if (j == max(1, low - 1)) work(:, carry_of(stage):carry_of(stage) + 1) = 0.0_dp
+        if (j == max(1, low - 1)) carry(:, :, stage) = 0.0_dp
         if (stage == 1) then
           call one_row(y(LB, 1, max(j - 1, 1)), y(LB, 1, j), y(LB, 1, min(j + 1, s%nz)))
         else
-          call one_row(work(LB, ring_row(j + RING - 1, stage)), work(LB, ring_row(j, stage)), &
-                       work(LB, ring_row(j + 1, stage)))
+          call one_row(q(LB, 1, mod(j + RING - 1, RING), stage), q(LB, 1, mod(j, RING), stage), &
+                       q(LB, 1, mod(j + 1, RING), stage))
         end if
       end do
     end do
@@ -65,19 +70,18 @@ contains
       real(dp), intent(in) :: here(LB:s%n + LANES, 4)  !! the row at this stage
       real(dp), intent(in) :: up(LB:s%n + LANES, 4)    !! the row above at this stage
 
-      call row_forces(s, j, t + NODE(stage)*sub, dn, here, up, mode, s_0, work(LB, carry_of(stage)), work(LB, BONDS), &
-                      work(LB, FX), work(LB, FZ), w)
+      call row_forces(s, j, t + NODE(stage)*sub, dn, here, up, mode, s_0, carry(LB, 1, stage), b, fx, fz, w)
       if (j < low) return
       if (keep_budget .and. j >= j0 .and. j <= j1) then
         call row_powers(s, j, sub/6.0_dp*WEIGHT(stage), here, up, rods(5, stage), w, budget)
       end if
       if (j < s%nz .or. .not. s%rigid) then
-        call next_row(s, stage, sub, j, y(LB, 1, j), here, work, y_new(LB, 1, j))
+        call next_row(s, stage, sub, j, y(LB, 1, j), here, fx, fz, q, y_new(LB, 1, j))
         return
       end if
-      call next_rod(s, stage, sub, work(LB, FX), work(LB, FZ), rods, rod_sum)
+      call next_rod(s, stage, sub, fx, fz, rods, rod_sum)
       if (stage < 4) then
-        call rod_to_row(s, rods(:, stage + 1), work(LB, ring_row(j, stage + 1)))
+        call rod_to_row(s, rods(:, stage + 1), q(LB, 1, mod(j, RING), stage + 1))
       else
         rod_new = rods(:, 5)
         call rod_to_row(s, rod_new, y_new(LB, 1, j))
@@ -86,25 +90,26 @@ contains
   end subroutine rk4_step
 
   !> A row of blocks at the next stage, or at the end of the step.
-  pure subroutine next_row(s, stage, sub, j, y, here, work, y_new)
+  pure subroutine next_row(s, stage, sub, j, y, here, fx, fz, q, y_new)
     type(model_t), intent(in) :: s
     integer, intent(in) :: stage
     real(dp), intent(in) :: sub                          !! length of the step or sub-step [s]
     integer, intent(in) :: j                             !! row
     real(dp), intent(in) :: y(LB:s%n + LANES, 4)         !! the row at the start
     real(dp), intent(in) :: here(LB:s%n + LANES, 4)      !! at this stage
-    real(dp), intent(inout) :: work(LB:s%n + LANES, COLUMNS)  !! forces, rows of stages
+    real(dp), intent(in) :: fx(LB:s%n + LANES)           !! its forces [N]
+    real(dp), intent(in) :: fz(LB:s%n + LANES)           !! its forces [N]
+    real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:RING - 1, 2:4)  !! rows of the stages
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4)  !! at the end
 
-    integer :: next
+    integer :: slot
 
+    slot = mod(j, RING)
     if (stage < 4) then
-      next = ring_row(j, stage + 1)
-      call to_stage(s%n, NODE(stage + 1)*sub, s%m, y, here(LB, VX), work(LB, FX), work(LB, FZ), work(LB, next))
-      call close_state(s, work(LB, next))
+      call to_stage(s%n, NODE(stage + 1)*sub, s%m, y, here(LB, VX), fx, fz, q(LB, 1, slot, stage + 1))
+      call close_state(s, q(LB, 1, slot, stage + 1))
     else
-      call to_end(s%n, sub, s%m, y, work(LB, ring_row(j, 2) + VX - 1), work(LB, ring_row(j, 3) + VX - 1), here(LB, VX), &
-                  work(LB, FX), work(LB, FZ), y_new)
+      call to_end(s%n, sub, s%m, y, q(LB, VX, slot, 2), q(LB, VX, slot, 3), here(LB, VX), fx, fz, y_new)
       call close_state(s, y_new)
     end if
   end subroutine next_row

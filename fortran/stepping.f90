@@ -4,7 +4,7 @@ module pyfric_stepping
   use pyfric_layout, only: LB, LANES
   use pyfric_model, only: model_t
   use pyfric_rows, only: budget_t, row_t, new_row
-  use pyfric_workspace, only: reserve, aligned, widen, narrow, COLUMNS, MOST_STAGES
+  use pyfric_workspace, only: reserve, aligned, widen, narrow, RINGS, CARRY, BONDS, FX, FZ, COLUMNS, MOST_STAGES
   use pyfric_rk4, only: rk4_step
   use pyfric_nystrom, only: table_t, nystrom_step
   use pyfric_contact, only: contact_t, switch_contacts
@@ -185,7 +185,8 @@ contains
     new = 3 - old
     if (method%table%stages == 0) then
       call rk4_step(s, run%t, run%sub, j0, j1, method%keep_budget, contact%mode, contact%s_0, y(LB, 1, 1, old), &
-                    rods(:, old), y(LB, 1, 1, new), rods(:, new), budget, work, w)
+                    rods(:, old), y(LB, 1, 1, new), rods(:, new), budget, work(LB, RINGS), work(LB, CARRY), work(LB, BONDS), &
+                    work(LB, FX), work(LB, FZ), w)
     else
       call nystrom_step(s, method%table, run%t, run%sub, j0, j1, method%keep_budget, contact%mode, contact%s_0, &
                         y(LB, 1, 1, old), rods(:, old), y(LB, 1, 1, new), rods(:, new), budget, forces, stage, work, w, err)

@@ -7,14 +7,14 @@ module pyfric_workspace
   use pyfric_lattice, only: N_BOND
   implicit none (type, external)
   private
-  public :: reserve, aligned, widen, narrow, carry_of, ring_row
-  public :: MOST_STAGES, RING, FX, FZ, CARRY, BONDS, COLUMNS
+  public :: reserve, aligned, widen, narrow
+  public :: MOST_STAGES, RING, RINGS, FX, FZ, CARRY, BONDS, COLUMNS
 
   integer, parameter :: MOST_STAGES = 5  !! of a stepper given by a table
   integer, parameter :: RING = 4         !! rows of a stage that RK4 keeps: row j is last needed by stage 4 of row j
-  !> Columns of a thread's rows work(LB:n+LANES, COLUMNS): forces on a row [N]; in finite geometry, forces that go up a
-  !> row, two for each of four stages, and forces of bonds [N]; rows of stages 2 to 4 of RK4 (`ring_row`).
-  integer, parameter :: FX = 1, FZ = 2, CARRY = 3, BONDS = 11, RINGS = BONDS + N_BOND, COLUMNS = RINGS + 12*RING - 1
+  !> Columns of a thread's rows work(LB:n+LANES, COLUMNS): rows of stages 2 to 4 of RK4; in finite geometry,
+  !> forces that go up a row, two for each of four stages, and forces of bonds [N]; forces on a row [N].
+  integer, parameter :: RINGS = 1, CARRY = RINGS + 12*RING, BONDS = CARRY + 8, FX = BONDS + N_BOND, FZ = FX + 1, COLUMNS = FZ
 
 contains
 
@@ -26,23 +26,6 @@ contains
 
     allocate (memory((s%n + 2*LANES)*n_rows + LANES))
   end subroutine reserve
-
-  !> Column of the forces that stage `stage` sends up.
-  elemental function carry_of(stage) result(column)
-    integer, intent(in) :: stage    !! 1 to 4
-    integer :: column
-
-    column = CARRY + 2*(stage - 1)
-  end function carry_of
-
-  !> First column of row j of stage `stage`.
-  elemental function ring_row(j, stage) result(column)
-    integer, intent(in) :: j        !! row, at least 0
-    integer, intent(in) :: stage    !! 2 to 4
-    integer :: column
-
-    column = RINGS + 4*(mod(j, RING) + RING*(stage - 2))
-  end function ring_row
 
   !> Index of the first element of a that lies on a vector of LANES.
   function aligned(a) result(at)

@@ -209,45 +209,63 @@ def plan(
     tolerance = Options(want=want, tolerance=tolerance).tolerance
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     scout, times = _scout(scene, t_end), decay_times(scene)
-    strain, one_row = largest_strain(scene, scout.F_max), scene.N_z == 1
-    reasons: list[str] = []
-    damped = _damping(scene)
+    why_not, without_inertia = _ladder(scene, want, tolerance, scout, times)
+    if without_inertia is not None:
+        return without_inertia
+    return _stepped(scene, want, tolerance, t_end, scout, times, why_not)
 
-    # quasi-static
-    needs = [_waits(times.slow, scout.interval), _gap(scout.open), damped]
+
+def _ladder(
+    scene: Scene, want: Want, tolerance: float, scout: _Scout, times: DecayTimes
+) -> tuple[list[str], Plan | None]:
+    """Return why the quasi-static engine is not enough, or else its plan."""
+    strain, one_row = largest_strain(scene, scout.F_max), scene.N_z == 1
+    needs = [_waits(times.slow, scout.interval), _gap(scout.open), _damping(scene)]
     error = ERROR_QUASISTATIC + (0.0 if one_row else strain)
+    why_not = []
     if want in ("front_speed", "motion"):
-        reasons.append(f"quasistatic: it has no {want.replace('_', ' ')}")
+        why_not.append(f"it has no {want.replace('_', ' ')}")
     elif scene.interface.weakens:
         d_c = scene.interface.d_c
-        reasons.append(f"quasistatic: it has no weakening over d_c = {d_c * 1e6:.3g} um of slip")
+        why_not.append(f"it has no weakening over d_c = {d_c * 1e6:.3g} um of slip")
     elif scout.failed:
-        reasons.append(f"quasistatic: {scout.failed}")
+        why_not.append(scout.failed)
     elif error > tolerance:
-        reasons.append(f"quasistatic: its expected error is {error:.2g}")
-    elif not all(one.holds for one in needs):
-        reasons += [f"quasistatic: {one}" for one in needs if not one.holds]
+        why_not.append(f"its expected error is {error:.2g}")
     else:
-        return Plan(
-            want=want,
-            tolerance=tolerance,
-            fidelity="quasistatic",
-            geometry="linear",
-            switching=None,
-            dt=None,
-            assumptions=(*needs, *(() if one_row else (_strain(strain, tolerance),))),
-            reasons=(),
-            error=error,
-            evaluations=0.0,
-            seconds=scout.seconds * (1 + scout.far),
-        )
+        why_not += [str(one) for one in needs if not one.holds]
+    if why_not:
+        return [f"quasistatic: {reason}" for reason in why_not], None
+    return [], Plan(
+        want=want,
+        tolerance=tolerance,
+        fidelity="quasistatic",
+        geometry="linear",
+        switching=None,
+        dt=None,
+        assumptions=(*needs, *(() if one_row else (_strain(strain, tolerance),))),
+        reasons=(),
+        error=error,
+        evaluations=0.0,
+        seconds=scout.seconds * (1 + scout.far),
+    )
 
-    # hybrid or dynamic
+
+def _stepped(
+    scene: Scene,
+    want: Want,
+    tolerance: float,
+    t_end: float,
+    scout: _Scout,
+    times: DecayTimes,
+    reasons: list[str],
+) -> Plan:
+    """Return the plan of an engine with time steps; `reasons` say why there is none without."""
     switching, dt, error = _step(scene, want, tolerance)
-    finer = step_size(scene) / dt
-    needs = [_resolution(scene, dt)]
+    needs, reasons = [_resolution(scene, dt)], list(reasons)
     geometry: Geometry = "linear"
-    if not one_row:
+    if scene.N_z > 1:
+        strain = largest_strain(scene, scout.F_max)
         small = _strain(strain, tolerance / 2)
         if small.holds:
             needs.append(small)
@@ -255,9 +273,7 @@ def plan(
         else:
             geometry = default_geometry(scene)
             reasons.append(f"linear geometry: {small}")
-    blocks, seconds = scene.N_x * scene.N_z, scout.seconds
-    steps, fidelity = t_end / dt, "dynamic"
-    quiet = _comes_to_rest(times.fast, scout.interval)
+    quiet, fidelity = _comes_to_rest(times.fast, scout.interval), "dynamic"
     if want == "motion":
         reasons.append("hybrid: it leaves out fast motion between events")
     elif not quiet.holds:
@@ -267,11 +283,7 @@ def plan(
     else:
         fidelity, error = "hybrid", error + ERROR_JUMPS
         needs.append(quiet)
-        made = scout.events * STEPS_EVENT + scout.front_blocks * STEPS_BLOCK
-        if not scene.interface.weakens:  # stable slip before an event may take any share of it
-            steps = min(steps, made * finer) + scout.front_blocks * STEPS_SWITCH
-        seconds += scout.events * JUMP[geometry] * blocks
-    evaluations = 4.0 * steps * blocks
+    evaluations, seconds = _cost(scene, t_end, scout, fidelity, geometry, dt)
     return Plan(
         want=want,
         tolerance=tolerance,
@@ -283,8 +295,23 @@ def plan(
         reasons=tuple(reasons),
         error=error,
         evaluations=evaluations,
-        seconds=evaluations * NS[geometry] * 1e-9 + seconds,
+        seconds=seconds,
     )
+
+
+def _cost(
+    scene: Scene, t_end: float, scout: _Scout, fidelity: Fidelity, geometry: Geometry, dt: float
+) -> tuple[float, float]:
+    """Return the expected number of block evaluations, and the time in s."""
+    blocks, seconds, steps = scene.N_x * scene.N_z, scout.seconds, t_end / dt
+    if fidelity == "hybrid":
+        made = scout.events * STEPS_EVENT + scout.front_blocks * STEPS_BLOCK
+        if not scene.interface.weakens:  # stable slip before an event may take any share of it
+            finer = step_size(scene) / dt
+            steps = min(steps, made * finer) + scout.front_blocks * STEPS_SWITCH
+        seconds += scout.events * JUMP[geometry] * blocks
+    evaluations = 4.0 * steps * blocks
+    return evaluations, evaluations * NS[geometry] * 1e-9 + seconds
 
 
 # --- numbers -------------------------------------------------------------------------------------

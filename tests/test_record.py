@@ -290,11 +290,12 @@ def test_file_without_a_part_is_refused(tmp_path):
         Record.load(path)
 
 
-def test_newer_schema_is_refused(tmp_path):
+@pytest.mark.parametrize("schema", [SCHEMA - 1, SCHEMA + 1])
+def test_another_schema_is_refused(schema, tmp_path):
     path = make_record().save(tmp_path / "run.nc")
     with h5netcdf.File(path, "a") as file:
-        file.attrs["pyfric_schema"] = 99
-    with pytest.raises(RecordError, match=rf"schema 99.*up to {SCHEMA}.*newer pyfric"):
+        file.attrs["pyfric_schema"] = schema
+    with pytest.raises(RecordError, match=rf"schema {schema}.*reads {SCHEMA}; another version"):
         Record.load(path)
 
 

@@ -4,7 +4,7 @@ A record file is netCDF 4 and opens with any netCDF reader; `xarray.open_dataset
 variable with its unit and meaning. Attributes of the file:
 
 ``pyfric_schema``
-    Version of this layout. A file with a newer one is refused.
+    Version of this layout. A file with another one is refused.
 ``scene``
     The scene as TOML text.
 ``method``, ``versions``, ``timings``, ``counts``, ``notes``, ``final_state``, ``tables``
@@ -45,8 +45,8 @@ if TYPE_CHECKING:
 
 __all__ = ["SCHEMA", "Method", "Record", "RecordError", "describe", "provenance"]
 
-SCHEMA = 3
-"""Version of the file layout written by this module."""
+SCHEMA = 4
+"""Version of the file layout that this module writes and reads."""
 
 COMPRESSED_FROM = 4096
 """Arrays of at least this many elements are compressed (without loss)."""
@@ -372,7 +372,7 @@ class Record:
         FileNotFoundError
             If there is no such file.
         RecordError
-            If the file is not a pyfric record, is damaged, or has a newer schema.
+            If the file is not a pyfric record, is damaged, or has another schema.
         """
         path = Path(path)
         if not path.exists():
@@ -384,11 +384,9 @@ class Record:
         schema = attributes.get("pyfric_schema")
         if schema is None:
             raise RecordError(f"{path}: not a pyfric record (no attribute pyfric_schema)")
-        if not 1 <= schema <= SCHEMA:
-            raise RecordError(
-                f"{path}: written with record schema {schema}, this pyfric reads up to {SCHEMA}; "
-                "a newer pyfric is needed"
-            )
+        if schema != SCHEMA:
+            made = f"{path}: written with record schema {schema}, this pyfric reads {SCHEMA}"
+            raise RecordError(f"{made}; another version of pyfric is needed")
         try:
             return cls._from_file(attributes, values)
         except (KeyError, TypeError, ValueError) as error:
@@ -412,8 +410,8 @@ class Record:
             },
             versions=json.loads(attributes["versions"]),
             timings=json.loads(attributes["timings"]),
-            counts=json.loads(attributes.get("counts", "{}")),
-            notes=tuple(json.loads(attributes.get("notes", "[]"))),
+            counts=json.loads(attributes["counts"]),
+            notes=tuple(json.loads(attributes["notes"])),
             status=attributes["status"],
             final_state=_load_state(json.loads(attributes["final_state"]), values),
         )

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import pyfric
-from pyfric.checks import regression
-from pyfric.checks.regression import DYNAMIC, HYBRID, STEP_END, Check, Ladder
+from pyfric.checks import ladder, regression
+from pyfric.checks.check import Check
+from pyfric.checks.ladder import Ladder
+from pyfric.checks.tolerances import DYNAMIC, HYBRID, STEP_END
 from pyfric.scene import preset
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference_data"
@@ -17,7 +19,7 @@ SCENES = ("fig1", "run1", "run2", "run3", "run4", "setup2", "setup2-", "setup2+"
 GEOMETRIES = ("linear", "finite")
 CLEAN = tuple(name for name in SCENES if name != "setup2+")
 
-# --- limits of single scenes; tolerances of the engines are in `pyfric.checks.regression` --------
+# --- limits of single scenes; tolerances of the engines are in `pyfric.checks.tolerances` --------
 
 GAP = 0.26
 """F_T/F_N at which, in setup2+, an interior gap opens (0.261 linear, 0.281 finite). Blocks at its
@@ -192,14 +194,14 @@ def ladders(name, geometry):
 def test_ladder_event_by_event(name):
     """At the same geometry, the linear one. The ladder of fig1 makes two steps of the first."""
     blocks, last = LADDER_BLOCKS[name]
-    assert_all(regression.ladder_event_by_event(*ladders(name, "linear"), blocks, last))
+    assert_all(ladder.ladder_event_by_event(*ladders(name, "linear"), blocks, last))
 
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("name", CLEAN)
 def test_ladder_at_given_length(name, geometry):
     """Forces at which precursors of a length start and stop, between those the ladder has."""
-    assert_all(regression.ladder_at_given_length(*ladders(name, geometry)))
+    assert_all(ladder.ladder_at_given_length(*ladders(name, geometry)))
 
 
 # --- the comparisons notice ----------------------------------------------------------------------

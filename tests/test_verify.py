@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from pyfric import core
 from pyfric.checks import verify
-from pyfric.checks.regression import Check
+from pyfric.checks.check import Check
 from pyfric.checks.verify import Group
 from pyfric.cli.app import main
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from pyfric import core
-from pyfric.checks import regression
-from pyfric.checks.regression import Check
+from pyfric.checks import ladder, regression, tolerances
+from pyfric.checks.check import Check
 from pyfric.paper.claims import ROWS
 from pyfric.scene import setup1
 from pyfric.statics import loaded_state
@@ -199,18 +199,18 @@ def _exact() -> Made:
 
 def _hybrid(name: str) -> Made:
     known = regression.load(name)
-    within = regression.HYBRID[known.about["geometry"]]
+    within = tolerances.HYBRID[known.about["geometry"]]
     return regression.compare(known, regression.hybrid(known), within), within.why
 
 
 def _step_end() -> Made:
-    known, within = regression.load("fig1_linear"), regression.STEP_END
+    known, within = regression.load("fig1_linear"), tolerances.STEP_END
     made = regression.hybrid(known, switching="step_end")
     return regression.compare(known, made, within), within.why
 
 
 def _dynamic(event: int) -> Made:
-    known, within = regression.load("fig1_linear"), regression.DYNAMIC["linear"]
+    known, within = regression.load("fig1_linear"), tolerances.DYNAMIC["linear"]
     row = known.events.index[known.events["is_main"]][event - 1]
     return regression.compare(known, regression.dynamic(known, row), within), within.why
 
@@ -218,8 +218,8 @@ def _dynamic(event: int) -> Made:
 def _ladder() -> Made:
     known = regression.load("fig1_linear")
     made = regression.quasistatic(known)
-    a, b = (regression.Ladder.of(one, known.scene) for one in (known.events, made.events))
+    a, b = (ladder.Ladder.of(one, known.scene) for one in (known.events, made.events))
     return [
-        *regression.ladder_event_by_event(a, b, 2),
-        *regression.ladder_at_given_length(a, b),
+        *ladder.ladder_event_by_event(a, b, 2),
+        *ladder.ladder_at_given_length(a, b),
     ], ""

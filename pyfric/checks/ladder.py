@@ -1,0 +1,78 @@
+"""The quasi-static ladder against full dynamics: precursors by length and force."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from pyfric.checks.check import Check, largest
+from pyfric.checks.pairing import paired
+from pyfric.scene import Scene
+
+__all__ = ["LADDER", "Ladder", "ladder_at_given_length", "ladder_event_by_event"]
+
+LADDER = 0.03
+"""Forces of the quasi-static ladder, over F_N: it has no inertia, so that nothing overshoots."""
+NO_INERTIA = "no inertia: nothing overshoots, and steps are a little shorter"
+
+
+class Ladder(NamedTuple):
+    """Main precursors from the trailing edge: lengths in blocks, forces over F_N."""
+
+    length: np.ndarray
+    start: np.ndarray
+    arrest: np.ndarray
+
+    @classmethod
+    def of(cls, events: pd.DataFrame, scene: Scene) -> Ladder:
+        """Return the precursors before the first system-size event.
+
+        The length is the farthest block: L_p is 0 where a corner block that hardly carries load did
+        not move.
+        """
+        main = events[events["is_main"] & events["at_trailing_edge"]]
+        main = main[(main["last_block"] == scene.N_x).cumsum() == 0]
+        forces = main[["F_T_start", "F_T_arrest"]].to_numpy().T / scene.F_N
+        return cls(main["last_block"].to_numpy(), *forces)
+
+
+def ladder_event_by_event(
+    a: Ladder, b: Ladder, blocks: int, last: int | None = None
+) -> list[Check]:
+    """Compare a ladder b with a, each event of a with one of b; b may have one more.
+
+    Args:
+        a: of full dynamics.
+        b: of the quasi-static engine, in the same geometry.
+        blocks: tolerance of lengths.
+        last: tolerance of the last, longest one; None means the same.
+    """
+    if len(b.length) < len(a.length):
+        return [Check("ladder: precursors that are missing", math.nan, 0, "", NO_INERTIA)]
+    length = np.abs(np.subtract.outer(a.length, b.length)) / 2
+    _, k = paired(np.maximum(length, np.abs(np.subtract.outer(a.start, b.start)) / LADDER))
+    off = np.abs(b.length[k] - a.length)
+    return [
+        Check("ladder: precursors more", abs(len(b.length) - len(a.length)), 1, "", NO_INERTIA),
+        Check("ladder: lengths, blocks", largest(off[:-1]), blocks, "", NO_INERTIA),
+        Check("ladder: longest precursor, blocks", off[-1], last or blocks, "", NO_INERTIA),
+        Check("ladder: start, over F_N", largest(b.start[k] - a.start), LADDER, "", NO_INERTIA),
+        Check("ladder: arrest, over F_N", largest(b.arrest[k] - a.arrest), LADDER, "", NO_INERTIA),
+    ]
+
+
+def ladder_at_given_length(a: Ladder, b: Ladder) -> list[Check]:
+    """Compare the forces at which precursors of a length start and stop, where both have some."""
+    common = (a.length >= b.length[0]) & (a.length <= b.length[-1])
+    checks = [Check("ladder: lengths that do not grow", (np.diff(b.length) <= 0).sum(), 0)]
+    checks.append(Check("ladder: precursors out of range", (~common).sum(), 2, "", NO_INERTIA))
+    for force in ("start", "arrest"):
+        at_length = np.interp(a.length[common], b.length, getattr(b, force))
+        error = largest(at_length - getattr(a, force)[common])
+        checks.append(
+            Check(f"ladder: {force} at given length, over F_N", error, LADDER, "", NO_INERTIA)
+        )
+    return checks

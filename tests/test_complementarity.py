@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pyfric.scene import Law, Scene, chain, preset, setup1, setup2
-from pyfric.statics import Contact, Interface, StaticSolver, loaded_state
+from pyfric.statics import Contact, ContactProblem, StaticSolver, loaded_state
 from pyfric.statics.uniqueness import LIMIT, definiteness, is_definite
 
 
@@ -33,11 +33,11 @@ SCENES = {
 
 
 @functools.cache
-def interface(name: str) -> Interface:
-    return Interface(SCENES[name])
+def interface(name: str) -> ContactProblem:
+    return ContactProblem(SCENES[name])
 
 
-def direct(i: Interface, held: np.ndarray, X: float, slip: np.ndarray, closed: np.ndarray):
+def direct(i: ContactProblem, held: np.ndarray, X: float, slip: np.ndarray, closed: np.ndarray):
     """u_x, f, u_z, p and F_T from one dense solve; held blocks have the given u_x."""
     scene, s, N = i.scene, i.slider, i.scene.N_x
     mu, k_f = scene.interface.mu_k, scene.k_f
@@ -57,7 +57,7 @@ def direct(i: Interface, held: np.ndarray, X: float, slip: np.ndarray, closed: n
 
 
 def assert_same(contact: Contact, expected, rtol: float = 1e-9) -> None:
-    unit, k = contact.interface.unit, contact.interface.scene.slider.k
+    unit, k = contact.problem.unit, contact.problem.scene.slider.k
     force = rtol * max(unit, np.abs(expected[1]).max(), np.abs(expected[3]).max(), expected[4])
     length = rtol * max(unit / k, *(np.abs(expected[n]).max() for n in (0, 2)))
     now = contact.values()
@@ -78,7 +78,7 @@ def test_tables_after_any_changes(name, todo):
     i = interface(name)
     N = i.scene.N_x
     contact = i.loaded()
-    held, X = contact.values().u_x.copy(), contact.X
+    held, X = contact.values().u_x.copy(), contact.drive
     slip, closed = np.zeros(N, dtype=np.int8), np.ones(N, dtype=bool)
     for where, what in todo:
         b = where * (N - 1) // 6
@@ -103,11 +103,11 @@ def test_tables_after_any_changes(name, todo):
             slip[p > contact.least] = 0
             contact.hold_all()
         elif what == "drive":
-            X = contact.X = contact.X + 0.02 * i.scene.F_N / i.scene.driver.K
+            X = contact.drive = contact.drive + 0.02 * i.scene.F_N / i.scene.driver.K
         np.testing.assert_array_equal(contact.slip, slip)
         np.testing.assert_array_equal(contact.closed, closed)
         np.testing.assert_array_equal(contact.stuck, closed & (slip == 0))
-        assert contact.X == X
+        assert contact.drive == X
         assert_same(contact, direct(i, held, X, slip, closed))
 
 
@@ -119,7 +119,7 @@ def test_rates_are_differences(name):
     contact.release(1, -1)
     now, rate = contact.values(), contact.rates()
     step = 0.1 * i.scene.F_N / i.scene.driver.K
-    contact.X += step
+    contact.drive += step
     for value, slope, later in zip(now, rate, contact.values(), strict=True):
         size = max(np.abs(value).max(), np.abs(later).max())
         np.testing.assert_allclose(value + step * slope, later, rtol=0, atol=1e-12 * size)
@@ -147,16 +147,16 @@ def test_the_next_change_is_the_first(name):
         X, b, what = contact.next_change()
         if not np.isfinite(X):
             break
-        start = contact.X
+        start = contact.drive
         assert X >= start
         for share in np.linspace(0, 1, 50):
-            contact.X = start + share * (X - start)
+            contact.drive = start + share * (X - start)
             for one in margins(contact).values():
                 assert one.min() >= -1e-9 * unit
         assert margins(contact)[what][b] == pytest.approx(0, abs=1e-9 * unit)
-        contact.X = X + 1e-4 * i.scene.F_N / i.scene.driver.K
+        contact.drive = X + 1e-4 * i.scene.F_N / i.scene.driver.K
         assert margins(contact)[what][b] < 0
-        contact.X = X
+        contact.drive = X
         seen += 1
         if what:  # release it, or leave it to carry less, in turns
             contact.release(b, what)
@@ -180,7 +180,7 @@ def test_nothing_changes_in_a_driver_that_cannot_pull_further():
 
 def test_the_slip_operator_loses_definiteness_near_mu_1():
     """Positive definite at mu <= 0.7 for random directions in setup 1, not for all at mu = 1.1."""
-    rng, i = np.random.default_rng(0), Interface(preset("fig1"))
+    rng, i = np.random.default_rng(0), ContactProblem(preset("fig1"))
     found = {0.45: 0, 0.7: 0, 1.1: 0, 2.0: 0}
     contact = i.loaded()
     alternating = np.resize(np.array([1, -1], dtype=np.int8), contact.N_x)
@@ -248,7 +248,7 @@ LOADED = {
 def test_the_loaded_state(name):
     """The same as `loaded_state`, also where blocks slip or lift off while F_N is applied."""
     scene = LOADED[name]
-    rest, i = loaded_state(scene), Interface(scene)
+    rest, i = loaded_state(scene), ContactProblem(scene)
     contact = i.loaded()
     now = contact.values()
     length = np.abs(rest.u).max()
@@ -258,13 +258,13 @@ def test_the_loaded_state(name):
     np.testing.assert_allclose(now.p, rest.p, rtol=0, atol=1e-10 * scene.F_N)
     np.testing.assert_array_equal(contact.closed, ~rest.open)
     assert now.F_T == pytest.approx(0, abs=1e-10 * scene.F_N)
-    assert contact.X == pytest.approx(scene.d * rest.u_drv0, rel=1e-9, abs=1e-10 * length)
+    assert contact.drive == pytest.approx(scene.d * rest.u_drv0, rel=1e-9, abs=1e-10 * length)
     assert rest.slipped.any() == ("0.2" in name or "friction" in name or "other" in name)
 
 
 def compare(scene: Scene, u_x: np.ndarray, drive: float, free: np.ndarray, known: StaticSolver):
-    i = Interface(scene)
-    here = i.solver(i.loaded().X).solve(u_x, drive, free=free)
+    i = ContactProblem(scene)
+    here = i.solver(i.loaded().drive).solve(u_x, drive, free=free)
     there = known.solve(u_x, drive, free=free)
     atol = 1e-9 * max(scene.F_N, np.abs(there.tau).max(), abs(there.F_T))
     assert here.F_T == pytest.approx(there.F_T, rel=0, abs=atol)
@@ -295,9 +295,9 @@ def test_a_scene_may_be_mirrored():
     scene = small_free(theta=0.833)
     driver = dataclasses.replace(scene.driver, side="right")
     one, two = (
-        Interface(scene).loaded(),
-        Interface(dataclasses.replace(scene, driver=driver)).loaded(),
+        ContactProblem(scene).loaded(),
+        ContactProblem(dataclasses.replace(scene, driver=driver)).loaded(),
     )
     a, b = one.next_change(), two.next_change()
     assert (a[1], a[2]) == (scene.N_x - 1 - b[1], -b[2])
-    assert a[0] - one.X == pytest.approx(b[0] - two.X, rel=1e-10)
+    assert a[0] - one.drive == pytest.approx(b[0] - two.drive, rel=1e-10)

@@ -185,12 +185,14 @@ def test_prediction_against_load_steps(name):
     run = QuasistaticRun(scene)
     drive = record.curve["drive"].to_numpy()
     drives = np.linspace(0, 1.02 * drive[-1], 160)
-    F_T, first = LoadSteps(scene, scene.interface.mu_k).follow(run.initial.u_x, run.X_0 + drives)
+    F_T, first = LoadSteps(scene, scene.interface.mu_k).follow(
+        run.initial.u_x, run.drive_0 + drives
+    )
     exact = np.interp(drives, drive, record.curve["F_T"])
     assert np.abs(F_T - exact).max() < 1e-11 * scene.F_N
     begin = record.episodes.groupby("i")["t_start"].min()
     for i, t in begin.items():
-        X, step = run.X_0 + scene.driver.V * t, drives[1] - drives[0]
+        X, step = run.drive_0 + scene.driver.V * t, drives[1] - drives[0]
         assert X - 1e-9 * step <= first[i] <= X + (1 + 1e-6) * step
     open_too = np.isinf(first) | np.isin(np.arange(scene.N_x), begin.index)
     assert open_too.all()

@@ -42,8 +42,8 @@ from pyfric.scene import SceneError, check_number
 from pyfric.statics import (
     LEAST_DEFINITENESS,
     Contact,
+    ContactProblem,
     EquilibriumError,
-    Interface,
     one_thread_if_small,
 )
 
@@ -128,9 +128,9 @@ class QuasistaticRun:
     def __init__(self, scene: Scene, t_gap: float = T_GAP) -> None:
         start = time.perf_counter()
         self.scene, self.t_gap = scene, t_gap
-        self.interface = Interface(scene)
-        self.contact = self.interface.loaded()
-        self.X_0 = self.contact.X
+        self.problem = ContactProblem(scene)
+        self.contact = self.problem.loaded()
+        self.drive_0 = self.contact.drive
         self.log = _Log(scene)
         self.log.mode[~self.contact.closed] = OPEN
         self.rows: list[tuple[float, float]] = []
@@ -143,7 +143,7 @@ class QuasistaticRun:
     @property
     def t(self) -> float:
         V = self.scene.driver.V
-        return (self.contact.X - self.X_0) / V if V else 0.0
+        return (self.contact.drive - self.drive_0) / V if V else 0.0
 
     def sample(self) -> None:
         self.rows.append((self.t, self.contact.values().F_T))
@@ -161,10 +161,10 @@ class QuasistaticRun:
             self.rows.append((t_end, self.rows[-1][1]))
         else:
             (self.grow if self.contact.law.gradual else self._climb)(
-                self.X_0 + V * t_end, stop, show
+                self.drive_0 + V * t_end, stop, show
             )
             if not (stop() or self.over):
-                self.contact.X = self.X_0 + V * t_end
+                self.contact.drive = self.drive_0 + V * t_end
                 self.rows.append((t_end, self.contact.values().F_T))
         if not np.isfinite(self.rows[-1][1]):
             what = "the ladder left the range of numbers"
@@ -172,19 +172,19 @@ class QuasistaticRun:
         self.timings["events"] = time.perf_counter() - start
         return not stop()
 
-    def _climb(self, X_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
-        """Follow the ladder of events until the driver is at X_end."""
+    def _climb(self, drive_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
+        """Follow the ladder of events until the driver is at drive_end."""
         contact, idle = self.contact, 0
         rounding = contact.tol / self.scene.driver.K
         while not stop():
-            X, i, what = contact.next_change()
-            if not X <= X_end:
+            drive, i, what = contact.next_change()
+            if not drive <= drive_end:
                 return
-            idle = idle + 1 if X - contact.X <= rounding else 0
+            idle = idle + 1 if drive - contact.drive <= rounding else 0
             if idle > IDLE:
                 text = f"at t = {self.t:.6g} s slip goes on without end, in events of no length"
                 raise EquilibriumError(text, np.nan, contact.tol, IDLE)
-            contact.X = X
+            contact.drive = drive
             self.sample()
             if what == 0:
                 self._flip(contact, i)
@@ -199,8 +199,8 @@ class QuasistaticRun:
             if self.over:
                 return
 
-    def grow(self, X_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
-        """Follow continuous slip, mu_k = mu_s, until the driver is at X_end or nothing changes.
+    def grow(self, drive_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
+        """Follow continuous slip, mu_k = mu_s, until the driver is at drive_end or nothing changes.
 
         Raises:
             EquilibriumError: stick and slip do not settle, or slip does not stop growing.
@@ -229,10 +229,10 @@ class QuasistaticRun:
                     f"{law.mu_s:g}) that what comes next may not be the only solution",
                 )
                 return
-            X, i, what = contact.next_change(reload=False)
-            if not X <= X_end or X == np.inf:
+            drive, i, what = contact.next_change(reload=False)
+            if not drive <= drive_end or drive == np.inf:
                 return
-            contact.X = X
+            contact.drive = drive
             if what == 0:
                 contact.flip(i)
             else:
@@ -272,9 +272,9 @@ class QuasistaticRun:
                 log.set(contact, t)
                 continue
             u_x = now.u_x
-            excess = np.where(contact.stuck, -contact.law.margin(now.p, now.f), -np.inf)
-            j = int(np.argmax(excess))
-            if not excess[j] > tol:
+            margin = np.where(contact.stuck, contact.law.margin(now.p, now.f), np.inf)
+            j = int(np.argmin(margin))
+            if not margin[j] < -tol:
                 contact.hold_all()
                 log.set(contact, t)
                 return
@@ -294,7 +294,7 @@ class QuasistaticRun:
             scene,
             t_gap=self.t_gap,
             t_end=self.rows[-1][0],
-            solver=self.interface.solver(self.X_0),
+            solver=self.problem.solver(self.drive_0),
         )
         curve = pd.DataFrame(self.rows, columns=["t", "F_T"]).assign(**columns)
         f, p = self.initial.f, self.initial.p

@@ -92,10 +92,10 @@ class Frozen:
     Attributes:
         rates: eigenvalues of the modes, one of each conjugate pair, shape (n,), in 1/s.
         growth: rates of the amplitudes: `rates`, or what RK4 makes of them, shape (n,), in 1/s.
-        drift: dq/dX of the static state, shape (n_q,).
+        drift: dq/d(drive) of the static state, shape (n_q,).
         lag: offset of the drifting state from the static one, shape (n_q,), in m.
-        margin_rate: change of the margins with X, shape (n_c,), in N/m.
-        force_rate: change of F_T with X, in N/m.
+        margin_rate: change of the margins with the drive, shape (n_c,), in N/m.
+        force_rate: change of F_T with the drive, in N/m.
         bound: change of the margins by a remainder of energy E over sqrt(E), (n_c,), in N/sqrt(J).
         decay: rate at which the remainder decays at least, in 1/s.
     """
@@ -152,7 +152,7 @@ class Frozen:
         stiff = law.hold(1.0) ** 2 * k_f + K.diagonal()[held] + viscous
         lift = [self._compliance(factor, i + N_x) for i in open_]
         self.bound = np.sqrt(2 * np.concatenate([stiff, stiff, k_f**2 * np.array(lift)]))
-        # F_T = K_drv (X - d u_h)
+        # F_T = K (drive - d u_h)
         row = -scene.driver.K * scene.d * solver.driven_row
         self.force_modal, self.force_lag = row[free] @ self.phi, float(row @ self.lag)
         self.force_rate = scene.driver.K + float(row @ self.drift)

@@ -2,7 +2,7 @@
 
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.blas import one_thread_if_small
-from pyfric.statics.complementarity import Contact, Interface, Values
+from pyfric.statics.complementarity import Contact, ContactProblem, Values
 from pyfric.statics.equilibrium import (
     LARGE,
     Equilibrium,
@@ -27,9 +27,9 @@ __all__ = [
     "LEAST_DEFINITENESS",
     "BandedCholesky",
     "Contact",
+    "ContactProblem",
     "Equilibrium",
     "EquilibriumError",
-    "Interface",
     "StaticSolver",
     "Values",
     "bonds",

@@ -6,9 +6,9 @@ A block is in exactly one of these states (d is the slider's, sigma a block's di
     slip    f = -sigma mu_k p,        sigma du_x >= 0, p >= 0
     open    p = f = 0,                u_z >= 0
 
-`Interface` holds the condensed slider of one scene. A `Contact` gives u_x, f, u_z and F_T as affine
-functions of the held u_x and of the driver, in a table whose columns are exchanged when a block is
-released or held. That is a rank-one change, so following an event costs microseconds for each.
+`ContactProblem` holds the condensed slider of one scene. A `Contact` gives u_x, f, u_z and F_T as
+affine functions of the held u_x and of the driver, in a table whose columns are exchanged when a
+block is released or held. That is a rank-one change: following an event costs microseconds each.
 
 Source: PRL 107, 074301 (2011), friction law; tables with exchanged columns are the pivots of linear
 complementarity (R. W. Cottle, J.-S. Pang, R. E. Stone, The Linear Complementarity Problem, 1992).
@@ -29,7 +29,7 @@ from pyfric.statics.uniqueness import definiteness, is_definite
 if TYPE_CHECKING:
     from pyfric.scene import Scene
 
-__all__ = ["Contact", "Interface", "Statics", "Values"]
+__all__ = ["Contact", "ContactProblem", "Statics", "Values"]
 
 CONTACT_TOL = 1e-11
 """Violations of contact or friction conditions below this many F_N/N_x are rounding."""
@@ -51,7 +51,7 @@ class Values(NamedTuple):
     F_T: float
 
 
-class Interface:
+class ContactProblem:
     """The condensed slider of one scene and its contact with the substrate (linear geometry)."""
 
     def __init__(self, scene: Scene) -> None:
@@ -61,7 +61,7 @@ class Interface:
         self._bases: dict[bytes, np.ndarray] = {}
 
     def base(self, closed: np.ndarray) -> np.ndarray:
-        """Return the table with all u_x held: rows u_x, f, u_z, F_T; columns u_x, X, 1."""
+        """Return the table with all u_x held: rows u_x, f, u_z, F_T; columns u_x, drive, 1."""
         key = closed.tobytes()
         if key not in self._bases:
             while len(self._bases) >= 64:
@@ -98,7 +98,7 @@ class Interface:
         """
         scene = self.scene
         contact = Contact(self, np.zeros(scene.N_x), 0.0, np.ones(scene.N_x, dtype=bool))
-        contact.X = -contact.values().F_T / contact.rates().F_T
+        contact.drive = -contact.values().F_T / contact.rates().F_T
         now = contact.values()
         if (contact.law.margin(now.p, now.f) >= 0).all():
             return contact
@@ -106,9 +106,9 @@ class Interface:
         rest = loaded_state(scene)
         return Contact(self, rest.u[0, 0], scene.d * rest.u_drv0, ~rest.open)
 
-    def solver(self, X_0: float) -> Statics:
-        """Return static states for `pyfric.record.catalogue`; the driver counts from X_0."""
-        return Statics(self, X_0)
+    def solver(self, drive_0: float) -> Statics:
+        """Return static states for `pyfric.record.catalogue`; the driver counts from drive_0."""
+        return Statics(self, drive_0)
 
 
 class Static(NamedTuple):
@@ -122,8 +122,8 @@ class Static(NamedTuple):
 class Statics:
     """Static states with the interface held, as `pyfric.StaticSolver` gives them."""
 
-    def __init__(self, interface: Interface, X_0: float) -> None:
-        self.interface, self.X_0 = interface, X_0
+    def __init__(self, problem: ContactProblem, drive_0: float) -> None:
+        self.problem, self.drive_0 = problem, drive_0
 
     def solve(self, u_x_bottom: np.ndarray, drive: float, *, free: np.ndarray) -> Static:
         """Return the equilibrium with u_x held except where free (open).
@@ -135,14 +135,14 @@ class Statics:
             EquilibriumError: the set of open blocks does not settle.
         """
         given = np.where(free, 0.0, u_x_bottom)
-        contact = Contact(self.interface, given, self.X_0 + drive, ~free)
+        contact = Contact(self.problem, given, self.drive_0 + drive, ~free)
         contact.law = FRICTIONLESS
         loose, lifted = free.copy(), np.zeros_like(free)
         for _ in range(8 * contact.N_x + 20):
             now = contact.values()
             i = contact.wrong_side(now)
             if i is None:
-                return Static(now.F_T, -self.interface.scene.d * now.f, now.p)
+                return Static(now.F_T, -self.problem.scene.d * now.f, now.p)
             closed = contact.closed.copy()
             closed[i] ^= True
             if not closed[i] and not loose[i]:
@@ -159,28 +159,30 @@ class Contact:
     Attributes:
         slip: direction of the blocks that slip, 0 elsewhere, shape (N_x,), int8.
         closed: blocks that touch the foundation, shape (N_x,), bool.
-        X: position of the driver, in m.
+        drive: position of the driver, in m.
         law: the friction law; slipping blocks have left weakening behind.
         tol: violations of contact or friction conditions below it are rounding, in N.
     """
 
-    def __init__(self, interface: Interface, u_x: np.ndarray, X: float, closed: np.ndarray) -> None:
-        self.interface, scene = interface, interface.scene
+    def __init__(
+        self, problem: ContactProblem, u_x: np.ndarray, drive: float, closed: np.ndarray
+    ) -> None:
+        self.problem, scene = problem, problem.scene
         self.N_x, self.k_f = scene.N_x, scene.k_f
         self.law = scene.interface.law
-        self.k, self.K, self.least = scene.slider.k, scene.driver.K, LEAST * interface.unit
+        self.k, self.K, self.least = scene.slider.k, scene.driver.K, LEAST * problem.unit
         self.slip = np.zeros(self.N_x, dtype=np.int8)
         self.closed = np.array(closed, dtype=bool)
         self.free = np.zeros(self.N_x, dtype=bool)
-        self.column = np.concatenate([u_x, [X, 1.0]])
+        self.column = np.concatenate([u_x, [drive, 1.0]])
         self.renew()
 
     @property
-    def X(self) -> float:
+    def drive(self) -> float:
         return float(self.column[-2])
 
-    @X.setter
-    def X(self, value: float) -> None:
+    @drive.setter
+    def drive(self, value: float) -> None:
         self.column[-2] = value
 
     @property
@@ -195,7 +197,7 @@ class Contact:
         return i if depth[i] > self.tol else None
 
     def next_change(self, *, reload: bool = True) -> tuple[float, int, int]:
-        """Return where the next contact state changes as X grows.
+        """Return where the next contact state changes as drive grows.
 
         A rate that may be nothing but rounding changes nothing.
 
@@ -204,8 +206,8 @@ class Contact:
                 again. Without it, it slips on as others do.
 
         Returns:
-            X (inf for nowhere), the block, and what it does: +1 or -1 slips that way, 0 opens or
-            closes, 2 has load again and sticks.
+            drive (inf for nowhere), the block, and what it does: +1 or -1 slips that way, 0 opens
+            or closes, 2 has load again and sticks.
         """
         now, rate, stuck = self.values(), self.rates(), self.stuck
         closed, small = self.closed, self.small_rate(rate)
@@ -224,8 +226,8 @@ class Contact:
                 ahead = np.full(self.N_x, np.inf)
                 np.divide(np.maximum(margin, 0.0), -slope, out=ahead, where=falls)
                 i = int(np.argmin(ahead))
-                if self.X + ahead[i] < best[0]:
-                    best = self.X + float(ahead[i]), i, what
+                if self.drive + ahead[i] < best[0]:
+                    best = self.drive + float(ahead[i]), i, what
         return best
 
     def small_rate(self, rate: Values) -> float:
@@ -243,7 +245,7 @@ class Contact:
             W and F, shape (n, n), for the n blocks that slip; open blocks follow.
         """
         N_x, i, open_ = self.N_x, np.flatnonzero(slip), np.flatnonzero(~self.closed)
-        base = self.interface.base(self.closed)
+        base = self.problem.base(self.closed)
         F, u_z = base[N_x : 2 * N_x, :N_x], base[2 * N_x : 3 * N_x, :N_x]
         W = F - self.law.slide(self.k_f) * slip[:, None] * u_z
         if not open_.size:
@@ -321,9 +323,11 @@ class Contact:
     def renew(self) -> None:
         """Start from the table with all blocks held, and free those that are not stuck at once."""
         N_x = self.N_x
-        largest = max(self.k * np.abs(self.column[:N_x]).max(), min(self.k, self.K) * abs(self.X))
-        self.tol = CONTACT_TOL * self.interface.unit + ROUNDING * float(largest)
-        self.table = table = self.interface.base(self.closed).copy()
+        largest = max(
+            self.k * np.abs(self.column[:N_x]).max(), min(self.k, self.K) * abs(self.drive)
+        )
+        self.tol = CONTACT_TOL * self.problem.unit + ROUNDING * float(largest)
+        self.table = table = self.problem.base(self.closed).copy()
         self.free = (self.slip != 0) | ~self.closed
         free = np.flatnonzero(self.free)
         if not free.size:
@@ -344,13 +348,13 @@ class Contact:
 
     def values(self) -> Values:
         """Return the interface at the present position of the driver."""
-        return self._interface(self.table @ self.column)
+        return self._values_of(self.table @ self.column)
 
     def rates(self) -> Values:
-        """Return the derivatives of `values` by X."""
-        return self._interface(self.table[:, -2])
+        """Return the derivatives of `values` by drive."""
+        return self._values_of(self.table[:, -2])
 
-    def _interface(self, v: np.ndarray) -> Values:
+    def _values_of(self, v: np.ndarray) -> Values:
         N_x = self.N_x
         u_z = v[2 * N_x : 3 * N_x]
         p = np.where(self.closed, -self.k_f * u_z, 0.0)

@@ -1,13 +1,13 @@
 """Static condensation: the slider as its interface feels it.
 
 All rows above the bottom one, the rod and the driver spring are eliminated, from the top downward.
-What is left is the potential of the interface v = (u_x, u_z) and of the driver's position X,
+What is left is the potential of the interface v = (u_x, u_z) and of the driver's position,
 without foundation and friction,
 
-    U(v, X) = v.S v/2 - v.(g_0 + g_1 X) + c_2 X^2/2 + c_1 X,
+    U(v, drive) = v.S v/2 - v.(g_0 + g_1 drive) + c_2 drive^2/2 + c_1 drive,
 
-so that S v - g_0 - g_1 X are the forces the interface has to carry and F_T = dU/dX. The driver
-spring is relaxed at X = 0 with the driven block at u_x = 0: X = V t + d u_drv0.
+so that S v - g_0 - g_1 drive are the forces the interface has to carry and F_T = dU/d(drive).
+The driver spring is relaxed at drive = 0 with the driven block at u_x = 0: drive = V t + d u_drv0.
 
 The lattice couples neighbouring rows only. Eliminating row j + 1 therefore changes row j alone:
 
@@ -41,9 +41,9 @@ class Condensed:
 
     Attributes:
         S: stiffness of the interface, driver attached, shape (2 N_x, 2 N_x), in N/m.
-        g_0: load on the interface at X = 0, shape (2 N_x,), in N.
+        g_0: load on the interface at drive = 0, shape (2 N_x,), in N.
         g_1: the same per driver position, shape (2 N_x,), in N/m.
-        c_1: F_T at v = 0, X = 0, in N.
+        c_1: F_T at v = 0, drive = 0, in N.
         c_2: stiffness the driver feels, in N/m.
     """
 
@@ -53,9 +53,9 @@ class Condensed:
     c_1: float
     c_2: float
 
-    def F_T(self, v: np.ndarray, X: float) -> float:
-        """Return the force of the driver in N at v, shape (2 N_x,), and X, in m."""
-        return self.c_1 + self.c_2 * X - float(self.g_1 @ v)
+    def F_T(self, v: np.ndarray, drive: float) -> float:
+        """Return the force of the driver in N at v, shape (2 N_x,), and drive, in m."""
+        return self.c_1 + self.c_2 * drive - float(self.g_1 @ v)
 
 
 def condense(scene: Scene) -> Condensed:
@@ -76,7 +76,7 @@ def condense(scene: Scene) -> Condensed:
     else:
         g[-N_x:, 0] = -scene.load
         g[-2 * N_x : -N_x, 0] = scene.shear
-    # Under a rod the driven block of the top row moves with X of the rod.
+    # Under a rod the driven block of the top row moves with the rod.
     on_rod = scene.rigid and scene.j_h == N_z - 1
     g[n - 3 if on_rod else driven_dof(scene), 1] = K * scene.d
 
@@ -86,10 +86,12 @@ def condense(scene: Scene) -> Condensed:
     for j in range(N_z - 2, -1, -1):
         here, above = slice(edges[j], edges[j + 1]), slice(edges[j + 1], edges[j + 2])
         B = stiff[above, here]
-        _, X, failed = dposv(A, np.column_stack([B.toarray(), r]), overwrite_a=1, overwrite_b=1)
+        _, solved, failed = dposv(
+            A, np.column_stack([B.toarray(), r]), overwrite_a=1, overwrite_b=1
+        )
         if failed:
             raise EquilibriumError("the slider is not supported", np.nan, 0.0, 0)
-        to_B, to_r = X[:, : 2 * N_x], X[:, 2 * N_x :]
+        to_B, to_r = solved[:, : 2 * N_x], solved[:, 2 * N_x :]
         c_1 -= float(r[:, 1] @ to_r[:, 0])
         c_2 -= float(r[:, 1] @ to_r[:, 1])
         BT = B.T.tocsr()

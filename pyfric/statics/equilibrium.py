@@ -178,7 +178,7 @@ class _Contact(NamedTuple):
         return b"".join(part.tobytes() for part in self)
 
 
-class _Interface(NamedTuple):
+class _Bottom(NamedTuple):
     """What one contact set leads to, each of shape (N_x,)."""
 
     u_x: np.ndarray
@@ -528,13 +528,13 @@ class StaticSolver:
         contact = _Contact(everywhere, everywhere, np.zeros(N_x, dtype=np.int8))
         state: list = [np.zeros(len(self._arm)), 0.0, 0]
 
-        def at_rest(contact: _Contact) -> _Interface:
+        def at_rest(contact: _Contact) -> _Bottom:
             q = state[0].copy()
             q[self._x][contact.held] = 0.0
             q, residual, used = self._newton(q, contact, None)
             state[:] = q, residual, state[2] + used
             f = self._friction(q, contact, self._forces(q, contact, None)[0])
-            return _Interface(q[self._x], q[self._z], f, self._rounding(q))
+            return _Bottom(q[self._x], q[self._z], f, self._rounding(q))
 
         held_everywhere = at_rest(contact)
         if self.scene.N_z > 1 and self._next_contact(contact, held_everywhere) is not None:
@@ -544,7 +544,7 @@ class StaticSolver:
             self._warn_if_ambiguous(S, contact)
         return self._result(state[0], contact, None, *state[1:])
 
-    def _settled(self, contact: _Contact, rest: Callable[[_Contact], _Interface]) -> _Contact:
+    def _settled(self, contact: _Contact, rest: Callable[[_Contact], _Bottom]) -> _Contact:
         """Return the contact set that meets all conditions of loading."""
         sweeps = 8 * self.scene.N_x + 20
         for sweep in range(sweeps):
@@ -556,7 +556,7 @@ class StaticSolver:
         raise EquilibriumError(what, np.nan, self._limit, sweeps)
 
     def _next_contact(
-        self, contact: _Contact, now: _Interface, *, one: bool = False
+        self, contact: _Contact, now: _Bottom, *, one: bool = False
     ) -> _Contact | None:
         """Return the next contact set to try while F_N is applied, or None if this one is right.
 
@@ -566,24 +566,24 @@ class StaticSolver:
         """
         held, closed, slip = (part.copy() for part in contact)
         p = -self.scene.k_f * now.u_z * closed
-        excess = np.where(held, -self.scene.interface.law.margin(p, now.f), 0.0)
+        margin = np.where(held, self.scene.interface.law.margin(p, now.f), 0.0)
         wrong = self._wrong_side(now.u_z, closed, now.rounding)
         back = slip * now.u_x * self._stiffest < -now.rounding
-        over = excess > CONTACT_TOL * self._unit + 16 * now.rounding
-        if not (wrong | back | over).any():
+        weak = margin < -(CONTACT_TOL * self._unit + 16 * now.rounding)
+        if not (wrong | back | weak).any():
             return None
         if one:
-            first = np.arange(len(p)) == np.argmax(wrong | back | over)
-            wrong, back, over = wrong & first, back & first, over & first
+            first = np.arange(len(p)) == np.argmax(wrong | back | weak)
+            wrong, back, weak = wrong & first, back & first, weak & first
         if wrong.any():
             closed ^= wrong
             held[wrong], slip[wrong] = closed[wrong], 0
         elif back.any():
             held[back], slip[back] = True, 0
         else:
-            excess = np.where(over, excess, -np.inf)
-            i = int(np.argmax(excess))
-            released = excess >= excess[i] - TIE * self._unit
+            margin = np.where(weak, margin, np.inf)
+            i = int(np.argmin(margin))
+            released = margin <= margin[i] + TIE * self._unit
             held[released], slip[released] = False, -np.sign(now.f[released])
             if not held.any():
                 # All blocks slip: the slider moves as a whole until one of them is back at u_x = 0.
@@ -623,7 +623,7 @@ class StaticSolver:
         A[i, j] -= self.scene.interface.law.slide(self.scene.k_f) * contact.slip
         return A
 
-    def _condensed_rest(self, S: np.ndarray, g: np.ndarray, contact: _Contact) -> _Interface:
+    def _condensed_rest(self, S: np.ndarray, g: np.ndarray, contact: _Contact) -> _Bottom:
         """Return the interface at rest for one contact set, in linear geometry."""
         N_x = self.scene.N_x
         unknown = np.concatenate([~contact.held, np.ones(N_x, dtype=bool)])
@@ -636,7 +636,7 @@ class StaticSolver:
         u_x, u_z = v[self._x], v[self._z]
         f = np.where(contact.held, (S @ v - g)[self._x], 0.0)
         f += contact.slip * (self.scene.interface.law.slide(self.scene.k_f) * u_z)
-        return _Interface(u_x, u_z, f, 64 * self._rounding(np.pad(v, (0, len(self._arm) - len(v)))))
+        return _Bottom(u_x, u_z, f, 64 * self._rounding(np.pad(v, (0, len(self._arm) - len(v)))))
 
     def _warn_if_ambiguous(self, S: np.ndarray, contact: _Contact) -> None:
         """Warn where the slip operator (friction against slip) is not positive definite."""

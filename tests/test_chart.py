@@ -32,9 +32,9 @@ def event():
     return pd.DataFrame(points)
 
 
-def order(method, switching, geometry, question="rupture"):
-    table = chart.orders(event(), question).set_index(["method", "switching", "geometry"])
-    return table.loc[(method, switching, geometry), "order"]
+def order(stepper, switching, geometry, question="rupture"):
+    table = chart.orders(event(), question).set_index(["stepper", "switching", "geometry"])
+    return table.loc[(stepper, switching, geometry), "order"]
 
 
 def test_the_reference_has_converged():
@@ -55,7 +55,7 @@ def test_located_switching_keeps_the_order_of_the_stepper():
 def test_switching_at_step_ends_costs_it():
     for question in ("rupture", "stress"):
         assert order("rk4", "step_end", "finite", question) < 1.6
-    done = event()[(event()["method"] == "rk4") & (event()["status"] == "ok")]
+    done = event()[(event()["stepper"] == "rk4") & (event()["status"] == "ok")]
     done = done[(done["share"] == 0.5) & (done["geometry"] == "finite")].set_index("switching")
     assert done.loc["step_end", "rupture"] > 50 * done.loc["located", "rupture"]
 
@@ -66,7 +66,7 @@ def test_the_energy_budget_closes_with_the_order_of_the_stepper():
 
 def test_linear_geometry_is_another_model():
     """Refining steps does not help against the finite reference."""
-    line = event()[(event()["geometry"] == "linear") & (event()["method"] == "rk4")]
+    line = event()[(event()["geometry"] == "linear") & (event()["stepper"] == "rk4")]
     line = line[(line["scene"] == "event") & (line["share"] <= 0.5)]
     assert np.ptp(line["stress"]) < 0.01 * line["stress"].min()
     assert (line["own_stress"] < 1e-3 * line["stress"]).all()
@@ -75,7 +75,7 @@ def test_linear_geometry_is_another_model():
 def test_points_that_fail_are_kept_with_the_reason():
     table = event()
     failed = table[table["status"] != "ok"]
-    assert set(zip(failed["method"], failed["share"], strict=True)) == {
+    assert set(zip(failed["stepper"], failed["share"], strict=True)) == {
         ("rk4", 2.0),
         ("verlet", 2.0),
         ("verlet", 0.9),
@@ -92,7 +92,7 @@ def slider():
 def test_switch_times_of_the_small_slider():
     table = slider()
     ok = table[table["status"] == "ok"]
-    finest = ok[ok["method"] == "rk4"].groupby("switching")["rupture"].min()
+    finest = ok[ok["stepper"] == "rk4"].groupby("switching")["rupture"].min()
     assert finest["located"] < 1e-10
     assert finest["step_end"] > 1e-8
     peer = ok[ok["engine"].str.startswith("scipy")].sort_values("rtol")
@@ -104,14 +104,14 @@ def test_switch_times_of_the_small_slider():
 def test_a_free_wave_is_that_of_lammps():
     table = pd.DataFrame(chart.wave_points())
     ok = table[table["status"] == "ok"]
-    for method, expected in (("rk4", 4), ("verlet", 2), ("symplectic_euler", 1)):
-        line = ok[(ok["engine"] == "pyfric") & (ok["method"] == method)]
+    for stepper, expected in (("rk4", 4), ("verlet", 2), ("symplectic_euler", 1)):
+        line = ok[(ok["engine"] == "pyfric") & (ok["stepper"] == stepper)]
         slope = np.polyfit(np.log(line["dt"][-3:]), np.log(line["displacement"][-3:]), 1)[0]
         assert slope == pytest.approx(expected, abs=0.25)
     if peers.available()["lammps"].startswith("missing"):
         pytest.skip("LAMMPS is not installed")
     one, other = (
-        ok[(ok["engine"] == engine) & (ok["method"] == "verlet")]["displacement"].to_numpy()
+        ok[(ok["engine"] == engine) & (ok["stepper"] == "verlet")]["displacement"].to_numpy()
         for engine in ("pyfric", "LAMMPS")
     )
     np.testing.assert_allclose(one, other, rtol=1e-6)

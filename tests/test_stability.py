@@ -14,16 +14,16 @@ from pyfric.statics import loaded_state, stability_limit
 WITHIN = 0.05
 
 
-@pytest.mark.parametrize("method", stability.LIMITED)
+@pytest.mark.parametrize("stepper", stability.LIMITED)
 @pytest.mark.parametrize("eta", [0.0, math.sqrt(0.1), 3.0])
 @pytest.mark.parametrize("stiffness", [1.0, 100.0])
-def test_computed_limits_are_those_of_runs(method, eta, stiffness):
+def test_computed_limits_are_those_of_runs(stepper, eta, stiffness):
     scene = stability.small_slider(eta, stiffness)
-    computed, details = stability_limit(scene, method)
+    computed, details = stability_limit(scene, stepper)
     assert details["exact"]
-    measured = stability.measured_limit(scene, method, computed)
+    measured = stability.measured_limit(scene, stepper, computed)
     assert measured == pytest.approx(computed, rel=WITHIN)
-    assert not stability.grows(scene, method, 0.98 * computed)
+    assert not stability.grows(scene, stepper, 0.98 * computed)
 
 
 def test_the_limit_of_the_paper_s_lattice_is_that_of_runs():
@@ -48,7 +48,7 @@ def test_adaptive_steps_stay_stable_far_above_the_limit_of_rk4():
 
 def test_map_and_figure(tmp_path):
     table = stability.stability_map(("rk4",), (0.1, 1.0), (1.0, 10.0))
-    assert list(table) == ["method", "eta", "stiffness", "computed", "measured", "ratio"]
+    assert list(table) == ["stepper", "eta", "stiffness", "computed", "measured", "ratio"]
     assert len(table) == 4
     np.testing.assert_allclose(table["ratio"], 1, atol=WITHIN)
     fig = stability.figure(table)

@@ -75,10 +75,14 @@ QUESTIONS = {
 """Error columns of the event -> what they mean."""
 
 
+LINE = ("stepper", "switching", "geometry")
+"""What tells the lines of the event apart."""
+
+
 class Method(NamedTuple):
     """One way to integrate: a line of the chart."""
 
-    method: str
+    stepper: str
     switching: str
     geometry: Geometry
     shares: tuple[float, ...] = SHARES
@@ -105,7 +109,7 @@ def chart(*, progress: bool = False) -> pd.DataFrame:
         progress: say on stderr what is running.
 
     Returns:
-        One row per point. Columns: scene, engine, method, switching, geometry, dt (s), share (dt
+        One row per point. Columns: scene, engine, stepper, switching, geometry, dt (s), share (dt
         over the stability limit of RK4), rtol, seconds, evaluations, status ("ok", or why it
         failed), the errors of `QUESTIONS`, start, blocks, missing (blocks whose rupture time only
         one of the two has), and the same errors against the reference of the same geometry, with
@@ -175,8 +179,10 @@ def event_points(
         start, truth = starts[one.geometry], starts["finite"].reference
         for share in one.shares:
             for rtol in one.rtols:
-                say(f"event: {one.method}, {one.switching}, {one.geometry}, {share:g} {rtol or ''}")
-                options = {"stepper": one.method, "switching": one.switching}
+                say(
+                    f"event: {one.stepper}, {one.switching}, {one.geometry}, {share:g} {rtol or ''}"
+                )
+                options = {"stepper": one.stepper, "switching": one.switching}
                 options["geometry"] = one.geometry
                 options |= {"dt": share * limit, "rtol": rtol}
                 row = {"scene": "event", "engine": "dynamic", "share": share, **options}
@@ -292,7 +298,7 @@ def curve_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[s
     yield {
         "scene": "reference",
         "engine": "hybrid",
-        "method": "rk4",
+        "stepper": "rk4",
         "switching": "located",
         "geometry": "finite",
         "dt": limit / 32,
@@ -324,7 +330,7 @@ def curve_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[s
             yield {
                 "scene": "curve",
                 "engine": engine,
-                "method": None if share is None else "rk4",
+                "stepper": None if share is None else "rk4",
                 "switching": switching,
                 "geometry": geometry or "linear",
                 "dt": math.nan if share is None else share * limit,
@@ -358,14 +364,14 @@ def wave_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[st
     say("wave: reference")
     truth = _wave(scene, u, t_end, 4 * numbers[-1], "rk4")[0]
     scale = _rms(truth)
-    for method in ("rk4", "verlet", "symplectic_euler"):
+    for stepper in ("rk4", "verlet", "symplectic_euler"):
         for n in numbers:
-            say(f"wave: {method}, {n} steps")
-            runs = [_wave(scene, u, t_end, n, method) for _ in range(REPEATS)]
+            say(f"wave: {stepper}, {n} steps")
+            runs = [_wave(scene, u, t_end, n, stepper) for _ in range(REPEATS)]
             yield {
-                **_wave_row("pyfric", method, t_end / n, runs[0][0], truth, scale),
+                **_wave_row("pyfric", stepper, t_end / n, runs[0][0], truth, scale),
                 "seconds": min(seconds for _, seconds in runs),
-                "evaluations": n * core.STEPPERS[method].evaluations * scene.N_x * scene.N_z,
+                "evaluations": n * core.STEPPERS[stepper].evaluations * scene.N_x * scene.N_z,
             }
     if peers.available()["lammps"].startswith("missing"):
         yield {"scene": "wave", "engine": "LAMMPS", "status": peers.INSTALL}
@@ -387,7 +393,7 @@ def wave_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[st
 
 
 def _wave(
-    scene: Scene, u: np.ndarray, t_end: float, n: int, method: str
+    scene: Scene, u: np.ndarray, t_end: float, n: int, stepper: str
 ) -> tuple[np.ndarray, float]:
     """Return u after n steps of the free lattice from rest at u, and the time it took, in s."""
     state = loaded_state(scene).state(scene, t_end / n)
@@ -395,15 +401,15 @@ def _wave(
     state.y[:, :2] = u
     model, log = core.springs(scene, "finite"), core.Log(scene.N_x)
     begin = time.perf_counter()
-    core.advance(model, state, log, n, stepper=method, budget=False)
+    core.advance(model, state, log, n, stepper=stepper, budget=False)
     return state.y[:, :2].copy(), time.perf_counter() - begin
 
 
 def _wave_row(
-    engine: str, method: str, dt: float, u: np.ndarray, truth: np.ndarray, scale: float
+    engine: str, stepper: str, dt: float, u: np.ndarray, truth: np.ndarray, scale: float
 ) -> dict[str, Any]:
     error = _rms((u - truth).ravel()) / scale
-    row = {"scene": "wave", "engine": engine, "method": method, "geometry": "finite", "dt": dt}
+    row = {"scene": "wave", "engine": engine, "stepper": stepper, "geometry": "finite", "dt": dt}
     if not error < 1:
         return row | {"status": "unstable: the wave has grown"}
     return row | {"status": "ok", "displacement": error}
@@ -465,9 +471,9 @@ def slider_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[
 
 
 def _slider_row(
-    engine: str, method: str, switching: str, found: list[tuple], truth: list[tuple]
+    engine: str, stepper: str, switching: str, found: list[tuple], truth: list[tuple]
 ) -> dict[str, Any]:
-    row = {"scene": "slider", "engine": engine, "method": method, "switching": switching}
+    row = {"scene": "slider", "engine": engine, "stepper": stepper, "switching": switching}
     if [one[1:] for one in found] != [one[1:] for one in truth]:
         return row | {"status": f"other switches: {len(found)} instead of {len(truth)}"}
     error = _rms(np.array([a[0] - b[0] for a, b in zip(found, truth, strict=True)]))
@@ -535,23 +541,20 @@ def orders(table: pd.DataFrame, question: str = "rupture") -> pd.DataFrame:
         question: column of errors.
 
     Returns:
-        Columns: method, switching, geometry, question, order, points.
+        Columns: stepper, switching, geometry, question, order, points.
     """
     last = table[table["scene"] == "reference"].dropna(subset=[question])
     floor = 10 * last[question].iloc[-1] if len(last) else 0.0
     event = table[(table["scene"] == "event") & (table["status"] == "ok")]
     rows = []
     name = question if question == "energy" else f"own_{question}"
-    for key, line in event.groupby(["method", "switching", "geometry"], sort=False):
+    for key, line in event.groupby(list(LINE), sort=False):
         line = line[(line[name] > (0 if question == "energy" else floor)) & line["rtol"].isna()]
         if len(line) >= 3:
             slope = np.polyfit(np.log(line["dt"]), np.log(line[name]), 1)[0]
-            names = ("method", "switching", "geometry")
             found = {"question": question, "order": float(slope), "points": len(line)}
-            rows.append(dict(zip(names, key, strict=True)) | found)
-    return pd.DataFrame(
-        rows, columns=["method", "switching", "geometry", "question", "order", "points"]
-    )
+            rows.append(dict(zip(LINE, key, strict=True)) | found)
+    return pd.DataFrame(rows, columns=[*LINE, "question", "order", "points"])
 
 
 COLOURS = {
@@ -587,12 +590,12 @@ def figure(table: pd.DataFrame) -> DataFigure:
     *panels, last = fig.subplots(4, 2).flat
     for (scene, name, label), axes, letter in zip(PANELS, panels, "abcdefg", strict=True):
         part = table[(table["scene"] == scene) & (table["status"] == "ok")]
-        keys = ["engine", "method", "switching", "geometry"]
+        keys = ["engine", "stepper", "switching", "geometry"]
         part = part[np.isfinite(part["seconds"]) & (part[name] > 0)]
         for key, line in part.groupby(keys, sort=False, dropna=False):
-            engine, method, switching, geometry = (None if v != v else v for v in key)
-            text = _label(scene, engine, method, switching, geometry)
-            colour = COLOURS.get(engine, COLOURS.get(method))
+            engine, stepper, switching, geometry = (None if v != v else v for v in key)
+            text = _label(scene, engine, stepper, switching, geometry)
+            colour = COLOURS.get(engine, COLOURS.get(stepper))
             peer = engine in ("LAMMPS", "scipy solve_ivp")
             (handles[text],) = axes.loglog(
                 line["seconds"],
@@ -626,10 +629,10 @@ def figure(table: pd.DataFrame) -> DataFigure:
     return fig
 
 
-def _label(scene: str, engine: str, method: str, switching: str, geometry: str) -> str:
+def _label(scene: str, engine: str, stepper: str, switching: str, geometry: str) -> str:
     if engine in ("LAMMPS", "scipy solve_ivp"):
-        return f"{engine}, {method}"
-    words = [method or engine]
+        return f"{engine}, {stepper}"
+    words = [stepper or engine]
     if scene == "curve" and engine != "quasistatic":
         words.insert(0, engine)
     if switching:

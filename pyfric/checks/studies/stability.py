@@ -56,22 +56,22 @@ def small_slider(eta: float, stiffness: float) -> Scene:
     return setup1(**size, eta=eta * math.sqrt(k * m), k_f=stiffness * k)
 
 
-def measured_limit(scene: Scene, method: str, around: float) -> float:
+def measured_limit(scene: Scene, stepper: str, around: float) -> float:
     """Return the largest step at which a disturbance does not grow, in s.
 
     Args:
         scene: a scene at rest (V = 0) in which nothing slips.
-        method: one of `LIMITED`.
+        stepper: one of `LIMITED`.
         around: where to look, in s: between 0.7 and 1.4 times this.
     """
     low, high = 0.7 * around, 1.4 * around
     for _ in range(HALVINGS):
         dt = math.sqrt(low * high)
-        low, high = (low, dt) if grows(scene, method, dt) else (dt, high)
+        low, high = (low, dt) if grows(scene, stepper, dt) else (dt, high)
     return math.sqrt(low * high)
 
 
-def grows(scene: Scene, method: str, dt: float) -> bool:
+def grows(scene: Scene, stepper: str, dt: float) -> bool:
     """Whether a disturbance grows by `GROWTH` within `STEPS` steps, stuck or lifted off."""
     rest, rng = loaded_state(scene), np.random.default_rng(1)
     for lifted in (False, True):
@@ -84,7 +84,7 @@ def grows(scene: Scene, method: str, dt: float) -> bool:
         shaken = slice(1, -1 if not lifted else None)
         state.y[shaken, 2:] = size * rng.standard_normal(state.y[shaken, 2:].shape)
         log, began = core.Log(scene.N_x), np.abs(state.y[:, 2:]).max()
-        core.advance(model, state, log, STEPS, stepper=method, budget=False)
+        core.advance(model, state, log, STEPS, stepper=stepper, budget=False)
         with np.errstate(all="ignore"):
             if not np.abs(state.y[:, 2:]).max() < GROWTH * began:
                 return True
@@ -92,7 +92,7 @@ def grows(scene: Scene, method: str, dt: float) -> bool:
 
 
 def stability_map(
-    methods: Sequence[str] = LIMITED,
+    steppers: Sequence[str] = LIMITED,
     etas: Sequence[float] = ETAS,
     stiffnesses: Sequence[float] = STIFFNESSES,
     *,
@@ -101,26 +101,26 @@ def stability_map(
     """Compute and measure the limits.
 
     Args:
-        methods: steppers, of `LIMITED`.
+        steppers: steppers, of `LIMITED`.
         etas: viscosities over sqrt(k m).
         stiffnesses: of the foundation, over k.
         progress: say on stderr what is running.
 
     Returns:
-        Columns: method, eta (over sqrt(k m)), stiffness (k_f/k), computed and measured (the limits
+        Columns: stepper, eta (over sqrt(k m)), stiffness (k_f/k), computed and measured (the limits
         in units of sqrt(m/k)), ratio (measured over computed).
     """
     rows = []
-    for method, eta, stiffness in product(methods, etas, stiffnesses):
+    for stepper, eta, stiffness in product(steppers, etas, stiffnesses):
         if progress:
-            print(f"{method}, eta {eta:.3g}, k_f/k {stiffness:g}", file=sys.stderr, flush=True)
+            print(f"{stepper}, eta {eta:.3g}, k_f/k {stiffness:g}", file=sys.stderr, flush=True)
         scene = small_slider(eta, stiffness)
         unit = math.sqrt(scene.m / scene.slider.k)
-        computed = stability_limit(scene, method)[0]
-        measured = measured_limit(scene, method, computed)
+        computed = stability_limit(scene, stepper)[0]
+        measured = measured_limit(scene, stepper, computed)
         rows.append(
             {
-                "method": method,
+                "stepper": stepper,
                 "eta": eta,
                 "stiffness": stiffness,
                 "computed": computed / unit,
@@ -133,13 +133,13 @@ def stability_map(
 
 def figure(table: pd.DataFrame) -> DataFigure:
     """Return the map: limits over viscosity, one panel per stepper, one line per foundation."""
-    methods = list(dict.fromkeys(table["method"]))
+    steppers = list(dict.fromkeys(table["stepper"]))
     colours = ("#0072B2", "#009E73", "#E69F00", "#D55E00")
     fig = DataFigure(figsize=(7.2, 2.9), layout="constrained")
     FigureCanvasAgg(fig)
-    panels = np.atleast_1d(fig.subplots(1, len(methods), sharey=True))
-    for axes, method, letter in zip(panels, methods, "abcdef", strict=False):
-        part = table[table["method"] == method]
+    panels = np.atleast_1d(fig.subplots(1, len(steppers), sharey=True))
+    for axes, stepper, letter in zip(panels, steppers, "abcdef", strict=False):
+        part = table[table["stepper"] == stepper]
         for (stiffness, line), colour in zip(part.groupby("stiffness"), colours, strict=False):
             text = rf"$k_\mathrm{{f}}/k$ = {stiffness:g}"
             width = 2.6 if stiffness == part["stiffness"].min() else 1.2  # seen below another
@@ -149,7 +149,7 @@ def figure(table: pd.DataFrame) -> DataFigure:
         axes.set_xticks([0, 0.1, 1], ["0", "0.1", "1"])
         axes.set_yscale("log")
         axes.axvline(math.sqrt(0.1), color="0.7", lw=0.7, ls=":")
-        axes.set_title(f"({letter}) {method.replace('_', ' ')}", fontsize=8, loc="left")
+        axes.set_title(f"({letter}) {stepper.replace('_', ' ')}", fontsize=8, loc="left")
         axes.set_xlabel(r"viscosity $\eta/\sqrt{km}$", fontsize=8)
         axes.tick_params(labelsize=7, direction="in", which="both")
         axes.grid(alpha=0.3, lw=0.5)

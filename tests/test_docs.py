@@ -1,5 +1,7 @@
-"""The pages in docs/: every procedure and test that they name exists."""
+"""What names things by their text: pages in docs/, the mutations, the law that alone says mu."""
 
+import importlib.machinery
+import importlib.util
 import re
 from pathlib import Path
 
@@ -31,3 +33,18 @@ def test_procedure_and_oracle_exist(row):
 def test_a_name_that_does_not_exist_is_noticed():
     with pytest.raises(AssertionError):
         test_procedure_and_oracle_exist(["", "`law.f90:nothing`", "`test_docs.py::test_nothing`"])
+
+
+def test_only_the_law_says_mu():
+    for path in (ROOT / "fortran").glob("*.f90"):
+        said = re.search(r"\bmu(_s|_k|_0)?\b|%drop\b", path.read_text(encoding="utf-8"))
+        assert bool(said) == (path.name == "law.f90"), path.name
+
+
+def test_each_mutation_finds_its_text_once():
+    loader = importlib.machinery.SourceFileLoader("mutate", str(ROOT / "scripts" / "mutate"))
+    script = importlib.util.module_from_spec(importlib.util.spec_from_loader("mutate", loader))
+    loader.exec_module(script)
+    for name, mutation in script.MUTATIONS.items():
+        for file, old, _ in mutation.edits:
+            assert (ROOT / file).read_text(encoding="utf-8").count(old) == 1, (name, file, old)

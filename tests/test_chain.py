@@ -203,7 +203,7 @@ forces = (
 )
 
 
-@settings(max_examples=500)
+@settings(max_examples=250)
 @given(
     st.dictionaries(
         st.sampled_from(list(chain.__kwdefaults__)),
@@ -220,7 +220,7 @@ texts = st.sampled_from(["1 N", "60 N", "-60 N", "nan N", "1 kN", "N", "1", "1 m
 entries = texts | st.integers() | st.floats() | st.booleans() | st.dictionaries(texts, texts)
 
 
-@settings(max_examples=500)
+@settings(max_examples=250)
 @given(
     key=st.sampled_from([("top", name) for name in ("kind", "p", "tau", "k_top", "F_N")]
                         + [("slider", "H"), ("slider", "L"), ("driver", "h"), ("driver", "side")]),

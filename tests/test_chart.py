@@ -101,7 +101,8 @@ def test_switch_times_of_the_small_slider():
     assert coarse["status"].str.startswith("other switches").all()
 
 
-def test_a_free_wave_is_that_of_lammps():
+def test_a_free_wave_is_that_of_lammps(monkeypatch):
+    monkeypatch.setattr(chart, "REPEATS", 1)
     table = pd.DataFrame(chart.wave_points())
     ok = table[table["status"] == "ok"]
     for stepper, expected in (("rk4", 4), ("verlet", 2), ("symplectic_euler", 1)):

@@ -490,7 +490,7 @@ def test_an_interrupted_run_without_out(monkeypatch):
 
 @pytest.mark.parametrize(
     ("number", "fidelity"),
-    [(signal.SIGINT, "dynamic"), (signal.SIGTERM, "dynamic"), (signal.SIGINT, "hybrid")],
+    [(signal.SIGINT, "dynamic"), (signal.SIGTERM, "hybrid")],
 )
 def test_a_signal_leaves_a_record_that_continues(number, fidelity, tmp_path):
     out = tmp_path / "a.nc"

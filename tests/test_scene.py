@@ -213,7 +213,7 @@ def test_presets_round_trip_exactly(name, tmp_path):
 awkward = st.floats(1e-3, 1e3, allow_nan=False)
 
 
-@settings(max_examples=300)
+@settings(max_examples=200)
 @given(
     spacing=st.floats(1e-6, 1.0),
     columns=st.integers(2, 50),
@@ -630,13 +630,13 @@ def broken(steps: list) -> str:
     return tomli_w.dumps(document)
 
 
-@settings(max_examples=1000)
+@settings(max_examples=400)
 @given(change=changes)
 def test_documents_broken_once(change):
     try_broken([change])
 
 
-@settings(max_examples=1000)
+@settings(max_examples=400)
 @given(steps=st.lists(changes, min_size=2, max_size=3))
 def test_documents_broken_twice(steps):
     try_broken(steps)
@@ -650,7 +650,7 @@ def try_broken(steps: list) -> None:
     accepted_or_refused(text)
 
 
-@settings(max_examples=1500)
+@settings(max_examples=600)
 @given(
     start=st.integers(0, len(GOOD)),
     length=st.integers(0, 12),
@@ -660,7 +660,7 @@ def test_documents_with_random_edits(start, length, insert):
     accepted_or_refused(GOOD[:start] + insert + GOOD[start + length :])
 
 
-@settings(max_examples=500)
+@settings(max_examples=300)
 @given(st.text(max_size=200) | st.text("[]{}=\"'\n\t ab1.,#\\", max_size=200))
 @example("/dev/null")
 @example(".")
@@ -669,7 +669,7 @@ def test_random_text(text):
         Scene.from_toml(text)
 
 
-@settings(max_examples=1000)
+@settings(max_examples=400)
 @given(quantities | st.text("0123456789.eE+-*/^ mNkgs²µ%()", max_size=20) | st.text(max_size=12))
 def test_random_quantities(text):
     for unit in ("m", "N s/m"):
@@ -680,7 +680,7 @@ def test_random_quantities(text):
         assert isinstance(number, float)
 
 
-@settings(max_examples=1000)
+@settings(max_examples=400)
 @given(
     st.dictionaries(
         st.sampled_from(list(setup1.__kwdefaults__)),

@@ -8,7 +8,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto
 
-.PHONY: figures test test-slow mutations digests lint format bench setup clean
+.PHONY: figures test test-slow test-portable mutations digests lint format bench setup clean
 
 # Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
 figures: setup
@@ -21,6 +21,10 @@ test: setup
 
 test-slow: setup
 	$(PYTEST) -m slow $(ARGS)
+
+# Tests that touch LAPACK, with each kernel of OpenBLAS that this processor runs; ARGS=--quick: two kernels, a short set.
+test-portable: setup
+	$(BIN)/python -P scripts/portable $(ARGS)
 
 # Which tests notice when the model is disturbed: make mutations ARGS="k mu_k"; half an hour.
 mutations: setup

@@ -7,9 +7,28 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # So do several workers whose threads spin while they wait.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 settings.register_profile(
     "pyfric", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("pyfric")
+
+LAPACK = (
+    *("chart", "claims", "complementarity", "condensation", "equilibrium", "figures", "guard"),
+    *("hybrid", "operators", "planner", "quasistatic", "reference", "regimes", "resolution"),
+    *("ringdown", "simulation", "theory", "weakening"),
+)
+"""Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""
+PORTABLE = ("complementarity", "condensation", "ringdown")
+"""Those of them that are quick; single tests of others are marked where they are."""
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        name = item.path.stem.removeprefix("test_")
+        if name in LAPACK:
+            item.add_marker(pytest.mark.lapack)
+        if name in PORTABLE:
+            item.add_marker(pytest.mark.portable)

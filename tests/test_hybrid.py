@@ -212,6 +212,7 @@ def check_equal(a, b, tolerance=1e-10):
     np.testing.assert_allclose(b.curve, a.curve, rtol=0, atol=limit)
 
 
+@pytest.mark.portable
 @pytest.mark.parametrize(
     ("geometry", "scene", "t_end"),
     [("linear", free(), 0.015), ("finite", free(), 0.015), ("finite", rod(), 0.04)],

@@ -282,6 +282,7 @@ def test_prediction_without_friction():
     assert curve["L_p_over_L"].iloc[-1] == 1
 
 
+@pytest.mark.portable
 @pytest.mark.parametrize(("mu", "rows"), [(3.5, 44), (4.0, 44), (5.0, 24), (6.0, 23), (8.0, 22)])
 @pytest.mark.parametrize("nearly", [1.0, 1 - 1e-13, 1 + 3e-12])
 def test_prediction_says_where_it_may_not_be_unique(mu, rows, nearly):
@@ -746,7 +747,9 @@ def test_equilibrium_is_the_stuck_slider_up_to_the_first_slip(name):
     assert f"block {first['nucleation_block']} slips first" in record.notes[-1]
     np.testing.assert_array_equal(record.tau_initial, ladder.tau_initial)
     held = loaded_state(scene).u[0, 0]
-    for t, F_T in record.curve.iloc[np.linspace(0, -1 + len(record.curve), 10, dtype=int)].to_numpy():
+    for t, F_T in record.curve.iloc[
+        np.linspace(0, -1 + len(record.curve), 10, dtype=int)
+    ].to_numpy():
         rest = solve_static(scene, held, scene.driver.V * t)
         assert abs(rest.F_T - F_T) < 1e-11 * scene.F_N
     excess = np.abs(rest.tau) - scene.interface.mu_s * rest.p

@@ -14,7 +14,6 @@ from pyfric.checks.check import Check
 from pyfric.checks.verify import Group
 from pyfric.cli.app import main
 
-
 SOME = """
 from pyfric.checks import verify
 from pyfric.cli.app import main

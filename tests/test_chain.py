@@ -10,6 +10,7 @@ import scipy.linalg
 import tomli_w
 import twin
 from click.testing import CliRunner
+from helpers import ENERGY_IN, ENERGY_OUT, budget_error
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -31,8 +32,6 @@ simulate = functools.partial(pyfric.simulate, fidelity="dynamic")
 N = 13
 TAU = tuple(20 * np.cos(np.arange(N)))
 P = tuple(60 + 10 * np.sin(np.arange(N)))
-IN = ["work_driver", "work_load"]
-OUT = ["dissipated_bonds", "friction_heat", "switching_loss"]
 
 
 def small(factor=1.0, **changes):
@@ -450,13 +449,6 @@ def test_speed_of_damped_fronts(taubar):
 # --- whole runs ----------------------------------------------------------------------------------
 
 
-def budget_error(record):
-    curve = record.curve
-    stored = curve[list(core.ENERGIES)].sum(axis=1)
-    error = (stored - stored[0]) - curve[IN].sum(axis=1) + curve[OUT].sum(axis=1)
-    return np.abs(error).max()
-
-
 @pytest.fixture(scope="module")
 def record():
     return simulate(small(), 4e-3, t_gap=2e-5, progress=False)
@@ -470,7 +462,7 @@ def test_energy_budget_closes():
         record = simulate(small(), 4e-3, dt=dt, progress=False)
         errors.append(budget_error(record))
     last = record.curve.iloc[-1]
-    for name in ("elastic_mattress", *IN, *OUT):
+    for name in ("elastic_mattress", *ENERGY_IN, *ENERGY_OUT):
         assert abs(last[name]) > 10 * errors[-1], name
     assert errors[-1] < 1e-6 * last["friction_heat"]
     assert errors[-1] < errors[0] / 30

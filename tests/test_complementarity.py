@@ -5,23 +5,13 @@ import functools
 
 import numpy as np
 import pytest
+from helpers import small_free, small_rod
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pyfric.scene import Law, Scene, chain, preset, setup1, setup2
+from pyfric.scene import Law, Scene, chain, preset, setup2
 from pyfric.statics import Contact, ContactProblem, StaticSolver, loaded_state
 from pyfric.statics.uniqueness import LIMIT, definiteness, is_definite
-
-
-def small_rod(**changes) -> Scene:
-    """Setup 1 with 13 x 7 blocks."""
-    return setup1(**{"L": 0.03, "H": 0.015} | changes)
-
-
-def small_free(**changes) -> Scene:
-    """Setup 2 with 21 x 7 blocks."""
-    return setup2(**{"L": 0.02, "H": 6e-3} | changes)
-
 
 SCENES = {
     "rod": small_rod(),

@@ -4,22 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from helpers import small_free, small_rod
 from scipy.sparse.linalg import spsolve
 
 from pyfric.scene import Scene, chain, preset, setup1, setup2
 from pyfric.statics import EquilibriumError, StaticSolver, stiffness
 from pyfric.statics.condensation import condense
 from pyfric.statics.operators import coordinates, driven_dof
-
-
-def small_rod(**changes) -> Scene:
-    """Setup 1 with 13 x 7 blocks."""
-    return setup1(**{"L": 0.03, "H": 0.015} | changes)
-
-
-def small_free(**changes) -> Scene:
-    """Setup 2 with 21 x 7 blocks."""
-    return setup2(**{"L": 0.02, "H": 6e-3} | changes)
 
 
 def small_chain(**changes) -> Scene:

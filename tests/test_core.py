@@ -1,22 +1,19 @@
 """The Fortran core against the twin, against itself, and against exact results."""
 
 import dataclasses
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import twin
+from helpers import GEOMETRIES, advance, bits, log_bits, mirrored_state, run_python, small
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK, State, StateError
 from pyfric.scene import setup1, setup2
 from pyfric.statics import loaded_state, stability_limit
 
-GEOMETRIES = ("linear", "finite")
 ROUNDING = 2e-15
 """Relative difference that rounding explains in one evaluation."""
 
@@ -24,12 +21,6 @@ VARIANTS = [
     pytest.param(name, marks=[] if runs else pytest.mark.skip(f"this processor cannot run {name}"))
     for name, runs in core.variants().items()
 ]
-
-
-def small(kind="rod", **changes):
-    if kind == "rod":
-        return setup1(**{"L": 0.02, "H": 0.0125, "V": 0.5} | changes)
-    return setup2(**{"L": 0.012, "H": 0.005, "theta": 0.5, "V": 0.3} | changes)
 
 
 SCENES = [
@@ -81,22 +72,6 @@ def with_slip(scene, state, rng):
     state.s_0 = np.zeros(scene.N_x)
     slipped = 1.5 * scene.interface.d_c * rng.random(scene.N_x)
     state.s_0 = np.where(state.mode == STUCK, 0.0, slipped - state.slip)
-
-
-def advance(scene, geometry, state, n, **options):
-    log = core.Log(scene.N_x)
-    model = core.model(scene, geometry, state.u_drv0)
-    assert core.advance(model, state, log, n, **options) == core.Status.DONE
-    return log
-
-
-def bits(state):
-    values = dataclasses.asdict(state)
-    return {n: v.tobytes() if isinstance(v, np.ndarray) else v for n, v in values.items()}
-
-
-def log_bits(log):
-    return [a.tobytes() for table in (log.switches(), log.quiet()) for a in table.values()]
 
 
 # --- against the twin ----------------------------------------------------------------------------
@@ -289,19 +264,6 @@ def test_budget_does_not_change_the_motion():
 # --- symmetries ----------------------------------------------------------------------------------
 
 
-def mirrored(state):
-    sign = np.array([-1.0, 1.0, -1.0, 1.0])[None, :, None]
-    new = state.copy()
-    new.y = np.ascontiguousarray(sign * state.y[:, :, ::-1])
-    new.rod = state.rod * np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
-    new.mode = np.ascontiguousarray(np.where(state.mode == OPEN, OPEN, -state.mode)[::-1])
-    new.mode = new.mode.astype(np.int32)
-    for name in ("corner", "margin", "loss", "heat", "s_0"):
-        setattr(new, name, np.ascontiguousarray(getattr(state, name)[::-1]))
-    new.u_drv0 = -state.u_drv0
-    return new
-
-
 @pytest.mark.parametrize("d_c", [0.0, 1e-6])
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("kind", ["rod", "free"])
@@ -309,11 +271,11 @@ def test_mirror_image(kind, geometry, d_c):
     """The mirrored scene gives the mirrored bits (0 and -0 are equal)."""
     left, right = (small(kind, side=side, d_c=d_c) for side in ("left", "right"))
     state = random_state(left, geometry)
-    image = mirrored(state)
+    image = mirrored_state(state)
     log = advance(left, geometry, state, 100)
     log_image = advance(right, geometry, image, 100)
     assert log.n_switch == log_image.n_switch > 10
-    back = mirrored(image)
+    back = mirrored_state(image)
     for name in ("y", "rod", "mode", "corner", "margin", "loss", "heat", "work", "s_0"):
         np.testing.assert_array_equal(getattr(back, name), getattr(state, name), err_msg=name)
 
@@ -488,16 +450,6 @@ def test_status_codes_are_those_of_the_core():
 
 
 # --- builds --------------------------------------------------------------------------------------
-
-
-def run_python(code, **environment):
-    return subprocess.run(
-        [sys.executable, "-c", code],
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 def test_variant_is_chosen_by_the_environment():

@@ -11,6 +11,16 @@ import time
 
 import numpy as np
 import pytest
+from helpers import (
+    ENERGY_IN,
+    ENERGY_OUT,
+    GEOMETRIES,
+    advance,
+    budget_error,
+    same_run,
+    shaken,
+    small,
+)
 
 import pyfric
 from pyfric import core
@@ -22,35 +32,6 @@ from pyfric.scene import SceneError, preset, setup1, setup2
 from pyfric.statics import StaticSolver, loaded_state, stability_limit
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic")
-
-GEOMETRIES = ("linear", "finite")
-ENERGY_IN = ["work_driver", "work_load"]
-ENERGY_OUT = ["dissipated_bonds", "friction_heat", "switching_loss"]
-
-
-def small(kind="rod", **changes):
-    """A scene that slips after 1.1 ms."""
-    if kind == "rod":
-        return setup1(**{"L": 0.02, "H": 0.0125, "V": 0.5} | changes)
-    return setup2(**{"L": 0.012, "H": 0.005, "theta": 0.5, "V": 0.3} | changes)
-
-
-def advance(scene, geometry, state, n):
-    log = core.Log(scene.N_x)
-    model = core.model(scene, geometry, state.u_drv0)
-    assert core.advance(model, state, log, n) == core.Status.DONE
-    return log
-
-
-def shaken(scene, geometry, dt, size=1e-7, seed=0):
-    """Return the loaded state with smooth velocities; nothing slips soon."""
-    state = loaded_state(scene, geometry).state(scene, dt)
-    rng = np.random.default_rng(seed)
-    state.y[:, 2:] = size * rng.standard_normal((scene.N_z, 2, scene.N_x)) / dt
-    state.y[0, 2] = 0
-    if scene.rigid:
-        state.y[-1, 2:] = 0
-    return state
 
 
 # --- waves ---------------------------------------------------------------------------------------
@@ -161,13 +142,6 @@ def test_the_limit_of_the_paper_s_scenes():
 # --- conservation --------------------------------------------------------------------------------
 
 
-def budget_error(record):
-    curve = record.curve
-    stored = curve[list(core.ENERGIES)].sum(axis=1)
-    error = (stored - stored[0]) - curve[ENERGY_IN].sum(axis=1) + curve[ENERGY_OUT].sum(axis=1)
-    return np.abs(error).max()
-
-
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_energy_budget_closes(kind, geometry):
@@ -255,12 +229,6 @@ def test_static_values_of_events_balance(side):
 # --- runs ----------------------------------------------------------------------------------------
 
 
-def same(a, b):
-    """Whether two records hold the same run, however it was cut."""
-    drop = {"timings": {}, "status": "complete"}
-    return dataclasses.replace(a, **drop).identical(dataclasses.replace(b, **drop))
-
-
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_a_run_in_parts_is_the_whole_run(kind, geometry, tmp_path):
@@ -272,7 +240,7 @@ def test_a_run_in_parts_is_the_whole_run(kind, geometry, tmp_path):
     part = simulate(scene, 1.3333e-3, initial=part, progress=False)
     rest = simulate(scene, 3e-3, initial=part, progress=False)
     assert len(whole.events) > 0
-    assert same(rest, whole)
+    assert same_run(rest, whole, status="complete")
 
 
 def test_doubling_load_and_speed_doubles_a_whole_run():
@@ -393,7 +361,8 @@ def test_checkpoints_can_be_continued(tmp_path):
     saved = Record.load(path)
     assert saved.status == "interrupted"
     assert 0 < saved.final_state.t <= whole.final_state.t
-    assert same(simulate(scene, 3e-3, initial=saved, progress=False), whole)
+    rest = simulate(scene, 3e-3, initial=saved, progress=False)
+    assert same_run(rest, whole, status="complete")
 
 
 def test_a_checkpoint_that_cannot_be_written_does_not_end_the_run(tmp_path):

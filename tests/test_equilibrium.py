@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 import twin
+from helpers import mirrored_scene, scaled, small_free, small_rod
 from scipy.sparse.linalg import spsolve
 
 from pyfric.scene import Scene, preset, setup1, setup2
@@ -15,28 +16,6 @@ from pyfric.statics import EquilibriumError, StaticSolver, loaded_state, solve_s
 from pyfric.statics.equilibrium import _Contact
 
 ARRAYS = ("u", "rod", "f", "tau", "p")
-
-
-def small_rod(**changes) -> Scene:
-    """Setup 1 with 13 x 7 blocks."""
-    return setup1(**{"L": 0.03, "H": 0.015} | changes)
-
-
-def small_scene(**changes) -> Scene:
-    """Setup 2 with 21 x 7 blocks."""
-    return setup2(**{"L": 0.02, "H": 6e-3} | changes)
-
-
-def mirrored(scene: Scene) -> Scene:
-    side = "right" if scene.driver.side == "left" else "left"
-    return dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, side=side))
-
-
-def scaled(scene: Scene, factor: float) -> Scene:
-    """The scene with F_N and V multiplied."""
-    top = dataclasses.replace(scene.top, F_N=factor * scene.F_N)
-    driver = dataclasses.replace(scene.driver, V=factor * scene.driver.V)
-    return dataclasses.replace(scene, top=top, driver=driver)
 
 
 def direct(scene, held, closed, u_x, push, K_driver):
@@ -134,7 +113,7 @@ def assert_same(one, two):
 
 
 @pytest.mark.parametrize(
-    "scene", [setup1(), small_scene(theta=0.833), small_rod(side="right", h=0.015, k_f=3e6)]
+    "scene", [setup1(), small_free(theta=0.833), small_rod(side="right", h=0.015, k_f=3e6)]
 )
 def test_loaded_state_is_that_of_a_direct_solve(scene):
     state = loaded_state(scene)
@@ -197,7 +176,7 @@ def a_held_interface(scene, seed=1):
     return u_x, 0.3 * scene.F_N / scene.driver.K
 
 
-@pytest.mark.parametrize("scene", [small_rod(), small_rod(side="right", h=0.015), small_scene()])
+@pytest.mark.parametrize("scene", [small_rod(), small_rod(side="right", h=0.015), small_free()])
 def test_held_interface_is_that_of_a_direct_solve(scene):
     u_x, drive = a_held_interface(scene)
     state = solve_static(scene, u_x, drive)
@@ -252,7 +231,7 @@ def test_without_drive_and_slip_the_loaded_state_returns():
         assert abs(state.F_T) < 1e-11 * scene.F_N
 
 
-@pytest.mark.parametrize("scene", [small_rod(), small_scene()])
+@pytest.mark.parametrize("scene", [small_rod(), small_free()])
 def test_finite_state_is_at_rest_in_absolute_coordinates(scene):
     """The paper's k_ij (r_ij - l_ij) dx_ij / r_ij from positions, bond by bond."""
     u_x, drive = a_held_interface(scene)
@@ -285,7 +264,7 @@ def test_finite_state_is_at_rest_in_absolute_coordinates(scene):
     assert np.abs(F).max() < 1e-8 * scene.F_N / N_x
 
 
-@pytest.mark.parametrize("scene", [small_rod(), small_scene(theta=0.3)])
+@pytest.mark.parametrize("scene", [small_rod(), small_free(theta=0.3)])
 def test_finite_geometry_becomes_linear_at_small_loads(scene):
     """Halving the loads quarters the difference."""
     difference = []
@@ -340,13 +319,13 @@ def test_zero_of_the_driver_can_be_given():
         setup1(),
         setup1(h=15e-3),
         preset("setup2+"),
-        small_scene(theta=0.5, mu_s=0.1, mu_k=0.1),
-        small_scene(theta=0.5, mu_s=0.2, mu_k=0.1),
+        small_free(theta=0.5, mu_s=0.1, mu_k=0.1),
+        small_free(theta=0.5, mu_s=0.2, mu_k=0.1),
     ],
 )
 def test_mirrored_scene_gives_the_mirrored_state(scene, geometry):
     u_x, _ = a_held_interface(scene)
-    other = mirrored(scene)
+    other = mirrored_scene(scene)
     for drive in (0.0, 0.4 * scene.F_N / scene.driver.K):
         one = solve_static(scene, u_x, drive, geometry=geometry)
         two = solve_static(other, -u_x[::-1], drive, geometry=geometry)
@@ -368,7 +347,7 @@ def test_mirrored_scene_gives_the_mirrored_state(scene, geometry):
         setup1(),
         setup1(h=15e-3),
         setup1(mu_s=0.2, mu_k=0.2),
-        small_scene(theta=0.833, mu_s=0.2, mu_k=0.1),
+        small_free(theta=0.833, mu_s=0.2, mu_k=0.1),
     ],
 )
 def test_doubled_loads_double_the_linear_state_bit_for_bit(scene, factor):
@@ -440,7 +419,7 @@ def test_open_blocks_given_as_free_change_nothing(scene, geometry):
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 @pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize("make_scene", [small_rod, small_scene])
+@pytest.mark.parametrize("make_scene", [small_rod, small_free])
 def test_states_with_open_and_free_blocks_are_at_rest_for_the_twin(make_scene, side, geometry):
     """No block accelerates when the modes of the state enter the independent right-hand side."""
     scene = make_scene(side=side, h=make_scene().slider.H)
@@ -509,8 +488,8 @@ def assert_loading_conditions(state, scene):
         setup1(mu_s=0.2, mu_k=0.2),
         setup1(mu_s=0.2, mu_k=0.1),
         setup2(theta=0.5, mu_s=0.1, mu_k=0.1),
-        small_scene(theta=0.5, mu_s=0.02, mu_k=0.02),
-        small_scene(L=0.019, mu_s=0.05, mu_k=0.02),
+        small_free(theta=0.5, mu_s=0.02, mu_k=0.02),
+        small_free(L=0.019, mu_s=0.05, mu_k=0.02),
         small_rod(mu_s=0.01, mu_k=0.01),
     ],
 )
@@ -574,7 +553,7 @@ def test_proportional_loading_agrees_with_small_load_steps(mu):
 
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
-@pytest.mark.parametrize("scene", [small_rod(), small_scene(theta=0.4), small_scene(L=0.019)])
+@pytest.mark.parametrize("scene", [small_rod(), small_free(theta=0.4), small_free(L=0.019)])
 def test_loading_without_friction(scene, geometry):
     interface = dataclasses.replace(scene.interface, mu_s=0.0, mu_k=0.0)
     state = loaded_state(dataclasses.replace(scene, interface=interface), geometry)
@@ -679,7 +658,7 @@ def test_wrong_arguments_are_refused(arguments, word):
 
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
-@pytest.mark.parametrize("scene", [small_rod(), small_scene(theta=0.4)])
+@pytest.mark.parametrize("scene", [small_rod(), small_free(theta=0.4)])
 def test_a_slider_that_has_gone_far_is_the_same_slider(scene, geometry):
     """After 40 l of sliding the same interface and load give the same forces."""
     solver = StaticSolver(scene, geometry)

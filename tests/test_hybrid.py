@@ -8,6 +8,7 @@ import warnings
 
 import numpy as np
 import pytest
+from helpers import GEOMETRIES
 from scipy.sparse.linalg import ArpackNoConvergence
 
 import pyfric
@@ -18,7 +19,6 @@ from pyfric.record import Record
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
 from pyfric.statics import EquilibriumError, equilibrium, loaded_state
 
-GEOMETRIES = ("linear", "finite")
 FORCE = 1e-6
 """Start and arrest forces, over F_N, in linear geometry: the closed forms are exact there, and a
 jump drops only a remainder that has died away. Measured: below 1e-9."""

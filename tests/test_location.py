@@ -4,6 +4,7 @@ import functools
 
 import numpy as np
 import pytest
+from helpers import small
 from scipy.integrate import solve_ivp
 
 import pyfric
@@ -391,10 +392,6 @@ def test_switching_at_step_ends_loses_the_order(reference):
         errors.append(np.sqrt(np.mean((t[:20] - reference[0][:20]) ** 2)))
     order = -np.polyfit(range(4), np.log2(errors), 1)[0]
     assert 0.6 < order < 1.4, (errors, order)
-
-
-def small(**changes):
-    return setup1(**{"L": 0.02, "H": 0.0125, "V": 0.5} | changes)
 
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])

@@ -10,6 +10,7 @@ import warnings
 
 import numpy as np
 import pytest
+from helpers import mirrored_scene, scaled, small_free, small_rod
 
 from pyfric import (
     Record,
@@ -28,28 +29,6 @@ from pyfric.statics import EquilibriumError, StaticSolver, stiffness
 from pyfric.statics.operators import coordinates, driven_dof
 
 ladder = functools.partial(simulate, fidelity="quasistatic")
-
-
-def small_rod(**changes) -> Scene:
-    """Setup 1 with 13 x 7 blocks."""
-    return setup1(**{"L": 0.03, "H": 0.015} | changes)
-
-
-def small_free(**changes) -> Scene:
-    """Setup 2 with 21 x 7 blocks."""
-    return setup2(**{"L": 0.02, "H": 6e-3} | changes)
-
-
-def mirrored(scene: Scene) -> Scene:
-    side = "right" if scene.driver.side == "left" else "left"
-    return dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, side=side))
-
-
-def scaled(scene: Scene, factor: float) -> Scene:
-    """The scene with F_N and V multiplied."""
-    top = dataclasses.replace(scene.top, F_N=factor * scene.F_N)
-    driver = dataclasses.replace(scene.driver, V=factor * scene.driver.V)
-    return dataclasses.replace(scene, top=top, driver=driver)
 
 
 # --- load steps ----------------------------------------------------------------------------------
@@ -225,7 +204,7 @@ def test_prediction_grows_to_sliding(name):
 
 @pytest.mark.parametrize("name", PREDICTED)
 def test_prediction_is_mirrored(name):
-    one, two = predicted(name).curve, prediction_curve(mirrored(preset(name))).curve
+    one, two = predicted(name).curve, prediction_curve(mirrored_scene(preset(name))).curve
     assert len(one) == len(two)
     np.testing.assert_array_equal(one["L_p_over_L"], two["L_p_over_L"])
     for column in ("F_T", "drive"):
@@ -475,7 +454,7 @@ def test_ladder_doubles(name):
 
 @pytest.mark.parametrize("name", ["rod", "theta = 0", "theta = -0.833"])
 def test_ladder_is_mirrored(name):
-    one, two = small_ladder(name), ladder(mirrored(SMALL[name]), 1.0)
+    one, two = small_ladder(name), ladder(mirrored_scene(SMALL[name]), 1.0)
     assert len(one.events) == len(two.events)
     for column in ("L_p_over_L", "n_blocks", "nucleation_block"):
         np.testing.assert_array_equal(one.events[column], two.events[column])

@@ -6,39 +6,22 @@ import functools
 import numpy as np
 import pytest
 import twin
+from helpers import GEOMETRIES, advance, bits, log_bits, mirrored_state, shaken, small
 
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN, STUCK, State
 from pyfric.engines import step_size
-from pyfric.scene import SceneError, chain, preset, setup1, setup2
+from pyfric.scene import SceneError, chain, preset, setup1
 from pyfric.statics import dispersion, loaded_state, stability_limit
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False)
 
-GEOMETRIES = ("linear", "finite")
 TABLES = ("symplectic_euler", "verlet", "adaptive")
 """Steppers given by a table; RK4 has a sweep of its own, and tests of its own."""
 FIXED = {"rtol": 1.0}
 """With this error allowed, adaptive steps are as long as dt."""
 WAYS = [(m, s) for m in core.STEPPERS for s in ("step_end", "located")]
-
-
-def small(kind="rod", **changes):
-    if kind == "rod":
-        return setup1(**{"L": 0.02, "H": 0.0125, "V": 0.5} | changes)
-    return setup2(**{"L": 0.012, "H": 0.005, "theta": 0.5, "V": 0.3} | changes)
-
-
-def shaken(scene, geometry, dt, size=1e-7, seed=0):
-    """Return the loaded state with random velocities; nothing slips soon."""
-    state = loaded_state(scene, geometry).state(scene, dt)
-    rng = np.random.default_rng(seed)
-    state.y[:, 2:] = size * rng.standard_normal((scene.N_z, 2, scene.N_x)) / dt
-    state.y[0, 2] = 0
-    if scene.rigid:
-        state.y[-1, 2:] = 0
-    return state
 
 
 def wild(scene, geometry="linear", seed=0, speed=1.0):
@@ -59,22 +42,6 @@ def wild(scene, geometry="linear", seed=0, speed=1.0):
         one = np.ones(scene.N_x)
         state.y[-1] = X * one, Z + phi * scene.x, dX * one, dZ + dphi * scene.x
     return state
-
-
-def advance(scene, geometry, state, n, **options):
-    log = core.Log(scene.N_x, 200_000, 20_000)
-    model = core.model(scene, geometry, state.u_drv0)
-    assert core.advance(model, state, log, n, **options) == core.Status.DONE
-    return log
-
-
-def bits(state):
-    values = dataclasses.asdict(state)
-    return {n: v.tobytes() if isinstance(v, np.ndarray) else v for n, v in values.items()}
-
-
-def log_bits(log):
-    return [a.tobytes() for table in (log.switches(), log.quiet()) for a in table.values()]
 
 
 # --- one step, and its order ---------------------------------------------------------------------
@@ -329,29 +296,17 @@ def test_threads_variants_and_cuts_do_not_change_a_bit(geometry, stepper, switch
         np.testing.assert_array_equal(np.concatenate([one[name] for one in logs]), column)
 
 
-def mirrored(state):
-    sign = np.array([-1.0, 1.0, -1.0, 1.0])[None, :, None]
-    new = state.copy()
-    new.y = np.ascontiguousarray(sign * state.y[:, :, ::-1])
-    new.rod = state.rod * np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
-    new.mode = np.where(state.mode == OPEN, OPEN, -state.mode)[::-1].astype(np.int32)
-    for name in ("corner", "margin", "loss", "heat"):
-        setattr(new, name, np.ascontiguousarray(getattr(state, name)[::-1]))
-    new.u_drv0 = -state.u_drv0
-    return new
-
-
 @pytest.mark.parametrize(("stepper", "switching"), WAYS)
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_mirror_image(kind, stepper, switching):
     left, right = small(kind), small(kind, side="right")
     how = {"stepper": stepper, "switching": switching, "rtol": 1e-3}
     state = wild(left)
-    image = mirrored(state)
+    image = mirrored_state(state)
     log = advance(left, "linear", state, 300, **how)
     log_image = advance(right, "linear", image, 300, **how)
     assert log.n_switch == log_image.n_switch > 5
-    back = mirrored(image)
+    back = mirrored_state(image)
     for name in ("y", "rod", "mode", "corner", "margin", "loss", "heat", "work", "sub"):
         np.testing.assert_array_equal(getattr(back, name), getattr(state, name), err_msg=name)
     np.testing.assert_array_equal(np.sort(log.switches()["t"]), np.sort(log_image.switches()["t"]))

@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+from helpers import same_run, small
 
 import pyfric
 from pyfric.engines import Job, JobError, run_all, sweep
@@ -16,17 +17,8 @@ from pyfric.engines import Job, JobError, run_all, sweep
 OPTIONS = {"fidelity": "hybrid", "geometry": "linear"}
 
 
-def tiny(**changes):
-    return pyfric.setup1(**{"L": 0.02, "H": 0.0125, "V": 0.5} | changes)
-
-
 def job(t_end=1.2e-3, options=OPTIONS, **changes):
-    return Job(scene=tiny(**changes), t_end=t_end, options=options)
-
-
-def same_run(one, other):
-    plain = {"timings": {}}
-    return dataclasses.replace(one, **plain).identical(dataclasses.replace(other, **plain))
+    return Job(scene=small(**changes), t_end=t_end, options=options)
 
 
 @pytest.fixture
@@ -122,7 +114,7 @@ def test_damaged_and_foreign_files_are_made_again(tmp_path, count):
     assert pyfric.Record.load(path).identical(again)
     dataclasses.replace(first, status="interrupted").save(path)
     run_all([job()], cache=tmp_path)
-    dataclasses.replace(first, scene=tiny(F_N=3000.0)).save(path)
+    dataclasses.replace(first, scene=small(F_N=3000.0)).save(path)
     run_all([job()], cache=tmp_path)
     assert len(count) == 4
 

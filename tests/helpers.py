@@ -1,0 +1,119 @@
+"""What tests of several modules share: small scenes, short calls of the core, comparisons."""
+
+import dataclasses
+import os
+import subprocess
+import sys
+
+import numpy as np
+
+from pyfric import core
+from pyfric.core import OPEN
+from pyfric.scene import setup1, setup2
+from pyfric.statics import loaded_state
+
+GEOMETRIES = ("linear", "finite")
+ENERGY_IN = ["work_driver", "work_load"]
+ENERGY_OUT = ["dissipated_bonds", "friction_heat", "switching_loss"]
+
+# --- scenes --------------------------------------------------------------------------------------
+
+
+def small(kind="rod", **changes):
+    """A scene of 9 x 6 or 13 x 6 blocks, driven so fast that it slips after 1.1 ms."""
+    if kind == "rod":
+        return setup1(**{"L": 0.02, "H": 0.0125, "V": 0.5} | changes)
+    return setup2(**{"L": 0.012, "H": 0.005, "theta": 0.5, "V": 0.3} | changes)
+
+
+def small_rod(**changes):
+    """13 x 7 blocks under a rod, with the paper's V."""
+    return setup1(**{"L": 0.03, "H": 0.015} | changes)
+
+
+def small_free(**changes):
+    """21 x 7 blocks under a distributed load, with the paper's V."""
+    return setup2(**{"L": 0.02, "H": 0.006} | changes)
+
+
+def mirrored_scene(scene):
+    side = "right" if scene.driver.side == "left" else "left"
+    return dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, side=side))
+
+
+def scaled(scene, factor):
+    """The scene with F_N and V multiplied."""
+    top = dataclasses.replace(scene.top, F_N=factor * scene.F_N)
+    driver = dataclasses.replace(scene.driver, V=factor * scene.driver.V)
+    return dataclasses.replace(scene, top=top, driver=driver)
+
+
+# --- states and the core -------------------------------------------------------------------------
+
+
+def advance(scene, geometry, state, n, **options):
+    """Make n steps; return the log, which has room for all that happens."""
+    log = core.Log(scene.N_x, 200_000, 20_000)
+    model = core.model(scene, geometry, state.u_drv0)
+    assert core.advance(model, state, log, n, **options) == core.Status.DONE
+    return log
+
+
+def shaken(scene, geometry, dt, size=1e-7, seed=0):
+    """Return the loaded state with random velocities; nothing slips soon."""
+    state = loaded_state(scene, geometry).state(scene, dt)
+    rng = np.random.default_rng(seed)
+    state.y[:, 2:] = size * rng.standard_normal((scene.N_z, 2, scene.N_x)) / dt
+    state.y[0, 2] = 0
+    if scene.rigid:
+        state.y[-1, 2:] = 0
+    return state
+
+
+def mirrored_state(state):
+    """Return the state of the mirrored scene."""
+    sign = np.array([-1.0, 1.0, -1.0, 1.0])[None, :, None]
+    new = state.copy()
+    new.y = np.ascontiguousarray(sign * state.y[:, :, ::-1])
+    new.rod = state.rod * np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
+    new.mode = np.where(state.mode == OPEN, OPEN, -state.mode)[::-1].astype(np.int32)
+    for name in ("corner", "margin", "loss", "heat", "s_0"):
+        setattr(new, name, np.ascontiguousarray(getattr(state, name)[::-1]))
+    new.u_drv0 = -state.u_drv0
+    return new
+
+
+def bits(state):
+    values = dataclasses.asdict(state)
+    return {n: v.tobytes() if isinstance(v, np.ndarray) else v for n, v in values.items()}
+
+
+def log_bits(log):
+    return [a.tobytes() for table in (log.switches(), log.quiet()) for a in table.values()]
+
+
+# --- records and processes -----------------------------------------------------------------------
+
+
+def budget_error(record):
+    """Return the largest energy that the budget of a record misses, in J."""
+    curve = record.curve
+    stored = curve[list(core.ENERGIES)].sum(axis=1)
+    error = (stored - stored[0]) - curve[ENERGY_IN].sum(axis=1) + curve[ENERGY_OUT].sum(axis=1)
+    return np.abs(error).max()
+
+
+def same_run(one, other, **apart):
+    """The records hold the same run; how long it took may differ, and what `apart` names."""
+    drop = {"timings": {}} | apart
+    return dataclasses.replace(one, **drop).identical(dataclasses.replace(other, **drop))
+
+
+def run_python(code, **environment):
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )

@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 from helpers import same_run, small
+from tolerances import REPRODUCED
 
 import pyfric
 import pyfric.checks
@@ -60,19 +61,19 @@ def refused(result, *texts):
 
 
 def agree(one, other):
-    """The records hold the same run to 1e-10."""
+    """The records hold the same run to REPRODUCED."""
     assert one.status == other.status
     assert one.method == other.method
     assert one.notes == other.notes
     assert len(one.curve) == len(other.curve)
     np.testing.assert_allclose(
-        one.curve, other.curve, rtol=1e-10, atol=1e-10 * one.curve["F_T"].max()
+        one.curve, other.curve, rtol=REPRODUCED, atol=REPRODUCED * one.curve["F_T"].max()
     )
     exact = one.events.select_dtypes(exclude="float").columns
     pd.testing.assert_frame_equal(one.events[exact], other.events[exact])
-    pd.testing.assert_frame_equal(one.events, other.events, check_exact=False, rtol=1e-10)
+    pd.testing.assert_frame_equal(one.events, other.events, check_exact=False, rtol=REPRODUCED)
     scale = np.abs(one.final_state.y).max(axis=(0, 2), keepdims=True)
-    assert (np.abs(one.final_state.y - other.final_state.y) <= 1e-10 * scale).all()
+    assert (np.abs(one.final_state.y - other.final_state.y) <= REPRODUCED * scale).all()
 
 
 # --- help and info -------------------------------------------------------------------------------

@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 import twin
 from helpers import GEOMETRIES, advance, bits, log_bits, mirrored_state, run_python, small
+from tolerances import ROUNDING
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK, State, StateError
 from pyfric.scene import setup1, setup2
 from pyfric.statics import loaded_state, stability_limit
-
-ROUNDING = 2e-15
-"""Relative difference that rounding explains in one evaluation."""
 
 VARIANTS = [
     pytest.param(name, marks=[] if runs else pytest.mark.skip(f"this processor cannot run {name}"))

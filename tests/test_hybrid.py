@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from helpers import GEOMETRIES
 from scipy.sparse.linalg import ArpackNoConvergence
+from tolerances import CURVE, FORCE, FORCE_FINITE, REPRODUCED
 
 import pyfric
 from pyfric import core
@@ -18,15 +19,6 @@ from pyfric.engines import hybrid, ringdown
 from pyfric.record import Record
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
 from pyfric.statics import EquilibriumError, equilibrium, loaded_state
-
-FORCE = 1e-6
-"""Start and arrest forces, over F_N, in linear geometry: the closed forms are exact there, and a
-jump drops only a remainder that has died away. Measured: below 1e-9."""
-FORCE_FINITE = 2e-5
-"""The same in finite geometry, where the modes are those of the loaded state, a few 1e-3 of strain
-away. Measured: below 1e-5 in the scenes below."""
-CURVE = 1e-5
-"""F_T between events, over F_N; 1e-4 in finite geometry, for the same reasons."""
 
 
 def rod(**changes):
@@ -202,7 +194,7 @@ def test_an_event_that_nucleates_during_ring_down_is_caught():
 # --- threads, variants, parts --------------------------------------------------------------------
 
 
-def check_equal(a, b, tolerance=1e-10):
+def check_equal(a, b, tolerance=REPRODUCED):
     """Same events, forces to `tolerance` times F_N, and the same curve where it is sampled."""
     check_same_events(a, b, tolerance)
     np.testing.assert_allclose(b.events["t_start"], a.events["t_start"], rtol=0, atol=1e-10)
@@ -268,7 +260,7 @@ def test_a_run_in_parts_is_the_whole_run(scene, t_end, geometry, tmp_path):
     np.testing.assert_array_equal(part.curve["t"], whole.curve["t"])
     still_cut = jump(scene, 0.9 * start, initial=jump(scene, 0.2 * start, **options))
     whole_cut = jump(scene, 0.9 * start, **options)
-    check_equal(whole_cut, still_cut, 1e-7 if geometry == "finite" else 1e-10)
+    check_equal(whole_cut, still_cut, 1e-7 if geometry == "finite" else REPRODUCED)
 
 
 def test_ctrl_c_leaves_a_record_that_goes_on(monkeypatch):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from helpers import budget_error
 from scipy.linalg import expm
+from tolerances import FORCE, FORCE_FINITE
 
 import pyfric
 from pyfric import core
@@ -224,7 +225,7 @@ def test_jumps_give_the_events_of_full_dynamics(scene, t_end, geometry):
     assert len(b.events) == len(a.events)
     for name in ("first_block", "last_block", "nucleation_block", "L_p_over_L"):
         np.testing.assert_array_equal(b.events[name], a.events[name], err_msg=name)
-    force = (1e-6 if geometry == "linear" else 2e-5) * scene.F_N
+    force = (FORCE if geometry == "linear" else FORCE_FINITE) * scene.F_N
     for name in ("F_T_start", "F_T_arrest"):
         np.testing.assert_allclose(b.events[name], a.events[name], rtol=0, atol=force)
 

@@ -496,6 +496,7 @@ def test_a_signal_leaves_a_record_that_continues(number, fidelity, tmp_path):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
+    begin = time.perf_counter()
     try:
         shown = b""
         while b"1 events" not in shown:  # under way
@@ -513,7 +514,8 @@ def test_a_signal_leaves_a_record_that_continues(number, fidelity, tmp_path):
     assert b"Traceback" not in stderr
     assert b"--resume" in stderr
     assert b"interrupted at t" in stdout
-    assert seconds < 3  # about 0.5 s on a machine that does nothing else
+    # About 0.5 s; on a busy machine all is slower, as the start was.
+    assert seconds < max(3, start - begin)
     record = pyfric.Record.load(out)
     assert record.status == "interrupted"
     t_end = float(record.curve["t"].iloc[-1]) + 1e-4

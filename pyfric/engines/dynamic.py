@@ -236,8 +236,8 @@ class Run:
         """Add the present to the loading curve."""
         state, scene = self.state, self.scene
         u_x = state.y[scene.j_h, 0, scene.i_h]
-        F_T = scene.driver.K * (scene.driver.V * state.t - scene.d * (u_x - state.u_drv0))
-        row = [state.t, float(F_T)]
+        F_T = scene.driver_force(scene.driver.V * state.t, u_x, state.u_drv0)
+        row = [state.t, F_T]
         if self.method.budget:
             row += core.energies(self.model, state, state.t).values()
             row += [*map(float, state.work), math.fsum(state.dissipated)]

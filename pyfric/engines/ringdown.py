@@ -265,8 +265,8 @@ class Frozen:
         f = np.zeros(N_x)
         f[held] = (self._rows[held] @ q) - load[held]
         p = np.where(self.stuck, -self.k_f * q[N_x : 2 * N_x], 0.0)
-        F_T = scene.driver.K * (drive + scene.d * (self.solver.u_drv0 - self.solver.driven_row @ q))
-        rest = Rest(q, f, -scene.d * f, p, q[N_x : 2 * N_x], float(F_T))
+        F_T = scene.driver_force(drive, self.solver.driven_row @ q, self.solver.u_drv0)
+        rest = Rest(q, f, -scene.d * f, p, q[N_x : 2 * N_x], F_T)
         return rest if self._fits(rest) else None
 
     def _fits(self, rest: Rest) -> bool:

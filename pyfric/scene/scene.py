@@ -149,6 +149,16 @@ class Scene:
         """Direction of driving: +1 (pushed from the left) or -1 (from the right)."""
         return 1 if self.driver.side == "left" else -1
 
+    def driver_force(self, drive: float, u_h: float, u_drv0: float) -> float:
+        """Return F_T = K (drive - d (u_h - u_drv0)) in N.
+
+        Args:
+            drive: displacement V t of the driver since t = 0, in m.
+            u_h: u_x of the driven block, in m.
+            u_drv0: the same where drive = 0 gives F_T = 0, in m.
+        """
+        return float(self.driver.K * (drive - self.d * (u_h - u_drv0)))
+
     @property
     def i_h(self) -> int:
         """Column of the driven block, counted from 0: 0 or N_x - 1."""

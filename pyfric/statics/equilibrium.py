@@ -409,13 +409,13 @@ class StaticSolver:
         force[x] -= contact.slip * scene.interface.law.slide(p)
         F_T = 0.0
         if drive is not None:
-            F_T = scene.driver.K * (drive - scene.d * (u[self._h] - self._u_drv0))
+            F_T = scene.driver_force(drive, u[self._h], self._u_drv0)
             force[self._h] += scene.d * F_T
         force = self._T_transposed @ force
         if scene.rigid:
             force[-2] -= scene.F_N
             force[-1] -= scene.kappa * q[-1]
-        return force, float(F_T)
+        return force, F_T
 
     def _bond_stiffness(self, q: np.ndarray) -> sp.csr_array:
         """Return the tangent stiffness of bonds and mattress at q."""

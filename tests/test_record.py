@@ -2,7 +2,6 @@
 
 import dataclasses
 import os
-import sys
 from types import SimpleNamespace
 
 import h5netcdf
@@ -12,7 +11,8 @@ import pytest
 import xarray as xr
 
 from pyfric.record import Method, Record, RecordError, catalogue
-from pyfric.record.record import LABELS, SCHEMA
+from pyfric.record.labels import LABELS
+from pyfric.record.record import SCHEMA
 from pyfric.scene import files, setup1, setup2
 
 MS = 1e-3
@@ -164,8 +164,7 @@ def test_state_object_survives(tmp_path, monkeypatch):
         u_drv0: float
         last: np.float64
 
-    module = SimpleNamespace(State=State)
-    monkeypatch.setitem(sys.modules, "pyfric.core", module)
+    monkeypatch.setattr("pyfric.record.record.State", State)
     y = np.random.default_rng(4).standard_normal((3, 4, 5))
     state = State(y, np.full(6, -0.0), 0.1 + 0.2, 7, -1e-310, np.float64(1 / 3))
     original = make_record(final_state=state)

@@ -20,20 +20,19 @@ import numpy as np
 import pandas as pd
 
 from pyfric import core
-from pyfric.core import State, StateError
-from pyfric.engines.guard import STEPS, Energy, Guard, folded, largest_strain, strain_notes
-from pyfric.engines.progress import Progress, interruptible, run_bar
+from pyfric.core import State
+from pyfric.engines.guard import STEPS, Energy, Guard, strain_notes
+from pyfric.engines.progress import Progress
 from pyfric.record import Method, Record, budget_error, build_catalogue, versions
-from pyfric.scene import SceneError, check_number
 from pyfric.statics import EquilibriumError, StaticSolver, stability_limit
 
 if TYPE_CHECKING:
     from pyfric.engines.options import Options
     from pyfric.record import Catalogue
-    from pyfric.scene import Geometry, Scene
+    from pyfric.scene import Scene
     from pyfric.statics import Equilibrium
 
-__all__ = ["Run", "RunError", "check_continues", "integrate", "kept_notes"]
+__all__ = ["Run", "RunError", "kept_notes"]
 
 CALL_SECONDS = 0.2
 """Longest time in the core between two looks at Ctrl-C, s."""
@@ -42,8 +41,6 @@ MAX_CALL = 2**30
 STATIC_SECONDS = 1.0
 """Static forces of new events are found this often, or more rarely where that takes a tenth of the
 time, so that little is left to do at the end, s."""
-FOLDING = 0.2
-"""Where no loaded state is found and bonds are strained by more than this, F_N is too large."""
 OPEN_BUDGET = 1e-3
 """An energy budget that misses more than this share is noted."""
 UNFINISHED = (core.Status.ENDLESS, core.Status.TOO_SHORT)
@@ -56,73 +53,6 @@ class RunError(RuntimeError):
     def __init__(self, message: str, record: Record) -> None:
         super().__init__(message)
         self.record = record
-
-
-def integrate(
-    engine: type[Run],
-    scene: Scene,
-    t_end: float,
-    options: Options,
-    *,
-    initial: State | Record | None = None,
-    progress: bool | Callable[[Progress], None] | None = None,
-) -> Record:
-    """Integrate a scene with one of the engines that make time steps; see `pyfric.simulate`."""
-    before = initial if isinstance(initial, Record) else None
-    if before is not None:
-        initial = before.final_state
-    if initial is not None:
-        initial.check_physics(scene)
-    t_begin = 0.0 if initial is None else initial.t
-    t_end = check_number("t_end", t_end, "s", ge=t_begin)
-    method = options.method(scene, engine, t_begin, t_end)
-
-    start = time.perf_counter()
-    solver = _loaded(scene, method.geometry, None if initial is None else initial.u_drv0)
-    dt = method.dt
-    state = solver.loaded.state(scene, dt) if initial is None else initial.with_dt(dt)
-    run = engine(scene, method, solver, state, before)
-    run.timings["set-up"] = time.perf_counter() - start
-    last = math.ceil((t_end - state.t0) / dt * (1 - 1e-14))
-    with run_bar(progress, scene, t_begin, t_end) as show, interruptible() as stop:
-        run.advance(last, stop, show, options)
-    return run.record("complete" if state.step >= last else "interrupted")
-
-
-def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSolver:
-    """Return the solver with the loaded slider.
-
-    Raises:
-        SceneError: the load folds the lattice (finite geometry).
-        EquilibriumError: there is no loaded state for another reason.
-    """
-    strain = largest_strain(scene, 0.0)
-    allowed = (
-        "a force that compresses bonds by less than their length, far below k l N_x = "
-        f"{scene.slider.k * scene.slider.l * scene.N_x:.3g} N"
-    )
-    try:
-        solver = StaticSolver(scene, geometry, u_drv0=u_drv0)
-    except EquilibriumError as error:
-        if geometry == "linear" or strain < FOLDING:
-            raise
-        raise SceneError("top.F_N", scene.F_N, "N", allowed, str(error)) from error
-    at = folded(scene, solver.loaded.u) if geometry == "finite" else None
-    if at is not None:
-        reason = f"it folds the lattice at the block in column {at[0] + 1}, row {at[1] + 1}"
-        raise SceneError("top.F_N", scene.F_N, "N", allowed, reason)
-    return solver
-
-
-def check_continues(before: Record, scene: Scene, engine: str) -> None:
-    """Raise StateError unless an engine can go on from this record."""
-    made = before.method.engine
-    if made != engine:
-        raise StateError(f"initial: the record comes from the {made} engine, this is {engine}")
-    if before.scene != scene:
-        raise StateError("initial: the record belongs to another scene; pass its final_state")
-    if engine in ("dynamic", "hybrid") and not isinstance(before.final_state, State):
-        raise StateError("initial: this record holds no state of the dynamics to go on from")
 
 
 def kept_notes(before: Record | None) -> tuple[str, ...]:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from pyfric.core import State, StateError
 from pyfric.engines import planner, quasistatic
-from pyfric.engines.dynamic import Run, RunError, check_continues, integrate
+from pyfric.engines.dynamic import Run, RunError
 from pyfric.engines.hybrid import HybridRun
+from pyfric.engines.integration import integrate
 from pyfric.engines.options import Options, kept
 from pyfric.record import Record
 from pyfric.scene import check_geometry
@@ -93,8 +94,19 @@ def _going_on(before: Record, scene: Scene, options: Options) -> Options:
         raise StateError(f"initial: a record of the {engine} engine does not go on")
     if options.fidelity == "auto":
         options = dataclasses.replace(options, fidelity=engine)
-    check_continues(before, scene, options.fidelity)
+    _check_continues(before, scene, options.fidelity)
     return options
+
+
+def _check_continues(before: Record, scene: Scene, engine: str) -> None:
+    """Raise StateError unless an engine can go on from this record."""
+    made = before.method.engine
+    if made != engine:
+        raise StateError(f"initial: the record comes from the {made} engine, this is {engine}")
+    if before.scene != scene:
+        raise StateError("initial: the record belongs to another scene; pass its final_state")
+    if engine in ("dynamic", "hybrid") and not isinstance(before.final_state, State):
+        raise StateError("initial: this record holds no state of the dynamics to go on from")
 
 
 def _run(

@@ -22,7 +22,8 @@ from pyfric.record.catalogue import (
     build_catalogue,
     front_speed,
 )
-from pyfric.record.record import Method, Record, RecordError, provenance, versions
+from pyfric.record.record import Method, Record, RecordError
+from pyfric.record.software import provenance, versions
 
 __all__ = [
     "MAIN_EVENT_BLOCKS",

@@ -21,10 +21,8 @@ as they are in memory, so that a loaded record equals the saved one bit for bit.
 from __future__ import annotations
 
 import dataclasses
-import datetime
 import json
 import os
-import platform
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -32,18 +30,18 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pandas as pd
-import tomli_w
 
-from pyfric import core
+from pyfric.core import State
 from pyfric.record.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP
-from pyfric.scene import Scene, __version__, written
+from pyfric.record.labels import describe
+from pyfric.scene import Scene, written
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from pyfric.record.catalogue import Catalogue
 
-__all__ = ["SCHEMA", "Method", "Record", "RecordError", "describe", "provenance"]
+__all__ = ["SCHEMA", "Method", "Record", "RecordError"]
 
 SCHEMA = 4
 """Version of the file layout that this module writes and reads."""
@@ -56,113 +54,9 @@ LOGS = {"quiet": QUIET_COLUMNS, "switches": SWITCH_COLUMNS}
 PREFIX = {"quiet": "quiet_", "switches": "switch_"}
 TABLES = {"curve": ("t", ""), "events": ("event", "event_"), "episodes": ("episode", "episode_")}
 
-LABELS: dict[str, tuple[str, str]] = {
-    # curve
-    "t": ("s", "time"),
-    "F_T": ("N", "tangential force of the driver"),
-    # events
-    "t_start": ("s", "time of the first slip"),
-    "t_stop": ("s", "time of the last stick"),
-    "duration": ("s", "time from first slip to last stick"),
-    "F_T_start": ("N", "tangential force of the static equilibrium at first slip"),
-    "F_T_arrest": ("N", "tangential force of the static equilibrium at last stick"),
-    "F_T_start_inst": ("N", "instantaneous tangential force at first slip"),
-    "F_T_arrest_inst": ("N", "instantaneous tangential force at last stick"),
-    "first_block": ("1", "lowest block number that slipped, 1 at the trailing edge"),
-    "last_block": ("1", "highest block number that slipped, 1 at the trailing edge"),
-    "L_p_over_L": ("1", "length slipped or open from the trailing edge, over L"),
-    "n_blocks": ("1", "number of distinct blocks that slipped"),
-    "nucleation_block": ("1", "number of the block that slipped first, 1 at the trailing edge"),
-    "x_nucleation": ("m", "distance of the first slip from the trailing edge"),
-    "n_episodes": ("1", "number of slip episodes"),
-    "n_front": ("1", "number of blocks in the front"),
-    "n_not_increasing": ("1", "blocks of the front without speed: times do not increase"),
-    "finished": ("1", "slip has stopped and no later episode can join"),
-    "is_precursor": ("1", "0 < L_p < L"),
-    "is_main": ("1", "at least 4 blocks slipped"),
-    "at_trailing_edge": ("1", "first slip at x <= h + l from the trailing edge"),
-    "quiet_start": ("1", "row of the quiet table at first slip, -1 for none"),
-    "quiet_stop": ("1", "row of the quiet table at last stick, -1 for none"),
-    # episodes
-    "n": ("1", "block number, 1 at the trailing edge"),
-    "i": ("1", "block column, 0 at the left"),
-    "step_start": ("1", "time step at the start, -1 for before the log"),
-    "step_stop": ("1", "time step at the end, -1 for unfinished"),
-    "u_x_start": ("m", "tangential displacement at the start"),
-    "u_x_stop": ("m", "tangential displacement at the end"),
-    "slip": ("m", "displacement during the episode, positive to the right"),
-    "direction": ("1", "direction of slip at the start, +1 to the right"),
-    "reversals": ("1", "changes of direction"),
-    "corner": ("1", "starts with almost no contact force: not part of any event"),
-    "p_start": ("N", "contact force at the start"),
-    "event": ("1", "number of the event (row, from 0), -1 for none"),
-    # arrays over blocks
-    "x": ("m", "position along the interface from the centre of the slider"),
-    "region": ("1", "1 slipped in the event, 2 corner slip or open at its end, 0 neither"),
-    "rupture_times": ("s", "rupture time of the blocks in the front"),
-    "tau_before": ("N", "friction force in the static state at first slip"),
-    "p_before": ("N", "contact force in the static state at first slip"),
-    "tau_after": ("N", "friction force in the static state at last stick"),
-    "p_after": ("N", "contact force in the static state at last stick"),
-    "tau_initial": ("N", "friction force at t = 0"),
-    "p_initial": ("N", "contact force at t = 0"),
-    # logs
-    "block": ("1", "block column, 0 at the left"),
-    "old": ("1", "contact mode before: 0 stuck, +1 slips right, -1 slips left, 2 open"),
-    "new": ("1", "contact mode after"),
-    "p": ("N", "contact force"),
-    "step": ("1", "time step"),
-    "kind": ("1", "+1 slip begins, -1 slip ends (non-corner blocks)"),
-    "u_x": ("m", "tangential displacement of the bottom row"),
-    "mode": ("1", "contact mode: 0 stuck, +1 slips right, -1 slips left, 2 open"),
-}
-"""Column or variable -> unit and meaning."""
-
-
-def versions() -> dict[str, str]:
-    """Return what a record says about the software that made it."""
-    build = core.build_info()
-    return {
-        "pyfric": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "compiler": build["compiler"],
-        "flags": build["flags"],
-        "machine": platform.machine(),
-    }
-
-
-def provenance(path: Path, command: str) -> Path:
-    """Write what made a set of files: command, date, software and processor. Return the path."""
-    made = {
-        "command": command,
-        "date": datetime.datetime.now(datetime.UTC).replace(microsecond=0),
-        "processor": _processor(),
-        "versions": versions(),
-    }
-    with written(path) as draft:
-        draft.write_text(tomli_w.dumps(made), encoding="utf-8")
-    return path
-
-
-def _processor() -> str:
-    """Return the model of the processor as the system names it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor()
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor()
-
 
 class RecordError(ValueError):
     """A file is not a record that this version can read, or a record does not fit together."""
-
-
-def describe(name: str, table: str = "") -> tuple[str, str]:
-    """Unit and meaning of a column. Unlisted columns of the curve are energies in J."""
-    unlisted = ("J" if table == "curve" else "1", name.replace("_", " "))
-    return LABELS.get(name, unlisted)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -558,7 +452,6 @@ def _load_state(plan: Mapping[str, Any] | None, values: Mapping[str, np.ndarray]
             state[name] = types[kind](values["final_" + name].item())
     if plan["class"] == "dict":
         return state
-    from pyfric.core import State
 
     return State(**state)
 

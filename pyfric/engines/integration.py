@@ -1,0 +1,81 @@
+"""A run with one of the engines that make time steps, from its loaded state to its record."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from pyfric.engines.guard import folded, largest_strain
+from pyfric.engines.progress import Progress, interruptible, run_bar
+from pyfric.record import Record
+from pyfric.scene import SceneError, check_number
+from pyfric.statics import EquilibriumError, StaticSolver
+
+if TYPE_CHECKING:
+    from pyfric.core import State
+    from pyfric.engines.dynamic import Run
+    from pyfric.engines.options import Options
+    from pyfric.scene import Geometry, Scene
+
+__all__ = ["integrate"]
+
+FOLDING = 0.2
+"""Where no loaded state is found and bonds are strained by more than this, F_N is too large."""
+
+
+def integrate(
+    engine: type[Run],
+    scene: Scene,
+    t_end: float,
+    options: Options,
+    *,
+    initial: State | Record | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
+) -> Record:
+    """Integrate a scene with one of the engines that make time steps; see `pyfric.simulate`."""
+    before = initial if isinstance(initial, Record) else None
+    if before is not None:
+        initial = before.final_state
+    if initial is not None:
+        initial.check_physics(scene)
+    t_begin = 0.0 if initial is None else initial.t
+    t_end = check_number("t_end", t_end, "s", ge=t_begin)
+    method = options.method(scene, engine, t_begin, t_end)
+
+    start = time.perf_counter()
+    solver = _loaded(scene, method.geometry, None if initial is None else initial.u_drv0)
+    dt = method.dt
+    state = solver.loaded.state(scene, dt) if initial is None else initial.with_dt(dt)
+    run = engine(scene, method, solver, state, before)
+    run.timings["set-up"] = time.perf_counter() - start
+    last = math.ceil((t_end - state.t0) / dt * (1 - 1e-14))
+    with run_bar(progress, scene, t_begin, t_end) as show, interruptible() as stop:
+        run.advance(last, stop, show, options)
+    return run.record("complete" if state.step >= last else "interrupted")
+
+
+def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSolver:
+    """Return the solver with the loaded slider.
+
+    Raises:
+        SceneError: the load folds the lattice (finite geometry).
+        EquilibriumError: there is no loaded state for another reason.
+    """
+    strain = largest_strain(scene, 0.0)
+    allowed = (
+        "a force that compresses bonds by less than their length, far below k l N_x = "
+        f"{scene.slider.k * scene.slider.l * scene.N_x:.3g} N"
+    )
+    try:
+        solver = StaticSolver(scene, geometry, u_drv0=u_drv0)
+    except EquilibriumError as error:
+        if geometry == "linear" or strain < FOLDING:
+            raise
+        raise SceneError("top.F_N", scene.F_N, "N", allowed, str(error)) from error
+    at = folded(scene, solver.loaded.u) if geometry == "finite" else None
+    if at is not None:
+        reason = f"it folds the lattice at the block in column {at[0] + 1}, row {at[1] + 1}"
+        raise SceneError("top.F_N", scene.F_N, "N", allowed, reason)
+    return solver

@@ -164,8 +164,27 @@ def test_error_names_its_job_and_others_are_kept(tmp_path, workers):
     with pytest.raises(JobError, match=r"too coarse to t = 0.0012 s.*dt = 1\.0.*unstable") as error:
         run_all([good, bad], workers=workers, cache=tmp_path)
     assert error.value.job == bad
+    assert isinstance(error.value.error, pyfric.SceneError)
     run_all([good], cache=tmp_path)
     assert (tmp_path / f"{good.key}.nc").exists()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_errors_come_back_in_place_of_records(tmp_path, workers):
+    coarse = job(options=OPTIONS | {"dt": 1.0}, name="too coarse")
+    dense = {"fidelity": "dynamic", "dt": 2e-6, "stepper": "rk4", "budget": False}
+    heavy = job(t_end=2e-5, options=dense, F_N=9e6, name="folds")
+    good = job(t_end=1e-5)
+    jobs = [coarse, good, heavy, dataclasses.replace(coarse, scene=small(name="again"))]
+    shown = []
+    found = run_all(jobs, workers, tmp_path, lambda *now: shown.append(now), errors="return")
+    assert shown == [(0, 3), (1, 3), (2, 3), (3, 3)]
+    assert [type(one) for one in found] == [JobError, pyfric.Record, JobError, JobError]
+    assert [one.job for one in found if isinstance(one, JobError)] == [jobs[0], *jobs[2:]]
+    assert "unstable" in str(found[0])
+    assert isinstance(found[2].error, pyfric.SceneError | pyfric.RunError)
+    assert str(found[3]).startswith("again to t")
+    assert same_run(found[1], pyfric.simulate(good.scene, good.t_end, good.options, threads=1))
 
 
 @pytest.mark.parametrize(
@@ -182,6 +201,7 @@ def test_error_names_its_job_and_others_are_kept(tmp_path, workers):
         (lambda: run_all(["fig1"]), "jobs"),
         (lambda: run_all([job()], workers=0), "workers"),
         (lambda: run_all([job()], workers=True), "workers"),
+        (lambda: run_all([job()], errors="ignore"), "errors"),
     ],
 )
 def test_bad_input_is_refused(make, text):

@@ -14,7 +14,7 @@ import os
 import time
 import warnings
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -53,6 +53,9 @@ class RunError(RuntimeError):
     def __init__(self, message: str, record: Record) -> None:
         super().__init__(message)
         self.record = record
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (*self.args, self.record), vars(self)
 
 
 def kept_notes(before: Record | None) -> tuple[str, ...]:

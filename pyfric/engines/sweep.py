@@ -26,7 +26,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import scipy
@@ -58,12 +58,26 @@ ROOMS = ("scene", "core", "statics", "record", "engines")
 """Rooms whose code determines what a run gives."""
 
 
-class JobError(RuntimeError):
-    """A run failed; the message names its job, which is the attribute `job`."""
+DEAD = (
+    "a worker process ended by itself (out of memory, or a script without "
+    'if __name__ == "__main__":)'
+)
 
-    def __init__(self, job: Job, message: str) -> None:
-        super().__init__(f"{job}: {message}")
-        self.job = job
+
+class JobError(RuntimeError):
+    """A run failed.
+
+    Attributes:
+        job: its job.
+        error: what went wrong; a `RunError` has the record until then.
+    """
+
+    def __init__(self, job: Job, error: Exception) -> None:
+        super().__init__(job, error)
+        self.job, self.error = job, error
+
+    def __str__(self) -> str:
+        return f"{self.job}: {type(self.error).__name__}: {self.error}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +160,8 @@ def run_all(
     workers: int | None = None,
     cache: bool | str | os.PathLike[str] = True,
     progress: bool | Callable[[int, int], None] | None = None,
-) -> list[Record]:
+    errors: Literal["raise", "return"] = "raise",
+) -> list[Record] | list[Record | JobError]:
     """Run jobs side by side, each on one thread of a process of its own; longest first.
 
     Worker processes are spawned: a script that is run as a file needs its calls below
@@ -160,6 +175,8 @@ def run_all(
             names another folder.
         progress: True for a bar on stderr, a function of (number done, number of all), False for
             nothing; None shows the bar where stderr is a terminal.
+        errors: "raise" stops at the first run that fails; "return" goes on, and gives its
+            `JobError` in the place of its record.
 
     Returns:
         The records, in the order of the jobs. `timings["processor"]` is the processor time of the
@@ -167,7 +184,8 @@ def run_all(
 
     Raises:
         SceneError: an argument is refused; nothing has been done.
-        JobError: a run failed. The others are stopped; those that were complete are in the cache.
+        JobError: a run failed, or its process ended; with errors = "raise". The others are
+            stopped; those that were complete are in the cache.
         KeyboardInterrupt: after Ctrl-C.
     """
     jobs = list(jobs)
@@ -178,11 +196,14 @@ def run_all(
         workers = core.processors()
     elif isinstance(workers, bool) or not (isinstance(workers, int) and workers >= 1):
         raise SceneError("workers", workers, "", "a whole number >= 1, or None")
+    if errors not in ("raise", "return"):
+        raise SceneError("errors", errors, "", "'raise' or 'return'")
     folder = None
     if cache is not False:
         folder = cache_folder() if cache is True else Path(cache)
 
     by_key = {job.key: job for job in jobs}
+    found: dict[str, Record | JobError | None]
     found = {key: _kept(job, folder, key) for key, job in by_key.items()}
     todo = {key: job for key, job in by_key.items() if found[key] is None}
     todo = dict(sorted(todo.items(), key=lambda item: -item[1].weight))
@@ -191,16 +212,25 @@ def run_all(
         show(done, len(by_key))
         with closing(_outcomes(todo, min(workers, len(todo)), folder)) as outcomes:
             for key, made in outcomes:
-                if isinstance(made, str):
-                    raise JobError(todo[key], made)
-                if made.status != "complete":
+                if isinstance(made, Exception):
+                    if errors == "raise":
+                        raise JobError(todo[key], made) from made
+                    made = JobError(todo[key], made)
+                elif made.status != "complete":
                     raise KeyboardInterrupt
                 found[key] = made
                 done += 1
                 show(done, len(by_key))
     if folder is not None and todo:
         _trim(folder, MAX_BYTES)
-    return [dataclasses.replace(found[job.key], scene=job.scene) for job in jobs]
+    return [_belonging(found[job.key], job) for job in jobs]
+
+
+def _belonging(found: Record | JobError, job: Job) -> Record | JobError:
+    """Return what was found for a job, under the name of its own scene."""
+    if isinstance(found, JobError):
+        return JobError(job, found.error)
+    return dataclasses.replace(found, scene=job.scene)
 
 
 # --- running -------------------------------------------------------------------------------------
@@ -208,7 +238,7 @@ def run_all(
 
 def _outcomes(
     todo: Mapping[str, Job], workers: int, folder: Path | None
-) -> Iterator[tuple[str, Record | str]]:
+) -> Iterator[tuple[str, Record | Exception]]:
     """Yield key and record, or what went wrong, of each job as it ends."""
     if workers <= 1:
         for key, job in todo.items():
@@ -227,13 +257,7 @@ def _outcomes(
             try:
                 yield key, future.result()
             except BrokenProcessPool:
-                yield (
-                    key,
-                    (
-                        "a worker process ended by itself (out of memory, or a script without "
-                        'if __name__ == "__main__":)'
-                    ),
-                )
+                yield key, ChildProcessError(DEAD)
     finally:
         stop.set()
         pool.shutdown(wait=True, cancel_futures=True)
@@ -267,7 +291,7 @@ class _Stopped(Exception):
     """The parent wants no more of this run."""
 
 
-def _work(job: Job, folder: Path | None, key: str) -> Record | str:
+def _work(job: Job, folder: Path | None, key: str) -> Record | Exception:
     """Make a record in a worker process, unless the parent says stop."""
 
     def look(_: Any) -> None:
@@ -277,13 +301,15 @@ def _work(job: Job, folder: Path | None, key: str) -> Record | str:
     return _made(job, folder, key, look)
 
 
-def _made(job: Job, folder: Path | None, key: str, look: Callable[[Any], None]) -> Record | str:
+def _made(
+    job: Job, folder: Path | None, key: str, look: Callable[[Any], None]
+) -> Record | Exception:
     """Return the record of a job, kept in the folder, or what went wrong."""
     start = time.process_time()
     try:
         record = simulate(job.scene, job.t_end, job.options, threads=1, progress=look)
-    except Exception as error:  # not every error survives the way between processes
-        return f"{type(error).__name__}: {error}"
+    except Exception as error:
+        return error
     timings = {**record.timings, "processor": time.process_time() - start}
     record = dataclasses.replace(record, timings=timings)
     if folder is not None and record.status == "complete":

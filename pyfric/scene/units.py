@@ -2,6 +2,7 @@
 
 import difflib
 import math
+import pickle
 import re
 import reprlib
 from collections.abc import Iterable
@@ -40,6 +41,15 @@ _LONGEST = 80  # characters in a quantity
 
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 100
+
+
+class _Shown(str):
+    """The text of a value that cannot be pickled."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
 
 
 class SceneError(ValueError):
@@ -83,6 +93,14 @@ class SceneError(ValueError):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self)!r})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        field, value, *rest = self.args
+        try:
+            pickle.dumps(value)
+        except Exception:  # whatever a user passed, the error reaches the other process
+            value = _Shown(show(value))
+        return type(self), (field, value, *rest), vars(self) | {"value": value}
 
     def at(self, field: str) -> "SceneError":
         """Return the same error under another dotted name."""

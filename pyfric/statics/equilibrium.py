@@ -84,9 +84,12 @@ class EquilibriumError(RuntimeError):
 
     def __init__(self, what: str, residual: float, limit: float, iterations: int) -> None:
         self.residual, self.limit, self.iterations = residual, limit, iterations
-        super().__init__(
-            f"no equilibrium: {what} (residual {residual:.3g} N, limit {limit:.3g} N, "
-            f"{iterations} iterations)"
+        super().__init__(what, residual, limit, iterations)
+
+    def __str__(self) -> str:
+        return (
+            f"no equilibrium: {self.args[0]} (residual {self.residual:.3g} N, "
+            f"limit {self.limit:.3g} N, {self.iterations} iterations)"
         )
 
 

@@ -1,5 +1,6 @@
 """Runs side by side give what `simulate` gives, are kept by content, and stop when told to."""
 
+import contextlib
 import dataclasses
 import os
 import shutil
@@ -213,22 +214,59 @@ def test_no_jobs_give_no_records():
     assert run_all([]) == []
 
 
+# --- processes -----------------------------------------------------------------------------------
+
 SCRIPT = """
+import os
 import sys
 from pyfric import Job, run_all, setup1
+from pyfric.engines import sweep
 
 def tiny(h):
     return setup1(L=0.02, H=0.0125, V=0.5, h=h)
 
+def noted(scene, t_end, *arguments, **options):
+    print("running", os.getpid(), flush=True)
+    return simulate(scene, t_end, *arguments, **options)
+
+simulate, sweep.simulate = sweep.simulate, noted  # in the workers too, which read this file
+
 if __name__ == "__main__":
-    short = Job(scene=tiny(2.5e-3), t_end=1e-4, options={"fidelity": "dynamic"})
-    long = [
+    endless = [
         Job(scene=tiny(h), t_end=1e3, options={"fidelity": "dynamic"}) for h in (5e-3, 7.5e-3)
     ]
-    run_all([short], cache=sys.argv[1])
-    print("ready", flush=True)
-    run_all([short, *long], workers=2, cache=sys.argv[1], progress=lambda *n: print(n, flush=True))
+    short = [Job(scene=tiny(h), t_end=1e-5, options=endless[0].options) for h in (2.5e-3, 10e-3)]
+    run_all(short[:1], cache=sys.argv[1])
+    for found in run_all([*endless, *short], 2, sys.argv[1], errors=sys.argv[2]):
+        print("found", found.status if hasattr(found, "status") else found, flush=True)
 """
+
+
+@pytest.fixture
+def sweeping(tmp_path):
+    """Start the script and wait until its workers run; it gives the script and their ids."""
+    started = []
+
+    def start(errors):
+        script = tmp_path / "script.py"
+        script.write_text(SCRIPT)
+        script = subprocess.Popen(
+            [sys.executable, "-P", str(script), str(tmp_path / "kept"), errors],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        started.append(script)
+        in_script, *workers = (int(script.stdout.readline().split()[1]) for _ in range(3))
+        assert in_script == script.pid
+        return script, workers
+
+    yield start
+    for script in started:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(script.pid, signal.SIGKILL)
+        script.communicate()
 
 
 def alive(group):
@@ -238,33 +276,57 @@ def alive(group):
     return sum(pgid == str(group) and not stat.startswith("Z") for pgid, stat in pairs)
 
 
-@pytest.mark.skipif(shutil.which("ps") is None, reason="needs ps and signals")
-@pytest.mark.parametrize(("whole_group", "wait"), [(False, 3.0), (True, 3.0), (True, 0.0)])
-def test_ctrl_c_stops_all_workers_and_keeps_what_is_finished(tmp_path, whole_group, wait):
-    script = tmp_path / "script.py"
-    script.write_text(SCRIPT)
-    running = subprocess.Popen(
-        [sys.executable, "-P", str(script), str(tmp_path / "kept")],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        assert running.stdout.readline() == "ready\n"
-        assert running.stdout.readline() == "(1, 3)\n"
-        begin = time.monotonic()
-        while alive(running.pid) < 4 and time.monotonic() - begin < 30:
-            time.sleep(0.1)  # itself, two workers and the tracker of resources
-        time.sleep(wait)  # without it, the workers are still starting
-        (os.killpg if whole_group else os.kill)(running.pid, signal.SIGINT)
-        running.wait(60)
-        _, errors = running.communicate()
-    finally:
-        if running.poll() is None:
-            os.killpg(running.pid, signal.SIGKILL)
-    assert running.returncode != 0
+def seconds_until_dead(group):
+    begin = time.monotonic()
+    while alive(group):
+        assert time.monotonic() - begin < 30
+        time.sleep(0.05)
+    return time.monotonic() - begin
+
+
+needs_ps = pytest.mark.skipif(shutil.which("ps") is None, reason="needs ps and signals")
+
+
+@needs_ps
+@pytest.mark.parametrize("whole_group", [False, True])
+def test_ctrl_c_stops_all_workers_and_keeps_what_is_finished(tmp_path, sweeping, whole_group):
+    script, _ = sweeping("return")
+    (os.killpg if whole_group else os.kill)(script.pid, signal.SIGINT)
+    _, errors = script.communicate(timeout=30)
+    assert script.returncode != 0
     assert errors.count("Traceback") == 1
     assert "KeyboardInterrupt" in errors
-    assert not alive(running.pid)
+    assert not alive(script.pid)
     assert len(list((tmp_path / "kept").iterdir())) == 1
+
+
+@needs_ps
+def test_workers_end_with_their_parent(tmp_path, sweeping):
+    script, _ = sweeping("return")
+    script.kill()
+    _, errors = script.communicate(timeout=30)  # the workers hold the other ends
+    assert seconds_until_dead(script.pid) < 5
+    assert errors == ""
+    assert len(list((tmp_path / "kept").iterdir())) == 1
+
+
+@needs_ps
+def test_a_worker_that_dies_takes_only_its_job_along(sweeping):
+    script, workers = sweeping("return")
+    for worker in workers:
+        os.kill(worker, signal.SIGKILL)
+    shown, errors = script.communicate(timeout=60)
+    assert script.returncode == 0, errors
+    found = [line for line in shown.splitlines() if line.startswith("found")]
+    assert all("ended by itself (exit code -9" in line for line in found[:2])
+    assert found[2:] == ["found complete"] * 2
+    assert errors == ""
+    assert not alive(script.pid)
+
+
+def test_a_dead_worker_is_an_error_of_its_job(sweeping):
+    script, workers = sweeping("raise")
+    os.kill(workers[0], signal.SIGKILL)
+    _, errors = script.communicate(timeout=60)
+    assert script.returncode == 1
+    assert errors.splitlines()[-1].startswith("pyfric.engines.sweep.JobError: setup1 to t = 1000 s")

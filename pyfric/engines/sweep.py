@@ -15,33 +15,27 @@ import dataclasses
 import functools
 import hashlib
 import json
-import multiprocessing
 import os
-import signal
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from concurrent.futures import as_completed
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import scipy
 from platformdirs import user_cache_path
-from threadpoolctl import threadpool_limits
 
 from pyfric import core
 from pyfric.engines.options import Options
 from pyfric.engines.progress import jobs_bar
 from pyfric.engines.simulation import simulate
+from pyfric.engines.workers import Workers, stopping
 from pyfric.record import Record, RecordError
 from pyfric.scene import Scene, SceneError, __version__, check_number, unknown
-
-if TYPE_CHECKING:
-    from multiprocessing.synchronize import Event
 
 __all__ = ["CACHE_VARIABLE", "MAX_BYTES", "Job", "JobError", "cache_folder", "run_all"]
 
@@ -56,12 +50,6 @@ OPTIONS = [one.name for one in dataclasses.fields(Options) if one.name not in EL
 """Options that a job may have."""
 ROOMS = ("scene", "core", "statics", "record", "engines")
 """Rooms whose code determines what a run gives."""
-
-
-DEAD = (
-    "a worker process ended by itself (out of memory, or a script without "
-    'if __name__ == "__main__":)'
-)
 
 
 class JobError(RuntimeError):
@@ -242,74 +230,30 @@ def _outcomes(
     """Yield key and record, or what went wrong, of each job as it ends."""
     if workers <= 1:
         for key, job in todo.items():
-            yield key, _made(job, folder, key, lambda *_: None)
-        return
-    spawn = multiprocessing.get_context("spawn")
-    stop = spawn.Event()
-    pool = ProcessPoolExecutor(workers, spawn, _start_worker, (stop,))
-    try:
-        with _ctrl_c_held_back():  # the processes that start here never see it
-            futures: dict[Future, str] = {
-                pool.submit(_work, job, folder, key): key for key, job in todo.items()
-            }
-        for future in as_completed(futures):
-            key = futures[future]
             try:
-                yield key, future.result()
-            except BrokenProcessPool:
-                yield key, ChildProcessError(DEAD)
-    finally:
-        stop.set()
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-@contextmanager
-def _ctrl_c_held_back() -> Iterator[None]:
-    """Let Ctrl-C wait until the end of the block, and block it in processes that start here."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
+                yield key, _made(job, folder, key)
+            except Exception as error:
+                yield key, error
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-_stop: Event
-
-
-def _start_worker(stop: Event) -> None:
-    """Prepare a worker process: one thread, and the parent alone answers Ctrl-C."""
-    global _stop
-    _stop = stop
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threadpool_limits(1)
+    with Workers(workers) as pool:
+        futures = {pool.submit(_made, job, folder, key): key for key, job in todo.items()}
+        for future in as_completed(futures):
+            yield futures[future], future.exception() or future.result()
 
 
 class _Stopped(Exception):
     """The parent wants no more of this run."""
 
 
-def _work(job: Job, folder: Path | None, key: str) -> Record | Exception:
-    """Make a record in a worker process, unless the parent says stop."""
-
-    def look(_: Any) -> None:
-        if _stop.is_set():
-            raise _Stopped
-
-    return _made(job, folder, key, look)
+def _look(_: Any) -> None:
+    if stopping():
+        raise _Stopped
 
 
-def _made(
-    job: Job, folder: Path | None, key: str, look: Callable[[Any], None]
-) -> Record | Exception:
-    """Return the record of a job, kept in the folder, or what went wrong."""
+def _made(job: Job, folder: Path | None, key: str) -> Record:
+    """Make the record of a job, and keep it in the folder."""
     start = time.process_time()
-    try:
-        record = simulate(job.scene, job.t_end, job.options, threads=1, progress=look)
-    except Exception as error:
-        return error
+    record = simulate(job.scene, job.t_end, job.options, threads=1, progress=_look)
     timings = {**record.timings, "processor": time.process_time() - start}
     record = dataclasses.replace(record, timings=timings)
     if folder is not None and record.status == "complete":

@@ -59,6 +59,23 @@ def stop_unless_complete(record: Record, hint: str) -> None:
 # --- parameters ----------------------------------------------------------------------------------
 
 
+class Registered(click.ParamType):
+    """A name from a registry, which is loaded only where its names are needed: that takes time."""
+
+    def __init__(self, name: str, names: Callable[[], list[str]]) -> None:
+        self.name, self._names = name, names
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        return tuple(self._names())
+
+    def get_metavar(self, *where: Any, **rest: Any) -> str | None:
+        return click.Choice(self.choices).get_metavar(*where, **rest)
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> str:
+        return click.Choice(self.choices).convert(value, param, ctx)
+
+
 class Seconds(click.ParamType):
     """A time: a bare number in s, or a quantity with its unit."""
 

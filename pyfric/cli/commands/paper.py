@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
     SHORT_EXIT_CODES,
+    Registered,
     Seconds,
     check_folder,
     file_option,
@@ -25,26 +25,14 @@ from pyfric.cli.shared import (
 )
 
 
-class _Figure(click.ParamType):
-    """A figure's name, or "all". The names are known where figures are drawn, which takes time."""
+def _figures() -> list[str]:
+    from pyfric.figures import FIGURES
 
-    name = "figure"
-
-    @property
-    def _choice(self) -> click.Choice:
-        from pyfric.figures import FIGURES
-
-        return click.Choice([*sorted(FIGURES), "all"])
-
-    def get_metavar(self, *where: Any, **rest: Any) -> str | None:
-        return self._choice.get_metavar(*where, **rest)
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> str:
-        return self._choice.convert(value, param, ctx)
+    return [*sorted(FIGURES), "all"]
 
 
 @main.command(epilog=SHORT_EXIT_CODES)
-@click.argument("names", nargs=-1, type=_Figure())
+@click.argument("names", nargs=-1, type=Registered("figure", _figures))
 @file_option(
     "--out", metavar="DIR", default="figures", show_default=True, help="Folder of the files."
 )

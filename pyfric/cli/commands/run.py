@@ -14,6 +14,7 @@ from pyfric.cli.app import main
 from pyfric.cli.report import summary, text
 from pyfric.cli.shared import (
     EXIT_CODES,
+    Registered,
     Seconds,
     check_out,
     file_option,
@@ -34,6 +35,12 @@ if TYPE_CHECKING:
 
 
 HERE = "\0"  # value of --resume without a file
+
+
+def _steppers() -> list[str]:
+    from pyfric.core import STEPPERS
+
+    return list(STEPPERS)
 
 
 @main.command(epilog=EXIT_CODES)
@@ -57,7 +64,7 @@ HERE = "\0"  # value of --resume without a file
 )
 @click.option(
     "--stepper",
-    type=click.Choice(["rk4", "verlet", "symplectic_euler", "adaptive"]),
+    type=Registered("stepper", _steppers),
     default="rk4",
     show_default=True,
     help="Stepper; all but rk4 need full dynamics.",

@@ -1,5 +1,6 @@
 """Plan and run."""
 
+from pyfric.engines.boundaries import boundary, label_map
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.guard import folded
 from pyfric.engines.options import Options, step_size
@@ -17,8 +18,10 @@ __all__ = [
     "Plan",
     "Progress",
     "RunError",
+    "boundary",
     "decay_times",
     "folded",
+    "label_map",
     "plan",
     "prediction_curve",
     "run_all",

@@ -5,8 +5,9 @@ unexport PYTHONHOME PYTHONPATH
 export PIP_USER = 0
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
+# A file runs in one process, so that its tests share runs.
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
-PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto
+PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
 .PHONY: figures test test-slow test-portable mutations digests lint format bench setup clean
 

@@ -119,8 +119,18 @@ def test_crack_speeds(name, geometry):
     assert_all(regression.crack_speeds(reference(name, geometry), made, HYBRID[geometry]))
 
 
-@pytest.mark.parametrize(("name", "geometry"), ALL)
+STEP_ENDS = [("fig1", "linear"), ("fig1", "finite"), ("run3", "linear"), ("setup2", "linear")]
+REST = [
+    pytest.param(name, geometry, marks=pytest.mark.slow)
+    for name in CLEAN
+    for geometry in GEOMETRIES
+    if (name, geometry) not in STEP_ENDS
+]
+
+
+@pytest.mark.parametrize(("name", "geometry"), [*STEP_ENDS, *REST])
 def test_switching_at_step_ends(name, geometry):
+    """How contacts switch does not know the scene: one of each setup, and one that lifts off."""
     made = hybrid(name, geometry, "step_end")
     assert_all(regression.compare(reference(name, geometry), made, STEP_END))
 

@@ -1,10 +1,8 @@
 """Slip weakening, mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1), against exact solutions."""
 
 import dataclasses
-import json
 import math
 
-import h5netcdf
 import numpy as np
 import pytest
 from helpers import budget_error
@@ -306,27 +304,6 @@ def test_unresolved_weakening_is_noted():
 
 
 # --- files of before -----------------------------------------------------------------------------
-
-
-def test_records_of_the_layout_before_are_read(tmp_path):
-    scene = rod(V=0.05, d_c=0.0)
-    how = {"fidelity": "dynamic", "progress": False}
-    slips = pyfric.simulate(scene, 2e-3, **how).episodes
-    middle = float((slips["t_start"] + slips["t_stop"]).iloc[0] / 2)
-    record = pyfric.simulate(scene, middle, **how)
-    assert (np.abs(record.final_state.mode) == 1).any()
-    path = record.save(tmp_path / "old.nc")
-    with h5netcdf.File(path, "a") as file:
-        plan = json.loads(file.attrs["final_state"])
-        del plan["entries"]["s_0"]
-        file.attrs["final_state"] = json.dumps(plan)
-        file.attrs["scene"] = file.attrs["scene"].replace('d_c = "0.0 m"\n', "")
-        file.attrs["pyfric_schema"] = 2
-    old = Record.load(path)
-    assert old.scene == scene
-    assert not old.final_state.slip.any()
-    ends = [pyfric.simulate(scene, 2e-3, initial=r, progress=False) for r in (record, old)]
-    np.testing.assert_array_equal(ends[0].final_state.y, ends[1].final_state.y)
 
 
 def test_states_of_the_layout_before_are_read(tmp_path):

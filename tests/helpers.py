@@ -1,15 +1,17 @@
 """What tests of several modules share: small scenes, short calls of the core, comparisons."""
 
+import contextlib
 import dataclasses
 import os
 import subprocess
 import sys
 
+import h5netcdf
 import numpy as np
 
 from pyfric import core
 from pyfric.core import OPEN
-from pyfric.scene import setup1, setup2
+from pyfric.scene import sealed, setup1, setup2, unsealed
 from pyfric.statics import loaded_state
 
 GEOMETRIES = ("linear", "finite")
@@ -106,7 +108,7 @@ def budget_error(record):
 def same_run(one, other, **apart):
     """The records hold the same run; how long it took may differ, and what `apart` names."""
     drop = {"timings": {}} | apart
-    return dataclasses.replace(one, **drop).identical(dataclasses.replace(other, **drop))
+    return dataclasses.replace(one, **drop) == dataclasses.replace(other, **drop)
 
 
 def run_python(code, **environment):
@@ -117,3 +119,15 @@ def run_python(code, **environment):
         text=True,
         check=False,
     )
+
+
+# --- files ---------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def edited(path):
+    """Open a record file for changes, and seal it again."""
+    path.write_bytes(unsealed(path.read_bytes()) or path.read_bytes())
+    with h5netcdf.File(path, "a") as file:
+        yield file
+    path.write_bytes(sealed(path.read_bytes()))

@@ -1,14 +1,20 @@
 """Records survive the file exactly, and foreign or newer files are refused."""
 
+import copy
 import dataclasses
 import os
+import pickle
+import warnings
 from types import SimpleNamespace
 
 import h5netcdf
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from damage import unnoticed
+from helpers import edited
 
 from pyfric.record import Method, Record, RecordError, catalogue
 from pyfric.record.labels import LABELS
@@ -92,7 +98,7 @@ def through_file(original, tmp_path):
 def test_loaded_record_is_identical(make_scene, n_events, tmp_path):
     original = make_record(make_scene(), n_events)
     loaded = through_file(original, tmp_path)
-    assert loaded.identical(original)
+    assert loaded == original
     for one in dataclasses.fields(Record):
         a, b = getattr(original, one.name), getattr(loaded, one.name)
         if isinstance(a, pd.DataFrame):
@@ -142,11 +148,11 @@ def test_identical_sees_one_bit():
     a = make_record()
     p = a.p_initial.copy()
     p[3] = np.nextafter(p[3], 1)
-    assert a.identical(make_record())
-    assert not a.identical(dataclasses.replace(a, p_initial=p))
-    assert not a.identical(dataclasses.replace(a, status="interrupted"))
-    assert not a.identical(dataclasses.replace(a, curve=a.curve.assign(t=a.curve["t"] + 1e-16)))
-    assert not a.identical(dataclasses.replace(a, timings=a.timings | {"run": 1.0}))
+    assert a == make_record()
+    assert a != dataclasses.replace(a, p_initial=p)
+    assert a != dataclasses.replace(a, status="interrupted")
+    assert a != dataclasses.replace(a, curve=a.curve.assign(t=a.curve["t"] + 1e-16))
+    assert a != dataclasses.replace(a, timings=a.timings | {"run": 1.0})
 
 
 @pytest.mark.parametrize("status", ["complete", "interrupted", "failed: p is not finite"])
@@ -170,9 +176,10 @@ def test_state_object_survives(tmp_path, monkeypatch):
     original = make_record(final_state=state)
     loaded = through_file(original, tmp_path)
     assert isinstance(loaded.final_state, State)
-    assert loaded.identical(original)
+    assert loaded == original
     state.rod[2] = 0.0
-    assert not loaded.identical(original)
+    assert loaded == original
+    assert loaded != dataclasses.replace(original, final_state=state)
 
 
 def test_record_checks_its_parts():
@@ -197,6 +204,50 @@ def test_arrays_are_read_only_and_fields_frozen():
         good.quiet["u_x"][0, 0] = 1.0
     with pytest.raises(dataclasses.FrozenInstanceError):
         good.status = "complete"
+
+
+@pytest.mark.parametrize(
+    "copied", [lambda r: r, copy.deepcopy, lambda r: pickle.loads(pickle.dumps(r))]
+)
+def test_nothing_changes_a_record(copied):
+    untouched, record = make_record(), copied(make_record())
+    for change in (
+        lambda: record.curve.loc.__setitem__((0, "F_T"), 1.0),
+        lambda: record.events.__setitem__("L_p_over_L", 0.0),
+        lambda: record.episodes.iloc.__setitem__((slice(None), 0), 0),
+    ):
+        with warnings.catch_warnings(action="ignore"):  # pandas says that a copy changes
+            change()
+    curve = record.curve
+    curve["F_T"] = 0.0
+    curve.iloc[:] = 0.0
+    record.final_state["y"][:] = 0.0
+    record.final_state["n"] = 0
+    for name in ("timings", "versions", "counts", "quiet", "switches"):
+        with pytest.raises(TypeError):
+            getattr(record, name)["run"] = 0.0
+    for array in (record.region, record.p_initial, record.quiet["u_x"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array[:] = 0
+    assert record == untouched
+
+
+def test_a_record_keeps_none_of_the_tables_it_was_made_from():
+    curve = make_record().curve
+    record = make_record(curve=curve)
+    curve.loc[0, "F_T"] = 1.0
+    assert record == make_record()
+
+
+def test_tables_are_plain_frames():
+    events = make_record().events
+    events["force"] = events["F_T_start"] / 2
+    assert (events.groupby("is_main")["force"].sum() > 0).any()
+
+
+def test_records_equal_no_other_object():
+    assert make_record() != 3
+    assert make_record() != make_record(n_events=1)
 
 
 def test_column_that_the_file_cannot_hold_is_refused(tmp_path):
@@ -247,13 +298,33 @@ def test_saving_replaces_the_file_whole(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="no space"):
         make_record(n_events=2).save(path)
     assert [one.name for one in tmp_path.iterdir()] == ["run.nc"]
-    assert Record.load(path).identical(old)
+    assert Record.load(path) == old
 
 
 def test_saved_file_has_the_usual_permissions(tmp_path):
     path = make_record(n_events=1).save(tmp_path / "run.nc")
     (tmp_path / "plain").touch()
     assert path.stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_any_netcdf_reader_opens_the_file(tmp_path):
+    record = make_record()
+    path = record.save(tmp_path / "run.nc")
+    assert b"pyfric sha256" in path.read_bytes()[-100:]
+    F_T = record.curve["F_T"].to_numpy()
+    with h5py.File(path) as file:
+        assert (file["F_T"][:] == F_T).all()
+    with h5netcdf.File(path) as file:
+        assert (file["F_T"][:] == F_T).all()
+    with xr.open_dataset(path) as file:
+        assert (file["F_T"] == F_T).all()
+
+
+def test_damage_is_noticed(tmp_path):
+    record = make_record()
+    path = record.save(tmp_path / "run.nc")
+    assert not unnoticed(path, Record.load, RecordError, seed=1, flips=200, pages=40, cuts=40)
+    assert Record.load(path) == record
 
 
 def test_missing_file(tmp_path):
@@ -268,10 +339,15 @@ def test_foreign_files_are_refused(tmp_path):
         with pytest.raises(RecordError, match="not a pyfric record"):
             Record.load(path)
     xr.Dataset({"a": ("x", [1.0])}).to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(RecordError, match="not a pyfric record"):
+        Record.load(path)
+    with edited(path):
+        pass
     with pytest.raises(RecordError, match="no attribute pyfric_schema"):
         Record.load(path)
-    with pytest.raises(RecordError, match="not a pyfric record"):
-        Record.load(tmp_path)
+    for path in (tmp_path, "/dev/zero"):
+        with pytest.raises(RecordError, match="not a regular file"):
+            Record.load(path)
 
 
 def test_cut_off_file_is_refused(tmp_path):
@@ -283,7 +359,7 @@ def test_cut_off_file_is_refused(tmp_path):
 
 def test_file_without_a_part_is_refused(tmp_path):
     path = make_record().save(tmp_path / "run.nc")
-    with h5netcdf.File(path, "a") as file:
+    with edited(path) as file:
         del file.attrs["method"]
     with pytest.raises(RecordError, match=r"damaged.*method"):
         Record.load(path)
@@ -292,7 +368,7 @@ def test_file_without_a_part_is_refused(tmp_path):
 @pytest.mark.parametrize("schema", [SCHEMA - 1, SCHEMA + 1])
 def test_another_schema_is_refused(schema, tmp_path):
     path = make_record().save(tmp_path / "run.nc")
-    with h5netcdf.File(path, "a") as file:
+    with edited(path) as file:
         file.attrs["pyfric_schema"] = schema
     with pytest.raises(RecordError, match=rf"schema {schema}.*reads {SCHEMA}; another version"):
         Record.load(path)

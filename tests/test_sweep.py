@@ -46,7 +46,7 @@ def test_processes_give_what_simulate_gives_in_order(tmp_path):
 def test_finished_runs_are_used_again(tmp_path, count):
     (first,) = run_all([job()], cache=tmp_path)
     (again,) = run_all([job()], cache=tmp_path)
-    assert first.identical(again)
+    assert first == again
     assert len(count) == 1
     run_all([job()], cache=False)
     assert len(count) == 2
@@ -112,7 +112,7 @@ def test_damaged_and_foreign_files_are_made_again(tmp_path, count):
     (again,) = run_all([job()], cache=tmp_path)
     assert len(count) == 2
     assert same_run(first, again)
-    assert pyfric.Record.load(path).identical(again)
+    assert pyfric.Record.load(path) == again
     dataclasses.replace(first, status="interrupted").save(path)
     run_all([job()], cache=tmp_path)
     dataclasses.replace(first, scene=small(F_N=3000.0)).save(path)

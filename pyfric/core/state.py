@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import os
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from pyfric.scene import clock, slipped, written
+from pyfric.scene import clock, sealed, slipped, unsealed, write
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
@@ -25,7 +27,7 @@ class StateError(ValueError):
     """A state is damaged or does not belong to the scene."""
 
 
-@dataclass
+@dataclass(eq=False)
 class State:
     """State of a run between two steps; the time is t0 + step dt.
 
@@ -80,6 +82,16 @@ class State:
     def t(self) -> float:
         """Time, in s."""
         return self.t0 + self.step * self.dt
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all values are equal; NaN equals NaN."""
+        if not isinstance(other, State):
+            return NotImplemented
+        names = [one.name for one in dataclasses.fields(self)]
+        pairs = [(getattr(self, name), getattr(other, name)) for name in names]
+        return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+
+    __hash__ = None
 
     def copy(self) -> Self:
         """Return a copy that shares nothing."""
@@ -147,13 +159,15 @@ class State:
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the state to a NumPy archive (.npz), exactly and atomically.
 
+        The last line of the file is the SHA-256 of all before it.
+
         Raises:
-            OSError: the file cannot be written.
+            OSError: the file cannot be written; it names path and reason.
         """
         values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
-        with written(path) as draft, open(draft, "wb") as file:
-            np.savez(file, **values)
-        return Path(path)
+        content = io.BytesIO()
+        np.savez(content, **values)
+        return write(path, sealed(content.getbuffer()))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -161,14 +175,17 @@ class State:
 
         Raises:
             OSError: the file cannot be read.
-            StateError: it holds no state.
+            StateError: it holds no state, or is damaged.
         """
+        inside = unsealed(Path(path).read_bytes())
+        if inside is None:
+            reason = "its content and the hash at its end do not agree"
+            raise StateError(f"{path}: damaged, or not a state ({reason})")
         try:
-            with np.load(path) as archive:
-                names = [one.name for one in dataclasses.fields(cls)]
-                values = {n: archive[n] for n in names if n not in ("s_0", "sub") or n in archive}
-        except (KeyError, ValueError, EOFError) as error:
+            with np.load(io.BytesIO(inside)) as archive:
+                values = {one.name: archive[one.name] for one in dataclasses.fields(cls)}
+        except (KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
             raise StateError(f"{path}: not a state ({error})") from error
         scalars = ("step", "t0", "dt", "u_drv0", "sub")
-        numbers = {name: values[name].item() for name in scalars if name in values}
+        numbers = {name: values[name].item() for name in scalars}
         return cls(**values | numbers)

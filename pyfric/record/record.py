@@ -15,17 +15,20 @@ variable with its unit and meaning. Attributes of the file:
 Variables of the loading curve carry their plain names on the dimension ``t``; those of the event
 and episode tables and of the two logs begin with ``event_``, ``episode_``, ``quiet_`` and
 ``switch_``. Stresses are on (``event``, ``x``), x from the centre of the slider. Numbers are stored
-as they are in memory, so that a loaded record equals the saved one bit for bit.
+as they are in memory, so that a loaded record equals the saved one bit for bit. The last line of
+the file is the SHA-256 of all before it, which readers of netCDF do not see.
 """
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import json
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -34,7 +37,7 @@ import pandas as pd
 from pyfric.core import State
 from pyfric.record.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP
 from pyfric.record.labels import describe
-from pyfric.scene import Scene, written
+from pyfric.scene import Scene, sealed, unsealed, write
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,7 +46,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SCHEMA", "Method", "Record", "RecordError"]
 
-SCHEMA = 4
+SCHEMA = 5
 """Version of the file layout that this module writes and reads."""
 
 COMPRESSED_FROM = 4096
@@ -82,11 +85,39 @@ class Method:
     budget: bool = False
 
 
+class _Guarded:
+    """A field of which everybody gets a copy of his own: what he changes there is his alone."""
+
+    def __init__(self, default: Any = dataclasses.MISSING) -> None:
+        self.default = default
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = f"_{name}"
+
+    def __get__(self, record: Record | None, owner: type | None = None) -> Any:
+        if record is None:
+            if self.default is dataclasses.MISSING:
+                raise AttributeError(self.name)
+            return self.default
+        return _copied(record.__dict__[self.name])
+
+    def __set__(self, record: Record, value: Any) -> None:
+        record.__dict__[self.name] = _copied(value, deep=True)
+
+
+def _copied(value: Any, deep: bool = False) -> Any:
+    if isinstance(value, pd.DataFrame):
+        return value.copy(deep=deep)  # a shallow one is copied where it is written to
+    return copy.deepcopy(value)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Record:
     """A finished, interrupted or failed run.
 
-    Arrays over blocks run from left to right and are read-only.
+    Arrays over blocks run from left to right. A record cannot be changed: its arrays and mappings
+    are read-only, tables and final state are copies each time they are asked for. Records are equal
+    (``==``) if they hold the same values, bit for bit, with the same types.
 
     Attributes
     ----------
@@ -120,9 +151,9 @@ class Record:
 
     scene: Scene
     method: Method
-    curve: pd.DataFrame
-    events: pd.DataFrame
-    episodes: pd.DataFrame
+    curve: pd.DataFrame = _Guarded()
+    events: pd.DataFrame = _Guarded()
+    episodes: pd.DataFrame = _Guarded()
     region: np.ndarray
     rupture_times: np.ndarray
     tau_before: np.ndarray
@@ -138,7 +169,7 @@ class Record:
     counts: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     status: str = "complete"
-    final_state: Any = None
+    final_state: Any = _Guarded(default=None)
 
     def __post_init__(self) -> None:
         for name, shape in self._shapes().items():
@@ -152,7 +183,9 @@ class Record:
                 if name not in values:
                     raise RecordError(f"record: {log} has no column {name}")
             frozen = {name: _read_only(values[name]) for name in columns}
-            object.__setattr__(self, log, frozen)
+            object.__setattr__(self, log, MappingProxyType(frozen))
+        for name in ("versions", "timings", "counts"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         for name in ("t", "F_T"):
             if name not in self.curve:
                 raise RecordError(f"record: the curve has no column {name}")
@@ -178,31 +211,39 @@ class Record:
             **rest,
         )
 
-    def identical(self, other: Record) -> bool:
-        """Whether both records hold the same values, bit for bit, with the same types."""
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Record):
+            return NotImplemented
         return all(
             _identical(getattr(self, one.name), getattr(other, one.name))
             for one in dataclasses.fields(self)
         )
+
+    __hash__ = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Records are pickled and copied as what they are made from, and stay read-only."""
+        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        plain = {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in values.items()}
+        return _made, (type(self), plain)
 
     # --- files -----------------------------------------------------------------------------------
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write one netCDF file, atomically: a file of that name is replaced whole or not at all.
 
+        HDF5 sees memory alone: it does not survive a disk that fills up.
+
         Raises
         ------
         RecordError
             If a table holds a column that the file cannot hold exactly.
         OSError
-            If the file cannot be written.
+            If the file cannot be written; it names path and reason.
         """
-        path = Path(path)
         dataset = self.to_xarray()
         encoding = {name: _encoding(variable) for name, variable in dataset.variables.items()}
-        with written(path) as draft:
-            dataset.to_netcdf(draft, engine="h5netcdf", encoding=encoding)
-        return path
+        return write(path, sealed(dataset.to_netcdf(engine="h5netcdf", encoding=encoding)))
 
     def to_xarray(self) -> xr.Dataset:
         """The record as an `xarray.Dataset`, as it is laid out in the file."""
@@ -271,9 +312,15 @@ class Record:
         path = Path(path)
         if not path.exists():
             raise FileNotFoundError(f"no record at {path}")
+        if not path.is_file():
+            raise RecordError(f"{path}: not a pyfric record (not a regular file)")
+        inside = unsealed(path.read_bytes())
+        if inside is None:
+            reason = "its content and the hash at its end do not agree"
+            raise RecordError(f"{path}: damaged, or not a pyfric record ({reason})")
         try:
-            attributes, values = _read(path)
-        except Exception as error:  # whatever the HDF5 layers make of a foreign or cut-off file
+            attributes, values = _read(inside)
+        except Exception as error:  # whatever the HDF5 layers make of a foreign file
             raise RecordError(f"{path}: not a pyfric record ({error})") from error
         schema = attributes.get("pyfric_schema")
         if schema is None:
@@ -350,6 +397,10 @@ class Record:
         return pd.DataFrame(columns)
 
 
+def _made(kind: type[Record], values: dict[str, Any]) -> Record:
+    return kind(**values)
+
+
 # --- columns -------------------------------------------------------------------------------------
 
 
@@ -373,11 +424,11 @@ def _plain(column: pd.Series) -> np.ndarray:
     raise RecordError(f"record: column {column.name!r} ({column.dtype}) is not numbers or text")
 
 
-def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def _read(content: memoryview) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Attributes and variables of a record file. xarray takes ten times as long."""
     import h5py
 
-    with h5py.File(path) as file:
+    with h5py.File(h5py.h5f.open_file_image(bytes(content))) as file:
         values = {}
         for name, variable in file.items():
             text = h5py.check_string_dtype(variable.dtype)

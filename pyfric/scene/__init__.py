@@ -1,6 +1,14 @@
 """What is simulated: parts, scenes, presets, units, geometry."""
 
-from pyfric.scene.files import written
+from pyfric.scene.files import (
+    check_writable,
+    clean_drafts,
+    drafts,
+    sealed,
+    unsealed,
+    write,
+    written,
+)
 from pyfric.scene.friction import FRICTIONLESS, Law, clock, slipped
 from pyfric.scene.geometry import Geometry, check_geometry, default_geometry
 from pyfric.scene.parts import (
@@ -40,16 +48,22 @@ __all__ = [
     "chain",
     "check_geometry",
     "check_number",
+    "check_writable",
+    "clean_drafts",
     "clock",
     "default_geometry",
+    "drafts",
     "nearest",
     "parse_quantity",
     "preset",
     "range_text",
     "run3",
+    "sealed",
     "setup1",
     "setup2",
     "slipped",
     "unknown",
+    "unsealed",
+    "write",
     "written",
 ]

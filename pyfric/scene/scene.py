@@ -15,7 +15,7 @@ import numpy as np
 
 from pyfric.scene import toml
 from pyfric.scene.checked import part
-from pyfric.scene.files import written
+from pyfric.scene.files import write
 from pyfric.scene.parts import (
     CHAIN_NOTE,
     DistributedLoad,
@@ -234,8 +234,7 @@ class Scene:
         """
         text = toml.text(self.name, (self.slider, self.top, self.driver, self.interface))
         if path is not None:
-            with written(path) as draft:
-                draft.write_text(text, encoding="utf-8", newline="\n")
+            write(path, text.encode())
         return text
 
     @classmethod

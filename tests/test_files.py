@@ -1,0 +1,190 @@
+"""Files are whole or not there: full disks, folders, devices, killed processes, damage."""
+
+import dataclasses
+import errno
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from damage import damaged, unnoticed
+from helpers import small
+
+from pyfric.core import State, StateError
+from pyfric.scene import check_writable, drafts, files, sealed, unsealed, write, written
+from pyfric.statics import loaded_state
+
+NOBODY = 4_000_000  # above the largest number that Linux gives a process
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def state():
+    return loaded_state(small()).state(small(), 1e-7)
+
+
+# --- what cannot be written ----------------------------------------------------------------------
+
+FULL = """
+import resource, sys
+from pathlib import Path
+import pyfric
+from helpers import small
+from pyfric.statics import loaded_state
+
+folder = Path(sys.argv[1])
+record = pyfric.simulate(small(), 1e-5, fidelity="dynamic", progress=False)
+state = loaded_state(small()).state(small(), 1e-7)
+record.save(folder / "old.nc")
+resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
+for save in (record.save, state.save):
+    for path in (folder / "new.nc", folder / "old.nc"):
+        try:
+            save(path)
+        except OSError as error:
+            assert str(path) in str(error), error
+            assert error.strerror == "File too large", error
+            print("noticed")
+assert pyfric.Record.load(folder / "old.nc") == record
+print("goes on")
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs limits of processes")
+def test_a_full_disk_is_an_ordinary_error(tmp_path):
+    made = subprocess.run(
+        [sys.executable, "-c", FULL, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"PYTHONPATH": os.path.dirname(__file__)},
+    )
+    assert made.returncode == 0, made.stderr
+    assert made.stdout.split("\n") == [*["noticed"] * 4, "goes on", ""]
+    assert names(tmp_path) == ["old.nc"]
+
+
+def test_errors_name_path_and_reason(tmp_path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    for name, kind in (
+        ("missing/a.nc", FileNotFoundError),
+        ("folder", IsADirectoryError),
+        ("file/a.nc", NotADirectoryError),
+    ):
+        for attempt in (lambda path: write(path, b"a"), check_writable, state().save):
+            with pytest.raises(kind) as error:
+                attempt(tmp_path / name)
+            assert error.value.filename == str(tmp_path / name)
+            assert error.value.strerror
+    assert names(tmp_path) == ["file", "folder"]
+
+
+@pytest.mark.parametrize("device", ["/dev/null", "/dev/full"])
+def test_devices_are_not_replaced(device):
+    before = os.stat(device)
+    for attempt in (lambda path: write(path, b"a"), check_writable):
+        with pytest.raises(OSError, match=rf"Not a regular file: '{device}'"):
+            attempt(device)
+    assert os.stat(device).st_rdev == before.st_rdev
+
+
+def test_an_error_about_another_file_keeps_its_name(tmp_path):
+    with pytest.raises(FileNotFoundError, match="other"), written(tmp_path / "a"):
+        (tmp_path / "other").read_bytes()
+
+
+def test_no_space_is_said_before_the_start(tmp_path):
+    with pytest.raises(OSError, match="bytes are free") as error:
+        check_writable(tmp_path / "a.nc", 2**62)
+    assert error.value.errno == errno.ENOSPC
+    check_writable(tmp_path / "a.nc", 1000)
+    assert names(tmp_path) == []
+
+
+def test_links_are_followed(tmp_path):
+    (tmp_path / "real").write_bytes(b"old")
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    write(tmp_path / "link", b"new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real").read_bytes() == b"new"
+
+
+# --- drafts --------------------------------------------------------------------------------------
+
+
+def test_drafts_of_killed_processes_go(tmp_path):
+    kill = "import os, sys; from pyfric.scene import written\n"
+    kill += "with written(sys.argv[1]) as d: d.touch(); os.kill(os.getpid(), 9)"
+    killed = subprocess.run([sys.executable, "-c", kill, str(tmp_path / "a")])
+    assert killed.returncode == -signal.SIGKILL
+    assert len(drafts(tmp_path)) == len(names(tmp_path)) == 1
+    write(tmp_path / "b", b"")
+    assert names(tmp_path) == ["b"]
+
+
+def test_drafts_at_work_stay(tmp_path):
+    with written(tmp_path / "a") as draft:
+        draft.write_bytes(b"a")
+        write(tmp_path / "b", b"b")
+        assert drafts(tmp_path) == []
+    assert names(tmp_path) == ["a", "b"]
+
+
+def test_drafts_of_other_machines_go_when_they_are_old(tmp_path):
+    draft = tmp_path / f".pyfric-elsewhere-{NOBODY}-0123abcd.tmp"
+    draft.touch()
+    (tmp_path / ".mine.tmp").touch()
+    assert drafts(tmp_path) == []
+    yesterday = time.time() - 1.01 * files.OLD
+    for path in tmp_path.iterdir():
+        os.utime(path, (yesterday, yesterday))
+    assert drafts(tmp_path) == [draft]
+
+
+# --- damage --------------------------------------------------------------------------------------
+
+
+def test_seals_notice_every_bit():
+    for content in (b"", b"a", bytes(100)):
+        whole = sealed(content)
+        assert unsealed(whole) == content
+        for bit in range(8 * len(whole)):
+            changed = bytearray(whole)
+            changed[bit // 8] ^= 1 << bit % 8
+            assert unsealed(bytes(changed)) is None
+        for length in range(len(whole)):
+            assert unsealed(whole[:length]) is None
+
+
+def test_damages_are_reproducible_and_change_something():
+    content = bytes(range(256)) * 64
+    how = {"flips": 20, "pages": 5, "cuts": 5}
+    found = list(damaged(content, seed=3, **how))
+    assert found == list(damaged(content, seed=3, **how)) != list(damaged(content, seed=4, **how))
+    assert len(found) == 30
+    assert all(changed != content for _, changed in found)
+
+
+def test_damaged_states_are_noticed(tmp_path):
+    path = state().save(tmp_path / "a.npz")
+    assert not unnoticed(path, State.load, StateError, seed=2, flips=200, pages=40, cuts=40)
+    assert State.load(path) == state()
+
+
+def test_states_are_plain_archives(tmp_path):
+    with np.load(state().save(tmp_path / "a.npz")) as archive:
+        assert (archive["y"] == state().y).all()
+
+
+def test_states_compare_by_value():
+    one, other = state(), state()
+    assert one == other == one.copy()
+    other.y[1, 2, 3] += 1e-30 + abs(other.y[1, 2, 3]) * 1e-15
+    assert one != other
+    assert one != dataclasses.replace(one, step=one.step + 1)
+    assert one != 3

@@ -104,6 +104,17 @@ def test_command_line(tmp_path):
     assert json.loads(bare.output)[0]["verdict"] == "holds"
     refused = CliRunner().invoke(main, ["claims", "17"])
     assert refused.exit_code == 2
+    assert "did you mean" not in CliRunner().invoke(main, ["claims", "?"]).output
+
+
+def test_parts_by_the_numbers_in_the_table():
+    assert [one.number for one in claims.measure(["14B", "E8"])] == ["14b", "E8"]
+    assert [one.number for one in claims.measure(["14b", 14])] == ["14a", "14b"]
+    with pytest.raises(SceneError, match="14a, 14b"):
+        claims.measure(["14c"])
+    for wrong in ("A", "14ab", "E8a", "", "a14"):
+        with pytest.raises(SceneError, match="no such"):
+            claims.measure([wrong])
 
 
 # --- parts ---------------------------------------------------------------------------------------

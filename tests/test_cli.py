@@ -155,12 +155,17 @@ def test_a_preset_wins_over_a_file_of_its_name(tmp_path, monkeypatch):
         ("side=up", ["driver.side = 'up'", "'left' or 'right'"]),
         ("theta=0.5", ["theta", "unknown"]),
         ("heigth=3 mm", ["heigth", "did you mean"]),
+        ("name=" + "x" * 300, ["name = ", "at most 200 characters"]),
         ("h", ["KEY=VALUE"]),
         ("=3", ["KEY=VALUE"]),
     ],
 )
 def test_refused_changes(change, texts):
     assert refused(pyf("scene", "fig1", "--set", change), *texts)
+
+
+def test_a_name_can_be_set():
+    assert 'name = "x"' in pyf("scene", "fig1", "--set", "name=x").stdout
 
 
 def test_refused_scenes(tmp_path):
@@ -239,6 +244,7 @@ def test_quiet():
         (["--t-end", "1", "--dt", "1 s"], ["dt = 1.0 s", "stability limit"]),
         (["--t-end", "1", "--dt", "atuo"], ["dt = 'atuo'"]),
         (["--t-end", "1", "--sample", "0"], ["sample = 0.0 s", "> 0 s"]),
+        (["--t-end", "1", "--sample", "2"], ["sample = 2.0 s", "at most 1 s"]),
         (["--t-end", "1", "--threads", "0"], ["--threads"]),
         (["--t-end", "1", "--geometry", "round"], ["--geometry", "finite", "linear"]),
         (["--t-end", "1", "--resume"], ["--resume", "--out"]),
@@ -648,6 +654,8 @@ def test_movie(tmp_path):
     assert refused(pyf("movie", tmp_path / "run.nc", "--event", 99), "event = 99", "1 to ")
     assert refused(pyf("movie", tmp_path / "run.nc", "--event", 1, *SMALL), "--set")
     assert refused(pyf("movie", "fig1"), "--event")
+    nothing = pyf("movie", "fig1", *SMALL, "--t-end", "0.1 ms", "--event", 1, "--out", again)
+    assert refused(nothing, "event = 1", "there is no main event")
     assert refused(pyf("movie", tmp_path / "none.nc", "--event", 1), "no record")
 
 

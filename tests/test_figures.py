@@ -8,11 +8,12 @@ import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.animation import FFMpegWriter
 from matplotlib.collections import LineCollection
 
 import pyfric
 from pyfric import figures
-from pyfric.figures import fig1b, figure_caption, save_figure, slip_segments
+from pyfric.figures import fig1b, figure_caption, save_figure, slip_segments, strip
 from pyfric.figures.fronts import wave_speeds
 from pyfric.figures.loading import CURVE_BINS, _envelope
 from pyfric.figures.strip import event_frames, frame_times
@@ -501,6 +502,25 @@ def test_strip_and_movie(run, tmp_path):
     path = figures.event_movie(run, event, tmp_path / "event.gif", count=3)
     assert path.read_bytes()[:6] == b"GIF89a"
     assert [one.name for one in tmp_path.iterdir()] == ["event.gif"]
+
+
+def test_a_film_is_what_its_name_says(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(strip, "event_frames", None)  # refused before anything is made
+    for name in ("event.avi", "event", "event.gif.png"):
+        with pytest.raises(pyfric.SceneError, match=r"ends in \.gif"):
+            figures.event_movie(run, 5, tmp_path / name)
+    monkeypatch.setattr(FFMpegWriter, "isAvailable", lambda: False)
+    with pytest.raises(pyfric.SceneError, match="needs ffmpeg"):
+        figures.event_movie(run, 5, tmp_path / "event.mp4")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="there is no ffmpeg")
+def test_an_mp4_is_one(run, tmp_path):
+    event = int(analysis.precursor_lengths(run)["event"][5])
+    path = figures.event_movie(run, event, tmp_path / "event.mp4", count=3)
+    assert path.read_bytes()[4:8] == b"ftyp"
+    assert [one.name for one in tmp_path.iterdir()] == ["event.mp4"]
 
 
 def test_strip_refuses_what_it_cannot_show(run):

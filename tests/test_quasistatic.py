@@ -14,6 +14,7 @@ from helpers import mirrored_scene, scaled, small_free, small_rod
 
 from pyfric import (
     Record,
+    RecordError,
     SceneError,
     StateError,
     loaded_state,
@@ -733,6 +734,18 @@ def test_equilibrium_is_the_stuck_slider_up_to_the_first_slip(name):
         assert abs(rest.F_T - F_T) < 1e-11 * scene.F_N
     excess = np.abs(rest.tau) - scene.interface.mu_s * rest.p
     assert abs(excess.max()) < 1e-9 * scene.F_N / scene.N_x
+
+
+def test_equilibrium_says_that_it_ended_at_first_slip(tmp_path):
+    shown = []
+    record = simulate("fig1", 1.0, fidelity="equilibrium", progress=shown.append)
+    assert record.status == "ended at first slip"
+    assert record.done
+    assert {one.events for one in shown} == {0}
+    assert Record.load(record.save(tmp_path / "a.nc")).status == record.status
+    assert not dataclasses.replace(record, status="interrupted").done
+    with pytest.raises(RecordError, match="status"):
+        dataclasses.replace(record, status="over")
 
 
 def test_equilibrium_without_slip_ends_where_it_is_told():

@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import math
+import os
 import pickle
 import subprocess
 import sys
@@ -24,6 +25,7 @@ from pyfric.scene import (
     Scene,
     SceneError,
     Slider,
+    as_scene,
     check_number,
     parse_quantity,
     preset,
@@ -452,7 +454,6 @@ def test_theta_outside_its_range(theta):
         ("mu_s = 0.7", "mus = 0.7", "interface.mus", 0.7, "", "did you mean 'mu_s'?"),
         ('L = "140 mm"', 'Length = "1 m"', "slider.Length", "1 m", "", "did you mean 'L'?"),
         ("mattress", "matress", "top.matress", "0.4 MN/m", "", "did you mean 'mattress'?"),
-        ("mattress", "theta", "top.theta", "0.4 MN/m", "", "did you mean 'mattress'?"),
         ('"left"', '"Left"', "driver.side", "Left", "", "Input should be"),
         ('"rod"', '"rods"', "top.kind", "rods", "", "did you mean 'rod'?"),
         ('"rod"', "1", "top.kind", 1, "", "not text"),
@@ -513,6 +514,49 @@ def test_unknown_presets():
     assert "run4" in error.allowed
     assert "did you mean 'mu_s'?" in str(refused(lambda: preset("run1", mus=0.5)))
     assert preset("run1", h=7.5e-3) == run1(h=7.5e-3)
+    assert preset("fig1", name="x").name == "x"
+    for other in (None, 1, [], b"fig1"):
+        assert "run4" in refused(lambda other=other: preset(other)).allowed
+
+
+def test_words_that_are_not_alike_are_no_hint():
+    """A slope of the load is no mattress."""
+    error = refused(changed("mattress", "theta"))
+    assert (error.field, error.reason) == ("top.theta", "unknown")
+    assert "did you mean" not in str(refused(lambda: preset("???")))
+
+
+def test_a_number_without_unit_is_shown_as_it_stands():
+    assert str(refused(changed('"140 mm"', "0.14"))).startswith("slider.L = 0.14: missing unit")
+    assert str(refused(lambda: setup1(L=-0.14))).startswith("slider.L = -0.14 m: too small")
+
+
+def test_a_byte_order_mark_is_no_part_of_a_scene(tmp_path):
+    file = tmp_path / "scene.toml"
+    file.write_bytes(b"\xef\xbb\xbf" + setup1().to_toml().encode())
+    assert Scene.from_toml(file) == Scene.from_toml("\ufeff" + setup1().to_toml()) == setup1()
+
+
+def test_a_scene_by_its_name_or_its_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    own = setup1(h=7.5e-3, name="own")
+    for file in ("own", "own.toml", "fig1"):
+        own.to_toml(file)
+    assert as_scene(own) is own
+    assert as_scene("fig1") == preset("fig1")
+    assert as_scene(tmp_path / "fig1") == own
+    for name in ("own", "own.toml", "./fig1", os.fspath(tmp_path / "own"), own.to_toml()):
+        assert as_scene(name) == own
+    for wrong, what in (
+        ("fig", "did you mean 'fig1'?"),
+        ("x" * 9999, "run4"),
+        ("a\0b", "run4"),
+        (None, "run4"),
+        (0.9, "a scene file"),
+        ("none.toml", "cannot be read"),
+        (tmp_path, "cannot be read"),
+    ):
+        assert what in str(refused(lambda wrong=wrong: as_scene(wrong)))
 
 
 def test_check_number_for_run_parameters():

@@ -198,7 +198,7 @@ def test_errors_come_back_in_place_of_records(tmp_path, workers):
         (lambda: job(options={"dt": [1.0]}), "dt"),
         (lambda: job(options=pyfric.Options(threads=2)), "options.threads"),
         (lambda: job(options=3), "options"),
-        (lambda: Job(scene="fig1", t_end=1.0), "scene"),
+        (lambda: Job(scene="fig", t_end=1.0), "preset"),
         (lambda: run_all(["fig1"]), "jobs"),
         (lambda: run_all([job()], workers=0), "workers"),
         (lambda: run_all([job()], workers=True), "workers"),

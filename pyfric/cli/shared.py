@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import enum
 import json
-import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -52,7 +51,7 @@ def stop_unless_complete(record: Record, hint: str) -> None:
     if record.status == "interrupted":
         t = record.curve["t"].iloc[-1]
         stop(Exit.INTERRUPTED, f"interrupted at t = {t:.6g} s; {hint}")
-    if record.status != "complete":
+    if not record.done:
         stop(Exit.FAILED, f"Error: {record.status.removeprefix('failed: ')}")
 
 
@@ -127,12 +126,12 @@ def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
         SceneError: no such preset or file, or a value is refused.
     """
     import pyfric
+    from pyfric.scene import as_scene, names_file
 
-    looks_like_file = os.sep in name or "/" in name or name.lower().endswith(".toml")
-    if name not in pyfric.PRESETS and (looks_like_file or Path(name).is_file()):
-        if changes:
-            raise click.UsageError(f"--set changes presets; {name} is a file: change it there.")
-        return pyfric.Scene.from_toml(Path(name))
+    if not changes:
+        return as_scene(name)
+    if names_file(name):
+        raise click.UsageError(f"--set changes presets; {name} is a file: change it there.")
     units, values = _units(), {}
     for change in changes:
         key, equals, text = (part.strip() for part in change.partition("="))

@@ -18,14 +18,21 @@ import numpy as np
 from pyfric import core
 from pyfric.core import STEPPERS, Switching
 from pyfric.record import T_GAP, Method
-from pyfric.scene import Geometry, SceneError, check_geometry, check_number, default_geometry
+from pyfric.scene import (
+    Geometry,
+    SceneError,
+    check_geometry,
+    check_number,
+    default_geometry,
+    unknown,
+)
 from pyfric.statics import stability_limit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pyfric.engines.dynamic import Run
-    from pyfric.scene import Scene
+    from pyfric.scene import Scene, SceneLike
 
 __all__ = ["AUTO_SHARE", "RTOL", "Fidelity", "Options", "Want", "kept", "step_size"]
 
@@ -161,6 +168,24 @@ class Options:
         values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
         return {name: value for name, value in values.items() if value != getattr(Options, name)}
 
+    def changed(self, keywords: Mapping[str, Any]) -> Options:
+        """Return the options with these in place of its own.
+
+        Raises:
+            SceneError: an option is unknown, or a value is refused.
+        """
+        names = [one.name for one in dataclasses.fields(self)]
+        for name, value in keywords.items():
+            if name not in names:
+                raise unknown(str(name), value, str(name), names)
+        return dataclasses.replace(self, **keywords)
+
+    def check_sample(self, length: float) -> None:
+        """Raise SceneError if the points of the curve are further apart than the run (s)."""
+        if self.sample is not None and 0 < length < self.sample:
+            allowed = f"at most {length:g} s, the length of the run"
+            raise SceneError("sample", self.sample, "s", allowed, "beyond the end")
+
     def check_static(self) -> None:
         """Raise SceneError unless an engine without inertia can have these options."""
         for name, without in (
@@ -223,11 +248,13 @@ def kept(method: Method) -> dict[str, Any]:
     return same
 
 
-def step_size(scene: Scene, dt: float | Literal["auto"] = "auto", stepper: str = "rk4") -> float:
+def step_size(
+    scene: SceneLike, dt: float | Literal["auto"] = "auto", stepper: str = "rk4"
+) -> float:
     """Return the time step in s, checked against the stability limit of the stepper.
 
     Args:
-        scene: the scene.
+        scene: the scene, the name of a preset, or the path of a scene file.
         dt: step in s, or "auto": `AUTO_SHARE` of the limit, rounded down to two digits. "adaptive"
             makes sub-steps inside dt: it has no limit, and "auto" is half that of RK4.
         stepper: the stepper.

@@ -39,7 +39,7 @@ from pyfric.statics import EquilibriumError, StaticSolver, one_thread_if_small, 
 if TYPE_CHECKING:
     from pyfric.core import Switching
     from pyfric.record import Record
-    from pyfric.scene import Scene
+    from pyfric.scene import Scene, SceneLike
 
 __all__ = ["Assumption", "Plan", "plan"]
 
@@ -186,7 +186,7 @@ class _Scout(NamedTuple):
 
 @one_thread_if_small
 def plan(
-    scene: Scene,
+    scene: SceneLike,
     want: Want = "precursors",
     tolerance: float = 0.01,
     *,
@@ -195,7 +195,7 @@ def plan(
     """Return which engine, geometry and step are enough for a question.
 
     Args:
-        scene: the scene.
+        scene: the scene, the name of a preset, or the path of a scene file.
         want: "loading_curve", "precursors", "stress", "front_speed" or "motion".
         tolerance: accepted error over F_N; for front speeds relative.
         t_end: time of the end of the run, in s, for cost and assumptions.

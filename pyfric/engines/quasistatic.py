@@ -50,7 +50,7 @@ from pyfric.statics import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pyfric.scene import Scene
+    from pyfric.scene import Scene, SceneLike
     from pyfric.statics import Values
 
 __all__ = ["QuasistaticRun", "prediction_curve", "simulate"]
@@ -135,7 +135,7 @@ class QuasistaticRun:
         self.log.mode[~self.contact.closed] = OPEN
         self.rows: list[tuple[float, float]] = []
         self.events = self.releases = 0
-        self.over = False
+        self.ending = ""  # status of a run that ends before its time
         self.notes: tuple[str, ...] = ()
         self.timings = {"set-up": time.perf_counter() - start}
         self.initial = self.contact.values()
@@ -163,7 +163,7 @@ class QuasistaticRun:
             (self.grow if self.contact.law.gradual else self._climb)(
                 self.drive_0 + V * t_end, stop, show
             )
-            if not (stop() or self.over):
+            if not (stop() or self.ending):
                 self.contact.drive = self.drive_0 + V * t_end
                 self.rows.append((t_end, self.contact.values().F_T))
         if not np.isfinite(self.rows[-1][1]):
@@ -193,10 +193,9 @@ class QuasistaticRun:
                 self.log.set(contact, self.t)
             else:
                 self._event(i, what, stop)
-                self.events += 1
             self.sample()
             show(self.t, self.rows[-1][1], self.events)
-            if self.over:
+            if self.ending:
                 return
 
     def grow(self, drive_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
@@ -221,7 +220,7 @@ class QuasistaticRun:
             if stop() or not contact.stuck.any():
                 return
             if not contact.definite():
-                self.over = True
+                self.ending = "ended where slip may not be unique"
                 self.notes += (
                     f"{self.name}: slip is followed up to F_T/F_N = "
                     f"{self.rows[-1][1] / self.scene.F_N:.6g}, where the definiteness of the slip "
@@ -251,6 +250,7 @@ class QuasistaticRun:
 
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
         """Let block i slip, and all that follows at this position of the driver."""
+        self.events += 1
         contact, log, t = self.contact, self.log, self.t
         now = contact.values()
         u_x = now.u_x
@@ -326,7 +326,7 @@ class EquilibriumRun(QuasistaticRun):
 
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
         scene, F_T = self.scene, self.contact.values().F_T
-        n, self.events, self.over = int(scene.n_of_i[i]), -1, True
+        n, self.ending = int(scene.n_of_i[i]), "ended at first slip"
         self.notes += (
             f"equilibrium: the run ends where block {n} slips first, "
             f"at t = {self.t:.9g} s and F_T/F_N = {F_T / scene.F_N:.9g}",
@@ -366,19 +366,20 @@ def simulate(
             bar(Progress(t, 0.0, t_end, F_T / scene.F_N, events, math.nan))
 
         done = run.advance(t_end, stop, show)
-    record = run.record("complete" if done else "interrupted")
+    record = run.record(run.ending or "complete" if done else "interrupted")
     return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
 
 
 @one_thread_if_small
-def prediction_curve(scene: Scene, mu: float | None = None) -> Record:
+def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     """Return the growth of the slipping zone with mu_s = mu_k, up to sliding.
 
     The speed of the driver does not matter; t is the driver's displacement over V, or, where V = 0,
     over 1 m/s.
 
     Args:
-        scene: the scene; its friction coefficients are replaced.
+        scene: the scene, the name of a preset, or the path of a scene file; its friction
+            coefficients are replaced.
         mu: the friction coefficient; None means the scene's mu_k.
 
     Returns:

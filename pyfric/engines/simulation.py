@@ -13,7 +13,7 @@ from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
 from pyfric.engines.options import Options, kept
 from pyfric.record import Record
-from pyfric.scene import check_geometry
+from pyfric.scene import SceneError, check_geometry, check_number
 from pyfric.statics import EquilibriumError, one_thread_if_small
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from pyfric.engines.planner import Plan
     from pyfric.engines.progress import Progress
-    from pyfric.scene import Scene
+    from pyfric.scene import Scene, SceneLike
 
 __all__ = ["simulate"]
 
@@ -31,7 +31,7 @@ ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
 
 @one_thread_if_small
 def simulate(
-    scene: Scene,
+    scene: SceneLike,
     t_end: float,
     options: Options | None = None,
     *,
@@ -42,7 +42,7 @@ def simulate(
     """Simulate a scene from the loaded slider, or from where another run stopped.
 
     Args:
-        scene: what is simulated.
+        scene: what is simulated: a scene, the name of a preset, or the path of a scene file.
         t_end: time of the end, in s; the last step ends there or just beyond.
         options: how; None means `Options()`.
         initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there. A
@@ -59,8 +59,9 @@ def simulate(
 
     Returns:
         The record. Its status is "interrupted" if Ctrl-C stopped the run: what was done is
-        complete, and `initial=record` goes on. Its `notes` say where a run with fidelity = "auto"
-        had to move up one level, and why.
+        complete, and `initial=record` goes on. It begins with "ended" where an engine had no way on
+        before t_end, as in "ended at first slip". Its `notes` say where that was, and where a run
+        with fidelity = "auto" had to move up one level, and why.
 
     Raises:
         SceneError: an argument is refused; nothing has been done.
@@ -73,11 +74,16 @@ def simulate(
     """
     if not isinstance(initial, State | Record | None):
         raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
+    t_end = check_number("t_end", t_end, "s", ge=0.0)
     if isinstance(initial, Record):
         keywords |= kept(initial.method)
-    options = dataclasses.replace(options or Options(), **keywords)
+    if not isinstance(options, Options | None):
+        raise SceneError("options", options, "", "Options or None")
+    options = (options or Options()).changed(keywords)
     if isinstance(initial, Record):
         options = _going_on(initial, scene, options)
+    else:
+        options.check_sample(t_end - (0.0 if initial is None else initial.t))
     if options.geometry is not None:
         check_geometry(options.geometry, scene)
     run = functools.partial(_run, scene, t_end, initial=initial, progress=progress)
@@ -170,7 +176,7 @@ def _planned(
     while True:
         try:
             record, higher = run(_at_level(options, chosen)), None
-            failed = chosen.check(record) if record.status == "complete" else []
+            failed = chosen.check(record) if record.done else []
             reasons = [str(one) for one in failed]
             if failed:
                 higher = chosen.up(scene, failed)

@@ -35,7 +35,7 @@ from pyfric.engines.progress import jobs_bar
 from pyfric.engines.simulation import simulate
 from pyfric.engines.workers import Workers, stopping
 from pyfric.record import Record, RecordError
-from pyfric.scene import Scene, SceneError, __version__, check_number, unknown
+from pyfric.scene import Scene, SceneError, __version__, as_scene, check_number, unknown
 
 __all__ = ["CACHE_VARIABLE", "MAX_BYTES", "Job", "JobError", "cache_folder", "run_all"]
 
@@ -73,7 +73,8 @@ class Job:
     """One run: what `pyfric.simulate` is called with.
 
     Args:
-        scene: what is simulated.
+        scene: what is simulated: a scene, the name of a preset, or the path of a scene file, which
+            is read once, here.
         t_end: time of the end, in s.
         options: an `Options`, or a mapping of names among `OPTIONS` to values, which becomes one.
 
@@ -86,8 +87,7 @@ class Job:
     options: Options = field(default_factory=Options)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.scene, Scene):
-            raise SceneError("scene", self.scene, "", "a Scene")
+        object.__setattr__(self, "scene", as_scene(self.scene))
         object.__setattr__(self, "t_end", check_number("t_end", self.t_end, "s", ge=0.0))
         options = self.options
         if isinstance(options, Mapping):
@@ -98,6 +98,7 @@ class Job:
             object.__setattr__(self, "options", options)
         if not isinstance(options, Options):
             raise SceneError("options", options, "", "Options, or a mapping")
+        options.check_sample(self.t_end)
         for name in options.given().keys() & ELSEWHERE:
             raise unknown(f"options.{name}", getattr(options, name), name, OPTIONS)
 
@@ -204,7 +205,7 @@ def run_all(
                     if errors == "raise":
                         raise JobError(todo[key], made) from made
                     made = JobError(todo[key], made)
-                elif made.status != "complete":
+                elif not made.done:
                     raise KeyboardInterrupt
                 found[key] = made
                 done += 1
@@ -256,7 +257,7 @@ def _made(job: Job, folder: Path | None, key: str) -> Record:
     record = simulate(job.scene, job.t_end, job.options, threads=1, progress=_look)
     timings = {**record.timings, "processor": time.process_time() - start}
     record = dataclasses.replace(record, timings=timings)
-    if folder is not None and record.status == "complete":
+    if folder is not None and record.done:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             record.save(folder / f"{key}.nc")
@@ -279,7 +280,7 @@ def _kept(job: Job, folder: Path | None, key: str) -> Record | None:
     except (OSError, RecordError):
         return None
     same = dataclasses.replace(record.scene, name=job.scene.name) == job.scene
-    return record if same and record.status == "complete" else None
+    return record if same and record.done else None
 
 
 def _trim(folder: Path, most: int) -> None:

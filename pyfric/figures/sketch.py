@@ -26,17 +26,21 @@ from pyfric.figures.style import (
     panels,
     scene_text,
 )
+from pyfric.scene import as_scene
 
 if TYPE_CHECKING:
-    from pyfric.scene import Scene
+    from pyfric.scene import Scene, SceneLike
 
 MOST_COLUMNS = 32
 """Lattices with more columns are thinned."""
 LINE = 0.8  # of springs and outlines, pt
 
 
-def sketch(scene: Scene) -> DataFigure:
+def sketch(scene: SceneLike) -> DataFigure:
     """Draw a scene to scale: lattice, foundation, load on the top and driver, with their numbers.
+
+    Args:
+        scene: the scene, the name of a preset, or the path of a scene file.
 
     Large lattices are thinned: every q-th block in both directions, said in the caption. Lengths
     of the load's arrows are proportional to the forces.
@@ -44,6 +48,7 @@ def sketch(scene: Scene) -> DataFigure:
     Returns:
         The figure. Its table "columns" has what acts on each column: n, x_mm, load_N and shear_N.
     """
+    scene = as_scene(scene)
     slider = scene.slider
     L, H, unit = slider.L * 1e3, slider.H * 1e3, slider.L * 1e3 / 100
     room = {"top": (23 if scene.N_z > 1 else 27) * unit, "bottom": 19 * unit, "side": 40 * unit}

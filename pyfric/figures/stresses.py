@@ -133,6 +133,8 @@ def main_precursor(record: Record, number: int) -> int:
     found = precursor_lengths(record)["event"]
     if not 1 <= number <= len(found):
         allowed = f"1 to {len(found)}, the main precursors of this run"
+        if not len(found):
+            allowed = "nothing: this run has no main precursors"
         raise SceneError("number", number, "", allowed, "no such precursor")
     return int(found.iloc[number - 1])
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.animation import PillowWriter
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -166,28 +166,28 @@ def event_movie(
     moments: tuple[float, float] = (0.0, 2.0),
     fps: int = 12,
 ) -> Path:
-    """Write an animated GIF of an event; see `event_strip`.
+    """Write an animation of an event; see `event_strip`.
 
     Args:
         record, event: as in `event_strip`.
-        path: the file.
+        path: the file, a GIF or, where ffmpeg is installed, an MP4, by the end of its name.
         count: number of frames.
         moments: times of the first and the last frame, over the time that the front takes.
         fps: frames per second.
 
     Raises:
-        SceneError: see `event_frames`.
+        SceneError: see `event_frames`; or a name that ends otherwise.
         OSError: the file cannot be written.
     """
+    writer = _writer(Path(path), fps)
     frames = event_frames(record, event, frame_times(record, event, np.linspace(*moments, count)))
     t_start = record.events["t_start"].iloc[event]
     fig, (panels,) = _panels(record.scene, 1, _largest(frames))
     panels.show(frames[0], t_start)
     fig.canvas.draw()
     fig.set_layout_engine("none")  # nothing moves from frame to frame
-    writer = PillowWriter(fps=fps)
     with written(path) as draft:
-        named = draft.with_name(draft.name + ".gif")  # Pillow goes by the name
+        named = draft.with_name(draft.name + Path(path).suffix)  # writers go by the name
         try:
             with writer.saving(fig, named, dpi=150):
                 for frame in frames:
@@ -197,6 +197,23 @@ def event_movie(
         finally:
             named.unlink(missing_ok=True)
     return Path(path)
+
+
+def _writer(path: Path, fps: int) -> AbstractMovieWriter:
+    """Return what writes this kind of film.
+
+    Raises:
+        SceneError: there is nothing that does.
+    """
+    kind, allowed = path.suffix.lower(), "a name that ends in .gif, or .mp4 where ffmpeg is"
+    if kind == ".gif":
+        return PillowWriter(fps=fps)
+    if kind != ".mp4":
+        raise SceneError("path", str(path), "", allowed, "no kind of film that is known")
+    if not FFMpegWriter.isAvailable():
+        raise SceneError("path", str(path), "", allowed, "an MP4 needs ffmpeg, which is not here")
+    even = "pad=ceil(iw/2)*2:ceil(ih/2)*2"  # H.264 takes nothing else
+    return FFMpegWriter(fps=fps, codec="h264", extra_args=["-vf", even])
 
 
 # --- parts ---------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ variable with its unit and meaning. Attributes of the file:
 ``method``, ``versions``, ``timings``, ``counts``, ``notes``, ``final_state``, ``tables``
     JSON. ``tables`` lists the columns of each table in order, with their types.
 ``status``
-    "complete", "interrupted" or "failed: reason".
+    "complete", "interrupted", "failed: reason", or "ended ..." where an engine had no way on.
 
 Variables of the loading curve carry their plain names on the dimension ``t``; those of the event
 and episode tables and of the two logs begin with ``event_``, ``episode_``, ``quiet_`` and
@@ -139,7 +139,8 @@ class Record:
     notes
         What a reader has to know: assumptions that failed, levels of the plan that were left.
     status
-        "complete", "interrupted" or "failed: reason".
+        "complete", "interrupted", "failed: reason", or "ended ..." for a run whose engine had no
+        way on before its time.
     final_state
         The state to continue from: a `State`, a dict of arrays and numbers, or None.
 
@@ -189,8 +190,13 @@ class Record:
         for name in ("t", "F_T"):
             if name not in self.curve:
                 raise RecordError(f"record: the curve has no column {name}")
-        if self.status not in ("complete", "interrupted") and not self.status.startswith("failed"):
+        if not (self.done or self.status == "interrupted" or self.status.startswith("failed")):
             raise RecordError(f"record: status {self.status!r} is unknown")
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left to do: the run is complete, or ended where its engine ends."""
+        return self.status == "complete" or self.status.startswith("ended ")
 
     def _shapes(self) -> dict[str, tuple[int, ...]]:
         by_block = (self.scene.N_x,)

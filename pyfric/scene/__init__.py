@@ -19,7 +19,17 @@ from pyfric.scene.parts import (
     Rod,
     Slider,
 )
-from pyfric.scene.presets import PRESETS, chain, preset, run3, setup1, setup2
+from pyfric.scene.presets import (
+    PRESETS,
+    SceneLike,
+    as_scene,
+    chain,
+    names_file,
+    preset,
+    run3,
+    setup1,
+    setup2,
+)
 from pyfric.scene.scene import Scene
 from pyfric.scene.units import (
     SceneError,
@@ -43,8 +53,10 @@ __all__ = [
     "Rod",
     "Scene",
     "SceneError",
+    "SceneLike",
     "Slider",
     "__version__",
+    "as_scene",
     "chain",
     "check_geometry",
     "check_number",
@@ -53,6 +65,7 @@ __all__ = [
     "clock",
     "default_geometry",
     "drafts",
+    "names_file",
     "nearest",
     "parse_quantity",
     "preset",

@@ -19,11 +19,10 @@ def check_geometry(geometry: str, scene: Scene | None = None) -> None:
     """Check that `geometry` is "linear" or "finite", and "linear" if the scene is a chain.
 
     Raises:
-        ValueError: unknown geometry.
-        SceneError: finite geometry for a chain.
+        SceneError: unknown geometry, or finite geometry for a chain.
     """
     if geometry not in get_args(Geometry):
-        raise ValueError(f"geometry = {geometry!r}: expected 'linear' or 'finite'")
+        raise SceneError("geometry", geometry, "", " or ".join(map(repr, get_args(Geometry))))
     if geometry == "finite" and scene is not None and scene.N_z == 1:
         raise SceneError("geometry", geometry, "", "'linear'", "a chain has linear geometry only")
 

@@ -3,18 +3,22 @@
 Source: PRL 107, 074301 (2011).
 """
 
+import os
 from collections.abc import Callable, Sequence
 from types import MappingProxyType
 from typing import Any, Literal
 
 from pyfric.scene.parts import DistributedLoad, Driver, Interface, PrescribedLoad, Rod, Slider
 from pyfric.scene.scene import Scene
-from pyfric.scene.units import check_number, unknown
+from pyfric.scene.units import SceneError, check_number, unknown
 
 __all__ = [
     "PRESETS",
+    "SceneLike",
+    "as_scene",
     "chain",
     "fig1",
+    "names_file",
     "preset",
     "run1",
     "run2",
@@ -226,7 +230,7 @@ PRESETS: MappingProxyType[str, Callable[..., Scene]] = MappingProxyType(
 """The paper's scenes and `chain` by name; functions take the keyword arguments of their setup."""
 
 
-def preset(name: str, **changes: Any) -> Scene:
+def preset(name: str, /, **changes: Any) -> Scene:
     """Return the named scene, with changes.
 
     Args:
@@ -237,11 +241,36 @@ def preset(name: str, **changes: Any) -> Scene:
         SceneError: an unknown name or keyword (the nearest known one is given), or a value
             that is refused.
     """
-    if name not in PRESETS:
-        raise unknown("preset", name, str(name), PRESETS)
+    if not isinstance(name, str) or name not in PRESETS:
+        raise unknown("preset", name, name if isinstance(name, str) else "", PRESETS)
     setup = chain if name == "chain" else setup2 if name.startswith("setup2") else setup1
     known = list(setup.__kwdefaults__)
     for key, value in changes.items():
         if key not in known:
             raise unknown(key, value, key, known)
     return PRESETS[name](**changes)
+
+
+SceneLike = Scene | str | os.PathLike[str]
+"""A scene, the name of a preset, or the path of a scene file."""
+
+
+def as_scene(scene: SceneLike) -> Scene:
+    """Return the scene itself, the preset of this name, or the scene in this file.
+
+    Raises:
+        SceneError: no scene, no such preset or file, or a file that holds none.
+    """
+    if isinstance(scene, Scene):
+        return scene
+    if isinstance(scene, str) and not names_file(scene):
+        return preset(scene)
+    if isinstance(scene, str | os.PathLike):
+        return Scene.from_toml(scene)
+    raise SceneError("scene", scene, "", f"a Scene, a scene file, or one of {', '.join(PRESETS)}")
+
+
+def names_file(name: str) -> bool:
+    """Whether a text that may name a preset names a scene file, or is the text of one."""
+    looks = os.sep in name or "/" in name or "\n" in name or name.lower().endswith(".toml")
+    return name not in PRESETS and (looks or os.path.isfile(name))

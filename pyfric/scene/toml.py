@@ -105,7 +105,7 @@ def _parsed(source: str | os.PathLike[str]) -> dict[str, Any]:
     if len(data) > MAX_FILE:
         raise SceneError("scene", name, "", f"at most {MAX_FILE} bytes of TOML", "too large")
     try:
-        return tomllib.loads(data.decode())
+        return tomllib.loads(data.decode("utf-8-sig"))  # some editors put a mark in front
     except RecursionError:
         raise SceneError("scene", name, "", "a TOML document", "nested too deeply") from None
     except ValueError as error:

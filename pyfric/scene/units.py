@@ -29,6 +29,10 @@ EXAMPLES = {
 }
 """SI unit -> a quantity to show in messages."""
 
+NO_UNIT = "missing unit"
+LIKE = 0.6
+"""Words at least so alike, on a scale up to 1, may be meant for one another."""
+
 _QUANTITY = re.compile(
     r"\s*(?P<number>[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|nan|inf(?:inity)?)(?![\d.]))"
     r"\s*(?P<unit>.*?)\s*",
@@ -86,7 +90,8 @@ class SceneError(ValueError):
     def __str__(self) -> str:
         name = self.field or "value"
         head = name if self.value is None else f"{name} = {show(self.value)}"
-        if self.unit and isinstance(self.value, float):
+        bare = self.reason.startswith(NO_UNIT)
+        if self.unit and isinstance(self.value, float) and not bare:
             head += f" {self.unit}"
         text = f"{head}: {self.reason or 'not allowed'}; allowed: {self.allowed}"
         return "\n".join([text, *(str(other) for other in self.others)])
@@ -210,7 +215,7 @@ def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> f
         return SceneError(field, value, unit, allowed, reason)
 
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        raise refused(f'missing unit: write e.g. "{example}"')
+        raise refused(f'{NO_UNIT}: write e.g. "{example}"')
     if not isinstance(value, str):
         raise refused(f"a quantity in quotes is needed, not {type(value).__name__}")
     match = _QUANTITY.fullmatch(value) if len(value) <= _LONGEST else None
@@ -219,7 +224,7 @@ def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> f
     number = float(match["number"])
     name = match["unit"]
     if not name:
-        raise refused(f'missing unit: write e.g. "{example}"')
+        raise refused(f'{NO_UNIT}: write e.g. "{example}"')
     if name == unit:
         return number
     factor = _factor(name, unit)
@@ -274,11 +279,11 @@ def nearest(key: str, known: Iterable[str]) -> str:
         other = name.casefold()
         ratio = difflib.SequenceMatcher(None, folded, other).ratio()
         if folded and (folded.startswith(other) or other.startswith(folded)):
-            ratio = max(ratio, 0.6)  # "Length" means L
+            ratio = max(ratio, LIKE)  # "Length" means L
         return ratio, difflib.SequenceMatcher(None, key[:64], name).ratio()
 
     best = max(known, key=likeness, default="")
-    return best if likeness(best)[0] > 0 else ""
+    return best if likeness(best)[0] >= LIKE else ""
 
 
 def unknown(field: str, value: Any, key: str, known: Iterable[str]) -> SceneError:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
+from pyfric.scene import as_scene
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -25,11 +27,15 @@ def _controller() -> ThreadpoolController:
 
 
 def one_thread_if_small(function: Callable[P, R]) -> Callable[P, R]:
-    """Let BLAS use one thread in a function of a scene (its first argument) with few columns."""
+    """Let BLAS use one thread in a function of a scene (its first argument) with few columns.
+
+    The function gets the scene where its caller gives the name of a preset or a file.
+    """
 
     @functools.wraps(function)
     def limited(scene: Any, *args: Any, **kwargs: Any) -> Any:
-        small = getattr(scene, "N_x", 0) <= SMALL
+        scene = as_scene(scene)
+        small = scene.N_x <= SMALL
         with _controller().limit(limits=1, user_api="blas") if small else nullcontext():
             return function(scene, *args, **kwargs)
 

@@ -42,7 +42,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK, State
-from pyfric.scene import Geometry, check_geometry
+from pyfric.scene import Geometry, as_scene, check_geometry
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.operators import (
     bonds,
@@ -57,7 +57,7 @@ from pyfric.statics.uniqueness import LIMIT, definiteness
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pyfric.scene import Scene
+    from pyfric.scene import Scene, SceneLike
 
 __all__ = ["Equilibrium", "EquilibriumError", "StaticSolver", "loaded_state", "solve_static"]
 
@@ -198,7 +198,7 @@ class StaticSolver:
     iteration; where it converges slowly, the tangent is renewed.
 
     Args:
-        scene: the scene.
+        scene: the scene, the name of a preset, or the path of a scene file.
         geometry: "linear" or "finite".
         u_drv0: u_x of the driven block at drive = 0 and F_T = 0, in m; None means that of the
             loaded state.
@@ -207,16 +207,16 @@ class StaticSolver:
         loaded: the loaded equilibrium with F_T = 0 (an `Equilibrium`).
 
     Raises:
-        ValueError: unknown geometry.
-        SceneError: finite geometry for a chain.
+        SceneError: no scene, unknown geometry, or finite geometry for a chain.
         EquilibriumError: the scene has no loaded equilibrium.
 
     Source: PRL 107, 074301 (2011).
     """
 
     def __init__(
-        self, scene: Scene, geometry: Geometry = "linear", *, u_drv0: float | None = None
+        self, scene: SceneLike, geometry: Geometry = "linear", *, u_drv0: float | None = None
     ) -> None:
+        scene = as_scene(scene)
         check_geometry(geometry, scene)
         self.scene, self.geometry = scene, geometry
         N_x, N_z = scene.N_x, scene.N_z
@@ -722,19 +722,18 @@ def _solver(scene: Scene, geometry: Geometry) -> StaticSolver:
     return StaticSolver(scene, geometry)
 
 
-def loaded_state(scene: Scene, geometry: Geometry = "linear") -> Equilibrium:
+def loaded_state(scene: SceneLike, geometry: Geometry = "linear") -> Equilibrium:
     """Return the start of a run: F_N applied with friction active, F_T = 0.
 
     Args:
-        scene: the scene.
+        scene: the scene, the name of a preset, or the path of a scene file.
         geometry: "linear" or "finite".
 
     Returns:
         The equilibrium; its u_drv0 is u_x of the driven block.
 
     Raises:
-        ValueError: unknown geometry.
-        SceneError: finite geometry for a chain.
+        SceneError: no scene, unknown geometry, or finite geometry for a chain.
         EquilibriumError: no equilibrium was found.
 
     Warns:
@@ -742,11 +741,11 @@ def loaded_state(scene: Scene, geometry: Geometry = "linear") -> Equilibrium:
 
     Source: PRL 107, 074301 (2011).
     """
-    return _solver(scene, geometry).loaded
+    return _solver(as_scene(scene), geometry).loaded
 
 
 def solve_static(
-    scene: Scene,
+    scene: SceneLike,
     u_x_bottom: np.ndarray,
     drive: float,
     *,
@@ -755,4 +754,4 @@ def solve_static(
     start: Equilibrium | None = None,
 ) -> Equilibrium:
     """Return the equilibrium with the interface held: see `StaticSolver.solve`."""
-    return _solver(scene, geometry).solve(u_x_bottom, drive, free=free, start=start)
+    return _solver(as_scene(scene), geometry).solve(u_x_bottom, drive, free=free, start=start)

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyfric.core import STEPPERS
-from pyfric.scene import Driver, PrescribedLoad, Rod, Scene, Slider
+from pyfric.scene import Driver, PrescribedLoad, Rod, Scene, SceneError, Slider, as_scene
 from pyfric.statics.operators import dispersion, operators, stiffness
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from pyfric.core import Stepper
+    from pyfric.scene import SceneLike
 
 __all__ = ["radius", "stability_limit"]
 
@@ -234,8 +235,7 @@ def _map_limit(
     return low, -half - np.sqrt(complex(half**2 - omega2))
 
 
-@functools.lru_cache(maxsize=64)
-def stability_limit(scene: Scene, stepper: str = "rk4") -> tuple[float, Mapping[str, Any]]:
+def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapping[str, Any]]:
     """Return the largest stable time step of the linear, damped lattice.
 
     For "rk4", all eigenvalues lambda of [[0, I], [-M^-1 K, -M^-1 C]] must keep |R(lambda dt)| <= 1.
@@ -252,7 +252,7 @@ def stability_limit(scene: Scene, stepper: str = "rk4") -> tuple[float, Mapping[
     exactly, without the plane waves.
 
     Args:
-        scene: the scene.
+        scene: the scene, the name of a preset, or the path of a scene file.
         stepper: "rk4", "symplectic_euler", "verlet" or "adaptive".
 
     Returns:
@@ -262,10 +262,16 @@ def stability_limit(scene: Scene, stepper: str = "rk4") -> tuple[float, Mapping[
         rad), `shape` ((N_z, N_x) of the small lattice), `exact` (the small lattice is the scene).
 
     Raises:
-        ValueError: unknown stepper.
+        SceneError: unknown stepper, or no scene.
     """
-    if stepper not in STEPPERS:
-        raise ValueError(f"stepper = {stepper!r}: expected {' or '.join(map(repr, STEPPERS))}")
+    if not isinstance(stepper, str) or stepper not in STEPPERS:
+        raise SceneError("stepper", stepper, "", " or ".join(map(repr, STEPPERS)))
+    return _limit(as_scene(scene), stepper)
+
+
+@functools.lru_cache(maxsize=64)
+def _limit(scene: Scene, stepper: str) -> tuple[float, Mapping[str, Any]]:
+    """Return what `stability_limit` does."""
     table, small = STEPPERS[stepper], _reduced(scene)
     exact = small is scene
     dt_bulk, bulk, ql = _bulk_limit(scene, table)

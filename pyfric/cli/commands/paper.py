@@ -66,7 +66,7 @@ def reproduce(
 def claims(
     numbers: tuple[str, ...], out: Path | None, workers: int | None, no_cache: bool, as_json: bool
 ) -> None:
-    """Measure what the paper says: all claims, or those named (1 to 16, E1 to E10).
+    """Measure what the paper says: all claims, or those named (1 to 16, E1 to E10, 3a).
 
     A value outside its band is a miss and stays in the table; the exit code is 0 all the same. If
     the page of `pyfric reproduce` is in --out, it shows the claims too.
@@ -141,6 +141,8 @@ def movie(
     if event > len(main_events):
         t = record.curve["t"].iloc[-1]
         allowed = f"1 to {len(main_events)}, the main events up to t = {t:.4g} s"
+        if not len(main_events):
+            allowed = f"nothing: there is no main event up to t = {t:.4g} s; run on"
         raise pyfric.SceneError("event", event, "", allowed, "no such event")
     row = int(main_events[event - 1])
     files = figures.save_figure(figures.event_strip(record, row), stem)

@@ -158,7 +158,7 @@ def _files(record: Record, out: Path | None, figure: Path | None, csv: Path | No
     from pyfric import figures
 
     files = [] if out is None else [record.save(out)]
-    if record.status == "complete":
+    if record.done:
         files += [] if figure is None else figures.save_figure(figures.fig1b(record), figure)
         files += [] if csv is None else record.to_csv(csv)
     return files

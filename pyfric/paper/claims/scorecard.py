@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 import time
 from collections.abc import Callable, Iterable
 
@@ -31,35 +32,49 @@ def measure(
     """Measure claims, with all the runs they need.
 
     Args:
-        numbers: which claims, of `NUMBERS`; None means all.
+        numbers: which claims, of `NUMBERS`, or which parts, such as "3a"; None means all.
         workers, cache, progress: as in `pyfric.run_all`.
 
     Returns:
         The claims, in order; a claim with several parts gives several.
 
     Raises:
-        SceneError: there is no claim of that number.
+        SceneError: there is no claim of that number, or no such part of it.
         JobError: a run failed.
         KeyboardInterrupt: after Ctrl-C.
     """
-    wanted = NUMBERS if numbers is None else [_known(number) for number in numbers]
-    rows = {number: ROWS[number] for number in NUMBERS if number in wanted}
+    wanted = dict.fromkeys(map(_known, NUMBERS if numbers is None else numbers))
+    rows = {number: ROWS[number] for number in NUMBERS if number in {one for one, _ in wanted}}
     names = list(dict.fromkeys(name for row in rows.values() for name in row.runs))
     found = run_all([jobs()[name] for name in names], workers, cache, progress)
     runs = dict(zip(names, found, strict=True))
     claims = []
-    for row in rows.values():
+    for number, row in rows.items():
         start = time.process_time()
         measured = row.measure(runs)
         seconds = time.process_time() - start
         seconds += sum(runs[name].timings["processor"] for name in row.runs)
-        claims += [dataclasses.replace(claim, seconds=seconds) for claim in measured]
+        parts = [part for one, part in wanted if one == number]
+        known = {claim.number for claim in measured}
+        for part in parts:
+            if part and f"{number}{part}" not in known:
+                allowed = f"{number}, or one of its parts: {', '.join(sorted(known))}"
+                raise SceneError("number", f"{number}{part}", "", allowed, "no such part")
+        claims += [
+            dataclasses.replace(claim, seconds=seconds)
+            for claim in measured
+            if "" in parts or claim.number.removeprefix(number) in parts
+        ]
     return claims
 
 
-def _known(number: str | int) -> str:
+def _known(number: str | int) -> tuple[str, str]:
+    """Return the number of a claim and the letter of its part, "" for all parts."""
     text = str(number).upper()
-    if text not in ROWS:
-        allowed = f"1 to 16 or E1 to E10 (did you mean {nearest(text, NUMBERS)}?)"
-        raise SceneError("number", number, "", allowed, "there is no such claim")
-    return text
+    whole = re.sub(r"(?<=\d)[A-Z]$", "", text)
+    if whole not in ROWS:
+        guess = nearest(text, NUMBERS)
+        hint = f", did you mean {guess}?" if guess else ""
+        allowed = "1 to 16 or E1 to E10"
+        raise SceneError("number", number, "", allowed, f"there is no such claim{hint}")
+    return whole, text.removeprefix(whole).lower()

@@ -132,32 +132,6 @@ def test_only_complete_runs_are_kept(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_cache_folder_follows_the_environment(monkeypatch, tmp_path):
-    monkeypatch.setenv(sweep.CACHE_VARIABLE, str(tmp_path / "mine"))
-    assert sweep.cache_folder() == tmp_path / "mine"
-    run_all([job(t_end=1e-5)])
-    assert len(list((tmp_path / "mine").glob("*.nc"))) == 1
-    monkeypatch.delenv(sweep.CACHE_VARIABLE)
-    assert sweep.cache_folder().name == "pyfric"
-
-
-def test_records_used_least_recently_go(tmp_path, monkeypatch):
-    for age, name in enumerate("abc"):
-        (tmp_path / f"{name}.nc").write_bytes(bytes(1000))
-        os.utime(tmp_path / f"{name}.nc", (1e9 - age, 1e9 - age))
-    (tmp_path / "notes.txt").write_bytes(bytes(5000))
-    sweep._trim(tmp_path, 2500)
-    assert {path.name for path in tmp_path.iterdir()} == {"a.nc", "b.nc", "notes.txt"}
-    run_all([job(t_end=1e-5)], cache=tmp_path)
-    os.utime(tmp_path / "b.nc", (1e9 + 9, 1e9 + 9))
-    kept = job(t_end=1e-5).key
-    monkeypatch.setattr(sweep, "MAX_BYTES", (tmp_path / f"{kept}.nc").stat().st_size + 1100)
-    os.utime(tmp_path / f"{kept}.nc", (1e9, 1e9))  # old, but used below, and so it stays
-    run_all([job(t_end=1e-5)], cache=tmp_path)
-    sweep._trim(tmp_path, sweep.MAX_BYTES)
-    assert {path.name for path in tmp_path.glob("*.nc")} == {f"{kept}.nc", "b.nc"}
-
-
 @pytest.mark.parametrize("workers", [1, 2])
 def test_error_names_its_job_and_others_are_kept(tmp_path, workers):
     bad = job(options=OPTIONS | {"dt": 1.0}, name="too coarse")

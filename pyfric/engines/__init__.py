@@ -1,5 +1,6 @@
 """Plan and run."""
 
+from pyfric.engines import store
 from pyfric.engines.boundaries import boundary, label_map
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.guard import folded
@@ -27,4 +28,5 @@ __all__ = [
     "run_all",
     "simulate",
     "step_size",
+    "store",
 ]

@@ -4,9 +4,8 @@
     records = run_all(jobs)
 
 A complete run is kept as a record file whose name is a hash of all that determines it: the scene
-(its name aside), the time of the end, the options of `pyfric.simulate` and the code itself. Records
-are kept in the folder that `PYFRIC_CACHE` names, or else in the user's cache folder; to clear it,
-delete that folder. The records that were used least recently go when it outgrows `MAX_BYTES`.
+(its name aside), the time of the end, the options of `pyfric.simulate` and the code itself; see
+`pyfric.engines.store`. The records that were used least recently go when it outgrows `MAX_BYTES`.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ import hashlib
 import json
 import os
 import time
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed
 from contextlib import closing
@@ -27,22 +25,17 @@ from typing import Any, Literal
 
 import numpy as np
 import scipy
-from platformdirs import user_cache_path
 
 from pyfric import core
 from pyfric.engines.options import Options
 from pyfric.engines.progress import jobs_bar
 from pyfric.engines.simulation import simulate
+from pyfric.engines.store import MAX_BYTES, cache_folder, keep, kept, prune
 from pyfric.engines.workers import Workers, stopping
-from pyfric.record import Record, RecordError
+from pyfric.record import Record
 from pyfric.scene import Scene, SceneError, __version__, as_scene, check_number, unknown
 
-__all__ = ["CACHE_VARIABLE", "MAX_BYTES", "Job", "JobError", "cache_folder", "run_all"]
-
-CACHE_VARIABLE = "PYFRIC_CACHE"
-"""Environment variable that names another folder for finished runs."""
-MAX_BYTES = 2**30
-"""Most bytes of finished runs that are kept."""
+__all__ = ["Job", "JobError", "run_all"]
 
 ELSEWHERE = ("threads", "checkpoint", "checkpoint_every")
 """Options that do not change what a run gives; jobs leave them to `run_all`."""
@@ -138,12 +131,6 @@ def code_version() -> str:
     return found.hexdigest()
 
 
-def cache_folder() -> Path:
-    """Return the folder in which finished runs are kept; it need not exist."""
-    given = os.environ.get(CACHE_VARIABLE)
-    return Path(given) if given else user_cache_path("pyfric", appauthor=False)
-
-
 def run_all(
     jobs: Sequence[Job],
     workers: int | None = None,
@@ -193,7 +180,7 @@ def run_all(
 
     by_key = {job.key: job for job in jobs}
     found: dict[str, Record | JobError | None]
-    found = {key: _kept(job, folder, key) for key, job in by_key.items()}
+    found = {key: folder and kept(folder, key, job.scene) for key, job in by_key.items()}
     todo = {key: job for key, job in by_key.items() if found[key] is None}
     todo = dict(sorted(todo.items(), key=lambda item: -item[1].weight))
     with jobs_bar(progress, len(by_key)) as show:
@@ -211,7 +198,7 @@ def run_all(
                 done += 1
                 show(done, len(by_key))
     if folder is not None and todo:
-        _trim(folder, MAX_BYTES)
+        prune(folder, MAX_BYTES)
     return [_belonging(found[job.key], job) for job in jobs]
 
 
@@ -258,41 +245,5 @@ def _made(job: Job, folder: Path | None, key: str) -> Record:
     timings = {**record.timings, "processor": time.process_time() - start}
     record = dataclasses.replace(record, timings=timings)
     if folder is not None and record.done:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            record.save(folder / f"{key}.nc")
-        except OSError as error:
-            warnings.warn(f"{job}: not kept in {folder}: {error}", RuntimeWarning, stacklevel=2)
+        keep(folder, key, record)
     return record
-
-
-# --- finished runs -------------------------------------------------------------------------------
-
-
-def _kept(job: Job, folder: Path | None, key: str) -> Record | None:
-    """Return the finished run of a job; None where there is none, or its file is damaged."""
-    if folder is None:
-        return None
-    path = folder / f"{key}.nc"
-    try:
-        record = Record.load(path)
-        os.utime(path)  # used just now
-    except (OSError, RecordError):
-        return None
-    same = dataclasses.replace(record.scene, name=job.scene.name) == job.scene
-    return record if same and record.done else None
-
-
-def _trim(folder: Path, most: int) -> None:
-    """Delete the records used least recently until those that are left fit into `most` bytes."""
-    files = []
-    for path in folder.glob("*.nc"):
-        try:
-            files.append((path.stat(), path))
-        except OSError:  # another process was faster
-            continue
-    size = 0
-    for stat, path in sorted(files, key=lambda one: -one[0].st_mtime_ns):
-        size += stat.st_size
-        if size > most:
-            path.unlink(missing_ok=True)

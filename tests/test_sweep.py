@@ -109,7 +109,8 @@ def test_damaged_and_foreign_files_are_made_again(tmp_path, count):
     (first,) = run_all([job()], cache=tmp_path)
     (path,) = tmp_path.glob("*.nc")
     path.write_bytes(path.read_bytes()[:1000])
-    (again,) = run_all([job()], cache=tmp_path)
+    with pytest.warns(RuntimeWarning, match="made again"):
+        (again,) = run_all([job()], cache=tmp_path)
     assert len(count) == 2
     assert same_run(first, again)
     assert pyfric.Record.load(path) == again

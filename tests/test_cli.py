@@ -1,6 +1,7 @@
 """Command line: scenes and options, output, files, exit codes, Ctrl-C and SIGTERM."""
 
 import dataclasses
+import errno
 import functools
 import html
 import json
@@ -250,7 +251,7 @@ def test_quiet():
         (["--t-end", "1", "--resume"], ["--resume", "--out"]),
         (["--t-end", "1", "--resume", "none.nc"], ["no record at none.nc"]),
         (["--t-end", "1", "--out", "none/a.nc"], ["--out none/a.nc", "no folder none"]),
-        (["--t-end", "1", "--out", "."], ["this is a folder"]),
+        (["--t-end", "1", "--out", "."], ["does not name a file"]),
         (["--t-end", "1", "--csv", "file/csv"], ["--csv"]),
         (["--t-end", "1", "--figure", "file/fig"], ["--figure"]),
         ([], ["--t-end"]),
@@ -654,7 +655,8 @@ def test_movie(tmp_path):
     assert refused(pyf("movie", tmp_path / "run.nc", "--event", 99), "event = 99", "1 to ")
     assert refused(pyf("movie", tmp_path / "run.nc", "--event", 1, *SMALL), "--set")
     assert refused(pyf("movie", "fig1"), "--event")
-    nothing = pyf("movie", "fig1", *SMALL, "--t-end", "0.1 ms", "--event", 1, "--out", again)
+    new = tmp_path / "new"
+    nothing = pyf("movie", "fig1", *SMALL, "--t-end", "0.1 ms", "--event", 1, "--out", new)
     assert refused(nothing, "event = 1", "there is no main event")
     assert refused(pyf("movie", tmp_path / "none.nc", "--event", 1), "no record")
 
@@ -693,3 +695,97 @@ def test_bench(name, monkeypatch):
         {"blocks": 1767, "ns": 1.5}
     ]
     assert calls == [(False, True), (True, False)]
+
+
+# --- outputs -------------------------------------------------------------------------------------
+
+OUTPUTS = {
+    "run": ("run", "fig1", *SMALL, "--t-end", "10 us"),
+    "scene": ("scene", "fig1"),
+    "regimes": ("regimes",),
+    "draw": ("draw", "fig1"),
+    "movie": ("movie", "fig1", "--event", "1"),
+}
+"""Commands whose --out is a file, or the stem of the names of files."""
+ENDS = {"draw": ".png", "movie": ".png"}
+FOLDERS = ("reproduce", "claims", "chart", "stability", "resolution")
+"""Commands whose --out is a folder."""
+
+
+@pytest.mark.parametrize("name", OUTPUTS)
+def test_one_rule_for_files(name, tmp_path):
+    end = ENDS.get(name, "")
+    (tmp_path / f"file{end}").write_text("mine")
+    (tmp_path / f"folder{end}").mkdir()
+    (tmp_path / f"device{end}").symlink_to("/dev/null")
+    before = sorted(tmp_path.iterdir())
+
+    def out(path, *more):
+        return pyf(*OUTPUTS[name], "--out", path, *more)
+
+    assert refused(out(tmp_path / "file"), "--out", "the file exists; --overwrite replaces it")
+    for more in ((), ("--overwrite",)):
+        assert refused(out(tmp_path / "none" / "a", *more), "--out", "there is no folder")
+        assert refused(out(tmp_path / "file" / "a", *more) if not end else out("", *more), "--out")
+        assert refused(out(tmp_path / "folder", *more), "--out", "this is a folder")
+        assert refused(out(tmp_path / "device", *more), "--out", "not a regular file")
+        assert refused(out(f"{tmp_path}/new/", *more), "--out", "does not name a file")
+        assert refused(out(".", *more), "--out", "does not name a file")
+    assert sorted(tmp_path.iterdir()) == before
+    assert (tmp_path / f"file{end}").read_text() == "mine"
+    assert not os.path.isfile("/dev/null")
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_one_rule_for_folders(name, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    assert refused(pyf(name, "--out", tmp_path / "file"), "--out", "this is a file, not a folder")
+    assert refused(pyf(name, "--out", tmp_path / "none" / "a"), "--out", "there is no folder")
+    assert refused(pyf(name, "--out", tmp_path / "file" / "a"), "--out", "there is no folder")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_what_is_read_is_never_replaced(tmp_path):
+    path, link = tmp_path / "scene.toml", tmp_path / "link.toml"
+    pyfric.preset("fig1").to_toml(path)
+    link.symlink_to(path)
+    text = path.read_text()
+    for out in (path, link):
+        for command in (("run", path, "--t-end", "10 us"), ("scene", path)):
+            found = pyf(*command, "--out", out, "--overwrite")
+            assert refused(found, "this file is read by the same command")
+    assert path.read_text() == text
+
+
+def test_another_record_that_is_read_is_not_replaced(record_file, tmp_path):
+    link = tmp_path / "fig.png"
+    os.link(record_file, link)
+    found = run("--resume", link, "--figure", tmp_path / "fig", "--overwrite")
+    assert refused(found, "--figure", "this file is read by the same command")
+
+
+def test_overwrite_draws_again(tmp_path):
+    for more in ((), ("--overwrite",)):
+        assert pyf("draw", "fig1", *SMALL, "--out", tmp_path / "a", *more).exit_code == 0
+    assert pyf("draw", "fig1", *SMALL, "--out", tmp_path / "a").exit_code == Exit.BAD_INPUT
+
+
+def test_a_run_that_cannot_be_saved_is_kept_elsewhere(tmp_path, monkeypatch):
+    save = pyfric.Record.save
+
+    def full(record, path):
+        if path == tmp_path / "a.nc":
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        return save(record, path)
+
+    monkeypatch.setattr(pyfric.Record, "save", full)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "none"))  # nor is there a temporary one
+    monkeypatch.setenv("PYFRIC_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "cache").mkdir()
+    found = dynamic("--out", tmp_path / "a.nc", t_end="10 us")
+    assert found.exit_code == Exit.FAILED
+    (kept,) = (tmp_path / "cache").iterdir()
+    assert (
+        f"No space left on device: '{tmp_path / 'a.nc'}'; the record is in {kept}" in found.stderr
+    )
+    assert pyfric.Record.load(kept).status == "complete"

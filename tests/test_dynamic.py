@@ -1,6 +1,7 @@
 """Full dynamics: waves, order, stability, budgets, runs that stop and go on, the paper's scene."""
 
 import dataclasses
+import errno
 import functools
 import os
 import signal
@@ -365,8 +366,18 @@ def test_checkpoints_can_be_continued(tmp_path):
     assert same_run(rest, whole, status="complete")
 
 
-def test_a_checkpoint_that_cannot_be_written_does_not_end_the_run(tmp_path):
-    options = {"checkpoint": tmp_path / "no folder" / "c.nc", "checkpoint_every": 2e-3}
+def test_a_checkpoint_that_cannot_be_written_is_refused(tmp_path):
+    for path in (tmp_path / "no folder" / "c.nc", tmp_path, "/dev/null"):
+        with pytest.raises(OSError, match=str(path)):
+            simulate(small(), 2e-3, progress=False, checkpoint=path)
+
+
+def test_a_checkpoint_that_fails_later_does_not_end_the_run(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left")
+
+    monkeypatch.setattr(Record, "save", full)
+    options = {"checkpoint": tmp_path / "c.nc", "checkpoint_every": 2e-3}
     with pytest.warns(RuntimeWarning, match="was not written"):
         record = simulate(small(), 2e-3, progress=False, sample=3e-4, **options)
     assert record.status == "complete"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import enum
 import json
+import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -141,35 +142,74 @@ def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
     return pyfric.preset(name, **values)
 
 
-def writable(folder: Path) -> bool:
-    """Whether files can be made in a folder, which is made first if it is missing."""
-    here = folder.absolute()
-    while not here.exists():
-        here = here.parent
+def check_out(
+    out: Path | None,
+    overwrite: bool = False,
+    *,
+    option: str = "--out",
+    ends: tuple[str, ...] = ("",),
+    reads: Iterable[str | Path | None] = (),
+) -> None:
+    """Refuse an output before anything starts: one rule for the files of all commands.
+
+    The folder it lies in has to be there. A regular file is replaced with --overwrite only; a
+    folder, a device or what the command reads never is.
+
+    Args:
+        out: the file, or the stem of the names of several.
+        overwrite: whether files may be replaced.
+        option: what names it.
+        ends: what comes after the stem.
+        reads: files that the command reads.
+    """
+    if out is None:
+        return
+    _check_parent(out, option)
+    read = [Path(one) for one in reads if one is not None and Path(one).exists()]
+    for end in ends:
+        path = out.with_name(out.name + end)
+        if path.is_dir():
+            raise click.UsageError(f"{option} {path}: this is a folder.")
+        if path.exists() and not path.is_file():
+            raise click.UsageError(f"{option} {path}: this is not a regular file.")
+        if path.exists() and any(path.samefile(one) for one in read):
+            raise click.UsageError(f"{option} {path}: this file is read by the same command.")
+        if path.exists() and not overwrite:
+            raise click.UsageError(f"{option} {path}: the file exists; --overwrite replaces it.")
+
+
+def check_folder(out: Path | None, option: str = "--out") -> None:
+    """Refuse a folder of outputs before anything starts: the rule of `check_out`.
+
+    It is made if it is missing; files in it that have the names of the outputs are replaced.
+    """
+    if out is None:
+        return
+    if not out.is_dir():
+        _check_parent(out, option)
+        if out.exists():
+            raise click.UsageError(f"{option} {out}: this is a file, not a folder.")
+    elif not _writable(out):
+        raise click.UsageError(f"{option} {out}: the folder is not writable.")
+
+
+def _check_parent(out: Path, option: str) -> None:
+    if not out.parent.is_dir():
+        raise click.UsageError(f"{option} {out}: there is no folder {out.parent}.")
+    if not _writable(out.parent):
+        raise click.UsageError(f"{option} {out}: the folder {out.parent} is not writable.")
+
+
+def _writable(folder: Path) -> bool:
     try:
-        with tempfile.TemporaryFile(dir=here):
+        with tempfile.TemporaryFile(dir=folder):
             return True
     except OSError:
         return False
 
 
-def check_folder(out: Path) -> None:
-    if not writable(out):
-        raise click.UsageError(f"--out {out}: files cannot be written there.")
-
-
-def check_out(out: Path | None, overwrite: bool) -> None:
-    if out is None:
-        return
-    if not out.parent.is_dir():
-        raise click.UsageError(f"--out {out}: there is no folder {out.parent}.")
-    if out.is_dir():
-        raise click.UsageError(f"--out {out}: this is a folder.")
-    if not writable(out.parent):
-        raise click.UsageError(f"--out {out}: the folder {out.parent} is not writable.")
-    if out.exists() and not overwrite:
-        raise click.UsageError(f"--out {out}: the file exists; --overwrite replaces it.")
-
+FIGURE = (".png", ".pdf", ".txt")
+"""Ends of the names of a figure's files."""
 
 set_option = click.option(
     "--set",
@@ -179,7 +219,7 @@ set_option = click.option(
     help="Change a value of a preset, such as 'h=7.5 mm' or mu_k=0.4; repeatable. "
     "Keys are the arguments of pyfric.setup1, setup2 or chain; numbers without unit are SI.",
 )
-overwrite_option = click.option("--overwrite", is_flag=True, help="Replace the file in --out.")
+overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 quiet_option = click.option("--quiet", is_flag=True, help="Show nothing but errors.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
@@ -207,7 +247,21 @@ no_cache_option = click.option(
 )
 
 
+class _File(click.Path):
+    """The path of a file or of the stem of its name: neither is empty, or ends like a folder."""
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        text = os.fspath(value)
+        if not Path(text).name or text.endswith(("/", os.sep)):
+            self.fail(f"{text!r} does not name a file.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
 def file_option(name: str, **rest: Any) -> Callable[..., Any]:
+    return click.option(name, type=_File(path_type=Path), **rest)
+
+
+def folder_option(name: str, **rest: Any) -> Callable[..., Any]:
     return click.option(name, type=click.Path(path_type=Path), **rest)
 
 

@@ -11,9 +11,9 @@ from pyfric.engines import planner, quasistatic
 from pyfric.engines.dynamic import Run, RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
-from pyfric.engines.options import Options, kept
+from pyfric.engines.options import CURVE_POINTS, Options, kept
 from pyfric.record import Record
-from pyfric.scene import SceneError, check_geometry, check_number
+from pyfric.scene import SceneError, check_geometry, check_number, check_writable
 from pyfric.statics import EquilibriumError, one_thread_if_small
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ def simulate(
         SceneError: an argument is refused; nothing has been done.
         StateError: `initial` does not belong to the scene or the engine.
         EquilibriumError: the scene has no loaded state.
+        OSError: `checkpoint` cannot be written; nothing has been done.
         RunError: the motion left the range of numbers, or contacts switched without end inside a
             step; its `record` holds the run before that.
 
@@ -86,6 +87,9 @@ def simulate(
         options.check_sample(t_end - (0.0 if initial is None else initial.t))
     if options.geometry is not None:
         check_geometry(options.geometry, scene)
+    if options.checkpoint is not None:
+        numbers = 4 * scene.N_x * scene.N_z + 2 * CURVE_POINTS
+        check_writable(options.checkpoint, 8 * numbers)
     run = functools.partial(_run, scene, t_end, initial=initial, progress=progress)
     if options.fidelity != "auto":
         return run(options)

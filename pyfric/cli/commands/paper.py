@@ -8,13 +8,17 @@ import click
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
+    FIGURE,
     SHORT_EXIT_CODES,
     Registered,
     Seconds,
     check_folder,
+    check_out,
     file_option,
+    folder_option,
     json_option,
     no_cache_option,
+    overwrite_option,
     print_json,
     quiet_option,
     scene_of,
@@ -33,7 +37,7 @@ def _figures() -> list[str]:
 
 @main.command(epilog=SHORT_EXIT_CODES)
 @click.argument("names", nargs=-1, type=Registered("figure", _figures))
-@file_option(
+@folder_option(
     "--out", metavar="DIR", default="figures", show_default=True, help="Folder of the files."
 )
 @workers_option
@@ -59,7 +63,7 @@ def reproduce(
 
 @main.command(epilog=SHORT_EXIT_CODES)
 @click.argument("numbers", nargs=-1, metavar="[N]...")
-@file_option("--out", metavar="DIR", help="Also write claims.json and claims.csv there.")
+@folder_option("--out", metavar="DIR", help="Also write claims.json and claims.csv there.")
 @workers_option
 @no_cache_option
 @json_option
@@ -73,8 +77,7 @@ def claims(
     """
     from pyfric.paper import claims, write_index
 
-    if out is not None:
-        check_folder(out)
+    check_folder(out)
     progress = False if as_json else None
     found = claims.measure(numbers or None, workers=workers, cache=not no_cache, progress=progress)
     files = [] if out is None else claims.save(found, out)
@@ -102,6 +105,7 @@ def claims(
 @set_option
 @file_option("--out", metavar="STEM", help="Names of the files. [default: event_N]")
 @click.option("--gif", is_flag=True, help="Also write STEM.gif, an animation.")
+@overwrite_option
 @quiet_option
 def movie(
     source: str,
@@ -110,6 +114,7 @@ def movie(
     changes: tuple[str, ...],
     out: Path | None,
     gif: bool,
+    overwrite: bool,
     quiet: bool,
 ) -> None:
     """Draw one event as a strip of frames: velocity field, with the interface below it.
@@ -124,7 +129,8 @@ def movie(
     from pyfric import figures
 
     stem = out or Path(f"event_{event}")
-    check_folder(stem.parent)
+    ends = (*FIGURE, ".gif") if gif else FIGURE
+    check_out(stem, overwrite, ends=ends, reads=[source])
     if source.lower().endswith(".nc"):
         if changes:
             raise click.UsageError(f"--set changes presets; {source} is a record.")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import secrets
 import shlex
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,19 +17,23 @@ from pyfric.cli.app import main
 from pyfric.cli.report import summary, text
 from pyfric.cli.shared import (
     EXIT_CODES,
+    FIGURE,
+    Exit,
     Registered,
     Seconds,
+    check_folder,
     check_out,
     file_option,
+    folder_option,
     overwrite_option,
     print_json,
     quiet_option,
     scene_of,
     set_option,
+    stop,
     stop_unless_complete,
     tolerance_option,
     want_option,
-    writable,
 )
 
 if TYPE_CHECKING:
@@ -109,7 +116,7 @@ def _steppers() -> list[str]:
     help="Continue the record in FILE, or in --out if no FILE is given.",
 )
 @file_option("--figure", metavar="STEM", help="Draw STEM.png and STEM.pdf, with caption and data.")
-@file_option("--csv", metavar="FOLDER", help="Write the tables of the record as CSV.")
+@folder_option("--csv", metavar="DIR", help="Write the tables of the record as CSV.")
 @quiet_option
 @click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON object, also if the run fails or stops."
@@ -138,10 +145,11 @@ def run(
         if out is None:
             raise click.UsageError("--resume without a file continues the one in --out: name it.")
         resume = str(out)
-    check_out(out, overwrite or _same_file(out, resume))
-    for option, folder in (("--figure", figure and figure.parent), ("--csv", csv)):
-        if folder is not None and not writable(folder):
-            raise click.UsageError(f"{option}: files cannot be written in {folder}.")
+    goes_on = _same_file(out, resume)
+    check_out(out, overwrite or goes_on, reads=[scene, None if goes_on else resume])
+    reads = [scene, resume, out]
+    check_out(figure, overwrite, option="--figure", ends=FIGURE, reads=reads)
+    check_folder(csv, "--csv")
     record = None if resume is None else _record_to_continue(resume, what, ctx)
     if record is None or not _is_done(record, t_end):
         record = _simulate(what, t_end, record, out, not (quiet or as_json), how)
@@ -157,11 +165,27 @@ def _files(record: Record, out: Path | None, figure: Path | None, csv: Path | No
     """Write the record; if it is complete, also figure and tables."""
     from pyfric import figures
 
-    files = [] if out is None else [record.save(out)]
+    files = [] if out is None else [_saved(record, out)]
     if record.done:
         files += [] if figure is None else figures.save_figure(figures.fig1b(record), figure)
         files += [] if csv is None else record.to_csv(csv)
     return files
+
+
+def _saved(record: Record, out: Path) -> Path:
+    """Write the record; where that fails, write it elsewhere, say where, and stop."""
+    from pyfric.engines import store
+
+    try:
+        return record.save(out)
+    except OSError as error:
+        for folder in (Path(tempfile.gettempdir()), store.cache_folder()):
+            with contextlib.suppress(OSError):
+                path = record.save(folder / f"{out.stem}-{secrets.token_hex(4)}.nc")
+                break
+        else:
+            raise
+        stop(Exit.FAILED, f"Error: {error}; the record is in {path}")
 
 
 def _hint(scene: str, changes: tuple[str, ...], t_end: float, out: Path | None) -> str:

@@ -8,8 +8,8 @@ import click
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
+    FIGURE,
     Seconds,
-    check_folder,
     check_out,
     file_option,
     json_option,
@@ -32,7 +32,7 @@ from pyfric.cli.shared import (
 def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: bool) -> None:
     """Show SCENE as TOML: a start for a scene of your own."""
     what = scene_of(scene, changes)
-    check_out(out, overwrite)
+    check_out(out, overwrite, reads=[scene])
     text = what.to_toml(out)
     if out is None:
         click.echo(text, nl=False)
@@ -42,14 +42,17 @@ def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: boo
 @click.argument("scene")
 @set_option
 @file_option("--out", metavar="STEM", help="Names of the files. [default: sketch_SCENE]")
+@overwrite_option
 @quiet_option
-def draw(scene: str, changes: tuple[str, ...], out: Path | None, quiet: bool) -> None:
+def draw(
+    scene: str, changes: tuple[str, ...], out: Path | None, overwrite: bool, quiet: bool
+) -> None:
     """Draw a sketch of SCENE, to scale: STEM.png and STEM.pdf, with caption and data."""
     from pyfric import figures
 
     what = scene_of(scene, changes)
     stem = out or Path(f"sketch_{Path(scene).stem}")
-    check_folder(stem.parent)
+    check_out(stem, overwrite, ends=FIGURE, reads=[scene])
     show_files(figures.save_figure(figures.sketch(what), stem), quiet)
 
 

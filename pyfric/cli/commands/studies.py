@@ -14,6 +14,7 @@ from pyfric.cli.shared import (
     check_folder,
     check_out,
     file_option,
+    folder_option,
     json_option,
     overwrite_option,
     quiet_option,
@@ -21,7 +22,7 @@ from pyfric.cli.shared import (
     stop,
 )
 
-_study_out = file_option(
+_study_out = folder_option(
     "--out", metavar="DIR", default=".", show_default=True, help="Folder of the files."
 )
 
@@ -80,12 +81,14 @@ def regimes(out: Path | None, overwrite: bool, as_json: bool) -> None:
     from pyfric.record import provenance
     from pyfric.scene import written
 
+    about = None if out is None else out.with_name(f"{out.stem}_provenance.toml")
     check_out(out, overwrite)
+    check_out(about, overwrite)
     table = checks.regimes.observe(progress=lambda name: as_json or click.echo(name, err=True))
     if out is not None:
         with written(out) as draft:
             table.to_csv(draft, index=False, float_format="%.3g")
-        provenance(out.with_name(f"{out.stem}_provenance.toml"), "pyfric regimes")
+        provenance(about, "pyfric regimes")
     click.echo(table.to_json(orient="records") if as_json else checks.regimes.report(table))
     if not table["as_stated"].all():
         stop(Exit.FAILED, "Error: not everything is as stated")

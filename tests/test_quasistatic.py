@@ -689,6 +689,8 @@ def test_ctrl_c_stops_a_ladder_without_end():
     assert time.perf_counter() - start < 5
     assert record.status == "interrupted"
     assert len(record.episodes) > 10
+    with pytest.raises(KeyboardInterrupt):
+        ladder(scene, 1.0)
 
 
 def test_ctrl_c_stops_inside_an_event():

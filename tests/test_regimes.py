@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from pyfric.checks import regimes
 from pyfric.checks.regimes import REGIMES, Observed, observe, report
-from pyfric.cli.app import main
+from pyfric.cli import main
 
 NAMES = [one.name for one in REGIMES]
 LONGEST = 10.0

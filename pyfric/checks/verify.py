@@ -19,7 +19,7 @@ from pyfric import core
 from pyfric.checks import ladder, regression, tolerances
 from pyfric.checks.check import Check
 from pyfric.paper.claims import ROWS
-from pyfric.scene import setup1
+from pyfric.scene import at_once, setup1
 from pyfric.statics import loaded_state
 
 __all__ = ["Group", "report", "table", "verify"]
@@ -53,6 +53,7 @@ class Group:
         return all(check.holds for check in self.checks)
 
 
+@at_once()
 def verify(progress: Callable[[Group], None] | None = None) -> list[Group]:
     """Make all checks.
 

@@ -1,8 +1,32 @@
-"""The command line."""
+"""The command line: `start` is the command `pyfric`, `main` all its commands."""
 
-from pyfric.cli import commands
-from pyfric.cli.app import main
+import os
+import signal
+from types import FrameType
+from typing import Any, NoReturn
 
-__all__ = ["main"]
+__all__ = ["main", "start"]
 
-commands.read()
+
+def start() -> None:
+    """Run the command line; Ctrl-C and SIGTERM end it quietly from the first moment on."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _end)
+    from pyfric.cli.commands import main
+
+    main()
+
+
+def _end(number: int, frame: FrameType | None) -> NoReturn:
+    """Leave while no command has anything to save."""
+    os.write(2, b"interrupted\n")
+    os._exit(128 + number)
+
+
+def __getattr__(name: str) -> Any:
+    """Import the commands when they are first used."""
+    if name != "main":
+        raise AttributeError(f"module 'pyfric.cli' has no attribute {name!r}")
+    from pyfric.cli.commands import main
+
+    return main

@@ -1,5 +1,5 @@
 """`python -m pyfric.cli` is the command `pyfric`."""
 
-from pyfric.cli import main
+from pyfric.cli import start
 
-main()
+start()

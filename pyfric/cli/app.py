@@ -8,28 +8,43 @@ is read, and adds its own to `main`.
 from __future__ import annotations
 
 import errno
-import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import click
 
-from pyfric.cli.shared import Exit, stop
+from pyfric.cli.shared import Exit, signalled, stop
 
 __all__ = ["main"]
+
+
+class _Command(click.Command):
+    """A command that Ctrl-C and SIGTERM end."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        from pyfric.scene import asked_to_stop, commanded
+
+        with commanded():
+            try:
+                return super().invoke(ctx)
+            except KeyboardInterrupt:
+                stop(signalled(), "interrupted")
+            except (click.ClickException, click.exceptions.Exit, click.Abort):
+                raise
+            except Exception:
+                if asked_to_stop():  # such as an import that was cut short
+                    stop(signalled(), "interrupted")
+                raise
 
 
 class _Commands(click.Group):
     """A group that ends with `Exit` codes."""
 
+    command_class = _Command
+    group_class = type
+
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            with _sigterm_as_ctrl_c():
-                return super().invoke(ctx)
-        except KeyboardInterrupt:
-            stop(Exit.INTERRUPTED, "interrupted")
+            return super().invoke(ctx)
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except Exception as error:
@@ -49,31 +64,6 @@ def _code(error: Exception) -> Exit | None:
         return None  # the reader of stdout has left: click ends quietly
     failures = pyfric.RunError | pyfric.JobError | pyfric.EquilibriumError | MemoryError | OSError
     return Exit.FAILED if isinstance(error, failures) else None
-
-
-@contextmanager
-def _sigterm_as_ctrl_c() -> Iterator[None]:
-    """Let the first SIGTERM do what Ctrl-C does; further ones do nothing."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came = False
-
-    def handler(number: int, frame: Any) -> None:
-        nonlocal came
-        if came:
-            return
-        came = True
-        ctrl_c = signal.getsignal(signal.SIGINT)
-        if not callable(ctrl_c):
-            raise KeyboardInterrupt
-        ctrl_c(signal.SIGINT, frame)
-
-    old = signal.signal(signal.SIGTERM, handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, old)
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})

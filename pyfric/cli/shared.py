@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import json
 import os
+import signal
 import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -24,6 +25,7 @@ class Exit(enum.IntEnum):
     FAILED = 1
     BAD_INPUT = 2
     INTERRUPTED = 130
+    TERMINATED = 143
 
 
 EXIT_CODES = """\b
@@ -31,14 +33,16 @@ Exit codes:
     0  complete
     1  the run failed; what was done is in --out
     2  bad input; nothing was started
-  130  interrupted by Ctrl-C or SIGTERM; what was done is in --out
+  130  interrupted by Ctrl-C; what was done is in --out
+  143  the same by SIGTERM
 """
 SHORT_EXIT_CODES = """\b
 Exit codes:
     0  complete
     1  a run failed or a file could not be written
     2  bad input; nothing was started
-  130  interrupted by Ctrl-C or SIGTERM; finished runs are kept
+  130  interrupted by Ctrl-C; finished runs are kept
+  143  the same by SIGTERM
 """
 
 
@@ -48,10 +52,17 @@ def stop(code: Exit, message: str = "") -> NoReturn:
     raise click.exceptions.Exit(int(code))
 
 
+def signalled() -> Exit:
+    """Return the exit code of a command that was asked to stop."""
+    from pyfric.scene import asked_to_stop
+
+    return Exit.TERMINATED if asked_to_stop() == signal.SIGTERM else Exit.INTERRUPTED
+
+
 def stop_unless_complete(record: Record, hint: str) -> None:
     if record.status == "interrupted":
         t = record.curve["t"].iloc[-1]
-        stop(Exit.INTERRUPTED, f"interrupted at t = {t:.6g} s; {hint}")
+        stop(signalled(), f"interrupted at t = {t:.6g} s; {hint}")
     if not record.done:
         stop(Exit.FAILED, f"Error: {record.status.removeprefix('failed: ')}")
 

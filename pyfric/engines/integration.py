@@ -8,9 +8,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from pyfric.engines.guard import folded, largest_strain
-from pyfric.engines.progress import Progress, interruptible, run_bar
+from pyfric.engines.progress import Progress, run_bar
 from pyfric.record import Record
-from pyfric.scene import SceneError, check_number
+from pyfric.scene import SceneError, answered, check_number
 from pyfric.statics import EquilibriumError, StaticSolver
 
 if TYPE_CHECKING:
@@ -51,9 +51,9 @@ def integrate(
     run = engine(scene, method, solver, state, before)
     run.timings["set-up"] = time.perf_counter() - start
     last = math.ceil((t_end - state.t0) / dt * (1 - 1e-14))
-    with run_bar(progress, scene, t_begin, t_end) as show, interruptible() as stop:
+    with run_bar(progress, scene, t_begin, t_end) as show, answered() as stop:
         run.advance(last, stop, show, options)
-    return run.record("complete" if state.step >= last else "interrupted")
+        return run.record("complete" if state.step >= last else "interrupted")
 
 
 def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSolver:

@@ -33,7 +33,7 @@ from pyfric.engines.options import Fidelity, Options, Want, step_size
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.ringdown import Frozen
 from pyfric.record import build_catalogue
-from pyfric.scene import Geometry, check_number, default_geometry
+from pyfric.scene import Geometry, at_once, check_number, default_geometry
 from pyfric.statics import EquilibriumError, StaticSolver, one_thread_if_small, stability_limit
 
 if TYPE_CHECKING:
@@ -184,6 +184,7 @@ class _Scout(NamedTuple):
     failed: str
 
 
+@at_once()
 @one_thread_if_small
 def plan(
     scene: SceneLike,

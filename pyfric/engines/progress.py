@@ -1,12 +1,10 @@
-"""What a run shows on its way, and how Ctrl-C ends it."""
+"""What a run shows on its way."""
 
 from __future__ import annotations
 
 import functools
 import math
-import signal
 import sys
-import threading
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,7 +16,7 @@ if TYPE_CHECKING:
 
     from pyfric.scene import Scene
 
-__all__ = ["Progress", "interruptible", "jobs_bar", "run_bar"]
+__all__ = ["Progress", "jobs_bar", "run_bar"]
 
 
 class Progress(NamedTuple):
@@ -30,27 +28,6 @@ class Progress(NamedTuple):
     force: float
     events: int
     rate: float
-
-
-@contextmanager
-def interruptible() -> Iterator[Callable[[], bool]]:
-    """Give a function that says whether Ctrl-C was pressed; a second Ctrl-C ends at once."""
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: False
-        return
-    pressed = False
-
-    def handler(number: int, frame: Any) -> None:
-        nonlocal pressed
-        if pressed:
-            raise KeyboardInterrupt
-        pressed = True
-
-    old = signal.signal(signal.SIGINT, handler)
-    try:
-        yield lambda: pressed
-    finally:
-        signal.signal(signal.SIGINT, old)
 
 
 @contextmanager

@@ -28,7 +28,7 @@ import pandas as pd
 from pyfric.core import CORNER_SHARE, OPEN, StateError
 from pyfric.engines.dynamic import kept_notes
 from pyfric.engines.guard import hurry_notes, strain_notes
-from pyfric.engines.progress import Progress, interruptible, run_bar
+from pyfric.engines.progress import Progress, run_bar
 from pyfric.record import (
     QUIET_COLUMNS,
     SWITCH_COLUMNS,
@@ -38,7 +38,7 @@ from pyfric.record import (
     build_catalogue,
     versions,
 )
-from pyfric.scene import SceneError, check_number
+from pyfric.scene import SceneError, answered, at_once, check_number
 from pyfric.statics import (
     LEAST_DEFINITENESS,
     Contact,
@@ -360,16 +360,17 @@ def simulate(
         allowed = "0, or fidelity = 'hybrid' or 'dynamic': the ladder knows slip at mu_k only"
         raise SceneError("interface.d_c", scene.interface.d_c, "m", allowed)
     run = ENGINES[engine](scene, t_gap)
-    with run_bar(progress, scene, 0.0, t_end) as bar, interruptible() as stop:
+    with run_bar(progress, scene, 0.0, t_end) as bar, answered() as stop:
 
         def show(t: float, F_T: float, events: int) -> None:
             bar(Progress(t, 0.0, t_end, F_T / scene.F_N, events, math.nan))
 
         done = run.advance(t_end, stop, show)
-    record = run.record(run.ending or "complete" if done else "interrupted")
+        record = run.record(run.ending or "complete" if done else "interrupted")
     return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
 
 
+@at_once()
 @one_thread_if_small
 def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     """Return the growth of the slipping zone with mu_s = mu_k, up to sliding.

@@ -13,7 +13,14 @@ from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
 from pyfric.engines.options import CURVE_POINTS, Options, kept
 from pyfric.record import Record
-from pyfric.scene import SceneError, check_geometry, check_number, check_writable
+from pyfric.scene import (
+    SceneError,
+    check_geometry,
+    check_number,
+    check_writable,
+    forget,
+    raise_if_asked,
+)
 from pyfric.statics import EquilibriumError, one_thread_if_small
 
 if TYPE_CHECKING:
@@ -59,9 +66,12 @@ def simulate(
 
     Returns:
         The record. Its status is "interrupted" if Ctrl-C stopped the run: what was done is
-        complete, and `initial=record` goes on. It begins with "ended" where an engine had no way on
-        before t_end, as in "ended at first slip". Its `notes` say where that was, and where a run
-        with fidelity = "auto" had to move up one level, and why.
+        complete, and `initial=record` goes on. The next call of `simulate`, `plan`, `run_all` or
+        `prediction_curve` in the same script or cell raises KeyboardInterrupt instead, which ends
+        loops. Before the first step, Ctrl-C raises KeyboardInterrupt at once. The status begins
+        with "ended" where an engine had no way on before t_end, as in "ended at first slip". Its
+        `notes` say where that was, and where a run with fidelity = "auto" had to move up one level,
+        and why.
 
     Raises:
         SceneError: an argument is refused; nothing has been done.
@@ -73,6 +83,9 @@ def simulate(
 
     Source: PRL 107, 074301 (2011).
     """
+    if isinstance(initial, Record) and initial.status == "interrupted":
+        forget()
+    raise_if_asked()
     if not isinstance(initial, State | Record | None):
         raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
     t_end = check_number("t_end", t_end, "s", ge=0.0)

@@ -33,7 +33,7 @@ from pyfric.engines.simulation import simulate
 from pyfric.engines.store import MAX_BYTES, cache_folder, keep, kept, prune
 from pyfric.engines.workers import Workers, stopping
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, __version__, as_scene, check_number, unknown
+from pyfric.scene import Scene, SceneError, __version__, as_scene, at_once, check_number, unknown
 
 __all__ = ["Job", "JobError", "run_all"]
 
@@ -131,6 +131,7 @@ def code_version() -> str:
     return found.hexdigest()
 
 
+@at_once()
 def run_all(
     jobs: Sequence[Job],
     workers: int | None = None,

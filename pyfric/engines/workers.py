@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 from threadpoolctl import threadpool_limits
 
+from pyfric.scene import held_back
+
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
@@ -71,6 +73,7 @@ class Workers(Executor):
         self._beginning.close()
         self._stop.close()
 
+    @held_back()
     def __exit__(self, *_: Any) -> None:
         self._beginning.close()
         killer = threading.Timer(GRACE, lambda: [lane.kill() for lane in self._lanes])

@@ -34,7 +34,7 @@ from pyfric.figures.style import (
     scene_text,
     style,
 )
-from pyfric.scene import SceneError, written
+from pyfric.scene import SceneError, at_once, written
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -136,6 +136,7 @@ def event_frames(record: Record, event: int, times: Sequence[float]) -> list[Fra
     return frames
 
 
+@at_once()
 def event_strip(record: Record, event: int, moments: Sequence[float] = MOMENTS) -> DataFigure:
     """Draw an event as a strip of frames: velocity along the drive, tau/p and slip below it.
 
@@ -157,6 +158,7 @@ def event_strip(record: Record, event: int, moments: Sequence[float] = MOMENTS) 
     return fig
 
 
+@at_once()
 def event_movie(
     record: Record,
     event: int,

@@ -37,7 +37,7 @@ import pandas as pd
 from pyfric.core import State
 from pyfric.record.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP
 from pyfric.record.labels import describe
-from pyfric.scene import Scene, sealed, unsealed, write
+from pyfric.scene import Scene, held_back, sealed, unsealed, write
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -235,6 +235,7 @@ class Record:
 
     # --- files -----------------------------------------------------------------------------------
 
+    @held_back()
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write one netCDF file, atomically: a file of that name is replaced whole or not at all.
 

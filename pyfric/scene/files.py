@@ -15,6 +15,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from pyfric.scene.signals import held_back
+
 __all__ = ["check_writable", "clean_drafts", "drafts", "sealed", "unsealed", "write", "written"]
 
 MARK = b"\npyfric sha256 "
@@ -28,14 +30,14 @@ OLD = 86400.0
 def written(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give the name of a draft beside path; at the end of the block it takes the place of path.
 
-    If the block raises, the draft goes away and path stays as it was. Drafts that killed processes
-    left in the folder go away too.
+    If the block raises, the draft goes away and path stays as it was. Ctrl-C waits. Drafts that
+    killed processes left in the folder go away too.
 
     Raises:
         OSError: the file cannot be written, or path is a folder or a device. It names path.
     """
     target = Path(os.path.realpath(path))
-    with _naming(path):
+    with held_back(), _naming(path):
         _check_regular(target)
         clean_drafts(target.parent)
         draft = _draft(target.parent)

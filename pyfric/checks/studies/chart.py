@@ -45,7 +45,7 @@ from pyfric.core import OPEN, State
 from pyfric.engines import RunError, simulate
 from pyfric.figures import DataFigure
 from pyfric.record import budget_left, front_speed
-from pyfric.scene import SceneError, chain, preset
+from pyfric.scene import SceneError, at_once, chain, preset
 from pyfric.statics import loaded_state, stability_limit
 
 if TYPE_CHECKING:
@@ -102,6 +102,7 @@ METHODS = (
 )
 
 
+@at_once()
 def chart(*, progress: bool = False) -> pd.DataFrame:
     """Measure all points of the chart.
 

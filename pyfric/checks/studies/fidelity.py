@@ -20,7 +20,7 @@ from pyfric.checks.pairing import agreement
 from pyfric.checks.studies import peers
 from pyfric.checks.studies.bench import RIVAL, time_peer
 from pyfric.engines import prediction_curve, simulate
-from pyfric.scene import preset
+from pyfric.scene import at_once, preset
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,6 +37,7 @@ LONG = 5.0
 """Runs longer than this are made once, s."""
 
 
+@at_once()
 def fidelity(*, progress: bool = False) -> pd.DataFrame:
     """Time every engine on the Fig. 1 scene up to 0.9 s, and the prediction curves.
 

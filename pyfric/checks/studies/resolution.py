@@ -20,7 +20,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pyfric.engines import Job, prediction_curve, run_all
 from pyfric.figures import DataFigure
 from pyfric.record import analysis
-from pyfric.scene import preset
+from pyfric.scene import at_once, preset
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,6 +54,7 @@ def scene(l: float, viscosity: str) -> Scene:
 VISCOSITIES = ("eta = sqrt(0.1 k m)", "eta fixed")
 
 
+@at_once()
 def study(
     spacings: Sequence[float] = SPACINGS,
     t_end: float = T_END,

@@ -23,7 +23,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pyfric import core
 from pyfric.core import OPEN
 from pyfric.figures import DataFigure
-from pyfric.scene import setup1
+from pyfric.scene import at_once, setup1
 from pyfric.statics import loaded_state, stability_limit
 
 if TYPE_CHECKING:
@@ -91,6 +91,7 @@ def grows(scene: Scene, stepper: str, dt: float) -> bool:
     return False
 
 
+@at_once()
 def stability_map(
     steppers: Sequence[str] = LIMITED,
     etas: Sequence[float] = ETAS,

@@ -1,12 +1,17 @@
-"""Commands by topic. Every module here is read when the command line starts; see `read`."""
+"""Commands by topic. Every module here is read when the command line starts; see `_read`."""
 
 import importlib
 import pkgutil
 
-__all__ = ["read"]
+from pyfric.cli.app import main
+
+__all__ = ["main"]
 
 
-def read() -> None:
-    """Import all modules here, each of which adds its commands to `pyfric.cli.app.main`."""
+def _read() -> None:
+    """Import all modules here, each of which adds its commands to `main`."""
     for module in pkgutil.iter_modules(__path__, f"{__name__}."):
         importlib.import_module(module.name)
+
+
+_read()

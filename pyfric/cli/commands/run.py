@@ -162,11 +162,12 @@ def run(
 
 
 def _files(record: Record, out: Path | None, figure: Path | None, csv: Path | None) -> list[Path]:
-    """Write the record; if it is complete, also figure and tables."""
+    """Write the record; if it is complete, and nobody is waiting, also figure and tables."""
     from pyfric import figures
+    from pyfric.scene import asked_to_stop
 
     files = [] if out is None else [_saved(record, out)]
-    if record.done:
+    if record.done and not asked_to_stop():
         files += [] if figure is None else figures.save_figure(figures.fig1b(record), figure)
         files += [] if csv is None else record.to_csv(csv)
     return files

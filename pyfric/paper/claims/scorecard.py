@@ -12,7 +12,7 @@ from pyfric.engines import run_all
 from pyfric.paper.claims import exact, fronts, lengths, stresses
 from pyfric.paper.claims.claim import Claim
 from pyfric.paper.claims.runs import jobs
-from pyfric.scene import SceneError, nearest
+from pyfric.scene import SceneError, at_once, nearest
 
 __all__ = ["NUMBERS", "ROWS", "measure"]
 
@@ -22,6 +22,7 @@ NUMBERS = tuple(sorted(ROWS, key=lambda number: (number[0] == "E", int(number.ls
 """Numbers of the claims, in order."""
 
 
+@at_once()
 def measure(
     numbers: Iterable[str | int] | None = None,
     *,

@@ -1,0 +1,244 @@
+"""Ctrl-C: commands stop and say so, runs keep what they have, loops end, files are whole."""
+
+import contextlib
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from helpers import small
+
+import pyfric
+from pyfric.scene import at_once, held_back, written
+
+LONG = {"fidelity": "dynamic", "geometry": "linear", "threads": 1}
+
+
+def press(*_):
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def interrupted(**changes):
+    """A run that Ctrl-C ends."""
+    return pyfric.simulate(small(**changes), 1e3, progress=press, **LONG)
+
+
+# --- in Python -----------------------------------------------------------------------------------
+
+
+def test_a_loop_ends_with_its_second_call():
+    records = []
+    loop = (records.append(interrupted(h=h)) for h in (5e-3, 7.5e-3, 10e-3))
+    with pytest.raises(KeyboardInterrupt):
+        list(loop)
+    assert [record.status for record in records] == ["interrupted"]
+    assert pyfric.simulate(small(), 1e-5, progress=False).status == "complete"  # said once
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: pyfric.plan(small()),
+        lambda: pyfric.prediction_curve(small()),
+        lambda: pyfric.run_all([]),
+    ],
+    ids=["plan", "prediction_curve", "run_all"],
+)
+def test_other_calls_end_a_loop_too(call):
+    interrupted()
+    with pytest.raises(KeyboardInterrupt):
+        call()
+    call()
+
+
+def test_an_interrupted_record_goes_on():
+    record = interrupted()
+    t_end = record.final_state.t + 1e-5
+    more = pyfric.simulate(record.scene, t_end, initial=record, progress=False)
+    assert more.status == "complete"
+
+
+def test_another_cell_starts_afresh():
+    names = {"interrupted": interrupted, "pyfric": pyfric, "small": small}
+    exec(compile("record = interrupted()", "cell 1", "exec"), names)
+    exec(compile("again = pyfric.simulate(small(), 1e-5, progress=False)", "2", "exec"), names)
+    assert [names[one].status for one in ("record", "again")] == ["interrupted", "complete"]
+
+
+def test_the_record_is_closed_whatever_is_pressed(monkeypatch, capfd):
+    catalogue = pyfric.engines.dynamic.Run.catalogue
+
+    def pressing(self):
+        press()
+        press()
+        return catalogue(self)
+
+    monkeypatch.setattr(pyfric.engines.dynamic.Run, "catalogue", pressing)
+    assert interrupted().status == "interrupted"
+    assert "saving, please wait" in capfd.readouterr().err
+    with pytest.raises(KeyboardInterrupt):
+        pyfric.plan(small())
+
+
+@pytest.mark.parametrize("fidelity", ["quasistatic", "hybrid"])
+def test_where_a_part_is_of_no_use_ctrl_c_raises(fidelity):
+    with pytest.raises(KeyboardInterrupt), at_once():
+        pyfric.simulate(small(), 1e3, fidelity=fidelity, progress=press)
+    assert pyfric.simulate(small(), 1e-5, progress=False).status == "complete"
+
+
+def test_ctrl_c_waits_until_a_file_is_written(tmp_path, capfd):
+    path = tmp_path / "a.txt"
+
+    def save():
+        with written(path) as draft:
+            draft.write_text("all")
+            press()
+            press()
+
+    with pytest.raises(KeyboardInterrupt):
+        save()
+    assert path.read_text() == "all"
+    assert "saving, please wait" in capfd.readouterr().err
+
+
+def test_ctrl_c_after_a_block_goes_to_who_was_there_before():
+    came = []
+    before = signal.signal(signal.SIGINT, lambda *_: came.append("pressed"))
+    try:
+        with held_back():
+            press()
+            assert came == []
+        assert came == ["pressed"]
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_record_is_saved_whatever_is_pressed(tmp_path, monkeypatch):
+    record = pyfric.simulate(small(), 1e-5, progress=False)
+    replace = os.replace
+    monkeypatch.setattr(os, "replace", lambda *a: [press(), press(), replace(*a)])
+    with pytest.raises(KeyboardInterrupt):
+        record.save(tmp_path / "a.nc")
+    assert pyfric.Record.load(tmp_path / "a.nc").status == "complete"
+
+
+# --- commands ------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def started(*command):
+    process = subprocess.Popen(
+        [sys.executable, "-P", *map(str, command)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def wait_for(process, text):
+    """Read what a process shows on stderr until a text is there."""
+    shown = b""
+    with selectors.DefaultSelector() as selector:
+        selector.register(process.stderr, selectors.EVENT_READ)
+        while text not in shown:
+            assert selector.select(120), shown
+            piece = os.read(process.stderr.fileno(), 4096)
+            assert piece, shown
+            shown += piece
+
+
+def check_stops(process, number=signal.SIGINT):
+    """Send a signal and return stdout and stderr of a process that stops as it should."""
+    begin = time.perf_counter()
+    process.send_signal(number)
+    stdout, stderr = (text.decode() for text in process.communicate(timeout=60))
+    seconds = time.perf_counter() - begin
+    assert process.returncode == 128 + number, stderr
+    assert "interrupted" in stderr
+    assert "Traceback" not in stderr
+    assert "FAIL" not in stdout
+    assert seconds < 10  # two on a machine that does nothing else
+    return stdout, stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "moment"),
+    [("run fig1 --t-end 1", "click"), ("run fig1 --t-end 1", "numpy"), ("plan fig1", "pydantic")],
+)
+def test_the_first_moments_end_without_traceback(command, moment):
+    with started("-X", "importtime", "-m", "pyfric.cli", *command.split()) as process:
+        wait_for(process, f" {moment}\n".encode())
+        check_stops(process)
+
+
+@pytest.mark.parametrize("command", ["verify", "regimes"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_checks_stop_and_fail_nothing(command, number):
+    with started("-m", "pyfric.cli", command) as process:
+        wait_for(process, b"\n")  # the first part is done
+        stdout, _ = check_stops(process, number)
+    assert stdout == ""
+
+
+HELPED = """
+import os, signal, sys
+import numpy as np
+from pyfric.engines import integration, dynamic
+{patch}
+from pyfric.cli import start
+sys.argv[0] = "pyfric"
+start()
+"""
+
+
+def test_a_library_that_keeps_the_interpreter_waiting(tmp_path):
+    """As a factorisation of a large lattice does."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        HELPED.format(
+            patch="""
+def loaded(*arguments):
+    matrix = np.random.default_rng(1).random((5000, 5000))
+    print("set-up", file=sys.stderr, flush=True)
+    np.linalg.eigvals(matrix)
+
+integration._loaded = loaded
+"""
+        )
+    )
+    with started(script, "run", "fig1", "--t-end", "1", "--fidelity", "dynamic") as process:
+        wait_for(process, b"set-up")
+        check_stops(process)
+
+
+def test_no_ctrl_c_prevents_the_save_of_a_run(tmp_path):
+    script, out = tmp_path / "script.py", tmp_path / "a.nc"
+    script.write_text(
+        HELPED.format(
+            patch="""
+replace, catalogue = os.replace, dynamic.Run.catalogue
+
+def press(then):
+    def pressed(*arguments):
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+        return then(*arguments)
+    return pressed
+
+os.replace, dynamic.Run.record = press(os.replace), press(dynamic.Run.record)
+"""
+        )
+    )
+    small = ("--set", "L=0.02", "--set", "H=0.0125", "--set", "V=0.5", "--fidelity", "dynamic")
+    with started(script, "run", "fig1", *small, "--t-end", "100", "--out", out) as process:
+        wait_for(process, b"steps/s")
+        _, stderr = check_stops(process)
+    assert "saving, please wait" in stderr
+    assert "--resume" in stderr
+    assert pyfric.Record.load(out).status == "interrupted"

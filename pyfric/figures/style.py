@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pyfric.scene import written
+from pyfric.scene import write, written
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -123,10 +123,10 @@ def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path
     with written(pdf) as draft:
         about = {"Subject": fig.caption, "CreationDate": None}
         fig.savefig(draft, format="pdf", dpi=PNG_DPI, metadata=about)
-    txt.write_text(fig.caption + "\n", encoding="utf-8")
+    write(txt, f"{fig.caption}\n".encode())
     for name, table in fig.tables.items():
-        paths.append(stem.with_name(f"{stem.name}_{name}.csv"))
-        table.to_csv(paths[-1], index=False)
+        path = stem.with_name(f"{stem.name}_{name}.csv")
+        paths.append(write(path, table.to_csv(index=False).encode()))
     return paths
 
 

@@ -17,7 +17,7 @@ import jinja2
 import pandas as pd
 
 from pyfric.figures import FIGURES
-from pyfric.scene import __version__, written
+from pyfric.scene import __version__, write
 
 __all__ = ["write_index"]
 
@@ -68,10 +68,7 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
         claims=_claims(claims) if claims.is_file() else None,
         cost=_cost(pd.concat(runs, ignore_index=True)) if runs else None,
     )
-    path = folder / "index.html"
-    with written(path) as draft:
-        draft.write_text(text, encoding="utf-8")
-    return path
+    return write(folder / "index.html", text.encode())
 
 
 def _template() -> jinja2.Template:

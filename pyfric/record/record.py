@@ -382,11 +382,10 @@ class Record:
             for column in frame
         ]
         tables["columns"] = pd.DataFrame(labels, columns=["table", "column", "unit", "meaning"])
-        paths = []
-        for name, frame in tables.items():
-            paths.append(folder / f"{name}.csv")
-            frame.to_csv(paths[-1], index=False)
-        return paths
+        return [
+            write(folder / f"{name}.csv", frame.to_csv(index=False).encode())
+            for name, frame in tables.items()
+        ]
 
     def _stress_table(self) -> pd.DataFrame:
         n_events, N_x = self.region.shape

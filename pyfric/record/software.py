@@ -10,7 +10,7 @@ import numpy as np
 import tomli_w
 
 from pyfric import core
-from pyfric.scene import __version__, written
+from pyfric.scene import __version__, write
 
 __all__ = ["provenance", "versions"]
 
@@ -36,9 +36,7 @@ def provenance(path: Path, command: str) -> Path:
         "processor": _processor(),
         "versions": versions(),
     }
-    with written(path) as draft:
-        draft.write_text(tomli_w.dumps(made), encoding="utf-8")
-    return path
+    return write(path, tomli_w.dumps(made).encode())
 
 
 def _processor() -> str:

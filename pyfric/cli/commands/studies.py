@@ -79,15 +79,14 @@ def regimes(out: Path | None, overwrite: bool, as_json: bool) -> None:
     """
     from pyfric import checks
     from pyfric.record import provenance
-    from pyfric.scene import written
+    from pyfric.scene import write
 
     about = None if out is None else out.with_name(f"{out.stem}_provenance.toml")
     check_out(out, overwrite)
     check_out(about, overwrite)
     table = checks.regimes.observe(progress=lambda name: as_json or click.echo(name, err=True))
     if out is not None:
-        with written(out) as draft:
-            table.to_csv(draft, index=False, float_format="%.3g")
+        write(out, table.to_csv(index=False, float_format="%.3g").encode())
         provenance(about, "pyfric regimes")
     click.echo(table.to_json(orient="records") if as_json else checks.regimes.report(table))
     if not table["as_stated"].all():

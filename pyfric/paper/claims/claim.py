@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 
-from pyfric.scene import __version__, written
+from pyfric.scene import __version__, write
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -141,8 +141,7 @@ def save(claims: Iterable[Claim], folder: str | os.PathLike[str]) -> list[Path]:
     for path, full in zip(
         paths, (json.dumps(content, indent=2, allow_nan=False) + "\n", text.getvalue()), strict=True
     ):
-        with written(path) as draft:
-            draft.write_text(full, encoding="utf-8")
+        write(path, full.encode())
     return paths
 
 

@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
-.PHONY: figures test test-slow test-portable mutations digests lint format bench setup clean
+.PHONY: figures test test-broken test-slow test-portable mutations digests lint format bench setup clean
 
 # Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
 figures: setup
@@ -19,6 +19,11 @@ figures: setup
 # A part of them: make test ARGS="tests/test_core.py -k name"
 test: setup
 	$(PYTEST) -m "not slow" $(ARGS)
+
+# Broken scenes, options, calls and command lines, 10 000 in all: make test-broken SEED=1; minutes.
+SEED = 0
+test-broken: setup
+	PYFRIC_BROKEN=10000 $(PYTEST) tests/test_broken.py --dist load --hypothesis-seed=$(SEED) $(ARGS)
 
 test-slow: setup
 	$(PYTEST) -m slow $(ARGS)

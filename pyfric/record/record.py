@@ -316,6 +316,8 @@ class Record:
         RecordError
             If the file is not a pyfric record, is damaged, or has another schema.
         """
+        if not isinstance(path, str | os.PathLike):
+            raise RecordError(f"record: a path is needed, not {type(path).__name__}")
         path = Path(path)
         if not path.exists():
             raise FileNotFoundError(f"no record at {path}")

@@ -92,6 +92,8 @@ def _as_written(value: Any, unit: str) -> Any:
 
 def _parsed(source: str | os.PathLike[str]) -> dict[str, Any]:
     """Return the TOML document in a file or text."""
+    if not isinstance(source, str | os.PathLike):
+        raise SceneError("scene", source, "", "the path of a scene file, or its text")
     if isinstance(source, str) and "\n" in source:
         name, data = None, source.encode("utf-8", "replace")
     else:

@@ -780,9 +780,9 @@ def test_a_run_that_cannot_be_saved_is_kept_elsewhere(tmp_path, monkeypatch):
         return save(record, path)
 
     monkeypatch.setattr(pyfric.Record, "save", full)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "none"))  # nor is there a temporary one
+    (tmp_path / "file").touch()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "file"))  # no folder for it
     monkeypatch.setenv("PYFRIC_CACHE", str(tmp_path / "cache"))
-    (tmp_path / "cache").mkdir()
     found = dynamic("--out", tmp_path / "a.nc", t_end="10 us")
     assert found.exit_code == Exit.FAILED
     (kept,) = (tmp_path / "cache").iterdir()

@@ -135,6 +135,14 @@ def test_drafts_at_work_stay(tmp_path):
     assert names(tmp_path) == ["a", "b"]
 
 
+def test_drafts_of_a_number_given_again_go_when_they_are_old(tmp_path):
+    draft = files._draft(tmp_path)
+    draft.touch()
+    assert drafts(tmp_path) == []
+    os.utime(draft, (0, 0))
+    assert drafts(tmp_path) == [draft]
+
+
 def test_drafts_of_other_machines_go_when_they_are_old(tmp_path):
     draft = tmp_path / f".pyfric-elsewhere-{NOBODY}-0123abcd.tmp"
     draft.touch()

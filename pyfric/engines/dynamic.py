@@ -400,7 +400,7 @@ class Run:
             counts=self.counts(),
             notes=(*kept_notes(self.before), *notes),
             status=status,
-            final_state=state.copy(),
+            final_state=state,
         )
 
 

@@ -21,7 +21,7 @@ __all__ = ["check_writable", "clean_drafts", "drafts", "sealed", "unsealed", "wr
 
 MARK = b"\npyfric sha256 "
 SEAL_LENGTH = len(MARK) + 64 + 1
-DRAFT = re.compile(r"\.pyfric-(?P<host>.+)-(?P<process>\d+)-[0-9a-f]{8}\.tmp(\.\w+)?")
+DRAFT = re.compile(r"\.pyfric-(?P<host>.+)-(?P<process>\d{1,9})-[0-9a-f]{8}\.tmp(\.\w+)?")
 OLD = 86400.0
 """Age at which the draft of another machine counts as left behind, in s."""
 
@@ -145,8 +145,8 @@ def _left_behind(draft: Path, host: str, process: int) -> bool:
             os.kill(process, 0)  # asks whether it is there
         except ProcessLookupError:
             return True
-        except OSError:
-            return False
+        except PermissionError:  # there is one, of another user
+            pass
     try:
         return time.time() - draft.stat().st_mtime > OLD
     except OSError:

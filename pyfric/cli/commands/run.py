@@ -182,6 +182,7 @@ def _saved(record: Record, out: Path) -> Path:
     except OSError as error:
         for folder in (Path(tempfile.gettempdir()), store.cache_folder()):
             with contextlib.suppress(OSError):
+                folder.mkdir(parents=True, exist_ok=True)
                 path = record.save(folder / f"{out.stem}-{secrets.token_hex(4)}.nc")
                 break
         else:

@@ -9,7 +9,8 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
-.PHONY: figures test test-broken test-slow test-portable mutations digests lint format bench setup clean
+.PHONY: figures test test-broken test-faults test-slow test-portable mutations mutations-random sanitize digests lint format bench \
+	setup clean
 
 # Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
 figures: setup
@@ -35,6 +36,18 @@ test-portable: setup
 # Which tests notice when the model is disturbed: make mutations ARGS="k mu_k"; half an hour.
 mutations: setup
 	$(BIN)/python scripts/mutate $(ARGS)
+
+# Small random changes, one at a time, and which test notices each; goes on where it stopped. A minute for each.
+mutations-random: setup
+	$(BIN)/python -P scripts/mutate-random $(ARGS)
+
+# Killed runs, full disks, flipped bits, signals: what is left; ARGS="disks --seed 2". Half an hour.
+test-faults: setup
+	$(BIN)/python -P scripts/faults $(ARGS)
+
+# The core's tests with a core that checks itself; ARGS="address -- -x": one kind, arguments of pytest.
+sanitize: setup
+	$(BIN)/python -P scripts/sanitize $(ARGS)
 
 # Eight runs of full dynamics, bit for bit, against stored digests: for changes of shape, not of results.
 digests: setup

@@ -1,0 +1,89 @@
+"""Threads that are late at the barriers of the core (docs/threads.md) do not change a bit."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from pyfric import core
+
+BARRIER = r"""
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+/* libgomp's barrier: a thread comes to it late, or leaves it late; without WAIT there is none. */
+void GOMP_barrier(void)
+{
+    static void (*barrier)(void);
+    static _Thread_local unsigned seed;
+    const char *wait = getenv("WAIT");
+    if (!barrier) barrier = (void (*)(void))dlsym(RTLD_NEXT, "GOMP_barrier");
+    if (!seed) seed = atoi(getenv("SEED")) + (unsigned)(size_t)&seed / 64;
+    if (rand_r(&seed) % 8 == 0) usleep(rand_r(&seed) % 200);
+    if (wait) barrier();
+    if (rand_r(&seed) % 8 == 0) usleep(rand_r(&seed) % 200);
+}
+"""
+"""In place of libgomp's: the same, with random delays."""
+
+RUNS = """
+import os
+from test_core import random_state, wide
+from helpers import advance, bits, log_bits
+
+WAYS = [{}, {"stepper": "verlet"}]
+if "WAIT" in os.environ:  # without barriers a search for a switch may never end
+    WAYS += [{"switching": "located"}]
+    WAYS += [{"stepper": "adaptive", "switching": "located", "rtol": 1e-3}]
+for kind, geometry in (("rod", "finite"), ("free", "linear")):
+    scene = wide(kind, 1e-6)
+    start = random_state(scene, geometry)
+    for how in WAYS:
+        found = []
+        for threads in (1, 2, scene.N_z):
+            state = start.copy()
+            log = advance(scene, geometry, state, 40, threads=threads, **how)
+            found.append((bits(state), log_bits(log)))
+        print("same" if found[1:] == found[:1] * 2 else "different", log.n_switch)
+"""
+
+
+@pytest.fixture(scope="module")
+def barrier(tmp_path_factory):
+    cc = os.environ.get("CC", "cc")
+    if not (sys.platform == "linux" and shutil.which(cc) and core.build_info()["openmp"]):
+        pytest.skip("needs Linux, a C compiler and OpenMP")
+    folder = tmp_path_factory.mktemp("barrier")
+    (folder / "barrier.c").write_text(BARRIER)
+    words = [cc, "-shared", "-fPIC", "-O1", "-o", "barrier.so", "barrier.c", "-Wl,--no-as-needed"]
+    done = subprocess.run([*words, "-lgomp", "-ldl"], cwd=folder, capture_output=True, text=True)
+    if done.returncode:
+        pytest.skip(f"no libgomp to link with: {done.stderr}")
+    return folder / "barrier.so"
+
+
+def run(library, **environment):
+    """Return what is the same, and how often contacts switched, for each way of stepping."""
+    preloaded = [os.environ.get("LD_PRELOAD", ""), str(library)]
+    env = os.environ | {"LD_PRELOAD": " ".join(filter(None, preloaded))} | environment
+    paths = [os.path.dirname(__file__), os.environ.get("PYTHONPATH", "")]
+    env["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
+    words = [sys.executable, "-c", RUNS]
+    done = subprocess.run(words, env=env, capture_output=True, text=True, timeout=300)
+    return done.returncode, [line.split() for line in done.stdout.splitlines()], done.stderr
+
+
+def test_late_threads_do_not_change_a_bit(barrier):
+    code, lines, stderr = run(barrier, WAIT="1", SEED="1")
+    assert code == 0, stderr
+    assert len(lines) == 8
+    assert all(word == "same" and int(n) > 5 for word, n in lines), lines
+
+
+def test_without_barriers_the_delays_show(barrier):
+    code, lines, stderr = run(barrier, SEED="1")
+    assert code < 0 or any(word == "different" for word, _ in lines), stderr

@@ -556,7 +556,7 @@ def small_paper(monkeypatch):
 @pytest.mark.usefixtures("small_paper")
 def test_reproduce(tmp_path, monkeypatch):
     monkeypatch.setenv("PYFRIC_CACHE", str(tmp_path / "kept"))
-    out = tmp_path / "new" / "figures"
+    out = tmp_path / "figures"
     result = pyf("reproduce", "--out", out)
     assert result.exit_code == Exit.COMPLETE, result.output
     written = {path.name for path in out.iterdir()}

@@ -6,13 +6,17 @@ import selectors
 import signal
 import subprocess
 import sys
+import threading
 import time
 
+import numpy as np
 import pytest
 from helpers import small
+from scipy.linalg.lapack import dpbtrf
 
 import pyfric
 from pyfric.scene import at_once, held_back, written
+from pyfric.statics.banded import _factorised
 
 LONG = {"fidelity": "dynamic", "geometry": "linear", "threads": 1}
 
@@ -184,6 +188,28 @@ def test_checks_stop_and_fail_nothing(command, number):
         wait_for(process, b"\n")  # the first part is done
         stdout, _ = check_stops(process, number)
     assert stdout == ""
+
+
+def test_a_factorisation_lets_ctrl_c_be_heard():
+    """And it is SciPy's, bit for bit."""
+    band = np.random.default_rng(1).random((301, 6000), dtype=float).copy(order="F")
+    band[0] += 2 * len(band)
+    expected, _ = dpbtrf(band, lower=1)
+    ended, heard = threading.Event(), []
+
+    def hear():
+        while not ended.wait(0.005):
+            heard.append(time.perf_counter())
+
+    thread = threading.Thread(target=hear)
+    thread.start()
+    begin = time.perf_counter()
+    found = _factorised(band)
+    end = time.perf_counter()
+    ended.set()
+    thread.join()
+    assert sum(begin < moment < end for moment in heard) > 3
+    np.testing.assert_array_equal(found, expected)
 
 
 HELPED = """

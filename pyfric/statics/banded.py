@@ -11,10 +11,12 @@ Source: LAPACK's pbtrf and pbtrs, through SciPy.
 
 from __future__ import annotations
 
+import ctypes
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dpbtrf, dpbtrs
+from scipy.linalg import cython_lapack
+from scipy.linalg.lapack import dpbtrs
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
@@ -46,9 +48,7 @@ class BandedCholesky:
         i, j, value = i[lower], j[lower], entries.data[lower]
         ab = np.zeros((int((i - j).max(initial=0)) + 1, n), order="F")
         ab[i - j, j] = value
-        self._factor, failed = dpbtrf(ab, lower=1, overwrite_ab=1)
-        if failed:
-            raise np.linalg.LinAlgError("the matrix is not positive definite")
+        self._factor = _factorised(ab)
         if n_border:
             self._B = K[self._band][:, self._border].toarray(order="F")
             self._AB = self._solved(self._B)
@@ -68,3 +68,29 @@ class BandedCholesky:
             y = y - self._AB @ z
         x[self._band] = y
         return x
+
+
+def _procedure() -> ctypes._CFuncPtr:
+    """Return SciPy's pbtrf: called like this it lets other threads run, so that Ctrl-C is heard."""
+    capsule = cython_lapack.__pyx_capi__["dpbtrf"]
+    name = ctypes.pythonapi.PyCapsule_GetName
+    name.restype, name.argtypes = ctypes.c_char_p, (ctypes.py_object,)
+    pointer = ctypes.pythonapi.PyCapsule_GetPointer
+    pointer.restype, pointer.argtypes = ctypes.c_void_p, (ctypes.py_object, ctypes.c_char_p)
+    number = ctypes.POINTER(ctypes.c_int)
+    kinds = (ctypes.c_char_p, number, number, ctypes.c_void_p, number, number)
+    return ctypes.CFUNCTYPE(None, *kinds)(pointer(capsule, name(capsule)))
+
+
+_pbtrf = _procedure()
+
+
+def _factorised(ab: np.ndarray) -> np.ndarray:
+    """Factorise a band in place: ab[i - j, j] = A[i, j], i >= j, in Fortran's order."""
+    rows, n = ab.shape
+    failed = ctypes.c_int()
+    numbers = [ctypes.byref(ctypes.c_int(value)) for value in (n, rows - 1, rows)]
+    _pbtrf(b"L", *numbers[:2], ab.ctypes.data, numbers[2], ctypes.byref(failed))
+    if failed.value:
+        raise np.linalg.LinAlgError("the matrix is not positive definite")
+    return ab

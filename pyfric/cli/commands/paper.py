@@ -50,7 +50,7 @@ def reproduce(
 
     Each figure is PNG and PDF with its caption and data; index.html shows them. Runs are made side
     by side. Finished ones are kept in the user's cache folder, or where PYFRIC_CACHE says, and used
-    again; delete that folder to clear it.
+    again; see `pyfric cache`.
     """
     from pyfric.paper import reproduce
 

@@ -13,7 +13,7 @@ from scipy import linalg
 
 import pyfric
 from pyfric.core import OPEN
-from pyfric.engines import decay_times, plan, planner, step_size
+from pyfric.engines import cost, decay_times, plan, planner, simulate, step_size
 from pyfric.engines.planner import STRAIN, coarser, largest_strain
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.ringdown import N_VALUES
@@ -412,3 +412,52 @@ def test_a_plan_is_checked_against_its_record():
     (failed,) = narrow.check(record)
     assert failed.name == STRAIN
     assert failed.value == largest_strain(small(), record.curve["F_T"].abs().max())
+
+
+# --- size ----------------------------------------------------------------------------------------
+
+MEASURED = {2.5e-3: 0.17, 1.25e-3: 0.56, 0.625e-3: 3.2, 0.5e-3: 5.7}
+"""l (m) -> processor time of a hybrid run in linear geometry that has no event yet, s, measured at
+`pace() == 1`."""
+
+
+@pytest.mark.parametrize("l", MEASURED)
+def test_what_comes_before_the_first_step(l, monkeypatch):
+    monkeypatch.setattr(cost, "pace", lambda: 1.0)
+    found = cost.set_up(preset("fig1", l=l), "hybrid", "linear").seconds
+    assert MEASURED[l] / 2 < found < 2 * MEASURED[l]
+
+
+def test_more_memory_than_there_is_is_refused_with_both_numbers(monkeypatch):
+    monkeypatch.setattr(cost, "available", lambda: 2e9)
+    monkeypatch.setattr(StaticSolver, "__init__", None)  # refused before anything is factorised
+    for how in ({"fidelity": "hybrid"}, {"fidelity": "dynamic"}):
+        with pytest.raises(SceneError, match=r"there is, 2 GB") as refused:
+            simulate(preset("fig1", l=0.1e-3, h=5e-3), 0.1, progress=False, **how)
+        assert refused.value.field == "slider.l"
+        assert "GB are needed (1401 x 751 blocks" in str(refused.value)
+
+
+def test_a_container_may_have_less_memory(tmp_path, monkeypatch):
+    files = [tmp_path / "max", tmp_path / "current"]
+    monkeypatch.setattr(cost, "SOURCES", (" ".join(map(str, files)),))
+    whole = cost.available()
+    assert whole > 1e8
+    files[0].write_text("max\n")
+    files[1].write_text("1000\n")
+    assert cost.available() > 1e8
+    files[0].write_text("5000\n")
+    assert cost.available() == 4000
+
+
+def test_more_than_ten_minutes_is_said_with_the_cheaper_way(monkeypatch, capsys):
+    monkeypatch.setattr(planner, "LONG", 1e-3)
+    scene = small()
+    record = simulate(scene, 1e-3, fidelity="dynamic", geometry="finite", progress=False)
+    assert "minutes on one core; the hybrid engine in linear geometry takes" in record.notes[-1]
+    assert capsys.readouterr().err == ""
+    record = simulate(scene, 1e-3, fidelity="hybrid", geometry="linear")
+    assert "larger blocks take less" in record.notes[-1]
+    assert record.notes[-1] in capsys.readouterr().err
+    monkeypatch.setattr(planner, "LONG", 600.0)
+    assert not simulate(scene, 1e-4, fidelity="dynamic", progress=False).notes

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.core import OPEN
+from pyfric.engines.cost import set_up
 from pyfric.engines.guard import largest_strain
 from pyfric.engines.options import Fidelity, Options, Want, step_size
 from pyfric.engines.quasistatic import QuasistaticRun
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene, SceneLike
 
-__all__ = ["Assumption", "Plan", "plan"]
+__all__ = ["Assumption", "Plan", "long_note", "plan"]
 
 ERROR_QUASISTATIC = 0.05
 """Largest difference of start forces between ladder and dynamics, event by event, over F_N."""
@@ -69,6 +70,8 @@ SCOUT_WORK = 2e8
 """It also stops after this many changes of contact state times N_x^2: a few seconds."""
 NS = {"linear": 3.1, "finite": 6.3}
 """Time per block and force evaluation in ns, for the expected cost (`pyfric bench kernel`)."""
+LONG = 600.0
+"""A run that takes longer is said to, before it starts, s."""
 STEPS_EVENT, STEPS_BLOCK, STEPS_SWITCH = 60, 5, 10
 """Steps of the automatic size that an event takes in the hybrid engine, and each block of its front
 (measured on the paper's scenes: within a factor of 2); and steps more to locate its switches."""
@@ -248,7 +251,7 @@ def _ladder(
         reasons=(),
         error=error,
         evaluations=0.0,
-        seconds=scout.seconds * (1 + scout.far),
+        seconds=scout.seconds * (1 + scout.far) + set_up(scene, "quasistatic", "linear").seconds,
     )
 
 
@@ -311,8 +314,37 @@ def _cost(
             finer = step_size(scene) / dt
             steps = min(steps, made * finer) + scout.front_blocks * STEPS_SWITCH
         seconds += scout.events * JUMP[geometry] * blocks
+    seconds += set_up(scene, fidelity, geometry).seconds
     evaluations = 4.0 * steps * blocks
     return evaluations, evaluations * NS[geometry] * 1e-9 + seconds
+
+
+def long_note(
+    scene: Scene, length: float, fidelity: Fidelity, geometry: Geometry, dt: float
+) -> str:
+    """Return what to say before a run of `length` s that takes long; "" if it does not.
+
+    Its cheaper way is the quickest one of those that leave out less than inertia.
+    """
+    blocks = scene.N_x * scene.N_z
+    most = 4.0 * length / dt * blocks * NS[geometry] * 1e-9
+    if most + set_up(scene, fidelity, geometry).seconds <= LONG:
+        return ""
+    scout = _scout(scene, length)
+
+    def seconds(fidelity: Fidelity, geometry: Geometry) -> float:
+        return _cost(scene, length, scout, fidelity, geometry, dt)[1]
+
+    expected = seconds(fidelity, geometry)
+    if expected <= LONG:
+        return ""
+    ways = {("hybrid", geometry), ("hybrid", "linear")} - {(fidelity, geometry)}
+    quicker = [(seconds(*way), *way) for way in sorted(ways)]
+    least, engine, bonds = min(quicker, default=(math.inf, "", ""))
+    hint = "larger blocks take less: twice l, about a tenth of the time"
+    if least < expected:
+        hint = f"the {engine} engine in {bonds} geometry takes about {least / 60:.2g} minutes"
+    return f"{fidelity}: this run takes about {expected / 60:.2g} minutes on one core; {hint}"
 
 
 # --- numbers -------------------------------------------------------------------------------------

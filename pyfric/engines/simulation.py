@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import sys
 from typing import TYPE_CHECKING, Any
 
 from pyfric.core import State, StateError
 from pyfric.engines import planner, quasistatic
+from pyfric.engines.cost import check_memory
 from pyfric.engines.dynamic import Run, RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
@@ -71,10 +73,12 @@ def simulate(
         loops. Before the first step, Ctrl-C raises KeyboardInterrupt at once. The status begins
         with "ended" where an engine had no way on before t_end, as in "ended at first slip". Its
         `notes` say where that was, and where a run with fidelity = "auto" had to move up one level,
-        and why.
+        and why. A run expected to take more than ten minutes says so, and what takes less: on
+        stderr before the start, unless progress is False or a function, and in its notes.
 
     Raises:
-        SceneError: an argument is refused; nothing has been done.
+        SceneError: an argument is refused, or the run needs more memory than there is; nothing has
+            been done.
         StateError: `initial` does not belong to the scene or the engine.
         EquilibriumError: the scene has no loaded state.
         OSError: `checkpoint` cannot be written; nothing has been done.
@@ -143,9 +147,25 @@ def _run(
     """Run one engine."""
     how: dict[str, Any] = {"initial": initial, "progress": progress}
     if options.fidelity in ENGINES:
-        return integrate(ENGINES[options.fidelity], scene, t_end, options, **how)
+        begin = _begin(initial)
+        method = options.method(scene, ENGINES[options.fidelity], begin, t_end)
+        check_memory(scene, method.engine, method.geometry)
+        how_made = method.engine, method.geometry, method.dt
+        note = planner.long_note(scene, t_end - begin, *how_made)
+        if note and progress in (None, True) and sys.stderr is not None:
+            print(note, file=sys.stderr, flush=True)
+        record = integrate(ENGINES[options.fidelity], scene, t_end, options, **how)
+        return dataclasses.replace(record, notes=(*record.notes, note)) if note else record
     options.check_static()
+    check_memory(scene, options.fidelity, "linear")
     return quasistatic.simulate(options.fidelity, scene, t_end, t_gap=options.t_gap, **how)
+
+
+def _begin(initial: State | Record | None) -> float:
+    """Return the time at which a run begins, in s."""
+    if isinstance(initial, Record):
+        return float(initial.curve["t"].iloc[-1])
+    return 0.0 if initial is None else initial.t
 
 
 def _with_options(chosen: Plan, scene: Scene, options: Options, initial: State | None) -> Plan:

@@ -790,3 +790,18 @@ def test_a_run_that_cannot_be_saved_is_kept_elsewhere(tmp_path, monkeypatch):
         f"No space left on device: '{tmp_path / 'a.nc'}'; the record is in {kept}" in found.stderr
     )
     assert pyfric.Record.load(kept).status == "complete"
+
+
+def test_a_run_that_can_be_saved_nowhere_names_its_file(tmp_path, monkeypatch):
+    def full(record, path):
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    def none():  # what tempfile does where it cannot write
+        raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp']")
+
+    monkeypatch.setattr(pyfric.Record, "save", full)
+    monkeypatch.setattr("tempfile.gettempdir", none)
+    monkeypatch.setenv("PYFRIC_CACHE", str(tmp_path / "cache"))
+    found = dynamic("--out", tmp_path / "a.nc", t_end="10 us")
+    assert found.exit_code == Exit.FAILED
+    assert f"No space left on device: '{tmp_path / 'a.nc'}'" in found.stderr

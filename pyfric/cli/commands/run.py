@@ -180,8 +180,9 @@ def _saved(record: Record, out: Path) -> Path:
     try:
         return record.save(out)
     except OSError as error:
-        for folder in (Path(tempfile.gettempdir()), store.cache_folder()):
+        for find in (tempfile.gettempdir, store.cache_folder):  # the first one tries to write
             with contextlib.suppress(OSError):
+                folder = Path(find())
                 folder.mkdir(parents=True, exist_ok=True)
                 path = record.save(folder / f"{out.stem}-{secrets.token_hex(4)}.nc")
                 break

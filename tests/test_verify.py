@@ -83,6 +83,19 @@ def test_a_check_that_cannot_be_made_fails(monkeypatch):
     assert "without end" in verify.report([first, second])
 
 
+def test_checks_without_end_are_ended(monkeypatch):
+    def endless():
+        while True:
+            pass
+
+    of(monkeypatch, endless, endless)
+    monkeypatch.setattr(verify, "LIMIT", 0.2)
+    first, second = verify.verify()
+    assert not first.holds
+    assert not second.holds
+    assert verify.report([first, second]).count("not made within 0.2 s") == 2
+
+
 def test_all_that_holds_ends_with_code_0(monkeypatch):
     of(monkeypatch, lambda: ([Check("fine", 1.0, 1.0)], ""))
     run = CliRunner().invoke(main, ["verify"])

@@ -8,8 +8,11 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,7 +31,14 @@ STEPS, SWITCHES = 300, 50
 """Steps of the runs whose bits are compared, and how many contacts have to switch in them."""
 
 
-ERRORS = (RuntimeError, ValueError, ArithmeticError, ImportError, OSError)
+class _OutOfTime(Exception):
+    """The checks took longer than `LIMIT`."""
+
+
+LIMIT = 60.0
+"""Processor time of all checks, s: four times what those of a right build took where it was
+measured. A wrong build may go on without end."""
+ERRORS = (RuntimeError, ValueError, ArithmeticError, ImportError, OSError, _OutOfTime)
 """What a wrong build may raise; the check then fails."""
 
 
@@ -60,11 +70,12 @@ def verify(progress: Callable[[Group], None] | None = None) -> list[Group]:
     Args:
         progress: called with each group when it is done.
     """
-    groups = []
+    groups, begin = [], time.process_time()
     for name, make in _all():
         start = time.perf_counter()
         try:
-            checks, note = make()
+            with _limited(LIMIT - (time.process_time() - begin)):
+                checks, note = make()
         except ERRORS as error:
             what = f"could not be made ({type(error).__name__})"
             checks, note = [Check(what, math.nan, 0)], str(error)
@@ -72,6 +83,29 @@ def verify(progress: Callable[[Group], None] | None = None) -> list[Group]:
         if progress is not None:
             progress(groups[-1])
     return groups
+
+
+@contextmanager
+def _limited(seconds: float) -> Iterator[None]:
+    """End the block after so much processor time; only the main thread can be ended."""
+    text = f"not made within {LIMIT:g} s of processor time, for all checks together"
+    if seconds <= 0:
+        raise _OutOfTime(text)
+    main = threading.current_thread() is threading.main_thread()
+    if not (main and hasattr(signal, "SIGPROF")):
+        yield
+        return
+
+    def end(*_: Any) -> None:
+        raise _OutOfTime(text)
+
+    old = signal.signal(signal.SIGPROF, end)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, old)
 
 
 def table(groups: list[Group]) -> list[dict[str, Any]]:

@@ -44,16 +44,17 @@ def integrate(
     t_end = check_number("t_end", t_end, "s", ge=t_begin)
     method = options.method(scene, engine, t_begin, t_end)
 
-    start = time.perf_counter()
-    solver = _loaded(scene, method.geometry, None if initial is None else initial.u_drv0)
-    dt = method.dt
-    state = solver.loaded.state(scene, dt) if initial is None else initial.with_dt(dt)
-    run = engine(scene, method, solver, state, before)
-    run.timings["set-up"] = time.perf_counter() - start
-    last = math.ceil((t_end - state.t0) / dt * (1 - 1e-14))
-    with run_bar(progress, scene, t_begin, t_end) as show, answered() as stop:
-        run.advance(last, stop, show, options)
-        return run.record("complete" if state.step >= last else "interrupted")
+    with run_bar(progress, scene, t_begin, t_end) as show:  # from before the set-up on
+        start = time.perf_counter()
+        solver = _loaded(scene, method.geometry, None if initial is None else initial.u_drv0)
+        dt = method.dt
+        state = solver.loaded.state(scene, dt) if initial is None else initial.with_dt(dt)
+        run = engine(scene, method, solver, state, before)
+        run.timings["set-up"] = time.perf_counter() - start
+        last = math.ceil((t_end - state.t0) / dt * (1 - 1e-14))
+        with answered() as stop:
+            run.advance(last, stop, show, options)
+            return run.record("complete" if state.step >= last else "interrupted")
 
 
 def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSolver:

@@ -48,3 +48,17 @@ def test_each_mutation_finds_its_text_once():
     for name, mutation in script.MUTATIONS.items():
         for file, old, _ in mutation.edits:
             assert (ROOT / file).read_text(encoding="utf-8").count(old) == 1, (name, file, old)
+
+
+def test_contributing_names_every_module_and_no_other():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    table = text[text.index("| `pyfric/` |") : text.index("`docs/equations.md`")]
+    named = {word.split("/")[-1] for word in re.findall(r"`([\w/]+)`", table) if word[-1] != "/"}
+    modules = {path.stem for path in (ROOT / "pyfric").rglob("*.py") if path.stem[0] != "_"}
+    modules |= {path.stem for path in (ROOT / "fortran").glob("*.f90")}
+    assert modules - named == set()
+    assert named - modules - SPOKEN_OF == set()
+
+
+SPOKEN_OF = {"run", "simulate", "studies", "SceneError"}
+"""Commands, functions and extras that the table names besides."""

@@ -11,10 +11,12 @@ import time
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from helpers import small
 from scipy.linalg.lapack import dpbtrf
 
 import pyfric
+from pyfric.cli import main
 from pyfric.scene import at_once, held_back, written
 from pyfric.statics.banded import _factorised
 
@@ -210,6 +212,18 @@ def test_a_factorisation_lets_ctrl_c_be_heard():
     thread.join()
     assert sum(begin < moment < end for moment in heard) > 3
     np.testing.assert_array_equal(found, expected)
+
+
+def test_a_run_is_saved_before_figures_are_imported(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyfric.figures", None)
+    monkeypatch.delitem(vars(pyfric), "figures", raising=False)
+    out, picture = tmp_path / "a.nc", tmp_path / "a"
+    command = ["run", "fig1", "--set", "L=0.02", "--t-end", "1e-5", "--quiet", "--overwrite"]
+    assert CliRunner().invoke(main, [*command, "--out", str(out)]).exit_code == 0
+    out.unlink()
+    result = CliRunner().invoke(main, [*command, "--out", str(out), "--figure", str(picture)])
+    assert isinstance(result.exception, ImportError)
+    assert pyfric.Record.load(out).status == "complete"
 
 
 HELPED = """

@@ -163,23 +163,25 @@ def run(
 
 def _files(record: Record, out: Path | None, figure: Path | None, csv: Path | None) -> list[Path]:
     """Write the record; if it is complete, and nobody is waiting, also figure and tables."""
-    from pyfric import figures
     from pyfric.scene import asked_to_stop
 
     files = [] if out is None else [_saved(record, out)]
-    if record.done and not asked_to_stop():
-        files += [] if figure is None else figures.save_figure(figures.fig1b(record), figure)
-        files += [] if csv is None else record.to_csv(csv)
-    return files
+    if not record.done or asked_to_stop():
+        return files
+    if figure is not None:
+        from pyfric import figures  # takes its time, and so after the record is saved
+
+        files += figures.save_figure(figures.fig1b(record), figure)
+    return files + ([] if csv is None else record.to_csv(csv))
 
 
 def _saved(record: Record, out: Path) -> Path:
     """Write the record; where that fails, write it elsewhere, say where, and stop."""
-    from pyfric.engines import store
-
     try:
         return record.save(out)
     except OSError as error:
+        from pyfric.engines import store
+
         for find in (tempfile.gettempdir, store.cache_folder):  # the first one tries to write
             with contextlib.suppress(OSError):
                 folder = Path(find())

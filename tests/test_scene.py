@@ -36,6 +36,7 @@ from pyfric.scene.parts import MAX_BLOCKS
 from pyfric.scene.presets import run1, run4
 from pyfric.scene.toml import MAX_FILE
 from pyfric.scene.units import LARGEST, SMALLEST
+from pyfric.statics import loaded_state
 
 GOOD = """\
 name = "good"
@@ -743,3 +744,8 @@ def test_broken_arguments(changes):
         assert str(error)
         return
     consistent(scene)
+
+
+@pytest.mark.parametrize("geometry", [None, [], "round", np.array([1.0, 2.0])])
+def test_what_is_no_geometry(geometry):
+    assert refused(lambda: loaded_state(setup1(), geometry)).field == "geometry"

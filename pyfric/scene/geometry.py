@@ -21,7 +21,7 @@ def check_geometry(geometry: str, scene: Scene | None = None) -> None:
     Raises:
         SceneError: unknown geometry, or finite geometry for a chain.
     """
-    if geometry not in get_args(Geometry):
+    if not isinstance(geometry, str) or geometry not in get_args(Geometry):
         raise SceneError("geometry", geometry, "", " or ".join(map(repr, get_args(Geometry))))
     if geometry == "finite" and scene is not None and scene.N_z == 1:
         raise SceneError("geometry", geometry, "", "'linear'", "a chain has linear geometry only")

@@ -741,7 +741,9 @@ def loaded_state(scene: SceneLike, geometry: Geometry = "linear") -> Equilibrium
 
     Source: PRL 107, 074301 (2011).
     """
-    return _solver(as_scene(scene), geometry).loaded
+    scene = as_scene(scene)
+    check_geometry(geometry, scene)
+    return _solver(scene, geometry).loaded
 
 
 def solve_static(
@@ -754,4 +756,6 @@ def solve_static(
     start: Equilibrium | None = None,
 ) -> Equilibrium:
     """Return the equilibrium with the interface held: see `StaticSolver.solve`."""
-    return _solver(as_scene(scene), geometry).solve(u_x_bottom, drive, free=free, start=start)
+    scene = as_scene(scene)
+    check_geometry(geometry, scene)
+    return _solver(scene, geometry).solve(u_x_bottom, drive, free=free, start=start)

@@ -6,6 +6,7 @@
 A complete run is kept as a record file whose name is a hash of all that determines it: the scene
 (its name aside), the time of the end, the options of `pyfric.simulate` and the code itself; see
 `pyfric.engines.store`. The records that were used least recently go when it outgrows `MAX_BYTES`.
+Processes and machines may share the folder: who makes a run reserves it there.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import as_completed
+from concurrent.futures import CancelledError
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +30,7 @@ import scipy
 from pyfric import core
 from pyfric.engines.options import Options
 from pyfric.engines.progress import jobs_bar
+from pyfric.engines.reservation import clear, reserved
 from pyfric.engines.simulation import simulate
 from pyfric.engines.store import MAX_BYTES, cache_folder, keep, kept, prune
 from pyfric.engines.workers import Workers, stopping
@@ -37,6 +39,10 @@ from pyfric.scene import Scene, SceneError, __version__, as_scene, at_once, chec
 
 __all__ = ["Job", "JobError", "run_all"]
 
+POLL = 0.05
+"""Time between two looks at the runs of others, s."""
+MOST_LOST = 10
+"""An executor is given a job that it lost again at most so often."""
 ELSEWHERE = ("threads", "checkpoint", "checkpoint_every")
 """Options that do not change what a run gives; jobs leave them to `run_all`."""
 OPTIONS = [one.name for one in dataclasses.fields(Options) if one.name not in ELSEWHERE]
@@ -138,6 +144,7 @@ def run_all(
     cache: bool | str | os.PathLike[str] = True,
     progress: bool | Callable[[int, int], None] | None = None,
     errors: Literal["raise", "return"] = "raise",
+    executor: Any = None,
 ) -> list[Record] | list[Record | JobError]:
     """Run jobs side by side, each on one thread of a process of its own; longest first.
 
@@ -154,6 +161,10 @@ def run_all(
             nothing; None shows the bar where stderr is a terminal.
         errors: "raise" stops at the first run that fails; "return" goes on, and gives its
             `JobError` in the place of its record.
+        executor: what makes the runs, in place of `workers`: anything whose `submit(function,
+            *arguments)` gives a future with `done()`, `result()` and `cancel()`, such as those of
+            `concurrent.futures`, a `distributed.Client` or a `submitit.AutoExecutor`. It stays
+            open. The folder of `cache` has to be the same one on all its machines.
 
     Returns:
         The records, in the order of the jobs. `timings["processor"]` is the processor time of the
@@ -175,6 +186,8 @@ def run_all(
         raise SceneError("workers", workers, "", "a whole number >= 1, or None")
     if errors not in ("raise", "return"):
         raise SceneError("errors", errors, "", "'raise' or 'return'")
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise SceneError("executor", executor, "", "an object with submit, or None")
     folder = None
     if cache is not False:
         folder = cache_folder() if cache is True else Path(cache)
@@ -187,7 +200,7 @@ def run_all(
     with jobs_bar(progress, len(by_key)) as show:
         done = len(by_key) - len(todo)
         show(done, len(by_key))
-        with closing(_outcomes(todo, min(workers, len(todo)), folder)) as outcomes:
+        with closing(_outcomes(todo, min(workers, len(todo)), folder, executor)) as outcomes:
             for key, made in outcomes:
                 if isinstance(made, Exception):
                     if errors == "raise":
@@ -199,6 +212,7 @@ def run_all(
                 done += 1
                 show(done, len(by_key))
     if folder is not None and todo:
+        clear(folder)
         prune(folder, MAX_BYTES)
     return [_belonging(found[job.key], job) for job in jobs]
 
@@ -214,20 +228,53 @@ def _belonging(found: Record | JobError, job: Job) -> Record | JobError:
 
 
 def _outcomes(
-    todo: Mapping[str, Job], workers: int, folder: Path | None
+    todo: Mapping[str, Job], workers: int, folder: Path | None, executor: Any
 ) -> Iterator[tuple[str, Record | Exception]]:
     """Yield key and record, or what went wrong, of each job as it ends."""
-    if workers <= 1:
+    if executor is not None:
+        yield from _ended(todo, folder, executor)
+    elif workers <= 1:
         for key, job in todo.items():
             try:
                 yield key, _made(job, folder, key)
             except Exception as error:
                 yield key, error
-        return
-    with Workers(workers) as pool:
-        futures = {pool.submit(_made, job, folder, key): key for key, job in todo.items()}
-        for future in as_completed(futures):
-            yield futures[future], future.exception() or future.result()
+    else:
+        with Workers(workers) as pool:
+            yield from _ended(todo, folder, pool)
+
+
+def _ended(
+    todo: Mapping[str, Job], folder: Path | None, executor: Any
+) -> Iterator[tuple[str, Record | Exception]]:
+    """Yield key and record, or what went wrong, of each job that an executor is given.
+
+    It is asked now and then, because not every one calls back. What it lost is given to it again.
+    """
+    futures = {key: executor.submit(_made, job, folder, key) for key, job in todo.items()}
+    lost = dict.fromkeys(futures, 0)
+    try:
+        while futures:
+            ended = [key for key, future in futures.items() if future.done()]
+            for key in ended:
+                made = _result(futures.pop(key))
+                if isinstance(made, CancelledError) and lost[key] < MOST_LOST:
+                    lost[key] += 1
+                    futures[key] = executor.submit(_made, todo[key], folder, key)
+                else:
+                    yield key, made
+            if not ended:
+                time.sleep(POLL)
+    finally:
+        for future in futures.values():
+            future.cancel()
+
+
+def _result(future: Any) -> Record | Exception:
+    try:
+        return future.result()
+    except Exception as error:
+        return error
 
 
 class _Stopped(Exception):
@@ -240,11 +287,26 @@ def _look(_: Any) -> None:
 
 
 def _made(job: Job, folder: Path | None, key: str) -> Record:
-    """Make the record of a job, and keep it in the folder."""
+    """Return the record of a job from the folder, or make it and keep it there.
+
+    Who finds that another process or machine makes it just now, waits for it.
+    """
+    while folder is not None:
+        with reserved(folder, key) as ours:
+            record = kept(folder, key, job.scene)
+            if record is None and ours:
+                record = _simulated(job)
+                if record.done:
+                    keep(folder, key, record)
+        if record is not None:
+            return record
+        time.sleep(POLL)
+        _look(None)
+    return _simulated(job)
+
+
+def _simulated(job: Job) -> Record:
     start = time.process_time()
     record = simulate(job.scene, job.t_end, job.options, threads=1, progress=_look)
     timings = {**record.timings, "processor": time.process_time() - start}
-    record = dataclasses.replace(record, timings=timings)
-    if folder is not None and record.done:
-        keep(folder, key, record)
-    return record
+    return dataclasses.replace(record, timings=timings)

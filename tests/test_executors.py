@@ -129,6 +129,12 @@ def test_the_reservation_of_somebody_gone_is_void(tmp_path, made, gone):
     assert [path.name for path in tmp_path.iterdir()] == [f"{job.key}.nc"]
 
 
+def test_where_there_can_be_no_folder_all_is_ours(tmp_path):
+    (tmp_path / "file").touch()
+    with reservation.reserved(tmp_path / "file", "a") as ours:
+        assert ours
+
+
 def test_a_reservation_is_touched_while_the_run_lasts(tmp_path, monkeypatch):
     monkeypatch.setattr(reservation, "BEAT", 0.01)
     with reservation.reserved(tmp_path, "a") as ours:

@@ -6,6 +6,7 @@ from pyfric.engines.dynamic import RunError
 from pyfric.engines.guard import folded
 from pyfric.engines.options import Options, step_size
 from pyfric.engines.planner import Assumption, Plan, decay_times, plan
+from pyfric.engines.points import Estimate, Results, Span, Sweep
 from pyfric.engines.progress import Progress
 from pyfric.engines.quasistatic import prediction_curve
 from pyfric.engines.simulation import simulate
@@ -13,12 +14,16 @@ from pyfric.engines.sweep import Job, JobError, run_all
 
 __all__ = [
     "Assumption",
+    "Estimate",
     "Job",
     "JobError",
     "Options",
     "Plan",
     "Progress",
+    "Results",
     "RunError",
+    "Span",
+    "Sweep",
     "boundary",
     "decay_times",
     "folded",

@@ -34,8 +34,9 @@ def reserved(folder: Path, key: str) -> Iterator[bool]:
     """
     path = folder / f".{key}{SUFFIX}"
     _end_if_void(path)
-    try:
+    with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
+    try:
         with open(path, "x") as file:
             file.write(_owner())
     except FileExistsError:

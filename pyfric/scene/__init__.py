@@ -1,5 +1,6 @@
 """What is simulated: parts, scenes, presets, units, geometry."""
 
+from pyfric.scene.checked import quantities
 from pyfric.scene.files import (
     check_writable,
     clean_drafts,
@@ -84,6 +85,7 @@ __all__ = [
     "nearest",
     "parse_quantity",
     "preset",
+    "quantities",
     "raise_if_asked",
     "range_text",
     "run3",

@@ -1,0 +1,85 @@
+"""`pyfric sweep`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pyfric.cli.app import main
+from pyfric.cli.shared import (
+    SHORT_EXIT_CODES,
+    Exit,
+    check_folder,
+    folder_option,
+    json_option,
+    no_cache_option,
+    print_json,
+    quiet_option,
+    show_files,
+    stop,
+    workers_option,
+)
+
+
+@main.command(epilog=SHORT_EXIT_CODES)
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--dry-run", is_flag=True, help="Say how many runs, what they cost, and run nothing.")
+@click.option("--status", is_flag=True, help="Say which points are finished, and run nothing.")
+@folder_option("--out", metavar="DIR", help="Write the table there: CSV, netCDF and Parquet.")
+@workers_option
+@no_cache_option
+@quiet_option
+@json_option
+def sweep(
+    file: Path,
+    dry_run: bool,
+    status: bool,
+    out: Path | None,
+    workers: int | None,
+    no_cache: bool,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Run the scene of FILE (TOML) at many points.
+
+    Finished runs are kept in the user's cache folder, or where PYFRIC_CACHE says: after Ctrl-C, or
+    with more points, the same command goes on. Points that fail are named with their reason.
+    """
+    from pyfric.engines import Sweep
+    from pyfric.engines.store import MAX_BYTES
+
+    if dry_run and status:
+        raise click.UsageError("--dry-run and --status exclude each other.")
+    check_folder(out)
+    what, cache = Sweep.from_toml(file), not no_cache
+    if dry_run:
+        found = what.estimate(cache)
+        if as_json:
+            print_json(found._asdict())
+        elif not quiet:
+            click.echo(found)
+            if found.GB > MAX_BYTES / 1e9:
+                most = f"{MAX_BYTES / 1e9:.2g} GB"
+                click.echo(f"Only {most} of finished runs are kept: not all to go on from.")
+        return
+    progress = False if quiet or as_json else None
+    results = what.status(cache) if status else what.run(cache, workers=workers, progress=progress)
+    files = [] if out is None else results.save(out)
+    table = results.table
+    counts = table["status"].value_counts().to_dict()
+    failed = {int(n): row for n, row in results.failed.iterrows()}
+    if as_json:
+        reasons = {n: row["reason"] for n, row in failed.items()}
+        print_json({"status": counts, "failed": reasons, "files": [str(path) for path in files]})
+    elif not quiet:
+        click.echo(", ".join(f"{count} {name}" for name, count in counts.items()))
+        show_files(files, quiet)
+    for n, row in failed.items():
+        where = ", ".join(
+            f"{name} = {row[name]:g}" if isinstance(row[name], float) else f"{name} = {row[name]}"
+            for name in what.over
+        )
+        click.echo(f"point {n} ({where}) {row['status']}: {row['reason']}", err=True)
+    if failed and not status:
+        stop(Exit.FAILED)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import pyfric
+from pyfric.checks.verify import _OutOfTime
 from pyfric.engines.sweep import _Stopped
 from pyfric.record.catalogue import LogError
 
@@ -31,6 +32,7 @@ EXAMPLES = {
     ),
     pyfric.StateError: lambda: pyfric.StateError("no state"),
     LogError: lambda: LogError("no log"),
+    _OutOfTime: lambda: _OutOfTime("not made within 60 s"),
     _Stopped: _Stopped,
 }
 

@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from pyfric.scene import SceneError, check_number
+from pyfric.scene import SceneError, at_once, check_number
 
 __all__ = ["boundary", "label_map"]
 
@@ -63,6 +63,7 @@ class _Range:
         return self.low + s * (self.high - self.low)
 
 
+@at_once()
 def boundary(
     f: Label,
     along: tuple[float, float],
@@ -199,6 +200,7 @@ def _extended(points: Sequence[tuple[float, float]], over: float) -> float:
 # --- maps ----------------------------------------------------------------------------------------
 
 
+@at_once()
 def label_map(
     f: Label,
     x: tuple[float, float],

@@ -1,7 +1,9 @@
 """What names things by their text: pages in docs/, the mutations, the law that alone says mu."""
 
+import ast
 import importlib.machinery
 import importlib.util
+import itertools
 import re
 from pathlib import Path
 
@@ -41,11 +43,15 @@ def test_only_the_law_says_mu():
         assert bool(said) == (path.name == "law.f90"), path.name
 
 
+def script(name):
+    loader = importlib.machinery.SourceFileLoader(name, str(ROOT / "scripts" / name))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(name, loader))
+    loader.exec_module(module)
+    return module
+
+
 def test_each_mutation_finds_its_text_once():
-    loader = importlib.machinery.SourceFileLoader("mutate", str(ROOT / "scripts" / "mutate"))
-    script = importlib.util.module_from_spec(importlib.util.spec_from_loader("mutate", loader))
-    loader.exec_module(script)
-    for name, mutation in script.MUTATIONS.items():
+    for name, mutation in script("mutate").MUTATIONS.items():
         for file, old, _ in mutation.edits:
             assert (ROOT / file).read_text(encoding="utf-8").count(old) == 1, (name, file, old)
 
@@ -62,3 +68,20 @@ def test_contributing_names_every_module_and_no_other():
 
 SPOKEN_OF = {"run", "simulate", "studies", "SceneError"}
 """Commands, functions and extras that the table names besides."""
+
+
+def test_random_mutants_change_one_line_and_are_the_same_again():
+    def some():
+        return list(itertools.islice(script("mutate-random").mutants(ROOT, 3), 40))
+
+    made = some()
+    assert made == some()
+    assert {one.area for one in made} == {"core", "statics", "engines", "record"}
+    for one in made:
+        old = (ROOT / one.file).read_text(encoding="utf-8").splitlines()
+        new = one.text.splitlines()
+        assert [i for i, pair in enumerate(zip(old, new, strict=True), 1) if len({*pair}) > 1] == [
+            one.line
+        ]
+        if one.file.endswith(".py"):
+            ast.parse(one.text)

@@ -319,7 +319,7 @@ class Record:
         if not isinstance(path, str | os.PathLike):
             raise RecordError(f"record: a path is needed, not {type(path).__name__}")
         path = Path(path)
-        if not path.exists():
+        if not os.path.exists(path):  # also where no file can have this name
             raise FileNotFoundError(f"no record at {path}")
         if not path.is_file():
             raise RecordError(f"{path}: not a pyfric record (not a regular file)")

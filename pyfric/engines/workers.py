@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Workers", "stopping"]
 
-GRACE = 1.0
+GRACE = 1.5
 """Time in which a worker that is to stop can do so by itself, s."""
 
 _spawn = multiprocessing.get_context("spawn")

@@ -6,6 +6,7 @@ import time
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 
 import pytest
+from counted_runs import counted
 from helpers import same_run, small
 
 from pyfric.engines import Job, JobError, reservation, run_all, sweep
@@ -153,24 +154,6 @@ def test_a_reservation_is_touched_while_the_run_lasts(tmp_path, monkeypatch):
 # --- dask ----------------------------------------------------------------------------------------
 
 
-def counted(log, function, *arguments):
-    """Call a function of `run_all` in a process that notes each simulation in a file."""
-    simulate = sweep.simulate
-
-    def noting(scene, *rest, **options):
-        with open(log, "a") as file:
-            file.write(f"{scene.F_N}\n")
-        record = simulate(scene, *rest, **options)
-        time.sleep(0.3)
-        return record
-
-    sweep.simulate = noting
-    try:
-        return function(*arguments)
-    finally:
-        sweep.simulate = simulate
-
-
 class Counting:
     def __init__(self, client, log):
         self.client, self.log = client, log
@@ -208,7 +191,7 @@ def test_dask_survives(tmp_path, accident):
         striking.join()
         again = run_all(todo, cache=folder, executor=client.get_executor())
     assert [one.scene.F_N for one in found] == [job.scene.F_N for job in todo]
-    assert all(one.identical(other) for one, other in zip(found, again, strict=True))
+    assert found == again
     runs = [float(line) for line in log.read_text().splitlines()]
     assert set(runs) == {job.scene.F_N for job in todo}
     under_way = {"none": 0, "worker killed": 1, "scheduler restarted": 2}[accident]

@@ -16,10 +16,11 @@ import functools
 import hashlib
 import json
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -286,6 +287,20 @@ def _look(_: Any) -> None:
         raise _Stopped
 
 
+@contextmanager
+def _without_locks_of_dask() -> Iterator[None]:
+    """Let xarray write into memory in a worker of dask as elsewhere.
+
+    It would ask dask's scheduler for a lock, whose name is that of the file.
+    """
+    if "dask" not in sys.modules:
+        yield
+        return
+    with sys.modules["dask"].config.set(scheduler="synchronous"):
+        yield
+
+
+@_without_locks_of_dask()
 def _made(job: Job, folder: Path | None, key: str) -> Record:
     """Return the record of a job from the folder, or make it and keep it there.
 

@@ -1,6 +1,7 @@
 """Every regime of `pyfric.checks.regimes` behaves as stated; the table itself can fail."""
 
 import dataclasses
+import inspect
 import json
 from functools import partial
 
@@ -73,7 +74,9 @@ def test_observers_see_silence():
 
 def test_command_line(tmp_path, monkeypatch):
     monkeypatch.setattr(regimes, "REGIMES", REGIMES[-8:-6])
-    monkeypatch.setattr(regimes.observe, "__defaults__", (REGIMES[-8:-6], lambda _: None))
+    monkeypatch.setattr(
+        inspect.unwrap(regimes.observe), "__defaults__", (REGIMES[-8:-6], lambda _: None)
+    )
     path = tmp_path / "regimes.csv"
     done = CliRunner().invoke(main, ["regimes", "--out", str(path)])
     assert done.exit_code == 0, done.output
@@ -85,5 +88,5 @@ def test_command_line(tmp_path, monkeypatch):
     assert len(json.loads(done.stdout)) == 2
     assert CliRunner().invoke(main, ["regimes", "--out", "/no/where/x.csv"]).exit_code == 2
     wrong = dataclasses.replace(REGIMES[1], look=lambda _: Observed("silence", "", 0.0, 0.0, "!"))
-    monkeypatch.setattr(regimes.observe, "__defaults__", ((wrong,), lambda _: None))
+    monkeypatch.setattr(inspect.unwrap(regimes.observe), "__defaults__", ((wrong,), lambda _: None))
     assert CliRunner().invoke(main, ["regimes"]).exit_code == 1

@@ -180,6 +180,7 @@ for n in range(3):
 """
 
 
+@pytest.mark.slow
 def test_two_processes_share_a_store(tmp_path, record):
     path = record.save(tmp_path / "record")
     folder = tmp_path / "store"

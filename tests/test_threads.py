@@ -79,6 +79,7 @@ def run(library, **environment):
     return done.returncode, [line.split() for line in done.stdout.splitlines()], done.stderr
 
 
+@pytest.mark.slow
 def test_late_threads_do_not_change_a_bit(barrier):
     code, lines, stderr = run(barrier, WAIT="1", SEED="1")
     assert code == 0, stderr

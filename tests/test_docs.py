@@ -5,6 +5,7 @@ import importlib.machinery
 import importlib.util
 import itertools
 import re
+import signal
 from pathlib import Path
 
 import pytest
@@ -85,3 +86,52 @@ def test_random_mutants_change_one_line_and_are_the_same_again():
         ]
         if one.file.endswith(".py"):
             ast.parse(one.text)
+
+
+def test_trials_of_faults_are_kept_as_they_end_and_not_made_again(tmp_path):
+    faults = script("faults")
+    tried = []
+
+    def trials(bad=(), until=4):
+        for n in range(1, until + 1):
+
+            def do(n=n):
+                tried.append(n)
+                if n in bad:
+                    raise bad[n]
+
+            yield "run", f"fault {n}", do
+
+    def make(commit, **how):
+        tried.clear()
+        table = faults.Table(tmp_path)
+        faults.try_all(trials(**how), "kills", {"seed": "1", "commit": commit}, table)
+
+    with pytest.raises(KeyboardInterrupt):
+        make("old", bad={2: OSError("no space"), 3: KeyboardInterrupt()})
+    make("old")
+    assert tried == [3, 4]
+    make("new", bad={2: faults.Broken("lost")})
+    assert tried == [2]
+    assert "| kills | run | 4 | 3 |" in (tmp_path / "README.md").read_text(encoding="utf-8")
+    make("newer", until=5)
+    assert tried == [2, 5]
+    assert "| kills | run | 5 | 5 |" in (tmp_path / "README.md").read_text(encoding="utf-8")
+    table = faults.Table(tmp_path)
+    assert [row["commit"] for row in table.rows] == ["old", "newer", "old", "old", "newer"]
+    table.drop(["kills"], "1")
+    assert not table.rows
+
+
+def test_tests_that_somebody_killed_say_nothing_about_a_mutant(tmp_path, monkeypatch):
+    mutate = script("mutate-random")
+    monkeypatch.setattr(mutate, "WORK", tmp_path)
+
+    class Ends:
+        def __init__(self, code):
+            self.python = lambda *words, **more: code
+
+    with pytest.raises(mutate.Killed):
+        mutate.noticed(Ends(-signal.SIGKILL), [])
+    assert mutate.noticed(Ends(-signal.SIGXCPU), []) == "start (does not end)"
+    assert mutate.noticed(Ends(0), []) == ""

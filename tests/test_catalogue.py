@@ -15,6 +15,7 @@ from pyfric.record.catalogue import (
     rupture_front,
 )
 from pyfric.scene import setup1
+from pyfric.scene.friction import Law
 from pyfric.statics import EquilibriumError
 
 MS = 1e-3
@@ -27,9 +28,11 @@ def make_scene(N_x=8, d=1, j_h=2, l=2.5e-3):
     i = np.arange(N_x)
     return SimpleNamespace(
         N_x=N_x,
+        N_z=2,
         d=d,
         j_h=j_h,
         m=4e-5,
+        interface=SimpleNamespace(law=Law(0.7, 0.45)),
         n_of_i=i + 1 if d == 1 else N_x - i,
         slider=SimpleNamespace(l=l, k=1.35e7),
         driver=SimpleNamespace(V=1e-3),

@@ -23,7 +23,16 @@ from pyfric import core
 from pyfric.core import State
 from pyfric.engines.guard import STEPS, Energy, Guard, strain_notes
 from pyfric.engines.progress import Progress
-from pyfric.record import Method, Record, budget_error, build_catalogue, versions
+from pyfric.record import (
+    Method,
+    Record,
+    budget_error,
+    build_catalogue,
+    front_speed,
+    versions,
+    zone_at_rest,
+    zone_notes,
+)
 from pyfric.statics import EquilibriumError, StaticSolver, stability_limit
 
 if TYPE_CHECKING:
@@ -152,6 +161,14 @@ class Run:
             f"{self.name}: steps of {dt:.3g} s do not resolve weakening over d_c = "
             f"{law.d_c * 1e6:.3g} um, which takes dt <= {1 / growth:.3g} s; it acts like d_c = 0",
         )
+
+    def _front_notes(self, catalogue: Catalogue) -> tuple[str, ...]:
+        """Return what to know about the speeds of fronts in main events."""
+        scene, times = self.scene, catalogue.rupture_times
+        main = catalogue.events["is_main"].to_numpy(dtype=bool)
+        known = np.isfinite(front_speed(times, scene.slider.l, scene.d)) & main[:, None]
+        blocks = zone_at_rest(scene, catalogue.static.p_before)[known]
+        return zone_notes(scene, self.name, blocks)
 
     def columns(self) -> list[str]:
         """Names of the columns of the curve."""
@@ -378,7 +395,7 @@ class Run:
         here = len(self.rows)
         if self.rows[-1][0] != state.t:
             self.sample()
-        curve, notes = self.curve(), self.notes()
+        curve, notes = self.curve(), self.notes() + self._front_notes(catalogue)
         del self.rows[here:]
         timings = self.timings | {"catalogue": time.perf_counter() - start}
         if self.before is not None:

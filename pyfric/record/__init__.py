@@ -24,11 +24,13 @@ from pyfric.record.catalogue import (
 )
 from pyfric.record.record import Method, Record, RecordError
 from pyfric.record.software import provenance, versions
+from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving, zone_notes
 
 __all__ = [
     "MAIN_EVENT_BLOCKS",
     "PER_BIN",
     "QUIET_COLUMNS",
+    "RESOLVED",
     "SWITCH_COLUMNS",
     "T_GAP",
     "Catalogue",
@@ -50,4 +52,7 @@ __all__ = [
     "system_size_events",
     "theory",
     "versions",
+    "zone_at_rest",
+    "zone_moving",
+    "zone_notes",
 ]

@@ -21,6 +21,7 @@ import pandas as pd
 
 from pyfric.core import ENERGIES
 from pyfric.record.catalogue import front_speed
+from pyfric.record.zones import zone_at_rest, zone_moving
 from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
@@ -213,7 +214,9 @@ def front(record: Record, event: int) -> pd.DataFrame:
         One row per block of the front (see `catalogue`): n; x_over_L; t, rupture time, s;
         v_c, speed averaged over five blocks, m/s, NaN within two blocks of either end and where
         the five times do not increase; tau_over_p and scaled, of the static state just before the
-        event.
+        event; X_c0_over_l and X_c_over_l, blocks in the cohesive zone at rest and at v_c: six or
+        more in X_c0 resolve a front, with fewer the lattice sets its speed. The latter is NaN
+        where v_c is, or is not below c_R.
 
     Raises:
         SceneError: no such event.
@@ -223,14 +226,16 @@ def front(record: Record, event: int) -> pd.DataFrame:
     order = np.argsort(scene.n_of_i)
     t = record.rupture_times[event][order]
     tau, p = record.tau_before[event][order], record.p_before[event][order]
-    tau_over_p = _ratio(tau, p)
+    tau_over_p, v_c = _ratio(tau, p), front_speed(t, scene.slider.l)
     table = pd.DataFrame(
         {
             **_positions(record),
             "t": t,
-            "v_c": front_speed(t, scene.slider.l),
+            "v_c": v_c,
             "tau_over_p": tau_over_p,
             "scaled": _scaled(record, tau_over_p),
+            "X_c0_over_l": zone_at_rest(scene, p),
+            "X_c_over_l": zone_moving(scene, p, v_c),
         }
     )
     return table[np.isfinite(t)].reset_index(drop=True)
@@ -247,10 +252,11 @@ def fronts(record: Record) -> pd.DataFrame:
     return table[["event", *table.columns.drop("event")]]
 
 
+_FRONT = ("x_over_L", "t", "v_c", "tau_over_p", "scaled", "X_c0_over_l", "X_c_over_l")
 _EMPTY_FRONT = pd.DataFrame(
     {
         "n": np.zeros(0, np.int64),
-        **{name: np.zeros(0) for name in ("x_over_L", "t", "v_c", "tau_over_p", "scaled")},
+        **{name: np.zeros(0) for name in _FRONT},
         "event": np.zeros(0, np.int64),
     }
 )

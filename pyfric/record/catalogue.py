@@ -39,6 +39,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import pandas as pd
 
+from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving
 from pyfric.statics import EquilibriumError
 
 if TYPE_CHECKING:
@@ -177,7 +178,10 @@ def build_catalogue(
         from the trailing edge of blocks in non-corner episodes; x_nucleation, m from the trailing
         edge; L_p_over_L; n_blocks, distinct blocks in non-corner episodes; n_episodes; n_front,
         blocks in the front; n_not_increasing, blocks of the front whose five rupture times exist
-        but do not increase (`front_speed` is NaN there); finished; is_precursor (0 < L_p < L);
+        but do not increase (`front_speed` is NaN there); share_X_c0 and share_X_c, how many of the
+        front's blocks have at least six blocks in their cohesive zone at rest, and at the speed
+        of the front (of those that have one; not at c_R or above), NaN where there are none or no
+        static state (see `zones`); finished; is_precursor (0 < L_p < L);
         is_main (n_blocks >= 4); at_trailing_edge (nucleation at x <= h + l); quiet_start and
         quiet_stop, rows of the quiet log at first slip and last stick, -1 where there is none.
 
@@ -210,6 +214,7 @@ def build_catalogue(
     events["x_nucleation"] = (events["nucleation_block"] - 1) * float(scene.slider.l)
     events["n_front"] = np.isfinite(times).sum(axis=1)
     events["n_not_increasing"] = _count_not_increasing(times, scene.d)
+    events["share_X_c0"], events["share_X_c"] = _shares(scene, times, static.p_before)
     events["is_precursor"] = (reached > 0) & (reached < scene.N_x)
     events["is_main"] = events["n_blocks"] >= MAIN_EVENT_BLOCKS
     # x <= h + l on the lattice: exact in block numbers
@@ -240,6 +245,8 @@ EVENT_COLUMNS = (
     "n_episodes",
     "n_front",
     "n_not_increasing",
+    "share_X_c0",
+    "share_X_c",
     "finished",
     "is_precursor",
     "is_main",
@@ -649,3 +656,15 @@ def _count_not_increasing(rupture_times: np.ndarray, d: int) -> np.ndarray:
         return np.zeros(rupture_times.shape[0], dtype=np.int64)
     five_exist = _five(np.isfinite(rupture_times), 5).sum(axis=1)
     return five_exist - np.isfinite(front_speed(rupture_times, 1.0, d)).sum(axis=1)
+
+
+def _shares(scene: Scene, times: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n_events,) shares of each front's blocks with `RESOLVED` blocks in X_c0, and in X_c(v)."""
+    p, v = np.where(np.isfinite(times), p, np.nan), front_speed(times, scene.slider.l, scene.d)
+    at_rest = zone_at_rest(scene, p)
+    known = np.isfinite(at_rest), np.isfinite(at_rest) & np.isfinite(v)
+    enough = at_rest >= RESOLVED, zone_moving(scene, p, v) >= RESOLVED
+    return tuple(
+        np.divide(e.sum(axis=1), k.sum(axis=1), out=np.full(len(p), np.nan), where=k.any(axis=1))
+        for e, k in zip(enough, known, strict=True)
+    )

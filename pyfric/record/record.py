@@ -14,9 +14,11 @@ variable with its unit and meaning. Attributes of the file:
 
 Variables of the loading curve carry their plain names on the dimension ``t``; those of the event
 and episode tables and of the two logs begin with ``event_``, ``episode_``, ``quiet_`` and
-``switch_``. Stresses are on (``event``, ``x``), x from the centre of the slider. Numbers are stored
-as they are in memory, so that a loaded record equals the saved one bit for bit. The last line of
-the file is the SHA-256 of all before it, which readers of netCDF do not see.
+``switch_``. Stresses are on (``event``, ``x``), x from the centre of the slider, and so are
+``X_c0_over_l`` and ``X_c_over_l``, the blocks in the cohesive zone of fronts, which are found anew
+from what is read. Numbers are stored as they are in memory, so that a loaded record equals the
+saved one bit for bit. The last line of the file is the SHA-256 of all before it, which readers of
+netCDF do not see.
 """
 
 from __future__ import annotations
@@ -35,8 +37,9 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import State
-from pyfric.record.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP
+from pyfric.record.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP, front_speed
 from pyfric.record.labels import describe
+from pyfric.record.zones import zone_at_rest, zone_moving
 from pyfric.scene import Scene, held_back, sealed, unsealed, write
 
 if TYPE_CHECKING:
@@ -295,6 +298,10 @@ class Record:
         for name, shape in self._shapes().items():
             dims = ("event", "x")[-len(shape) :]
             yield name, variable(dims, getattr(self, name), name)
+        v_c = front_speed(self.rupture_times, self.scene.slider.l, self.scene.d)
+        p = np.where(np.isfinite(self.rupture_times), self.p_before, np.nan)
+        yield "X_c0_over_l", variable(("event", "x"), zone_at_rest(self.scene, p), "X_c0_over_l")
+        yield "X_c_over_l", variable(("event", "x"), zone_moving(self.scene, p, v_c), "X_c_over_l")
         for log in LOGS:
             for name, values in getattr(self, log).items():
                 yield PREFIX[log] + name, variable((log, "x")[: values.ndim], values, name)

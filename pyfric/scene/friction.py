@@ -57,6 +57,10 @@ class Law:
         """Loss of strength in a slip, over p."""
         return self.mu_s - self.mu_k
 
+    def fracture_energy(self, p: Any) -> Any:
+        """Return the work against friction beyond mu_k p in a slip, J: (mu_s - mu_k) p d_c/2."""
+        return self.drop * self.d_c / 2 * p
+
     def margin(self, p: np.ndarray, f: np.ndarray) -> np.ndarray:
         """Return what is left of the strength of stuck blocks that carry f, in N."""
         return self.hold(p) - np.abs(f)

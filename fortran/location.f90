@@ -1,5 +1,8 @@
 !> Sub-steps inside a step: contact switches located in time, and the length of adaptive sub-steps.
 !>
+!> What is tried need not be a sub-step of the whole lattice: `judge` looks at the two bottom rows alone, and `settle`
+!> comes when all rows of an accepted sub-step are made.
+!>
 !> Contact states are frozen during a sub-step. Each block has margins that stay positive meanwhile (pyfric_law). Where
 !> one is negative at the end, shorter sub-steps are made until the earliest root is closed in; the sub-step then ends
 !> just behind it, contacts switch there, and the next sub-step goes to the end of the step. A sub-step's end where no
@@ -17,7 +20,7 @@ module pyfric_location
   use pyfric_status, only: DONE, ENDLESS, TOO_SHORT
   implicit none (type, external)
   private
-  public :: pace_t, new_pace, judge, most_switches, MOST_QUIET
+  public :: pace_t, new_pace, judge, settle, most_switches, MOST_QUIET
 
   real(dp), parameter :: NEAR = 2.0_dp**(-40)     !! a switch is found this close behind its root, over dt
   real(dp), parameter :: SHORTEST = 2.0_dp**(-30) !! shortest adaptive sub-step, over dt
@@ -44,6 +47,8 @@ module pyfric_location
     integer :: block = 0           !! first block that switched last, from 1
     logical :: accepted = .true.   !! the sub-step that was tried is made
     logical :: finished = .true.   !! and ends the step
+    logical :: crossed = .false.   !! a margin is negative at its end
+    real(dp) :: t = 0.0_dp         !! time there [s]
     real(dp), allocatable :: g_0(:, :)  !! margins at the start of the sub-step (2, nx): friction [N] or [m/s], gap [m]
     real(dp), allocatable :: g_a(:, :)  !! at a
     real(dp), allocatable :: g_b(:, :)  !! at b
@@ -104,32 +109,44 @@ contains
     pace%saved = budget
   end subroutine plan_next
 
-  !> Looks at a sub-step that was tried. Accepted: contacts are switched where they must be, and the next sub-step is
-  !> planned. Not accepted: the works are put back and another length is to be tried from the same start.
-  subroutine judge(s, step, t0, dt, err, old, new, contact, budget, log, w, pace, status)
+  !> Looks at the bottom rows of a sub-step that was tried. Not accepted: another length is to be tried from its start.
+  subroutine judge(s, step, t0, dt, err, old, new, contact, w, pace, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
     real(dp), intent(in) :: t0                             !! time of step 0 [s]
     real(dp), intent(in) :: dt                             !! step [s]
     real(dp), intent(in) :: err                            !! error over what is allowed
     real(dp), intent(in) :: old(LB:s%n + LANES, 4, s%nz)   !! state at the start of the sub-step
+    real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at its end
+    type(contact_t), intent(in) :: contact
+    type(row_t), intent(inout) :: w
+    type(pace_t), intent(inout) :: pace
+    integer(ip), intent(out) :: status                     !! see pyfric_status
+
+    status = DONE
+    pace%finished = pace%sub >= pace%left
+    pace%t = t0 + step*dt + (pace%from + pace%sub)
+    if (pace%finished) pace%t = t0 + (step + 1.0_dp)*dt
+    call accept(s, pace%t, dt, err, old, new, contact, w, pace, pace%crossed, status)
+    pace%finished = pace%finished .and. pace%accepted
+  end subroutine judge
+
+  !> After a sub-step that was judged. Accepted: contacts are switched where they must be, and the next sub-step is
+  !> planned. Not accepted: the works are put back.
+  subroutine settle(s, step, dt, err, new, contact, budget, log, w, pace, status)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: step                           !! steps made before this one
+    real(dp), intent(in) :: dt                             !! step [s]
+    real(dp), intent(in) :: err                            !! error over what is allowed
     real(dp), intent(inout) :: new(LB:s%n + LANES, 4, s%nz) !! state at its end; v_x of blocks that stop is set to zero
     type(contact_t), intent(inout) :: contact
     type(budget_t), intent(inout) :: budget
     type(log_t), intent(inout) :: log
     type(row_t), intent(inout) :: w
     type(pace_t), intent(inout) :: pace
-    integer(ip), intent(out) :: status                     !! see pyfric_status
-    real(dp) :: t
-    logical :: crossed
+    integer(ip), intent(inout) :: status                   !! see pyfric_status
 
-    status = DONE
-    pace%finished = pace%sub >= pace%left
-    t = t0 + step*dt + (pace%from + pace%sub)
-    if (pace%finished) t = t0 + (step + 1.0_dp)*dt
-    call accept(s, t, dt, err, old, new, contact, w, pace, crossed, status)
     if (.not. pace%accepted) then
-      pace%finished = .false.
       budget = pace%saved
       return
     end if
@@ -137,11 +154,11 @@ contains
     if (pace%phase == WHOLE .and. err*2.0_dp**(ADAPT_ORDER + 1) < 1.0_dp) then
       pace%wish = max(pace%wish, min(2.0_dp*pace%sub, dt))
     end if
-    if (crossed) then
-      call switch_inside(s, step, t, new, contact, log, w, pace, status)
+    if (pace%crossed) then
+      call switch_inside(s, step, pace%t, new, contact, log, w, pace, status)
       if (status /= DONE) return
     else if (pace%finished .and. .not. pace%located) then
-      call switch_contacts(s, step + 1.0_dp, t, dt, new, contact, log, w)
+      call switch_contacts(s, step + 1.0_dp, pace%t, dt, new, contact, log, w)
     end if
     if (pace%located) then
       contact%margin = pace%stuck
@@ -153,7 +170,7 @@ contains
       pace%instants = 0
     end if
     call plan_next(dt, budget, pace)
-  end subroutine judge
+  end subroutine settle
 
   !> Whether the sub-step is made: its error is small, and no margin crosses zero before its end.
   subroutine accept(s, t, dt, err, old, new, contact, w, pace, crossed, status)

@@ -14,20 +14,26 @@ module pyfric_rk4
   use pyfric_workspace, only: RING
   implicit none (type, external)
   private
-  public :: rk4_step
+  public :: rk4_step, BOTTOM_FRONT, BOTTOM_ROWS
 
+  !> After this front the two bottom rows are made, by so many rows of stages, if there are more rows than fronts.
+  integer, parameter :: BOTTOM_FRONT = 5, BOTTOM_ROWS = 14
   real(dp), parameter :: NODE(4) = [0.0_dp, 0.5_dp, 0.5_dp, 1.0_dp]    !! c_s
   real(dp), parameter :: WEIGHT(4) = [1.0_dp, 2.0_dp, 2.0_dp, 1.0_dp]  !! 6 b_s
 
 contains
 
-  !> Rows j0..j1 of the state one step later. Contact states are frozen during the step.
-  subroutine rk4_step(s, t, sub, j0, j1, keep_budget, mode, s_0, y, rod, y_new, rod_new, budget, q, carry, b, fx, fz, w)
+  !> Rows j0..j1 of the state one step later. Contact states are frozen during the step. A sweep may be made in two
+  !> calls, one up to front BOTTOM_FRONT and one from the next, with the same work space.
+  subroutine rk4_step(s, t, sub, j0, j1, first, last, keep_budget, mode, s_0, y, rod, y_new, rod_new, budget, q, carry, b, &
+                      fx, fz, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                         !! time at the start [s]
     real(dp), intent(in) :: sub                       !! length of the step or sub-step [s]
     integer, intent(in) :: j0                         !! first row of this thread
     integer, intent(in) :: j1                         !! last row of this thread
+    integer, intent(in) :: first                      !! fronts to make, of those that these rows take
+    integer, intent(in) :: last                       !! see `first`
     logical, intent(in) :: keep_budget                !! integrate works and dissipations too
     integer(ip), intent(in) :: mode(s%nx)             !! contact states
     real(dp), intent(in) :: s_0(s%nx)                 !! see pyfric_law [m]
@@ -46,7 +52,7 @@ contains
     integer :: low, high, j, stage, front
 
     rods(:, 1) = rod
-    do front = max(1, j0 - 4), j1 + 3
+    do front = max(1, j0 - 4, first), min(j1 + 3, last)
       do stage = 1, 4
         low = max(1, j0 - (4 - stage))
         high = min(s%nz, j1 + (4 - stage))

@@ -5,11 +5,11 @@ module pyfric_stepping
   use pyfric_model, only: model_t
   use pyfric_rows, only: budget_t, row_t, new_row
   use pyfric_workspace, only: reserve, aligned, widen, narrow, RINGS, CARRY, BONDS, FX, FZ, COLUMNS, MOST_STAGES
-  use pyfric_rk4, only: rk4_step
+  use pyfric_rk4, only: rk4_step, BOTTOM_FRONT, BOTTOM_ROWS
   use pyfric_nystrom, only: table_t, nystrom_step
   use pyfric_contact, only: contact_t, switch_contacts
   use pyfric_log, only: log_t, has_room
-  use pyfric_location, only: pace_t, new_pace, judge, most_switches, MOST_QUIET
+  use pyfric_location, only: pace_t, new_pace, judge, settle, most_switches, MOST_QUIET
   use pyfric_status, only: DONE, LOG_FULL
 !$ use omp_lib, only: omp_get_thread_num, omp_get_num_threads
   implicit none (type, external)
@@ -33,14 +33,17 @@ module pyfric_stepping
     real(dp) :: step             !! steps made since step 0
     real(dp) :: sub              !! length of the step or sub-step; adaptive: the longest that the error allows [s]
     real(dp) :: t = 0.0_dp       !! its start; on return where it went wrong [s]
-    real(dp) :: tried = 0.0_dp   !! steps and sub-steps computed, also those that were not accepted
+    real(dp) :: tried = 0.0_dp   !! steps and sub-steps computed; of those that were not accepted the share below
+    real(dp) :: share = 1.0_dp   !! of a step that is computed before it is judged
     integer :: block = 0         !! where it went wrong: block from 1
     integer(ip) :: status = DONE !! see pyfric_status
     real(dp) :: last = 0.0_dp    !! step at which to end
     logical :: go = .false.      !! make one more
     logical :: whole = .false.   !! no sub-steps
+    logical :: apart = .false.   !! the bottom rows of a sub-step are made first, the others if it is accepted
     integer :: now = 1           !! which of the two states is the present one
     real(dp), allocatable :: err(:, :)   !! errors of u [m] and v [m/s] in each thread's rows
+    real(dp) :: worst = 0.0_dp           !! the largest over what is allowed
     real(dp) :: allowed(2) = 0.0_dp      !! and what is allowed
     type(row_t) :: bottom
     type(pace_t) :: pace
@@ -125,6 +128,8 @@ contains
       call new_pace(s, run%t, method%dt, method%located, run%sub, y, contact, budget, run%bottom, run%pace)
       run%sub = run%pace%sub
     end if
+    run%apart = method%located .and. method%table%stages == 0 .and. s%nz > BOTTOM_FRONT
+    if (run%apart) run%share = real(BOTTOM_ROWS, dp)/(4*s%nz)
     run%go = run%step < run%last .and. room(s, method, log)
   end subroutine start
 
@@ -143,6 +148,7 @@ contains
     real(dp), allocatable :: work(:)
     type(row_t) :: w
     integer :: me, team, j0, j1, at
+    logical :: apart
 
     me = 0
     team = 1
@@ -154,22 +160,47 @@ contains
     work = 0.0_dp
     w = new_row(s)
     at = aligned(work)
+    apart = run%apart .and. s%nz >= 2*team  ! the first thread owns both bottom rows
     do
       if (.not. run%go) exit
-      call one_step(s, method, run, j0, j1, y, stage, forces, rods, contact, budget, work(at), w, run%err(:, me + 1))
+      if (apart) then
+        if (me == 0) then
+          call fronts(1, BOTTOM_FRONT)
+          call look(s, method, run, y(LB, 1, 1, run%now), y(LB, 1, 1, 3 - run%now), contact)
+        end if
+        !$omp barrier
+      end if
+      if (.not. apart) call fronts(1, huge(1))
+      if (apart .and. run%pace%accepted) call fronts(merge(BOTTOM_FRONT + 1, 1, me == 0), huge(1))
       !$omp barrier
-      if (me == 0) call after(s, method, run, y(LB, 1, 1, run%now), y(LB, 1, 1, 3 - run%now), contact, budget, log)
+      if (me == 0) then
+        if (.not. apart) call look(s, method, run, y(LB, 1, 1, run%now), y(LB, 1, 1, 3 - run%now), contact)
+        call after(s, method, run, y(LB, 1, 1, 3 - run%now), contact, budget, log)
+      end if
       !$omp barrier
     end do
+
+  contains
+
+    !> Fronts of RK4, or a step of a table.
+    subroutine fronts(first, last)
+      integer, intent(in) :: first
+      integer, intent(in) :: last
+
+      call one_step(s, method, run, j0, j1, first, last, y, stage, forces, rods, contact, budget, work(at), w, &
+                    run%err(:, me + 1))
+    end subroutine fronts
   end subroutine one_thread
 
   !> Rows j0..j1 of one step, or of a sub-step that is tried.
-  subroutine one_step(s, method, run, j0, j1, y, stage, forces, rods, contact, budget, work, w, err)
+  subroutine one_step(s, method, run, j0, j1, first, last, y, stage, forces, rods, contact, budget, work, w, err)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
     type(run_t), intent(in) :: run
     integer, intent(in) :: j0                   !! first row of this thread
     integer, intent(in) :: j1                   !! last row of this thread
+    integer, intent(in) :: first                !! fronts to make, see pyfric_rk4
+    integer, intent(in) :: last                 !! see `first`
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz, 2)      !! the state and the next one
     real(dp), intent(inout) :: stage(LB:s%n + LANES, 4, s%nz)     !! work space of tables: a stage
     real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MOST_STAGES)  !! and forces of all stages [N]
@@ -184,7 +215,7 @@ contains
     old = run%now
     new = 3 - old
     if (method%table%stages == 0) then
-      call rk4_step(s, run%t, run%sub, j0, j1, method%keep_budget, contact%mode, contact%s_0, y(LB, 1, 1, old), &
+      call rk4_step(s, run%t, run%sub, j0, j1, first, last, method%keep_budget, contact%mode, contact%s_0, y(LB, 1, 1, old), &
                     rods(:, old), y(LB, 1, 1, new), rods(:, new), budget, work(LB, RINGS), work(LB, CARRY), work(LB, BONDS), &
                     work(LB, FX), work(LB, FZ), w)
     else
@@ -193,25 +224,37 @@ contains
     end if
   end subroutine one_step
 
-  !> After a step or a sub-step from old to new: contacts, and what comes next.
-  subroutine after(s, method, run, old, new, contact, budget, log)
+  !> Whether the sub-step from old to new is accepted: its bottom rows say so.
+  subroutine look(s, method, run, old, new, contact)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
     type(run_t), intent(inout) :: run
     real(dp), intent(in) :: old(LB:s%n + LANES, 4, s%nz)       !! state at the start
+    real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)       !! state at the end
+    type(contact_t), intent(in) :: contact
+
+    if (run%whole) return
+    run%worst = maxval(maxval(run%err, dim=2)/run%allowed)
+    call judge(s, run%step, method%t0, method%dt, run%worst, old, new, contact, run%bottom, run%pace, run%status)
+  end subroutine look
+
+  !> After a step or a sub-step: contacts, and what comes next.
+  subroutine after(s, method, run, new, contact, budget, log)
+    type(model_t), intent(in) :: s
+    type(method_t), intent(in) :: method
+    type(run_t), intent(inout) :: run
     real(dp), intent(inout) :: new(LB:s%n + LANES, 4, s%nz)    !! state at the end
     type(contact_t), intent(inout) :: contact
     type(budget_t), intent(inout) :: budget
     type(log_t), intent(inout) :: log
-    real(dp) :: next, err
+    real(dp) :: next
 
-    run%tried = run%tried + 1.0_dp
+    run%tried = run%tried + merge(1.0_dp, run%share, run%pace%accepted)
     next = run%step + 1.0_dp
     if (run%whole) then
       call switch_contacts(s, next, method%t0 + next*method%dt, method%dt, new, contact, log, run%bottom)
     else
-      err = maxval(maxval(run%err, dim=2)/run%allowed)
-      call judge(s, run%step, method%t0, method%dt, err, old, new, contact, budget, log, run%bottom, run%pace, run%status)
+      call settle(s, run%step, method%dt, run%worst, new, contact, budget, log, run%bottom, run%pace, run%status)
       run%sub = run%pace%sub
     end if
     if (run%status /= DONE) then

@@ -482,3 +482,20 @@ def test_a_slip_that_starts_with_no_force_of_its_own():
         errors.append(abs(state.y[0, 0, 0] - exact))
     assert errors[1] < 1e-9
     assert errors[0] / errors[1] > 12
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_trial_takes_the_bottom_rows_only(threads):
+    """A search sweeps two of fifteen rows: 14 of the 60 rows of stages that a step takes.
+
+    How many trials there are is the difference of whole steps to what was computed.
+    """
+    scene = setup1(L=0.02, H=0.035, V=5.0)
+    state = loaded_state(scene).state(scene, 0.2e-6)
+    model, log = core.model(scene, "linear", state.u_drv0), core.Log(scene.N_x)
+    assert core.advance(model, state, log, 3000, switching="located", threads=threads) == 0
+    instants = len(np.unique(log.switches()["t"]))
+    assert instants > 5
+    trials = (log.tried - 3000 - instants) * 60 / 14
+    assert trials == pytest.approx(round(trials), abs=1e-6)
+    assert 2 * instants < trials < 12 * instants

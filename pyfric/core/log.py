@@ -21,14 +21,15 @@ class Log:
     """Room for switches and quiet transitions that the core fills (see `pyfric.record.catalogue`).
 
     Attributes:
-        tried: steps and sub-steps that the last call computed, also those it did not accept.
+        tried: steps and sub-steps that the last call computed; of those that RK4 did not accept,
+            the share of the lattice that it took to see that.
         block: where the last call failed, the block, counted from 0, else -1.
         t: and the time, in s.
     """
 
     def __init__(self, N_x: int, switches: int | None = None, quiet: int = 256) -> None:
         switches = 16 * N_x + 1024 if switches is None else switches
-        self.N_x, self.tried, self.block, self.t = N_x, 0, -1, math.nan
+        self.N_x, self.tried, self.block, self.t = N_x, 0.0, -1, math.nan
         self.switch_i = np.zeros((4, switches), dtype=np.int32, order="F")
         self.switch_r = np.zeros((4, switches), order="F")
         self.quiet_i = np.zeros((N_x + 1, quiet), dtype=np.int32, order="F")

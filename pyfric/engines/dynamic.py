@@ -273,7 +273,7 @@ class Run:
         status = self.make_steps(state, n_steps)
         seconds = time.perf_counter() - start
         per_step = core.STEPPERS[self.method.stepper].evaluations * self.scene.N_x * self.scene.N_z
-        self.evaluations += self.log.tried * per_step
+        self.evaluations += round(self.log.tried * per_step)
         if status in UNFINISHED:
             message = self._stuck_at(status)
             self._back_to(step)

@@ -1,21 +1,25 @@
-!> Boundary forces: elastic foundation, side driver, normal load, rigid rod.
+!> Boundary forces: elastic foundation, side driver, normal load, rigid rod, absorbing sides and top.
 module pyfric_boundaries
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
-  use pyfric_model, only: model_t, close_state
+  use pyfric_model, only: model_t, close_state, image, ABSORBING
   implicit none (type, external)
   private
-  public :: foundation, driver_force, rod_acceleration, rod_to_row, mirror_sum
+  public :: foundation, driver_force, rod_acceleration, rod_to_row, mirror_sum, absorb, absorbed, image_row
 
 contains
 
-  !> p_i = k_f |z_i| where z_i < 0, else 0 [N].
+  !> p_i = k_f |z_i| where z_i < 0, else 0; or as prescribed [N].
   pure subroutine foundation(s, u_z, p)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
     real(dp), intent(out) :: p(s%nx)             !! upward force on the blocks, left to right [N]
     integer :: i
 
+    if (s%prescribed) then
+      p = s%load
+      return
+    end if
     do i = 1, s%nx
       p(i) = s%k_f*max(-u_z(s%at(i)), 0.0_dp)
     end do
@@ -69,6 +73,66 @@ contains
     end do
     call close_state(s, q)
   end subroutine rod_to_row
+
+  !> Adds -rho c_P v, normal, and -rho c_S v, tangential, on absorbing sides and top.
+  !> J. Lysmer, R. L. Kuhlemeyer, J. Eng. Mech. Div. ASCE 95, 859 (1969).
+  pure subroutine absorb(s, j, q, fx, fz)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: j                        !! row, from 1 at the bottom
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the row
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)   !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)   !! force on the row [N]
+    integer :: i, e
+
+    if (s%left == ABSORBING) call absorb_at(s, 1, q, fx, fz)
+    if (s%right == ABSORBING) call absorb_at(s, s%at(s%nx), q, fx, fz)
+    if (j < s%nz .or. s%top /= ABSORBING) return
+    do i = 1, s%nx
+      e = s%at(i)
+      fx(e) = fx(e) - s%z_s*q(e, VX)
+      fz(e) = fz(e) - s%z_p*q(e, VZ)
+    end do
+  end subroutine absorb
+
+  !> The same for one block at a side.
+  pure subroutine absorb_at(s, e, q, fx, fz)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: e                        !! its element
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the row
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)   !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)   !! force on the row [N]
+
+    fx(e) = fx(e) - s%z_p*q(e, VX)
+    fz(e) = fz(e) - s%z_s*q(e, VZ)
+  end subroutine absorb_at
+
+  !> Power that leaves through the sides and the top of row j [W].
+  pure function absorbed(s, j, q) result(power)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: j                      !! row, from 1 at the bottom
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)  !! the row
+    real(dp) :: power
+    integer :: last
+
+    last = s%at(s%nx)
+    power = 0.0_dp
+    if (s%left == ABSORBING) power = power + (s%z_p*q(1, VX)**2 + s%z_s*q(1, VZ)**2)
+    if (s%right == ABSORBING) power = power + (s%z_p*q(last, VX)**2 + s%z_s*q(last, VZ)**2)
+    if (j < s%nz .or. s%top /= ABSORBING) return
+    power = power + mirror_sum(s%nx, s%z_s*q(s%at(:s%nx), VX)**2 + s%z_p*q(s%at(:s%nx), VZ)**2)
+  end function absorbed
+
+  !> What a mirrored top shows of the top row.
+  pure function image_row(s, q) result(above)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)  !! the top row
+    real(dp) :: above(LB:s%n + LANES, 4)
+    integer :: i
+
+    do i = LB, s%n + LANES
+      above(i, :) = image(q(i, :))
+    end do
+  end function image_row
 
   !> A sum that pairs i with N_x + 1 - i: the mirrored row gives the same bits.
   pure function mirror_sum(n, w) result(total)

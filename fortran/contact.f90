@@ -2,7 +2,7 @@
 module pyfric_contact
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, LB, LANES
-  use pyfric_model, only: model_t, close_row
+  use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: foundation, driver_force
   use pyfric_law, only: stop_reversed, next_states, remembered, STUCK
   use pyfric_log, only: log_t, log_switch, log_quiet
@@ -74,7 +74,7 @@ contains
     call foundation(s, q(LB, UZ), w%p)
     call stop_reversed(s%m, w%p, contact%mode, v_x, contact%loss)
     q(s%at(:s%nx), VX) = v_x
-    call close_row(s%n, q(LB, VX))
+    call close_state(s, q)
   end subroutine stop_blocks
 
   !> Block i switches and is logged.

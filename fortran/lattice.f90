@@ -7,7 +7,7 @@
 module pyfric_lattice
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
-  use pyfric_model, only: model_t, S_SERIES, close_left
+  use pyfric_model, only: model_t, S_SERIES, close_left, image, MIRRORED
   implicit none (type, external)
   private
   public :: forces_linear, elastic_finite, viscous, bond_power, bond_energy
@@ -25,9 +25,10 @@ contains
   !> F_x = (k/4)(4 (E + W)_x + sum of diagonal u_x + (NE - NW - SE + SW)_z - 12 c_x), F_z likewise with N + S for E + W.
   !> Rows that do not exist are passed as zero: `rows` (0 to 2) of them exist, and edge is +1 (above only), -1 (below
   !> only) or 0.
-  pure subroutine forces_linear(n, last, k, eta, rows, edge, dn, q, up, fx, fz)
+  pure subroutine forces_linear(n, last, goes_on, k, eta, rows, edge, dn, q, up, fx, fz)
     integer, intent(in) :: n           !! padded length of a row
     integer, intent(in) :: last        !! element of the last block
+    logical, intent(in) :: goes_on(2)  !! beyond the left and right sides are images of the blocks there
     real(dp), intent(in) :: k          !! stiffness of nearest neighbours [N/m]
     real(dp), intent(in) :: eta        !! viscosity [N s/m]
     real(dp), intent(in) :: rows       !! neighbouring rows
@@ -56,8 +57,8 @@ contains
               + eta*(((q(i + LANES, VZ) + q(i - LANES, VZ)) + ((up(i, VZ) + dn(i, VZ)) &
                           + ((up(i + LANES, VZ) + dn(i + LANES, VZ)) + (up(i - LANES, VZ) + dn(i - LANES, VZ))))) - c_v*q(i, VZ))
     end do
-    call wall_linear(n, k4, eta, rows, edge, 1, 1 + LANES, 1.0_dp, dn, q, up, fx, fz)
-    call wall_linear(n, k4, eta, rows, edge, last, last - LANES, -1.0_dp, dn, q, up, fx, fz)
+    if (.not. goes_on(1)) call wall_linear(n, k4, eta, rows, edge, 1, 1 + LANES, 1.0_dp, dn, q, up, fx, fz)
+    if (.not. goes_on(2)) call wall_linear(n, k4, eta, rows, edge, last, last - LANES, -1.0_dp, dn, q, up, fx, fz)
   end subroutine forces_linear
 
   !> The same for a block at a side wall, which has neighbours in its own column and in column c.
@@ -318,8 +319,39 @@ contains
       w_last = (up(last, VX) - q(last, VX))**2 + (up(last, VZ) - q(last, VZ))**2
     end if
     w(last) = w_last
+    if (s%right == MIRRORED) w(s%at(s%nx + 1:)) = 0.0_dp
     power = s%eta*lane_sum(s%n, w)
+    if (s%left == MIRRORED) power = power + s%eta*over_side(has_up, q(1, :), up(1, :))
+    if (s%right == MIRRORED) power = power + s%eta*over_side(has_up, q(last, :), up(last, :))
+    if (s%top == MIRRORED .and. .not. has_up) power = power + s%eta*over_top(s, q(s%at(:s%nx), :))
   end function bond_power
+
+  !> |dv|^2 of the bonds of a block over a mirrored side: half of the one within the row, one of two alike diagonals.
+  pure function over_side(has_up, block, up) result(w)
+    logical, intent(in) :: has_up
+    real(dp), intent(in) :: block(4)  !! at the side
+    real(dp), intent(in) :: up(4)     !! above it
+    real(dp) :: w, dv(4)
+
+    w = 2.0_dp*block(VZ)**2
+    if (.not. has_up) return
+    dv = image(up) - block
+    w = w + (dv(VX)**2 + dv(VZ)**2)
+  end function over_side
+
+  !> The same over a mirrored top, all blocks of the top row together.
+  pure function over_top(s, q) result(w)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: q(s%nx, 4)  !! the top row
+    real(dp) :: w, dv(4)
+    integer :: i
+
+    w = 2.0_dp*q(s%nx, VZ)**2
+    do i = 1, s%nx - 1
+      dv = image(q(i + 1, :)) - q(i, :)
+      w = w + (2.0_dp*q(i, VZ)**2 + (dv(VX)**2 + dv(VZ)**2))
+    end do
+  end function over_top
 
   !> A sum lane by lane: vectorises, and its order does not depend on the processor.
   pure function lane_sum(n, w) result(total)
@@ -349,7 +381,12 @@ contains
     do i = 1, s%nx - 1
       energy = energy + one(s%k, s%l, 0.0_dp, q(i, :), q(i + 1, :))
     end do
-    if (.not. has_up) return
+    if (.not. has_up) then
+      if (s%top == MIRRORED) energy = energy + over_top()
+      return
+    end if
+    if (s%left == MIRRORED) energy = energy + one(0.5_dp*s%k, -s%l, s%l, q(1, :), image(up(1, :)))
+    if (s%right == MIRRORED) energy = energy + one(0.5_dp*s%k, s%l, s%l, q(s%nx, :), image(up(s%nx, :)))
     do i = 1, s%nx
       energy = energy + one(s%k, 0.0_dp, s%l, q(i, :), up(i, :))
     end do
@@ -378,5 +415,17 @@ contains
       end if
       e = 0.5_dp*k*stretch**2
     end function one
+
+    !> Half of the bonds over a mirrored top.
+    pure function over_top() result(e)
+      real(dp) :: e
+      integer :: i
+
+      e = 0.0_dp
+      do i = 1, s%nx
+        e = e + 0.5_dp*one(s%k, 0.0_dp, s%l, q(i, :), image(q(i, :)))
+        if (i < s%nx) e = e + one(0.5_dp*s%k, s%l, s%l, q(i, :), image(q(i + 1, :)))
+      end do
+    end function over_top
   end function bond_energy
 end module pyfric_lattice

@@ -334,6 +334,7 @@ contains
     call foundation(s, q(LB, UZ), w%p)
     call other_forces(s, t, q, up, w, fx)
     call margins(s%law, s%nx, s%n, s%at, mode, fx, w%p, q(LB, UZ), q(LB, VX), g, stuck)
+    if (s%prescribed) g(2, :) = w%p  ! no gap opens
   end subroutine all_margins
 
   !> The middle of a sub-step by the cubic through its ends.

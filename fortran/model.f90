@@ -1,11 +1,16 @@
 !> What never changes during a run: lattice, boundaries, friction law.
 module pyfric_model
   use pyfric_kinds, only: dp, ip
-  use pyfric_layout, only: LB, LANES, UX, UZ, VZ, padded, elements
+  use pyfric_layout, only: LB, LANES, UX, UZ, VX, VZ, padded, elements
   use pyfric_law, only: law_constants_t, law_t, new_law
   implicit none (type, external)
   private
-  public :: model_t, new_model, S_SERIES, close_left, close_row, close_state
+  public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, image
+  public :: FREE, MIRRORED, ABSORBING, HELD
+
+  !> What is beyond a side or the top. Mirrored: the slider goes on half a bond away, with the same u_x and the opposite
+  !> u_z. Absorbing: dashpots with the impedances of plane waves. Held: the top row does not move.
+  integer, parameter :: FREE = 0, MIRRORED = 1, ABSORBING = 2, HELD = 3
 
   !> Up to this |s|, s = (r/l0)^2 - 1, the series of 1 - l0/r is exact to machine precision.
   real(dp), parameter :: S_SERIES = 2.0_dp**(-7)
@@ -18,6 +23,10 @@ module pyfric_model
     integer(ip) :: rigid    !! 1: top row glued to the rod (setup 1), 0: free (setup 2)
     integer(ip) :: i_h      !! column of the driven block, from 1
     integer(ip) :: j_h      !! row of the driven block, from 1
+    integer(ip) :: prescribed !! 1: the interface has a given p and no foundation, 0: it has a foundation
+    integer(ip) :: left     !! what is beyond the left side: FREE, MIRRORED or ABSORBING
+    integer(ip) :: right    !! the right side
+    integer(ip) :: top      !! the top, which can also be HELD
   end type counts_t
 
   !> What it passes as numbers, in this order, before x, load and shear; the same names are in pyfric.core.Constants.
@@ -51,6 +60,13 @@ module pyfric_model
     logical :: rigid        !! top row glued to the rod (setup 1); else free (setup 2)
     integer :: i_h          !! column of the driven block
     integer :: j_h          !! row of the driven block
+    logical :: prescribed   !! the interface carries `load` as p and has no foundation; else it has one
+    integer :: left         !! these: see FREE
+    integer :: right
+    integer :: top
+    integer :: j_shear      !! row on which shear acts
+    real(dp) :: z_p         !! impedance of a block to longitudinal waves, rho c_P times its face [N s/m]
+    real(dp) :: z_s         !! the same for shear waves
     real(dp) :: l           !! these: see constants_t
     real(dp) :: k
     real(dp) :: eta
@@ -73,8 +89,8 @@ module pyfric_model
     real(dp) :: diagonal(7) !! the same for length sqrt(2) l
     logical :: sheared      !! shear or k_top is not zero
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
-    real(dp), allocatable :: load(:)  !! downward load on a free top row [N]
-    real(dp), allocatable :: shear(:) !! constant force on a free top row, along +x [N]
+    real(dp), allocatable :: load(:)  !! downward load on a free top row, or prescribed p [N]
+    real(dp), allocatable :: shear(:) !! constant force on row j_shear, along +x [N]
   end type model_t
 
 contains
@@ -97,6 +113,11 @@ contains
     s%rigid = n%rigid == 1
     s%i_h = n%i_h
     s%j_h = n%j_h
+    s%prescribed = n%prescribed == 1
+    s%left = n%left
+    s%right = n%right
+    s%top = n%top
+    s%j_shear = merge(1, s%nz, s%prescribed)
     first = size(numbers) - 3*s%nx
     c = transfer(numbers(:first), c)
     call take_constants(c, s)
@@ -128,6 +149,8 @@ contains
     s%p_corner = c%p_corner
     s%k_top = c%k_top
     s%law = new_law(c%law)
+    s%z_p = sqrt(1.5_dp*s%k*s%m)
+    s%z_s = sqrt(0.5_dp*s%k*s%m)
     s%near = series(s%k, s%l**2)
     s%diagonal = series(0.5_dp*s%k, 2.0_dp*s%l**2)
   end subroutine take_constants
@@ -184,7 +207,16 @@ contains
     q(n + LANES) = 0.0_dp
   end subroutine close_row
 
-  !> Closes a row of the state. In finite geometry the filling follows the last block: no bond there is strained.
+  !> What a mirrored side or top shows of a block: the same u_x, the opposite u_z, and so their rates.
+  pure function image(block) result(q)
+    real(dp), intent(in) :: block(4)
+    real(dp) :: q(4)
+
+    q = [block(UX), -block(UZ), block(VX), -block(VZ)]
+  end function image
+
+  !> Closes a row of the state. In finite geometry the filling follows the last block: no bond there is strained. Beyond
+  !> a mirrored side is the image of the last block.
   pure subroutine close_state(s, q)
     type(model_t), intent(in) :: s
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4)  !! the row
@@ -200,5 +232,7 @@ contains
       call close_row(s%n, q(LB, i))
     end do
     if (s%finite) q(s%n + LANES, UX:UZ) = q(s%at(s%nx), UX:UZ)
+    if (s%left == MIRRORED) q(LB, :) = image(q(1, :))
+    if (s%right == MIRRORED) q(s%at(s%nx) + LANES, :) = image(q(s%at(s%nx), :))
   end subroutine close_state
 end module pyfric_model

@@ -2,9 +2,9 @@
 module pyfric_rows
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
-  use pyfric_model, only: model_t
+  use pyfric_model, only: model_t, MIRRORED, HELD
   use pyfric_lattice, only: forces_linear, elastic_finite, viscous, bond_power, N_BOND
-  use pyfric_boundaries, only: foundation, driver_force, mirror_sum
+  use pyfric_boundaries, only: foundation, driver_force, mirror_sum, absorb, absorbed, image_row
   use pyfric_law, only: friction_force
   implicit none (type, external)
   private
@@ -53,7 +53,9 @@ contains
 
     if (s%finite) call elastic_finite(s%n, s%at(s%nx), s%k, s%l, s%near, s%diagonal, j < s%nz, q, up, b, carry, &
                                        fx, fz)
-    if (j > 1 .and. j < s%nz) then
+    if (j == s%nz .and. s%top == MIRRORED) then
+      call gathered(s, 2, 0, dn, q, image_row(s, q), fx, fz)
+    else if (j > 1 .and. j < s%nz) then
       call gathered(s, 2, 0, dn, q, up, fx, fz)
     else if (j < s%nz) then
       call gathered(s, 1, 1, w%none, q, up, fx, fz)
@@ -81,7 +83,7 @@ contains
     if (s%finite) then
       call viscous(s%n, s%at(s%nx), s%eta, n_rows, dn, q, up, fx, fz)
     else
-      call forces_linear(s%n, s%at(s%nx), s%k, s%eta, n_rows, real(edge, dp), dn, q, up, fx, fz)
+      call forces_linear(s%n, s%at(s%nx), [s%left, s%right] == MIRRORED, s%k, s%eta, n_rows, real(edge, dp), dn, q, up, fx, fz)
     end if
     do i = s%nx + 1, s%n
       fx(s%at(i)) = 0.0_dp
@@ -89,7 +91,8 @@ contains
     end do
   end subroutine gathered
 
-  !> Adds the forces from outside on row j: the driver's, and on a free top row the load and shear - k_top u_x.
+  !> Adds the forces from outside on row j: the driver's; the shear; on a free top row the load and -k_top u_x; those of
+  !> absorbing sides and top.
   pure subroutine outer_forces(s, j, t, q, fx, fz, f_t)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                        !! row, from 1 at the bottom
@@ -105,11 +108,14 @@ contains
       f_t = driver_force(s, t, q(i, UX))
       fx(i) = fx(i) + s%d*f_t
     end if
-    if (j < s%nz .or. s%rigid) return
-    do i = 1, s%nx
-      fz(s%at(i)) = fz(s%at(i)) - s%load(i)
-    end do
-    if (.not. s%sheared) return
+    if (s%prescribed) call absorb(s, j, q, fx, fz)
+    if (s%rigid) return
+    if (j == s%nz .and. .not. s%prescribed) then
+      do i = 1, s%nx
+        fz(s%at(i)) = fz(s%at(i)) - s%load(i)
+      end do
+    end if
+    if (j /= s%j_shear .or. .not. s%sheared) return
     do i = 1, s%nx
       fx(s%at(i)) = fx(s%at(i)) + (s%shear(i) - s%k_top*q(s%at(i), UX))
     end do
@@ -154,9 +160,15 @@ contains
       call foundation(s, q(LB, UZ), w%p)
       call friction_force(s%law, s%nx, s%n, s%at, mode, s_0, q(LB, UX), fx, w%p, w%f)
       do i = 1, s%nx
-        fz(s%at(i)) = fz(s%at(i)) + w%p(i)
         fx(s%at(i)) = fx(s%at(i)) + w%f(i)
       end do
+      if (s%prescribed) return
+      do i = 1, s%nx
+        fz(s%at(i)) = fz(s%at(i)) + w%p(i)
+      end do
+    else if (j == s%nz .and. s%top == HELD) then
+      fx = 0.0_dp
+      fz = 0.0_dp
     end if
   end subroutine row_forces
 
@@ -172,15 +184,16 @@ contains
     type(budget_t), intent(inout) :: budget
 
     budget%dissipated(j) = budget%dissipated(j) + c*bond_power(s, j < s%nz, q, up)
+    if (s%prescribed) budget%dissipated(j) = budget%dissipated(j) + c*absorbed(s, j, q)
     if (j == 1) budget%heat = budget%heat - c*(w%f*q(s%at(:s%nx), VX))
     if (j == s%j_h) budget%work(1) = budget%work(1) + c*(w%f_t*s%v_drv)
-    if (j == s%nz) then
-      if (s%rigid) then
-        budget%work(2) = budget%work(2) - c*(s%f_n*v_rod)
-      else
-        budget%work(2) = budget%work(2) - c*mirror_sum(s%nx, s%load*q(s%at(:s%nx), VZ))
-        if (s%sheared) budget%work(2) = budget%work(2) + c*mirror_sum(s%nx, s%shear*q(s%at(:s%nx), VX))
-      end if
+    if (s%rigid) then
+      if (j == s%nz) budget%work(2) = budget%work(2) - c*(s%f_n*v_rod)
+      return
     end if
+    if (j == s%nz .and. .not. s%prescribed) then
+      budget%work(2) = budget%work(2) - c*mirror_sum(s%nx, s%load*q(s%at(:s%nx), VZ))
+    end if
+    if (j == s%j_shear .and. s%sheared) budget%work(2) = budget%work(2) + c*mirror_sum(s%nx, s%shear*q(s%at(:s%nx), VX))
   end subroutine row_powers
 end module pyfric_rows

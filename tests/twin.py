@@ -41,11 +41,12 @@ def bond_forces(scene: Any, y: np.ndarray, geometry: str) -> np.ndarray:
     for j in range(scene.N_z):
         for i in range(scene.N_x):
             for a, b in NEIGHBOURS:
-                i2, j2 = i + a, j + b
-                if not (0 <= i2 < scene.N_x and 0 <= j2 < scene.N_z):
+                there = neighbour(scene, j + b, i + a)
+                if there is None:
                     continue
+                j2, i2, sign = there
                 k, l, d_x, d_z = _bond(scene, a, b)
-                du_x, du_z = u_x[j2][i2] - u_x[j][i], u_z[j2][i2] - u_z[j][i]
+                du_x, du_z = u_x[j2][i2] - u_x[j][i], sign * u_z[j2][i2] - u_z[j][i]
                 if geometry == "linear":
                     n_x, n_z = d_x / l, d_z / l
                     tension = k * (n_x * du_x + n_z * du_z)
@@ -54,7 +55,51 @@ def bond_forces(scene: Any, y: np.ndarray, geometry: str) -> np.ndarray:
                     n_x, n_z = (d_x + du_x) / r, (d_z + du_z) / r
                     tension = k * elongation
                 F[j, 0, i] += tension * n_x + scene.eta * (v_x[j2][i2] - v_x[j][i])
-                F[j, 1, i] += tension * n_z + scene.eta * (v_z[j2][i2] - v_z[j][i])
+                F[j, 1, i] += tension * n_z + scene.eta * (sign * v_z[j2][i2] - v_z[j][i])
+    return F
+
+
+def neighbour(scene: Any, j: int, i: int) -> tuple[int, int, int] | None:
+    """Return row, column and the sign of u_z of the block at (j, i); None where nothing is.
+
+    Beyond a mirrored side or top it is the image of the block as far behind it as (j, i) is beyond.
+    """
+    walls, sign = getattr(scene, "walls", None), 1
+    if i in (-1, scene.N_x):
+        if walls is None or (walls.left if i < 0 else walls.right) != "mirrored":
+            return None
+        i, sign = (0 if i < 0 else scene.N_x - 1), -sign
+    if j == scene.N_z:
+        if walls is None or walls.top != "mirrored":
+            return None
+        j, sign = scene.N_z - 1, -sign
+    return None if j < 0 else (j, i, sign)
+
+
+def prescribed(scene: Any) -> bool:
+    """Return whether p is given and there is no foundation."""
+    return getattr(scene, "prescribed", False)
+
+
+def absorbing(scene: Any, y: np.ndarray) -> np.ndarray:
+    """Return the forces of the dashpots of absorbing walls, (N_z, 2, N_x), in N.
+
+    Along the normal rho c_P v per area, across it rho c_S v; a block has the face m/(rho l), and
+    c_P = l sqrt(3 k/(2 m)), c_S = l sqrt(k/(2 m)).
+    """
+    F, walls = np.zeros_like(y[:, :2]), getattr(scene, "walls", None)
+    if walls is None:
+        return F
+    z_p, z_s = sqrt(1.5 * scene.slider.k * scene.m), sqrt(0.5 * scene.slider.k * scene.m)
+    for side, i in ((walls.left, 0), (walls.right, scene.N_x - 1)):
+        if side == "absorbing":
+            for j in range(scene.N_z):
+                F[j, 0, i] -= z_p * y[j, 2, i]
+                F[j, 1, i] -= z_s * y[j, 3, i]
+    if walls.top == "absorbing":
+        for i in range(scene.N_x):
+            F[-1, 0, i] -= z_s * y[-1, 2, i]
+            F[-1, 1, i] -= z_p * y[-1, 3, i]
     return F
 
 
@@ -96,7 +141,9 @@ def driver_force(scene: Any, t: float, y: np.ndarray, u_drv0: float) -> float:
 
 
 def normal_forces(scene: Any, y: np.ndarray) -> np.ndarray:
-    """Return p_i = k_f |u_z| of the blocks pressed into the foundation, else 0, in N."""
+    """Return p_i = k_f |u_z| of the blocks pressed into the foundation, else 0, in N; or as given."""
+    if prescribed(scene):
+        return np.array(scene.p_prescribed)
     return np.array([scene.k_f * -u_z if u_z < 0 else 0.0 for u_z in y[0, 1]])
 
 
@@ -120,6 +167,12 @@ def all_but_friction(
     F_T = driver_force(scene, t, y, u_drv0)
     F[scene.j_h, 0, scene.i_h] += scene.d * F_T
     p = normal_forces(scene, y)
+    F += absorbing(scene, y)
+    if prescribed(scene):
+        F[0, 0] += scene.shear
+        if scene.walls.top == "held":
+            F[-1] = 0.0
+        return F, p, F_T
     F[0, 1] += p
     if not scene.rigid:
         F[-1, 1] -= scene.load
@@ -177,12 +230,12 @@ def right_hand_side(
         dydt[-1, 2], dydt[-1, 3] = drod[3], drod[4] + drod[5] * scene.x
 
     rates = {
-        "bonds": bond_dissipation(scene, y),
+        "bonds": bond_dissipation(scene, y) - np.sum(absorbing(scene, y) * y[:, 2:]),
         "friction": -sum(f * y[0, 2]),
         "driver": F_T * scene.driver.V,
         "load": -scene.F_N * rod[4]
         if scene.rigid
-        else sum(scene.shear * y[-1, 2] - scene.load * y[-1, 3]),
+        else sum(scene.shear * y[getattr(scene, "j_shear", -1), 2] - scene.load * y[-1, 3]),
     }
     return Forces(dydt, drod, dslip, f, p, F_T, rates)
 
@@ -196,6 +249,24 @@ def friction_coefficient(scene: Any, slip: float) -> float:
     if d_c == 0:
         return mu_k
     return mu_s - (mu_s - mu_k) * min(max(slip, 0.0) / d_c, 1.0)
+
+
+def over_walls(scene: Any) -> list[tuple[int, int, int, int]]:
+    """Return the bonds over mirrored walls, as (j, i, a, b): one half of each counts."""
+    return [
+        (j, i, a, b)
+        for j in range(scene.N_z)
+        for i in range(scene.N_x)
+        for a, b in NEIGHBOURS
+        if not (0 <= i + a < scene.N_x and 0 <= j + b < scene.N_z)
+        and neighbour(scene, j + b, i + a)
+    ]
+
+
+def difference(scene: Any, q: np.ndarray, j: int, i: int, a: int, b: int) -> np.ndarray:
+    """Return what a field q (N_z, 2, N_x) changes by over a bond, shape (2,)."""
+    j2, i2, sign = neighbour(scene, j + b, i + a)
+    return q[j2, :, i2] * (1, sign) - q[j, :, i]
 
 
 def each_bond(scene: Any) -> list[tuple[int, int, int, int]]:
@@ -215,6 +286,8 @@ def bond_dissipation(scene: Any, y: np.ndarray) -> float:
     for j, i, a, b in each_bond(scene):
         dv = y[j + b, 2:4, i + a] - y[j, 2:4, i]
         total += scene.eta * (dv[0] ** 2 + dv[1] ** 2)
+    for bond in over_walls(scene):
+        total += scene.eta * np.sum(difference(scene, y[:, 2:], *bond) ** 2) / 2
     return total
 
 
@@ -229,6 +302,9 @@ def bond_energy(scene: Any, geometry: str, y: np.ndarray) -> float:
         else:
             elongation, _ = _elongation(l, d_x, d_z, du_x, du_z)
         total += k * elongation**2 / 2
+    for j, i, a, b in over_walls(scene):
+        k, l, d_x, d_z = _bond(scene, a, b)
+        total += k * (np.dot((d_x, d_z), difference(scene, y[:, :2], j, i, a, b)) / l) ** 2 / 4
     return total
 
 
@@ -249,9 +325,9 @@ def energies(
         "kinetic_top": scene.m * speed2[-1] / 2 if scene.rigid else 0.0,
         "kinetic_rod": 0.0,
         "bonds": bond_energy(scene, geometry, y),
-        "foundation": sum(scene.k_f * u_z**2 / 2 for u_z in y[0, 1] if u_z < 0),
+        "foundation": sum(scene.k_f * u_z**2 / 2 for u_z in y[0, 1] if u_z < 0),  # k_f = 0: none
         "mattress": 0.0 if scene.rigid else scene.k_top * sum(y[-1, 0] ** 2) / 2,
-        "driver": driver_force(scene, t, y, u_drv0) ** 2 / (2 * scene.driver.K),
+        "driver": driver_force(scene, t, y, u_drv0) ** 2 / (2 * (scene.driver.K or 1.0)),
     }
     if scene.rigid:
         _, _, phi, dX, dZ, dphi = rod

@@ -15,6 +15,8 @@ __all__ = ["CORNER_SHARE", "Constants", "Counts", "Model", "model", "springs"]
 
 CORNER_SHARE = 0.02
 """Slip that starts with less than this share of F_N/N_x is a corner episode."""
+BEYOND = {"free": 0, "mirrored": 1, "absorbing": 2, "held": 3}
+"""What is beyond sides and top, as the core counts it (pyfric_model)."""
 
 
 class Counts(NamedTuple):
@@ -26,6 +28,10 @@ class Counts(NamedTuple):
     rigid: int
     i_h: int
     j_h: int
+    prescribed: int
+    left: int
+    right: int
+    top: int
 
 
 class Constants(NamedTuple):
@@ -62,7 +68,8 @@ class Model(NamedTuple):
 
     Attributes:
         counts: `Counts`, int32.
-        numbers: `Constants`, then x (m), load and shear (N), of N_x numbers each.
+        numbers: `Constants`, then x (m), load (p where it is prescribed) and shear (N), of N_x numbers
+            each.
     """
 
     counts: np.ndarray
@@ -85,6 +92,8 @@ def _counts(scene: Scene, geometry: Geometry) -> Counts:
         int(scene.rigid),
         scene.i_h + 1,
         scene.j_h + 1,
+        int(scene.prescribed),
+        *(BEYOND[getattr(scene.walls, side)] for side in ("left", "right", "top")),
     )
 
 
@@ -125,7 +134,8 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
         mu_k=interface.mu_k,
         d_c=interface.d_c,
     )
-    packed = _packed(_counts(scene, geometry), constants, scene.x, scene.load, scene.shear)
+    load = scene.p_prescribed if scene.prescribed else scene.load
+    packed = _packed(_counts(scene, geometry), constants, scene.x, load, scene.shear)
     if not np.isfinite(packed.numbers).all():
         raise ValueError(f"constants of the scene are not finite: {constants}")
     return packed
@@ -150,5 +160,5 @@ def springs(
         m=scene.m if m is None else m,
     )
     nothing = np.zeros(scene.N_x)
-    counts = _counts(scene, geometry)._replace(rigid=0)
+    counts = _counts(scene, geometry)._replace(rigid=0, prescribed=0, left=0, right=0, top=0)
     return _packed(counts, constants, scene.x, nothing, nothing)

@@ -383,7 +383,7 @@ class Run:
             t_gap=self.method.t_gap,
             t_begin=self.t_begin,
             t_end=self.state.t,
-            solver=self.solver,
+            solver=None if self.scene.prescribed else self.solver,
         )
         return catalogue, switches, quiet
 

@@ -26,6 +26,7 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import State
+from pyfric.scene import default_geometry
 
 if TYPE_CHECKING:
     from pyfric.scene import Geometry, Scene
@@ -101,7 +102,7 @@ class Guard:
 
     def energy(self, state: State) -> Energy:
         stored = sum(core.energies(self.model, state, state.t).values())
-        shear = float(self.scene.shear @ state.y[-1, 0])
+        shear = float(self.scene.shear @ state.y[self.scene.j_shear, 0])
         stored += self._potential(state) + self.floor
         return Energy(state.step, state.t, stored, shear)
 
@@ -156,7 +157,7 @@ def folded(scene: Scene, u: np.ndarray) -> tuple[int, int] | None:
 def largest_strain(scene: Scene, F_T: float) -> float:
     """Return the largest strain of a bond at a driver force F_T (N), and under F_N alone."""
     unit = scene.slider.k * scene.slider.l
-    if scene.N_z == 1:
+    if scene.N_z == 1 or scene.prescribed:
         return abs(F_T) / unit
     return max(STRAIN_SHARE * abs(F_T), scene.F_N / scene.N_x) / unit
 
@@ -166,7 +167,7 @@ def strain_notes(scene: Scene, engine: str, F_T: float) -> tuple[str, ...]:
     strain = largest_strain(scene, F_T)
     if strain <= LINEAR:
         return ()
-    instead = "; geometry = 'finite' follows them" if scene.N_z > 1 else ""
+    instead = "; geometry = 'finite' follows them" * (default_geometry(scene) == "finite")
     return (
         f"{engine}: strains reach about {strain:.2g}, above {LINEAR:g}, where linear geometry, "
         f"which leaves out the rotation and the change of length of bonds, means little{instead}",

@@ -26,7 +26,7 @@ from pyfric.scene import (
     default_geometry,
     unknown,
 )
-from pyfric.statics import stability_limit
+from pyfric.statics import check_rests, stability_limit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -209,6 +209,8 @@ class Options:
         """
         if self.geometry is not None:
             check_geometry(self.geometry, scene)
+        if engine.name != "dynamic":
+            check_rests(scene)
         if self.stepper not in engine.steppers:
             known = " or ".join(map(repr, engine.steppers))
             allowed = f"{known} with fidelity = {engine.name!r}"

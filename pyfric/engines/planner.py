@@ -212,11 +212,34 @@ def plan(
     """
     tolerance = Options(want=want, tolerance=tolerance).tolerance
     t_end = check_number("t_end", t_end, "s", ge=0.0)
+    if scene.prescribed:
+        return _all_of_it(scene, want, tolerance, t_end)
     scout, times = _scout(scene, t_end), decay_times(scene)
     why_not, without_inertia = _ladder(scene, want, tolerance, scout, times)
     if without_inertia is not None:
         return without_inertia
     return _stepped(scene, want, tolerance, t_end, scout, times, why_not)
+
+
+def _all_of_it(scene: Scene, want: Want, tolerance: float, t_end: float) -> Plan:
+    """Return the plan for a prescribed interface in two dimensions, which has no static states."""
+    switching, dt, error = _step(scene, want, tolerance)
+    blocks = scene.N_x * scene.N_z
+    evaluations = 4.0 * t_end / dt * blocks
+    what = "a prescribed interface in two dimensions has no static states"
+    return Plan(
+        want=want,
+        tolerance=tolerance,
+        fidelity="dynamic",
+        geometry="linear",
+        switching=switching,
+        dt=dt,
+        assumptions=(_resolution(scene, dt),),
+        reasons=(f"quasistatic: {what}", f"hybrid: {what}"),
+        error=error,
+        evaluations=evaluations,
+        seconds=evaluations * NS["linear"] * 1e-9,
+    )
 
 
 def _ladder(
@@ -330,6 +353,9 @@ def long_note(
     most = 4.0 * length / dt * blocks * NS[geometry] * 1e-9
     if most + set_up(scene, fidelity, geometry).seconds <= LONG:
         return ""
+    hint = "larger blocks take less: twice l, about a tenth of the time"
+    if scene.prescribed:
+        return f"{fidelity}: this run takes about {most / 60:.2g} minutes on one core; {hint}"
     scout = _scout(scene, length)
 
     def seconds(fidelity: Fidelity, geometry: Geometry) -> float:
@@ -341,7 +367,6 @@ def long_note(
     ways = {("hybrid", geometry), ("hybrid", "linear")} - {(fidelity, geometry)}
     quicker = [(seconds(*way), *way) for way in sorted(ways)]
     least, engine, bonds = min(quicker, default=(math.inf, "", ""))
-    hint = "larger blocks take less: twice l, about a tenth of the time"
     if least < expected:
         hint = f"the {engine} engine in {bonds} geometry takes about {least / 60:.2g} minutes"
     return f"{fidelity}: this run takes about {expected / 60:.2g} minutes on one core; {hint}"
@@ -536,7 +561,7 @@ def _of_record(record: Record, plan: Plan) -> list[Assumption]:
     if plan.fidelity == "quasistatic":
         found.append(_waits(decay_times(scene).slow, _interval(record)))
         found.append(_gap(_most_open(record)))
-    if plan.geometry == "linear" and scene.N_z > 1:
+    if plan.geometry == "linear" and default_geometry(scene) == "finite":
         limit = plan.tolerance / (1 if plan.fidelity == "quasistatic" else 2)
         F_max = float(record.curve["F_T"].abs().max())
         found.append(_strain(largest_strain(scene, F_max), limit))

@@ -19,6 +19,7 @@ from pyfric.scene.parts import (
     PrescribedLoad,
     Rod,
     Slider,
+    Walls,
 )
 from pyfric.scene.presets import (
     PRESETS,
@@ -30,6 +31,7 @@ from pyfric.scene.presets import (
     run3,
     setup1,
     setup2,
+    slab,
 )
 from pyfric.scene.scene import Scene
 from pyfric.scene.signals import (
@@ -65,6 +67,7 @@ __all__ = [
     "SceneError",
     "SceneLike",
     "Slider",
+    "Walls",
     "__version__",
     "answered",
     "as_scene",
@@ -92,6 +95,7 @@ __all__ = [
     "sealed",
     "setup1",
     "setup2",
+    "slab",
     "slipped",
     "unknown",
     "unsealed",

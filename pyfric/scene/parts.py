@@ -18,6 +18,7 @@ __all__ = [
     "PrescribedLoad",
     "Rod",
     "Slider",
+    "Walls",
     "steps_in",
 ]
 
@@ -150,17 +151,23 @@ class DistributedLoad:
 
 @part
 class PrescribedLoad:
-    """Top boundary of a chain (N_z = 1): the forces on its blocks.
+    """A prescribed interface: the forces on its blocks.
 
-    Sequences have N_x numbers, from the trailing edge on; they become tuples. A block is pressed
-    down with p_i, pushed along the driving with the constant force tau_i, which its friction
-    balances at t = 0, and pulled back with k_top times its displacement since then.
+    Sequences have N_x numbers, from the trailing edge on; they become tuples. A block of the bottom
+    row carries p_i for good, and is pushed along the driving with the constant force tau_i, which
+    its friction balances at t = 0. The geometry is linear, displacements count from t = 0.
+
+    A chain (N_z = 1) is pressed down with p_i, and each block is pulled back with k_top times its
+    displacement. In two dimensions (N_z > 1) there is no foundation: p_i decides on friction, and
+    the bottom row moves freely along z, as the half of a symmetric body does under shear. What is
+    beyond its sides and top is said by `Walls`. There |tau_i| may exceed mu_s p_i: such blocks slip
+    from t = 0 on.
 
     Args:
         p: normal force on each block, N, > 0; one number or a sequence of N_x.
         tau: friction force on each block at t = 0, N, positive against driving,
-            |tau_i| <= mu_s p_i; one number or a sequence of N_x.
-        k_top: shear stiffness between each block and a rigid top, N/m, >= 0.
+            |tau_i| <= mu_s p_i in a chain; one number or a sequence of N_x.
+        k_top: shear stiffness between each block of a chain and a rigid top, N/m, >= 0.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
@@ -179,11 +186,45 @@ class PrescribedLoad:
 
 
 @part
+class Walls:
+    """What is beyond the sides and the top of a slider on a prescribed interface.
+
+    "free": nothing. "mirrored": half a bond away the slider goes on, with the same u_x and the
+    opposite u_z; on a side this is the other half of a shear crack that starts there, on the top a
+    second interface under the same forces. "absorbing": dashpots with the impedances of plane
+    waves, rho c_P along the normal and rho c_S across it. "held": the top row does not move.
+
+    Energies, works and heat are those of the blocks of the scene, without their images; what
+    absorbing walls take is counted as dissipated in the bonds.
+
+    Args:
+        left, right: "free", "mirrored" or "absorbing".
+        top: "free", "held", "mirrored" or "absorbing".
+
+    Raises:
+        SceneError: a value is unknown.
+
+    Source: J. Lysmer, R. L. Kuhlemeyer, J. Eng. Mech. Div. ASCE 95, 859 (1969), for dashpots.
+    """
+
+    left: Literal["free", "mirrored", "absorbing"] = "free"
+    right: Literal["free", "mirrored", "absorbing"] = "free"
+    top: Literal["free", "held", "mirrored", "absorbing"] = "free"
+
+    _section: ClassVar[str] = "walls"
+    _allowed: ClassVar[dict[str, str]] = {
+        "left": "'free', 'mirrored' or 'absorbing'",
+        "right": "'free', 'mirrored' or 'absorbing'",
+        "top": "'free', 'held', 'mirrored' or 'absorbing'",
+    }
+
+
+@part
 class Driver:
     """The spring that pushes one side of the slider; its far end moves at constant speed.
 
     Args:
-        K: stiffness, N/m, > 0.
+        K: stiffness, N/m, > 0, or 0 for no driver on a prescribed interface.
         V: speed of the far end towards the slider, m/s, >= 0 (0 holds the driver).
         h: height of the driven block above the interface, m; a multiple of l, l <= h <= H; 0 in a
             chain.
@@ -195,7 +236,7 @@ class Driver:
     Source: PRL 107, 074301 (2011), F_T = K (V t - x_h).
     """
 
-    K: Annotated[float, Positive("N/m")]
+    K: Annotated[float, NotNegative("N/m")]
     V: Annotated[float, NotNegative("m/s")]
     h: Annotated[float, NotNegative("m", note=", a multiple of l up to H")]
     side: Literal["left", "right"] = "left"

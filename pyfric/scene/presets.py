@@ -1,4 +1,4 @@
-"""The paper's scenes, and a chain.
+"""The paper's scenes, a chain, and a slab on a prescribed interface.
 
 Source: PRL 107, 074301 (2011).
 """
@@ -8,7 +8,15 @@ from collections.abc import Callable, Sequence
 from types import MappingProxyType
 from typing import Any, Literal
 
-from pyfric.scene.parts import DistributedLoad, Driver, Interface, PrescribedLoad, Rod, Slider
+from pyfric.scene.parts import (
+    DistributedLoad,
+    Driver,
+    Interface,
+    PrescribedLoad,
+    Rod,
+    Slider,
+    Walls,
+)
 from pyfric.scene.scene import Scene
 from pyfric.scene.units import SceneError, check_number, unknown
 
@@ -28,6 +36,7 @@ __all__ = [
     "setup2",
     "setup2_minus",
     "setup2_plus",
+    "slab",
 ]
 
 
@@ -169,6 +178,67 @@ def chain(
         driver=Driver(K=K, V=V, h=0.0, side=side),
         interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f, d_c=d_c),
         name=name,
+    )
+
+
+Profile = float | Sequence[float] | Callable[[float], float]
+"""Forces along an interface: one number, a list, or a function of x."""
+
+
+def slab(
+    *,
+    p: Profile,
+    tau: Profile = 0.0,
+    L: float,
+    H: float,
+    l: float,
+    k: float = 13.5e6,
+    M: float | None = None,
+    mu_s: float = 0.7,
+    mu_k: float = 0.45,
+    K: float = 0.0,
+    V: float = 0.0,
+    h: float | None = None,
+    side: Literal["left", "right"] = "left",
+    walls: Walls | None = None,
+    eta: float | None = None,
+    k_f: None = None,
+    d_c: float = 0.0,
+    name: str = "slab",
+) -> Scene:
+    """Return a slab on a prescribed interface: p(x) and tau(x) are given, in linear geometry.
+
+    Arguments are the fields of the parts, in SI units, with these differences:
+
+    - p and tau are numbers, lists of N_x numbers from the trailing edge on, or functions of x, the
+      distance (m) of a block from the first one at the trailing edge, or from the plane of the
+      mirror where that side is mirrored; they return N;
+    - M = None means the mass per area of `setup1`, 6.845 kg/m^2 times (L + l) (H + l);
+    - K = 0 leaves the driver out; h = None means l;
+    - walls = None means that sides and top are free.
+
+    Raises:
+        SceneError: a value is of the wrong type or out of range.
+    """
+    L, H, l = (
+        check_number(f"slider.{n}", v, "m", gt=0.0) for n, v in zip("LHl", (L, H, l), strict=True)
+    )
+    walls = Walls() if walls is None else walls
+    if M is None:
+        M = 0.0756 / (0.1425 * 0.0775) * (L + l) * (H + l)
+    slider = Slider(L=L, H=H, l=l, k=k, M=M, eta=eta)
+    begin = l / 2 if isinstance(walls, Walls) and getattr(walls, side, "") == "mirrored" else 0.0
+    x = [begin + l * i for i in range(slider.N_x)]
+    return Scene(
+        slider=slider,
+        top=PrescribedLoad(
+            p=[p(one) for one in x] if callable(p) else p,
+            tau=[tau(one) for one in x] if callable(tau) else tau,
+        ),
+        driver=Driver(K=K, V=V, h=l if h is None else h, side=side),
+        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f, d_c=d_c),
+        name=name,
+        walls=walls,
     )
 
 

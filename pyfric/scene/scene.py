@@ -24,6 +24,7 @@ from pyfric.scene.parts import (
     PrescribedLoad,
     Rod,
     Slider,
+    Walls,
     steps_in,
 )
 from pyfric.scene.units import SceneError
@@ -36,19 +37,21 @@ MAX_NAME = 200
 
 @part
 class Scene:
-    """What is simulated: slider, top boundary, driver and interface. Immutable and hashable.
+    """What is simulated: slider, top boundary, driver, interface, walls. Immutable and hashable.
 
     Args:
         slider: a `Slider`.
-        top: a `Rod` (setup 1), a `DistributedLoad` (setup 2) or a `PrescribedLoad` (a chain).
+        top: a `Rod` (setup 1), a `DistributedLoad` (setup 2) or a `PrescribedLoad` (a chain, or a
+            prescribed interface in two dimensions).
         driver: a `Driver`; its h must be on a row of the slider above the bottom one, or 0 for a
             chain.
         interface: an `Interface`.
         name: free text of at most `MAX_NAME` characters.
+        walls: what is beyond sides and top of a slider on a prescribed interface, `Walls`.
 
     Raises:
-        SceneError: a part is missing, unknown or of the wrong type, h is not on a row, or the
-            forces on a chain do not fit its blocks.
+        SceneError: a part is missing, unknown or of the wrong type, h is not on a row, prescribed
+            forces do not fit the blocks, or walls or parts do not go together.
 
     Use `dataclasses.replace` on a scene and its parts to change values; all checks are repeated.
     Arrays run along the interface from the leftmost block to the rightmost one.
@@ -61,6 +64,7 @@ class Scene:
     driver: Driver
     interface: Interface
     name: str = ""
+    walls: Walls = Walls()
 
     _section: ClassVar[str] = ""
     _allowed: ClassVar[dict[str, str]] = {
@@ -69,6 +73,7 @@ class Scene:
         "driver": "a Driver",
         "interface": "an Interface",
         "name": f"text of at most {MAX_NAME} characters",
+        "walls": "Walls",
     }
 
     def __post_init__(self) -> None:
@@ -76,10 +81,11 @@ class Scene:
         if len(self.name) > MAX_NAME or not encodable:
             allowed = self._allowed["name"]
             raise SceneError("name", self.name, "", allowed, "too long or not UTF-8")
-        h, l, H = self.driver.h, self.slider.l, self.slider.H
         if isinstance(self.top, PrescribedLoad):
-            self._check_chain()
+            self._check_prescribed()
+        if isinstance(self.top, PrescribedLoad) and self.N_z == 1:
             return
+        h, l, H = self.driver.h, self.slider.l, self.slider.H
         if self.N_z == 1:
             allowed = f"a multiple of l = {l!r} m, >= l{CHAIN_NOTE}"
             reason = f"too small where top.kind = {self.top.kind!r}"
@@ -89,17 +95,43 @@ class Scene:
             allowed = f"a multiple of l = {l!r} m, from l to H = {H!r} m"
             reason = "not on a row" if steps is None else "not on a row that can be driven"
             raise SceneError("driver.h", h, "m", allowed, reason)
+        self._check_walls()
 
-    def _check_chain(self) -> None:
-        slider, top = self.slider, self.top
-        for name, length in (("slider.H", slider.H), ("driver.h", self.driver.h)):
-            if length:
-                raise SceneError(name, length, "m", "0 m", "a prescribed load needs a chain")
+    def _check_walls(self) -> None:
+        """Refuse what only a prescribed interface in two dimensions has, or does not have."""
+        if not self.prescribed:
+            for side in ("left", "right", "top"):
+                if (beyond := getattr(self.walls, side)) != "free":
+                    reason = "walls need top.kind = 'prescribed' and at least two rows"
+                    raise SceneError(f"walls.{side}", beyond, "", "'free'", reason)
+            if self.driver.K == 0:
+                reason = "only a prescribed interface in two dimensions goes without a driver"
+                raise SceneError("driver.K", 0.0, "N/m", "> 0 N/m", reason)
+            return
+        if self.top.k_top:
+            reason = "a chain has springs to a rigid top; here walls.top = 'held'"
+            raise SceneError("top.k_top", self.top.k_top, "N/m", "0 N/m", reason)
+        if self.interface.k_f is not None:
+            reason = "a prescribed interface has no foundation"
+            raise SceneError("interface.k_f", self.interface.k_f, "N/m", "None", reason)
+        if self.walls.top == "held" and self.j_h == self.N_z - 1:
+            h, most = self.driver.h, (self.N_z - 2) * self.slider.l
+            raise SceneError("driver.h", h, "m", f"at most {most!r} m", "the top row is held")
+
+    def _check_prescribed(self) -> None:
+        top = self.top
+        if self.N_z == 1:
+            self._check_walls()
+            if self.driver.h:
+                reason = "a chain is driven at its only row"
+                raise SceneError("driver.h", self.driver.h, "m", "0 m", reason)
         for name in ("p", "tau"):
             value = getattr(top, name)
             if isinstance(value, tuple) and len(value) != self.N_x:
                 allowed = f"one number in N, or {self.N_x} of them, one for each block"
                 raise SceneError(f"top.{name}", value, "N", allowed, f"{len(value)} numbers")
+        if self.prescribed:  # blocks that carry more than mu_s p slip from t = 0 on
+            return
         p, tau = np.atleast_1d(top.p), np.atleast_1d(top.tau)
         most, tau = np.broadcast_arrays(self.interface.law.hold(p), tau)
         margin = most - np.abs(tau)
@@ -132,7 +164,12 @@ class Scene:
 
     @property
     def k_f(self) -> float:
-        """Stiffness of the foundation per block in N/m; k unless the interface sets it."""
+        """Stiffness of the foundation per block in N/m; k unless the interface sets it.
+
+        0 for a prescribed interface in two dimensions, which has none.
+        """
+        if self.prescribed:
+            return 0.0
         given = self.interface.k_f
         return self.slider.k if given is None else given
 
@@ -182,8 +219,11 @@ class Scene:
 
     @property
     def load(self) -> np.ndarray:
-        """Downward forces on the top blocks, left to right, shape (N_x,), in N; 0 for a rod."""
-        if isinstance(self.top, Rod):
+        """Downward forces on the top blocks, left to right, shape (N_x,), in N.
+
+        0 for a rod, and for a prescribed interface in two dimensions.
+        """
+        if self.rigid or self.prescribed:
             return np.zeros(self.N_x)
         if isinstance(self.top, PrescribedLoad):
             return self._by_column(self.top.p)
@@ -192,10 +232,30 @@ class Scene:
 
     @property
     def shear(self) -> np.ndarray:
-        """Constant forces in +x on the top blocks, left to right, shape (N_x,), in N: d tau_i."""
+        """Constant forces in +x on blocks of row j_shear, left to right, (N_x,), in N: d tau_i."""
         if not isinstance(self.top, PrescribedLoad):
             return np.zeros(self.N_x)
         return self.d * self._by_column(self.top.tau) + 0.0  # no -0.0
+
+    @property
+    def j_shear(self) -> int:
+        """Row on which `shear` acts, counted from 0 at the bottom."""
+        return 0 if self.prescribed else self.N_z - 1
+
+    @property
+    def prescribed(self) -> bool:
+        """True if the interface is prescribed in two dimensions: p is given, no foundation."""
+        return isinstance(self.top, PrescribedLoad) and self.N_z > 1
+
+    @property
+    def p_prescribed(self) -> np.ndarray:
+        """Given p of the bottom blocks, left to right, shape (N_x,), in N; 0 where there is none.
+
+        It is that of a `PrescribedLoad`.
+        """
+        if not isinstance(self.top, PrescribedLoad):
+            return np.zeros(self.N_x)
+        return self._by_column(self.top.p)
 
     def _by_column(self, values: float | tuple[float, ...]) -> np.ndarray:
         """Return numbers that run from the trailing edge as an array from left to right."""
@@ -232,7 +292,8 @@ class Scene:
         Raises:
             OSError: the file cannot be written; an existing file is then unchanged.
         """
-        text = toml.text(self.name, (self.slider, self.top, self.driver, self.interface))
+        parts = self.slider, self.top, self.driver, self.interface, self.walls
+        text = toml.text(self.name, [part for part in parts if part != Walls()])
         if path is not None:
             write(path, text.encode())
         return text

@@ -10,7 +10,7 @@
     M = "75.6 g"
 
     [top]
-    kind = "rod"            # or "distributed", or "prescribed" (a chain)
+    kind = "rod"            # or "distributed", or "prescribed"
     F_N = "3500 N"
 
     [driver]
@@ -21,6 +21,11 @@
     [interface]
     mu_s = 0.7
     mu_k = 0.45
+
+    [walls]                 # of a prescribed interface in two dimensions; may be left out
+    left = "mirrored"       # or "free", "absorbing"
+    right = "absorbing"
+    top = "absorbing"       # or "held"
 
 Pure numbers are bare; lengths, forces and so on are text with any unit that fits.
 """
@@ -33,7 +38,15 @@ from typing import Any
 import tomli_w
 
 from pyfric.scene.checked import Written, names, quantities
-from pyfric.scene.parts import DistributedLoad, Driver, Interface, PrescribedLoad, Rod, Slider
+from pyfric.scene.parts import (
+    DistributedLoad,
+    Driver,
+    Interface,
+    PrescribedLoad,
+    Rod,
+    Slider,
+    Walls,
+)
 from pyfric.scene.units import SceneError, unknown
 
 __all__ = ["MAX_FILE", "read", "text"]
@@ -45,6 +58,7 @@ PARTS: dict[str, tuple[type, ...]] = {
     "top": (Rod, DistributedLoad, PrescribedLoad),
     "driver": (Driver,),
     "interface": (Interface,),
+    "walls": (Walls,),
 }
 """Table of a scene file -> classes of the part that it may hold, by their kinds."""
 
@@ -76,6 +90,8 @@ def read(source: str | os.PathLike[str]) -> tuple[dict[str, Any], list[SceneErro
     ]
     found: dict[str, Any] = {"name": document.get("name", "")}
     for section in PARTS:
+        if section == "walls" and section not in document:
+            continue
         try:
             found[section] = _part_from(section, document.get(section))
         except SceneError as error:

@@ -8,6 +8,7 @@ from pyfric.statics.equilibrium import (
     Equilibrium,
     EquilibriumError,
     StaticSolver,
+    check_rests,
     loaded_state,
     solve_static,
 )
@@ -33,6 +34,7 @@ __all__ = [
     "StaticSolver",
     "Values",
     "bonds",
+    "check_rests",
     "damping",
     "dispersion",
     "loaded_state",

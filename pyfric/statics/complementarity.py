@@ -23,7 +23,7 @@ from scipy.linalg.lapack import dposv
 
 from pyfric.scene import FRICTIONLESS
 from pyfric.statics.condensation import condense
-from pyfric.statics.equilibrium import EquilibriumError, loaded_state
+from pyfric.statics.equilibrium import EquilibriumError, check_rests, loaded_state
 from pyfric.statics.uniqueness import definiteness, is_definite
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ class ContactProblem:
     """The condensed slider of one scene and its contact with the substrate (linear geometry)."""
 
     def __init__(self, scene: Scene) -> None:
+        check_rests(scene)
         self.scene = scene
         self.slider = condense(scene)
         self.unit = scene.F_N / scene.N_x

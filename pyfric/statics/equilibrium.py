@@ -42,7 +42,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK, State
-from pyfric.scene import Geometry, as_scene, check_geometry
+from pyfric.scene import Geometry, SceneError, as_scene, check_geometry
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.operators import (
     bonds,
@@ -59,7 +59,14 @@ if TYPE_CHECKING:
 
     from pyfric.scene import Scene, SceneLike
 
-__all__ = ["Equilibrium", "EquilibriumError", "StaticSolver", "loaded_state", "solve_static"]
+__all__ = [
+    "Equilibrium",
+    "EquilibriumError",
+    "StaticSolver",
+    "check_rests",
+    "loaded_state",
+    "solve_static",
+]
 
 MAX_NEWTON = 60
 """Largest number of Newton steps for one contact set."""
@@ -207,7 +214,7 @@ class StaticSolver:
         loaded: the loaded equilibrium with F_T = 0 (an `Equilibrium`).
 
     Raises:
-        SceneError: no scene, unknown geometry, or finite geometry for a chain.
+        SceneError: no scene, unknown geometry, or finite geometry for a prescribed load.
         EquilibriumError: the scene has no loaded equilibrium.
 
     Source: PRL 107, 074301 (2011).
@@ -220,6 +227,10 @@ class StaticSolver:
         check_geometry(geometry, scene)
         self.scene, self.geometry = scene, geometry
         N_x, N_z = scene.N_x, scene.N_z
+        if scene.prescribed:  # displacements count from t = 0
+            self.loaded = _as_prescribed(scene)
+            self._u_drv0 = 0.0 if u_drv0 is None else float(u_drv0)
+            return
         self._lattice, self._T = bonds(scene), coordinates(scene)
         self._springs = functools.partial(spring_forces, self._lattice)
         if geometry == "finite":
@@ -283,6 +294,7 @@ class StaticSolver:
             ValueError: an argument has the wrong shape or is not finite.
             EquilibriumError: no equilibrium was found.
         """
+        check_rests(self.scene)
         N_x = self.scene.N_x
         given, drive = np.array(u_x_bottom, dtype=float), float(drive)
         frictionless = np.zeros(N_x, bool) if free is None else np.array(free, dtype=bool)
@@ -356,6 +368,7 @@ class StaticSolver:
         Raises:
             EquilibriumError: all blocks are open.
         """
+        check_rests(self.scene)
         if not stuck.any():  # singular: rounding would decide whether it can be factorised
             what = "the slider is not supported: all blocks are open"
             raise EquilibriumError(what, np.nan, self._limit, 0)
@@ -715,6 +728,38 @@ class StaticSolver:
             residual=residual,
             iterations=steps,
         )
+
+
+def check_rests(scene: Scene) -> None:
+    """Raise SceneError for a scene that has no static states but its start.
+
+    On a prescribed interface in two dimensions p does not follow from displacements, and nothing
+    but friction holds the slider.
+    """
+    if scene.prescribed:
+        allowed = "'rod' or 'distributed', or a chain, for static states"
+        reason = "a prescribed interface in two dimensions has full dynamics only"
+        raise SceneError("top.kind", "prescribed", "", allowed, reason)
+
+
+def _as_prescribed(scene: Scene) -> Equilibrium:
+    """Return the start on a prescribed interface."""
+    N_x = scene.N_x
+    no = np.zeros(N_x, dtype=bool)
+    return Equilibrium(
+        u=np.zeros((scene.N_z, 2, N_x)),
+        rod=np.zeros(3),
+        F_T=0.0,
+        f=-scene.shear,
+        tau=scene.d * scene.shear,
+        p=scene.p_prescribed,
+        open=no,
+        slipped=no.copy(),
+        drive=0.0,
+        u_drv0=0.0,
+        residual=0.0,
+        iterations=0,
+    )
 
 
 @functools.lru_cache(maxsize=4)

@@ -46,12 +46,18 @@ _FAMILIES = ((1, 0, 1.0), (0, 1, 1.0), (1, 1, 0.5), (1, -1, 0.5))
 class Bonds:
     """All bonds of the lattice, each once.
 
+    Bonds over a mirrored side or top lead to an image, which has the u_x of block b and the
+    opposite of its u_z. Two of them are alike, so one stands for both, and of a bond that is its
+    own image one half counts.
+
     Attributes:
         a, b: flat indices j N_x + i of the two blocks, shape (n,), int.
         d: reference vector from a to b, shape (n, 2), in m.
         l: reference length |d|, shape (n,), in m.
         k: stiffness, shape (n,), in N/m: k, or k/2 on the diagonals.
         shape: (N_z, N_x).
+        image: bonds that lead to an image, shape (n,), bool.
+        share: what of each dashpot counts, shape (n,): 1, or 1/2.
     """
 
     a: np.ndarray
@@ -60,18 +66,27 @@ class Bonds:
     l: np.ndarray
     k: np.ndarray
     shape: tuple[int, int]
+    image: np.ndarray
+    share: np.ndarray
 
     @functools.cached_property
     def difference(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """D_x, D_z with D_c u_full = u_c(b) - u_c(a), each of shape (n, 2 N_x N_z)."""
+        """D_x, D_z with D_c u_full = u_c(b) - u_c(a), each of shape (n, 2 N_x N_z).
+
+        For an image D_z u_full = -u_z(b) - u_z(a).
+        """
         N_x = self.shape[1]
         n = len(self.a)
         rows = np.tile(np.arange(n), 2)
-        signs = np.repeat([-1.0, 1.0], n)
+        away = -np.ones(n)
+        shown = np.ones(n), np.where(self.image, -1.0, 1.0)
         block = np.concatenate([self.a, self.b])
         x = block // N_x * 2 * N_x + block % N_x
         size = (n, 2 * self.shape[0] * N_x)
-        return tuple(sp.csr_array((signs, (rows, x + c * N_x)), shape=size) for c in (0, 1))
+        return tuple(
+            sp.csr_array((np.concatenate([away, shown[c]]), (rows, x + c * N_x)), shape=size)
+            for c in (0, 1)
+        )
 
     @functools.cached_property
     def _gather(self) -> tuple[sp.csr_array, sp.csr_array]:
@@ -93,8 +108,32 @@ def bonds(scene: Scene) -> Bonds:
         d = np.tile([dx * l, dz * l], (len(a), 1))
         length = np.full(len(a), l * np.hypot(dx, dz))
         parts.append((a, b, d, length, np.full(len(a), factor * scene.slider.k)))
+    n = sum(len(part[0]) for part in parts)
+    parts += _over_walls(scene, index)
     a, b, d, length, k = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Bonds(a, b, d, length, k, (N_z, N_x))
+    image = np.arange(len(a)) >= n
+    share = np.where(image & (a == b), 0.5, 1.0)
+    return Bonds(a, b, d, length, k * share, (N_z, N_x), image, share)
+
+
+def _over_walls(scene: Scene, index: np.ndarray) -> list[tuple[np.ndarray, ...]]:
+    """Return a, b, d, l and k of the bonds over mirrored sides and top."""
+    l, k, walls = scene.slider.l, scene.slider.k, scene.walls
+    sides = {"left": (index[:, 0], (-1, 0)), "right": (index[:, -1], (1, 0))}
+    sides["top"] = index[-1], (0, 1)
+    found = []
+    for name, (row, normal) in sides.items():
+        if getattr(walls, name) != "mirrored":
+            continue
+        along = np.array([normal[1], normal[0] ** 2])
+        for a, b, d, factor in (
+            (row, row, np.array(normal), 1.0),
+            (row[:-1], row[1:], normal + along, 0.5),
+        ):
+            length = l * np.hypot(*d)
+            vectors = np.tile(l * d, (len(a), 1))
+            found.append((a, b, vectors, np.full(len(a), length), np.full(len(a), factor * k)))
+    return found
 
 
 def _stretch(lattice: Bonds, u_full: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -182,9 +221,11 @@ def coordinates(scene: Scene) -> sp.csr_array:
     """Return T with u_full = T q, shape (2 N_x N_z, n_q).
 
     Under a rod n_q = 2 N_x (N_z - 1) + 3 and the last coordinates are X (m), Z (m), phi (rad);
-    otherwise T is the identity.
+    otherwise T is the identity, without the top row where that is held.
     """
     N_x, n = scene.N_x, 2 * scene.N_x * scene.N_z
+    if scene.walls.top == "held":
+        return sp.eye_array(n, n - 2 * N_x, format="csr")
     if not scene.rigid:
         return sp.eye_array(n, format="csr")
     below = n - 2 * N_x
@@ -206,7 +247,7 @@ def mass(scene: Scene) -> np.ndarray:
     """
     N_x, m = scene.N_x, scene.m
     if not scene.rigid:
-        return np.full(2 * N_x * scene.N_z, m)
+        return np.full(2 * N_x * (scene.N_z - (scene.walls.top == "held")), m)
     total = scene.M_rod + N_x * m
     inertia = scene.M_rod * scene.slider.L**2 / 12 + m * np.sum(scene.x**2)
     return np.concatenate([np.full(2 * N_x * (scene.N_z - 1), m), [total, total, inertia]])
@@ -256,12 +297,28 @@ def stiffness(
 def damping(scene: Scene) -> sp.csr_array:
     """Return the damping matrix in generalised coordinates, shape (n_q, n_q), in N s/m.
 
+    It holds the bonds and the absorbing walls.
+
     Every bond carries eta (v_j - v_i), the full relative velocity; the bonds within a rigid top
     row resist its rotation.
     """
     T = coordinates(scene)
-    C = sum(D.T @ D for D in bonds(scene).difference)
-    return (scene.eta * (T.T @ C @ T)).tocsr()
+    lattice = bonds(scene)
+    C = scene.eta * sum(D.T @ sp.diags_array(lattice.share) @ D for D in lattice.difference)
+    return (T.T @ (C + sp.diags_array(_absorbing(scene))) @ T).tocsr()
+
+
+def _absorbing(scene: Scene) -> np.ndarray:
+    """Return the dashpots of absorbing walls on each displacement, shape (2 N_x N_z,), in N s/m."""
+    z_p, z_s = np.sqrt(scene.slider.k * scene.m * np.array([1.5, 0.5]))
+    c, walls = np.zeros((scene.N_z, 2, scene.N_x)), scene.walls
+    if walls.left == "absorbing":
+        c[:, :, 0] += z_p, z_s
+    if walls.right == "absorbing":
+        c[:, :, -1] += z_p, z_s
+    if walls.top == "absorbing":
+        c[-1] += np.array([[z_s], [z_p]])
+    return c.ravel()
 
 
 class Operators(NamedTuple):

@@ -145,7 +145,7 @@ def _reduced(scene: Scene) -> Scene:
         rod = top.mass * share
         tilt = (rod + _row_mass(scene.m, n_x)) / (top.mass + _row_mass(scene.m, scene.N_x))
         top = Rod(F_N=top.F_N, mass=rod, mattress=top.mattress * tilt)
-    elif n_z == 1:
+    elif isinstance(top, PrescribedLoad):
         top = PrescribedLoad(p=scene.F_N / scene.N_x, k_top=scene.k_top)
     return Scene(
         slider=Slider(
@@ -159,6 +159,7 @@ def _reduced(scene: Scene) -> Scene:
         top=top,
         driver=Driver(K=scene.driver.K * (share if on_rod else 1.0), V=0.0, h=j_h * l),
         interface=scene.interface,
+        walls=scene.walls,
     )
 
 

@@ -377,7 +377,7 @@ def test_texts_that_are_no_scene(text):
     [
         ({"L": math.nan}, "slider.L", math.nan, "m", "> 0 m"),
         ({"F_N": math.nan}, "top.F_N", math.nan, "N", "> 0 N"),
-        ({"K": math.inf}, "driver.K", math.inf, "N/m", "> 0 N/m"),
+        ({"K": math.inf}, "driver.K", math.inf, "N/m", ">= 0 N/m"),
         ({"mu_k": -math.inf}, "interface.mu_k", -math.inf, "", ">= 0"),
         ({"L": 0.141}, "slider.L", 0.141, "m", "a multiple of l = 0.0025 m"),
         ({"L": 0.14 * (1 + 1e-8)}, "slider.L", 0.14 * (1 + 1e-8), "m", "a multiple of l"),
@@ -392,7 +392,7 @@ def test_texts_that_are_no_scene(text):
         ({"mu_k": 0.8}, "interface.mu_k", 0.8, "", "0 <= mu_k <= mu_s = 0.7"),
         ({"mu_k": -0.1}, "interface.mu_k", -0.1, "", ">= 0"),
         ({"k": 0.0}, "slider.k", 0.0, "N/m", "> 0 N/m"),
-        ({"K": -1.0}, "driver.K", -1.0, "N/m", "> 0 N/m"),
+        ({"K": -1.0}, "driver.K", -1.0, "N/m", ">= 0 N/m"),
         ({"k_f": 0.0}, "interface.k_f", 0.0, "N/m", "> 0 N/m"),
         ({"M": 0.0}, "slider.M", 0.0, "kg", "> 0 kg"),
         ({"mass": -0.1}, "top.mass", -0.1, "kg", ">= 0 kg"),

@@ -141,7 +141,7 @@ def driver_force(scene: Any, t: float, y: np.ndarray, u_drv0: float) -> float:
 
 
 def normal_forces(scene: Any, y: np.ndarray) -> np.ndarray:
-    """Return p_i = k_f |u_z| of the blocks pressed into the foundation, else 0, in N; or as given."""
+    """Return p_i = k_f |u_z| (N) of the blocks pressed into the foundation, else 0; or as given."""
     if prescribed(scene):
         return np.array(scene.p_prescribed)
     return np.array([scene.k_f * -u_z if u_z < 0 else 0.0 for u_z in y[0, 1]])

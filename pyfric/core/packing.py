@@ -68,8 +68,8 @@ class Model(NamedTuple):
 
     Attributes:
         counts: `Counts`, int32.
-        numbers: `Constants`, then x (m), load (p where it is prescribed) and shear (N), of N_x numbers
-            each.
+        numbers: `Constants`, then x (m), load (p where it is prescribed) and shear (N), of N_x
+            numbers each.
     """
 
     counts: np.ndarray

@@ -1,6 +1,7 @@
 """Runs by any executor: nothing finished is lost, and nothing runs twice."""
 
 import os
+import signal
 import threading
 import time
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -149,6 +150,36 @@ def test_a_reservation_is_touched_while_the_run_lasts(tmp_path, monkeypatch):
         with reservation.reserved(tmp_path, "a") as theirs:
             assert not theirs
     assert not list(tmp_path.iterdir())
+
+
+def test_ctrl_c_ends_runs_of_a_foreign_executor(tmp_path):
+    """They learn it from the folder; what is finished stays, and the next call goes on."""
+    long = {"fidelity": "dynamic", "geometry": "linear"}
+    todo = [Job(scene=small(), t_end=t_end, options=long) for t_end in (4.0, 5.0, 6.0)]
+    todo += jobs(1)
+    first = tmp_path / f"{todo[-1].key}.nc"
+
+    def press():
+        while not (first.exists() and any(tmp_path.glob(f".{todo[0].key}*"))):
+            time.sleep(0.01)
+        signal.raise_signal(signal.SIGINT)
+
+    threading.Thread(target=press, daemon=True).start()
+    with ThreadPoolExecutor(4) as pool, pytest.raises(KeyboardInterrupt):
+        run_all(todo, cache=tmp_path, executor=pool, progress=False)
+    assert [path.name for path in tmp_path.iterdir()] == [first.name]
+
+
+def test_what_was_given_up_long_ago_goes(tmp_path):
+    reservation.give_up(tmp_path, "old", lambda: True)
+    assert not list(tmp_path.iterdir())
+    for name, age in (("old", 100.0), ("new", 0.0)):
+        path = tmp_path / f".{name}{reservation.GIVEN_UP}"
+        path.touch()
+        os.utime(path, (time.time() - age, time.time() - age))
+    reservation.clear(tmp_path)
+    assert not reservation.given_up(tmp_path, "old")
+    assert reservation.given_up(tmp_path, "new")
 
 
 # --- dask ----------------------------------------------------------------------------------------

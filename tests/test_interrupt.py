@@ -17,7 +17,8 @@ from scipy.linalg.lapack import dpbtrf
 
 import pyfric
 from pyfric.cli import main
-from pyfric.scene import at_once, held_back, written
+from pyfric.engines import sweep
+from pyfric.scene import at_once, held_back, nothing_to_save, saved_first, written
 from pyfric.statics.banded import _factorised
 
 LONG = {"fidelity": "dynamic", "geometry": "linear", "threads": 1}
@@ -132,6 +133,42 @@ def test_a_record_is_saved_whatever_is_pressed(tmp_path, monkeypatch):
     assert pyfric.Record.load(tmp_path / "a.nc").status == "complete"
 
 
+def then_press(simulate):
+    def pressing(*arguments, **options):
+        record = simulate(*arguments, **options)
+        press()
+        return record
+
+    return pressing
+
+
+def test_a_finished_point_is_kept_whatever_is_pressed(tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep, "simulate", then_press(sweep.simulate))
+    job = pyfric.Job(scene=small(), t_end=1e-5, options={"fidelity": "dynamic"})
+    with pytest.raises(KeyboardInterrupt):
+        pyfric.run_all([job], workers=1, cache=tmp_path, progress=False)
+    assert pyfric.Record.load(tmp_path / f"{job.key}.nc").status == "complete"
+
+
+def test_what_a_run_gives_is_saved_first_unless_it_is_of_no_use():
+    passed = []
+
+    def done(*calls):
+        with saved_first():
+            pyfric.simulate(small(), 1e-5, progress=False, fidelity="dynamic")
+            press()
+            for call in calls:
+                call()
+            passed.append(calls)
+
+    with pytest.raises(KeyboardInterrupt):
+        done()
+    with pytest.raises(KeyboardInterrupt):
+        done(nothing_to_save)
+    assert passed == [()]
+    nothing_to_save()
+
+
 # --- commands ------------------------------------------------------------------------------------
 
 
@@ -223,6 +260,16 @@ def test_a_run_is_saved_before_figures_are_imported(tmp_path, monkeypatch):
     out.unlink()
     result = CliRunner().invoke(main, [*command, "--out", str(out), "--figure", str(picture)])
     assert isinstance(result.exception, ImportError)
+    assert pyfric.Record.load(out).status == "complete"
+
+
+def test_a_run_at_its_end_is_saved_whatever_is_pressed(tmp_path, monkeypatch):
+    monkeypatch.setattr(pyfric, "simulate", then_press(pyfric.simulate))
+    out = tmp_path / "a.nc"
+    command = ["run", "fig1", "--set", "L=0.02", "--t-end", "1e-5", "--quiet", "--out", str(out)]
+    result = CliRunner().invoke(main, [*command, "--figure", str(tmp_path / "a")])
+    assert (result.exit_code, str(out) in result.stderr) == (130, True)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.nc"]
     assert pyfric.Record.load(out).status == "complete"
 
 

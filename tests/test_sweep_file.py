@@ -1,8 +1,14 @@
 """Sweeps: their points, limits, results, and the command."""
 
+import contextlib
 import dataclasses
 import json
 import math
+import os
+import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pandas as pd
@@ -260,6 +266,32 @@ def test_ctrl_c_ends_the_command_with_its_code(file, monkeypatch):
 
     monkeypatch.setattr(points, "run_all", interrupted)
     assert command(file).exit_code == 130
+
+
+@pytest.mark.slow
+def test_ctrl_c_in_a_terminal_keeps_points_and_leaves_no_process(file, tmp_path):
+    command(file, "--workers", 1)
+    kept = tmp_path / "cache"
+    before = sorted(kept.iterdir())
+    file.write_text(FILE.replace("1.2 ms", "100 s").replace("quasistatic", "dynamic"))
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", "pyfric.cli", "sweep", str(file), "--workers", "2"],
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    while process.poll() is None and not list(kept.glob(".*.running")):
+        time.sleep(0.02)
+    begin = time.monotonic()
+    os.killpg(process.pid, signal.SIGINT)
+    stderr = process.communicate(timeout=60)[1].decode()
+    assert process.returncode == 130, stderr
+    assert stderr.endswith("interrupted\n")
+    with contextlib.suppress(ProcessLookupError):
+        while time.monotonic() - begin < 30:  # three on idle processors
+            os.killpg(process.pid, 0)
+            time.sleep(0.02)
+    assert time.monotonic() - begin < 30
+    assert sorted(kept.iterdir()) == before
 
 
 def test_a_record_of_a_sweep_is_a_record(tmp_path):

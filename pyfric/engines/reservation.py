@@ -5,6 +5,9 @@ works. A file that nobody has touched for `EXPIRY` belongs to someone who is gon
 once one of a process of this machine that no longer runs. Times are those of the folder's file
 system, not of the machine's clock. If a reservation is lost nevertheless, a run is made twice, with
 the same result: records are written whole or not at all.
+
+A sweep that ends before its runs says so in a file too (`give_up`): runs that processes of others
+make for it end when they see it (`given_up`).
 """
 
 from __future__ import annotations
@@ -13,17 +16,21 @@ import os
 import secrets
 import socket
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["clear", "reserved"]
+__all__ = ["clear", "give_up", "given_up", "reserved"]
 
 BEAT = 10.0
 """Time between two touches, s."""
 EXPIRY = 60.0
 """Age after which a reservation that was not touched is void, s."""
 SUFFIX = ".running"
+GIVEN_UP = ".given_up"
+PATIENCE = 2.0
+"""Time in which runs see that their sweep was given up, s."""
 
 
 @contextmanager
@@ -57,9 +64,32 @@ def reserved(folder: Path, key: str) -> Iterator[bool]:
 
 
 def clear(folder: Path) -> None:
-    """Delete the reservations in a folder that are void."""
+    """Delete the reservations in a folder that are void, and what was given up long ago."""
     for path in folder.glob(f".*{SUFFIX}"):
         _end_if_void(path)
+    for path in folder.glob(f".*{GIVEN_UP}"):
+        with suppress(OSError):
+            if _now(folder) - path.stat().st_mtime > EXPIRY:
+                path.unlink()
+
+
+def given_up(folder: Path, sweep: str) -> bool:
+    """Whether the sweep of this name wants no more runs."""
+    return (folder / f".{sweep}{GIVEN_UP}").exists()
+
+
+def give_up(folder: Path, sweep: str, ended: Callable[[], bool]) -> None:
+    """Say that a sweep wants no more runs, until all have ended or had the time to see it."""
+    path = folder / f".{sweep}{GIVEN_UP}"
+    with suppress(OSError):
+        path.touch()
+        begin = time.monotonic()
+        try:
+            while not ended() and time.monotonic() - begin < PATIENCE:
+                time.sleep(0.02)
+        finally:
+            if ended():
+                path.unlink()
 
 
 def _touch(path: Path, done: threading.Event) -> None:

@@ -21,6 +21,7 @@ from pyfric.scene import (
     check_number,
     check_writable,
     forget,
+    nothing_to_save,
     raise_if_asked,
 )
 from pyfric.statics import EquilibriumError, one_thread_if_small
@@ -229,6 +230,7 @@ def _planned(
         if higher is None:
             notes += [f"does not hold: {reason}" for reason in reasons]
             return dataclasses.replace(record, notes=(*record.notes, *notes))
+        nothing_to_save()
         before, chosen = chosen, higher
         notes.append(
             f"moved up from {before.fidelity}, {before.geometry} geometry, to {chosen.fidelity}, "

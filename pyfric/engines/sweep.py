@@ -16,6 +16,7 @@ import functools
 import hashlib
 import json
 import os
+import secrets
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -31,12 +32,21 @@ import scipy
 from pyfric import core
 from pyfric.engines.options import Options
 from pyfric.engines.progress import jobs_bar
-from pyfric.engines.reservation import clear, reserved
+from pyfric.engines.reservation import clear, give_up, given_up, reserved
 from pyfric.engines.simulation import simulate
 from pyfric.engines.store import MAX_BYTES, cache_folder, keep, kept, prune
 from pyfric.engines.workers import Workers, stopping
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, __version__, as_scene, at_once, check_number, unknown
+from pyfric.scene import (
+    Scene,
+    SceneError,
+    __version__,
+    as_scene,
+    at_once,
+    check_number,
+    saved_first,
+    unknown,
+)
 
 __all__ = ["Job", "JobError", "run_all"]
 
@@ -165,7 +175,8 @@ def run_all(
         executor: what makes the runs, in place of `workers`: anything whose `submit(function,
             *arguments)` gives a future with `done()`, `result()` and `cancel()`, such as those of
             `concurrent.futures`, a `distributed.Client` or a `submitit.AutoExecutor`. It stays
-            open. The folder of `cache` has to be the same one on all its machines.
+            open. The folder of `cache` has to be the same one on all its machines; through it, runs
+            learn that they are no longer wanted. With cache = False those under way go on.
 
     Returns:
         The records, in the order of the jobs. `timings["processor"]` is the processor time of the
@@ -233,7 +244,7 @@ def _outcomes(
 ) -> Iterator[tuple[str, Record | Exception]]:
     """Yield key and record, or what went wrong, of each job as it ends."""
     if executor is not None:
-        yield from _ended(todo, folder, executor)
+        yield from _ended(todo, folder, executor, secrets.token_hex(20))
     elif workers <= 1:
         for key, job in todo.items():
             try:
@@ -242,17 +253,18 @@ def _outcomes(
                 yield key, error
     else:
         with Workers(workers) as pool:
-            yield from _ended(todo, folder, pool)
+            yield from _ended(todo, folder, pool, "")
 
 
 def _ended(
-    todo: Mapping[str, Job], folder: Path | None, executor: Any
+    todo: Mapping[str, Job], folder: Path | None, executor: Any, sweep: str
 ) -> Iterator[tuple[str, Record | Exception]]:
     """Yield key and record, or what went wrong, of each job that an executor is given.
 
     It is asked now and then, because not every one calls back. What it lost is given to it again.
+    `sweep` is the name by which runs in the processes of others learn that they are not wanted.
     """
-    futures = {key: executor.submit(_made, job, folder, key) for key, job in todo.items()}
+    futures = {key: executor.submit(_made, job, folder, key, sweep) for key, job in todo.items()}
     lost = dict.fromkeys(futures, 0)
     try:
         while futures:
@@ -261,7 +273,7 @@ def _ended(
                 made = _result(futures.pop(key))
                 if isinstance(made, CancelledError) and lost[key] < MOST_LOST:
                     lost[key] += 1
-                    futures[key] = executor.submit(_made, todo[key], folder, key)
+                    futures[key] = executor.submit(_made, todo[key], folder, key, sweep)
                 else:
                     yield key, made
             if not ended:
@@ -269,6 +281,8 @@ def _ended(
     finally:
         for future in futures.values():
             future.cancel()
+        if sweep and futures and folder is not None:
+            give_up(folder, sweep, lambda: all(future.done() for future in futures.values()))
 
 
 def _result(future: Any) -> Record | Exception:
@@ -279,12 +293,7 @@ def _result(future: Any) -> Record | Exception:
 
 
 class _Stopped(Exception):
-    """The parent wants no more of this run."""
-
-
-def _look(_: Any) -> None:
-    if stopping():
-        raise _Stopped
+    """Nobody wants this run any more."""
 
 
 @contextmanager
@@ -301,27 +310,35 @@ def _without_locks_of_dask() -> Iterator[None]:
 
 
 @_without_locks_of_dask()
-def _made(job: Job, folder: Path | None, key: str) -> Record:
+def _made(job: Job, folder: Path | None, key: str, sweep: str = "") -> Record:
     """Return the record of a job from the folder, or make it and keep it there.
 
-    Who finds that another process or machine makes it just now, waits for it.
+    Who finds that another process or machine makes it just now, waits for it. What the sweep of
+    this name gave up is not made.
     """
+
+    def look(_: Any = None) -> None:
+        if stopping() or (sweep and folder is not None and given_up(folder, sweep)):
+            raise _Stopped
+
+    look()
     while folder is not None:
         with reserved(folder, key) as ours:
             record = kept(folder, key, job.scene)
             if record is None and ours:
-                record = _simulated(job)
-                if record.done:
-                    keep(folder, key, record)
+                with saved_first():
+                    record = _simulated(job, look)
+                    if record.done:
+                        keep(folder, key, record)
         if record is not None:
             return record
         time.sleep(POLL)
-        _look(None)
-    return _simulated(job)
+        look()
+    return _simulated(job, look)
 
 
-def _simulated(job: Job) -> Record:
+def _simulated(job: Job, look: Callable[[Any], None]) -> Record:
     start = time.process_time()
-    record = simulate(job.scene, job.t_end, job.options, threads=1, progress=_look)
+    record = simulate(job.scene, job.t_end, job.options, threads=1, progress=look)
     timings = {**record.timings, "processor": time.process_time() - start}
     return dataclasses.replace(record, timings=timings)

@@ -1,7 +1,8 @@
 """Ctrl-C: a run ends with what it has, a file is written whole, everything else stops at once.
 
 A run closes its record and gives it back (`answered`); what the same script or cell asks for next
-raises KeyboardInterrupt (`raise_if_asked`). While a file is written Ctrl-C waits (`held_back`).
+raises KeyboardInterrupt (`raise_if_asked`). While a file is written Ctrl-C waits (`held_back`), and
+from the end of a run to the end of its save where both are in one block (`saved_first`).
 In a command, SIGTERM is a Ctrl-C, all after the first are absorbed, and where a library keeps the
 interpreter waiting the process ends all the same, unless it has something to save (`commanded`).
 """
@@ -26,7 +27,9 @@ __all__ = [
     "commanded",
     "forget",
     "held_back",
+    "nothing_to_save",
     "raise_if_asked",
+    "saved_first",
 ]
 
 PATIENCE = 1.0
@@ -40,6 +43,8 @@ class _Now:
     presses: int = 0
     number: int = 0  # the first signal
     held: int = 0
+    saving: bool = False  # in a block that saves what a run of it gives
+    unsaved: int = 0  # runs that ended there, counted in `held`
     answering: int = 0
     at_once: int = 0
     command: bool = False
@@ -53,14 +58,19 @@ _now = _Now()
 @contextmanager
 def answered() -> Iterator[Callable[[], bool]]:
     """Give a function that says whether to stop: the block then ends by itself with what it has."""
-    if _elsewhere() or _now.at_once:
+    if _elsewhere():
         yield lambda: False
+        return
+    if _now.at_once:
+        yield lambda: False
+        _hold_unsaved()
         return
     with _installed():
         _now.answering += 1
         try:
             yield lambda: _now.presses > 0
         finally:
+            _hold_unsaved()
             _now.answering -= 1
             if _now.presses:
                 _now.pending, _now.ending = _script(), True
@@ -72,13 +82,53 @@ def held_back() -> Iterator[None]:
     if _elsewhere():
         yield
         return
-    with _installed():
-        before = _now.presses
+    with _late():
         _now.held += 1
         try:
             yield
         finally:
             _now.held -= 1
+
+
+@contextmanager
+def saved_first() -> Iterator[None]:
+    """Let Ctrl-C wait from the end of a run in the block until the end of the block."""
+    if _elsewhere() or _now.saving:
+        yield
+        return
+    with _late():
+        _now.saving = True
+        try:
+            yield
+        finally:
+            _now.saving = False
+            _release_unsaved()
+
+
+def nothing_to_save() -> None:
+    """Let Ctrl-C act again, and at once if it was pressed: what just ended is of no use."""
+    if _elsewhere() or not _now.unsaved:
+        return
+    _release_unsaved()
+    if _now.presses:
+        raise KeyboardInterrupt
+
+
+def _hold_unsaved() -> None:
+    if _now.saving:
+        _now.held, _now.unsaved = _now.held + 1, _now.unsaved + 1
+
+
+def _release_unsaved() -> None:
+    _now.held, _now.unsaved = _now.held - _now.unsaved, 0
+
+
+@contextmanager
+def _late() -> Iterator[None]:
+    """Answer what was pressed in the block after it."""
+    with _installed():
+        before = _now.presses
+        yield
         pressed = _now.presses > before
     if not pressed or before or _now.held or _now.answering or _now.ending:
         return

@@ -30,6 +30,7 @@ from pyfric.cli.shared import (
     quiet_option,
     scene_of,
     set_option,
+    signalled,
     stop,
     stop_unless_complete,
     tolerance_option,
@@ -140,6 +141,8 @@ def run(
 
     Figure and CSV are written when the run is complete. `pyfric scene` shows a scene as TOML.
     """
+    from pyfric.scene import asked_to_stop
+
     what = scene_of(scene, changes)
     if resume == HERE:
         if out is None:
@@ -150,10 +153,11 @@ def run(
     reads = [scene, resume, out]
     check_out(figure, overwrite, option="--figure", ends=FIGURE, reads=reads)
     check_folder(csv, "--csv")
-    record = None if resume is None else _record_to_continue(resume, what, ctx)
-    if record is None or not _is_done(record, t_end):
-        record = _simulate(what, t_end, record, out, not (quiet or as_json), how)
-    found = summary(record, _files(record, out, figure, csv))
+    before = None if resume is None else _record_to_continue(resume, what, ctx)
+    record, files = _run(what, t_end, before, out, not (quiet or as_json), how)
+    if record.done and not asked_to_stop():
+        files += _drawn(record, figure, csv)
+    found = summary(record, files)
     if as_json:
         print_json(found)
     elif not quiet:
@@ -161,13 +165,35 @@ def run(
     stop_unless_complete(record, _hint(scene, changes, t_end, out))
 
 
-def _files(record: Record, out: Path | None, figure: Path | None, csv: Path | None) -> list[Path]:
-    """Write the record; if it is complete, and nobody is waiting, also figure and tables."""
-    from pyfric.scene import asked_to_stop
+def _run(
+    scene: Scene,
+    t_end: float,
+    before: Record | None,
+    out: Path | None,
+    progress: bool,
+    how: dict[str, Any],
+) -> tuple[Record, list[Path]]:
+    """Return the record and its file; once the run has ended, Ctrl-C does not prevent the save."""
+    from pyfric.scene import saved_first
 
-    files = [] if out is None else [_saved(record, out)]
-    if not record.done or asked_to_stop():
-        return files
+    files: list[Path] = []
+    try:
+        with saved_first():
+            record = before
+            if record is None or not _is_done(record, t_end):
+                record = _simulate(scene, t_end, before, out, progress, how)
+            if out is not None:
+                files.append(_saved(record, out))
+    except KeyboardInterrupt:
+        if not files:
+            raise
+        stop(signalled(), f"interrupted; the run was at its end, and is in {out}")
+    return record, files
+
+
+def _drawn(record: Record, figure: Path | None, csv: Path | None) -> list[Path]:
+    """Write figure and tables."""
+    files: list[Path] = []
     if figure is not None:
         from pyfric import figures  # takes its time, and so after the record is saved
 

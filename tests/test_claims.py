@@ -1,4 +1,4 @@
-"""The claims: verdicts, table and files; cheap ones for real; those that a disturbance breaks."""
+"""The claims: verdicts, table and files; cheap ones for real; what damage makes of each of them."""
 
 import dataclasses
 import json
@@ -14,8 +14,17 @@ from pyfric import SceneError
 from pyfric.cli import main
 from pyfric.engines import Job
 from pyfric.paper import claims
-from pyfric.paper.claims import NUMBERS, ROWS, Claim, exact, fronts, scorecard
-from pyfric.paper.claims.parts import exponent, force_step, forces_apart, prediction_error, straight
+from pyfric.paper.claims import NUMBERS, ROWS, Claim, damage, scorecard
+from pyfric.paper.claims.claim import Row, damaged, replaced
+from pyfric.paper.claims.parts import (
+    exponent,
+    force_step,
+    forces_apart,
+    off_line,
+    prediction_error,
+    straight,
+)
+from pyfric.paper.claims.runs import MATTRESS, SPEEDS
 
 WITHOUT_RUNS = [number for number in NUMBERS if not ROWS[number].runs]
 LINEAR = {"fidelity": "hybrid", "geometry": "linear"}
@@ -49,6 +58,13 @@ def test_verdict_is_whether_the_value_is_in_the_band(value, low, high, holds):
     found = claim(value, low=low, high=high)
     assert found.holds is holds
     assert found.verdict == ("holds" if holds else "misses")
+
+
+def test_how_far_outside_the_band():
+    assert claim(0.3, low=0.5, high=1.0).outside == pytest.approx(0.2)
+    assert claim(1.5, high=1.0).outside == 0.5
+    assert claim(0.7, low=0.5).outside == 0
+    assert claim(math.nan).outside == math.inf
 
 
 def test_bands_in_words():
@@ -136,16 +152,63 @@ def test_straightness_is_in_blocks():
     assert exponent([1.0, 2.0, 4.0], [3.0, 12.0, 48.0]) == pytest.approx(2.0)
 
 
+def test_distance_from_a_line():
+    h = np.array([1.0, 2.0, 3.0])
+    np.testing.assert_allclose(off_line(h, 0.5 + 2 * h), 0, atol=1e-12)
+    assert np.abs(off_line(h, np.array([2.0, 5.0, 6.0]))).min() > 0.05
+
+
+# --- damage --------------------------------------------------------------------------------------
+
+
+def check_damage(found):
+    """Damaged, every claim misses, and lies further outside its band than it did."""
+    for one in found:
+        bad = dataclasses.replace(one, value=one.damaged)
+        assert math.isfinite(bad.value), one.number
+        assert not bad.holds, f"{one.number}: {one.damage}: {bad.value} is in {one.band}"
+        assert bad.outside > one.outside, one.number
+
+
+def test_every_claim_has_its_damage():
+    for number, row in ROWS.items():
+        letters = "".join(sorted(row.damage))
+        assert letters in ("", "abcdefgh"[: len(letters)]), number
+        assert len(row.damage) >= 1, number
+        assert all(one.what for one in row.damage.values()), number
+
+
+def test_a_claim_without_damage_is_no_claim():
+    row = Row((), lambda runs: [claim(number="1a"), claim(number="1b")], {"a": replaced("x")})
+    with pytest.raises(KeyError, match="b"):
+        row.measured("1", {})
+    with pytest.raises(TypeError):
+        claims.claim.row({}, "1")
+
+
+def test_damage_stands_beside_the_value():
+    def measure(runs, factor=1.0):
+        return [claim(factor * sum(runs.values()), number="1a"), claim(3.0, number="1b")]
+
+    twins = {"a": damaged("twice", lambda runs: {k: 2 * v for k, v in runs.items()})}
+    twins["b"] = replaced("ten times", factor=10.0)
+    a, b = Row(("x",), measure, twins).measured("1", {"x": 1.0, "y": 2.0})
+    assert (a.value, a.damage, a.damaged) == (3.0, "twice", 6.0)
+    assert (b.value, b.damage, b.damaged) == (3.0, "ten times", 3.0)
+    assert "twice: 6" in claims.report([a, b])
+
+
 # --- rows ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("number", WITHOUT_RUNS)
 def test_rows_without_runs_hold(number):
-    found = ROWS[number].measure({})
+    found = ROWS[number].measured(number, {})
     assert found
     for one in found:
         assert one.holds, f"{one.number}: {one.value} {one.band}"
         assert one.number.rstrip("ab") == number
+    check_damage(found)
 
 
 def test_a_row_gets_its_runs(monkeypatch, tmp_path):
@@ -170,26 +233,50 @@ def fig1():
 
 
 def test_rows_of_the_fig1_scene_hold(fig1):
-    found = by_number(ROWS["1"].measure({"fig1": fig1}))
+    found = by_number(ROWS["1"].measured("1", {"fig1": fig1}))
     assert found["1a"].value == 11
     assert all(one.holds for one in found.values())
-    (eighth,) = ROWS["8"].measure({"fig1": fig1})
-    assert eighth.holds
-    assert eighth.value > 0.02
-    found = by_number(ROWS["11"].measure({"fig1": fig1}))
+    check_damage(found.values())
+    found = by_number(ROWS["8"].measured("8", {"fig1": fig1}))
+    assert all(one.holds for one in found.values())
+    assert found["8a"].value > 0.02
+    check_damage(found.values())
+    runs = dict.fromkeys(("fig1", "140/5/3500", *MATTRESS), fig1)
+    found = by_number(ROWS["11"].measured("11", runs))
     assert found["11a"].holds
     assert found["11b"].holds
     assert math.isnan(found["11c"].value)  # no event over the whole interface yet
     assert not found["11c"].holds
+    check_damage([found["11a"], found["11b"], found["11d"]])
+    check_damage(ROWS["E2"].measured("E2", {"fig1": fig1}))
+    check_damage(ROWS["12"].measured("12", dict.fromkeys(SPEEDS, fig1))[1:3])
+
+
+def test_shuffled_fronts_take_as_long_over_the_same_blocks(fig1):
+    event = int(np.argmax(np.isfinite(fig1.rupture_times).sum(axis=1)))
+    for change in (damage.fronts_shuffled, damage.fronts_backwards):
+        times, before = change(fig1).rupture_times[event], fig1.rupture_times[event]
+        np.testing.assert_array_equal(np.isfinite(times), np.isfinite(before))
+        known = times[np.isfinite(before)]
+        before = before[np.isfinite(before)]
+        assert known[-1] == pytest.approx(before[-1], rel=1e-12)
+        steps = (np.sort(np.diff(one)) for one in (known, before))
+        np.testing.assert_allclose(*steps, atol=1e-12)
+        assert not np.array_equal(known, before)
+    slow = damage.fronts_slower(20.0)(fig1).rupture_times[event]
+    slow = slow[np.isfinite(slow)]
+    assert np.ptp(slow) == pytest.approx(20 * np.ptp(before), rel=1e-9)
 
 
 @pytest.mark.parametrize("mu_k", [0.40, 0.50])
 def test_other_kinetic_friction_is_noticed(fig1, mu_k):
     """A run with another mu_k, taken for the Fig. 1 scene."""
     disturbed = run(mu_k=mu_k, scene=fig1.scene)
-    (eighth,) = ROWS["8"].measure({"fig1": disturbed})
-    assert not eighth.holds
-    assert eighth.value > 1.5 * ROWS["8"].measure({"fig1": fig1})[0].value
+    for one, good in zip(
+        *(ROWS["8"].measure({"fig1": record}) for record in (disturbed, fig1)), strict=True
+    ):
+        assert not one.holds
+        assert one.value > 1.5 * good.value
 
 
 def test_prediction_is_that_of_the_scene(fig1):
@@ -207,39 +294,13 @@ def test_a_short_run_of_few_precursors_misses():
     assert not found["1a"].holds
 
 
-def test_one_per_cent_of_stiffness_is_noticed(monkeypatch):
-    soft = pyfric.preset("fig1", k=0.99 * 13.5e6)
-    monkeypatch.setattr(fronts, "preset", lambda name: soft)
-    assert not any(one.holds for one in ROWS["14"].measure({}))
-    stiffness = exact.spring_stiffness
-    monkeypatch.setattr(exact, "spring_stiffness", lambda bonds: 1.01 * stiffness(bonds))
-    found = by_number(ROWS["E1"].measure({}))
-    assert not found["E1a"].holds
-    assert found["E1b"].holds  # the ratio does not know
-
-
-def test_missing_diagonals_are_noticed(monkeypatch):
-    """Without diagonal springs a pulled strip does not contract."""
-    all_bonds = exact.bonds
-
-    def straight(scene):
-        found = all_bonds(scene)
-        diagonal = np.abs(found.d).min(axis=1) > 0
-        return dataclasses.replace(found, k=np.where(diagonal, 1e-6, 1.0) * found.k)
-
-    monkeypatch.setattr(exact, "bonds", straight)
-    found = by_number(ROWS["E1"].measure({}))
-    assert not found["E1a"].holds
-    assert not found["E1b"].holds
-    assert found["E1b"].value == pytest.approx(1 / 3, rel=1e-3)
-
-
 @pytest.mark.slow
 def test_the_scorecard():
     """All claims, for real, three minutes of processor time: what misses, and nothing else."""
     found = claims.measure(cache=False)
-    assert len(found) == 58
+    assert len(found) == 69
     assert {one.number for one in found if not one.holds} == MISSES
+    check_damage(found)
 
 
-MISSES = {"3a", "3b", "8", "9c", "10d", "11a", "12a", "15c"}
+MISSES = {"3a", "3b", "8a", "8b", "9c", "9f", "10c", "11a", "12a", "12b", "13e", "15c"}

@@ -19,7 +19,20 @@ from pyfric.scene import __version__, write
 if TYPE_CHECKING:
     from pyfric.record import Record
 
-__all__ = ["TENTH", "WORDS", "Claim", "Row", "Runs", "report", "row", "save", "table"]
+__all__ = [
+    "TENTH",
+    "WORDS",
+    "Claim",
+    "Damage",
+    "Row",
+    "Runs",
+    "damaged",
+    "replaced",
+    "report",
+    "row",
+    "save",
+    "table",
+]
 
 WORDS = "the paper's words"
 TENTH = "a tenth of mu_s - mu_k, our reading of 'about': the paper has no number"
@@ -38,6 +51,8 @@ class Claim:
         how: how the value was measured.
         source: where the band comes from.
         note: what a reader has to know, such as why it misses.
+        damage: what is done to its runs so that it has to miss; "" where that was not measured.
+        damaged: the value then.
         seconds: processor time of the claim, its runs included (shared by its parts, and with
             other claims that need the same runs), s.
     """
@@ -51,14 +66,23 @@ class Claim:
     how: str
     source: str
     note: str = ""
+    damage: str = ""
+    damaged: float | None = None
     seconds: float = 0.0
 
     @property
     def holds(self) -> bool:
         """Whether the value is in the band, ends included; NaN never is."""
+        return bool(self.outside == 0)
+
+    @property
+    def outside(self) -> float:
+        """How far the value lies outside the band; infinite for NaN."""
+        if math.isnan(self.value):
+            return math.inf
         low = -math.inf if self.low is None else self.low
         high = math.inf if self.high is None else self.high
-        return bool(low <= self.value <= high)
+        return max(low - self.value, self.value - high, 0.0)
 
     @property
     def verdict(self) -> str:
@@ -81,21 +105,70 @@ class Claim:
 
 
 Runs = Mapping[str, "Record"]
-Measure = Callable[[Runs], list[Claim]]
+Measure = Callable[..., "list[Claim]"]
+"""Measures claims from runs; some take what they rely on as keywords."""
+
+
+class Damage(NamedTuple):
+    """What is done to a claim so that it has to miss.
+
+    `again` gets the function that measures the claim, and its runs, and measures it once more.
+    """
+
+    what: str
+    again: Callable[[Measure, Runs], list[Claim]]
+
+
+def damaged(what: str, change: Callable[[Runs], Runs]) -> Damage:
+    """Return a damage that changes the runs of a claim."""
+    return Damage(what, lambda measure, runs: measure(change(runs)))
+
+
+def replaced(what: str, **given: Any) -> Damage:
+    """Return a damage that replaces what a claim relies on, by keyword."""
+    return Damage(what, lambda measure, runs: measure(runs, **given))
 
 
 class Row(NamedTuple):
-    """A claim: the names of its runs, and the function that measures them."""
+    """A claim: the names of its runs, the function that measures it, a damage for each part."""
 
     runs: tuple[str, ...]
     measure: Measure
+    damage: Mapping[str, Damage]
+
+    def measured(self, number: str, runs: Runs) -> list[Claim]:
+        """Return the parts of the claim, each with its value when damaged.
+
+        Raises:
+            KeyError: a part has no damage.
+        """
+        claims = self.measure(runs)
+        again = {
+            one.what: {claim.number: claim.value for claim in one.again(self.measure, runs)}
+            for one in dict.fromkeys(self.damage[claim.number[len(number) :]] for claim in claims)
+        }
+        found = []
+        for claim in claims:
+            what = self.damage[claim.number[len(number) :]].what
+            value = again[what][claim.number]
+            found.append(dataclasses.replace(claim, damage=what, damaged=value))
+        return found
 
 
-def row(rows: dict[str, Row], number: str, *runs: str) -> Callable[[Measure], Measure]:
-    """Add the function below to the rows, under the number of its claim, with its runs."""
+def row(
+    rows: dict[str, Row], number: str, *runs: str, damage: Mapping[str, Damage]
+) -> Callable[[Measure], Measure]:
+    """Add the function below to the rows, under the number of its claim.
+
+    Args:
+        rows: where it is added.
+        number: of the claim.
+        runs: names of its runs.
+        damage: letter of a part ("" for the only one) -> what makes it miss.
+    """
 
     def add(function: Measure) -> Measure:
-        rows[number] = Row(runs, function)
+        rows[number] = Row(runs, function, damage)
         return function
 
     return add
@@ -110,6 +183,8 @@ def report(claims: Iterable[Claim]) -> str:
         band = f"{claim.band} {claim.unit}".strip()
         lines.append(f"{claim.number:>4}  {claim.verdict:<6}  {claim.text} ({claim.seconds:.1f} s)")
         lines.append(f"      {value} (band {band}): {claim.how}")
+        if claim.damage:
+            lines.append(f"      {claim.damage}: {claim.damaged:.4g} {claim.unit}".rstrip())
         if claim.note:
             lines.append(f"      note: {claim.note}")
     missed = [claim.number for claim in claims if not claim.holds]

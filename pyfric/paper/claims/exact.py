@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse.linalg import spsolve
@@ -11,10 +13,17 @@ from scipy.sparse.linalg import spsolve
 from pyfric import core
 from pyfric.core import OPEN, State
 from pyfric.engines import simulate
-from pyfric.paper.claims.claim import Claim, Row, Runs, row
+from pyfric.paper.claims.claim import Claim, Row, Runs, damaged, replaced, row
 from pyfric.record import budget_left
 from pyfric.scene import Scene, chain, preset, setup1, setup2
 from pyfric.statics import bonds, loaded_state, solve_static, spring_stiffness, stability_limit
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    import pandas as pd
+
+    from pyfric.record import Record
 
 __all__ = ["ROWS"]
 
@@ -31,8 +40,21 @@ def _exact(number: str, text: str, value: float, high: float, how: str, source: 
     return Claim(number=number, text=text, value=float(value), high=high, how=how, source=source)
 
 
-@row(ROWS, "E1")
-def _check_elasticity(runs: Runs) -> list[Claim]:
+def _without_diagonals(bonds: Any) -> Any:
+    """Stiffness of the lattice with diagonal springs next to none."""
+    diagonal = np.abs(bonds.d).min(axis=1) > 0
+    return spring_stiffness(dataclasses.replace(bonds, k=np.where(diagonal, 1e-6, 1.0) * bonds.k))
+
+
+@row(
+    ROWS,
+    "E1",
+    damage={
+        "a": replaced("1 % more stiffness", stiffness=lambda bonds: 1.01 * spring_stiffness(bonds)),
+        "b": replaced("without diagonal springs", stiffness=_without_diagonals),
+    },
+)
+def _check_elasticity(runs: Runs, stiffness: Callable[..., Any] = spring_stiffness) -> list[Claim]:
     """A strip between rollers, pulled along z."""
     scene = setup2(L=8e-3, H=64e-3)
     N_x, N_z, l, k = scene.N_x, scene.N_z, scene.slider.l, scene.slider.k
@@ -40,7 +62,7 @@ def _check_elasticity(runs: Runs) -> list[Claim]:
     u, given = np.zeros(dof.shape), np.zeros(dof.shape, dtype=bool)
     u[-1, 1] = 1e-3 * l
     given[0, 1] = given[-1, 1] = given[0, 0, N_x // 2] = True
-    K = spring_stiffness(bonds(scene)).tocsc()
+    K = stiffness(bonds(scene)).tocsc()
     inner, outer, flat = dof[~given], dof[given], u.reshape(-1)
     flat[inner] = spsolve(K[np.ix_(inner, inner)], -K[np.ix_(inner, outer)] @ flat[outer])
     middle = N_z // 2
@@ -70,7 +92,26 @@ def _check_elasticity(runs: Runs) -> list[Claim]:
     ]
 
 
-@row(ROWS, "E2", "fig1")
+def _weighed_down(record: Record) -> Record:
+    """One block carries a ten-millionth of F_N more, and as much friction less."""
+    share = 1e-7 * record.scene.F_N * np.eye(record.scene.N_x)[0]
+    return dataclasses.replace(
+        record, p_before=record.p_before + share, tau_before=record.tau_before - share
+    )
+
+
+@row(
+    ROWS,
+    "E2",
+    "fig1",
+    damage=dict.fromkeys(
+        "ab",
+        damaged(
+            "1e-7 F_N more p, less tau on one block",
+            lambda runs: {"fig1": _weighed_down(runs["fig1"])},
+        ),
+    ),
+)
 def _check_load(runs: Runs) -> list[Claim]:
     record = runs["fig1"]
     done = record.events["finished"].to_numpy(dtype=bool)
@@ -93,13 +134,21 @@ def _check_load(runs: Runs) -> list[Claim]:
     ]
 
 
-@row(ROWS, "E3")
-def _check_momentum(runs: Runs) -> list[Claim]:
+def _pulled(model: Any, state: State, t: float) -> Any:
+    """The forces, with a billionth more acceleration of one block."""
+    forces = core.evaluate(model, state, t)
+    a = forces.a.copy()
+    a[0, 0, 0] += 1e-9 * np.abs(a).max() * a.size
+    return forces._replace(a=a)
+
+
+@row(ROWS, "E3", damage={"": replaced("a force of 1e-9 of all on one block", evaluate=_pulled)})
+def _check_momentum(runs: Runs, evaluate: Callable[..., Any] = core.evaluate) -> list[Claim]:
     scene = setup2(L=0.012, H=0.005, theta=0.5, V=0.3)
     worst = 0.0
     for geometry in ("linear", "finite"):
         state = _shaken(scene, geometry, 1e-7)
-        forces = core.evaluate(core.model(scene, geometry, state.u_drv0), state, state.t)
+        forces = evaluate(core.model(scene, geometry, state.u_drv0), state, state.t)
         outer = [scene.d * forces.F_T + forces.f.sum(), forces.p.sum() - scene.F_N]
         change = scene.m * forces.a.sum(axis=(0, 2))
         size = scene.m * np.abs(forces.a).sum()
@@ -127,14 +176,21 @@ def _shaken(scene: Scene, geometry: str, dt: float) -> State:
     return state
 
 
-@row(ROWS, "E4")
-def _check_energy(runs: Runs) -> list[Claim]:
+def _without_heat(curve: pd.DataFrame) -> pd.Series:
+    """What the budget leaves over where friction makes 1 % less heat."""
+    return budget_left(curve.assign(friction_heat=0.99 * curve["friction_heat"]))
+
+
+@row(ROWS, "E4", damage={"": replaced("1 % less friction heat", left=_without_heat)})
+def _check_energy(
+    runs: Runs, left: Callable[[pd.DataFrame], pd.Series] = budget_left
+) -> list[Claim]:
     scene, errors = _small(), []
     for share in (0.5, 0.125):
         dt = share * stability_limit(scene)[0]
         how = {"fidelity": "dynamic", "geometry": "finite", "dt": dt, "budget": True}
         curve = simulate(scene, 3e-3, progress=False, **how).curve
-        errors.append(float(budget_left(curve).abs().max() / abs(curve["work_driver"].iloc[-1])))
+        errors.append(float(left(curve).abs().max() / abs(curve["work_driver"].iloc[-1])))
     return [
         _exact(
             "E4",
@@ -148,11 +204,17 @@ def _check_energy(runs: Runs) -> list[Claim]:
     ]
 
 
-@row(ROWS, "E5")
-def _check_mirror(runs: Runs) -> list[Claim]:
+@row(
+    ROWS,
+    "E5",
+    damage={"": replaced("V larger by 1e-12 on the right", V={"left": 0.5, "right": 0.5 + 5e-13})},
+)
+def _check_mirror(
+    runs: Runs, V: Mapping[str, float] = MappingProxyType({"left": 0.5, "right": 0.5})
+) -> list[Claim]:
     ends, switches = [], 0
     for side in ("left", "right"):
-        scene = _small(side=side)
+        scene = _small(side=side, V=V[side])
         state = loaded_state(_small(), "finite").state(_small(), 2e-7)
         if side == "right":
             state = _mirrored(state)
@@ -184,14 +246,15 @@ def _mirrored(state: State) -> State:
     return image
 
 
-@row(ROWS, "E6")
-def _check_order(runs: Runs) -> list[Claim]:
+@row(ROWS, "E6", damage={"": replaced("velocity Verlet for RK4", stepper="verlet")})
+def _check_order(runs: Runs, stepper: str = "rk4") -> list[Claim]:
     scene, ends = setup1(L=0.02, H=0.0125, V=1e-3), []
     coarse = 0.2 * stability_limit(scene)[0]
     for halvings in range(4):
         state = _shaken(scene, "finite", coarse / 2**halvings)
         log = core.Log(scene.N_x)
-        core.advance(core.model(scene, "finite", state.u_drv0), state, log, 40 * 2**halvings)
+        model = core.model(scene, "finite", state.u_drv0)
+        core.advance(model, state, log, 40 * 2**halvings, stepper=stepper)
         if log.n_switch:
             raise RuntimeError("the order is that between switches, and something switched")
         ends.append(np.concatenate([state.y.ravel(), state.rod]))
@@ -210,14 +273,14 @@ def _check_order(runs: Runs) -> list[Claim]:
     ]
 
 
-@row(ROWS, "E7")
-def _check_stuck(runs: Runs) -> list[Claim]:
+@row(ROWS, "E7", damage={"": replaced("the driver 1e-7 of its way behind", behind=1e-7)})
+def _check_stuck(runs: Runs, behind: float = 0.0) -> list[Claim]:
     scene, worst = preset("fig1"), 0.0
     for geometry in ("linear", "finite"):
         u_x, drive = loaded_state(scene, geometry).u[0, 0], 1e-4
         rest = solve_static(scene, u_x, drive, geometry=geometry)
         state = rest.state(scene, 1e-7)
-        t = drive / scene.driver.V
+        t = (1 - behind) * drive / scene.driver.V
         forces = core.evaluate(core.model(scene, geometry, state.u_drv0), state, t)
         left = np.abs(forces.a).max() * scene.m / (scene.F_N / scene.N_x)
         worst = max(worst, float(left), abs(forces.F_T - rest.F_T) / scene.F_N)
@@ -234,8 +297,8 @@ def _check_stuck(runs: Runs) -> list[Claim]:
     ]
 
 
-@row(ROWS, "E8")
-def _check_translation(runs: Runs) -> list[Claim]:
+@row(ROWS, "E8", damage={"": replaced("a stretch of 1e-12 besides", stretch=1e-12)})
+def _check_translation(runs: Runs, stretch: float = 0.0) -> list[Claim]:
     scene = setup2(L=0.012, H=0.005)
     worst = 0.0
     for geometry in ("linear", "finite"):
@@ -243,6 +306,7 @@ def _check_translation(runs: Runs) -> list[Claim]:
         state = rest.state(scene, 1e-7)
         state.y[:] = 0.0
         state.y[:, 0], state.y[:, 1] = 3 * scene.slider.l, 0.5 * scene.slider.l
+        state.y[:, 0] += stretch * scene.x
         state.mode[:] = OPEN
         model = core.model(scene, geometry, 3 * scene.slider.l)
         forces = scene.m * core.evaluate(model, state, 0.0).a
@@ -260,10 +324,10 @@ def _check_translation(runs: Runs) -> list[Claim]:
     ]
 
 
-@row(ROWS, "E9")
-def _check_chain_fronts(runs: Runs) -> list[Claim]:
+@row(ROWS, "E9", damage={"": replaced("prestress larger by 1e-4", more=1e-4)})
+def _check_chain_fronts(runs: Runs, more: float = 0.0) -> list[Claim]:
     taubar = 0.7
-    error = _chain_front(taubar) * math.sqrt(1 - taubar**2) - 1
+    error = _chain_front(taubar + more) * math.sqrt(1 - taubar**2) - 1
     return [
         _exact(
             "E9",
@@ -300,11 +364,11 @@ def _chain_front(taubar: float) -> float:
     return float(np.polyfit(times, np.arange(n // 2, n), 1)[0] * unit)
 
 
-@row(ROWS, "E10")
-def _check_homogeneity(runs: Runs) -> list[Claim]:
+@row(ROWS, "E10", damage={"": replaced("twice the load, 2 + 1e-12 times the speed", V=1.0 + 5e-13)})
+def _check_homogeneity(runs: Runs, V: float = 1.0) -> list[Claim]:
     how = {"fidelity": "dynamic", "geometry": "linear", "progress": False}
     one = simulate(_small(), 3e-3, **how)
-    two = simulate(_small(F_N=7000.0, V=1.0), 3e-3, **how)
+    two = simulate(_small(F_N=7000.0, V=V), 3e-3, **how)
     differ = int((2 * one.final_state.y != two.final_state.y).sum())
     differ += int((2 * one.curve["F_T"] != two.curve["F_T"]).sum())
     return [

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from pyfric.engines import prediction_curve
-from pyfric.paper.claims.claim import WORDS, Claim, Row, Runs, row
+from pyfric.paper.claims import damage as to
+from pyfric.paper.claims.claim import WORDS, Claim, Row, Runs, damaged, row
 from pyfric.paper.claims.parts import (
     exponent,
     force_at,
     force_step,
     forces_apart,
     growing,
+    off_line,
     precursors_below,
     prediction_error,
     rms,
@@ -24,13 +26,29 @@ from pyfric.paper.claims.parts import (
 from pyfric.paper.claims.runs import AT_2700, BASE, GRID, H_2A, SETUP2, SPEEDS_V, jobs
 from pyfric.record import analysis
 
+if TYPE_CHECKING:
+    from pyfric.record import Record
+
 __all__ = ["ROWS"]
 
 ROWS: dict[str, Row] = {}
 """Number -> row."""
 
+HALF = "half a step between precursors, which the curve is made of; the paper has no number"
+BLOCKS = "resolution: lengths are whole blocks"
 
-@row(ROWS, "1", "fig1")
+
+@row(
+    ROWS,
+    "1",
+    "fig1",
+    damage={
+        "a": damaged("every second main event left out", to.each(to.every_second)),
+        "b": damaged("seen from the leading edge", to.each(to.mirrored)),
+        "c": damaged("lengths in reverse order", to.each(to.lengths_backwards)),
+        "d": damaged("start and arrest exchanged", to.each(to.drops_undone)),
+    },
+)
 def _claim_1(runs: Runs) -> list[Claim]:
     record = runs["fig1"]
     table = analysis.precursors(record)
@@ -71,22 +89,38 @@ def _claim_1(runs: Runs) -> list[Claim]:
     ]
 
 
-@row(ROWS, "2", *GRID, "F_N 1750", "F_N 2700", "fig1")
+@row(
+    ROWS,
+    "2",
+    *GRID,
+    "F_N 1750",
+    "F_N 2700",
+    "fig1",
+    damage={
+        "a": damaged(
+            "force over 2700 N instead of F_N",
+            to.each(to.with_force(lambda record, force: force * record.scene.F_N / 2700)),
+        ),
+        "b": damaged(
+            "force over 2700 N instead of F_N",
+            to.each(to.with_force(lambda record, force: force * record.scene.F_N / 2700)),
+        ),
+        "c": damaged("over the square of the force", to.each(to.with_force(lambda _, f: f**2))),
+        "d": damaged("curves turned by half a turn", to.each(to.turned)),
+    },
+)
 def _claim_2(runs: Runs) -> list[Claim]:
+    return [*_collapses(runs), *_slopes([runs[name] for name in GRID])]
+
+
+def _collapses(runs: Runs) -> list[Claim]:
+    """Claims 2a and 2b."""
     tables = [growing(runs[name]) for name in GRID]
     both = pd.concat(tables, ignore_index=True)
     spread = analysis.collapse_spread(both["L_p_over_L"], both["force"], log=False)
     step = float(np.mean([force_step(table) for table in tables]))
-    low, high = both[both["L_p_over_L"] < 0.5], both[both["L_p_over_L"] >= 0.5]
-    slopes = [np.polyfit(one["force"], one["L_p_over_L"], 1)[0] for one in (low, high)]
-    bent = [  # distance in blocks, scene
-        (straight(precursors_below(runs[name], 0.5), runs[name].scene.N_x), name)
-        for name in GRID
-        if len(precursors_below(runs[name], 0.5)) > 2
-    ]
     base = growing(runs["fig1"])
     loads = [np.abs(forces_apart(growing(runs[f"F_N {F_N}"]), base)) for F_N in (1750, 2700)]
-    half = "half a step between precursors, which the curve is made of; the paper has no number"
     return [
         Claim(
             number="2a",
@@ -96,7 +130,7 @@ def _claim_2(runs: Runs) -> list[Claim]:
             high=0.5,
             how=f"RMS of F_T/F_N about its median in bins of L_p/L ({spread.rms:.4f}) over the "
             f"mean step between precursors ({step:.4f}); {spread.n} precursors, {len(GRID)} scenes",
-            source=half,
+            source=HALF,
         ),
         Claim(
             number="2b",
@@ -106,8 +140,22 @@ def _claim_2(runs: Runs) -> list[Claim]:
             high=0.5,
             how="largest distance in force, at equal length, of the Fig. 1 scene at 1750 and "
             "2700 N from 3500 N",
-            source=half,
+            source=HALF,
         ),
+    ]
+
+
+def _slopes(records: list[Record]) -> list[Claim]:
+    """Claims 2c and 2d."""
+    both = pd.concat([growing(record) for record in records], ignore_index=True)
+    low, high = both[both["L_p_over_L"] < 0.5], both[both["L_p_over_L"] >= 0.5]
+    slopes = [np.polyfit(one["force"], one["L_p_over_L"], 1)[0] for one in (low, high)]
+    bent = [  # distance in blocks, scene
+        (straight(precursors_below(record, 0.5), record.scene.N_x), record.scene.name)
+        for record in records
+        if len(precursors_below(record, 0.5)) > 2
+    ]
+    return [
         Claim(
             number="2c",
             text="near linear up to half the length",
@@ -115,9 +163,9 @@ def _claim_2(runs: Runs) -> list[Claim]:
             unit="blocks",
             high=1.0,
             how="RMS distance of L_p < L/2 from a straight line over the force, worst scene "
-            f"({max(bent)[1]}, as L (mm)/h (mm)/F_N (N)), of {len(bent)}; in the middle "
+            f"({max(bent)[1]}), of {len(bent)}; in the middle "
             f"{sorted(bent)[len(bent) // 2][0]:.2f}",
-            source="resolution: lengths are whole blocks",
+            source=BLOCKS,
         ),
         Claim(
             number="2d",
@@ -131,41 +179,91 @@ def _claim_2(runs: Runs) -> list[Claim]:
     ]
 
 
-@row(ROWS, "3", *GRID)
+def _one_h(runs: Runs) -> Runs:
+    """Under every h the run of h = 5 mm."""
+    return {name: runs[f"{name.split('/')[0]}/5/2700"] for name in runs}
+
+
+FIRST_AND_SECOND = {
+    f"{L}/{a}/2700": f"{L}/{b}/2700" for L in (140, 200) for a, b in ((2.5, 5), (5, 2.5))
+}
+LENGTHS_EXCHANGED = {
+    f"{a}/{h:g}/2700": f"{b}/{h:g}/2700" for h in H_2A for a, b in ((140, 200), (200, 140))
+}
+HEIGHTS_BACKWARDS = {
+    f"{L}/{a:g}/2700": f"{L}/{b:g}/2700"
+    for L in (140, 200)
+    for a, b in zip(H_2A, H_2A[::-1], strict=True)
+}
+
+
+@row(
+    ROWS,
+    "3",
+    *AT_2700[140],
+    *AT_2700[200],
+    damage=dict.fromkeys("ab", damaged("h = 5 mm in all runs", _one_h))
+    | {
+        "c": damaged("runs of the two lengths exchanged", to.exchanged(LENGTHS_EXCHANGED)),
+        "d": damaged("runs in reverse order of h", to.exchanged(HEIGHTS_BACKWARDS)),
+    }
+    | dict.fromkeys("ef", damaged("h = 2.5 and 5 mm exchanged", to.exchanged(FIRST_AND_SECOND))),
+)
 def _claim_3(runs: Runs) -> list[Claim]:
-    h, steps = np.array(H_2A[:3]), {}  # mm; of L_p in mm, of F_T in F_N
-    for L in (140, 200):
-        tables = [precursors_below(runs[name], 0.5) for name in AT_2700[L][:3]]
-        spans = [table["L_p_over_L"].iloc[-1] - table["L_p_over_L"].iloc[0] for table in tables]
-        numbers = [len(table) - 1 for table in tables]
-        steps["L_p", L] = L * np.array(spans) / numbers
-        steps["F_T", L] = np.array([force_step(table) for table in tables])
-    counts = np.array([[len(growing(runs[name])) for name in AT_2700[L]] for L in (140, 200)])
+    return [*_exponents(runs), *_counts(runs), *_lines(runs)]
 
-    def part(number: str, name: str, unit: str) -> Claim:
-        found = {L: steps[name, L] for L in (140, 200)}
-        exponents = [exponent(h, step) for step in found.values()]
-        lines = [np.polyfit(h, step, 1) for step in found.values()]
+
+H_SMALL = np.array(H_2A[:3])  # mm
+
+
+def _steps(runs: Runs, name: str, L: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mean steps below L/2 for small h, of L_p in mm or of F_T in F_N, and their resolution.
+
+    A mean of n steps is known to the n-th part of a block; that of the force to what it takes to
+    advance by that.
+    """
+    tables = [precursors_below(runs[one], 0.5) for one in AT_2700[L][:3]]
+    ends = [table.iloc[-1] - table.iloc[0] for table in tables]
+    numbers = np.array([len(table) - 1 for table in tables])
+    L_p, force = (np.array([end[key] for end in ends]) for key in ("L_p_over_L", "force"))
+    block = 1 / runs[AT_2700[L][0]].scene.N_x
+    if name == "L_p":
+        return L * L_p / numbers, L * block / numbers
+    return force / numbers, block * force / L_p / numbers
+
+
+def _exponents(runs: Runs) -> list[Claim]:
+    """Claims 3a and 3b."""
+    claims = []
+    for number, name, unit in (("3a", "L_p", "mm"), ("3b", "F_T", "F_N")):
+        found = {L: _steps(runs, name, L)[0] for L in (140, 200)}
+        powers = {L: exponent(H_SMALL, steps) for L, steps in found.items()}
         listed = "; ".join(
-            f"L = {L} mm: {', '.join(f'{one:.3g}' for one in step)} {unit}, exponent {power:.2f}"
-            for (L, step), power in zip(found.items(), exponents, strict=True)
+            f"L = {L} mm: {', '.join(f'{one:.3g}' for one in steps)} {unit}, "
+            f"exponent {powers[L]:.2f}"
+            for L, steps in found.items()
         )
-        offsets = " and ".join(f"{line[1]:.2g} {unit} + {line[0]:.2g} h/mm" for line in lines)
-        return Claim(
-            number=number,
-            text=f"steps of {name} between precursors are almost linear in h, for small h",
-            value=float(np.mean(exponents)),
-            low=0.75,
-            high=1.25,
-            how=f"exponent of the mean step below L/2 over h = 2.5, 5, 7.5 mm; {listed}",
-            source="linear is 1; almost, read as nearer to 1 than to 1/2 or 3/2",
-            note=f"steps grow along a line with an offset, {offsets}. A finer lattice does not "
-            "mend that: with l = 1.25 mm the steps at L = 140 mm are 4.0, 5.5, 5.3 mm",
+        claims.append(
+            Claim(
+                number=number,
+                text=f"steps of {name} between precursors are almost proportional to h, for "
+                "small h",
+                value=float(np.mean(list(powers.values()))),
+                low=0.75,
+                high=1.25,
+                how=f"exponent of the mean step below L/2 over h = 2.5, 5, 7.5 mm; {listed}",
+                source="proportional is 1; almost, read as nearer to 1 than to 1/2 or 3/2",
+                note="steps grow along a line with an offset (3e, 3f). A finer lattice does not "
+                "mend that: with l = 1.25 mm the steps at L = 140 mm are 4.0, 5.5, 5.3 mm",
+            )
         )
+    return claims
 
+
+def _counts(runs: Runs) -> list[Claim]:
+    """Claims 3c and 3d."""
+    counts = np.array([[len(growing(runs[name])) for name in AT_2700[L]] for L in (140, 200)])
     return [
-        part("3a", "L_p", "mm"),
-        part("3b", "F_T", "F_N"),
         Claim(
             number="3c",
             text="larger L gives more precursors",
@@ -187,7 +285,45 @@ def _claim_3(runs: Runs) -> list[Claim]:
     ]
 
 
-@row(ROWS, "4", *SETUP2)
+def _lines(runs: Runs) -> list[Claim]:
+    """Claims 3e and 3f."""
+    claims = []
+    for number, name, unit in (("3e", "L_p", "mm"), ("3f", "F_T", "F_N")):
+        found = {L: _steps(runs, name, L) for L in (140, 200)}
+        off = {L: off_line(H_SMALL, steps) for L, (steps, _) in found.items()}
+        lines = {L: np.polyfit(H_SMALL, steps, 1) for L, (steps, _) in found.items()}
+        listed = "; ".join(
+            f"L = {L} mm: {line[1]:.2g} {unit} + {line[0]:.2g} {unit} h/mm, off it by "
+            f"{np.abs(off[L] / found[L][0]).max():.1%}"
+            for L, line in lines.items()
+        )
+        claims.append(
+            Claim(
+                number=number,
+                text=f"steps of {name} between precursors lie on a line over h, for small h",
+                value=float(max(np.abs(off[L] / found[L][1]).max() for L in off)),
+                unit="blocks/n",
+                high=1.0,
+                how="largest distance of the mean step below L/2 from a straight line over h = "
+                f"2.5, 5, 7.5 mm, over what a block makes of a mean of n steps; {listed}",
+                source=BLOCKS,
+                note="the line does not go through 0, see 3a and 3b",
+            )
+        )
+    return claims
+
+
+THETA_BACKWARDS = dict(zip(SETUP2, SETUP2[::-1], strict=True))
+
+
+@row(
+    ROWS,
+    "4",
+    *SETUP2,
+    damage=dict.fromkeys(
+        "ab", damaged("runs in reverse order of theta", to.exchanged(THETA_BACKWARDS))
+    ),
+)
 def _claim_4(runs: Runs) -> list[Claim]:
     lengths = np.arange(0.1, 1.0, 0.1)
     minus, zero, plus = (force_at(growing(runs[name]), lengths) for name in SETUP2)
@@ -217,38 +353,38 @@ def _claim_4(runs: Runs) -> list[Claim]:
     ]
 
 
-@row(ROWS, "5", "fig1", *GRID, *SETUP2, *(f"V {share:g}" for share in SPEEDS_V))
+PREDICTION = (
+    "half a step: the curve belongs to a precursor if it is nearer to it than to the next one; "
+    "the paper has no number"
+)
+OTHER_FRICTION = damaged("prediction of mu_s = mu_k = 0.3", to.each(to.friction(mu_k=0.3)))
+
+
+@row(
+    ROWS,
+    "5",
+    "fig1",
+    *GRID,
+    *SETUP2,
+    *(f"V {share:g}" for share in SPEEDS_V),
+    damage={
+        "a": OTHER_FRICTION,
+        "b": OTHER_FRICTION,
+        "c": damaged(
+            "force in proportion to V",
+            to.each(
+                to.with_force(lambda record, force: force * record.scene.driver.V / 0.7875e-3),
+                [f"V {share:g}" for share in SPEEDS_V],
+            ),
+        ),
+    },
+)
 def _claim_5(runs: Runs) -> list[Claim]:
-    source = (
-        "half a step: the curve belongs to a precursor if it is nearer to it than to the next one; "
-        "the paper has no number"
-    )
-
-    def part(number: str, what: str, names: Iterable[str]) -> Claim:
-        names = list(names)
-        errors = [prediction_error(runs[name]) for name in names]
-        steps = [force_step(growing(runs[name])) for name in names]
-        every = np.concatenate(errors)
-        shares = [rms(error) / step for error, step in zip(errors, steps, strict=True)]
-        return Claim(
-            number=number,
-            text=f"with mu_s = mu_k, equilibrium gives the lengths at arrest: {what}",
-            value=max(shares),
-            unit="steps",
-            high=0.5,
-            how="RMS of F_arrest - F_pred(n) over the mean step between precursors, worst of "
-            f"{len(names)} scenes ({names[int(np.argmax(shares))]}); the Fig. 1 scene or the first "
-            f"one {shares[0]:.3f}; over F_N, all together: RMS {rms(every):.4f}, largest "
-            f"{np.abs(every).max():.4f}; engine: "
-            + ", ".join(sorted({runs[name].method.engine for name in names})),
-            source=source,
-        )
-
     base = growing(runs[BASE])
     speed = [np.abs(forces_apart(growing(runs[f"V {share:g}"]), base)) for share in SPEEDS_V]
     return [
-        part("5a", "setup 1", ["fig1", *GRID]),
-        part("5b", "setup 2", SETUP2),
+        _predicted("5a", "setup 1", {name: runs[name] for name in ("fig1", *GRID)}),
+        _predicted("5b", "setup 2", {name: runs[name] for name in SETUP2}),
         Claim(
             number="5c",
             text="whatever the driving speed",
@@ -257,12 +393,45 @@ def _claim_5(runs: Runs) -> list[Claim]:
             high=0.5,
             how="largest distance in force, at equal length, of V/2 and 2 V from V; the prediction "
             "has no V",
-            source=source,
+            source=PREDICTION,
         ),
     ]
 
 
-@row(ROWS, "6", "chain", "fig1")
+def _predicted(number: str, what: str, runs: Runs) -> Claim:
+    """Claim 5a or 5b."""
+    errors = {name: prediction_error(record) for name, record in runs.items()}
+    every = np.concatenate(list(errors.values()))
+    shares = {name: rms(error) / force_step(growing(runs[name])) for name, error in errors.items()}
+    worst = max(shares, key=shares.__getitem__)
+    engines = sorted({record.method.engine for record in runs.values()})
+    return Claim(
+        number=number,
+        text=f"with mu_s = mu_k, equilibrium gives the lengths at arrest: {what}",
+        value=shares[worst],
+        unit="steps",
+        high=0.5,
+        how="RMS of F_arrest - F_pred(n) over the mean step between precursors, worst of "
+        f"{len(runs)} scenes ({worst}); the Fig. 1 scene or the first one "
+        f"{next(iter(shares.values())):.3f}; over F_N, all together: RMS {rms(every):.4f}, largest "
+        f"{np.abs(every).max():.4f}; engine: {', '.join(engines)}",
+        source=PREDICTION,
+    )
+
+
+@row(
+    ROWS,
+    "6",
+    "chain",
+    "fig1",
+    damage={
+        "a": damaged("over the square of the force", to.each(to.with_force(lambda _, f: f**2))),
+        "b": damaged(
+            "the chain's lengths for those of the Fig. 1 scene",
+            lambda runs: {**runs, "fig1": runs["chain"]},
+        ),
+    },
+)
 def _claim_6(runs: Runs) -> list[Claim]:
     one, two = (straight(growing(runs[name]), runs[name].scene.N_x) for name in ("chain", "fig1"))
     curve = prediction_curve(runs["chain"].scene).curve
@@ -277,14 +446,15 @@ def _claim_6(runs: Runs) -> list[Claim]:
             high=1.0,
             how="RMS distance of the lengths from a straight line over the force, 57 blocks; the "
             f"prediction curve: {exact:.1e}",
-            source="resolution: lengths are whole blocks",
+            source=BLOCKS,
         ),
         Claim(
             number="6b",
             text="two dimensions: it is not",
-            value=two / one,
+            value=two,
+            unit="blocks",
             low=1.0,
-            how=f"the same distance in the Fig. 1 scene ({two:.2f} blocks) over that of the chain",
-            source=WORDS,
+            how=f"the same distance in the Fig. 1 scene, {two / one:.2g} times that of the chain",
+            source="resolution, as in 6a",
         ),
     ]

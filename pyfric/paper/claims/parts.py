@@ -45,18 +45,40 @@ def reach(record: Record, event: int) -> int:
     return round(record.events["L_p_over_L"].iloc[event] * record.scene.N_x)
 
 
-def arrested(record: Record, event: int) -> pd.DataFrame:
-    """Profile after a precursor over its slipped, closed blocks, tip block excluded."""
-    table = analysis.stress_profile(record, event, "after")
-    slipped = (table["region"] == 1) & (table["p"] > 0)
-    return table[slipped & (table["n"] < reach(record, event))]
+def corner(record: Record) -> int:
+    """Number of blocks at x <= h + l."""
+    return record.scene.j_h + 2
 
 
-def left_behind(record: Record, column: str = "scaled") -> np.ndarray:
-    """What the precursors of the first loading leave, all together; NaN where there are none."""
-    events = analysis.precursor_lengths(record)["event"]
-    left = [arrested(record, event)[column].to_numpy() for event in events]
-    return np.concatenate(left) if left else np.array([np.nan])
+def left_behind(record: Record, events: Iterable[int] | None = None) -> pd.DataFrame:
+    """What precursors leave on their slipped, closed blocks, tip block excluded.
+
+    Args:
+        record: the run.
+        events: rows of its events; None means the precursors of the first loading.
+
+    Returns:
+        Rows of `analysis.stress_profile`; ``inner`` says whether x > h + l.
+    """
+    events = analysis.precursor_lengths(record)["event"] if events is None else events
+    tables = []
+    for event in events:
+        table = analysis.stress_profile(record, event, "after")
+        slipped = (table["region"] == 1) & (table["p"] > 0)
+        tables.append(table[slipped & (table["n"] < reach(record, event))])
+    if not tables:
+        return analysis.stress_profile(record)[:0].assign(inner=False)
+    table = pd.concat(tables, ignore_index=True)
+    return table.assign(inner=table["n"] > corner(record))
+
+
+def size(left: pd.DataFrame, way: str) -> float:
+    """RMS of the scaled prestress: of "all" rows, the "inner" ones, or weighted by "force"."""
+    left = left[left["inner"]] if way == "inner" else left
+    if left.empty:
+        return np.nan
+    weight = left["p"] if way == "force" else None
+    return float(np.sqrt(np.average(np.square(left["scaled"]), weights=weight)))
 
 
 def prediction_error(record: Record) -> np.ndarray:
@@ -72,6 +94,11 @@ def straight(table: pd.DataFrame, N_x: int) -> float:
     """RMS distance in blocks of the lengths from a straight line over the force."""
     force, L_p = table["force"].to_numpy(), table["L_p_over_L"].to_numpy()
     return rms(L_p - np.polyval(np.polyfit(force, L_p, 1), force)) * N_x
+
+
+def off_line(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Distance of y from a straight line over x, fitted to relative distances."""
+    return y - np.polyval(np.polyfit(x, y, 1, w=1 / y), x)
 
 
 def rms(x: np.ndarray) -> float:

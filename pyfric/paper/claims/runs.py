@@ -16,7 +16,9 @@ T_END = 1.02
 MU_S = (0.5, 0.6, 0.8, 0.9)
 D_C = (0.0, 0.5e-6, 1e-6, 2e-6, 5e-6, 10e-6)
 ETA = (0.15, 0.22, 0.42)  # over sqrt(k m); 0.316 is the default
-K_F = (2.0, 5.0, 10.0)  # over k
+K_F = (1.5, 3.0, 1000.0)  # over k
+MATTRESS = {"mattress on each": "0.4 MN/m on each top block", "mattress rigid": "rigid"}
+"""Run -> what it is; in the others the mattress has 0.4 MN/m in all."""
 SPEEDS_V = (0.5, 2.0)  # over V
 H_2A = (2.5, 5.0, 7.5, 10.0, 12.5, 15.0)  # mm
 
@@ -31,6 +33,14 @@ BASE = "140/5/3500"
 """The Fig. 1 scene among the runs of Fig. 2(a)."""
 SETUP2 = ("setup2-", "setup2", "setup2+")
 FRONTS = ("fig4a", "run1", "run2", "run3", "run4")
+
+SPEEDS = {
+    "fig4a": "located switching, m = M/N",
+    "fig4a paper": "switching at the ends of steps of 0.2 us, m = M/N",
+    "fig4a heavy": "located switching, mass per area M/(L H)",
+    "fig4a paper heavy": "switching at the ends of steps of 0.2 us, mass per area M/(L H)",
+}
+"""Run of the Fig. 1 scene up to its 11th main precursor -> how contacts switch, and its mass."""
 
 
 @functools.cache
@@ -53,6 +63,15 @@ def jobs() -> dict[str, Job]:
     found |= {f"d_c {d_c * 1e6:g}": fig(0.92, d_c=d_c) for d_c in D_C}
     found |= {f"eta {share:g}": fig(0.92, eta=share * unit) for share in ETA}
     found |= {f"k_f {share:g}": fig(0.92, k_f=share * fig1.slider.k) for share in K_F}
+    each, rigid = fig1.N_x * fig1.top.mattress, 1e6 * fig1.top.mattress
+    found |= {name: fig(mattress=m) for name, m in zip(MATTRESS, (each, rigid), strict=True)}
+    N_x, N_z = fig1.N_x, fig1.N_z
+    heavy = preset("fig1", M=fig1.slider.M * N_x * N_z / ((N_x - 1) * (N_z - 1)))
+    paper_steps = {"fidelity": "hybrid", "geometry": "finite", "switching": "step_end", "dt": 2e-7}
+    located = paper.FIG4A.options
+    found["fig4a paper"] = Job(scene=fig1, t_end=paper.FIG4A.t_end, options=paper_steps)
+    found["fig4a heavy"] = Job(scene=heavy, t_end=paper.FIG4A.t_end, options=located)
+    found["fig4a paper heavy"] = Job(scene=heavy, t_end=paper.FIG4A.t_end, options=paper_steps)
     V = fig1.driver.V
     found |= {f"V {share:g}": fig(T_END / share, V=share * V) for share in SPEEDS_V}
     found["chain"] = Job(scene=preset("chain"), t_end=0.55, options={"fidelity": "hybrid"})

@@ -52,7 +52,7 @@ def measure(
     claims = []
     for number, row in rows.items():
         start = time.process_time()
-        measured = row.measure(runs)
+        measured = row.measured(number, runs)
         seconds = time.process_time() - start
         seconds += sum(runs[name].timings["processor"] for name in row.runs)
         parts = [part for one, part in wanted if one == number]

@@ -1,0 +1,188 @@
+"""Damage: runs shuffled, reversed, or with an effect taken out, on which claims have to miss."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pyfric.paper.claims.claim import Runs
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+
+STATES = ("tau_before", "p_before", "tau_after", "p_after")
+INITIAL = ("tau_initial", "p_initial")
+
+Change = Callable[["Record"], "Record"]
+
+
+def each(change: Change, names: Iterable[str] = ()) -> Callable[[Runs], Runs]:
+    """Return a change of runs: that of every record, or of those named."""
+    chosen = set(names)
+
+    def changed(runs: Runs) -> Runs:
+        return {
+            name: change(one) if not chosen or name in chosen else one for name, one in runs.items()
+        }
+
+    return changed
+
+
+def exchanged(pairs: dict[str, str]) -> Callable[[Runs], Runs]:
+    """Return a change of runs: under each name, the run of another one."""
+    return lambda runs: {**runs, **{name: runs[other] for name, other in pairs.items()}}
+
+
+def with_events(record: Record, **columns: Any) -> Record:
+    """Return the record with other columns of its events."""
+    return dataclasses.replace(record, events=record.events.assign(**columns))
+
+
+def with_force(function: Callable[[Record, np.ndarray], np.ndarray]) -> Change:
+    """Return a change of a record: static forces become a function of it and F_T/F_N."""
+
+    def changed(record: Record) -> Record:
+        events, F_N = record.events, record.scene.F_N
+        names = ("F_T_start", "F_T_arrest")
+        new = {name: F_N * function(record, events[name].to_numpy() / F_N) for name in names}
+        return with_events(record, **new)
+
+    return changed
+
+
+def with_stress(function: Callable[[Record, np.ndarray, np.ndarray], np.ndarray]) -> Change:
+    """Return a change of a record: tau after events becomes a function of it, tau and p."""
+
+    def changed(record: Record) -> Record:
+        new = function(record, record.tau_after, record.p_after)
+        return dataclasses.replace(record, tau_after=new)
+
+    return changed
+
+
+def drops_undone(record: Record) -> Record:
+    """Events start at the force at which they end, and end at that at which they start."""
+    events = record.events
+    return with_events(record, F_T_start=events["F_T_arrest"], F_T_arrest=events["F_T_start"])
+
+
+def every_second(record: Record) -> Record:
+    """Only every second main event is finished."""
+    events = record.events
+    kept = events["is_main"].cumsum() % 2 == 1
+    return with_events(record, finished=events["finished"] & kept)
+
+
+def up_to(length: float) -> Change:
+    """Return a change of a record: precursors beyond L_p/L are not finished."""
+
+    def changed(record: Record) -> Record:
+        events = record.events
+        short = (events["L_p_over_L"] <= length) | (events["L_p_over_L"] == 1)
+        return with_events(record, finished=events["finished"] & short)
+
+    return changed
+
+
+def lengths_backwards(record: Record) -> Record:
+    """The precursors have their lengths in reverse order."""
+    events = record.events
+    chosen = (events["is_main"] & events["is_precursor"]).to_numpy()
+    L_p = events["L_p_over_L"].to_numpy().copy()
+    L_p[chosen] = L_p[chosen][::-1]
+    return with_events(record, L_p_over_L=L_p)
+
+
+def turned(record: Record) -> Record:
+    """The curve of length over force, turned by half a turn."""
+    events = record.events
+    top = float(events["F_T_start"].max())
+    chosen = (events["is_main"] & events["is_precursor"]).to_numpy()
+    new = {name: events[name].to_numpy().copy() for name in ("L_p_over_L", "F_T_arrest")}
+    new["L_p_over_L"][chosen] = (1 + 1 / record.scene.N_x - new["L_p_over_L"][chosen])[::-1]
+    new["F_T_arrest"][chosen] = (top - new["F_T_arrest"][chosen])[::-1]
+    return with_events(record, **new)
+
+
+def mirrored(record: Record) -> Record:
+    """Seen from the leading edge: stresses in reverse order, events start at the other end."""
+    arrays = {name: getattr(record, name)[..., ::-1] for name in (*STATES, *INITIAL)}
+    arrays["rupture_times"] = record.rupture_times[:, ::-1]
+    arrays["events"] = record.events.assign(at_trailing_edge=~record.events["at_trailing_edge"])
+    return dataclasses.replace(record, **arrays)
+
+
+def before_for_after(record: Record) -> Record:
+    """Stresses after events are those before them."""
+    arrays = {"tau_after": record.tau_before, "p_after": record.p_before}
+    return dataclasses.replace(record, **arrays)
+
+
+def loaded_for_initial(record: Record) -> Record:
+    """Stresses at F_T = 0 are those before the first event."""
+    arrays = {"tau_initial": record.tau_before[0], "p_initial": record.p_before[0]}
+    return dataclasses.replace(record, **arrays)
+
+
+def p_unchanged(record: Record) -> Record:
+    """After events, p is what it was at F_T = 0."""
+    p = np.broadcast_to(record.p_initial, record.p_after.shape)
+    return dataclasses.replace(record, p_after=np.array(p))
+
+
+def p_shuffled(record: Record) -> Record:
+    """After each event, p over its initial value is shuffled along the interface."""
+    rng = np.random.default_rng(0)
+    ratio = record.p_after / record.p_initial
+    return dataclasses.replace(record, p_after=rng.permuted(ratio, axis=1) * record.p_initial)
+
+
+def fronts_shuffled(record: Record) -> Record:
+    """The times from block to block are shuffled along each front, which starts where it did."""
+    return _with_intervals(record, np.random.default_rng(0).permutation)
+
+
+def fronts_backwards(record: Record) -> Record:
+    """The times from block to block are in reverse order along each front."""
+    return _with_intervals(record, lambda intervals: intervals[::-1])
+
+
+def fronts_slower(factor: float) -> Change:
+    """Return a change of a record: all fronts take so many times as long."""
+    return lambda record: _with_intervals(record, lambda intervals: factor * intervals)
+
+
+def scaled_prestress(record: Record) -> Record:
+    """tau before events is such that tau/p is the scaled prestress."""
+    law = record.scene.interface.law
+    ratio = np.divide(
+        record.tau_before,
+        record.p_before,
+        where=record.p_before > 0,
+        out=np.zeros_like(record.p_before),
+    )
+    return dataclasses.replace(record, tau_before=law.scaled(ratio) * record.p_before)
+
+
+def _with_intervals(record: Record, change: Callable[[np.ndarray], np.ndarray]) -> Record:
+    times = record.rupture_times.copy()
+    for one in times:
+        known = np.flatnonzero(np.isfinite(one))
+        if len(known) > 1:
+            intervals = change(np.diff(one[known]))
+            one[known[1:]] = one[known[0]] + np.cumsum(intervals)
+    return dataclasses.replace(record, rupture_times=times)
+
+
+def friction(**changes: float) -> Change:
+    """Return a change of a record: its scene has another friction."""
+
+    def changed(record: Record) -> Record:
+        interface = dataclasses.replace(record.scene.interface, **changes)
+        scene = dataclasses.replace(record.scene, interface=interface)
+        return dataclasses.replace(record, scene=scene)
+
+    return changed

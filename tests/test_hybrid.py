@@ -18,7 +18,7 @@ from pyfric.core import OPEN
 from pyfric.engines import hybrid, ringdown
 from pyfric.record import Record
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
-from pyfric.statics import EquilibriumError, equilibrium, loaded_state
+from pyfric.statics import EquilibriumError, equilibrium, loaded_state, solve_static
 
 
 def rod(**changes):
@@ -154,6 +154,22 @@ def test_finite_geometry_is_full_dynamics(scene, t_end):
     check_same_curve(a, b, 10 * CURVE)
     check_counts(b)
     assert b.counts["steps"] < 0.5 * a.counts["steps"]
+
+
+def test_static_forces_of_fast_runs_are_those_of_fresh_solves():
+    """20 steps move the driver by 0.03 F_N/K: tangents of the loaded state miss 1e-6 F_N there."""
+    scene = rod(V=0.1)
+    record = jump(scene, 0.01, geometry="finite")
+    assert record.counts["jumps"] > 0
+    event = record.events.iloc[0]
+    for row, t, F_T in (
+        (event["quiet_start"], event["t_start"], event["F_T_start"]),
+        (event["quiet_stop"], event["t_stop"], event["F_T_arrest"]),
+    ):
+        free = record.quiet["mode"][row] == OPEN
+        drive = scene.driver.V * t
+        fresh = solve_static(scene, record.quiet["u_x"][row], drive, geometry="finite", free=free)
+        assert F_T == pytest.approx(fresh.F_T, abs=1e-9 * scene.F_N)
 
 
 def test_a_chain_is_full_dynamics():

@@ -13,6 +13,7 @@ Source: PRL 107, 074301 (2011) for the model.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -42,8 +43,9 @@ ENOUGH, ROUGH = 2e-10, 1e-4
 to look. Which residual is left depends on rounding: with this one, runs on other OpenBLAS kernels
 or threads keep forces to 1e-12 F_N, with 2e-7 to 2e-9 F_N, at the price of one step of Newton's
 method in two states."""
-NEAR = 20
-"""In finite geometry a jump may end this many steps from where its static state was found."""
+NEAR = 3e-5
+"""In finite geometry, static states differ by tangents while the driver moves by this share of
+F_N/K: over a few dozen steps of the paper's scenes. That leaves errors of 1.5e-8 F_N (Fig. 1)."""
 STRAIGHT = 0.02
 """In finite geometry, F_T over t is taken as straight up to a change of this share of F_N."""
 KEPT = 8
@@ -56,8 +58,8 @@ class _Statics:
     def __init__(self, known: StaticSolver, dt: float) -> None:
         self.known, self.dt = known, dt
         self._frozen: dict[bytes, Frozen] = {}
-        self._found: dict[tuple[bytes, float, bytes], tuple[Rest | Equilibrium, float]] = {}
-        self._latest: dict[tuple[bytes, bytes], tuple[Rest, float]] = {}
+        self._found: dict[tuple[bytes, bytes], dict[float, Rest | Equilibrium]] = {}
+        self._moved: dict[tuple[bytes, bytes, float], Rest] = {}
         self._last: Equilibrium | None = None
 
     def frozen(self, stuck: np.ndarray) -> Frozen:
@@ -73,21 +75,30 @@ class _Statics:
         return self._frozen[key]
 
     def rest(
-        self, u_x: np.ndarray, drive: float, open_: np.ndarray, enough: float = ENOUGH
+        self,
+        u_x: np.ndarray,
+        drive: float,
+        open_: np.ndarray,
+        enough: float = ENOUGH,
+        start: np.ndarray | None = None,
     ) -> Rest | None:
         """Return the static state, None if it has not exactly these open blocks.
 
-        In finite geometry residual forces up to `enough` F_N/N_x stay.
+        In finite geometry residual forces up to `enough` F_N/N_x stay, and the search starts from
+        coordinates `start`, or else from the last state.
         """
         if open_.all():  # nothing carries F_N
             return None
-        key = u_x.tobytes(), float(drive), open_.tobytes()
         if self.known.geometry == "linear":
             rest = self.frozen(~open_).rest(u_x, drive)
         else:
             left = enough * self.known.scene.F_N / self.known.scene.N_x
+            begin = self._last
+            if start is not None and begin is not None:
+                u, rod = self.known.displacements(start)
+                begin = dataclasses.replace(begin, u=u, rod=rod)
             try:
-                state = self.known.solve(u_x, drive, free=open_, start=self._last, enough=left)
+                state = self.known.solve(u_x, drive, free=open_, start=begin, enough=left)
             except EquilibriumError:
                 return None
             if (state.open != open_).any():
@@ -96,25 +107,33 @@ class _Statics:
             q = self.known.coordinates(state.u, state.rod)
             rest = Rest(q, state.f, state.tau, state.p, state.u[0, 1], state.F_T)
         if rest is not None and enough == ENOUGH:
-            self._found[key] = self._latest[key[0], key[2]] = rest._replace(q=None), drive
+            self._states(u_x, open_)[float(drive)] = rest._replace(q=None)
         return rest
 
-    def _near(self, drive: float, other: float) -> bool:
+    def near(self, drive: float, other: float) -> bool:
         """Whether the static states with the driver here and there differ by tangents."""
-        few = NEAR * self.dt * self.known.scene.driver.V
-        return self.known.geometry == "linear" or abs(drive - other) <= few
+        scene = self.known.scene
+        few = NEAR * scene.F_N
+        return self.known.geometry == "linear" or scene.driver.K * abs(drive - other) <= few
 
     def solve(self, u_x: np.ndarray, drive: float, *, free: np.ndarray) -> Rest | Equilibrium:
         """Return the static state, for the catalogue."""
-        key = u_x.tobytes(), float(drive), free.tobytes()
-        near = self._latest.get((key[0], key[2]))
-        if key not in self._found and near is not None and self._near(near[1], drive):
-            moved = self.frozen(~free).driven(*near, drive)
+        states, drive = self._states(u_x, free), float(drive)
+        key = u_x.tobytes(), free.tobytes(), drive
+        at = min(states, key=lambda one: abs(one - drive), default=math.inf)
+        if at != drive and key not in self._moved and states and self.near(at, drive):
+            moved = self.frozen(~free).driven(states[at], at, drive)
             if moved is not None:
-                self._found[key] = moved, drive
-        if key not in self._found and self.rest(u_x, drive, free) is None:
-            self._found[key] = self.known.solve(u_x, drive, free=free), drive
-        return self._found[key][0]
+                self._moved[key] = moved
+        if key in self._moved:
+            return self._moved[key]
+        if drive not in states and self.rest(u_x, drive, free) is None:
+            states[drive] = self.known.solve(u_x, drive, free=free)
+        return states[drive]
+
+    def _states(self, u_x: np.ndarray, open_: np.ndarray) -> dict[float, Rest | Equilibrium]:
+        """Return the static states found with this interface, by drive."""
+        return self._found.setdefault((u_x.tobytes(), open_.tobytes()), {})
 
 
 class _Quiet(NamedTuple):
@@ -202,7 +221,8 @@ class HybridRun(Run):
         rate = V * frozen.margin_rate
         modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
         rates = np.append(quiet.growth, -frozen.decay)
-        there, n_there, t = None, -NEAR - 1, state.t
+        there, t_there, t = None, math.inf, state.t
+        toward = V * frozen.drift
         for enough in (ROUGH, *(7 * [ENOUGH])):
             c = quiet.margins + rate * since + frozen.margin_lag
             s = first_crossing(c, rate, modal, rates, most * dt, dt)
@@ -214,16 +234,18 @@ class HybridRun(Run):
                 q = rest.q + (V * (since + n * dt)) * frozen.drift
                 force = rest.F_T + V * frozen.force_rate * (since + n * dt)
                 break
-            if abs(n - n_there) <= NEAR:
-                q = there.q + (V * (n - n_there) * dt) * frozen.drift
-                force = there.F_T + V * frozen.force_rate * (n - n_there) * dt
-                break
             t = state.t0 + (state.step + n) * dt
+            if self.solver.near(V * t, V * t_there):
+                q = there.q + (V * (t - t_there)) * frozen.drift
+                force = there.F_T + V * frozen.force_rate * (t - t_there)
+                break
             if enough == ENOUGH:
-                n_there = n
-            there = self.solver.rest(state.y[0, 0], V * t, quiet.open, enough)
+                t_there = t
+            start = rest.q + (t - quiet.t) * toward
+            there = self.solver.rest(state.y[0, 0], V * t, quiet.open, enough, start)
             if there is None:
                 return False
+            toward = (there.q - rest.q) / (t - quiet.t)
             rate = (frozen.margins(there) - quiet.margins) / (t - quiet.t)
         else:
             return False

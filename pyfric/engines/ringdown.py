@@ -344,9 +344,11 @@ class Frozen:
             phi = np.zeros((self.n_q, len(self.rates)), complex)
             phi[self.free] = self.phi
             x, z = self.solver.elongations(phi)
-            self._squares = np.concatenate([x * x, 2 * x * z, z * z])
+            squares = np.concatenate([x * x, 2 * x * z, z * z]).T
+            self._squares = np.concatenate([squares.real, squares.imag])
         stiffer = (self.solver.bond_tangents(q) - self._bonds).ravel()
-        change = stiffer @ self._squares.real + 1j * (stiffer @ self._squares.imag)
+        real, imag = np.split(self._squares @ stiffer, 2)
+        change = real + 1j * imag
         if len(self.free) > LARGE:
             self._squares = None
         return self.stepped(self.rates - change / self._norm)

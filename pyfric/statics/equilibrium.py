@@ -236,6 +236,7 @@ class StaticSolver:
         if geometry == "finite":
             self._springs = core.bond_forces(scene, geometry)
         self._T_transposed = self._T.T.tocsr()
+        self._on_rod = self._T_transposed[-3:, -2 * N_x :]
         self._unit = scene.F_N / N_x
         self._limit = ACCEPTED * self._unit
         self._stiffest = max(12 * scene.slider.k, scene.k_f, scene.driver.K, scene.k_top)
@@ -416,7 +417,7 @@ class StaticSolver:
         drive = None means that there is no driver spring.
         """
         scene, x, z = self.scene, self._x, self._z
-        u = self._T @ q
+        u = self._spread(q)
         force = self._springs(u) + self._load
         if scene.k_top:
             force[self._top] -= scene.k_top * u[self._top]
@@ -427,11 +428,19 @@ class StaticSolver:
         if drive is not None:
             F_T = scene.driver_force(drive, u[self._h], self._u_drv0)
             force[self._h] += scene.d * F_T
-        force = self._T_transposed @ force
         if scene.rigid:
+            force = np.append(force[: len(q) - 3], self._on_rod @ force[-2 * scene.N_x :])
             force[-2] -= scene.F_N
             force[-1] -= scene.kappa * q[-1]
         return force, F_T
+
+    def _spread(self, q: np.ndarray) -> np.ndarray:
+        """Return the displacements of all blocks, the same as T q without a sparse product."""
+        scene = self.scene
+        if not scene.rigid:
+            return q
+        top = np.full(scene.N_x, q[-3]), q[-2] + q[-1] * scene.x
+        return np.concatenate([q[:-3], *top])
 
     def _bond_stiffness(self, q: np.ndarray) -> sp.csr_array:
         """Return the tangent stiffness of bonds and mattress at q."""

@@ -9,13 +9,19 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
-.PHONY: figures test test-broken test-faults test-slow test-portable mutations mutations-random sanitize digests lint format bench \
+.PHONY: figures docs test test-broken test-faults test-slow test-portable mutations mutations-random sanitize digests lint format bench \
 	setup clean
 
 # Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
 figures: setup
 	$(BIN)/pyfric reproduce --out figures
 	$(BIN)/pyfric claims --out figures
+
+# Builds the documentation into docs/_build/html, its gallery with it, after a newcomer's walk through README and tutorials.
+docs: setup .venv/docs
+	$(PYTEST) --dist load tests/test_walk.py
+	PYTHONSAFEPATH=1 $(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	PYTHONSAFEPATH=1 $(BIN)/python -m sphinx -q -W --keep-going -b doctest docs docs/_build/doctest
 
 # A part of them: make test ARGS="tests/test_core.py -k name"
 test: setup
@@ -92,6 +98,10 @@ PIP_INSTALL = PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -I -m pip install --q
 	@rm -rf .venv/lib/python*/site-packages/pyfric*
 	@$(PIP_INSTALL) --no-deps .
 	@mv .venv/begun $@
+
+.venv/docs: pyproject.toml .venv/packages
+	@$(PIP_INSTALL) ".[docs]"
+	@touch $@
 
 clean:
 	rm -rf .venv build figures .hypothesis .pytest_cache .ruff_cache

@@ -3,12 +3,15 @@
 import ast
 import importlib.machinery
 import importlib.util
+import inspect
 import itertools
 import re
 import signal
 from pathlib import Path
 
 import pytest
+
+import pyfric
 
 ROOT = Path(__file__).parents[1]
 ROWS = [
@@ -69,6 +72,17 @@ def test_contributing_names_every_module_and_no_other():
 
 SPOKEN_OF = {"run", "simulate", "studies", "SceneError"}
 """Commands, functions and extras that the table names besides."""
+
+
+def test_the_site_names_every_public_name():
+    text = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"^   (\w+)$", text, re.MULTILINE))
+    public = {name for name in pyfric.__all__ if inspect.isroutine(getattr(pyfric, name))}
+    public |= {name for name in pyfric.__all__ if inspect.isclass(getattr(pyfric, name))}
+    for module in (pyfric.analysis, pyfric.figures, pyfric.theory):
+        public |= set(module.__all__)
+    assert public - named == {"ANDREWS_S", "DataFigure", "PaperFigure", "FIGURES"}
+    assert named - public == set()
 
 
 def test_random_mutants_change_one_line_and_are_the_same_again():

@@ -44,7 +44,7 @@ def walked(page):
     return pytest.param(page, marks=marks, id=page.stem)
 
 
-@pytest.mark.parametrize("page", map(walked, PAGES))
+@pytest.mark.parametrize("page", [walked(page) for page in PAGES])
 def test_a_newcomer_can_run_every_block(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYFRIC_CACHE", str(tmp_path / "kept"))

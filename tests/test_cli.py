@@ -706,9 +706,10 @@ OUTPUTS = {
     "regimes": ("regimes",),
     "draw": ("draw", "fig1"),
     "movie": ("movie", "fig1", "--event", "1"),
+    "spacetime": ("spacetime", "fig1", "--event", "1"),
 }
 """Commands whose --out is a file, or the stem of the names of files."""
-ENDS = {"draw": ".png", "movie": ".png"}
+ENDS = {"draw": ".png", "movie": ".png", "spacetime": ".png"}
 FOLDERS = ("reproduce", "claims", "chart", "stability", "resolution")
 """Commands whose --out is a folder."""
 

@@ -11,6 +11,7 @@ from pyfric.figures.lengths import fig2a, fig2b
 from pyfric.figures.loading import fig1b, figure_caption, slip_segments
 from pyfric.figures.registry import FIGURES, PaperFigure
 from pyfric.figures.sketch import sketch
+from pyfric.figures.spacetime import space_time
 from pyfric.figures.stresses import fig3a, fig3b
 from pyfric.figures.strip import event_movie, event_strip
 from pyfric.figures.style import DataFigure, save_figure
@@ -32,4 +33,5 @@ __all__ = [
     "save_figure",
     "sketch",
     "slip_segments",
+    "space_time",
 ]

@@ -20,7 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pyfric import core
-from pyfric.engines import simulate
+from pyfric.figures.again import LEAD, Again, check_event
 from pyfric.figures.style import (
     BLACK,
     BODY,
@@ -42,8 +42,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Frame", "event_frames", "event_movie", "event_strip", "frame_times"]
 
-LEAD = 20
-"""Steps between the state that the hybrid engine gives and the event."""
 MOMENTS = (0.05, 0.3, 0.55, 0.8, 1.0, 1.6)
 """Frames of a strip, in units of the time the front takes."""
 
@@ -77,7 +75,7 @@ def frame_times(record: Record, event: int, moments: Sequence[float] = MOMENTS) 
 
     Where no front is resolved, the duration of the event stands for that time.
     """
-    _checked(record, event)
+    check_event(record, event)
     row, times = record.events.iloc[event], record.rupture_times[event]
     last = np.nanmax(times) if np.isfinite(times).any() else math.nan
     span = last - row["t_start"]
@@ -101,33 +99,17 @@ def event_frames(record: Record, event: int, times: Sequence[float]) -> list[Fra
         SceneError: no such event, another engine, a stepper that the hybrid engine lacks, or times
             before the event.
     """
-    _checked(record, event)
+    check_event(record, event)
     scene, method = record.scene, record.method
     t_start = record.events["t_start"].iloc[event]
     times = np.asarray(times, dtype=float)
     if not (times.size and np.all(np.diff(times) >= 0) and times[0] >= t_start - method.dt):
         allowed = f"increasing times in s from {t_start:.6g} on"
         raise SceneError("times", times, "s", allowed)
-    begin = max(0.0, t_start - LEAD * method.dt)
-    steps = {"stepper": method.stepper, "switching": method.switching}
-    if method.rtol is not None:
-        steps["rtol"] = method.rtol
-    how = {"geometry": method.geometry, "dt": method.dt, "progress": False}
-    again = simulate(scene, begin, fidelity="hybrid", **how, **steps)
-    state = again.final_state
-    before = record.events["t_stop"] < begin
-    same = record.final_state.u_drv0 == state.u_drv0 and len(again.events) == before.sum()
-    if not (same and record.curve["t"].iloc[0] == 0.0):
-        allowed = "a run from the loaded slider at t = 0, which can be made again"
-        raise SceneError("record", "a run from another state", "", allowed)
-    model, log = core.model(scene, method.geometry, state.u_drv0), core.Log(scene.N_x)
-    steps["threads"] = core.useful_threads(scene.N_x * scene.N_z)
-    frames = []
+    again, frames = Again(record, event), []
     for t in times:
-        last = math.ceil((t - state.t0) / state.dt * (1 - 1e-14))
-        while state.step < last:
-            core.advance(model, state, log, last - state.step, budget=False, **steps)
-        forces, order = core.evaluate(model, state, state.t), np.argsort(scene.n_of_i)
+        state = again.to(t)
+        forces, order = core.evaluate(again.model, state, state.t), np.argsort(scene.n_of_i)
         v = state.y[:, 2:].copy()
         v[:, 0] *= scene.d
         mode = np.where(np.abs(state.mode) == 1, scene.d * state.mode, state.mode)
@@ -346,13 +328,3 @@ def _caption(record: Record, event: int, most: float) -> str:
         "open ones. Times are from the first slip; x is from the trailing edge."
     )
     return " ".join([what, scene_text(record.scene), engine_text(record)])
-
-
-def _checked(record: Record, event: int) -> None:
-    if record.method.engine not in ("hybrid", "dynamic"):
-        allowed = "a run of the hybrid or the dynamic engine"
-        raise SceneError("record", record.method.engine, "", allowed, "it has no motion")
-    count = len(record.events)
-    whole = isinstance(event, int | np.integer) and not isinstance(event, bool)
-    if not (whole and 0 <= event < count):
-        raise SceneError("event", event, "", f"a row of record.events, 0 to {count - 1}")

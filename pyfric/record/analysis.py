@@ -21,6 +21,7 @@ import pandas as pd
 
 from pyfric.core import ENERGIES
 from pyfric.record.catalogue import front_speed
+from pyfric.record.griffith import energy_release, griffith_length
 from pyfric.record.zones import zone_at_rest, zone_moving
 from pyfric.scene import SceneError
 
@@ -33,9 +34,11 @@ __all__ = [
     "budget_error",
     "budget_left",
     "collapse_spread",
+    "energy_release",
     "friction_coefficients",
     "front",
     "fronts",
+    "griffith_length",
     "precursor_lengths",
     "precursors",
     "stress_profile",

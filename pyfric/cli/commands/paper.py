@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -27,6 +30,11 @@ from pyfric.cli.shared import (
     stop_unless_complete,
     workers_option,
 )
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+
+LOCATED = MappingProxyType({"switching": "located"})
 
 
 def _figures() -> list[str]:
@@ -123,26 +131,80 @@ def movie(
     with rk4 that began with the loaded slider (.nc). The event is run again with full dynamics
     from a state just before it.
     """
-    import numpy as np
-
-    import pyfric
     from pyfric import figures
 
     stem = out or Path(f"event_{event}")
     ends = (*FIGURE, ".gif") if gif else FIGURE
     check_out(stem, overwrite, ends=ends, reads=[source])
-    if source.lower().endswith(".nc"):
-        if changes:
-            raise click.UsageError(f"--set changes presets; {source} is a record.")
-        try:
-            record = pyfric.Record.load(source)
-        except FileNotFoundError as error:
-            raise pyfric.RecordError(str(error)) from None
+    record, row = _main_event(source, event, t_end, changes, quiet)
+    files = figures.save_figure(figures.event_strip(record, row), stem)
+    if gif:
+        files.append(figures.event_movie(record, row, stem.with_name(stem.name + ".gif")))
+    show_files(files, quiet)
+
+
+@main.command()
+@click.argument("source", metavar="SCENE|RECORD")
+@click.option(
+    "--event",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Main event (at least 4 blocks), counted from 1.",
+)
+@click.option(
+    "--row", type=click.IntRange(0), metavar="N", help="Any event: its row in the table of events."
+)
+@click.option(
+    "--t-end", type=Seconds(), default=1.0, help="Time of the end of a scene's run. [default: 1 s]"
+)
+@set_option
+@file_option("--out", metavar="STEM", help="Names of the files. [default: spacetime_N]")
+@overwrite_option
+@quiet_option
+def spacetime(
+    source: str,
+    event: int | None,
+    row: int | None,
+    t_end: float,
+    changes: tuple[str, ...],
+    out: Path | None,
+    overwrite: bool,
+    quiet: bool,
+) -> None:
+    """Draw the slip rate of one event over space and time, with wave speeds and theory as lines.
+
+    From a scene or a record, as in `pyfric movie`. A name that ends in .png stands for the one
+    without. A scene is run with located switches. The event is run again with full dynamics from a
+    state just before it.
+    """
+    from pyfric import figures
+
+    if (event is None) == (row is None):
+        raise click.UsageError("one of --event and --row is needed.")
+    stem = out or Path(f"spacetime_{row if event is None else event}")
+    stem = stem.with_suffix("") if stem.suffix == ".png" else stem
+    check_out(stem, overwrite, ends=FIGURE, reads=[source])
+    if event is None:
+        record = _run_of(source, t_end, changes, quiet, LOCATED)
     else:
-        progress = False if quiet else None
-        scene = scene_of(source, changes)
-        record = pyfric.simulate(scene, t_end, fidelity="hybrid", progress=progress)
-        stop_unless_complete(record, "")
+        record, row = _main_event(source, event, t_end, changes, quiet, LOCATED)
+    show_files(figures.save_figure(figures.space_time(record, row), stem), quiet)
+
+
+def _main_event(
+    source: str,
+    event: int,
+    t_end: float,
+    changes: tuple[str, ...],
+    quiet: bool,
+    how: Mapping[str, Any] = MappingProxyType({}),
+) -> tuple[Record, int]:
+    """Return a record and the row of its main event with this number, from 1."""
+    import numpy as np
+
+    import pyfric
+
+    record = _run_of(source, t_end, changes, quiet, how)
     main_events = np.flatnonzero(record.events["is_main"])
     if event > len(main_events):
         t = record.curve["t"].iloc[-1]
@@ -150,8 +212,28 @@ def movie(
         if not len(main_events):
             allowed = f"nothing: there is no main event up to t = {t:.4g} s; run on"
         raise pyfric.SceneError("event", event, "", allowed, "no such event")
-    row = int(main_events[event - 1])
-    files = figures.save_figure(figures.event_strip(record, row), stem)
-    if gif:
-        files.append(figures.event_movie(record, row, stem.with_name(stem.name + ".gif")))
-    show_files(files, quiet)
+    return record, int(main_events[event - 1])
+
+
+def _run_of(
+    source: str,
+    t_end: float,
+    changes: tuple[str, ...],
+    quiet: bool,
+    how: Mapping[str, Any] = MappingProxyType({}),
+) -> Record:
+    """Return the record in a file, or that of a scene, made with these options."""
+    import pyfric
+
+    if source.lower().endswith(".nc"):
+        if changes:
+            raise click.UsageError(f"--set changes presets; {source} is a record.")
+        try:
+            return pyfric.Record.load(source)
+        except FileNotFoundError as error:
+            raise pyfric.RecordError(str(error)) from None
+    progress = False if quiet else None
+    scene = scene_of(source, changes)
+    record = pyfric.simulate(scene, t_end, fidelity="hybrid", progress=progress, **how)
+    stop_unless_complete(record, "")
+    return record

@@ -1,0 +1,77 @@
+"""One event run again with full dynamics, to look at what the record does not hold."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pyfric import core
+from pyfric.engines import simulate
+from pyfric.scene import SceneError
+
+if TYPE_CHECKING:
+    from pyfric.core import State
+    from pyfric.record import Record
+
+__all__ = ["LEAD", "Again", "check_event"]
+
+LEAD = 20
+"""Steps between the state that the hybrid engine gives and the event."""
+
+
+class Again:
+    """An event run again, from a state shortly before it, which the hybrid engine gives.
+
+    Attributes:
+        model, state: of the core; the state changes with `to`.
+    """
+
+    def __init__(self, record: Record, event: int) -> None:
+        """Find the state before the event.
+
+        Args:
+            record: a run of the hybrid or the dynamic engine; its geometry and stepper are kept.
+            event: row in ``record.events``.
+
+        Raises:
+            SceneError: no such event, another engine, a stepper that the hybrid engine lacks, or a
+                run that did not begin with the loaded slider.
+        """
+        check_event(record, event)
+        scene, method = record.scene, record.method
+        begin = max(0.0, record.events["t_start"].iloc[event] - LEAD * method.dt)
+        self.steps = {"stepper": method.stepper, "switching": method.switching}
+        if method.rtol is not None:
+            self.steps["rtol"] = method.rtol
+        how = {"geometry": method.geometry, "dt": method.dt, "progress": False}
+        again = simulate(scene, begin, fidelity="hybrid", **how, **self.steps)
+        self.state: State = again.final_state
+        before = record.events["t_stop"] < begin
+        same = record.final_state.u_drv0 == self.state.u_drv0 and len(again.events) == before.sum()
+        if not (same and record.curve["t"].iloc[0] == 0.0):
+            allowed = "a run from the loaded slider at t = 0, which can be made again"
+            raise SceneError("record", "a run from another state", "", allowed)
+        self.model = core.model(scene, method.geometry, self.state.u_drv0)
+        self.log = core.Log(scene.N_x)
+        self.steps["threads"] = core.useful_threads(scene.N_x * scene.N_z)
+
+    def to(self, t: float) -> State:
+        """Return the state at the first step end from t (s) on; times may not go back."""
+        state = self.state
+        last = math.ceil((t - state.t0) / state.dt * (1 - 1e-14))
+        while state.step < last:
+            core.advance(self.model, state, self.log, last - state.step, budget=False, **self.steps)
+        return state
+
+
+def check_event(record: Record, event: int) -> None:
+    """Raise SceneError unless the record has motion and this event."""
+    if record.method.engine not in ("hybrid", "dynamic"):
+        allowed = "a run of the hybrid or the dynamic engine"
+        raise SceneError("record", record.method.engine, "", allowed, "it has no motion")
+    count = len(record.events)
+    whole = isinstance(event, int | np.integer) and not isinstance(event, bool)
+    if not (whole and 0 <= event < count):
+        raise SceneError("event", event, "", f"a row of record.events, 0 to {count - 1}")

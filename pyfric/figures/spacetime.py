@@ -1,0 +1,289 @@
+"""One event over space and time: slip rate, with wave speeds and theory as lines."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from pyfric.figures.again import Again, check_event
+from pyfric.figures.style import (
+    BLACK,
+    BODY,
+    COLUMN_WIDTH,
+    GREEN,
+    PURPLE,
+    SMALL,
+    DataFigure,
+    engine_text,
+    legend,
+    scene_text,
+    style,
+)
+from pyfric.record import energy_release, front, theory
+from pyfric.scene import SceneError, at_once
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+__all__ = ["space_time", "theory_times", "wave_lines"]
+
+BEFORE, AFTER = 0.15, 0.5
+"""What is shown before and after the front, in units of the time that it takes."""
+ROWS, FEWEST = 500, 100
+"""Most instants of a picture; fewest, where switches are located and smaller steps change nothing
+that can be seen."""
+AROUND, LEAST = 0.5, 8
+"""What is shown beside the front, over its length; at least so many blocks."""
+SLOW = 0.1
+"""In the first third of a front, steps from block to block below this share of c_R are creep."""
+ROUNDED = 1e-6
+"""A scaled prestress that is 1 but for rounding."""
+SHORTEST = 4
+"""Fewest steps that a front is taken to need."""
+
+
+@at_once()
+def space_time(record: Record, event: int) -> DataFigure:
+    """Draw the slip rate along the interface over time, with wave speeds and theory as lines.
+
+    The event is run again with full dynamics. Lines begin where and when the front starts to
+    run: c_R (dash-dotted), c_S (dotted) and c_L (dashed), in a chain c alone; black: the rupture
+    times of the record; purple: theory (`theory_times`).
+
+    Args:
+        record: a run of the hybrid or the dynamic engine, from the loaded slider on.
+        event: row in ``record.events``.
+
+    Returns:
+        The figure, with the tables "slip_rate" (n, x_over_L, t_s, v_m_per_s), "lines" (name,
+        speed_m_per_s, x_over_L, t_s) and "front".
+
+    Raises:
+        SceneError: no such event, another engine, or a run that cannot be made again.
+    """
+    check_event(record, event)
+    again = Again(record, event)
+    t, v = _slip_rates(record, again, _window(record, event))
+    lines = pd.concat([wave_lines(record, event), theory_times(record, event)], ignore_index=True)
+    fig = _drawn(record, event, t, v, lines)
+    N_x, n = record.scene.N_x, np.arange(1, record.scene.N_x + 1)
+    rates = {
+        "n": np.tile(n, len(t)),
+        "x_over_L": np.tile((n - 1) / (N_x - 1), len(t)),
+        "t_s": np.repeat(t, N_x),
+        "v_m_per_s": v.ravel(),
+    }
+    fig.tables = {"slip_rate": pd.DataFrame(rates), "lines": lines, "front": front(record, event)}
+    fig.caption = _caption(record, event, lines)
+    return fig
+
+
+def wave_lines(record: Record, event: int) -> pd.DataFrame:
+    """Return where waves are that leave the block where the front starts to run, when it does.
+
+    Returns:
+        name ("c_R", "c_S", "c_L", or "c" for a chain), speed_m_per_s, x_over_L, t_s: two points of
+        each line on each side, up to the ends of the slider.
+    """
+    scene, (x_0, t_0) = record.scene, _origin(record, event)
+    rows = [
+        (name, speed, x, t_0 + abs(x - x_0) * scene.slider.L / speed)
+        for name, speed in speeds(scene).items()
+        for end in (0.0, 1.0)
+        if end != x_0
+        for x in (x_0, end)
+    ]
+    return pd.DataFrame(rows, columns=["name", "speed_m_per_s", "x_over_L", "t_s"])
+
+
+def speeds(scene: Scene) -> dict[str, float]:
+    """Return the wave speeds of long waves by name, m/s."""
+    slider = scene.slider
+    if scene.N_z == 1:
+        chain = theory.lattice_waves(slider.k, scene.m, slider.l, polarisation="chain")
+        return {"c": float(chain.phase)}
+    material = theory.Material.of_lattice(slider.k, scene.m, slider.l, 1.0)  # for any thickness
+    return {"c_R": material.c_R, "c_S": material.c_S, "c_L": material.c_P}
+
+
+def theory_times(record: Record, event: int) -> pd.DataFrame:
+    """Return where theory has a front that starts to run where and when this one does.
+
+    In a chain it is the exact speed of steady fronts at the local prestress. In two dimensions it
+    is fracture mechanics: g_II(v) G = Gamma, with the G of static states, of
+    `pyfric.analysis.energy_release`; without weakening Gamma is 0 and v is c_R, a line that is
+    there already. The line ends where theory has no front.
+
+    Returns:
+        Columns of `wave_lines`, one row for each block; empty where theory has nothing to say.
+    """
+    scene, table, x_0 = record.scene, front(record, event), _origin(record, event)[0]
+    nothing = pd.DataFrame({k: [] for k in ("name", "speed_m_per_s", "x_over_L", "t_s")})
+    table = table[table["x_over_L"] >= x_0]
+    if scene.N_z == 1:
+        name, v = "exact", _chain_speeds(scene, table["scaled"].to_numpy())
+    elif scene.interface.weakens and record.events["at_trailing_edge"].iloc[event]:
+        grown = energy_release(record, event).set_index("n")
+        name, v = "LEFM", grown["v"].reindex(table["n"]).to_numpy()
+    else:
+        return nothing
+    runs = np.flatnonzero(v > 0)
+    if not runs.size:
+        return nothing
+    first = int(runs[0])
+    gone = np.flatnonzero(~(v[first:] > 0))
+    last = first + int(gone[0]) if gone.size else len(v)
+    if last - first < 2:
+        return nothing
+    x, v = table["x_over_L"].to_numpy()[first:last], v[first:last]
+    t = table["t"].to_numpy()[first] + np.cumsum(np.diff(x, prepend=x[0]) * scene.slider.L / v)
+    return pd.DataFrame({"name": name, "speed_m_per_s": v, "x_over_L": x, "t_s": t})
+
+
+# --- parts ---------------------------------------------------------------------------------------
+
+
+def _chain_speeds(scene: Scene, scaled: np.ndarray) -> np.ndarray:
+    """Return the exact speed at each block, m/s; 0 where there is no steady front."""
+    unit = scene.slider.l * math.sqrt(scene.slider.k / scene.m)
+    eta = scene.eta / math.sqrt(scene.slider.k * scene.m)
+    known = {tau_bar: 0.0 for tau_bar in np.round(scaled, 9)}
+    for tau_bar in known:
+        try:
+            known[tau_bar] = theory.chain_speed(float(tau_bar), 0.0, eta) * unit
+        except SceneError:  # it slips at once, or there is no front at this prestress
+            known[tau_bar] = math.inf if tau_bar > 1 - ROUNDED else 0.0
+    return np.array([known[tau_bar] for tau_bar in np.round(scaled, 9)])
+
+
+def _origin(record: Record, event: int) -> tuple[float, float]:
+    """Return x/L and t where the front starts to run: its first slip, slow creep left out."""
+    table = front(record, event)
+    if table.empty:
+        row = record.events.iloc[event]
+        return float(row["x_nucleation"] / record.scene.slider.L), float(row["t_start"])
+    first = int(table["t"].argmin())
+    least = SLOW * next(iter(speeds(record.scene).values()))
+    steps = record.scene.slider.l / np.diff(table["t"].to_numpy()[first:])
+    slow = np.flatnonzero(np.abs(steps[: len(steps) // 3]) < least)
+    row = table.iloc[first + (int(slow[-1]) + 1 if slow.size else 0)]
+    return float(row["x_over_L"]), float(row["t"])
+
+
+def _window(record: Record, event: int) -> tuple[float, float]:
+    """Return the times between which the event is shown, s."""
+    times, row = record.rupture_times[event], record.events.iloc[event]
+    known = times[np.isfinite(times)]
+    begin = known.min() if known.size else row["t_start"]
+    span = known.max() - begin if known.size > 1 else row["duration"]
+    span = np.fmax(span, SHORTEST * record.method.dt)  # a duration may be unknown
+    return max(begin - BEFORE * span, 0.0), begin + (1 + AFTER) * span
+
+
+def _slip_rates(
+    record: Record, again: Again, window: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return times (s) and slip rates along the drive from the trailing edge, (times, N_x), m/s."""
+    scene, dt, length = record.scene, record.method.dt, window[1] - window[0]
+    again.to(window[0])
+    if record.method.switching == "located" and length < FEWEST * dt:
+        dt /= math.ceil(FEWEST * dt / length)
+        again.state = again.state.with_dt(dt)
+    every = max(1, math.ceil(length / (ROWS * dt)))
+    order, times, rates = np.argsort(scene.n_of_i), [], []
+    for t in np.arange(*window, every * dt):
+        state = again.to(t)
+        if times and state.t <= times[-1]:
+            continue  # the run began later
+        times.append(state.t)
+        rates.append(scene.d * state.y[0, 2][order])
+    return np.array(times), np.array(rates)
+
+
+def _drawn(
+    record: Record, event: int, t: np.ndarray, v: np.ndarray, lines: pd.DataFrame
+) -> DataFigure:
+    N_x, (_, t_0) = record.scene.N_x, _origin(record, event)
+    scale, unit = (1e6, r"$\mu$s") if t[-1] - t[0] < 2e-3 else (1e3, "ms")
+    fig = DataFigure(figsize=(1.25 * COLUMN_WIDTH, 3.3), layout="constrained")
+    FigureCanvasAgg(fig)
+    axes = fig.subplots()
+    style(axes)
+    half = 0.5 / (N_x - 1)
+    below, above = (t[0] - t_0) * scale, (t[-1] - t_0) * scale
+    most = float(np.quantile(np.abs(v[np.abs(v) > 0]), 0.99)) if v.any() else 1e-12
+    image = axes.imshow(
+        v, extent=(-half, 1 + half, below, above), origin="lower", aspect="auto",
+        cmap="RdBu_r", vmin=-most, vmax=most, interpolation="nearest",
+    )  # fmt: skip
+    _lines(axes, lines, t_0, scale)
+    table = front(record, event)
+    look = {"ls": "", "marker": "."} if N_x <= 30 else {"lw": 0.9}
+    at = (table["t"] - t_0) * scale
+    axes.plot(table["x_over_L"], at, color=BLACK, ms=3, label="rupture times", **look)
+    far = max(AROUND * np.ptp(table["x_over_L"]), LEAST * 2 * half) if len(table) else 1.0
+    axes.set_xlim(
+        max(table["x_over_L"].min() - far, 0.0) - half,
+        min(table["x_over_L"].max() + far, 1.0) + half,
+    )
+    axes.set_ylim(below, above)
+    axes.set_xlabel(r"position $x/L$ from the trailing edge", fontsize=BODY)
+    axes.set_ylabel(f"time from the start of the front ({unit})", fontsize=BODY)
+    legend(fig, loc="outside upper center", ncols=5)
+    bar = fig.colorbar(image, ax=axes, extend="both", pad=0.01, aspect=30)
+    bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2)
+    bar.outline.set_linewidth(0.6)
+    bar.set_label("slip rate along the drive (m/s)", fontsize=BODY)
+    return fig
+
+
+LOOKS = {
+    "c_R": (GREEN, (0, (6, 2, 1, 2)), r"$c_\mathrm{R}$"),
+    "c_S": (GREEN, (0, (1, 1.5)), r"$c_\mathrm{S}$"),
+    "c_L": (GREEN, (0, (5, 2)), r"$c_\mathrm{L}$"),
+    "c": (GREEN, (0, (5, 2)), r"$c$"),
+    "exact": (PURPLE, "-", "exact speed"),
+    "LEFM": (PURPLE, "-", "fracture mechanics"),
+}
+"""Colour, dashes and label of each line."""
+
+
+def _lines(axes: Axes, lines: pd.DataFrame, t_0: float, scale: float) -> None:
+    for name, rows in lines.groupby("name", sort=False):
+        colour, dashes, label = LOOKS[name]
+        x, t = rows["x_over_L"].to_numpy(), (rows["t_s"].to_numpy() - t_0) * scale
+        breaks = np.flatnonzero(t == 0)[1:]
+        x, t = np.insert(x, breaks, np.nan), np.insert(t, breaks, np.nan)
+        axes.plot(x, t, color=colour, ls=dashes, lw=1.1, label=label)
+
+
+def _caption(record: Record, event: int, lines: pd.DataFrame) -> str:
+    row = record.events.iloc[event]
+    named = lines.drop_duplicates("name")
+    waves = ", ".join(
+        f"{name} = {speed:.4g} m/s"
+        for name, speed in zip(named["name"], named["speed_m_per_s"], strict=True)
+        if name not in ("exact", "LEFM")
+    )
+    what = (
+        f"Slip rate of event {event} of the catalogue (first slip at t = {row['t_start']:.6g} s, "
+        f"L_p/L = {row['L_p_over_L']:.3g}), run again with full dynamics from a state just before "
+        f"it. Lines from where the front starts to run: {waves}."
+    )
+    if (named["name"] == "exact").any():
+        what += " Purple: the exact speed of steady fronts at the local prestress."
+    if (named["name"] == "LEFM").any():
+        what += " Purple: fracture mechanics, g_II(v) G = Gamma, with G of static states."
+    if row["share_X_c0"] < 1:
+        what += (
+            f" {100 * row['share_X_c0']:.0f} % of the front's blocks have six or more blocks in "
+            "their cohesive zone: the lattice sets its speed."
+        )
+    return " ".join([what, scene_text(record.scene), engine_text(record)])

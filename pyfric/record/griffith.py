@@ -1,0 +1,112 @@
+"""Energy release of a front that grows from the trailing edge, from static states.
+
+The front is taken as it would run without inertia: from the static state just before its event,
+with the driver where it is when the front ends, blocks 1, 2, ... are released one after the other,
+those behind carry mu_k p, those ahead are held. Block n is held by f before it is released and
+moves by du. Its excess force falls from f - mu_k p to 0, in
+proportion to the displacement (linear geometry), so that the front spends
+
+    G_n = (f - mu_k p) du/2
+
+on it, over l B the energy release rate G(a) at a = n l. It grows while G exceeds the fracture
+energy Gamma_n = (mu_s - mu_k) p d_c/2 (Griffith). With inertia its speed is the root of
+g_II(v) G = Gamma, which leaves out waves from the sides of the slider.
+
+Source: L. B. Freund, Dynamic Fracture Mechanics (1990), chapters 5 and 7; the virtual crack closure
+of E. F. Rybicki and M. F. Kanninen, Eng. Fract. Mech. 9, 931 (1977).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from pyfric.core import OPEN
+from pyfric.record.theory.cracks import g_II
+from pyfric.record.theory.waves import Material
+from pyfric.scene import SceneError
+from pyfric.statics import Contact, ContactProblem, loaded_state
+
+if TYPE_CHECKING:
+    from pyfric.record.record import Record
+
+__all__ = ["energy_release", "griffith_length"]
+
+
+def energy_release(record: Record, event: int) -> pd.DataFrame:
+    """Return the energy release along the interface; see the module.
+
+    Args:
+        record: the run.
+        event: row in ``record.events``; it is not checked.
+
+    Returns:
+        One row per block: n; x_over_L; G and Gamma of the block, in J (over l B in J/m^2), NaN
+        where it is open or slips already; v, the speed at which g_II(v) G = Gamma, in m/s, 0 where
+        G is smaller, NaN for a chain.
+
+    Raises:
+        SceneError: the record holds no state just before the event.
+    """
+    contact, scene = _before(record, event), record.scene
+    law, order = scene.interface.law, np.argsort(scene.n_of_i)
+    G, Gamma = np.full(scene.N_x, np.nan), np.full(scene.N_x, np.nan)
+    for n, i in enumerate(order):
+        if contact.free[i]:
+            continue
+        now = contact.values()
+        contact.release(i, scene.d)
+        excess = -scene.d * now.f[i] - law.slide(now.p[i])
+        G[n] = excess * scene.d * (contact.values().u_x[i] - now.u_x[i]) / 2
+        Gamma[n] = law.fracture_energy(now.p)[i]
+    n = np.arange(1, scene.N_x + 1)
+    at = {"n": n, "x_over_L": (n - 1) / (scene.N_x - 1)}
+    return pd.DataFrame(at | {"G": G, "Gamma": Gamma, "v": _speeds(record, G, Gamma)})
+
+
+def griffith_length(table: pd.DataFrame) -> float:
+    """Return L_p/L where a front stops without inertia: past the last block that G can pay for.
+
+    The front starts where G first exceeds Gamma, and stops where it no longer does. 0 if it never
+    does.
+
+    Args:
+        table: what `energy_release` returned.
+    """
+    pays = (table["G"] > table["Gamma"]).to_numpy()
+    if not pays.any():
+        return 0.0
+    first = int(np.argmax(pays))
+    stays = pays[first:]
+    run = len(stays) if stays.all() else int(np.argmin(stays))
+    return (first + run) / len(table)
+
+
+def _before(record: Record, event: int) -> Contact:
+    """Return the interface just before an event, held; open blocks are free."""
+    scene, row = record.scene, int(record.events["quiet_start"].iloc[event])
+    if row < 0:
+        allowed = "an event before which all blocks are stuck"
+        raise SceneError("event", event, "", allowed, "the record holds no state before it")
+    u_x, mode = (record.quiet[name][row] for name in ("u_x", "mode"))
+    u_drv0 = getattr(record.final_state, "u_drv0", None)
+    u_drv0 = loaded_state(scene).u_drv0 if u_drv0 is None else u_drv0
+    times = record.rupture_times[event]
+    known = times[np.isfinite(times)]
+    t = known.max() if known.size else record.events["t_start"].iloc[event]
+    drive = scene.d * u_drv0 + scene.driver.V * float(t)
+    return Contact(ContactProblem(scene), u_x, drive, mode != OPEN)
+
+
+def _speeds(record: Record, G: np.ndarray, Gamma: np.ndarray) -> np.ndarray:
+    """Return the roots of g_II(v) G = Gamma, m/s."""
+    scene = record.scene
+    if scene.N_z == 1:
+        return np.full(G.shape, np.nan)
+    material = Material.of_lattice(scene.slider.k, scene.m, scene.slider.l, 1.0)
+    v = np.linspace(0, material.c_R, 2001)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        need = np.where(G > 0, Gamma / G, np.where(np.isnan(G), np.nan, np.inf))
+    return np.interp(-need, -g_II(material, v), v, left=0.0)

@@ -1,0 +1,148 @@
+"""Space-time pictures: slip rates of an event, waves and theory as lines; the energy release."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import pyfric
+from pyfric import figures, theory
+from pyfric.cli import main
+from pyfric.figures.spacetime import space_time, speeds, theory_times, wave_lines
+from pyfric.record import analysis, griffith_length
+from pyfric.record.griffith import _before
+from pyfric.scene import chain, setup1
+
+
+def small(**changes):
+    """29 x 16 blocks."""
+    scene = setup1(**{"L": 0.07, "H": 0.0375, "V": 5e-3, "F_N": 1750.0} | changes)
+    return pyfric.simulate(
+        scene, 0.09, fidelity="hybrid", geometry="linear", switching="located", progress=False
+    )
+
+
+@pytest.fixture(scope="module")
+def run():
+    return small()
+
+
+def longest(record):
+    return int(record.events["n_front"].argmax())
+
+
+def chain_run(n, taubar=0.5):
+    scene = chain(L=(n - 1) * 2.5e-3, p=10.0, tau=10 * (0.45 + taubar * 0.25), V=1e-3)
+    how = {"fidelity": "hybrid", "switching": "located", "progress": False}
+    return pyfric.simulate(scene, 6e-4, **how)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_what_slips_has_ruptured(run, side):
+    run = run if side == "left" else small(side="right")
+    event = longest(run)
+    fig = space_time(run, event)
+    rates, front = fig.tables["slip_rate"], analysis.front(run, event)
+    v = rates.pivot(index="t_s", columns="n", values="v_m_per_s")
+    dt = run.method.dt
+    for n, t in zip(front["n"], front["t"], strict=True):
+        assert (v.loc[v.index < t - 0.01 * dt, n] == 0).all()
+        assert (v.loc[v.index > t + 0.01 * dt, n].iloc[:3] > 0).all()
+    still = v.columns.difference(front["n"])
+    assert (v[still].abs().max() == 0).sum() >= len(still) - 1
+    assert v.max(axis=None) > 0.01
+    assert set(fig.tables["lines"]["name"]) == {"c_R", "c_S", "c_L"}
+    assert f"event {event} of the catalogue" in fig.caption
+    assert "the lattice sets its speed" in fig.caption
+
+
+def test_lines_have_the_speed_that_they_say(run):
+    lines, L = wave_lines(run, longest(run)), run.scene.slider.L
+    names = speeds(run.scene)
+    assert names["c_R"] / names["c_S"] == pytest.approx(0.919402, rel=1e-6)
+    assert names["c_L"] / names["c_S"] == pytest.approx(np.sqrt(3))
+    for name, rows in lines.groupby("name"):
+        x, t = rows["x_over_L"].to_numpy(), rows["t_s"].to_numpy()
+        np.testing.assert_allclose(np.abs(np.diff(x)[::2]) * L / np.diff(t)[::2], names[name])
+        assert {0.0, 1.0} & set(x)
+
+
+@pytest.mark.parametrize("n", [10, 80])
+def test_a_chain_has_the_exact_front_beside_it(n):
+    record = chain_run(n)
+    event = longest(record)
+    assert record.events["n_front"].iloc[event] == n
+    line, front = theory_times(record, event), analysis.front(record, event)
+    assert len(line) == n
+    c = speeds(record.scene)["c"]
+    known = theory.chain_speed(0.5, 0.0, np.sqrt(0.1)) * c
+    assert line["speed_m_per_s"].iloc[-1] == pytest.approx(known, rel=1e-6)
+    steps = np.diff(line["t_s"]) * line["speed_m_per_s"].to_numpy()[1:]
+    np.testing.assert_allclose(steps, record.scene.slider.l)
+    if n == 80:  # the front has become steady
+        late = np.diff(front["t"].to_numpy())[-20:]
+        np.testing.assert_allclose(late, np.diff(line["t_s"])[-20:], rtol=0.01)
+    rates = space_time(record, event).tables["slip_rate"]
+    assert 100 <= rates["t_s"].nunique() <= 500  # smaller steps where a front needs few
+
+
+def test_energy_release_is_the_work_that_friction_leaves(run):
+    """Potential energy of the held slider less that of the released one, in linear geometry.
+
+    All forces but f are conservative: they give back the mean of f times du, of which mu_k p takes
+    its own mean.
+    """
+    weak = dataclasses.replace(run.scene.interface, d_c=1e-6)
+    record = dataclasses.replace(run, scene=dataclasses.replace(run.scene, interface=weak))
+    event = longest(record)
+    table, scene = analysis.energy_release(record, event), record.scene
+    contact, i = _before(record, event), int(np.argsort(scene.n_of_i)[0])
+    given = contact.column.copy()
+    now = contact.values()
+    contact.release(i, scene.d)
+    end, work, forces = contact.values(), 0.0, []
+    held = _before(record, event)
+    for share in np.linspace(0, 1, 11):
+        held.column = given.copy()
+        held.column[i] += share * (end.u_x[i] - now.u_x[i])
+        state = held.values()
+        forces.append(-scene.d * state.f[i] - scene.interface.mu_k * state.p[i])
+    work = np.trapezoid(forces, dx=0.1) * scene.d * (end.u_x[i] - now.u_x[i])
+    assert forces[-1] == pytest.approx(0, abs=1e-9 * now.p[i])
+    assert table["G"].iloc[0] == pytest.approx(work, rel=1e-9)
+    p = now.p[i]
+    assert table["Gamma"].iloc[0] == pytest.approx(0.25 * p * 1e-6 / 2)
+
+
+def test_griffith_length_is_where_it_no_longer_pays(run):
+    table = analysis.energy_release(run, longest(run))
+    assert (table["Gamma"].dropna() == 0).all()  # no fracture energy without weakening
+    table = table.assign(G=0.0, Gamma=1.0)
+    assert griffith_length(table) == 0
+    table.loc[2:10, "G"] = 2.0  # blocks 3 to 11 of 29
+    assert griffith_length(table) == 11 / 29
+    table.loc[2:, "G"] = 2.0
+    assert griffith_length(table) == 1
+
+
+def test_no_event_no_motion(run):
+    for event in (-1, 10**6, True):
+        with pytest.raises(pyfric.SceneError, match="event = "):
+            figures.space_time(run, event)
+    ladder = dataclasses.replace(run, method=dataclasses.replace(run.method, engine="quasistatic"))
+    with pytest.raises(pyfric.SceneError, match="no motion"):
+        figures.space_time(ladder, 0)
+
+
+def test_command_line(run, tmp_path):
+    path = tmp_path / "run.nc"
+    run.save(path)
+    one = ["spacetime", str(path), "--event", "1", "--out", str(tmp_path / "x.png"), "--quiet"]
+    assert CliRunner().invoke(main, one).exit_code == 0
+    assert (tmp_path / "x.png").is_file()
+    assert (tmp_path / "x_slip_rate.csv").is_file()
+    for wrong in ([], ["--event", "1", "--row", "0"]):
+        assert CliRunner().invoke(main, ["spacetime", str(path), *wrong]).exit_code == 2
+    row = ["spacetime", str(path), "--row", "0", "--out", str(tmp_path / "y"), "--quiet"]
+    assert CliRunner().invoke(main, row).exit_code == 0

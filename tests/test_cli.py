@@ -24,6 +24,7 @@ import pyfric
 import pyfric.checks
 from pyfric import core
 from pyfric.cli import main
+from pyfric.cli.commands.run import TABLES
 from pyfric.cli.shared import Exit
 from pyfric.engines import sweep
 from pyfric.figures import FIGURES
@@ -186,7 +187,7 @@ def test_run_shows_progress_and_summary(tmp_path):
     out, stem, folder = tmp_path / "a.nc", tmp_path / "fig", tmp_path / "csv"
     result = dynamic("--out", out, "--figure", stem, "--csv", folder)
     assert result.exit_code == Exit.COMPLETE, result.output
-    for text in ("F_T/F_N", "events", "steps/s"):
+    for text in ("set-up: static states and modes", "F_T/F_N", "events", "steps/s"):
         assert text in result.stderr
     for text in ("complete", "1 main", "0.001091", "ns", "stepping", str(out), "fig.png"):
         assert text in result.stdout
@@ -643,6 +644,11 @@ def test_movie(tmp_path):
     assert {one.name for one in tmp_path.iterdir()} == {
         "event.png", "event.pdf", "event.txt", "event_interface.csv", "event_field.csv"
     }  # fmt: skip
+    for name in ("new_field.csv", "new_interface.csv"):
+        (tmp_path / name).touch()
+        again = pyf("movie", "fig1", *SMALL, "--event", 1, "--out", tmp_path / "new")
+        assert refused(again, f"{name}: the file exists")
+        (tmp_path / name).unlink()
     record = simulate(tiny(), 4e-3, fidelity="hybrid")
     first = int(np.flatnonzero(record.events["is_main"])[0])
     assert f"Event {first} " in stem.with_suffix(".txt").read_text(encoding="utf-8")
@@ -764,6 +770,36 @@ def test_another_record_that_is_read_is_not_replaced(record_file, tmp_path):
     os.link(record_file, link)
     found = run("--resume", link, "--figure", tmp_path / "fig", "--overwrite")
     assert refused(found, "--figure", "this file is read by the same command")
+
+
+@pytest.mark.parametrize(
+    ("outputs", "text"),
+    [
+        (("--out", "x.png", "--figure", "x"), "--figure x.png: --out writes the same file"),
+        (("--out", "x_slip.csv", "--figure", "./x"), "--figure x_slip.csv: --out"),
+        (("--out", "d/curve.csv", "--csv", "d"), "--csv d/curve.csv: --out"),
+    ],
+)
+def test_two_outputs_are_never_one_file(outputs, text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "d").mkdir()
+    found = pyf(*OUTPUTS["run"], *outputs, "--overwrite")
+    assert refused(found, text)
+    assert [path.name for path in tmp_path.iterdir()] == ["d"]
+
+
+def test_all_files_of_a_figure_are_checked(tmp_path):
+    done = pyf(*OUTPUTS["run"], "--figure", tmp_path / "a", "--csv", tmp_path / "d")
+    assert done.exit_code == 0, done.output
+    assert {path.name for path in (tmp_path / "d").iterdir()} == set(TABLES)
+    assert pyf("draw", "fig1", *SMALL, "--out", tmp_path / "b").exit_code == 0
+    for path in sorted(tmp_path.glob("?[._]*")):
+        folder = tmp_path / f"with {path.name}"
+        folder.mkdir()
+        (folder / path.name).write_text("mine")
+        words = (*OUTPUTS["run"], "--figure") if path.name[0] == "a" else ("draw", "fig1", "--out")
+        assert refused(pyf(*words, folder / path.name[0]), "the file exists"), path
+        assert (folder / path.name).read_text() == "mine"
 
 
 def test_overwrite_draws_again(tmp_path):

@@ -1,5 +1,6 @@
 """Runs by any executor: nothing finished is lost, and nothing runs twice."""
 
+import errno
 import os
 import signal
 import threading
@@ -129,6 +130,16 @@ def test_the_reservation_of_somebody_gone_is_void(tmp_path, made, gone):
     run_all([job], workers=1, cache=tmp_path)
     assert len(made) == 1
     assert [path.name for path in tmp_path.iterdir()] == [f"{job.key}.nc"]
+
+
+def test_a_full_disk_keeps_no_empty_reservation(tmp_path, monkeypatch):
+    def full():
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(reservation, "_owner", full)
+    with reservation.reserved(tmp_path, "a") as ours:
+        assert ours
+        assert not list(tmp_path.iterdir())
 
 
 def test_where_there_can_be_no_folder_all_is_ours(tmp_path):

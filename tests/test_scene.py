@@ -525,6 +525,8 @@ def test_words_that_are_not_alike_are_no_hint():
     error = refused(changed("mattress", "theta"))
     assert (error.field, error.reason) == ("top.theta", "unknown")
     assert "did you mean" not in str(refused(lambda: preset("???")))
+    error = refused(lambda: preset("fig1", theta=0.5))  # which is no eta either
+    assert (error.field, error.reason) == ("theta", "unknown here, known to setup2")
 
 
 def test_a_number_without_unit_is_shown_as_it_stands():

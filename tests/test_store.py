@@ -134,11 +134,31 @@ def test_records_used_least_recently_go(folder):
     assert not list(folder.glob(".*"))
 
 
-def test_a_sweep_prunes(folder, monkeypatch):
+def test_old_notes_of_failures_go(tmp_path):
+    for key, age in (("old", 40 * store.DAY), ("new", 0.0)):
+        store.note_failure(tmp_path, key, "why")
+        os.utime(tmp_path / f".{key}{store.FAILED}", (time.time() - age, time.time() - age))
+    store.prune(tmp_path)
+    assert store.failed_before(tmp_path, "old") == "why"
+    store.prune(tmp_path, most=10**9)
+    assert store.failed_before(tmp_path, "old") == ""
+    assert store.failed_before(tmp_path, "new") == "why"
+
+
+def test_a_sweep_prunes_its_own_folder_alone(folder, monkeypatch):
     one = store.entries(folder)[0].size
     monkeypatch.setattr(sweep, "MAX_BYTES", int(2.2 * one))
     job = Job(scene=small(), t_end=1e-5, options={"fidelity": "dynamic"})
     run_all([job], cache=folder)
+    assert keys(folder) == [job.key, *KEYS]  # the user named this folder
+    (folder / f"{job.key}.nc").unlink()
+    monkeypatch.setattr(sweep, "cache_folder", lambda: folder)
+    monkeypatch.setenv(store.CACHE_VARIABLE, str(folder))
+    run_all([job])
+    assert keys(folder) == [job.key, *KEYS]
+    (folder / f"{job.key}.nc").unlink()
+    monkeypatch.delenv(store.CACHE_VARIABLE)
+    run_all([job])
     assert keys(folder) == [job.key, KEYS[0]]
 
 

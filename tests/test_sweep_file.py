@@ -170,6 +170,14 @@ def test_failed_and_refused_points_are_named_and_the_others_run(tmp_path, monkey
     assert "mu_k" in found.failed["reason"][2]
     assert not found.done
     assert math.isnan(found.table["F_max"][1])
+    later = found.sweep.status(tmp_path)
+    assert list(later.table["status"]) == list(found.table["status"])
+    assert list(later.failed["reason"]) == list(found.failed["reason"])
+    assert found.sweep.estimate(tmp_path)[:3] == (4, 1, 2)
+    monkeypatch.undo()
+    assert list(found.sweep.run(tmp_path, workers=1).failed["status"]) == ["refused"]
+    assert list(found.sweep.status(tmp_path).failed["status"]) == ["refused"]
+    assert not list(tmp_path.glob(".*"))
 
 
 def test_a_sweep_goes_on_where_it_stopped(tmp_path, monkeypatch):

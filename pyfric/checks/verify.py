@@ -35,9 +35,9 @@ class _OutOfTime(Exception):
     """The checks took longer than `LIMIT`."""
 
 
-LIMIT = 60.0
-"""Processor time of all checks, s: four times what those of a right build took where it was
-measured. A wrong build may go on without end."""
+LIMIT = 50.0
+"""Processor time of all checks together, s: three times what those of a right build took where it
+was measured; with the start less than a minute. A wrong build may go on without end."""
 ERRORS = (RuntimeError, ValueError, ArithmeticError, ImportError, OSError, _OutOfTime)
 """What a wrong build may raise; the check then fails."""
 

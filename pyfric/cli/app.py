@@ -69,4 +69,9 @@ def _code(error: Exception) -> Exit | None:
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="pyfric")
 def main() -> None:
-    """Simulate how an elastic block starts to slide on a frictional surface."""
+    """Simulate how an elastic block starts to slide on a frictional surface.
+
+    Where a command writes one file, or files named after one stem, --overwrite is needed to replace
+    what is there. Where it writes a folder, the folder is made if it is missing, and files in it
+    that have the names of the outputs are replaced.
+    """

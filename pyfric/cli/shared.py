@@ -189,10 +189,25 @@ def check_out(
             raise click.UsageError(f"{option} {path}: the file exists; --overwrite replaces it.")
 
 
+def check_apart(**outputs: Iterable[Path]) -> None:
+    """Refuse outputs of which two are one file, whether they are there or not.
+
+    Args:
+        outputs: the files of each option.
+    """
+    of: dict[Path, str] = {}
+    for option, paths in outputs.items():
+        for path in paths:
+            other = of.setdefault(path.resolve(), option)
+            if other != option:
+                raise click.UsageError(f"--{option} {path}: --{other} writes the same file.")
+
+
 def check_folder(out: Path | None, option: str = "--out") -> None:
     """Refuse a folder of outputs before anything starts: the rule of `check_out`.
 
-    It is made if it is missing; files in it that have the names of the outputs are replaced.
+    It is made if it is missing; files in it that have the names of the outputs are replaced. The
+    help of `pyfric` tells users so.
     """
     if out is None:
         return
@@ -219,8 +234,10 @@ def _writable(folder: Path) -> bool:
         return False
 
 
-FIGURE = (".png", ".pdf", ".txt")
-"""Ends of the names of a figure's files."""
+def figure_ends(*tables: str) -> tuple[str, ...]:
+    """Return the ends of the names of the files of a figure with these tables."""
+    return (".png", ".pdf", ".txt", *(f"_{name}.csv" for name in tables))
+
 
 set_option = click.option(
     "--set",

@@ -46,7 +46,7 @@ from scipy.stats import qmc
 
 from pyfric.engines.options import NUMBERS, Options, step_size
 from pyfric.engines.planner import _cost, _scout, plan
-from pyfric.engines.store import cache_folder, kept
+from pyfric.engines.store import cache_folder, failed_before, kept
 from pyfric.engines.sweep import ELSEWHERE, Job, JobError, run_all
 from pyfric.record import Record, analysis
 from pyfric.scene import (
@@ -306,18 +306,21 @@ class Sweep:
             hours, GB = seconds / 3600, size / 1e9
         return Estimate(len(jobs), refused, len(jobs) - len(left) - refused, hours, GB)
 
-    def _finished(self, cache: bool | str | os.PathLike[str]) -> list[Record | SceneError | None]:
-        """Return the finished record of each point, or why it is refused, or None."""
+    def _finished(self, cache: bool | str | os.PathLike[str]) -> list[Record | Exception | None]:
+        """Return the finished record of each point, why it failed or is refused, or None."""
         folder = None
         if cache is not False:
             folder = cache_folder() if cache is True else Path(cache)
         jobs = self.jobs()
         if folder is None:
             return [None if isinstance(job, Job) else job for job in jobs]
-        return [kept(folder, job.key, job.scene) if isinstance(job, Job) else job for job in jobs]
+        return [_found(folder, job) if isinstance(job, Job) else job for job in jobs]
 
     def status(self, cache: bool | str | os.PathLike[str] = True) -> Results:
-        """Return the results so far; points that have not been run are "waiting"."""
+        """Return the results so far; points that have not been run are "waiting".
+
+        Points that failed are "failed", with the reason; `run` tries them again.
+        """
         return Results(self, tuple(self._finished(cache)))
 
     def run(self, cache: bool | str | os.PathLike[str] = True, **how: Any) -> Results:
@@ -386,6 +389,18 @@ class Sweep:
             **{key: document[key] for key in ("points", "n", "seed") if key in document},
             **tables["limits"],
         )
+
+
+class _Before(Exception):
+    """Why a run failed the last time, in its words."""
+
+
+def _found(folder: Path, job: Job) -> Record | JobError | None:
+    """Return the finished record of a job, or why it failed, or None."""
+    record = kept(folder, job.key, job.scene)
+    if record is None and (reason := failed_before(folder, job.key)):
+        return JobError(job, _Before(reason))
+    return record
 
 
 def units(scene: Scene) -> dict[str, str | None]:
@@ -584,7 +599,8 @@ def _said(one: Any) -> dict[str, str]:
     if one is None:
         return {"status": "waiting", "reason": "", "engine": ""}
     if isinstance(one, JobError):
-        reason = f"{type(one.error).__name__}: {one.error}"
+        before = isinstance(one.error, _Before)
+        reason = str(one.error) if before else f"{type(one.error).__name__}: {one.error}"
         return {"status": "failed", "reason": reason, "engine": ""}
     return {"status": "refused", "reason": str(one), "engine": ""}
 

@@ -32,9 +32,15 @@ class Progress(NamedTuple):
 
 @contextmanager
 def _bar(
-    progress: bool | Callable[..., None] | None, show: Callable[..., None], **layout: Any
+    progress: bool | Callable[..., None] | None,
+    show: Callable[..., None],
+    first: str,
+    **layout: Any,
 ) -> Iterator[Callable[..., None]]:
-    """Give the function that shows progress: the caller's own, a bar on stderr, or nothing."""
+    """Give the function that shows progress: the caller's own, a bar on stderr, or nothing.
+
+    `first` is what the bar says until it moves.
+    """
     if callable(progress):
         yield progress
         return
@@ -47,6 +53,8 @@ def _bar(
 
     seldom = 0.1 if sys.stderr.isatty() else 1.0  # a log needs fewer lines
     with tqdm(file=sys.stderr, mininterval=seldom, **layout) as bar:
+        if first:
+            bar.set_postfix_str(first)
         yield functools.partial(show, bar)
 
 
@@ -64,8 +72,9 @@ def run_bar(
 
     times = "{n:.4f}/{total:.4f} s [{elapsed}<{remaining}{postfix}]"
     layout = "{desc}: {percentage:3.0f}%|{bar}| " + times
+    first = "set-up: static states and modes"
     name = scene.name or "run"
-    return _bar(progress, show, total=t_end, initial=t_begin, desc=name, bar_format=layout)
+    return _bar(progress, show, first, total=t_end, initial=t_begin, desc=name, bar_format=layout)
 
 
 def jobs_bar(
@@ -76,4 +85,4 @@ def jobs_bar(
     def show(bar: tqdm, done: int, _: int) -> None:
         bar.update(done - bar.n)
 
-    return _bar(progress, show, total=total, desc="runs", unit="run")
+    return _bar(progress, show, "", total=total, desc="runs", unit="run")

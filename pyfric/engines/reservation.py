@@ -43,13 +43,17 @@ def reserved(folder: Path, key: str) -> Iterator[bool]:
     _end_if_void(path)
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
+    made = False
     try:
         with open(path, "x") as file:
+            made = True
             file.write(_owner())
     except FileExistsError:
         yield False
         return
     except OSError:
+        if made:  # and the disk is full
+            path.unlink(missing_ok=True)
         yield True
         return
     done = threading.Event()

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from platformdirs import user_cache_path
 
 from pyfric.record import Record, RecordError
-from pyfric.scene import clean_drafts
+from pyfric.scene import clean_drafts, write
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
@@ -31,15 +31,20 @@ __all__ = [
     "cache_folder",
     "check",
     "entries",
+    "failed_before",
     "keep",
     "kept",
+    "note_failure",
+    "own",
     "prune",
 ]
 
 CACHE_VARIABLE = "PYFRIC_CACHE"
 """Environment variable that names another folder for finished runs."""
 MAX_BYTES = 2**30
-"""Most bytes of finished runs that are kept."""
+"""Most bytes of finished runs in pyfric's own folder; those that users name are not trimmed."""
+FAILED = ".failed"
+"""End of the name of a note why a run failed."""
 NAME = re.compile(r"[0-9a-f]{40}\.nc")
 DAY = 86400.0
 
@@ -88,8 +93,28 @@ def keep(folder: Path, key: str, record: Record) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         record.save(folder / f"{key}.nc")
+        (folder / f".{key}{FAILED}").unlink(missing_ok=True)
     except OSError as error:
         warnings.warn(f"a finished run is not kept: {error}", RuntimeWarning, stacklevel=2)
+
+
+def own(cache: bool | str | os.PathLike[str]) -> bool:
+    """Whether finished runs go to pyfric's own folder, and not to one that the user named."""
+    return cache is True and not os.environ.get(CACHE_VARIABLE)
+
+
+def note_failure(folder: Path, key: str, reason: str) -> None:
+    """Note why a run failed, until it is complete; where that fails, go on."""
+    with contextlib.suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        write(folder / f".{key}{FAILED}", reason.encode())
+
+
+def failed_before(folder: Path, key: str) -> str:
+    """Return why a run failed the last time, or ""."""
+    with contextlib.suppress(OSError):
+        return (folder / f".{key}{FAILED}").read_text(encoding="utf-8")
+    return ""
 
 
 def entries(folder: Path) -> list[Entry]:
@@ -137,7 +162,16 @@ def prune(
         size += 0 if unwanted else entry.size
         if (unwanted or (most is not None and size > most)) and _delete(entry):
             gone.append(entry)
+    if most is not None or older_than is not None:
+        _forget_failures(folder, 30.0 if older_than is None else older_than)
     return gone, clean_drafts(folder)
+
+
+def _forget_failures(folder: Path, days: float) -> None:
+    for path in folder.glob(f".*{FAILED}"):
+        with contextlib.suppress(OSError):
+            if time.time() - path.stat().st_mtime > days * DAY:
+                path.unlink()
 
 
 def _delete(entry: Entry) -> bool:

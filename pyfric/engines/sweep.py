@@ -5,7 +5,8 @@
 
 A complete run is kept as a record file whose name is a hash of all that determines it: the scene
 (its name aside), the time of the end, the options of `pyfric.simulate` and the code itself; see
-`pyfric.engines.store`. The records that were used least recently go when it outgrows `MAX_BYTES`.
+`pyfric.engines.store`. In pyfric's own folder, but not in one that the user names, the
+records that were used least recently go when it outgrows `MAX_BYTES`. Why a run failed is noted.
 Processes and machines may share the folder: who makes a run reserves it there.
 """
 
@@ -34,7 +35,7 @@ from pyfric.engines.options import Options
 from pyfric.engines.progress import jobs_bar
 from pyfric.engines.reservation import clear, give_up, given_up, reserved
 from pyfric.engines.simulation import simulate
-from pyfric.engines.store import MAX_BYTES, cache_folder, keep, kept, prune
+from pyfric.engines.store import MAX_BYTES, cache_folder, keep, kept, note_failure, own, prune
 from pyfric.engines.workers import Workers, stopping
 from pyfric.record import Record
 from pyfric.scene import (
@@ -215,6 +216,8 @@ def run_all(
         with closing(_outcomes(todo, min(workers, len(todo)), folder, executor)) as outcomes:
             for key, made in outcomes:
                 if isinstance(made, Exception):
+                    if folder is not None:
+                        note_failure(folder, key, f"{type(made).__name__}: {made}")
                     if errors == "raise":
                         raise JobError(todo[key], made) from made
                     made = JobError(todo[key], made)
@@ -225,7 +228,7 @@ def run_all(
                 show(done, len(by_key))
     if folder is not None and todo:
         clear(folder)
-        prune(folder, MAX_BYTES)
+        prune(folder, MAX_BYTES if own(cache) else None)
     return [_belonging(found[job.key], job) for job in jobs]
 
 

@@ -308,8 +308,8 @@ def preset(name: str, /, **changes: Any) -> Scene:
         changes: keyword arguments of `setup1`, `setup2` or `chain`.
 
     Raises:
-        SceneError: an unknown name or keyword (the nearest known one is given), or a value
-            that is refused.
+        SceneError: an unknown name or keyword (the nearest known one is given, or which setups
+            know it), or a value that is refused.
     """
     if not isinstance(name, str) or name not in PRESETS:
         raise unknown("preset", name, name if isinstance(name, str) else "", PRESETS)
@@ -317,6 +317,10 @@ def preset(name: str, /, **changes: Any) -> Scene:
     known = list(setup.__kwdefaults__)
     for key, value in changes.items():
         if key not in known:
+            others = [one for one in (setup1, setup2, chain) if key in one.__kwdefaults__]
+            if others:  # and so no word that is spelled wrong
+                reason = f"unknown here, known to {' and '.join(o.__name__ for o in others)}"
+                raise SceneError(key, value, "", f"one of {', '.join(known)}", reason)
             raise unknown(key, value, key, known)
     return PRESETS[name](**changes)
 

@@ -11,12 +11,12 @@ import click
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
-    FIGURE,
     SHORT_EXIT_CODES,
     Registered,
     Seconds,
     check_folder,
     check_out,
+    figure_ends,
     file_option,
     folder_option,
     json_option,
@@ -134,7 +134,7 @@ def movie(
     from pyfric import figures
 
     stem = out or Path(f"event_{event}")
-    ends = (*FIGURE, ".gif") if gif else FIGURE
+    ends = figure_ends("interface", "field") + ((".gif",) if gif else ())
     check_out(stem, overwrite, ends=ends, reads=[source])
     record, row = _main_event(source, event, t_end, changes, quiet)
     files = figures.save_figure(figures.event_strip(record, row), stem)

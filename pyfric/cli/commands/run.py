@@ -17,12 +17,13 @@ from pyfric.cli.app import main
 from pyfric.cli.report import summary, text
 from pyfric.cli.shared import (
     EXIT_CODES,
-    FIGURE,
     Exit,
     Registered,
     Seconds,
+    check_apart,
     check_folder,
     check_out,
+    figure_ends,
     file_option,
     folder_option,
     overwrite_option,
@@ -43,6 +44,10 @@ if TYPE_CHECKING:
 
 
 HERE = "\0"  # value of --resume without a file
+DRAWN = figure_ends("curve", "slip")
+"""Ends of the names of the files of --figure."""
+TABLES = ("curve.csv", "events.csv", "episodes.csv", "stresses.csv", "columns.csv")
+"""Files of --csv."""
 
 
 def _steppers() -> list[str]:
@@ -151,8 +156,13 @@ def run(
     goes_on = _same_file(out, resume)
     check_out(out, overwrite or goes_on, reads=[scene, None if goes_on else resume])
     reads = [scene, resume, out]
-    check_out(figure, overwrite, option="--figure", ends=FIGURE, reads=reads)
+    check_out(figure, overwrite, option="--figure", ends=DRAWN, reads=reads)
     check_folder(csv, "--csv")
+    check_apart(
+        out=[] if out is None else [out],
+        figure=[] if figure is None else [figure.with_name(figure.name + end) for end in DRAWN],
+        csv=[] if csv is None else [csv / name for name in TABLES],
+    )
     before = None if resume is None else _record_to_continue(resume, what, ctx)
     record, files = _run(what, t_end, before, out, not (quiet or as_json), how)
     if record.done and not asked_to_stop():

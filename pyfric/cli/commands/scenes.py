@@ -8,9 +8,9 @@ import click
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
-    FIGURE,
     Seconds,
     check_out,
+    figure_ends,
     file_option,
     json_option,
     overwrite_option,
@@ -52,7 +52,7 @@ def draw(
 
     what = scene_of(scene, changes)
     stem = out or Path(f"sketch_{Path(scene).stem}")
-    check_out(stem, overwrite, ends=FIGURE, reads=[scene])
+    check_out(stem, overwrite, ends=figure_ends("columns"), reads=[scene])
     show_files(figures.save_figure(figures.sketch(what), stem), quiet)
 
 

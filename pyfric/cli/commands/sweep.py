@@ -25,7 +25,9 @@ from pyfric.cli.shared import (
 @main.command(epilog=SHORT_EXIT_CODES)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--dry-run", is_flag=True, help="Say how many runs, what they cost, and run nothing.")
-@click.option("--status", is_flag=True, help="Say which points are finished, and run nothing.")
+@click.option(
+    "--status", is_flag=True, help="Say which points are finished or failed, and run nothing."
+)
 @folder_option("--out", metavar="DIR", help="Write the table there: CSV, netCDF and Parquet.")
 @workers_option
 @no_cache_option
@@ -47,7 +49,7 @@ def sweep(
     with more points, the same command goes on. Points that fail are named with their reason.
     """
     from pyfric.engines import Sweep
-    from pyfric.engines.store import MAX_BYTES
+    from pyfric.engines.store import MAX_BYTES, own
 
     if dry_run and status:
         raise click.UsageError("--dry-run and --status exclude each other.")
@@ -59,9 +61,9 @@ def sweep(
             print_json(found._asdict())
         elif not quiet:
             click.echo(found)
-            if found.GB > MAX_BYTES / 1e9:
+            if own(cache) and found.GB > MAX_BYTES / 1e9:
                 most = f"{MAX_BYTES / 1e9:.2g} GB"
-                click.echo(f"Only {most} of finished runs are kept: not all to go on from.")
+                click.echo(f"Only {most} of finished runs are kept: name a folder in PYFRIC_CACHE.")
         return
     progress = False if quiet or as_json else None
     results = what.status(cache) if status else what.run(cache, workers=workers, progress=progress)

@@ -183,7 +183,8 @@ def spacetime(
         raise click.UsageError("one of --event and --row is needed.")
     stem = out or Path(f"spacetime_{row if event is None else event}")
     stem = stem.with_suffix("") if stem.suffix == ".png" else stem
-    check_out(stem, overwrite, ends=FIGURE, reads=[source])
+    ends = figure_ends("slip_rate", "lines", "front")
+    check_out(stem, overwrite, ends=ends, reads=[source])
     if event is None:
         record = _run_of(source, t_end, changes, quiet, LOCATED)
     else:

@@ -28,7 +28,6 @@ for one in taubar:
         fidelity="dynamic",
         initial=start,
         dt=start.dt,
-        switching="located",
         t_gap=1.0,
         progress=False,
     )

@@ -357,10 +357,28 @@ def test_auto_says_what_it_took():
     assert json.loads(result.stdout)["method"]["engine"] == "dynamic"
 
 
+def test_the_method_is_always_named(tmp_path):
+    out, ends = tmp_path / "a.nc", "contacts switch at step ends, as in the paper"
+    located = "contacts switch where they do inside steps"
+    result = run("--method", "paper", "--out", out, t_end="0.1 ms")
+    assert f"dynamic engine, finite geometry, rk4, dt = 0.2 us, {ends}" in result.stdout
+    for how in ((), ("--fidelity", "hybrid"), DYNAMIC):
+        assert located in run(*how, t_end="0.1 ms").stdout
+    method = json.loads(run("--json", t_end="0.1 ms").stdout)["method"]
+    assert (method["stepper"], method["switching"]) == ("rk4", "located")
+    again = ("--resume", "--out", out, "--method", "paper")
+    assert ends in run(*again, t_end="0.11 ms").stdout
+    simulate(tiny(), 1e-4).save(tmp_path / "b.nc")
+    again = run("--resume", tmp_path / "b.nc", "--method", "paper")
+    assert refused(again, "method = 'paper'", "cannot change")
+
+
 @pytest.mark.parametrize(
     ("arguments", "texts"),
     [
         (["--fidelity", "fast"], ["--fidelity", "quasistatic", "hybrid", "dynamic"]),
+        (["--method", "located"], ["--method", "paper"]),
+        (["--method", "paper", "--dt", "1 us"], ["dt = 1e-06 s", "paper"]),
         (["--want", "speed"], ["--want", "front_speed"]),
         (["--tolerance", "0"], ["--tolerance", "0<x<=1"]),
         (["--tolerance", "nan"], ["tolerance = nan"]),

@@ -85,10 +85,10 @@ def made_up_record(side="left", lengths=LADDER, opened=()):
         build_catalogue(switches, quiet, scene),
         scene=scene,
         method=Method(
-            engine="full dynamics",
+            engine="dynamic",
             geometry="finite",
-            stepper="RK4",
-            switching="switching at step ends",
+            stepper="rk4",
+            switching="step_end",
             dt=0.2e-6,
         ),
         curve=pd.DataFrame({"t": t, "F_T": F_T}),
@@ -190,7 +190,7 @@ def test_caption_states_scene_engine_and_counts(ladder):
         "F_N = 3500 N",
         "h = 5 mm",
         "mu_s = 0.7, mu_k = 0.45",
-        "full dynamics, finite geometry, RK4, switching at step ends, time step 0.2 us",
+        "dynamic engine, finite geometry, rk4, dt = 0.2 us, contacts switch at step ends",
         f"pauses up to {T_GAP * 1e3:g} ms",
         "19 main precursors, 3 events over the whole interface",
         "pyfric 0.1.0",
@@ -287,7 +287,7 @@ def test_lengths_are_those_of_the_records_with_their_predictions(run, short):
     assert f"{len(points)} precursors" in fig.caption
     assert "h = 5, 7.5 mm" in fig.caption
     assert "F_N = 1500, 1750 N" in fig.caption
-    assert "hybrid, linear geometry" in fig.caption
+    assert "hybrid engine, linear geometry" in fig.caption
     inside_and_readable(fig)
 
 

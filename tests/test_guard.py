@@ -45,7 +45,9 @@ def test_the_bound_of_energy_holds_without_its_margin(name, share, monkeypatch):
     dt = share * stability_limit(scene)[0]
     for every in (t_end / 1000, t_end / 20):  # short calls and long ones
         how = {"geometry": "linear", "budget": False, "progress": False}
-        record = pyfric.simulate(scene, t_end, fidelity="dynamic", dt=dt, sample=every, **how)
+        record = pyfric.simulate(
+            scene, t_end, fidelity="dynamic", dt=dt, sample=every, switching="step_end", **how
+        )
         assert record.status == "complete"
 
 
@@ -57,7 +59,9 @@ def test_steps_above_the_limit_are_stopped(name, share, monkeypatch):
     dt = share * stability_limit(scene)[0]
     monkeypatch.setattr("pyfric.engines.options.step_size", lambda *_: dt)
     with pytest.raises(RunError, match=r"energy grows from .* at step") as caught:
-        pyfric.simulate(scene, 0.05, fidelity="dynamic", geometry="linear", progress=False)
+        pyfric.simulate(
+            scene, 0.05, fidelity="dynamic", geometry="linear", switching="step_end", progress=False
+        )
     kept = caught.value.record
     assert kept.status.startswith("failed: the energy grows")
     assert np.isfinite(kept.final_state.y).all()

@@ -34,8 +34,9 @@ def links(**changes):
 
 
 run = functools.partial(pyfric.simulate, progress=False, threads=1)
-jump = functools.partial(run, fidelity="hybrid")
-step = functools.partial(run, fidelity="dynamic", budget=False)
+STEPS = {"switching": "step_end"}  # as many evaluations in each; located: test_location
+jump = functools.partial(run, fidelity="hybrid", **STEPS)
+step = functools.partial(run, fidelity="dynamic", budget=False, **STEPS)
 
 
 def both(scene, t_end, geometry, **options):

@@ -438,7 +438,7 @@ def test_located_switching_loses_no_energy():
         errors.append(np.abs(stored - stored[0] - put_in + lost).max())
     assert errors[1] < 1e-6 * scale
     assert errors[0] / errors[1] > 12
-    at_ends = simulate(small(), 1.4e-3, geometry="linear", dt=dt)
+    at_ends = simulate(small(), 1.4e-3, geometry="linear", dt=dt, switching="step_end")
     assert at_ends.curve["switching_loss"].iloc[-1] > 1e-10
 
 

@@ -6,6 +6,7 @@ import functools
 import numpy as np
 import pandas as pd
 import pytest
+from helpers import same_run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import REPRODUCED
@@ -123,6 +124,57 @@ def test_step_and_switching_of_the_plan():
     assert record.method.switching == "step_end"
 
 
+# --- the paper's method --------------------------------------------------------------------------
+
+
+def test_switches_are_located_unless_the_paper_s_method_is_asked_for():
+    for fidelity in ("hybrid", "dynamic"):
+        how = {"fidelity": fidelity, "geometry": "linear"}
+        assert simulate(small(), 1e-5, **how).method.switching == "located"
+        method = simulate(small(), 1e-5, **how, method="paper").method
+        assert (method.engine, method.geometry) == (fidelity, "linear")
+        assert (method.stepper, method.switching, method.dt) == ("rk4", "step_end", 0.2e-6)
+        assert "switch at step ends" in str(method)
+
+
+@pytest.mark.parametrize(
+    ("scene", "dt"),
+    [(setup1(L=0.02, H=0.0125, V=0.5), 0.2e-6), (setup2(L=0.012, H=0.005, V=0.5), 0.09e-6)],
+    ids=["rod", "free"],
+)
+def test_the_paper_s_method_by_one_word(scene, dt):
+    asked = simulate(scene, 1.2e-3, method="paper")
+    how = {"fidelity": "dynamic", "geometry": "finite", "stepper": "rk4", "switching": "step_end"}
+    made = simulate(scene, 1.2e-3, **how, dt=dt)
+    assert len(made.switches["t"])
+    assert same_run(asked, made)
+    assert str(asked.method) == (
+        f"dynamic engine, finite geometry, rk4, dt = {dt * 1e6:g} us, "
+        "contacts switch at step ends, as in the paper"
+    )
+    on = simulate(scene, 1.3e-3, method="paper", initial=asked).method
+    assert (on.dt, on.switching) == (dt, "step_end")
+
+
+@pytest.mark.parametrize(
+    ("scene", "options", "field"),
+    [
+        (small(), {"switching": "located"}, "switching"),
+        (small(), {"stepper": "verlet"}, "stepper"),
+        (small(), {"dt": 0.2e-6}, "dt"),
+        (small(), {"fidelity": "quasistatic"}, "method"),
+        (small(), {"method": "papers"}, "method"),
+        (small(M=2e-5), {}, "dt"),
+        (chain(), {}, "method"),
+    ],
+    ids=str,
+)
+def test_the_paper_s_method_is_refused_where_it_is_another(scene, options, field):
+    with pytest.raises(SceneError) as refusal:
+        simulate(scene, 1e-4, **{"method": "paper"} | options)
+    assert refusal.value.field == field
+
+
 # --- fallbacks -----------------------------------------------------------------------------------
 
 
@@ -137,7 +189,7 @@ def test_a_ladder_that_does_not_settle(monkeypatch):
     assert note.startswith("moved up from quasistatic, linear geometry, to hybrid, linear geometry")
     assert "does not settle" in note
     monkeypatch.undo()
-    same_events(record, simulate(small(), 0.07, fidelity="hybrid"), force=0.02)
+    same_events(record, simulate(small(), 0.07, fidelity="hybrid"), force=0.02, rows=4)
     monkeypatch.setattr(quasistatic, "simulate", fails)
     with pytest.raises(EquilibriumError):
         simulate(small(), 0.07, fidelity="quasistatic")
@@ -209,7 +261,7 @@ def test_a_slider_that_never_rests():
     scene, t_end = small(eta=0.0, V=0.02), 0.05
     assert pyfric.plan(scene, t_end=1.5).fidelity == "dynamic"
     hybrid, dynamic = (
-        simulate(scene, t_end, fidelity=name, geometry="linear", t_gap=2e-4)
+        simulate(scene, t_end, fidelity=name, geometry="linear", switching="step_end", t_gap=2e-4)
         for name in ("hybrid", "dynamic")
     )
     (note,) = hybrid.notes
@@ -434,10 +486,10 @@ def test_without_viscosity_steps_that_conserve_energy_have_to_be_equal(stepper):
     """Steps that end at a switch are not: the energy would grow."""
     how = {"fidelity": "dynamic", "geometry": "linear", "stepper": stepper}
     with pytest.raises(SceneError, match="or eta > 0") as refusal:
-        simulate(small(eta=0.0), 1e-4, switching="located", **how)
+        simulate(small(eta=0.0), 1e-4, **how)
     assert refusal.value.field == "switching"
-    assert simulate(small(eta=0.0), 1e-4, **how).status == "complete"
-    assert simulate(small(), 1e-4, switching="located", **how).status == "complete"
+    assert simulate(small(eta=0.0), 1e-4, switching="step_end", **how).status == "complete"
+    assert simulate(small(), 1e-4, **how).status == "complete"
 
 
 def test_long_adaptive_steps_have_no_room_for_located_switches():
@@ -445,9 +497,9 @@ def test_long_adaptive_steps_have_no_room_for_located_switches():
     dt = 31 * pyfric.stability_limit(scene)[0]
     how = {"fidelity": "dynamic", "geometry": "linear", "stepper": "adaptive", "dt": dt}
     with pytest.raises(SceneError, match="too long") as refusal:
-        simulate(scene, 2 * dt, switching="located", **how)
+        simulate(scene, 2 * dt, **how)
     assert refusal.value.field == "dt"
-    assert simulate(scene, 2 * dt, **how).status == "complete"
+    assert simulate(scene, 2 * dt, switching="step_end", **how).status == "complete"
 
 
 def test_a_record_goes_on_with_its_own_method():

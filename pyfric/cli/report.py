@@ -21,6 +21,7 @@ MAIN_COLUMNS = (
     "nucleation_block",
     "is_precursor",
 )
+METHOD = ("engine", "geometry", "stepper", "switching", "rtol", "dt", "threads", "variant")
 
 
 def summary(record: Record, files: list[Path]) -> dict[str, Any]:
@@ -45,13 +46,8 @@ def summary(record: Record, files: list[Path]) -> dict[str, Any]:
             {name: _plain(row[name]) for name in MAIN_COLUMNS} for _, row in main.iterrows()
         ],
         "timings": {name: float(value) for name, value in record.timings.items()},
-        "method": {
-            "engine": record.method.engine,
-            "geometry": record.method.geometry,
-            "dt": record.method.dt,
-            "threads": record.method.threads,
-            "variant": record.method.variant,
-        },
+        "method": {name: getattr(record.method, name) for name in METHOD}
+        | {"words": str(record.method)},
         "counts": dict(record.counts),
         "notes": list(record.notes),
         "files": [str(path) for path in files],
@@ -86,8 +82,7 @@ def text(summary: dict[str, Any]) -> str:
         lines.append("")
     lines.append(
         ", ".join(
-            [f"{method['engine']} engine", f"{method['geometry']} geometry"]
-            + ([] if method["dt"] is None else [f"dt = {method['dt']:g} s"])
+            [method["words"]]
             + ([f"variant {method['variant']}"] if method["variant"] else [])
             + [f"{method['threads']} thread{'s' if method['threads'] > 1 else ''}"]
         )

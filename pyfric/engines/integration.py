@@ -42,7 +42,7 @@ def integrate(
         initial.check_physics(scene)
     t_begin = 0.0 if initial is None else initial.t
     t_end = check_number("t_end", t_end, "s", ge=t_begin)
-    method = options.method(scene, engine, t_begin, t_end)
+    method = options.settled(scene, engine, t_begin, t_end)
 
     with run_bar(progress, scene, t_begin, t_end) as show:  # from before the set-up on
         start = time.perf_counter()

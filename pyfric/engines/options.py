@@ -1,6 +1,6 @@
 """How a run is made: what is asked for, and what that comes to for a scene and an engine.
 
-`Options` holds what is asked for, whatever the scene. `Options.method` looks at the scene and
+`Options` holds what is asked for, whatever the scene. `Options.settled` looks at the scene and
 settles what was left open: a `Method`, which the record of the run keeps.
 """
 
@@ -24,6 +24,7 @@ from pyfric.scene import (
     check_geometry,
     check_number,
     default_geometry,
+    paper_step,
     unknown,
 )
 from pyfric.statics import check_rests, stability_limit
@@ -39,10 +40,11 @@ __all__ = ["AUTO_SHARE", "RTOL", "Fidelity", "Options", "Want", "kept", "step_si
 AUTO_SHARE = 0.5
 """dt = "auto" is this share of the stability limit, rounded down to two digits.
 
-Measured on the Fig. 1 scene up to 0.9 s against the paper's 0.2 us, which is an eighth of the
-limit: at half the limit (0.78 us) the 13 main precursors keep their order, their start and arrest
-forces agree within 8e-4 F_N and their lengths within one block; at 1.2 us within 1e-3 F_N and one
-block. The error falls in proportion to the step, because contacts switch at step ends."""
+Measured on the Fig. 1 scene up to 0.9 s, with switches at step ends, against the paper's 0.2 us,
+which is an eighth of the limit: at half the limit (0.78 us) the 13 main precursors keep their
+order, their start and arrest forces agree within 8e-4 F_N and their lengths within one block; at
+1.2 us within 1e-3 F_N and one block. That error falls in proportion to the step; with located
+switches it is far smaller (`reference_data/`)."""
 RTOL = 1e-6
 """Default of rtol, the largest error of an adaptive sub-step. On a short front, with dt = "auto"
 and located switching, rupture times are then right to 2e-11 s for 1.3 times the work of
@@ -62,6 +64,7 @@ Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
 """What a run is made for."""
 
 CHOICES: Mapping[str, tuple[str, ...]] = {
+    "method": ("paper",),
     "fidelity": get_args(Fidelity),
     "want": get_args(Want),
     "geometry": get_args(Geometry),
@@ -89,6 +92,9 @@ class Options:
             between them. "quasistatic" has no inertia. "equilibrium" is the stuck slider, and ends
             at the first slip. "auto" takes what `pyfric.plan` finds enough for `want` within
             `tolerance`; options below that a level lacks rule it out.
+        method: "paper": as in the paper, RK4 with its uniform step (0.2 us in setup 1, 0.09 us in
+            setup 2) and contacts that switch at step ends; full dynamics unless `fidelity` is
+            "hybrid". None: what the options below say.
         want: what the run is made for; see `pyfric.plan`.
         tolerance: accepted error; see `pyfric.plan`.
         geometry: "finite" (as in the paper) or "linear"; None leaves it to the plan, or means
@@ -97,12 +103,11 @@ class Options:
             forces at a predicted velocity, order 2. "symplectic_euler": semi-implicit Euler, order
             1. "adaptive": RK4 with an estimate of its error, sub-steps inside dt. All but "rk4"
             need full dynamics.
-        switching: "step_end": contacts switch at the end of a step (the paper's), which costs an
-            order-1 error of their times. "located": they switch inside the step, where v_x,
-            mu_s p - |f| or u_z of a block has its root, and the step is finished from there. A
-            margin that crosses zero twice in a sub-step is noticed if the parabola through its
-            start, middle and end dips below zero. None leaves it to the plan, or means
-            "step_end".
+        switching: "located": contacts switch inside the step, where v_x, mu_s p - |f| or u_z of a
+            block has its root, and the step is finished from there. A margin that crosses zero
+            twice in a sub-step is noticed if the parabola through its start, middle and end dips
+            below zero. "step_end": they switch at the end of a step (the paper's), which costs an
+            order-1 error of their times. None means "located", or "step_end" with method = "paper".
         rtol: for the stepper "adaptive": largest error of a sub-step, in displacements over
             F_N/(N_x s), in velocities over F_N/(N_x sqrt(s m)), s the largest of k, k_f and k_top;
             None means 1e-6.
@@ -120,6 +125,7 @@ class Options:
     """
 
     fidelity: Fidelity = "auto"
+    method: Literal["paper"] | None = None
     want: Want = "precursors"
     tolerance: float = 0.01
     geometry: Geometry | None = None
@@ -149,6 +155,8 @@ class Options:
                 object.__setattr__(self, name, check_number(name, value, unit, **allowed))
         if self.rtol is not None and not STEPPERS[self.stepper].adaptive:
             raise SceneError("rtol", self.rtol, "", "None, or stepper = 'adaptive'")
+        if self.method is not None:
+            self._check_paper()
         if not isinstance(self.budget, bool | np.bool | None):
             raise SceneError("budget", self.budget, "", "True, False or None")
         if self.threads is not None:
@@ -157,6 +165,18 @@ class Options:
                 raise SceneError("threads", self.threads, "", f"1 … {MAX_THREADS} or None")
         if not isinstance(self.checkpoint, str | os.PathLike | None):
             raise SceneError("checkpoint", self.checkpoint, "", "a path or None")
+
+    def _check_paper(self) -> None:
+        """Raise SceneError if an option is not that of the paper's method."""
+        for name, without in (
+            ("stepper", ("rk4",)),
+            ("switching", (None, "step_end")),
+            ("dt", ("auto",)),
+        ):
+            value = getattr(self, name)
+            if value not in without:
+                allowed = "none with method = 'paper', which is rk4, step ends and its own dt"
+                raise SceneError(name, value, "s" if name == "dt" else "", allowed)
 
     def open(self) -> set[str]:
         """Return the names of the options that are left open: those whose default None stays."""
@@ -189,9 +209,10 @@ class Options:
     def check_static(self) -> None:
         """Raise SceneError unless an engine without inertia can have these options."""
         for name, without in (
+            ("method", (None,)),
             ("geometry", (None, "linear")),
             ("stepper", ("rk4",)),
-            ("switching", (None, "step_end")),
+            ("switching", (None,)),
             ("dt", ("auto",)),
             ("budget", (None, False)),
         ):
@@ -201,7 +222,7 @@ class Options:
                 unit = "s" if name == "dt" else ""
                 raise SceneError(name, value, unit, f"nothing, because {what}")
 
-    def method(self, scene: Scene, engine: type[Run], t_begin: float, t_end: float) -> Method:
+    def settled(self, scene: Scene, engine: type[Run], t_begin: float, t_end: float) -> Method:
         """Return how an engine with time steps makes a run between two times, in s.
 
         Raises:
@@ -218,8 +239,9 @@ class Options:
         if self.budget and not engine.keeps_budget:
             allowed = "False, or fidelity = 'dynamic', which follows all motion"
             raise SceneError("budget", self.budget, "", allowed)
-        dt = step_size(scene, self.dt, self.stepper)
-        if self.switching == "located":
+        dt = step_size(scene, self.dt if self.method is None else _paper_step(scene), self.stepper)
+        switching = self.switching or ("located" if self.method is None else "step_end")
+        if switching == "located":
             _check_located(scene, self.stepper, dt)
         steps = (t_end - t_begin) / dt
         if steps > MAX_STEPS:
@@ -229,7 +251,7 @@ class Options:
             engine=engine.name,
             geometry=self.geometry or default_geometry(scene),
             stepper=self.stepper,
-            switching=self.switching or "step_end",
+            switching=switching,
             rtol=(self.rtol or RTOL) if STEPPERS[self.stepper].adaptive else None,
             dt=dt,
             sample=max(1, round(every)),
@@ -242,7 +264,7 @@ class Options:
 
 def kept(method: Method) -> dict[str, Any]:
     """Return the options with which a run goes on that was made like this."""
-    same: dict[str, Any] = {"geometry": method.geometry, "t_gap": method.t_gap}
+    same: dict[str, Any] = {"geometry": method.geometry, "t_gap": method.t_gap, "method": None}
     if method.dt is not None:
         names = ("stepper", "switching", "rtol", "dt", "budget")
         same |= {name: getattr(method, name) for name in names}
@@ -274,6 +296,15 @@ def step_size(
     if not STEPPERS[stepper].adaptive and dt > limit:
         allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {stepper} for this scene"
         raise SceneError("dt", dt, "s", allowed, "unstable")
+    return dt
+
+
+def _paper_step(scene: Scene) -> float:
+    """Return the paper's step (s), or raise SceneError for a scene of another kind."""
+    dt = paper_step(scene)
+    if dt is None:
+        allowed = "None for loads that are prescribed, which are not the paper's"
+        raise SceneError("method", "paper", "", allowed)
     return dt
 
 

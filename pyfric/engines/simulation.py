@@ -63,9 +63,9 @@ def simulate(
             geometry and to 1e-6 in finite geometry.
         progress: True for a bar on stderr, a function that is called about ten times per second,
             False for nothing; None shows the bar where stderr is a terminal.
-        **keywords: single options, in place of those in `options`: fidelity, want, tolerance,
-            geometry, stepper, switching, rtol, dt, budget, sample, t_gap, threads, checkpoint,
-            checkpoint_every; see `Options`.
+        **keywords: single options, in place of those in `options`: fidelity, method, want,
+            tolerance, geometry, stepper, switching, rtol, dt, budget, sample, t_gap, threads,
+            checkpoint, checkpoint_every; see `Options`.
 
     Returns:
         The record. Its status is "interrupted" if Ctrl-C stopped the run: what was done is
@@ -103,6 +103,8 @@ def simulate(
         options = _going_on(initial, scene, options)
     else:
         options.check_sample(t_end - (0.0 if initial is None else initial.t))
+    if options.method is not None and options.fidelity == "auto":
+        options = dataclasses.replace(options, fidelity="dynamic")
     if options.geometry is not None:
         check_geometry(options.geometry, scene)
     if options.checkpoint is not None:
@@ -149,7 +151,7 @@ def _run(
     how: dict[str, Any] = {"initial": initial, "progress": progress}
     if options.fidelity in ENGINES:
         begin = _begin(initial)
-        method = options.method(scene, ENGINES[options.fidelity], begin, t_end)
+        method = options.settled(scene, ENGINES[options.fidelity], begin, t_end)
         check_memory(scene, method.engine, method.geometry)
         how_made = method.engine, method.geometry, method.dt
         note = planner.long_note(scene, t_end - begin, *how_made)
@@ -177,7 +179,7 @@ def _with_options(chosen: Plan, scene: Scene, options: Options, initial: State |
         or stepped
         or options.dt != "auto"
         or options.geometry == "finite"
-        or options.switching == "located"
+        or options.switching is not None
     ):
         chosen = chosen.up(scene, [])
     if stepped:

@@ -173,17 +173,10 @@ def scene_text(scenes: Scene | Sequence[Scene]) -> str:
 def engine_text(records: Record | Sequence[Record]) -> str:
     """Engine, geometry, step and gap of the records, what they left open, and the version."""
     records = [records] if not isinstance(records, Sequence) else list(records)
-    hows, text = [], []
-    for one in records:
-        method = one.method
-        step = "" if method.dt is None else f", time step {method.dt * 1e6:g} us"
-        how = ", ".join(
-            part for part in (method.stepper, method.switching.replace("_", " ")) if part
-        )
-        hows.append(f"{method.engine}, {method.geometry} geometry{', ' + how if how else ''}{step}")
+    hows, text = [str(one.method) for one in records], []
     gaps = joined(f"{gap * 1e3:g} ms" for gap in sorted({one.method.t_gap for one in records}))
     text.append(
-        f"Engine: {'; '.join(dict.fromkeys(hows))}; events joined over pauses up to {gaps}."
+        f"Method: {'; '.join(dict.fromkeys(hows))}; events joined over pauses up to {gaps}."
     )
     for status in dict.fromkeys(one.status for one in records if one.status != "complete"):
         text.append(f"Run {status}.")

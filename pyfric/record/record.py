@@ -55,6 +55,10 @@ SCHEMA = 5
 COMPRESSED_FROM = 4096
 """Arrays of at least this many elements are compressed (without loss)."""
 
+SWITCH = {
+    "located": "contacts switch where they do inside steps",
+    "step_end": "contacts switch at step ends, as in the paper",
+}
 STRESSES = ("tau_before", "p_before", "tau_after", "p_after")
 LOGS = {"quiet": QUIET_COLUMNS, "switches": SWITCH_COLUMNS}
 PREFIX = {"quiet": "quiet_", "switches": "switch_"}
@@ -86,6 +90,17 @@ class Method:
     threads: int = 1
     variant: str = ""
     budget: bool = False
+
+    def __str__(self) -> str:
+        """Engine, geometry, stepper, step and where contacts switch, in words."""
+        words = [f"{self.engine} engine", f"{self.geometry} geometry"]
+        if self.stepper:
+            words.append(self.stepper)
+        if self.dt is not None:
+            words.append(f"dt = {self.dt * 1e6:g} us")
+        if self.switching:
+            words.append(SWITCH[self.switching])
+        return ", ".join(words)
 
 
 class _Guarded:

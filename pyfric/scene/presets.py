@@ -27,6 +27,7 @@ __all__ = [
     "chain",
     "fig1",
     "names_file",
+    "paper_step",
     "preset",
     "run1",
     "run2",
@@ -327,6 +328,14 @@ def preset(name: str, /, **changes: Any) -> Scene:
 
 SceneLike = Scene | str | os.PathLike[str]
 """A scene, the name of a preset, or the path of a scene file."""
+
+
+def paper_step(scene: Scene) -> float | None:
+    """Return the time step of the paper for the scene's setup, in s; None for another.
+
+    Source: PRL 107, 074301 (2011), 0.2 us for setup 1 and 0.09 us for setup 2.
+    """
+    return {Rod: 0.2e-6, DistributedLoad: 0.09e-6}.get(type(scene.top))
 
 
 def as_scene(scene: SceneLike) -> Scene:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -33,8 +31,6 @@ from pyfric.cli.shared import (
 
 if TYPE_CHECKING:
     from pyfric.record import Record
-
-LOCATED = MappingProxyType({"switching": "located"})
 
 
 def _figures() -> list[str]:
@@ -174,7 +170,7 @@ def spacetime(
     """Draw the slip rate of one event over space and time, with wave speeds and theory as lines.
 
     From a scene or a record, as in `pyfric movie`. A name that ends in .png stands for the one
-    without. A scene is run with located switches. The event is run again with full dynamics from a
+    without. The event is run again with full dynamics from a
     state just before it.
     """
     from pyfric import figures
@@ -186,9 +182,9 @@ def spacetime(
     ends = figure_ends("slip_rate", "lines", "front")
     check_out(stem, overwrite, ends=ends, reads=[source])
     if event is None:
-        record = _run_of(source, t_end, changes, quiet, LOCATED)
+        record = _run_of(source, t_end, changes, quiet)
     else:
-        record, row = _main_event(source, event, t_end, changes, quiet, LOCATED)
+        record, row = _main_event(source, event, t_end, changes, quiet)
     show_files(figures.save_figure(figures.space_time(record, row), stem), quiet)
 
 
@@ -198,14 +194,13 @@ def _main_event(
     t_end: float,
     changes: tuple[str, ...],
     quiet: bool,
-    how: Mapping[str, Any] = MappingProxyType({}),
 ) -> tuple[Record, int]:
     """Return a record and the row of its main event with this number, from 1."""
     import numpy as np
 
     import pyfric
 
-    record = _run_of(source, t_end, changes, quiet, how)
+    record = _run_of(source, t_end, changes, quiet)
     main_events = np.flatnonzero(record.events["is_main"])
     if event > len(main_events):
         t = record.curve["t"].iloc[-1]
@@ -221,20 +216,22 @@ def _run_of(
     t_end: float,
     changes: tuple[str, ...],
     quiet: bool,
-    how: Mapping[str, Any] = MappingProxyType({}),
 ) -> Record:
-    """Return the record in a file, or that of a scene, made with these options."""
+    """Return the record in a file, or that of a scene; say by which method it was made."""
     import pyfric
 
     if source.lower().endswith(".nc"):
         if changes:
             raise click.UsageError(f"--set changes presets; {source} is a record.")
         try:
-            return pyfric.Record.load(source)
+            record = pyfric.Record.load(source)
         except FileNotFoundError as error:
             raise pyfric.RecordError(str(error)) from None
-    progress = False if quiet else None
-    scene = scene_of(source, changes)
-    record = pyfric.simulate(scene, t_end, fidelity="hybrid", progress=progress, **how)
-    stop_unless_complete(record, "")
+    else:
+        progress = False if quiet else None
+        scene = scene_of(source, changes)
+        record = pyfric.simulate(scene, t_end, fidelity="hybrid", progress=progress)
+        stop_unless_complete(record, "")
+    if not quiet:
+        click.echo(f"{record.method}; the event again with full dynamics", err=True)
     return record

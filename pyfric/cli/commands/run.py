@@ -67,6 +67,12 @@ def _steppers() -> list[str]:
     show_default=True,
     help="What is modelled; auto takes what is enough (see pyfric plan).",
 )
+@click.option(
+    "--method",
+    type=click.Choice(["paper"]),
+    help="As in the paper: RK4, steps of 0.2 us (setup 2: 0.09 us), contacts switch at step ends; "
+    "full dynamics unless --fidelity hybrid.",
+)
 @want_option
 @tolerance_option
 @click.option(
@@ -86,7 +92,7 @@ def _steppers() -> list[str]:
     "--switching",
     type=click.Choice(["step_end", "located"]),
     help="Contacts switch at the end of a step, as in the paper, or where they do inside it. "
-    "[default: as planned, or step_end]",
+    "[default: located]",
 )
 @click.option(
     "--rtol", type=float, help="Error of a sub-step of --stepper adaptive. [default: 1e-6]"
@@ -252,6 +258,7 @@ def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
         SceneError: an option differs.
     """
     import pyfric
+    from pyfric.scene import paper_step
 
     try:
         before = pyfric.Record.load(path)
@@ -264,6 +271,9 @@ def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
     def same(name: str, value: Any) -> bool:
         if name == "fidelity":
             return value in ("auto", method.engine)
+        if name == "method":
+            paper = ("rk4", "step_end", paper_step(scene))
+            return (method.stepper, method.switching, method.dt) == paper
         if name == "dt":
             return pyfric.step_size(scene, value, method.stepper) == method.dt
         if name == "sample":
@@ -271,7 +281,7 @@ def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
         return value == {
             "geometry": method.geometry,
             "stepper": method.stepper or "rk4",
-            "switching": method.switching or "step_end",
+            "switching": method.switching or None,
             "rtol": method.rtol,
             "t_gap": method.t_gap,
             "budget": method.budget,

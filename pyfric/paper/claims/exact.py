@@ -188,7 +188,7 @@ def _check_energy(
     scene, errors = _small(), []
     for share in (0.5, 0.125):
         dt = share * stability_limit(scene)[0]
-        how = {"fidelity": "dynamic", "geometry": "finite", "dt": dt, "budget": True}
+        how = {"fidelity": "dynamic", "geometry": "finite", "dt": dt, "switching": "step_end"}
         curve = simulate(scene, 3e-3, progress=False, **how).curve
         errors.append(float(left(curve).abs().max() / abs(curve["work_driver"].iloc[-1])))
     return [

@@ -2,8 +2,8 @@
 
 !> Steps of an explicit stepper, with contacts switched at their ends or located inside them.
 subroutine advance(nx, nz, n_counts, n_numbers, stages, counts, numbers, table, located, rtol, t0, dt, n_steps, n_threads, &
-                   keep_budget, max_switch, max_quiet, step, sub, y, rod, mode, corner, margin, loss, s_0, dissipated, heat, &
-                   work, n_log, switch_i, switch_r, quiet_i, quiet_r, tried, block, t_block, status)
+                   keep_budget, max_switch, max_quiet, step, sub, y, rod, mode, corner, margin, loss, memory, dissipated, heat, &
+                   parts, work, n_log, switch_i, switch_r, quiet_i, quiet_r, tried, block, t_block, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: new_model
   use pyfric_rows, only: budget_t
@@ -38,9 +38,10 @@ subroutine advance(nx, nz, n_counts, n_numbers, stages, counts, numbers, table, 
   integer(c_int), intent(inout) :: corner(nx)                !! 1: corner episode
   real(c_double), intent(inout) :: margin(nx)                !! of a stuck block [N]
   real(c_double), intent(inout) :: loss(nx)                  !! switching loss [J]
-  real(c_double), intent(inout) :: s_0(nx)                   !! see pyfric_law [m]
+  real(c_double), intent(inout) :: memory(2, nx)             !! see pyfric_law
   real(c_double), intent(inout) :: dissipated(nz)            !! bond dissipation [J]
   real(c_double), intent(inout) :: heat(nx)                  !! friction heat [J]
+  real(c_double), intent(inout) :: parts(nx, 2)              !! of it by what is above the kinetic strength, and by alpha [J]
   real(c_double), intent(inout) :: work(2)                   !! driver, forces on the top [J]
   integer(c_int), intent(out) :: n_log(2)                    !! switches and quiet transitions logged
   integer(c_int), intent(inout) :: switch_i(4, max_switch)   !! block from 0, old, new, corner
@@ -57,8 +58,8 @@ subroutine advance(nx, nz, n_counts, n_numbers, stages, counts, numbers, table, 
   type(method_t) :: method
   type(run_t) :: run
 
-  contact = contact_t(mode, corner, margin, loss, s_0)
-  budget = budget_t(dissipated, heat, work)
+  contact = contact_t(mode, corner, margin, loss, memory)
+  budget = budget_t(dissipated, heat, parts(:, 1), parts(:, 2), work)
   log = new_log(nx, max_switch, max_quiet)
   method = method_t(new_table(stages, table), located == 1, rtol, t0, dt, n_steps, n_threads, keep_budget == 1)
   run = run_t(step(1), sub(1))
@@ -73,9 +74,11 @@ subroutine advance(nx, nz, n_counts, n_numbers, stages, counts, numbers, table, 
   corner = contact%corner
   margin = contact%margin
   loss = contact%loss
-  s_0 = contact%s_0
+  memory = contact%memory
   dissipated = budget%dissipated
   heat = budget%heat
+  parts(:, 1) = budget%above
+  parts(:, 2) = budget%viscous
   work = budget%work
   n_log = [log%n_switch, log%n_quiet]
   switch_i(:, :n_log(1)) = log%switch_i(:, :n_log(1))
@@ -85,7 +88,7 @@ subroutine advance(nx, nz, n_counts, n_numbers, stages, counts, numbers, table, 
 end subroutine advance
 
 !> All forces, accelerations and powers, with frozen contact states.
-subroutine evaluate(nx, nz, n_counts, n_numbers, counts, numbers, t, n_times, y, rod, mode, s_0, &
+subroutine evaluate(nx, nz, n_counts, n_numbers, counts, numbers, t, n_times, y, rod, mode, memory, &
                     a, a_rod, f, p, f_t, dissipated, heat, work)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: new_model
@@ -104,7 +107,7 @@ subroutine evaluate(nx, nz, n_counts, n_numbers, counts, numbers, t, n_times, y,
   real(c_double), intent(in) :: y(nx, 4, nz)                 !! u_x, u_z [m], v_x, v_z [m/s]
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
   integer(c_int), intent(in) :: mode(nx)                     !! contact states
-  real(c_double), intent(in) :: s_0(nx)                      !! see pyfric_law [m]
+  real(c_double), intent(in) :: memory(2, nx)                !! see pyfric_law
   real(c_double), intent(out) :: a(nx, 2, nz)                !! accelerations [m/s2]
   real(c_double), intent(out) :: a_rod(3)                    !! of X, Z [m/s2], phi [rad/s2]
   real(c_double), intent(out) :: f(nx)                       !! friction force along +x [N]
@@ -118,8 +121,8 @@ subroutine evaluate(nx, nz, n_counts, n_numbers, counts, numbers, t, n_times, y,
   dissipated = 0
   heat = 0
   work = 0
-  power = budget_t(dissipated, heat, work)
-  call all_forces(new_model(counts, numbers), t, n_times, y, rod, mode, s_0, &
+  power = budget_t(dissipated, heat, heat, heat, work)
+  call all_forces(new_model(counts, numbers), t, n_times, y, rod, mode, memory, &
                   a, a_rod, f, p, f_t, power)
   dissipated = power%dissipated
   heat = power%heat

@@ -9,7 +9,7 @@ module pyfric_boundaries
 
 contains
 
-  !> p_i = k_f |z_i| where z_i < 0, else 0; or as prescribed [N].
+  !> p_i = k_f,i |z_i| where z_i < 0, else 0; or as prescribed [N].
   pure subroutine foundation(s, u_z, p)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
@@ -21,7 +21,7 @@ contains
       return
     end if
     do i = 1, s%nx
-      p(i) = s%k_f*max(-u_z(s%at(i)), 0.0_dp)
+      p(i) = s%k_f(i)*max(-u_z(s%at(i)), 0.0_dp)
     end do
   end subroutine foundation
 

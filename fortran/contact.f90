@@ -4,7 +4,7 @@ module pyfric_contact
   use pyfric_layout, only: UX, UZ, VX, LB, LANES
   use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: foundation, driver_force
-  use pyfric_law, only: stop_reversed, next_states, remembered, STUCK
+  use pyfric_law, only: stop_reversed, next_states, remember, STUCK
   use pyfric_log, only: log_t, log_switch, log_quiet
   use pyfric_rows, only: row_t, other_forces
   implicit none (type, external)
@@ -17,7 +17,7 @@ module pyfric_contact
     integer(ip), allocatable :: corner(:)  !! 1: the block's slip began with p < p_corner
     real(dp), allocatable :: margin(:)     !! what a stuck block could bear besides, at the last step's end [N]
     real(dp), allocatable :: loss(:)       !! kinetic energy removed by switching [J]
-    real(dp), allocatable :: s_0(:)        !! the law's memory, see pyfric_law [m]
+    real(dp), allocatable :: memory(:, :)  !! the law's, see pyfric_law
   end type contact_t
 
 contains
@@ -40,7 +40,7 @@ contains
 
     call stop_blocks(s, y(LB, 1, 1), contact, w)
     call other_forces(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), w, fx)
-    call next_states(s%law, s%nx, s%n, s%at, contact%mode, fx, w%p, y(LB, VX, 1), new, margin)
+    call next_states(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, fx, w%p, y(LB, VX, 1), new, margin)
     was_active = active(contact)
     do i = 1, s%nx
       if (new(i) /= contact%mode(i)) then
@@ -99,7 +99,7 @@ contains
       t_switch = t + dt*(margin/(contact%margin(i) - margin))
     end if
     contact%mode(i) = new
-    contact%s_0(i) = remembered(old, new, contact%s_0(i), u_x)
+    call remember(old, new, t, u_x, contact%memory(:, i))
     if (abs(old) /= 1) contact%corner(i) = merge(1_ip, 0_ip, p < s%p_corner)
     call log_switch(log, i, old, new, contact%corner(i), step, t_switch, u_x, p)
   end subroutine switch_block

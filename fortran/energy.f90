@@ -25,7 +25,7 @@ contains
       e(1) = e(1) + 0.5_dp*s%m*sum(y(:, VX, j)**2 + y(:, VZ, j)**2)
       e(3) = e(3) + bond_energy(s, j < s%nz, y(:, :, j), y(:, :, min(j + 1, s%nz)))
     end do
-    if (.not. s%prescribed) e(4) = 0.5_dp*s%k_f*sum(min(y(:, UZ, 1), 0.0_dp)**2)
+    if (.not. s%prescribed) e(4) = 0.5_dp*s%k_f(1)*sum(s%k_f/s%k_f(1)*min(y(:, UZ, 1), 0.0_dp)**2)
     if (s%rigid) then
       e(2) = 0.5_dp*(s%m_rod*(rod(4)**2 + rod(5)**2) + s%i_rod*rod(6)**2)
       e(5) = 0.5_dp*s%kappa*rod(3)**2

@@ -4,6 +4,7 @@ module pyfric_evaluation
   use pyfric_layout, only: LB, LANES
   use pyfric_model, only: model_t
   use pyfric_boundaries, only: rod_acceleration
+  use pyfric_law, only: N_CLOCK
   use pyfric_rows, only: row_t, new_row, row_forces, row_powers, budget_t
   use pyfric_workspace, only: reserve, aligned, widen, FX, FZ, CARRY, BONDS, COLUMNS
   implicit none (type, external)
@@ -13,14 +14,14 @@ module pyfric_evaluation
 contains
 
   !> Accelerations, contact forces and powers; repeated n_times, which only takes time.
-  subroutine all_forces(s, t, n_times, y, rod, mode, s_0, a, a_rod, f, p, f_t, power)
+  subroutine all_forces(s, t, n_times, y, rod, mode, memory, a, a_rod, f, p, f_t, power)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                   !! time [s]
     integer, intent(in) :: n_times              !! evaluations to make
     real(dp), intent(in) :: y(s%nx, 4, s%nz)    !! state
     real(dp), intent(in) :: rod(6)              !! X, Z, phi and their rates
     integer(ip), intent(in) :: mode(s%nx)       !! contact states
-    real(dp), intent(in) :: s_0(s%nx)           !! see pyfric_law [m]
+    real(dp), intent(in) :: memory(N_CLOCK, s%nx) !! see pyfric_law
     real(dp), intent(out) :: a(s%nx, 2, s%nz)   !! accelerations [m/s2]
     real(dp), intent(out) :: a_rod(3)           !! of X, Z [m/s2], phi [rad/s2]
     real(dp), intent(out) :: f(s%nx)            !! friction force along +x [N]
@@ -57,10 +58,10 @@ contains
       do j = 1, s%nz
         below = max(j - 1, 1)
         above = min(j + 1, s%nz)
-        call row_forces(s, j, t, q(LB, 1, below), q(LB, 1, j), q(LB, 1, above), mode, s_0, work(LB, CARRY), work(LB, BONDS), &
+        call row_forces(s, j, t, q(LB, 1, below), q(LB, 1, j), q(LB, 1, above), mode, memory, work(LB, CARRY), work(LB, BONDS), &
                         work(LB, FX), work(LB, FZ), w)
         if (.not. keep) cycle
-        call row_powers(s, j, 1.0_dp, q(LB, 1, j), q(LB, 1, above), rod(5), w, power)
+        call row_powers(s, j, 1.0_dp, mode, q(LB, 1, j), q(LB, 1, above), rod(5), w, power)
         a(:, 1, j) = work(s%at(:s%nx), FX)/s%m
         a(:, 2, j) = work(s%at(:s%nx), FZ)/s%m
         if (j == s%nz .and. s%rigid) then

@@ -1,58 +1,141 @@
-!> The friction law, Amontons-Coulomb: the only module that knows its coefficients and the slip clock.
+!> The friction law: the only module that knows its coefficients, its tables and the clocks of a block.
 !>
 !> It says what a stuck and a slipping block bear, what a switch does to a block's memory, which margins of a contact
-!> state stay positive while it lasts, and which contact state comes next.
+!> state stay positive while it lasts, and which contact state comes next. A law is data: Python evaluates it on the
+!> knots of tables, and between them it is straight. For block i, with slip s and age a (time since it stuck or slipped),
+!>
+!>     stuck      |f| <= (mu_s + hold(a)) p
+!>     slipping   f = -(+-1) (mu_k + (mu_s - mu_k) slide(s/d_c)) speed(|v|) age(a) p - alpha v
+!>
+!> A law without tables is Amontons-Coulomb: hold = slide = 0, speed = age = 1.
 module pyfric_law
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES
   implicit none (type, external)
   private
-  public :: law_constants_t, law_t, new_law, friction_force, margins, stop_reversed, next_states, remembered
-  public :: STUCK, OPEN_GAP
+  public :: law_t, new_law, friction_force, friction_powers, margins, knot_margins, cells, time_to_knot, stop_reversed, &
+    next_states, remember
+  public :: STUCK, OPEN_GAP, N_TABLES, N_FIELDS, N_CONTACT, N_KNOT, N_CLOCK, SLIP, SINCE
 
   !> Contact states; slipping blocks carry the sign of their motion, +1 or -1.
   integer(ip), parameter :: STUCK = 0, OPEN_GAP = 2
+  !> Tables, and fields of N_x numbers, in the order in which Python passes them.
+  integer, parameter :: N_TABLES = 4, N_FIELDS = 4
+  !> Margins of a contact state; distances to the next knot of slip and to those of speed.
+  integer, parameter :: N_CONTACT = 2, N_KNOT = 3
+  !> A block's memory: s_0, see `slip_of` [m]; time at which it stuck or began to slip [s].
+  integer, parameter :: N_CLOCK = 2, SLIP = 1, SINCE = 2
 
-  !> What Python passes, in this order; the same names are in pyfric.core.Constants.
-  type, bind(c) :: law_constants_t
-    real(dp) :: mu_s        !! static friction coefficient [-]
-    real(dp) :: mu_k        !! kinetic friction coefficient [-]
-    real(dp) :: d_c         !! slip over which mu_s falls to mu_k, 0 for at once [m]
-  end type law_constants_t
+  !> A function that is straight between knots and constant beyond them.
+  type :: curve_t
+    integer :: n                    !! knots, 0 for none
+    real(dp), allocatable :: x(:)
+    real(dp), allocatable :: y(:)
+    real(dp), allocatable :: slope(:)
+  end type curve_t
 
   type :: law_t
-    private
-    real(dp) :: mu_s        !! static friction coefficient [-]
-    real(dp) :: mu_k        !! kinetic friction coefficient [-]
-    real(dp) :: mu_0        !! friction coefficient where slip begins: mu_s, or mu_k without weakening [-]
-    real(dp) :: drop        !! its loss per slip, (mu_s - mu_k)/d_c, or 0 without weakening [1/m]
+    logical :: simple                  !! no tables and no viscosity
+    logical :: kinked                  !! friction has corners over slip or speed
+    real(dp), allocatable :: mu_s(:)   !! static friction coefficient [-]
+    real(dp), allocatable :: mu_k(:)   !! kinetic friction coefficient [-]
+    real(dp), allocatable :: d_c(:)    !! unit of slip of the table, 0 for at once [m]
+    real(dp), allocatable :: alpha(:)  !! viscosity of slip [N s/m]
+    type(curve_t), private :: hold     !! what mu_s has gained, over time since the block stuck [s]
+    type(curve_t), private :: slide    !! share of mu_s - mu_k that is left, over slip/d_c
+    type(curve_t), private :: speed    !! factor, over abs(v) [m/s]
+    type(curve_t), private :: age      !! factor, over time since slip began [s]
   end type law_t
 
 contains
 
-  pure function new_law(c) result(law)
-    type(law_constants_t), intent(in) :: c
+  !> The law from its tables, one after another: x and y of each knot; then mu_s, mu_k, d_c, alpha of each block.
+  pure function new_law(nx, n_knots, knots, fields) result(law)
+    integer, intent(in) :: nx                  !! blocks
+    integer(ip), intent(in) :: n_knots(N_TABLES)
+    real(dp), intent(in) :: knots(:)
+    real(dp), intent(in) :: fields(nx, N_FIELDS)
     type(law_t) :: law
+    integer :: at(0:N_TABLES), k
 
-    law%mu_s = c%mu_s
-    law%mu_k = c%mu_k
-    law%mu_0 = merge(c%mu_s, c%mu_k, c%d_c > 0.0_dp)
-    law%drop = 0.0_dp
-    if (c%d_c > 0.0_dp) law%drop = (c%mu_s - c%mu_k)/c%d_c
+    at(0) = 0
+    do k = 1, N_TABLES
+      at(k) = at(k - 1) + 2*n_knots(k)
+    end do
+    law%hold = new_curve(n_knots(1), knots(at(0) + 1:at(1)))
+    law%slide = new_curve(n_knots(2), knots(at(1) + 1:at(2)))
+    law%speed = new_curve(n_knots(3), knots(at(2) + 1:at(3)))
+    law%age = new_curve(n_knots(4), knots(at(3) + 1:at(4)))
+    law%mu_s = fields(:, 1)
+    law%mu_k = fields(:, 2)
+    law%d_c = fields(:, 3)
+    law%alpha = fields(:, 4)
+    law%kinked = law%slide%n > 0 .or. law%speed%n > 0
+    law%simple = all(n_knots == 0) .and. all(law%alpha <= 0.0_dp)
   end function new_law
 
-  !> Stuck: f balances all other horizontal forces. Slipping: mu p against the motion. Open: none.
-  pure subroutine friction_force(law, nx, n, at, mode, s_0, u_x, other, p, f)
+  pure function new_curve(n, xy) result(curve)
+    integer(ip), intent(in) :: n
+    real(dp), intent(in) :: xy(2, n)
+    type(curve_t) :: curve
+    integer :: c
+
+    curve%n = n
+    allocate (curve%x, source=xy(1, :))
+    allocate (curve%y, source=xy(2, :))
+    allocate (curve%slope, source=[((xy(2, c + 1) - xy(2, c))/(xy(1, c + 1) - xy(1, c)), c=1, n - 1)])
+  end function new_curve
+
+  !> The last knot that is not beyond x, by bisection; 0 where all are.
+  pure elemental function cell(curve, x) result(c)
+    type(curve_t), intent(in) :: curve
+    real(dp), intent(in) :: x
+    integer :: c, next, middle
+
+    c = 0
+    next = curve%n + 1
+    do while (next - c > 1)
+      middle = (c + next)/2
+      if (x >= curve%x(middle)) then
+        c = middle
+      else
+        next = middle
+      end if
+    end do
+  end function cell
+
+  !> The curve at x; needs a knot.
+  pure elemental function at_x(curve, x) result(y)
+    type(curve_t), intent(in) :: curve
+    real(dp), intent(in) :: x
+    real(dp) :: y
+    integer :: c
+
+    c = cell(curve, x)
+    if (c == 0) then
+      y = curve%y(1)
+    else if (c == curve%n) then
+      y = curve%y(c)
+    else
+      y = curve%y(c) + curve%slope(c)*(x - curve%x(c))
+    end if
+  end function at_x
+
+  !> Stuck: f balances all other horizontal forces. Slipping: mu p against the motion, and -alpha v. Open: none.
+  pure subroutine friction_force(law, nx, n, at, mode, memory, t, u_x, v_x, other, p, f)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
     integer, intent(in) :: at(n)                 !! element of each block in a row
     integer(ip), intent(in) :: mode(nx)          !! contact states
-    real(dp), intent(in) :: s_0(nx)              !! see `slip` [m]
+    real(dp), intent(in) :: memory(N_CLOCK, nx)
+    real(dp), intent(in) :: t                    !! time [s]
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
+    real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: other(LB:n + LANES)  !! all other horizontal forces, as a row [N]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(out) :: f(nx)               !! friction force on the blocks, along +x [N]
+    real(dp) :: mu
     integer :: i
 
     do i = 1, nx
@@ -62,33 +145,80 @@ contains
       case (OPEN_GAP)
         f(i) = 0.0_dp
       case default
-        f(i) = -real(mode(i), dp)*slipping_strength(law, p(i), slip(mode(i), s_0(i), u_x(at(i))))
+        f(i) = -real(mode(i), dp)*(law%mu_k(i)*p(i))
       end select
+    end do
+    if (law%simple) return
+    do i = 1, nx
+      if (abs(mode(i)) /= 1) cycle
+      mu = sliding(law, i, slip_of(mode(i), memory(SLIP, i), u_x(at(i))), v_x(at(i)), t - memory(SINCE, i))
+      f(i) = -real(mode(i), dp)*(mu*p(i)) - law%alpha(i)*v_x(at(i))
     end do
   end subroutine friction_force
 
-  !> mu_s p: what a stuck block bears [N].
-  pure elemental function stuck_strength(law, p) result(most)
+  !> mu of a block that slips, from its slip [m], velocity [m/s] and the time since it began [s].
+  pure function sliding(law, i, path, v, age) result(mu)
     type(law_t), intent(in) :: law
+    integer, intent(in) :: i
+    real(dp), intent(in) :: path
+    real(dp), intent(in) :: v
+    real(dp), intent(in) :: age
+    real(dp) :: mu, left
+
+    mu = law%mu_k(i)
+    if (law%slide%n > 0) then
+      left = law%slide%y(law%slide%n)
+      if (law%d_c(i) > 0.0_dp) left = at_x(law%slide, path/law%d_c(i))
+      mu = mu + (law%mu_s(i) - mu)*left
+    end if
+    if (law%speed%n > 0) mu = mu*at_x(law%speed, abs(v))
+    if (law%age%n > 0) mu = mu*at_x(law%age, age)
+  end function sliding
+
+  !> What of the friction power goes into what is above mu_k p, and into alpha.
+  pure subroutine friction_powers(law, nx, n, at, mode, v_x, p, f, above, viscous)
+    type(law_t), intent(in) :: law
+    integer, intent(in) :: nx                    !! blocks
+    integer, intent(in) :: n                     !! padded length of a row
+    integer, intent(in) :: at(n)                 !! element of each block in a row
+    integer(ip), intent(in) :: mode(nx)          !! contact states
+    real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
+    real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    real(dp), intent(in) :: f(nx)                !! friction force on the blocks, along +x [N]
+    real(dp), intent(out) :: above(nx)           !! [W]
+    real(dp), intent(out) :: viscous(nx)         !! [W]
+    real(dp) :: v
+    integer :: i
+
+    above = 0.0_dp
+    viscous = 0.0_dp
+    do i = 1, nx
+      if (abs(mode(i)) /= 1) cycle
+      v = v_x(at(i))
+      viscous(i) = law%alpha(i)*v*v
+      above(i) = -(f(i) + law%alpha(i)*v + real(mode(i), dp)*(law%mu_k(i)*p(i)))*v
+    end do
+  end subroutine friction_powers
+
+  !> What a stuck block bears [N]; one that has just stopped is stuck for no time.
+  pure function stuck_strength(law, i, mode, t_stuck, t, p) result(most)
+    type(law_t), intent(in) :: law
+    integer, intent(in) :: i
+    integer(ip), intent(in) :: mode  !! contact state
+    real(dp), intent(in) :: t_stuck  !! when it stuck [s]
+    real(dp), intent(in) :: t        !! time [s]
     real(dp), intent(in) :: p        !! foundation force [N]
     real(dp) :: most
 
-    most = law%mu_s*p
+    if (law%hold%n == 0) then
+      most = law%mu_s(i)*p
+    else
+      most = (law%mu_s(i) + at_x(law%hold, merge(t - t_stuck, 0.0_dp, mode == STUCK)))*p
+    end if
   end function stuck_strength
 
-  !> mu p with mu = mu_s - (mu_s - mu_k) min(s/d_c, 1), or mu_k without weakening (d_c = 0) [N].
-  pure elemental function slipping_strength(law, p, path) result(force)
-    type(law_t), intent(in) :: law
-    real(dp), intent(in) :: p        !! foundation force [N]
-    real(dp), intent(in) :: path     !! slip s since the last stick [m]
-    real(dp) :: force
-
-    force = max(law%mu_k, min(law%mu_0, law%mu_0 - law%drop*path))*p
-  end function slipping_strength
-
-  !> Slip since the last stick, s = s_0 +- u_x: within a step it follows the displacement of each stage. The stepper
-  !> keeps its order, except for a step in which s reaches d_c, where mu(s) has a corner: second order.
-  pure elemental function slip(mode, s_0, u_x) result(path)
+  !> Slip since the last stick, s = s_0 +- u_x: within a step it follows the displacement of each stage.
+  pure elemental function slip_of(mode, s_0, u_x) result(path)
     integer(ip), intent(in) :: mode  !! contact state
     real(dp), intent(in) :: s_0      !! set when the contact state changes; the slip itself while the block is open [m]
     real(dp), intent(in) :: u_x      !! displacement [m]
@@ -96,49 +226,42 @@ contains
 
     path = s_0
     if (abs(mode) == 1) path = s_0 + real(mode, dp)*u_x
-  end function slip
+  end function slip_of
 
-  !> What a switch does to a block's memory s_0: slip starts at 0 after a stick, and otherwise goes on.
-  pure elemental function remembered(old, new, s_0, u_x) result(memory)
+  !> What a switch does to a block's memory: slip starts at 0 after a stick, and otherwise goes on; so do the clocks.
+  pure subroutine remember(old, new, t, u_x, memory)
     integer(ip), intent(in) :: old   !! contact state before
     integer(ip), intent(in) :: new   !! contact state after
-    real(dp), intent(in) :: s_0      !! memory before, see `slip` [m]
+    real(dp), intent(in) :: t        !! time [s]
     real(dp), intent(in) :: u_x      !! displacement [m]
-    real(dp) :: memory
+    real(dp), intent(inout) :: memory(N_CLOCK)
 
-    memory = slip(old, s_0, u_x)
-    if (new == STUCK) memory = 0.0_dp
-    memory = slip(new, memory, -u_x)
-  end function remembered
+    memory(SLIP) = slip_of(old, memory(SLIP), u_x)
+    if (new == STUCK) memory(SLIP) = 0.0_dp
+    memory(SLIP) = slip_of(new, memory(SLIP), -u_x)
+    if (old == STUCK .or. new == STUCK) memory(SINCE) = t
+  end subroutine remember
 
-  !> mu_s p - |f|: what a stuck block can bear besides; negative, it slips [N].
-  pure elemental function stuck_margin(law, other, p) result(margin)
-    type(law_t), intent(in) :: law
-    real(dp), intent(in) :: other    !! all other horizontal forces [N]
-    real(dp), intent(in) :: p        !! foundation force [N]
-    real(dp) :: margin
-
-    margin = stuck_strength(law, p) - abs(other)
-  end function stuck_margin
-
-  !> What stays positive while a contact state lasts. Stuck: mu_s p - |f|; slipping: the velocity along the slip; both:
-  !> the depth. Open: the height, twice.
-  pure subroutine margins(law, nx, n, at, mode, other, p, u_z, v_x, g, bears)
+  !> What stays positive while a contact state lasts. Stuck: its strength less |f|; slipping: the velocity along the slip;
+  !> both: the depth. Open: the height, twice.
+  pure subroutine margins(law, nx, n, at, mode, memory, t, other, p, u_z, v_x, g, bears)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
     integer, intent(in) :: at(n)                 !! element of each block in a row
     integer(ip), intent(in) :: mode(nx)          !! contact states
+    real(dp), intent(in) :: memory(N_CLOCK, nx)
+    real(dp), intent(in) :: t                    !! time [s]
     real(dp), intent(in) :: other(LB:n + LANES)  !! all other horizontal forces, as a row [N]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(in) :: u_z(LB:n + LANES)    !! heights, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
-    real(dp), intent(out) :: g(2, nx)            !! of friction [N] or [m/s], of the gap [m]
+    real(dp), intent(out) :: g(N_CONTACT, nx)     !! of friction [N] or [m/s], of the gap [m]
     real(dp), intent(out) :: bears(nx)           !! of friction if the block were stuck [N]
     integer :: i
 
     do i = 1, nx
-      bears(i) = stuck_margin(law, other(at(i)), p(i))
+      bears(i) = stuck_strength(law, i, mode(i), memory(SINCE, i), t, p(i)) - abs(other(at(i)))
       g(2, i) = -u_z(at(i))
       select case (mode(i))
       case (STUCK)
@@ -150,6 +273,73 @@ contains
       end select
     end do
   end subroutine margins
+
+  !> The knots that slip and speed of each block have last passed, 0 for none.
+  pure subroutine cells(law, nx, n, at, mode, memory, u_x, v_x, passed)
+    type(law_t), intent(in) :: law
+    integer, intent(in) :: nx                    !! blocks
+    integer, intent(in) :: n                     !! padded length of a row
+    integer, intent(in) :: at(n)                 !! element of each block in a row
+    integer(ip), intent(in) :: mode(nx)          !! contact states
+    real(dp), intent(in) :: memory(N_CLOCK, nx)
+    real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
+    real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
+    integer, intent(out) :: passed(2, nx)
+    integer :: i
+
+    do i = 1, nx
+      passed(:, i) = 0
+      if (law%d_c(i) > 0.0_dp) passed(1, i) = cell(law%slide, slip_of(mode(i), memory(SLIP, i), u_x(at(i)))/law%d_c(i))
+      passed(2, i) = cell(law%speed, abs(v_x(at(i))))
+    end do
+  end subroutine cells
+
+  !> Distances of slipping blocks to the next knot of slip [m], and to the next and last ones of speed [m/s]: steps end
+  !> there, because a stepper keeps its order only where forces are smooth.
+  pure subroutine knot_margins(law, nx, n, at, mode, memory, passed, u_x, v_x, g)
+    type(law_t), intent(in) :: law
+    integer, intent(in) :: nx                    !! blocks
+    integer, intent(in) :: n                     !! padded length of a row
+    integer, intent(in) :: at(n)                 !! element of each block in a row
+    integer(ip), intent(in) :: mode(nx)          !! contact states
+    real(dp), intent(in) :: memory(N_CLOCK, nx)
+    integer, intent(in) :: passed(2, nx)         !! at the start of the step
+    real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
+    real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
+    real(dp), intent(out) :: g(N_KNOT, nx)
+    real(dp) :: v
+    integer :: i, c
+
+    g = 1.0_dp
+    do i = 1, nx
+      if (abs(mode(i)) /= 1) cycle
+      c = passed(1, i)
+      if (law%d_c(i) > 0.0_dp .and. c < law%slide%n) g(1, i) = law%slide%x(c + 1)*law%d_c(i) &
+        - slip_of(mode(i), memory(SLIP, i), u_x(at(i)))
+      v = real(mode(i), dp)*v_x(at(i))
+      c = passed(2, i)
+      if (c < law%speed%n) g(2, i) = law%speed%x(c + 1) - v
+      if (c > 1) g(3, i) = v - law%speed%x(c)
+    end do
+  end subroutine knot_margins
+
+  !> Time to the next knot of age of any slipping block, from time t on [s].
+  pure function time_to_knot(law, nx, mode, memory, t) result(least)
+    type(law_t), intent(in) :: law
+    integer, intent(in) :: nx                    !! blocks
+    integer(ip), intent(in) :: mode(nx)          !! contact states
+    real(dp), intent(in) :: memory(N_CLOCK, nx)
+    real(dp), intent(in) :: t                    !! [s]
+    real(dp) :: least
+    integer :: i, c
+
+    least = huge(least)
+    if (law%age%n == 0) return
+    do i = 1, nx
+      c = cell(law%age, t - memory(SINCE, i))
+      if (abs(mode(i)) == 1 .and. c < law%age%n) least = min(least, law%age%x(c + 1) - (t - memory(SINCE, i)))
+    end do
+  end function time_to_knot
 
   !> Ends the motion of blocks that no longer move the way they slip; the energy that goes is the switching loss.
   pure elemental subroutine stop_reversed(m, p, mode, v_x, loss)
@@ -166,29 +356,33 @@ contains
   end subroutine stop_reversed
 
   !> The contact states after a step, and what each block could bear besides if it were stuck.
-  pure subroutine next_states(law, nx, n, at, mode, other, p, v_x, new, margin)
+  pure subroutine next_states(law, nx, n, at, mode, memory, t, other, p, v_x, new, margin)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
     integer, intent(in) :: at(n)                 !! element of each block in a row
     integer(ip), intent(in) :: mode(nx)          !! contact states
+    real(dp), intent(in) :: memory(N_CLOCK, nx)
+    real(dp), intent(in) :: t                    !! time [s]
     real(dp), intent(in) :: other(LB:n + LANES)  !! all other horizontal forces, as a row [N]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     integer(ip), intent(out) :: new(nx)          !! contact states after
     real(dp), intent(out) :: margin(nx)          !! [N]
+    real(dp) :: most
     integer :: i
 
     do i = 1, nx
-      margin(i) = stuck_margin(law, other(at(i)), p(i))
-      new(i) = next_state(law, other(at(i)), p(i), mode(i), v_x(at(i)))
+      most = stuck_strength(law, i, mode(i), memory(SINCE, i), t, p(i))
+      margin(i) = most - abs(other(at(i)))
+      new(i) = next_state(most, other(at(i)), p(i), mode(i), v_x(at(i)))
     end do
   end subroutine next_states
 
-  !> The paper's rule for one block. A block at rest sticks up to mu_s p; beyond, it slips
+  !> The paper's rule for one block. A block at rest sticks up to its strength; beyond, it slips
   !> where the other forces pull it. A block that lands slips along its velocity.
-  pure elemental function next_state(law, other, p, mode, v_x) result(new)
-    type(law_t), intent(in) :: law
+  pure elemental function next_state(most, other, p, mode, v_x) result(new)
+    real(dp), intent(in) :: most     !! what it bears if stuck [N]
     real(dp), intent(in) :: other    !! all other horizontal forces [N]
     real(dp), intent(in) :: p        !! foundation force [N]
     integer(ip), intent(in) :: mode  !! contact state
@@ -197,7 +391,7 @@ contains
 
     if (p <= 0.0_dp) then
       new = OPEN_GAP
-    else if (v_x == 0.0_dp .and. abs(other) <= stuck_strength(law, p)) then
+    else if (v_x == 0.0_dp .and. abs(other) <= most) then
       new = STUCK
     else if (v_x == 0.0_dp) then
       new = merge(1_ip, -1_ip, other > 0.0_dp)

@@ -13,7 +13,7 @@ module pyfric_location
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: foundation
-  use pyfric_law, only: margins
+  use pyfric_law, only: margins, knot_margins, cells, time_to_knot, N_CONTACT, N_KNOT
   use pyfric_rows, only: row_t, other_forces, budget_t
   use pyfric_contact, only: contact_t, switch_contacts
   use pyfric_log, only: log_t, has_room
@@ -26,6 +26,7 @@ module pyfric_location
   real(dp), parameter :: SHORTEST = 2.0_dp**(-30) !! shortest adaptive sub-step, over dt
   real(dp), parameter :: COARSE = 2.0_dp**(-4)    !! dips are looked for in sub-steps longer than this, over dt
   real(dp), parameter :: DIP = 2.0_dp**(-20)      !! and must be deeper than this share of the margin at the ends
+  real(dp), parameter :: CLOSE = 2.0_dp**(-20)    !! knots of age closer than this are passed, over dt
   integer, parameter :: MOST_QUIET = 64           !! most quiet transitions that one step may log
   integer, parameter :: ADAPT_ORDER = 4           !! the error of an adaptive sub-step goes with this power of its length
   integer, parameter :: WHOLE = 0, CUT = 1, SEARCH = 2
@@ -49,11 +50,12 @@ module pyfric_location
     logical :: finished = .true.   !! and ends the step
     logical :: crossed = .false.   !! a margin is negative at its end
     real(dp) :: t = 0.0_dp         !! time there [s]
-    real(dp), allocatable :: g_0(:, :)  !! margins at the start of the sub-step (2, nx): friction [N] or [m/s], gap [m]
+    real(dp), allocatable :: g_0(:, :)  !! margins at the start of the sub-step: friction [N] or [m/s], gap [m], knots
     real(dp), allocatable :: g_a(:, :)  !! at a
     real(dp), allocatable :: g_b(:, :)  !! at b
     real(dp), allocatable :: g(:, :)    !! at the end of the sub-step that was tried
     real(dp), allocatable :: stuck(:)   !! there, what a block could bear besides if it were stuck [N]
+    integer, allocatable :: passed(:, :) !! knots passed at the start of the sub-step
     type(budget_t) :: saved             !! works at the start of the sub-step
   end type pace_t
 
@@ -87,23 +89,44 @@ contains
     type(budget_t), intent(in) :: budget
     type(row_t), intent(inout) :: w
     type(pace_t), intent(out) :: pace
+    integer :: n
 
     pace%located = located
     pace%wish = wish
-    allocate (pace%g_0(2, s%nx), pace%g_a(2, s%nx), pace%g_b(2, s%nx), pace%g(2, s%nx), pace%stuck(s%nx))
-    call all_margins(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), contact%mode, w, pace%g_0, pace%stuck)
-    call plan_next(dt, budget, pace)
+    n = N_CONTACT + merge(N_KNOT, 0, s%law%kinked)
+    allocate (pace%g_0(n, s%nx), pace%g_a(n, s%nx), pace%g_b(n, s%nx), pace%g(n, s%nx), pace%stuck(s%nx), pace%passed(2, s%nx))
+    call look_at_knots(s, y(LB, 1, 1), contact, pace)
+    call all_margins(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), contact, pace%passed, w, pace%g_0, pace%stuck)
+    call plan_next(s, t, dt, contact, budget, pace)
   end subroutine new_pace
 
-  !> Plans the next sub-step: as long as the error allows, to the end of the step at most.
-  pure subroutine plan_next(dt, budget, pace)
+  !> The knots that slip and speed of each block have passed.
+  pure subroutine look_at_knots(s, q, contact, pace)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! bottom row
+    type(contact_t), intent(in) :: contact
+    type(pace_t), intent(inout) :: pace
+
+    if (s%law%kinked) call cells(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, q(LB, UX), q(LB, VX), pace%passed)
+  end subroutine look_at_knots
+
+  !> Plans the next sub-step: as long as the error allows, to the end of the step or a knot of age at most.
+  pure subroutine plan_next(s, t, dt, contact, budget, pace)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: t                !! time [s]
     real(dp), intent(in) :: dt               !! step [s]
+    type(contact_t), intent(in) :: contact
     type(budget_t), intent(in) :: budget
     type(pace_t), intent(inout) :: pace
+    real(dp) :: to_knot
 
     pace%left = dt - pace%from
     pace%sub = pace%left
     if (pace%wish < pace%left*(1.0_dp - NEAR)) pace%sub = pace%wish
+    if (pace%located) then
+      to_knot = time_to_knot(s%law, s%nx, contact%mode, contact%memory, t)
+      if (to_knot > CLOSE*dt) pace%sub = min(pace%sub, to_knot)
+    end if
     pace%phase = WHOLE
     pace%looked = .false.
     pace%saved = budget
@@ -169,7 +192,7 @@ contains
       pace%from = 0.0_dp
       pace%instants = 0
     end if
-    call plan_next(dt, budget, pace)
+    call plan_next(s, pace%t, dt, contact, budget, pace)
   end subroutine settle
 
   !> Whether the sub-step is made: its error is small, and no margin crosses zero before its end.
@@ -195,10 +218,10 @@ contains
       return
     end if
     if (.not. pace%located) return
-    call all_margins(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact%mode, w, pace%g, pace%stuck)
+    call all_margins(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, pace%passed, w, pace%g, pace%stuck)
     crossed = any(pace%g < 0.0_dp)
     if (crossed .or. pace%phase == SEARCH) call search_on(dt, crossed, pace)
-    if (pace%accepted) call look_for_dips(s, t, dt, old, new, contact%mode, w, pace)
+    if (pace%accepted) call look_for_dips(s, t, dt, old, new, contact, w, pace)
   end subroutine accept
 
   !> Narrows the search down with what the trial has shown, and chooses the next.
@@ -235,16 +258,16 @@ contains
   end subroutine search_on
 
   !> Cuts the sub-step where a margin seems to dip below zero inside, once.
-  subroutine look_for_dips(s, t, dt, old, new, mode, w, pace)
+  subroutine look_for_dips(s, t, dt, old, new, contact, w, pace)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                              !! time at the end of the sub-step [s]
     real(dp), intent(in) :: dt                             !! step [s]
     real(dp), intent(in) :: old(LB:s%n + LANES, 4, s%nz)   !! state at its start
     real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at its end
-    integer(ip), intent(in) :: mode(s%nx)                  !! contact states
+    type(contact_t), intent(in) :: contact
     type(row_t), intent(inout) :: w
     type(pace_t), intent(inout) :: pace
-    real(dp) :: mid(LB:s%n + LANES, 4, 2), g_mid(2, s%nx), stuck_mid(s%nx), x
+    real(dp) :: mid(LB:s%n + LANES, 4, 2), g_mid(size(pace%g, 1), s%nx), stuck_mid(s%nx), x
     integer :: j
 
     if (pace%looked .or. pace%sub < COARSE*dt) return
@@ -252,7 +275,8 @@ contains
     do j = 1, min(2, s%nz)
       call middle(s, pace%sub, old(LB, 1, j), new(LB, 1, j), mid(LB, 1, j))
     end do
-    call all_margins(s, t - 0.5_dp*pace%sub, mid(LB, 1, 1), mid(LB, 1, min(2, s%nz)), mode, w, g_mid, stuck_mid)
+    call all_margins(s, t - 0.5_dp*pace%sub, mid(LB, 1, 1), mid(LB, 1, min(2, s%nz)), contact, pace%passed, w, g_mid, &
+                     stuck_mid)
     x = minval(dip_at(pace%g_0, g_mid, pace%g))
     if (x >= 1.0_dp) return
     pace%accepted = .false.
@@ -260,7 +284,7 @@ contains
     pace%sub = x*pace%sub
   end subroutine look_for_dips
 
-  !> Switches contacts at the end of a sub-step that a margin has ended.
+  !> Switches contacts at the end of a sub-step that a margin has ended, if it was not a knot's.
   subroutine switch_inside(s, step, t, new, contact, log, w, pace, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
@@ -272,14 +296,17 @@ contains
     type(pace_t), intent(inout) :: pace
     integer(ip), intent(inout) :: status                   !! see pyfric_status
 
-    pace%instants = pace%instants + 1
-    pace%block = findloc(any(pace%g < 0.0_dp, dim=1), .true., dim=1)
-    if (pace%instants > most_instants(s%nx) .or. .not. has_room(log, s%nx, 1)) then
-      status = ENDLESS
-      return
+    if (any(pace%g(:N_CONTACT, :) < 0.0_dp)) then
+      pace%instants = pace%instants + 1
+      pace%block = findloc(any(pace%g(:N_CONTACT, :) < 0.0_dp, dim=1), .true., dim=1)
+      if (pace%instants > most_instants(s%nx) .or. .not. has_room(log, s%nx, 1)) then
+        status = ENDLESS
+        return
+      end if
+      call switch_contacts(s, step + 1.0_dp, t, 0.0_dp, new, contact, log, w)
     end if
-    call switch_contacts(s, step + 1.0_dp, t, 0.0_dp, new, contact, log, w)
-    call all_margins(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact%mode, w, pace%g, pace%stuck)
+    call look_at_knots(s, new(LB, 1, 1), contact, pace)
+    call all_margins(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, pace%passed, w, pace%g, pace%stuck)
   end subroutine switch_inside
 
   !> Smallest root of the straight lines from g_a at 0 to g_b at 1, over those that end below zero.
@@ -291,7 +318,7 @@ contains
 
     x = 1.0_dp
     do i = 1, size(g_a, 2)
-      do k = 1, 2
+      do k = 1, size(g_a, 1)
         if (g_b(k, i) >= 0.0_dp) cycle
         if (g_a(k, i) <= 0.0_dp) then
           x = 0.0_dp
@@ -320,21 +347,26 @@ contains
   end function dip_at
 
   !> Margins of the bottom blocks, and what they could bear besides if they were stuck.
-  subroutine all_margins(s, t, q, up, mode, w, g, stuck)
+  subroutine all_margins(s, t, q, up, contact, passed, w, g, stuck)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                           !! time [s]
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)        !! bottom row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)       !! the row above
-    integer(ip), intent(in) :: mode(s%nx)               !! contact states
+    type(contact_t), intent(in) :: contact
+    integer, intent(in) :: passed(2, s%nx)              !! knots passed at the start of the sub-step
     type(row_t), intent(inout) :: w
-    real(dp), intent(out) :: g(2, s%nx)                 !! [N] or [m/s], [m]
+    real(dp), intent(out) :: g(:, :)                    !! [N] or [m/s], [m], knots [m] and [m/s]
     real(dp), intent(out) :: stuck(s%nx)                !! [N]
     real(dp) :: fx(LB:s%n + LANES)
 
     call foundation(s, q(LB, UZ), w%p)
     call other_forces(s, t, q, up, w, fx)
-    call margins(s%law, s%nx, s%n, s%at, mode, fx, w%p, q(LB, UZ), q(LB, VX), g, stuck)
+    call margins(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, fx, w%p, q(LB, UZ), q(LB, VX), g(:N_CONTACT, :), stuck)
     if (s%prescribed) g(2, :) = w%p  ! no gap opens
+    if (s%law%kinked) then
+      call knot_margins(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, passed, q(LB, UX), q(LB, VX), &
+                        g(N_CONTACT + 1:, :))
+    end if
   end subroutine all_margins
 
   !> The middle of a sub-step by the cubic through its ends.

@@ -2,7 +2,7 @@
 module pyfric_model
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES, UX, UZ, VX, VZ, padded, elements
-  use pyfric_law, only: law_constants_t, law_t, new_law
+  use pyfric_law, only: law_t, new_law, N_TABLES, N_FIELDS
   implicit none (type, external)
   private
   public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, image
@@ -27,15 +27,18 @@ module pyfric_model
     integer(ip) :: left     !! what is beyond the left side: FREE, MIRRORED or ABSORBING
     integer(ip) :: right    !! the right side
     integer(ip) :: top      !! the top, which can also be HELD
+    integer(ip) :: n_hold   !! knots of the friction law's tables
+    integer(ip) :: n_slide
+    integer(ip) :: n_speed
+    integer(ip) :: n_age
   end type counts_t
 
-  !> What it passes as numbers, in this order, before x, load and shear; the same names are in pyfric.core.Constants.
+  !> What it passes as numbers, in this order, before what `take_rows` takes; the same names are in pyfric.core.Constants.
   type, bind(c) :: constants_t
     real(dp) :: l           !! lattice constant [m]
     real(dp) :: k           !! stiffness of nearest-neighbour springs [N/m]; diagonals have k/2
     real(dp) :: eta         !! bond viscosity [N s/m]
     real(dp) :: m           !! block mass [kg]
-    real(dp) :: k_f         !! foundation stiffness [N/m]
     real(dp) :: f_n         !! normal force at the rod's centre [N]
     real(dp) :: m_rod       !! mass of the rod alone [kg]
     real(dp) :: i_rod       !! inertia of the rod alone [kg m2]
@@ -48,7 +51,6 @@ module pyfric_model
     real(dp) :: u_drv0      !! u_x of the driven block at which F_T = 0 at t = 0 [m]
     real(dp) :: p_corner    !! slip that starts below this p is a corner episode [N]
     real(dp) :: k_top       !! stiffness that holds each block of a free top row at u_x = 0 [N/m]
-    type(law_constants_t) :: law
   end type constants_t
 
   type :: model_t
@@ -71,7 +73,6 @@ module pyfric_model
     real(dp) :: k
     real(dp) :: eta
     real(dp) :: m
-    real(dp) :: k_f
     real(dp) :: f_n
     real(dp) :: m_rod
     real(dp) :: i_rod
@@ -88,6 +89,7 @@ module pyfric_model
     real(dp) :: near(7)     !! series of a spring of length l, see `series` [N/m^(2n+1)], n = 1...
     real(dp) :: diagonal(7) !! the same for length sqrt(2) l
     logical :: sheared      !! shear or k_top is not zero
+    real(dp), allocatable :: k_f(:)   !! foundation stiffness [N/m]
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
     real(dp), allocatable :: load(:)  !! downward load on a free top row, or prescribed p [N]
     real(dp), allocatable :: shear(:) !! constant force on row j_shear, along +x [N]
@@ -98,7 +100,7 @@ contains
   !> The model from the plain arrays that Python passes.
   pure function new_model(counts, numbers) result(s)
     integer(ip), intent(in) :: counts(:)   !! see counts_t
-    real(dp), intent(in) :: numbers(:)     !! see constants_t; then x [m], load and shear [N], a row each
+    real(dp), intent(in) :: numbers(:)     !! see constants_t and take_rows
     type(model_t) :: s
     type(counts_t) :: n
     type(constants_t) :: c
@@ -118,14 +120,29 @@ contains
     s%right = n%right
     s%top = n%top
     s%j_shear = merge(1, s%nz, s%prescribed)
-    first = size(numbers) - 3*s%nx
+    first = storage_size(c)/storage_size(s%l)
     c = transfer(numbers(:first), c)
     call take_constants(c, s)
-    s%x = numbers(first + 1:first + s%nx)
-    s%load = numbers(first + s%nx + 1:first + 2*s%nx)
-    s%shear = numbers(first + 2*s%nx + 1:)
+    call take_rows(numbers(first + 1:), [n%n_hold, n%n_slide, n%n_speed, n%n_age], s)
     s%sheared = s%k_top > 0.0_dp .or. any(abs(s%shear) > 0.0_dp)
   end function new_model
+
+  !> Rows of N_x numbers: x [m], load and shear [N], k_f [N/m], the fields of the law; then the knots of its tables.
+  pure subroutine take_rows(numbers, n_knots, s)
+    real(dp), intent(in) :: numbers(:)
+    integer(ip), intent(in) :: n_knots(N_TABLES)
+    type(model_t), intent(inout) :: s
+    integer, parameter :: ROWS = 4
+    integer :: nx, last
+
+    nx = s%nx
+    s%x = numbers(:nx)
+    s%load = numbers(nx + 1:2*nx)
+    s%shear = numbers(2*nx + 1:3*nx)
+    s%k_f = numbers(3*nx + 1:4*nx)
+    last = (ROWS + N_FIELDS)*nx
+    s%law = new_law(nx, n_knots, numbers(last + 1:), reshape(numbers(ROWS*nx + 1:last), [nx, N_FIELDS]))
+  end subroutine take_rows
 
   pure subroutine take_constants(c, s)
     type(constants_t), intent(in) :: c
@@ -135,7 +152,6 @@ contains
     s%k = c%k
     s%eta = c%eta
     s%m = c%m
-    s%k_f = c%k_f
     s%f_n = c%f_n
     s%m_rod = c%m_rod
     s%i_rod = c%i_rod
@@ -148,7 +164,6 @@ contains
     s%u_drv0 = c%u_drv0
     s%p_corner = c%p_corner
     s%k_top = c%k_top
-    s%law = new_law(c%law)
     s%z_p = sqrt(1.5_dp*s%k*s%m)
     s%z_s = sqrt(0.5_dp*s%k*s%m)
     s%near = series(s%k, s%l**2)

@@ -11,6 +11,7 @@ module pyfric_nystrom
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: rod_acceleration, rod_to_row
+  use pyfric_law, only: N_CLOCK
   use pyfric_rows, only: row_t, row_forces, row_powers, budget_t
   use pyfric_workspace, only: MOST_STAGES, FX, FZ, CARRY, BONDS, COLUMNS
   implicit none (type, external)
@@ -48,7 +49,7 @@ contains
   end function new_table
 
   !> Rows j0..j1 of the state one step later, and their part of the error. Contact states are frozen during the step.
-  subroutine nystrom_step(s, table, t, sub, j0, j1, keep_budget, mode, s_0, y, rod, y_new, rod_new, budget, f, q, work, w, err)
+  subroutine nystrom_step(s, table, t, sub, j0, j1, keep_budget, mode, memory, y, rod, y_new, rod_new, budget, f, q, work, w, err)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
     real(dp), intent(in) :: t                         !! time at the start [s]
@@ -57,7 +58,7 @@ contains
     integer, intent(in) :: j1                         !! last row of this thread
     logical, intent(in) :: keep_budget                !! integrate works and dissipations too
     integer(ip), intent(in) :: mode(s%nx)             !! contact states
-    real(dp), intent(in) :: s_0(s%nx)                 !! see pyfric_law [m]
+    real(dp), intent(in) :: memory(N_CLOCK, s%nx)      !! see pyfric_law
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)          !! state at the start
     real(dp), intent(in) :: rod(6)                    !! X, Z, phi and their rates at the start
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
@@ -104,14 +105,14 @@ contains
         below = max(j - 1, 1)
         above = min(j + 1, s%nz)
         if (j < j0) then
-          call row_forces(s, j, t_stage, at(LB, 1, below), at(LB, 1, j), at(LB, 1, above), mode, s_0, &
+          call row_forces(s, j, t_stage, at(LB, 1, below), at(LB, 1, j), at(LB, 1, above), mode, memory, &
                           work(LB, CARRY), work(LB, BONDS), work(LB, FX), work(LB, FZ), w)
           cycle
         end if
-        call row_forces(s, j, t_stage, at(LB, 1, below), at(LB, 1, j), at(LB, 1, above), mode, s_0, &
+        call row_forces(s, j, t_stage, at(LB, 1, below), at(LB, 1, j), at(LB, 1, above), mode, memory, &
                         work(LB, CARRY), work(LB, BONDS), f(LB, 1, j, stage), f(LB, 2, j, stage), w)
         if (keep_budget) then
-          call row_powers(s, j, sub*table%b(stage), at(LB, 1, j), at(LB, 1, above), rod_stage(5), w, budget)
+          call row_powers(s, j, sub*table%b(stage), mode, at(LB, 1, j), at(LB, 1, above), rod_stage(5), w, budget)
         end if
         if (j == s%nz .and. s%rigid) rod_a(:, stage) = rod_acceleration(s, rod_stage(3), f(LB, 1, j, stage), f(LB, 2, j, stage))
       end do

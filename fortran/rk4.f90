@@ -10,6 +10,7 @@ module pyfric_rk4
   use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: rod_acceleration, rod_to_row
   use pyfric_lattice, only: N_BOND
+  use pyfric_law, only: N_CLOCK
   use pyfric_rows, only: row_t, row_forces, row_powers, budget_t
   use pyfric_workspace, only: RING
   implicit none (type, external)
@@ -25,8 +26,8 @@ contains
 
   !> Rows j0..j1 of the state one step later. Contact states are frozen during the step. A sweep may be made in two
   !> calls, one up to front BOTTOM_FRONT and one from the next, with the same work space.
-  subroutine rk4_step(s, t, sub, j0, j1, first, last, keep_budget, mode, s_0, y, rod, y_new, rod_new, budget, q, carry, b, &
-                      fx, fz, w)
+  subroutine rk4_step(s, t, sub, j0, j1, first, last, keep_budget, mode, memory, y, rod, y_new, rod_new, budget, q, carry, &
+                      b, fx, fz, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                         !! time at the start [s]
     real(dp), intent(in) :: sub                       !! length of the step or sub-step [s]
@@ -36,7 +37,7 @@ contains
     integer, intent(in) :: last                       !! see `first`
     logical, intent(in) :: keep_budget                !! integrate works and dissipations too
     integer(ip), intent(in) :: mode(s%nx)             !! contact states
-    real(dp), intent(in) :: s_0(s%nx)                 !! see pyfric_law [m]
+    real(dp), intent(in) :: memory(N_CLOCK, s%nx)      !! see pyfric_law
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)          !! state at the start
     real(dp), intent(in) :: rod(6)                    !! X, Z, phi and their rates at the start
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
@@ -76,10 +77,10 @@ contains
       real(dp), intent(in) :: here(LB:s%n + LANES, 4)  !! the row at this stage
       real(dp), intent(in) :: up(LB:s%n + LANES, 4)    !! the row above at this stage
 
-      call row_forces(s, j, t + NODE(stage)*sub, dn, here, up, mode, s_0, carry(LB, 1, stage), b, fx, fz, w)
+      call row_forces(s, j, t + NODE(stage)*sub, dn, here, up, mode, memory, carry(LB, 1, stage), b, fx, fz, w)
       if (j < low) return
       if (keep_budget .and. j >= j0 .and. j <= j1) then
-        call row_powers(s, j, sub/6.0_dp*WEIGHT(stage), here, up, rods(5, stage), w, budget)
+        call row_powers(s, j, sub/6.0_dp*WEIGHT(stage), mode, here, up, rods(5, stage), w, budget)
       end if
       if (j < s%nz .or. .not. s%rigid) then
         call next_row(s, stage, sub, j, y(LB, 1, j), here, fx, fz, q, y_new(LB, 1, j))

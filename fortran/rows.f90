@@ -5,7 +5,7 @@ module pyfric_rows
   use pyfric_model, only: model_t, MIRRORED, HELD
   use pyfric_lattice, only: forces_linear, elastic_finite, viscous, bond_power, N_BOND
   use pyfric_boundaries, only: foundation, driver_force, mirror_sum, absorb, absorbed, image_row
-  use pyfric_law, only: friction_force
+  use pyfric_law, only: friction_force, friction_powers, N_CLOCK
   implicit none (type, external)
   private
   public :: row_t, new_row, other_forces, row_forces, row_powers, budget_t
@@ -22,6 +22,8 @@ module pyfric_rows
   type :: budget_t
     real(dp), allocatable :: dissipated(:)  !! in the bonds that start in each row
     real(dp), allocatable :: heat(:)        !! by friction under each bottom block
+    real(dp), allocatable :: above(:)       !! of it by what is above the kinetic strength
+    real(dp), allocatable :: viscous(:)     !! of it by alpha
     real(dp) :: work(2)                     !! of the driver, of the forces on the top
   end type budget_t
 
@@ -138,7 +140,7 @@ contains
   end subroutine other_forces
 
   !> Forces on row j, friction included, at frozen contact states; the carry of the bonds moves up one row (finite geometry).
-  pure subroutine row_forces(s, j, t, dn, q, up, mode, s_0, carry, b, fx, fz, w)
+  pure subroutine row_forces(s, j, t, dn, q, up, mode, memory, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom
     real(dp), intent(in) :: t                 !! time [s]
@@ -146,7 +148,7 @@ contains
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)        !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)       !! the row above, not used at the top
     integer(ip), intent(in) :: mode(s%nx)     !! contact states
-    real(dp), intent(in) :: s_0(s%nx)         !! slip at the last change of contact state, see pyfric_law [m]
+    real(dp), intent(in) :: memory(N_CLOCK, s%nx)        !! see pyfric_law
     real(dp), intent(inout) :: carry(LB:s%n + LANES, 2) !! bond forces from below, then on the row above [N]
     real(dp), intent(inout) :: b(LB:s%n + LANES, N_BOND) !! work space of finite geometry, zero where there is no bond
     real(dp), intent(inout) :: fx(LB:s%n + LANES)     !! force on the row [N]
@@ -158,7 +160,7 @@ contains
     call outer_forces(s, j, t, q, fx, fz, w%f_t)
     if (j == 1) then
       call foundation(s, q(LB, UZ), w%p)
-      call friction_force(s%law, s%nx, s%n, s%at, mode, s_0, q(LB, UX), fx, w%p, w%f)
+      call friction_force(s%law, s%nx, s%n, s%at, mode, memory, t, q(LB, UX), q(LB, VX), fx, w%p, w%f)
       do i = 1, s%nx
         fx(s%at(i)) = fx(s%at(i)) + w%f(i)
       end do
@@ -173,19 +175,26 @@ contains
   end subroutine row_forces
 
   !> Adds c times the powers that row j owns to the budget; row_forces has just been called.
-  pure subroutine row_powers(s, j, c, q, up, v_rod, w, budget)
+  pure subroutine row_powers(s, j, c, mode, q, up, v_rod, w, budget)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                !! row
     real(dp), intent(in) :: c               !! weight of this evaluation [s]
+    integer(ip), intent(in) :: mode(s%nx)   !! contact states
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)      !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)     !! the row above
     real(dp), intent(in) :: v_rod           !! Z' of the rod [m/s]
     type(row_t), intent(in) :: w
     type(budget_t), intent(inout) :: budget
+    real(dp) :: above(s%nx), viscous(s%nx)
 
     budget%dissipated(j) = budget%dissipated(j) + c*bond_power(s, j < s%nz, q, up)
     if (s%prescribed) budget%dissipated(j) = budget%dissipated(j) + c*absorbed(s, j, q)
     if (j == 1) budget%heat = budget%heat - c*(w%f*q(s%at(:s%nx), VX))
+    if (j == 1 .and. .not. s%law%simple) then
+      call friction_powers(s%law, s%nx, s%n, s%at, mode, q(LB, VX), w%p, w%f, above, viscous)
+      budget%above = budget%above + c*above
+      budget%viscous = budget%viscous + c*viscous
+    end if
     if (j == s%j_h) budget%work(1) = budget%work(1) + c*(w%f_t*s%v_drv)
     if (s%rigid) then
       if (j == s%nz) budget%work(2) = budget%work(2) - c*(s%f_n*v_rod)

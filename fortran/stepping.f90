@@ -118,7 +118,7 @@ contains
     run%last = run%step + method%n_steps
     allocate (run%err(2, method%n_threads))
     run%err = 0.0_dp
-    stiffest = max(s%k, s%k_f, s%k_top)
+    stiffest = max(s%k, maxval(s%k_f), s%k_top)
     run%allowed = method%rtol*s%f_n/s%nx/[stiffest, sqrt(stiffest*s%m)]
     run%bottom = new_row(s)
     run%whole = .not. method%located .and. all(abs(method%table%e) <= 0.0_dp)
@@ -215,11 +215,11 @@ contains
     old = run%now
     new = 3 - old
     if (method%table%stages == 0) then
-      call rk4_step(s, run%t, run%sub, j0, j1, first, last, method%keep_budget, contact%mode, contact%s_0, y(LB, 1, 1, old), &
-                    rods(:, old), y(LB, 1, 1, new), rods(:, new), budget, work(LB, RINGS), work(LB, CARRY), work(LB, BONDS), &
-                    work(LB, FX), work(LB, FZ), w)
+      call rk4_step(s, run%t, run%sub, j0, j1, first, last, method%keep_budget, contact%mode, contact%memory, &
+                    y(LB, 1, 1, old), rods(:, old), y(LB, 1, 1, new), rods(:, new), budget, work(LB, RINGS), &
+                    work(LB, CARRY), work(LB, BONDS), work(LB, FX), work(LB, FZ), w)
     else
-      call nystrom_step(s, method%table, run%t, run%sub, j0, j1, method%keep_budget, contact%mode, contact%s_0, &
+      call nystrom_step(s, method%table, run%t, run%sub, j0, j1, method%keep_budget, contact%mode, contact%memory, &
                         y(LB, 1, 1, old), rods(:, old), y(LB, 1, 1, new), rods(:, new), budget, forces, stage, work, w, err)
     end if
   end subroutine one_step

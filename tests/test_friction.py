@@ -12,7 +12,7 @@ f = np.array([0.0, -0.9, 20.0])
 
 
 def test_strengths():
-    law = Law(0.7, 0.45, 2e-6)
+    law = setup1(mu_s=0.7, mu_k=0.45, d_c=2e-6).law
     np.testing.assert_array_equal(law.hold(p), 0.7 * p)
     np.testing.assert_array_equal(law.slide(p), 0.45 * p)
     for slip, mu in ((0.0, 0.7), (0.5e-6, 0.6375), (1e-6, 0.575), (2e-6, 0.45), (1.0, 0.45)):
@@ -46,7 +46,8 @@ def test_slip_is_continuous_where_nearly_nothing_is_lost():
 
 def test_weakening_runs_away():
     """m s'' = drop p s/d_c."""
-    assert Law(0.7, 0.45, 1e-6).growth(4.0, 1e-3) == pytest.approx(math.sqrt(1.0 / 1e-9))
+    law = setup1(mu_s=0.7, mu_k=0.45, d_c=1e-6).law
+    assert law.growth(4.0, 1e-3) == pytest.approx(math.sqrt(1.0 / 1e-9))
     assert Law(0.7, 0.45).growth(4.0, 1e-3) == math.inf
 
 
@@ -61,4 +62,4 @@ def test_the_clock_counts_slip_and_nothing_else():
 
 def test_a_scene_has_its_law():
     scene = setup1(mu_s=0.6, mu_k=0.3, d_c=1e-6)
-    assert scene.interface.law == Law(0.6, 0.3, 1e-6)
+    assert scene.law == Law(0.6, 0.3, 1e-6, tables=scene.interface.tables)

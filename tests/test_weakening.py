@@ -123,7 +123,7 @@ def test_the_limit_of_no_length_is_amontons_coulomb():
 
 def test_without_difference_of_coefficients_nothing_weakens():
     scene = chain(L=5e-3, mu_s=0.5, mu_k=0.5, d_c=1e-6)
-    assert not scene.interface.weakens
+    assert not scene.law.weakens
     assert pyfric.simulate(scene, 1e-3, fidelity="quasistatic").status == "complete"
 
 

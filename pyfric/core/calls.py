@@ -84,6 +84,7 @@ def advance(
     if not 1 <= threads <= 4096:
         raise ValueError(f"threads = {threads}: must be in 1 … 4096")
     step, sub = np.array([float(state.step)]), np.array([state.sub or state.dt])
+    memory = _memory(state)
     n_log, tried, block, log.t, status = load_variant(variant).advance(
         *model,
         STEPPERS[stepper].columns,
@@ -102,20 +103,27 @@ def advance(
         state.corner,
         state.margin,
         state.loss,
-        state.s_0,
+        memory.T,
         state.dissipated,
         state.heat,
+        state.parts.T,
         state.work,
         log.switch_i,
         log.switch_r,
         log.quiet_i,
         log.quiet_r,
     )
+    state.s_0[:], state.t_0[:] = memory.T
     state.step, log.tried, log.block = int(step[0]), tried, block - 1
     if STEPPERS[stepper].adaptive:
         state.sub = float(sub[0])
     log.n_switch, log.n_quiet = int(n_log[0]), int(n_log[1])
     return Status(status)
+
+
+def _memory(state: State) -> np.ndarray:
+    """Return the clocks of each block as the core takes them, shape (N_x, 2)."""
+    return np.column_stack([state.s_0, state.t_0])
 
 
 class Forces(NamedTuple):
@@ -161,7 +169,7 @@ def evaluate(
     if not 1 <= n_times < 2**31:
         raise ValueError(f"n_times = {n_times}: must be in 1 … {2**31 - 1}")
     a, *rest = load_variant(variant).evaluate(
-        *model, t, n_times, state.y.T, state.rod, state.mode, state.s_0
+        *model, t, n_times, state.y.T, state.rod, state.mode, _memory(state).T
     )
     return Forces(a.T, *rest)
 
@@ -171,7 +179,8 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
 
     The function takes u, shape (N_z, 2, N_x) or flat, in m, and returns forces in N in that shape.
     """
-    bare, nothing = springs(scene, geometry, 1.0), np.zeros(scene.N_x)  # accelerations are forces
+    bare, memory = springs(scene, geometry, 1.0), np.zeros((2, scene.N_x), order="F")
+    # accelerations are forces: m = 1
     y, rod = np.zeros((scene.N_z, 4, scene.N_x)), np.zeros(6)
     mode = np.full(scene.N_x, OPEN, dtype=np.int32)
 
@@ -179,7 +188,7 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
         y[:, :2] = u.reshape(scene.N_z, 2, scene.N_x)
         return (
             load_variant(VARIANT)
-            .evaluate(*bare, 0.0, 1, y.T, rod, mode, nothing)[0]
+            .evaluate(*bare, 0.0, 1, y.T, rod, mode, memory)[0]
             .T.reshape(u.shape)
         )
 

@@ -32,20 +32,22 @@ class Counts(NamedTuple):
     left: int
     right: int
     top: int
+    n_hold: int = 0
+    n_slide: int = 0
+    n_speed: int = 0
+    n_age: int = 0
 
 
 class Constants(NamedTuple):
     """Numbers that the core takes, in SI units, in the order of `constants_t` (pyfric_model).
 
-    The last ones belong to the friction law (`law_constants_t`, pyfric_law). What each is, and its
-    unit, is said there.
+    What each is, and its unit, is said there.
     """
 
     l: float
     k: float
     eta: float
     m: float
-    k_f: float
     F_N: float
     m_rod: float
     i_rod: float
@@ -58,9 +60,6 @@ class Constants(NamedTuple):
     u_drv0: float
     p_corner: float
     k_top: float
-    mu_s: float
-    mu_k: float
-    d_c: float
 
 
 class Model(NamedTuple):
@@ -68,8 +67,9 @@ class Model(NamedTuple):
 
     Attributes:
         counts: `Counts`, int32.
-        numbers: `Constants`, then x (m), load (p where it is prescribed) and shear (N), of N_x
-            numbers each.
+        numbers: `Constants`; x (m), load (p where it is prescribed), shear (N), k_f (N/m), mu_s,
+            mu_k, d_c (m), alpha (N s/m), of N_x numbers each; x and y of each knot of the friction
+            law's tables.
     """
 
     counts: np.ndarray
@@ -110,14 +110,13 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
         SceneError: finite geometry for a chain.
     """
     check_geometry(geometry, scene)
-    slider, driver, interface = scene.slider, scene.driver, scene.interface
+    slider, driver = scene.slider, scene.driver
     i_rod = scene.M_rod * slider.L**2 / 12
     constants = Constants(
         l=slider.l,
         k=slider.k,
         eta=scene.eta,
         m=scene.m,
-        k_f=scene.k_f,
         F_N=scene.F_N,
         m_rod=scene.M_rod,
         i_rod=i_rod,
@@ -130,15 +129,24 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
         u_drv0=u_drv0,
         p_corner=CORNER_SHARE * scene.F_N / scene.N_x,
         k_top=scene.k_top,
-        mu_s=interface.mu_s,
-        mu_k=interface.mu_k,
-        d_c=interface.d_c,
     )
     load = scene.p_prescribed if scene.prescribed else scene.load
-    packed = _packed(_counts(scene, geometry), constants, scene.x, load, scene.shear)
+    rows, n_knots, knots = _interface(scene)
+    counts = _counts(scene, geometry)._replace(**n_knots)
+    packed = _packed(counts, constants, scene.x, load, scene.shear, *rows, *knots)
     if not np.isfinite(packed.numbers).all():
         raise ValueError(f"constants of the scene are not finite: {constants}")
     return packed
+
+
+def _interface(scene: Scene) -> tuple[list[np.ndarray], dict[str, int], list[np.ndarray]]:
+    """Return the fields of the interface, the numbers of knots of its law, and the knots."""
+    law, N_x = scene.law, scene.N_x
+    fields = (scene.k_f, law.mu_s, law.mu_k, law.d_c, law.alpha)
+    rows = [np.broadcast_to(np.asarray(one, dtype=float), (N_x,)) for one in fields]
+    tables = {name: one for name, one in law.tables._asdict().items() if one is not None}
+    n_knots = {f"n_{name}": len(one.x) for name, one in tables.items()}
+    return rows, n_knots, [np.column_stack([one.x, one.y]).ravel() for one in tables.values()]
 
 
 def springs(
@@ -159,6 +167,5 @@ def springs(
         eta=scene.eta if viscous else 0.0,
         m=scene.m if m is None else m,
     )
-    nothing = np.zeros(scene.N_x)
     counts = _counts(scene, geometry)._replace(rigid=0, prescribed=0, left=0, right=0, top=0)
-    return _packed(counts, constants, scene.x, nothing, nothing)
+    return _packed(counts, constants, scene.x, np.zeros(7 * scene.N_x))

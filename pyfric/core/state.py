@@ -50,6 +50,10 @@ class State:
         s_0: slip of each bottom block since it last stuck, less mode u_x while it slips, shape
             (N_x,), in m; see `slip`. None starts slip at 0. An open block keeps what it had
             slipped; moving without contact is not slip.
+        t_0: time at which each bottom block stuck, or began to slip after a stick, shape (N_x,), in
+            s. None means t.
+        parts: what of `heat` went into friction above mu_k p, and what into alpha, shape (2, N_x),
+            in J. None means 0.
         sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 for dt.
     """
 
@@ -68,10 +72,16 @@ class State:
     u_drv0: float
     sub: float = 0.0
     s_0: np.ndarray | None = None
+    t_0: np.ndarray | None = None
+    parts: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.s_0 is None:  # a state of files that do not hold it
             self.s_0 = clock(0.0, self.mode, self.y[0, 0])
+        if self.t_0 is None:
+            self.t_0 = np.full(len(self.mode), self.t)
+        if self.parts is None:
+            self.parts = np.zeros((2, len(self.mode)))
 
     @property
     def slip(self) -> np.ndarray:
@@ -122,6 +132,8 @@ class State:
             ("margin", (N_x,), np.float64),
             ("loss", (N_x,), np.float64),
             ("s_0", (N_x,), np.float64),
+            ("t_0", (N_x,), np.float64),
+            ("parts", (2, N_x), np.float64),
             ("dissipated", (N_z,), np.float64),
             ("heat", (N_x,), np.float64),
             ("work", (2,), np.float64),

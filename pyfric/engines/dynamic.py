@@ -140,7 +140,7 @@ class Run:
     def notes(self) -> tuple[str, ...]:
         """Return what a reader of the record has to know."""
         scene, dt = self.scene, self.method.dt
-        law = scene.interface.law
+        law = scene.law
         notes = ()
         if self.method.geometry == "linear":
             notes = strain_notes(scene, self.name, max(abs(row[1]) for row in self.rows))
@@ -151,7 +151,7 @@ class Run:
                 f"(limit {OPEN_BUDGET:g}): steps of {dt:.3g} s damp fast motion; take a smaller "
                 + ("rtol" if self.method.rtol else "dt"),
             )
-        if not scene.interface.weakens:
+        if not law.weakens and law.tables.speed is None:
             return notes
         growth = law.growth(scene.F_N / scene.N_x, scene.m)
         if dt * growth <= 1:
@@ -159,7 +159,8 @@ class Run:
         return (
             *notes,
             f"{self.name}: steps of {dt:.3g} s do not resolve weakening over d_c = "
-            f"{law.d_c * 1e6:.3g} um, which takes dt <= {1 / growth:.3g} s; it acts like d_c = 0",
+            f"{law.mean.d_c * 1e6:.3g} um, which takes dt <= {1 / growth:.3g} s; it acts like "
+            "weakening at once",
         )
 
     def _front_notes(self, catalogue: Catalogue) -> tuple[str, ...]:

@@ -252,7 +252,7 @@ def _ladder(
     why_not = []
     if want in ("front_speed", "motion"):
         why_not.append(f"it has no {want.replace('_', ' ')}")
-    elif scene.interface.weakens:
+    elif scene.law.weakens:
         d_c = scene.interface.d_c
         why_not.append(f"it has no weakening over d_c = {d_c * 1e6:.3g} um of slip")
     elif scout.failed:
@@ -333,7 +333,7 @@ def _cost(
     blocks, seconds, steps = scene.N_x * scene.N_z, scout.seconds, t_end / dt
     if fidelity == "hybrid":
         made = scout.events * STEPS_EVENT + scout.front_blocks * STEPS_BLOCK
-        if not scene.interface.weakens:  # stable slip before an event may take any share of it
+        if not scene.law.weakens:  # stable slip before an event may take any share of it
             finer = step_size(scene) / dt
             steps = min(steps, made * finer) + scout.front_blocks * STEPS_SWITCH
         seconds += scout.events * JUMP[geometry] * blocks
@@ -379,7 +379,7 @@ def _scout(scene: Scene, t_end: float) -> _Scout:
     refined = scene.N_x
     scene = _without_weakening(coarser(scene))
     refined /= scene.N_x
-    F_max = scene.interface.law.hold(scene.F_N)
+    F_max = scene.law.hold(scene.F_N)
     guess = _Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, 1.0, "")
 
     def enough() -> bool:
@@ -487,7 +487,7 @@ def _coarser_chain(scene: Scene) -> Scene:
         np.interp(at, np.arange(N_x), np.broadcast_to(value, N_x)) * (N_x / N)
         for value in (top.p, top.tau)
     )
-    most = (1 - 1e-12) * scene.interface.law.hold(p)
+    most = (1 - 1e-12) * scene.law.hold(p)
     tau = np.clip(tau, -most, most)
     top = dataclasses.replace(top, p=tuple(p), tau=tuple(tau), k_top=top.k_top * q)
     slider = dataclasses.replace(slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q)

@@ -356,7 +356,7 @@ def simulate(
     if not isinstance(initial, Record | None):
         raise StateError(f"initial: the {engine} engine goes on from records only")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
-    if engine == "quasistatic" and scene.interface.weakens:
+    if engine == "quasistatic" and scene.law.weakens:
         allowed = "0, or fidelity = 'hybrid' or 'dynamic': the ladder knows slip at mu_k only"
         raise SceneError("interface.d_c", scene.interface.d_c, "m", allowed)
     run = ENGINES[engine](scene, t_gap)

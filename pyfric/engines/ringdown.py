@@ -108,7 +108,7 @@ class Frozen:
         closed: Frozen | None = None,
     ) -> None:
         scene = solver.scene
-        N_x, k_f, law, V = scene.N_x, scene.k_f, scene.interface.law, scene.driver.V
+        N_x, k_f, law, V = scene.N_x, scene.k_f, scene.law, scene.driver.V
         self.stuck, self.law, self.k_f, self.dt = stuck, law, k_f, dt
         loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
         self._bonds = solver.bond_tangents(loaded)

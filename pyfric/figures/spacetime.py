@@ -129,7 +129,7 @@ def theory_times(record: Record, event: int) -> pd.DataFrame:
     table = table[table["x_over_L"] >= x_0]
     if scene.N_z == 1:
         name, v = "exact", _chain_speeds(scene, table["scaled"].to_numpy())
-    elif scene.interface.weakens and record.events["at_trailing_edge"].iloc[event]:
+    elif scene.law.weakens and record.events["at_trailing_edge"].iloc[event]:
         grown = energy_release(record, event).set_index("n")
         name, v = "LEFM", grown["v"].reindex(table["n"]).to_numpy()
     else:

@@ -283,7 +283,7 @@ def friction_coefficients(record: Record) -> FrictionCoefficients:
         t_end = float(record.curve["t"].iloc[-1]) if len(record.curve) else 0.0
         allowed = "a run with a system-size event"
         raise SceneError("record", t_end, "s", allowed, "the run ended before one: raise t_end")
-    law, F_N = record.scene.interface.law, record.scene.F_N
+    law, F_N = record.scene.law, record.scene.F_N
     mu_s_macro = float(record.events["F_T_start"].max()) / F_N
     mean = np.nan
     if len(sliding) > 1:
@@ -362,4 +362,4 @@ def _ratio(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _scaled(record: Record, tau_over_p: np.ndarray) -> np.ndarray:
-    return record.scene.interface.law.scaled(tau_over_p)
+    return record.scene.law.scaled(tau_over_p)

@@ -51,7 +51,7 @@ def energy_release(record: Record, event: int) -> pd.DataFrame:
         SceneError: the record holds no state just before the event.
     """
     contact, scene = _before(record, event), record.scene
-    law, order = scene.interface.law, np.argsort(scene.n_of_i)
+    law, order = scene.law, np.argsort(scene.n_of_i)
     G, Gamma = np.full(scene.N_x, np.nan), np.full(scene.N_x, np.nan)
     for n, i in enumerate(order):
         if contact.free[i]:

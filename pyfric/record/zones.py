@@ -46,7 +46,7 @@ def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
 
     Source: see the module.
     """
-    law, p = scene.interface.law, np.asarray(p, dtype=float)
+    law, p = scene.law, np.asarray(p, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         drop, energy = law.drop * p, law.fracture_energy(p)
         if scene.N_z == 1:
@@ -91,7 +91,7 @@ def zone_notes(scene: Scene, engine: str, blocks: np.ndarray) -> tuple[str, ...]
     if share == 1:
         return ()
     why = f"X_c0/l = {blocks.min():.2g} to {blocks.max():.2g}"
-    if not scene.interface.weakens:
+    if not scene.law.weakens:
         why = "d_c = 0"
     return (
         f"{engine}: front speeds are set by the lattice: {100 * share:.0f} % of the blocks in "

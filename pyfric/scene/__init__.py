@@ -1,5 +1,6 @@
 """What is simulated: parts, scenes, presets, units, geometry."""
 
+from pyfric.scene import laws
 from pyfric.scene.checked import quantities
 from pyfric.scene.files import (
     check_writable,
@@ -46,6 +47,7 @@ from pyfric.scene.signals import (
     raise_if_asked,
     saved_first,
 )
+from pyfric.scene.spread import Spread
 from pyfric.scene.units import (
     SceneError,
     check_number,
@@ -70,6 +72,7 @@ __all__ = [
     "SceneError",
     "SceneLike",
     "Slider",
+    "Spread",
     "Walls",
     "__version__",
     "answered",
@@ -87,6 +90,7 @@ __all__ = [
     "drafts",
     "forget",
     "held_back",
+    "laws",
     "names_file",
     "nearest",
     "nothing_to_save",

@@ -35,6 +35,7 @@ class Quantity:
     le: float | None = None
     optional: bool = False
     listed: bool = False  # or a sequence of numbers, which becomes a tuple
+    drawn: type | None = None  # or an object of this class, a table in a scene file
     note: str = ""
 
     @property
@@ -51,6 +52,10 @@ class Quantity:
         written = isinstance(value, Written)
         if written:
             value = value.value
+        if self.drawn is not None and isinstance(value, self.drawn):
+            return value
+        if self.drawn is not None and written and isinstance(value, dict):
+            return self._drawn(value)
         several = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim)
         if self.listed and several:
             return self._each([Written(one) for one in value] if written else value)
@@ -62,10 +67,23 @@ class Quantity:
             allowed = error.allowed + self.note
             raise SceneError("", error.value, self.unit, allowed, error.reason) from None
 
+    def _drawn(self, table: dict[str, Any]) -> Any:
+        """Return what a table of a scene file describes; some of its numbers have this unit."""
+        marks = quantities(self.drawn)
+        values = dict(table)
+        for key in set(table) & set(marks):
+            here = key in self.drawn.in_unit and self.unit
+            one = dataclasses.replace(marks[key], unit=self.unit) if here else marks[key]
+            try:
+                values[key] = one.check(Written(table[key]))
+            except SceneError as error:
+                raise error.at(key) from None
+        return self.drawn(**values)
+
     def _each(self, values: Sequence[Any]) -> tuple[float, ...]:
         if len(values) > MAX_LISTED:
             raise SceneError("", values, "", f"at most {MAX_LISTED} numbers", "too many")
-        found, one = [], dataclasses.replace(self, listed=False, note="")
+        found, one = [], dataclasses.replace(self, listed=False, drawn=None, note="")
         for n, value in enumerate(values, 1):
             try:
                 found.append(one.check(value))

@@ -1,13 +1,13 @@
-"""The friction law: all of Python that knows mu.
+"""The friction law of a scene: all of Python that knows mu.
 
-A block that has slipped by s since it last stuck resists with mu(s) p:
+A block that has slipped by s at speed v since it last stuck resists with mu p + alpha v:
 
-    stuck       |f| <= mu_s p                                           `Law.hold`
-    slips       mu(s) p,  mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1)    `Law.slide`
+    stuck       |f| <= mu_s p                                            `Law.hold`
+    slips       mu = mu_k + (mu_s - mu_k) slide(s/d_c), times factors    `Law.slide`
     open        nothing
 
-Static states, the ladder and the prediction have no path: for them a slipping block has slipped all
-of d_c, which is Amontons-Coulomb friction. The core evaluates the same law in Fortran.
+Static states, the ladder and the prediction have no path: for them a slipping block has left its
+weakening behind, which is Amontons-Coulomb friction. The core evaluates the same law in Fortran.
 
 Slip is a clock that costs nothing to keep: s = s_0 + mode u_x while a block slips, s_0 otherwise.
 
@@ -17,13 +17,16 @@ Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from pyfric.scene.laws import Tables
+
 __all__ = ["FRICTIONLESS", "Law", "clock", "slipped"]
 
+NO_TABLES = Tables()
 GRADUAL = 0.01
 """With mu_s - mu_k up to this many mu_s, slip is continuous, at mu_s."""
 
@@ -33,33 +36,71 @@ class Law:
     """Strength of the interface under a load p; strengths are linear in p, so p may be a stiffness.
 
     Attributes:
-        mu_s: static friction coefficient.
-        mu_k: kinetic friction coefficient.
-        d_c: slip over which friction weakens, m; 0 for none.
+        mu_s: static friction coefficient; a number, or one for each column, shape (N_x,).
+        mu_k: kinetic friction coefficient, likewise.
+        d_c: slip over which friction weakens, m; 0 for none; likewise.
+        alpha: viscosity of slip, N s/m; likewise.
+        tables: what else the law says; see `pyfric.laws`.
     """
 
-    mu_s: float
-    mu_k: float
-    d_c: float = 0.0
+    mu_s: Any
+    mu_k: Any
+    d_c: Any = 0.0
+    alpha: Any = 0.0
+    tables: Tables = NO_TABLES
 
-    def hold(self, p: Any) -> Any:
-        """Return the strength of stuck blocks, in units of p."""
-        return self.mu_s * p
+    def hold(self, p: Any, age: Any = 0.0) -> Any:
+        """Return the strength of blocks that have been stuck for `age` (s), in units of p."""
+        gain = self.tables.hold
+        return self.mu_s * p if gain is None else (self.mu_s + gain(age)) * p
 
     def slide(self, p: Any, slip: Any = math.inf) -> Any:
-        """Return the strength of blocks that have slipped by `slip` (m), in units of p."""
-        if self.d_c == 0 or (np.ndim(slip) == 0 and slip >= self.d_c):
+        """Return the strength of blocks that have slipped by `slip` (m), in units of p.
+
+        Factors of speed and age, and alpha, are left out.
+        """
+        left = self.tables.slide
+        if left is None or (np.ndim(slip) == 0 and slip == math.inf):
             return self.mu_k * p
-        return (self.mu_s - self.drop * np.minimum(np.divide(slip, self.d_c), 1.0)) * p
+        return (self.mu_k + self.drop * left(np.divide(slip, self.d_c))) * p
+
+    def at(self, which: Any) -> Law:
+        """Return the law of some columns."""
+        some = {
+            name: value[which] if np.ndim(value) else value
+            for name in ("mu_s", "mu_k", "d_c", "alpha")
+            for value in [getattr(self, name)]
+        }
+        return replace(self, **some)
 
     @property
-    def drop(self) -> float:
+    def drop(self) -> Any:
         """Loss of strength in a slip, over p."""
         return self.mu_s - self.mu_k
 
+    @property
+    def mean(self) -> Law:
+        """The law with the means of its fields."""
+        means = {n: float(np.mean(getattr(self, n))) for n in ("mu_s", "mu_k", "d_c", "alpha")}
+        return replace(self, **means)
+
+    @property
+    def coulomb(self) -> bool:
+        """Whether it is Amontons-Coulomb friction."""
+        return self.tables == NO_TABLES and not np.any(self.alpha)
+
+    @property
+    def weakens(self) -> bool:
+        """Whether friction depends on slip."""
+        return self.tables.slide is not None and bool(np.any(np.greater(self.drop, 0)))
+
     def fracture_energy(self, p: Any) -> Any:
-        """Return the work against friction beyond mu_k p in a slip, J: (mu_s - mu_k) p d_c/2."""
-        return self.drop * self.d_c / 2 * p
+        """Return the work against friction beyond mu_k p in a slip, J: (mu_s - mu_k) p d_c/2.
+
+        For other tables than a straight line the area below them stands for 1/2.
+        """
+        left = self.tables.slide
+        return self.drop * self.d_c * (0.0 if left is None else left.area) * p
 
     def margin(self, p: np.ndarray, f: np.ndarray) -> np.ndarray:
         """Return what is left of the strength of stuck blocks that carry f, in N."""
@@ -72,20 +113,38 @@ class Law:
 
     def scaled(self, ratio: Any) -> Any:
         """Return (ratio - mu_k)/(mu_s - mu_k) of a tau/p: 0 at mu_k, 1 at mu_s; NaN if equal."""
-        return (ratio - self.mu_k) / self.drop if self.drop else ratio * np.nan
+        drop = np.where(np.equal(self.drop, 0), np.nan, self.drop)
+        return (ratio - self.mu_k) / drop
 
     @property
     def gradual(self) -> bool:
         """Whether slip is taken as continuous."""
-        return self.drop <= GRADUAL * self.mu_s
+        return bool(np.all(self.drop <= GRADUAL * np.asarray(self.mu_s)))
 
     def continuous(self) -> Law:
         """Return the law whose slip is continuous, at mu_s."""
         return Law(self.mu_s, self.mu_s)
 
+    def steepness(self, p: float) -> float:
+        """Return the steepest weakening under a load p (N): its negative stiffness, in N/m.
+
+        It is inf where friction falls at once, unless speed decides.
+        """
+        if self.tables.slide is None:
+            at_once = self.tables.speed is None and np.any(np.greater(self.drop, 0))
+            return math.inf if at_once else 0.0
+        falls = -float(self.tables.slide.slopes.min())
+        d_c = np.where(np.equal(self.d_c, 0), np.nan, self.d_c)
+        return max(0.0, falls) * p * float(np.nanmax(self.drop / d_c))
+
     def growth(self, p: float, m: float) -> float:
-        """Return the rate at which weakening lets a free block of mass m (kg) run away, in 1/s."""
-        return math.sqrt(self.drop * p / (m * self.d_c)) if self.d_c else math.inf
+        """Return the fastest rate at which weakening lets a free block of mass m (kg) run away.
+
+        Weakening with slip alone gives sqrt(steepness/m), with speed mu p |dfactor/dv|/m; in 1/s.
+        """
+        falls = 0.0 if self.tables.speed is None else max(0.0, -self.tables.speed.slopes.min())
+        by_speed = float(np.max(self.mu_s)) * falls * p / m
+        return math.hypot(math.sqrt(self.steepness(p) / m), by_speed / 2) + by_speed / 2
 
 
 FRICTIONLESS = Law(0.0, 0.0)

@@ -5,8 +5,13 @@ Symbols and boundaries are those of PRL 107, 074301 (2011).
 
 from typing import Annotated, ClassVar, Literal
 
+import numpy as np
+import pydantic
+
 from pyfric.scene.checked import NotNegative, Positive, Quantity, part
-from pyfric.scene.friction import Law
+from pyfric.scene.laws import FrictionLaw, Means, Tables, check_tables
+from pyfric.scene.laws.weakening import LinearWeakening
+from pyfric.scene.spread import Spread
 from pyfric.scene.units import SceneError
 
 __all__ = [
@@ -14,6 +19,7 @@ __all__ = [
     "MAX_BLOCKS",
     "DistributedLoad",
     "Driver",
+    "Field",
     "Interface",
     "PrescribedLoad",
     "Rod",
@@ -27,6 +33,10 @@ MAX_BLOCKS = 20_000_000
 MULTIPLE_RTOL = 1e-9
 """Relative tolerance of "L, H and h are multiples of l"."""
 LIST_NOTE = ", or a list of N_x of them"
+FIELD_NOTE = LIST_NOTE + ", or a Spread"
+Field = float | tuple[float, ...] | Spread
+"""A number, a number for each block from the trailing edge on, or random ones."""
+_field = {"listed": True, "drawn": Spread, "note": FIELD_NOTE}
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
 
 
@@ -254,13 +264,19 @@ class Interface:
         mu_k: kinetic friction coefficient, 0 <= mu_k <= mu_s.
         k_f: stiffness of the elastic foundation per block, N/m, > 0; None means k.
         d_c: slip over which friction weakens, m, >= 0; 0 is Amontons-Coulomb friction.
+        alpha: viscosity of slip, N s/m, >= 0: a slipping block also resists with alpha v.
+        law: how friction depends on slip, time and speed; see `pyfric.laws`. The default weakens
+            linearly over d_c.
+
+    mu_s, mu_k, k_f, d_c and alpha are fields: a number, N_x numbers from the trailing edge on, or
+    a `Spread`.
 
     A block that has slipped by s since it last stuck resists with mu(s) p,
-    mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1). A direct reversal does not end its slip; sticking
-    does. Weakening is a negative stiffness (mu_s - mu_k) p/d_c. A slider that is stiffer slips
-    stably, at the pace of the driver, until the slipping zone is too long for that. Steps resolve
-    it if dt sqrt((mu_s - mu_k) p/(m d_c)) is below 1, p being F_N/N_x; the notes of a record say
-    where they do not.
+    mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1), with the default law. A direct reversal does not end
+    its slip; sticking does. Weakening is a negative stiffness (mu_s - mu_k) p/d_c. A slider that
+    is stiffer slips stably, at the pace of the driver, until the slipping zone is too long for
+    that. Steps resolve it if dt sqrt((mu_s - mu_k) p/(m d_c)) is below 1, p being F_N/N_x; the
+    notes of a record say where they do not.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
@@ -268,25 +284,31 @@ class Interface:
     Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
     """
 
-    mu_s: Annotated[float, NotNegative("")]
-    mu_k: Annotated[float, NotNegative("")]
-    k_f: Annotated[float | None, Positive("N/m", optional=True)] = None
-    d_c: Annotated[float, NotNegative("m")] = 0.0
+    mu_s: Annotated[Field, NotNegative("", **_field)]
+    mu_k: Annotated[Field, NotNegative("", **_field)]
+    k_f: Annotated[Field | None, Positive("N/m", optional=True, **_field)] = None
+    d_c: Annotated[Field, NotNegative("m", **_field)] = 0.0
+    alpha: Annotated[Field, NotNegative("N s/m", **_field)] = 0.0
+    law: pydantic.InstanceOf[FrictionLaw] = LinearWeakening()
 
     _section: ClassVar[str] = "interface"
-    _allowed: ClassVar[dict[str, str]] = {}
+    _allowed: ClassVar[dict[str, str]] = {"law": "a friction law, such as pyfric.laws.Ageing"}
 
     def __post_init__(self) -> None:
-        if self.mu_k > self.mu_s:
+        numbers = isinstance(self.mu_k, float) and isinstance(self.mu_s, float)
+        if numbers and self.mu_k > self.mu_s:  # the scene compares fields, block by block
             allowed = f"0 <= mu_k <= mu_s = {self.mu_s!r}"
             raise SceneError("interface.mu_k", self.mu_k, "", allowed, "mu_k exceeds mu_s")
+        check_tables(self.tables)
 
     @property
-    def law(self) -> Law:
-        """The friction law."""
-        return Law(self.mu_s, self.mu_k, self.d_c)
+    def tables(self) -> Tables:
+        """The tables of the law."""
+        return self.law.tables(Means(*map(_mean, (self.mu_s, self.mu_k, self.d_c))))
 
-    @property
-    def weakens(self) -> bool:
-        """True if friction depends on slip."""
-        return self.d_c > 0 and self.mu_s > self.mu_k
+
+def _mean(field: Field) -> float:
+    """Return the mean of a field; the scene refuses a list that is empty."""
+    if isinstance(field, Spread):
+        return field.mean
+    return 0.0 if field == () else float(np.mean(field))

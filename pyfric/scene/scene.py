@@ -7,6 +7,7 @@ K. Thøgersen, A. Malthe-Sørenssen, Phys. Rev. Lett. 107, 074301 (2011), "the p
 Every refusal, whatever its origin, is a `SceneError`.
 """
 
+import functools
 import math
 import os
 from typing import ClassVar, Self
@@ -14,12 +15,14 @@ from typing import ClassVar, Self
 import numpy as np
 
 from pyfric.scene import toml
-from pyfric.scene.checked import part
+from pyfric.scene.checked import part, quantities
 from pyfric.scene.files import write
+from pyfric.scene.friction import Law
 from pyfric.scene.parts import (
     CHAIN_NOTE,
     DistributedLoad,
     Driver,
+    Field,
     Interface,
     PrescribedLoad,
     Rod,
@@ -27,6 +30,7 @@ from pyfric.scene.parts import (
     Walls,
     steps_in,
 )
+from pyfric.scene.spread import Spread
 from pyfric.scene.units import SceneError
 
 __all__ = ["Scene"]
@@ -81,6 +85,7 @@ class Scene:
         if len(self.name) > MAX_NAME or not encodable:
             allowed = self._allowed["name"]
             raise SceneError("name", self.name, "", allowed, "too long or not UTF-8")
+        self._check_fields()
         if isinstance(self.top, PrescribedLoad):
             self._check_prescribed()
         if isinstance(self.top, PrescribedLoad) and self.N_z == 1:
@@ -96,6 +101,30 @@ class Scene:
             reason = "not on a row" if steps is None else "not on a row that can be driven"
             raise SceneError("driver.h", h, "m", allowed, reason)
         self._check_walls()
+
+    def _check_fields(self) -> None:
+        """Check the fields of the interface block by block, from the trailing edge on."""
+        marks = quantities(Interface)
+        for name, mark in marks.items():
+            given = getattr(self.interface, name)
+            if isinstance(given, tuple) and len(given) != self.N_x:
+                allowed = f"{mark.allowed}: here {self.N_x}"
+                reason = f"{len(given)} numbers"
+                raise SceneError(f"interface.{name}", given, mark.unit, allowed, reason)
+            field = self.field(name)
+            low = (field < 0) | ((field == 0) & (mark.gt is not None))
+            if isinstance(given, Spread) and low.any():
+                n = int(self.n_of_i[np.argmax(low)])
+                reason = f"the spread reaches this at block {n} from the trailing edge"
+                value = float(field[low][0])
+                raise SceneError(f"interface.{name}", value, mark.unit, mark.allowed, reason)
+        mu_s, mu_k = self.field("mu_s"), self.field("mu_k")
+        above = mu_k > mu_s
+        if above.any():
+            i = int(np.argmax(above))
+            allowed = f"0 <= mu_k <= mu_s = {float(mu_s[i])!r} there"
+            reason = f"mu_k exceeds mu_s at block {self.n_of_i[i]} from the trailing edge"
+            raise SceneError("interface.mu_k", float(mu_k[i]), "", allowed, reason)
 
     def _check_walls(self) -> None:
         """Refuse what only a prescribed interface in two dimensions has, or does not have."""
@@ -133,7 +162,7 @@ class Scene:
         if self.prescribed:  # blocks that carry more than mu_s p slip from t = 0 on
             return
         p, tau = np.atleast_1d(top.p), np.atleast_1d(top.tau)
-        most, tau = np.broadcast_arrays(self.interface.law.hold(p), tau)
+        most, tau = np.broadcast_arrays(self.law.hold(p), tau)
         margin = most - np.abs(tau)
         if (margin < 0).any():
             i = int(np.argmax(margin < 0))
@@ -162,16 +191,48 @@ class Scene:
         given = self.slider.eta
         return math.sqrt(0.1 * self.slider.k * self.m) if given is None else given
 
-    @property
-    def k_f(self) -> float:
+    @functools.cached_property
+    def k_f(self) -> float | np.ndarray:
         """Stiffness of the foundation per block in N/m; k unless the interface sets it.
 
-        0 for a prescribed interface in two dimensions, which has none.
+        A number, or one for each column, left to right, shape (N_x,); 0 for a prescribed interface
+        in two dimensions, which has none.
         """
         if self.prescribed:
             return 0.0
         given = self.interface.k_f
-        return self.slider.k if given is None else given
+        return self.slider.k if given is None else self._as_given(given)
+
+    @functools.cached_property
+    def law(self) -> Law:
+        """The friction law; its fields are numbers, or arrays of shape (N_x,), left to right."""
+        of, tables = self.interface, self.interface.tables
+        fields = (of.mu_s, of.mu_k, of.d_c, of.alpha)
+        mu_s, mu_k, d_c, alpha = map(self._as_given, fields)
+        if tables.slide is not None and not np.any(d_c):
+            d_c = 1.0  # the table is over slip in m
+        return Law(mu_s, mu_k, d_c, alpha, tables)
+
+    def field(self, name: str) -> np.ndarray:
+        """Return a field of the interface, left to right, shape (N_x,).
+
+        Args:
+            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m) or "k_f" (N/m).
+        """
+        given = self.interface.k_f if name == "k_f" else getattr(self.interface, name)
+        value = self.slider.k if given is None else self._as_given(given)
+        return np.broadcast_to(np.asarray(value, dtype=float), (self.N_x,))
+
+    def _as_given(self, field: Field) -> float | np.ndarray:
+        """Return a field as a number, or as an array from left to right."""
+        if isinstance(field, float):
+            return field
+        values = field
+        if isinstance(field, Spread):
+            values = tuple(field.draw(self.N_x, self.slider.l).tolist())
+        found = self._by_column(values)
+        found.flags.writeable = False
+        return found
 
     @property
     def F_N(self) -> float:

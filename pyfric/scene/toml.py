@@ -27,9 +27,17 @@
     right = "absorbing"
     top = "absorbing"       # or "held"
 
-Pure numbers are bare; lengths, forces and so on are text with any unit that fits.
+    [interface.law]         # may be left out: mu falls linearly over d_c, or at once if d_c = 0
+    kind = "ageing"         # or another of `pyfric.laws`
+    B = 0.01
+    t_c = "1 ms"
+
+Pure numbers are bare; lengths, forces and so on are text with any unit that fits. What may vary
+along the interface is a number, a list, or a table, such as
+mu_s = {mean = 0.7, std = 0.02, correlation_length = "10 mm", seed = 1}.
 """
 
+import dataclasses
 import os
 import tomllib
 from collections.abc import Iterable
@@ -38,6 +46,7 @@ from typing import Any
 import tomli_w
 
 from pyfric.scene.checked import Written, names, quantities
+from pyfric.scene.laws import KINDS
 from pyfric.scene.parts import (
     DistributedLoad,
     Driver,
@@ -47,6 +56,7 @@ from pyfric.scene.parts import (
     Slider,
     Walls,
 )
+from pyfric.scene.spread import Spread
 from pyfric.scene.units import SceneError, unknown
 
 __all__ = ["MAX_FILE", "read", "text"]
@@ -61,20 +71,32 @@ PARTS: dict[str, tuple[type, ...]] = {
     "walls": (Walls,),
 }
 """Table of a scene file -> classes of the part that it may hold, by their kinds."""
+LAW = "law"
+"""Table of the interface that holds a friction law."""
+
+
+def _classes(section: str) -> tuple[type, ...]:
+    return tuple(KINDS.values()) if section == f"interface.{LAW}" else PARTS[section]
 
 
 def text(name: str, parts: Iterable[Any]) -> str:
     """Return a scene as TOML."""
     document: dict[str, Any] = {"name": name} if name else {}
     for part in parts:
-        several = len(PARTS[part._section]) > 1
-        table, marks = {"kind": part.kind} if several else {}, quantities(type(part))
-        for key in names(type(part)):
-            value = getattr(part, key)
-            if value is not None:
-                table[key] = _as_written(value, marks[key].unit if key in marks else "")
-        document[part._section] = table
+        document[part._section] = _table(part, several=len(_classes(part._section)) > 1)
     return tomli_w.dumps(document)
+
+
+def _table(part: Any, *, several: bool) -> dict[str, Any]:
+    """Return a part as a table; the default friction law is left out."""
+    table, marks = {"kind": part.kind} if several else {}, quantities(type(part))
+    for field in dataclasses.fields(part):
+        value, key = getattr(part, field.name), field.name
+        if key == LAW and value != field.default:
+            table[key] = _table(value, several=True)
+        elif key != LAW and value is not None:
+            table[key] = _as_written(value, marks[key].unit if key in marks else "")
+    return table
 
 
 def read(source: str | os.PathLike[str]) -> tuple[dict[str, Any], list[SceneError]]:
@@ -101,6 +123,14 @@ def read(source: str | os.PathLike[str]) -> tuple[dict[str, Any], list[SceneErro
 
 def _as_written(value: Any, unit: str) -> Any:
     """Return a value of a part as it stands in a scene file."""
+    if isinstance(value, Spread):
+        units = {key: unit for key in value.in_unit} | {"correlation_length": "m"}
+        given = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        return {
+            key: _as_written(one, units.get(key, ""))
+            for key, one in given.items()
+            if one is not None
+        }
     if isinstance(value, tuple):
         return [_as_written(one, unit) for one in value]
     return f"{value!r} {unit}" if unit else value
@@ -137,7 +167,7 @@ def _part_from(section: str, table: Any) -> Any:
         raise SceneError(section, table, "", f"a table [{section}]", reason)
     cls, table = _class_of(section, table)
     known, marks = names(cls), quantities(cls)
-    listed = [*(["kind"] if len(PARTS[section]) > 1 else []), *known]
+    listed = [*(["kind"] if len(_classes(section)) > 1 else []), *known]
     errors = [
         unknown(f"{section}.{key}", value, key, listed)
         for key, value in table.items()
@@ -149,6 +179,8 @@ def _part_from(section: str, table: Any) -> Any:
         if key in known
     }
     try:
+        if LAW in values:
+            values[LAW] = _part_from(f"{section}.{LAW}", values[LAW])
         part = cls(**values)
     except SceneError as error:
         errors.append(error)
@@ -159,9 +191,10 @@ def _part_from(section: str, table: Any) -> Any:
 
 def _class_of(section: str, table: dict[str, Any]) -> tuple[type, dict[str, Any]]:
     """Return the class that a table asks for, and the rest of the table."""
-    if len(PARTS[section]) == 1:
-        return PARTS[section][0], table
-    kinds, rest = {one.kind: one for one in PARTS[section]}, dict(table)
+    classes = _classes(section)
+    if len(classes) == 1:
+        return classes[0], table
+    kinds, rest = {one.kind: one for one in classes}, dict(table)
     kind = rest.pop("kind", None)
     if not isinstance(kind, str):
         allowed = " or ".join(repr(one) for one in kinds)

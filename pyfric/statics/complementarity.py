@@ -170,7 +170,7 @@ class Contact:
     ) -> None:
         self.problem, scene = problem, problem.scene
         self.N_x, self.k_f = scene.N_x, scene.k_f
-        self.law = scene.interface.law
+        self.law = scene.law
         self.k, self.K, self.least = scene.slider.k, scene.driver.K, LEAST * problem.unit
         self.slip = np.zeros(self.N_x, dtype=np.int8)
         self.closed = np.array(closed, dtype=bool)

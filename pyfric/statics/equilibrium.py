@@ -163,7 +163,7 @@ class Equilibrium:
             rod=rod,
             mode=np.where(self.open, OPEN, STUCK).astype(np.int32),
             corner=np.zeros(N_x, dtype=np.int32),
-            margin=scene.interface.law.margin(self.p, self.f),
+            margin=scene.law.margin(self.p, self.f),
             loss=np.zeros(N_x),
             dissipated=np.zeros(N_z),
             heat=np.zeros(N_x),
@@ -423,7 +423,7 @@ class StaticSolver:
             force[self._top] -= scene.k_top * u[self._top]
         p = -scene.k_f * u[z] * contact.closed
         force[z] += p
-        force[x] -= contact.slip * scene.interface.law.slide(p)
+        force[x] -= contact.slip * scene.law.slide(p)
         F_T = 0.0
         if drive is not None:
             F_T = scene.driver_force(drive, u[self._h], self._u_drv0)
@@ -467,7 +467,7 @@ class StaticSolver:
             K = K + scene.driver.K * (row.T @ row)
         # Friction -slip mu_k p with p = -k_f u_z couples u_x to u_z, N_x columns to the right.
         coupling = np.zeros(n - scene.N_x)
-        coupling[self._x] = -scene.interface.law.slide(scene.k_f) * contact.slip
+        coupling[self._x] = -scene.law.slide(scene.k_f) * contact.slip
         K = (K + sp.diags_array(coupling, offsets=scene.N_x)).tocsr()
         unknown = self._unknown(contact)
         options = {} if contact.slip.any() else {"SymmetricMode": True}
@@ -591,7 +591,7 @@ class StaticSolver:
         """
         held, closed, slip = (part.copy() for part in contact)
         p = -self.scene.k_f * now.u_z * closed
-        margin = np.where(held, self.scene.interface.law.margin(p, now.f), 0.0)
+        margin = np.where(held, self.scene.law.margin(p, now.f), 0.0)
         wrong = self._wrong_side(now.u_z, closed, now.rounding)
         back = slip * now.u_x * self._stiffest < -now.rounding
         weak = margin < -(CONTACT_TOL * self._unit + 16 * now.rounding)
@@ -645,7 +645,7 @@ class StaticSolver:
         j = i + self.scene.N_x
         A = S.copy()
         A[j, j] += self.scene.k_f * contact.closed
-        A[i, j] -= self.scene.interface.law.slide(self.scene.k_f) * contact.slip
+        A[i, j] -= self.scene.law.slide(self.scene.k_f) * contact.slip
         return A
 
     def _condensed_rest(self, S: np.ndarray, g: np.ndarray, contact: _Contact) -> _Bottom:
@@ -660,7 +660,7 @@ class StaticSolver:
             raise EquilibriumError("the slider is not supported", np.nan, self._limit, 0) from error
         u_x, u_z = v[self._x], v[self._z]
         f = np.where(contact.held, (S @ v - g)[self._x], 0.0)
-        f += contact.slip * (self.scene.interface.law.slide(self.scene.k_f) * u_z)
+        f += contact.slip * (self.scene.law.slide(self.scene.k_f) * u_z)
         return _Bottom(u_x, u_z, f, 64 * self._rounding(np.pad(v, (0, len(self._arm) - len(v)))))
 
     def _warn_if_ambiguous(self, S: np.ndarray, contact: _Contact) -> None:
@@ -693,7 +693,7 @@ class StaticSolver:
 
     def _friction(self, q: np.ndarray, contact: _Contact, forces: np.ndarray) -> np.ndarray:
         """Return f: what balances the other forces where held, -slip mu_k p elsewhere."""
-        slipping = contact.slip * (self.scene.interface.law.slide(self.scene.k_f) * q[self._z])
+        slipping = contact.slip * (self.scene.law.slide(self.scene.k_f) * q[self._z])
         return np.where(contact.held, -forces[self._x], slipping)
 
     def _coordinates_of(self, state: Equilibrium) -> np.ndarray:

@@ -157,7 +157,7 @@ def fronts_slower(factor: float) -> Change:
 
 def scaled_prestress(record: Record) -> Record:
     """tau before events is such that tau/p is the scaled prestress."""
-    law = record.scene.interface.law
+    law = record.scene.law
     ratio = np.divide(
         record.tau_before,
         record.p_before,

@@ -264,7 +264,7 @@ def _claim_10(runs: Runs) -> list[Claim]:
     last = analysis.precursor_lengths(record).iloc[-1]
     by_mu_s = {0.7: runs[BASE]} | {mu_s: runs[f"mu_s {mu_s:g}"] for mu_s in MU_S}
     found = {mu_s: _largest(one) for mu_s, one in sorted(by_mu_s.items())}
-    R = {mu_s: by_mu_s[mu_s].scene.interface.law.scaled(F_max) for mu_s, F_max in found.items()}
+    R = {mu_s: by_mu_s[mu_s].scene.law.scaled(F_max) for mu_s, F_max in found.items()}
     worst = max(R.values(), key=abs)
     return [
         Claim(
@@ -279,7 +279,7 @@ def _claim_10(runs: Runs) -> list[Claim]:
         Claim(
             number="10b",
             text="it leaves a force of about mu_k F_N",
-            value=float(record.scene.interface.law.scaled(last["force"])),
+            value=float(record.scene.law.scaled(last["force"])),
             unit="mu_s - mu_k",
             low=-0.1,
             high=0.1,

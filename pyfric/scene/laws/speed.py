@@ -1,0 +1,31 @@
+"""Friction that depends on the speed of slip."""
+
+from typing import Annotated, ClassVar
+
+from pyfric.scene.checked import NotNegative, part
+from pyfric.scene.laws.kinds import FrictionLaw, Means, law
+from pyfric.scene.laws.table import Table
+
+__all__ = ["SpeedDependent"]
+
+
+@law
+@part
+class SpeedDependent(FrictionLaw):
+    """Friction of a slipping block times a factor of its speed; it weakens like `LinearWeakening`.
+
+    Args:
+        v: speeds, m/s, from 0 on, increasing.
+        factor: factor of mu at each speed, >= 0; straight between speeds, constant beyond the last.
+
+    Source: J. H. Dieterich, J. Geophys. Res. 84, 2161 (1979): friction changes with speed.
+    """
+
+    v: Annotated[tuple[float, ...], NotNegative("m/s", listed=True)]
+    factor: Annotated[tuple[float, ...], NotNegative("", listed=True)]
+
+    kind: ClassVar[str] = "speed"
+
+    def speed(self, of: Means) -> Table:
+        """Return the factor."""
+        return Table(self.v, self.factor)

@@ -1,0 +1,188 @@
+"""Friction laws as tables: each against an independent solution of the same equation."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from test_weakening import CASES, D_C, MU_K, MU_S, SLOPE, P, rigid, sliding, slip_of_one_block
+
+from pyfric import core, laws, theory
+from pyfric.core import STUCK
+from pyfric.scene import SceneError, chain
+from pyfric.statics import loaded_state
+
+SPEED = laws.SpeedDependent(v=(0.0, 0.02, 0.1), factor=(1.0, 0.7, 0.85))
+STEPPED_MU = (0.7, 0.64, 0.66, 0.45)
+LAWS = {
+    "exponential": {"law": laws.ExponentialWeakening()},
+    "speed": {"law": SPEED},
+    "table": {"law": laws.TabulatedLaw(slip=(0.0, 5e-7, 1.1e-6, 3e-6), mu=STEPPED_MU)},
+    "age": {"law": laws.TabulatedLaw(age_time=(0.0, 2e-5, 5e-5), age_factor=(1.0, 0.6, 0.9))},
+    "viscous": {"alpha": 40.0, "d_c": 0.0},
+}
+
+
+def with_law(scene, **changes):
+    return dataclasses.replace(scene, interface=dataclasses.replace(scene.interface, **changes))
+
+
+def located(scene, state, n):
+    log = core.Log(scene.N_x)
+    model = core.model(scene, "linear", state.u_drv0)
+    status = core.advance(model, state, log, n, switching="located")
+    assert status == core.Status.DONE
+    return log
+
+
+def curve(table, nothing):
+    """The table as a function of one number."""
+    return (lambda x: nothing) if table is None else (lambda x: np.interp(x, table.x, table.y))
+
+
+def one_block(scene, v, t):
+    """Return u (m), and the heat (J) above mu_k p and by alpha, of m u'' = mu_s p - k_top u - f."""
+    of, tables = scene.interface, scene.interface.tables
+    slide, speed, age = curve(tables.slide, 0.0), curve(tables.speed, 1), curve(tables.age, 1)
+    d_c = of.d_c or 1.0
+
+    def rates(t, y):
+        u, v = y[:2]
+        mu = (MU_K + (MU_S - MU_K) * slide(u / d_c)) * speed(abs(v)) * age(t)
+        a = ((MU_S - mu) * P - of.alpha * v - scene.k_top * u) / scene.m
+        return [v, a, (mu - MU_K) * P * v, of.alpha * v**2]
+
+    found = solve_ivp(
+        rates, (0, t), [0, v, 0, 0], method="DOP853", rtol=1e-12, atol=1e-22, max_step=t / 300
+    )
+    return found.y[[0, 2, 3], -1]
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_block_slips_as_solve_ivp_sees_it(name):
+    """At the order of the stepper, across all knots."""
+    scene = with_law(rigid(0.3 * SLOPE), **LAWS[name])
+    v = 1.2 * D_C * math.sqrt(SLOPE / scene.m)
+    t = 3 * D_C / v
+    u, above, viscous = one_block(scene, v, t)
+    errors = []
+    for n in (16, 64):
+        state = sliding(scene, t / n, v)
+        located(scene, state, n)
+        errors.append(abs(state.y[0, 0, 0] / u - 1))
+        np.testing.assert_array_equal(state.y[0, 0], state.y[0, 0, 0])
+    assert errors[1] < 2e-8
+    assert errors[0] > 4**3.5 * errors[1] or errors[0] < 1e-7
+    np.testing.assert_allclose(state.parts[:, 0], [above, viscous], rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_linear_weakening_is_the_closed_form(name):
+    scene = rigid(CASES[name])
+    v = 1.2 * D_C * math.sqrt(SLOPE / scene.m)
+    t, n = 2.5 * D_C / v, 2048
+    state = sliding(scene, t / n, v)
+    located(scene, state, n)
+    exact = slip_of_one_block(scene.k_top, scene.m, v, t)
+    assert state.y[0, 0, 0] == pytest.approx(exact, rel=1e-12)
+
+
+def test_the_exponential_is_followed():
+    left = laws.ExponentialWeakening().tables(laws.Means(0.7, 0.45, 1e-6)).slide
+    x = np.linspace(0, 20, 4001)
+    assert np.abs(left(x) - np.exp(-x)).max() < 1e-3
+    assert left(8.0) == 0
+    assert len(left.x) < 50
+
+
+def test_slide_hold_slide_heals_by_B_per_decade():
+    """One block, driven, held for three times, and driven again, three times over."""
+    B, t_c, K, V = 0.02, 1e-5, 1e6, 0.05
+    heavy = (P, 1e7, 1e7)
+    scene = chain(L=5e-3, p=heavy, k=1e3, K=K, V=V, eta=5.0, M=3e-3)
+    scene = with_law(scene, law=laws.Ageing(B=B, t_c=t_c))
+    held = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, V=0.0))
+    state, found = loaded_state(scene).state(scene, 1e-6), []
+    for hold in (1e-3, 1e-2, 1e-1):
+        while True:  # until the block has slipped, and sticks
+            log = located(scene, state, 50).switches()
+            if (log["new"] == STUCK).any():
+                break
+        state = changed_speed(state, V, 0.0)
+        assert not located(held, state, round(hold / state.dt)).n_switch
+        state = changed_speed(state, 0.0, V)
+        stuck_since, u = state.t_0[0], state.y[0, 0, 0]
+        assert state.mode[0] == STUCK
+        while True:
+            log = located(scene, state, 50).switches()
+            if len(log["t"]):
+                break
+        t = log["t"][0]
+        force = K * (V * t - (u - state.u_drv0)) - scene.slider.k * u
+        found.append((t - stuck_since, force / P))
+    age, mu = np.array(found).T
+    slopes = np.diff(mu) / np.diff(np.log10(1 + age / t_c))
+    np.testing.assert_allclose(slopes, B, rtol=1e-3)
+    np.testing.assert_allclose(mu, 0.7 + B * np.log10(1 + age / t_c), atol=1e-3 * B)
+
+
+def changed_speed(state, old, new):
+    """Return the state with a driver of another speed that is where it was."""
+    state = state.copy()
+    state.u_drv0 += (old - new) * state.t
+    return state
+
+
+@pytest.mark.parametrize(
+    ("v", "alpha", "eta"),
+    [
+        (0.14, 1.0, 0.0),
+        (0.2, 1.0, 0.0),
+        (0.8, 0.1, 0.0),
+        (0.95, 0.3, 0.1**0.5),
+        (2.0, 0.0, 0.1**0.5),
+    ],
+)
+def test_fronts_of_the_viscous_chain_have_the_exact_speed(v, alpha, eta):
+    """Wiener-Hopf; a front at 14 % of c among them."""
+    mu_s, mu_k, p, n, released = 0.7, 0.45, 10.0, 320, 20
+    taubar = float(theory.chain_prestress(v, alpha, eta))
+    tau = p * (mu_k + taubar * (mu_s - mu_k))
+    scene = chain(L=(n - 1) * 2.5e-3, p=p, tau=tau, eta=0.0, K=1e-3, V=0.0)
+    unit, impedance = math.sqrt(scene.m / scene.slider.k), math.sqrt(scene.m * scene.slider.k)
+    slider = dataclasses.replace(scene.slider, eta=eta * impedance)
+    scene = with_law(dataclasses.replace(scene, slider=slider), alpha=alpha * impedance)
+    state = loaded_state(scene).state(scene, min(0.15, 0.097 / v) * unit)
+    state.mode[:released] = 1
+    log = core.Log(n, 5000, 200)
+    model = core.model(scene, "linear", state.u_drv0)
+    steps = round(1.1 * (n - released) / v * unit / state.dt)
+    assert core.advance(model, state, log, steps, switching="located") == core.Status.DONE
+    switches = log.switches()
+    first = switches["old"] == STUCK
+    block, t = switches["block"][first], switches["t"][first]
+    late = block >= n // 2
+    speed = np.polyfit(t[late], block[late], 1)[0] * unit
+    assert speed == pytest.approx(v, rel=1e-4)
+
+
+def test_refusals_name_knot_and_value():
+    scene = chain(L=5e-3)
+    for law, text in (
+        (lambda: laws.SpeedDependent(v=(0.0, 1.0), factor=(1.1, 0.5)), "too large"),
+        (lambda: laws.SpeedDependent(v=(0.0, 1.0, 1.0), factor=(1, 0.5, 0.4)), "knot 3"),
+        (lambda: laws.SpeedDependent(v=(0.1, 1.0), factor=(1.0, 0.5)), "start at 0"),
+        (lambda: laws.SpeedDependent(v=(0.0, 1.0), factor=(1.0,)), "lengths"),
+        (lambda: laws.SpeedDependent(v=(0.0, 1.0), factor=(1.0, -0.5)), "factor"),
+        (lambda: laws.TabulatedLaw(slip=(0.0, 1e-6), mu=(0.7, 0.5)), "mu_k"),
+        (lambda: laws.TabulatedLaw(slip=(0.0, 1e-6), mu=(0.8, 0.45)), "too large"),
+        (lambda: laws.TabulatedLaw(slip=(0.0, 1e-6)), "missing"),
+        (lambda: laws.TabulatedLaw(contact_time=(0.0, 1.0), gain=(0.1, 0.0)), "gain"),
+        (lambda: laws.TabulatedLaw.of(slide=(lambda s: 0.7 if s < 0.3 else 0.45, 1.0)), "jumps"),
+        (lambda: laws.TabulatedLaw.of(slide=(lambda s: math.nan, 1.0)), "finite"),
+        (lambda: laws.TabulatedLaw.of(slide="nowhere.csv"), "CSV"),
+        (lambda: laws.ExponentialWeakening(), "d_c"),
+    ):  # fmt: skip
+        with pytest.raises(SceneError, match=text):
+            with_law(scene, law=law())

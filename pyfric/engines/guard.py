@@ -40,6 +40,7 @@ __all__ = [
     "folded",
     "hurry_notes",
     "largest_strain",
+    "slow_decay",
     "strain_notes",
 ]
 
@@ -174,20 +175,28 @@ def strain_notes(scene: Scene, engine: str, F_T: float) -> tuple[str, ...]:
     )
 
 
+def slow_decay(scene: Scene) -> float:
+    """Return the decay time of the slowest motion of a stuck lattice, in s, roughly.
+
+    It is taken as a shear wave across the height H, with the rod's mass on top,
+    omega^2 = c_s^2/(H^2 (M_rod/M + 4/pi^2)). Such waves decay at 3 eta omega^2/k, because three
+    bonds of each block damp them and only part of their stiffness acts.
+    """
+    slider = scene.slider
+    heavy = scene.M_rod / slider.M + 4 / math.pi**2
+    omega2 = slider.l**2 * slider.k / (2 * scene.m) / (slider.H**2 * heavy)
+    return slider.k / (3 * scene.eta * omega2) if scene.eta else math.inf
+
+
 def hurry_notes(scene: Scene, engine: str) -> tuple[str, ...]:
     """Return what to know where the driver does not wait for a slider to come to rest.
 
-    The slowest motion is taken as a shear wave across the height H, with the rod's mass on top,
-    omega^2 = c_s^2/(H^2 (M_rod/M + 4/pi^2)). Such waves decay at 3 eta omega^2/k, because three
-    bonds of each block damp them and only part of their stiffness acts. Nothing moves in a chain
-    whose blocks stick.
+    Nothing moves in a chain whose blocks stick.
     """
     slider, driver = scene.slider, scene.driver
     if scene.N_z == 1 or driver.V == 0:
         return ()
-    heavy = scene.M_rod / slider.M + 4 / math.pi**2
-    omega2 = slider.l**2 * slider.k / (2 * scene.m) / (slider.H**2 * heavy)
-    decay = slider.k / (3 * scene.eta * omega2) if scene.eta else math.inf
+    decay = slow_decay(scene)
     share = driver.V * decay / (1 / driver.K + 1 / slider.k) / scene.F_N
     if share <= HURRY:
         return ()

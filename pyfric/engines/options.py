@@ -17,7 +17,8 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import STEPPERS, Switching
-from pyfric.record import T_GAP, Method
+from pyfric.engines.pauses import longest_pause
+from pyfric.record import Method
 from pyfric.scene import (
     Geometry,
     SceneError,
@@ -115,7 +116,8 @@ class Options:
         budget: keep the energy budget (adds its columns to the curve); full dynamics only. None
             means yes for fidelity = "dynamic".
         sample: time between two points of the loading curve, in s; None means 5000 points.
-        t_gap: longest pause inside an event, in s.
+        t_gap: longest pause inside an event, in s; None means that of the scene's own times, 1 ms
+            in those of the paper (`pyfric.engines.pauses`).
         threads: most threads to use, None for all; small lattices use one.
         checkpoint: file to which the run so far is saved as a record every `checkpoint_every` s.
         checkpoint_every: time between two such saves, in s.
@@ -135,7 +137,7 @@ class Options:
     dt: float | Literal["auto"] = "auto"
     budget: bool | None = None
     sample: float | None = None
-    t_gap: float = T_GAP
+    t_gap: float | None = None
     threads: int | None = None
     checkpoint: str | os.PathLike[str] | None = None
     checkpoint_every: float = 60.0
@@ -255,7 +257,7 @@ class Options:
             rtol=(self.rtol or RTOL) if STEPPERS[self.stepper].adaptive else None,
             dt=dt,
             sample=max(1, round(every)),
-            t_gap=self.t_gap,
+            t_gap=longest_pause(scene) if self.t_gap is None else self.t_gap,
             threads=core.useful_threads(scene.N_x * scene.N_z, self.threads and int(self.threads)),
             variant=core.VARIANT,
             budget=engine.keeps_budget if self.budget is None else bool(self.budget),

@@ -28,11 +28,11 @@ import pandas as pd
 from pyfric.core import CORNER_SHARE, OPEN, StateError
 from pyfric.engines.dynamic import kept_notes
 from pyfric.engines.guard import hurry_notes, strain_notes
+from pyfric.engines.pauses import longest_pause
 from pyfric.engines.progress import Progress, run_bar
 from pyfric.record import (
     QUIET_COLUMNS,
     SWITCH_COLUMNS,
-    T_GAP,
     Method,
     Record,
     build_catalogue,
@@ -117,7 +117,7 @@ class QuasistaticRun:
 
     Args:
         scene: the scene.
-        t_gap: longest pause inside an event, in s.
+        t_gap: longest pause inside an event, in s; None means `longest_pause`.
 
     Raises:
         EquilibriumError: the scene has no loaded equilibrium.
@@ -125,9 +125,10 @@ class QuasistaticRun:
 
     name = "quasistatic"
 
-    def __init__(self, scene: Scene, t_gap: float = T_GAP) -> None:
+    def __init__(self, scene: Scene, t_gap: float | None = None) -> None:
         start = time.perf_counter()
-        self.scene, self.t_gap = scene, t_gap
+        self.scene = scene
+        self.t_gap = longest_pause(scene) if t_gap is None else t_gap
         self.problem = ContactProblem(scene)
         self.contact = self.problem.loaded()
         self.drive_0 = self.contact.drive
@@ -345,7 +346,7 @@ def simulate(
     t_end: float,
     *,
     initial: Record | None = None,
-    t_gap: float = T_GAP,
+    t_gap: float | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> Record:
     """Follow a scene through static states to t_end (s); see `pyfric.simulate`.

@@ -14,6 +14,7 @@ from pyfric.engines.dynamic import Run, RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
 from pyfric.engines.options import CURVE_POINTS, Options, kept
+from pyfric.engines.pauses import pause_notes
 from pyfric.record import Record
 from pyfric.scene import (
     SceneError,
@@ -158,10 +159,15 @@ def _run(
         if note and progress in (None, True) and sys.stderr is not None:
             print(note, file=sys.stderr, flush=True)
         record = integrate(ENGINES[options.fidelity], scene, t_end, options, **how)
-        return dataclasses.replace(record, notes=(*record.notes, note)) if note else record
+        return _with_notes(record, *pause_notes(record), *([note] if note else []))
     options.check_static()
     check_memory(scene, options.fidelity, "linear")
-    return quasistatic.simulate(options.fidelity, scene, t_end, t_gap=options.t_gap, **how)
+    record = quasistatic.simulate(options.fidelity, scene, t_end, t_gap=options.t_gap, **how)
+    return _with_notes(record, *pause_notes(record))
+
+
+def _with_notes(record: Record, *notes: str) -> Record:
+    return dataclasses.replace(record, notes=(*record.notes, *notes)) if notes else record
 
 
 def _begin(initial: State | Record | None) -> float:

@@ -109,7 +109,11 @@ def _steppers() -> list[str]:
     type=Seconds(),
     help="Time between two points of the curve. [default: 1/5000 of the run]",
 )
-@click.option("--t-gap", type=Seconds(), help="Longest pause inside an event. [default: 1 ms]")
+@click.option(
+    "--t-gap",
+    type=Seconds(),
+    help="Longest pause inside an event. [default: by the scene's times; the paper's: 1 ms]",
+)
 @click.option(
     "--threads", type=click.IntRange(1, 4096), help="Most threads to use. [default: all that pay]"
 )

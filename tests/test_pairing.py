@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from pyfric.checks.pairing import paired
+from pyfric.record import paired
 
 
 @pytest.mark.parametrize(("n", "m"), [(1, 1), (3, 3), (3, 6), (6, 3), (0, 2)])

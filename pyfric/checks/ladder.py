@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.checks.check import Check, largest
-from pyfric.checks.pairing import paired
+from pyfric.record import paired
 from pyfric.scene import Scene
 
 __all__ = ["LADDER", "Ladder", "ladder_at_given_length", "ladder_event_by_event"]

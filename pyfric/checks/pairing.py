@@ -6,29 +6,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from pyfric.record import paired
+
 if TYPE_CHECKING:
     from pyfric.record import Record
 
-__all__ = ["Agreement", "agreement", "paired"]
-
-
-def paired(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and columns of pairs, in order, that cover the shorter side at least total cost.
-
-    An event of four blocks in one engine may have three in the other, where it is no main event.
-    """
-    n, m = cost.shape
-    if n > m:
-        return paired(cost.T)[::-1]
-    least = np.full((n + 1, m + 1), np.inf)  # of the first rows, among the first columns
-    least[0] = 0.0
-    for i in range(n):
-        least[i + 1, 1:] = np.minimum.accumulate(least[i, :-1] + cost[i])
-    chosen, j = np.zeros(n, dtype=int), m
-    for i in range(n - 1, -1, -1):
-        j = int(np.argmin(least[i, :j] + cost[i, :j]))
-        chosen[i] = j
-    return np.arange(n), chosen
+__all__ = ["Agreement", "agreement"]
 
 
 class Agreement(NamedTuple):

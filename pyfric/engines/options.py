@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from pyfric.engines.dynamic import Run
     from pyfric.scene import Scene, SceneLike
 
-__all__ = ["AUTO_SHARE", "RTOL", "Fidelity", "Options", "Want", "kept", "step_size"]
+__all__ = ["AUTO_SHARE", "RTOL", "Fidelity", "Options", "Verify", "Want", "kept", "step_size"]
 
 AUTO_SHARE = 0.5
 """dt = "auto" is this share of the stability limit, rounded down to two digits.
@@ -63,11 +63,14 @@ Fidelity = Literal["auto", "equilibrium", "quasistatic", "hybrid", "dynamic"]
 """What is modelled: a level, or "auto" for the one that is enough."""
 Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
 """What a run is made for."""
+Verify = Literal["none", "sample", "full"]
+"""How errors are measured."""
 
 CHOICES: Mapping[str, tuple[str, ...]] = {
     "method": ("paper",),
     "fidelity": get_args(Fidelity),
     "want": get_args(Want),
+    "verify": get_args(Verify),
     "geometry": get_args(Geometry),
     "stepper": tuple(STEPPERS),
     "switching": get_args(Switching),
@@ -98,6 +101,11 @@ class Options:
             "hybrid". None: what the options below say.
         want: what the run is made for; see `pyfric.plan`.
         tolerance: accepted error; see `pyfric.plan`.
+        verify: how the errors in `Record.errors` are measured: "sample", by a run beside it that
+            costs at most as much again; "full", by one of half the step in finite geometry, and
+            one with a driver faster by 1e-9; "none". None means "sample" where the run is planned
+            (fidelity = "auto"), which it also refines where errors exceed the tolerance, and
+            "none" otherwise.
         geometry: "finite" (as in the paper) or "linear"; None leaves it to the plan, or means
             "finite", or "linear" where there is no other (chain, static engines).
         stepper: "rk4": classical RK4, order 4 (the paper's). "verlet": velocity Verlet with viscous
@@ -130,6 +138,7 @@ class Options:
     method: Literal["paper"] | None = None
     want: Want = "precursors"
     tolerance: float = 0.01
+    verify: Verify | None = None
     geometry: Geometry | None = None
     stepper: str = "rk4"
     switching: Switching | None = None

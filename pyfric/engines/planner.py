@@ -13,8 +13,9 @@ dynamic       dynamic       finite     nothing
 It takes the first level whose expected error is within the tolerance and whose assumptions hold.
 Each assumption is a number with a limit. `Plan.check` looks at them again in the record of a run.
 
-Expected errors are differences of forces at which main events start, over F_N, measured on the
-paper's scenes up to the first event over the whole interface (`reference_data/`).
+Expected errors of forces are over F_N. Those of the ladder and of jumps were measured on the
+paper's scenes up to the first event over the whole interface (`reference_data/`); that of steps
+follows from the scene (`step_error`). `pyfric.engines.verification` measures them in the run.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from pyfric.engines.guard import largest_strain
 from pyfric.engines.options import Fidelity, Options, Want, step_size
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.ringdown import Frozen
+from pyfric.engines.verification import SAMPLED, coarser_step
 from pyfric.record import build_catalogue
 from pyfric.scene import Geometry, at_once, check_number, default_geometry
 from pyfric.statics import EquilibriumError, StaticSolver, one_thread_if_small, stability_limit
@@ -48,12 +50,8 @@ ERROR_QUASISTATIC = 0.05
 """Largest difference of start forces between ladder and dynamics, event by event, over F_N."""
 ERROR_JUMPS = 1e-4
 """The same between hybrid and dynamics."""
-ERROR_STEP = 1e-5
-"""The same by steps of automatic size; proportional to the fourth power of the step, because
-contacts switch inside steps. With switches at step ends it is 1e-3, for two thirds of the time."""
-ERROR_SPEED = 1e-3
-"""Relative error of front speeds by such steps: 2e-4 in Fig. 1's 11th precursor, against 0.1 with
-switches at step ends (`pyfric chart`)."""
+PHASE = 1 / 120
+"""A step of RK4 is off by this times (omega dt)^5 in the phase of a motion of rate omega."""
 RING_SHARE = 0.25
 """Longest decay time of the slider's oscillations, over the time between main events."""
 OPEN_BLOCKS = 2
@@ -109,7 +107,9 @@ class Plan:
         reasons: why cheaper levels were passed over.
         error: expected error, as the tolerance.
         evaluations: expected number of blocks times force evaluations.
-        seconds: expected time on one core.
+        seconds: expected time on one core, without verification.
+        price: expected time more that verify = "sample" takes, in s.
+        share: part of the time that is verified so; no more is made than costs as much again.
     """
 
     want: Want
@@ -123,6 +123,8 @@ class Plan:
     error: float
     evaluations: float
     seconds: float
+    price: float = 0.0
+    share: float = 1.0
 
     def __str__(self) -> str:
         models = {
@@ -149,6 +151,7 @@ class Plan:
             *(f"not less: {reason}" for reason in self.reasons),
             f"expected error: {self.error:.2g}",
             f"expected cost: {self.evaluations:.2g} block evaluations, about {self.seconds:.2g} s",
+            f"verification: about {self.price:.2g} s more (verify = 'sample')",
         ]
         return "\n".join(lines)
 
@@ -161,7 +164,7 @@ class Plan:
             geometry = self.geometry
             if any(one.name == STRAIN for one in failed):
                 geometry = default_geometry(scene)
-            switching, dt, _ = _step(scene, self.want, self.tolerance)
+            switching, dt, _ = _step(scene, self.want, self.tolerance, math.inf)
             how = {"fidelity": "hybrid", "geometry": geometry, "switching": switching, "dt": dt}
             return dataclasses.replace(self, **how)
         if self.geometry == "linear" and default_geometry(scene) == "finite":
@@ -184,6 +187,7 @@ class _Scout(NamedTuple):
     F_max: float  # N
     seconds: float
     far: float  # t_end over the time at which the scout stopped
+    drop: float  # most by which F_T falls in an event over the whole interface, over F_N
     failed: str
 
 
@@ -248,7 +252,7 @@ def _ladder(
     """Return why the quasi-static engine is not enough, or else its plan."""
     strain, one_row = largest_strain(scene, scout.F_max), scene.N_z == 1
     needs = [_waits(times.slow, scout.interval), _gap(scout.open), _damping(scene)]
-    error = ERROR_QUASISTATIC + (0.0 if one_row else strain)
+    error = max(ERROR_QUASISTATIC, scout.drop) + (0.0 if one_row else strain)
     why_not = []
     if want in ("front_speed", "motion"):
         why_not.append(f"it has no {want.replace('_', ' ')}")
@@ -263,6 +267,8 @@ def _ladder(
         why_not += [str(one) for one in needs if not one.holds]
     if why_not:
         return [f"quasistatic: {reason}" for reason in why_not], None
+    geometry = default_geometry(scene)
+    dynamics = _cost(scene, 1.0, scout, "hybrid", geometry, step_size(scene))[1] - scout.seconds
     return [], Plan(
         want=want,
         tolerance=tolerance,
@@ -275,6 +281,7 @@ def _ladder(
         error=error,
         evaluations=0.0,
         seconds=scout.seconds * (1 + scout.far) + set_up(scene, "quasistatic", "linear").seconds,
+        price=dynamics * min(1.0, SAMPLED / scout.events),
     )
 
 
@@ -288,7 +295,8 @@ def _stepped(
     reasons: list[str],
 ) -> Plan:
     """Return the plan of an engine with time steps; `reasons` say why there is none without."""
-    switching, dt, error = _step(scene, want, tolerance)
+    lasts = min(scout.interval, max(t_end, 1e-30))
+    switching, dt, error = _step(scene, want, tolerance, lasts)
     needs, reasons = [_resolution(scene, dt)], list(reasons)
     geometry: Geometry = "linear"
     if scene.N_z > 1:
@@ -311,6 +319,10 @@ def _stepped(
         fidelity, error = "hybrid", error + ERROR_JUMPS
         needs.append(quiet)
     evaluations, seconds = _cost(scene, t_end, scout, fidelity, geometry, dt)
+    beside = coarser_step(scene, dt)
+    price = _cost(scene, t_end, scout, fidelity, default_geometry(scene), beside)[1]
+    price -= scout.seconds
+    share = min(1.0, seconds / max(price, 1e-30))
     return Plan(
         want=want,
         tolerance=tolerance,
@@ -323,6 +335,8 @@ def _stepped(
         error=error,
         evaluations=evaluations,
         seconds=seconds,
+        price=share * price,
+        share=share,
     )
 
 
@@ -380,7 +394,7 @@ def _scout(scene: Scene, t_end: float) -> _Scout:
     scene = _without_weakening(coarser(scene))
     refined /= scene.N_x
     F_max = scene.law.hold(scene.F_N)
-    guess = _Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, 1.0, "")
+    guess = _Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, 1.0, 0.0, "")
 
     def enough() -> bool:
         return run.events >= SCOUT_EVENTS or run.log.step * scene.N_x**2 > SCOUT_WORK
@@ -403,8 +417,20 @@ def _scout(scene: Scene, t_end: float) -> _Scout:
         F_max=max(abs(F) for _, F in run.rows),
         seconds=sum(run.timings.values()),
         far=far,
+        drop=_drop(record),
         failed=f"about {run.events * far:.0e} events up to t_end" if many else "",
     )
+
+
+def _drop(record: Record) -> float:
+    """Return how far F_T falls in the ladder's events over the whole interface, over F_N.
+
+    Without viscosity a slider overshoots by as much as it fell, which the ladder leaves out.
+    """
+    events = record.events
+    whole = events[events["is_main"] & (events["n_blocks"] == record.scene.N_x)]
+    fall = (whole["F_T_start"] - whole["F_T_arrest"]).max()
+    return float(fall / record.scene.F_N) if fall > 0 else 0.0
 
 
 def _without_weakening(scene: Scene) -> Scene:
@@ -543,16 +569,44 @@ def _resolution(scene: Scene, dt: float) -> Assumption:
     )
 
 
-def _step(scene: Scene, want: Want, tolerance: float) -> tuple[Switching, float, float]:
-    """Return where contacts switch, the time step in s, and the error of both."""
+def _step(
+    scene: Scene, want: Want, tolerance: float, lasts: float
+) -> tuple[Switching, float, float]:
+    """Return where contacts switch, the time step in s, and the expected error of both."""
     auto = step_size(scene)
-    error = ERROR_SPEED if want == "front_speed" else ERROR_STEP
-    dt = auto * (tolerance / (2 * error)) ** 0.25
+    error = step_error(scene, want, auto, lasts)
+    dt = auto * (tolerance / (2 * error)) ** 0.25 if error > 0 else auto
     if dt >= auto:
         return "located", auto, error
     digit = 10.0 ** (math.floor(math.log10(dt)) - 1)
     dt = float(f"{math.floor(dt / digit) * digit:.1e}")
     return "located", dt, error * (dt / auto) ** 4
+
+
+def step_error(scene: Scene, want: Want, dt: float, lasts: float) -> float:
+    """Return the expected error of located RK4 steps, as the tolerance of a plan.
+
+    A block that starts to slip excites its own motion, omega^2 = s/m with s the stiffness of what
+    holds it along the interface, which lasts 1/(eta omega^2/(2 k)) and at most to the next event.
+    Its phase is then off by omega lasts (omega dt)^4/120: a front speed by that share, F_T by that
+    share of the drop (mu_s - mu_k) F_N/N_x of one block.
+
+    Args:
+        scene: the scene.
+        want: what is wanted.
+        dt: step, in s.
+        lasts: time to the next event, in s.
+    """
+    slider, law = scene.slider, scene.law
+    stiff = 2.5 * slider.k
+    if scene.N_z == 1:
+        stiff = 2 * slider.k + scene.k_top + scene.driver.K
+    omega2 = stiff / scene.m
+    lasts = min(lasts, 2 * slider.k / (scene.eta * omega2) if scene.eta else math.inf)
+    if not math.isfinite(lasts):
+        lasts = 1 / math.sqrt(omega2)
+    phase = PHASE * lasts * dt**4 * omega2**2.5
+    return phase if want == "front_speed" else phase * max(law.drop, 1e-6) / scene.N_x
 
 
 def _of_record(record: Record, plan: Plan) -> list[Assumption]:

@@ -15,6 +15,7 @@ from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
 from pyfric.engines.options import CURVE_POINTS, Options, kept
 from pyfric.engines.pauses import pause_notes
+from pyfric.engines.verification import Made, verified
 from pyfric.record import Record
 from pyfric.scene import (
     SceneError,
@@ -111,11 +112,15 @@ def simulate(
     if options.checkpoint is not None:
         numbers = 4 * scene.N_x * scene.N_z + 2 * CURVE_POINTS
         check_writable(options.checkpoint, 8 * numbers)
-    run = functools.partial(_run, scene, t_end, initial=initial, progress=progress)
+    run = functools.partial(_run, initial=initial, progress=progress)
+    made = Made(scene=scene, t_begin=_begin(initial), t_end=t_end, options=options, run=run)
     if options.fidelity != "auto":
-        return run(options)
+        record = run(scene, t_end, options)
+        if options.verify in (None, "none") or not record.done or isinstance(initial, Record):
+            return record
+        return verified(record, options.verify, made)
     chosen = planner.plan(scene, options.want, options.tolerance, t_end=t_end)
-    return _planned(_with_options(chosen, scene, options, initial), scene, options, run)
+    return _planned(_with_options(chosen, scene, options, initial), made)
 
 
 def _going_on(before: Record, scene: Scene, options: Options) -> Options:
@@ -210,20 +215,20 @@ def _at_level(options: Options, chosen: Plan) -> Options:
     )
 
 
-def _planned(
-    chosen: Plan, scene: Scene, options: Options, run: Callable[[Options], Record]
-) -> Record:
-    """Run a plan; where an assumption turns out wrong, move up one level and say so."""
+def _planned(chosen: Plan, made: Made) -> Record:
+    """Run a plan and measure its errors; where an assumption turns out wrong, move up one level."""
+    options, scene = made.options, made.scene
     not_less = f"; not less: {'; '.join(chosen.reasons)}" if chosen.reasons else ""
     notes = [
         f"planned for {chosen.want} within {chosen.tolerance:g}: {chosen.fidelity}, "
         f"{chosen.geometry} geometry{not_less}"
     ]
     while True:
+        level, record, reasons = _at_level(options, chosen), None, []
         try:
-            record, higher = run(_at_level(options, chosen)), None
+            record = made.run(scene, made.t_end, level)
             failed = chosen.check(record) if record.done else []
-            reasons = [str(one) for one in failed]
+            reasons, higher = [str(one) for one in failed], None
             if failed:
                 higher = chosen.up(scene, failed)
         except EquilibriumError as error:
@@ -231,16 +236,31 @@ def _planned(
                 raise
             higher, reasons = chosen.up(scene, []), [str(error)]
         except RunError as error:
-            error.record = dataclasses.replace(error.record, notes=(*error.record.notes, *notes))
+            error.record = _with_notes(error.record, *notes)
             raise
         if higher is not None and options.geometry not in (None, higher.geometry):
             higher = None
+        if higher is None and record.done and options.verify != "none":
+            found = verified(record, options.verify or "sample", _as_planned(made, chosen, level))
+            if found is None:
+                reasons, higher = ["errors measured by dynamics exceed the tolerance"], None
+                higher = chosen.up(scene, [])
+            else:
+                record = found
         if higher is None:
             notes += [f"does not hold: {reason}" for reason in reasons]
-            return dataclasses.replace(record, notes=(*record.notes, *notes))
+            return _with_notes(record, *notes)
         nothing_to_save()
         before, chosen = chosen, higher
         notes.append(
             f"moved up from {before.fidelity}, {before.geometry} geometry, to {chosen.fidelity}, "
             f"{chosen.geometry} geometry: {'; '.join(reasons)}"
         )
+
+
+def _as_planned(made: Made, chosen: Plan, level: Options) -> Made:
+    """Return how a level of a plan was made; what users settled stays."""
+    asked = made.options
+    free = asked.dt == "auto" and asked.stepper == "rk4"
+    promise = {"expected": chosen.error, "share": chosen.share, "refines": free}
+    return dataclasses.replace(made, options=level, geometry=asked.geometry, **promise)

@@ -24,6 +24,7 @@ from pyfric.record.catalogue import (
     build_catalogue,
     front_speed,
 )
+from pyfric.record.errors import Errors, differences, paired, statistics
 from pyfric.record.record import Method, Record, RecordError
 from pyfric.record.software import provenance, versions
 from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving, zone_notes
@@ -37,6 +38,7 @@ __all__ = [
     "T_GAP",
     "Catalogue",
     "Collapse",
+    "Errors",
     "Method",
     "Record",
     "RecordError",
@@ -45,13 +47,16 @@ __all__ = [
     "budget_left",
     "build_catalogue",
     "collapse_spread",
+    "differences",
     "energy_release",
     "front",
     "front_speed",
     "fronts",
     "griffith_length",
+    "paired",
     "precursor_lengths",
     "provenance",
+    "statistics",
     "stress_profile",
     "system_size_events",
     "theory",

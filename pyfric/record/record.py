@@ -7,7 +7,8 @@ variable with its unit and meaning. Attributes of the file:
     Version of this layout. A file with another one is refused.
 ``scene``
     The scene as TOML text.
-``method``, ``versions``, ``timings``, ``counts``, ``notes``, ``final_state``, ``tables``
+``method``, ``versions``, ``timings``, ``counts``, ``notes``, ``errors``, ``final_state``,
+``tables``
     JSON. ``tables`` lists the columns of each table in order, with their types.
 ``status``
     "complete", "interrupted", "failed: reason", or "ended ..." where an engine had no way on.
@@ -38,6 +39,7 @@ import pandas as pd
 
 from pyfric.core import State
 from pyfric.record.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP, front_speed
+from pyfric.record.errors import Errors
 from pyfric.record.labels import describe
 from pyfric.record.zones import zone_at_rest, zone_moving
 from pyfric.scene import Scene, held_back, sealed, unsealed, write
@@ -49,7 +51,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SCHEMA", "Method", "Record", "RecordError"]
 
-SCHEMA = 5
+SCHEMA = 6
 """Version of the file layout that this module writes and reads."""
 
 COMPRESSED_FROM = 4096
@@ -161,6 +163,8 @@ class Record:
         way on before its time.
     final_state
         The state to continue from: a `State`, a dict of arrays and numbers, or None.
+    errors
+        `Errors` that were measured, or None.
 
     Raises
     ------
@@ -189,6 +193,7 @@ class Record:
     notes: tuple[str, ...] = ()
     status: str = "complete"
     final_state: Any = _Guarded(default=None)
+    errors: Errors | None = None
 
     def __post_init__(self) -> None:
         for name, shape in self._shapes().items():
@@ -286,6 +291,7 @@ class Record:
             "counts": json.dumps(dict(self.counts)),
             "notes": json.dumps(list(self.notes)),
             "status": self.status,
+            "errors": json.dumps(None if self.errors is None else self.errors.to_json()),
             "final_state": json.dumps(_state_plan(self.final_state)),
             "tables": json.dumps({name: _dtypes(getattr(self, name)) for name in TABLES}),
         }
@@ -385,6 +391,7 @@ class Record:
             counts=json.loads(attributes["counts"]),
             notes=tuple(json.loads(attributes["notes"])),
             status=attributes["status"],
+            errors=_errors(json.loads(attributes["errors"])),
             final_state=_load_state(json.loads(attributes["final_state"]), values),
         )
 
@@ -429,6 +436,10 @@ class Record:
 
 def _made(kind: type[Record], values: dict[str, Any]) -> Record:
     return kind(**values)
+
+
+def _errors(values: dict[str, Any] | None) -> Errors | None:
+    return None if values is None else Errors.from_json(values)
 
 
 # --- columns -------------------------------------------------------------------------------------

@@ -153,6 +153,7 @@ class HybridRun(Run):
     name = "hybrid"
     keeps_budget = False
     steppers = ("rk4",)
+    remainder = REMAINDER
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -228,7 +229,7 @@ class HybridRun(Run):
             s = first_crossing(c, rate, modal, rates, most * dt, dt)
             n = min(math.floor(s / dt), most)
             left = bound.max() * math.exp(-frozen.decay * n * dt)
-            if left > REMAINDER * scene.F_N / scene.N_x or n < min(most, SHORTEST):
+            if left > self.remainder * scene.F_N / scene.N_x or n < min(most, SHORTEST):
                 return False
             if self.method.geometry == "linear":
                 q = rest.q + (V * (since + n * dt)) * frozen.drift

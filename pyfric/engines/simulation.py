@@ -39,6 +39,17 @@ __all__ = ["simulate"]
 
 ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
 """The engines with time steps."""
+TIGHTER = 1e-2
+"""What jumps of runs that measure errors may neglect, over what others may."""
+
+
+class _Tight(HybridRun):
+    """The hybrid engine with a tighter criterion of jumps."""
+
+    remainder = TIGHTER * HybridRun.remainder
+
+
+TIGHT: dict[str, type[Run]] = ENGINES | {"hybrid": _Tight}
 
 
 @one_thread_if_small
@@ -152,8 +163,9 @@ def _run(
     *,
     initial: State | Record | None,
     progress: bool | Callable[[Progress], None] | None,
+    tight: bool = False,
 ) -> Record:
-    """Run one engine."""
+    """Run one engine; `tight` where it is to measure errors of another run."""
     how: dict[str, Any] = {"initial": initial, "progress": progress}
     if options.fidelity in ENGINES:
         begin = _begin(initial)
@@ -163,7 +175,8 @@ def _run(
         note = planner.long_note(scene, t_end - begin, *how_made)
         if note and progress in (None, True) and sys.stderr is not None:
             print(note, file=sys.stderr, flush=True)
-        record = integrate(ENGINES[options.fidelity], scene, t_end, options, **how)
+        engine = (TIGHT if tight else ENGINES)[options.fidelity]
+        record = integrate(engine, scene, t_end, options, **how)
         return _with_notes(record, *pause_notes(record), *([note] if note else []))
     options.check_static()
     check_memory(scene, options.fidelity, "linear")

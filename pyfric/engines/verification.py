@@ -1,8 +1,8 @@
 """Errors of a run, measured by runs that leave out less or more, and what follows from them.
 
-"sample"   one run beside it whose steps are nearly twice as long, in finite geometry: the run's
-           own error is below the difference, because errors of order p grow by the p-th power of
-           the step. It ends where it has cost as much as the run itself. A ladder is compared with
+"sample"   one run beside it whose steps are nearly twice as long, in finite geometry, and whose
+           jumps neglect a hundredth: the run's own error is below the difference, because errors
+           of order p grow by the p-th power of the step. It ends where it has cost as much as the run itself. A ladder is compared with
            dynamics of its first main events.
 "full"     one run beside it of half the step, in finite geometry, and one whose driver is faster by
            `PERTURBATION`: the difference from the first is the error, from the second it says what
@@ -54,7 +54,8 @@ class Made:
         scene: what was run.
         t_begin, t_end: from where to where, s.
         options: with engine, geometry, step and switching settled.
-        run: makes a run of a scene, to a time (s), with options.
+        run: makes a run of a scene, to a time (s), with options; tight = True where it measures
+            errors: its jumps neglect less.
         refines: whether steps and geometry may be changed.
         expected: error that the plan expects.
         share: part of the time that the coarser run may take.
@@ -65,7 +66,7 @@ class Made:
     t_begin: float
     t_end: float
     options: Options
-    run: Callable[[Scene, float, Options], Record]
+    run: Callable[..., Record]
     refines: bool = False
     expected: float | None = None
     share: float = 1.0
@@ -77,7 +78,8 @@ class Made:
         same = {"dt": method.dt, "geometry": method.geometry, "switching": method.switching}
         plain = {"fidelity": method.engine, "checkpoint": None, "budget": False, "verify": None}
         options = dataclasses.replace(self.options, **(plain | same | changes))
-        return self.run(self.scene, self.t_end if t_end is None else t_end, options)
+        t_end = self.t_end if t_end is None else t_end
+        return self.run(self.scene, t_end, options, tight=True)
 
 
 def verified(record: Record, mode: str, made: Made) -> Record | None:

@@ -400,8 +400,9 @@ def test_plan():
         result = pyf(*arguments, "--tolerance", tolerance)
         assert result.exit_code == Exit.COMPLETE
         lines = result.stdout.splitlines()
-        assert lines[:-1] == str(found).splitlines()[:-1]  # the last one holds a measured time
-        assert lines[-1].startswith("expected cost: ")
+        assert lines[:-2] == str(found).splitlines()[:-2]  # the last two hold measured times
+        assert lines[-2].startswith("expected cost: ")
+        assert lines[-1].startswith("verification: ")
         told = json.loads(pyf(*arguments, "--tolerance", tolerance, "--json").stdout)
         for name in ("want", "tolerance", "fidelity", "geometry", "dt", "error", "evaluations"):
             assert told[name] == getattr(found, name)

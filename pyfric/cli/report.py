@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pyfric.record import Record
+    from pyfric.record import Errors, Record
 
 __all__ = ["summary", "text"]
 
@@ -50,8 +50,13 @@ def summary(record: Record, files: list[Path]) -> dict[str, Any]:
         | {"words": str(record.method)},
         "counts": dict(record.counts),
         "notes": list(record.notes),
+        "errors": None if record.errors is None else _errors(record.errors),
         "files": [str(path) for path in files],
     }
+
+
+def _errors(errors: Errors) -> dict[str, Any]:
+    return errors.to_json() | {"measured": errors.measured(), "text": str(errors)}
 
 
 def _plain(value: Any) -> Any:
@@ -90,5 +95,7 @@ def text(summary: dict[str, Any]) -> str:
     lines.append(f"time taken: {took}")
     if per_step is not None:
         lines.append(f"per block and step: {per_step * 1e9:.1f} ns")
+    if summary["errors"] is not None:
+        lines.append(summary["errors"]["text"])
     lines += [f"note: {note}" for note in summary["notes"]]
     return "\n".join([*lines, *(f"written: {path}" for path in summary["files"])])

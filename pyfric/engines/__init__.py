@@ -8,7 +8,7 @@ from pyfric.engines.options import Options, step_size
 from pyfric.engines.planner import Assumption, Plan, decay_times, plan
 from pyfric.engines.points import Estimate, Results, Span, Sweep
 from pyfric.engines.progress import Progress
-from pyfric.engines.quasistatic import prediction_curve
+from pyfric.engines.quasistatic import QuasistaticRun, prediction_curve
 from pyfric.engines.simulation import simulate
 from pyfric.engines.sweep import Job, JobError, run_all
 
@@ -20,6 +20,7 @@ __all__ = [
     "Options",
     "Plan",
     "Progress",
+    "QuasistaticRun",
     "Results",
     "RunError",
     "Span",

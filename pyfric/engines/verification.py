@@ -2,8 +2,8 @@
 
 "sample"   one run beside it whose steps are nearly twice as long, in finite geometry, and whose
            jumps neglect a hundredth: the run's own error is below the difference, because errors
-           of order p grow by the p-th power of the step. It ends where it has cost as much as the run itself. A ladder is compared with
-           dynamics of its first main events.
+           of order p grow by the p-th power of the step. It ends where it has cost as much as the
+           run itself. A ladder is compared with dynamics of its first main events.
 "full"     one run beside it of half the step, in finite geometry, and one whose driver is faster by
            `PERTURBATION`: the difference from the first is the error, from the second it says what
            is determined at all.

@@ -1,8 +1,8 @@
 """Measured errors of a run: two records of one scene, compared event by event.
 
-Each main event of either record is paired with an event of the other one, in order, at the least
-total cost (`paired`). An event that the other run would have had after its end is compared with the
-force that this one reached.
+Each main event of either record (each event, where there are no main ones) is paired with an event
+of the other one, in order, at the least total cost (`paired`). An event that the other run would
+have had after its end is compared with the force that this one reached.
 
 What is local stays with its event: lengths, front speeds, arrest. Start forces hang on the stresses
 that all earlier events left.
@@ -173,7 +173,8 @@ def differences(record: Record, other: Record) -> Differences:
 def _rows(a: Record, b: Record, covered: float) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return differences of the main events of a from events of b, and of their front speeds."""
     scene, F_N, N_x = a.scene, a.scene.F_N, a.scene.N_x
-    ours = a.events[a.events["is_main"] & _known(a, covered)]
+    some = a.events["is_main"].any() or b.events["is_main"].any()
+    ours = a.events[(a.events["is_main"] | (not some)) & _known(a, covered)]
     theirs = b.events[_known(b, covered)]
     later = _later(b, covered)
     rate = scene.driver.K * scene.driver.V / F_N

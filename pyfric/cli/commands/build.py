@@ -11,10 +11,18 @@ from pyfric.cli.shared import Exit, json_option, print_json, stop
 
 
 @main.command()
+@click.argument("record", required=False, metavar="[RECORD]")
 @json_option
-def info(as_json: bool) -> None:
-    """Show version, compiler, instruction sets and threads."""
+def info(record: str | None, as_json: bool) -> None:
+    """Show version, compiler, instruction sets and threads; of a RECORD, what it holds.
+
+    That is what `pyfric run` says of it: events, method, notes, errors expected and measured.
+    """
     import platform
+
+    if record is not None:
+        _record_info(record, as_json)
+        return
 
     import numpy as np
 
@@ -60,6 +68,15 @@ def info(as_json: bool) -> None:
     }
     for name, value in rows.items():
         click.echo(f"{name:<11} {value}")
+
+
+def _record_info(path: str, as_json: bool) -> None:
+    """Show what a record file holds."""
+    from pyfric.cli.report import summary, text
+    from pyfric.record import Record
+
+    found = summary(Record.load(path), [])
+    print_json(found) if as_json else click.echo(text(found))
 
 
 @main.command(

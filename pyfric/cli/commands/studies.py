@@ -91,3 +91,22 @@ def regimes(out: Path | None, overwrite: bool, as_json: bool) -> None:
     click.echo(table.to_json(orient="records") if as_json else checks.regimes.report(table))
     if not table["as_stated"].all():
         stop(Exit.FAILED, "Error: not everything is as stated")
+
+
+@main.command("check-plans")
+@click.option("--trials", type=click.IntRange(1), default=200, show_default=True, help="How many.")
+@click.option("--first", type=click.IntRange(0), default=0, help="Number of the first trial.")
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the draws.")
+@file_option("--out", metavar="FILE", help="Rows are appended to this CSV. [default: plans.csv]")
+@quiet_option
+def check_plans(trials: int, first: int, seed: int, out: Path | None, quiet: bool) -> None:
+    """Draw scenes, wants and tolerances and see whether plans keep what they promise.
+
+    A trial takes some seconds; those whose rows are in FILE are not made again.
+    """
+    from pyfric.checks.studies import plans
+
+    out = out or Path("plans.csv")
+    check_folder(out.parent)
+    rows = plans.run(out, range(first, first + trials), seed, progress=not quiet)
+    click.echo(plans.table(rows).to_string(index=False))

@@ -1,0 +1,200 @@
+"""Are plans kept: random scenes, wants and tolerances, against full dynamics.
+
+Each trial draws a small scene (setup 1, setup 2 or a chain, with other sizes, friction, viscosity,
+stiffness, load and driver), what is wanted and a tolerance. The planned run is compared with full
+dynamics in finite geometry (linear for a chain) whose steps are a tenth of the stability limit.
+Trial n of a seed is always the same. Rows are appended to a file as they are done, and trials that
+are in it are not made again.
+
+A promise is kept where the real error of what was wanted is within the tolerance, and honest where
+it is within the run's own measured error. Events after the time from which on a record says that
+single ones cannot be trusted are left out, and counted.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from pyfric.engines import QuasistaticRun, plan, simulate
+from pyfric.record import Errors, differences
+from pyfric.scene import chain, setup1, setup2
+from pyfric.statics import stability_limit
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+__all__ = ["QUANTITIES", "drawn", "run", "table", "trial"]
+
+WORK = 3e7
+"""Block evaluations of a reference run."""
+EVENTS = 10
+"""Main events of a trial, by the ladder."""
+FINE = 0.1
+"""Its steps, over the stability limit."""
+ROUNDING = 1e-6
+"""Errors of the reference run itself are of this size: no measured error counts as smaller."""
+WANTS = ("loading_curve", "precursors", "stress", "front_speed")
+QUANTITIES = ("start", "arrest", "length", "stress", "speed_median", "speed_95", "speed_worst")
+
+
+def drawn(seed: int, n: int) -> tuple[Scene, float, str, float]:
+    """Return scene, t_end (s), want and tolerance of trial n of a seed."""
+    rng = np.random.default_rng([seed, n])
+
+    def between(low: float, high: float) -> float:
+        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+    mu_s = float(rng.uniform(0.4, 0.8))
+    how: dict[str, Any] = {"mu_s": mu_s, "mu_k": mu_s * float(rng.uniform(0.5, 0.9))}
+    how["K"] = between(0.5e6, 8e6)
+    kind = ("rod", "free", "chain")[rng.integers(3)]
+    N_x, N_z = int(rng.integers(12, 41)), int(rng.integers(4, 11))
+    if kind == "chain":
+        forces = rng.uniform(30.0, 90.0, N_x)
+        tau = 0.6 * how["mu_k"] * forces * np.cos(np.linspace(0, rng.uniform(1, 6), N_x))
+        how |= {"p": tuple(forces.tolist()), "tau": tuple(tau.tolist()), "L": (N_x - 1) * 2.5e-3}
+        how |= {"k_top": between(1e6, 5e7)}
+        make = chain
+    else:
+        l = 2.5e-3 if kind == "rod" else 1e-3
+        how |= {"L": (N_x - 1) * l, "H": (N_z - 1) * l, "h": l * int(rng.integers(1, N_z // 2 + 1))}
+        how |= {"F_N": N_x * between(20.0, 100.0) * l / 2.5e-3}
+        make = setup1 if kind == "rod" else setup2
+        if kind == "free":
+            how["theta"] = float(rng.uniform(-0.8, 0.5))
+    plain = make(**how)
+    eta = plain.eta * between(0.1, 2.0)
+    dt = FINE * stability_limit(make(**how, eta=eta))[0]
+    t_end = dt * WORK / (4 * plain.N_x * plain.N_z)
+    V = _way(plain) / t_end
+    want = WANTS[rng.integers(len(WANTS))]
+    tolerance = between(0.02, 0.1) if want == "front_speed" else between(0.003, 0.06)
+    return make(**how, eta=eta, V=V), t_end, want, tolerance
+
+
+def _way(scene: Scene) -> float:
+    """Return how far the driver moves until the ladder has had `EVENTS` main events, in m."""
+    one = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, V=1.0))
+    most = 2 * scene.F_N * (1 / scene.driver.K + 1 / scene.slider.k)
+    ladder = QuasistaticRun(one, t_gap=0.0)
+    ladder.advance(most, lambda: ladder.events > 20 * EVENTS, lambda *_: None)
+    events = ladder.record("complete").events
+    starts = events["t_start"].to_numpy()[events["is_main"].to_numpy()]
+    return float(1.02 * starts[: EVENTS + 1][-1]) if len(starts) else most
+
+
+def trial(
+    scene: Scene, t_end: float, want: str, tolerance: float, fine: float = FINE
+) -> dict[str, Any]:
+    """Return what became of one promise, as a row of the table.
+
+    Args:
+        scene, t_end, want, tolerance: the question.
+        fine: step of the reference run over the stability limit.
+    """
+    how = {"want": want, "tolerance": tolerance}
+    start = time.process_time()
+    found = plan(scene, want, tolerance, t_end=t_end)
+    planned = time.process_time()
+    made = simulate(scene, t_end, **how, progress=False)
+    ran = time.process_time()
+    truth = simulate(
+        scene,
+        t_end,
+        fidelity="dynamic",
+        dt=fine * stability_limit(scene)[0],
+        switching="located",
+        t_gap=made.method.t_gap,
+        budget=False,
+        progress=False,
+    )
+    end = time.process_time()
+    row = {"want": want, "tolerance": tolerance, "N_x": scene.N_x, "N_z": scene.N_z, "t_end": t_end}
+    row |= {"eta": scene.eta / math.sqrt(scene.slider.k * scene.m), "V": scene.driver.V}
+    row |= {"planned": found.fidelity, "engine": made.method.engine}
+    row |= {"geometry": made.method.geometry, "dt": made.method.dt}
+    row |= {"seconds_plan": planned - start, "seconds_run": ran - planned}
+    row |= {"seconds_reference": end - ran, "refined": sum("refined to" in n for n in made.notes)}
+    return row | judged(made, truth, found.error)
+
+
+def judged(made: Record, truth: Record, expected: float) -> dict[str, Any]:
+    """Return the errors of a record, expected, measured and real, and what holds."""
+    own = made.errors or Errors()
+    until = math.inf if own.until is None else own.until
+    apart = differences(made, truth)
+    trusted = apart.before(until)
+    real = Errors(want=own.want, tolerance=own.tolerance, **trusted.errors())
+    row: dict[str, Any] = {"events": len(apart.events), "trusted": len(trusted.events)}
+    row |= {"expected": expected, "measured": own.measured(), "real": real.measured()}
+    row |= {"until": own.until, "said": made.errors is None or not own.holds}
+    row |= {"beyond_tolerance": not real.holds}
+    row |= {"beyond_measured": real.measured() > max(own.measured(), ROUNDING)}
+    for name in QUANTITIES:
+        row |= {f"measured_{name}": getattr(own, name), f"real_{name}": getattr(real, name)}
+    return row
+
+
+def run(path: Path, numbers: Iterable[int], seed: int = 1, progress: bool = True) -> pd.DataFrame:
+    """Make the trials that a file does not hold yet, append their rows, and return all.
+
+    Args:
+        path: CSV file, made if missing.
+        numbers: which trials.
+        seed: of the draws.
+        progress: say one line for each trial.
+    """
+    done = set()
+    if path.exists():
+        rows = pd.read_csv(path)
+        done = set(zip(rows["seed"], rows["n"], strict=True))
+    for n in numbers:
+        if (seed, n) in done:
+            continue
+        question = drawn(seed, n)
+        row = {"seed": seed, "n": n, "kind": question[0].name} | trial(*question)
+        new = not path.exists()
+        with path.open("a", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, list(row))
+            if new:
+                writer.writeheader()
+            writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
+        if progress:
+            kept = "kept" if not row["beyond_tolerance"] else "BROKEN"
+            print(
+                f"{n}: {row['want']} {row['tolerance']:.3g}: {row['real']:.2g}, {kept}", flush=True
+            )
+    return pd.read_csv(path)
+
+
+def table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return how often promises were kept: one row for each want, and one for all."""
+    groups = [*rows.groupby("want"), ("all", rows)]
+    return pd.DataFrame(
+        [
+            {
+                "want": want,
+                "trials": len(group),
+                "beyond the tolerance": int(group["beyond_tolerance"].sum()),
+                "of which the record says so": int(
+                    (group["beyond_tolerance"] & group["said"]).sum()
+                ),
+                "beyond the measured error": int(group["beyond_measured"].sum()),
+                "refined": int((group["refined"] > 0).sum()),
+                "moved on from single events": int(group["until"].notna().sum()),
+                "events trusted": f"{group['trusted'].sum() / max(group['events'].sum(), 1):.1%}",
+            }
+            for want, group in groups
+        ]
+    )

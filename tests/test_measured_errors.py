@@ -103,20 +103,20 @@ def one_block(dt_share, verify):
     m u'' = K V t - (K + k) u - mu_k p from u = 0, where K V t = mu_s p.
     """
     scene = chain(
-        p=(50.0, 5e4), L=2.5e-3, k=2e6, M=2e-3, K=1e6, V=0.05, mu_s=0.7, mu_k=0.4, eta=0.0
+        p=(500.0, 2500.0, 2500.0), L=5e-3, k=2e6, M=3e-3, K=1e6, V=0.5, mu_s=0.7, mu_k=0.4, eta=0.0
     )
-    t_0 = 0.7 * 50.0 / (1e6 * 0.05)
+    t_0 = 0.7 * 500.0 / (1e6 * 0.5)
     dt = dt_share * stability_limit(scene)[0]
     record = pyfric.simulate(
         scene, t_0 + 2e-4, fidelity="dynamic", dt=dt, switching="located", verify=verify
     )
-    m, stiff, drop, rate = scene.m, 3e6, 0.3 * 50.0, 1e6 * 0.05
+    m, stiff, drop, rate = scene.m, 3e6, 0.3 * 500.0, 1e6 * 0.5
     omega = math.sqrt(stiff / m)
     # u = (drop/stiff)(1 - cos) + rate/stiff (t - sin/omega); u' = 0 again at omega t = 2 pi - 2 a
     a = math.atan(rate / (omega * drop))
     t = (math.pi + 2 * a) / omega
     u = drop / stiff * (1 - math.cos(omega * t)) + rate / stiff * (t - math.sin(omega * t) / omega)
-    return record, 0.7 * 50.0 + rate * t - 1e6 * u
+    return record, 0.7 * 500.0 + rate * t - 1e6 * u
 
 
 @pytest.mark.parametrize("share", [0.5, 0.25])

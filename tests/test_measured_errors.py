@@ -108,7 +108,7 @@ def one_block(dt_share, verify):
     t_0 = 0.7 * 500.0 / (1e6 * 0.5)
     dt = dt_share * stability_limit(scene)[0]
     record = pyfric.simulate(
-        scene, t_0 + 2e-4, fidelity="dynamic", dt=dt, switching="located", verify=verify
+        scene, t_0 + 2e-4, fidelity="dynamic", dt=dt, switching="located", verify=verify, t_gap=1e-5
     )
     m, stiff, drop, rate = scene.m, 3e6, 0.3 * 500.0, 1e6 * 0.5
     omega = math.sqrt(stiff / m)

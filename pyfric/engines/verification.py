@@ -3,7 +3,8 @@
 "sample"   one run beside it whose steps are nearly twice as long, in finite geometry, and whose
            jumps neglect a hundredth: the run's own error is below the difference, because errors
            of order p grow by the p-th power of the step. It ends where it has cost as much as the
-           run itself. A ladder is compared with dynamics of its first main events.
+           run itself; errors are taken to grow with time beyond that. A ladder is compared with
+           dynamics of its first main events.
 "full"     one run beside it of half the step, in finite geometry, and one whose driver is faster by
            `PERTURBATION`: the difference from the first is the error, from the second it says what
            is determined at all.
@@ -196,7 +197,7 @@ def _beside(record: Record, mode: str, made: Made) -> tuple[Record, float]:
     other = made.again(record, t_end, dt=dt, geometry=geometry)
     if dt < method.dt:
         return other, 1 / (1 - 0.5**order)
-    return other, max(1.0, 1 / ((dt / method.dt) ** order - 1))
+    return other, max(1.0, 1 / ((dt / method.dt) ** order - 1)) / made.share
 
 
 def _refined(record: Record, other: Record, made: Made) -> tuple[Record, Record, float]:

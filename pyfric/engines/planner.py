@@ -606,7 +606,9 @@ def step_error(scene: Scene, want: Want, dt: float, lasts: float) -> float:
     if not math.isfinite(lasts):
         lasts = 1 / math.sqrt(omega2)
     phase = PHASE * lasts * dt**4 * omega2**2.5
-    return phase if want == "front_speed" else phase * max(law.drop, 1e-6) / scene.N_x
+    return (
+        phase if want == "front_speed" else phase * max(float(np.max(law.drop)), 1e-6) / scene.N_x
+    )
 
 
 def _of_record(record: Record, plan: Plan) -> list[Assumption]:

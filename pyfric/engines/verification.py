@@ -77,7 +77,8 @@ class Made:
         """Return a run made like a record, but for some options."""
         method = record.method
         same = {"dt": method.dt, "geometry": method.geometry, "switching": method.switching}
-        plain = {"fidelity": method.engine, "checkpoint": None, "budget": False, "verify": None}
+        plain = {"fidelity": method.engine, "method": None, "checkpoint": None}
+        plain |= {"budget": False, "verify": None}
         options = dataclasses.replace(self.options, **(plain | same | changes))
         t_end = self.t_end if t_end is None else t_end
         return self.run(self.scene, t_end, options, tight=True)

@@ -128,6 +128,7 @@ def _units() -> dict[str, str]:
         for part in (Slider, Rod, DistributedLoad, PrescribedLoad, Driver, Interface)
         for name, hint in typing.get_type_hints(part, include_extras=True).items()
         for mark in getattr(hint, "__metadata__", ())
+        if hasattr(mark, "unit")
     }
 
 

@@ -104,9 +104,9 @@ def check_plans(trials: int, first: int, seed: int, out: Path | None, quiet: boo
 
     A trial takes some seconds; those whose rows are in FILE are not made again.
     """
-    from pyfric.checks.studies import plans
+    from pyfric.checks import studies
 
     out = out or Path("plans.csv")
     check_folder(out.parent)
-    rows = plans.run(out, range(first, first + trials), seed, progress=not quiet)
-    click.echo(plans.table(rows).to_string(index=False))
+    rows = studies.plans.run(out, range(first, first + trials), seed, progress=not quiet)
+    click.echo(studies.plans.table(rows).to_string(index=False))

@@ -11,7 +11,7 @@ import pyfric
 from pyfric import theory
 from pyfric.record import analysis, zone_at_rest, zone_moving, zone_notes
 from pyfric.record.catalogue import _shares, front_speed
-from pyfric.scene import chain, preset
+from pyfric.scene import chain, preset, slab
 
 B = 6e-3  # of the paper's slider
 
@@ -106,3 +106,13 @@ def test_one_sentence_where_fronts_are_not_resolved():
     assert note.startswith("hybrid: ")
     assert "d_c = 0" in note
     assert (record.events.loc[main, "share_X_c0"] == 0).all()
+
+
+def test_prescribed_loads_are_known_without_a_static_state():
+    p = [10.0, 20.0, 40.0, 80.0]
+    scene = slab(p=p, L=0.0075, H=0.005, l=2.5e-3, side="right", d_c=1e-6)
+    known = zone_at_rest(scene, np.array(p)[::-1])
+    np.testing.assert_array_equal(zone_at_rest(scene, np.full(4, np.nan)), known)
+    np.testing.assert_allclose(
+        known, 0.75 * np.pi / 2 * scene.slider.k * 1e-6 / (0.25 * np.array(p)[::-1])
+    )

@@ -230,6 +230,7 @@ def front(record: Record, event: int) -> pd.DataFrame:
     t = record.rupture_times[event][order]
     tau, p = record.tau_before[event][order], record.p_before[event][order]
     tau_over_p, v_c = _ratio(tau, p), front_speed(t, scene.slider.l)
+    p, speeds = record.p_before[event], v_c[np.argsort(order)]
     table = pd.DataFrame(
         {
             **_positions(record),
@@ -237,8 +238,8 @@ def front(record: Record, event: int) -> pd.DataFrame:
             "v_c": v_c,
             "tau_over_p": tau_over_p,
             "scaled": _scaled(record, tau_over_p),
-            "X_c0_over_l": zone_at_rest(scene, p),
-            "X_c_over_l": zone_moving(scene, p, v_c),
+            "X_c0_over_l": zone_at_rest(scene, p)[order],
+            "X_c_over_l": zone_moving(scene, p, speeds)[order],
         }
     )
     return table[np.isfinite(t)].reset_index(drop=True)

@@ -660,8 +660,8 @@ def _count_not_increasing(rupture_times: np.ndarray, d: int) -> np.ndarray:
 
 def _shares(scene: Scene, times: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(n_events,) shares of each front's blocks with `RESOLVED` blocks in X_c0, and in X_c(v)."""
-    p, v = np.where(np.isfinite(times), p, np.nan), front_speed(times, scene.slider.l, scene.d)
-    at_rest = zone_at_rest(scene, p)
+    v, inside = front_speed(times, scene.slider.l, scene.d), np.isfinite(times)
+    at_rest = np.where(inside, zone_at_rest(scene, p), np.nan)
     known = np.isfinite(at_rest), np.isfinite(at_rest) & np.isfinite(v)
     enough = at_rest >= RESOLVED, zone_moving(scene, p, v) >= RESOLVED
     return tuple(

@@ -320,9 +320,11 @@ class Record:
             dims = ("event", "x")[-len(shape) :]
             yield name, variable(dims, getattr(self, name), name)
         v_c = front_speed(self.rupture_times, self.scene.slider.l, self.scene.d)
-        p = np.where(np.isfinite(self.rupture_times), self.p_before, np.nan)
-        yield "X_c0_over_l", variable(("event", "x"), zone_at_rest(self.scene, p), "X_c0_over_l")
-        yield "X_c_over_l", variable(("event", "x"), zone_moving(self.scene, p, v_c), "X_c_over_l")
+        at_rest = zone_at_rest(self.scene, self.p_before)
+        at_rest[np.isnan(self.rupture_times)] = np.nan
+        moving = zone_moving(self.scene, self.p_before, v_c)
+        yield "X_c0_over_l", variable(("event", "x"), at_rest, "X_c0_over_l")
+        yield "X_c_over_l", variable(("event", "x"), moving, "X_c_over_l")
         for log in LOGS:
             for name, values in getattr(self, log).items():
                 yield PREFIX[log] + name, variable((log, "x")[: values.ndim], values, name)

@@ -25,6 +25,7 @@ import numpy as np
 
 from pyfric.record.theory.cracks import A_II
 from pyfric.record.theory.waves import Material
+from pyfric.scene import PrescribedLoad
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
@@ -42,11 +43,14 @@ def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
 
     Args:
         scene: the scene.
-        p: normal forces on the blocks from left to right, shape (..., N_x), N.
+        p: normal forces on the blocks from left to right, shape (..., N_x), N; where it is NaN, a
+            prescribed one is taken.
 
     Source: see the module.
     """
     law, p = scene.law, np.asarray(p, dtype=float)
+    if isinstance(scene.top, PrescribedLoad):
+        p = np.where(np.isnan(p), scene.load, p)
     with np.errstate(divide="ignore", invalid="ignore"):
         drop, energy = law.drop * p, law.fracture_energy(p)
         if scene.N_z == 1:

@@ -29,7 +29,7 @@ def make_scene(N_x=8, d=1, j_h=2, l=2.5e-3):
     return SimpleNamespace(
         N_x=N_x,
         N_z=2,
-        top=None,
+        top=None,  # no prescribed load
         d=d,
         j_h=j_h,
         m=4e-5,

@@ -109,10 +109,8 @@ def test_one_sentence_where_fronts_are_not_resolved():
 
 
 def test_prescribed_loads_are_known_without_a_static_state():
-    p = [10.0, 20.0, 40.0, 80.0]
-    scene = slab(p=p, L=0.0075, H=0.005, l=2.5e-3, side="right", d_c=1e-6)
-    known = zone_at_rest(scene, np.array(p)[::-1])
-    np.testing.assert_array_equal(zone_at_rest(scene, np.full(4, np.nan)), known)
-    np.testing.assert_allclose(
-        known, 0.75 * np.pi / 2 * scene.slider.k * 1e-6 / (0.25 * np.array(p)[::-1])
-    )
+    p = np.array([10.0, 20.0, 40.0, 80.0])
+    scene = slab(p=p.tolist(), L=0.0075, H=0.005, l=2.5e-3, side="right", d_c=1e-6)
+    known = 0.75 * np.pi / 2 * scene.slider.k * 1e-6 / (0.25 * p[::-1])
+    np.testing.assert_allclose(zone_at_rest(scene, p[::-1]), known)
+    np.testing.assert_allclose(zone_at_rest(scene, np.full(4, np.nan)), known)

@@ -50,7 +50,8 @@ def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
     """
     law, p = scene.law, np.asarray(p, dtype=float)
     if isinstance(scene.top, PrescribedLoad):
-        p = np.where(np.isnan(p), scene.load, p)
+        given = scene.p_prescribed if scene.prescribed else scene.load
+        p = np.where(np.isnan(p), given, p)
     with np.errstate(divide="ignore", invalid="ignore"):
         drop, energy = law.drop * p, law.fracture_energy(p)
         if scene.N_z == 1:

@@ -10,7 +10,7 @@ from helpers import small_rod
 
 import pyfric
 from pyfric.cli import main
-from pyfric.engines.verification import PERTURBATION, coarser_step
+from pyfric.engines.verification import PERTURBATION, Made, coarser_step, verified
 from pyfric.record import Errors, Record, differences, statistics
 from pyfric.scene import chain, setup1
 from pyfric.statics import stability_limit
@@ -188,3 +188,94 @@ def test_beyond_the_tolerance_is_said():
     assert "BEYOND 0.01" in str(errors)
     assert Errors.from_json(errors.to_json()) == errors
     assert 0 < PERTURBATION < 1e-6
+
+
+# --- refinement, with runs whose errors are known ------------------------------------------------
+
+
+class Known:
+    """Runs off by `step` (dt/dt_0)^4 F_N, and by `bonds` F_N in linear geometry, in start forces.
+
+    From main event `chaos` on, a faster driver moves them by 0.3 F_N.
+    """
+
+    def __init__(self, ladder, step=0.0, bonds=0.0, chaos=None, noise=0.0):
+        self.ladder, self.step, self.bonds, self.chaos = ladder, step, bonds, chaos
+        self.noise, self.asked = noise, []
+        self.dt_0 = pyfric.step_size(ladder.scene)
+        self.main = np.flatnonzero(ladder.events["is_main"])
+
+    def run(self, scene, t_end, options, tight=False):
+        how = {"engine": "hybrid", "geometry": options.geometry, "dt": options.dt}
+        method = dataclasses.replace(
+            self.ladder.method, **how, stepper="rk4", switching="located", variant=""
+        )
+        off = self.step * (options.dt / self.dt_0) ** 4
+        off += self.bonds * (options.geometry == "linear")
+        events = self.ladder.events
+        events.loc[self.main, "F_T_start"] += off * scene.F_N
+        if self.chaos is not None:
+            late = self.main[self.chaos :]
+            fast = scene.driver.V != self.ladder.scene.driver.V
+            apart = 0.3 * fast + self.noise * (options.dt / self.dt_0) ** 0.1
+            events.loc[late, "F_T_start"] += apart * scene.F_N
+        self.asked.append((options.geometry, options.dt / self.dt_0, tight))
+        return dataclasses.replace(self.ladder, method=method, events=events)
+
+    def verified(self, mode, tolerance=0.01, geometry="finite"):
+        options = pyfric.Options(
+            fidelity="hybrid", geometry=geometry, dt=self.dt_0, tolerance=tolerance
+        )
+        scene = self.ladder.scene
+        made = Made(
+            scene=scene, t_begin=0.0, t_end=1.5, options=options, run=self.run, refines=True
+        )
+        return verified(self.run(scene, 1.5, options), mode, made)
+
+
+def test_a_small_error_takes_one_more_run(ladder):
+    known = Known(ladder, step=1e-4)
+    errors = known.verified("sample").errors
+    assert len(known.asked) == 2
+    ratio = known.asked[1][1]
+    assert errors.start == pytest.approx(1e-4 * (ratio**4 - 1), rel=1e-6)
+    full = known.verified("full").errors
+    assert full.start == pytest.approx(1e-4, rel=1e-6)
+    assert all(tight for _, _, tight in known.asked[1:2])
+
+
+def test_steps_are_halved_until_the_error_is_within_the_tolerance(ladder):
+    known = Known(ladder, step=0.01)
+    record = known.verified("sample")
+    assert [share for _, share, _ in known.asked[2:]] == [0.5]
+    assert record.method.dt == 0.5 * known.dt_0
+    assert record.errors.start == pytest.approx(0.01 * (1 - 1 / 16), rel=1e-6)
+    assert record.errors.holds
+    assert any("refined to hybrid, finite geometry" in note for note in record.notes)
+
+
+def test_linear_geometry_is_left_first(ladder):
+    known = Known(ladder, bonds=0.05)
+    record = known.verified("sample", geometry="linear")
+    assert [geometry for geometry, _, _ in known.asked] == ["linear", "finite", "finite"]
+    assert record.method.geometry == "finite"
+    assert record.errors.start < 1e-12
+
+
+def test_chaos_is_said(ladder):
+    """Runs that differ however small the step, as those with another driver do."""
+    known = Known(ladder, chaos=4, noise=0.5)
+    record = known.verified("sample")
+    at = float(ladder.events["t_start"][known.main[4]])
+    assert record.errors.until == pytest.approx(at)
+    assert record.errors.start < 1e-12
+    assert record.errors.statistics["mean start/F_N"][1] == pytest.approx(0.3)
+    assert any("single events cannot be trusted" in note for note in record.notes)
+    calm = Known(ladder, step=1e-4, chaos=4).verified("sample")
+    assert calm.errors.until is None  # nobody asked: steps nearly twice as long agree
+
+
+def test_what_no_refinement_helps_is_said(ladder):
+    record = Known(ladder, step=1e4).verified("sample")
+    assert record.errors.until is not None
+    assert "finer steps give other ones" in record.notes[-1]

@@ -23,8 +23,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from pyfric.checks import regression
 from pyfric.engines import QuasistaticRun, plan, simulate
-from pyfric.record import Errors, differences
+from pyfric.record import Errors, differences, fronts, paired
 from pyfric.scene import chain, setup1, setup2
 from pyfric.statics import stability_limit
 
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["QUANTITIES", "drawn", "run", "table", "trial"]
+__all__ = ["QUANTITIES", "drawn", "run", "stored", "table", "trial"]
 
 WORK = 3e7
 """Block evaluations of a reference run."""
@@ -198,3 +199,39 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
             for want, group in groups
         ]
     )
+
+
+def stored(name: str, folder: Path, tolerance: float = 0.05) -> dict[str, Any]:
+    """Return whether a planned run's front speeds are those of stored full dynamics, as a row.
+
+    Args:
+        name: a set of `pyfric.checks.regression`, such as "run4_finite".
+        folder: where it is.
+        tolerance: of the plan for front speeds.
+    """
+    known = regression.load(name, folder)
+    t_end = float(known.whole["t_stop"]) + regression.AFTER
+    made = simulate(known.scene, t_end, want="front_speed", tolerance=tolerance, progress=False)
+    ours, events = fronts(made), made.events
+    main = known.events[
+        known.events["is_main"] & (known.events["t_start"] <= known.whole["t_start"])
+    ]
+    mine = events[events["is_main"]]
+    cost = np.abs(np.subtract.outer(main["F_T_start"].to_numpy(), mine["F_T_start"].to_numpy()))
+    off = []
+    for i, j in zip(*paired(cost), strict=True):
+        a = known.fronts[known.fronts["event"] == main.index[i]].set_index("n")["v_c"]
+        b = ours[ours["event"] == mine.index[j]].set_index("n")["v_c"]
+        either = pd.concat([a, b], axis=1, keys=["a", "b"]).dropna(how="all")
+        off += (either["b"] / either["a"] - 1).abs().fillna(1.0).tolist()
+    own, apart = made.errors or Errors(), np.array(off)
+    row = {"set": name, "tolerance": tolerance, "geometry": made.method.geometry}
+    row |= {"dt": made.method.dt, "main_events": len(mine), "stored_main_events": len(main)}
+    row |= {"blocks": len(apart), "beyond": float((apart > tolerance).mean()), "until": own.until}
+    for label, real in (
+        ("median", np.median(apart)),
+        ("95", np.quantile(apart, 0.95)),
+        ("worst", apart.max()),
+    ):
+        row |= {f"measured_{label}": getattr(own, f"speed_{label}"), f"real_{label}": float(real)}
+    return row

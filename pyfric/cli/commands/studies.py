@@ -98,14 +98,31 @@ def regimes(out: Path | None, overwrite: bool, as_json: bool) -> None:
 @click.option("--first", type=click.IntRange(0), default=0, help="Number of the first trial.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the draws.")
 @file_option("--out", metavar="FILE", help="Rows are appended to this CSV. [default: plans.csv]")
+@click.option(
+    "--stored",
+    nargs=2,
+    metavar="FOLDER SET",
+    help="In place of trials: a planned run for front speeds beside stored full dynamics.",
+)
 @quiet_option
-def check_plans(trials: int, first: int, seed: int, out: Path | None, quiet: bool) -> None:
+def check_plans(
+    trials: int,
+    first: int,
+    seed: int,
+    out: Path | None,
+    stored: tuple[str, str] | None,
+    quiet: bool,
+) -> None:
     """Draw scenes, wants and tolerances and see whether plans keep what they promise.
 
     A trial takes some seconds; those whose rows are in FILE are not made again.
     """
     from pyfric.checks import studies
 
+    if stored is not None:
+        for name, value in studies.plans.stored(stored[1], Path(stored[0])).items():
+            click.echo(f"{name} = {value:.4g}" if isinstance(value, float) else f"{name} = {value}")
+        return
     out = out or Path("plans.csv")
     check_folder(out.parent)
     rows = studies.plans.run(out, range(first, first + trials), seed, progress=not quiet)

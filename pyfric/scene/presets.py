@@ -3,6 +3,7 @@
 Source: PRL 107, 074301 (2011).
 """
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from types import MappingProxyType
@@ -38,6 +39,7 @@ __all__ = [
     "setup2_minus",
     "setup2_plus",
     "slab",
+    "tpv3",
 ]
 
 
@@ -243,6 +245,55 @@ def slab(
     )
 
 
+def tpv3(
+    *,
+    l: float = 100.0,
+    L: float = 21e3,
+    H: float = 15e3,
+    eta: float | None = None,
+    d_c: float = 0.2,
+    name: str = "tpv3",
+) -> Scene:
+    """Return the benchmark TPV3 of earthquake rupture in two dimensions, in plane, 1 m thick.
+
+    One quarter of it: a half space, since p stays what it is by symmetry, and x > 0 of the shear
+    crack that starts from the middle. Slip is half of that between two bodies, and so is d_c. The
+    blocks beyond the fault's end at 15 km carry ten times p, which no front overcomes.
+
+    Args:
+        l: lattice constant, m; it divides 1.5 km.
+        L, H: size, m, rounded to whole blocks; top and right side absorb.
+        eta: viscosity of the bonds, N s/m; None means sqrt(0.001 k m), a tenth of the usual one.
+        d_c: slip over which friction weakens, m.
+
+    Raises:
+        SceneError: a value is of the wrong type or out of range.
+
+    Source: R. A. Harris et al., Seismol. Res. Lett. 80, 119 (2009), and the SCEC benchmarks.
+    """
+    l = check_number("slider.l", l, "m", gt=0.0, le=1500.0)
+    blocks = [
+        round(check_number(f"slider.{n}", v, "m", ge=2 * l) / l) for n, v in (("L", L), ("H", H))
+    ]
+    rho, c_S, p = 2670.0, 3464.0, 120e6 * l
+    k, m = 2 * rho * c_S**2, rho * l**2
+    return slab(
+        p=lambda x: p if x < 15e3 else 10 * p,
+        tau=lambda x: (81.6e6 if x < 1.5e3 else 70e6) * l,
+        L=(blocks[0] - 1) * l,
+        H=(blocks[1] - 1) * l,
+        l=l,
+        k=k,
+        M=m * blocks[0] * blocks[1],
+        mu_s=0.677,
+        mu_k=0.525,
+        eta=math.sqrt(0.001 * k * m) if eta is None else eta,
+        d_c=d_c,
+        walls=Walls(left="mirrored", right="absorbing", top="absorbing"),
+        name=name,
+    )
+
+
 def fig1(**changes: Any) -> Scene:
     """Return the scene of Figs 1, 3 and 4(a): setup 1 as it stands.
 
@@ -296,9 +347,10 @@ PRESETS: MappingProxyType[str, Callable[..., Scene]] = MappingProxyType(
         "setup2+": setup2_plus,
         "setup2-": setup2_minus,
         "chain": chain,
+        "tpv3": tpv3,
     }
 )
-"""The paper's scenes and `chain` by name; functions take the keyword arguments of their setup."""
+"""The paper's scenes, `chain` and `tpv3` by name; functions take the arguments of their setup."""
 
 
 def preset(name: str, /, **changes: Any) -> Scene:
@@ -306,7 +358,7 @@ def preset(name: str, /, **changes: Any) -> Scene:
 
     Args:
         name: a key of `PRESETS`.
-        changes: keyword arguments of `setup1`, `setup2` or `chain`.
+        changes: keyword arguments of `setup1`, `setup2`, `chain` or `tpv3`.
 
     Raises:
         SceneError: an unknown name or keyword (the nearest known one is given, or which setups
@@ -314,7 +366,8 @@ def preset(name: str, /, **changes: Any) -> Scene:
     """
     if not isinstance(name, str) or name not in PRESETS:
         raise unknown("preset", name, name if isinstance(name, str) else "", PRESETS)
-    setup = chain if name == "chain" else setup2 if name.startswith("setup2") else setup1
+    setups = {"chain": chain, "tpv3": tpv3}
+    setup = setups.get(name, setup2 if name.startswith("setup2") else setup1)
     known = list(setup.__kwdefaults__)
     for key, value in changes.items():
         if key not in known:

@@ -5,7 +5,8 @@ module pyfric_boundaries
   use pyfric_model, only: model_t, close_state, image, ABSORBING
   implicit none (type, external)
   private
-  public :: foundation, driver_force, rod_acceleration, rod_to_row, mirror_sum, absorb, absorbed, image_row
+  public :: driver_speed, load_share, foundation, driver_force, rod_acceleration, rod_to_row, mirror_sum
+  public :: absorb, absorbed, image_row
 
 contains
 
@@ -25,20 +26,41 @@ contains
     end do
   end subroutine foundation
 
-  !> F_T = K (V t - x_h), x_h the driven block's displacement along the push since t = 0 [N].
+  !> Speed of the driver in this piece of its protocol [m/s].
+  elemental function driver_speed(s, t) result(v)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: t    !! time [s]
+    real(dp) :: v
+
+    v = s%v_drv + s%a_drv*(t - s%t_seg)
+  end function driver_speed
+
+  !> What the load is of that at t_seg.
+  elemental function load_share(s, t) result(share)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: t    !! time [s]
+    real(dp) :: share
+
+    share = 1.0_dp + s%load_rate*(t - s%t_seg)
+  end function load_share
+
+  !> F_T = K (X(t) - x_h), x_h the driven block's displacement along the push since t = 0 [N]. X is the integral of the
+  !> driver's speed, V t where that is constant.
   elemental function driver_force(s, t, u_x) result(f_t)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t    !! time [s]
     real(dp), intent(in) :: u_x  !! driven block [m]
-    real(dp) :: f_t
+    real(dp) :: f_t, t_seg
 
-    f_t = s%k_drv*(s%v_drv*t - s%d*(u_x - s%u_drv0))
+    t_seg = t - s%t_seg
+    f_t = s%k_drv*((s%x_drv + (s%v_drv + 0.5_dp*s%a_drv*t_seg)*t_seg) - s%d*(u_x - s%u_drv0))
   end function driver_force
 
   !> Rod with the top row glued to it: X'', Z'', phi'' from the forces on that row. Blocks i and N_x + 1 - i are added
   !> first: the mirrored row gives the same bits.
-  pure function rod_acceleration(s, phi, fx, fz) result(a)
+  pure function rod_acceleration(s, t, phi, fx, fz) result(a)
     type(model_t), intent(in) :: s
+    real(dp), intent(in) :: t                      !! time [s]
     real(dp), intent(in) :: phi                    !! tilt [rad]
     real(dp), intent(in) :: fx(LB:s%n + LANES)     !! forces on the top row [N]
     real(dp), intent(in) :: fz(LB:s%n + LANES)     !! forces on the top row [N]
@@ -55,7 +77,7 @@ contains
       l = s%at(s%nx/2 + 1)
       total = total + [fx(l), fz(l), s%x(s%nx/2 + 1)*fz(l)]
     end if
-    a = [total(1)/s%m_top, (total(2) - s%f_n)/s%m_top, (total(3) - s%kappa*phi)/s%i_top]
+    a = [total(1)/s%m_top, (total(2) - s%f_n*load_share(s, t))/s%m_top, (total(3) - s%kappa*phi)/s%i_top]
   end function rod_acceleration
 
   !> The top row as the rod carries it: u_x = X, u_z = Z + phi x.

@@ -61,11 +61,11 @@ contains
         call row_forces(s, j, t, q(LB, 1, below), q(LB, 1, j), q(LB, 1, above), mode, memory, work(LB, CARRY), work(LB, BONDS), &
                         work(LB, FX), work(LB, FZ), w)
         if (.not. keep) cycle
-        call row_powers(s, j, 1.0_dp, mode, q(LB, 1, j), q(LB, 1, above), rod(5), w, power)
+        call row_powers(s, j, t, 1.0_dp, mode, q(LB, 1, j), q(LB, 1, above), rod(5), w, power)
         a(:, 1, j) = work(s%at(:s%nx), FX)/s%m
         a(:, 2, j) = work(s%at(:s%nx), FZ)/s%m
         if (j == s%nz .and. s%rigid) then
-          a_rod = rod_acceleration(s, rod(3), work(LB, FX), work(LB, FZ))
+          a_rod = rod_acceleration(s, t, rod(3), work(LB, FX), work(LB, FZ))
           a(:, 1, j) = a_rod(1)
           a(:, 2, j) = a_rod(2) + a_rod(3)*s%x
         end if

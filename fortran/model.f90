@@ -47,10 +47,15 @@ module pyfric_model
     real(dp) :: kappa       !! torque of the mattress per tilt [N m]
     real(dp) :: d           !! direction in which the driver pushes: +1 or -1
     real(dp) :: k_drv       !! driver stiffness K [N/m]
-    real(dp) :: v_drv       !! driver speed V [m/s]
+    real(dp) :: v_drv       !! driver speed V at t_seg [m/s]
     real(dp) :: u_drv0      !! u_x of the driven block at which F_T = 0 at t = 0 [m]
     real(dp) :: p_corner    !! slip that starts below this p is a corner episode [N]
     real(dp) :: k_top       !! stiffness that holds each block of a free top row at u_x = 0 [N/m]
+    real(dp) :: t_seg       !! begin of the piece of the protocol that is being run [s]
+    real(dp) :: x_drv       !! position of the driver then [m]
+    real(dp) :: a_drv       !! its acceleration [m/s2]
+    real(dp) :: load_rate   !! rate of F_N over F_N at t_seg [1/s]
+    real(dp) :: shear_rate  !! rate of the force on each block of a free top row, along +x [N/s]
   end type constants_t
 
   type :: model_t
@@ -85,10 +90,15 @@ module pyfric_model
     real(dp) :: u_drv0
     real(dp) :: p_corner
     real(dp) :: k_top
+    real(dp) :: t_seg
+    real(dp) :: x_drv
+    real(dp) :: a_drv
+    real(dp) :: load_rate
+    real(dp) :: shear_rate
     type(law_t) :: law      !! friction under the bottom row
     real(dp) :: near(7)     !! series of a spring of length l, see `series` [N/m^(2n+1)], n = 1...
     real(dp) :: diagonal(7) !! the same for length sqrt(2) l
-    logical :: sheared      !! shear or k_top is not zero
+    logical :: sheared      !! shear, its rate or k_top is not zero
     real(dp), allocatable :: k_f(:)   !! foundation stiffness [N/m]
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
     real(dp), allocatable :: load(:)  !! downward load on a free top row, or prescribed p [N]
@@ -124,7 +134,7 @@ contains
     c = transfer(numbers(:first), c)
     call take_constants(c, s)
     call take_rows(numbers(first + 1:), [n%n_hold, n%n_slide, n%n_speed, n%n_age], s)
-    s%sheared = s%k_top > 0.0_dp .or. any(abs(s%shear) > 0.0_dp)
+    s%sheared = s%k_top > 0.0_dp .or. abs(s%shear_rate) > 0.0_dp .or. any(abs(s%shear) > 0.0_dp)
   end function new_model
 
   !> Rows of N_x numbers: x [m], load and shear [N], k_f [N/m], the fields of the law; then the knots of its tables.
@@ -164,6 +174,11 @@ contains
     s%u_drv0 = c%u_drv0
     s%p_corner = c%p_corner
     s%k_top = c%k_top
+    s%t_seg = c%t_seg
+    s%x_drv = c%x_drv
+    s%a_drv = c%a_drv
+    s%load_rate = c%load_rate
+    s%shear_rate = c%shear_rate
     s%z_p = sqrt(1.5_dp*s%k*s%m)
     s%z_s = sqrt(0.5_dp*s%k*s%m)
     s%near = series(s%k, s%l**2)

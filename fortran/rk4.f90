@@ -80,13 +80,14 @@ contains
       call row_forces(s, j, t + NODE(stage)*sub, dn, here, up, mode, memory, carry(LB, 1, stage), b, fx, fz, w)
       if (j < low) return
       if (keep_budget .and. j >= j0 .and. j <= j1) then
-        call row_powers(s, j, sub/6.0_dp*WEIGHT(stage), mode, here, up, rods(5, stage), w, budget)
+        call row_powers(s, j, t + NODE(stage)*sub, sub/6.0_dp*WEIGHT(stage), mode, here, up, rods(5, stage), w, &
+                        budget)
       end if
       if (j < s%nz .or. .not. s%rigid) then
         call next_row(s, stage, sub, j, y(LB, 1, j), here, fx, fz, q, y_new(LB, 1, j))
         return
       end if
-      call next_rod(s, stage, sub, fx, fz, rods, rod_sum)
+      call next_rod(s, t + NODE(stage)*sub, stage, sub, fx, fz, rods, rod_sum)
       if (stage < 4) then
         call rod_to_row(s, rods(:, stage + 1), q(LB, 1, mod(j, RING), stage + 1))
       else
@@ -122,8 +123,9 @@ contains
   end subroutine next_row
 
   !> The same for the rod, which carries the top row.
-  pure subroutine next_rod(s, stage, sub, fx, fz, rods, rod_sum)
+  pure subroutine next_rod(s, t, stage, sub, fx, fz, rods, rod_sum)
     type(model_t), intent(in) :: s
+    real(dp), intent(in) :: t                 !! time of the stage [s]
     integer, intent(in) :: stage
     real(dp), intent(in) :: sub               !! length of the step or sub-step [s]
     real(dp), intent(in) :: fx(LB:s%n + LANES)   !! forces on the top row [N]
@@ -133,7 +135,7 @@ contains
     real(dp) :: rate(6)
 
     rate(1:3) = rods(4:6, stage)
-    rate(4:6) = rod_acceleration(s, rods(3, stage), fx, fz)
+    rate(4:6) = rod_acceleration(s, t, rods(3, stage), fx, fz)
     if (stage == 1) rod_sum = 0.0_dp
     rod_sum = rod_sum + WEIGHT(stage)*rate
     if (stage < 4) then

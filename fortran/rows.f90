@@ -4,7 +4,7 @@ module pyfric_rows
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, MIRRORED, HELD
   use pyfric_lattice, only: forces_linear, elastic_finite, viscous, bond_power, N_BOND
-  use pyfric_boundaries, only: foundation, driver_force, mirror_sum, absorb, absorbed, image_row
+  use pyfric_boundaries, only: foundation, driver_force, driver_speed, load_share, mirror_sum, absorb, absorbed, image_row
   use pyfric_law, only: friction_force, friction_powers, N_CLOCK
   implicit none (type, external)
   private
@@ -103,6 +103,7 @@ contains
     real(dp), intent(inout) :: fx(LB:s%n + LANES)   !! force on the row [N]
     real(dp), intent(inout) :: fz(LB:s%n + LANES)   !! force on the row [N]
     real(dp), intent(inout) :: f_t                  !! driver force, set on the row of the driven block [N]
+    real(dp) :: share, more
     integer :: i
 
     if (j == s%j_h) then
@@ -113,13 +114,15 @@ contains
     if (s%prescribed) call absorb(s, j, q, fx, fz)
     if (s%rigid) return
     if (j == s%nz .and. .not. s%prescribed) then
+      share = load_share(s, t)
       do i = 1, s%nx
-        fz(s%at(i)) = fz(s%at(i)) - s%load(i)
+        fz(s%at(i)) = fz(s%at(i)) - s%load(i)*share
       end do
     end if
     if (j /= s%j_shear .or. .not. s%sheared) return
+    more = s%shear_rate*(t - s%t_seg)
     do i = 1, s%nx
-      fx(s%at(i)) = fx(s%at(i)) + (s%shear(i) - s%k_top*q(s%at(i), UX))
+      fx(s%at(i)) = fx(s%at(i)) + ((s%shear(i) + more) - s%k_top*q(s%at(i), UX))
     end do
   end subroutine outer_forces
 
@@ -175,9 +178,10 @@ contains
   end subroutine row_forces
 
   !> Adds c times the powers that row j owns to the budget; row_forces has just been called.
-  pure subroutine row_powers(s, j, c, mode, q, up, v_rod, w, budget)
+  pure subroutine row_powers(s, j, t, c, mode, q, up, v_rod, w, budget)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                !! row
+    real(dp), intent(in) :: t               !! time [s]
     real(dp), intent(in) :: c               !! weight of this evaluation [s]
     integer(ip), intent(in) :: mode(s%nx)   !! contact states
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)      !! the row
@@ -185,7 +189,7 @@ contains
     real(dp), intent(in) :: v_rod           !! Z' of the rod [m/s]
     type(row_t), intent(in) :: w
     type(budget_t), intent(inout) :: budget
-    real(dp) :: above(s%nx), viscous(s%nx)
+    real(dp) :: above(s%nx), viscous(s%nx), shear(s%nx)
 
     budget%dissipated(j) = budget%dissipated(j) + c*bond_power(s, j < s%nz, q, up)
     if (s%prescribed) budget%dissipated(j) = budget%dissipated(j) + c*absorbed(s, j, q)
@@ -195,14 +199,16 @@ contains
       budget%above = budget%above + c*above
       budget%viscous = budget%viscous + c*viscous
     end if
-    if (j == s%j_h) budget%work(1) = budget%work(1) + c*(w%f_t*s%v_drv)
+    if (j == s%j_h) budget%work(1) = budget%work(1) + c*(w%f_t*driver_speed(s, t))
     if (s%rigid) then
-      if (j == s%nz) budget%work(2) = budget%work(2) - c*(s%f_n*v_rod)
+      if (j == s%nz) budget%work(2) = budget%work(2) - c*(s%f_n*load_share(s, t)*v_rod)
       return
     end if
     if (j == s%nz .and. .not. s%prescribed) then
-      budget%work(2) = budget%work(2) - c*mirror_sum(s%nx, s%load*q(s%at(:s%nx), VZ))
+      budget%work(2) = budget%work(2) - c*mirror_sum(s%nx, s%load*load_share(s, t)*q(s%at(:s%nx), VZ))
     end if
-    if (j == s%j_shear .and. s%sheared) budget%work(2) = budget%work(2) + c*mirror_sum(s%nx, s%shear*q(s%at(:s%nx), VX))
+    if (j /= s%j_shear .or. .not. s%sheared) return
+    shear = s%shear + s%shear_rate*(t - s%t_seg)
+    budget%work(2) = budget%work(2) + c*mirror_sum(s%nx, shear*q(s%at(:s%nx), VX))
   end subroutine row_powers
 end module pyfric_rows

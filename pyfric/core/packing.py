@@ -60,6 +60,11 @@ class Constants(NamedTuple):
     u_drv0: float
     p_corner: float
     k_top: float
+    t_seg: float
+    x_drv: float
+    a_drv: float
+    load_rate: float
+    shear_rate: float
 
 
 class Model(NamedTuple):
@@ -97,13 +102,14 @@ def _counts(scene: Scene, geometry: Geometry) -> Counts:
     )
 
 
-def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
+def model(scene: Scene, geometry: Geometry, u_drv0: float, t: float = 0.0) -> Model:
     """Return the scene as the core takes it.
 
     Args:
         scene: the scene (its values were checked when it was made).
         geometry: "linear" or "finite".
         u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m.
+        t: a time within the piece of the protocols that will be run, in s.
 
     Raises:
         ValueError: unknown geometry, or a derived constant is not finite.
@@ -112,12 +118,15 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
     check_geometry(geometry, scene)
     slider, driver = scene.slider, scene.driver
     i_rod = scene.M_rod * slider.L**2 / 12
+    V, F_N, T = (scene.piece(what, t) for what in ("V", "F_N", "T"))
+    begin = max(V.t, F_N.t, T.t)
+    now = F_N.at(begin)
     constants = Constants(
         l=slider.l,
         k=slider.k,
         eta=scene.eta,
         m=scene.m,
-        F_N=scene.F_N,
+        F_N=now,
         m_rod=scene.M_rod,
         i_rod=i_rod,
         m_top=scene.M_rod + scene.N_x * scene.m,
@@ -125,15 +134,21 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float) -> Model:
         kappa=scene.kappa,
         d=scene.d,
         k_drv=driver.K,
-        v_drv=driver.V,
+        v_drv=V.at(begin),
         u_drv0=u_drv0,
         p_corner=CORNER_SHARE * scene.F_N / scene.N_x,
         k_top=scene.k_top,
+        t_seg=begin,
+        x_drv=V.integral_at(begin),
+        a_drv=V.slope,
+        load_rate=F_N.slope / now,
+        shear_rate=scene.d * T.slope / scene.N_x,
     )
-    load = scene.p_prescribed if scene.prescribed else scene.load
+    load = scene.p_prescribed if scene.prescribed else scene.load * (now / scene.F_N)
+    shear = scene.shear + scene.d * (T.at(begin) - getattr(scene.top, "T", 0.0)) / scene.N_x
     rows, n_knots, knots = _interface(scene)
     counts = _counts(scene, geometry)._replace(**n_knots)
-    packed = _packed(counts, constants, scene.x, load, scene.shear, *rows, *knots)
+    packed = _packed(counts, constants, scene.x, load, shear, *rows, *knots)
     if not np.isfinite(packed.numbers).all():
         raise ValueError(f"constants of the scene are not finite: {constants}")
     return packed

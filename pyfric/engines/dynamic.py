@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
     from pyfric.statics import Equilibrium
 
-__all__ = ["Run", "RunError", "kept_notes"]
+__all__ = ["Run", "RunError", "kept_notes", "last_step"]
 
 CALL_SECONDS = 0.2
 """Longest time in the core between two looks at Ctrl-C, s."""
@@ -50,6 +50,8 @@ MAX_CALL = 2**30
 STATIC_SECONDS = 1.0
 """Static forces of new events are found this often, or more rarely where that takes a tenth of the
 time, so that little is left to do at the end, s."""
+ON_GRID = 1e-9
+"""A corner of a protocol this close to the end of a step, over dt, is there."""
 OPEN_BUDGET = 1e-3
 """An energy budget that misses more than this share is noted."""
 UNFINISHED = (core.Status.ENDLESS, core.Status.TOO_SHORT)
@@ -72,6 +74,16 @@ def kept_notes(before: Record | None) -> tuple[str, ...]:
     if before is None:
         return ()
     return tuple(note for note in before.notes if not note.startswith(f"{before.method.engine}: "))
+
+
+def last_step(t0: float, dt: float, t: float) -> int:
+    """Return the number of the first step that ends at t or beyond, but for rounding."""
+    return math.ceil((t - t0) / dt * (1 - 1e-14) - ON_GRID)
+
+
+def _just_after(state: State) -> float:
+    """Return the time (s) by which the piece of a protocol is chosen that comes next."""
+    return state.t + ON_GRID * state.dt
 
 
 class _Good(NamedTuple):
@@ -103,7 +115,7 @@ class Run:
     ) -> None:
         self.scene, self.method, self.state = scene, method, state
         self.solver = _Remembering(solver)
-        self.model = core.model(scene, method.geometry, state.u_drv0)
+        self.model = core.model(scene, method.geometry, state.u_drv0, _just_after(state))
         self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
         self.log = core.Log(scene.N_x)
         self.t_begin = state.t
@@ -187,7 +199,7 @@ class Run:
         """Add the present to the loading curve."""
         state, scene = self.state, self.scene
         u_x = state.y[scene.j_h, 0, scene.i_h]
-        F_T = scene.driver_force(scene.driver.V * state.t, u_x, state.u_drv0)
+        F_T = scene.driver_force(scene.drive(state.t), u_x, state.u_drv0)
         row = [state.t, F_T]
         if self.method.budget:
             row += core.energies(self.model, state, state.t).values()
@@ -243,7 +255,28 @@ class Run:
             )
 
     def make_steps(self, state: State, n_steps: int) -> core.Status:
-        """Make up to n_steps; the state changes in place, and the log is filled."""
+        """Make up to n_steps; the state changes in place, and the log is filled.
+
+        A step ends at each corner of a protocol; the next one belongs to another piece.
+        """
+        scene, t = self.scene, _just_after(state)
+        if not scene.corners:
+            return self._in_core(state, n_steps)
+        self.model = core.model(scene, self.method.geometry, state.u_drv0, t)
+        self.guard.model = self.model
+        corner = next((one for one in scene.corners if one > t), math.inf)
+        if not corner < state.t0 + (state.step + n_steps) * state.dt:
+            return self._in_core(state, n_steps)
+        last = last_step(state.t0, state.dt, corner)
+        if state.step < last - 1:
+            return self._in_core(state, last - 1 - state.step)
+        dt, length = state.dt, corner - state.t
+        state.t0, state.dt = state.t - state.step * length, length
+        status = self._in_core(state, 1)
+        state.t0, state.dt = corner - state.step * dt, dt
+        return status
+
+    def _in_core(self, state: State, n_steps: int) -> core.Status:
         return core.advance(
             self.model,
             state,
@@ -384,9 +417,15 @@ class Run:
             t_gap=self.method.t_gap,
             t_begin=self.t_begin,
             t_end=self.state.t,
-            solver=None if self.scene.prescribed else self.solver,
+            solver=self.solver if self._rests() else None,
         )
         return catalogue, switches, quiet
+
+    def _rests(self) -> bool:
+        """Return whether states of rest are those of the load at t = 0."""
+        top = self.scene.top
+        loads = getattr(top, "protocol", ()), getattr(top, "T_protocol", ())
+        return not (self.scene.prescribed or any(loads))
 
     def record(self, status: str) -> Record:
         """Return what was done so far."""

@@ -107,6 +107,17 @@ class Guard:
         stored += self._potential(state) + self.floor
         return Energy(state.step, state.t, stored, shear)
 
+    def _of_changes(self, state: State) -> float:
+        """Return the most that changes of F_N and T can have done, in J: all they may ever differ.
+
+        The potential counts F_N and T as they were at t = 0.
+        """
+        top, parts = self.scene.top, 0.0
+        for name, first, c in (("protocol", self.scene.F_N, 1), ("T_protocol", 0.0, 0)):
+            change = max((abs(value - first) for _, value in getattr(top, name, ())), default=0.0)
+            parts += change * float(np.abs(state.y[-1, c]).max())
+        return 2 * parts
+
     def trouble(self, before: State, after: State, base: Energy | None = None) -> Trouble | None:
         """Return what is wrong with a state that came from another one, None if nothing is.
 
@@ -119,7 +130,9 @@ class Guard:
         _, t_0, G_0, W_0 = base
         _, t_1, G_1, W_1 = self.energy(after)
         driver, most = self.scene.driver, max(G_0, G_1)
-        work = driver.V * (t_1 - t_0) * np.sqrt(2 * driver.K * max(most, 0.0))
+        speed = max([driver.V, *(abs(V) for _, V in driver.protocol)])
+        work = speed * (t_1 - t_0) * np.sqrt(2 * driver.K * max(most, 0.0))
+        work += self._of_changes(after)
         if not G_1 - G_0 - (W_1 - W_0) <= work + MARGIN * most:
             what = f"the energy grows from {G_0:.3g} J to {G_1:.3g} J, by more than the work done"
             return Trouble(what, *_fastest(after))

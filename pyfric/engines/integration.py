@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from pyfric.engines.dynamic import ON_GRID, last_step
 from pyfric.engines.guard import folded, largest_strain
 from pyfric.engines.progress import Progress, run_bar
 from pyfric.record import Record
@@ -51,10 +52,19 @@ def integrate(
         state = solver.loaded.state(scene, dt) if initial is None else initial.with_dt(dt)
         run = engine(scene, method, solver, state, before)
         run.timings["set-up"] = time.perf_counter() - start
-        last = math.ceil((t_end - state.t0) / dt * (1 - 1e-14))
+        last = _last(scene, state, t_end)
         with answered() as stop:
             run.advance(last, stop, show, options)
             return run.record("complete" if state.step >= last else "interrupted")
+
+
+def _last(scene: Scene, state: State, t_end: float) -> int:
+    """Return the number of the last step of a run; each corner of a protocol begins a new grid."""
+    t0 = state.t0
+    for corner in scene.corners:
+        if state.t + ON_GRID * state.dt < corner < t_end:
+            t0 = corner - last_step(t0, state.dt, corner) * state.dt
+    return math.ceil((t_end - t0) / state.dt * (1 - 1e-14))
 
 
 def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSolver:

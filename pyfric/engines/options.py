@@ -243,6 +243,7 @@ class Options:
             check_geometry(self.geometry, scene)
         if engine.name != "dynamic":
             check_rests(scene)
+            check_steady(scene, engine.name)
         if self.stepper not in engine.steppers:
             known = " or ".join(map(repr, engine.steppers))
             allowed = f"{known} with fidelity = {engine.name!r}"
@@ -271,6 +272,13 @@ class Options:
             variant=core.VARIANT,
             budget=engine.keeps_budget if self.budget is None else bool(self.budget),
         )
+
+
+def check_steady(scene: Scene, fidelity: str) -> None:
+    """Raise SceneError where a protocol asks for more than an engine can follow."""
+    if scene.follows_protocol:
+        reason = f"the {fidelity} engine drives at one speed under one load"
+        raise SceneError("fidelity", fidelity, "", "'dynamic' for a scene with a protocol", reason)
 
 
 def kept(method: Method) -> dict[str, Any]:

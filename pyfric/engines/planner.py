@@ -216,7 +216,7 @@ def plan(
     """
     tolerance = Options(want=want, tolerance=tolerance).tolerance
     t_end = check_number("t_end", t_end, "s", ge=0.0)
-    if scene.prescribed:
+    if scene.prescribed or scene.follows_protocol:
         return _all_of_it(scene, want, tolerance, t_end)
     scout, times = _scout(scene, t_end), decay_times(scene)
     why_not, without_inertia = _ladder(scene, want, tolerance, scout, times)
@@ -226,23 +226,25 @@ def plan(
 
 
 def _all_of_it(scene: Scene, want: Want, tolerance: float, t_end: float) -> Plan:
-    """Return the plan for a prescribed interface in two dimensions, which has no static states."""
+    """Return the plan for a scene that only full dynamics can follow."""
     switching, dt, error = _step(scene, want, tolerance)
     blocks = scene.N_x * scene.N_z
     evaluations = 4.0 * t_end / dt * blocks
-    what = "a prescribed interface in two dimensions has no static states"
+    what = "a protocol changes speed or load"
+    if scene.prescribed:
+        what = "a prescribed interface in two dimensions has no static states"
     return Plan(
         want=want,
         tolerance=tolerance,
         fidelity="dynamic",
-        geometry="linear",
+        geometry=default_geometry(scene),
         switching=switching,
         dt=dt,
         assumptions=(_resolution(scene, dt),),
         reasons=(f"quasistatic: {what}", f"hybrid: {what}"),
         error=error,
         evaluations=evaluations,
-        seconds=evaluations * NS["linear"] * 1e-9,
+        seconds=evaluations * NS[default_geometry(scene)] * 1e-9,
     )
 
 
@@ -368,7 +370,7 @@ def long_note(
     if most + set_up(scene, fidelity, geometry).seconds <= LONG:
         return ""
     hint = "larger blocks take less: twice l, about a tenth of the time"
-    if scene.prescribed:
+    if scene.prescribed or scene.follows_protocol:
         return f"{fidelity}: this run takes about {most / 60:.2g} minutes on one core; {hint}"
     scout = _scout(scene, length)
 

@@ -28,6 +28,7 @@ import pandas as pd
 from pyfric.core import CORNER_SHARE, OPEN, StateError
 from pyfric.engines.dynamic import kept_notes
 from pyfric.engines.guard import hurry_notes, strain_notes
+from pyfric.engines.options import check_steady
 from pyfric.engines.pauses import longest_pause
 from pyfric.engines.progress import Progress, run_bar
 from pyfric.record import (
@@ -400,6 +401,7 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     Source: PRL 107, 074301 (2011), Fig. 2.
     """
     mu = scene.interface.mu_k if mu is None else check_number("mu", mu, "", ge=0.0)
+    check_steady(scene, "quasistatic")
     V = scene.driver.V or 1.0
     scene = dataclasses.replace(
         scene,

@@ -32,7 +32,7 @@ edge, the driven side. Times are in s, lengths in m, forces in N.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -204,7 +204,7 @@ def build_catalogue(
     if link_time is None:
         link_time = default_link_time(scene)
     times = rupture_front(_first_slips(joined, len(events), n_of_i), n_of_i, link_time)
-    static = static_values(events, quiet, solver, scene.driver.V)
+    static = static_values(events, quiet, solver, scene.drive)
 
     in_order = np.argsort(n_of_i)
     reached = np.logical_and.accumulate(region[:, in_order] > 0, axis=1).sum(axis=1)
@@ -342,12 +342,12 @@ def static_values(
     events: pd.DataFrame,
     quiet: Mapping[str, np.ndarray] | np.ndarray,
     solver: _Solver | None,
-    V: float,
+    drive: Callable[[float], float],
 ) -> StaticValues:
     """Static equilibria at the first slip and the last stick of every event.
 
     The bottom row is held at the u_x of the quiet log, open blocks are free, and the driver stands
-    at V t. The results are free of ring-down and drift, whichever engine wrote the log.
+    where it is at that time. The results are free of ring-down and drift, whichever engine wrote the log.
 
     Parameters
     ----------
@@ -358,8 +358,8 @@ def static_values(
     solver
         ``solver.solve(u_x_bottom, drive, free=mask)`` returns an object with F_T (N) and tau and p
         ((N_x,), N). None leaves every value NaN, and so does an `EquilibriumError`, with a warning.
-    V
-        Driving speed, m/s.
+    drive
+        Displacement of the driver, m, at a time, s.
     """
     u_x, mode = np.asarray(quiet["u_x"]), np.asarray(quiet["mode"])
     values, failed = {}, []
@@ -375,7 +375,7 @@ def static_values(
             for e in np.flatnonzero(rows >= 0):
                 row = rows[e]
                 try:
-                    rest = solver.solve(u_x[row], V * t[e], free=mode[row] == OPEN)
+                    rest = solver.solve(u_x[row], drive(t[e]), free=mode[row] == OPEN)
                 except EquilibriumError as error:
                     failed.append((t[e], error))
                     continue

@@ -11,6 +11,7 @@ import pydantic
 from pyfric.scene.checked import NotNegative, Positive, Quantity, part
 from pyfric.scene.laws import FrictionLaw, Means, Tables, check_tables
 from pyfric.scene.laws.weakening import LinearWeakening
+from pyfric.scene.protocol import Corners, Course
 from pyfric.scene.spread import Spread
 from pyfric.scene.units import SceneError
 
@@ -114,6 +115,7 @@ class Rod:
         F_N: normal force at the centre of the rod, N, > 0.
         mass: mass of the rod, kg, >= 0 (the top blocks add theirs).
         mattress: total stiffness of the spring mattress that resists the tilt, N/m, >= 0.
+        protocol: corners (t, F_N) of a normal force that changes, in s and N, > 0; see `Driver`.
 
     F_N = 0 is refused: nothing would touch the interface, and forces are compared with F_N.
 
@@ -126,6 +128,7 @@ class Rod:
     F_N: Annotated[float, Positive("N")]
     mass: Annotated[float, NotNegative("kg")] = 0.0756
     mattress: Annotated[float, NotNegative("N/m")] = 0.4e6
+    protocol: Annotated[Corners, Course("N", gt=0.0)] = ()
 
     kind: ClassVar[str] = "rod"
     _section: ClassVar[str] = "top"
@@ -142,6 +145,9 @@ class DistributedLoad:
     Args:
         F_N: total normal force, N, > 0.
         theta: slope of the load, in [-1, 1]; positive means little load on the trailing edge.
+        T: total of constant forces along the driving, the same on each top block, N.
+        protocol: corners (t, F_N) of a normal force that changes, in s and N, > 0; see `Driver`.
+        T_protocol: corners (t, T) of a shear force that changes, in s and N.
 
     F_N = 0 is refused: nothing would touch the interface, and forces are compared with F_N.
 
@@ -153,6 +159,9 @@ class DistributedLoad:
 
     F_N: Annotated[float, Positive("N")]
     theta: Annotated[float, Quantity("", ge=-1.0, le=1.0)] = 0.0
+    T: Annotated[float, Quantity("N")] = 0.0
+    protocol: Annotated[Corners, Course("N", gt=0.0)] = ()
+    T_protocol: Annotated[Corners, Course("N")] = ()
 
     kind: ClassVar[str] = "distributed"
     _section: ClassVar[str] = "top"
@@ -231,14 +240,19 @@ class Walls:
 
 @part
 class Driver:
-    """The spring that pushes one side of the slider; its far end moves at constant speed.
+    """The spring that pushes one side of the slider; its far end moves at a given speed.
+
+    The speed is V, or changes along straight lines from (0, V) through the corners of a protocol, and
+    stays at the last one. Two corners at one time are a jump: ((1, V), (1, 0), (2, 0), (2, V)) is a
+    hold of one second. Negative speeds reverse the push. Steps end at corners.
 
     Args:
         K: stiffness, N/m, > 0, or 0 for no driver on a prescribed interface.
-        V: speed of the far end towards the slider, m/s, >= 0 (0 holds the driver).
+        V: speed of the far end towards the slider at t = 0, m/s, >= 0 (0 holds the driver).
         h: height of the driven block above the interface, m; a multiple of l, l <= h <= H; 0 in a
             chain.
         side: "left" or "right", the side that is pushed (the trailing edge).
+        protocol: corners (t, V) of a speed that changes, in s, in order, and m/s.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
@@ -250,6 +264,7 @@ class Driver:
     V: Annotated[float, NotNegative("m/s")]
     h: Annotated[float, NotNegative("m", note=", a multiple of l up to H")]
     side: Literal["left", "right"] = "left"
+    protocol: Annotated[Corners, Course("m/s")] = ()
 
     _section: ClassVar[str] = "driver"
     _allowed: ClassVar[dict[str, str]] = {"side": "'left' or 'right'"}

@@ -10,7 +10,7 @@ Every refusal, whatever its origin, is a `SceneError`.
 import functools
 import math
 import os
-from typing import ClassVar, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from pyfric.scene.parts import (
     Walls,
     steps_in,
 )
+from pyfric.scene.protocol import Piece, piece_at, pieces
 from pyfric.scene.spread import Spread
 from pyfric.scene.units import SceneError
 
@@ -257,6 +258,37 @@ class Scene:
         """
         return float(self.driver.K * (drive - self.d * (u_h - u_drv0)))
 
+    @functools.cached_property
+    def corners(self) -> tuple[float, ...]:
+        """Times at which a protocol has a corner, in s, in order."""
+        lists = [self.driver.protocol, getattr(self.top, "protocol", ())]
+        lists.append(getattr(self.top, "T_protocol", ()))
+        return tuple(sorted({t for corners in lists for t, _ in corners if t > 0}))
+
+    @property
+    def follows_protocol(self) -> bool:
+        """True if speed, normal force or shear force change with time."""
+        top = self.top
+        both = getattr(top, "protocol", ()), getattr(top, "T_protocol", ())
+        return bool(self.driver.protocol or any(both))
+
+    @functools.cached_property
+    def _courses(self) -> dict[str, list[Piece]]:
+        top = self.top
+        return {
+            "V": pieces(self.driver.V, self.driver.protocol),
+            "F_N": pieces(self.F_N, getattr(top, "protocol", ())),
+            "T": pieces(getattr(top, "T", 0.0), getattr(top, "T_protocol", ())),
+        }
+
+    def piece(self, what: Literal["V", "F_N", "T"], t: float) -> Piece:
+        """Return the piece of a protocol that begins at or before t (s): V, F_N or T."""
+        return piece_at(self._courses[what], t)
+
+    def drive(self, t: float) -> float:
+        """Return the displacement of the driver at t (s) since t = 0, in m: V t where V stays."""
+        return self.piece("V", t).integral_at(t)
+
     @property
     def i_h(self) -> int:
         """Column of the driven block, counted from 0: 0 or N_x - 1."""
@@ -293,7 +325,12 @@ class Scene:
 
     @property
     def shear(self) -> np.ndarray:
-        """Constant forces in +x on blocks of row j_shear, left to right, (N_x,), in N: d tau_i."""
+        """Forces in +x on blocks of row j_shear, left to right, shape (N_x,), in N, at t = 0.
+
+        d tau_i for a `PrescribedLoad`, d T/N_x for a `DistributedLoad`.
+        """
+        if isinstance(self.top, DistributedLoad) and self.top.T:
+            return np.full(self.N_x, self.d * self.top.T / self.N_x)
         if not isinstance(self.top, PrescribedLoad):
             return np.zeros(self.N_x)
         return self.d * self._by_column(self.top.tau) + 0.0  # no -0.0

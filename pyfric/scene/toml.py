@@ -57,6 +57,7 @@ from pyfric.scene.parts import (
     Walls,
 )
 from pyfric.scene.spread import Spread
+from pyfric.scene.protocol import Course
 from pyfric.scene.units import SceneError, unknown
 
 __all__ = ["MAX_FILE", "read", "text"]
@@ -94,7 +95,9 @@ def _table(part: Any, *, several: bool) -> dict[str, Any]:
         value, key = getattr(part, field.name), field.name
         if key == LAW and value != field.default:
             table[key] = _table(value, several=True)
-        elif key != LAW and value is not None:
+        elif isinstance(marks.get(key), Course) and value:
+            table[key] = marks[key].written(value)
+        elif key != LAW and value not in (None, ()):
             table[key] = _as_written(value, marks[key].unit if key in marks else "")
     return table
 

@@ -27,9 +27,10 @@ __all__ = ["REFERENCE", "STATIONS", "misfit", "orders", "report", "ruptured", "t
 STATIONS = np.arange(2.0, 15.0)
 """Distances from the middle, km."""
 REFERENCE = np.array(
-    "0.6167 0.9748 1.3525 1.7109 2.0559 2.3961 2.7339 3.0692 3.4021 3.7332 4.0626 4.3908 "
-    "4.7177".split(),
-    dtype=float,
+    [
+        *(0.6167, 0.9748, 1.3525, 1.7109, 2.0559, 2.3961, 2.7339),
+        *(3.0692, 3.4021, 3.7332, 4.0626, 4.3908, 4.7177),
+    ]
 )
 """Rupture times there, s, converged to 1 ms: spectral elements of 125 m with 6 nodes."""
 SLIP_RATE = 0.5e-3

@@ -1,0 +1,234 @@
+"""Loading protocols: their files, their pieces, and runs that follow them."""
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+from helpers import bits, budget_error, same_run, small
+from scipy.integrate import solve_ivp
+
+import pyfric
+from pyfric.scene import Scene, SceneError, chain, setup2
+
+simulate = functools.partial(pyfric.simulate, fidelity="dynamic", switching="located")
+
+STEPS = ((1e-4, 0.3), (1e-4, 0.0), (2.3e-4, 0.0), (3e-4, -0.4), (4.1e-4, -0.4), (4.1e-4, 0.2))
+"""A ramp, a jump to a hold, a ramp to a reversal, a jump back; off the grid of steps."""
+
+
+def driven(scene, protocol, **changes):
+    driver = dataclasses.replace(scene.driver, protocol=protocol, **changes)
+    return dataclasses.replace(scene, driver=driver)
+
+
+def loaded(scene, **changes):
+    return dataclasses.replace(scene, top=dataclasses.replace(scene.top, **changes))
+
+
+def refused(call, field, *texts):
+    with pytest.raises(SceneError) as caught:
+        call()
+    assert caught.value.field == field
+    for text in texts:
+        assert text in str(caught.value)
+
+
+# --- scenes --------------------------------------------------------------------------------------
+
+
+def test_files_hold_corners_with_units():
+    scene = loaded(
+        driven(setup2(), STEPS),
+        protocol=((0.1, 500.0),),
+        T=3.0,
+        T_protocol=((0.0, 1.0), (1.0, 2.0)),
+    )
+    text = scene.to_toml()
+    assert '"0.0001 s"' in text
+    assert Scene.from_toml(text) == scene
+    assert Scene.from_toml(text.replace('"0.0001 s"', '"100 us"')) == scene
+    assert "protocol" not in setup2().to_toml()
+
+
+@pytest.mark.parametrize(
+    ("protocol", "texts"),
+    [
+        (((2.0, 1.0), (1.0, 1.0)), ["corner 2: out of order", ">= 2.0 s, the time of corner 1"]),
+        (((-1.0, 1.0),), ["corner 1: too small", "-1.0 s"]),
+        (((1.0, np.inf),), ["corner 1", "m/s"]),
+        (((1.0, 1.0),) * 3, ["corner 3: a third one at this time"]),
+        (((1.0, 1.0, 1.0),), ["corner 1: not a pair"]),
+        (7.0, ["not a list of pairs"]),
+        (((1.0, 1.0),) * 1001, ["at most 1000 pairs"]),
+    ],
+)
+def test_refused_protocols(protocol, texts):
+    refused(lambda: driven(setup2(), protocol), "driver.protocol", *texts)
+
+
+def test_forces_stay_positive_and_other_engines_say_why_not():
+    refused(lambda: loaded(setup2(), protocol=((1.0, 0.0),)), "top.protocol", "corner 1", "> 0 N")
+    scene = driven(setup2(), STEPS)
+    for fidelity in ("hybrid", "quasistatic", "equilibrium"):
+        refused(lambda f=fidelity: pyfric.simulate(scene, 1e-3, fidelity=f), "fidelity", "protocol")
+    refused(lambda: pyfric.prediction_curve(scene), "fidelity")
+    plan = pyfric.plan(scene)
+    assert (plan.fidelity, plan.geometry) == ("dynamic", "finite")
+    assert "protocol" in plan.reasons[0]
+
+
+def test_the_driver_is_where_the_integral_of_its_speed_is():
+    scene = driven(setup2(V=0.1), STEPS)
+    times = np.linspace(0, 6e-4, 60_001)
+    corners = [(0.0, 0.1), *STEPS, (1.0, 0.2)]
+    speed = np.zeros_like(times)
+    for (t_0, v_0), (t_1, v_1) in zip(corners[:-1], corners[1:], strict=True):
+        here = (times >= t_0) & (times < t_1)
+        speed[here] = v_0 + (v_1 - v_0) * (times[here] - t_0) / max(t_1 - t_0, 1e-30)
+    steps = np.diff(times)
+    expected = np.concatenate([[0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * steps)])
+    found = [scene.drive(t) for t in times]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * 0.4)
+    assert setup2(V=0.1).drive(0.3) == 0.1 * 0.3
+
+
+# --- runs ----------------------------------------------------------------------------------------
+
+
+def one_block(protocol, V=0.5):
+    """A chain whose first block alone can slip: k to a wall, K to the driver, eta to the wall."""
+    scene = chain(
+        L=5e-3, p=(50.0, 1e9, 1e9), k=2e6, M=3e-3, K=4e6, V=V, eta=3.0, mu_s=0.7, mu_k=0.45
+    )
+    return driven(scene, protocol)
+
+
+def by_solve_ivp(scene, t_end):
+    """Return times at which the block switches, and its final position; by DOP853 with events."""
+    m, k, K, eta = scene.m, scene.slider.k, scene.driver.K, scene.eta
+    hold, slide = 0.7 * 50.0, 0.45 * 50.0
+    grid = [0.0, *sorted({t for t, _ in scene.driver.protocol if t < t_end}), t_end]
+    u, v, mode, found = 0.0, 0.0, 0, []
+    corners = [(0.0, scene.driver.V), *scene.driver.protocol]
+
+    def rest(t, u, v):
+        return K * (drive(t) - u) - k * u - eta * v
+
+    def drive(t):
+        last = max(j for j, (t_j, _) in enumerate(corners) if t_j <= t)
+        X = sum(
+            0.5 * (a[1] + b[1]) * (b[0] - a[0])
+            for a, b in zip(corners[:last], corners[1 : last + 1], strict=True)
+        )
+        (t_0, V_0), after = corners[last], corners[last + 1 : last + 2]
+        a = (after[0][1] - V_0) / (after[0][0] - t_0) if after else 0.0
+        return X + V_0 * (t - t_0) + 0.5 * a * (t - t_0) ** 2
+
+    for begin, end in zip(grid[:-1], grid[1:], strict=True):
+        t = begin
+        while t < end - 1e-15:
+
+            def slope(t, y, mode=mode):
+                return [y[1], (rest(t, *y) - mode * slide) / m] if mode else [0.0, 0.0]
+
+            def over(t, y, mode=mode):
+                return mode * y[1] if mode else hold - abs(rest(t, y[0], 0.0))
+
+            over.terminal, over.direction = True, -1
+            done = solve_ivp(
+                slope, (t, end), [u, v], "DOP853", events=over, rtol=1e-12, atol=1e-16,
+                max_step=2e-6, first_step=1e-8,
+            )  # fmt: skip
+            t, (u, v) = done.t[-1], done.y[:, -1]
+            if done.status != 1:
+                break
+            force = rest(t, u, 0.0)
+            mode = 0 if mode and abs(force) <= hold else int(np.sign(force))
+            v = 0.0
+            found.append(t)
+    return np.array(found), u
+
+
+def test_one_block_moves_as_solve_ivp_says():
+    scene = one_block(STEPS)
+    record = simulate(scene, 6e-4, dt=2e-7)
+    times, u = by_solve_ivp(scene, 6e-4)
+    assert times.size >= 6
+    np.testing.assert_allclose(record.switches["t"], times, rtol=0, atol=1e-12)
+    assert record.final_state.y[0, 0, 0] == pytest.approx(u, rel=1e-7)
+
+
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_energy_closes_with_every_protocol(kind):
+    scene = driven(small(kind, V=0.3), ((3e-4, 0.9), (3.003e-4, -0.3), (6e-4, 0.5), (6e-4, 0.8)))
+    scene = loaded(scene, protocol=((2e-4, 1.3 * scene.F_N), (5e-4, 0.8 * scene.F_N)))
+    if kind == "free":
+        scene = loaded(scene, T=5.0, T_protocol=((4e-4, 60.0),))
+    coarse, fine = (simulate(scene, 8e-4, dt=dt) for dt in (4e-7, 2e-7))
+    went_through = fine.curve["work_driver"].abs().max()
+    assert budget_error(fine) < 1e-6 * went_through
+    assert budget_error(fine) < budget_error(coarse) / 4
+
+
+def test_split_runs_and_the_whole_give_the_same_bits():
+    scene = driven(small("free", V=0.3), ((2.0004e-4, 0.9), (3e-4, 0.9), (3e-4, -0.7)))
+    whole = simulate(scene, 8e-4)
+    first = simulate(scene, 2.5e-4, threads=2)
+    again = simulate(scene, 8e-4, initial=first)
+    assert whole.final_state.t >= 8e-4 * (1 - 1e-12)
+    assert bits(whole.final_state) == bits(again.final_state)
+    assert same_run(whole, again, counts={}, method=whole.method, curve=whole.curve)
+
+
+def test_hysteresis_loops_hold_the_work_that_is_lost():
+    """Driven to and fro, the second cycle is closed: the area of F_T over X is heat and damping."""
+    V, T = 0.05, 4e-3
+    corners = [(T, V)]
+    for n in range(1, 5):
+        corners += [((2 * n - 1) * T, (-1) ** n * V), ((2 * n + 1) * T, (-1) ** n * V)]
+    scene = driven(
+        chain(L=0.02, p=40.0, k=2e6, K=4e6, V=V, mu_s=0.5, mu_k=0.5, M=0.01), tuple(corners[1:])
+    )
+    record = simulate(scene, 9 * T, sample=1e-5)
+    curve, t = record.curve, record.curve["t"].to_numpy()
+    cycle = (t >= 5 * T - 1e-9) & (t <= 9 * T + 1e-9)
+    X, F_T = np.array([scene.drive(one) for one in t[cycle]]), curve["F_T"].to_numpy()[cycle]
+    area = np.sum(0.5 * (F_T[1:] + F_T[:-1]) * np.diff(X))
+    lost = sum(
+        np.ptp(curve[name].to_numpy()[cycle])
+        for name in ("friction_heat", "dissipated_bonds", "switching_loss")
+    )
+    assert record.switches["new"].min() == -1  # blocks slip back
+    assert abs(X[-1] - X[0]) < 1e-12
+    assert area == pytest.approx(lost, rel=2e-3)
+    assert lost == pytest.approx(
+        4 * 0.5 * 9 * 40.0 * np.abs(record.final_state.y[0, 0]).max(), rel=1
+    )
+
+
+def test_a_held_driver_holds_its_force_and_a_load_arrives():
+    """After the end of all changes the slider rests: F_T, sum p and sum tau are those of the end."""
+    scene = driven(setup2(L=0.02, H=0.006, V=0.02, eta=120.0), ((3e-4, 0.0),))
+    scene = loaded(scene, protocol=((2e-4, 500.0),), T=2.0, T_protocol=((2e-4, 30.0),))
+    record = simulate(scene, 2e-3, budget=False)
+    state, k_f = record.final_state, scene.k_f
+    assert record.curve["F_T"].iloc[-1] == pytest.approx(record.curve["F_T"].iloc[-100], rel=1e-4)
+    p = -k_f * state.y[0, 1]
+    assert p.sum() == pytest.approx(500.0, rel=1e-4)
+    model = pyfric.core.model(scene, "finite", state.u_drv0, state.t)
+    forces = pyfric.core.evaluate(model, state, state.t)
+    assert -forces.f.sum() == pytest.approx(forces.F_T + 30.0, rel=1e-3)
+    assert np.isnan(record.events["F_T_start"]).all()
+
+
+def test_a_rod_is_pushed_at_any_height():
+    """Pushed at the rod itself or below, the stuck slider takes up K X less what it yields."""
+    for h in (2.5e-3, 12.5e-3):
+        scene = driven(small("rod", h=h, V=0.05, eta=120.0), ((2e-4, 0.0),))
+        state = simulate(scene, 4e-3, budget=False).final_state
+        rest = pyfric.StaticSolver(scene, "finite").solve(state.y[0, 0], scene.drive(4e-3))
+        assert rest.F_T > 10
+        u_h = state.y[scene.j_h, 0, scene.i_h]
+        F_T = scene.driver_force(scene.drive(4e-3), u_h, state.u_drv0)
+        assert F_T == pytest.approx(rest.F_T, rel=1e-3)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import itertools
 
 import numpy as np
 import pytest
@@ -83,7 +84,7 @@ def test_the_driver_is_where_the_integral_of_its_speed_is():
     times = np.linspace(0, 6e-4, 60_001)
     corners = [(0.0, 0.1), *STEPS, (1.0, 0.2)]
     speed = np.zeros_like(times)
-    for (t_0, v_0), (t_1, v_1) in zip(corners[:-1], corners[1:], strict=True):
+    for (t_0, v_0), (t_1, v_1) in itertools.pairwise(corners):
         here = (times >= t_0) & (times < t_1)
         speed[here] = v_0 + (v_1 - v_0) * (times[here] - t_0) / max(t_1 - t_0, 1e-30)
     steps = np.diff(times)
@@ -118,14 +119,13 @@ def by_solve_ivp(scene, t_end):
     def drive(t):
         last = max(j for j, (t_j, _) in enumerate(corners) if t_j <= t)
         X = sum(
-            0.5 * (a[1] + b[1]) * (b[0] - a[0])
-            for a, b in zip(corners[:last], corners[1 : last + 1], strict=True)
+            0.5 * (a[1] + b[1]) * (b[0] - a[0]) for a, b in itertools.pairwise(corners[: last + 1])
         )
         (t_0, V_0), after = corners[last], corners[last + 1 : last + 2]
         a = (after[0][1] - V_0) / (after[0][0] - t_0) if after else 0.0
         return X + V_0 * (t - t_0) + 0.5 * a * (t - t_0) ** 2
 
-    for begin, end in zip(grid[:-1], grid[1:], strict=True):
+    for begin, end in itertools.pairwise(grid):
         t = begin
         while t < end - 1e-15:
 
@@ -208,7 +208,7 @@ def test_hysteresis_loops_hold_the_work_that_is_lost():
 
 
 def test_a_held_driver_holds_its_force_and_a_load_arrives():
-    """After the end of all changes the slider rests: F_T, sum p and sum tau are those of the end."""
+    """After all changes the slider rests: F_T, sum p and sum tau are those of the end."""
     scene = driven(setup2(L=0.02, H=0.006, V=0.02, eta=120.0), ((3e-4, 0.0),))
     scene = loaded(scene, protocol=((2e-4, 500.0),), T=2.0, T_protocol=((2e-4, 30.0),))
     record = simulate(scene, 2e-3, budget=False)

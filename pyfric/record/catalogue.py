@@ -347,7 +347,7 @@ def static_values(
     """Static equilibria at the first slip and the last stick of every event.
 
     The bottom row is held at the u_x of the quiet log, open blocks are free, and the driver stands
-    where it is at that time. The results are free of ring-down and drift, whichever engine wrote the log.
+    where it is then. The results are free of ring-down and drift, whichever engine wrote the log.
 
     Parameters
     ----------

@@ -242,9 +242,9 @@ class Walls:
 class Driver:
     """The spring that pushes one side of the slider; its far end moves at a given speed.
 
-    The speed is V, or changes along straight lines from (0, V) through the corners of a protocol, and
-    stays at the last one. Two corners at one time are a jump: ((1, V), (1, 0), (2, 0), (2, V)) is a
-    hold of one second. Negative speeds reverse the push. Steps end at corners.
+    The speed is V, or changes along straight lines from (0, V) through the corners of a protocol,
+    and stays at the last one. Two corners at one time are a jump: ((1, V), (1, 0), (2, 0), (2, V))
+    is a hold of one second. Negative speeds reverse the push. Steps end at corners.
 
     Args:
         K: stiffness, N/m, > 0, or 0 for no driver on a prescribed interface.

@@ -248,8 +248,8 @@ def slab(
 def tpv3(
     *,
     l: float = 100.0,
-    L: float = 21e3,
-    H: float = 15e3,
+    L: float = 18e3,
+    H: float = 12e3,
     eta: float | None = None,
     d_c: float = 0.2,
     name: str = "tpv3",

@@ -1,7 +1,8 @@
 """Loading protocols: quantities that change with time, in straight pieces.
 
-A protocol is a first value, from t = 0 on, and corners: pairs of a time and the value there. Between
-corners it is a straight line, after the last one it stays. Two corners at one time are a jump.
+A protocol is a first value, from t = 0 on, and corners: pairs of a time and the value there.
+Between corners it is a straight line, after the last one it stays. Two corners at one time are a
+jump.
 """
 
 from __future__ import annotations

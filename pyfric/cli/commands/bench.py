@@ -1,14 +1,15 @@
-"""`pyfric bench`: timings."""
+"""`pyfric bench`: timings, and a benchmark of fronts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from pyfric.cli.app import main
-from pyfric.cli.shared import json_option
+from pyfric.cli.shared import check_out, file_option, json_option, overwrite_option
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 @main.group()
 def bench() -> None:
-    """Measure the speed of the core on this machine."""
+    """Measure the speed of the core on this machine, and its fronts against a benchmark."""
 
 
 _quick_option = click.option("--quick", is_flag=True, help="Fewer sizes and shorter timings.")
@@ -69,6 +70,30 @@ def fidelity(as_json: bool) -> None:
     from pyfric.checks import studies
 
     _show(studies.fidelity.fidelity(progress=not as_json), as_json, studies.fidelity.report)
+
+
+@bench.command()
+@file_option("--out", metavar="FILE", help="Write the table as CSV.")
+@overwrite_option
+@json_option
+@click.option("--quick", is_flag=True, help="Lattices of 100 and 50 m only.")
+def tpv3(out: Path | None, overwrite: bool, as_json: bool, quick: bool) -> None:
+    """TPV3, a benchmark of earthquake rupture: rupture times against its reference (two minutes).
+
+    Beside --out, a CSV file, goes its provenance.
+    """
+    from pyfric.checks import studies
+    from pyfric.record import provenance
+    from pyfric.scene import write
+
+    about = None if out is None else out.with_name(f"{out.stem}_provenance.toml")
+    check_out(out, overwrite)
+    check_out(about, overwrite)
+    frame = studies.tpv3.tpv3(quick=quick, progress=not as_json)
+    if out is not None:
+        write(out, frame.to_csv(index=False, float_format="%.6g").encode())
+        provenance(about, "pyfric bench tpv3")
+    _show(frame, as_json, studies.tpv3.report)
 
 
 def _show(frame: pd.DataFrame, as_json: bool, report: Callable[[pd.DataFrame], str]) -> None:

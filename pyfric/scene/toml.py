@@ -56,8 +56,8 @@ from pyfric.scene.parts import (
     Slider,
     Walls,
 )
-from pyfric.scene.spread import Spread
 from pyfric.scene.protocol import Course
+from pyfric.scene.spread import Spread
 from pyfric.scene.units import SceneError, unknown
 
 __all__ = ["MAX_FILE", "read", "text"]

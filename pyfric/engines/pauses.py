@@ -39,7 +39,9 @@ def longest_pause(scene: Scene) -> float:
     """
     slider, driver = scene.slider, scene.driver
     transit = slider.L / (slider.l * math.sqrt(slider.k / (2 * scene.m)))
-    loading = DRIVER_SHARE * scene.F_N / (driver.K * driver.V) if driver.K * driver.V > 0 else math.inf
+    loading = (
+        DRIVER_SHARE * scene.F_N / (driver.K * driver.V) if driver.K * driver.V > 0 else math.inf
+    )
     ringing = RING_DOWN * slow_decay(scene) if scene.N_z > 1 else math.inf
     longest = min(loading, ringing)
     return _rounded(max(longest if math.isfinite(longest) else 0.0, TRANSITS * transit))

@@ -227,7 +227,7 @@ def plan(
 
 def _all_of_it(scene: Scene, want: Want, tolerance: float, t_end: float) -> Plan:
     """Return the plan for a scene that only full dynamics can follow."""
-    switching, dt, error = _step(scene, want, tolerance)
+    switching, dt, error = _step(scene, want, tolerance, max(t_end, 1e-30))
     blocks = scene.N_x * scene.N_z
     evaluations = 4.0 * t_end / dt * blocks
     what = "a protocol changes speed or load"

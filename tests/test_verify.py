@@ -121,6 +121,7 @@ def test_other_bits_are_noticed(other, monkeypatch):
 
         monkeypatch.setattr(core, "advance", off)
     assert verify.digest(*other, core.VARIANT, 1)[0] != known[0]
+    assert verify.digest(*other, core.VARIANT, 1, True)[0] != known[0]
     assert known[1] >= verify.SWITCHES
 
 

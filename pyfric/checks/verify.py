@@ -9,11 +9,14 @@ import dataclasses
 import hashlib
 import math
 import signal
+import tempfile
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -172,22 +175,23 @@ def _build() -> Made:
 
 
 def _bits() -> Made:
-    """Every variant, and one and two threads, against the variant in use on one thread."""
+    """Every variant, threads, and a run in two halves, against the variant in use on one thread."""
     checks, skipped = (
         [],
         [f"{n} (not on this processor)" for n, r in core.variants().items() if not r],
     )
     others = {f"variant {n}, 1 thread": (n, 1) for n, r in core.variants().items() if r}
     if core.build_info()["openmp"]:
-        others |= {f"variant {core.VARIANT}, 2 threads": (core.VARIANT, 2)}
+        others |= {f"variant {core.VARIANT}, {n} threads": (core.VARIANT, n) for n in (2, 4)}
     else:
-        skipped.append("2 threads (built without OpenMP)")
+        skipped.append("2 and 4 threads (built without OpenMP)")
+    others |= {"saved and continued": (core.VARIANT, 1, True)}
     switches = []
     for geometry, switching in (("finite", "step_end"), ("linear", "located")):
         first, n = digest(geometry, switching, core.VARIANT, 1)
         switches.append(n)
-        for name, (variant, threads) in others.items():
-            differ = digest(geometry, switching, variant, threads)[0] != first
+        for name, other in others.items():
+            differ = digest(geometry, switching, *other)[0] != first
             how = switching.replace("_", " ")
             checks.append(Check(f"{name}, {geometry}, {how}: other bits", differ, 0))
     checks.append(
@@ -196,10 +200,13 @@ def _bits() -> Made:
     return checks, f"skipped: {', '.join(skipped)}" if skipped else ""
 
 
-def digest(geometry: str, switching: str, variant: str, threads: int) -> tuple[str, int]:
+def digest(
+    geometry: str, switching: str, variant: str, threads: int, halves: bool = False
+) -> tuple[str, int]:
     """Return a checksum of all that a short run leaves, and how many contacts switched in it.
 
-    The loaded slider is shaken, at 20 m/s, so that its blocks slip at once.
+    The loaded slider is shaken, at 20 m/s, so that its blocks slip at once. In `halves`, the state
+    is saved and loaded after half of the steps.
     """
     scene = setup1(L=0.05, H=0.025)
     state, log = loaded_state(scene, geometry).state(scene, 4e-7), core.Log(scene.N_x)
@@ -208,18 +215,30 @@ def digest(geometry: str, switching: str, variant: str, threads: int) -> tuple[s
     state.y[0, 2] = 0.0
     model = core.model(scene, geometry, state.u_drv0)
     how = {"switching": switching, "variant": variant, "threads": threads}
-    content, switches = hashlib.sha256(), 0
-    while state.step < STEPS:
-        status = core.advance(model, state, log, STEPS - state.step, **how)
-        if status not in (core.Status.DONE, core.Status.LOG_FULL):
-            raise RuntimeError(f"{geometry} geometry, variant {variant}: {status.message}")
-        for table in (log.switches(), log.quiet()):
-            for values in table.values():
-                content.update(np.ascontiguousarray(values).tobytes())
-        switches += log.n_switch
+    logged, switches = defaultdict(list), 0
+    for stop in (STEPS // 2, STEPS) if halves else (STEPS,):
+        state = _saved_and_loaded(state) if state.step else state
+        while state.step < stop:
+            status = core.advance(model, state, log, stop - state.step, **how)
+            if status not in (core.Status.DONE, core.Status.LOG_FULL):
+                raise RuntimeError(f"{geometry} geometry, variant {variant}: {status.message}")
+            for kind, table in (("switch", log.switches()), ("quiet", log.quiet())):
+                for name, values in table.items():
+                    logged[kind, name].append(values.copy())
+            switches += log.n_switch
+    content = hashlib.sha256()
+    for values in logged.values():
+        content.update(np.concatenate(values).tobytes())
     for values in (state.y, state.rod, state.mode, state.heat, state.loss):
         content.update(values.tobytes())
     return content.hexdigest(), switches
+
+
+def _saved_and_loaded(state: core.State) -> core.State:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "state.npz"
+        state.save(path)
+        return core.State.load(path)
 
 
 def _exact() -> Made:

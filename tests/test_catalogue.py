@@ -542,8 +542,8 @@ def test_random_logs_agree_with_a_plain_loop():
             assert event.last_block == max(row.n for row in rows)
 
 
-def test_a_million_switches_take_seconds():
-    n = 500_000
+def test_many_switches_take_little_time():
+    n = 100_000
     t = np.arange(n) * 0.4 * MS
     block = np.arange(n) % 8
     run = {

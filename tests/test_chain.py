@@ -27,7 +27,7 @@ from pyfric.statics import StaticSolver, loaded_state, stability_limit, stiffnes
 from pyfric.statics.operators import operators
 from pyfric.statics.stability import radius
 
-simulate = functools.partial(pyfric.simulate, fidelity="dynamic")
+simulate = functools.partial(pyfric.simulate, fidelity="dynamic", sample=1e-5)  # few points
 
 N = 13
 TAU = tuple(20 * np.cos(np.arange(N)))

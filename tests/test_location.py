@@ -14,7 +14,7 @@ from pyfric.engines import RunError
 from pyfric.scene import chain, setup1, setup2
 from pyfric.statics import loaded_state, stability_limit
 
-simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False)
+simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False, sample=1e-5)
 
 EPS = 2.0**-52
 

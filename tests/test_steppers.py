@@ -15,7 +15,7 @@ from pyfric.engines import step_size
 from pyfric.scene import SceneError, chain, preset, setup1
 from pyfric.statics import dispersion, loaded_state, stability_limit
 
-simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False)
+simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False, sample=1e-5)
 
 TABLES = ("symplectic_euler", "verlet", "adaptive")
 """Steppers given by a table; RK4 has a sweep of its own, and tests of its own."""

@@ -11,6 +11,7 @@ whose b differs by e, and whose bbar by ebar, measures the error.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -70,7 +71,7 @@ class Stepper:
         """It measures its error and makes sub-steps."""
         return bool(self.e.any())
 
-    @property
+    @functools.cached_property
     def columns(self) -> np.ndarray:
         """What the core takes: c, b, bbar, e, ebar, a, abar (pyfric_nystrom); no row: RK4."""
         if self.swept:

@@ -120,9 +120,12 @@ def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path
     png, pdf, txt = paths
     with written(png) as draft:
         fig.savefig(draft, format="png", dpi=PNG_DPI, metadata={"Description": fig.caption})
+    layout = fig.get_layout_engine()
+    fig.set_layout_engine("none")  # laid out already
     with written(pdf) as draft:
         about = {"Subject": fig.caption, "CreationDate": None}
         fig.savefig(draft, format="pdf", dpi=PNG_DPI, metadata=about)
+    fig.set_layout_engine(layout)
     write(txt, f"{fig.caption}\n".encode())
     for name, table in fig.tables.items():
         path = stem.with_name(f"{stem.name}_{name}.csv")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from threadpoolctl import ThreadpoolController
 
@@ -18,7 +18,7 @@ __all__ = ["SMALL", "one_thread_if_small"]
 SMALL = 250
 """Matrices of up to twice this size run on one thread."""
 
-P, R = ParamSpec("P"), TypeVar("R")
+F = TypeVar("F", bound="Callable[..., Any]")
 
 
 @functools.cache
@@ -26,7 +26,7 @@ def _controller() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def one_thread_if_small(function: Callable[P, R]) -> Callable[P, R]:
+def one_thread_if_small(function: F) -> F:
     """Let BLAS use one thread in a function of a scene (its first argument) with few columns.
 
     The function gets the scene where its caller gives the name of a preset or a file.
@@ -39,4 +39,4 @@ def one_thread_if_small(function: Callable[P, R]) -> Callable[P, R]:
         with _controller().limit(limits=1, user_api="blas") if small else nullcontext():
             return function(scene, *args, **kwargs)
 
-    return limited
+    return cast("F", limited)

@@ -64,6 +64,7 @@ lint: setup
 	$(BIN)/ruff format --check
 	$(BIN)/fortitude check fortran
 	$(BIN)/lint-imports --no-logo --no-cache
+	$(BIN)/pyright --warnings
 
 format: setup
 	$(BIN)/ruff check --fix

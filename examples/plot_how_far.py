@@ -16,7 +16,7 @@ lengths = pyfric.analysis.precursor_lengths(
     pyfric.simulate(scene, 0.9, geometry="linear", progress=False)
 )
 curve = pyfric.prediction_curve(scene).curve
-F_N = scene.top.F_N
+F_N = scene.F_N
 
 figure, axes = plt.subplots(layout="constrained")
 axes.plot(curve["F_T"] / F_N, curve["L_p_over_L"], label=r"prediction, $\mu_s = \mu_k$")

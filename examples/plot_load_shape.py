@@ -15,6 +15,6 @@ figure, axes = plt.subplots(layout="constrained")
 for theta in (-0.8, -0.4, 0.0, 0.4, 0.8):
     scene = pyfric.setup2(theta=theta, l=2e-3)
     curve = pyfric.prediction_curve(scene).curve
-    axes.plot(curve["F_T"] / scene.top.F_N, curve["L_p_over_L"], label=f"theta = {theta:g}")
+    axes.plot(curve["F_T"] / scene.F_N, curve["L_p_over_L"], label=f"theta = {theta:g}")
 axes.set(xlabel=r"$F_T/F_N$", ylabel=r"$L_p/L$")
 axes.legend()

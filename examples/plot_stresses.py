@@ -11,14 +11,16 @@ import matplotlib.pyplot as plt
 
 import pyfric
 
-record = pyfric.simulate("fig1", t_end=0.8, geometry="linear", progress=False)
+mu_s, mu_k = 0.7, 0.45
+scene = pyfric.preset("fig1", mu_s=mu_s, mu_k=mu_k)
+record = pyfric.simulate(scene, t_end=0.8, geometry="linear", progress=False)
 event = int(pyfric.analysis.precursors(record)["event"].iloc[10])
 
 figure, axes = plt.subplots(layout="constrained")
 for when in ("before", "after"):
     stress = pyfric.analysis.stress_profile(record, event, when)
     axes.plot(stress["x_over_L"], stress["tau"] / stress["p"], label=f"{when} the event")
-axes.axhline(record.scene.interface.mu_s, color="0.5", ls="--", label=r"$\mu_s$")
-axes.axhline(record.scene.interface.mu_k, color="0.5", ls=":", label=r"$\mu_k$")
+axes.axhline(mu_s, color="0.5", ls="--", label=r"$\mu_s$")
+axes.axhline(mu_k, color="0.5", ls=":", label=r"$\mu_k$")
 axes.set(xlabel="x/L", ylabel=r"$\tau/p$")
 axes.legend()

@@ -17,7 +17,7 @@ for d_c, symbol in {0.0: "o", 2e-7: "s", 1e-6: "^"}.items():
     scene = pyfric.preset("fig1", l=5e-3, V=5e-3, d_c=d_c)
     record = pyfric.simulate(scene, 0.1, fidelity="hybrid", geometry="linear", progress=False)
     main = record.events[record.events["is_main"]]
-    force = main["F_T_start"] / scene.top.F_N
+    force = main["F_T_start"] / scene.F_N
     axes.plot(force, main["L_p_over_L"], symbol, ls=":", label=f"$d_c$ = {d_c * 1e6:g} µm")
 axes.set(xlabel=r"$F_T/F_N$ at which an event starts", ylabel=r"$L_p/L$")
 axes.legend()

@@ -67,7 +67,7 @@ class _Range:
 def boundary(
     f: Label,
     along: tuple[float, float],
-    over: Sequence[float],
+    over: Sequence[float] | np.ndarray,
     *,
     scale: Scale = "log",
     tolerance: float = 1e-3,

@@ -74,6 +74,12 @@ class _Statics:
             self._frozen[key] = Frozen(self.known, stuck, self.dt, closed)
         return self._frozen[key]
 
+    def renewed(self, frozen: Frozen, q: np.ndarray) -> Frozen:
+        """Return the slider with these fixed contact states and the tangent near q."""
+        key = frozen.stuck.tobytes()
+        self._frozen[key] = frozen.renewed(q)
+        return self._frozen[key]
+
     def rest(
         self,
         u_x: np.ndarray,
@@ -218,6 +224,10 @@ class HybridRun(Run):
         w -= rest.q + (V * since) * frozen.drift + frozen.lag
         v = known.coordinates(state.y[:, 2:], state.rod[3:]) - V * frozen.drift
         motion = frozen.split(w, v)
+        unit = scene.F_N / scene.N_x
+        finite = self.method.geometry == "finite"
+        if finite and frozen.bend(motion.a) > self.remainder * unit:
+            return False
         bound = frozen.bound * math.sqrt(motion.remainder)
         rate = V * frozen.margin_rate
         modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
@@ -229,9 +239,9 @@ class HybridRun(Run):
             s = first_crossing(c, rate, modal, rates, most * dt, dt)
             n = min(math.floor(s / dt), most)
             left = bound.max() * math.exp(-frozen.decay * n * dt)
-            if left > self.remainder * scene.F_N / scene.N_x or n < min(most, SHORTEST):
+            if left > self.remainder * unit or n < min(most, SHORTEST):
                 return False
-            if self.method.geometry == "linear":
+            if not finite:
                 q = rest.q + (V * (since + n * dt)) * frozen.drift
                 force = rest.F_T + V * frozen.force_rate * (since + n * dt)
                 break
@@ -268,6 +278,7 @@ class HybridRun(Run):
                 frozen = self.solver.frozen(~open_)
                 growth = frozen.growth
                 if self.method.geometry == "finite":
+                    frozen = self.solver.renewed(frozen, rest.q)
                     growth = frozen.stiffened(rest.q)
                 margins = frozen.margins(rest)
                 self.quiet_now = _Quiet(state.t, open_, frozen, growth, rest, margins)

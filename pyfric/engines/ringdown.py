@@ -24,8 +24,8 @@ A step of RK4 multiplies a mode by R(lambda dt) = 1 + z + z^2/2 + z^3/6 + z^4/24
 drifting state exactly, so that the ring-down of a run with steps dt is that of the rates
 log(R)/dt: nothing is lost or gained against stepping.
 
-In finite geometry K is that of an earlier state; strains are small, so it changes little.
-`Frozen.stiffened` corrects the rates, whose errors add up over time, to first order.
+In finite geometry K is that of an earlier state. `Frozen.stiffened` corrects the rates, whose
+errors add up over time, to first order; `Frozen.renewed` takes K anew where it has changed much.
 """
 
 from __future__ import annotations
@@ -56,6 +56,8 @@ FEW, MOST_COLUMNS = 6, 120
 moved since; the responses to single blocks are kept."""
 MAX_ITER = 20
 """Most restarts of ARPACK; few are needed."""
+STRAINED = 0.02
+"""In finite geometry K is taken anew where the stiffness of a bond has changed by this many k."""
 GRID = 64
 """Points at which margins are evaluated together."""
 
@@ -88,6 +90,8 @@ class Frozen:
         closed: the same slider with all blocks stuck. With it, blocks are opened by corrections of
             low rank, without a factorisation, and modes are those of its modes together with the
             static shapes that the opened blocks add: the way for large lattices.
+        at: state whose tangent is taken, shape (n_q,); None means the loaded one.
+        near: the same slider with the tangent of a state nearby: modes follow from its modes.
 
     Attributes:
         rates: eigenvalues of the modes, one of each conjugate pair, shape (n,), in 1/s.
@@ -106,17 +110,19 @@ class Frozen:
         stuck: np.ndarray,
         dt: float | None = None,
         closed: Frozen | None = None,
+        at: np.ndarray | None = None,
+        near: Frozen | None = None,
     ) -> None:
         scene = solver.scene
         N_x, k_f, law, V = scene.N_x, scene.k_f, scene.law, scene.driver.V
         self.stuck, self.law, self.k_f, self.dt = stuck, law, k_f, dt
         loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
-        self._bonds = solver.bond_tangents(loaded)
+        self._bonds = solver.bond_tangents(loaded if at is None else at)
         self._columns: dict[int, np.ndarray] = {}
         self._squares: np.ndarray | None = None
         self._last: tuple[np.ndarray, float, np.ndarray] | None = None
         if closed is None:
-            K, factor, free = solver.tangent(stuck)
+            K, factor, free = solver.tangent(stuck, at)
             C = damping(scene)
         else:
             factor = _Opened(closed, np.flatnonzero(~stuck))
@@ -128,7 +134,11 @@ class Frozen:
         self.drift, self.lag = np.zeros(self.n_q), np.zeros(self.n_q)
         self.drift[free] = factor.solve(push[free])
         self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
-        if closed is None:
+        if near is not None:
+            basis = np.hstack([near.phi.real, near.phi.imag])
+            slow = np.max(np.abs(near.rates), initial=0.0)
+            self._keep_modes(*self._modes_near(basis, slow, factor))
+        elif closed is None:
             # Stuck blocks of a chain can only move vertically, which nothing makes them do.
             most = N_VALUES if len(free) <= LARGE else N_VALUES_LARGE
             self._keep_modes(*self._find_modes(factor, most if scene.N_z > 1 else 0))
@@ -186,17 +196,22 @@ class Frozen:
         return rates, vectors[:n, one_of_pair]
 
     def _corrected_modes(self, closed: Frozen, factor: _Opened) -> tuple[np.ndarray, np.ndarray]:
-        """Return the modes in the space of those of the closed slider and of static shapes.
-
-        What the modes found there still lack, K^-1 (lambda^2 M + lambda C + K) phi, is added to the
-        space, and they are found once more.
-        """
+        """Return the modes near the space of those of the closed slider and of static shapes."""
         m, n = len(self.free) - len(closed.free), closed.phi.shape[1]
         basis = np.zeros((len(self.free), 2 * n + 2 * m))
         basis[m:, :n], basis[m:, n : 2 * n] = closed.phi.real, closed.phi.imag
         basis[m:, 2 * n :] = factor.shapes
         basis[:m, 2 * n + m :] = np.eye(m)
-        slow = np.max(np.abs(closed.rates), initial=0.0)
+        return self._modes_near(basis, np.max(np.abs(closed.rates), initial=0.0), factor)
+
+    def _modes_near(
+        self, basis: np.ndarray, slow: float, factor: BandedCholesky | SuperLU | _Opened
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the modes with rates up to `slow` near a space of shapes.
+
+        What the modes found there still lack, K^-1 (lambda^2 M + lambda C + K) phi, is added to the
+        space, and they are found once more.
+        """
         rates, phi = self._modes_in(basis, slow)
         left = self.M[:, None] * phi
         left *= rates
@@ -337,6 +352,22 @@ class Frozen:
         growth = np.log(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) / self.dt
         growth.real = np.minimum(growth.real, 0.0)
         return growth
+
+    def renewed(self, q: np.ndarray) -> Frozen:
+        """Return the slider with the tangent at q, if a bond has changed by `STRAINED` k."""
+        stiffer = np.abs(self.solver.bond_tangents(q) - self._bonds)
+        if stiffer.max() <= STRAINED * self.solver.scene.slider.k:
+            return self
+        return Frozen(self.solver, self.stuck, self.dt, at=q, near=self)
+
+    def bend(self, a: np.ndarray) -> float:
+        """Return about how far K, changed by modes of amplitude a, changes the margins, in N.
+
+        A bond that is stretched or turned by a share of its length is stiffer by two such shares.
+        """
+        bent = self.solver.elongations(self.deviation(a, 0.0)[0])
+        share = 2 * float(np.abs(bent).max()) / self.solver.scene.slider.l
+        return share * float((np.abs(self.modal) @ (self.weight * np.abs(a))).max())
 
     def stiffened(self, q: np.ndarray) -> np.ndarray:
         """Return `growth` where bonds are as stiff as at q, to first order (finite geometry)."""

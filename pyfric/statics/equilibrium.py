@@ -356,12 +356,13 @@ class StaticSolver:
         )
 
     def tangent(
-        self, stuck: np.ndarray
+        self, stuck: np.ndarray, at: np.ndarray | None = None
     ) -> tuple[sp.csr_array, BandedCholesky | SuperLU, np.ndarray]:
-        """Return the tangent stiffness at the loaded state, with foundation and driver.
+        """Return the tangent stiffness with foundation and driver.
 
         Args:
             stuck: blocks that are closed and held, shape (N_x,), bool; the others are open.
+            at: coordinates of the state, shape (n_q,); None means the loaded one.
 
         Returns:
             K, shape (n_q, n_q), in N/m; its factorisation for the free coordinates; their indices.
@@ -369,16 +370,19 @@ class StaticSolver:
         Raises:
             EquilibriumError: all blocks are open.
         """
-        check_rests(self.scene)
         if not stuck.any():  # singular: rounding would decide whether it can be factorised
             what = "the slider is not supported: all blocks are open"
             raise EquilibriumError(what, np.nan, self._limit, 0)
         contact = _Contact(stuck, stuck, np.zeros(len(stuck), dtype=np.int8))
-        foundation = np.zeros(self._K.shape[0])
+        bare = self._K if at is None else self._bond_stiffness(at)
+        foundation = np.zeros(bare.shape[0])
         foundation[self._z] = self.scene.k_f * stuck
         row = sp.csr_array(self.driven_row[None])
-        K = self._K + sp.diags_array(foundation) + self.scene.driver.K * (row.T @ row)
-        return K.tocsr(), self._factor(contact, True), self._unknown(contact)
+        K = bare + sp.diags_array(foundation) + self.scene.driver.K * (row.T @ row)
+        factor = (
+            self._factor(contact, True) if at is None else self._factorised(bare, contact, True)
+        )
+        return K.tocsr(), factor, self._unknown(contact)
 
     def bond_tangents(self, q: np.ndarray) -> np.ndarray:
         """Return the stiffnesses xx, xz and zz of each bond at q, shape (3, n_bonds), in N/m."""
@@ -432,13 +436,13 @@ class StaticSolver:
             force = np.append(force[: len(q) - 3], self._on_rod @ force[-2 * scene.N_x :])
             force[-2] -= scene.F_N
             force[-1] -= scene.kappa * q[-1]
-        return force, F_T
+        return force[: len(q)], F_T
 
     def _spread(self, q: np.ndarray) -> np.ndarray:
         """Return the displacements of all blocks, the same as T q without a sparse product."""
         scene = self.scene
         if not scene.rigid:
-            return q
+            return np.append(q, np.zeros(len(self._load) - len(q)))  # a held row does not move
         top = np.full(scene.N_x, q[-3]), q[-2] + q[-1] * scene.x
         return np.concatenate([q[:-3], *top])
 

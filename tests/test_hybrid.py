@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from helpers import GEOMETRIES
 from scipy.sparse.linalg import ArpackNoConvergence
-from tolerances import CURVE, FORCE, FORCE_FINITE, REPRODUCED
+from tolerances import CURVE, FORCE, FORCE_FINITE, FORCE_STRAINED, REPRODUCED
 
 import pyfric
 from pyfric import core
@@ -155,6 +155,25 @@ def test_finite_geometry_is_full_dynamics(scene, t_end):
     check_same_curve(a, b, 10 * CURVE)
     check_counts(b)
     assert b.counts["steps"] < 0.5 * a.counts["steps"]
+
+
+def test_a_stiff_driver_in_finite_geometry_is_full_dynamics():
+    """A step of the driver is 1e-2 F_N/K here; every switch is the same."""
+    a, b = both(rod(K=1e9, h=0.0125), 0.02, "finite")
+    assert b.counts["jumps"] > 10
+    assert len(a.switches["t"]) > 60
+    for name in ("block", "old", "new"):
+        np.testing.assert_array_equal(b.switches[name], a.switches[name])
+    check_same_events(a, b, FORCE_STRAINED)
+
+
+def test_large_strains_are_full_dynamics():
+    """A strain of 0.13 changes the tangent; with that of the loaded state 2e-4 F_N are lost."""
+    a, b = both(rod(F_N=12e3, V=0.06), 0.05, "finite")
+    assert b.counts["jumps"] > 10
+    assert len(a.events) >= 5
+    check_same_events(a, b, FORCE_STRAINED)
+    assert any("strains reach about 0.13, above 0.1" in note for note in b.notes)
 
 
 def test_static_forces_of_fast_runs_are_those_of_fresh_solves():

@@ -1,10 +1,12 @@
 """The benchmark: what it times and how it reports, not how fast anything is."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from pyfric import core
-from pyfric.checks.studies import bench, peers
+from pyfric.checks.studies import bench, fidelity, peers
 
 BLOCKS = 5 * 4
 
@@ -93,3 +95,12 @@ def test_a_run_counts_force_evaluations():
     finally:
         core.advance = original
     assert made == [10]
+
+
+def test_steps_per_switch():
+    """130 steps of 4 x 20 evaluations were made for 100 steps and 10 switches."""
+    counts = {"steps": 100, "block_evaluations": 130 * 4 * BLOCKS}
+    scene = SimpleNamespace(N_x=5, N_z=4)
+    record = SimpleNamespace(scene=scene, counts=counts, switches={"t": np.zeros(10)})
+    assert fidelity.steps_per_switch(record) == 3
+    assert np.isnan(fidelity.steps_per_switch(SimpleNamespace(counts={}, switches={"t": []})))

@@ -28,8 +28,18 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["fidelity", "report"]
+__all__ = ["fidelity", "report", "steps_per_switch"]
 
+ROWS = (
+    *(
+        (engine, geometry, switching)
+        for engine in ("dynamic", "hybrid")
+        for geometry in ("linear", "finite")
+        for switching in ("located", "step_end")
+    ),
+    ("quasistatic", "linear", "located"),
+)
+"""Engine, geometry, switching; the ladder has no steps and stands beside located dynamics."""
 T_END = 0.9
 PAPER_STEPS, EVALUATIONS, SHARE = 4_500_000, 4, 0.45
 REPEATS = 5
@@ -45,9 +55,10 @@ def fidelity(*, progress: bool = False) -> pd.DataFrame:
         progress: say on stderr what is running.
 
     Returns:
-        Columns: scene, engine, geometry, seconds, times_yardstick, times_dynamic, steps,
-        block_evaluations, events, missing, start, arrest, blocks (see
-        `pyfric.checks.pairing.Agreement`). times_yardstick is NaN where LAMMPS is not installed.
+        Columns: scene, engine, geometry, switching, seconds, times_yardstick, times_dynamic, steps,
+        block_evaluations, per_switch, events, missing, start, arrest, blocks (see
+        `pyfric.checks.pairing.Agreement`). times_yardstick is NaN where LAMMPS is not installed;
+        per_switch is what `steps_per_switch` returns.
     """
 
     def say(text: str) -> None:
@@ -61,39 +72,31 @@ def fidelity(*, progress: bool = False) -> pd.DataFrame:
     yardstick = evaluations * SHARE * time_peer(scene) if lammps else np.nan
 
     rows, reference = [], {}
-    for engine, geometry in (
-        ("dynamic", "linear"),
-        ("dynamic", "finite"),
-        ("hybrid", "linear"),
-        ("hybrid", "finite"),
-        ("quasistatic", "linear"),
-    ):
-        say(f"{engine}, {geometry} geometry")
-        which = geometry if engine != "quasistatic" else None
+    for engine, geometry, switching in ROWS:
+        say(f"{engine}, {geometry} geometry, switching {switching}")
+        asked = {"geometry": geometry, "switching": switching, "threads": 1}
+        if engine == "quasistatic":
+            asked = {"threads": 1}
         record, seconds = _timed(
-            lambda engine=engine, which=which: simulate(
-                scene,
-                T_END,
-                fidelity=engine,
-                geometry=which,
-                budget=False,
-                threads=1,
-                progress=False,
+            lambda engine=engine, asked=asked: simulate(
+                scene, T_END, fidelity=engine, budget=False, progress=False, **asked
             )
         )
         if engine == "dynamic":
-            reference[geometry] = record, seconds
-        long, slow = reference[geometry]
+            reference[geometry, switching] = record, seconds
+        long, slow = reference[geometry, switching]
         rows.append(
             {
                 "scene": scene.name,
                 "engine": engine,
                 "geometry": geometry,
+                "switching": switching if engine != "quasistatic" else "-",
                 "seconds": seconds,
                 "times_yardstick": yardstick / seconds,
                 "times_dynamic": slow / seconds,
                 "steps": record.counts.get("steps", 0),
                 "block_evaluations": record.counts["block_evaluations"],
+                "per_switch": steps_per_switch(record),
                 **agreement(record, long)._asdict(),
             }
         )
@@ -116,6 +119,18 @@ def fidelity(*, progress: bool = False) -> pd.DataFrame:
     return frame
 
 
+def steps_per_switch(record: Record) -> float:
+    """Return how many steps of RK4 on the whole lattice a switch costs, beside the steps made.
+
+    NaN for records without steps or switches.
+    """
+    steps, switches = record.counts.get("steps", 0), len(record.switches["t"])
+    if not steps or not switches:
+        return np.nan
+    a_step = EVALUATIONS * record.scene.N_x * record.scene.N_z
+    return (record.counts["block_evaluations"] / a_step - steps) / switches
+
+
 def _timed(run: Callable[[], Record]) -> tuple[Record, float]:
     least = np.inf
     for _ in range(REPEATS):
@@ -134,6 +149,7 @@ def report(frame: pd.DataFrame) -> str:
         "times_yardstick": "{:.0f}".format,
         "times_dynamic": "{:.1f}".format,
         "block_evaluations": "{:.2e}".format,
+        "per_switch": "{:.2f}".format,
         "start": "{:.1e}".format,
         "arrest": "{:.1e}".format,
         **dict.fromkeys(("steps", "events", "missing", "blocks"), "{:.0f}".format),

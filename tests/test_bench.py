@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pyfric import core
-from pyfric.checks.studies import bench, fidelity, peers
+from pyfric.checks.studies import bench, fidelity, large, peers
 
 BLOCKS = 5 * 4
 
@@ -104,3 +104,29 @@ def test_steps_per_switch():
     record = SimpleNamespace(scene=scene, counts=counts, switches={"t": np.zeros(10)})
     assert fidelity.steps_per_switch(record) == 3
     assert np.isnan(fidelity.steps_per_switch(SimpleNamespace(counts={}, switches={"t": []})))
+
+
+def test_a_large_lattice_is_run_in_a_process_of_its_own(monkeypatch):
+    monkeypatch.setattr(large, "ProcessPoolExecutor", Here)
+    row = large.large(l=5e-3, t_end=1e-3, threads=1)
+    assert row[["N_x", "N_z", "main"]].iloc[0].tolist() == [29, 16, 0]
+    assert 0.02 < row["GB"].iloc[0] < 20
+    assert row["jumps"].iloc[0] >= 1
+    assert "29 x 16 blocks" in large.report(row)
+
+
+class Here:
+    """An executor that makes its runs at once."""
+
+    def __init__(self, workers, mp_context):
+        assert workers == 1
+        assert mp_context.get_start_method() == "spawn"
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        pass
+
+    def submit(self, function, *args):
+        return SimpleNamespace(result=lambda: function(*args))

@@ -8,9 +8,18 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pyfric.checks.studies import bench, chart, fidelity, plans, resolution, stability, tpv3
+    from pyfric.checks.studies import (
+        bench,
+        chart,
+        fidelity,
+        large,
+        plans,
+        resolution,
+        stability,
+        tpv3,
+    )
 
-__all__ = ["bench", "chart", "fidelity", "plans", "resolution", "stability", "tpv3"]
+__all__ = ["bench", "chart", "fidelity", "large", "plans", "resolution", "stability", "tpv3"]
 
 
 def __getattr__(name: str) -> ModuleType:

@@ -96,5 +96,14 @@ def tpv3(out: Path | None, overwrite: bool, as_json: bool, quick: bool) -> None:
     _show(frame, as_json, studies.tpv3.report)
 
 
+@bench.command()
+@json_option
+def large(as_json: bool) -> None:
+    """Seconds and memory of the Fig. 1 scene on 561 x 301 blocks (minutes, 4 GB)."""
+    from pyfric.checks import studies
+
+    _show(studies.large.large(), as_json, studies.large.report)
+
+
 def _show(frame: pd.DataFrame, as_json: bool, report: Callable[[pd.DataFrame], str]) -> None:
     click.echo(frame.to_json(orient="records") if as_json else report(frame))

@@ -135,7 +135,7 @@ def test_the_measured_error_is_the_error_of_a_closed_form(share):
 def refined():
     """A plan in linear geometry whose front speeds need finite geometry."""
     scene = setup1(L=0.03, H=0.015, V=5e-3, F_N=800.0)
-    return pyfric.simulate(scene, 0.06, want="front_speed", tolerance=0.03)
+    return pyfric.simulate(scene, 0.035, want="front_speed", tolerance=0.03)
 
 
 def test_a_plan_measures_its_errors(refined):
@@ -144,7 +144,7 @@ def test_a_plan_measures_its_errors(refined):
     assert errors.tolerance == 0.03
     assert errors.holds
     assert 0 < errors.measured() == errors.speed_95 <= errors.speed_worst
-    assert errors.events > 3
+    assert errors.events > 2
     assert refined.timings["verification"] > 0
 
 

@@ -459,7 +459,7 @@ def test_energy_budget_closes():
     errors = []
     for share in (0.4, 0.2, 0.1):
         dt = share * stability_limit(small())[0]
-        record = simulate(small(), 4e-3, dt=dt, switching="step_end", progress=False)
+        record = simulate(small(), 4e-3, dt=dt, switching="step_end", sample=1e-6, progress=False)
         errors.append(budget_error(record))
     last = record.curve.iloc[-1]
     for name in ("elastic_mattress", *ENERGY_IN, *ENERGY_OUT):

@@ -103,6 +103,12 @@ class State:
 
     __hash__ = None
 
+    def __repr__(self) -> str:
+        blocks = f"{self.y.shape[2]} x {self.y.shape[0]} blocks"
+        slipping, opened = int((abs(self.mode) == 1).sum()), int((self.mode == 2).sum())
+        moving = f"{slipping} slip, {opened} open" if slipping or opened else "none slips"
+        return f"State of {blocks} at t = {self.t:.9g} s, step {self.step}: {moving}"
+
     def copy(self) -> Self:
         """Return a copy that shares nothing."""
         values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}

@@ -36,7 +36,7 @@ from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.ringdown import Frozen
 from pyfric.engines.verification import SAMPLED, coarser_step
 from pyfric.record import build_catalogue
-from pyfric.scene import Geometry, at_once, check_number, default_geometry
+from pyfric.scene import Geometry, at_once, check_number, default_geometry, html
 from pyfric.statics import EquilibriumError, StaticSolver, one_thread_if_small, stability_limit
 
 if TYPE_CHECKING:
@@ -154,6 +154,11 @@ class Plan:
             f"verification: about {self.price:.2g} s more (verify = 'sample')",
         ]
         return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return html(self)
 
     def up(self, scene: Scene, failed: list[Assumption]) -> Plan | None:
         """Return the plan one level up from where these assumptions failed; None if it is the top.

@@ -183,6 +183,12 @@ class Sweep:
     max_hours: float | None = None
     max_GB: float | None = None
 
+    def __repr__(self) -> str:
+        fields = ", ".join(self.over)
+        return f"Sweep of {self.scene.name or 'a scene'} over {fields}: {self.points}, t_end = " + (
+            f"{self.t_end:g} s"
+        )
+
     def __post_init__(self) -> None:
         first = Job(scene=self.scene, t_end=self.t_end, options=self.options)
         for name in ("scene", "t_end", "options"):

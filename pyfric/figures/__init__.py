@@ -15,6 +15,11 @@ from pyfric.figures.spacetime import space_time
 from pyfric.figures.stresses import fig3a, fig3b
 from pyfric.figures.strip import event_movie, event_strip
 from pyfric.figures.style import DataFigure, save_figure
+from pyfric.record import Record
+from pyfric.scene import DRAWINGS, Scene
+
+DRAWINGS[Record] = fig1b  # what notebooks show
+DRAWINGS[Scene] = sketch
 
 __all__ = [
     "FIGURES",

@@ -26,6 +26,7 @@ from pyfric.record.catalogue import (
 )
 from pyfric.record.errors import Errors, differences, paired, statistics
 from pyfric.record.record import Method, Record, RecordError
+from pyfric.record.report import summary, text
 from pyfric.record.software import provenance, versions
 from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving, zone_notes
 
@@ -58,7 +59,9 @@ __all__ = [
     "provenance",
     "statistics",
     "stress_profile",
+    "summary",
     "system_size_events",
+    "text",
     "theory",
     "versions",
     "zone_at_rest",

@@ -41,8 +41,9 @@ from pyfric.core import State
 from pyfric.record.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP, front_speed
 from pyfric.record.errors import Errors
 from pyfric.record.labels import describe
+from pyfric.record.report import summary, text
 from pyfric.record.zones import zone_at_rest, zone_moving
-from pyfric.scene import Scene, held_back, sealed, unsealed, write
+from pyfric.scene import Scene, held_back, html, sealed, unsealed, write
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -239,6 +240,15 @@ class Record:
             **{name: getattr(catalogue.static, name) for name in STRESSES},
             **rest,
         )
+
+    def summary(self) -> str:
+        """Return what the record holds, in lines: status, events, method, errors, notes."""
+        return text(summary(self, []))
+
+    __repr__ = summary
+
+    def _repr_html_(self) -> str:
+        return html(self)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Record):

@@ -36,6 +36,7 @@ from pyfric.scene.presets import (
     slab,
 )
 from pyfric.scene.scene import Scene
+from pyfric.scene.shown import DRAWINGS, html
 from pyfric.scene.signals import (
     answered,
     asked_to_stop,
@@ -59,6 +60,7 @@ from pyfric.scene.units import (
 from pyfric.scene.version import __version__
 
 __all__ = [
+    "DRAWINGS",
     "FRICTIONLESS",
     "PRESETS",
     "DistributedLoad",
@@ -90,6 +92,7 @@ __all__ = [
     "drafts",
     "forget",
     "held_back",
+    "html",
     "laws",
     "names_file",
     "nearest",

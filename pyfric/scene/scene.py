@@ -10,11 +10,13 @@ Every refusal, whatever its origin, is a `SceneError`.
 import functools
 import math
 import os
-from typing import ClassVar, Literal, Self
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
 from pyfric.scene import toml
+from pyfric.scene.change import changed
 from pyfric.scene.checked import part, quantities
 from pyfric.scene.files import write
 from pyfric.scene.friction import Law
@@ -31,6 +33,7 @@ from pyfric.scene.parts import (
     steps_in,
 )
 from pyfric.scene.protocol import Piece, piece_at, pieces
+from pyfric.scene.shown import html, scene_text
 from pyfric.scene.spread import Spread
 from pyfric.scene.units import SceneError
 
@@ -58,7 +61,7 @@ class Scene:
         SceneError: a part is missing, unknown or of the wrong type, h is not on a row, prescribed
             forces do not fit the blocks, or walls or parts do not go together.
 
-    Use `dataclasses.replace` on a scene and its parts to change values; all checks are repeated.
+    `replace` changes values; all checks are repeated.
     Arrays run along the interface from the leftmost block to the rightmost one.
 
     Source: PRL 107, 074301 (2011).
@@ -380,6 +383,26 @@ class Scene:
     def kappa(self) -> float:
         """Torque of the mattress per tilt, mattress L^2 / 12, in N m; 0 without a rod."""
         return self.top.mattress * self.slider.L**2 / 12 if isinstance(self.top, Rod) else 0.0
+
+    def __repr__(self) -> str:
+        return scene_text(self)
+
+    def _repr_html_(self) -> str:
+        return html(self)
+
+    def replace(self, changes: Mapping[str, Any] | None = None, /, **keywords: Any) -> Self:
+        """Return the scene with other values; all checks are repeated.
+
+        Args:
+            changes: names of fields to values: "driver.h", or "h" where one part alone has it;
+                a part as a whole; "name". A value is a number in SI units, text with a unit such
+                as "5 mm", or a quantity of a library of units, such as pint.
+            **keywords: the same, for names without a dot.
+
+        Raises:
+            SceneError: a name is unknown or in several parts, or a value is refused.
+        """
+        return changed(self, {**(changes or {}), **keywords})
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
         """Return the scene as TOML; with `path`, also write it to that file in one step.

@@ -72,8 +72,7 @@ def info(record: str | None, as_json: bool) -> None:
 
 def _record_info(path: str, as_json: bool) -> None:
     """Show what a record file holds."""
-    from pyfric.cli.report import summary, text
-    from pyfric.record import Record
+    from pyfric.record import Record, summary, text
 
     found = summary(Record.load(path), [])
     print_json(found) if as_json else click.echo(text(found))

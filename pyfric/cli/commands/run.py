@@ -14,7 +14,6 @@ import click
 from click.core import ParameterSource
 
 from pyfric.cli.app import main
-from pyfric.cli.report import summary, text
 from pyfric.cli.shared import (
     EXIT_CODES,
     Exit,
@@ -177,6 +176,8 @@ def run(
     record, files = _run(what, t_end, before, out, not (quiet or as_json), how)
     if record.done and not asked_to_stop():
         files += _drawn(record, figure, csv)
+    from pyfric.record import summary, text
+
     found = summary(record, files)
     if as_json:
         print_json(found)

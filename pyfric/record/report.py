@@ -1,4 +1,4 @@
-"""What `pyfric run` says of a record."""
+"""What `pyfric run` and `Record.summary` say of a record."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pyfric.record import Errors, Record
+    from pyfric.record.errors import Errors
+    from pyfric.record.record import Record
 
 __all__ = ["summary", "text"]
 

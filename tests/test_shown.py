@@ -1,0 +1,98 @@
+"""Objects in a few lines, and with a drawing in a notebook; scenes with other values."""
+
+import base64
+import html
+import re
+
+import pytest
+from helpers import small
+
+import pyfric
+from pyfric.scene import Interface, SceneError, preset
+
+
+@pytest.fixture(scope="module")
+def record():
+    return pyfric.simulate(small(), 1.2e-3, fidelity="dynamic", geometry="linear", progress=False)
+
+
+def drawing(shown):
+    """Return the bytes of the picture, its text for those who do not see, and the lines below."""
+    parts = r'<img alt="(.*?)" src="data:image/png;base64,(.*?)".*?><pre>(.*)</pre>'
+    alt, data, lines = re.fullmatch(parts, shown._repr_html_(), re.DOTALL).groups()
+    return base64.b64decode(data), html.unescape(alt), html.unescape(lines)
+
+
+def test_a_scene():
+    scene = preset("fig1")
+    lines = repr(scene).splitlines()
+    assert lines[0] == "Scene fig1: 57 x 31 blocks"
+    assert "h = 0.005 m" in lines[3]
+    assert len(lines) == 5
+    picture, alt, text = drawing(scene)
+    assert picture.startswith(b"\x89PNG")
+    assert "L = 140 mm" in alt
+    assert text == repr(scene)
+
+
+def test_a_record(record):
+    text = record.summary()
+    assert text == repr(record)
+    assert text.startswith("setup1: complete at t = 0.0012")
+    assert f"events: {record.events['is_main'].sum()} main" in text
+    assert str(record.method) in text
+    picture, alt, below = drawing(record)
+    assert picture.startswith(b"\x89PNG")
+    assert alt == pyfric.figures.figure_caption(record)
+    assert below == text
+
+
+def test_plan_state_sweep_and_figure(record):
+    plan = pyfric.plan(small(), t_end=1e-3)
+    assert repr(plan) == str(plan)
+    assert plan._repr_html_() == f"<pre>{html.escape(str(plan))}</pre>"
+    assert repr(record.final_state).startswith("State of 9 x 6 blocks at t = 0.0012")
+    sweep = pyfric.Sweep(scene=small(), t_end=1.0, over={"driver.h": [5e-3]})
+    assert repr(sweep) == "Sweep of setup1 over driver.h: grid, t_end = 1 s"
+    assert pyfric.figures.sketch("fig1")._repr_png_().startswith(b"\x89PNG")
+
+
+class Millimetres:
+    """What is asked of a quantity of pint."""
+
+    def __init__(self, magnitude):
+        self.magnitude = magnitude
+
+    def to_base_units(self):
+        return self.to("m")
+
+    def to(self, unit):
+        if unit != "m":
+            raise TypeError(f"Cannot convert from millimeter to {unit}")
+        return Millimetres(self.magnitude * 1e-3)
+
+
+def test_a_scene_with_other_values():
+    scene = preset("fig1")
+    expected = preset("fig1", h=7.5e-3, mu_k=0.4, name="mine")
+    for height in ("7.5 mm", 7.5e-3, Millimetres(7.5)):
+        assert scene.replace({"driver.h": height}, mu_k=0.4, name="mine") == expected
+    assert scene.replace(interface=Interface(mu_s=0.5, mu_k=0.2)).interface.mu_s == 0.5
+    assert scene == preset("fig1")
+
+
+@pytest.mark.parametrize(
+    ("changes", "field", "text"),
+    [
+        ({"hh": 1.0}, "hh", "did you mean 'h'"),
+        ({"protocol": ()}, "protocol", "top.protocol or driver.protocol"),
+        ({"h": "5 kg"}, "driver.h", "wrong unit"),
+        ({"h": "7.6 mm"}, "driver.h", "multiple of l"),
+        ({"V": Millimetres(1.0)}, "V", "Cannot convert"),
+    ],
+    ids=str,
+)
+def test_refused_values(changes, field, text):
+    with pytest.raises(SceneError, match=text) as refusal:
+        preset("fig1").replace(changes)
+    assert refusal.value.field == field

@@ -11,6 +11,7 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import OPEN
+from pyfric.record import budget_left
 from pyfric.scene import sealed, setup1, setup2, unsealed
 from pyfric.statics import loaded_state
 
@@ -99,10 +100,7 @@ def log_bits(log):
 
 def budget_error(record):
     """Return the largest energy that the budget of a record misses, in J."""
-    curve = record.curve
-    stored = curve[list(core.ENERGIES)].sum(axis=1)
-    error = (stored - stored[0]) - curve[ENERGY_IN].sum(axis=1) + curve[ENERGY_OUT].sum(axis=1)
-    return np.abs(error).max()
+    return budget_left(record.curve).abs().max()
 
 
 def same_run(one, other, **apart):

@@ -6,7 +6,7 @@ import functools
 import numpy as np
 import pytest
 import twin
-from helpers import GEOMETRIES, advance, bits, log_bits, mirrored_state, shaken, small
+from helpers import GEOMETRIES, advance, bits, budget_error, log_bits, mirrored_state, shaken, small
 
 import pyfric
 from pyfric import core
@@ -387,13 +387,10 @@ def test_energy_budget_closes(geometry, stepper, least):
             small(), 1.4e-3, geometry=geometry, stepper=stepper, switching="located", dt=dt, **how
         )
         curve = record.curve
-        stored = curve[list(core.ENERGIES)].sum(axis=1)
-        put_in = curve[["work_driver", "work_load"]].sum(axis=1)
-        lost = curve[["dissipated_bonds", "friction_heat", "switching_loss"]].sum(axis=1)
         scale = curve["work_driver"].iloc[-1]
         assert curve["friction_heat"].iloc[-1] > 0.05 * scale
         assert curve["switching_loss"].iloc[-1] < 1e-20 * scale
-        errors.append(np.abs(stored - stored[0] - put_in + lost).max() / scale)
+        errors.append(budget_error(record) / scale)
     assert np.log2(errors[0] / errors[1]) > least, errors
     assert errors[1] < 0.03
 

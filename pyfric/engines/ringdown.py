@@ -130,7 +130,7 @@ class Frozen:
         self.solver, self._factor, self._rows, self._all_C = solver, factor, K, C
         self.free, self.n_q = free, K.shape[0]
         self.K, self.C, self.M = K[free][:, free], C[free][:, free], mass(scene)[free]
-        self.push = push = scene.driver.K * scene.d * solver.driven_row
+        self.push = push = solver.push
         self.drift, self.lag = np.zeros(self.n_q), np.zeros(self.n_q)
         self.drift[free] = factor.solve(push[free])
         self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
@@ -163,7 +163,7 @@ class Frozen:
         lift = [self._compliance(factor, i + N_x) for i in open_]
         self.bound = np.sqrt(2 * np.concatenate([stiff, stiff, k_f**2 * np.array(lift)]))
         # F_T = K (drive - d u_h)
-        row = -scene.driver.K * scene.d * solver.driven_row
+        row = -push
         self.force_modal, self.force_lag = row[free] @ self.phi, float(row @ self.lag)
         self.force_rate = scene.driver.K + float(row @ self.drift)
 

@@ -3,15 +3,7 @@
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.blas import one_thread_if_small
 from pyfric.statics.complementarity import Contact, ContactProblem, Values
-from pyfric.statics.equilibrium import (
-    LARGE,
-    Equilibrium,
-    EquilibriumError,
-    StaticSolver,
-    check_rests,
-    loaded_state,
-    solve_static,
-)
+from pyfric.statics.equilibrium import LARGE, StaticSolver, loaded_state, solve_static
 from pyfric.statics.operators import (
     bonds,
     damping,
@@ -20,6 +12,7 @@ from pyfric.statics.operators import (
     spring_stiffness,
     stiffness,
 )
+from pyfric.statics.rest import Equilibrium, EquilibriumError, check_rests
 from pyfric.statics.stability import stability_limit
 from pyfric.statics.uniqueness import LIMIT as LEAST_DEFINITENESS
 

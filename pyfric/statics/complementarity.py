@@ -23,7 +23,8 @@ from scipy.linalg.lapack import dposv
 
 from pyfric.scene import FRICTIONLESS
 from pyfric.statics.condensation import condense
-from pyfric.statics.equilibrium import EquilibriumError, check_rests, loaded_state
+from pyfric.statics.equilibrium import loaded_state
+from pyfric.statics.rest import EquilibriumError, check_rests
 from pyfric.statics.uniqueness import definiteness, is_definite
 
 if TYPE_CHECKING:

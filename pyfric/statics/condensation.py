@@ -26,8 +26,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg.lapack import dposv
 
-from pyfric.statics.equilibrium import EquilibriumError
 from pyfric.statics.operators import driven_dof, stiffness
+from pyfric.statics.rest import EquilibriumError
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene

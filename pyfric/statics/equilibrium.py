@@ -33,7 +33,6 @@ from __future__ import annotations
 import contextlib
 import functools
 import warnings
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -41,8 +40,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
 from pyfric import core
-from pyfric.core import OPEN, STUCK, State
-from pyfric.scene import Geometry, SceneError, as_scene, check_geometry
+from pyfric.scene import Geometry, as_scene, check_geometry
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.operators import (
     bonds,
@@ -52,6 +50,7 @@ from pyfric.statics.operators import (
     spring_tangents,
     stiffness,
 )
+from pyfric.statics.rest import Equilibrium, EquilibriumError, as_prescribed, check_rests
 from pyfric.statics.uniqueness import LIMIT, definiteness
 
 if TYPE_CHECKING:
@@ -59,14 +58,7 @@ if TYPE_CHECKING:
 
     from pyfric.scene import Scene, SceneLike
 
-__all__ = [
-    "Equilibrium",
-    "EquilibriumError",
-    "StaticSolver",
-    "check_rests",
-    "loaded_state",
-    "solve_static",
-]
+__all__ = ["StaticSolver", "loaded_state", "solve_static"]
 
 MAX_NEWTON = 60
 """Largest number of Newton steps for one contact set."""
@@ -78,102 +70,6 @@ TIE = 1e-9
 """Excess forces closer than this many F_N/N_x are equal, so that symmetric scenes stay so."""
 KEPT, LARGE = 12, 10_000
 """Number of factorisations a solver keeps; with more unknowns than `LARGE` it keeps one."""
-
-
-class EquilibriumError(RuntimeError):
-    """No equilibrium was found.
-
-    Attributes:
-        residual: largest force left over, in N (NaN if there is none to name).
-        limit: largest residual that would have been accepted, in N.
-        iterations: iterations done.
-    """
-
-    def __init__(self, what: str, residual: float, limit: float, iterations: int) -> None:
-        self.residual, self.limit, self.iterations = residual, limit, iterations
-        super().__init__(what, residual, limit, iterations)
-
-    def __str__(self) -> str:
-        return (
-            f"no equilibrium: {self.args[0]} (residual {self.residual:.3g} N, "
-            f"limit {self.limit:.3g} N, {self.iterations} iterations)"
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Equilibrium:
-    """A state of rest. Arrays are read-only and run from left to right.
-
-    Attributes:
-        u: displacements, shape (N_z, 2, N_x), in m; [j, 0] is u_x of row j, [j, 1] is u_z.
-        rod: X (m), Z (m), phi (rad), shape (3,); zeros without a rod.
-        F_T: force of the driver, in N, positive where it pushes.
-        f: friction force on each block in +x, shape (N_x,), in N.
-        tau: -d f, shape (N_x,), in N: positive against driving, so that sum(tau) = F_T
-            (a chain: plus the sum of the prescribed tau, minus k_top d sum(u_x)).
-        p: foundation force on each block, shape (N_x,), in N.
-        open: does not touch the foundation, p = f = 0, shape (N_x,), bool.
-        slipped: blocks that slipped while F_N was applied, shape (N_x,), bool (`loaded_state`).
-        drive: displacement V t of the driver since t = 0, in m.
-        u_drv0: u_x of the driven block at which drive = 0 gives F_T = 0, in m.
-        residual: largest force left over, in N.
-        iterations: number of Newton steps, all contact sets together.
-    """
-
-    u: np.ndarray
-    rod: np.ndarray
-    F_T: float
-    f: np.ndarray
-    tau: np.ndarray
-    p: np.ndarray
-    open: np.ndarray
-    slipped: np.ndarray
-    drive: float
-    u_drv0: float
-    residual: float
-    iterations: int
-
-    def __post_init__(self) -> None:
-        for name in ("u", "rod", "f", "tau", "p", "open", "slipped"):
-            getattr(self, name).setflags(write=False)
-
-    @property
-    def u_z(self) -> np.ndarray:
-        """u_z of the bottom blocks, shape (N_x,), in m."""
-        return self.u[0, 1]
-
-    def state(self, scene: Scene, dt: float, t0: float = 0.0) -> State:
-        """Return the state of a run that starts here: nothing moves, nothing slips.
-
-        Args:
-            scene: the scene.
-            dt: time step, in s.
-            t0: time, in s.
-        """
-        N_x, N_z = scene.N_x, scene.N_z
-        y = np.zeros((N_z, 4, N_x))
-        y[:, :2] = self.u
-        rod = np.zeros(6)
-        if scene.rigid:
-            rod[:3] = self.rod
-            y[-1, 0] = rod[0]
-            y[-1, 1] = rod[1] + rod[2] * scene.x
-        return State(
-            y=y,
-            rod=rod,
-            mode=np.where(self.open, OPEN, STUCK).astype(np.int32),
-            corner=np.zeros(N_x, dtype=np.int32),
-            margin=scene.law.margin(self.p, self.f),
-            loss=np.zeros(N_x),
-            dissipated=np.zeros(N_z),
-            heat=np.zeros(N_x),
-            work=np.zeros(2),
-            step=0,
-            t0=float(t0),
-            dt=float(dt),
-            u_drv0=float(self.u_drv0),
-            s_0=np.zeros(N_x),
-        )
 
 
 class _Contact(NamedTuple):
@@ -228,7 +124,7 @@ class StaticSolver:
         self.scene, self.geometry = scene, geometry
         N_x, N_z = scene.N_x, scene.N_z
         if scene.prescribed:  # displacements count from t = 0
-            self.loaded = _as_prescribed(scene)
+            self.loaded = as_prescribed(scene)
             self._u_drv0 = 0.0 if u_drv0 is None else float(u_drv0)
             return
         self._lattice, self._T = bonds(scene), coordinates(scene)
@@ -375,10 +271,7 @@ class StaticSolver:
             raise EquilibriumError(what, np.nan, self._limit, 0)
         contact = _Contact(stuck, stuck, np.zeros(len(stuck), dtype=np.int8))
         bare = self._K if at is None else self._bond_stiffness(at)
-        foundation = np.zeros(bare.shape[0])
-        foundation[self._z] = self.scene.k_f * stuck
-        row = sp.csr_array(self.driven_row[None])
-        K = bare + sp.diags_array(foundation) + self.scene.driver.K * (row.T @ row)
+        K = self._supported(bare, stuck, driven=True)
         factor = (
             self._factor(contact, True) if at is None else self._factorised(bare, contact, True)
         )
@@ -410,6 +303,11 @@ class StaticSolver:
     def driven_row(self) -> np.ndarray:
         """Derivatives of u_x of the driven block by the coordinates, shape (n_q,)."""
         return self._T[[self._h]].toarray()[0]
+
+    @functools.cached_property
+    def push(self) -> np.ndarray:
+        """Forces on the coordinates for each metre of the driver, K d dq_h/dq, (n_q,), in N/m."""
+        return self.scene.driver.K * self.scene.d * self.driven_row
 
     # --- forces and Newton's method --------------------------------------------------------------
 
@@ -458,17 +356,22 @@ class StaticSolver:
             geometry=self.geometry,
         )
 
+    def _supported(self, K: sp.csr_array, closed: np.ndarray, *, driven: bool) -> sp.csr_array:
+        """Return K with the foundation under the closed blocks and, if driven, the driver."""
+        foundation = np.zeros(K.shape[0])
+        foundation[self._z] = self.scene.k_f * closed
+        K = K + sp.diags_array(foundation)
+        if not driven:
+            return K
+        row = self._T[[self._h]]
+        return K + self.scene.driver.K * (row.T @ row)
+
     def _factorised(
         self, K: sp.csr_array, contact: _Contact, driven: bool
     ) -> BandedCholesky | SuperLU:
         """Factorise K with foundation, driver and friction, for the coordinates not held."""
         scene, n = self.scene, K.shape[0]
-        foundation = np.zeros(n)
-        foundation[self._z] = scene.k_f * contact.closed
-        K = K + sp.diags_array(foundation)
-        if driven:
-            row = self._T[[self._h]]
-            K = K + scene.driver.K * (row.T @ row)
+        K = self._supported(K, contact.closed, driven=driven)
         # Friction -slip mu_k p with p = -k_f u_z couples u_x to u_z, N_x columns to the right.
         coupling = np.zeros(n - scene.N_x)
         coupling[self._x] = -scene.law.slide(scene.k_f) * contact.slip
@@ -741,38 +644,6 @@ class StaticSolver:
             residual=residual,
             iterations=steps,
         )
-
-
-def check_rests(scene: Scene) -> None:
-    """Raise SceneError for a scene that has no static states but its start.
-
-    On a prescribed interface in two dimensions p does not follow from displacements, and nothing
-    but friction holds the slider.
-    """
-    if scene.prescribed:
-        allowed = "'rod' or 'distributed', or a chain, for static states"
-        reason = "a prescribed interface in two dimensions has full dynamics only"
-        raise SceneError("top.kind", "prescribed", "", allowed, reason)
-
-
-def _as_prescribed(scene: Scene) -> Equilibrium:
-    """Return the start on a prescribed interface."""
-    N_x = scene.N_x
-    no = np.zeros(N_x, dtype=bool)
-    return Equilibrium(
-        u=np.zeros((scene.N_z, 2, N_x)),
-        rod=np.zeros(3),
-        F_T=0.0,
-        f=-scene.shear,
-        tau=scene.d * scene.shear,
-        p=scene.p_prescribed,
-        open=no,
-        slipped=no.copy(),
-        drive=0.0,
-        u_drv0=0.0,
-        residual=0.0,
-        iterations=0,
-    )
 
 
 @functools.lru_cache(maxsize=4)

@@ -167,7 +167,7 @@ def run(path: Path, numbers: Iterable[int], seed: int = 1, progress: bool = True
         row = {"seed": seed, "n": n, "kind": question[0].name} | trial(*question)
         new = not path.exists()
         with path.open("a", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, list(row))
+            writer = csv.DictWriter(file, list(row), lineterminator="\n")
             if new:
                 writer.writeheader()
             writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})

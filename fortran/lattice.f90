@@ -10,7 +10,7 @@ module pyfric_lattice
   use pyfric_model, only: model_t, S_SERIES, close_left, image, MIRRORED
   implicit none (type, external)
   private
-  public :: forces_linear, elastic_finite, viscous, bond_power, bond_energy
+  public :: forces_linear, elastic_finite, viscous, viscous_along, bond_power, bond_energy
   public :: N_BOND
 
   !> Columns of the bond buffer b(LB:n+LANES, N_BOND) of finite geometry: force on the first block of each bond [N].
@@ -295,6 +295,92 @@ contains
     end do
   end subroutine gather
 
+  !> Adds dashpots that act along the bonds, eta n (n.dv) with n the present direction of the bond: no resistance to
+  !> rotation.
+  pure subroutine viscous_along(s, has_dn, has_up, dn, q, up, fx, fz)
+    type(model_t), intent(in) :: s
+    logical, intent(in) :: has_dn
+    logical, intent(in) :: has_up
+    real(dp), intent(in) :: dn(LB:s%n + LANES, 4)   !! the row below
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the row
+    real(dp), intent(in) :: up(LB:s%n + LANES, 4)   !! the row above
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)   !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)   !! force on the row [N]
+    real(dp) :: f(2)
+    logical :: left, right
+    integer :: i, e, w, o
+
+    do i = 1, s%nx
+      o = s%at(i)
+      w = o - LANES
+      e = o + LANES
+      left = i > 1 .or. s%left == MIRRORED
+      right = i < s%nx .or. s%right == MIRRORED
+      f = dashpot(s, right, 1, 0, q(o, :), q(e, :)) + dashpot(s, left, -1, 0, q(o, :), q(w, :))
+      f = f + (dashpot(s, has_up, 0, 1, q(o, :), up(o, :)) + dashpot(s, has_dn, 0, -1, q(o, :), dn(o, :)))
+      f = f + (dashpot(s, has_up .and. right, 1, 1, q(o, :), up(e, :)) + dashpot(s, has_up .and. left, -1, 1, q(o, :), up(w, :)))
+      f = f + (dashpot(s, has_dn .and. right, 1, -1, q(o, :), dn(e, :)) + dashpot(s, has_dn .and. left, -1, -1, q(o, :), dn(w, :)))
+      fx(o) = fx(o) + f(1)
+      fz(o) = fz(o) + f(2)
+    end do
+  end subroutine viscous_along
+
+  !> Force of one such dashpot on its first block [N].
+  pure function dashpot(s, there, a, b, here, other) result(f)
+    type(model_t), intent(in) :: s
+    logical, intent(in) :: there      !! the bond exists
+    integer, intent(in) :: a          !! columns to the other block
+    integer, intent(in) :: b          !! rows
+    real(dp), intent(in) :: here(4)   !! the first block
+    real(dp), intent(in) :: other(4)  !! the other one
+    real(dp) :: f(2), d(2)
+
+    f = 0.0_dp
+    if (.not. there) return
+    d = s%l*[a, b]
+    if (s%finite) d = d + (other(UX:UZ) - here(UX:UZ))
+    f = s%eta*sum(d*(other(VX:VZ) - here(VX:VZ)))/sum(d*d)*d
+  end function dashpot
+
+  !> Power of such dashpots on the bonds that start in a row, half of those over mirrored sides and top [W].
+  pure function power_along(s, has_up, q, up) result(power)
+    type(model_t), intent(in) :: s
+    logical, intent(in) :: has_up
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row
+    real(dp), intent(in) :: up(LB:s%n + LANES, 4)  !! the row above
+    real(dp) :: power, above(4)
+    logical :: left, right
+    integer :: i, o
+
+    power = 0.0_dp
+    do i = 1, s%nx
+      o = s%at(i)
+      left = i > 1 .or. s%left == MIRRORED
+      right = i < s%nx .or. s%right == MIRRORED
+      if (i < s%nx) power = power + lost(.true., 1, 0, q(o, :), q(o + LANES, :))
+      if (has_up) then
+        power = power + lost(.true., 0, 1, q(o, :), up(o, :)) &
+                + (lost(right, 1, 1, q(o, :), up(o + LANES, :)) + lost(left, -1, 1, q(o, :), up(o - LANES, :)))
+      else if (s%top == MIRRORED) then
+        above = image(q(o + LANES, :))
+        power = power + 0.5_dp*lost(.true., 0, 1, q(o, :), image(q(o, :))) + lost(i < s%nx, 1, 1, q(o, :), above)
+      end if
+    end do
+
+  contains
+
+    pure function lost(there, a, b, here, other) result(rate)
+      logical, intent(in) :: there
+      integer, intent(in) :: a
+      integer, intent(in) :: b
+      real(dp), intent(in) :: here(4)
+      real(dp), intent(in) :: other(4)
+      real(dp) :: rate
+
+      rate = sum(dashpot(s, there, a, b, here, other)*(other(VX:VZ) - here(VX:VZ)))
+    end function lost
+  end function power_along
+
   !> Power dissipated by the bonds that start in a row, sum of eta |dv|^2 [W].
   pure function bond_power(s, has_up, q, up) result(power)
     type(model_t), intent(in) :: s
@@ -305,6 +391,10 @@ contains
     real(dp) :: w(s%n), w_last
     integer :: i, last
 
+    if (s%along) then
+      power = power_along(s, has_up, q, up)
+      return
+    end if
     last = s%at(s%nx)
     w_last = 0.0_dp
     do i = 1, s%n

@@ -27,6 +27,7 @@ module pyfric_model
     integer(ip) :: left     !! what is beyond the left side: FREE, MIRRORED or ABSORBING
     integer(ip) :: right    !! the right side
     integer(ip) :: top      !! the top, which can also be HELD
+    integer(ip) :: along    !! 1: dashpots act along the bonds only, 0: on the full relative velocity
     integer(ip) :: n_hold   !! knots of the friction law's tables
     integer(ip) :: n_slide
     integer(ip) :: n_speed
@@ -71,6 +72,7 @@ module pyfric_model
     integer :: left         !! these: see FREE
     integer :: right
     integer :: top
+    logical :: along        !! dashpots act along the bonds only
     integer :: j_shear      !! row on which shear acts
     real(dp) :: z_p         !! impedance of a block to longitudinal waves, rho c_P times its face [N s/m]
     real(dp) :: z_s         !! the same for shear waves
@@ -129,6 +131,7 @@ contains
     s%left = n%left
     s%right = n%right
     s%top = n%top
+    s%along = n%along == 1
     s%j_shear = merge(1, s%nz, s%prescribed)
     first = storage_size(c)/storage_size(s%l)
     c = transfer(numbers(:first), c)

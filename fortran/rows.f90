@@ -3,7 +3,7 @@ module pyfric_rows
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, MIRRORED, HELD
-  use pyfric_lattice, only: forces_linear, elastic_finite, viscous, bond_power, N_BOND
+  use pyfric_lattice, only: forces_linear, elastic_finite, viscous, viscous_along, bond_power, N_BOND
   use pyfric_boundaries, only: foundation, driver_force, driver_speed, load_share, mirror_sum, absorb, absorbed, image_row
   use pyfric_law, only: friction_force, friction_powers, N_CLOCK
   implicit none (type, external)
@@ -78,15 +78,17 @@ contains
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)     !! the row above
     real(dp), intent(inout) :: fx(LB:s%n + LANES)     !! force on the row [N]
     real(dp), intent(inout) :: fz(LB:s%n + LANES)     !! force on the row [N]
-    real(dp) :: n_rows
+    real(dp) :: n_rows, eta
     integer :: i
 
     n_rows = real(rows, dp)
+    eta = merge(0.0_dp, s%eta, s%along)
     if (s%finite) then
-      call viscous(s%n, s%at(s%nx), s%eta, n_rows, dn, q, up, fx, fz)
+      if (.not. s%along) call viscous(s%n, s%at(s%nx), eta, n_rows, dn, q, up, fx, fz)
     else
-      call forces_linear(s%n, s%at(s%nx), [s%left, s%right] == MIRRORED, s%k, s%eta, n_rows, real(edge, dp), dn, q, up, fx, fz)
+      call forces_linear(s%n, s%at(s%nx), [s%left, s%right] == MIRRORED, s%k, eta, n_rows, real(edge, dp), dn, q, up, fx, fz)
     end if
+    if (s%along) call viscous_along(s, rows == 2 .or. edge < 0, rows == 2 .or. edge > 0, dn, q, up, fx, fz)
     do i = s%nx + 1, s%n
       fx(s%at(i)) = 0.0_dp
       fz(s%at(i)) = 0.0_dp

@@ -54,9 +54,18 @@ def bond_forces(scene: Any, y: np.ndarray, geometry: str) -> np.ndarray:
                     elongation, r = _elongation(l, d_x, d_z, du_x, du_z)
                     n_x, n_z = (d_x + du_x) / r, (d_z + du_z) / r
                     tension = k * elongation
-                F[j, 0, i] += tension * n_x + scene.eta * (v_x[j2][i2] - v_x[j][i])
-                F[j, 1, i] += tension * n_z + scene.eta * (sign * v_z[j2][i2] - v_z[j][i])
+                dv_x, dv_z = v_x[j2][i2] - v_x[j][i], sign * v_z[j2][i2] - v_z[j][i]
+                if along(scene):
+                    dv = n_x * dv_x + n_z * dv_z
+                    dv_x, dv_z = dv * n_x, dv * n_z
+                F[j, 0, i] += tension * n_x + scene.eta * dv_x
+                F[j, 1, i] += tension * n_z + scene.eta * dv_z
     return F
+
+
+def along(scene: Any) -> bool:
+    """Return whether dashpots act along the bonds only, whose direction is that of now."""
+    return getattr(scene.slider, "dashpots", "full") == "along"
 
 
 def neighbour(scene: Any, j: int, i: int) -> tuple[int, int, int] | None:

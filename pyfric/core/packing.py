@@ -32,6 +32,7 @@ class Counts(NamedTuple):
     left: int
     right: int
     top: int
+    along: int
     n_hold: int = 0
     n_slide: int = 0
     n_speed: int = 0
@@ -99,6 +100,7 @@ def _counts(scene: Scene, geometry: Geometry) -> Counts:
         scene.j_h + 1,
         int(scene.prescribed),
         *(BEYOND[getattr(scene.walls, side)] for side in ("left", "right", "top")),
+        int(scene.slider.dashpots == "along"),
     )
 
 

@@ -58,6 +58,9 @@ class Slider:
         k: stiffness of the nearest-neighbour springs, N/m (3 B E / 4; it does not depend on l).
         M: mass, kg.
         eta: viscosity of every bond, N s/m, >= 0; None means sqrt(0.1 k m).
+        dashpots: "full", as in the paper: a bond's dashpot resists the full relative velocity of
+            its blocks, also where they turn around each other; "along": along the bond only, which
+            leaves rotation free.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
@@ -71,9 +74,10 @@ class Slider:
     k: Annotated[float, Positive("N/m")]
     M: Annotated[float, Positive("kg")]
     eta: Annotated[float | None, NotNegative("N s/m", optional=True)] = None
+    dashpots: Literal["full", "along"] = "full"
 
     _section: ClassVar[str] = "slider"
-    _allowed: ClassVar[dict[str, str]] = {}
+    _allowed: ClassVar[dict[str, str]] = {"dashpots": "'full' or 'along'"}
 
     def __post_init__(self) -> None:
         errors = []

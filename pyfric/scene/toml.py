@@ -93,6 +93,8 @@ def _table(part: Any, *, several: bool) -> dict[str, Any]:
     table, marks = {"kind": part.kind} if several else {}, quantities(type(part))
     for field in dataclasses.fields(part):
         value, key = getattr(part, field.name), field.name
+        if key == "dashpots" and value == field.default:
+            continue
         if key == LAW and value != field.default:
             table[key] = _table(value, several=True)
         elif isinstance(marks.get(key), Course) and value:

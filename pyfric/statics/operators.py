@@ -299,12 +299,16 @@ def damping(scene: Scene) -> sp.csr_array:
 
     It holds the bonds and the absorbing walls.
 
-    Every bond carries eta (v_j - v_i), the full relative velocity; the bonds within a rigid top
-    row resist its rotation.
+    Every bond carries eta (v_j - v_i), the full relative velocity, and the bonds within a rigid top
+    row resist its rotation; or only the part along the bond (`Slider.dashpots`).
     """
     T = coordinates(scene)
     lattice = bonds(scene)
-    C = scene.eta * sum(D.T @ sp.diags_array(lattice.share) @ D for D in lattice.difference)
+    parts = lattice.difference
+    if scene.slider.dashpots == "along":
+        n = (lattice.d / lattice.l[:, None]).T
+        parts = [sum(sp.diags_array(c) @ D for c, D in zip(n, parts, strict=True))]
+    C = scene.eta * sum(D.T @ sp.diags_array(lattice.share) @ D for D in parts)
     return (T.T @ (C + sp.diags_array(_absorbing(scene))) @ T).tocsr()
 
 
@@ -353,10 +357,13 @@ def dispersion(
         ground: stiffness that holds every block along x and z, in N/m.
 
     Returns:
-        omega, shape (..., 2), ascending, in rad/s; gamma, shape (...), in 1/s.
+        omega, shape (..., 2), ascending, in rad/s; gamma, shape (...), in 1/s. With dashpots along
+        the bonds damping is a matrix too: gamma has shape (..., 2), what each undamped wave loses,
+        without the coupling of the two.
     """
     l, k, m = scene.slider.l, scene.slider.k, scene.m
     D = np.zeros((*wave_vectors.shape[:-1], 2, 2))
+    C = np.zeros_like(D)
     gamma = np.zeros(wave_vectors.shape[:-1])
     for dx, dz, factor in _FAMILIES:
         if abs(dz) >= scene.N_z:
@@ -364,7 +371,13 @@ def dispersion(
         d = np.array([dx, dz], dtype=float)
         s = 4 * np.sin(wave_vectors @ (d * l / 2)) ** 2
         D += (factor * s)[..., None, None] * np.outer(d, d) / (d @ d)
+        C += s[..., None, None] * np.outer(d, d) / (d @ d)
         gamma += s
     D += np.diag(ground) / k
-    omega = np.sqrt(k / m) * np.sqrt(np.maximum(np.linalg.eigvalsh(D), 0.0))
+    if scene.slider.dashpots == "along":
+        values, shapes = np.linalg.eigh(D)
+        gamma = np.einsum("...ik,...ij,...jk->...k", shapes, C, shapes)
+    else:
+        values = np.linalg.eigvalsh(D)
+    omega = np.sqrt(k / m) * np.sqrt(np.maximum(values, 0.0))
     return omega, gamma * (scene.eta / m)

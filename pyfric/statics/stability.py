@@ -105,7 +105,7 @@ def _waves_limit(
         axes = [np.clip(c + np.linspace(-width, width, 33), 0, np.pi) for c in centre]
         ql = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
         omega, gamma = dispersion(scene, ql / scene.slider.l, ground)
-        gamma = np.broadcast_to(gamma[:, None], omega.shape)
+        gamma = np.broadcast_to(gamma.reshape(len(gamma), -1), omega.shape)
         limits = _pair_limits(stepper, omega, gamma)
         i, branch = np.unravel_index(np.argmin(limits), limits.shape)
         if limits[i, branch] < best[0]:
@@ -155,6 +155,7 @@ def _reduced(scene: Scene) -> Scene:
             k=scene.slider.k,
             M=scene.m * n_x * n_z,
             eta=scene.eta,
+            dashpots=scene.slider.dashpots,
         ),
         top=top,
         driver=Driver(K=scene.driver.K * (share if on_rod else 1.0), V=0.0, h=j_h * l),

@@ -33,7 +33,7 @@ def make_scene(N_x=8, d=1, j_h=2, l=2.5e-3):
         d=d,
         j_h=j_h,
         m=4e-5,
-        interface=SimpleNamespace(law=Law(0.7, 0.45)),
+        law=Law(0.7, 0.45),
         n_of_i=i + 1 if d == 1 else N_x - i,
         slider=SimpleNamespace(l=l, k=1.35e7),
         driver=SimpleNamespace(V=1e-3),

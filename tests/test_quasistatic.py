@@ -575,7 +575,7 @@ def test_little_weakening_takes_many_events():
     scene = small_rod(mu_s=0.45, mu_k=0.44)
     record = ladder(scene, 0.6)
     curve = prediction_curve(scene, 0.45).curve
-    assert record.notes == ()
+    assert all("longest pause" in note for note in record.notes)
     exact = np.interp(record.curve["t"], curve["t"], curve["F_T"])
     assert np.abs(record.curve["F_T"] - exact).max() < 0.01 * scene.F_N
 

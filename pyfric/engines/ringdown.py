@@ -56,7 +56,7 @@ FEW, MOST_COLUMNS = 6, 120
 moved since; the responses to single blocks are kept."""
 MAX_ITER = 20
 """Most restarts of ARPACK; few are needed."""
-STRAINED = 0.02
+STRAINED = 0.005
 """In finite geometry K is taken anew where the stiffness of a bond has changed by this many k."""
 GRID = 64
 """Points at which margins are evaluated together."""

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         bench,
         chart,
         fidelity,
+        fronts,
         large,
         plans,
         resolution,
@@ -19,7 +20,17 @@ if TYPE_CHECKING:
         tpv3,
     )
 
-__all__ = ["bench", "chart", "fidelity", "large", "plans", "resolution", "stability", "tpv3"]
+__all__ = [
+    "bench",
+    "chart",
+    "fidelity",
+    "fronts",
+    "large",
+    "plans",
+    "resolution",
+    "stability",
+    "tpv3",
+]
 
 
 def __getattr__(name: str) -> ModuleType:

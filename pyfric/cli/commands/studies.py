@@ -16,6 +16,7 @@ from pyfric.cli.shared import (
     file_option,
     folder_option,
     json_option,
+    number,
     overwrite_option,
     quiet_option,
     show_files,
@@ -53,6 +54,28 @@ def resolution(out: Path, quiet: bool) -> None:
     """Refine the lattice of the Fig. 1 scene and show what converges (several minutes)."""
     progress = False if quiet else None
     _save_study("resolution", lambda study: study.study(progress=progress), out, quiet)
+
+
+@main.command()
+@_study_out
+@folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
+@click.option(
+    "--l",
+    "spacings",
+    multiple=True,
+    help="Lattice constant of the Fig. 1 scene, such as '1.25 mm'; several may be given.",
+)
+@quiet_option
+def fronts(out: Path, runs: Path | None, spacings: tuple[str, ...], quiet: bool) -> None:
+    """Show when front speeds are physical: cracks, lengths, a resolved Fig. 4 (about 15 minutes).
+
+    Runs are kept in --runs; the next call goes on where this one was stopped. What each lattice is
+    planned to take is said before it starts: 8 times the one before it.
+    """
+    folder = out / "runs" if runs is None else runs
+    given = {"spacings": [number("l", one, "m", gt=0.0) for one in spacings]} if spacings else {}
+    say = (lambda _: None) if quiet else (lambda text: click.echo(text, err=True))
+    _save_study("fronts", lambda study: study.study(folder, **given, say=say), out, quiet)
 
 
 def _save_study(name: str, make: Callable[[Any], Any], out: Path, quiet: bool) -> None:

@@ -1,0 +1,441 @@
+"""Fronts study: when is a front speed of this model physical.
+
+Three questions, each answered by runs beside theory:
+
+crack      A two-sided crack under a uniform stress drop at S = 3, where a continuum allows no
+           supershear: its speed beside fracture mechanics, for few and many blocks in the cohesive
+           zone X_c0. Half of it is run, mirrored in its middle; sides and top absorb. It starts as
+           a crack just longer than the critical one, released at once.
+length     Precursors of the Fig. 1 scene with d_c = 1 um: their lengths beside the length at which
+           the energy release of static states no longer pays for the fracture energy, and beside
+           the ladder without weakening.
+Fig. 4     Front speeds of these precursors as the lattice becomes finer: what stays, what was the
+           lattice's.
+
+Runs of the Fig. 1 scene are kept in a folder and go on from there where they were stopped.
+
+Source: PRL 107, 074301 (2011), Fig. 4; L. B. Freund, Dynamic Fracture Mechanics (1990);
+D. J. Andrews, J. Geophys. Res. 81, 5679 (1976).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from pyfric.core import STEPPERS
+from pyfric.engines import simulate, step_size
+from pyfric.figures import DataFigure
+from pyfric.record import PER_BIN, Record, analysis, theory
+from pyfric.scene import Walls, at_once, preset, slab
+from pyfric.statics import loaded_state
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from pyfric.scene import Scene
+
+__all__ = ["BLOCKS", "SPACINGS", "Crack", "crack", "figure", "planned", "study", "summary"]
+
+BLOCKS = (2.0, 4.0, 6.0, 8.0)
+"""Blocks in X_c0 of the cracks."""
+SPACINGS = (2.5e-3, 1.25e-3, 0.625e-3)
+"""Lattice constants of the Fig. 1 scene, m."""
+T_END = 0.745
+"""End of its runs, s: the precursor of half the slider's length is over."""
+D_C = 1e-6
+"""Slip of weakening, m."""
+WINDOW = 250.0
+"""Speeds of a crack are means over twice this length, m."""
+FROM, TO = 3e3, 12e3
+"""Half lengths of a crack at which speeds are compared, m."""
+LATE = 0.5
+"""L_p/L of the precursor whose speeds are shown."""
+
+
+ROCK = theory.Material(c_P=3464 * math.sqrt(3), c_S=3464.0, rho=2670.0)
+"""The material of the cracks: lambda = mu."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crack:
+    """A two-sided crack under a uniform stress drop; one body, per m of thickness.
+
+    Attributes:
+        blocks: X_c0/l.
+        eta2: (bond viscosity)^2/(k m): 0.1 in the paper.
+        S: strength excess.
+        X_c0: cohesive zone at rest, m.
+        a_end, H: half width and height of the slab, m.
+        begin: half length that is released at once, over the critical one.
+    """
+
+    blocks: float
+    eta2: float = 1e-3
+    S: float = 3.0
+    X_c0: float = 207.0
+    a_end: float = 13e3
+    H: float = 8e3
+    begin: float = 1.02
+    material: theory.Material = ROCK
+    mu_s: float = 0.677
+    mu_k: float = 0.525
+    p: float = 120e6
+
+    @property
+    def spacing(self) -> float:
+        """Lattice constant l, m."""
+        return self.X_c0 / self.blocks
+
+    @property
+    def dtau(self) -> float:
+        """Stress drop, Pa."""
+        return (self.mu_s - self.mu_k) * self.p / (1 + self.S)
+
+    @property
+    def d_c(self) -> float:
+        """Slip of weakening of one body, m."""
+        return self.X_c0 / theory.cohesive_zone(self.material, self.mu_s, self.mu_k, self.p, 1.0)
+
+    @property
+    def Gamma(self) -> float:
+        """Fracture energy of one body, J/m^2."""
+        return theory.fracture_energy(self.mu_s, self.mu_k, self.p, self.d_c)
+
+    def scene(self) -> Scene:
+        """Return half of the crack's surroundings."""
+        l, k = self.spacing, 0.75 * self.material.E_prime
+        m, N_x, N_z = self.material.rho * l**2, round(self.a_end / l), round(self.H / l) + 1
+        return slab(
+            p=self.p * l,
+            tau=(self.mu_k * self.p + self.dtau) * l,
+            L=(N_x - 1) * l,
+            H=(N_z - 1) * l,
+            l=l,
+            k=k,
+            M=m * N_x * N_z,
+            mu_s=self.mu_s,
+            mu_k=self.mu_k,
+            d_c=self.d_c,
+            eta=math.sqrt(self.eta2 * k * m),
+            walls=Walls(left="mirrored", right="absorbing", top="absorbing"),
+            name="crack",
+        )
+
+    def speed(self, a: np.ndarray) -> np.ndarray:
+        """Return the speed that fracture mechanics gives at the half length a (m), m/s."""
+        return theory.crack_speed(self.material, a, self.dtau, self.Gamma, bodies=1)
+
+
+def crack(which: Crack, **options: Any) -> tuple[pd.DataFrame, Record]:
+    """Run a crack.
+
+    Returns:
+        A table: a (m), v and v_theory (m/s) from `FROM` to `TO`, as far as the crack came; and the
+        record.
+    """
+    scene, material = which.scene(), which.material
+    critical = theory.crack_length(material, 0.0, which.dtau, which.Gamma, bodies=1)
+    first = int(which.begin * critical / which.spacing)
+    state = loaded_state(scene).state(scene, step_size(scene))
+    state.mode[:first], state.s_0[:first] = 1, which.d_c
+    t_end = which.a_end / (0.75 * material.c_S) + 1.5
+    how = {"fidelity": "dynamic", "switching": "located", "budget": False, "t_gap": 1e3}
+    how |= {"initial": state, "dt": state.dt, "progress": False, "threads": 1}
+    record = simulate(scene, t_end, **how | options)
+    t = record.rupture_times[0]
+    known, at = np.isfinite(t), (np.arange(scene.N_x) + 0.5) * which.spacing
+    a = np.arange(FROM, min(TO, at[known].max() - WINDOW) + 1, 2 * WINDOW)
+    late, early = (np.interp(a + d, at[known], t[known]) for d in (WINDOW, -WINDOW))
+    v = 2 * WINDOW / (late - early)
+    return pd.DataFrame({"a": a, "v": v, "v_theory": which.speed(a)}), record
+
+
+# --- the Fig. 1 scene ----------------------------------------------------------------------------
+
+
+def planned(scene: Scene, t_end: float, coarser: Record | None) -> tuple[float, float]:
+    """Return the block evaluations and the seconds that a run is expected to take.
+
+    Half the lattice constant takes 8 times what the coarser run took; the first one at most what
+    full dynamics takes, at 3.1 ns each.
+    """
+    if coarser is None:
+        evaluations = STEPPERS["rk4"].evaluations * t_end / step_size(scene)
+        return (all_ := evaluations * scene.N_x * scene.N_z), all_ * 3.1e-9
+    times = (coarser.scene.slider.l / scene.slider.l) ** 3
+    made = coarser.counts["block_evaluations"]
+    return times * made, times * _seconds(coarser)
+
+
+def _seconds(record: Record) -> float:
+    blocks = record.scene.N_x * record.scene.N_z
+    return record.timings["per_block_and_step"] * blocks * record.counts["steps"]
+
+
+def _kept(path: Path, scene: Scene, t_end: float) -> Record:
+    """Return the run in a file, or make it; one that was stopped goes on."""
+    part = path.with_name(path.name + ".part")
+    if path.is_file():
+        record = Record.load(path)
+        if record.scene == scene and record.curve["t"].iloc[-1] >= t_end * (1 - 1e-9):
+            return record
+    how: dict[str, Any] = {"fidelity": "hybrid", "geometry": "linear", "switching": "located"}
+    if part.is_file() and (before := Record.load(part)).scene == scene:
+        how["initial"] = before
+    record = simulate(scene, t_end, checkpoint=part, progress=False, **how)
+    if record.done:
+        record.save(path)
+        part.unlink(missing_ok=True)
+    return record
+
+
+def _fig1(
+    runs: Path, spacings: Sequence[float], t_end: float, say: Callable[[str], None]
+) -> dict[tuple[float, float], Record]:
+    """Return the runs by l and d_c."""
+    records = {}
+    for d_c in (0.0, D_C):
+        coarser = None
+        for l in sorted(spacings, reverse=True):
+            scene = preset("fig1", l=l, d_c=d_c)
+            evaluations, seconds = planned(scene, t_end, coarser)
+            say(
+                f"l = {l * 1e3:g} mm, d_c = {d_c * 1e6:g} um: planned {evaluations:.2g} block "
+                f"evaluations, {seconds / 60:.2g} min of one core"
+            )
+            name = f"fig1_{l * 1e3:g}_{d_c * 1e6:g}.nc"
+            records[l, d_c] = coarser = _kept(runs / name, scene, t_end)
+    return records
+
+
+def _lengths(records: dict[tuple[float, float], Record]) -> pd.DataFrame:
+    """Return lengths of precursors with weakening: dynamics, Griffith, and the ladder."""
+    rows = []
+    for (l, d_c), record in records.items():
+        if not d_c:
+            continue
+        ladder = simulate(records[l, 0.0].scene, 1.2, fidelity="quasistatic", progress=False)
+        steps = analysis.precursor_lengths(ladder)
+        longest = np.maximum.accumulate(steps["L_p_over_L"].to_numpy())
+        for _, row in analysis.precursors(record).iterrows():
+            found = analysis.energy_release(record, int(row["event"]))
+            rows.append(
+                {
+                    "l": l,
+                    "event": int(row["event"]),
+                    "force_arrest": row["force_arrest"],
+                    "dynamics": row["L_p_over_L"],
+                    "griffith": analysis.griffith_length(found),
+                    "ladder": float(np.interp(row["force_arrest"], steps["force"], longest)),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+@at_once()
+def study(
+    runs: str | Path,
+    blocks: Sequence[float] = BLOCKS,
+    spacings: Sequence[float] = SPACINGS,
+    t_end: float = T_END,
+    say: Callable[[str], None] = lambda _: None,
+) -> dict[str, pd.DataFrame]:
+    """Run the study.
+
+    Args:
+        runs: folder in which runs of the Fig. 1 scene are kept; it is made if missing.
+        blocks: blocks in X_c0 of the cracks, with eta^2 = 0.001 k m; the second one also with the
+            paper's viscosity.
+        spacings: lattice constants of the Fig. 1 scene, m.
+        t_end: end of its runs, s.
+        say: called with what is done, and what it is planned to take, before it is.
+
+    Returns:
+        Tables. "crack": blocks, eta2, a, v, v_theory. "cost": what, planned and made evaluations
+        and seconds. "lengths": l, event, force_arrest, dynamics, griffith, ladder (L_p/L).
+        "fronts": l, d_c, event, n, x_over_L, v_c, scaled, X_c0_over_l, and others of
+        `pyfric.analysis.fronts`; late, whether it is the precursor of half the length.
+    """
+    Path(runs).mkdir(parents=True, exist_ok=True)
+    cracks, fronts, cost = [], [], []
+    for n, eta2 in [(n, 1e-3) for n in blocks] + [(n, 0.1) for n in blocks[1:2]]:
+        say(f"crack with {n:g} blocks in X_c0, eta^2 = {eta2:g} k m")
+        begin = time.process_time()
+        table, record = crack(Crack(blocks=n, eta2=eta2))
+        cracks.append(table.assign(blocks=n, eta2=eta2))
+        made, seconds = record.counts["block_evaluations"], time.process_time() - begin
+        cost.append({"run": f"crack {n:g}, {eta2:g}", "evaluations": made, "seconds": seconds})
+    records = _fig1(Path(runs), spacings, t_end, say)
+    for (l, d_c), record in records.items():
+        table, events = analysis.fronts(record), record.events
+        main = np.flatnonzero(events["is_main"] & events["finished"])
+        late = main[np.abs(events["L_p_over_L"].to_numpy()[main] - LATE).argmin()]
+        fronts.append(table.assign(l=l, d_c=d_c, late=table["event"] == late))
+        made, seconds = record.counts["block_evaluations"], _seconds(record)
+        expected = planned(record.scene, t_end, records.get((2 * l, d_c)))
+        about = {"run": f"fig1 {l * 1e3:g} mm, {d_c * 1e6:g} um"}
+        plan = dict(zip(("planned_evaluations", "planned_seconds"), expected, strict=True))
+        cost.append(about | plan | {"evaluations": made, "seconds": seconds})
+    return {
+        "crack": pd.concat(cracks, ignore_index=True),
+        "lengths": _lengths(records),
+        "fronts": pd.concat(fronts, ignore_index=True),
+        "cost": pd.DataFrame(cost),
+    }
+
+
+# --- what it comes to ----------------------------------------------------------------------------
+
+
+def summary(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    """Return the numbers of the study: what, case, value."""
+    c_R = Crack(blocks=1).material.c_R
+    rows: list[tuple[str, str, float]] = []
+    for (n, eta2), table in tables["crack"].groupby(["blocks", "eta2"]):
+        case, off = f"{n:g} blocks in X_c0, eta^2 = {eta2:g} k m", table["v"] / table["v_theory"]
+        rows += [
+            ("crack: mean of v/v_theory - 1, 3 to 12 km", case, float(off.mean() - 1)),
+            ("crack: largest |v/v_theory - 1|", case, float((off - 1).abs().max())),
+            ("crack: highest speed over c_R", case, float(table["v"].max() / c_R)),
+        ]
+    for l, table in tables["lengths"].groupby("l", sort=False):
+        for name in ("griffith", "ladder"):
+            off = (table[name] - table["dynamics"]).abs()
+            rows.append((f"L_p/L: largest |{name} - dynamics|", _case(l, D_C), float(off.max())))
+    material = theory.Material.of_lattice(*_lattice(preset("fig1")), 1.0)
+    for (l, d_c), table in tables["fronts"].groupby(["l", "d_c"], sort=False):
+        rows += _speeds(table[table["v_c"].notna()], _case(l, d_c), material)
+    rows += _changes(tables["fronts"])
+    return pd.DataFrame(rows, columns=["what", "case", "value"])
+
+
+def _case(l: float, d_c: float) -> str:
+    return f"l = {l * 1e3:g} mm, d_c = {d_c * 1e6:g} um"
+
+
+def _lattice(scene: Scene) -> tuple[float, float, float]:
+    return scene.slider.k, scene.m, scene.slider.l
+
+
+def _speeds(
+    table: pd.DataFrame, case: str, material: theory.Material
+) -> list[tuple[str, str, float]]:
+    v = table["v_c"].to_numpy()
+    rows = [
+        ("least and", case, float(table["X_c0_over_l"].min())),
+        ("most blocks in X_c0", case, float(table["X_c0_over_l"].max())),
+        ("highest v_c over c_L", case, float(v.max() / material.c_P)),
+        ("highest v_c over c_R", case, float(v.max() / material.c_R)),
+        ("share of v_c above c_R", case, float(np.mean(v > material.c_R))),
+        ("median v_c over c_R", case, float(np.median(v) / material.c_R)),
+    ]
+    known = table["scaled"].notna()
+    if known.sum() >= 20 * PER_BIN:
+        spread = analysis.collapse_spread(table["scaled"][known], table["v_c"][known])
+        rows.append(("rms of ln v_c about one curve of the scaled prestress", case, spread.rms))
+    return rows
+
+
+def _changes(fronts: pd.DataFrame) -> list[tuple[str, str, float]]:
+    """Return how v_c(x) of the late precursor changes from one lattice to the next."""
+    rows = []
+    for d_c, tables in fronts[fronts["late"]].groupby("d_c"):
+        spacings = sorted(tables["l"].unique(), reverse=True)
+        for coarse, fine in itertools.pairwise(spacings):
+            one, two = (tables[(tables["l"] == l) & tables["v_c"].notna()] for l in (coarse, fine))
+            inside = one["x_over_L"].between(two["x_over_L"].min(), two["x_over_L"].max())
+            other = np.interp(one["x_over_L"][inside], two["x_over_L"], two["v_c"])
+            change = float(np.sqrt(np.mean(np.log(other / one["v_c"][inside]) ** 2)))
+            case = f"{_case(coarse, d_c)}, to l = {fine * 1e3:g} mm"
+            rows.append(("rms change of ln v_c(x), late precursor", case, change))
+    return rows
+
+
+COLOURS = ("#E69F00", "#009E73", "#0072B2", "#CC79A7", "#000000")
+
+
+def figure(tables: dict[str, pd.DataFrame]) -> DataFigure:
+    """Return the study as a figure: cracks, lengths, speeds of the late precursor, all speeds."""
+    fig = DataFigure(figsize=(7.2, 5.8), layout="constrained")
+    FigureCanvasAgg(fig)
+    (cracks, lengths), (late, every) = fig.subplots(2, 2)
+    _draw_cracks(cracks, tables["crack"])
+    _draw_lengths(lengths, tables["lengths"])
+    _draw_fronts(late, every, tables["fronts"])
+    titles = (
+        "(a) crack at S = 3",
+        r"(b) precursors, $d_\mathrm{c}$ = 1 $\mu$m",
+        rf"(c) precursor with $L_\mathrm{{p}}/L$ near {LATE:g}",
+        "(d) all main events",
+    )
+    for axes, title in zip((cracks, lengths, late, every), titles, strict=True):
+        axes.set_title(title, fontsize=8, loc="left")
+        axes.tick_params(labelsize=7, direction="in", which="both")
+        axes.legend(fontsize=6, frameon=False)
+    fig.caption = (
+        "(a) Two-sided crack under a uniform stress drop, S = 3: front speed against half length "
+        "for several numbers of blocks in X_c0, and the equation of motion of fracture mechanics. "
+        "(b) Fig. 1 scene with d_c = 1 um: lengths in dynamics against the length at which the "
+        "energy release of static states no longer exceeds the fracture energy. (c) Its front "
+        "speeds, with d_c = 1 um (points) and 0 (thin lines), at several l; dashed: c_R, c_S, c_L "
+        "of the lattice. (d) Speeds of all main events against the scaled prestress, d_c = 1 um. "
+        "Hybrid engine, linear geometry, located switching; the crack in full dynamics."
+    )
+    fig.tables = {**tables, "summary": summary(tables)}
+    return fig
+
+
+def _draw_cracks(axes: Any, table: pd.DataFrame) -> None:
+    material = Crack(blocks=1).material
+    for ((n, eta2), rows), colour in zip(table.groupby(["blocks", "eta2"]), COLOURS, strict=False):
+        text = f"{n:g} blocks" + (", paper's viscosity" if eta2 == 0.1 else "")
+        axes.plot(rows["a"] / 1e3, rows["v"] / material.c_R, "o", color=colour, ms=2.5, label=text)
+    a = np.linspace(FROM, TO, 100)
+    v = Crack(blocks=1).speed(a)
+    axes.plot(a / 1e3, v / material.c_R, "k", lw=0.8, label="fracture mechanics")
+    axes.fill_between(a / 1e3, 0.95 * v / material.c_R, 1.05 * v / material.c_R, color="0.92", lw=0)
+    axes.set_xlabel("half length $a$ (km)", fontsize=8)
+    axes.set_ylabel(r"front speed $v/c_\mathrm{R}$", fontsize=8)
+
+
+def _draw_lengths(axes: Any, table: pd.DataFrame) -> None:
+    for (l, rows), colour in zip(table.groupby("l", sort=False), COLOURS, strict=False):
+        text = f"l = {l * 1e3:g} mm"
+        axes.plot(rows["griffith"], rows["dynamics"], "o", color=colour, ms=3, label=text)
+    axes.plot([0, 1], [0, 1], color="0.6", lw=0.7)
+    top = 1.15 * table["dynamics"].max()
+    axes.set_xlim(0, top)
+    axes.set_ylim(0, top)
+    axes.set_xlabel(r"$L_\mathrm{p}/L$ where $G=\Gamma$, static states", fontsize=8)
+    axes.set_ylabel(r"$L_\mathrm{p}/L$ in dynamics", fontsize=8)
+
+
+def _draw_fronts(late: Any, every: Any, table: pd.DataFrame) -> None:
+    spacings = sorted(table["l"].unique(), reverse=True)
+    for l, colour in zip(spacings, COLOURS, strict=False):
+        for d_c in sorted(table["d_c"].unique()):
+            rows = table[(table["l"] == l) & (table["d_c"] == d_c) & table["v_c"].notna()]
+            mine, label = rows[rows["late"]], f"l = {l * 1e3:g} mm"
+            if d_c == 0:
+                late.plot(mine["x_over_L"], mine["v_c"], color=colour, lw=0.6)
+                continue
+            late.plot(mine["x_over_L"], mine["v_c"], "o", color=colour, ms=2.5, label=label)
+            every.plot(rows["scaled"], rows["v_c"], "o", color=colour, ms=2, label=label)
+    material = theory.Material.of_lattice(*_lattice(preset("fig1")), 1.0)
+    for axes in (late, every):
+        for speed in (material.c_R, material.c_S, material.c_P):
+            axes.axhline(speed, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
+        axes.set_yscale("log")
+        axes.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)", fontsize=8)
+    late.set_xlabel("position $x/L$", fontsize=8)
+    scaled = r"(\tau/p-\mu_\mathrm{k})/(\mu_\mathrm{s}-\mu_\mathrm{k})"
+    every.set_xlabel(rf"scaled prestress ${scaled}$", fontsize=8)

@@ -114,3 +114,20 @@ def test_prescribed_loads_are_known_without_a_static_state():
     known = 0.75 * np.pi / 2 * scene.slider.k * 1e-6 / (0.25 * p[::-1])
     np.testing.assert_allclose(zone_at_rest(scene, p[::-1]), known)
     np.testing.assert_allclose(zone_at_rest(scene, np.full(4, np.nan)), known)
+
+
+def test_the_plan_of_front_speeds_names_the_lattice_and_its_price():
+    """X_c0/l is 1.04 at l = 2.5 mm, d_c = 1 um: 5 % takes 6 blocks, 2.5 % twice as many."""
+    scene = preset("fig1", d_c=1e-6, L=0.07, H=0.0375)
+    blocks = float(zone_at_rest(scene, scene.F_N / scene.N_x))
+    for tolerance, need in ((0.05, 6), (0.025, 12)):
+        chosen = pyfric.plan(scene, "front_speed", tolerance, t_end=0.1)
+        n = int(np.ceil(need / blocks))
+        assert f"need {need}: l = {2.5 / n:.3g} mm, {n} times smaller" in chosen.lattice
+        assert f"about {chosen.seconds * n**3:.2g} s" in chosen.lattice
+        assert chosen.lattice in str(chosen)
+    without = pyfric.plan(preset("fig1", L=0.07, H=0.0375), "front_speed", 0.05, t_end=0.1)
+    assert "no l resolves" in without.lattice
+    enough = pyfric.plan(preset("fig1", d_c=2e-5, L=0.07, H=0.0375), "front_speed", 0.05, t_end=0.1)
+    assert enough.lattice == ""
+    assert pyfric.plan(scene, "stress", 0.05, t_end=0.1).lattice == ""

@@ -35,7 +35,7 @@ from pyfric.engines.options import Fidelity, Options, Want, step_size
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.ringdown import Frozen
 from pyfric.engines.verification import SAMPLED, coarser_step
-from pyfric.record import build_catalogue
+from pyfric.record import RESOLVED, build_catalogue, zone_at_rest
 from pyfric.scene import Geometry, at_once, check_number, default_geometry, html
 from pyfric.statics import EquilibriumError, StaticSolver, one_thread_if_small, stability_limit
 
@@ -52,6 +52,9 @@ ERROR_JUMPS = 1e-4
 """The same between hybrid and dynamics."""
 PHASE = 1 / 120
 """A step of RK4 is off by this times (omega dt)^5 in the phase of a motion of rate omega."""
+RESOLVED_ERROR = 0.05
+"""Relative error of front speeds with `RESOLVED` blocks in X_c0 (`pyfric fronts`); taken to fall in
+proportion to l."""
 RING_SHARE = 0.25
 """Longest decay time of the slider's oscillations, over the time between main events."""
 OPEN_BLOCKS = 2
@@ -110,6 +113,8 @@ class Plan:
         seconds: expected time on one core, without verification.
         price: expected time more that verify = "sample" takes, in s.
         share: part of the time that is verified so; no more is made than costs as much again.
+        lattice: for front speeds, the lattice constant that the tolerance needs, and its price; ""
+            where this one is enough, and for other wants.
     """
 
     want: Want
@@ -125,6 +130,7 @@ class Plan:
     seconds: float
     price: float = 0.0
     share: float = 1.0
+    lattice: str = ""
 
     def __str__(self) -> str:
         models = {
@@ -152,6 +158,7 @@ class Plan:
             f"expected error: {self.error:.2g}",
             f"expected cost: {self.evaluations:.2g} block evaluations, about {self.seconds:.2g} s",
             f"verification: about {self.price:.2g} s more (verify = 'sample')",
+            *([f"lattice: {self.lattice}"] if self.lattice else ()),
         ]
         return "\n".join(lines)
 
@@ -222,12 +229,38 @@ def plan(
     tolerance = Options(want=want, tolerance=tolerance).tolerance
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     if scene.prescribed or scene.follows_protocol:
-        return _all_of_it(scene, want, tolerance, t_end)
+        return _on_lattice(_all_of_it(scene, want, tolerance, t_end), scene)
     scout, times = _scout(scene, t_end), decay_times(scene)
     why_not, without_inertia = _ladder(scene, want, tolerance, scout, times)
     if without_inertia is not None:
         return without_inertia
-    return _stepped(scene, want, tolerance, t_end, scout, times, why_not)
+    return _on_lattice(_stepped(scene, want, tolerance, t_end, scout, times, why_not), scene)
+
+
+def _on_lattice(chosen: Plan, scene: Scene) -> Plan:
+    """Return the plan with what front speeds need of the lattice.
+
+    Half the lattice constant takes 8 times the time: 4 times the blocks, twice the steps.
+    """
+    if chosen.want != "front_speed":
+        return chosen
+    p = scene.p_prescribed if scene.prescribed else np.full(scene.N_x, scene.F_N / scene.N_x)
+    blocks = float(np.min(zone_at_rest(scene, p)))
+    need = RESOLVED * max(1.0, RESOLVED_ERROR / chosen.tolerance)
+    if not blocks < need:
+        return chosen
+    what = f"X_c0/l = {blocks:.2g}, and front speeds within {chosen.tolerance:g} need {need:.2g}"
+    if blocks == 0:
+        text = f"{what}: no l resolves a front whose friction does not weaken over a length d_c"
+        return dataclasses.replace(chosen, lattice=text)
+    times = math.ceil(need / blocks)
+    exponent = 1 if scene.N_z == 1 else 2
+    seconds = chosen.seconds * times ** (exponent + 1)
+    text = (
+        f"{what}: l = {scene.slider.l / times * 1e3:.3g} mm, {times} times smaller, about "
+        f"{seconds:.2g} s ({chosen.evaluations * times ** (exponent + 1):.2g} block evaluations)"
+    )
+    return dataclasses.replace(chosen, lattice=text)
 
 
 def _all_of_it(scene: Scene, want: Want, tolerance: float, t_end: float) -> Plan:

@@ -12,7 +12,7 @@ length     Precursors of the Fig. 1 scene with d_c = 1 um: their lengths beside 
 Fig. 4     Front speeds of these precursors as the lattice becomes finer: what stays, what was the
            lattice's.
 
-Runs of the Fig. 1 scene are kept in a folder and go on from there where they were stopped.
+Runs are kept in a folder; those of the Fig. 1 scene go on from there where they were stopped.
 
 Source: PRL 107, 074301 (2011), Fig. 4; L. B. Freund, Dynamic Fracture Mechanics (1990);
 D. J. Andrews, J. Geophys. Res. 81, 5679 (1976).
@@ -35,7 +35,7 @@ from pyfric.core import STEPPERS
 from pyfric.engines import simulate, step_size
 from pyfric.figures import DataFigure
 from pyfric.record import PER_BIN, Record, analysis, theory
-from pyfric.scene import Walls, at_once, preset, slab
+from pyfric.scene import Walls, at_once, preset, slab, write
 from pyfric.statics import loaded_state
 
 if TYPE_CHECKING:
@@ -159,6 +159,18 @@ def crack(which: Crack, **options: Any) -> tuple[pd.DataFrame, Record]:
     return pd.DataFrame({"a": a, "v": v, "v_theory": which.speed(a)}), record
 
 
+def _kept_crack(path: Path, which: Crack) -> pd.DataFrame:
+    """Return the table of a crack with its cost, from a file or made."""
+    if path.is_file():
+        return pd.read_csv(path)
+    begin = time.process_time()
+    table, record = crack(which)
+    table["evaluations"] = record.counts["block_evaluations"]
+    table["seconds"] = time.process_time() - begin
+    write(path, table.to_csv(index=False).encode())
+    return table
+
+
 # --- the Fig. 1 scene ----------------------------------------------------------------------------
 
 
@@ -252,7 +264,7 @@ def study(
     """Run the study.
 
     Args:
-        runs: folder in which runs of the Fig. 1 scene are kept; it is made if missing.
+        runs: folder in which runs are kept; it is made if missing.
         blocks: blocks in X_c0 of the cracks, with eta^2 = 0.001 k m; the second one also with the
             paper's viscosity.
         spacings: lattice constants of the Fig. 1 scene, m.
@@ -269,11 +281,10 @@ def study(
     cracks, fronts, cost = [], [], []
     for n, eta2 in [(n, 1e-3) for n in blocks] + [(n, 0.1) for n in blocks[1:2]]:
         say(f"crack with {n:g} blocks in X_c0, eta^2 = {eta2:g} k m")
-        begin = time.process_time()
-        table, record = crack(Crack(blocks=n, eta2=eta2))
-        cracks.append(table.assign(blocks=n, eta2=eta2))
-        made, seconds = record.counts["block_evaluations"], time.process_time() - begin
-        cost.append({"run": f"crack {n:g}, {eta2:g}", "evaluations": made, "seconds": seconds})
+        table = _kept_crack(Path(runs) / f"crack_{n:g}_{eta2:g}.csv", Crack(blocks=n, eta2=eta2))
+        about = table[["evaluations", "seconds"]].iloc[0].to_dict()
+        cost.append({"run": f"crack {n:g}, {eta2:g}"} | about)
+        cracks.append(table.drop(columns=list(about)).assign(blocks=n, eta2=eta2))
     records = _fig1(Path(runs), spacings, t_end, say)
     for (l, d_c), record in records.items():
         table, events = analysis.fronts(record), record.events

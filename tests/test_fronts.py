@@ -1,0 +1,56 @@
+"""The study of fronts: a crack beside fracture mechanics, plans of cost, kept runs, the figure."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pyfric.checks.studies import fronts
+from pyfric.record import zone_at_rest
+from pyfric.scene import preset
+
+
+def test_a_crack_follows_fracture_mechanics():
+    """Two blocks in X_c0: below c_R all along, within 5 % from 4 km on; none of it is resolved."""
+    which = fronts.Crack(blocks=2.0, a_end=8e3)
+    table, record = fronts.crack(which)
+    scene = record.scene
+    assert zone_at_rest(scene, scene.p_prescribed) == pytest.approx(2.0)
+    late = table[table["a"].between(4e3, 7e3)]  # the absorbing wall is at 8 km
+    assert len(late) == 7
+    assert (table["v"] < which.material.c_R).all()
+    assert (np.abs(late["v"] / late["v_theory"] - 1) < 0.05).all()
+    assert record.events["share_X_c0"].iloc[0] == 0
+    assert any("set by the lattice" in note for note in record.notes)
+
+
+def test_half_the_lattice_constant_is_planned_at_eight_times():
+    class Made:
+        scene = preset("fig1", l=5e-3)
+        counts = {"block_evaluations": 10.0}  # noqa: RUF012
+
+    planned = fronts.planned(preset("fig1"), 0.1, Made)
+    assert planned == pytest.approx((80.0, 80.0 * fronts.PACE))
+    assert fronts.planned(Made.scene, 0.2, None)[0] > 1e6
+
+
+def test_runs_are_kept_and_shown(tmp_path):
+    table, said = fronts.Crack(blocks=2.0), []
+    a = np.arange(3e3, 12e3, 1e3)
+    cracks = pd.DataFrame({"a": a, "v": 0.97 * table.speed(a), "v_theory": table.speed(a)})
+    made = pd.DataFrame({"evaluations": 1.0, "seconds": 1.0}, index=cracks.index)
+    for name in ("2_0.001", "4_0.001", "4_0.1"):
+        cracks.join(made).to_csv(tmp_path / f"crack_{name}.csv", index=False)
+    how = {"blocks": (2.0, 4.0), "spacings": (5e-3,), "t_end": 0.3, "say": said.append}
+    first = fronts.study(tmp_path, **how)
+    assert "planned" in said[-1]
+    assert sorted(one.name for one in tmp_path.glob("*.nc*")) == ["fig1_5_0.nc", "fig1_5_1.nc"]
+    written = {one: one.stat().st_mtime_ns for one in tmp_path.iterdir()}
+    fronts._fig1(tmp_path, how["spacings"], how["t_end"], said.append)
+    assert written == {one: one.stat().st_mtime_ns for one in tmp_path.iterdir()}
+    fig = fronts.figure(first)
+    numbers = fig.tables["summary"].set_index(["what", "case"])["value"]
+    mean = numbers[
+        "crack: mean of v/v_theory - 1, 3 to 12 km", "2 blocks in X_c0, eta^2 = 0.001 k m"
+    ]
+    assert mean == pytest.approx(-0.03)
+    assert numbers.notna().all()

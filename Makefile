@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
-.PHONY: figures docs test test-broken test-faults test-slow test-portable mutations mutations-random sanitize digests lint format bench \
+.PHONY: figures docs test test-broken test-faults test-slow test-portable mutations mutations-random sanitize digests lint format bench wheels \
 	setup clean
 
 # Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
@@ -75,6 +75,10 @@ bench: setup
 	@$(PIP_INSTALL) ".[studies]"
 	$(BIN)/pyfric bench kernel
 	$(BIN)/pyfric bench fidelity
+
+# An sdist and repaired manylinux wheels in dist/, each tried where there is no compiler; ARGS="--twice": built again and compared.
+wheels:
+	$(PYTHON) -P scripts/wheels $(ARGS)
 
 setup: .venv/installed
 

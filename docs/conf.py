@@ -1,5 +1,6 @@
 """The documentation site: `make docs` builds it into docs/_build/html; warnings are errors."""
 
+import doctest
 import os
 import sys
 from pathlib import Path
@@ -70,6 +71,9 @@ sphinx_gallery_conf = {
     "matplotlib_animations": False,
     "nested_sections": False,
 }
+
+doctest_global_setup = "import numpy as np\nimport pyfric"
+doctest_default_flags = doctest.ELLIPSIS | doctest.IGNORE_EXCEPTION_DETAIL
 
 html_theme = "pydata_sphinx_theme"
 html_title = f"pyfric {release}"

@@ -399,6 +399,11 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
         RuntimeWarning: friction is so strong that the solution may not be unique.
 
     Source: PRL 107, 074301 (2011), Fig. 2.
+
+    >>> curve = pyfric.prediction_curve(pyfric.chain()).curve
+    >>> F_T = np.interp(0.5, curve["L_p_over_L"], curve["F_T"])
+    >>> round(float(F_T / curve["F_T"].iloc[-1]), 2)  # half the interface slips at half the force
+    0.5
     """
     mu = scene.interface.mu_k if mu is None else check_number("mu", mu, "", ge=0.0)
     check_steady(scene, "quasistatic")

@@ -464,6 +464,9 @@ def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
         latter as ``n_not_increasing``.
 
     Source: the paper, Fig. 4 (v_c as an average over five blocks).
+
+    >>> pyfric.front_speed(np.array([0.0, 1e-6, 2e-6, 3e-6, 4e-6]), l=1e-3)[2].round(6)
+    np.float64(1000.0)
     """
     t = np.asarray(rupture_times, dtype=float)[..., ::d]
     v_c = np.full(t.shape, np.nan)

@@ -363,6 +363,14 @@ def preset(name: str, /, **changes: Any) -> Scene:
     Raises:
         SceneError: an unknown name or keyword (the nearest known one is given, or which setups
             know it), or a value that is refused.
+
+    >>> scene = pyfric.preset("fig1", h=7.5e-3)
+    >>> scene.N_x, scene.N_z, scene.driver.h
+    (57, 31, 0.0075)
+    >>> pyfric.preset("fig1", h=-1.0)
+    Traceback (most recent call last):
+    ...
+    pyfric.scene.units.SceneError: driver.h = -1.0 m: ...
     """
     if not isinstance(name, str) or name not in PRESETS:
         raise unknown("preset", name, name if isinstance(name, str) else "", PRESETS)

@@ -401,6 +401,9 @@ class Scene:
 
         Raises:
             SceneError: a name is unknown or in several parts, or a value is refused.
+
+        >>> pyfric.preset("fig1").replace({"driver.h": "7.5 mm"}, mu_s=0.6).driver.h
+        0.0075
         """
         return changed(self, {**(changes or {}), **keywords})
 

@@ -97,6 +97,9 @@ def chain_speed_undamped(tau_bar: ArrayLike) -> np.ndarray:
 
     Raises:
         SceneError: a value is out of range.
+
+    >>> round(float(pyfric.theory.chain_speed_undamped(0.6)), 12)
+    1.25
     """
     tau_bar = checked_array("tau_bar", tau_bar, ge=0, lt=1)
     return (1 / np.sqrt((1 - tau_bar) * (1 + tau_bar)))[()]

@@ -134,6 +134,9 @@ def rayleigh_speed(c_P: float, c_S: float) -> float:
         SceneError: not positive, or c_P/c_S outside `SOFTEST` ... `STIFFEST`.
 
     Source: Freund (1990), chapter 2; the root at v = 0 is divided out.
+
+    >>> round(float(pyfric.theory.rayleigh_speed(c_P=3**0.5, c_S=1.0)), 6)
+    0.919402
     """
     material = Material(c_P=c_P, c_S=c_S, rho=1.0)
     return material.c_R

@@ -63,6 +63,9 @@ class Millimetres:
     def __init__(self, magnitude):
         self.magnitude = magnitude
 
+    def __repr__(self):
+        return f"{self.magnitude} mm"
+
     def to_base_units(self):
         return self.to("m")
 

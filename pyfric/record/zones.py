@@ -34,8 +34,7 @@ __all__ = ["RESOLVED", "zone_at_rest", "zone_moving", "zone_notes"]
 
 RESOLVED = 6
 """Fewest blocks in X_c0 with which a front is resolved: fronts of a crack under uniform stress drop
-then run within 5 % of fracture mechanics, with fewer they can become falsely supershear
-(`reference_data/fronts`)."""
+then run within 5 % of fracture mechanics (`reference_data/fronts`)."""
 
 
 def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:

@@ -15,7 +15,9 @@ Forces act on the blocks, positive to the right and up. Under a rod the top row 
 the rod; what y holds there is ignored.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from dataclasses import field as member
+from itertools import pairwise
 from math import sqrt
 from typing import Any, NamedTuple
 
@@ -149,11 +151,23 @@ def driver_force(scene: Any, t: float, y: np.ndarray, u_drv0: float) -> float:
     return scene.driver.K * (scene.driver.V * t - x_h)
 
 
+def field(scene: Any, name: str, default: float = 0.0) -> list[float]:
+    """Return mu_s, mu_k, d_c (m), alpha (N s/m) or k_f (N/m) of each block, left to right.
+
+    A list of the interface runs from the trailing edge, which is on the driven side.
+    """
+    given = getattr(scene.interface, name, default)
+    if given is None or isinstance(given, float):
+        return [default if given is None else given] * scene.N_x
+    return list(given) if scene.driver.side == "left" else list(given)[::-1]
+
+
 def normal_forces(scene: Any, y: np.ndarray) -> np.ndarray:
     """Return p_i = k_f |u_z| (N) of the blocks pressed into the foundation, else 0; or as given."""
     if prescribed(scene):
         return np.array(scene.p_prescribed)
-    return np.array([scene.k_f * -u_z if u_z < 0 else 0.0 for u_z in y[0, 1]])
+    k_f = field(scene, "k_f", scene.k_f)
+    return np.array([k_f[i] * -u_z if u_z < 0 else 0.0 for i, u_z in enumerate(y[0, 1])])
 
 
 class Forces(NamedTuple):
@@ -217,8 +231,9 @@ def right_hand_side(
         if mode[i] == STUCK:
             f[i] = -F[0, 0, i]
         elif mode[i] != OPEN:
-            mu = friction_coefficient(scene, 0.0 if slip is None else slip[i])
-            f[i] = -mode[i] * mu * p[i]
+            v = mode[i] * y[0, 2, i]
+            mu = friction_coefficient(scene, 0.0 if slip is None else slip[i], i, v)
+            f[i] = -mode[i] * (mu * p[i] + field(scene, "alpha")[i] * v)
             dslip[i] = mode[i] * y[0, 2, i]
     F[0, 0] += f
 
@@ -249,15 +264,24 @@ def right_hand_side(
     return Forces(dydt, drod, dslip, f, p, F_T, rates)
 
 
-def friction_coefficient(scene: Any, slip: float) -> float:
+def friction_coefficient(scene: Any, slip: float, i: int = 0, v: float = 0.0) -> float:
     """Return mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1) of a block that slips; mu_k if d_c = 0.
+
+    A law of speed multiplies it with a factor that is straight between the speeds that it names.
 
     Within a step that ends a slip the block can move back beyond its start: s < 0 counts as 0.
     """
-    mu_s, mu_k, d_c = scene.interface.mu_s, scene.interface.mu_k, scene.interface.d_c
+    mu_s, mu_k, d_c = (field(scene, name)[i] for name in ("mu_s", "mu_k", "d_c"))
+    law, factor = getattr(scene.interface, "law", None), 1.0
+    if getattr(law, "kind", "linear") == "speed":
+        v = abs(v)
+        factor = law.factor[-1] if v > law.v[-1] else law.factor[0]
+        for (a, at_a), (b, at_b) in pairwise(zip(law.v, law.factor, strict=True)):
+            if a < v <= b:
+                factor = at_a + (at_b - at_a) * (v - a) / (b - a)
     if d_c == 0:
-        return mu_k
-    return mu_s - (mu_s - mu_k) * min(max(slip, 0.0) / d_c, 1.0)
+        return mu_k * factor
+    return (mu_s - (mu_s - mu_k) * min(max(slip, 0.0) / d_c, 1.0)) * factor
 
 
 def over_walls(scene: Any) -> list[tuple[int, int, int, int]]:
@@ -385,7 +409,8 @@ def switch(
         if p[i] <= 0:
             new[i] = OPEN
         elif v_x == 0:
-            new[i] = STUCK if abs(other[i]) <= scene.interface.mu_s * p[i] else _sign(other[i])
+            most = field(scene, "mu_s")[i] * p[i]
+            new[i] = STUCK if abs(other[i]) <= most else _sign(other[i])
         elif mode[i] == OPEN:
             new[i] = _sign(v_x)
     return new, y, float(loss)
@@ -492,8 +517,10 @@ class Run:
     mode: np.ndarray
     slip: np.ndarray
     steps: int = 0
-    works: dict[str, float] = field(default_factory=lambda: dict.fromkeys((*WORKS, "switching"), 0))
-    switches: list[tuple[int, int, int, int]] = field(default_factory=list)
+    works: dict[str, float] = member(
+        default_factory=lambda: dict.fromkeys((*WORKS, "switching"), 0)
+    )
+    switches: list[tuple[int, int, int, int]] = member(default_factory=list)
 
 
 def run(

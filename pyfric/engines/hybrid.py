@@ -246,7 +246,8 @@ class HybridRun(Run):
         toward = V * frozen.drift
         for enough in (ROUGH, *(7 * [ENOUGH])):
             c = quiet.margins + rate * since + frozen.margin_lag
-            s = first_crossing(c, rate, modal, rates, most * dt, dt)
+            c, drift, waves = frozen.aged(state.t - state.t_0, c, rate, modal)
+            s = first_crossing(c, drift, waves, rates, most * dt, dt)
             n = min(math.floor(s / dt), most)
             left = bound.max() * math.exp(-frozen.decay * n * dt)
             if left > self.remainder * unit or n < min(most, SHORTEST):
@@ -270,7 +271,7 @@ class HybridRun(Run):
             rate = (frozen.margins(there) - quiet.margins) / (t - quiet.t)
         else:
             return False
-        margins = c + rate * (n * dt) + (modal[:, :-1] @ np.exp(quiet.growth * (n * dt))).real
+        margins = c + drift * (n * dt) + (waves[:, :-1] @ np.exp(quiet.growth * (n * dt))).real
         self._sample_jump(quiet, force, motion.a, n)
         self._land(q, quiet, motion.a, n)
         state.margin[:] = frozen.margin(margins)

@@ -32,17 +32,17 @@ from pyfric.core import OPEN
 from pyfric.engines.cost import set_up
 from pyfric.engines.guard import largest_strain
 from pyfric.engines.options import Fidelity, Options, Want, step_size
-from pyfric.engines.quasistatic import QuasistaticRun
+from pyfric.engines.quasistatic import QuasistaticRun, beyond_ladder
 from pyfric.engines.ringdown import Frozen
 from pyfric.engines.verification import SAMPLED, coarser_step
 from pyfric.record import RESOLVED, build_catalogue, zone_at_rest
-from pyfric.scene import Geometry, at_once, check_number, default_geometry, html
+from pyfric.scene import FIELDS, Geometry, at_once, check_number, default_geometry, html
 from pyfric.statics import EquilibriumError, StaticSolver, one_thread_if_small, stability_limit
 
 if TYPE_CHECKING:
     from pyfric.core import Switching
     from pyfric.record import Record
-    from pyfric.scene import Scene, SceneLike
+    from pyfric.scene import Interface, Scene, SceneLike
 
 __all__ = ["Assumption", "Plan", "long_note", "plan"]
 
@@ -296,9 +296,8 @@ def _ladder(
     why_not = []
     if want in ("front_speed", "motion"):
         why_not.append(f"it has no {want.replace('_', ' ')}")
-    elif scene.law.weakens:
-        d_c = scene.interface.d_c
-        why_not.append(f"it has no weakening over d_c = {d_c * 1e6:.3g} um of slip")
+    elif beyond := beyond_ladder(scene):
+        why_not.append(beyond.reason)
     elif scout.failed:
         why_not.append(scout.failed)
     elif error > tolerance:
@@ -387,7 +386,7 @@ def _cost(
     blocks, seconds, steps = scene.N_x * scene.N_z, scout.seconds, t_end / dt
     if fidelity == "hybrid":
         made = scout.events * STEPS_EVENT + scout.front_blocks * STEPS_BLOCK
-        if not scene.law.weakens:  # stable slip before an event may take any share of it
+        if scene.law.coulomb:  # stable slip before an event may take any share of it
             finer = step_size(scene) / dt
             steps = min(steps, made * finer) + scout.front_blocks * STEPS_SWITCH
         seconds += scout.events * JUMP[geometry] * blocks
@@ -433,7 +432,7 @@ def _scout(scene: Scene, t_end: float) -> _Scout:
     refined = scene.N_x
     scene = _without_weakening(coarser(scene))
     refined /= scene.N_x
-    F_max = scene.law.hold(scene.F_N)
+    F_max = scene.law.mean.hold(scene.F_N)
     guess = _Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, 1.0, 0.0, "")
 
     def enough() -> bool:
@@ -474,8 +473,8 @@ def _drop(record: Record) -> float:
 
 
 def _without_weakening(scene: Scene) -> Scene:
-    """Return the scene with d_c = 0, which the ladder can follow."""
-    return dataclasses.replace(scene, interface=dataclasses.replace(scene.interface, d_c=0.0))
+    """Return the scene with Amontons-Coulomb friction, which the ladder can follow."""
+    return dataclasses.replace(scene, interface=scene.interface.coulomb())
 
 
 def _interval(record: Record) -> float:
@@ -532,7 +531,9 @@ def coarser(scene: Scene) -> Scene:
         few = (n_x + 1) * (n_z + 1) <= SCOUT_BLOCKS and n_x < SCOUT_COLUMNS
         if n % q == 0 and few and n_x >= 2:
             slider = dataclasses.replace(scene.slider, l=scene.slider.l * q, eta=scene.eta)
-            return dataclasses.replace(scene, slider=slider)
+            return dataclasses.replace(
+                scene, slider=slider, interface=_interface_on(scene, n_x + 1)
+            )
     q = max((N_x - 1) / (SCOUT_COLUMNS - 1), math.sqrt(N_x * N_z / SCOUT_BLOCKS))
     n_x = max(math.floor((N_x - 1) / q), 2)
     while n_x > 2 and (n_x + 1) * (round(n_x * (N_z - 1) / (N_x - 1)) + 1) > SCOUT_BLOCKS:
@@ -542,7 +543,9 @@ def coarser(scene: Scene) -> Scene:
     j_h = min(max(round(scene.driver.h / l), 1), n_z)
     slider = dataclasses.replace(scene.slider, l=l, H=l * n_z, eta=scene.eta)
     driver = dataclasses.replace(scene.driver, h=l * j_h)
-    return dataclasses.replace(scene, slider=slider, driver=driver)
+    return dataclasses.replace(
+        scene, slider=slider, driver=driver, interface=_interface_on(scene, n_x + 1)
+    )
 
 
 def _coarser_chain(scene: Scene) -> Scene:
@@ -553,11 +556,19 @@ def _coarser_chain(scene: Scene) -> Scene:
         np.interp(at, np.arange(N_x), np.broadcast_to(value, N_x)) * (N_x / N)
         for value in (top.p, top.tau)
     )
-    most = (1 - 1e-12) * scene.law.hold(p)
+    interface = _interface_on(scene, N)
+    most = (1 - 1e-12) * np.asarray(interface.mu_s) * p
     tau = np.clip(tau, -most, most)
     top = dataclasses.replace(top, p=tuple(p), tau=tuple(tau), k_top=top.k_top * q)
     slider = dataclasses.replace(slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q)
-    return dataclasses.replace(scene, slider=slider, top=top)
+    return dataclasses.replace(scene, slider=slider, top=top, interface=interface)
+
+
+def _interface_on(scene: Scene, N_x: int) -> Interface:
+    """Return the interface with its fields on another number of blocks."""
+    order = np.argsort(scene.n_of_i)
+    fields = {name: scene.field(name)[order] for name in FIELDS}
+    return scene.interface.on(N_x, fields)
 
 
 STRAIN = "largest strain"

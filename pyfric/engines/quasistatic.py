@@ -20,7 +20,7 @@ import dataclasses
 import math
 import time
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -56,6 +56,10 @@ if TYPE_CHECKING:
 
 __all__ = ["QuasistaticRun", "prediction_curve", "simulate"]
 
+SOFTEST = 0.05
+"""Largest k over the steepest fall of friction that the ladder leaves out. Start forces of the
+Fig. 1 scene then differ from those of d_c = 0 by 8e-4 F_N at most (d_c = 50 nm, 0.044); at 0.088
+it is 0.01, and fronts stop elsewhere."""
 SWEEPS = 60
 """Most changes of contact state within one event or at one position of the driver, over N_x."""
 
@@ -207,10 +211,10 @@ class QuasistaticRun:
             EquilibriumError: stick and slip do not settle, or slip does not stop growing.
         """
         contact, law = self.contact, self.contact.law.continuous()
-        if contact.law.drop > 0:
+        if np.any(contact.law.drop > 0):
             self.notes += (
-                f"mu_s - mu_k = {contact.law.drop:.3g} is next to nothing: "
-                f"slip is continuous, at mu_s = {law.mu_s:g}",
+                f"mu_s - mu_k = {np.max(contact.law.drop):.3g} is next to nothing: "
+                f"slip is continuous, at mu_s = {law.mean.mu_s:g}",
             )
         contact.law = law
         for _ in range(SWEEPS * self.scene.N_x):
@@ -227,7 +231,7 @@ class QuasistaticRun:
                     f"{self.name}: slip is followed up to F_T/F_N = "
                     f"{self.rows[-1][1] / self.scene.F_N:.6g}, where the definiteness of the slip "
                     f"operator falls below {LEAST_DEFINITENESS:g}: friction is so strong (mu = "
-                    f"{law.mu_s:g}) that what comes next may not be the only solution",
+                    f"{law.mean.mu_s:g}) that what comes next may not be the only solution",
                 )
                 return
             drive, i, what = contact.next_change(reload=False)
@@ -358,9 +362,9 @@ def simulate(
     if not isinstance(initial, Record | None):
         raise StateError(f"initial: the {engine} engine goes on from records only")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
-    if engine == "quasistatic" and scene.law.weakens:
-        allowed = "0, or fidelity = 'hybrid' or 'dynamic': the ladder knows slip at mu_k only"
-        raise SceneError("interface.d_c", scene.interface.d_c, "m", allowed)
+    if engine == "quasistatic" and (beyond := beyond_ladder(scene)):
+        allowed = f"{beyond.allowed}, or fidelity = 'hybrid' or 'dynamic'"
+        raise SceneError(beyond.field, beyond.value, beyond.unit, allowed, beyond.reason)
     run = ENGINES[engine](scene, t_gap)
     with run_bar(progress, scene, 0.0, t_end) as bar, answered() as stop:
 
@@ -370,6 +374,42 @@ def simulate(
         done = run.advance(t_end, stop, show)
         record = run.record(run.ending or "complete" if done else "interrupted")
     return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
+
+
+class Beyond(NamedTuple):
+    """What of a friction law the ladder leaves out: field, value, unit, what it could be, why."""
+
+    field: str
+    value: object
+    unit: str
+    allowed: str
+    reason: str
+
+
+def beyond_ladder(scene: Scene) -> Beyond | None:
+    """Return what the ladder must not leave out of a friction law, None if its mu_k is enough.
+
+    It knows slip at mu_k only. Where friction falls over so short a slip that no block can slip
+    stably meanwhile, start forces are those of mu_k within `SOFTEST`.
+    """
+    law, tables = scene.law, scene.law.tables
+    if tables.hold or tables.speed or tables.age:
+        kind = scene.interface.law.kind
+        reason = "the ladder knows no friction that depends on time or speed"
+        return Beyond("interface.law", kind, "", "a law of slip alone", reason)
+    if np.any(law.alpha):
+        alpha = float(np.max(law.alpha))
+        return Beyond("interface.alpha", alpha, "N s/m", "0", "the ladder knows no viscosity")
+    if not law.weakens:
+        return None
+    soft = scene.slider.k / law.steepness(float(np.max(scene.F_N / scene.N_x)))
+    if soft <= SOFTEST:
+        return None
+    reason = (
+        f"the ladder knows slip at mu_k only, and weakening over d_c = {law.mean.d_c * 1e6:.3g} um "
+        f"is softer than it may be: k over its steepest fall is {soft:.3g}, more than {SOFTEST:g}"
+    )
+    return Beyond("interface.d_c", scene.interface.d_c, "m", "a smaller d_c", reason)
 
 
 @at_once()
@@ -410,7 +450,7 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     V = scene.driver.V or 1.0
     scene = dataclasses.replace(
         scene,
-        interface=dataclasses.replace(scene.interface, mu_s=mu, mu_k=mu),
+        interface=dataclasses.replace(scene.interface.coulomb(), mu_s=mu, mu_k=mu),
         driver=dataclasses.replace(scene.driver, V=V),
     )
     run = QuasistaticRun(scene)
@@ -437,7 +477,7 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
 
 def _warn_if_ambiguous(contact: Contact) -> None:
     """Warn before slip is followed where it may not be determined."""
-    mu, found = contact.law.mu_k, contact.definiteness_of_sliding()
+    mu, found = contact.law.mean.mu_k, contact.definiteness_of_sliding()
     if found >= LEAST_DEFINITENESS:
         return
     most = mu * (1 - LEAST_DEFINITENESS) / (1 - found)  # it falls linearly

@@ -38,6 +38,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
+from pyfric.scene import of
 from pyfric.statics import LARGE, damping, mass
 
 if TYPE_CHECKING:
@@ -151,17 +152,23 @@ class Frozen:
         # margins as rows over w and w'
         held, open_ = np.flatnonzero(stuck), np.flatnonzero(~stuck)
         pick = sp.eye_array(self.n_q, format="csr")
-        p = -k_f * pick[held + N_x]
-        rows = sp.vstack([*law.margins(p, K[held]), k_f * pick[open_ + N_x]]).tocsr()
+        p = _times(-of(k_f, held), pick[held + N_x])
+        strength, lifted = (
+            _times(of(law.hold(1.0), held), p),
+            _times(of(k_f, open_), pick[open_ + N_x]),
+        )
+        rows = sp.vstack([strength + K[held], strength - K[held], lifted]).tocsr()
         rows_v = sp.vstack([C[held], -C[held], sp.csr_array((len(open_), self.n_q))]).tocsr()
         self.modal = rows[:, free] @ self.phi + (rows_v[:, free] @ self.phi) * self.rates
         direct = np.concatenate([-push[held], push[held], np.zeros(len(open_))])
         self.margin_rate = rows @ self.drift + direct
         self.margin_lag = rows @ self.lag + rows_v @ (V * self.drift)
         viscous = C[held][:, free].multiply(C[held][:, free]) @ (1 / self.M)
-        stiff = law.hold(1.0) ** 2 * k_f + K.diagonal()[held] + viscous
+        stiff = of(law.hold(1.0) ** 2 * k_f, held) + K.diagonal()[held] + viscous
         lift = [self._compliance(factor, i + N_x) for i in open_]
-        self.bound = np.sqrt(2 * np.concatenate([stiff, stiff, k_f**2 * np.array(lift)]))
+        self.bound = np.sqrt(
+            2 * np.concatenate([stiff, stiff, of(k_f, open_) ** 2 * np.array(lift)])
+        )
         # F_T = K (drive - d u_h)
         row = -push
         self.force_modal, self.force_lag = row[free] @ self.phi, float(row @ self.lag)
@@ -326,8 +333,30 @@ class Frozen:
 
     def margins(self, rest: Rest) -> np.ndarray:
         """Return the margins in a static state, shape (n_c,), in N."""
-        held = self.law.margins(rest.p[self.stuck], rest.f[self.stuck])
-        return np.concatenate([*held, self.k_f * rest.u_z[~self.stuck]])
+        held = self.law.at(self.stuck).margins(rest.p[self.stuck], rest.f[self.stuck])
+        return np.concatenate([*held, (self.k_f * rest.u_z)[~self.stuck]])
+
+    def aged(self, age: np.ndarray, *rows: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return margins, or their rates and amplitudes, of blocks that have been stuck for `age`.
+
+        Both margins of a block are mu_s p +- f, so that their sum gives p. Blocks only grow
+        stronger: what the law says now bounds what it says later from below.
+
+        Args:
+            age: time since each block stuck, shape (N_x,), in s.
+            rows: margins of the law at age 0, shape (n_c, ...).
+        """
+        if self.law.tables.hold is None:
+            return rows
+        n, law = int(self.stuck.sum()), self.law.at(self.stuck)
+        young = np.broadcast_to(law.hold(1.0), n)
+        gain = law.hold(1.0, age[self.stuck]) - young
+        share = np.divide(gain, 2 * young, out=np.zeros(n), where=young > 0)
+        found = []
+        for row in rows:
+            more = (share * (row[:n] + row[n : 2 * n]).T).T
+            found.append(np.concatenate([row[:n] + more, row[n : 2 * n] + more, row[2 * n :]]))
+        return tuple(found)
 
     def margin(self, margins: np.ndarray) -> np.ndarray:
         """Return mu_s p - |f| of each bottom block, shape (N_x,), in N; 0 where open."""
@@ -408,7 +437,7 @@ class _Opened:
         N_x, k_f = len(closed.stuck), closed.k_f
         rows = closed._rows
         lift = np.zeros(rows.shape[0])
-        lift[opened + N_x] = -k_f
+        lift[opened + N_x] = -of(k_f, opened)
         self.K = (rows + sp.diags_array(lift)).tocsr()
         self.free = np.concatenate([opened, closed.free])
         self._solve, self._m = closed._factor.solve, len(opened)
@@ -423,7 +452,7 @@ class _Opened:
                     if key == i:
                         side = -rows[closed.free][:, [i]].toarray()[:, 0]
                     else:
-                        side = k_f * (closed.free == key)
+                        side = of(k_f, i) * (closed.free == key)
                     closed._columns[key] = self._solve(side)
                 self.shapes[:, column] = closed._columns[key]
         self._small = np.zeros((2 * m, 2 * m))
@@ -439,6 +468,11 @@ class _Opened:
         side = np.concatenate([y[self._z], b[:m] - self._K_xy @ y])
         theta = np.linalg.solve(self._small, side)
         return np.concatenate([theta[m:], y + self.shapes @ theta])
+
+
+def _times(factor: float | np.ndarray, rows: sp.csr_array) -> sp.csr_array:
+    """Return sparse rows times a number, or each times its own."""
+    return sp.diags_array(factor) @ rows if np.ndim(factor) else factor * rows
 
 
 def first_crossing(

@@ -61,7 +61,7 @@ def fig4a(record: Record, number: int = 11) -> DataFigure:
     """
     event = main_precursor(record, number)
     table = front(record, event)
-    friction, row = record.scene.interface, record.events.iloc[event]
+    friction, row = record.scene.law.mean, record.events.iloc[event]
     fig, (top, bottom) = panels(3.4, sharex=True, ratios=(1.2, 1))
     _speeds(top, record.scene)
     top.plot(table["x_over_L"], table["v_c"], color=BLUE, lw=0.9, marker="o", ms=2.8)
@@ -136,7 +136,7 @@ def _draw_runs(
     counts = points["run"].value_counts()
     for n, one in enumerate(records):
         colour, shape = LOOKS[n % len(LOOKS)]
-        rows, friction = points[points["run"] == one.scene.name], one.scene.interface
+        rows, friction = points[points["run"] == one.scene.name], one.scene.law.mean
         look = {"ls": "", "marker": shape, "ms": 1.8, "color": colour, "alpha": 0.6, "mew": 0.3}
         look["zorder"] = 3 - counts.get(one.scene.name, 0) / max(len(points), 1)  # few on top
         look["rasterized"] = len(rows) > 5000

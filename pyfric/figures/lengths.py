@@ -178,10 +178,10 @@ def _dot(colour: str, label: str, face: str | None = None, shape: str = "o") -> 
 
 
 def _frame(axes: Axes, records: Sequence[Record]) -> None:
-    for mu_k in _values(records, lambda scene: scene.interface.mu_k):
+    for mu_k in _values(records, lambda scene: scene.law.mean.mu_k):
         name = r"$\mu_\mathrm{k}$"
         mark(axes, mu_k, name, vertical=True, at=0.02, away=(3, 2))
-    axes.set_xlim(0, 1.1 * max(one.scene.interface.mu_k for one in records))
+    axes.set_xlim(0, 1.1 * max(one.scene.law.mean.mu_k for one in records))
     axes.set_ylim(0, 1.02)
     axes.set_xlabel(r"force after arrest $F_\mathrm{T}/F_\mathrm{N}$", fontsize=BODY)
     axes.set_ylabel(r"precursor length $L_\mathrm{p}/L$", fontsize=BODY)

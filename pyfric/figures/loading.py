@@ -66,7 +66,7 @@ def fig1b(record: Record, path: str | os.PathLike[str] | None = None) -> DataFig
     t, F_T = _envelope(record.curve["t"].to_numpy(), record.curve["F_T"].to_numpy())
     force = F_T / record.scene.F_N
     segments = slip_segments(record)
-    _draw_curve(top, t, force, record.scene.interface.mu_k)
+    _draw_curve(top, t, force, record.scene.law.mean.mu_k)
     handles = _draw_segments(bottom, segments)
     if handles:  # below the rising curve, where there is room
         legend(top, handles=handles, title="slip in (b)", loc="lower right")

@@ -33,6 +33,18 @@ if TYPE_CHECKING:
 
 MOST_COLUMNS = 32
 """Lattices with more columns are thinned."""
+FIELD_ROOM = 9
+"""Height of a field below the interface, in hundredths of L."""
+FIELD_NAMES = {
+    "mu_s": r"$\mu_\mathrm{s}$",
+    "mu_k": r"$\mu_\mathrm{k}$",
+    "d_c": r"$d_\mathrm{c}$",
+    "alpha": r"$\alpha$",
+    "k_f": r"$k_\mathrm{f}$",
+}
+"""Name of a field -> how it is written."""
+FIELD_UNITS = {"d_c": (1e6, r" $\mu$m"), "alpha": (1.0, " N s/m"), "k_f": (1e-6, " MN/m")}
+"""Unit in which a field is written, and its name."""
 LINE = 0.8  # of springs and outlines, pt
 
 
@@ -45,13 +57,17 @@ def sketch(scene: SceneLike) -> DataFigure:
     Large lattices are thinned: every q-th block in both directions, said in the caption. Lengths
     of the load's arrows are proportional to the forces.
 
+    Fields of the interface that vary are drawn below it, from their least to their largest value.
+
     Returns:
-        The figure. Its table "columns" has what acts on each column: n, x_mm, load_N and shear_N.
+        The figure. Its table "columns" has what acts on each column: n, x_mm, load_N and shear_N,
+        and the fields that vary, in SI units.
     """
     scene = as_scene(scene)
     slider = scene.slider
     L, H, unit = slider.L * 1e3, slider.H * 1e3, slider.L * 1e3 / 100
     room = {"top": (23 if scene.N_z > 1 else 27) * unit, "bottom": 19 * unit, "side": 40 * unit}
+    room["bottom"] += FIELD_ROOM * unit * len(scene.varied)
     width = L + room["side"] + 10 * unit
     height = H + room["top"] + room["bottom"]
     fig, (axes,) = panels(COLUMN_WIDTH * height / width)
@@ -71,6 +87,7 @@ def sketch(scene: SceneLike) -> DataFigure:
     top = _rod if scene.rigid else _load
     top(axes, x, L, H, unit, scene)
     _driver(axes, L, unit, scene)
+    _fields(axes, x, unit, scene)
     _length(axes, (0, -13 * unit), (L, -13 * unit), f"$L$ = {L:g} mm", unit)
     if scene.N_z > 1:
         far = L + 4 * unit if scene.d > 0 else -4 * unit
@@ -78,7 +95,8 @@ def sketch(scene: SceneLike) -> DataFigure:
 
     n = scene.n_of_i
     columns = {"n": n, "x_mm": scene.x * 1e3, "load_N": scene.load, "shear_N": scene.shear}
-    fig.tables = {"columns": pd.DataFrame(columns)}
+    fields = {name: scene.field(name) for name in scene.varied}
+    fig.tables = {"columns": pd.DataFrame(columns | fields)}
     thin = f" Every {_ordinal(q)} block in both directions and the driven row are drawn."
     what = f"Sketch of the scene, to scale, after Fig. 1(a) of {PAPER}."
     fig.caption = f"{what}{thin if q > 1 else ''} {scene_text(scene)}"
@@ -125,13 +143,35 @@ def _foundation(axes: Axes, x: np.ndarray, L: float, unit: float, scene: Scene) 
     springs = [_zigzag((at, -0.3 * unit), (at, -depth), 0.7 * unit, 3).T for at in x]
     axes.add_collection(LineCollection(springs, colors=GREEN, linewidths=0.5))
     _wall(axes, (-2 * unit, -depth), (L + 2 * unit, -depth), unit, -1)
-    friction = scene.interface
-    text = rf"$\mu_\mathrm{{s}}$ = {friction.mu_s:g}, $\mu_\mathrm{{k}}$ = {friction.mu_k:g}"
+    friction = scene.law.mean
+    text = rf"$\mu_\mathrm{{s}}$ = {friction.mu_s:.4g}, $\mu_\mathrm{{k}}$ = {friction.mu_k:.4g}"
     if friction.d_c:
-        text += rf", $d_\mathrm{{c}}$ = {friction.d_c * 1e6:g} $\mu$m"
+        text += rf", $d_\mathrm{{c}}$ = {friction.d_c * 1e6:.4g} $\mu$m"
     if scene.N_z > 1:
-        text = rf"$k_\mathrm{{f}}$ = {scene.k_f / 1e6:.4g} MN/m,  {text}"
+        text = rf"$k_\mathrm{{f}}$ = {np.mean(scene.k_f) / 1e6:.4g} MN/m,  {text}"
     _text(axes, (L / 2, -9.5 * unit), text, GREEN)
+
+
+def _fields(axes: Axes, x: np.ndarray, unit: float, scene: Scene) -> None:
+    """The fields that vary along the interface, each between its least and its largest value."""
+    L = scene.slider.L * 1e3
+    for n, name in enumerate(scene.varied):
+        values = scene.field(name)
+        low, high = values.min(), values.max()
+        bottom, high_at = -(19 + FIELD_ROOM * (n + 1) - 3) * unit, 5 * unit
+        at = np.arange(scene.N_x) * scene.slider.l * 1e3
+        axes.step(
+            at,
+            bottom + high_at * (values - low) / (high - low),
+            where="mid",
+            color=GREEN,
+            lw=LINE,
+        )
+        times, of = FIELD_UNITS.get(name, (1.0, ""))
+        text = f"{FIELD_NAMES[name]} {low * times:.3g}$-${high * times:.3g}{of}"
+        side = {"ha": "right"} if scene.d > 0 else {"ha": "left"}
+        place = -3 * unit if scene.d > 0 else L + 3 * unit
+        _text(axes, (place, bottom + high_at / 2), text, GREEN, **side)
 
 
 def _rod(axes: Axes, x: np.ndarray, L: float, H: float, unit: float, scene: Scene) -> None:

@@ -31,7 +31,7 @@ from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
     from pyfric.record import Record
-    from pyfric.scene import Interface
+    from pyfric.scene import Law
 
 STATES = {"initial": (GREY, ":", 1.2), "before": (BLUE, "--", 1.0), "after": (VERMILION, "-", 1.0)}
 """State -> colour, line style, line width (pt)."""
@@ -56,7 +56,8 @@ def fig3a(record: Record, number: int = 11) -> DataFigure:
         "before": stress_profile(record, event, "before"),
         "after": stress_profile(record, event, "after"),
     }
-    friction, row = record.scene.interface, record.events.iloc[event]
+    order = np.argsort(record.scene.n_of_i)
+    friction, row = record.scene.law.at(order), record.events.iloc[event]
 
     fig, (top, bottom) = panels(3.6, (1, 1.35), letter_at=0.13, sharex=True)
     for state, table in states.items():
@@ -142,15 +143,16 @@ def main_precursor(record: Record, number: int) -> int:
 # --- parts ---------------------------------------------------------------------------------------
 
 
-def _thresholds(axes: Axes, states: dict[str, pd.DataFrame], friction: Interface) -> None:
+def _thresholds(axes: Axes, states: dict[str, pd.DataFrame], friction: Law) -> None:
     """The lines mu_s p before and mu_k p after the event."""
     for state, mu, name in (("before", friction.mu_s, "s"), ("after", friction.mu_k, "k")):
         table, (colour, _, _) = states[state], STATES[state]
-        axes.plot(table["x_over_L"], mu * table["p"], color=colour, lw=0.6, alpha=0.6)
+        threshold = mu * table["p"]
+        axes.plot(table["x_over_L"], threshold, color=colour, lw=0.6, alpha=0.6)
         at = int(0.78 * len(table))
         axes.annotate(
             rf"$\mu_\mathrm{{{name}}}\,p$ {state}",
-            (table["x_over_L"][at], mu * table["p"][at]),
+            (table["x_over_L"][at], threshold[at]),
             xytext=(0, 2),
             textcoords="offset points",
             ha="center",

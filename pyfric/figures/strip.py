@@ -239,7 +239,7 @@ class _Panels:
     def __init__(
         self, top: Axes, bottom: Axes, scene: Scene, most: float, *, labelled: bool, lowest: bool
     ) -> None:
-        slider, friction = scene.slider, scene.interface
+        slider, friction = scene.slider, scene.law.mean
         self.top, self.bottom = top, bottom
         l, half = slider.l / slider.L, slider.l / slider.L / 2
         z = slider.H / slider.L

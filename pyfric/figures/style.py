@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pyfric.scene import write, written
+from pyfric.scene import laws, write, written
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -161,13 +161,19 @@ def scene_text(scenes: Scene | Sequence[Scene]) -> str:
     blocks = sorted({(one.N_x, one.N_z) for one in scenes})
     names = sorted({one.name for one in scenes}) if len(scenes) == 1 else []
     head = "Scenes" if len(scenes) > 1 else f"Scene{' ' + names[0] if names[0] else ''}"
-    pairs = sorted({(one.interface.mu_s, one.interface.mu_k) for one in scenes})
+    pairs = sorted({(one.law.mean.mu_s, one.law.mean.mu_k) for one in scenes})
     if len(pairs) == 1:
         friction = "mu_s = {:g}, mu_k = {:g}".format(*pairs[0])
     else:
         friction = "mu_s/mu_k = " + ", ".join(f"{s:g}/{k:g}" for s, k in pairs)
-    if any(one.interface.d_c for one in scenes):
-        friction += f", d_c = {of(lambda s: s.interface.d_c, 'um', 1e-6)}"
+    if any(one.law.mean.d_c for one in scenes):
+        friction += f", d_c = {of(lambda s: s.law.mean.d_c, 'um', 1e-6)}"
+    if any(one.law.mean.alpha for one in scenes):
+        friction += f", alpha = {of(lambda s: s.law.mean.alpha, 'N s/m')}"
+    kinds = sorted({one.interface.law.kind for one in scenes} - {laws.LinearWeakening.kind})
+    friction += f", friction law {' and '.join(kinds)}" if kinds else ""
+    varied = sorted({name for one in scenes for name in one.varied})
+    friction += f" (means; {', '.join(varied)} vary along the interface)" if varied else ""
     return (
         f"{head}: {load}, L = {of(lambda s: s.slider.L, 'mm', 1e-3)}, "
         f"H = {of(lambda s: s.slider.H, 'mm', 1e-3)}, l = {of(lambda s: s.slider.l, 'mm', 1e-3)} "

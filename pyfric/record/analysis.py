@@ -294,7 +294,7 @@ def friction_coefficients(record: Record) -> FrictionCoefficients:
         t = np.concatenate([[first], t[within], [last]])
         F_T = np.interp(t, record.curve["t"], record.curve["F_T"])
         mean = float(np.trapezoid(F_T, t) / (last - first)) / F_N
-    return FrictionCoefficients(mu_s_macro, mean, float(law.scaled(mu_s_macro)))
+    return FrictionCoefficients(mu_s_macro, mean, float(law.mean.scaled(mu_s_macro)))
 
 
 def collapse_spread(
@@ -363,4 +363,4 @@ def _ratio(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _scaled(record: Record, tau_over_p: np.ndarray) -> np.ndarray:
-    return record.scene.law.scaled(tau_over_p)
+    return record.scene.law.at(np.argsort(record.scene.n_of_i)).scaled(tau_over_p)

@@ -11,9 +11,10 @@ from pyfric.scene.files import (
     write,
     written,
 )
-from pyfric.scene.friction import FRICTIONLESS, Law, clock, slipped
+from pyfric.scene.friction import FRICTIONLESS, Law, clock, of, slipped
 from pyfric.scene.geometry import Geometry, check_geometry, default_geometry
 from pyfric.scene.parts import (
+    FIELDS,
     DistributedLoad,
     Driver,
     Interface,
@@ -61,6 +62,7 @@ from pyfric.scene.version import __version__
 
 __all__ = [
     "DRAWINGS",
+    "FIELDS",
     "FRICTIONLESS",
     "PRESETS",
     "DistributedLoad",
@@ -97,6 +99,7 @@ __all__ = [
     "names_file",
     "nearest",
     "nothing_to_save",
+    "of",
     "paper_step",
     "parse_quantity",
     "preset",

@@ -24,7 +24,7 @@ import numpy as np
 
 from pyfric.scene.laws import Tables
 
-__all__ = ["FRICTIONLESS", "Law", "clock", "slipped"]
+__all__ = ["FRICTIONLESS", "Law", "clock", "of", "slipped"]
 
 NO_TABLES = Tables()
 GRADUAL = 0.01
@@ -66,11 +66,7 @@ class Law:
 
     def at(self, which: Any) -> Law:
         """Return the law of some columns."""
-        some = {
-            name: value[which] if np.ndim(value) else value
-            for name in ("mu_s", "mu_k", "d_c", "alpha")
-            for value in [getattr(self, name)]
-        }
+        some = {name: of(getattr(self, name), which) for name in ("mu_s", "mu_k", "d_c", "alpha")}
         return replace(self, **some)
 
     @property
@@ -148,6 +144,11 @@ class Law:
 
 
 FRICTIONLESS = Law(0.0, 0.0)
+
+
+def of(field: Any, which: Any) -> Any:
+    """Return a field at some columns; a number is the same at all."""
+    return field[which] if np.ndim(field) else field
 
 
 def slipped(s_0: np.ndarray, mode: np.ndarray, u_x: np.ndarray) -> np.ndarray:

@@ -3,7 +3,9 @@
 Symbols and boundaries are those of PRL 107, 074301 (2011).
 """
 
-from typing import Annotated, ClassVar, Literal
+import dataclasses
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 import pydantic
@@ -17,6 +19,7 @@ from pyfric.scene.units import SceneError
 
 __all__ = [
     "CHAIN_NOTE",
+    "FIELDS",
     "MAX_BLOCKS",
     "DistributedLoad",
     "Driver",
@@ -35,6 +38,8 @@ MULTIPLE_RTOL = 1e-9
 """Relative tolerance of "L, H and h are multiples of l"."""
 LIST_NOTE = ", or a list of N_x of them"
 FIELD_NOTE = LIST_NOTE + ", or a Spread"
+FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f")
+"""Names of the fields of an interface."""
 Field = float | tuple[float, ...] | Spread
 """A number, a number for each block from the trailing edge on, or random ones."""
 _field = {"listed": True, "drawn": Spread, "note": FIELD_NOTE}
@@ -319,6 +324,20 @@ class Interface:
             allowed = f"0 <= mu_k <= mu_s = {self.mu_s!r}"
             raise SceneError("interface.mu_k", self.mu_k, "", allowed, "mu_k exceeds mu_s")
         check_tables(self.tables)
+
+    def coulomb(self) -> Self:
+        """Return the Amontons-Coulomb law that static states use in its stead."""
+        return dataclasses.replace(self, law=LinearWeakening(), d_c=0.0, alpha=0.0)
+
+    def on(self, N_x: int, fields: Mapping[str, np.ndarray]) -> Self:
+        """Return the interface of another number of blocks; `fields` run from the trailing edge."""
+        at = np.linspace(0, 1, N_x)
+        new = {
+            name: tuple(np.interp(at, np.linspace(0, 1, len(values)), values).tolist())
+            for name, values in fields.items()
+            if not isinstance(getattr(self, name), float | None)
+        }
+        return dataclasses.replace(self, **new)
 
     @property
     def tables(self) -> Tables:

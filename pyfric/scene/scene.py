@@ -22,6 +22,7 @@ from pyfric.scene.files import write
 from pyfric.scene.friction import Law
 from pyfric.scene.parts import (
     CHAIN_NOTE,
+    FIELDS,
     DistributedLoad,
     Driver,
     Field,
@@ -226,6 +227,11 @@ class Scene:
         given = self.interface.k_f if name == "k_f" else getattr(self.interface, name)
         value = self.slider.k if given is None else self._as_given(given)
         return np.broadcast_to(np.asarray(value, dtype=float), (self.N_x,))
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """Names of the fields that vary along the interface."""
+        return tuple(name for name in FIELDS if np.ptp(self.field(name)) > 0)
 
     def _as_given(self, field: Field) -> float | np.ndarray:
         """Return a field as a number, or as an array from left to right."""

@@ -80,5 +80,5 @@ class Spread:
 
     def _uniform(self, n: int) -> np.ndarray:
         """Return n numbers in [0, 1), multiples of 2^-53."""
-        raw = np.random.Philox(key=[self.seed, 0]).random_raw(n)
+        raw = np.random.Philox(key=np.array([self.seed, 0], dtype=np.uint64)).random_raw(n)
         return (raw >> np.uint64(11)).astype(float) * 2.0**-53

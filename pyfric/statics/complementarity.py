@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dposv
 
-from pyfric.scene import FRICTIONLESS
+from pyfric.scene import FRICTIONLESS, of
 from pyfric.statics.condensation import condense
 from pyfric.statics.equilibrium import loaded_state
 from pyfric.statics.rest import EquilibriumError, check_rests
@@ -194,7 +194,7 @@ class Contact:
 
     def wrong_side(self, now: Values) -> int | None:
         """Return the block that is deepest on the wrong side of the foundation, None for none."""
-        depth = np.where(self.closed, self.k_f * now.u_z, -min(self.k, self.k_f) * now.u_z)
+        depth = np.where(self.closed, self.k_f * now.u_z, -np.minimum(self.k, self.k_f) * now.u_z)
         i = int(np.argmax(depth))
         return i if depth[i] > self.tol else None
 
@@ -249,7 +249,7 @@ class Contact:
         N_x, i, open_ = self.N_x, np.flatnonzero(slip), np.flatnonzero(~self.closed)
         base = self.problem.base(self.closed)
         F, u_z = base[N_x : 2 * N_x, :N_x], base[2 * N_x : 3 * N_x, :N_x]
-        W = F - self.law.slide(self.k_f) * slip[:, None] * u_z
+        W = F - (self.law.slide(self.k_f) * slip)[:, None] * u_z
         if not open_.size:
             return W[np.ix_(i, i)], F[np.ix_(i, i)]
         follow = np.linalg.solve(F[np.ix_(open_, open_)], F[np.ix_(open_, i)])
@@ -274,7 +274,8 @@ class Contact:
             row = table[i].copy()
             value = row @ column
         else:
-            row = table[N_x + i] - (self.slip[i] * self.law.slide(self.k_f)) * table[2 * N_x + i]
+            friction = self.slip[i] * of(self.law.slide(self.k_f), i)
+            row = table[N_x + i] - friction * table[2 * N_x + i]
             value = 0.0
         pivot = row[i]
         row /= -pivot
@@ -334,7 +335,7 @@ class Contact:
         free = np.flatnonzero(self.free)
         if not free.size:
             return
-        friction = (self.slip[free] * self.law.slide(self.k_f))[:, None]
+        friction = (self.slip[free] * of(self.law.slide(self.k_f), free))[:, None]
         rows = table[N_x + free] - friction * table[2 * N_x + free]
         try:
             inverse = np.linalg.inv(rows[:, free])

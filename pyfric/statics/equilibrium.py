@@ -135,7 +135,7 @@ class StaticSolver:
         self._on_rod = self._T_transposed[-3:, -2 * N_x :]
         self._unit = scene.F_N / N_x
         self._limit = ACCEPTED * self._unit
-        self._stiffest = max(12 * scene.slider.k, scene.k_f, scene.driver.K, scene.k_top)
+        self._stiffest = max(12 * scene.slider.k, np.max(scene.k_f), scene.driver.K, scene.k_top)
         self._load = np.zeros(2 * N_x * N_z)
         self._load[-2 * N_x :] = np.concatenate([scene.shear, -scene.load])
         self._top = slice(2 * N_x * (N_z - 1), 2 * N_x * (N_z - 1) + N_x)  # u_x of the top row

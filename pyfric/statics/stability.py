@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyfric.core import STEPPERS
-from pyfric.scene import Driver, PrescribedLoad, Rod, Scene, SceneError, Slider, as_scene
+from pyfric.scene import Driver, Interface, PrescribedLoad, Rod, Scene, SceneError, Slider, as_scene
 from pyfric.statics.operators import dispersion, operators, stiffness
 
 if TYPE_CHECKING:
@@ -85,17 +85,18 @@ def _bulk_limit(scene: Scene, stepper: Stepper) -> tuple[float, complex, np.ndar
 
     All blocks of a chain are on the foundation (or open) and held by k_top, so its waves are too.
     """
-    grounds = [(0.0, 0.0)]
+    grounds, drags = [(0.0, 0.0)], [0.0]
     if scene.N_z == 1:
-        grounds = [(scene.k_top, scene.k_f), (scene.k_top, 0.0)]
-    found = (_waves_limit(scene, ground, stepper) for ground in grounds)
+        grounds = [(scene.k_top, float(np.max(scene.k_f))), (scene.k_top, 0.0)]
+        drags = sorted({0.0, float(np.max(scene.law.alpha)) / scene.m})
+    found = (_waves_limit(scene, ground, drag, stepper) for ground in grounds for drag in drags)
     return min(found, key=lambda one: one[0])
 
 
 def _waves_limit(
-    scene: Scene, ground: tuple[float, float], stepper: Stepper
+    scene: Scene, ground: tuple[float, float], drag: float, stepper: Stepper
 ) -> tuple[float, complex, np.ndarray]:
-    """Return `_bulk_limit` for blocks held by `ground` (`dispersion`).
+    """Return `_bulk_limit` for blocks held by `ground` (`dispersion`) and by drag -m drag v.
 
     The stiffness is even in q_x and q_z, so q l in [0, pi]^2 is enough; the grid is refined
     around its best point.
@@ -105,7 +106,7 @@ def _waves_limit(
         axes = [np.clip(c + np.linspace(-width, width, 33), 0, np.pi) for c in centre]
         ql = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
         omega, gamma = dispersion(scene, ql / scene.slider.l, ground)
-        gamma = np.broadcast_to(gamma.reshape(len(gamma), -1), omega.shape)
+        gamma = np.broadcast_to(gamma.reshape(len(gamma), -1), omega.shape) + drag
         limits = _pair_limits(stepper, omega, gamma)
         i, branch = np.unravel_index(np.argmin(limits), limits.shape)
         if limits[i, branch] < best[0]:
@@ -159,7 +160,12 @@ def _reduced(scene: Scene) -> Scene:
         ),
         top=top,
         driver=Driver(K=scene.driver.K * (share if on_rod else 1.0), V=0.0, h=j_h * l),
-        interface=scene.interface,
+        interface=Interface(
+            mu_s=0.0,
+            mu_k=0.0,
+            k_f=float(np.max(scene.k_f)) or None,
+            alpha=float(np.max(scene.law.alpha)),
+        ),
         walls=scene.walls,
     )
 
@@ -167,7 +173,7 @@ def _reduced(scene: Scene) -> Scene:
 def _matrices(scene: Scene) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield M^-1/2 K M^-1/2 and M^-1/2 C M^-1/2, in units of k/m and sqrt(k/m).
 
-    Bottom row closed or open, its u_x free or held.
+    Bottom row closed or open, its u_x free or held; free, with its viscosity alpha and without.
     """
     unit = np.sqrt(scene.slider.k / scene.m)
     M, K_closed, C = operators(scene)
@@ -177,7 +183,12 @@ def _matrices(scene: Scene) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         for first in (0, scene.N_x):  # bottom u_x, the first N_x coordinates: free or held
             scale = np.outer(root[first:], root[first:])
             stiff = K.toarray()[first:, first:] / (scale * unit**2)
-            yield stiff, C.toarray()[first:, first:] / (scale * unit)
+            damped = C.toarray()[first:, first:] / (scale * unit)
+            yield stiff, damped
+            if first == 0 and np.any(scene.law.alpha):
+                drag = np.zeros(len(M))
+                drag[: scene.N_x] = scene.law.alpha / M[: scene.N_x] / unit
+                yield stiff, damped + np.diag(drag)
 
 
 def _small_limit(scene: Scene, stepper: Stepper, enough: float) -> tuple[float, complex]:

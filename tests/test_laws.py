@@ -2,12 +2,14 @@
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from test_weakening import CASES, D_C, MU_K, MU_S, SLOPE, P, rigid, sliding, slip_of_one_block
 
+import pyfric
 from pyfric import core, laws, theory
 from pyfric.core import STUCK
 from pyfric.scene import SceneError, chain
@@ -186,3 +188,22 @@ def test_refusals_name_knot_and_value():
     ):  # fmt: skip
         with pytest.raises(SceneError, match=text):
             with_law(scene, law=law())
+
+
+def test_a_law_of_ones_own_takes_ten_lines():
+    """The page's own code."""
+    page = (Path(__file__).parents[1] / "docs" / "laws.md").read_text(encoding="utf-8")
+    code = page[page.index("```python\n") + 10 :].split("```")[0]
+    assert sum(bool(line.strip()) for line in code.splitlines()) <= 10
+    found = {}
+    exec(code, found)
+    scene, slide = found["scene"], found["scene"].interface.tables.slide
+    s = np.linspace(0, 3e-6, 101)
+    np.testing.assert_allclose(slide(s), (1 - s / 3e-6) ** 2, atol=1e-3)
+    assert found["record"].scene == scene == pyfric.Scene.from_toml(scene.to_toml())
+
+
+@pytest.mark.parametrize("name", laws.KINDS)
+def test_the_page_names_every_kind(name):
+    page = (Path(__file__).parents[1] / "docs" / "laws.md").read_text(encoding="utf-8")
+    assert f"| `{name}` |" in page

@@ -1,6 +1,7 @@
 """Settings shared by all tests."""
 
 import os
+import signal
 
 # Several workers with several BLAS threads each wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -14,6 +15,9 @@ settings.register_profile(
     "pyfric", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("pyfric")
+
+# What is started in the background may ignore Ctrl-C, and tests send it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 LAPACK = (
     *("chart", "claims", "complementarity", "condensation", "equilibrium", "figures", "guard"),

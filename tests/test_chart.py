@@ -1,130 +1,113 @@
-"""The work-precision chart: orders that theory knows, failures that are kept, peers that agree."""
+"""The chart of cost and error: records compared, frontiers, plans beside their tolerances."""
 
+import dataclasses
 import functools
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from pyfric.checks.studies import chart, peers
+from pyfric.checks.studies import chart
+from pyfric.engines import simulate
 from pyfric.figures import save_figure
-from pyfric.scene import preset
+from pyfric.scene import setup1
 
-SHARES = (2.0, 0.9, 0.5, 0.25, 0.125)
+METHODS = (
+    chart.Method("quasistatic"),
+    chart.Method("hybrid", "linear", "located", 0.5),
+    chart.Method("hybrid", "finite", "located", 0.5),
+    chart.FULL,
+    chart.Method("hybrid", "finite", "located", 2.0),
+)
+
+
+def small():
+    """15 x 8 blocks, driven fast; four main events take 20 ms."""
+    return setup1(L=0.07, H=0.035, l=5e-3, V=20e-3, F_N=1750.0, name="small")
 
 
 @functools.cache
-def event():
-    """The fourth main event of the Fig. 1 scene on a coarse lattice."""
-    methods = (
-        chart.Method("rk4", "step_end", "finite", SHARES),
-        chart.Method("rk4", "located", "finite", SHARES),
-        chart.Method("verlet", "located", "finite", SHARES),
-        chart.Method("rk4", "located", "linear", SHARES[1:]),
+def table():
+    return pd.DataFrame(chart.points("small", small(), methods=METHODS, events=2))
+
+
+@functools.cache
+def record():
+    return simulate(small(), 0.05, fidelity="hybrid", geometry="linear", progress=False)
+
+
+def test_a_record_agrees_with_itself():
+    found = chart.errors(record(), record())
+    assert found["events"] >= 2
+    assert found["missing"] == 0
+    assert "status" not in found
+    assert all(found[want] == 0 for want in chart.WANTS)
+
+
+def test_errors_are_what_was_changed():
+    one, F_N = record(), small().F_N
+    events = one.events.assign(F_T_start=one.events["F_T_start"] + 0.01 * F_N)
+    times = one.rupture_times * 0.5
+    changed = dataclasses.replace(
+        one, events=events, rupture_times=times, tau_after=one.tau_after + 0.1 * F_N / 15
     )
-    points = chart.event_points(
-        scene=preset("fig1", l=5e-3),
-        event=5,
-        methods=methods,
-        reference_shares=(0.125, 0.0625, 0.03125),
-        repeats=1,
+    found = chart.errors(changed, one)
+    assert found["precursors"] == pytest.approx(0.01)
+    assert found["stress"] == pytest.approx(0.1 / np.sqrt(2))
+    assert found["front_speed"] == pytest.approx(1.0)
+    assert found["loading_curve"] == 0
+
+
+def test_events_that_are_missing_are_said():
+    events = record().events
+    last = events.index[events["is_main"]][-1]
+    fewer = dataclasses.replace(
+        record(), events=events.assign(finished=events["finished"] & (events.index != last))
     )
-    return pd.DataFrame(points)
-
-
-def order(stepper, switching, geometry, question="rupture"):
-    table = chart.orders(event(), question).set_index(["stepper", "switching", "geometry"])
-    return table.loc[(stepper, switching, geometry), "order"]
-
-
-def test_the_reference_has_converged():
-    """Halving its steps takes its changes down by 2^4."""
-    for _, line in event()[event()["scene"] == "reference"].groupby("geometry"):
-        for question in ("rupture", "stress"):
-            first, second = line[question]
-            assert 10 < first / second < 25
-
-
-def test_located_switching_keeps_the_order_of_the_stepper():
-    """The coarsest steps, nine tenths of the limit, are not yet in the range of the power law."""
-    assert order("rk4", "located", "finite") > 3.2
-    assert order("rk4", "located", "finite", "stress") > 3.2
-    assert order("verlet", "located", "finite") == pytest.approx(2, abs=0.3)
-
-
-def test_switching_at_step_ends_costs_it():
-    for question in ("rupture", "stress"):
-        assert order("rk4", "step_end", "finite", question) < 1.6
-    done = event()[(event()["stepper"] == "rk4") & (event()["status"] == "ok")]
-    done = done[(done["share"] == 0.5) & (done["geometry"] == "finite")].set_index("switching")
-    assert done.loc["step_end", "rupture"] > 50 * done.loc["located", "rupture"]
-
-
-def test_the_energy_budget_closes_with_the_order_of_the_stepper():
-    assert order("rk4", "located", "finite", "energy") > 3.4
-
-
-def test_linear_geometry_is_another_model():
-    """Refining steps does not help against the finite reference."""
-    line = event()[(event()["geometry"] == "linear") & (event()["stepper"] == "rk4")]
-    line = line[(line["scene"] == "event") & (line["share"] <= 0.5)]
-    assert np.ptp(line["stress"]) < 0.01 * line["stress"].min()
-    assert (line["own_stress"] < 1e-3 * line["stress"]).all()
-
-
-def test_points_that_fail_are_kept_with_the_reason():
-    table = event()
-    failed = table[table["status"] != "ok"]
-    assert set(zip(failed["stepper"], failed["share"], strict=True)) == {
-        ("rk4", 2.0),
-        ("verlet", 2.0),
-        ("verlet", 0.9),
+    assert chart.errors(fewer, record())["status"].endswith("events differ")
+    none = dataclasses.replace(record(), events=events.assign(finished=False))
+    assert chart.errors(none, record()) == {
+        "events": 0,
+        "missing": chart.errors(record(), record())["events"],
+        "status": "no event in common",
     }
-    assert failed["status"].str.contains("stability limit").all()
-    assert failed["rupture"].isna().all()
 
 
-@functools.cache
-def slider():
-    return pd.DataFrame(chart.slider_points())
+def test_every_method_and_plan_has_its_point():
+    found = table()
+    methods = found[found["kind"] == "method"]
+    assert len(methods) == len(METHODS)
+    assert "stability limit" in methods["status"].iloc[-1]
+    plans = found[found["kind"] == "plan"]
+    assert len(plans) == len(chart.WANTS) * len(chart.TOLERANCES)
+    assert (plans["said"] <= plans["tolerance"]).all()
+    finite = methods[(methods["geometry"] == "finite") & (methods["engine"] == "hybrid")]
+    linear = methods[(methods["geometry"] == "linear") & (methods["engine"] == "hybrid")]
+    assert finite["precursors"].iloc[0] < 1e-4 < linear["precursors"].iloc[0]
 
 
-def test_switch_times_of_the_small_slider():
-    table = slider()
-    ok = table[table["status"] == "ok"]
-    finest = ok[ok["stepper"] == "rk4"].groupby("switching")["rupture"].min()
-    assert finest["located"] < 1e-10
-    assert finest["step_end"] > 1e-8
-    peer = ok[ok["engine"].str.startswith("scipy")].sort_values("rtol")
-    assert peer["rupture"].iloc[0] < 1e-12
-    coarse = table[(table["switching"] == "step_end") & (table["share"] > 0.2)]
-    assert coarse["status"].str.startswith("other switches").all()
-
-
-def test_a_free_wave_is_that_of_lammps(monkeypatch):
-    monkeypatch.setattr(chart, "REPEATS", 1)
-    table = pd.DataFrame(chart.wave_points())
-    ok = table[table["status"] == "ok"]
-    for stepper, expected in (("rk4", 4), ("verlet", 2), ("symplectic_euler", 1)):
-        line = ok[(ok["engine"] == "pyfric") & (ok["stepper"] == stepper)]
-        slope = np.polyfit(np.log(line["dt"][-3:]), np.log(line["displacement"][-3:]), 1)[0]
-        assert slope == pytest.approx(expected, abs=0.25)
-    if peers.available()["lammps"].startswith("missing"):
-        pytest.skip("LAMMPS is not installed")
-    one, other = (
-        ok[(ok["engine"] == engine) & (ok["stepper"] == "verlet")]["displacement"].to_numpy()
-        for engine in ("pyfric", "LAMMPS")
+def test_frontier_has_what_nothing_beats():
+    part = pd.DataFrame(
+        {
+            "seconds": [1.0, 2.0, 3.0, 4.0, 0.5],
+            "stress": [0.1, 0.2, 0.01, 0.01, np.nan],
+            "status": ["ok", "ok", "ok", "ok", "ok"],
+        }
     )
-    np.testing.assert_allclose(one, other, rtol=1e-6)
+    assert list(chart.frontier(part, "stress")["seconds"]) == [1.0, 3.0]
+    part.loc[0, "status"] = "no event in common"
+    assert list(chart.frontier(part, "stress")["seconds"]) == [2.0, 3.0]
 
 
-def test_the_figure_shows_every_question(tmp_path):
-    table = pd.concat([event(), slider()], ignore_index=True)
-    table["displacement"] = np.nan
-    fig = chart.figure(table)
-    assert len(fig.axes) == len(chart.PANELS) + 1
-    drawn = [len(axes.lines) for axes in fig.axes]
-    assert min(drawn[:4]) >= 4
-    assert drawn[6] >= 3
+def test_drawn_scenes_are_those_of_their_seed():
+    assert chart.drawn(7) == chart.drawn(7)
+    assert chart.drawn(7) != chart.drawn(8)
+
+
+def test_the_figure_shows_every_want(tmp_path):
+    points = table().assign(scene="random")
+    fig = chart.figure(points)
+    assert len(fig.axes) == len(chart.WANTS)
+    assert min(len(axes.lines) for axes in fig.axes) > 2 * len(chart.TOLERANCES)
     names = {path.name for path in save_figure(fig, tmp_path / "chart")}
-    assert names == {"chart.png", "chart.pdf", "chart.txt", "chart_points.csv", "chart_orders.csv"}
+    assert names == {"chart.png", "chart.pdf", "chart.txt", "chart_points.csv"}

@@ -123,6 +123,13 @@ def test_command_line(tmp_path):
     assert "did you mean" not in CliRunner().invoke(main, ["claims", "?"]).output
 
 
+def test_progress_counts_runs_and_claims():
+    seen = []
+    claims.measure(["14", "E8"], progress=lambda *count: seen.append(count))
+    assert seen[-1] == (2, 2)
+    assert [done for done, _ in seen] == sorted(done for done, _ in seen)
+
+
 def test_parts_by_the_numbers_in_the_table():
     assert [one.number for one in claims.measure(["14B", "E8"])] == ["14b", "E8"]
     assert [one.number for one in claims.measure(["14b", 14])] == ["14a", "14b"]

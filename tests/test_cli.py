@@ -716,7 +716,7 @@ OUTPUTS = {
 }
 """Commands whose --out is a file, or the stem of the names of files."""
 ENDS = {"draw": ".png", "movie": ".png", "spacetime": ".png"}
-FOLDERS = ("reproduce", "claims", "chart", "stability", "resolution", "fronts")
+FOLDERS = ("reproduce", "claims", "chart", "methods", "stability", "resolution", "fronts")
 """Commands whose --out is a folder."""
 
 

@@ -81,7 +81,10 @@ def test_page_shows_every_figure_with_caption_and_links(folder):
         assert " ".join(caption.split()) in words
         wanted = {f"{name}.png", f"{name}.pdf", *(p.name for p in folder.glob(f"{name}_*.csv"))}
         assert wanted <= set(page.links)
-    assert all((folder / link).is_file() for link in page.links)  # nothing from elsewhere
+    inside = [link[1:] for link in page.links if link.startswith("#")]
+    assert inside == page.ids  # the contents
+    outside = [link for link in page.links if not link.startswith("#")]
+    assert all((folder / link).is_file() for link in outside)  # nothing from elsewhere
     assert "http" not in text
     assert pyfric.__version__ in words
 
@@ -114,6 +117,7 @@ def test_claims_are_shown_where_they_are_there(folder):
     for one in ("a <b> & c", "0.1235", "m/s", "by eye", "verdict"):
         assert one in page.texts
     assert "1 of 2 claims hold" in text
+    assert page.texts.index("by eye") < page.texts.index("a <b> & c")  # misses come first
     assert len(re.findall('<tr class="miss">', text)) == 1
     assert "claims" not in Page(write_index(folder).read_text(encoding="utf-8")).ids
 

@@ -7,7 +7,7 @@ from pyfric.engines.guard import folded
 from pyfric.engines.options import Options, step_size
 from pyfric.engines.planner import Assumption, Plan, decay_times, plan
 from pyfric.engines.points import Estimate, Results, Span, Sweep
-from pyfric.engines.progress import Progress
+from pyfric.engines.progress import Progress, jobs_bar
 from pyfric.engines.quasistatic import QuasistaticRun, prediction_curve
 from pyfric.engines.simulation import simulate
 from pyfric.engines.sweep import Job, JobError, run_all
@@ -28,6 +28,7 @@ __all__ = [
     "boundary",
     "decay_times",
     "folded",
+    "jobs_bar",
     "label_map",
     "plan",
     "prediction_curve",

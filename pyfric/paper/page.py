@@ -21,7 +21,10 @@ from pyfric.scene import __version__, write
 
 __all__ = ["write_index"]
 
-CLAIM_COLUMNS = ("number", "text", "value", "unit", "band", "verdict", "how", "source", "note")
+CLAIM_COLUMNS = (
+    *("number", "text", "value", "unit", "band", "verdict", "damage", "damaged"),
+    *("how", "source", "note"),
+)
 COST_COLUMNS = (
     "scene",
     "figure",
@@ -88,9 +91,10 @@ def _figure(folder: Path, name: str) -> Shown:
 
 
 def _claims(path: Path) -> Table | None:
-    """The claims as `pyfric claims` writes them, where they are; misses stand out."""
+    """The claims as `pyfric claims` writes them, where they are; misses first."""
     try:
         claims = json.loads(path.read_text(encoding="utf-8"))["claims"]
+        claims = sorted(claims, key=lambda claim: claim.get("verdict") != "misses")
         rows = [[_plain(claim.get(column)) for column in CLAIM_COLUMNS] for claim in claims]
         classes = ["miss" if claim.get("verdict") == "misses" else "" for claim in claims]
     except (ValueError, KeyError, TypeError, AttributeError):

@@ -23,7 +23,7 @@ from pyfric.paper.claims.parts import (
     rms,
     straight,
 )
-from pyfric.paper.claims.runs import AT_2700, BASE, GRID, H_2A, SETUP2, SPEEDS_V, jobs
+from pyfric.paper.claims.runs import AT_2700, BASE, GRID, H_2A, SETUP2, SPEEDS_V
 from pyfric.record import analysis
 
 if TYPE_CHECKING:
@@ -346,9 +346,9 @@ def _claim_4(runs: Runs) -> list[Claim]:
             text=text + "the curves are apart",
             value=float(np.nanmin(gaps[:, lengths < 0.55])),
             unit="F_N",
-            low=jobs()[SETUP2[0]].options.tolerance,
+            low=0.024,
             how=f"{how} ... 0.5",
-            source="the accepted error of these runs; the paper has no number",
+            source="linear geometry may shift each curve by 1.2 % of F_N; the paper has no number",
         ),
     ]
 

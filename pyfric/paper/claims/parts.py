@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from pyfric.record import analysis
 
 if TYPE_CHECKING:
     from pyfric.record import Record
+    from pyfric.scene import Scene
 
 
 def growing(record: Record) -> pd.DataFrame:
@@ -83,11 +85,17 @@ def size(left: pd.DataFrame, way: str) -> float:
 
 def prediction_error(record: Record) -> np.ndarray:
     """Force after each precursor minus that at which its last block slips with mu_s = mu_k."""
-    curve = prediction_curve(record.scene).curve
+    curve = _prediction(record.scene)
     L_p, F_T = curve["L_p_over_L"].to_numpy(), curve["F_T"].to_numpy() / record.scene.F_N
     table = growing(record)
     at = np.searchsorted(L_p, table["L_p_over_L"].to_numpy() - 0.5 / record.scene.N_x)
     return table["force"].to_numpy()[at < L_p.size] - F_T[at[at < L_p.size]]
+
+
+@functools.lru_cache(maxsize=128)
+def _prediction(scene: Scene) -> pd.DataFrame:
+    """The prediction curve of a scene, computed once."""
+    return prediction_curve(scene).curve
 
 
 def straight(table: pd.DataFrame, N_x: int) -> float:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Any
+from typing import Any, Literal
 
 from pyfric.engines import Job
 from pyfric.paper import runs as paper
+from pyfric.paper.runs import LINEAR, SETUP1
 from pyfric.scene import Scene, preset
 
-LENGTHS = paper.LENGTHS
 T_END = 1.02
 """End of variations of the Fig. 1 scene, s: just after it slides as a whole."""
+ELEVENTH = 0.75
+"""Just after the 11th main precursor, s."""
 MU_S = (0.5, 0.6, 0.8, 0.9)
 D_C = (0.0, 0.5e-6, 1e-6, 2e-6, 5e-6, 10e-6)
 ETA = (0.15, 0.22, 0.42)  # over sqrt(k m); 0.316 is the default
@@ -49,29 +51,34 @@ def jobs() -> dict[str, Job]:
     fig1 = preset("fig1")
     unit = math.sqrt(fig1.slider.k * fig1.m)
 
-    def fig(t_end: float = T_END, **changes: Any) -> Job:
-        return Job(scene=preset("fig1", **changes), t_end=t_end, options=LENGTHS)
+    def fig(
+        t_end: float = T_END, dt: float | Literal["auto"] = SETUP1["dt"], **changes: Any
+    ) -> Job:
+        scene = preset("fig1", **changes)
+        return Job(scene=scene, t_end=t_end, options=LINEAR | {"dt": dt})
 
     found = {"fig1": paper.FIG1, "fig4a": paper.FIG4A}
     found |= dict(zip(GRID, paper.FIG2A, strict=True))
     found |= {job.scene.name: job for job in (*paper.FIG2B, *paper.FIG4B)}
-    finite = LENGTHS | {"geometry": "finite"}
+    finite = SETUP1 | {"geometry": "finite"}
     for F_N in (1750.0, 2700.0):
         job = Job(scene=preset("fig1", F_N=F_N), t_end=0.95 * F_N / 3500, options=finite)
         found[f"F_N {F_N:g}"] = job
     found |= {f"mu_s {mu_s:g}": fig(mu_s=mu_s) for mu_s in MU_S}
-    found |= {f"d_c {d_c * 1e6:g}": fig(0.92, d_c=d_c) for d_c in D_C}
-    found |= {f"eta {share:g}": fig(0.92, eta=share * unit) for share in ETA}
-    found |= {f"k_f {share:g}": fig(0.92, k_f=share * fig1.slider.k) for share in K_F}
+    found |= {f"d_c {d_c * 1e6:g}": fig(0.92 if d_c < 5e-6 else 0.5, d_c=d_c) for d_c in D_C}
+    found |= {f"eta {share:g}": fig(0.92, "auto", eta=share * unit) for share in ETA}
+    for share in K_F:  # the limit of the step falls with the stiffness
+        dt = 1.4e-6 if share < 5 else 1.4e-7
+        found[f"k_f {share:g}"] = fig(0.92, dt, k_f=share * fig1.slider.k)
     each, rigid = fig1.N_x * fig1.top.mattress, 1e6 * fig1.top.mattress
-    found |= {name: fig(mattress=m) for name, m in zip(MATTRESS, (each, rigid), strict=True)}
+    found["mattress on each"] = fig(mattress=each)
+    found["mattress rigid"] = fig(dt="auto", mattress=rigid)
     N_x, N_z = fig1.N_x, fig1.N_z
     heavy = preset("fig1", M=fig1.slider.M * N_x * N_z / ((N_x - 1) * (N_z - 1)))
     paper_steps = {"fidelity": "hybrid", "geometry": "finite", "switching": "step_end", "dt": 2e-7}
-    located = paper.FIG4A.options
-    found["fig4a paper"] = Job(scene=fig1, t_end=paper.FIG4A.t_end, options=paper_steps)
-    found["fig4a heavy"] = Job(scene=heavy, t_end=paper.FIG4A.t_end, options=located)
-    found["fig4a paper heavy"] = Job(scene=heavy, t_end=paper.FIG4A.t_end, options=paper_steps)
+    found["fig4a paper"] = Job(scene=fig1, t_end=ELEVENTH, options=paper_steps)
+    found["fig4a heavy"] = Job(scene=heavy, t_end=ELEVENTH, options=paper.FIG1.options)
+    found["fig4a paper heavy"] = Job(scene=heavy, t_end=ELEVENTH, options=paper_steps)
     V = fig1.driver.V
     found |= {f"V {share:g}": fig(T_END / share, V=share * V) for share in SPEEDS_V}
     found["chain"] = Job(scene=preset("chain"), t_end=0.55, options={"fidelity": "hybrid"})

@@ -8,9 +8,9 @@ import re
 import time
 from collections.abc import Callable, Iterable
 
-from pyfric.engines import run_all
+from pyfric.engines import jobs_bar, run_all
 from pyfric.paper.claims import exact, fronts, lengths, stresses
-from pyfric.paper.claims.claim import Claim
+from pyfric.paper.claims.claim import Claim, Row, Runs
 from pyfric.paper.claims.runs import jobs
 from pyfric.scene import SceneError, at_once, nearest
 
@@ -34,7 +34,8 @@ def measure(
 
     Args:
         numbers: which claims, of `NUMBERS`, or which parts, such as "3a"; None means all.
-        workers, cache, progress: as in `pyfric.run_all`.
+        workers, cache: as in `pyfric.run_all`.
+        progress: the same, where a claim counts like a run.
 
     Returns:
         The claims, in order; a claim with several parts gives several.
@@ -47,26 +48,36 @@ def measure(
     wanted = dict.fromkeys(map(_known, NUMBERS if numbers is None else numbers))
     rows = {number: ROWS[number] for number in NUMBERS if number in {one for one, _ in wanted}}
     names = list(dict.fromkeys(name for row in rows.values() for name in row.runs))
-    found = run_all([jobs()[name] for name in names], workers, cache, progress)
-    runs = dict(zip(names, found, strict=True))
-    claims = []
-    for number, row in rows.items():
-        start = time.process_time()
-        measured = row.measured(number, runs)
-        seconds = time.process_time() - start
-        seconds += sum(runs[name].timings["processor"] for name in row.runs)
-        parts = [part for one, part in wanted if one == number]
-        known = {claim.number for claim in measured}
-        for part in parts:
-            if part and f"{number}{part}" not in known:
-                allowed = f"{number}, or one of its parts: {', '.join(sorted(known))}"
-                raise SceneError("number", f"{number}{part}", "", allowed, "no such part")
-        claims += [
-            dataclasses.replace(claim, seconds=seconds)
-            for claim in measured
-            if "" in parts or claim.number.removeprefix(number) in parts
-        ]
+    total = len(names) + len(rows)
+    claims: list[Claim] = []
+    with jobs_bar(progress, total) as show:
+        found = run_all(
+            [jobs()[name] for name in names], workers, cache, lambda done, _: show(done, total)
+        )
+        runs = dict(zip(names, found, strict=True))
+        for done, (number, row) in enumerate(rows.items(), len(names)):
+            show(done, total)
+            claims += _chosen(number, [part for one, part in wanted if one == number], row, runs)
+        show(total, total)
     return claims
+
+
+def _chosen(number: str, parts: list[str], row: Row, runs: Runs) -> list[Claim]:
+    """Return these parts of a claim, measured; "" means all."""
+    start = time.process_time()
+    measured = row.measured(number, runs)
+    seconds = time.process_time() - start
+    seconds += sum(runs[name].timings["processor"] for name in row.runs)
+    known = {claim.number for claim in measured}
+    for part in parts:
+        if part and f"{number}{part}" not in known:
+            allowed = f"{number}, or one of its parts: {', '.join(sorted(known))}"
+            raise SceneError("number", f"{number}{part}", "", allowed, "no such part")
+    return [
+        dataclasses.replace(claim, seconds=seconds)
+        for claim in measured
+        if "" in parts or claim.number.removeprefix(number) in parts
+    ]
 
 
 def _known(number: str | int) -> tuple[str, str]:

@@ -20,9 +20,10 @@ settings.load_profile("pyfric")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 LAPACK = (
-    *("chart", "claims", "complementarity", "condensation", "equilibrium", "figures", "guard"),
-    *("hybrid", "operators", "planner", "quasistatic", "reference", "regimes", "resolution"),
-    *("ringdown", "simulation", "theory", "weakening"),
+    *("chart", "claims", "complementarity", "condensation", "dashpots", "equilibrium", "fields"),
+    *("figures", "fronts", "guard", "hybrid", "laws", "measured_errors", "methods", "operators"),
+    *("pauses", "planner", "prescribed", "protocol", "quasistatic", "reference", "regimes"),
+    *("resolution", "ringdown", "simulation", "spacetime", "theory", "weakening", "zones"),
 )
 """Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""
 PORTABLE = ("complementarity", "condensation", "ringdown")

@@ -442,7 +442,6 @@ class _Opened:
         self.free = np.concatenate([opened, closed.free])
         self._solve, self._m = closed._factor.solve, len(opened)
         self._z = np.searchsorted(closed.free, opened + N_x)
-        self.z_at = self._z + len(opened)
         self._K_xy, K_xx = rows[opened][:, closed.free], rows[opened][:, opened].toarray()
         m = len(opened)
         self.shapes = np.empty((len(closed.free), 2 * m))

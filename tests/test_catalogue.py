@@ -7,13 +7,9 @@ import numpy as np
 import pytest
 
 from pyfric.record import build_catalogue, front_speed
-from pyfric.record.catalogue import (
-    EVENT_COLUMNS,
-    LogError,
-    build_episodes,
-    default_link_time,
-    rupture_front,
-)
+from pyfric.record.catalogue import EVENT_COLUMNS
+from pyfric.record.episodes import LogError, build_episodes
+from pyfric.record.rupture import default_link_time, rupture_front
 from pyfric.scene import setup1
 from pyfric.scene.friction import Law
 from pyfric.statics import EquilibriumError

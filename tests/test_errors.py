@@ -9,9 +9,9 @@ import pytest
 
 import pyfric
 from pyfric.checks.verify import _OutOfTime
-from pyfric.engines import points
+from pyfric.engines import results
 from pyfric.engines.sweep import _Stopped
-from pyfric.record.catalogue import LogError
+from pyfric.record.episodes import LogError
 
 
 def run_error():
@@ -22,7 +22,7 @@ def run_error():
 
 
 EXAMPLES = {
-    points._Before: lambda: points._Before("the motion is not finite"),
+    results.Before: lambda: results.Before("the motion is not finite"),
     pyfric.EquilibriumError: lambda: pyfric.EquilibriumError("no way", np.nan, 1e-9, 7),
     pyfric.JobError: lambda: pyfric.JobError(
         pyfric.Job(scene=pyfric.preset("fig1"), t_end=0.1), run_error()

@@ -16,7 +16,7 @@ import xarray as xr
 from damage import unnoticed
 from helpers import edited
 
-from pyfric.record import Method, Record, RecordError, catalogue
+from pyfric.record import Method, Record, RecordError, catalogue, episodes
 from pyfric.record.labels import LABELS
 from pyfric.record.record import SCHEMA
 from pyfric.scene import files, setup1, setup2
@@ -42,15 +42,15 @@ def make_catalogue(scene, n_events=3):
         quiet.append((step + 9, t + 0.5 * MS, -1, 10.0 * e - 1, u_x.copy(), 0 * mode))
         rows.append((step + 20, column[0], 0, -1, 1, t + MS, 0.0, 0.1))
         rows.append((step + 21, column[0], -1, 0, 1, t + 1.1 * MS, -1e-9, 0.2))
-    rows = np.array(rows, dtype=float).reshape(-1, len(catalogue.SWITCH_COLUMNS))
+    rows = np.array(rows, dtype=float).reshape(-1, len(episodes.SWITCH_COLUMNS))
     switches = {
         name: column.astype(kind)
-        for (name, kind), column in zip(catalogue.SWITCH_COLUMNS.items(), rows.T, strict=True)
+        for (name, kind), column in zip(episodes.SWITCH_COLUMNS.items(), rows.T, strict=True)
     }
     columns = zip(*quiet, strict=True) if quiet else [[]] * 6
     quiet = {
         name: np.array(column, dtype=kind)
-        for (name, kind), column in zip(catalogue.QUIET_COLUMNS.items(), columns, strict=True)
+        for (name, kind), column in zip(episodes.QUIET_COLUMNS.items(), columns, strict=True)
     }
     quiet |= {name: quiet[name].reshape(-1, scene.N_x) for name in ("u_x", "mode")}
 

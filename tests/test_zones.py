@@ -10,7 +10,7 @@ from test_analysis import MU_K, MU_S, made_up
 import pyfric
 from pyfric import theory
 from pyfric.record import analysis, zone_at_rest, zone_moving, zone_notes
-from pyfric.record.catalogue import _shares, front_speed
+from pyfric.record.rupture import front_speed, shares
 from pyfric.scene import chain, preset, slab
 
 B = 6e-3  # of the paper's slider
@@ -80,7 +80,7 @@ def test_every_record_says_how_well_its_fronts_are_resolved(side, tmp_path):
     slower = table["X_c_over_l"] / table["X_c0_over_l"]
     assert slower.dropna().between(0.5, 0.99).all()
     assert slower.notna().sum() == 3
-    at_rest, moving = _shares(record.scene, record.rupture_times, record.p_before)
+    at_rest, moving = shares(record.scene, record.rupture_times, record.p_before)
     assert at_rest[0] == 3 / 4  # blocks 1, 2, 4 of 1, 2, 4, 5
     assert at_rest[3] == 3 / 7
     assert moving[3] == np.mean(table["X_c_over_l"].dropna() >= 6)

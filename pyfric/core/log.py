@@ -18,7 +18,7 @@ def room_of_step(N_x: int, switching: Switching) -> tuple[int, int]:
 
 
 class Log:
-    """Room for switches and quiet transitions that the core fills (see `pyfric.record.catalogue`).
+    """Room for switches and quiet transitions that the core fills (see `pyfric.record.episodes`).
 
     Attributes:
         tried: steps and sub-steps that the last call computed; of those that RK4 did not accept,

@@ -6,11 +6,13 @@ from pyfric.engines.dynamic import RunError
 from pyfric.engines.guard import folded
 from pyfric.engines.options import Options, step_size
 from pyfric.engines.planner import Assumption, Plan, decay_times, plan
-from pyfric.engines.points import Estimate, Results, Span, Sweep
+from pyfric.engines.points import Estimate, Sweep
 from pyfric.engines.progress import Progress, jobs_bar
 from pyfric.engines.quasistatic import QuasistaticRun, prediction_curve
+from pyfric.engines.results import Results
 from pyfric.engines.simulation import simulate
 from pyfric.engines.sweep import Job, JobError, run_all
+from pyfric.engines.varied import Span
 
 __all__ = [
     "Assumption",

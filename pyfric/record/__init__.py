@@ -15,18 +15,12 @@ from pyfric.record.analysis import (
     stress_profile,
     system_size_events,
 )
-from pyfric.record.catalogue import (
-    MAIN_EVENT_BLOCKS,
-    QUIET_COLUMNS,
-    SWITCH_COLUMNS,
-    T_GAP,
-    Catalogue,
-    build_catalogue,
-    front_speed,
-)
+from pyfric.record.catalogue import MAIN_EVENT_BLOCKS, T_GAP, Catalogue, build_catalogue
+from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
 from pyfric.record.errors import Errors, differences, paired, statistics
 from pyfric.record.record import Method, Record, RecordError
 from pyfric.record.report import summary, text
+from pyfric.record.rupture import front_speed
 from pyfric.record.software import provenance, versions
 from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving, zone_notes
 

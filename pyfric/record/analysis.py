@@ -20,8 +20,8 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import ENERGIES
-from pyfric.record.catalogue import front_speed
 from pyfric.record.griffith import energy_release, griffith_length
+from pyfric.record.rupture import front_speed
 from pyfric.record.zones import zone_at_rest, zone_moving
 from pyfric.scene import SceneError
 

@@ -3,27 +3,16 @@
 Every engine writes the same two logs and this module alone turns them into a catalogue, so that
 engines are compared on one set of definitions:
 
-episode
-    One block's uninterrupted slip. A direct reversal (+1 to -1) continues it. Episodes that start
-    with almost no contact force are *corner episodes* (flagged by the engine): they are recorded,
-    but neither start, join nor end an event.
 event
-    Non-corner episodes that follow each other within ``t_gap``: a new event begins when the next
-    start comes more than ``t_gap`` after the end of all earlier slip.
+    Non-corner episodes (see `pyfric.record.episodes`) that follow each other within ``t_gap``: a
+    new event begins when the next start comes more than ``t_gap`` after the end of all earlier
+    slip. Corner episodes are recorded, but neither start, join nor end an event.
 slipped region of an event
     Per block: 1 slipped in an episode of the event; 2 only slipped in a corner episode that
     overlaps the event, or is open at its end; 0 neither. L_p/L is the number of consecutive
     non-zero blocks, counted from block 1, divided by N_x.
 front of an event
-    Take each block's first slip in the event. Two neighbouring blocks are linked when these first
-    slips are at most ``link_time`` apart. The front is the longest run of linked blocks (the
-    earliest one if two are equally long). First slips in other runs, and all later slips, are left
-    out: a second rupture merged into the event, or a block that had slipped before the front came,
-    would otherwise show up as a very slow front.
-
-The default ``link_time`` is 40 l/c_s with c_s = l sqrt(k/(2 m)), the shear speed of the lattice.
-One pause of that length makes v_c = 4 l/(40 l/c_s) = 0.1 c_s, so one pause cannot by itself pass
-for a slow front (v_c < 0.05 c_s), while a steady front is followed down to 0.025 c_s.
+    See `pyfric.record.rupture`.
 
 Arrays over blocks run from left to right (index i). Block *numbers* n run from 1 at the trailing
 edge, the driven side. Times are in s, lengths in m, forces in N.
@@ -39,25 +28,32 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import pandas as pd
 
-from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving
+from pyfric.record.episodes import (
+    OPEN,
+    SWITCH_COLUMNS,
+    build_episodes,
+    columns_of,
+    quiet_columns,
+)
+from pyfric.record.rupture import (
+    count_not_increasing,
+    default_link_time,
+    first_slips,
+    rupture_front,
+    shares,
+)
 from pyfric.statics import EquilibriumError
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 __all__ = [
+    "EVENT_COLUMNS",
     "MAIN_EVENT_BLOCKS",
-    "QUIET_COLUMNS",
-    "SWITCH_COLUMNS",
     "T_GAP",
     "Catalogue",
-    "LogError",
     "StaticValues",
     "build_catalogue",
-    "build_episodes",
-    "default_link_time",
-    "front_speed",
-    "rupture_front",
     "static_values",
 ]
 
@@ -66,38 +62,6 @@ T_GAP = 1e-3
 
 MAIN_EVENT_BLOCKS = 4
 """Fewest distinct blocks that slip in a main event."""
-
-LINK_LENGTHS = 40.0
-"""Default ``link_time`` in units of l/c_s."""
-
-OPEN = 2
-
-SWITCH_COLUMNS = {
-    "step": np.int64,
-    "block": np.int64,
-    "old": np.int32,
-    "new": np.int32,
-    "corner": np.bool_,
-    "t": np.float64,
-    "u_x": np.float64,
-    "p": np.float64,
-}
-"""Columns of the switch log: one row per change of a block's contact mode, in order of time."""
-
-QUIET_COLUMNS = {
-    "step": np.int64,
-    "t": np.float64,
-    "kind": np.int32,
-    "F_T": np.float64,
-    "u_x": np.float64,
-    "mode": np.int32,
-}
-"""Columns of the quiet log: one row whenever the number of slipping non-corner blocks leaves 0
-(kind +1) or returns to 0 (kind -1). ``u_x`` and ``mode`` have a second axis of N_x blocks."""
-
-
-class LogError(ValueError):
-    """The switch or quiet log contradicts itself or the scene."""
 
 
 class _Solver(Protocol):
@@ -192,8 +156,8 @@ def build_catalogue(
     """
     if not t_gap >= 0:
         raise ValueError(f"t_gap = {t_gap!r} s: must be at least 0")
-    switches = _columns(switches, SWITCH_COLUMNS, "switch log")
-    quiet = _quiet_columns(quiet, scene.N_x)
+    switches = columns_of(switches, SWITCH_COLUMNS, "switch log")
+    quiet = quiet_columns(quiet, scene.N_x)
     n_of_i = np.asarray(scene.n_of_i, dtype=np.int64)
 
     episodes = build_episodes(switches, n_of_i, t_begin=t_begin)
@@ -203,7 +167,7 @@ def build_catalogue(
     region = _slipped_region(episodes, events, switches, quiet, scene.N_x)
     if link_time is None:
         link_time = default_link_time(scene)
-    times = rupture_front(_first_slips(joined, len(events), n_of_i), n_of_i, link_time)
+    times = rupture_front(first_slips(joined, len(events), n_of_i), n_of_i, link_time)
     static = static_values(events, quiet, solver, scene.drive)
 
     in_order = np.argsort(n_of_i)
@@ -213,8 +177,8 @@ def build_catalogue(
     events["L_p_over_L"] = reached / scene.N_x
     events["x_nucleation"] = (events["nucleation_block"] - 1) * float(scene.slider.l)
     events["n_front"] = np.isfinite(times).sum(axis=1)
-    events["n_not_increasing"] = _count_not_increasing(times, scene.d)
-    events["share_X_c0"], events["share_X_c"] = _shares(scene, times, static.p_before)
+    events["n_not_increasing"] = count_not_increasing(times, scene.d)
+    events["share_X_c0"], events["share_X_c"] = shares(scene, times, static.p_before)
     events["is_precursor"] = (reached > 0) & (reached < scene.N_x)
     events["is_main"] = events["n_blocks"] >= MAIN_EVENT_BLOCKS
     # x <= h + l on the lattice: exact in block numbers
@@ -255,87 +219,6 @@ EVENT_COLUMNS = (
     "quiet_stop",
 )
 """Columns of the event table, in order."""
-
-
-def build_episodes(
-    switches: Mapping[str, np.ndarray] | np.ndarray, n_of_i: np.ndarray, *, t_begin: float = 0.0
-) -> pd.DataFrame:
-    """Slip episodes, one row each, ordered by start (ties: by step, then by block number).
-
-    Parameters
-    ----------
-    switches
-        The switch log (`SWITCH_COLUMNS`).
-    n_of_i
-        (N_x,) block number from the trailing edge of each column.
-    t_begin
-        Time at which the log begins, s.
-
-    Returns
-    -------
-    DataFrame
-        Columns: n, block number from the trailing edge; i, column from the left, 0-based; t_start,
-        t_stop, s; step_start, step_stop, the time steps (-1: before or after the log); u_x_start,
-        u_x_stop and slip, their difference, m; direction, +1 (to the right) or -1, at the start;
-        reversals, changes of direction; corner; p_start, N. Of an unfinished episode t_stop,
-        u_x_stop and slip are NaN; of one that began before the log u_x_start, slip and p_start.
-
-    Raises
-    ------
-    LogError
-        If a block's modes do not follow on from each other.
-    """
-    n_of_i = np.asarray(n_of_i, dtype=np.int64)
-    log = _columns(switches, SWITCH_COLUMNS, "switch log")
-    if log["block"].size and (log["block"].min() < 0 or log["block"].max() >= n_of_i.size):
-        raise LogError(f"switch log: block outside 0...{n_of_i.size - 1}")
-    log = _with_earlier_starts(log, t_begin)
-
-    order = np.argsort(log["block"], kind="stable")  # block by block, in order of time
-    block, old, new = (log[name][order] for name in ("block", "old", "new"))
-    broken = (block[1:] == block[:-1]) & (old[1:] != new[:-1])
-    if broken.any():
-        i = int(block[1:][broken][0])
-        raise LogError(f"switch log: the modes of block {i} (column) do not follow on")
-
-    was, now = _slips(old), _slips(new)
-    edge = np.flatnonzero(was != now)  # starts and stops alternate within a block
-    k = np.flatnonzero(now[edge])
-    start = edge[k]
-    has_stop = np.zeros(k.size, dtype=bool)
-    inside = k + 1 < edge.size
-    has_stop[inside] = block[edge[k[inside] + 1]] == block[start[inside]]
-    stop = np.full(k.size, -1)
-    stop[has_stop] = edge[k[has_stop] + 1]
-    reversed_in = np.cumsum(now & ~was)[was & now & (old != new)] - 1
-    reversals = np.bincount(reversed_in, minlength=k.size).astype(np.int64)
-
-    at_start = order[start]
-    at_stop = order[stop[has_stop]]
-
-    def stopped(name: str, missing: float) -> np.ndarray:
-        column = np.full(k.size, missing, dtype=log[name].dtype)
-        column[has_stop] = log[name][at_stop]
-        return column
-
-    u_x_start, u_x_stop = log["u_x"][at_start], stopped("u_x", np.nan)
-    table = {
-        "n": n_of_i[block[start]],
-        "i": block[start],
-        "t_start": log["t"][at_start],
-        "t_stop": stopped("t", np.nan),
-        "step_start": log["step"][at_start],
-        "step_stop": stopped("step", -1),
-        "u_x_start": u_x_start,
-        "u_x_stop": u_x_stop,
-        "slip": u_x_stop - u_x_start,
-        "direction": new[start],
-        "reversals": reversals,
-        "corner": log["corner"][at_start],
-        "p_start": log["p"][at_start],
-    }
-    by_time = np.lexsort((table["n"], table["step_start"], table["t_start"]))
-    return pd.DataFrame({name: column[by_time] for name, column in table.items()})
 
 
 def static_values(
@@ -398,131 +281,6 @@ def static_values(
         tau_after=tau_after,
         p_after=p_after,
     )
-
-
-def default_link_time(scene: Scene) -> float:
-    """Default ``link_time`` of a front, s: 40 l/c_s = 40 sqrt(2 m/k)."""
-    return LINK_LENGTHS * float(np.sqrt(2 * scene.m / scene.slider.k))
-
-
-def rupture_front(first_slips: np.ndarray, n_of_i: np.ndarray, link_time: float) -> np.ndarray:
-    """Rupture times of each event's front (definition at the top of this module).
-
-    Parameters
-    ----------
-    first_slips
-        (n_events, N_x) start of each block's first slip in the event, s, NaN for blocks that did
-        not slip; columns from left to right.
-    n_of_i
-        (N_x,) block numbers; equal candidates are told apart by time, then by block number.
-    link_time
-        Largest difference between linked neighbours, s.
-
-    Returns
-    -------
-    ndarray
-        (n_events, N_x), s: ``first_slips`` where the block belongs to the front, NaN elsewhere.
-    """
-    order = np.argsort(n_of_i)
-    t = np.asarray(first_slips, dtype=float)[:, order]
-    n_events, N_x = t.shape
-    if n_events == 0:
-        return np.empty((0, N_x))
-    breaks = np.ones(t.shape, dtype=bool)
-    breaks[:, 1:] = ~(np.abs(np.diff(t, axis=1)) <= link_time)  # NaN is never linked
-    run = np.cumsum(breaks.ravel()) - 1
-    first = np.flatnonzero(breaks.ravel())
-    length = np.add.reduceat(np.isfinite(t).ravel().astype(np.int64), first)
-    begin = np.fmin.reduceat(t.ravel(), first)
-    event = first // N_x
-    # longest first, then earliest, then nearest to the trailing edge
-    best = np.lexsort((first, begin, -length, event))
-    best = best[np.searchsorted(event[best], np.arange(n_events))]
-    in_front = run.reshape(t.shape) == best[:, None]
-    front = np.empty_like(t)
-    front[:, order] = np.where(in_front, t, np.nan)
-    return front
-
-
-def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
-    """Front speed at each block, averaged over five blocks: v_c(i) = 4 l/(t_{i+2} - t_{i-2}).
-
-    Parameters
-    ----------
-    rupture_times
-        (..., N_x) rupture times, s, columns from left to right.
-    l
-        Lattice spacing, m.
-    d
-        +1 for fronts that run to the right (driven from the left), -1 for the left.
-
-    Returns
-    -------
-    ndarray
-        (..., N_x), m/s. NaN at two blocks from either end, and where the five times do not all
-        exist or do not strictly increase away from the driven side. The event table counts the
-        latter as ``n_not_increasing``.
-
-    Source: the paper, Fig. 4 (v_c as an average over five blocks).
-
-    >>> pyfric.front_speed(np.array([0.0, 1e-6, 2e-6, 3e-6, 4e-6]), l=1e-3)[2].round(6)
-    np.float64(1000.0)
-    """
-    t = np.asarray(rupture_times, dtype=float)[..., ::d]
-    v_c = np.full(t.shape, np.nan)
-    if t.shape[-1] >= 5:
-        increasing = _five(np.diff(t, axis=-1) > 0, 4)
-        span = t[..., 4:] - t[..., :-4]
-        v_c[..., 2:-2] = np.divide(4 * l, span, out=np.full(span.shape, np.nan), where=increasing)
-    return v_c[..., ::d]
-
-
-# --- logs ----------------------------------------------------------------------------------------
-
-
-def _columns(log: Any, columns: Mapping[str, Any], name: str) -> dict[str, np.ndarray]:
-    """The log as a dict of arrays with the agreed types."""
-    try:
-        table = {key: np.asarray(log[key]).astype(kind) for key, kind in columns.items()}
-    except (KeyError, ValueError, IndexError) as error:
-        raise LogError(f"{name}: needs the columns {', '.join(columns)} ({error})") from error
-    if len({column.shape[0] for column in table.values()}) != 1:
-        raise LogError(f"{name}: columns of different lengths")
-    return table
-
-
-def _quiet_columns(log: Any, N_x: int) -> dict[str, np.ndarray]:
-    table = _columns(log, QUIET_COLUMNS, "quiet log")
-    for key in ("u_x", "mode"):
-        if table[key].shape != (table["t"].size, N_x):
-            raise LogError(f"quiet log: {key} has shape {table[key].shape}, needs (rows, {N_x})")
-    return table
-
-
-def _slips(mode: np.ndarray) -> np.ndarray:
-    return np.abs(mode) == 1
-
-
-def _with_earlier_starts(log: dict[str, np.ndarray], t_begin: float) -> dict[str, np.ndarray]:
-    """Add a start at ``t_begin`` for each block whose first switch finds it slipping."""
-    _, first = np.unique(log["block"], return_index=True)
-    first = first[_slips(log["old"][first])]
-    if first.size == 0:
-        return log
-    earlier = {
-        "step": np.full(first.size, -1),
-        "block": log["block"][first],
-        "old": np.zeros(first.size),
-        "new": log["old"][first],
-        "corner": log["corner"][first],
-        "t": np.full(first.size, t_begin),
-        "u_x": np.full(first.size, np.nan),
-        "p": np.full(first.size, np.nan),
-    }
-    return {
-        key: np.concatenate([earlier[key].astype(kind), log[key]])
-        for key, kind in SWITCH_COLUMNS.items()
-    }
 
 
 # --- events --------------------------------------------------------------------------------------
@@ -634,40 +392,3 @@ def _last_modes(
 def _or_inf(column: pd.Series) -> np.ndarray:
     values = column.to_numpy()
     return np.where(np.isnan(values), np.inf, values)
-
-
-# --- fronts --------------------------------------------------------------------------------------
-
-
-def _first_slips(joined: pd.DataFrame, n_events: int, n_of_i: np.ndarray) -> np.ndarray:
-    """(n_events, N_x) start of the first slip of each block in each event, s, NaN where none."""
-    t = np.full(n_events * n_of_i.size, np.nan)
-    key = joined["event"].to_numpy() * n_of_i.size + joined["i"].to_numpy()
-    key, first = np.unique(key, return_index=True)
-    t[key] = joined["t_start"].to_numpy()[first]
-    return t.reshape(n_events, n_of_i.size)
-
-
-def _five(steps: np.ndarray, width: int) -> np.ndarray:
-    """True where ``width`` consecutive entries along the last axis are all True."""
-    return np.lib.stride_tricks.sliding_window_view(steps, width, axis=-1).all(axis=-1)
-
-
-def _count_not_increasing(rupture_times: np.ndarray, d: int) -> np.ndarray:
-    """(n_events,) blocks with five rupture times that do not strictly increase."""
-    if rupture_times.shape[1] < 5:
-        return np.zeros(rupture_times.shape[0], dtype=np.int64)
-    five_exist = _five(np.isfinite(rupture_times), 5).sum(axis=1)
-    return five_exist - np.isfinite(front_speed(rupture_times, 1.0, d)).sum(axis=1)
-
-
-def _shares(scene: Scene, times: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n_events,) shares of each front's blocks with `RESOLVED` blocks in X_c0, and in X_c(v)."""
-    v, inside = front_speed(times, scene.slider.l, scene.d), np.isfinite(times)
-    at_rest = np.where(inside, zone_at_rest(scene, p), np.nan)
-    known = np.isfinite(at_rest), np.isfinite(at_rest) & np.isfinite(v)
-    enough = at_rest >= RESOLVED, zone_moving(scene, p, v) >= RESOLVED
-    return tuple(
-        np.divide(e.sum(axis=1), k.sum(axis=1), out=np.full(len(p), np.nan), where=k.any(axis=1))
-        for e, k in zip(enough, known, strict=True)
-    )

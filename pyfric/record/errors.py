@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from pyfric.record.catalogue import front_speed
+from pyfric.record.rupture import front_speed
 
 if TYPE_CHECKING:
     from pyfric.record.record import Record

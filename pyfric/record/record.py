@@ -38,10 +38,12 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import State
-from pyfric.record.catalogue import QUIET_COLUMNS, SWITCH_COLUMNS, T_GAP, front_speed
+from pyfric.record.catalogue import T_GAP
+from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
 from pyfric.record.errors import Errors
 from pyfric.record.labels import describe
 from pyfric.record.report import summary, text
+from pyfric.record.rupture import front_speed
 from pyfric.record.zones import zone_at_rest, zone_moving
 from pyfric.scene import Scene, held_back, html, sealed, unsealed, write
 

@@ -1,0 +1,189 @@
+"""The logs of contact switches, and the slip episodes in them.
+
+An episode is one block's uninterrupted slip. A direct reversal (+1 to -1) continues it. Episodes
+that start with almost no contact force are *corner episodes*, flagged by the engine.
+
+Arrays over blocks run from left to right (index i). Block *numbers* n run from 1 at the trailing
+edge, the driven side. Times are in s, lengths in m, forces in N.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+__all__ = [
+    "OPEN",
+    "QUIET_COLUMNS",
+    "SWITCH_COLUMNS",
+    "LogError",
+    "build_episodes",
+    "columns_of",
+    "quiet_columns",
+]
+
+OPEN = 2
+
+
+SWITCH_COLUMNS = {
+    "step": np.int64,
+    "block": np.int64,
+    "old": np.int32,
+    "new": np.int32,
+    "corner": np.bool_,
+    "t": np.float64,
+    "u_x": np.float64,
+    "p": np.float64,
+}
+"""Columns of the switch log: one row per change of a block's contact mode, in order of time."""
+
+
+QUIET_COLUMNS = {
+    "step": np.int64,
+    "t": np.float64,
+    "kind": np.int32,
+    "F_T": np.float64,
+    "u_x": np.float64,
+    "mode": np.int32,
+}
+"""Columns of the quiet log: one row whenever the number of slipping non-corner blocks leaves 0
+(kind +1) or returns to 0 (kind -1). ``u_x`` and ``mode`` have a second axis of N_x blocks."""
+
+
+class LogError(ValueError):
+    """The switch or quiet log contradicts itself or the scene."""
+
+
+def build_episodes(
+    switches: Mapping[str, np.ndarray] | np.ndarray, n_of_i: np.ndarray, *, t_begin: float = 0.0
+) -> pd.DataFrame:
+    """Slip episodes, one row each, ordered by start (ties: by step, then by block number).
+
+    Parameters
+    ----------
+    switches
+        The switch log (`SWITCH_COLUMNS`).
+    n_of_i
+        (N_x,) block number from the trailing edge of each column.
+    t_begin
+        Time at which the log begins, s.
+
+    Returns
+    -------
+    DataFrame
+        Columns: n, block number from the trailing edge; i, column from the left, 0-based; t_start,
+        t_stop, s; step_start, step_stop, the time steps (-1: before or after the log); u_x_start,
+        u_x_stop and slip, their difference, m; direction, +1 (to the right) or -1, at the start;
+        reversals, changes of direction; corner; p_start, N. Of an unfinished episode t_stop,
+        u_x_stop and slip are NaN; of one that began before the log u_x_start, slip and p_start.
+
+    Raises
+    ------
+    LogError
+        If a block's modes do not follow on from each other.
+    """
+    n_of_i = np.asarray(n_of_i, dtype=np.int64)
+    log = columns_of(switches, SWITCH_COLUMNS, "switch log")
+    if log["block"].size and (log["block"].min() < 0 or log["block"].max() >= n_of_i.size):
+        raise LogError(f"switch log: block outside 0...{n_of_i.size - 1}")
+    log = _with_earlier_starts(log, t_begin)
+
+    order = np.argsort(log["block"], kind="stable")  # block by block, in order of time
+    block, old, new = (log[name][order] for name in ("block", "old", "new"))
+    start, stop, reversals = _starts_and_stops(block, old, new)
+    has_stop = stop >= 0
+    at_start = order[start]
+    at_stop = order[stop[has_stop]]
+
+    def stopped(name: str, missing: float) -> np.ndarray:
+        column = np.full(start.size, missing, dtype=log[name].dtype)
+        column[has_stop] = log[name][at_stop]
+        return column
+
+    u_x_start, u_x_stop = log["u_x"][at_start], stopped("u_x", np.nan)
+    table = {
+        "n": n_of_i[block[start]],
+        "i": block[start],
+        "t_start": log["t"][at_start],
+        "t_stop": stopped("t", np.nan),
+        "step_start": log["step"][at_start],
+        "step_stop": stopped("step", -1),
+        "u_x_start": u_x_start,
+        "u_x_stop": u_x_stop,
+        "slip": u_x_stop - u_x_start,
+        "direction": new[start],
+        "reversals": reversals,
+        "corner": log["corner"][at_start],
+        "p_start": log["p"][at_start],
+    }
+    by_time = np.lexsort((table["n"], table["step_start"], table["t_start"]))
+    return pd.DataFrame({name: column[by_time] for name, column in table.items()})
+
+
+def _starts_and_stops(
+    block: np.ndarray, old: np.ndarray, new: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows of a log sorted by block: where episodes start, where they stop (-1: not), reversals."""
+    broken = (block[1:] == block[:-1]) & (old[1:] != new[:-1])
+    if broken.any():
+        i = int(block[1:][broken][0])
+        raise LogError(f"switch log: the modes of block {i} (column) do not follow on")
+    was, now = _slips(old), _slips(new)
+    edge = np.flatnonzero(was != now)  # starts and stops alternate within a block
+    k = np.flatnonzero(now[edge])
+    start = edge[k]
+    has_stop = np.zeros(k.size, dtype=bool)
+    inside = k + 1 < edge.size
+    has_stop[inside] = block[edge[k[inside] + 1]] == block[start[inside]]
+    stop = np.full(k.size, -1)
+    stop[has_stop] = edge[k[has_stop] + 1]
+    reversed_in = np.cumsum(now & ~was)[was & now & (old != new)] - 1
+    return start, stop, np.bincount(reversed_in, minlength=k.size).astype(np.int64)
+
+
+def columns_of(log: Any, columns: Mapping[str, Any], name: str) -> dict[str, np.ndarray]:
+    """The log as a dict of arrays with the agreed types."""
+    try:
+        table = {key: np.asarray(log[key]).astype(kind) for key, kind in columns.items()}
+    except (KeyError, ValueError, IndexError) as error:
+        raise LogError(f"{name}: needs the columns {', '.join(columns)} ({error})") from error
+    if len({column.shape[0] for column in table.values()}) != 1:
+        raise LogError(f"{name}: columns of different lengths")
+    return table
+
+
+def quiet_columns(log: Any, N_x: int) -> dict[str, np.ndarray]:
+    table = columns_of(log, QUIET_COLUMNS, "quiet log")
+    for key in ("u_x", "mode"):
+        if table[key].shape != (table["t"].size, N_x):
+            raise LogError(f"quiet log: {key} has shape {table[key].shape}, needs (rows, {N_x})")
+    return table
+
+
+def _slips(mode: np.ndarray) -> np.ndarray:
+    return np.abs(mode) == 1
+
+
+def _with_earlier_starts(log: dict[str, np.ndarray], t_begin: float) -> dict[str, np.ndarray]:
+    """Add a start at ``t_begin`` for each block whose first switch finds it slipping."""
+    _, first = np.unique(log["block"], return_index=True)
+    first = first[_slips(log["old"][first])]
+    if first.size == 0:
+        return log
+    earlier = {
+        "step": np.full(first.size, -1),
+        "block": log["block"][first],
+        "old": np.zeros(first.size),
+        "new": log["old"][first],
+        "corner": log["corner"][first],
+        "t": np.full(first.size, t_begin),
+        "u_x": np.full(first.size, np.nan),
+        "p": np.full(first.size, np.nan),
+    }
+    return {
+        key: np.concatenate([earlier[key].astype(kind), log[key]])
+        for key, kind in SWITCH_COLUMNS.items()
+    }

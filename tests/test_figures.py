@@ -15,7 +15,7 @@ import pyfric
 from pyfric import figures
 from pyfric.figures import fig1b, figure_caption, save_figure, slip_segments, strip
 from pyfric.figures.fronts import wave_speeds
-from pyfric.figures.loading import CURVE_BINS, _envelope
+from pyfric.figures.loading import CURVE_BINS, envelope
 from pyfric.figures.strip import event_frames, frame_times
 from pyfric.figures.style import scene_text
 from pyfric.record import (
@@ -221,7 +221,7 @@ def test_long_curves_keep_their_extremes():
     y = np.sin(20 * t)
     y[123_456] = -3.0
     y[654_321] = 3.0
-    thin_t, thin_y = _envelope(t, y)
+    thin_t, thin_y = envelope(t, y)
     assert thin_t.size <= 2 * CURVE_BINS + 2
     assert (thin_t[0], thin_t[-1]) == (0, 1)
     assert (thin_y.min(), thin_y.max()) == (-3, 3)

@@ -42,7 +42,7 @@ class Page(HTMLParser):
         attributes = dict(attributes)
         self.links += [attributes[name] for name in ("href", "src") if name in attributes]
         self.ids += [attributes["id"]] if "id" in attributes else []
-        if tag not in ("meta", "img"):
+        if tag not in ("meta", "img", "input"):
             self.open.append(tag)
 
     def handle_endtag(self, tag):

@@ -154,6 +154,20 @@ def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
     return pyfric.preset(name, **values)
 
 
+def record_of(path: str) -> Record:
+    """Return the record in this file.
+
+    Raises:
+        RecordError: there is none.
+    """
+    import pyfric
+
+    try:
+        return pyfric.Record.load(path)
+    except FileNotFoundError as error:
+        raise pyfric.RecordError(str(error)) from None
+
+
 def check_out(
     out: Path | None,
     overwrite: bool = False,

@@ -15,6 +15,7 @@ from pyfric.figures.spacetime import space_time
 from pyfric.figures.stresses import fig3a, fig3b
 from pyfric.figures.strip import event_movie, event_strip
 from pyfric.figures.style import DataFigure, save_figure
+from pyfric.figures.view import record_page
 from pyfric.record import Record
 from pyfric.scene import DRAWINGS, Scene
 
@@ -35,6 +36,7 @@ __all__ = [
     "fig4a",
     "fig4b",
     "figure_caption",
+    "record_page",
     "save_figure",
     "sketch",
     "slip_segments",

@@ -63,7 +63,7 @@ def fig1b(record: Record, path: str | os.PathLike[str] | None = None) -> DataFig
     """
     fig, (top, bottom) = panels(3.3, (1.15, 1), sharex=True)
 
-    t, F_T = _envelope(record.curve["t"].to_numpy(), record.curve["F_T"].to_numpy())
+    t, F_T = envelope(record.curve["t"].to_numpy(), record.curve["F_T"].to_numpy())
     force = F_T / record.scene.F_N
     segments = slip_segments(record)
     _draw_curve(top, t, force, record.scene.law.mean.mu_k)
@@ -104,14 +104,11 @@ def slip_segments(record: Record) -> pd.DataFrame:
     event = first // scene.N_x
     n_first, n_last = first % scene.N_x + 1, last % scene.N_x + 1
 
-    whole = events["is_main"].to_numpy() & (events["L_p_over_L"].to_numpy() == 1)
-    kind = np.where(events["is_main"].to_numpy(), "partial", "micro")
-    kind = np.where(whole, "whole", kind)
     return pd.DataFrame(
         {
             "event": event,
             "t_s": events["t_start"].to_numpy()[event],
-            "kind": kind[event],
+            "kind": event_kinds(record)[event],
             "slipped": region.ravel()[first] == 1,
             "first_block": n_first,
             "last_block": n_last,
@@ -119,6 +116,13 @@ def slip_segments(record: Record) -> pd.DataFrame:
             "x_to": n_last / scene.N_x,
         }
     )
+
+
+def event_kinds(record: Record) -> np.ndarray:
+    """Kind of each event: "whole" (reaches over the whole interface), "partial" or "micro"."""
+    main = record.events["is_main"].to_numpy()
+    whole = main & (record.events["L_p_over_L"].to_numpy() == 1)
+    return np.where(whole, "whole", np.where(main, "partial", "micro"))
 
 
 def figure_caption(record: Record) -> str:
@@ -146,7 +150,7 @@ def figure_caption(record: Record) -> str:
 # --- parts ---------------------------------------------------------------------------------------
 
 
-def _envelope(t: np.ndarray, y: np.ndarray, bins: int = CURVE_BINS) -> tuple[np.ndarray, ...]:
+def envelope(t: np.ndarray, y: np.ndarray, bins: int = CURVE_BINS) -> tuple[np.ndarray, ...]:
     """Thin a curve to the lowest and highest point of each bin, in order, and both ends."""
     if t.size <= 4 * bins:
         return t, y

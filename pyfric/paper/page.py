@@ -13,11 +13,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jinja2
 import pandas as pd
 
 from pyfric.figures import FIGURES
-from pyfric.scene import __version__, write
+from pyfric.scene import __version__, template, write
 
 __all__ = ["write_index"]
 
@@ -64,7 +63,7 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
     names = [name for name in sorted(FIGURES) if (folder / f"{name}.png").is_file()]
     runs = [pd.read_csv(folder / f"{name}_runs.csv").assign(figure=name) for name in names]
     claims = folder / "claims.json"
-    text = _template().render(
+    text = template(__file__, "page.html").render(
         version=__version__,
         figures=[_figure(folder, name) for name in names],
         has_claims=claims.is_file(),
@@ -72,16 +71,6 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
         cost=_cost(pd.concat(runs, ignore_index=True)) if runs else None,
     )
     return write(folder / "index.html", text.encode())
-
-
-def _template() -> jinja2.Template:
-    loader = jinja2.FileSystemLoader(Path(__file__).parent)
-    rules = {"autoescape": True, "undefined": jinja2.StrictUndefined}
-    environment = jinja2.Environment(
-        loader=loader, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True, **rules
-    )
-    environment.tests["numeric"] = _is_number
-    return environment.get_template("page.html")
 
 
 def _figure(folder: Path, name: str) -> Shown:
@@ -129,11 +118,3 @@ def _plain(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     return "" if value is None else str(value)
-
-
-def _is_number(value: Any) -> bool:
-    try:
-        float(value)
-    except (TypeError, ValueError):
-        return False
-    return True

@@ -45,7 +45,7 @@ from pyfric.record.labels import describe
 from pyfric.record.report import summary, text
 from pyfric.record.rupture import front_speed
 from pyfric.record.zones import zone_at_rest, zone_moving
-from pyfric.scene import Scene, held_back, html, sealed, unsealed, write
+from pyfric.scene import Scene, held_back, html, page_of, sealed, unsealed, write
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -408,6 +408,19 @@ class Record:
             errors=_errors(json.loads(attributes["errors"])),
             final_state=_load_state(json.loads(attributes["final_state"]), values),
         )
+
+    def to_html(self, path: str | os.PathLike[str]) -> Path:
+        """Write one page about the record, at most 2 MB that stand alone, and return its path.
+
+        It shows the loading curve, where the interface slips, each event with its stresses, and
+        what made the record; see `pyfric.figures.record_page`.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written; it names path and reason.
+        """
+        return write(path, page_of(self).encode())
 
     def to_csv(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write the tables as CSV into ``folder`` (made if missing) and return the paths.

@@ -37,7 +37,7 @@ from pyfric.scene.presets import (
     slab,
 )
 from pyfric.scene.scene import Scene
-from pyfric.scene.shown import DRAWINGS, html
+from pyfric.scene.shown import DRAWINGS, html, page_of, template
 from pyfric.scene.signals import (
     answered,
     asked_to_stop,
@@ -100,6 +100,7 @@ __all__ = [
     "nearest",
     "nothing_to_save",
     "of",
+    "page_of",
     "paper_step",
     "parse_quantity",
     "preset",
@@ -113,6 +114,7 @@ __all__ = [
     "setup2",
     "slab",
     "slipped",
+    "template",
     "unknown",
     "unsealed",
     "write",

@@ -11,6 +11,7 @@ import dataclasses
 import html as markup
 import importlib
 import io
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pyfric.scene.checked import quantities
@@ -18,9 +19,11 @@ from pyfric.scene.checked import quantities
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    import jinja2
+
     from pyfric.scene.scene import Scene
 
-__all__ = ["DRAWINGS", "html", "scene_text"]
+__all__ = ["DRAWINGS", "html", "page_of", "scene_text", "template"]
 
 DRAWINGS: dict[type, Callable[[Any], Any]] = {}
 """Class -> function that returns a figure with a caption."""
@@ -40,6 +43,35 @@ def _image(figure: Any) -> str:
     data = base64.b64encode(picture.getvalue()).decode()
     alt = markup.escape(figure.caption, quote=True)
     return f'<img alt="{alt}" src="data:image/png;base64,{data}" style="max-width:100%">'
+
+
+def page_of(record: Any) -> str:
+    """Return a page about a record, drawn by a room above this one."""
+    return importlib.import_module("pyfric.figures").record_page(record)
+
+
+def template(beside: str, name: str) -> jinja2.Template:
+    """Return the template of this name that lies beside a file; its tests know `numeric`."""
+    import jinja2  # slow to import
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(beside).parent),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.tests["numeric"] = _is_number
+    return environment.get_template(name)
+
+
+def _is_number(value: Any) -> bool:
+    try:
+        float(value)
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def scene_text(scene: Scene) -> str:

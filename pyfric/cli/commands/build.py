@@ -7,7 +7,7 @@ import os
 import click
 
 from pyfric.cli.app import main
-from pyfric.cli.shared import Exit, json_option, print_json, stop
+from pyfric.cli.shared import Exit, json_option, print_json, record_of, stop
 
 
 @main.command()
@@ -72,9 +72,9 @@ def info(record: str | None, as_json: bool) -> None:
 
 def _record_info(path: str, as_json: bool) -> None:
     """Show what a record file holds."""
-    from pyfric.record import Record, summary, text
+    from pyfric.record import summary, text
 
-    found = summary(Record.load(path), [])
+    found = summary(record_of(path), [])
     print_json(found) if as_json else click.echo(text(found))
 
 

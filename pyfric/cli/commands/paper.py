@@ -22,6 +22,7 @@ from pyfric.cli.shared import (
     overwrite_option,
     print_json,
     quiet_option,
+    record_of,
     scene_of,
     set_option,
     show_files,
@@ -223,10 +224,7 @@ def _run_of(
     if source.lower().endswith(".nc"):
         if changes:
             raise click.UsageError(f"--set changes presets; {source} is a record.")
-        try:
-            record = pyfric.Record.load(source)
-        except FileNotFoundError as error:
-            raise pyfric.RecordError(str(error)) from None
+        record = record_of(source)
     else:
         progress = False if quiet else None
         scene = scene_of(source, changes)

@@ -28,6 +28,7 @@ from pyfric.cli.shared import (
     overwrite_option,
     print_json,
     quiet_option,
+    record_of,
     scene_of,
     set_option,
     signalled,
@@ -265,10 +266,7 @@ def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
     import pyfric
     from pyfric.scene import paper_step
 
-    try:
-        before = pyfric.Record.load(path)
-    except FileNotFoundError as error:
-        raise pyfric.RecordError(str(error)) from None
+    before = record_of(path)
     if before.scene != scene:
         raise pyfric.RecordError(f"{path}: the record of another scene cannot be continued")
     method = before.method

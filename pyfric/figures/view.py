@@ -1,0 +1,162 @@
+"""One page for a record: `Record.to_html`.
+
+The page is one file that loads nothing else. What it looks like is in ``view.html``, what answers
+to the mouse and the keys in ``view.js``; here are the numbers that both show.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pyfric.figures.loading import CURVE_BINS, KINDS, envelope, event_kinds, slip_segments
+from pyfric.record import MAIN_EVENT_BLOCKS, summary
+from pyfric.scene import template
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pyfric.record import Record
+
+__all__ = ["record_page"]
+
+LARGEST = 2_000_000
+"""Most bytes of a page."""
+SPARE = 20_000
+"""Bytes of it that are kept for what is counted last."""
+MOST_EVENTS = 3000
+"""Most events of a page: the main ones and the micro-slips of most blocks."""
+KIND_NAMES = {"whole": "whole interface", "partial": "partial", "micro": "micro-slip"}
+
+
+def record_page(record: Record) -> str:
+    """Return a page about a record, as HTML: at most 2 MB, which needs nothing from elsewhere.
+
+    It shows the loading curve and where the interface slips; of each event that is chosen, when
+    which block slips, and the stresses before and after; and what made the record. Where the events
+    are too many for the size of the page, it says which are left out.
+    """
+    kept = _kept(record)
+    rows = _event_rows(record, kept)
+    page = {
+        "record": record,
+        "found": summary(record, []),
+        "scene_lines": repr(record.scene).splitlines(),
+        "rows": rows,
+        "kinds": {kind: (label, colour) for kind, (label, colour, *_) in KINDS.items()},
+        "micro_blocks": MAIN_EVENT_BLOCKS,
+        "left_out": len(record.events) - len(kept),
+    }
+    data = {"events": rows, "details": {}} | _overview(record, kept)
+    render = template(__file__, "view.html").render
+    size = len(render(page, data=_json(data), without=len(kept)).encode())
+    data["details"] = _details(record, kept, LARGEST - SPARE - size)
+    return render(page, data=_json(data), without=len(kept) - len(data["details"]))
+
+
+def _json(values: Any) -> str:
+    """Return JSON that can stand inside a script element."""
+    return json.dumps(values, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+
+
+def _kept(record: Record) -> np.ndarray:
+    """Rows of the events on the page."""
+    order = np.argsort(-record.events["n_blocks"].to_numpy(), kind="stable")
+    return np.sort(order[:MOST_EVENTS])
+
+
+def _overview(record: Record, kept: np.ndarray) -> dict[str, Any]:
+    """Loading curve and slip regions."""
+    t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
+    t, F_T = envelope(t, F_T, CURVE_BINS // 3)
+    pieces = slip_segments(record)
+    pieces = pieces[pieces["event"].isin(kept)]
+    columns = ("t_s", "x_from", "x_to", "slipped")
+    slip = {
+        kind: [_rounded(one[name].astype(float), 7) for name in columns]
+        for kind, one in pieces.groupby("kind")
+    }
+    friction = record.scene.law.mean
+    return {
+        "curve": {"t": _rounded(t, 7), "F": _rounded(F_T / record.scene.F_N, 5)},
+        "slip": slip,
+        "colours": {kind: colour for kind, (_, colour, *_) in KINDS.items()},
+        "mu_s": friction.mu_s,
+        "mu_k": friction.mu_k,
+        "N_x": record.scene.N_x,
+    }
+
+
+def _event_rows(record: Record, kept: np.ndarray) -> list[dict[str, Any]]:
+    """What the page says of each event, in order of time."""
+    events, F_N = record.events.iloc[kept], record.scene.F_N
+    kinds = event_kinds(record)[kept]
+    return [
+        {
+            "row": int(row),
+            "kind": str(kind),
+            "kind_name": KIND_NAMES[kind],
+            "t": _number(one["t_start"], 9),
+            "duration": _number(one["duration"]),
+            "start": _number(one["F_T_start"] / F_N),
+            "arrest": _number(one["F_T_arrest"] / F_N),
+            "L_p": _number(one["L_p_over_L"], 4),
+            "blocks": int(one["n_blocks"]),
+            "x_0": _number(one["x_nucleation"] / record.scene.slider.L, 4),
+            "share": _number(one["share_X_c0"], 3),
+        }
+        for row, kind, (_, one) in zip(kept, kinds, events.iterrows(), strict=True)
+    ]
+
+
+def _details(record: Record, kept: np.ndarray, room: int) -> dict[str, Any]:
+    """Stresses and slip of the events, largest first, as many as there is room for (bytes)."""
+    episodes = {event: rows for event, rows in record.episodes.groupby("event") if event >= 0}
+    largest_first = kept[np.argsort(-record.events["n_blocks"].to_numpy()[kept], kind="stable")]
+    details = {}
+    for event in map(int, largest_first):
+        one = _stresses(record, event) | {"slips": _slips(record, event, episodes.get(event))}
+        room -= len(_json(one)) + len(str(event)) + 4
+        if room < 0:
+            break
+        details[str(event)] = one
+    return details
+
+
+def _stresses(record: Record, event: int) -> dict[str, Any]:
+    """Static tau and p over F_N/N_x from the trailing edge on."""
+    order, unit = np.argsort(record.scene.n_of_i), record.scene.F_N / record.scene.N_x
+    return {
+        name: _rounded(getattr(record, name)[event][order] / unit, 4)
+        for name in ("tau_before", "p_before", "tau_after", "p_after")
+    }
+
+
+def _slips(record: Record, event: int, episodes: pd.DataFrame | None) -> list[list[float | None]]:
+    """Episodes: block, begin and end in us from the first slip, and slip along the drive in nm."""
+    if episodes is None:
+        return []
+    t_0 = record.events["t_start"].iloc[event]
+    columns = (
+        episodes["n"].to_numpy(float),
+        np.round((episodes["t_start"] - t_0).to_numpy() * 1e6, 2),
+        np.round((episodes["t_stop"] - t_0).to_numpy() * 1e6, 2),
+        record.scene.d * episodes["slip"].to_numpy() * 1e9,
+    )
+    return [[_number(value) for value in row] for row in zip(*columns, strict=True)]
+
+
+def _rounded(values: Iterable[float], digits: int = 6) -> list[float | None]:
+    return [_number(value, digits) for value in values]
+
+
+def _number(value: float, digits: int = 6) -> float | int | None:
+    """A number with so many digits, short; None where it is not known."""
+    if not math.isfinite(value):
+        return None
+    short = float(f"{value:.{digits}g}")
+    return int(short) if short.is_integer() else short

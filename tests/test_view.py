@@ -1,0 +1,162 @@
+"""The page of a record: what it holds, that it needs nothing else, how it answers in a browser."""
+
+import json
+import re
+
+import browser
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from helpers import small
+from test_page import Page
+
+import pyfric
+from pyfric.cli import main
+from pyfric.figures import record_page, view
+
+
+@pytest.fixture(scope="module")
+def record():
+    return pyfric.simulate(
+        small(name="<b>&", V=0.02), 0.1, fidelity="hybrid", geometry="linear", progress=False
+    )
+
+
+@pytest.fixture(scope="module")
+def text(record):
+    return record_page(record)
+
+
+def embedded(text):
+    return json.loads(re.search(r'id="data">(.*?)</script>', text).group(1))
+
+
+def test_it_stands_alone(record, text, tmp_path):
+    path = record.to_html(tmp_path / "run.html")
+    assert path.read_text(encoding="utf-8") == text
+    assert len(text.encode()) < 2_000_000
+    page = Page(text)
+    assert all(link.startswith("#") for link in page.links)
+    for elsewhere in ("http", "url(", "@import", "import(", "fetch", "<link", "<img", "<b>"):
+        assert elsewhere not in text
+    assert "Run of <b>&" in page.texts  # escaped
+    assert {"overview", "event", "events", "numbers", "errors", "made"} <= set(page.ids)
+
+
+def test_it_holds_what_the_record_does(record, text):
+    words, data = " ".join(Page(text).texts), embedded(text)
+    assert len(record.events) > 5
+    assert [one["row"] for one in data["events"]] == list(range(len(record.events)))
+    assert data["details"].keys() == {str(row) for row in range(len(record.events))}
+    F_N, order = record.scene.F_N, np.argsort(record.scene.n_of_i)
+    for one, (row, event) in zip(data["events"], record.events.iterrows(), strict=True):
+        assert f'href="#event-{row}"' in text
+        assert one["t"] == pytest.approx(event["t_start"], rel=1e-8)
+        assert one["start"] == pytest.approx(event["F_T_start"] / F_N, rel=1e-5)
+        detail, unit = data["details"][str(row)], F_N / record.scene.N_x
+        known = [np.nan if v is None else v for v in detail["tau_after"]]
+        assert known == pytest.approx(record.tau_after[row][order] / unit, rel=1e-3, nan_ok=True)
+        slips = record.episodes[record.episodes["event"] == row]
+        assert sum(one[3] for one in detail["slips"]) == pytest.approx(
+            slips["slip"].sum() * record.scene.d * 1e9, rel=1e-4
+        )
+    for said in (*record.notes, *record.versions.values(), str(record.method)[1:]):
+        assert said in words
+    assert "No errors were measured." in words
+
+
+def test_drawings_have_words(text):
+    for name in re.findall(r'aria-(?:labelledby|describedby)="(.*?)"', text):
+        assert all(f'id="{one}"' in text for one in name.split())
+    assert len(re.findall("<svg", text)) == 3
+    assert len(re.findall('<svg[^>]*(?:aria-label|role="img" aria-labelledby)="', text)) == 3
+
+
+def test_a_page_never_grows_beyond_its_size(record, text, monkeypatch):
+    monkeypatch.setattr(view, "LARGEST", len(text.encode()) - 10_000)
+    monkeypatch.setattr(view, "SPARE", 1000)
+    shorter = record_page(record)
+    assert len(shorter.encode()) <= view.LARGEST
+    kept = {int(row) for row in embedded(shorter)["details"]}
+    left = set(range(len(record.events))) - kept
+    assert left
+    assert f"Of {len(left)} events, those of the fewest blocks" in shorter
+    blocks = record.events["n_blocks"]
+    assert blocks[list(kept)].min() >= blocks[list(left)].max()
+    monkeypatch.setattr(view, "MOST_EVENTS", 3)
+    assert len(embedded(record_page(record))["events"]) == 3
+
+
+def test_a_run_without_slip():
+    still = pyfric.simulate(small(), 1e-4, fidelity="hybrid", geometry="linear", progress=False)
+    assert "Nothing slipped in this run." in record_page(still)
+
+
+def test_the_command(record, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    record.save("run.nc")
+    runs = CliRunner()
+    assert runs.invoke(main, ["show", "run.nc"]).output == "run.html\n"
+    again = runs.invoke(main, ["show", "run.nc"])
+    assert (again.exit_code, "--overwrite replaces it" in again.output) == (2, True)
+    told = runs.invoke(main, ["show", "run.nc", "--overwrite", "--json"]).output
+    assert json.loads(told)["files"] == ["run.html"]
+    assert runs.invoke(main, ["show", "none.nc"]).exit_code == 2
+
+
+@pytest.fixture
+def page(record, tmp_path):
+    if browser.FOUND is None:
+        pytest.skip("there is no Chromium here (Debian: apt-get install chromium)")
+    one = browser.Browser(tmp_path / "profile")
+    one.open(record.to_html(tmp_path / "run.html"))
+    yield one
+    one.close()
+
+
+def test_in_a_browser(record, page):
+    said = 'document.getElementById("said").textContent'
+
+    def shown():
+        return int(re.match(r"Event (\d+):", page.js(said)).group(1))
+
+    assert shown() == record.events["n_blocks"].argmax()
+    box = "JSON.stringify(document.getElementById('map').getBoundingClientRect())"
+    box, row = json.loads(page.js(box)), int(np.flatnonzero(record.events["is_main"])[0])
+    span = record.curve["t"].iloc[-1]
+    at = 62 + 825 * record.events["t_start"][row] / span
+    page.click(box["x"] + at * box["width"] / 900, box["y"] + 300 * box["height"] / 470)
+    assert abs(record.events["t_start"][shown()] - record.events["t_start"][row]) < 0.02 * span
+    assert page.js("document.activeElement.id") == "map"  # it has the keys now
+    page.press("Home")
+    assert shown() == 0
+    page.press("ArrowRight")
+    page.press("ArrowRight")
+    assert shown() == 2
+    page.press("End")
+    assert shown() == len(record.events) - 1
+    assert page.js("document.getElementById('next').disabled")
+    page.press("PageUp")
+    assert record.events["is_main"][shown()]
+    assert page.js("document.getElementById('map').getAttribute('aria-valuetext')") == page.js(said)
+    page.press("Tab")
+    assert page.js("document.activeElement.id") == "previous"
+    before = shown()
+    page.press("Enter", "\r")
+    assert shown() == before - 1
+    page.js("location.hash = '#event-1'")
+    page.js("new Promise((done) => setTimeout(done, 50))")
+    assert shown() == 1
+    slips = (record.episodes["event"] == 1).sum()
+    assert page.js("document.querySelectorAll('#xt rect').length") >= slips
+    assert page.js("document.querySelectorAll('#stress path.line').length") == 8
+    told = {one["method"] for one in page.events}
+    assert "Runtime.exceptionThrown" not in told
+    assert "Log.entryAdded" not in told
+    asked = [e["params"]["request"]["url"] for e in page.events if "request" in e.get("params", {})]
+    assert asked
+    assert all(url.startswith("file://") for url in asked)
+    named = page("Accessibility.getFullAXTree")["nodes"]
+    named = {(one["role"]["value"], one["name"]["value"]) for one in named if "name" in one}
+    assert ("slider", "Events in order of time") in named
+    assert {name for role, name in named if role == "button"} == {"Previous", "Next"}

@@ -18,7 +18,7 @@ from helpers import edited
 
 from pyfric.record import Method, Record, RecordError, catalogue, episodes
 from pyfric.record.labels import LABELS
-from pyfric.record.record import SCHEMA
+from pyfric.record.record import GROUPS, SCHEMA
 from pyfric.scene import files, setup1, setup2
 
 MS = 1e-3
@@ -117,6 +117,41 @@ def test_loaded_record_is_identical(make_scene, n_events, tmp_path):
     assert loaded.final_state["n"] == 2**60 + 1
     assert type(loaded.final_state["t"]) is float
     assert loaded.method == original.method
+
+
+@pytest.mark.parametrize("n_events", [0, 3])
+def test_a_tree_holds_all_of_a_record(n_events, tmp_path):
+    record = make_record(setup2(theta=-1 / 3), n_events)
+    tree = record.to_datatree()
+    assert Record.from_datatree(tree) == record
+    assert set(tree.children) == set(GROUPS)
+    assert list(tree["events"].data_vars) == list(record.events)
+    assert tree["interface/tau_before"].dims == ("event", "x")
+    if n_events:
+        tree.to_netcdf(tmp_path / "tree.nc", engine="h5netcdf")
+        with xr.open_datatree(tmp_path / "tree.nc", engine="h5netcdf", decode_cf=False) as again:
+            assert (again["events/t_start"] == record.events["t_start"]).all()
+
+
+def test_trees_that_are_no_record_are_refused():
+    tree = make_record().to_datatree()
+    with pytest.raises(RecordError, match="tree: not a pyfric record"):
+        Record.from_datatree(xr.DataTree())
+    del tree["episodes"]
+    with pytest.raises(RecordError, match="tree: damaged pyfric record"):
+        Record.from_datatree(tree)
+
+
+def test_a_dataset_is_lean_and_says_what_is_in_it():
+    record = make_record()
+    dataset = record.to_xarray()
+    assert set(dataset.coords) == {"t", "event", "x", "n"}
+    assert set(dataset.sizes) == {"t", "event", "x"}
+    assert all({"units", "long_name"} <= set(one.attrs) for one in dataset.variables.values())
+    assert (dataset["event_t_start"] == record.events["t_start"]).all()
+    first = dataset.isel(event=0).set_index(x="n").sortby("x")["tau_after"]
+    np.testing.assert_array_equal(first, record.tau_after[0][np.argsort(record.scene.n_of_i)])
+    assert not any(value.startswith("{") for value in map(str, dataset.attrs.values()))
 
 
 def test_floats_survive_bit_for_bit(tmp_path):

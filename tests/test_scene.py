@@ -405,7 +405,7 @@ def test_texts_that_are_no_scene(text):
         ({"M": 1e-300}, "slider.M", 1e-300, "kg", "1e-30 to 1e+30"),
         ({"L": True}, "slider.L", True, "m", "> 0 m"),
         ({"M": "0.1"}, "slider.M", "0.1", "kg", "> 0 kg"),
-        ({"M": "75.6 g"}, "slider.M", "75.6 g", "kg", "> 0 kg"),
+        ({"M": "75.6 mm"}, "slider.M", "75.6 mm", "kg", "> 0 kg"),
         ({"k": 10**400}, "slider.k", 10**400, "N/m", "> 0 N/m"),
         ({"mu_s": None}, "interface.mu_s", None, "", ">= 0"),
         ({"mu_s": 1j}, "interface.mu_s", 1j, "", ">= 0"),

@@ -4,11 +4,13 @@ import base64
 import html
 import re
 
+import numpy as np
+import pint
 import pytest
 from helpers import small
 
 import pyfric
-from pyfric.scene import Interface, SceneError, preset
+from pyfric.scene import Driver, Interface, PrescribedLoad, SceneError, preset
 
 
 @pytest.fixture(scope="module")
@@ -52,36 +54,31 @@ def test_plan_state_sweep_and_figure(record):
     assert repr(plan) == str(plan)
     assert plan._repr_html_() == f"<pre>{html.escape(str(plan))}</pre>"
     assert repr(record.final_state).startswith("State of 9 x 6 blocks at t = 0.0012")
+    assert record.final_state._repr_html_() == f"<pre>{record.final_state!r}</pre>"
     sweep = pyfric.Sweep(scene=small(), t_end=1.0, over={"driver.h": [5e-3]})
     assert repr(sweep) == "Sweep of setup1 over driver.h: grid, t_end = 1 s"
+    assert drawing(sweep)[2] == repr(sweep)
     assert pyfric.figures.sketch("fig1")._repr_png_().startswith(b"\x89PNG")
-
-
-class Millimetres:
-    """What is asked of a quantity of pint."""
-
-    def __init__(self, magnitude):
-        self.magnitude = magnitude
-
-    def __repr__(self):
-        return f"{self.magnitude} mm"
-
-    def to_base_units(self):
-        return self.to("m")
-
-    def to(self, unit):
-        if unit != "m":
-            raise TypeError(f"Cannot convert from millimeter to {unit}")
-        return Millimetres(self.magnitude * 1e-3)
 
 
 def test_a_scene_with_other_values():
     scene = preset("fig1")
     expected = preset("fig1", h=7.5e-3, mu_k=0.4, name="mine")
-    for height in ("7.5 mm", 7.5e-3, Millimetres(7.5)):
+    for height in ("7.5 mm", 7.5e-3, pint.Quantity(7.5, "mm")):
+        assert preset("fig1", h=height).driver == Driver(K=4e6, V=0.7875e-3, h=height)
         assert scene.replace({"driver.h": height}, mu_k=0.4, name="mine") == expected
     assert scene.replace(interface=Interface(mu_s=0.5, mu_k=0.2)).interface.mu_s == 0.5
     assert scene == preset("fig1")
+
+
+def test_values_with_units():
+    forces = pint.Quantity(np.linspace(0.1, 0.2, 5), "kN")
+    load = PrescribedLoad(p=forces, tau=0.0, k_top="1 MN/m")
+    assert load == PrescribedLoad(p=np.linspace(0.1, 0.2, 5) * 1e3, tau=0.0, k_top=1e6)
+    assert preset("chain", L="0.14 m", l=pint.Quantity(2.5, "mm")) == preset("chain")
+    assert preset("fig1").replace(mu_s=pint.Quantity(50, "percent")).interface.mu_s == 0.5
+    with pytest.raises(SceneError, match="missing unit"):
+        preset("fig1", h="0.005")
 
 
 @pytest.mark.parametrize(
@@ -91,7 +88,7 @@ def test_a_scene_with_other_values():
         ({"protocol": ()}, "protocol", "top.protocol or driver.protocol"),
         ({"h": "5 kg"}, "driver.h", "wrong unit"),
         ({"h": "7.6 mm"}, "driver.h", "multiple of l"),
-        ({"V": Millimetres(1.0)}, "V", "Cannot convert"),
+        ({"V": pint.Quantity(1.0, "mm")}, "driver.V", "Cannot convert"),
     ],
     ids=str,
 )
@@ -99,3 +96,9 @@ def test_refused_values(changes, field, text):
     with pytest.raises(SceneError, match=text) as refusal:
         preset("fig1").replace(changes)
     assert refusal.value.field == field
+
+
+def test_dir_is_complete():
+    assert {*pyfric.__all__, *pyfric.ROOMS} <= set(dir(pyfric))
+    for name in pyfric.__all__:
+        assert getattr(pyfric, name) is not None

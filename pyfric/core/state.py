@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from pyfric.scene import clock, sealed, slipped, unsealed, write
+from pyfric.scene import clock, html, sealed, slipped, unsealed, write
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
@@ -108,6 +108,9 @@ class State:
         slipping, opened = int((abs(self.mode) == 1).sum()), int((self.mode == 2).sum())
         moving = f"{slipping} slip, {opened} open" if slipping or opened else "none slips"
         return f"State of {blocks} at t = {self.t:.9g} s, step {self.step}: {moving}"
+
+    def _repr_html_(self) -> str:
+        return html(self)
 
     def copy(self) -> Self:
         """Return a copy that shares nothing."""

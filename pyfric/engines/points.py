@@ -50,7 +50,7 @@ from pyfric.engines.sweep import Job, JobError, run_all
 from pyfric.engines.sweep_file import read_sweep
 from pyfric.engines.varied import MOST_POINTS, PARTS, Span, units
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, check_number, default_geometry, unknown
+from pyfric.scene import Scene, SceneError, check_number, default_geometry, html, unknown
 
 __all__ = ["Estimate", "Sweep"]
 
@@ -115,6 +115,9 @@ class Sweep:
         return f"Sweep of {self.scene.name or 'a scene'} over {fields}: {self.points}, t_end = " + (
             f"{self.t_end:g} s"
         )
+
+    def _repr_html_(self) -> str:
+        return html(self)
 
     def __post_init__(self) -> None:
         first = Job(scene=self.scene, t_end=self.t_end, options=self.options)

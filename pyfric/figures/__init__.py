@@ -6,6 +6,7 @@ leaves no global state and needs no display. Colours are from the Okabe-Ito set,
 distinguishable under colour blindness; markers or line widths differ as well.
 """
 
+from pyfric.engines import Sweep
 from pyfric.figures.fronts import fig4a, fig4b
 from pyfric.figures.lengths import fig2a, fig2b
 from pyfric.figures.loading import fig1b, figure_caption, slip_segments
@@ -21,6 +22,7 @@ from pyfric.scene import DRAWINGS, Scene
 
 DRAWINGS[Record] = fig1b  # what notebooks show
 DRAWINGS[Scene] = sketch
+DRAWINGS[Sweep] = lambda sweep: sketch(sweep.scene)
 
 __all__ = [
     "FIGURES",

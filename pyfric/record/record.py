@@ -67,6 +67,17 @@ SWITCH = {
 STRESSES = ("tau_before", "p_before", "tau_after", "p_after")
 LOGS = {"quiet": QUIET_COLUMNS, "switches": SWITCH_COLUMNS}
 PREFIX = {"quiet": "quiet_", "switches": "switch_"}
+GROUPS = {
+    "curve": "",
+    "events": "event_",
+    "episodes": "episode_",
+    "interface": "",
+    "quiet": "quiet_",
+    "switches": "switch_",
+    "final_state": "final_",
+}
+"""Group of a tree -> what the names of its variables begin with in the file."""
+UNSEEN = ("episode_", "quiet_", "switch_", "final_")
 TABLES = {"curve": ("t", ""), "events": ("event", "event_"), "episodes": ("episode", "episode_")}
 
 
@@ -283,18 +294,82 @@ class Record:
         OSError
             If the file cannot be written; it names path and reason.
         """
-        dataset = self.to_xarray()
+        dataset = self._dataset()
         encoding = {name: _encoding(variable) for name, variable in dataset.variables.items()}
         return write(path, sealed(dataset.to_netcdf(engine="h5netcdf", encoding=encoding)))
 
     def to_xarray(self) -> xr.Dataset:
-        """The record as an `xarray.Dataset`, as it is laid out in the file."""
+        """What happened, as an `xarray.Dataset`: curve, events and interface, and no logs.
+
+        Coordinates are t (s), event (row of `events`), x (m, from the centre of the slider) and, on
+        x, n (block from the trailing edge). F_T and energies are on t; event_..., the columns of
+        `events`, on event; region, rupture_times and stresses on (event, x). Every variable has
+        its units and its long_name.
+        """
+        import xarray as xr  # slow to import
+
+        variables = dict(self._variables())
+        kept = {k: v for k, v in variables.items() if not k.startswith(UNSEEN)}
+        event = {"units": "1", "long_name": "row of the table of events"}
+        kept["event"] = ("event", np.arange(len(self.events)), event)
+        coordinates = {name: kept.pop(name) for name in ("t", "event", "x", "n")}
+        attributes = {
+            **self._titles(),
+            "scene": self.scene.to_toml(),
+            "method": str(self.method),
+            "status": self.status,
+            "notes": "\n".join(self.notes),
+            "pyfric": self.versions.get("pyfric", ""),
+        }
+        return xr.Dataset(kept, coordinates, attributes)
+
+    def to_datatree(self) -> xr.DataTree:
+        """All of the record as an `xarray.DataTree`, from which `from_datatree` makes it again.
+
+        Groups are curve, events, episodes, interface (stresses and regions), quiet and switches
+        (the logs) and final_state.
+        """
+        import xarray as xr  # slow to import
+
+        whole = self._dataset()
+        names = {group: [] for group in GROUPS}
+        for name in map(str, whole.variables):
+            names[_group(name, self.curve)].append(name)
+        groups = {
+            group: whole[mine].rename({name: name.removeprefix(GROUPS[group]) for name in mine})
+            for group, mine in names.items()
+        }
+        groups = {group: one.drop_attrs(deep=False) for group, one in groups.items()}
+        return xr.DataTree.from_dict({"/": xr.Dataset(attrs=whole.attrs), **groups})
+
+    @classmethod
+    def from_datatree(cls, tree: xr.DataTree) -> Self:
+        """Return the record that a tree of `to_datatree` holds.
+
+        Raises
+        ------
+        RecordError
+            If something is missing, does not fit together or has another schema.
+        """
+        values = {
+            GROUPS[group] + str(name): variable.to_numpy()
+            for group in GROUPS
+            if group in tree.children
+            for name, variable in tree[group].to_dataset(inherit=False).variables.items()
+        }
+        return cls._checked("tree", tree.attrs, values)
+
+    def _titles(self) -> dict[str, str]:
+        name = self.scene.name or "unnamed scene"
+        return {"title": f"pyfric record: {name}", "Conventions": "CF-1.11"}
+
+    def _dataset(self) -> xr.Dataset:
+        """The record as it is laid out in the file."""
         import xarray as xr  # slow to import
 
         variables = dict(self._variables())
         attributes = {
-            "title": f"pyfric record: {self.scene.name or 'unnamed scene'}",
-            "Conventions": "CF-1.11",
+            **self._titles(),
             "pyfric_schema": SCHEMA,
             "scene": self.scene.to_toml(),
             "method": json.dumps(dataclasses.asdict(self.method)),
@@ -373,16 +448,23 @@ class Record:
             attributes, values = _read(inside)
         except Exception as error:  # whatever the HDF5 layers make of a foreign file
             raise RecordError(f"{path}: not a pyfric record ({error})") from error
+        return cls._checked(str(path), attributes, values)
+
+    @classmethod
+    def _checked(
+        cls, source: str, attributes: Mapping[str, Any], values: Mapping[str, Any]
+    ) -> Self:
+        """Return the record that attributes and variables of a file, or of a tree, come to."""
         schema = attributes.get("pyfric_schema")
         if schema is None:
-            raise RecordError(f"{path}: not a pyfric record (no attribute pyfric_schema)")
+            raise RecordError(f"{source}: not a pyfric record (no attribute pyfric_schema)")
         if schema != SCHEMA:
-            made = f"{path}: written with record schema {schema}, this pyfric reads {SCHEMA}"
+            made = f"{source}: written with record schema {schema}, this pyfric reads {SCHEMA}"
             raise RecordError(f"{made}; another version of pyfric is needed")
         try:
             return cls._from_file(attributes, values)
         except (KeyError, TypeError, ValueError) as error:
-            raise RecordError(f"{path}: damaged pyfric record ({error})") from error
+            raise RecordError(f"{source}: damaged pyfric record ({error})") from error
 
     @classmethod
     def _from_file(cls, attributes: Mapping[str, Any], values: Mapping[str, np.ndarray]) -> Self:
@@ -505,6 +587,14 @@ def _read(content: memoryview) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
                 values[name] = values[name].astype(bool)
         numbers = (np.ndarray, np.generic)
         return {k: v.item() if isinstance(v, numbers) else v for k, v in file.attrs.items()}, values
+
+
+def _group(name: str, curve: pd.DataFrame) -> str:
+    """Return the group of a tree that holds this variable of a file."""
+    for group, prefix in GROUPS.items():
+        if prefix and name.startswith(prefix):
+            return group
+    return "curve" if name in curve else "interface"
 
 
 def _table(

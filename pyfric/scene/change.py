@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, Any
 
-from pyfric.scene.checked import Written, quantities
 from pyfric.scene.units import SceneError, unknown
 
 if TYPE_CHECKING:
@@ -26,8 +25,6 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     for name, value in changes.items():
         if name not in whole:
             part, field = _place(scene, name, value)
-            unit = quantities(type(getattr(scene, part)))
-            value = _number(name, value, unit[field].unit) if field in unit else value
             inside.setdefault(part, {})[field] = value
     for part, values in inside.items():
         new[part] = dataclasses.replace(new.get(part, getattr(scene, part)), **values)
@@ -46,17 +43,3 @@ def _place(scene: Scene, name: str, value: Any) -> tuple[str, str]:
         raise SceneError(name, value, "", parts, "is in several parts")
     known = dict.fromkeys([*dotted, *(field for _, field in dotted.values())])
     raise unknown(name, value, name, known)
-
-
-def _number(name: str, value: Any, unit: str) -> Any:
-    """Return text as it stands in a scene file, and a quantity of pint or the like in SI."""
-    if isinstance(value, str):
-        return Written(value)
-    if not (hasattr(value, "to_base_units") and hasattr(value, "magnitude")):
-        return value
-    try:
-        return value.to(unit or "dimensionless").magnitude
-    except Exception as error:  # each library has its own
-        raise SceneError(
-            name, str(value), unit, f"a quantity in {unit or '1'}", str(error)
-        ) from None

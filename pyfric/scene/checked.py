@@ -10,7 +10,14 @@ import numpy as np
 import pydantic
 from pydantic_core import core_schema
 
-from pyfric.scene.units import SceneError, check_number, parse_quantity, range_text, unknown
+from pyfric.scene.units import (
+    SceneError,
+    check_number,
+    in_si,
+    parse_quantity,
+    range_text,
+    unknown,
+)
 
 __all__ = ["NotNegative", "Positive", "Quantity", "Written", "names", "part", "quantities"]
 
@@ -56,6 +63,8 @@ class Quantity:
             return value
         if self.drawn is not None and written and isinstance(value, dict):
             return self._drawn(value)
+        if not written:
+            value = in_si("", value, self.unit, allowed=self.allowed)
         several = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim)
         if self.listed and several:
             return self._each([Written(one) for one in value] if written else value)

@@ -19,7 +19,7 @@ from pyfric.scene.parts import (
     Walls,
 )
 from pyfric.scene.scene import Scene
-from pyfric.scene.units import SceneError, check_number, unknown
+from pyfric.scene.units import SceneError, check_quantity, unknown
 
 __all__ = [
     "PRESETS",
@@ -79,7 +79,7 @@ def setup1(
     Source: PRL 107, 074301 (2011), Fig. 1 and its caption.
     """
     if M is None:
-        M = 0.0756 * (check_number("slider.L", L, "m", gt=0.0) / 0.14)  # 0.54 kg/m
+        M = 0.0756 * (check_quantity("slider.L", L, "m", gt=0.0) / 0.14)  # 0.54 kg/m
     return Scene(
         slider=Slider(L=L, H=H, l=l, k=k, M=M, eta=eta),
         top=Rod(F_N=F_N, mass=mass, mattress=mattress),
@@ -165,8 +165,8 @@ def chain(
 
     Source: PRL 107, 074301 (2011), setup 1.
     """
-    L = check_number("slider.L", L, "m", gt=0.0)
-    l = check_number("slider.l", l, "m", gt=0.0)
+    L = check_quantity("slider.L", L, "m", gt=0.0)
+    l = check_quantity("slider.l", l, "m", gt=0.0)
     slider = Slider(
         L=L,
         H=0.0,
@@ -224,7 +224,7 @@ def slab(
         SceneError: a value is of the wrong type or out of range.
     """
     L, H, l = (
-        check_number(f"slider.{n}", v, "m", gt=0.0) for n, v in zip("LHl", (L, H, l), strict=True)
+        check_quantity(f"slider.{n}", v, "m", gt=0.0) for n, v in zip("LHl", (L, H, l), strict=True)
     )
     walls = Walls() if walls is None else walls
     if M is None:
@@ -271,9 +271,9 @@ def tpv3(
 
     Source: R. A. Harris et al., Seismol. Res. Lett. 80, 119 (2009), and the SCEC benchmarks.
     """
-    l = check_number("slider.l", l, "m", gt=0.0, le=1500.0)
+    l = check_quantity("slider.l", l, "m", gt=0.0, le=1500.0)
     blocks = [
-        round(check_number(f"slider.{n}", v, "m", ge=2 * l) / l) for n, v in (("L", L), ("H", H))
+        round(check_quantity(f"slider.{n}", v, "m", ge=2 * l) / l) for n, v in (("L", L), ("H", H))
     ]
     rho, c_S, p = 2670.0, 3464.0, 120e6 * l
     k, m = 2 * rho * c_S**2, rho * l**2
@@ -358,13 +358,14 @@ def preset(name: str, /, **changes: Any) -> Scene:
 
     Args:
         name: a key of `PRESETS`.
-        changes: keyword arguments of `setup1`, `setup2`, `chain` or `tpv3`.
+        changes: keyword arguments of `setup1`, `setup2`, `chain` or `tpv3`: numbers in SI units,
+            text with a unit such as "5 mm", or quantities of a library of units, such as pint.
 
     Raises:
         SceneError: an unknown name or keyword (the nearest known one is given, or which setups
             know it), or a value that is refused.
 
-    >>> scene = pyfric.preset("fig1", h=7.5e-3)
+    >>> scene = pyfric.preset("fig1", h="7.5 mm")
     >>> scene.N_x, scene.N_z, scene.driver.h
     (57, 31, 0.0075)
     >>> pyfric.preset("fig1", h=-1.0)

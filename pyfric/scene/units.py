@@ -193,6 +193,36 @@ def check_number(
     return number
 
 
+def check_quantity(field: str, value: Any, unit: str, **limits: float | None) -> float:
+    """Return a number in SI, text with a unit, or a quantity of a library of units, as `in_si`.
+
+    Args:
+        field, unit, limits: see `check_number`.
+
+    Raises:
+        SceneError: see `check_number` and `in_si`.
+    """
+    value = in_si(field, value, unit, allowed=range_text(unit, **limits))
+    return check_number(field, value, unit, **limits)
+
+
+def in_si(field: str, value: Any, unit: str, *, allowed: str = "") -> Any:
+    """Return text with a unit, or a quantity of pint or the like, in SI; all else as it is.
+
+    Raises:
+        SceneError: it has no unit, or one of another dimension.
+    """
+    if isinstance(value, str) and unit:
+        return parse_quantity(field, value, unit, allowed=allowed)
+    if not (hasattr(value, "to_base_units") and hasattr(value, "magnitude")):
+        return value
+    try:
+        return value.to(unit or "dimensionless").magnitude
+    except Exception as error:  # each library has its own
+        allowed = allowed or f"a quantity in {unit or '1'}"
+        raise SceneError(field, str(value), unit, allowed, str(error)) from None
+
+
 def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> float:
     """Return the SI number of a quantity written as text, such as ``"5 mm"``.
 

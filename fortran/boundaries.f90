@@ -106,8 +106,8 @@ contains
     real(dp), intent(inout) :: fz(LB:s%n + LANES)   !! force on the row [N]
     integer :: i, e
 
-    if (s%left == ABSORBING) call absorb_at(s, 1, q, fx, fz)
-    if (s%right == ABSORBING) call absorb_at(s, s%at(s%nx), q, fx, fz)
+    if (s%left == ABSORBING) call absorb_at(s, share(j), 1, q, fx, fz)
+    if (s%right == ABSORBING) call absorb_at(s, share(j), s%at(s%nx), q, fx, fz)
     if (j < s%nz .or. s%top /= ABSORBING) return
     do i = 1, s%nx
       e = s%at(i)
@@ -117,16 +117,25 @@ contains
   end subroutine absorb
 
   !> The same for one block at a side.
-  pure subroutine absorb_at(s, e, q, fx, fz)
+  pure subroutine absorb_at(s, c, e, q, fx, fz)
     type(model_t), intent(in) :: s
+    real(dp), intent(in) :: c                       !! what there is of its face
     integer, intent(in) :: e                        !! its element
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the row
     real(dp), intent(inout) :: fx(LB:s%n + LANES)   !! force on the row [N]
     real(dp), intent(inout) :: fz(LB:s%n + LANES)   !! force on the row [N]
 
-    fx(e) = fx(e) - s%z_p*q(e, VX)
-    fz(e) = fz(e) - s%z_s*q(e, VZ)
+    fx(e) = fx(e) - c*(s%z_p*q(e, VX))
+    fz(e) = fz(e) - c*(s%z_s*q(e, VZ))
   end subroutine absorb_at
+
+  !> The blocks of the bottom row are halves.
+  pure function share(j) result(c)
+    integer, intent(in) :: j  !! row, from 1 at the bottom
+    real(dp) :: c
+
+    c = merge(0.5_dp, 1.0_dp, j == 1)
+  end function share
 
   !> Power that leaves through the sides and the top of row j [W].
   pure function absorbed(s, j, q) result(power)
@@ -138,8 +147,8 @@ contains
 
     last = s%at(s%nx)
     power = 0.0_dp
-    if (s%left == ABSORBING) power = power + (s%z_p*q(1, VX)**2 + s%z_s*q(1, VZ)**2)
-    if (s%right == ABSORBING) power = power + (s%z_p*q(last, VX)**2 + s%z_s*q(last, VZ)**2)
+    if (s%left == ABSORBING) power = power + share(j)*(s%z_p*q(1, VX)**2 + s%z_s*q(1, VZ)**2)
+    if (s%right == ABSORBING) power = power + share(j)*(s%z_p*q(last, VX)**2 + s%z_s*q(last, VZ)**2)
     if (j < s%nz .or. s%top /= ABSORBING) return
     power = power + mirror_sum(s%nx, s%z_s*q(s%at(:s%nx), VX)**2 + s%z_p*q(s%at(:s%nx), VZ)**2)
   end function absorbed

@@ -72,7 +72,7 @@ contains
 
     v_x = q(s%at(:s%nx), VX)
     call foundation(s, q(LB, UZ), w%p)
-    call stop_reversed(s%m, w%p, contact%mode, v_x, contact%loss)
+    call stop_reversed(merge(0.5_dp, 1.0_dp, s%prescribed)*s%m, w%p, contact%mode, v_x, contact%loss)
     q(s%at(:s%nx), VX) = v_x
     call close_state(s, q)
   end subroutine stop_blocks

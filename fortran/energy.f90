@@ -3,7 +3,7 @@ module pyfric_energy
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ
   use pyfric_model, only: model_t
-  use pyfric_lattice, only: bond_energy
+  use pyfric_lattice, only: bond_energy, halved_energy
   use pyfric_boundaries, only: driver_force
   implicit none (type, external)
   private
@@ -25,6 +25,10 @@ contains
       e(1) = e(1) + 0.5_dp*s%m*sum(y(:, VX, j)**2 + y(:, VZ, j)**2)
       e(3) = e(3) + bond_energy(s, j < s%nz, y(:, :, j), y(:, :, min(j + 1, s%nz)))
     end do
+    if (s%prescribed) then  ! half blocks
+      e(1) = e(1) - 0.25_dp*s%m*sum(y(:, VX, 1)**2 + y(:, VZ, 1)**2)
+      e(3) = e(3) - halved_energy(s, y(:, :, 1))
+    end if
     if (.not. s%prescribed) e(4) = 0.5_dp*s%k_f(1)*sum(s%k_f/s%k_f(1)*min(y(:, UZ, 1), 0.0_dp)**2)
     if (s%rigid) then
       e(2) = 0.5_dp*(s%m_rod*(rod(4)**2 + rod(5)**2) + s%i_rod*rod(6)**2)

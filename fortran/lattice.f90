@@ -10,7 +10,8 @@ module pyfric_lattice
   use pyfric_model, only: model_t, S_SERIES, close_left, image, MIRRORED
   implicit none (type, external)
   private
-  public :: forces_linear, elastic_finite, viscous, viscous_along, bond_power, bond_energy
+  public :: forces_linear, elastic_finite, viscous, along_linear, along_finite, bond_power, bond_energy
+  public :: halve_bonds, halved_power, halved_energy
   public :: N_BOND
 
   !> Columns of the bond buffer b(LB:n+LANES, N_BOND) of finite geometry: force on the first block of each bond [N].
@@ -295,9 +296,65 @@ contains
     end do
   end subroutine gather
 
-  !> Adds dashpots that act along the bonds, eta n (n.dv) with n the present direction of the bond: no resistance to
-  !> rotation.
-  pure subroutine viscous_along(s, has_dn, has_up, dn, q, up, fx, fz)
+  !> Adds dashpots that act along the bonds, eta n (n.dv), in linear geometry: the springs' sums with eta for k and k/2.
+  pure subroutine along_linear(n, last, goes_on, eta, rows, edge, dn, q, up, fx, fz)
+    integer, intent(in) :: n           !! padded length of a row
+    integer, intent(in) :: last        !! element of the last block
+    logical, intent(in) :: goes_on(2)  !! beyond the left and right sides are images of the blocks there
+    real(dp), intent(in) :: eta        !! viscosity [N s/m]
+    real(dp), intent(in) :: rows       !! neighbouring rows; those that do not exist are passed as zero
+    real(dp), intent(in) :: edge       !! side of the only neighbouring row
+    real(dp), intent(in) :: dn(LB:n + LANES, 4)     !! the row below
+    real(dp), intent(in) :: q(LB:n + LANES, 4)      !! the row
+    real(dp), intent(in) :: up(LB:n + LANES, 4)     !! the row above
+    real(dp), intent(inout) :: fx(LB:n + LANES)     !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:n + LANES)     !! force on the row [N]
+    real(dp) :: half, c_x, c_z, ends(4)
+    integer :: i
+
+    ends = [fx(1), fz(1), fx(last), fz(last)]
+    half = 0.5_dp*eta
+    c_x = 4.0_dp + 2.0_dp*rows
+    c_z = 4.0_dp*rows
+    do i = 1, n
+      fx(i) = fx(i) + half*((2.0_dp*(q(i + LANES, VX) + q(i - LANES, VX)) &
+                             + (((up(i + LANES, VX) + dn(i + LANES, VX)) + (up(i - LANES, VX) + dn(i - LANES, VX))) &
+                                + ((up(i + LANES, VZ) - dn(i + LANES, VZ)) - (up(i - LANES, VZ) - dn(i - LANES, VZ))))) &
+                            - c_x*q(i, VX))
+      fz(i) = fz(i) + half*((2.0_dp*(up(i, VZ) + dn(i, VZ)) &
+                             + (((up(i + LANES, VZ) + dn(i + LANES, VZ)) + (up(i - LANES, VZ) + dn(i - LANES, VZ))) &
+                                + ((up(i + LANES, VX) - dn(i + LANES, VX)) - (up(i - LANES, VX) - dn(i - LANES, VX))))) &
+                            - c_z*q(i, VZ))
+    end do
+    if (.not. goes_on(1)) then
+      ends(:2) = ends(:2) + at_wall(1, 1 + LANES, 1.0_dp)
+      fx(1) = ends(1)
+      fz(1) = ends(2)
+    end if
+    if (.not. goes_on(2)) then
+      ends(3:) = ends(3:) + at_wall(last, last - LANES, -1.0_dp)
+      fx(last) = ends(3)
+      fz(last) = ends(4)
+    end if
+
+  contains
+
+    !> Force on a block at a side wall, which has neighbours in its own column and in column c [N].
+    pure function at_wall(i, c, side) result(f)
+      integer, intent(in) :: i
+      integer, intent(in) :: c
+      real(dp), intent(in) :: side  !! +1: the neighbour is on the right, -1: on the left
+      real(dp) :: f(2)
+
+      f(1) = half*((2.0_dp*q(c, VX) + ((up(c, VX) + dn(c, VX)) + side*((up(c, VZ) - dn(c, VZ)) - edge*q(i, VZ)))) &
+                   - (2.0_dp + rows)*q(i, VX))
+      f(2) = half*((2.0_dp*(up(i, VZ) + dn(i, VZ)) + ((up(c, VZ) + dn(c, VZ)) &
+                                                      + side*((up(c, VX) - dn(c, VX)) - edge*q(i, VX)))) - 3.0_dp*rows*q(i, VZ))
+    end function at_wall
+  end subroutine along_linear
+
+  !> The same in finite geometry: n is the present direction of the bond, and its rotation meets no resistance.
+  pure subroutine along_finite(s, has_dn, has_up, dn, q, up, fx, fz)
     type(model_t), intent(in) :: s
     logical, intent(in) :: has_dn
     logical, intent(in) :: has_up
@@ -323,7 +380,7 @@ contains
       fx(o) = fx(o) + f(1)
       fz(o) = fz(o) + f(2)
     end do
-  end subroutine viscous_along
+  end subroutine along_finite
 
   !> Force of one such dashpot on its first block [N].
   pure function dashpot(s, there, a, b, here, other) result(f)
@@ -380,6 +437,54 @@ contains
       rate = sum(dashpot(s, there, a, b, here, other)*(other(VX:VZ) - here(VX:VZ)))
     end function lost
   end function power_along
+
+  !> Takes half of the bonds within the bottom row off its forces: its blocks are half blocks, as a cut along the row
+  !> leaves them.
+  pure subroutine halve_bonds(s, q, fx, fz)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the row
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)   !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)   !! force on the row [N]
+    real(dp) :: d(4)
+    integer :: i, o
+
+    do i = 1, s%nx
+      o = s%at(i)
+      d = 0.0_dp
+      if (i > 1 .or. s%left == MIRRORED) d = q(o - LANES, :) - q(o, :)
+      if (i < s%nx .or. s%right == MIRRORED) d = d + (q(o + LANES, :) - q(o, :))
+      fx(o) = fx(o) - 0.5_dp*(s%k*d(UX) + s%eta*d(VX))
+      if (.not. s%along) fz(o) = fz(o) - 0.5_dp*s%eta*d(VZ)
+    end do
+  end subroutine halve_bonds
+
+  !> The power that is dissipated in these halves, those over mirrored sides included [W].
+  pure function halved_power(s, q) result(power)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)  !! the row
+    real(dp) :: power, dv(2)
+    integer :: i, o
+
+    power = 0.0_dp
+    do i = 1, s%nx - 1
+      o = s%at(i)
+      dv = q(o + LANES, VX:VZ) - q(o, VX:VZ)
+      if (s%along) dv(2) = 0.0_dp
+      power = power + 0.5_dp*s%eta*sum(dv**2)
+    end do
+    if (s%along) return
+    if (s%left == MIRRORED) power = power + s%eta*q(1, VZ)**2
+    if (s%right == MIRRORED) power = power + s%eta*q(s%at(s%nx), VZ)**2
+  end function halved_power
+
+  !> The elastic energy of these halves [J].
+  pure function halved_energy(s, q) result(energy)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: q(s%nx, 4)  !! the row
+    real(dp) :: energy
+
+    energy = 0.25_dp*s%k*sum((q(2:, UX) - q(:s%nx - 1, UX))**2)
+  end function halved_energy
 
   !> Power dissipated by the bonds that start in a row, sum of eta |dv|^2 [W].
   pure function bond_power(s, has_up, q, up) result(power)

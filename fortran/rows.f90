@@ -3,7 +3,8 @@ module pyfric_rows
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, MIRRORED, HELD
-  use pyfric_lattice, only: forces_linear, elastic_finite, viscous, viscous_along, bond_power, N_BOND
+  use pyfric_lattice, only: forces_linear, elastic_finite, viscous, along_linear, along_finite, bond_power, halve_bonds, &
+    halved_power, N_BOND
   use pyfric_boundaries, only: foundation, driver_force, driver_speed, load_share, mirror_sum, absorb, absorbed, image_row
   use pyfric_law, only: friction_force, friction_powers, N_CLOCK
   implicit none (type, external)
@@ -66,6 +67,7 @@ contains
     else
       call gathered(s, 0, 0, w%none, q, w%none, fx, fz)
     end if
+    if (j == 1 .and. s%prescribed) call halve_bonds(s, q, fx, fz)
   end subroutine bond_forces
 
   !> What a block gathers from its neighbours: dashpots, and springs in linear geometry.
@@ -79,16 +81,19 @@ contains
     real(dp), intent(inout) :: fx(LB:s%n + LANES)     !! force on the row [N]
     real(dp), intent(inout) :: fz(LB:s%n + LANES)     !! force on the row [N]
     real(dp) :: n_rows, eta
+    logical :: goes_on(2)
     integer :: i
 
     n_rows = real(rows, dp)
     eta = merge(0.0_dp, s%eta, s%along)
+    goes_on = [s%left, s%right] == MIRRORED
     if (s%finite) then
+      if (s%along) call along_finite(s, rows == 2 .or. edge < 0, rows == 2 .or. edge > 0, dn, q, up, fx, fz)
       if (.not. s%along) call viscous(s%n, s%at(s%nx), eta, n_rows, dn, q, up, fx, fz)
     else
-      call forces_linear(s%n, s%at(s%nx), [s%left, s%right] == MIRRORED, s%k, eta, n_rows, real(edge, dp), dn, q, up, fx, fz)
+      call forces_linear(s%n, s%at(s%nx), goes_on, s%k, eta, n_rows, real(edge, dp), dn, q, up, fx, fz)
+      if (s%along) call along_linear(s%n, s%at(s%nx), goes_on, s%eta, n_rows, real(edge, dp), dn, q, up, fx, fz)
     end if
-    if (s%along) call viscous_along(s, rows == 2 .or. edge < 0, rows == 2 .or. edge > 0, dn, q, up, fx, fz)
     do i = s%nx + 1, s%n
       fx(s%at(i)) = 0.0_dp
       fz(s%at(i)) = 0.0_dp
@@ -145,6 +150,7 @@ contains
   end subroutine other_forces
 
   !> Forces on row j, friction included, at frozen contact states; the carry of the bonds moves up one row (finite geometry).
+  !> On a prescribed interface those on the bottom row are doubled, because its blocks have half the mass.
   pure subroutine row_forces(s, j, t, dn, q, up, mode, memory, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom
@@ -169,7 +175,11 @@ contains
       do i = 1, s%nx
         fx(s%at(i)) = fx(s%at(i)) + w%f(i)
       end do
-      if (s%prescribed) return
+      if (s%prescribed) then
+        fx = 2.0_dp*fx
+        fz = 2.0_dp*fz
+        return
+      end if
       do i = 1, s%nx
         fz(s%at(i)) = fz(s%at(i)) + w%p(i)
       end do
@@ -195,6 +205,7 @@ contains
 
     budget%dissipated(j) = budget%dissipated(j) + c*bond_power(s, j < s%nz, q, up)
     if (s%prescribed) budget%dissipated(j) = budget%dissipated(j) + c*absorbed(s, j, q)
+    if (s%prescribed .and. j == 1) budget%dissipated(j) = budget%dissipated(j) - c*halved_power(s, q)
     if (j == 1) budget%heat = budget%heat - c*(w%f*q(s%at(:s%nx), VX))
     if (j == 1 .and. .not. s%law%simple) then
       call friction_powers(s%law, s%nx, s%n, s%at, mode, q(LB, VX), w%p, w%f, above, viscous)

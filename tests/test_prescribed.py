@@ -158,7 +158,7 @@ def test_matrices_are_the_forces_of_the_core(walls):
     u, v = state.y[:, :2].ravel()[:n], state.y[:, 2:].ravel()[:n]
     force = -(K @ u + C @ v)
     force[: scene.N_x] += found.f
-    expected = scene.m * found.a.ravel()[:n]
+    expected = M * found.a.ravel()[:n]
     np.testing.assert_allclose(force, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
 
 

@@ -60,8 +60,8 @@ def bond_forces(scene: Any, y: np.ndarray, geometry: str) -> np.ndarray:
                 if along(scene):
                     dv = n_x * dv_x + n_z * dv_z
                     dv_x, dv_z = dv * n_x, dv * n_z
-                F[j, 0, i] += tension * n_x + scene.eta * dv_x
-                F[j, 1, i] += tension * n_z + scene.eta * dv_z
+                F[j, 0, i] += share(scene, j, b) * (tension * n_x + scene.eta * dv_x)
+                F[j, 1, i] += share(scene, j, b) * (tension * n_z + scene.eta * dv_z)
     return F
 
 
@@ -105,13 +105,18 @@ def absorbing(scene: Any, y: np.ndarray) -> np.ndarray:
     for side, i in ((walls.left, 0), (walls.right, scene.N_x - 1)):
         if side == "absorbing":
             for j in range(scene.N_z):
-                F[j, 0, i] -= z_p * y[j, 2, i]
-                F[j, 1, i] -= z_s * y[j, 3, i]
+                F[j, 0, i] -= share(scene, j) * z_p * y[j, 2, i]
+                F[j, 1, i] -= share(scene, j) * z_s * y[j, 3, i]
     if walls.top == "absorbing":
         for i in range(scene.N_x):
             F[-1, 0, i] -= z_s * y[-1, 2, i]
             F[-1, 1, i] -= z_p * y[-1, 3, i]
     return F
+
+
+def share(scene: Any, j: int, b: int = 0) -> float:
+    """Return what there is of a block in row j, and of its bond by b rows: half on a cut row."""
+    return 0.5 if prescribed(scene) and j == 0 and b == 0 else 1.0
 
 
 def _bond(scene: Any, a: int, b: int) -> tuple[float, float, float, float]:
@@ -240,6 +245,7 @@ def right_hand_side(
     dydt = np.zeros_like(y)
     dydt[:, 0:2] = y[:, 2:4]
     dydt[:, 2:4] = F / scene.m
+    dydt[0, 2:4] /= share(scene, 0)
     for i in range(scene.N_x):
         if mode[i] == STUCK:
             dydt[0, 0, i] = dydt[0, 2, i] = 0.0
@@ -318,9 +324,10 @@ def bond_dissipation(scene: Any, y: np.ndarray) -> float:
     total = 0.0
     for j, i, a, b in each_bond(scene):
         dv = y[j + b, 2:4, i + a] - y[j, 2:4, i]
-        total += scene.eta * (dv[0] ** 2 + dv[1] ** 2)
-    for bond in over_walls(scene):
-        total += scene.eta * np.sum(difference(scene, y[:, 2:], *bond) ** 2) / 2
+        total += share(scene, j, b) * scene.eta * (dv[0] ** 2 + dv[1] ** 2)
+    for j, i, a, b in over_walls(scene):
+        dv = difference(scene, y[:, 2:], j, i, a, b)
+        total += share(scene, j, b) * scene.eta * np.sum(dv**2) / 2
     return total
 
 
@@ -334,7 +341,7 @@ def bond_energy(scene: Any, geometry: str, y: np.ndarray) -> float:
             elongation = (d_x * du_x + d_z * du_z) / l
         else:
             elongation, _ = _elongation(l, d_x, d_z, du_x, du_z)
-        total += k * elongation**2 / 2
+        total += share(scene, j, b) * k * elongation**2 / 2
     for j, i, a, b in over_walls(scene):
         k, l, d_x, d_z = _bond(scene, a, b)
         total += k * (np.dot((d_x, d_z), difference(scene, y[:, :2], j, i, a, b)) / l) ** 2 / 4
@@ -352,6 +359,7 @@ def energies(
     """
     y = with_rod(scene, y, rod)
     speed2 = np.sum(y[:, 2:4] ** 2, axis=(1, 2))
+    speed2[0] *= share(scene, 0)
     own = speed2[:-1] if scene.rigid else speed2
     parts = {
         "kinetic_blocks": scene.m * sum(own) / 2,

@@ -165,7 +165,7 @@ class Run:
             )
         if not law.weakens and law.tables.speed is None:
             return notes
-        growth = law.growth(scene.F_N / scene.N_x, scene.m)
+        growth = law.growth(scene.F_N / scene.N_x, scene.m_interface)
         if dt * growth <= 1:
             return notes
         return (

@@ -187,9 +187,11 @@ class PrescribedLoad:
 
     A chain (N_z = 1) is pressed down with p_i, and each block is pulled back with k_top times its
     displacement. In two dimensions (N_z > 1) there is no foundation: p_i decides on friction, and
-    the bottom row moves freely along z, as the half of a symmetric body does under shear. What is
-    beyond its sides and top is said by `Walls`. There |tau_i| may exceed mu_s p_i: such blocks slip
-    from t = 0 on.
+    the bottom row moves freely along z, as the half of a symmetric body does under shear. This row
+    is where a body was cut: its blocks have the mass m/2, and springs and dashpots within it half
+    of their strength. With whole ones the surface would be too heavy by l/2, and fronts late. What
+    is beyond its sides and top is said by `Walls`. There |tau_i| may exceed mu_s p_i: such blocks
+    slip from t = 0 on.
 
     Args:
         p: normal force on each block, N, > 0; one number or a sequence of N_x.

@@ -216,7 +216,8 @@ def slab(
     - p and tau are numbers, lists of N_x numbers from the trailing edge on, or functions of x, the
       distance (m) of a block from the first one at the trailing edge, or from the plane of the
       mirror where that side is mirrored; they return N;
-    - M = None means the mass per area of `setup1`, 6.845 kg/m^2 times (L + l) (H + l);
+    - M = None means the mass per area of `setup1`, 6.845 kg/m^2 times (L + l) (H + l); M/(N_x N_z)
+      is the mass of each block but those of the bottom row, which are half blocks;
     - K = 0 leaves the driver out; h = None means l;
     - walls = None means that sides and top are free.
 

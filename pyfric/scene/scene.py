@@ -191,6 +191,11 @@ class Scene:
         return self.slider.m
 
     @property
+    def m_interface(self) -> float:
+        """Mass of a block of the bottom row, in kg: m, or m/2 on a prescribed interface."""
+        return self.m / 2 if self.prescribed else self.m
+
+    @property
     def eta(self) -> float:
         """Viscosity of every bond in N s/m; sqrt(0.1 k m) unless the slider sets it."""
         given = self.slider.eta

@@ -57,7 +57,7 @@ class Bonds:
         k: stiffness, shape (n,), in N/m: k, or k/2 on the diagonals.
         shape: (N_z, N_x).
         image: bonds that lead to an image, shape (n,), bool.
-        share: what of each dashpot counts, shape (n,): 1, or 1/2.
+        share: what of each dashpot counts, shape (n,): 1, or 1/2, or 1/4.
     """
 
     a: np.ndarray
@@ -113,6 +113,8 @@ def bonds(scene: Scene) -> Bonds:
     a, b, d, length, k = (np.concatenate(part) for part in zip(*parts, strict=True))
     image = np.arange(len(a)) >= n
     share = np.where(image & (a == b), 0.5, 1.0)
+    if scene.prescribed:  # half blocks
+        share[(a < N_x) & (b < N_x) & (d[:, 1] == 0)] /= 2
     return Bonds(a, b, d, length, k * share, (N_z, N_x), image, share)
 
 
@@ -243,11 +245,13 @@ def mass(scene: Scene) -> np.ndarray:
     """Return the diagonal mass matrix in generalised coordinates, shape (n_q,), in kg.
 
     Under a rod the last entries are M_rod + N_x m (twice) and the moment of inertia
-    M_rod L^2/12 + sum m x_i^2 in kg m^2.
+    M_rod L^2/12 + sum m x_i^2 in kg m^2. On a prescribed interface the first row has half blocks.
     """
     N_x, m = scene.N_x, scene.m
     if not scene.rigid:
-        return np.full(2 * N_x * (scene.N_z - (scene.walls.top == "held")), m)
+        M = np.full(2 * N_x * (scene.N_z - (scene.walls.top == "held")), m)
+        M[: 2 * N_x] = scene.m_interface
+        return M
     total = scene.M_rod + N_x * m
     inertia = scene.M_rod * scene.slider.L**2 / 12 + m * np.sum(scene.x**2)
     return np.concatenate([np.full(2 * N_x * (scene.N_z - 1), m), [total, total, inertia]])
@@ -320,6 +324,7 @@ def _absorbing(scene: Scene) -> np.ndarray:
         c[:, :, 0] += z_p, z_s
     if walls.right == "absorbing":
         c[:, :, -1] += z_p, z_s
+    c[0] /= 2  # half blocks
     if walls.top == "absorbing":
         c[-1] += np.array([[z_s], [z_p]])
     return c.ravel()

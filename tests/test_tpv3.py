@@ -17,7 +17,7 @@ def test_the_scene_is_that_of_the_benchmark():
     c_S = l * math.sqrt(slider.k / (2 * scene.m))
     assert c_S == pytest.approx(3464.0, rel=1e-12)
     assert scene.m / l**2 == pytest.approx(2670.0, rel=1e-12)
-    x = tpv3._distance(scene)
+    x = tpv3.distance(scene)
     np.testing.assert_allclose(scene.shear[x < 1.5] / l, 81.6e6, rtol=1e-14)
     np.testing.assert_allclose(scene.shear[x > 1.5] / l, 70e6, rtol=1e-14)
     np.testing.assert_allclose(scene.p_prescribed[x < 15] / l, 120e6, rtol=1e-14)
@@ -33,7 +33,7 @@ def test_ruptures_come_near_the_reference_on_a_coarse_lattice():
     """At l = 200 m, with four blocks in X_c0, within 1.34 % of the last arrival; 0.7 % at 100 m."""
     scene = preset("tpv3", l=200.0, H=8e3)
     times, rate, slip = tpv3.ruptured(scene, step_size(scene), 5.4)
-    x = tpv3._distance(scene)
+    x = tpv3.distance(scene)
     inside = x < 15
     assert np.isfinite(times[inside]).all()
     assert np.isinf(times[~inside]).all()
@@ -46,7 +46,7 @@ def test_ruptures_come_near_the_reference_on_a_coarse_lattice():
 
 
 def test_the_report_says_misfits_and_orders():
-    rows = [{"l": l, "eta2": 0.001, "rms": l / 2e4} for l in (100.0, 50.0)]
+    rows = [{"l": l, "eta2": 0.001, "dashpots": "along", "rms": l / 2e4} for l in (100.0, 50.0)]
     more = {"t_14": 4.7, "rate_5": 1.0, "slip_5": 1.0, "rate_10": 1.0, "slip_10": 1.0}
     frame = pd.DataFrame([row | more | {"dt": 1e-3, "seconds": 1.0} for row in rows])
     assert tpv3.orders(frame) == pytest.approx([1.0])

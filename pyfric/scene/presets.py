@@ -205,6 +205,7 @@ def slab(
     side: Literal["left", "right"] = "left",
     walls: Walls | None = None,
     eta: float | None = None,
+    dashpots: Literal["full", "along"] = "full",
     k_f: None = None,
     d_c: float = 0.0,
     name: str = "slab",
@@ -230,7 +231,7 @@ def slab(
     walls = Walls() if walls is None else walls
     if M is None:
         M = 0.0756 / (0.1425 * 0.0775) * (L + l) * (H + l)
-    slider = Slider(L=L, H=H, l=l, k=k, M=M, eta=eta)
+    slider = Slider(L=L, H=H, l=l, k=k, M=M, eta=eta, dashpots=dashpots)
     begin = l / 2 if isinstance(walls, Walls) and getattr(walls, side, "") == "mirrored" else 0.0
     x = [begin + l * i for i in range(slider.N_x)]
     return Scene(
@@ -252,6 +253,7 @@ def tpv3(
     L: float = 18e3,
     H: float = 12e3,
     eta: float | None = None,
+    dashpots: Literal["full", "along"] = "along",
     d_c: float = 0.2,
     name: str = "tpv3",
 ) -> Scene:
@@ -265,6 +267,7 @@ def tpv3(
         l: lattice constant, m; it divides 1.5 km.
         L, H: size, m, rounded to whole blocks; top and right side absorb.
         eta: viscosity of the bonds, N s/m; None means sqrt(0.001 k m), a tenth of the usual one.
+        dashpots: "along" the bonds only, or "full", which resists rotation and delays fronts.
         d_c: slip over which friction weakens, m.
 
     Raises:
@@ -289,6 +292,7 @@ def tpv3(
         mu_s=0.677,
         mu_k=0.525,
         eta=math.sqrt(0.001 * k * m) if eta is None else eta,
+        dashpots=dashpots,
         d_c=d_c,
         walls=Walls(left="mirrored", right="absorbing", top="absorbing"),
         name=name,

@@ -25,7 +25,7 @@ import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -74,6 +74,7 @@ class Crack:
     Attributes:
         blocks: X_c0/l.
         eta2: (bond viscosity)^2/(k m): 0.1 in the paper.
+        dashpots: whether it resists rotation, "full", as the paper's does.
         S: strength excess.
         X_c0: cohesive zone at rest, m.
         a_end, H: half width and height of the slab, m.
@@ -82,6 +83,7 @@ class Crack:
 
     blocks: float
     eta2: float = 1e-3
+    dashpots: Literal["along", "full"] = "along"
     S: float = 3.0
     X_c0: float = 207.0
     a_end: float = 13e3
@@ -128,6 +130,7 @@ class Crack:
             mu_k=self.mu_k,
             d_c=self.d_c,
             eta=math.sqrt(self.eta2 * k * m),
+            dashpots=self.dashpots,
             walls=Walls(left="mirrored", right="absorbing", top="absorbing"),
             name="crack",
         )
@@ -266,26 +269,32 @@ def study(
 
     Args:
         runs: folder in which runs are kept; it is made if missing.
-        blocks: blocks in X_c0 of the cracks, with eta^2 = 0.001 k m; the second one also with the
-            paper's viscosity.
+        blocks: blocks in X_c0 of the cracks, with eta^2 = 0.001 k m along the bonds; the third one
+            also with dashpots that resist rotation, and with the paper's viscosity.
         spacings: lattice constants of the Fig. 1 scene, m.
         t_end: end of its runs, s.
         say: called with what is done, and what it is planned to take, before it is.
 
     Returns:
-        Tables. "crack": blocks, eta2, a, v, v_theory. "cost": what, planned and made evaluations
-        and seconds. "lengths": l, event, force_arrest, dynamics, griffith, ladder (L_p/L).
+        Tables. "crack": blocks, eta2, dashpots, a, v, v_theory. "cost": what, planned and made
+        evaluations and seconds. "lengths": l, event, force_arrest, dynamics, griffith, ladder
+        (L_p/L).
         "fronts": l, d_c, event, n, x_over_L, v_c, scaled, X_c0_over_l, and others of
         `pyfric.analysis.fronts`; late, whether it is the precursor of half the length.
     """
     Path(runs).mkdir(parents=True, exist_ok=True)
     cracks, fronts, cost = [], [], []
-    for n, eta2 in [(n, 1e-3) for n in blocks] + [(n, 0.1) for n in blocks[1:2]]:
-        say(f"crack with {n:g} blocks in X_c0, eta^2 = {eta2:g} k m")
-        table = _kept_crack(Path(runs) / f"crack_{n:g}_{eta2:g}.csv", Crack(blocks=n, eta2=eta2))
+    others: list[tuple[float, Literal["along", "full"]]] = [(1e-3, "full"), (0.1, "full")]
+    which = [Crack(blocks=n) for n in blocks]
+    which += [Crack(blocks=n, eta2=e, dashpots=d) for n in blocks[2:3] for e, d in others]
+    for one in which:
+        case = f"{one.blocks:g}_{one.eta2:g}_{one.dashpots}"
+        say(f"crack with {_viscous(one.blocks, one.eta2, one.dashpots)}")
+        table = _kept_crack(Path(runs) / f"crack_{case}.csv", one)
         about = table[["evaluations", "seconds"]].iloc[0].to_dict()
-        cost.append({"run": f"crack {n:g}, {eta2:g}"} | about)
-        cracks.append(table.drop(columns=list(about)).assign(blocks=n, eta2=eta2))
+        cost.append({"run": f"crack {case.replace('_', ', ')}"} | about)
+        said = {"blocks": one.blocks, "eta2": one.eta2, "dashpots": one.dashpots}
+        cracks.append(table.drop(columns=list(about)).assign(**said))
     records = _fig1(Path(runs), spacings, t_end, say)
     for (l, d_c), record in records.items():
         table, events = analysis.fronts(record), record.events
@@ -312,8 +321,8 @@ def summary(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     """Return the numbers of the study: what, case, value."""
     c_R = Crack(blocks=1).material.c_R
     rows: list[tuple[str, str, float]] = []
-    for (n, eta2), table in tables["crack"].groupby(["blocks", "eta2"]):
-        case, off = f"{n:g} blocks in X_c0, eta^2 = {eta2:g} k m", table["v"] / table["v_theory"]
+    for about, table in tables["crack"].groupby(["blocks", "eta2", "dashpots"]):
+        case, off = _viscous(*about), table["v"] / table["v_theory"]
         rows += [
             ("crack: mean of v/v_theory - 1, 3 to 12 km", case, float(off.mean() - 1)),
             ("crack: largest |v/v_theory - 1|", case, float((off - 1).abs().max())),
@@ -328,6 +337,10 @@ def summary(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
         rows += _speeds(table[table["v_c"].notna()], _case(l, d_c), material)
     rows += _changes(tables["fronts"])
     return pd.DataFrame(rows, columns=["what", "case", "value"])
+
+
+def _viscous(n: float, eta2: float, dashpots: str) -> str:
+    return f"{n:g} blocks in X_c0, eta^2 = {eta2:g} k m, {dashpots}"
 
 
 def _case(l: float, d_c: float) -> str:
@@ -374,7 +387,7 @@ def _changes(fronts: pd.DataFrame) -> list[tuple[str, str, float]]:
     return rows
 
 
-COLOURS = ("#E69F00", "#009E73", "#0072B2", "#CC79A7", "#000000")
+COLOURS = ("#E69F00", "#009E73", "#0072B2", "#CC79A7", "#56B4E9", "#D55E00")
 
 
 def figure(tables: dict[str, pd.DataFrame]) -> DataFigure:
@@ -410,8 +423,10 @@ def figure(tables: dict[str, pd.DataFrame]) -> DataFigure:
 
 def _draw_cracks(axes: Any, table: pd.DataFrame) -> None:
     material = Crack(blocks=1).material
-    for ((n, eta2), rows), colour in zip(table.groupby(["blocks", "eta2"]), COLOURS, strict=False):
-        text = f"{n:g} blocks" + (", paper's viscosity" if eta2 == 0.1 else "")
+    groups = table.groupby(["blocks", "eta2", "dashpots"])
+    for ((n, eta2, dashpots), rows), colour in zip(groups, COLOURS, strict=False):
+        text = f"{n:g} blocks" + (", resists rotation" if dashpots == "full" else "")
+        text += ", paper's viscosity" if eta2 == 0.1 else ""
         axes.plot(rows["a"] / 1e3, rows["v"] / material.c_R, "o", color=colour, ms=2.5, label=text)
     a = np.linspace(FROM, TO, 100)
     v = Crack(blocks=1).speed(a)

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -24,7 +25,7 @@ from pyfric.engines import step_size
 from pyfric.scene import Scene, preset
 from pyfric.statics import loaded_state
 
-__all__ = ["REFERENCE", "STATIONS", "misfit", "orders", "report", "ruptured", "tpv3"]
+__all__ = ["REFERENCE", "STATIONS", "distance", "misfit", "orders", "report", "ruptured", "tpv3"]
 
 STATIONS = np.arange(2.0, 15.0)
 """Distances from the middle, km."""
@@ -39,8 +40,8 @@ SLIP_RATE = 0.5e-3
 """Slip rate of one body at which the front passes, m/s."""
 LATTICES = (100.0, 50.0, 25.0)
 """Lattice constants, m."""
-VISCOSITIES = (0.001, 0.1)
-"""eta^2/(k m): a low one, and the paper's."""
+DASHPOTS = ((0.001, "along"), (0.001, "full"), (0.1, "full"))
+"""eta^2/(k m), and whether dashpots resist rotation: the scene's, the same so, and the paper's."""
 PLACES = {5: (4.93, 5.153), 10: (7.63, 4.1435)}
 """km: largest slip rate (m/s, within 1 % at 5 km) and slip at 6 s (m) of the reference."""
 
@@ -53,35 +54,37 @@ def tpv3(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
         progress: say on stderr what is being run.
 
     Returns:
-        One row for each run; columns: l (m), eta2 (eta^2/(k m)), rms (over the last arrival of the
+        One row for each run; columns: l (m), eta2 (eta^2/(k m)), dashpots, rms (over the last arrival of the
         reference), t_2 ... t_14 (s), rate_5, rate_10 (m/s) and slip_5, slip_10 (m) between two
         bodies, dt, seconds.
     """
     rows = []
-    for eta2 in VISCOSITIES:
-        for l in LATTICES[: 2 if quick or eta2 != VISCOSITIES[0] else None]:
+    for eta2, dashpots in DASHPOTS:
+        for l in LATTICES[: 2 if quick or (eta2, dashpots) != DASHPOTS[0] else None]:
             if progress:
-                print(f"l = {l:g} m, eta^2 = {eta2:g} k m", file=sys.stderr, flush=True)
-            rows.append(_row(l, eta2))
+                about = f"l = {l:g} m, eta^2 = {eta2:g} k m, {dashpots}"
+                print(about, file=sys.stderr, flush=True)
+            rows.append(_row(l, eta2, dashpots))
     return pd.DataFrame(rows)
 
 
-def _row(l: float, eta2: float) -> dict[str, float]:
+def _row(l: float, eta2: float, dashpots: str) -> dict[str, Any]:
     start = time.process_time()
     scene = preset("tpv3", l=l)
-    scene = preset("tpv3", l=l, eta=math.sqrt(eta2 * scene.slider.k * scene.m))
+    eta = math.sqrt(eta2 * scene.slider.k * scene.m)
+    scene = preset("tpv3", l=l, eta=eta, dashpots=dashpots)
     dt = step_size(scene)
     times, rate, slip = ruptured(scene, dt, 6.0)
-    x = _distance(scene)
+    x = distance(scene)
     arrivals = np.interp(STATIONS, x, times)
-    row = {"l": l, "eta2": eta2, "rms": misfit(arrivals)}
+    row = {"l": l, "eta2": eta2, "dashpots": dashpots, "rms": misfit(arrivals)}
     row |= {f"t_{s:g}": t for s, t in zip(STATIONS, arrivals, strict=True)}
     for s in PLACES:
         row |= {f"rate_{s}": 2 * np.interp(s, x, rate), f"slip_{s}": 2 * np.interp(s, x, slip)}
     return row | {"dt": dt, "seconds": time.process_time() - start}
 
 
-def _distance(scene: Scene) -> np.ndarray:
+def distance(scene: Scene) -> np.ndarray:
     """Return the distances of the blocks from the middle, in km."""
     return (np.arange(scene.N_x) + 0.5) * scene.slider.l / 1e3
 
@@ -115,8 +118,8 @@ def misfit(arrivals: np.ndarray) -> float:
 
 
 def orders(frame: pd.DataFrame) -> list[float]:
-    """Return the observed orders of the misfit at low viscosity, from each lattice to the next."""
-    low = frame[frame["eta2"] == VISCOSITIES[0]]
+    """Return the observed orders of the misfit in the scene, from each lattice to the next."""
+    low = frame[(frame["eta2"] == DASHPOTS[0][0]) & (frame["dashpots"] == DASHPOTS[0][1])]
     ratios = np.log(low["rms"]).diff() / np.log(low["l"]).diff()
     return ratios.dropna().tolist()
 
@@ -124,16 +127,19 @@ def orders(frame: pd.DataFrame) -> list[float]:
 def report(frame: pd.DataFrame) -> str:
     """Return the table of a study as text."""
     lines = ["RMS of the rupture times at 2 to 14 km, over the last arrival, 4.7177 s"]
-    lines += ["", "  l (m)  eta^2/(k m)    RMS    14 km (s)   5 km (m/s, m)   10 km (m/s, m)     s"]
+    lines += [
+        "",
+        "  l (m)  eta^2/(k m)  dashpots    RMS    14 km (s)   5 km (m/s, m)   10 km (m/s, m)     s",
+    ]
     for row in frame.itertuples():
         lines.append(
-            f"{row.l:7g}  {row.eta2:11g}  {100 * row.rms:5.3f} %  {row.t_14:8.4f}"
+            f"{row.l:7g}  {row.eta2:11g}  {row.dashpots:>8}  {100 * row.rms:5.3f} %  {row.t_14:8.4f}"
             f"   {row.rate_5:6.2f}, {row.slip_5:6.3f}  {row.rate_10:6.2f}, {row.slip_10:6.3f}"
             f"  {row.seconds:6.0f}"
         )
     (rate_5, slip_5), (rate_10, slip_10) = PLACES.values()
     lines.append(
-        f"      -            -        -    4.7177   {rate_5:6.2f}, {slip_5:6.3f}"
+        f"      -            -         -        -    4.7177   {rate_5:6.2f}, {slip_5:6.3f}"
         f"  {rate_10:6.2f}, {slip_10:6.3f}       -"
     )
     found = ", ".join(f"{order:.2f}" for order in orders(frame))

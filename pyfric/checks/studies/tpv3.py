@@ -54,9 +54,9 @@ def tpv3(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
         progress: say on stderr what is being run.
 
     Returns:
-        One row for each run; columns: l (m), eta2 (eta^2/(k m)), dashpots, rms (over the last arrival of the
-        reference), t_2 ... t_14 (s), rate_5, rate_10 (m/s) and slip_5, slip_10 (m) between two
-        bodies, dt, seconds.
+        One row for each run; columns: l (m), eta2 (eta^2/(k m)), dashpots, rms (over the last
+        arrival of the reference), t_2 ... t_14 (s), rate_5, rate_10 (m/s) and slip_5, slip_10 (m)
+        between two bodies, dt, seconds.
     """
     rows = []
     for eta2, dashpots in DASHPOTS:
@@ -133,7 +133,8 @@ def report(frame: pd.DataFrame) -> str:
     ]
     for row in frame.itertuples():
         lines.append(
-            f"{row.l:7g}  {row.eta2:11g}  {row.dashpots:>8}  {100 * row.rms:5.3f} %  {row.t_14:8.4f}"
+            f"{row.l:7g}  {row.eta2:11g}  {row.dashpots:>8}  {100 * row.rms:5.3f} %"
+            f"  {row.t_14:8.4f}"
             f"   {row.rate_5:6.2f}, {row.slip_5:6.3f}  {row.rate_10:6.2f}, {row.slip_10:6.3f}"
             f"  {row.seconds:6.0f}"
         )

@@ -10,15 +10,15 @@ from pyfric.scene import preset
 
 
 def test_a_crack_follows_fracture_mechanics():
-    """Two blocks in X_c0: below c_R all along, within 5 % from 4 km on; none of it is resolved."""
-    which = fronts.Crack(blocks=2.0, a_end=8e3)
+    """Four blocks in X_c0: below c_R all along, within 1 %; none of it is resolved."""
+    which = fronts.Crack(blocks=4.0, a_end=6e3)
     table, record = fronts.crack(which)
     scene = record.scene
-    assert zone_at_rest(scene, scene.p_prescribed) == pytest.approx(2.0)
-    late = table[table["a"].between(4e3, 7e3)]  # the absorbing wall is at 8 km
-    assert len(late) == 7
+    assert zone_at_rest(scene, scene.p_prescribed) == pytest.approx(4.0)
+    late = table[table["a"] < 5.3e3]  # the absorbing wall is at 6 km
+    assert len(late) == 5
     assert (table["v"] < which.material.c_R).all()
-    assert (np.abs(late["v"] / late["v_theory"] - 1) < 0.05).all()
+    assert (np.abs(late["v"] / late["v_theory"] - 1) < 0.01).all()
     assert record.events["share_X_c0"].iloc[0] == 0
     assert any("set by the lattice" in note for note in record.notes)
 
@@ -38,7 +38,7 @@ def test_runs_are_kept_and_shown(tmp_path):
     a = np.arange(3e3, 12e3, 1e3)
     cracks = pd.DataFrame({"a": a, "v": 0.97 * table.speed(a), "v_theory": table.speed(a)})
     made = pd.DataFrame({"evaluations": 1.0, "seconds": 1.0}, index=cracks.index)
-    for name in ("2_0.001", "4_0.001", "4_0.1"):
+    for name in ("2_0.001_along", "4_0.001_along"):
         cracks.join(made).to_csv(tmp_path / f"crack_{name}.csv", index=False)
     how = {"blocks": (2.0, 4.0), "spacings": (5e-3,), "t_end": 0.3, "say": said.append}
     first = fronts.study(tmp_path, **how)
@@ -50,7 +50,7 @@ def test_runs_are_kept_and_shown(tmp_path):
     fig = fronts.figure(first)
     numbers = fig.tables["summary"].set_index(["what", "case"])["value"]
     mean = numbers[
-        "crack: mean of v/v_theory - 1, 3 to 12 km", "2 blocks in X_c0, eta^2 = 0.001 k m"
+        "crack: mean of v/v_theory - 1, 3 to 12 km", "2 blocks in X_c0, eta^2 = 0.001 k m, along"
     ]
     assert mean == pytest.approx(-0.03)
     assert numbers.notna().all()

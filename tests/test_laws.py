@@ -6,24 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import advance, bits, budget_error, log_bits
 from scipy.integrate import solve_ivp
+from test_core import random_state
 from test_weakening import CASES, D_C, MU_K, MU_S, SLOPE, P, rigid, sliding, slip_of_one_block
 
 import pyfric
 from pyfric import core, laws, theory
 from pyfric.core import STUCK
-from pyfric.scene import SceneError, chain
+from pyfric.scene import SceneError, Spread, chain, setup1
 from pyfric.statics import loaded_state
 
-SPEED = laws.SpeedDependent(v=(0.0, 0.02, 0.1), factor=(1.0, 0.7, 0.85))
-STEPPED_MU = (0.7, 0.64, 0.66, 0.45)
-LAWS = {
-    "exponential": {"law": laws.ExponentialWeakening()},
-    "speed": {"law": SPEED},
-    "table": {"law": laws.TabulatedLaw(slip=(0.0, 5e-7, 1.1e-6, 3e-6), mu=STEPPED_MU)},
-    "age": {"law": laws.TabulatedLaw(age_time=(0.0, 2e-5, 5e-5), age_factor=(1.0, 0.6, 0.9))},
-    "viscous": {"alpha": 40.0, "d_c": 0.0},
-}
+KINDS = {name: {"law": kind(**kind.example)} for name, kind in laws.KINDS.items()}
+LAWS = KINDS | {"viscous": {"alpha": 40.0, "d_c": 0.0}}
 
 
 def with_law(scene, **changes):
@@ -90,6 +85,49 @@ def test_linear_weakening_is_the_closed_form(name):
     assert state.y[0, 0, 0] == pytest.approx(exact, rel=1e-12)
 
 
+@pytest.mark.parametrize("name", KINDS)
+def test_energy_closes_with_every_kind(name):
+    """At the order of the stepper; heat by mu_k p alone, by weakening and by alpha apart."""
+    scene = setup1(L=0.01, H=0.005, F_N=200.0, V=0.3)
+    scene = with_law(scene, d_c=1e-6, alpha=3.0, **KINDS[name])
+    how = {"fidelity": "dynamic", "geometry": "linear", "sample": 2e-5, "progress": False}
+    left = []
+    for dt in (8e-7, 4e-7):
+        record = pyfric.simulate(scene, 1.2e-3, dt=dt, budget=True, **how)
+        left.append(budget_error(record) / record.curve["work_driver"].iloc[-1])
+    assert left[1] < 2e-8
+    assert left[0] > 5 * left[1]
+    last, state = record.curve.iloc[-1], record.final_state
+    assert last["friction_heat"] > 0.05 * last["work_driver"]
+    assert (last["weakening_heat"], last["viscous_heat"]) == tuple(map(math.fsum, state.parts))
+    assert 0 < last["viscous_heat"] < last["friction_heat"] - last["weakening_heat"]
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_threads_variants_and_parts_do_not_change_a_bit(name, tmp_path):
+    spread = Spread(mean=0.7, range=0.02, seed=1)
+    scene = with_law(setup1(L=0.04, H=0.02, V=0.5), d_c=1e-6, alpha=3.0, mu_s=spread, **KINDS[name])
+    start = random_state(scene, "linear")
+
+    def made(state, n=40, **options):
+        return advance(scene, "linear", state, n, switching="located", **options)
+
+    whole = start.copy()
+    log = made(whole)
+    assert log.n_switch > 20
+    others = [{"threads": 2}, {"threads": 4}]
+    others += [{"variant": name} for name, runs in core.variants().items() if runs]
+    for options in others:
+        state = start.copy()
+        assert log_bits(made(state, **options)) == log_bits(log), options
+        assert bits(state) == bits(whole), options
+    made(start, 17)
+    start.save(tmp_path / "state.npz")
+    state = core.State.load(tmp_path / "state.npz")
+    made(state, 23)
+    assert bits(state) == bits(whole)
+
+
 def test_the_exponential_is_followed():
     left = laws.ExponentialWeakening().tables(laws.Means(0.7, 0.45, 1e-6)).slide
     x = np.linspace(0, 20, 4001)
@@ -98,12 +136,13 @@ def test_the_exponential_is_followed():
     assert len(left.x) < 50
 
 
-def test_slide_hold_slide_heals_by_B_per_decade():
-    """One block, driven, held for three times, and driven again, three times over."""
-    B, t_c, K, V = 0.02, 1e-5, 1e6, 0.05
-    heavy = (P, 1e7, 1e7)
-    scene = chain(L=5e-3, p=heavy, k=1e3, K=K, V=V, eta=5.0, M=3e-3)
-    scene = with_law(scene, law=laws.Ageing(B=B, t_c=t_c))
+def slide_hold_slide(law):
+    """Return the times of rest (s) of a driven block, and mu at the end of each.
+
+    It is held for three times, and driven again after each.
+    """
+    K, V, heavy = 1e6, 0.05, (P, 1e7, 1e7)
+    scene = with_law(chain(L=5e-3, p=heavy, k=1e3, K=K, V=V, eta=5.0, M=3e-3), law=law)
     held = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, V=0.0))
     state, found = loaded_state(scene).state(scene, 1e-6), []
     for hold in (1e-3, 1e-2, 1e-1):
@@ -123,7 +162,12 @@ def test_slide_hold_slide_heals_by_B_per_decade():
         t = log["t"][0]
         force = K * (V * t - (u - state.u_drv0)) - scene.slider.k * u
         found.append((t - stuck_since, force / P))
-    age, mu = np.array(found).T
+    return np.array(found).T
+
+
+def test_slide_hold_slide_heals_by_B_per_decade():
+    B, t_c = 0.02, 1e-5
+    age, mu = slide_hold_slide(laws.Ageing(B=B, t_c=t_c))
     slopes = np.diff(mu) / np.diff(np.log10(1 + age / t_c))
     np.testing.assert_allclose(slopes, B, rtol=1e-3)
     np.testing.assert_allclose(mu, 0.7 + B * np.log10(1 + age / t_c), atol=1e-3 * B)

@@ -107,12 +107,18 @@ def test_all_that_holds_ends_with_code_0(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "other", [("linear", "step_end"), ("finite", "located"), ("finite", "step_end")]
+    "other",
+    [
+        ("linear", "linear", "step_end"),
+        ("linear", "finite", "located"),
+        ("ageing", "finite", "step_end"),
+        ("linear", "finite", "step_end"),
+    ],
 )
 def test_other_bits_are_noticed(other, monkeypatch):
     """The last case differs in one bit of one velocity."""
-    known = verify.digest("finite", "step_end", core.VARIANT, 1)
-    if other == ("finite", "step_end"):
+    known = verify.digest("linear", "finite", "step_end", core.VARIANT, 1)
+    if other == ("linear", "finite", "step_end"):
         advance = core.advance
 
         def off(model, state, *rest, **options):

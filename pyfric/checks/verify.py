@@ -6,6 +6,7 @@ Exact answers, bits, and stored full dynamics (`pyfric.checks.regression`).
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import math
 import signal
@@ -28,13 +29,19 @@ from pyfric.checks.studies import tpv3
 from pyfric.engines import simulate, step_size
 from pyfric.paper.claims import ROWS
 from pyfric.record import theory
-from pyfric.scene import at_once, chain, preset, setup1
+from pyfric.scene import at_once, chain, laws, preset, setup1
 from pyfric.statics import loaded_state
 
 __all__ = ["Group", "report", "table", "verify"]
 
 STEPS, SWITCHES = 300, 50
 """Steps of the runs whose bits are compared, and how many contacts have to switch in them."""
+RUNS = (
+    ("linear", "finite", "step_end"),
+    ("linear", "linear", "located"),
+    ("table", "linear", "located"),
+)
+"""Kind of law, geometry and switching of these runs."""
 
 
 class _OutOfTime(Exception):
@@ -192,13 +199,13 @@ def _bits() -> Made:
         skipped.append("2 and 4 threads (built without OpenMP)")
     others |= {"saved and continued": (core.VARIANT, 1, True)}
     switches = []
-    for geometry, switching in (("finite", "step_end"), ("linear", "located")):
-        first, n = digest(geometry, switching, core.VARIANT, 1)
+    for law, geometry, switching in RUNS:
+        run = functools.partial(digest, law, geometry, switching)
+        first, n = run(core.VARIANT, 1)
         switches.append(n)
+        how = f"{geometry}, {switching.replace('_', ' ')}, law {law!r}"
         for name, other in others.items():
-            differ = digest(geometry, switching, *other)[0] != first
-            how = switching.replace("_", " ")
-            checks.append(Check(f"{name}, {geometry}, {how}: other bits", differ, 0))
+            checks.append(Check(f"{name}, {how}: other bits", run(*other)[0] != first, 0))
     checks.append(
         Check(f"runs with fewer than {SWITCHES} switches", sum(n < SWITCHES for n in switches), 0)
     )
@@ -206,14 +213,20 @@ def _bits() -> Made:
 
 
 def digest(
-    geometry: str, switching: str, variant: str, threads: int, halves: bool = False
+    law: str,
+    geometry: str,
+    switching: str,
+    variant: str,
+    threads: int,
+    halves: bool = False,
 ) -> tuple[str, int]:
     """Return a checksum of all that a short run leaves, and how many contacts switched in it.
 
     The loaded slider is shaken, at 20 m/s, so that its blocks slip at once. In `halves`, the state
     is saved and loaded after half of the steps.
     """
-    scene = setup1(L=0.05, H=0.025)
+    kind = laws.KINDS[law]
+    scene = setup1(L=0.05, H=0.025).replace({"interface.law": kind(**kind.example)})
     state, log = loaded_state(scene, geometry).state(scene, 4e-7), core.Log(scene.N_x)
     noise = np.random.default_rng(0).standard_normal((scene.N_z - 1, 2, scene.N_x))
     state.y[:-1, 2:] = 20.0 * noise
@@ -234,7 +247,7 @@ def digest(
     content = hashlib.sha256()
     for values in logged.values():
         content.update(np.concatenate(values).tobytes())
-    for values in (state.y, state.rod, state.mode, state.heat, state.loss):
+    for values in (state.y, state.rod, state.mode, state.heat, state.loss, state.t_0):
         content.update(values.tobytes())
     return content.hexdigest(), switches
 

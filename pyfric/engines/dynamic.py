@@ -189,7 +189,11 @@ class Run:
         if self.method.budget:
             names += [*core.ENERGIES, "work_driver", "work_load"]
             names += ["dissipated_bonds", "friction_heat", "switching_loss"]
-        return names
+        return names + (["weakening_heat", "viscous_heat"] if self._parts() else [])
+
+    def _parts(self) -> bool:
+        """Return whether the curve tells what of the friction heat is not that of mu_k."""
+        return self.method.budget and not self.scene.law.coulomb
 
     def curve(self) -> pd.DataFrame:
         """Return the loading curve so far."""
@@ -205,6 +209,8 @@ class Run:
             row += core.energies(self.model, state, state.t).values()
             row += [*map(float, state.work), math.fsum(state.dissipated)]
             row += [math.fsum(state.heat), math.fsum(state.loss)]
+        if self._parts():
+            row += map(math.fsum, state.parts)
         self.rows.append(row)
 
     def advance(

@@ -8,6 +8,8 @@ LABELS: dict[str, tuple[str, str]] = {
     # curve
     "t": ("s", "time"),
     "F_T": ("N", "tangential force of the driver"),
+    "weakening_heat": ("J", "friction heat by friction above mu_k p"),
+    "viscous_heat": ("J", "friction heat by viscosity of slip"),
     # events
     "t_start": ("s", "time of the first slip"),
     "t_stop": ("s", "time of the last stick"),

@@ -31,6 +31,7 @@ class Ageing(FrictionLaw):
     t_c: Annotated[float, Positive("s")]
 
     kind: ClassVar[str] = "ageing"
+    example: ClassVar[dict[str, float]] = {"B": 0.02, "t_c": 1e-5}
 
     def hold(self, of: Means) -> Table | None:
         """Return the gain, on knots that are even in log(1 + t/t_c)."""

@@ -1,6 +1,6 @@
 """Friction that depends on the speed of slip."""
 
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pyfric.scene.checked import NotNegative, part
 from pyfric.scene.laws.kinds import FrictionLaw, Means, law
@@ -25,6 +25,7 @@ class SpeedDependent(FrictionLaw):
     factor: Annotated[tuple[float, ...], NotNegative("", listed=True)]
 
     kind: ClassVar[str] = "speed"
+    example: ClassVar[dict[str, Any]] = {"v": (0.0, 0.02, 0.1), "factor": (1.0, 0.7, 0.85)}
 
     def speed(self, of: Means) -> Table:
         """Return the factor."""

@@ -48,6 +48,16 @@ class TabulatedLaw(FrictionLaw):
     age_factor: Numbers = None
 
     kind: ClassVar[str] = "table"
+    example: ClassVar[dict[str, Any]] = {
+        "slip": (0.0, 5e-7, 1.1e-6, 3e-6),
+        "mu": (0.7, 0.64, 0.66, 0.45),
+        "contact_time": (0.0, 1e-4),
+        "gain": (0.0, 0.02),
+        "v": (0.0, 0.02, 0.1),
+        "speed_factor": (1.0, 0.8, 0.9),
+        "age_time": (0.0, 2e-5, 5e-5),
+        "age_factor": (1.0, 0.6, 0.9),
+    }
 
     @classmethod
     def of(cls, **tables: str | Path | tuple[Callable[[float], float], float]) -> Self:

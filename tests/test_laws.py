@@ -173,6 +173,13 @@ def test_slide_hold_slide_heals_by_B_per_decade():
     np.testing.assert_allclose(mu, 0.7 + B * np.log10(1 + age / t_c), atol=1e-3 * B)
 
 
+def test_slide_hold_slide_heals_exponentially():
+    gain, t_c = 0.03, 4e-3
+    age, mu = slide_hold_slide(laws.ExponentialHealing(gain=gain, t_c=t_c))
+    np.testing.assert_allclose(mu, 0.7 - gain * np.expm1(-age / t_c), atol=1e-3 * gain)
+    assert 0.3 < (mu[0] - 0.7) / gain < 0.7
+
+
 def changed_speed(state, old, new):
     """Return the state with a driver of another speed that is where it was."""
     state = state.copy()

@@ -8,6 +8,7 @@ from pyfric.scene.laws.table import Table, from_csv, sampled
 MODULES = (
     "weakening",
     "ageing",
+    "healing",
     "speed",
     "tabulated",
 )

@@ -55,7 +55,7 @@ test-faults: setup
 sanitize: setup
 	$(BIN)/python -P scripts/sanitize $(ARGS)
 
-# Eight runs of full dynamics, bit for bit, against stored digests: for changes of shape, not of results.
+# Nine runs of full dynamics, bit for bit, against stored digests: for changes of shape, not of results.
 digests: setup
 	$(BIN)/python -P scripts/digests
 

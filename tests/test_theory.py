@@ -9,10 +9,10 @@ from scipy import integrate
 from scipy.special import beta
 
 import pyfric
-from pyfric import SceneError, theory
+from pyfric import SceneError, chain, setup2, simulate, theory
 from pyfric.record.theory.cracks import _I
 from pyfric.record.theory.waves import reduced_D
-from pyfric.statics import dispersion, spring_stiffness
+from pyfric.statics import dispersion, solve_static, spring_stiffness
 from pyfric.statics.operators import bonds
 
 ROCK = theory.Material(c_P=6000.0, c_S=3464.0, rho=2670.0)
@@ -439,24 +439,28 @@ def test_radiation_in_the_lattice():
 
 
 def test_one_dimensional_length():
-    """Blocks under k_top = 0, driven from the end, carry mu_k p each until F_T is used up."""
-    F_N, mu_k, blocks = 100.0, 0.4, 1000
-    for F_T in (0.0, 7.0, 39.0):
-        carried = np.cumsum(np.full(blocks, mu_k * F_N / blocks))
-        slipping = np.count_nonzero(carried <= F_T) / blocks
-        assert theory.quasistatic_length(F_T, F_N, mu_k) == pytest.approx(
-            slipping, abs=1.5 / blocks
-        )
-    assert theory.quasistatic_length(60.0, F_N, mu_k) == 1
+    """A chain that is pushed slowly slips up to where mu_k p of its blocks uses up F_T."""
+    scene = chain(L=0.06, p=10.0, tau=0.0, K=4e6, V=5e-3, mu_s=0.4, mu_k=0.4)
+    record = simulate(scene, 4.5e-3, fidelity="dynamic", progress=False)
+    blocks, first = np.unique(record.switches["block"], return_index=True)
+    F_T = np.interp(record.switches["t"][first], record.curve["t"], record.curve["F_T"])
+    assert 20 <= len(blocks) < scene.N_x
+    slipping = (blocks - blocks[0] + 1) / scene.N_x
+    found = theory.quasistatic_length(F_T, scene.F_N, 0.4)
+    np.testing.assert_allclose(found, slipping, rtol=0, atol=0.03 / scene.N_x)
+    assert theory.quasistatic_length(60.0, 100.0, 0.4) == 1
 
 
-def test_pressure_balances_force_and_torque():
-    F_T, h_over_L = 0.45, 0.3
-    x = np.linspace(0, 1, 10001)
-    p = theory.rigid_pressure(F_T, 2.0, h_over_L, x) * 2.0
-    assert np.trapezoid(p, x) == pytest.approx(2.0)
-    assert np.trapezoid(p * (x - 0.5), x) == pytest.approx(F_T * h_over_L, rel=1e-6)
-    assert theory.rigid_pressure(0.45, 1.0, 0.1) == pytest.approx(1 - 6 * 0.1 * 0.45)
+@pytest.mark.parametrize("drive", [2e-5, 6e-5])
+def test_pressure_balances_force_and_torque(drive):
+    """A slider that is stiff beside its foundation; N blocks have the lever of (N - 1)/(N + 1)."""
+    scene = setup2(L=0.1, H=0.03, l=5e-3, k=1.35e12, k_f=13.5e6, theta=0.0, h=0.01)
+    state, N = solve_static(scene, np.zeros(scene.N_x), drive), scene.N_x
+    lever = scene.driver.h / scene.slider.L * (N - 1) / (N + 1)
+    x = np.linspace(0, 1, N)
+    expected = [theory.rigid_pressure(state.F_T, scene.F_N, lever, one) for one in x]
+    np.testing.assert_allclose(state.p * N / scene.F_N, expected, rtol=0, atol=2e-5)
+    assert abs(expected[0] - 1) > 0.02
 
 
 # --- refusals ------------------------------------------------------------------------------------

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ENERGIES", "Forces", "advance", "bond_forces", "energies", "evaluate"]
 
+SWITCHING = get_args(Switching)
 _core = load_variant(VARIANT)
 
 ENERGIES = (
@@ -72,12 +73,10 @@ def advance(
     """
     N_x = model.N_x
     state.check(N_x)
-    room = log.switch_r.shape[1], log.quiet_r.shape[1]
-    if log.N_x != N_x or any(
-        a < b for a, b in zip(room, room_of_step(N_x, switching), strict=True)
-    ):
+    switches, quiet = room_of_step(N_x, switching)
+    if log.N_x != N_x or log.switch_r.shape[1] < switches or log.quiet_r.shape[1] < quiet:
         raise ValueError(f"log: room for {log.N_x} blocks, expected {N_x}")
-    if stepper not in STEPPERS or switching not in get_args(Switching) or not rtol > 0:
+    if stepper not in STEPPERS or switching not in SWITCHING or not rtol > 0:
         raise ValueError(f"stepper = {stepper!r}, switching = {switching!r}, rtol = {rtol}")
     if not 0 <= n_steps < 2**31:
         raise ValueError(f"n_steps = {n_steps}: must be in 0 … {2**31 - 1}")
@@ -123,7 +122,9 @@ def advance(
 
 def _memory(state: State) -> np.ndarray:
     """Return the clocks of each block as the core takes them, shape (N_x, 2)."""
-    return np.column_stack([state.s_0, state.t_0])
+    memory = np.empty((len(state.s_0), 2))
+    memory[:, 0], memory[:, 1] = state.s_0, state.t_0
+    return memory
 
 
 class Forces(NamedTuple):
@@ -203,4 +204,4 @@ def energies(model: Model, state: State, t: float) -> dict[str, float]:
     """
     state.check(model.N_x)
     values = _core.energy(*model, t, state.y.T, state.rod)
-    return dict(zip(ENERGIES, map(float, values), strict=True))
+    return dict(zip(ENERGIES, values.tolist(), strict=True))

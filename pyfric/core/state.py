@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import math
 import os
 import zipfile
 from dataclasses import dataclass
@@ -21,6 +22,9 @@ __all__ = ["OPEN", "STUCK", "State", "StateError"]
 
 STUCK, OPEN = 0, 2
 """Contact states; a slipping block carries the sign of its motion, +1 or -1."""
+
+
+REAL, WHOLE = np.dtype(np.float64), np.dtype(np.int32)
 
 
 class StateError(ValueError):
@@ -133,25 +137,28 @@ class State:
             StateError: an array has the wrong shape, type or memory order, or dt is not positive.
         """
         N_z = len(self.y) if N_z is None else N_z
+        blocks = (N_x,)
         for name, shape, dtype in (
-            ("y", (N_z, 4, N_x), np.float64),
-            ("rod", (6,), np.float64),
-            ("mode", (N_x,), np.int32),
-            ("corner", (N_x,), np.int32),
-            ("margin", (N_x,), np.float64),
-            ("loss", (N_x,), np.float64),
-            ("s_0", (N_x,), np.float64),
-            ("t_0", (N_x,), np.float64),
-            ("parts", (2, N_x), np.float64),
-            ("dissipated", (N_z,), np.float64),
-            ("heat", (N_x,), np.float64),
-            ("work", (2,), np.float64),
+            ("y", (N_z, 4, N_x), REAL),
+            ("rod", (6,), REAL),
+            ("mode", blocks, WHOLE),
+            ("corner", blocks, WHOLE),
+            ("margin", blocks, REAL),
+            ("loss", blocks, REAL),
+            ("s_0", blocks, REAL),
+            ("t_0", blocks, REAL),
+            ("parts", (2, N_x), REAL),
+            ("dissipated", (N_z,), REAL),
+            ("heat", blocks, REAL),
+            ("work", (2,), REAL),
         ):
             array = getattr(self, name)
             right = isinstance(array, np.ndarray) and array.shape == shape and array.dtype == dtype
-            if not (right and array.flags.c_contiguous and array.flags.writeable):
-                raise StateError(f"state.{name}: expected a contiguous {dtype.__name__} {shape}")
-        if not (self.dt > 0 and np.isfinite([self.t0, self.u_drv0]).all() and self.step >= 0):
+            if not (right and array.flags.carray):
+                raise StateError(f"state.{name}: expected a contiguous {dtype} {shape}")
+        if not (
+            self.dt > 0 and math.isfinite(self.t0) and math.isfinite(self.u_drv0) and self.step >= 0
+        ):
             raise StateError(
                 f"state: dt = {self.dt} s, t0 = {self.t0} s, u_drv0 = {self.u_drv0} m, "
                 f"step = {self.step}: expected finite values, dt > 0, step >= 0"

@@ -207,10 +207,10 @@ class Run:
         row = [state.t, F_T]
         if self.method.budget:
             row += core.energies(self.model, state, state.t).values()
-            row += [*map(float, state.work), math.fsum(state.dissipated)]
-            row += [math.fsum(state.heat), math.fsum(state.loss)]
+            row += state.work.tolist()
+            row += [math.fsum(part.tolist()) for part in (state.dissipated, state.heat, state.loss)]
         if self._parts():
-            row += map(math.fsum, state.parts)
+            row += map(math.fsum, state.parts.tolist())
         self.rows.append(row)
 
     def advance(

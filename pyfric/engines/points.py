@@ -34,13 +34,13 @@ import dataclasses
 import itertools
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from pyfric.engines.options import Options, step_size
 from pyfric.engines.planner import _cost, _scout, plan
@@ -55,11 +55,8 @@ from pyfric.scene import Scene, SceneError, check_number, default_geometry, html
 __all__ = ["Estimate", "Sweep"]
 
 Kind = Literal["grid", "list", "random", "sobol", "halton", "latin"]
-DRAWN: Mapping[str, Callable[..., Any]] = {
-    "sobol": qmc.Sobol,
-    "halton": qmc.Halton,
-    "latin": qmc.LatinHypercube,
-}
+DRAWN: Mapping[str, str] = {"sobol": "Sobol", "halton": "Halton", "latin": "LatinHypercube"}
+"""Classes of `scipy.stats.qmc`, which is slow to import: first use imports it."""
 ASKED = 5
 """The cost of a sweep is that of so many of its points, on average."""
 
@@ -195,7 +192,7 @@ class Sweep:
         rng = np.random.default_rng(self.seed)
         if self.points == "random":
             return rng.random((self.n, fields))
-        drawn = DRAWN[self.points](fields, seed=rng)
+        drawn = getattr(scipy.stats.qmc, DRAWN[self.points])(fields, seed=rng)
         if self.points == "sobol":  # in powers of two, which keeps its balance
             return drawn.random_base2(max(self.n - 1, 0).bit_length())[: self.n]
         return drawn.random(self.n)

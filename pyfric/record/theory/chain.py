@@ -31,7 +31,7 @@ import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import integrate, optimize, special
+import scipy
 
 from pyfric.record.theory.inputs import checked, checked_array
 from pyfric.scene import SceneError
@@ -139,7 +139,7 @@ def _prestress(v: float, alpha: float, eta: float) -> float:
     ends = [*ends, *(period * np.arange(1, near + 1))]
     total = 0.0
     for low, high in itertools.pairwise(ends):
-        part, *_ = integrate.quad(
+        part, *_ = scipy.integrate.quad(
             _arg_over_q, low, high, (v, alpha, eta), epsabs=1e-11, limit=1000, full_output=1
         )
         total += part
@@ -148,7 +148,7 @@ def _prestress(v: float, alpha: float, eta: float) -> float:
     # Beyond Q, a multiple of 2 pi, arg = 4 sin^2(q/2) eta/(v q) + terms of mean b/(v q)^3.
     Q = period * far
     b = 2 * (alpha + 3 * eta) * (1 - alpha * eta) - 20 / 3 * eta**3
-    total += 2 * eta / v * (np.pi / 2 - special.sici(Q)[0]) + b / (3 * (v * Q) ** 3)
+    total += 2 * eta / v * (np.pi / 2 - scipy.special.sici(Q)[0]) + b / (3 * (v * Q) ** 3)
     factor = 1.0 if alpha else np.sqrt(1 - 1 / v**2)
     return factor * np.exp(-total / np.pi)
 
@@ -168,4 +168,4 @@ def _speed(tau_bar: float, alpha: float, eta: float) -> float:
         sign = ">=" if at_low > 0 else "<="
         reason = f"a front outside {SLOWEST:g} c ... {FASTEST:g} c"
         raise SceneError("tau_bar", float(tau_bar), "", f"a number {sign} {limit:.9g}", reason)
-    return optimize.brentq(excess, low, high, xtol=1e-12, rtol=1e-11)
+    return scipy.optimize.brentq(excess, low, high, xtol=1e-12, rtol=1e-11)

@@ -27,7 +27,7 @@ import itertools
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy import integrate
+import scipy
 
 from pyfric.record.theory.inputs import checked, checked_array, choice, same_shape
 from pyfric.record.theory.waves import Material, reduced_D
@@ -308,7 +308,9 @@ def _intensity(a: float, stress_drop: Callable[[float], float], breaks: np.ndarr
     ends = [0.0, *np.arcsin(breaks / a), np.pi / 2]
     total = error = 0.0
     for low, high in itertools.pairwise(ends):
-        part, wrong, *_ = integrate.quad(value, low, high, epsabs=0, epsrel=1e-10, full_output=1)
+        part, wrong, *_ = scipy.integrate.quad(
+            value, low, high, epsabs=0, epsrel=1e-10, full_output=1
+        )
         total, error = total + part, error + wrong
     if error > ACCURACY * peak:
         allowed = "a function smooth between its breaks"

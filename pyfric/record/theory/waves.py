@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple, Self, get_args
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from pyfric.record.theory.inputs import checked, checked_array, choice
 from pyfric.scene import SceneError
@@ -252,4 +252,4 @@ class Material:
     @functools.cached_property
     def c_R(self) -> float:
         """Rayleigh speed, m/s; see `rayleigh_speed`."""
-        return self.c_S * np.sqrt(optimize.brentq(reduced_D, 0, 1, (self.r,), xtol=1e-15))
+        return self.c_S * np.sqrt(scipy.optimize.brentq(reduced_D, 0, 1, (self.r,), xtol=1e-15))

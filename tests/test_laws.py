@@ -258,3 +258,58 @@ def test_a_law_of_ones_own_takes_ten_lines():
 def test_the_page_names_every_kind(name):
     page = (Path(__file__).parents[1] / "docs" / "laws.md").read_text(encoding="utf-8")
     assert f"| `{name}` |" in page
+
+
+CSV = "# of a test\nslip (um), mu\n0, 0.7\n\n0.5, 0.6\n3, 0.45\n"
+
+
+def csv_scene(folder, content, name="friction.csv", table="slide"):
+    """The scene file of the default chain under a law from a CSV file in a folder below it."""
+    (folder / "laws").mkdir(exist_ok=True)
+    (folder / "laws" / name).write_text(content)
+    law = f'\n[interface.law]\nkind = "table"\n{table} = "laws/{name}"\n'
+    file = folder / "scene.toml"
+    file.write_text(chain(L=5e-3).to_toml() + law)
+    return file
+
+
+def test_scene_files_name_tables_and_records_hold_them(tmp_path, monkeypatch):
+    file = csv_scene(tmp_path, CSV)
+    scene = pyfric.Scene.from_toml(file)
+    law = laws.TabulatedLaw(slip=(0.0, 5e-7, 3e-6), mu=(0.7, 0.6, 0.45))
+    assert scene.interface.law == law
+    assert laws.TabulatedLaw.of(slide=tmp_path / "laws" / "friction.csv") == law
+    record = pyfric.simulate(scene, 1e-4, fidelity="dynamic", progress=False)
+    saved = record.save(tmp_path / "run.nc")
+    for one in (file, *(tmp_path / "laws").iterdir()):
+        one.unlink()
+    monkeypatch.chdir("/")
+    here = pyfric.Record.load(saved)
+    assert here.scene == scene
+    on = pyfric.simulate(scene, 2e-4, initial=here, progress=False)
+    assert on.status == "complete"
+
+
+@pytest.mark.parametrize(
+    ("content", "table", "value", "texts"),
+    [
+        ("slip (um), mu\n0, 0.7\n1, x\n", "slide", "x", ["row 3, column 2 (mu): not a number"]),
+        ("slip (s), mu\n0, 0.7\n", "slide", "slip (s)", ["row 1, column 1 (slip)", "a unit of m"]),
+        ("0, 0.7\n2, 0.6\n2, 0.5\n", "slide", 2.0, ["row 3, column 1: out of order", "than 2.0 m"]),
+        ("1, 0.7\n2, 0.6\n", "slide", 1.0, ["row 1, column 1: tables start at 0"]),
+        ("0, 0.7\n2, -0.6\n", "slide", "-0.6", ["row 2, column 2: too small", "number >= 0"]),
+        ("0, 0\n\n2, inf\n", "hold", "inf", ["row 3, column 2: not a finite number"]),
+        ("0, 0, 0\n", "hold", "0,0,0", ["row 1: 3", "two columns"]),
+        ("t (ms), gain\n", "hold", 0, ["2 to 1000 rows"]),
+        ("0, 0\n" * 300_000, "hold", None, ["too large"]),
+    ],
+)
+def test_bad_tables_in_files_are_refused(tmp_path, content, table, value, texts):
+    file = csv_scene(tmp_path, content, table=table)
+    with pytest.raises(SceneError) as caught:
+        pyfric.Scene.from_toml(file)
+    assert caught.value.field == f"interface.law.{table}"
+    path = str(tmp_path / "laws" / "friction.csv")
+    assert caught.value.value == (path if value is None else value)
+    for text in (path, *texts):
+        assert text in str(caught.value)

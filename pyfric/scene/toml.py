@@ -32,6 +32,7 @@
     B = 0.01
     t_c = "1 ms"
 
+A law of kind "table" takes lists or CSV files: slide = "friction.csv", from the scene's folder on.
 Pure numbers are bare; lengths, forces and so on are text with any unit that fits. What may vary
 along the interface is a number, a list, or a table, such as
 mu_s = {mean = 0.7, std = 0.02, correlation_length = "10 mm", seed = 1}.
@@ -41,12 +42,13 @@ import dataclasses
 import os
 import tomllib
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import tomli_w
 
 from pyfric.scene.checked import Written, names, quantities
-from pyfric.scene.laws import KINDS
+from pyfric.scene.laws import KINDS, FrictionLaw
 from pyfric.scene.parts import (
     DistributedLoad,
     Driver,
@@ -120,7 +122,7 @@ def read(source: str | os.PathLike[str]) -> tuple[dict[str, Any], list[SceneErro
         if section == "walls" and section not in document:
             continue
         try:
-            found[section] = _part_from(section, document.get(section))
+            found[section] = _part_from(section, document.get(section), _folder(source))
         except SceneError as error:
             errors.append(error)
     return found, errors
@@ -165,12 +167,19 @@ def _parsed(source: str | os.PathLike[str]) -> dict[str, Any]:
         raise SceneError("scene", name, "", "a TOML document", f"not TOML ({error})") from None
 
 
-def _part_from(section: str, table: Any) -> Any:
-    """Return the part that a table of a scene file describes."""
+def _folder(source: str | os.PathLike[str]) -> Path:
+    """Return the folder from which a scene file names others; that of text is the current one."""
+    return Path() if isinstance(source, str) and "\n" in source else Path(source).parent
+
+
+def _part_from(section: str, table: Any, folder: Path) -> Any:
+    """Return the part that a table of a scene file in `folder` describes."""
     if not isinstance(table, dict):
         reason = "missing" if table is None else "not a table"
         raise SceneError(section, table, "", f"a table [{section}]", reason)
     cls, table = _class_of(section, table)
+    if issubclass(cls, FrictionLaw):
+        table = cls.read_files(table, folder)
     known, marks = names(cls), quantities(cls)
     listed = [*(["kind"] if len(_classes(section)) > 1 else []), *known]
     errors = [
@@ -185,7 +194,7 @@ def _part_from(section: str, table: Any) -> Any:
     }
     try:
         if LAW in values:
-            values[LAW] = _part_from(f"{section}.{LAW}", values[LAW])
+            values[LAW] = _part_from(f"{section}.{LAW}", values[LAW], folder)
         part = cls(**values)
     except SceneError as error:
         errors.append(error)

@@ -11,6 +11,7 @@ friction, each as a `Table`:
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from pyfric.scene.laws.table import Table
 from pyfric.scene.units import SceneError
 
-__all__ = ["KINDS", "FrictionLaw", "Means", "Tables", "check_tables", "law"]
+__all__ = ["KINDS", "UNITS", "FrictionLaw", "Means", "Tables", "check_tables", "law"]
 
 KINDS: dict[str, type[FrictionLaw]] = {}
 """Kinds of laws by name."""
@@ -55,6 +56,11 @@ class FrictionLaw:
     example: ClassVar[dict[str, Any]] = {}
     _section: ClassVar[str] = "interface.law"
     _allowed: ClassVar[dict[str, str]] = {}
+
+    @classmethod
+    def read_files(cls, table: dict[str, Any], folder: Path) -> dict[str, Any]:
+        """Return the table [interface.law] of a scene file in `folder`, with what files hold."""
+        return table
 
     def hold(self, of: Means) -> Table | None:
         """Return what mu_s gains over the time since the block stuck (s)."""

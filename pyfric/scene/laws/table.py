@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from pyfric.scene.units import SceneError, check_number
+from pyfric.scene.units import SceneError, check_number, parse_quantity
 
 __all__ = ["MAX_KNOTS", "Table", "from_csv", "sampled"]
 
 MAX_KNOTS = 1000
 """Most knots of a table."""
+MAX_BYTES = 1_048_576
+"""Largest CSV file that is read."""
 CLOSE = 1e-3
 """How close `sampled` follows a function, over its range."""
 
@@ -106,23 +108,94 @@ def sampled(function: Callable[[float], float], end: float, *, close: float = CL
     return Table(tuple(x), tuple(y))
 
 
-def from_csv(path: str | Path) -> Table:
-    """Return the table in a CSV file of two columns; lines that start with # are left out.
+def from_csv(path: str | Path, field: str = "interface.law", unit: str = "") -> Table:
+    """Return the table in a CSV file of two columns.
+
+    Empty lines and lines that start with # are left out. The first line may have the names of the
+    columns, with units in parentheses: "slip (um), mu". Without units numbers are in SI units.
+
+    Args:
+        path: the file, in UTF-8.
+        field: name of the table, for messages.
+        unit: SI unit of the first column; the second one has none.
 
     Raises:
-        SceneError: the file cannot be read, or has other columns.
+        SceneError: the file cannot be read or is too large, has other columns or too many rows, or
+            a value is no number, negative or out of order; with file, row, column and value.
     """
-    allowed = "a CSV file with two columns of numbers"
-    try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
-        rows = [_row(line) for line in lines if line.strip() and not line.startswith("#")]
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise SceneError("interface.law", str(path), "", allowed, reason) from None
-    x, y = zip(*rows, strict=True) if rows else ((), ())
+    lines = _lines(path, field)
+    names, written = _header(path, lines, field, unit)
+    rows: list[list[float]] = []
+    for n, cells in lines:
+        if len(cells) != 2:
+            raise _refused(field, ",".join(cells), "two columns", path, f"row {n}: {len(cells)}")
+        row = []
+        for name, cell, given, si in zip(names, cells, written, (unit, ""), strict=True):
+            where = f"row {n}, column {name}"
+            try:
+                number = parse_quantity(field, f"{cell} {given}", si) if given else float(cell)
+                row.append(check_number(field, number, si, ge=0.0))
+            except ValueError as error:
+                allowed, reason = (
+                    getattr(error, "allowed", "a number"),
+                    getattr(error, "reason", ""),
+                )
+                where += f": {reason}" if reason else ": not a number"
+                raise _refused(field, cell, allowed, path, where) from None
+        if row[0] <= rows[-1][0] if rows else row[0] != 0:
+            allowed = f"more than {rows[-1][0]!r} {unit}" if rows else f"0 {unit}"
+            where = f"row {n}, column {names[0]}: {'out of order' if rows else 'tables start at 0'}"
+            raise _refused(field, row[0], allowed.strip(), path, where)
+        rows.append(row)
+    if not 2 <= len(rows) <= MAX_KNOTS:
+        raise _refused(field, len(rows), f"2 to {MAX_KNOTS} rows of numbers", path, "rows")
+    x, y = zip(*rows, strict=True)
     return Table(x, y)
 
 
-def _row(line: str) -> tuple[float, float]:
-    x, y = map(float, line.split(","))
-    return x, y
+def _refused(field: str, value: Any, allowed: str, path: str | Path, where: str) -> SceneError:
+    return SceneError(field, value, "", allowed, f"{path}, {where}")
+
+
+def _lines(path: str | Path, field: str) -> list[tuple[int, list[str]]]:
+    """Return the number of each line that says something, and its cells."""
+    allowed = f"a CSV file with two columns of numbers, of at most {MAX_BYTES} bytes"
+    try:
+        with open(path, "rb") as file:
+            content = file.read(MAX_BYTES + 1)
+        text = content.decode("utf-8-sig")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise SceneError(field, str(path), "", allowed, reason) from None
+    if len(content) > MAX_BYTES:
+        raise SceneError(field, str(path), "", allowed, "too large")
+    lines = enumerate(map(str.strip, text.splitlines()), 1)
+    return [(n, [*map(str.strip, one.split(","))]) for n, one in lines if one and one[0] != "#"]
+
+
+def _header(
+    path: str | Path, lines: list[tuple[int, list[str]]], field: str, unit: str
+) -> tuple[tuple[str, str], tuple[str, str]]:
+    """Return the names of the columns, and their units if any; a line of them is taken away."""
+    names, units = ["1", "2"], ["", ""]
+    if not lines or any(map(_is_number, lines[0][1])):
+        return (names[0], names[1]), (units[0], units[1])
+    n, cells = lines.pop(0)
+    for c, (cell, si) in enumerate(zip(cells[:2], (unit, ""), strict=False)):
+        name, _, written = cell.partition("(")
+        names[c], units[c] = f"{c + 1} ({name.strip()})", written.rstrip(") ")
+        if units[c]:
+            try:
+                parse_quantity(field, f"1 {units[c]}", si)
+            except SceneError as error:
+                where = f"row {n}, column {names[c]}: {error.reason}"
+                raise _refused(field, cell, f"a unit of {si or '1'}", path, where) from None
+    return (names[0], names[1]), (units[0], units[1])
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
 from pyfric.scene.checked import NotNegative, part
-from pyfric.scene.laws.kinds import FrictionLaw, Means, law
+from pyfric.scene.laws.kinds import UNITS, FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table, from_csv, sampled
 from pyfric.scene.units import SceneError
 
@@ -18,6 +18,14 @@ PAIRS = {
     "age": ("age_time", "age_factor"),
 }
 """Table -> the two lists that make it."""
+FILE_UNITS = UNITS._replace(slide="m")
+"""Units of the first columns of files."""
+
+
+def _read(name: str, path: Path) -> Table:
+    return from_csv(path, f"interface.law.{name}", getattr(FILE_UNITS, name))
+
+
 Seconds = Annotated[tuple[float, ...] | None, NotNegative("s", listed=True, optional=True)]
 Numbers = Annotated[tuple[float, ...] | None, NotNegative("", listed=True, optional=True)]
 
@@ -64,8 +72,8 @@ class TabulatedLaw(FrictionLaw):
         """Return a law whose tables are made from files or functions.
 
         Args:
-            tables: hold, slide, speed or age: the path of a CSV file of two columns in SI units,
-                or a function of a number and the end of its table.
+            tables: hold, slide, speed or age: the path of a CSV file of two columns, see
+                `from_csv`, or a function of a number and the end of its table.
 
         Raises:
             SceneError: an unknown table, a file that is none, a function that is no law.
@@ -74,9 +82,29 @@ class TabulatedLaw(FrictionLaw):
         for name, source in tables.items():
             if name not in PAIRS:
                 raise SceneError(name, source, "", f"one of {', '.join(PAIRS)}", "unknown")
-            table = from_csv(source) if isinstance(source, str | Path) else sampled(*source)
+            file = isinstance(source, str | Path)
+            table = _read(name, Path(source)) if file else sampled(*source)
             lists |= zip(PAIRS[name], (table.x, table.y), strict=True)
         return cls(**lists)
+
+    @classmethod
+    def read_files(cls, table: dict[str, Any], folder: Path) -> dict[str, Any]:
+        """Return the table of a scene file with lists in place of the CSV files that it names."""
+        rest = dict(table)
+        for name in PAIRS:
+            source = rest.pop(name, None)
+            if source is None:
+                continue
+            if not isinstance(source, str):
+                allowed = "the path of a CSV file, from the scene file on"
+                raise SceneError(f"interface.law.{name}", source, "", allowed, "not text")
+            if twice := [one for one in PAIRS[name] if one in rest]:
+                allowed = f"either {name}, or {' and '.join(PAIRS[name])}"
+                raise SceneError(f"interface.law.{twice[0]}", rest[twice[0]], "", allowed, "twice")
+            read, unit = _read(name, folder / source), getattr(FILE_UNITS, name)
+            x = [f"{one!r} {unit}" for one in read.x]
+            rest |= zip(PAIRS[name], (x, list(read.y)), strict=True)
+        return rest
 
     def _table(self, name: str) -> Table | None:
         x, y = (getattr(self, one) for one in PAIRS[name])

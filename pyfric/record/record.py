@@ -77,6 +77,8 @@ GROUPS = {
     "final_state": "final_",
 }
 """Group of a tree -> what the names of its variables begin with in the file."""
+DRAWN = "drawn_"
+"""Begins the names of fields of the interface as they were drawn, on x."""
 UNSEEN = ("episode_", "quiet_", "switch_", "final_")
 TABLES = {"curve": ("t", ""), "events": ("event", "event_"), "episodes": ("episode", "episode_")}
 
@@ -396,6 +398,9 @@ class Record:
 
         yield "x", variable("x", np.asarray(self.scene.x), "x")
         yield "n", variable("x", np.asarray(self.scene.n_of_i), "n")
+        for name, values in self.scene.drawn.items():
+            values = np.array(values)[self.scene.n_of_i - 1]
+            yield DRAWN + name, variable("x", values, DRAWN + name)
         taken = {"x", "n", *self._shapes()}
         for table, (dim, prefix) in TABLES.items():
             for name, column in getattr(self, table).items():
@@ -474,7 +479,7 @@ class Record:
         }
         arrays = ("region", "rupture_times", *STRESSES, "tau_initial", "p_initial")
         return cls(
-            scene=Scene.from_toml(attributes["scene"]),
+            scene=_scene(attributes["scene"], values),
             method=Method(**json.loads(attributes["method"])),
             **tables,
             **{name: values[name] for name in arrays},
@@ -549,6 +554,13 @@ def _made(kind: type[Record], values: dict[str, Any]) -> Record:
 
 def _errors(values: dict[str, Any] | None) -> Errors | None:
     return None if values is None else Errors.from_json(values)
+
+
+def _scene(text: str, values: Mapping[str, np.ndarray]) -> Scene:
+    """Return the scene of a file, whose fields are not drawn again."""
+    first = np.argsort(values["n"])  # from the trailing edge on
+    drawn = [name for name in values if name.startswith(DRAWN)]
+    return Scene.from_toml(text, draws={k.removeprefix(DRAWN): values[k][first] for k in drawn})
 
 
 # --- columns -------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ import functools
 import math
 import os
 from collections.abc import Mapping
+from dataclasses import InitVar
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -25,7 +26,6 @@ from pyfric.scene.parts import (
     FIELDS,
     DistributedLoad,
     Driver,
-    Field,
     Interface,
     PrescribedLoad,
     Rod,
@@ -57,6 +57,8 @@ class Scene:
         interface: an `Interface`.
         name: free text of at most `MAX_NAME` characters.
         walls: what is beyond sides and top of a slider on a prescribed interface, `Walls`.
+        draws: names of fields that are a `Spread` to what had been drawn, N_x numbers each from the
+            trailing edge on, so that it is not drawn again; kept beside the scene by records.
 
     Raises:
         SceneError: a part is missing, unknown or of the wrong type, h is not on a row, prescribed
@@ -74,6 +76,7 @@ class Scene:
     interface: Interface
     name: str = ""
     walls: Walls = Walls()
+    draws: InitVar[Mapping[str, Any] | None] = None
 
     _section: ClassVar[str] = ""
     _allowed: ClassVar[dict[str, str]] = {
@@ -85,7 +88,9 @@ class Scene:
         "walls": "Walls",
     }
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, draws: Mapping[str, Any] | None) -> None:
+        object.__setattr__(self, "_draws", {})
+        self._know(draws or {})
         encodable = self.name.encode("utf-8", "replace").decode() == self.name
         if len(self.name) > MAX_NAME or not encodable:
             allowed = self._allowed["name"]
@@ -106,6 +111,16 @@ class Scene:
             reason = "not on a row" if steps is None else "not on a row that can be driven"
             raise SceneError("driver.h", h, "m", allowed, reason)
         self._check_walls()
+
+    def _know(self, draws: Mapping[str, Any]) -> None:
+        """Take over draws of fields."""
+        for name, values in draws.items():
+            known = np.asarray(values, dtype=float)
+            drawn = isinstance(getattr(self.interface, name, None), Spread)
+            if not (drawn and known.shape == (self.N_x,) and np.isfinite(known).all()):
+                allowed = f"{self.N_x} finite numbers for a field that is a Spread"
+                raise SceneError(f"draws.{name}", values, "", allowed)
+            self._draws[name] = tuple(known.tolist())
 
     def _check_fields(self) -> None:
         """Check the fields of the interface block by block, from the trailing edge on."""
@@ -210,15 +225,13 @@ class Scene:
         """
         if self.prescribed:
             return 0.0
-        given = self.interface.k_f
-        return self.slider.k if given is None else self._as_given(given)
+        return self._as_given("k_f")
 
     @functools.cached_property
     def law(self) -> Law:
         """The friction law; its fields are numbers, or arrays of shape (N_x,), left to right."""
-        of, tables = self.interface, self.interface.tables
-        fields = (of.mu_s, of.mu_k, of.d_c, of.alpha)
-        mu_s, mu_k, d_c, alpha = map(self._as_given, fields)
+        tables = self.interface.tables
+        mu_s, mu_k, d_c, alpha = map(self._as_given, ("mu_s", "mu_k", "d_c", "alpha"))
         if tables.slide is not None and not np.any(d_c):
             d_c = 1.0  # the table is over slip in m
         return Law(mu_s, mu_k, d_c, alpha, tables)
@@ -229,25 +242,35 @@ class Scene:
         Args:
             name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m) or "k_f" (N/m).
         """
-        given = self.interface.k_f if name == "k_f" else getattr(self.interface, name)
-        value = self.slider.k if given is None else self._as_given(given)
-        return np.broadcast_to(np.asarray(value, dtype=float), (self.N_x,))
+        return np.broadcast_to(np.asarray(self._as_given(name), dtype=float), (self.N_x,))
+
+    @property
+    def drawn(self) -> dict[str, tuple[float, ...]]:
+        """What was drawn for fields that are a `Spread`, from the trailing edge on."""
+        spreads = [one for one in FIELDS if isinstance(getattr(self.interface, one), Spread)]
+        return {name: self._draw(name) for name in spreads}
 
     @property
     def varied(self) -> tuple[str, ...]:
         """Names of the fields that vary along the interface."""
         return tuple(name for name in FIELDS if np.ptp(self.field(name)) > 0)
 
-    def _as_given(self, field: Field) -> float | np.ndarray:
+    def _as_given(self, name: str) -> float | np.ndarray:
         """Return a field as a number, or as an array from left to right."""
-        if isinstance(field, float):
-            return field
-        values = field
-        if isinstance(field, Spread):
-            values = tuple(field.draw(self.N_x, self.slider.l).tolist())
-        found = self._by_column(values)
+        given = getattr(self.interface, name)
+        given = self.slider.k if given is None else given
+        if isinstance(given, float):
+            return given
+        found = self._by_column(self._draw(name) if isinstance(given, Spread) else given)
         found.flags.writeable = False
         return found
+
+    def _draw(self, name: str) -> tuple[float, ...]:
+        """Return what was drawn for a field; it is drawn once."""
+        if name not in self._draws:
+            values = getattr(self.interface, name).draw(self.N_x, self.slider.l)
+            self._draws[name] = tuple(values.tolist())
+        return self._draws[name]
 
     @property
     def F_N(self) -> float:
@@ -434,12 +457,15 @@ class Scene:
         return text
 
     @classmethod
-    def from_toml(cls, source: str | os.PathLike[str]) -> Self:
+    def from_toml(
+        cls, source: str | os.PathLike[str], *, draws: Mapping[str, Any] | None = None
+    ) -> Self:
         """Return the scene in a TOML file or text.
 
         Args:
             source: path of a file, or the TOML text itself. A string with a line break is
                 taken as text, any other one as a path.
+            draws: see `Scene`.
 
         Quantities are text with a unit, such as "5 mm"; any unit of the right dimension will
         do. Pure numbers (mu_s, mu_k, theta) are bare numbers. A table `[top]` has
@@ -452,7 +478,7 @@ class Scene:
         """
         found, errors = toml.read(source)
         if not errors:
-            return cls(**found)
+            return cls(**found, draws=draws)
         name = found["name"]
         if not isinstance(name, str):
             errors.append(SceneError("name", name, "", cls._allowed["name"], "not text"))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Any, Literal
+from typing import Any
 
 from pyfric.engines import Job
 from pyfric.paper import runs as paper
-from pyfric.paper.runs import LINEAR, SETUP1
+from pyfric.paper.runs import FINITE, LINEAR
 from pyfric.scene import Scene, preset
 
 T_END = 1.02
@@ -51,28 +51,23 @@ def jobs() -> dict[str, Job]:
     fig1 = preset("fig1")
     unit = math.sqrt(fig1.slider.k * fig1.m)
 
-    def fig(
-        t_end: float = T_END, dt: float | Literal["auto"] = SETUP1["dt"], **changes: Any
-    ) -> Job:
-        scene = preset("fig1", **changes)
-        return Job(scene=scene, t_end=t_end, options=LINEAR | {"dt": dt})
+    def fig(t_end: float = T_END, **changes: Any) -> Job:
+        return Job(scene=preset("fig1", **changes), t_end=t_end, options=LINEAR)
 
     found = {"fig1": paper.FIG1, "fig4a": paper.FIG4A}
     found |= dict(zip(GRID, paper.FIG2A, strict=True))
     found |= {job.scene.name: job for job in (*paper.FIG2B, *paper.FIG4B)}
-    finite = SETUP1 | {"geometry": "finite"}
     for F_N in (1750.0, 2700.0):
-        job = Job(scene=preset("fig1", F_N=F_N), t_end=0.95 * F_N / 3500, options=finite)
+        job = Job(scene=preset("fig1", F_N=F_N), t_end=0.95 * F_N / 3500, options=FINITE)
         found[f"F_N {F_N:g}"] = job
     found |= {f"mu_s {mu_s:g}": fig(mu_s=mu_s) for mu_s in MU_S}
     found |= {f"d_c {d_c * 1e6:g}": fig(0.92 if d_c < 5e-6 else 0.5, d_c=d_c) for d_c in D_C}
-    found |= {f"eta {share:g}": fig(0.92, "auto", eta=share * unit) for share in ETA}
-    for share in K_F:  # the limit of the step falls with the stiffness
-        dt = 1.4e-6 if share < 5 else 1.4e-7
-        found[f"k_f {share:g}"] = fig(0.92, dt, k_f=share * fig1.slider.k)
+    found |= {f"eta {share:g}": fig(0.92, eta=share * unit) for share in ETA}
+    for share in K_F:
+        found[f"k_f {share:g}"] = fig(0.92, k_f=share * fig1.slider.k)
     each, rigid = fig1.N_x * fig1.top.mattress, 1e6 * fig1.top.mattress
     found["mattress on each"] = fig(mattress=each)
-    found["mattress rigid"] = fig(dt="auto", mattress=rigid)
+    found["mattress rigid"] = fig(mattress=rigid)
     N_x, N_z = fig1.N_x, fig1.N_z
     heavy = preset("fig1", M=fig1.slider.M * N_x * N_z / ((N_x - 1) * (N_z - 1)))
     paper_steps = {"fidelity": "hybrid", "geometry": "finite", "switching": "step_end", "dt": 2e-7}

@@ -1,12 +1,13 @@
-"""What it takes before the first step: time and memory of static states and modes.
+"""What a run takes, counted: before the first step, in steps and jumps, and to measure its errors.
 
-Counts of operations, by the size of the lattice, times the pace of this machine. Steps and events
-are counted by the planner.
+Static states and modes are counts of operations, by the size of the lattice, times the pace of this
+machine. What is decided by cost looks at counts alone, so that it is the same on every machine.
 """
 
 from __future__ import annotations
 
 import functools
+import math
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,12 +15,44 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dpbtrf
 
-from pyfric.scene import SceneError
+from pyfric.scene import SceneError, default_geometry
+from pyfric.statics import stability_limit
 
 if TYPE_CHECKING:
-    from pyfric.scene import Scene
+    from pyfric.scene import Geometry, Scene
 
-__all__ = ["SetUp", "available", "check_memory", "pace", "set_up"]
+__all__ = [
+    "CHEAP",
+    "NS",
+    "Beside",
+    "SetUp",
+    "available",
+    "beside",
+    "beside_ladder",
+    "check_memory",
+    "coarser_step",
+    "evaluations_of_events",
+    "pace",
+    "set_up",
+    "verification",
+    "work",
+]
+
+NS = {"linear": 3.1, "finite": 6.3}
+"""Time per block and force evaluation in ns, for the expected cost (`pyfric bench kernel`)."""
+JUMP = {"linear": 3e-6, "finite": 15e-6}
+"""Time of a jump per block, in s."""
+RELEASE = 1e-8
+"""Time of the release of a block in the ladder, over N_x^2, in s."""
+STEPS_EVENT, STEPS_BLOCK, STEPS_SWITCH = 60, 5, 10
+"""Steps of the automatic size that an event takes in the hybrid engine, and each block of its front
+(measured on the paper's scenes: within a factor of 2); and steps more to locate its switches."""
+CHEAP = 0.5
+"""A run that measures errors and takes less than this is made whole, s."""
+LONGER, NEAR = 2.0, 0.95
+"""The coarser run's step over the run's own; at most this share of the stability limit."""
+PARTS = 20
+"""The part of a run that is compared is a number of these: rounding does not change it."""
 
 FLOPS, BYTES, UNKNOWN = 13e9, 11.6e9, 25e-6
 """Operations per second of a banded factorisation, bytes per second of its solutions, and seconds
@@ -43,6 +76,100 @@ class SetUp(NamedTuple):
 
     seconds: float
     bytes: float
+
+
+class Beside(NamedTuple):
+    """A run that measures errors of another: its step (s), the part of the other that it covers,
+    and its counted time on one core, in s."""
+
+    dt: float
+    share: float
+    seconds: float
+
+
+def work(blocks: int, evaluations: float, jumps: float, geometry: Geometry) -> float:
+    """Return the counted time of block evaluations, and of jumps of a lattice, in s."""
+    return evaluations * NS[geometry] * 1e-9 + jumps * JUMP[geometry] * blocks
+
+
+def evaluations_of_events(
+    scene: Scene, events: float, front_blocks: float, steps: float = math.inf, finer: float = 1.0
+) -> float:
+    """Return the block evaluations of events in the hybrid engine.
+
+    Args:
+        scene: the scene.
+        events: their number.
+        front_blocks: blocks of all their fronts together.
+        steps: most steps that they can take.
+        finer: the automatic step over that of the run.
+    """
+    steps = min(steps, (events * STEPS_EVENT + front_blocks * STEPS_BLOCK) * finer)
+    return 4.0 * (steps + front_blocks * STEPS_SWITCH) * scene.N_x * scene.N_z
+
+
+def coarser_step(scene: Scene, dt: float) -> float:
+    """Return the step of the coarser run, in s; half the step where there is none."""
+    ratio = min(LONGER, NEAR * stability_limit(scene)[0] / dt)
+    return dt * (ratio if ratio > 1.25 else 0.5)
+
+
+def beside(
+    scene: Scene,
+    evaluations: float,
+    jumps: float,
+    geometry: Geometry,
+    dt: float,
+    cheap: float = CHEAP,
+) -> Beside:
+    """Return the run that measures errors of another one at the price of that, or `cheap`, in s.
+
+    It has half the step where it can cover the whole, and longer steps otherwise.
+    """
+    blocks, other = scene.N_x * scene.N_z, default_geometry(scene)
+    most = max(work(blocks, evaluations, jumps, geometry), cheap)
+    for step in (dt / 2, coarser_step(scene, dt)):
+        seconds = work(blocks, evaluations * dt / step, jumps, other)
+        if seconds <= most:
+            return Beside(step, 1.0, seconds)
+    share = max(math.floor(PARTS * most / seconds), 1) / PARTS
+    return Beside(step, share, share * seconds)
+
+
+def verification(
+    scene: Scene, mode: str | None, counted: tuple[float, float], geometry: Geometry, dt: float
+) -> float:
+    """Return the counted time in which the errors of a run are measured, in s.
+
+    Args:
+        scene: the scene.
+        mode: `Options.verify`.
+        counted: block evaluations and jumps of the run.
+        geometry, dt: its own.
+    """
+    blocks, (evaluations, jumps) = scene.N_x * scene.N_z, counted
+    if mode == "none":
+        return 0.0
+    if mode == "full":
+        finer = work(blocks, 2 * evaluations, jumps, default_geometry(scene))
+        return finer + work(blocks, evaluations, jumps, geometry)
+    return beside(scene, *counted, geometry, dt, 0.0 if mode else CHEAP).seconds
+
+
+def beside_ladder(scene: Scene, events: int, front_blocks: int, dt: float) -> Beside:
+    """Return the run of the hybrid engine that measures errors of a ladder in the same way.
+
+    Its share is 0 where not even one event is paid for.
+    """
+    geometry = default_geometry(scene)
+    ready = set_up(scene, "hybrid", geometry).seconds / pace()
+    own = set_up(scene, "quasistatic", "linear").seconds / pace()
+    own += RELEASE * front_blocks * scene.N_x**2
+    made = evaluations_of_events(scene, events, front_blocks)
+    seconds = work(scene.N_x * scene.N_z, made, events, geometry)
+    share = min((max(own, CHEAP) - ready) / max(seconds, 1e-30), 1.0)
+    share = max(math.floor(share * max(events, 1)), 0) / max(events, 1)
+    return Beside(dt, share, ready + share * seconds if share else 0.0)
 
 
 def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:

@@ -9,7 +9,8 @@ transit     a shear wave has crossed the interface `TRANSITS` times; a shorter p
             that waits for news from the other end
 
 t_gap is the shorter one of the first two, and at least the third, rounded to 1 or 3 times a power
-of ten: 1 ms in all scenes of the paper.
+of ten: 1 ms in all scenes of the paper. A driver that never moves brings no other event, and t_gap
+is the third.
 """
 
 from __future__ import annotations
@@ -34,17 +35,17 @@ TRANSITS = 3.0
 def longest_pause(scene: Scene) -> float:
     """Return the default of t_gap for a scene, in s.
 
-    Nothing rings down in a chain whose blocks stick, nor without viscosity; a driver that does not
-    move loads nothing.
+    Nothing rings down in a chain whose blocks stick, nor without viscosity.
     """
     slider, driver = scene.slider, scene.driver
     transit = slider.L / (slider.l * math.sqrt(slider.k / (2 * scene.m)))
-    loading = (
-        DRIVER_SHARE * scene.F_N / (driver.K * driver.V) if driver.K * driver.V > 0 else math.inf
-    )
+    fastest = max([abs(driver.V), *(abs(V) for _, V in driver.protocol)])
+    if driver.K * fastest == 0:
+        return _rounded(TRANSITS * transit)
+    loading = DRIVER_SHARE * scene.F_N / (driver.K * fastest)
     ringing = RING_DOWN * slow_decay(scene) if scene.N_z > 1 else math.inf
     longest = min(loading, ringing)
-    return _rounded(max(longest if math.isfinite(longest) else 0.0, TRANSITS * transit))
+    return _rounded(max(longest, TRANSITS * transit))
 
 
 def _rounded(t: float) -> float:

@@ -29,12 +29,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.core import OPEN
-from pyfric.engines.cost import set_up
+from pyfric.engines.cost import NS, beside, beside_ladder, evaluations_of_events, set_up, work
 from pyfric.engines.guard import largest_strain
 from pyfric.engines.options import Fidelity, Options, Want, step_size
 from pyfric.engines.quasistatic import QuasistaticRun, beyond_ladder
 from pyfric.engines.ringdown import Frozen
-from pyfric.engines.verification import SAMPLED, coarser_step
 from pyfric.record import RESOLVED, build_catalogue, zone_at_rest
 from pyfric.scene import FIELDS, Geometry, at_once, check_number, default_geometry, html
 from pyfric.statics import EquilibriumError, StaticSolver, one_thread_if_small, stability_limit
@@ -69,15 +68,8 @@ MOST_EVENTS = 1e4
 """More events than this are left to dynamics, which need not look at each."""
 SCOUT_WORK = 2e8
 """It also stops after this many changes of contact state times N_x^2: a few seconds."""
-NS = {"linear": 3.1, "finite": 6.3}
-"""Time per block and force evaluation in ns, for the expected cost (`pyfric bench kernel`)."""
 LONG = 600.0
 """A run that takes longer is said to, before it starts, s."""
-STEPS_EVENT, STEPS_BLOCK, STEPS_SWITCH = 60, 5, 10
-"""Steps of the automatic size that an event takes in the hybrid engine, and each block of its front
-(measured on the paper's scenes: within a factor of 2); and steps more to locate its switches."""
-JUMP = {"linear": 3e-6, "finite": 15e-6}
-"""Time of a jump per block, in s."""
 
 
 class Assumption(NamedTuple):
@@ -111,8 +103,8 @@ class Plan:
         error: expected error, as the tolerance.
         evaluations: expected number of blocks times force evaluations.
         seconds: expected time on one core, without verification.
-        price: expected time more that verify = "sample" takes, in s.
-        share: part of the time that is verified so; no more is made than costs as much again.
+        price: expected time more that measuring errors takes, in s: as much again, or `CHEAP`.
+        share: part of the run that is compared at that price.
         lattice: for front speeds, the lattice constant that the tolerance needs, and its price; ""
             where this one is enough, and for other wants.
     """
@@ -148,6 +140,7 @@ class Plan:
         step = ""
         if self.dt is not None:
             step = f", dt = {self.dt * 1e6:.3g} us, {self.switching} switching"
+        part = "" if self.share == 1 else f", for the first {self.share:.0%} of the run"
         lines = [
             f"for {self.want} within {self.tolerance:g}: {self.fidelity}, {self.geometry} geometry"
             + step,
@@ -157,7 +150,7 @@ class Plan:
             *(f"not less: {reason}" for reason in self.reasons),
             f"expected error: {self.error:.2g}",
             f"expected cost: {self.evaluations:.2g} block evaluations, about {self.seconds:.2g} s",
-            f"verification: about {self.price:.2g} s more (verify = 'sample')",
+            f"verification: about {self.price:.2g} s more{part}",
             *([f"lattice: {self.lattice}"] if self.lattice else ()),
         ]
         return "\n".join(lines)
@@ -266,8 +259,9 @@ def _on_lattice(chosen: Plan, scene: Scene) -> Plan:
 def _all_of_it(scene: Scene, want: Want, tolerance: float, t_end: float) -> Plan:
     """Return the plan for a scene that only full dynamics can follow."""
     switching, dt, error = _step(scene, want, tolerance, max(t_end, 1e-30))
-    blocks = scene.N_x * scene.N_z
-    evaluations = 4.0 * t_end / dt * blocks
+    geometry = default_geometry(scene)
+    evaluations = 4.0 * t_end / dt * scene.N_x * scene.N_z
+    other = beside(scene, evaluations, 0, geometry, dt)
     what = "a protocol changes speed or load"
     if scene.prescribed:
         what = "a prescribed interface in two dimensions has no static states"
@@ -275,14 +269,16 @@ def _all_of_it(scene: Scene, want: Want, tolerance: float, t_end: float) -> Plan
         want=want,
         tolerance=tolerance,
         fidelity="dynamic",
-        geometry=default_geometry(scene),
+        geometry=geometry,
         switching=switching,
         dt=dt,
         assumptions=(_resolution(scene, dt),),
         reasons=(f"quasistatic: {what}", f"hybrid: {what}"),
         error=error,
         evaluations=evaluations,
-        seconds=evaluations * NS[default_geometry(scene)] * 1e-9,
+        seconds=evaluations * NS[geometry] * 1e-9,
+        price=other.seconds,
+        share=other.share,
     )
 
 
@@ -306,8 +302,7 @@ def _ladder(
         why_not += [str(one) for one in needs if not one.holds]
     if why_not:
         return [f"quasistatic: {reason}" for reason in why_not], None
-    geometry = default_geometry(scene)
-    dynamics = _cost(scene, 1.0, scout, "hybrid", geometry, step_size(scene))[1] - scout.seconds
+    other = beside_ladder(scene, scout.events, scout.front_blocks, step_size(scene))
     return [], Plan(
         want=want,
         tolerance=tolerance,
@@ -320,7 +315,8 @@ def _ladder(
         error=error,
         evaluations=0.0,
         seconds=scout.seconds * (1 + scout.far) + set_up(scene, "quasistatic", "linear").seconds,
-        price=dynamics * min(1.0, SAMPLED / scout.events),
+        price=other.seconds,
+        share=other.share,
     )
 
 
@@ -358,10 +354,9 @@ def _stepped(
         fidelity, error = "hybrid", error + ERROR_JUMPS
         needs.append(quiet)
     evaluations, seconds = _cost(scene, t_end, scout, fidelity, geometry, dt)
-    beside = coarser_step(scene, dt)
-    price = _cost(scene, t_end, scout, fidelity, default_geometry(scene), beside)[1]
-    price -= scout.seconds
-    share = min(1.0, seconds / max(price, 1e-30))
+    jumps = scout.events if fidelity == "hybrid" else 0
+    other = beside(scene, evaluations, jumps, geometry, dt)
+    ready = set_up(scene, fidelity, default_geometry(scene)).seconds
     return Plan(
         want=want,
         tolerance=tolerance,
@@ -374,8 +369,8 @@ def _stepped(
         error=error,
         evaluations=evaluations,
         seconds=seconds,
-        price=share * price,
-        share=share,
+        price=ready + other.seconds,
+        share=other.share,
     )
 
 
@@ -383,16 +378,15 @@ def _cost(
     scene: Scene, t_end: float, scout: _Scout, fidelity: Fidelity, geometry: Geometry, dt: float
 ) -> tuple[float, float]:
     """Return the expected number of block evaluations, and the time in s."""
-    blocks, seconds, steps = scene.N_x * scene.N_z, scout.seconds, t_end / dt
-    if fidelity == "hybrid":
-        made = scout.events * STEPS_EVENT + scout.front_blocks * STEPS_BLOCK
-        if scene.law.coulomb:  # stable slip before an event may take any share of it
-            finer = step_size(scene) / dt
-            steps = min(steps, made * finer) + scout.front_blocks * STEPS_SWITCH
-        seconds += scout.events * JUMP[geometry] * blocks
-    seconds += set_up(scene, fidelity, geometry).seconds
+    blocks, steps, jumps = scene.N_x * scene.N_z, t_end / dt, 0
     evaluations = 4.0 * steps * blocks
-    return evaluations, evaluations * NS[geometry] * 1e-9 + seconds
+    if fidelity == "hybrid":
+        jumps = scout.events
+        if scene.law.coulomb:  # stable slip before an event may take any share of it
+            made = scout.events, scout.front_blocks, steps, step_size(scene) / dt
+            evaluations = evaluations_of_events(scene, *made)
+    seconds = scout.seconds + set_up(scene, fidelity, geometry).seconds
+    return evaluations, seconds + work(blocks, evaluations, jumps, geometry)
 
 
 def long_note(

@@ -42,6 +42,7 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 import numpy as np
 import scipy
 
+from pyfric.engines.cost import verification
 from pyfric.engines.options import Options, step_size
 from pyfric.engines.planner import _cost, _scout, plan
 from pyfric.engines.results import Before, Results
@@ -308,9 +309,16 @@ def _expected(job: Job) -> tuple[float, float]:
     scout = _scout(scene, t_end)
     size = 8.0 * scout.events * (9 * scene.N_x + 40) + 1e5
     if how.fidelity == "auto":
-        return plan(scene, how.want, how.tolerance, t_end=t_end).seconds, size
+        found = plan(scene, how.want, how.tolerance, t_end=t_end)
+        price = found.price
+        if how.verify is not None and found.dt is not None:
+            counted = found.evaluations, scout.events * (found.fidelity == "hybrid")
+            price = verification(scene, how.verify, counted, found.geometry, found.dt)
+        return found.seconds + price * (how.verify != "none"), size
     if how.fidelity in ("quasistatic", "equilibrium"):
         return scout.seconds * (1 + scout.far), size
     geometry = how.geometry or default_geometry(scene)
     dt = step_size(scene, how.dt, how.stepper)
-    return _cost(scene, t_end, scout, how.fidelity, geometry, dt)[1], size
+    evaluations, seconds = _cost(scene, t_end, scout, how.fidelity, geometry, dt)
+    counted = evaluations, scout.events * (how.fidelity == "hybrid")
+    return seconds + verification(scene, how.verify or "none", counted, geometry, dt), size

@@ -255,7 +255,7 @@ def _planned(chosen: Plan, made: Made) -> Record:
         if higher is not None and options.geometry not in (None, higher.geometry):
             higher = None
         if higher is None and record.done and options.verify != "none":
-            found = verified(record, options.verify or "sample", _as_planned(made, chosen, level))
+            found = verified(record, options.verify, _as_planned(made, chosen, level))
             if found is None:
                 reasons, higher = ["errors measured by dynamics exceed the tolerance"], None
                 higher = chosen.up(scene, [])
@@ -276,5 +276,5 @@ def _as_planned(made: Made, chosen: Plan, level: Options) -> Made:
     """Return how a level of a plan was made; what users settled stays."""
     asked = made.options
     free = asked.dt == "auto" and asked.stepper == "rk4"
-    promise = {"expected": chosen.error, "share": chosen.share, "refines": free}
+    promise = {"expected": chosen.error, "refines": free}
     return dataclasses.replace(made, options=level, geometry=asked.geometry, **promise)

@@ -1,19 +1,25 @@
-"""Errors of a run, measured by runs that leave out less or more, and what follows from them.
+"""Errors of a run, measured by runs that leave out less, and what follows from them.
 
-"sample"   one run beside it whose steps are nearly twice as long, in finite geometry, and whose
-           jumps neglect a hundredth: the run's own error is below the difference, because errors
-           of order p grow by the p-th power of the step. It ends where it has cost as much as the
-           run itself; errors are taken to grow with time beyond that. A ladder is compared with
-           dynamics of its first main events.
-"full"     one run beside it of half the step, in finite geometry, and one whose driver is faster by
-           `PERTURBATION`: the difference from the first is the error, from the second it says what
-           is determined at all.
+The run beside it is in finite geometry, neglects a hundredth of what jumps may, and has
 
-Where a planned run is off by more than its tolerance, it is made again with less left out: in
-finite geometry, then with half the step, up to `MOST` times, each compared with the one before.
-Where that does not help, the perturbed run says whether anything would. From the time on at which
-it is off by more than the tolerance, single events cannot be trusted, and the statistics of those
-that follow are compared instead.
+half the step          where that is cheap (`CHEAP`): it covers the whole run. Errors of order p are
+                       1/(1 - 2^-p) of the difference; `FINER` times that is reported.
+nearly twice the step  otherwise ("sample"), for as much of the run as costs as much again, by
+                       counted work, from the start on. Errors of the run itself are smaller than
+                       the difference, but both may miss what shorter steps find: `COARSER` times
+                       the difference is reported, growing with the events that it does not cover.
+
+"full" takes half the step whatever it costs, and one more run whose driver is faster by
+`PERTURBATION`, which says what is determined at all. A ladder is compared with dynamics, from the
+start to where that has cost as much as the ladder, or `CHEAP`; what it leaves out is taken to be
+off by what the plan expects. The factors are such that the real error exceeds the reported one in
+less than one run of twenty (`pyfric check-plans`).
+
+Where a planned run is off by more than its tolerance, it is compared with the one of half the step
+first, and then made again with less left out: in finite geometry, then with half the step, up to
+`MOST` times. Where that does not help, the perturbed run says whether anything would. From the time
+on at which it is off by more than the tolerance, single events cannot be trusted, and the
+statistics of those that follow are compared instead.
 """
 
 from __future__ import annotations
@@ -25,26 +31,27 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pyfric.core import STEPPERS
+from pyfric.engines.cost import CHEAP, beside, beside_ladder
 from pyfric.engines.dynamic import RunError
+from pyfric.engines.options import step_size
 from pyfric.record import Errors, differences, statistics
 from pyfric.scene import default_geometry
-from pyfric.statics import EquilibriumError, stability_limit
+from pyfric.statics import EquilibriumError
 
 if TYPE_CHECKING:
     from pyfric.engines.options import Options
     from pyfric.record import Differences, Record
     from pyfric.scene import Geometry, Scene
 
-__all__ = ["MOST", "PERTURBATION", "Made", "coarser_step", "verified"]
+__all__ = ["COARSER", "FINER", "MOST", "PERTURBATION", "Made", "verified"]
 
 PERTURBATION = 1e-9
 """By how much the driver of the perturbed run is faster, relative."""
 MOST = 3
 """How often a run is refined."""
-LONGER, NEAR = 2.0, 0.95
-"""The coarser run's step over the run's own; at most this share of the stability limit."""
-SAMPLED = 3
-"""Main events of a ladder that are compared with dynamics."""
+FINER, COARSER = 2.0, 3.0
+"""Reported error over the one measured, beside finer and beside coarser steps: factors of safety,
+as for two grids."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +66,6 @@ class Made:
             errors: its jumps neglect less.
         refines: whether steps and geometry may be changed.
         expected: error that the plan expects.
-        share: part of the time that the coarser run may take.
         geometry: of the runs beside it; None means finite, where there is one.
     """
 
@@ -70,7 +76,6 @@ class Made:
     run: Callable[..., Record]
     refines: bool = False
     expected: float | None = None
-    share: float = 1.0
     geometry: Geometry | None = None
 
     def again(self, record: Record, t_end: float | None = None, **changes: object) -> Record:
@@ -78,23 +83,29 @@ class Made:
         method = record.method
         same = {"dt": method.dt, "geometry": method.geometry, "switching": method.switching}
         plain = {"fidelity": method.engine, "method": None, "checkpoint": None}
-        plain |= {"budget": False, "verify": None}
+        plain |= {"budget": method.budget, "verify": None}
         options = dataclasses.replace(self.options, **(plain | same | changes))
         t_end = self.t_end if t_end is None else t_end
         return self.run(self.scene, t_end, options, tight=True)
 
 
-def verified(record: Record, mode: str, made: Made) -> Record | None:
+def verified(record: Record, mode: str | None, made: Made) -> Record | None:
     """Return a run with its measured errors, refined where they exceed the tolerance.
 
     None for a ladder whose errors do: it is to be left for dynamics.
+
+    Args:
+        record: of the run.
+        mode: "sample", at most at the price of the run; None, also where that is more but less
+            than `CHEAP`; "full".
+        made: how it was made.
     """
     start = time.perf_counter()
     try:
         if record.method.engine == "quasistatic":
             record = _ladder(record, mode, made)
         elif record.method.engine in ("hybrid", "dynamic"):
-            record = _stepped(record, mode, made)
+            record = _Stepped(record, made).verified(mode)
     except (RunError, EquilibriumError) as error:
         note = f"errors were not measured: the run beside it ended ({error})"
         record = dataclasses.replace(record, notes=(*record.notes, note))
@@ -104,9 +115,9 @@ def verified(record: Record, mode: str, made: Made) -> Record | None:
     return dataclasses.replace(record, timings=record.timings | seconds)
 
 
-def _errors(found: Differences, made: Made, factor: float, by: list[str]) -> Errors:
+def _errors(found: Differences, made: Made, factor: float, by: str) -> Errors:
     promise = {"want": made.options.want, "tolerance": made.options.tolerance}
-    return Errors(**promise, expected=made.expected, by=tuple(by), **found.errors(factor))
+    return Errors(**promise, expected=made.expected, by=(by,), **found.errors(factor))
 
 
 def _with(record: Record, errors: Errors, notes: list[str]) -> Record:
@@ -116,106 +127,137 @@ def _with(record: Record, errors: Errors, notes: list[str]) -> Record:
     return dataclasses.replace(record, errors=errors, notes=(*record.notes, *notes))
 
 
-# --- the ladder ----------------------------------------------------------------------------------
-
-
-def _ladder(record: Record, mode: str, made: Made) -> Record | None:
-    """Compare a ladder with dynamics of all or the first of its main events."""
-    t_end, geometry = made.t_end, default_geometry(made.scene)
-    main = record.events[record.events["is_main"]]
-    if mode == "sample" and len(main) > SAMPLED:
-        t_end = float(main["t_stop"].iloc[SAMPLED - 1] + 2 * record.method.t_gap)
-    how = {"fidelity": "hybrid", "dt": "auto", "geometry": geometry, "switching": "located"}
-    other = made.again(record, t_end, **how)
-    errors = _errors(differences(record, other), made, 1.0, [f"dynamics ({_words(other)})"])
-    if made.refines and not errors.holds:
-        return None
-    return _with(record, errors, [])
-
-
-# --- runs with steps -----------------------------------------------------------------------------
-
-
-def _stepped(record: Record, mode: str, made: Made) -> Record:
-    """Compare a run with others, and refine it."""
-    tolerance, want = made.options.tolerance, made.options.want
-    other, factor = _beside(record, mode, made)
-    notes, until, perturbed = [], None, None
-    if mode == "full":
-        perturbed = _perturbed(record, made)
-        until = differences(record, perturbed).parted(tolerance, want)
-    for refined in range(MOST + 1):
-        found = differences(record, other)
-        if until is not None:
-            found = found.before(until)
-        errors = _errors(found, made, factor, [_words(other)])
-        if errors.holds or not (made.refines and other.done) or refined == MOST:
-            break
-        if refined and until is None:
-            perturbed = _perturbed(record, made)
-            until = differences(record, perturbed).parted(tolerance, want)
-            if until is not None:
-                found = found.before(until)
-                errors = _errors(found, made, factor, [_words(other)])
-                if errors.holds:
-                    break
-        finer, beside, factor = _refined(record, other, made)
-        notes.append(f"refined to {_words(finer)}: measured error {errors.measured():.2g}")
-        record, other = finer, beside
-    why = f"a driver faster by {PERTURBATION:g} gives other ones"
-    if made.refines and not errors.holds:
-        parted = found.parted(tolerance, want)
-        if parted is not None:
-            until, perturbed, why = parted, other, "finer steps give other ones"
-            errors = _errors(found.before(until), made, factor, [_words(other)])
-    if until is not None:
-        together = statistics(record, perturbed, until)
-        errors = dataclasses.replace(errors, until=until, statistics=together)
-        notes.append(f"single events cannot be trusted from t = {until:.6g} s on: {why}")
-    return _with(record, errors, notes)
-
-
 def _words(record: Record) -> str:
     method = record.method
     return f"{method.engine}, {method.geometry} geometry, steps of {method.dt:.3g} s"
 
 
-def coarser_step(scene: Scene, dt: float) -> float:
-    """Return the step of the coarser run, in s; half the step where there is none."""
-    ratio = min(LONGER, NEAR * stability_limit(scene)[0] / dt)
-    return dt * (ratio if ratio > 1.25 else 0.5)
+def stretch(record: Record, made: Made, share: float) -> float:
+    """Return the time (s) by which a run has done a share of its work, from the start on.
+
+    The work of full dynamics is time, that of engines that wait in closed form is events.
+    """
+    if share >= 1:
+        return made.t_end
+    starts = record.events["t_start"].to_numpy()
+    if record.method.engine == "dynamic" or not len(starts):
+        return made.t_begin + share * (made.t_end - made.t_begin)
+    return float(starts[min(int(share * len(starts)), len(starts) - 1)])
 
 
-def _beside(record: Record, mode: str, made: Made) -> tuple[Record, float]:
-    """Return the run to compare with, and the error of the run over the difference."""
-    method, t_end = record.method, made.t_end
-    order = 1 if method.switching == "step_end" else STEPPERS[method.stepper].order
-    geometry = made.geometry or default_geometry(made.scene)
-    dt = method.dt / 2
-    if mode == "sample" and method.stepper == "rk4":
-        dt = coarser_step(made.scene, method.dt)
-        t_end = made.t_begin + made.share * (t_end - made.t_begin)
-    other = made.again(record, t_end, dt=dt, geometry=geometry)
-    if dt < method.dt:
-        return other, 1 / (1 - 0.5**order)
-    return other, max(1.0, 1 / ((dt / method.dt) ** order - 1)) / made.share
+def _ladder(record: Record, mode: str | None, made: Made) -> Record | None:
+    """Compare a ladder with dynamics of all or the first of its events."""
+    events, scene = record.events, made.scene
+    blocks = int(events["n_blocks"][events["is_main"]].sum())
+    other = beside_ladder(scene, len(events), blocks, step_size(scene))
+    share = 1.0 if mode == "full" else other.share
+    if share == 0:
+        note = "errors were not measured: dynamics of one event takes longer than the whole ladder"
+        return dataclasses.replace(record, notes=(*record.notes, note))
+    how = {"fidelity": "hybrid", "dt": "auto", "switching": "located"}
+    how["geometry"] = default_geometry(scene)
+    by = made.again(record, stretch(record, made, share), **how)
+    errors = _errors(differences(record, by), made, FINER, f"dynamics ({_words(by)})")
+    if share < 1:  # the rest may be off by as much as ladders are
+        least = made.expected or 0.0
+        known = {name: getattr(errors, name) for name in ("start", "arrest")}
+        known = {name: max(value or 0.0, least) for name, value in known.items()}
+        errors = dataclasses.replace(errors, **known)
+    if made.refines and not errors.holds:
+        return None
+    return _with(record, errors, [])
 
 
-def _refined(record: Record, other: Record, made: Made) -> tuple[Record, Record, float]:
-    """Return a run that leaves out less, the one to compare it with, and the factor."""
-    method = record.method
-    if other.method.dt < method.dt:  # the one beside it is the better one
-        finer = made.again(other, dt=other.method.dt / 2)
-        return other, finer, 1 / (1 - 0.5**4)
-    if method.geometry != other.method.geometry:
-        return made.again(record, geometry=other.method.geometry), other, 1.0
-    return made.again(record, dt=method.dt / 2), record, 1.0
+class _Stepped:
+    """A run with steps, and the run that its errors are measured by."""
 
+    def __init__(self, record: Record, made: Made) -> None:
+        self.record, self.made = record, made
+        self.geometry = made.geometry or default_geometry(made.scene)
+        self.until: float | None = None
+        self.perturbed: Record | None = None
+        self.notes: list[str] = []
 
-def _perturbed(record: Record, made: Made) -> Record:
-    """Return the run with a driver that is faster by next to nothing."""
-    driver = made.scene.driver
-    driver = dataclasses.replace(driver, V=driver.V * (1 + PERTURBATION))
-    return dataclasses.replace(made, scene=dataclasses.replace(made.scene, driver=driver)).again(
-        record
-    )
+    def verified(self, mode: str | None) -> Record:
+        """Return the run with its errors, refined where it may be."""
+        made, why = self.made, f"a driver faster by {PERTURBATION:g} gives other ones"
+        self._compare(mode)
+        if mode == "full":
+            self._perturb()
+        refined, errors = 0, self.errors()
+        while not errors.holds and made.refines and self.other.done:
+            if self.other.method.dt > self.record.method.dt:
+                self._halve()
+            elif refined and self.perturbed is None:
+                self._perturb()
+            elif refined < MOST:
+                self._refine(errors)
+                refined += 1
+            else:
+                break
+            errors = self.errors()
+        if made.refines and not errors.holds:
+            parted = self._parted(self.other, self.factor)
+            if parted is not None:
+                self.until, self.perturbed = parted, self.other
+                why, errors = "finer steps give other ones", self.errors()
+        return self._told(errors, why)
+
+    def errors(self) -> Errors:
+        """Return what is measured now, of events that can be trusted."""
+        found = differences(self.record, self.other)
+        if self.until is not None:
+            found = found.before(self.until)
+        return _errors(found, self.made, self.factor, _words(self.other))
+
+    def _told(self, errors: Errors, why: str) -> Record:
+        """Return the run with its errors, and with what follows the events that can be trusted."""
+        if self.until is not None:
+            together = statistics(self.record, self.perturbed, self.until)
+            errors = dataclasses.replace(errors, until=self.until, statistics=together)
+            when = f"{self.until:.6g} s"
+            self.notes.append(f"single events cannot be trusted from t = {when} on: {why}")
+        return _with(self.record, errors, self.notes)
+
+    def _compare(self, mode: str | None) -> None:
+        """Make the run beside it that `mode` pays for."""
+        record, method = self.record, self.record.method
+        counted = record.counts.get("block_evaluations", 0), record.counts.get("jumps", 0)
+        cheap = CHEAP if mode is None else 0.0
+        by = beside(self.made.scene, *counted, method.geometry, method.dt, cheap)
+        if mode == "full" or method.stepper != "rk4" or by.dt < method.dt:
+            self._halve()
+            return
+        t_end = stretch(record, self.made, by.share)
+        self.other = self.made.again(record, t_end, dt=by.dt, geometry=self.geometry)
+        self.factor = COARSER / by.share
+
+    def _halve(self) -> None:
+        """Compare the run with one of half its step."""
+        method = self.record.method
+        order = 1 if method.switching == "step_end" else STEPPERS[method.stepper].order
+        half = self.made.again(self.record, dt=method.dt / 2, geometry=self.geometry)
+        self.other, self.factor = half, FINER / (1 - 0.5**order)
+
+    def _refine(self, errors: Errors) -> None:
+        """Take a run that leaves out less: finite geometry, then the one of half the step."""
+        method, off = self.record.method, errors.measured()
+        if method.geometry != self.other.method.geometry:
+            self.record = self.made.again(self.record, geometry=self.other.method.geometry)
+        else:
+            self.record = self.other
+            self._halve()
+        self.perturbed = self.until = None
+        self.notes.append(f"refined to {_words(self.record)}: measured error {off:.2g}")
+
+    def _perturb(self) -> None:
+        """See from when on a driver that is faster by next to nothing gives other events."""
+        made, driver = self.made, self.made.scene.driver
+        driver = dataclasses.replace(driver, V=driver.V * (1 + PERTURBATION))
+        scene = dataclasses.replace(made.scene, driver=driver)
+        self.perturbed = dataclasses.replace(made, scene=scene).again(self.record)
+        self.until = self._parted(self.perturbed, FINER)
+
+    def _parted(self, other: Record, factor: float) -> float | None:
+        options = self.made.options
+        return differences(self.record, other).parted(options.tolerance / factor, options.want)

@@ -131,6 +131,11 @@ def regimes(out: Path | None, overwrite: bool, as_json: bool) -> None:
 @click.option("--trials", type=click.IntRange(1), default=200, show_default=True, help="How many.")
 @click.option("--first", type=click.IntRange(0), default=0, help="Number of the first trial.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the draws.")
+@click.option(
+    "--verify",
+    type=click.Choice(["sample", "full"]),
+    help="How runs measure their errors.  [default: as planned runs do]",
+)
 @file_option("--out", metavar="FILE", help="Rows are appended to this CSV. [default: plans.csv]")
 @click.option(
     "--stored",
@@ -143,6 +148,7 @@ def check_plans(
     trials: int,
     first: int,
     seed: int,
+    verify: str | None,
     out: Path | None,
     stored: tuple[str, str] | None,
     quiet: bool,
@@ -159,5 +165,6 @@ def check_plans(
         return
     out = out or Path("plans.csv")
     check_folder(out.parent)
-    rows = studies.plans.run(out, range(first, first + trials), seed, progress=not quiet)
+    numbers = range(first, first + trials)
+    rows = studies.plans.run(out, numbers, seed, progress=not quiet, verify=verify)
     click.echo(studies.plans.table(rows).to_string(index=False))

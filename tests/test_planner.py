@@ -419,7 +419,7 @@ def test_text(tolerance, want, left_out):
         assert f"not less: {reason}" in lines
     assert f"expected error: {found.error:.2g}" in lines
     assert lines[-2].startswith(f"expected cost: {found.evaluations:.2g} block evaluations")
-    assert lines[-1] == f"verification: about {found.price:.2g} s more (verify = 'sample')"
+    assert lines[-1].startswith(f"verification: about {found.price:.2g} s more")
 
 
 def test_a_chain_has_no_rotation_to_leave_out():

@@ -207,6 +207,19 @@ def test_the_estimate_is_about_right(tmp_path):
     assert what.estimate(tmp_path) == (3, 0, 3, 0.0, 0.0)
 
 
+def test_the_estimate_holds_what_measuring_errors_takes(monkeypatch):
+    found = points.plan(small(), t_end=1.2e-3)
+    assert found.fidelity != "quasistatic"
+    monkeypatch.setattr(points, "plan", lambda *_, **__: found)
+    hours = {
+        verify: one(options=Options(verify=verify)).estimate(cache=False).hours
+        for verify in ("none", None, "full")
+    }
+    assert hours["none"] == pytest.approx(2 * found.seconds / 3600)
+    assert hours[None] == pytest.approx(2 * (found.seconds + found.price) / 3600)
+    assert hours["full"] > hours["none"]
+
+
 # --- files and the command -----------------------------------------------------------------------
 
 

@@ -30,6 +30,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from pyfric.core import STEPPERS
 from pyfric.engines.cost import CHEAP, beside, beside_ladder
 from pyfric.engines.dynamic import RunError
@@ -49,9 +51,9 @@ PERTURBATION = 1e-9
 """By how much the driver of the perturbed run is faster, relative."""
 MOST = 3
 """How often a run is refined."""
-FINER, COARSER = 2.0, 3.0
-"""Reported error over the one measured, beside finer and beside coarser steps: factors of safety,
-as for two grids."""
+DYNAMICS, FINER, COARSER = 1.25, 2.0, 3.0
+"""Reported error over the one measured, beside dynamics, finer steps and coarser ones: factors of
+safety, as for two grids."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,14 +137,18 @@ def _words(record: Record) -> str:
 def stretch(record: Record, made: Made, share: float) -> float:
     """Return the time (s) by which a run has done a share of its work, from the start on.
 
-    The work of full dynamics is time, that of engines that wait in closed form is events.
+    The work of full dynamics is time, that of engines that wait in closed form is events. The first
+    main event is always inside.
     """
+    events, starts = record.events, record.events["t_start"].to_numpy()
     if share >= 1:
         return made.t_end
-    starts = record.events["t_start"].to_numpy()
+    first = events["t_stop"][events["is_main"] & events["finished"]].min() + 2 * record.method.t_gap
     if record.method.engine == "dynamic" or not len(starts):
-        return made.t_begin + share * (made.t_end - made.t_begin)
-    return float(starts[min(int(share * len(starts)), len(starts) - 1)])
+        t = made.t_begin + share * (made.t_end - made.t_begin)
+    else:
+        t = starts[min(int(share * len(starts)), len(starts) - 1)]
+    return float(min(np.fmax(t, first), made.t_end))
 
 
 def _ladder(record: Record, mode: str | None, made: Made) -> Record | None:
@@ -157,7 +163,7 @@ def _ladder(record: Record, mode: str | None, made: Made) -> Record | None:
     how = {"fidelity": "hybrid", "dt": "auto", "switching": "located"}
     how["geometry"] = default_geometry(scene)
     by = made.again(record, stretch(record, made, share), **how)
-    errors = _errors(differences(record, by), made, FINER, f"dynamics ({_words(by)})")
+    errors = _errors(differences(record, by), made, DYNAMICS, f"dynamics ({_words(by)})")
     if share < 1:  # the rest may be off by as much as ladders are
         least = made.expected or 0.0
         known = {name: getattr(errors, name) for name in ("start", "arrest")}

@@ -15,7 +15,7 @@ from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
 from pyfric.engines.options import CURVE_POINTS, Options, check_steady, kept
 from pyfric.engines.pauses import pause_notes
-from pyfric.engines.verification import Made, verified
+from pyfric.engines.verification import TIGHTER, Made, verified
 from pyfric.record import Record
 from pyfric.scene import (
     SceneError,
@@ -39,8 +39,6 @@ __all__ = ["simulate"]
 
 ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
 """The engines with time steps."""
-TIGHTER = 1e-2
-"""What jumps of runs that measure errors may neglect, over what others may."""
 
 
 class _Tight(HybridRun):

@@ -35,6 +35,7 @@ import numpy as np
 from pyfric.core import STEPPERS
 from pyfric.engines.cost import CHEAP, beside, beside_ladder
 from pyfric.engines.dynamic import RunError
+from pyfric.engines.hybrid import REMAINDER
 from pyfric.engines.options import step_size
 from pyfric.record import Errors, differences, statistics
 from pyfric.scene import default_geometry
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
     from pyfric.record import Differences, Record
     from pyfric.scene import Geometry, Scene
 
-__all__ = ["COARSER", "FINER", "MOST", "PERTURBATION", "Made", "verified"]
+__all__ = ["COARSER", "FINER", "MOST", "PERTURBATION", "TIGHTER", "Made", "verified"]
 
 PERTURBATION = 1e-9
 """By how much the driver of the perturbed run is faster, relative."""
@@ -54,6 +55,11 @@ MOST = 3
 DYNAMICS, FINER, COARSER = 1.25, 2.0, 3.0
 """Reported error over the one measured, beside dynamics, finer steps and coarser ones: factors of
 safety, as for two grids."""
+TIGHTER = 1e-2
+"""What jumps of runs that measure errors may neglect, over what others may."""
+JUMPS = TIGHTER * REMAINDER
+"""What jumps of both runs may neglect of all contact forces together, over F_N; of stresses, over
+F_N/N_x."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +220,12 @@ class _Stepped:
         found = differences(self.record, self.other)
         if self.until is not None:
             found = found.before(self.until)
-        return _errors(found, self.made, self.factor, _words(self.other))
+        errors = _errors(found, self.made, self.factor, _words(self.other))
+        if self.record.method.engine == "hybrid":
+            jumps = {name: getattr(errors, name) for name in ("start", "arrest", "stress")}
+            more = {name: one + JUMPS for name, one in jumps.items() if one is not None}
+            errors = dataclasses.replace(errors, **more)
+        return errors
 
     def _told(self, errors: Errors, why: str) -> Record:
         """Return the run with its errors, and with what follows the events that can be trusted."""

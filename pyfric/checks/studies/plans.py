@@ -46,7 +46,7 @@ FINE = 0.1
 """Its steps, over the stability limit."""
 ROUNDING = 1e-6
 """Errors of the reference run itself are of this size: no measured error counts as smaller."""
-WANTS = ("loading_curve", "precursors", "stress", "front_speed")
+WANTS = ("loading_curve", "precursors", "stress", "front_speed", "motion")
 QUANTITIES = ("start", "arrest", "length", "stress", "speed_median", "speed_95", "speed_worst")
 
 

@@ -1,0 +1,52 @@
+"""The study of promises: draws that stay, verdicts on errors that are known, counts."""
+
+import dataclasses
+
+import numpy as np
+import pandas as pd
+import pytest
+from helpers import small_rod
+
+import pyfric
+from pyfric.checks.studies import plans
+from pyfric.record import Errors
+
+
+def test_a_trial_is_always_the_same():
+    assert plans.drawn(7, 0) == plans.drawn(7, 0) != plans.drawn(7, 5)
+
+
+@pytest.fixture(scope="module")
+def ladder():
+    return pyfric.simulate(small_rod(), 1.5, fidelity="quasistatic")
+
+
+@pytest.mark.parametrize(
+    ("real", "measured", "broken", "dishonest"),
+    [(0.004, 0.005, False, False), (0.006, 0.005, False, True), (0.02, 0.03, True, False)],
+)
+def test_a_promise_is_judged_by_the_real_error(ladder, real, measured, broken, dishonest):
+    main, F_N = np.flatnonzero(ladder.events["is_main"]), ladder.scene.F_N
+    events = ladder.events
+    events.loc[main[3], "F_T_start"] += real * F_N
+    truth = dataclasses.replace(ladder, events=events)
+    own = Errors(want="stress", tolerance=0.01, start=measured)
+    row = plans.judged(dataclasses.replace(ladder, errors=own), truth, 1e-3)
+    assert row["real"] == pytest.approx(real)
+    assert (row["beyond_tolerance"], row["beyond_measured"]) == (broken, dishonest)
+    assert row["said"] == (measured > 0.01)
+    late = dataclasses.replace(own, until=float(events["t_start"][main[2]]))
+    row = plans.judged(dataclasses.replace(ladder, errors=late), truth, 1e-3)
+    assert not row["beyond_tolerance"]
+    assert row["trusted"] < row["events"]
+
+
+def test_the_table_counts():
+    row = {"want": "stress", "said": True, "refined": 0, "until": np.nan, "trusted": 3, "events": 4}
+    verdicts = [(True, True), (False, True), (False, False)]
+    names = ("beyond_tolerance", "beyond_measured")
+    rows = pd.DataFrame([row | dict(zip(names, one, strict=True)) for one in verdicts])
+    found = plans.table(rows).set_index("want")
+    assert list(found.index) == ["stress", "all"]
+    assert list(found.loc["all"])[:4] == [3, 1, 1, 2]
+    assert found.loc["all", "events trusted"] == "75.0%"

@@ -13,10 +13,11 @@ from scipy import linalg
 
 import pyfric
 from pyfric.core import OPEN
-from pyfric.engines import cost, decay_times, plan, planner, simulate, step_size
-from pyfric.engines.planner import STRAIN, coarser, largest_strain
+from pyfric.engines import cost, decay_times, plan, planner, scout, simulate, step_size
+from pyfric.engines.planner import STRAIN, largest_strain
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.ringdown import N_VALUES
+from pyfric.engines.scout import coarser
 from pyfric.record import build_catalogue
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
 from pyfric.statics import StaticSolver, damping, mass, stability_limit
@@ -346,7 +347,7 @@ def test_nothing_happens():
 )
 def test_coarser_keeps_the_slider(scene):
     less = coarser(scene)
-    assert less.N_x * less.N_z <= planner.SCOUT_BLOCKS
+    assert less.N_x * less.N_z <= scout.SCOUT_BLOCKS
     for name in ("L", "H", "M", "k"):
         assert getattr(less.slider, name) == getattr(scene.slider, name)
     assert less.eta == scene.eta
@@ -357,7 +358,7 @@ def test_coarser_keeps_the_slider(scene):
 def test_coarser_where_no_blocks_fit():
     scene = setup2(L=0.1009, H=0.0199, l=1e-4, h=7e-4)  # 1009 and 199 are primes
     less = coarser(scene)
-    assert less.N_x * less.N_z <= planner.SCOUT_BLOCKS
+    assert less.N_x * less.N_z <= scout.SCOUT_BLOCKS
     assert (less.slider.L, less.eta) == (scene.slider.L, scene.eta)
     assert less.slider.H == pytest.approx(scene.slider.H, abs=less.slider.l)
     assert less.driver.h == pytest.approx(scene.driver.h, abs=less.slider.l)
@@ -370,7 +371,7 @@ def test_coarser_chain_is_the_same_rod(side):
     tau = tuple(0.7 * np.array(p) * np.linspace(-1, 1, n))
     scene = chain(L=0.2, l=1e-4, p=p, tau=tau, k_top=1e3, side=side)
     less = coarser(scene)
-    assert less.N_x == planner.SCOUT_COLUMNS
+    assert less.N_x == scout.SCOUT_COLUMNS
     assert less.slider.L == scene.slider.L
     for make in (
         lambda s: s.slider.k * s.slider.l,

@@ -31,12 +31,12 @@ def small(**changes):
 @pytest.fixture
 def calm(monkeypatch):
     """The scout sees nothing that speaks against a level."""
-    scout = planner._scout
+    scout = planner.scouted
 
     def sees(scene, t_end):
         return scout(scene, t_end)._replace(interval=np.inf, open=0, F_max=0.0, failed="")
 
-    monkeypatch.setattr(planner, "_scout", sees)
+    monkeypatch.setattr(planner, "scouted", sees)
 
 
 def moved(record):

@@ -5,11 +5,12 @@ from pyfric.engines.boundaries import boundary, label_map
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.guard import folded
 from pyfric.engines.options import Options, step_size
-from pyfric.engines.planner import Assumption, Plan, decay_times, plan
+from pyfric.engines.planner import Assumption, Plan, plan
 from pyfric.engines.points import Estimate, Sweep
 from pyfric.engines.progress import Progress, jobs_bar
 from pyfric.engines.quasistatic import QuasistaticRun, prediction_curve
 from pyfric.engines.results import Results
+from pyfric.engines.scout import decay_times
 from pyfric.engines.simulation import simulate
 from pyfric.engines.sweep import Job, JobError, run_all
 from pyfric.engines.varied import Span

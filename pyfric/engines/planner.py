@@ -21,27 +21,26 @@ follows from the scene (`step_error`). `pyfric.engines.verification` measures th
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pyfric.core import OPEN
 from pyfric.engines.cost import NS, beside, beside_ladder, evaluations_of_events, set_up, work
 from pyfric.engines.guard import largest_strain
 from pyfric.engines.options import Fidelity, Options, Want, step_size
-from pyfric.engines.quasistatic import QuasistaticRun, beyond_ladder
-from pyfric.engines.ringdown import Frozen
-from pyfric.record import RESOLVED, build_catalogue, zone_at_rest
-from pyfric.scene import FIELDS, Geometry, at_once, check_number, default_geometry, html
-from pyfric.statics import EquilibriumError, StaticSolver, one_thread_if_small, stability_limit
+from pyfric.engines.quasistatic import beyond_ladder
+from pyfric.engines.scout import decay_times, interval, most_open, scouted
+from pyfric.record import RESOLVED, zone_at_rest
+from pyfric.scene import Geometry, at_once, check_number, default_geometry, html
+from pyfric.statics import one_thread_if_small, stability_limit
 
 if TYPE_CHECKING:
     from pyfric.core import Switching
+    from pyfric.engines.scout import DecayTimes, Scout
     from pyfric.record import Record
-    from pyfric.scene import Interface, Scene, SceneLike
+    from pyfric.scene import Scene, SceneLike
 
 __all__ = ["Assumption", "Plan", "long_note", "plan"]
 
@@ -60,14 +59,6 @@ OPEN_BLOCKS = 2
 """More open blocks than this are a gap; small differences then decide the order of events."""
 OVERDAMPED = 0.433
 """Blocks oscillate below this eta over sqrt(k m)."""
-SCOUT_BLOCKS, SCOUT_COLUMNS = 5_000, 250
-"""Lattices with more blocks, or more along the interface, are scouted with larger blocks."""
-SCOUT_EVENTS = 300
-"""The scout stops after this many events; their number is extrapolated."""
-MOST_EVENTS = 1e4
-"""More events than this are left to dynamics, which need not look at each."""
-SCOUT_WORK = 2e8
-"""It also stops after this many changes of contact state times N_x^2: a few seconds."""
 LONG = 600.0
 """A run that takes longer is said to, before it starts, s."""
 
@@ -182,20 +173,6 @@ class Plan:
         return [one for one in found if not one.holds]
 
 
-class _Scout(NamedTuple):
-    """What the ladder says about a scene."""
-
-    events: int
-    front_blocks: int  # blocks that slip in main events, all events together
-    interval: float  # median time between main events, s
-    open: int  # most blocks that are open at a time
-    F_max: float  # N
-    seconds: float
-    far: float  # t_end over the time at which the scout stopped
-    drop: float  # most by which F_T falls in an event over the whole interface, over F_N
-    failed: str
-
-
 @at_once()
 @one_thread_if_small
 def plan(
@@ -223,7 +200,7 @@ def plan(
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     if scene.prescribed or scene.follows_protocol:
         return _on_lattice(_all_of_it(scene, want, tolerance, t_end), scene)
-    scout, times = _scout(scene, t_end), decay_times(scene)
+    scout, times = scouted(scene, t_end), decay_times(scene)
     why_not, without_inertia = _ladder(scene, want, tolerance, scout, times)
     if without_inertia is not None:
         return without_inertia
@@ -283,7 +260,7 @@ def _all_of_it(scene: Scene, want: Want, tolerance: float, t_end: float) -> Plan
 
 
 def _ladder(
-    scene: Scene, want: Want, tolerance: float, scout: _Scout, times: DecayTimes
+    scene: Scene, want: Want, tolerance: float, scout: Scout, times: DecayTimes
 ) -> tuple[list[str], Plan | None]:
     """Return why the quasi-static engine is not enough, or else its plan."""
     strain, one_row = largest_strain(scene, scout.F_max), scene.N_z == 1
@@ -325,7 +302,7 @@ def _stepped(
     want: Want,
     tolerance: float,
     t_end: float,
-    scout: _Scout,
+    scout: Scout,
     times: DecayTimes,
     reasons: list[str],
 ) -> Plan:
@@ -375,7 +352,7 @@ def _stepped(
 
 
 def _cost(
-    scene: Scene, t_end: float, scout: _Scout, fidelity: Fidelity, geometry: Geometry, dt: float
+    scene: Scene, t_end: float, scout: Scout, fidelity: Fidelity, geometry: Geometry, dt: float
 ) -> tuple[float, float]:
     """Return the expected number of block evaluations, and the time in s."""
     blocks, steps, jumps = scene.N_x * scene.N_z, t_end / dt, 0
@@ -403,7 +380,7 @@ def long_note(
     hint = "larger blocks take less: twice l, about a tenth of the time"
     if scene.prescribed or scene.follows_protocol:
         return f"{fidelity}: this run takes about {most / 60:.2g} minutes on one core; {hint}"
-    scout = _scout(scene, length)
+    scout = scouted(scene, length)
 
     def seconds(fidelity: Fidelity, geometry: Geometry) -> float:
         return _cost(scene, length, scout, fidelity, geometry, dt)[1]
@@ -420,149 +397,6 @@ def long_note(
 
 
 # --- numbers -------------------------------------------------------------------------------------
-
-
-def _scout(scene: Scene, t_end: float) -> _Scout:
-    refined = scene.N_x
-    scene = _without_weakening(coarser(scene))
-    refined /= scene.N_x
-    F_max = scene.law.mean.hold(scene.F_N)
-    guess = _Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, 1.0, 0.0, "")
-
-    def enough() -> bool:
-        return run.events >= SCOUT_EVENTS or run.log.step * scene.N_x**2 > SCOUT_WORK
-
-    try:
-        run = QuasistaticRun(scene)
-        run.advance(t_end, enough, lambda *_: None)
-        record = run.record("complete")
-    except EquilibriumError as error:
-        return guess._replace(failed=str(error))
-    main = record.events[record.events["is_main"]]
-    far = t_end / max(run.rows[-1][0], 1e-30)
-    refined *= far
-    many = run.events * far > MOST_EVENTS
-    return _Scout(
-        events=max(int(len(record.events) * refined), 1),
-        front_blocks=int(main["n_blocks"].sum() * refined),
-        interval=_interval(record),
-        open=_most_open(record),
-        F_max=max(abs(F) for _, F in run.rows),
-        seconds=sum(run.timings.values()),
-        far=far,
-        drop=_drop(record),
-        failed=f"about {run.events * far:.0e} events up to t_end" if many else "",
-    )
-
-
-def _drop(record: Record) -> float:
-    """Return how far F_T falls in the ladder's events over the whole interface, over F_N.
-
-    Without viscosity a slider overshoots by as much as it fell, which the ladder leaves out.
-    """
-    events = record.events
-    whole = events[events["is_main"] & (events["n_blocks"] == record.scene.N_x)]
-    fall = (whole["F_T_start"] - whole["F_T_arrest"]).max()
-    return float(fall / record.scene.F_N) if fall > 0 else 0.0
-
-
-def _without_weakening(scene: Scene) -> Scene:
-    """Return the scene with Amontons-Coulomb friction, which the ladder can follow."""
-    return dataclasses.replace(scene, interface=scene.interface.coulomb())
-
-
-def _interval(record: Record) -> float:
-    """Return the median time between main events of the ladder, in s; inf where there are none.
-
-    A longest pause inside an event is left out: at high V it makes one event of many.
-    """
-    log = record.switches, record.quiet, record.scene
-    events = build_catalogue(*log, t_gap=0.0).events
-    starts = events["t_start"].to_numpy()[events["is_main"].to_numpy()]
-    if len(starts) > 1:
-        return float(np.median(np.diff(starts)))
-    return float(record.curve["t"].iloc[-1]) if len(starts) else math.inf
-
-
-class DecayTimes(NamedTuple):
-    """How long oscillations of the stuck slider last, in s: the slowest one, the fast ones."""
-
-    slow: float
-    fast: float
-
-
-@functools.lru_cache(maxsize=16)
-def decay_times(scene: Scene) -> DecayTimes:
-    """Return how long oscillations of the stuck slider last (linear geometry).
-
-    "Fast" are those that the hybrid engine does not follow in closed form. Large lattices are
-    replaced by coarser ones of the same viscosity. Nothing moves in a chain whose blocks stick.
-    """
-    if scene.N_z == 1:
-        return DecayTimes(0.0, 0.0)
-    if scene.eta == 0:
-        return DecayTimes(math.inf, math.inf)
-    scene = coarser(scene)
-    frozen = Frozen(StaticSolver(scene, "linear"), np.ones(scene.N_x, dtype=bool))
-    slow = float(np.min(-frozen.rates.real, initial=frozen.decay or np.inf))
-    times = [1 / rate if rate > 0 else math.inf for rate in (slow, float(frozen.decay))]
-    return DecayTimes(*times)
-
-
-def coarser(scene: Scene) -> Scene:
-    """Return the scene with blocks so large that `SCOUT_BLOCKS` and `SCOUT_COLUMNS` suffice.
-
-    It keeps L, H, h and eta where there are blocks that fit; L and eta otherwise.
-    """
-    N_x, N_z = scene.N_x, scene.N_z
-    if N_x * N_z <= SCOUT_BLOCKS and N_x <= SCOUT_COLUMNS:
-        return scene
-    if N_z == 1:
-        return _coarser_chain(scene)
-    n = math.gcd(N_x - 1, N_z - 1, scene.j_h)
-    for q in range(2, n + 1):
-        n_x, n_z = (N_x - 1) // q, (N_z - 1) // q
-        few = (n_x + 1) * (n_z + 1) <= SCOUT_BLOCKS and n_x < SCOUT_COLUMNS
-        if n % q == 0 and few and n_x >= 2:
-            slider = dataclasses.replace(scene.slider, l=scene.slider.l * q, eta=scene.eta)
-            return dataclasses.replace(
-                scene, slider=slider, interface=_interface_on(scene, n_x + 1)
-            )
-    q = max((N_x - 1) / (SCOUT_COLUMNS - 1), math.sqrt(N_x * N_z / SCOUT_BLOCKS))
-    n_x = max(math.floor((N_x - 1) / q), 2)
-    while n_x > 2 and (n_x + 1) * (round(n_x * (N_z - 1) / (N_x - 1)) + 1) > SCOUT_BLOCKS:
-        n_x -= 1
-    l = scene.slider.L / n_x
-    n_z = max(round(scene.slider.H / l), 1)
-    j_h = min(max(round(scene.driver.h / l), 1), n_z)
-    slider = dataclasses.replace(scene.slider, l=l, H=l * n_z, eta=scene.eta)
-    driver = dataclasses.replace(scene.driver, h=l * j_h)
-    return dataclasses.replace(
-        scene, slider=slider, driver=driver, interface=_interface_on(scene, n_x + 1)
-    )
-
-
-def _coarser_chain(scene: Scene) -> Scene:
-    """Return the chain with fewer blocks: the same rod under the same forces per length."""
-    slider, top, N_x, N = scene.slider, scene.top, scene.N_x, SCOUT_COLUMNS
-    q, at = (N_x - 1) / (N - 1), np.linspace(0, N_x - 1, N)
-    p, tau = (
-        np.interp(at, np.arange(N_x), np.broadcast_to(value, N_x)) * (N_x / N)
-        for value in (top.p, top.tau)
-    )
-    interface = _interface_on(scene, N)
-    most = (1 - 1e-12) * np.asarray(interface.mu_s) * p
-    tau = np.clip(tau, -most, most)
-    top = dataclasses.replace(top, p=tuple(p), tau=tuple(tau), k_top=top.k_top * q)
-    slider = dataclasses.replace(slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q)
-    return dataclasses.replace(scene, slider=slider, top=top, interface=interface)
-
-
-def _interface_on(scene: Scene, N_x: int) -> Interface:
-    """Return the interface with its fields on another number of blocks."""
-    order = np.argsort(scene.n_of_i)
-    fields = {name: scene.field(name)[order] for name in FIELDS}
-    return scene.interface.on(N_x, fields)
 
 
 STRAIN = "largest strain"
@@ -597,10 +431,6 @@ def _times(decay: float, interval: float) -> str:
 
 def _gap(blocks: int) -> Assumption:
     return Assumption("open blocks", blocks, OPEN_BLOCKS, "no gap beyond the corner")
-
-
-def _most_open(record: Record) -> int:
-    return int((record.quiet["mode"] == OPEN).sum(axis=1).max(initial=0))
 
 
 def _strain(value: float, limit: float) -> Assumption:
@@ -660,8 +490,8 @@ def _of_record(record: Record, plan: Plan) -> list[Assumption]:
     """Return the assumptions of a plan with the numbers of its record."""
     scene, found = record.scene, []
     if plan.fidelity == "quasistatic":
-        found.append(_waits(decay_times(scene).slow, _interval(record)))
-        found.append(_gap(_most_open(record)))
+        found.append(_waits(decay_times(scene).slow, interval(record)))
+        found.append(_gap(most_open(record)))
     if plan.geometry == "linear" and default_geometry(scene) == "finite":
         limit = plan.tolerance / (1 if plan.fidelity == "quasistatic" else 2)
         F_max = float(record.curve["F_T"].abs().max())

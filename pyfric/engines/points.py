@@ -44,8 +44,9 @@ import scipy
 
 from pyfric.engines.cost import verification
 from pyfric.engines.options import Options, step_size
-from pyfric.engines.planner import _cost, _scout, plan
+from pyfric.engines.planner import _cost, plan
 from pyfric.engines.results import Before, Results
+from pyfric.engines.scout import scouted
 from pyfric.engines.store import cache_folder, failed_before, kept
 from pyfric.engines.sweep import Job, JobError, run_all
 from pyfric.engines.sweep_file import read_sweep
@@ -306,7 +307,7 @@ def _found(folder: Path, job: Job) -> Record | JobError | None:
 def _expected(job: Job) -> tuple[float, float]:
     """Return the expected time of a run in s, and the size of its record in bytes."""
     scene, t_end, how = job.scene, job.t_end, job.options
-    scout = _scout(scene, t_end)
+    scout = scouted(scene, t_end)
     size = 8.0 * scout.events * (9 * scene.N_x + 40) + 1e5
     if how.fidelity == "auto":
         found = plan(scene, how.want, how.tolerance, t_end=t_end)

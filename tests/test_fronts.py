@@ -45,7 +45,7 @@ def test_runs_are_kept_and_shown(tmp_path):
     assert "planned" in said[-1]
     assert sorted(one.name for one in tmp_path.glob("*.nc*")) == ["fig1_5_0.nc", "fig1_5_1.nc"]
     written = {one: one.stat().st_mtime_ns for one in tmp_path.iterdir()}
-    fronts._fig1(tmp_path, how["spacings"], how["t_end"], said.append)
+    fronts._runs_of("fig1", tmp_path, how["spacings"], how["t_end"], said.append)
     assert written == {one: one.stat().st_mtime_ns for one in tmp_path.iterdir()}
     fig = fronts.figure(first)
     numbers = fig.tables["summary"].set_index(["what", "case"])["value"]

@@ -9,8 +9,8 @@ crack      A two-sided crack under a uniform stress drop at S = 3, where a conti
 length     Precursors of the Fig. 1 scene with d_c = 1 um: their lengths beside the length at which
            the energy release of static states no longer pays for the fracture energy, and beside
            the ladder without weakening.
-Fig. 4     Front speeds of these precursors as the lattice becomes finer: what stays, what was the
-           lattice's.
+Fig. 4     Front speeds of these precursors, and their collapse over runs 1 to 4, as the lattice
+           becomes finer: what stays, what was the lattice's.
 
 Runs are kept in a folder; those of the Fig. 1 scene go on from there where they were stopped.
 
@@ -51,6 +51,8 @@ SPACINGS = (2.5e-3, 1.25e-3, 0.625e-3)
 """Lattice constants of the Fig. 1 scene, m."""
 T_END = 0.745
 """End of its runs, s: the precursor of half the slider's length is over."""
+COLLAPSE = {"run1": 0.56, "run2": 0.63, "run3": 0.7, "run4": 0.77}
+"""Runs of Fig. 4(b) and their ends, s: seven tenths of the time to the first event over all."""
 D_C = 1e-6
 """Slip of weakening, m."""
 WINDOW = 250.0
@@ -214,22 +216,22 @@ def _kept(path: Path, scene: Scene, t_end: float) -> Record:
     return record
 
 
-def _fig1(
-    runs: Path, spacings: Sequence[float], t_end: float, say: Callable[[str], None]
+def _runs_of(
+    name: str, runs: Path, spacings: Sequence[float], t_end: float, say: Callable[[str], None]
 ) -> dict[tuple[float, float], Record]:
-    """Return the runs by l and d_c."""
+    """Return the runs of a preset by l and d_c."""
     records = {}
     for d_c in (0.0, D_C):
         coarser = None
         for l in sorted(spacings, reverse=True):
-            scene = preset("fig1", l=l, d_c=d_c)
+            scene = preset(name, l=l, d_c=d_c)
             evaluations, seconds = planned(scene, t_end, coarser)
             say(
-                f"l = {l * 1e3:g} mm, d_c = {d_c * 1e6:g} um: planned {evaluations:.2g} block "
-                f"evaluations, {seconds / 60:.2g} min of one core"
+                f"{name}, l = {l * 1e3:g} mm, d_c = {d_c * 1e6:g} um: planned {evaluations:.2g} "
+                f"block evaluations, {seconds / 60:.2g} min of one core"
             )
-            name = f"fig1_{l * 1e3:g}_{d_c * 1e6:g}.nc"
-            records[l, d_c] = coarser = _kept(runs / name, scene, t_end)
+            file = f"{name}_{l * 1e3:g}_{d_c * 1e6:g}.nc"
+            records[l, d_c] = coarser = _kept(runs / file, scene, t_end)
     return records
 
 
@@ -263,6 +265,7 @@ def study(
     blocks: Sequence[float] = BLOCKS,
     spacings: Sequence[float] = SPACINGS,
     t_end: float = T_END,
+    collapse: Sequence[float] = (),
     say: Callable[[str], None] = lambda _: None,
 ) -> dict[str, pd.DataFrame]:
     """Run the study.
@@ -273,13 +276,14 @@ def study(
             also with dashpots that resist rotation, and with the paper's viscosity.
         spacings: lattice constants of the Fig. 1 scene, m.
         t_end: end of its runs, s.
+        collapse: lattice constants of runs 1 to 4, m.
         say: called with what is done, and what it is planned to take, before it is.
 
     Returns:
         Tables. "crack": blocks, eta2, dashpots, a, v, v_theory. "cost": what, planned and made
         evaluations and seconds. "lengths": l, event, force_arrest, dynamics, griffith, ladder
         (L_p/L).
-        "fronts": l, d_c, event, n, x_over_L, v_c, scaled, X_c0_over_l, and others of
+        "fronts": scene, l, d_c, event, n, x_over_L, v_c, scaled, X_c0_over_l, and others of
         `pyfric.analysis.fronts`; late, whether it is the precursor of half the length.
     """
     Path(runs).mkdir(parents=True, exist_ok=True)
@@ -295,23 +299,33 @@ def study(
         cost.append({"run": f"crack {case.replace('_', ', ')}"} | about)
         said = {"blocks": one.blocks, "eta2": one.eta2, "dashpots": one.dashpots}
         cracks.append(table.drop(columns=list(about)).assign(**said))
-    records = _fig1(Path(runs), spacings, t_end, say)
-    for (l, d_c), record in records.items():
-        table, events = analysis.fronts(record), record.events
-        main = np.flatnonzero(events["is_main"] & events["finished"])
-        late = main[np.abs(events["L_p_over_L"].to_numpy()[main] - LATE).argmin()]
-        fronts.append(table.assign(l=l, d_c=d_c, late=table["event"] == late))
-        made, seconds = record.counts["block_evaluations"], _seconds(record)
-        expected = planned(record.scene, t_end, records.get((2 * l, d_c)))
-        about = {"run": f"fig1 {l * 1e3:g} mm, {d_c * 1e6:g} um"}
-        plan = dict(zip(("planned_evaluations", "planned_seconds"), expected, strict=True))
-        cost.append(about | plan | {"evaluations": made, "seconds": seconds})
+    records = {"fig1": _runs_of("fig1", Path(runs), spacings, t_end, say)}
+    for name, end in COLLAPSE.items() if collapse else ():
+        records[name] = _runs_of(name, Path(runs), collapse, end, say)
+    for name, found in records.items():
+        for (l, d_c), record in found.items():
+            about = {"scene": name, "l": l, "d_c": d_c}
+            fronts.append(_speeds_of(record).assign(**about))
+            coarser = found.get((2 * l, d_c))
+            expected = planned(record.scene, COLLAPSE.get(name, t_end), coarser)
+            case = {"run": f"{name} {l * 1e3:g} mm, {d_c * 1e6:g} um"}
+            plan = dict(zip(("planned_evaluations", "planned_seconds"), expected, strict=True))
+            made = {"evaluations": record.counts["block_evaluations"], "seconds": _seconds(record)}
+            cost.append(case | plan | made)
     return {
         "crack": pd.concat(cracks, ignore_index=True),
-        "lengths": _lengths(records),
+        "lengths": _lengths(records["fig1"]),
         "fronts": pd.concat(fronts, ignore_index=True),
         "cost": pd.DataFrame(cost),
     }
+
+
+def _speeds_of(record: Record) -> pd.DataFrame:
+    """Return the speeds of all fronts, and which front is the precursor of half the length."""
+    table, events = analysis.fronts(record), record.events
+    main = np.flatnonzero(events["is_main"] & events["finished"])
+    late = main[np.abs(events["L_p_over_L"].to_numpy()[main] - LATE).argmin()]
+    return table.assign(late=table["event"] == late)
 
 
 # --- what it comes to ----------------------------------------------------------------------------
@@ -333,9 +347,13 @@ def summary(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
             off = (table[name] - table["dynamics"]).abs()
             rows.append((f"L_p/L: largest |{name} - dynamics|", _case(l, D_C), float(off.max())))
     material = theory.Material.of_lattice(*_lattice(preset("fig1")), 1.0)
-    for (l, d_c), table in tables["fronts"].groupby(["l", "d_c"], sort=False):
-        rows += _speeds(table[table["v_c"].notna()], _case(l, d_c), material)
-    rows += _changes(tables["fronts"])
+    fronts = tables["fronts"][tables["fronts"]["v_c"].notna()]
+    fig1, others = fronts[fronts["scene"] == "fig1"], fronts[fronts["scene"] != "fig1"]
+    for (l, d_c), table in fig1.groupby(["l", "d_c"], sort=False):
+        rows += _speeds(table, _case(l, d_c), material)
+    for (l, d_c), table in others.groupby(["l", "d_c"], sort=False):
+        rows += _speeds(table, f"runs 1 to 4, {_case(l, d_c)}", material)
+    rows += _changes(fig1)
     return pd.DataFrame(rows, columns=["what", "case", "value"])
 
 
@@ -368,7 +386,11 @@ def _speeds(
     known = table["scaled"].notna()
     if known.sum() >= 20 * PER_BIN:
         spread = analysis.collapse_spread(table["scaled"][known], table["v_c"][known])
-        rows.append(("rms of ln v_c about one curve of the scaled prestress", case, spread.rms))
+        share = 1 - spread.rms**2 / float(np.var(np.log(v[known])))
+        rows += [
+            ("rms of ln v_c about one curve of the scaled prestress", case, spread.rms),
+            ("share of the variance of ln v_c that it explains", case, share),
+        ]
     return rows
 
 
@@ -398,11 +420,12 @@ def figure(tables: dict[str, pd.DataFrame]) -> DataFigure:
     _draw_cracks(cracks, tables["crack"])
     _draw_lengths(lengths, tables["lengths"])
     _draw_fronts(late, every, tables["fronts"])
+    several = (tables["fronts"]["scene"] != "fig1").any()
     titles = (
         "(a) crack at S = 3",
         r"(b) precursors, $d_\mathrm{c}$ = 1 $\mu$m",
         rf"(c) precursor with $L_\mathrm{{p}}/L$ near {LATE:g}",
-        "(d) all main events",
+        "(d) main events, runs 1 to 4" if several else "(d) main events",
     )
     for axes, title in zip((cracks, lengths, late, every), titles, strict=True):
         axes.set_title(title, fontsize=8, loc="left")
@@ -414,8 +437,10 @@ def figure(tables: dict[str, pd.DataFrame]) -> DataFigure:
         "(b) Fig. 1 scene with d_c = 1 um: lengths in dynamics against the length at which the "
         "energy release of static states no longer exceeds the fracture energy. (c) Its front "
         "speeds, with d_c = 1 um (points) and 0 (thin lines), at several l; dashed: c_R, c_S, c_L "
-        "of the lattice. (d) Speeds of all main events against the scaled prestress, d_c = 1 um. "
-        "Hybrid engine, linear geometry, located switching; the crack in full dynamics."
+        "of the lattice. (d) Speeds of main events against the scaled prestress, with d_c = 1 um "
+        "(points) and 0 (faint crosses), of "
+        + ("runs 1 to 4. " if several else "the Fig. 1 scene. ")
+        + "Hybrid engine, linear geometry, located switching; the crack in full dynamics."
     )
     fig.tables = {**tables, "summary": summary(tables)}
     return fig
@@ -449,16 +474,21 @@ def _draw_lengths(axes: Any, table: pd.DataFrame) -> None:
 
 
 def _draw_fronts(late: Any, every: Any, table: pd.DataFrame) -> None:
-    spacings = sorted(table["l"].unique(), reverse=True)
-    for l, colour in zip(spacings, COLOURS, strict=False):
-        for d_c in sorted(table["d_c"].unique()):
-            rows = table[(table["l"] == l) & (table["d_c"] == d_c) & table["v_c"].notna()]
-            mine, label = rows[rows["late"]], f"l = {l * 1e3:g} mm"
-            if d_c == 0:
-                late.plot(mine["x_over_L"], mine["v_c"], color=colour, lw=0.6)
-                continue
-            late.plot(mine["x_over_L"], mine["v_c"], "o", color=colour, ms=2.5, label=label)
-            every.plot(rows["scaled"], rows["v_c"], "o", color=colour, ms=2, label=label)
+    d_cs, spacings = sorted(table["d_c"].unique()), sorted(table["l"].unique(), reverse=True)
+    fig1, others = table[table["scene"] == "fig1"], table[table["scene"] != "fig1"]
+    chosen = others if len(others) else fig1
+    lattices = list(zip(spacings, COLOURS, strict=False))
+    for (l, colour), d_c in itertools.product(lattices, d_cs):
+        label = f"l = {l * 1e3:g} mm"
+        if l in set(fig1["l"]):
+            rows = fig1[(fig1["l"] == l) & (fig1["d_c"] == d_c) & fig1["late"]]
+            how = {"marker": "o", "ls": "", "ms": 2.5, "label": label} if d_c else {"lw": 0.6}
+            late.plot(rows["x_over_L"], rows["v_c"], color=colour, **how)
+        if l in set(chosen["l"]):
+            rows = chosen[(chosen["l"] == l) & (chosen["d_c"] == d_c)]
+            how = {"marker": "o", "ms": 2, "label": label} if d_c else {"marker": "x", "ms": 1.5}
+            how |= {"alpha": 1.0 if d_c else 0.3, "zorder": 3 if d_c else 1, "mew": 0.5}
+            every.plot(rows["scaled"], rows["v_c"], ls="", color=colour, **how)
     material = theory.Material.of_lattice(*_lattice(preset("fig1")), 1.0)
     for axes in (late, every):
         for speed in (material.c_R, material.c_S, material.c_P):

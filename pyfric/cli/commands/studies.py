@@ -76,15 +76,26 @@ def resolution(out: Path, quiet: bool) -> None:
     multiple=True,
     help="Lattice constant of the Fig. 1 scene, such as '1.25 mm'; several may be given.",
 )
+@click.option(
+    "--collapse", multiple=True, help="Lattice constant of runs 1 to 4, without which they are out."
+)
 @quiet_option
-def fronts(out: Path, runs: Path | None, spacings: tuple[str, ...], quiet: bool) -> None:
+def fronts(
+    out: Path,
+    runs: Path | None,
+    spacings: tuple[str, ...],
+    collapse: tuple[str, ...],
+    quiet: bool,
+) -> None:
     """Show when front speeds are physical: cracks, lengths, a resolved Fig. 4 (about 15 minutes).
 
     Runs are kept in --runs; the next call goes on where this one was stopped. What each lattice is
     planned to take is said before it starts: 8 times the one before it.
     """
     folder = out / "runs" if runs is None else runs
-    given = {"spacings": [number("l", one, "m", gt=0.0) for one in spacings]} if spacings else {}
+    given = {"collapse": [number("collapse", one, "m", gt=0.0) for one in collapse]}
+    if spacings:
+        given["spacings"] = [number("l", one, "m", gt=0.0) for one in spacings]
     say = (lambda _: None) if quiet else (lambda text: click.echo(text, err=True))
     _save_study("fronts", lambda study: study.study(folder, **given, say=say), out, quiet)
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK
+from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run
 from pyfric.engines.guard import LINEAR, largest_strain
 from pyfric.engines.ringdown import Frozen, Rest, first_crossing
@@ -174,6 +175,10 @@ class HybridRun(Run):
         self.look_at = self.state.step
         self.quiet_key: bytes | None = None
         self.quiet_now: _Quiet | None = None
+        self.slid = False
+        self.creeping: Creeping | None = None
+        if Creeping.possible(self.scene, self.method.geometry):
+            self.creeping = Creeping(self.scene, self.solver.known, self.remainder)
 
     def _slips(self) -> np.ndarray:
         return np.abs(self.state.mode) == 1
@@ -181,15 +186,21 @@ class HybridRun(Run):
     def call_length(self) -> int:
         """Return how many steps may be made before the next look."""
         slips = self._slips()
-        if slips.any():  # the core returns when the last block stops, corner slip aside
+        if slips.any() and self.creeping is None:
+            # the core returns when the last block stops, corner slip aside
             return LOOK if self.state.corner[slips].all() else 2**30
         return max(1, self.look_at - self.state.step)
 
     def before_call(self, last: int) -> None:
         """Jump if nothing slips and it is safe."""
-        state = self.state
-        if self._slips().any():
-            self.look_at, self.wait = state.step, LOOK
+        state, slips = self.state, bool(self._slips().any())
+        if slips != self.slid or (slips and self.creeping is None):
+            self.look_at, self.wait, self.slid = state.step, LOOK, slips
+        if slips and self.creeping is None:
+            return
+        if slips and state.step >= self.look_at:
+            self.wait = LOOK if self.slide(last) else min(2 * self.wait, 64 * LOOK)
+            self.look_at = state.step + self.wait
         elif state.step >= self.look_at:
             self.wait = LOOK if self.jump(last) else min(2 * self.wait, 64 * LOOK)
             self.look_at = state.step + self.wait
@@ -277,6 +288,22 @@ class HybridRun(Run):
         state.margin[:] = frozen.margin(margins)
         return True
 
+    def slide(self, last: int) -> bool:
+        """Go to the last step before a contact state changes while blocks slip stably."""
+        state, scene = self.state, self.scene
+        frozen = self.solver.frozen(state.mode != OPEN)
+        landing = self.creeping.land(state, frozen, last)
+        if landing is None or landing.n < min(last - state.step, SHORTEST):
+            return False
+        n, every = landing.n, self.method.sample
+        steps = np.arange((state.step // every + 1) * every, state.step + n + 1, every)
+        F_T = landing.F_T((steps - state.step) * state.dt)
+        self.rows += np.column_stack([state.t0 + steps * state.dt, F_T]).tolist()
+        point = landing.point
+        self._put(landing.q, landing.v, point.u_x, n)
+        state.margin[:] = np.where(state.mode == OPEN, 0.0, scene.law.margin(point.p, point.f))
+        return True
+
     def _now_quiet(self) -> _Quiet | None:
         """Return the static state about which the slider rings, None if there is none."""
         state = self.state
@@ -315,11 +342,16 @@ class HybridRun(Run):
 
     def _land(self, q: np.ndarray, quiet: _Quiet, a: np.ndarray, n: int) -> None:
         """Put the state n steps later, where the static state is q."""
-        state, known, frozen = self.state, self.solver.known, quiet.frozen
+        state, frozen = self.state, quiet.frozen
         w, v = frozen.deviation(a, n * state.dt, quiet.growth)
-        u_x = state.y[0, 0].copy()
-        state.y[:, :2], state.rod[:3] = known.displacements(q + frozen.lag + w)
-        state.y[:, 2:], state.rod[3:] = known.displacements(v + self.scene.driver.V * frozen.drift)
+        v += self.scene.driver.V * frozen.drift
+        self._put(q + frozen.lag + w, v, state.y[0, 0].copy(), n)
+
+    def _put(self, q: np.ndarray, v: np.ndarray, u_x: np.ndarray, n: int) -> None:
+        """Put coordinates q and their rates v n steps later; stuck blocks are at u_x."""
+        state, known = self.state, self.solver.known
+        state.y[:, :2], state.rod[:3] = known.displacements(q)
+        state.y[:, 2:], state.rod[3:] = known.displacements(v)
         held = state.mode == STUCK
         state.y[0, 0, held], state.y[0, 2, held] = u_x[held], 0.0
         state.step += n

@@ -291,6 +291,27 @@ class Frozen:
         rest = Rest(q, f, -scene.d * f, p, q[N_x : 2 * N_x], F_T)
         return rest if self._fits(rest) else None
 
+    @property
+    def stiffness(self) -> sp.csr_array:
+        """The stiffness of all coordinates, shape (n_q, n_q), in N/m."""
+        return self._rows
+
+    def carried(self, rate: np.ndarray) -> np.ndarray:
+        """Return dq/d(drive), shape (n_q,), where stuck blocks are moved at these rates."""
+        return self.drift + self.shape(rate)
+
+    def solve(self, force: np.ndarray) -> np.ndarray:
+        """Return the displacements of free coordinates under forces on them."""
+        return self._factor.solve(force)
+
+    def shape(self, u_x: np.ndarray) -> np.ndarray:
+        """Return q, shape (n_q, ...), where stuck blocks are moved to u_x, (N_x, ...)."""
+        q = np.zeros((self.n_q, *u_x.shape[1:]))
+        held, free = np.flatnonzero(self.stuck), self.free
+        q[held] = u_x[held]
+        q[free] = self._factor.solve(-(self._rows[free] @ q))
+        return q
+
     def _fits(self, rest: Rest) -> bool:
         """Whether no stuck block is pulled down, and no open one pressed up, but for rounding."""
         scene = self.solver.scene

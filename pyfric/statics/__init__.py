@@ -3,6 +3,7 @@
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.blas import one_thread_if_small
 from pyfric.statics.complementarity import Contact, ContactProblem, Values
+from pyfric.statics.creep import Change, Creep, Point, creeps
 from pyfric.statics.equilibrium import LARGE, StaticSolver, loaded_state, solve_static
 from pyfric.statics.operators import (
     bonds,
@@ -20,14 +21,18 @@ __all__ = [
     "LARGE",
     "LEAST_DEFINITENESS",
     "BandedCholesky",
+    "Change",
     "Contact",
     "ContactProblem",
+    "Creep",
     "Equilibrium",
     "EquilibriumError",
+    "Point",
     "StaticSolver",
     "Values",
     "bonds",
     "check_rests",
+    "creeps",
     "damping",
     "dispersion",
     "loaded_state",

@@ -1,0 +1,275 @@
+"""Jumps over stable slip in the hybrid engine.
+
+With friction that weakens over a length, blocks near the driver slip stably long before an event,
+at a part of its speed. The run jumps along static states with slip (`pyfric.statics.creep`) to the
+last step before a contact state can change, and goes on there with the speed V dq/d(drive).
+
+The slider also moves about that path. With w the deviation from it, K with the friction and the
+weakening of the blocks that slip,
+
+    M w'' + C w' + K w = 0 ,
+
+whose slow modes are followed in closed form, and what is left must be smaller than `LEFT` of the
+hybrid engine's remainder. No block may turn back meanwhile: the speed of slip less all amplitudes
+has to stay positive, because a block that stops is as strong as before. While none does, slip has
+no memory but its own length, so that the deviation leaves no trace.
+
+Viscosity holds the path back by a lag, which is kept. Inertia of a path that bends is of order
+sqrt(k m) v at a speed of slip v: the path is left where that exceeds `HURRY` of the remainder,
+which is just before slip becomes unstable.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pyfric.core import OPEN
+from pyfric.engines.ringdown import first_crossing
+from pyfric.statics import ContactProblem, Creep, creeps, damping, mass
+
+if TYPE_CHECKING:
+    from pyfric.core import State
+    from pyfric.engines.ringdown import Frozen
+    from pyfric.scene import Scene
+    from pyfric.statics import Point, StaticSolver
+
+__all__ = ["Creeping", "Landing"]
+
+LOUD = 100.0
+"""Speeds above this many V are no stable slip, which is seen at once."""
+APART = 16
+"""Steps between two states of the path that give its acceleration."""
+LEFT, HURRY = 0.001, 0.2
+"""What motion beside the slow modes, and speed of slip, may do to contact forces, over the
+remainder. Start forces are then those of steps within 3e-8 F_N in the Fig. 1 scene with d_c = 5 um,
+and within 2e-7 F_N in a slider of 9 x 6 blocks at ten times the speed over F_N; with 0.01 and 0.5
+half as many steps are made, and 7e-6 F_N are left there."""
+
+
+class Landing(NamedTuple):
+    """Where a jump ends: steps; coordinates (m) and their rates (m/s); the static state.
+
+    `times` (s) since the jump began, `forces`, F_T there (N), amplitudes of modes in it (N) and
+    their rates (1/s) make up the loading curve of the jump.
+    """
+
+    n: int
+    q: np.ndarray
+    v: np.ndarray
+    point: Point
+    times: np.ndarray
+    forces: np.ndarray
+    modal: np.ndarray
+    growth: np.ndarray
+
+    def F_T(self, s: np.ndarray) -> np.ndarray:
+        """Return F_T (N) at times s (s) since the jump began, shape (n,)."""
+        moves = (self.modal @ np.exp(np.outer(self.growth, s))).real
+        return np.interp(s, self.times, self.forces) + moves
+
+
+class Creeping:
+    """Stable slip of one scene, for jumps of the hybrid engine.
+
+    Args:
+        scene: the scene.
+        known: its static states, in linear geometry.
+        remainder: what a jump may neglect, over F_N/N_x.
+    """
+
+    def __init__(self, scene: Scene, known: StaticSolver, remainder: float) -> None:
+        self.scene, self.known = scene, known
+        self.mass, self.C = mass(scene), damping(scene)
+        self.force = remainder * scene.F_N / scene.N_x
+        impedance = math.sqrt(scene.slider.k * scene.m)
+        self.fastest, self.kink = (
+            share * self.force / (impedance * scene.driver.V) for share in (HURRY, LEFT)
+        )
+
+    @functools.cached_property
+    def problem(self) -> ContactProblem:
+        """The condensed slider."""
+        return ContactProblem(self.scene)
+
+    @staticmethod
+    def possible(scene: Scene, geometry: str) -> bool:
+        """Whether stable slip of a scene is followed: linear geometry, friction of slip alone."""
+        return geometry == "linear" and creeps(scene.law) and scene.driver.V > 0
+
+    def land(self, state: State, frozen: Frozen, last: int) -> Landing | None:
+        """Return where a jump over stable slip may end, None if there is none.
+
+        Args:
+            state: the present.
+            frozen: the slider with all blocks held that are not open.
+            last: number of the last step.
+        """
+        V, dt = self.scene.driver.V, state.dt
+        if np.abs(state.y[:, 2:]).max() > LOUD * V:
+            return None
+        drive = V * state.t + self.scene.d * self.known.u_drv0
+        way = np.where(np.abs(state.mode) == 1, state.mode, 0)
+        creep = Creep(self.problem, state.y[0, 0], way, state.mode != OPEN, state.s_0)
+        begin = creep.at(drive)
+        if begin is None or creep.wrong(begin, self.fastest) is not None:
+            return None
+        modes = _Modes(self, frozen, creep, begin)
+        a, left = self._motion(state, modes, begin)
+        if math.sqrt(2 * self.scene.slider.k * left) > LEFT * self.force:
+            return None
+        end = drive + (last - state.step) * V * dt
+        path, _ = creep.follow(begin, end, self.fastest, self.kink)
+        n = math.floor(modes.safe(path, V, a, left, dt) / dt)
+        point = creep.on(path, drive + n * V * dt)
+        if n < 1 or point is None:
+            return None
+        after = _Modes(self, frozen, creep, point)
+        q, v = self._path(after, point, dt)
+        w, w_v = modes.deviation(a, n * dt)
+        times = np.array([(one.drive - drive) / V for one in path])
+        forces = np.array([one.F_T for one in path])
+        pull = [-frozen.push @ one.lag(V * frozen.carried(at.rate))
+                for one, at in ((modes, begin), (after, point))]  # fmt: skip
+        forces += np.interp(times, [0.0, n * dt], pull)
+        return Landing(n, q + w, v + w_v, point, times, forces, modes.force(a), modes.growth)
+
+    def _path(self, modes: _Modes, point: Point, dt: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return coordinates (m) and their rates (m/s) on the path, held back by C and M."""
+        frozen, V, by = modes.frozen, self.scene.driver.V, APART * dt
+        drive = point.drive - self.scene.d * self.known.u_drv0
+        v, bend = V * frozen.carried(point.rate), np.zeros(frozen.n_q)
+        before = modes.creep.at(point.drive - V * by, point)
+        if before is not None:
+            bend = V * frozen.shape(point.rate - before.rate) / by
+        lag = modes.lag(v, bend)
+        return frozen.rest(point.u_x, drive).q + lag, v + modes.lag(bend)
+
+    def _motion(self, state: State, modes: _Modes, point: Point) -> tuple[np.ndarray, float]:
+        """Return the amplitudes of the modes, and the energy of what is left, J."""
+        q, v = self._path(modes, point, state.dt)
+        w = self.known.coordinates(state.y[:, :2], state.rod[:3]) - q
+        return modes.split(w, self.known.coordinates(state.y[:, 2:], state.rod[3:]) - v)
+
+
+class _Modes:
+    """Slow motions about a static state in which blocks slip.
+
+    They are sought among the modes of the slider with all blocks held and the static shapes of the
+    slips (Galerkin's way); friction makes the stiffness unsymmetric.
+    """
+
+    def __init__(self, what: Creeping, frozen: Frozen, creep: Creep, point: Point) -> None:
+        self.scene, self.frozen, self.creep = what.scene, frozen, creep
+        self.M, self.C, self.K = what.mass, what.C, frozen.stiffness
+        N_x, slips = self.scene.N_x, np.flatnonzero(creep.way)
+        self.slips, self.shapes = slips, frozen.shape(np.eye(N_x)[:, slips])
+        mu, slope = creep.friction(point.u_x)
+        n = np.arange(len(slips))
+        self.pull = self.K[slips].toarray()  # forces that resist slip, over coordinates
+        self.pull[n, slips] += (slope * point.p)[slips]
+        self.pull[n, slips + N_x] -= (creep.way * mu * creep.k_f)[slips]
+
+    def lag(self, v: np.ndarray, a: float | np.ndarray = 0.0) -> np.ndarray:
+        """Return how far a motion at v (m/s) and a (m/s^2) is held back, shape (n_q,), in m."""
+        frozen, force = self.frozen, -(self.C @ v + self.M * a)
+        w = np.zeros(frozen.n_q)
+        w[frozen.free] = frozen.solve(force[frozen.free])
+        against = self.pull @ np.column_stack([w, self.shapes])
+        return w + self.shapes @ np.linalg.solve(against[:, 1:], force[self.slips] - against[:, 0])
+
+    def split(self, w: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the amplitudes of the modes in a deviation, and the energy of what is left, J."""
+        self._find()
+        y, u = (self.basis.T @ (self.M * one) for one in (w, v))
+        a = np.linalg.solve(self.right, np.concatenate([y, u]))
+        w, v = w - self.basis @ y, v - self.basis @ u
+        return a, max(float(v @ (self.M * v) + w @ (self.K @ w)) / 2, 0.0)
+
+    def _find(self) -> None:
+        """Find basis (n_q, r), orthonormal in M, rates (1/s) and modes (2 r, 2 r) of it."""
+        frozen = self.frozen
+        held = np.zeros((frozen.n_q, 2 * frozen.phi.shape[1]))
+        held[frozen.free] = np.hstack([frozen.phi.real, frozen.phi.imag])
+        basis = np.hstack([held, self.shapes])
+        length = np.linalg.norm(basis, axis=0)
+        basis /= np.where(length > 0, length, 1.0)
+        size, axes = np.linalg.eigh(basis.T @ (self.M[:, None] * basis))
+        apart = size > 1e-13 * size[-1]
+        self.basis = basis = basis @ (axes[:, apart] / np.sqrt(size[apart]))
+        force = self.K @ basis
+        force[self.slips] = self.pull @ basis
+        K, C, r = basis.T @ force, basis.T @ (self.C @ basis), basis.shape[1]
+        both = np.block([[np.zeros((r, r)), np.eye(r)], [-K, -C]])
+        self.rates, self.right = np.linalg.eig(both)
+        self.growth = frozen.stepped(self.rates)
+
+    def deviation(self, a: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return w (m) and w' (m/s) of modes of amplitude a a time s (s) later, shape (n_q,)."""
+        y = (self.right @ (a * np.exp(self.growth * s))).real
+        r = self.basis.shape[1]
+        return self.basis @ y[:r], self.basis @ y[r:]
+
+    def force(self, a: np.ndarray) -> np.ndarray:
+        """Return what modes of amplitude a add to F_T, each, in N."""
+        r = self.basis.shape[1]
+        return -(self.frozen.push @ self.basis) @ self.right[:r] * a
+
+    def safe(self, path: list[Point], V: float, a: np.ndarray, left: float, dt: float) -> float:
+        """Return how long (s) no contact state can change along a path.
+
+        Args:
+            path: static states.
+            V: speed of the driver, in m/s.
+            a: amplitudes of the modes at its start.
+            left: energy of what the modes leave out, in J.
+            dt: resolution, in s.
+        """
+        unit = np.array([1.0, 1.0, V, 1.0])[:, None]
+        way = np.array([one.drive - path[0].drive for one in path])
+        if not way[-1] > 0:
+            return 0.0
+        margins = np.array([(one.margins[:4] * unit).ravel() for one in path])
+        some = np.isfinite(margins[0])
+        margins = margins[:, some] - self._bounds()[some] * math.sqrt(left)
+        lags = [self._lagging(one, V)[some] for one in (path[0], path[-1])]
+        margins += lags[0] + np.outer(way / way[-1], lags[1] - lags[0])
+        none = np.zeros_like(self.basis)
+        modal = np.hstack([self._on_margins(self.basis, none), self._on_margins(none, self.basis)])
+        modal = (modal[some] @ self.right) * a
+        for n, (begin, length) in enumerate(zip(way / V, np.diff(way) / V, strict=False)):
+            if length <= 0:
+                continue
+            rate = (margins[n + 1] - margins[n]) / length
+            here = modal * np.exp(self.growth * begin)
+            s = first_crossing(margins[n], rate, here, self.growth, length, dt)
+            if s < length:
+                return begin + s
+        return way[-1] / V
+
+    def _lagging(self, point: Point, V: float) -> np.ndarray:
+        """Return what viscosity adds to the margins where the path is at a point, (4 N_x,)."""
+        v = V * self.frozen.carried(point.rate)
+        added = self._on_margins(self.lag(v), v)
+        added[2 * self.scene.N_x : 3 * self.scene.N_x] = 0.0  # the path knows its speeds of slip
+        return added
+
+    def _on_margins(self, w: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return what w (m) and w' = v (m/s), (n_q, ...), add to margins, knots aside."""
+        N_x, up = self.scene.N_x, (slice(None), *(w.ndim - 1) * [None])
+        lift = self.creep.k_f[up] * w[N_x : 2 * N_x]
+        strength = (self.scene.law.hold(-1.0) * lift.T).T
+        force = self.K[:N_x] @ w + self.C[:N_x] @ v
+        speed = self.creep.way[up] * v[:N_x]
+        gap = np.where(self.creep.closed[up], -lift, lift)
+        return np.concatenate([strength + force, strength - force, speed, gap])
+
+    def _bounds(self) -> np.ndarray:
+        """Return what a motion of energy E does to those margins at most, over sqrt(E)."""
+        N_x, k_f, hold = self.scene.N_x, self.creep.k_f, self.scene.law.hold(1.0)
+        C = self.C[:N_x]
+        stiff = hold**2 * k_f + self.K.diagonal()[:N_x] + C.multiply(C) @ (1 / self.M)
+        return np.sqrt(2 * np.concatenate([stiff, stiff, 1 / self.M[:N_x], k_f]))

@@ -1,0 +1,339 @@
+"""Stable slip: friction that weakens while the slider stays in equilibrium (linear geometry).
+
+Blocks that have slipped by s carry mu(s) p, mu straight over s between the knots of the law. On the
+condensed slider, with x the u_x of the blocks that slip (way sigma) or are open,
+
+    R(x, drive) = f(x, drive) + sigma mu(s) p(x, drive) = 0 ,   ds = sigma dx ,
+    J = dR/dx = df/dx + sigma mu dp/dx + mu' p .
+
+Weakening, mu' < 0, is a negative stiffness -mu' p of each block that slips, beside what p does. As
+the driver moves, dx/d(drive) = -J^-1 dR/d(drive), and the state changes along a smooth path up to
+where
+
+    a stuck block reaches its strength, a slipping one turns back, one opens or lands,
+    a slip reaches a knot, where the path has a corner,
+    an eigenvalue of J passes zero: slip goes on without the driver.
+
+R is a product of two straight functions, mu and p, so that states are found by Newton's method and
+changes where margins have their roots, to rounding.
+
+Source: J. R. Rice and A. L. Ruina, J. Appl. Mech. 50, 343 (1983), stability against a stiffness;
+K. Uenishi and J. R. Rice, J. Geophys. Res. 108, 2042 (2003), for weakening with slip alone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pyfric.scene import Law
+    from pyfric.statics.complementarity import ContactProblem
+
+__all__ = ["Change", "Creep", "Point", "creeps"]
+
+ENOUGH = 1e-10
+"""Residual forces of static states, and margins at a change, over F_N/N_x."""
+RATE = 1e-7
+"""Slip by less than this share of the driver's way is none."""
+PART = 0.25
+"""Longest step along a path, in slip over the first knot of the law."""
+LOOKS = 200
+"""Most states looked at for one change."""
+MOST_STEPS = 10_000
+"""Most steps along one path."""
+
+
+def creeps(law: Law) -> bool:
+    """Whether friction depends on slip alone, and falls: blocks can slip in equilibrium."""
+    tables = law.tables
+    plain = tables.hold is None and tables.speed is None and tables.age is None
+    return plain and law.weakens and not np.any(law.alpha)
+
+
+class Point(NamedTuple):
+    """A static state with slip; arrays of shape (N_x,), except margins, (5, N_x).
+
+    Margins stay positive while no contact state changes: strength left (N) to slip in +x and in -x,
+    of stuck blocks; rate of slip with the drive, of slipping ones; p of closed blocks, k_f u_z of
+    open ones (N); slip left to the next knot (m). They are inf where they do not apply.
+    """
+
+    drive: float
+    u_x: np.ndarray
+    rate: np.ndarray
+    f: np.ndarray
+    p: np.ndarray
+    F_T: float
+    margins: np.ndarray
+    least: float
+
+
+class Change(NamedTuple):
+    """What ends a path: "end", "fast", "unstable", or a margin of `WHAT` and its block."""
+
+    what: str
+    block: int = -1
+
+
+WHAT = ("slip +", "slip -", "stick", "gap", "knot")
+
+
+class Creep:
+    """Slipping blocks and their slips; the driver moves them from one static state to the next.
+
+    Args:
+        problem: the condensed slider.
+        u_x: where the blocks are; those that slip start from there, shape (N_x,), in m.
+        way: direction of blocks that slip, 0 elsewhere, shape (N_x,).
+        closed: blocks that touch the foundation, shape (N_x,), bool.
+        clock: s - way u_x of blocks that slip, shape (N_x,), in m.
+    """
+
+    def __init__(
+        self,
+        problem: ContactProblem,
+        u_x: np.ndarray,
+        way: np.ndarray,
+        closed: np.ndarray,
+        clock: np.ndarray,
+    ) -> None:
+        self.problem, self.law, scene = problem, problem.scene.law, problem.scene
+        self.N_x, self.k_f = scene.N_x, np.broadcast_to(np.asarray(scene.k_f, float), scene.N_x)
+        self.way, self.closed = way.astype(float), closed.copy()
+        self.clock, self.u_x = clock.copy(), u_x.copy()
+        table = self.law.tables.slide
+        self._x, self._y = np.array(table.x), np.array(table.y)
+        self._slopes = np.append(table.slopes, 0.0)
+        self.look(u_x)
+
+    # --- what friction does ----------------------------------------------------------------------
+
+    def look(self, u_x: np.ndarray) -> None:
+        """Take the pieces of the law on which blocks at u_x (m) are: the knot passed last."""
+        path = self.clock + self.way * u_x
+        d_c = np.broadcast_to(np.asarray(self.law.d_c, float), self.N_x)
+        share = np.divide(path, d_c, out=np.full(self.N_x, math.inf), where=d_c > 0)
+        self.cell = np.clip(np.searchsorted(self._x, share, side="right") - 1, 0, None)
+
+    def friction(self, u_x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return mu of each block on the straight piece it is on, and dmu/ds (1/m)."""
+        law, c = self.law, self.cell
+        d_c = np.broadcast_to(np.asarray(law.d_c, float), self.N_x)
+        slope = np.divide(self._slopes[c], d_c, out=np.zeros(self.N_x), where=d_c > 0)
+        left = self._y[c] + slope * (self.clock + self.way * u_x - self._x[c] * d_c)
+        left = np.where(c == len(self._x) - 1, self._y[-1], left)
+        return law.mu_k + law.drop * left, law.drop * slope
+
+    def knot(self) -> np.ndarray:
+        """Return the slip at the next knot, shape (N_x,), in m; inf beyond the last."""
+        following = np.append(self._x, math.inf)[self.cell + 1]
+        return following * np.where(np.equal(self.law.d_c, 0), 1.0, self.law.d_c)
+
+    @property
+    def free(self) -> np.ndarray:
+        """Blocks whose u_x is free: they slip or are open, shape (N_x,), bool."""
+        return (self.way != 0) | ~self.closed
+
+    # --- states ----------------------------------------------------------------------------------
+
+    def at(self, drive: float, begin: Point | None = None) -> Point | None:
+        """Return the state with the driver here on the present pieces of the law.
+
+        Args:
+            drive: position of the driver, in m.
+            begin: a state nearby, from which the search begins along its tangent.
+
+        Returns:
+            None where there is none that is stable.
+        """
+        N_x, a = self.N_x, np.flatnonzero(self.free)
+        table = self.problem.base(self.closed)
+        column = np.concatenate([self.u_x, [drive, 1.0]])
+        if begin is not None:
+            column[:N_x] = begin.u_x + begin.rate * (drive - begin.drive)
+        fs, zs = table[N_x : 2 * N_x], table[2 * N_x : 3 * N_x]
+        enough = ENOUGH * self.problem.unit
+        F, Z = fs[np.ix_(a, a)], zs[np.ix_(a, a)]
+        for _ in range(12):
+            v = table @ column
+            f, u_z = v[N_x : 2 * N_x], v[2 * N_x : 3 * N_x]
+            p = np.where(self.closed, -self.k_f * u_z, 0.0)
+            mu, slope = self.friction(column[:N_x])
+            left = (f + self.way * mu * p)[a]
+            push = (self.way * mu * self.k_f)[a]
+            J = F - push[:, None] * Z + np.diag(np.where(self.closed, slope * p, 0.0)[a])
+            if not np.isfinite(J).all():
+                return None
+            if not a.size or np.abs(left).max() <= enough:
+                break
+            try:
+                column[a] -= np.linalg.solve(J, left)
+            except np.linalg.LinAlgError:
+                return None
+        else:
+            return None
+        least = float(np.linalg.eigvals(J).real.min()) if a.size else math.inf
+        if not least > 0:
+            return None
+        rate = np.zeros(N_x)
+        rate[a] = -np.linalg.solve(J, fs[a, N_x] - push * zs[a, N_x]) if a.size else 0.0
+        margins = self._margins(column[:N_x], rate, f, p, u_z)
+        return Point(drive, column[:N_x].copy(), rate, f, p, float(v[-1]), margins, least)
+
+    def _margins(
+        self, u_x: np.ndarray, rate: np.ndarray, f: np.ndarray, p: np.ndarray, u_z: np.ndarray
+    ) -> np.ndarray:
+        slips, stuck = self.way != 0, ~self.free
+        plus, minus = self.law.margins(p, f)
+        rows = (
+            np.where(stuck, plus, math.inf),
+            np.where(stuck, minus, math.inf),
+            np.where(slips, self.way * rate, math.inf),
+            np.where(self.closed, p, self.k_f * u_z),
+            np.where(slips, self.knot() - (self.clock + self.way * u_x), math.inf),
+        )
+        return np.array(rows)
+
+    def on(self, path: list[Point], drive: float) -> Point | None:
+        """Return the state with the driver here, before the end of a path."""
+        near = max((one for one in path if one.drive <= drive), key=lambda one: one.drive)
+        for _ in range(2):  # the law bends at knots
+            self.look(near.u_x)
+            found = self.at(drive, near)
+            if found is None:
+                return None
+            near = found
+        return near
+
+    # --- the path --------------------------------------------------------------------------------
+
+    def follow(
+        self,
+        begin: Point,
+        drive_end: float,
+        fastest: float = math.inf,
+        kink: float = math.inf,
+    ) -> tuple[list[Point], Change]:
+        """Follow the path until a contact state changes; knots are passed on the way.
+
+        Args:
+            begin: where to start, from `at`.
+            drive_end: where to end, in m.
+            fastest: rate of slip with the drive at which the path is left.
+            kink: largest change of a rate of slip at a knot that is passed.
+
+        Returns:
+            States along the path, the last one just before the change, and the change.
+        """
+        path = [begin]
+        for _ in range(MOST_STEPS):
+            if path[-1].drive >= drive_end:
+                return path, Change("end")
+            change = self._stretch(path, drive_end, fastest)
+            if change is None:
+                continue
+            if change.what != "knot":
+                return path, change
+            self.cell[change.block] += 1
+            after = self.at(path[-1].drive, path[-1])
+            wrong = self.wrong(after, fastest)
+            if wrong is not None:
+                return path, wrong
+            if np.abs(after.rate - path[-1].rate).max() > kink:
+                return path, change
+            path.append(after)
+        return path, Change("unstable")
+
+    def take(self, change: Change, point: Point) -> None:
+        """Change the contact state of a block; it starts to slip at 0, and sticks where it lands.
+
+        Args:
+            change: what `follow` returned.
+            point: the state before it.
+        """
+        i, self.u_x = change.block, point.u_x.copy()
+        slips = {"slip +": 1.0, "slip -": -1.0}.get(change.what, 0.0)
+        if change.what == "gap":
+            self.closed[i] ^= True
+        self.way[i], self.clock[i], self.cell[i] = slips, -slips * point.u_x[i], 0
+
+    def nucleate(self, drive: float, drive_end: float) -> tuple[list[Point], list[Change]]:
+        """Follow slip through all changes of contact state until it is unstable.
+
+        Args:
+            drive: where to start, in m.
+            drive_end: where to end, in m.
+
+        Returns:
+            Static states, and the changes, the last one "unstable" or "end".
+        """
+        path, changes = [], []
+        begin = self.at(drive)
+        for _ in range(10 * self.N_x):
+            if begin is None:
+                return path, [*changes, Change("unstable")]
+            found, change = self.follow(begin, drive_end)
+            path += found
+            changes.append(change)
+            if change.block < 0:
+                break
+            self.take(change, path[-1])
+            begin = self.at(path[-1].drive, path[-1])
+        return path, changes
+
+    def _stretch(self, path: list[Point], drive_end: float, fastest: float) -> Change | None:
+        """Go on along a path, up to just before a change if one is near."""
+        low = path[-1]
+        close = 10 * ENOUGH * self.problem.unit / self.problem.scene.slider.k
+        close = max(close, 8 * float(np.spacing(abs(low.drive))))
+        high = min(low.drive + max(self._step(low), 2 * close), drive_end)
+        at = self.at(high, low)
+        change = self.wrong(at, fastest)
+        for n in range(LOOKS):
+            if change is None or high - low.drive <= close:
+                break
+            middle = (low.drive + high) / 2
+            if change.block >= 0 and n % 4 < 3:
+                row = WHAT.index(change.what)
+                here, there = (one.margins[row, change.block] for one in (low, at))
+                middle = low.drive + max(here, 0.0) / (here - there) * (high - low.drive)
+            middle = min(max(middle, low.drive + close), max(high - close, low.drive + close / 2))
+            found = self.at(middle, low)
+            wrong = self.wrong(found, fastest)
+            if wrong is None:
+                low = found
+            else:
+                high, at, change = middle, found, wrong
+        if change is None:
+            low = at
+        if low is not path[-1]:
+            path.append(low)
+        return change
+
+    def _step(self, now: Point) -> float:
+        """Return how far to go: beyond the next change, if all were straight, or a part of d_c."""
+        N_x, table = self.N_x, self.problem.base(self.closed)
+        v = table[:, :N_x] @ now.rate + table[:, N_x]
+        f, u_z = v[N_x : 2 * N_x], v[2 * N_x : 3 * N_x]
+        p = np.where(self.closed, -self.k_f * u_z, 0.0)
+        gap, none = np.where(self.closed, p, self.k_f * u_z), np.zeros(N_x)
+        slopes = np.array([*self.law.margins(p, f), none, gap, -self.way * now.rate])
+        falls = np.isfinite(now.margins) & (slopes < 0)
+        ahead = np.divide(-now.margins, slopes, out=np.full(falls.shape, math.inf), where=falls)
+        speed, far = np.abs(now.rate).max(), PART * self._x[1] * float(np.max(self.law.d_c))
+        return min(far / speed if speed > 0 else math.inf, 1.01 * max(float(ahead.min()), 0.0))
+
+    def wrong(self, point: Point | None, fastest: float) -> Change | None:
+        """Return what does not hold at a state, the worst of it, None if all holds."""
+        if point is None:
+            return Change("unstable")
+        force = 10 * ENOUGH * self.problem.unit
+        small = np.array([force, force, RATE, force, force / self.problem.scene.slider.k])
+        over = -point.margins / small[:, None]
+        if over.max() > 1:
+            row, block = np.unravel_index(int(np.argmax(over)), over.shape)
+            return Change(WHAT[row], int(block))
+        return Change("fast") if np.abs(point.rate).max() > fastest else None

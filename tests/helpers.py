@@ -19,6 +19,14 @@ GEOMETRIES = ("linear", "finite")
 ENERGY_IN = ["work_driver", "work_load"]
 ENERGY_OUT = ["dissipated_bonds", "friction_heat", "switching_loss"]
 
+WATCHED = """
+import sys
+sys.stderr.isatty = lambda: True
+from pyfric.cli import start
+start()
+"""
+"""The command line as in a terminal, where it shows progress."""
+
 # --- scenes --------------------------------------------------------------------------------------
 
 

@@ -17,14 +17,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
-from helpers import same_run, small
+from helpers import WATCHED, same_run, small
 
 import pyfric
 import pyfric.checks
 from pyfric import core
 from pyfric.cli import main
 from pyfric.cli.commands.run import TABLES
-from pyfric.cli.shared import Exit
+from pyfric.cli.shared import Exit, Tell
 from pyfric.engines import sweep
 from pyfric.figures import FIGURES
 
@@ -166,7 +166,8 @@ def test_refused_scenes(tmp_path):
 # --- run -----------------------------------------------------------------------------------------
 
 
-def test_run_shows_progress_and_summary(tmp_path):
+def test_run_shows_progress_and_summary(tmp_path, monkeypatch):
+    monkeypatch.setattr(Tell, "progress", True)  # as in a terminal
     out, stem, folder = tmp_path / "a.nc", tmp_path / "fig", tmp_path / "csv"
     result = dynamic("--out", out, "--figure", stem, "--csv", folder)
     assert result.exit_code == Exit.COMPLETE, result.output
@@ -501,7 +502,7 @@ def test_a_signal_leaves_a_record_that_continues(number, fidelity, tmp_path):
     command = ["run", "fig1", *SMALL, "--fidelity", fidelity, "--geometry", "linear"]
     command += ["--sample", "10 us", "--out", str(out)]
     process = subprocess.Popen(
-        [sys.executable, "-m", "pyfric.cli", *command, "--t-end", "100"],
+        [sys.executable, "-P", "-c", WATCHED, *command, "--t-end", "100"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
@@ -701,7 +702,7 @@ def test_bench(name, monkeypatch):
     assert json.loads(pyf("bench", name, "--json", "--quick").stdout) == [
         {"blocks": 1767, "ns": 1.5}
     ]
-    assert calls == [(False, True), (True, False)]
+    assert calls == [(False, False), (True, False)]  # no terminal, no progress
 
 
 # --- outputs -------------------------------------------------------------------------------------

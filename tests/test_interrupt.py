@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from helpers import small
+from helpers import WATCHED, small
 from scipy.linalg.lapack import dpbtrf
 
 import pyfric
@@ -236,7 +236,7 @@ def test_the_first_moments_end_without_traceback(command, moment):
 @pytest.mark.parametrize("command", ["verify", "regimes"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_checks_stop_and_fail_nothing(command, number):
-    with started("-m", "pyfric.cli", command) as process:
+    with started("-c", WATCHED, command) as process:
         wait_for(process, b"\n")  # the first part is done
         stdout, _ = check_stops(process, number)
     assert stdout == ""
@@ -292,6 +292,7 @@ import numpy as np
 from pyfric.engines import integration, dynamic
 {patch}
 from pyfric.cli import start
+sys.stderr.isatty = lambda: True  # which shows progress
 sys.argv[0] = "pyfric"
 start()
 """

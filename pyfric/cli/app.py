@@ -17,7 +17,14 @@ from pyfric.cli.shared import Exit, signalled, stop
 __all__ = ["main"]
 
 
-class _Command(click.Command):
+class _Whole:
+    """A command of which a list of commands shows the whole first paragraph, not its beginning."""
+
+    def get_short_help_str(self, limit: int = 0) -> str:
+        return " ".join((self.help or "").partition("\n\n")[0].split())
+
+
+class _Command(_Whole, click.Command):
     """A command that Ctrl-C and SIGTERM end."""
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -36,7 +43,7 @@ class _Command(click.Command):
                 raise
 
 
-class _Commands(click.Group):
+class _Commands(_Whole, click.Group):
     """A group that ends with `Exit` codes."""
 
     command_class = _Command
@@ -73,5 +80,6 @@ def main() -> None:
 
     Where a command writes one file, or files named after one stem, --overwrite is needed to replace
     what is there. Where it writes a folder, the folder is made if it is missing, and files in it
-    that have the names of the outputs are replaced.
+    that have the names of the outputs are replaced. --json prints the result as JSON, --quiet
+    nothing but errors. Progress is shown in a terminal only.
     """

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import enum
+import functools
 import json
 import os
 import signal
+import sys
 import tempfile
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
+from click.shell_completion import CompletionItem
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from pyfric.record import Record
     from pyfric.scene import Scene
 
@@ -85,6 +91,36 @@ class Registered(click.ParamType):
 
     def convert(self, value: Any, param: Any, ctx: Any) -> str:
         return click.Choice(self.choices).convert(value, param, ctx)
+
+
+class SceneName(click.ParamType):
+    """A preset or a file. Shells complete both."""
+
+    name = "scene"
+
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
+        from pyfric.scene import PRESETS
+
+        found = [CompletionItem(name) for name in PRESETS if name.startswith(incomplete)]
+        return [*found, CompletionItem(incomplete, type="file")]
+
+
+class FileName(click.ParamType):
+    """The name of a file that a command reads."""
+
+    name = "file"
+
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
+        return [CompletionItem(incomplete, type="file")]
+
+
+def _keys(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[str]:
+    """Return the beginnings of --set for the preset on the line so far, or for setup 1."""
+    from pyfric.scene import PRESETS, settings
+
+    scene = next((ctx.params[name] for name in ("scene", "source") if name in ctx.params), "")
+    known = settings(scene if scene in PRESETS else "setup1")
+    return [f"{key}=" for key in known if key.startswith(incomplete)]
 
 
 class Seconds(click.ParamType):
@@ -259,12 +295,13 @@ set_option = click.option(
     "changes",
     metavar="KEY=VALUE",
     multiple=True,
+    shell_complete=_keys,
     help="Change a value of a preset, such as 'h=7.5 mm' or mu_k=0.4; repeatable. "
     "Keys are the arguments of pyfric.setup1, setup2 or chain; numbers without unit are SI.",
 )
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist.")
-quiet_option = click.option("--quiet", is_flag=True, help="Show nothing but errors.")
-json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+quiet_option = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 
 
 want_option = click.option(
@@ -311,11 +348,54 @@ def folder_option(name: str, **rest: Any) -> Callable[..., Any]:
 # --- output --------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class Tell:
+    """What a command tells: its result on stdout, as JSON with --json, nothing with --quiet.
+
+    How it goes on is told on stderr, and only to a terminal.
+    """
+
+    quiet: bool
+    as_json: bool
+
+    @property
+    def progress(self) -> bool:
+        """Whether somebody looks on."""
+        return not (self.quiet or self.as_json) and sys.stderr is not None and sys.stderr.isatty()
+
+    def step(self, text: str) -> None:
+        """Say what comes next."""
+        if self.progress:
+            click.echo(text, err=True)
+
+    def result(self, value: Any, text: Callable[[], str]) -> None:
+        """Tell a result: `value` as JSON, or else `text`."""
+        if self.as_json:
+            print_json(value)
+        elif not self.quiet:
+            click.echo(text())
+
+    def table(self, frame: pd.DataFrame, report: Callable[[pd.DataFrame], str]) -> None:
+        """Tell a table; numbers that are not known are null."""
+        self.result(json.loads(frame.to_json(orient="records")), lambda: report(frame))
+
+    def files(self, files: Iterable[Path], **more: Any) -> None:
+        """Tell which files were written."""
+        names = [str(path) for path in files]
+        self.result(more | {"files": names}, lambda: "\n".join(names))
+
+
+def telling(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options --quiet and --json, and the argument `tell`."""
+
+    @quiet_option
+    @json_option
+    @functools.wraps(command)
+    def told(*args: Any, quiet: bool, as_json: bool, **rest: Any) -> Any:
+        return command(*args, tell=Tell(quiet, as_json), **rest)
+
+    return told
+
+
 def print_json(value: Any) -> None:
     click.echo(json.dumps(value, indent=2, allow_nan=False))
-
-
-def show_files(files: list[Path], quiet: bool) -> None:
-    if not quiet:
-        for path in files:
-            click.echo(path)

@@ -34,6 +34,7 @@ __all__ = [
     "run2",
     "run3",
     "run4",
+    "settings",
     "setup1",
     "setup2",
     "setup2_minus",
@@ -380,9 +381,7 @@ def preset(name: str, /, **changes: Any) -> Scene:
     """
     if not isinstance(name, str) or name not in PRESETS:
         raise unknown("preset", name, name if isinstance(name, str) else "", PRESETS)
-    setups = {"chain": chain, "tpv3": tpv3}
-    setup = setups.get(name, setup2 if name.startswith("setup2") else setup1)
-    known = list(setup.__kwdefaults__)
+    known = settings(name)
     for key, value in changes.items():
         if key not in known:
             others = [one for one in (setup1, setup2, chain) if key in one.__kwdefaults__]
@@ -391,6 +390,13 @@ def preset(name: str, /, **changes: Any) -> Scene:
                 raise SceneError(key, value, "", f"one of {', '.join(known)}", reason)
             raise unknown(key, value, key, known)
     return PRESETS[name](**changes)
+
+
+def settings(name: str) -> list[str]:
+    """Return the keyword arguments that a preset takes."""
+    setups = {"chain": chain, "tpv3": tpv3}
+    setup = setups.get(name, setup2 if name.startswith("setup2") else setup1)
+    return list(setup.__kwdefaults__)
 
 
 SceneLike = Scene | str | os.PathLike[str]

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from pyfric.cli.app import main
-from pyfric.cli.shared import check_out, file_option, json_option, overwrite_option
-
-if TYPE_CHECKING:
-    import pandas as pd
+from pyfric.cli.shared import Tell, check_out, file_option, overwrite_option, telling
 
 
 @main.group()
@@ -24,60 +19,60 @@ _quick_option = click.option("--quick", is_flag=True, help="Fewer sizes and shor
 
 
 @bench.command()
-@json_option
+@telling
 @_quick_option
-def kernel(as_json: bool, quick: bool) -> None:
+def kernel(tell: Tell, quick: bool) -> None:
     """Time per block and force evaluation, beside peers where they are installed."""
     from pyfric.checks import studies
 
-    _show(studies.bench.kernel(quick=quick, progress=not as_json), as_json, studies.bench.report)
+    tell.table(studies.bench.kernel(quick=quick, progress=tell.progress), studies.bench.report)
 
 
 @bench.command()
-@json_option
+@telling
 @_quick_option
-def threads(as_json: bool, quick: bool) -> None:
+def threads(tell: Tell, quick: bool) -> None:
     """Gain from more threads, by the size of the lattice."""
     from pyfric.checks import studies
 
-    _show(studies.bench.threads(quick=quick, progress=not as_json), as_json, studies.bench.report)
+    tell.table(studies.bench.threads(quick=quick, progress=tell.progress), studies.bench.report)
 
 
 @bench.command()
-@json_option
+@telling
 @_quick_option
-def limit(as_json: bool, quick: bool) -> None:
+def limit(tell: Tell, quick: bool) -> None:
     """How near the core is to what this processor can do."""
     from pyfric.checks import studies
 
-    _show(studies.bench.limit(quick=quick), as_json, studies.bench.report)
+    tell.table(studies.bench.limit(quick=quick), studies.bench.report)
 
 
 @bench.command()
-@json_option
+@telling
 @_quick_option
-def scenes(as_json: bool, quick: bool) -> None:
+def scenes(tell: Tell, quick: bool) -> None:
     """Gain from several processes on independent runs."""
     from pyfric.checks import studies
 
-    _show(studies.bench.scenes(quick=quick, progress=not as_json), as_json, studies.bench.report)
+    tell.table(studies.bench.scenes(quick=quick, progress=tell.progress), studies.bench.report)
 
 
 @bench.command()
-@json_option
-def fidelity(as_json: bool) -> None:
+@telling
+def fidelity(tell: Tell) -> None:
     """Every engine on the Fig. 1 scene: time, work, agreement with full dynamics (2 minutes)."""
     from pyfric.checks import studies
 
-    _show(studies.fidelity.fidelity(progress=not as_json), as_json, studies.fidelity.report)
+    tell.table(studies.fidelity.fidelity(progress=tell.progress), studies.fidelity.report)
 
 
 @bench.command()
 @file_option("--out", metavar="FILE", help="Write the table as CSV.")
 @overwrite_option
-@json_option
+@telling
 @click.option("--quick", is_flag=True, help="Lattices of 100 and 50 m only.")
-def tpv3(out: Path | None, overwrite: bool, as_json: bool, quick: bool) -> None:
+def tpv3(out: Path | None, overwrite: bool, tell: Tell, quick: bool) -> None:
     """TPV3, a benchmark of earthquake rupture: rupture times against its reference (two minutes).
 
     Beside --out, a CSV file, goes its provenance.
@@ -89,21 +84,17 @@ def tpv3(out: Path | None, overwrite: bool, as_json: bool, quick: bool) -> None:
     about = None if out is None else out.with_name(f"{out.stem}_provenance.toml")
     check_out(out, overwrite)
     check_out(about, overwrite)
-    frame = studies.tpv3.tpv3(quick=quick, progress=not as_json)
+    frame = studies.tpv3.tpv3(quick=quick, progress=tell.progress)
     if out is not None:
         write(out, frame.to_csv(index=False, float_format="%.6g").encode())
         provenance(about, "pyfric bench tpv3")
-    _show(frame, as_json, studies.tpv3.report)
+    tell.table(frame, studies.tpv3.report)
 
 
 @bench.command()
-@json_option
-def large(as_json: bool) -> None:
+@telling
+def large(tell: Tell) -> None:
     """Seconds and memory of the Fig. 1 scene on 561 x 301 blocks (minutes, 4 GB)."""
     from pyfric.checks import studies
 
-    _show(studies.large.large(), as_json, studies.large.report)
-
-
-def _show(frame: pd.DataFrame, as_json: bool, report: Callable[[pd.DataFrame], str]) -> None:
-    click.echo(frame.to_json(orient="records") if as_json else report(frame))
+    tell.table(studies.large.large(), studies.large.report)

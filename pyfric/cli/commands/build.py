@@ -7,11 +7,20 @@ import os
 import click
 
 from pyfric.cli.app import main
-from pyfric.cli.shared import Exit, json_option, print_json, record_of, stop
+from pyfric.cli.shared import (
+    Exit,
+    FileName,
+    Tell,
+    json_option,
+    print_json,
+    record_of,
+    stop,
+    telling,
+)
 
 
 @main.command()
-@click.argument("record", required=False, metavar="[RECORD]")
+@click.argument("record", required=False, metavar="[RECORD]", type=FileName())
 @json_option
 def info(record: str | None, as_json: bool) -> None:
     """Show version, compiler, instruction sets and threads; of a RECORD, what it holds.
@@ -85,16 +94,29 @@ Exit codes:
     1  a check fails
 """
 )
-@json_option
-def verify(as_json: bool) -> None:
+@telling
+def verify(tell: Tell) -> None:
     """Check this build (a minute): bits, exact answers, stored full dynamics."""
     from pyfric import checks
 
-    show = None if as_json else lambda group: click.echo(f"{group.name} ...", err=True)
-    groups = checks.verify.verify(progress=show)
-    if as_json:
-        print_json(checks.verify.table(groups))
-    else:
-        click.echo(checks.verify.report(groups))
+    groups = checks.verify.verify(progress=lambda group: tell.step(f"{group.name} ..."))
+    tell.result(checks.verify.table(groups), lambda: checks.verify.report(groups))
     if not all(group.holds for group in groups):
         stop(Exit.FAILED)
+
+
+@main.command()
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def completion(shell: str) -> None:
+    """Print the script that completes commands, options, scenes and fields in SHELL.
+
+    \b
+    bash:  pyfric completion bash >> ~/.bashrc
+    zsh:   pyfric completion zsh >> ~/.zshrc
+    fish:  pyfric completion fish > ~/.config/fish/completions/pyfric.fish
+    """
+    from click.shell_completion import get_completion_class
+
+    kind = get_completion_class(shell)
+    template, names = kind.source_template, kind(main, {}, "pyfric", "_PYFRIC_COMPLETE")
+    click.echo(template % names.source_vars())

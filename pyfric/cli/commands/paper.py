@@ -11,22 +11,21 @@ from pyfric.cli.app import main
 from pyfric.cli.shared import (
     SHORT_EXIT_CODES,
     Registered,
+    SceneName,
     Seconds,
+    Tell,
     check_folder,
     check_out,
     figure_ends,
     file_option,
     folder_option,
-    json_option,
     no_cache_option,
     overwrite_option,
-    print_json,
-    quiet_option,
     record_of,
     scene_of,
     set_option,
-    show_files,
     stop_unless_complete,
+    telling,
     workers_option,
 )
 
@@ -47,9 +46,9 @@ def _figures() -> list[str]:
 )
 @workers_option
 @no_cache_option
-@quiet_option
+@telling
 def reproduce(
-    names: tuple[str, ...], out: Path, workers: int | None, no_cache: bool, quiet: bool
+    names: tuple[str, ...], out: Path, workers: int | None, no_cache: bool, tell: Tell
 ) -> None:
     """Make the paper's figures from runs of the model: all, or those named.
 
@@ -61,9 +60,8 @@ def reproduce(
 
     check_folder(out)
     chosen = () if "all" in names else names
-    progress = False if quiet else None
-    files = reproduce(chosen, out, workers=workers, cache=not no_cache, progress=progress)
-    show_files(files, quiet)
+    files = reproduce(chosen, out, workers=workers, cache=not no_cache, progress=tell.progress)
+    tell.files(files)
 
 
 @main.command(epilog=SHORT_EXIT_CODES)
@@ -71,9 +69,9 @@ def reproduce(
 @folder_option("--out", metavar="DIR", help="Also write claims.json and claims.csv there.")
 @workers_option
 @no_cache_option
-@json_option
+@telling
 def claims(
-    numbers: tuple[str, ...], out: Path | None, workers: int | None, no_cache: bool, as_json: bool
+    numbers: tuple[str, ...], out: Path | None, workers: int | None, no_cache: bool, tell: Tell
 ) -> None:
     """Measure what the paper says: all claims, or those named (1 to 16, E1 to E10, 3a).
 
@@ -83,20 +81,18 @@ def claims(
     from pyfric.paper import claims, write_index
 
     check_folder(out)
-    progress = False if as_json else None
-    found = claims.measure(numbers or None, workers=workers, cache=not no_cache, progress=progress)
+    found = claims.measure(
+        numbers or None, workers=workers, cache=not no_cache, progress=tell.progress
+    )
     files = [] if out is None else claims.save(found, out)
     if out is not None and (out / "index.html").is_file():
         files.append(write_index(out))
-    if as_json:
-        print_json(claims.table(found))
-    else:
-        click.echo(claims.report(found))
-        show_files(files, quiet=False)
+    told = [claims.report(found), *map(str, files)]
+    tell.result(claims.table(found), lambda: "\n".join(told))
 
 
 @main.command()
-@click.argument("source", metavar="SCENE|RECORD")
+@click.argument("source", metavar="SCENE|RECORD", type=SceneName())
 @click.option(
     "--event",
     type=click.IntRange(1),
@@ -111,7 +107,7 @@ def claims(
 @file_option("--out", metavar="STEM", help="Names of the files. [default: event_N]")
 @click.option("--gif", is_flag=True, help="Also write STEM.gif, an animation.")
 @overwrite_option
-@quiet_option
+@telling
 def movie(
     source: str,
     event: int,
@@ -120,7 +116,7 @@ def movie(
     out: Path | None,
     gif: bool,
     overwrite: bool,
-    quiet: bool,
+    tell: Tell,
 ) -> None:
     """Draw one event as a strip of frames: velocity field, with the interface below it.
 
@@ -133,15 +129,15 @@ def movie(
     stem = out or Path(f"event_{event}")
     ends = figure_ends("interface", "field") + ((".gif",) if gif else ())
     check_out(stem, overwrite, ends=ends, reads=[source])
-    record, row = _main_event(source, event, t_end, changes, quiet)
+    record, row = _main_event(source, event, t_end, changes, tell)
     files = figures.save_figure(figures.event_strip(record, row), stem)
     if gif:
         files.append(figures.event_movie(record, row, stem.with_name(stem.name + ".gif")))
-    show_files(files, quiet)
+    tell.files(files)
 
 
 @main.command()
-@click.argument("source", metavar="SCENE|RECORD")
+@click.argument("source", metavar="SCENE|RECORD", type=SceneName())
 @click.option(
     "--event",
     type=click.IntRange(1),
@@ -157,7 +153,7 @@ def movie(
 @set_option
 @file_option("--out", metavar="STEM", help="Names of the files. [default: spacetime_N]")
 @overwrite_option
-@quiet_option
+@telling
 def spacetime(
     source: str,
     event: int | None,
@@ -166,7 +162,7 @@ def spacetime(
     changes: tuple[str, ...],
     out: Path | None,
     overwrite: bool,
-    quiet: bool,
+    tell: Tell,
 ) -> None:
     """Draw the slip rate of one event over space and time, with wave speeds and theory as lines.
 
@@ -183,10 +179,10 @@ def spacetime(
     ends = figure_ends("slip_rate", "lines", "front")
     check_out(stem, overwrite, ends=ends, reads=[source])
     if event is None:
-        record = _run_of(source, t_end, changes, quiet)
+        record = _run_of(source, t_end, changes, tell)
     else:
-        record, row = _main_event(source, event, t_end, changes, quiet)
-    show_files(figures.save_figure(figures.space_time(record, row), stem), quiet)
+        record, row = _main_event(source, event, t_end, changes, tell)
+    tell.files(figures.save_figure(figures.space_time(record, row), stem))
 
 
 def _main_event(
@@ -194,14 +190,14 @@ def _main_event(
     event: int,
     t_end: float,
     changes: tuple[str, ...],
-    quiet: bool,
+    tell: Tell,
 ) -> tuple[Record, int]:
     """Return a record and the row of its main event with this number, from 1."""
     import numpy as np
 
     import pyfric
 
-    record = _run_of(source, t_end, changes, quiet)
+    record = _run_of(source, t_end, changes, tell)
     main_events = np.flatnonzero(record.events["is_main"])
     if event > len(main_events):
         t = record.curve["t"].iloc[-1]
@@ -216,7 +212,7 @@ def _run_of(
     source: str,
     t_end: float,
     changes: tuple[str, ...],
-    quiet: bool,
+    tell: Tell,
 ) -> Record:
     """Return the record in a file, or that of a scene; say by which method it was made."""
     import pyfric
@@ -226,10 +222,9 @@ def _run_of(
             raise click.UsageError(f"--set changes presets; {source} is a record.")
         record = record_of(source)
     else:
-        progress = False if quiet else None
         scene = scene_of(source, changes)
-        record = pyfric.simulate(scene, t_end, fidelity="hybrid", progress=progress)
+        record = pyfric.simulate(scene, t_end, fidelity="hybrid", progress=tell.progress)
         stop_unless_complete(record, "")
-    if not quiet:
+    if not tell.quiet:
         click.echo(f"{record.method}; the event again with full dynamics", err=True)
     return record

@@ -18,7 +18,9 @@ from pyfric.cli.shared import (
     EXIT_CODES,
     Exit,
     Registered,
+    SceneName,
     Seconds,
+    Tell,
     check_apart,
     check_folder,
     check_out,
@@ -26,14 +28,13 @@ from pyfric.cli.shared import (
     file_option,
     folder_option,
     overwrite_option,
-    print_json,
-    quiet_option,
     record_of,
     scene_of,
     set_option,
     signalled,
     stop,
     stop_unless_complete,
+    telling,
     tolerance_option,
     want_option,
 )
@@ -57,7 +58,7 @@ def _steppers() -> list[str]:
 
 
 @main.command(epilog=EXIT_CODES)
-@click.argument("scene")
+@click.argument("scene", type=SceneName())
 @click.option("--t-end", type=Seconds(), required=True, help="Time of the end: '900 ms', or s.")
 @set_option
 @click.option(
@@ -133,10 +134,7 @@ def _steppers() -> list[str]:
 )
 @file_option("--figure", metavar="STEM", help="Draw STEM.png and STEM.pdf, with caption and data.")
 @folder_option("--csv", metavar="DIR", help="Write the tables of the record as CSV.")
-@quiet_option
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print one JSON object, also if the run fails or stops."
-)
+@telling
 @click.pass_context
 def run(
     ctx: click.Context,
@@ -148,13 +146,13 @@ def run(
     resume: str | None,
     figure: Path | None,
     csv: Path | None,
-    quiet: bool,
-    as_json: bool,
+    tell: Tell,
     **how: Any,
 ) -> None:
     """Simulate SCENE: a preset, such as fig1, or a TOML file.
 
-    Figure and CSV are written when the run is complete. `pyfric scene` shows a scene as TOML.
+    Figure and CSV are written when the run is complete. `pyfric scene` shows a scene as TOML. The
+    result is printed also if the run fails or stops.
     """
     from pyfric.scene import asked_to_stop
 
@@ -174,16 +172,13 @@ def run(
         csv=[] if csv is None else [csv / name for name in TABLES],
     )
     before = None if resume is None else _record_to_continue(resume, what, ctx)
-    record, files = _run(what, t_end, before, out, not (quiet or as_json), how)
+    record, files = _run(what, t_end, before, out, tell.progress, how)
     if record.done and not asked_to_stop():
         files += _drawn(record, figure, csv)
     from pyfric.record import summary, text
 
     found = summary(record, files)
-    if as_json:
-        print_json(found)
-    elif not quiet:
-        click.echo(text(found))
+    tell.result(found, lambda: text(found))
     stop_unless_complete(record, _hint(scene, changes, t_end, out))
 
 

@@ -8,24 +8,23 @@ import click
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
+    SceneName,
     Seconds,
+    Tell,
     check_out,
     figure_ends,
     file_option,
-    json_option,
     overwrite_option,
-    print_json,
-    quiet_option,
     scene_of,
     set_option,
-    show_files,
+    telling,
     tolerance_option,
     want_option,
 )
 
 
 @main.command()
-@click.argument("scene")
+@click.argument("scene", type=SceneName())
 @set_option
 @file_option("--out", metavar="FILE", help="Write a file instead of stdout.")
 @overwrite_option
@@ -39,13 +38,13 @@ def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: boo
 
 
 @main.command()
-@click.argument("scene")
+@click.argument("scene", type=SceneName())
 @set_option
 @file_option("--out", metavar="STEM", help="Names of the files. [default: sketch_SCENE]")
 @overwrite_option
-@quiet_option
+@telling
 def draw(
-    scene: str, changes: tuple[str, ...], out: Path | None, overwrite: bool, quiet: bool
+    scene: str, changes: tuple[str, ...], out: Path | None, overwrite: bool, tell: Tell
 ) -> None:
     """Draw a sketch of SCENE, to scale: STEM.png and STEM.pdf, with caption and data."""
     from pyfric import figures
@@ -53,18 +52,18 @@ def draw(
     what = scene_of(scene, changes)
     stem = out or Path(f"sketch_{Path(scene).stem}")
     check_out(stem, overwrite, ends=figure_ends("columns"), reads=[scene])
-    show_files(figures.save_figure(figures.sketch(what), stem), quiet)
+    tell.files(figures.save_figure(figures.sketch(what), stem))
 
 
 @main.command()
-@click.argument("scene")
+@click.argument("scene", type=SceneName())
 @click.option("--t-end", type=Seconds(), default=1.0, help="Time of the end. [default: 1 s]")
 @set_option
 @want_option
 @tolerance_option
-@json_option
+@telling
 def plan(
-    scene: str, t_end: float, changes: tuple[str, ...], want: str, tolerance: float, as_json: bool
+    scene: str, t_end: float, changes: tuple[str, ...], want: str, tolerance: float, tell: Tell
 ) -> None:
     """Say which model of SCENE is enough for a question, why, and what it will cost."""
     import dataclasses
@@ -72,8 +71,5 @@ def plan(
     import pyfric
 
     found = pyfric.plan(scene_of(scene, changes), want, tolerance, t_end=t_end)
-    if not as_json:
-        click.echo(str(found))
-        return
     listed = [one._asdict() | {"holds": one.holds} for one in found.assumptions]
-    print_json(dataclasses.asdict(found) | {"assumptions": listed})
+    tell.result(dataclasses.asdict(found) | {"assumptions": listed}, lambda: str(found))

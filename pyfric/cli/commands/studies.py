@@ -11,16 +11,15 @@ import click
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
     Exit,
+    Tell,
     check_folder,
     check_out,
     file_option,
     folder_option,
-    json_option,
     number,
     overwrite_option,
-    quiet_option,
-    show_files,
     stop,
+    telling,
 )
 
 _study_out = folder_option(
@@ -30,41 +29,40 @@ _study_out = folder_option(
 
 @main.command()
 @_study_out
-@quiet_option
-def chart(out: Path, quiet: bool) -> None:
+@telling
+def chart(out: Path, tell: Tell) -> None:
     """Chart what accuracy costs, and what the planner takes (about five minutes).
 
     DIR gets chart.png, chart.pdf, the points as CSV, and their provenance.
     """
-    _save_study("chart", lambda study: study.chart(progress=not quiet), out, quiet)
+    _save_study("chart", lambda study: study.chart(progress=tell.progress), out, tell)
 
 
 @main.command()
 @_study_out
-@quiet_option
-def methods(out: Path, quiet: bool) -> None:
+@telling
+def methods(out: Path, tell: Tell) -> None:
     """Measure how every method converges on one event, and beside other programs (two minutes).
 
     DIR gets methods.png, methods.pdf, the points and measured orders as CSV, and their provenance.
     """
-    _save_study("methods", lambda study: study.table(progress=not quiet), out, quiet)
+    _save_study("methods", lambda study: study.table(progress=tell.progress), out, tell)
 
 
 @main.command()
 @_study_out
-@quiet_option
-def stability(out: Path, quiet: bool) -> None:
+@telling
+def stability(out: Path, tell: Tell) -> None:
     """Map the largest stable step of every stepper, computed and measured (about two minutes)."""
-    _save_study("stability", lambda study: study.stability_map(progress=not quiet), out, quiet)
+    _save_study("stability", lambda study: study.stability_map(progress=tell.progress), out, tell)
 
 
 @main.command()
 @_study_out
-@quiet_option
-def resolution(out: Path, quiet: bool) -> None:
+@telling
+def resolution(out: Path, tell: Tell) -> None:
     """Refine the lattice of the Fig. 1 scene and show what converges (several minutes)."""
-    progress = False if quiet else None
-    _save_study("resolution", lambda study: study.study(progress=progress), out, quiet)
+    _save_study("resolution", lambda study: study.study(progress=tell.progress), out, tell)
 
 
 @main.command()
@@ -79,13 +77,13 @@ def resolution(out: Path, quiet: bool) -> None:
 @click.option(
     "--collapse", multiple=True, help="Lattice constant of runs 1 to 4, without which they are out."
 )
-@quiet_option
+@telling
 def fronts(
     out: Path,
     runs: Path | None,
     spacings: tuple[str, ...],
     collapse: tuple[str, ...],
-    quiet: bool,
+    tell: Tell,
 ) -> None:
     """Show when front speeds are physical: cracks, lengths, a resolved Fig. 4 (about 15 minutes).
 
@@ -96,11 +94,10 @@ def fronts(
     given = {"collapse": [number("collapse", one, "m", gt=0.0) for one in collapse]}
     if spacings:
         given["spacings"] = [number("l", one, "m", gt=0.0) for one in spacings]
-    say = (lambda _: None) if quiet else (lambda text: click.echo(text, err=True))
-    _save_study("fronts", lambda study: study.study(folder, **given, say=say), out, quiet)
+    _save_study("fronts", lambda study: study.study(folder, **given, say=tell.step), out, tell)
 
 
-def _save_study(name: str, make: Callable[[Any], Any], out: Path, quiet: bool) -> None:
+def _save_study(name: str, make: Callable[[Any], Any], out: Path, tell: Tell) -> None:
     """Make a study's figure and save it with its provenance."""
     from pyfric import figures
     from pyfric.checks import studies
@@ -110,14 +107,14 @@ def _save_study(name: str, make: Callable[[Any], Any], out: Path, quiet: bool) -
     study = getattr(studies, name)
     files = figures.save_figure(study.figure(make(study)), out / name)
     files.append(provenance(out / f"{name}_provenance.toml", f"pyfric {name}"))
-    show_files(files, quiet)
+    tell.files(files)
 
 
 @main.command()
 @file_option("--out", metavar="FILE", help="Write the table as CSV.")
 @overwrite_option
-@json_option
-def regimes(out: Path | None, overwrite: bool, as_json: bool) -> None:
+@telling
+def regimes(out: Path | None, overwrite: bool, tell: Tell) -> None:
     """Run the model where methods fail and say what happens there (about 15 s).
 
     Beside --out, a CSV file, goes its provenance. The exit code is 1 if something is not as stated.
@@ -129,11 +126,11 @@ def regimes(out: Path | None, overwrite: bool, as_json: bool) -> None:
     about = None if out is None else out.with_name(f"{out.stem}_provenance.toml")
     check_out(out, overwrite)
     check_out(about, overwrite)
-    table = checks.regimes.observe(progress=lambda name: as_json or click.echo(name, err=True))
+    table = checks.regimes.observe(progress=tell.step)
     if out is not None:
         write(out, table.to_csv(index=False, float_format="%.3g").encode())
         provenance(about, "pyfric regimes")
-    click.echo(table.to_json(orient="records") if as_json else checks.regimes.report(table))
+    tell.table(table, checks.regimes.report)
     if not table["as_stated"].all():
         stop(Exit.FAILED, "Error: not everything is as stated")
 
@@ -147,35 +144,46 @@ def regimes(out: Path | None, overwrite: bool, as_json: bool) -> None:
     type=click.Choice(["sample", "full"]),
     help="How runs measure their errors.  [default: as planned runs do]",
 )
-@file_option("--out", metavar="FILE", help="Rows are appended to this CSV. [default: plans.csv]")
+@file_option("--out", metavar="FILE", help="Write the rows as CSV. [default: plans.csv]")
+@overwrite_option
+@click.option("--resume", is_flag=True, help="Go on with the rows in --out.")
 @click.option(
     "--stored",
     nargs=2,
     metavar="FOLDER SET",
     help="In place of trials: a planned run for front speeds beside stored full dynamics.",
 )
-@quiet_option
+@telling
 def check_plans(
     trials: int,
     first: int,
     seed: int,
     verify: str | None,
     out: Path | None,
+    overwrite: bool,
+    resume: bool,
     stored: tuple[str, str] | None,
-    quiet: bool,
+    tell: Tell,
 ) -> None:
     """Draw scenes, wants and tolerances and see whether plans keep what they promise.
 
-    A trial takes some seconds; those whose rows are in FILE are not made again.
+    A trial takes some seconds; with --resume, those whose rows are in FILE are not
+    made again.
     """
     from pyfric.checks import studies
 
     if stored is not None:
-        for name, value in studies.plans.stored(stored[1], Path(stored[0])).items():
-            click.echo(f"{name} = {value:.4g}" if isinstance(value, float) else f"{name} = {value}")
+        found = studies.plans.stored(stored[1], Path(stored[0]))
+        tell.result(found, lambda: "\n".join(f"{k} = {_short(v)}" for k, v in found.items()))
         return
     out = out or Path("plans.csv")
-    check_folder(out.parent)
+    check_out(out, overwrite or resume)
+    if not resume:
+        out.unlink(missing_ok=True)
     numbers = range(first, first + trials)
-    rows = studies.plans.run(out, numbers, seed, progress=not quiet, verify=verify)
-    click.echo(studies.plans.table(rows).to_string(index=False))
+    rows = studies.plans.run(out, numbers, seed, progress=tell.progress, verify=verify)
+    tell.table(studies.plans.table(rows), lambda table: table.to_string(index=False))
+
+
+def _short(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -10,14 +10,12 @@ from pyfric.cli.app import main
 from pyfric.cli.shared import (
     SHORT_EXIT_CODES,
     Exit,
+    Tell,
     check_folder,
     folder_option,
-    json_option,
     no_cache_option,
-    print_json,
-    quiet_option,
-    show_files,
     stop,
+    telling,
     workers_option,
 )
 
@@ -31,8 +29,7 @@ from pyfric.cli.shared import (
 @folder_option("--out", metavar="DIR", help="Write the table there: CSV, netCDF and Parquet.")
 @workers_option
 @no_cache_option
-@quiet_option
-@json_option
+@telling
 def sweep(
     file: Path,
     dry_run: bool,
@@ -40,8 +37,7 @@ def sweep(
     out: Path | None,
     workers: int | None,
     no_cache: bool,
-    quiet: bool,
-    as_json: bool,
+    tell: Tell,
 ) -> None:
     """Run the scene of FILE (TOML) at many points.
 
@@ -57,26 +53,23 @@ def sweep(
     what, cache = Sweep.from_toml(file), not no_cache
     if dry_run:
         found = what.estimate(cache)
-        if as_json:
-            print_json(found._asdict())
-        elif not quiet:
-            click.echo(found)
-            if own(cache) and found.GB > MAX_BYTES / 1e9:
-                most = f"{MAX_BYTES / 1e9:.2g} GB"
-                click.echo(f"Only {most} of finished runs are kept: name a folder in PYFRIC_CACHE.")
+        text = str(found)
+        if own(cache) and found.GB > MAX_BYTES / 1e9:
+            most = f"{MAX_BYTES / 1e9:.2g} GB"
+            text += f"\nOnly {most} of finished runs are kept: name a folder in PYFRIC_CACHE."
+        tell.result(found._asdict(), lambda: text)
         return
-    progress = False if quiet or as_json else None
-    results = what.status(cache) if status else what.run(cache, workers=workers, progress=progress)
+    how = {"workers": workers, "progress": tell.progress}
+    results = what.status(cache) if status else what.run(cache, **how)
     files = [] if out is None else results.save(out)
     table = results.table
     counts = table["status"].value_counts().to_dict()
     failed = {int(n): row for n, row in results.failed.iterrows()}
-    if as_json:
-        reasons = {n: row["reason"] for n, row in failed.items()}
-        print_json({"status": counts, "failed": reasons, "files": [str(path) for path in files]})
-    elif not quiet:
-        click.echo(", ".join(f"{count} {name}" for name, count in counts.items()))
-        show_files(files, quiet)
+    reasons = {n: row["reason"] for n, row in failed.items()}
+    names = [str(path) for path in files]
+    said = ", ".join(f"{count} {name}" for name, count in counts.items())
+    found = {"status": counts, "failed": reasons, "files": names}
+    tell.result(found, lambda: "\n".join([said, *names]))
     for n, row in failed.items():
         where = ", ".join(
             f"{name} = {row[name]:g}" if isinstance(row[name], float) else f"{name} = {row[name]}"

@@ -118,9 +118,9 @@ def _keys(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[s
     """Return the beginnings of --set for the preset on the line so far, or for setup 1."""
     from pyfric.scene import PRESETS, settings
 
-    scene = next((ctx.params[name] for name in ("scene", "source") if name in ctx.params), "")
-    known = settings(scene if scene in PRESETS else "setup1")
-    return [f"{key}=" for key in known if key.startswith(incomplete)]
+    words = [*ctx.params.values(), *ctx.args]
+    scene = next((one for one in words if isinstance(one, str) and one in PRESETS), "setup1")
+    return [f"{key}=" for key in settings(scene) if key.startswith(incomplete)]
 
 
 class Seconds(click.ParamType):

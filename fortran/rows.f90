@@ -201,17 +201,12 @@ contains
     real(dp), intent(in) :: v_rod           !! Z' of the rod [m/s]
     type(row_t), intent(in) :: w
     type(budget_t), intent(inout) :: budget
-    real(dp) :: above(s%nx), viscous(s%nx), shear(s%nx)
 
     budget%dissipated(j) = budget%dissipated(j) + c*bond_power(s, j < s%nz, q, up)
     if (s%prescribed) budget%dissipated(j) = budget%dissipated(j) + c*absorbed(s, j, q)
     if (s%prescribed .and. j == 1) budget%dissipated(j) = budget%dissipated(j) - c*halved_power(s, q)
     if (j == 1) budget%heat = budget%heat - c*(w%f*q(s%at(:s%nx), VX))
-    if (j == 1 .and. .not. s%law%simple) then
-      call friction_powers(s%law, s%nx, s%n, s%at, mode, q(LB, VX), w%p, w%f, above, viscous)
-      budget%above = budget%above + c*above
-      budget%viscous = budget%viscous + c*viscous
-    end if
+    if (j == 1 .and. .not. s%law%simple) call parts_of_heat(s, c, mode, q, w, budget)
     if (j == s%j_h) budget%work(1) = budget%work(1) + c*(w%f_t*driver_speed(s, t))
     if (s%rigid) then
       if (j == s%nz) budget%work(2) = budget%work(2) - c*(s%f_n*load_share(s, t)*v_rod)
@@ -221,7 +216,22 @@ contains
       budget%work(2) = budget%work(2) - c*mirror_sum(s%nx, s%load*load_share(s, t)*q(s%at(:s%nx), VZ))
     end if
     if (j /= s%j_shear .or. .not. s%sheared) return
-    shear = s%shear + s%shear_rate*(t - s%t_seg)
-    budget%work(2) = budget%work(2) + c*mirror_sum(s%nx, shear*q(s%at(:s%nx), VX))
+    budget%work(2) = budget%work(2) &
+                     + c*mirror_sum(s%nx, (s%shear + s%shear_rate*(t - s%t_seg))*q(s%at(:s%nx), VX))
   end subroutine row_powers
+
+  !> Adds what of the friction heat is not that of its end value. Its arrays are made where they are needed only: that takes time.
+  pure subroutine parts_of_heat(s, c, mode, q, w, budget)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: c               !! weight of this evaluation [s]
+    integer(ip), intent(in) :: mode(s%nx)   !! contact states
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)      !! the bottom row
+    type(row_t), intent(in) :: w
+    type(budget_t), intent(inout) :: budget
+    real(dp) :: above(s%nx), viscous(s%nx)
+
+    call friction_powers(s%law, s%nx, s%n, s%at, mode, q(LB, VX), w%p, w%f, above, viscous)
+    budget%above = budget%above + c*above
+    budget%viscous = budget%viscous + c*viscous
+  end subroutine parts_of_heat
 end module pyfric_rows

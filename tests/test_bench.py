@@ -30,12 +30,14 @@ def test_kernel_times_every_variant_and_the_peers_at_hand():
     runs = [name for name, here in core.variants().items() if here]
     assert set(mine["variant"]) == set(runs)
     assert len(mine) == len(runs) * 2 * 2
-    assert set(frame["what"]) == {"pyfric", "pyfric, forces only", "numpy"}
+    known = {"pyfric", "pyfric, forces only", *bench.SLIPPING, "numpy"}
+    assert set(frame["what"]) == known
     assert (frame["ns"] > 0).all()
     assert np.isfinite(frame["ns"]).all()
     text = bench.report(frame)
     assert "5 x 4" in text
     assert "lammps: missing: x" in text
+    assert "weakening over d_c beside mu_k" in text
     assert "times faster" not in text
 
 

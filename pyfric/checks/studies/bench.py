@@ -36,6 +36,8 @@ RIVAL = "LAMMPS harmonic + nve"
 """The peer that ratios are given against: a plain LAMMPS run, `bond_style harmonic`, `fix nve`."""
 RIVAL_FORCES = "LAMMPS harmonic, forces only"
 """The same without moving the atoms, for the core's force evaluation alone."""
+SLIPPING = {"pyfric, all slip": 0.0, "pyfric, all weaken": 1e-3}
+"""Rows where all bottom blocks slip, and the d_c (m) of each; what a table of the law costs."""
 REPEATS, SECONDS, LEAST = 5, 0.15, 40
 
 Timed = Callable[[int], None]
@@ -58,7 +60,7 @@ def kernel(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
             continue
         scene = _scene(N_x, N_z)
         with ExitStack() as stack:
-            timed = _core(scene, 1) | _peers(scene, stack)
+            timed = _core(scene, 1) | _laws(scene) | _peers(scene, stack)
             for key, seconds in _minima(timed, N_x * N_z, progress).items():
                 rows.append((N_x, N_z, *key, 1e9 * seconds / (N_x * N_z)))
     return pd.DataFrame(rows, columns=["N_x", "N_z", "what", "geometry", "variant", "budget", "ns"])
@@ -201,6 +203,10 @@ def report(frame: pd.DataFrame) -> str:
         if len(rival):
             gain = rival.iloc[0] / table[what == mine]
             text += f"\n\ntimes faster than {other}\n" + _text(gain, "{:.1f}")
+    mu_k, weakens = (table[what == one] for one in SLIPPING)
+    if len(mu_k):
+        ratio = weakens.droplevel("what") / mu_k.droplevel("what")
+        text += "\n\nweakening over d_c beside mu_k, all blocks slip\n" + _text(ratio, "{:.3f}")
     missing = [f"{k}: {v}" for k, v in peers.available().items() if v.startswith("missing")]
     return "\n".join([text, *missing])
 
@@ -228,6 +234,20 @@ def _core(scene: Scene, n_threads: int) -> dict[tuple, Timed]:
             if runs and n_threads == 1:
                 forces = _forces(scene, geometry, state, variant)
                 found["pyfric, forces only", geometry, variant, False] = forces
+    return found
+
+
+def _laws(scene: Scene) -> dict[tuple, Timed]:
+    """Return runs in which all bottom blocks slip; steps are so short that they go on."""
+    found: dict[tuple, Timed] = {}
+    if scene.N_x * scene.N_z > 10**4:
+        return found
+    for geometry in ("linear", "finite"):
+        state = _state(scene, geometry, loaded=True).with_dt(1e-12)
+        state.mode[:], state.y[:, 2], state.rod[3] = 1, 1.0, 1.0
+        for what, d_c in SLIPPING.items():
+            run = _run(scene.replace(d_c=d_c), geometry, state, core.VARIANT, True, 1)
+            found[what, geometry, core.VARIANT, True] = run
     return found
 
 

@@ -112,7 +112,10 @@ def small(name, changes):
     st.sampled_from(["linear", "finite", None]),
 )
 def test_scenes(name, changes, fidelity, geometry):
-    """A scene is refused, or else a few steps of it are made or refused."""
+    """A scene is refused, or else a few steps of it are made or refused.
+
+    Steps of heavy blocks are long: the driver goes no farther than ten times what F_N takes.
+    """
     scene = tried(lambda: small(name, changes))
     if scene is None or scene.N_x * scene.N_z > 2000:
         return
@@ -121,7 +124,9 @@ def test_scenes(name, changes, fidelity, geometry):
     if dt is None:
         return
     how = {"fidelity": fidelity, "geometry": geometry, "progress": False}
-    record = tried(lambda: pyfric.simulate(scene, 20 * dt, **how))
+    pace = scene.driver.K * scene.driver.V
+    t_end = min(20 * dt, 10 * scene.F_N / pace) if pace else 20 * dt
+    record = tried(lambda: pyfric.simulate(scene, t_end, **how))
     assert record is None or np.isfinite(record.curve.to_numpy()).all()
 
 

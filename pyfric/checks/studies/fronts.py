@@ -55,6 +55,8 @@ COLLAPSE = {"run1": 0.56, "run2": 0.63, "run3": 0.7, "run4": 0.77}
 """Runs of Fig. 4(b) and their ends, s: seven tenths of the time to the first event over all."""
 D_C = 1e-6
 """Slip of weakening, m."""
+COARSE = 1.2e-3
+"""Least lattice constant of runs without weakening, m: no lattice resolves those."""
 WINDOW = 250.0
 """Speeds of a crack are means over twice this length, m."""
 FROM, TO = 3e3, 12e3
@@ -221,9 +223,11 @@ def _runs_of(
 ) -> dict[tuple[float, float], Record]:
     """Return the runs of a preset by l and d_c."""
     records = {}
-    for d_c in (0.0, D_C):
+    for d_c in (D_C, 0.0):
         coarser = None
         for l in sorted(spacings, reverse=True):
+            if not d_c and l < COARSE:
+                continue
             scene = preset(name, l=l, d_c=d_c)
             evaluations, seconds = planned(scene, t_end, coarser)
             say(
@@ -241,7 +245,7 @@ def _lengths(records: dict[tuple[float, float], Record]) -> pd.DataFrame:
     for (l, d_c), record in records.items():
         if not d_c:
             continue
-        ladder = simulate(records[l, 0.0].scene, 1.2, fidelity="quasistatic", progress=False)
+        ladder = simulate(preset("fig1", l=l), 1.2, fidelity="quasistatic", progress=False)
         steps = analysis.precursor_lengths(ladder)
         longest = np.maximum.accumulate(steps["L_p_over_L"].to_numpy())
         for _, row in analysis.precursors(record).iterrows():

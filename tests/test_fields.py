@@ -223,7 +223,6 @@ def test_the_ladder_follows_fields_and_says_what_it_does_not():
     )
     np.testing.assert_array_equal(steep.events["F_T_start"], ladder.events["F_T_start"])
     for changes, field, text in (
-        ({"d_c": 1e-6, "alpha": 0.0}, "interface.d_c", "d_c = 1 um"),
         ({"d_c": 0.0}, "interface.alpha", "viscosity"),
         ({"alpha": 0.0} | AGEING, "interface.law", "time"),
     ):

@@ -12,7 +12,6 @@ from tolerances import FORCE, FORCE_FINITE
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN, STUCK
-from pyfric.engines import quasistatic
 from pyfric.engines.options import AUTO_SHARE
 from pyfric.record import Record
 from pyfric.scene import Scene, SceneError, chain, preset, setup1
@@ -267,13 +266,6 @@ def test_refused_lengths(d_c):
         preset("fig1", d_c=d_c)
     assert caught.value.field == "interface.d_c"
     assert caught.value.unit == "m"
-
-
-def test_the_ladder_refuses_weakening():
-    with pytest.raises(SceneError, match="hybrid") as caught:
-        quasistatic.simulate("quasistatic", rod(), 0.1)
-    assert caught.value.field == "interface.d_c"
-    assert caught.value.value == 2e-7
 
 
 def test_the_plan_moves_up():

@@ -45,6 +45,7 @@ from pyfric.statics import (
     Contact,
     ContactProblem,
     EquilibriumError,
+    creeps,
     one_thread_if_small,
 )
 
@@ -362,10 +363,11 @@ def simulate(
     if not isinstance(initial, Record | None):
         raise StateError(f"initial: the {engine} engine goes on from records only")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
-    if engine == "quasistatic" and (beyond := beyond_ladder(scene)):
+    beyond = beyond_ladder(scene) if engine == "quasistatic" else None
+    if beyond and not creeps(scene.law):
         allowed = f"{beyond.allowed}, or fidelity = 'hybrid' or 'dynamic'"
         raise SceneError(beyond.field, beyond.value, beyond.unit, allowed, beyond.reason)
-    run = ENGINES[engine](scene, t_gap)
+    run = _soft(scene, t_gap) if beyond else ENGINES[engine](scene, t_gap)
     with run_bar(progress, scene, 0.0, t_end) as bar, answered() as stop:
 
         def show(t: float, F_T: float, events: int) -> None:
@@ -374,6 +376,13 @@ def simulate(
         done = run.advance(t_end, stop, show)
         record = run.record(run.ending or "complete" if done else "interrupted")
     return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
+
+
+def _soft(scene: Scene, t_gap: float | None) -> QuasistaticRun:
+    """Return the ladder that follows weakening."""
+    from pyfric.engines.soft import SoftLadder  # made of what is here
+
+    return SoftLadder(scene, t_gap)
 
 
 class Beyond(NamedTuple):

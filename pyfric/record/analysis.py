@@ -21,6 +21,7 @@ import pandas as pd
 
 from pyfric.core import ENERGIES
 from pyfric.record.griffith import energy_release, griffith_length
+from pyfric.record.nucleation import nucleations
 from pyfric.record.rupture import front_speed
 from pyfric.record.zones import zone_at_rest, zone_moving
 from pyfric.scene import SceneError
@@ -39,6 +40,7 @@ __all__ = [
     "front",
     "fronts",
     "griffith_length",
+    "nucleations",
     "precursor_lengths",
     "precursors",
     "stress_profile",

@@ -3,7 +3,7 @@
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.blas import one_thread_if_small
 from pyfric.statics.complementarity import Contact, ContactProblem, Values
-from pyfric.statics.creep import Change, Creep, Point, creeps
+from pyfric.statics.creep import Change, Creep, Forces, Point, creeps
 from pyfric.statics.equilibrium import LARGE, StaticSolver, loaded_state, solve_static
 from pyfric.statics.operators import (
     bonds,
@@ -27,6 +27,7 @@ __all__ = [
     "Creep",
     "Equilibrium",
     "EquilibriumError",
+    "Forces",
     "Point",
     "StaticSolver",
     "Values",

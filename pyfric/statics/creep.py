@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Law
     from pyfric.statics.complementarity import ContactProblem
 
-__all__ = ["Change", "Creep", "Point", "creeps"]
+__all__ = ["Change", "Creep", "Forces", "Point", "creeps"]
 
 ENOUGH = 1e-10
 """Residual forces of static states, and margins at a change, over F_N/N_x."""
@@ -69,6 +69,27 @@ class Point(NamedTuple):
     F_T: float
     margins: np.ndarray
     least: float
+
+
+class Forces(NamedTuple):
+    """Forces on the interface, in equilibrium or not.
+
+    f, p (N), u_z (m), shape (N_x,); F_T (N); of the n free blocks what is left of the sum of
+    forces, shape (n,), in N, and its derivatives: J by their u_x, (n, n), push by the drive, (n,),
+    in N/m.
+    """
+
+    f: np.ndarray
+    p: np.ndarray
+    u_z: np.ndarray
+    F_T: float
+    left: np.ndarray
+    J: np.ndarray
+    push: np.ndarray
+
+    def least(self) -> float:
+        """Return the smallest real part of an eigenvalue of J, in N/m; inf without free blocks."""
+        return float(np.linalg.eigvals(self.J).real.min()) if len(self.J) else math.inf
 
 
 class Change(NamedTuple):
@@ -150,38 +171,44 @@ class Creep:
             None where there is none that is stable.
         """
         N_x, a = self.N_x, np.flatnonzero(self.free)
-        table = self.problem.base(self.closed)
-        column = np.concatenate([self.u_x, [drive, 1.0]])
+        u_x = self.u_x.copy()
         if begin is not None:
-            column[:N_x] = begin.u_x + begin.rate * (drive - begin.drive)
-        fs, zs = table[N_x : 2 * N_x], table[2 * N_x : 3 * N_x]
+            u_x = begin.u_x + begin.rate * (drive - begin.drive)
         enough = ENOUGH * self.problem.unit
-        F, Z = fs[np.ix_(a, a)], zs[np.ix_(a, a)]
         for _ in range(12):
-            v = table @ column
-            f, u_z = v[N_x : 2 * N_x], v[2 * N_x : 3 * N_x]
-            p = np.where(self.closed, -self.k_f * u_z, 0.0)
-            mu, slope = self.friction(column[:N_x])
-            left = (f + self.way * mu * p)[a]
-            push = (self.way * mu * self.k_f)[a]
-            J = F - push[:, None] * Z + np.diag(np.where(self.closed, slope * p, 0.0)[a])
-            if not np.isfinite(J).all():
+            now = self.forces(u_x, drive)
+            if not np.isfinite(now.J).all():
                 return None
-            if not a.size or np.abs(left).max() <= enough:
+            if not a.size or np.abs(now.left).max() <= enough:
                 break
             try:
-                column[a] -= np.linalg.solve(J, left)
+                u_x[a] -= np.linalg.solve(now.J, now.left)
             except np.linalg.LinAlgError:
                 return None
         else:
             return None
-        least = float(np.linalg.eigvals(J).real.min()) if a.size else math.inf
+        least = now.least()
         if not least > 0:
             return None
         rate = np.zeros(N_x)
-        rate[a] = -np.linalg.solve(J, fs[a, N_x] - push * zs[a, N_x]) if a.size else 0.0
-        margins = self._margins(column[:N_x], rate, f, p, u_z)
-        return Point(drive, column[:N_x].copy(), rate, f, p, float(v[-1]), margins, least)
+        rate[a] = -np.linalg.solve(now.J, now.push) if a.size else 0.0
+        margins = self._margins(u_x, rate, now.f, now.p, now.u_z)
+        return Point(drive, u_x, rate, now.f, now.p, now.F_T, margins, least)
+
+    def forces(self, u_x: np.ndarray, drive: float) -> Forces:
+        """Return the forces on the interface with blocks at u_x (m) and the driver here."""
+        N_x, a, table = self.N_x, np.flatnonzero(self.free), self.problem.base(self.closed)
+        v = table @ np.concatenate([u_x, [drive, 1.0]])
+        fs, zs, f, u_z = (
+            one[n * N_x : (n + 1) * N_x] for one, n in ((table, 1), (table, 2), (v, 1), (v, 2))
+        )
+        p = np.where(self.closed, -self.k_f * u_z, 0.0)
+        mu, slope = self.friction(u_x)
+        rub = (self.way * mu * self.k_f)[a]
+        J = fs[np.ix_(a, a)] - rub[:, None] * zs[np.ix_(a, a)]
+        J[np.diag_indices(len(a))] += np.where(self.closed, slope * p, 0.0)[a]
+        push = fs[a, N_x] - rub * zs[a, N_x]
+        return Forces(f, p, u_z, float(v[-1]), (f + self.way * mu * p)[a], J, push)
 
     def _margins(
         self, u_x: np.ndarray, rate: np.ndarray, f: np.ndarray, p: np.ndarray, u_z: np.ndarray

@@ -1,0 +1,89 @@
+"""Where slip loses stability: the nucleation of events with friction that weakens over a length.
+
+From the state of rest before an event, stable slip is followed as static states
+(`pyfric.statics.creep`) until none is near: an eigenvalue of the slipping part has passed zero, or
+a block that would have to slip lets it pass. The extent of the blocks that slip then is the
+nucleation length. It follows from statics alone, whichever engine made the record.
+
+For a long interface in an infinite body and linear weakening the length does not depend on how the
+load is spread: 2 h_n = 1.158 mu* /W with mu* = E'/2 and W = (mu_s - mu_k) p/D_c, two bodies.
+
+Source: K. Uenishi and J. R. Rice, J. Geophys. Res. 108, 2042 (2003).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from pyfric.core import OPEN
+from pyfric.scene import SceneError
+from pyfric.statics import ContactProblem, Creep, creeps, loaded_state
+
+if TYPE_CHECKING:
+    from pyfric.record.record import Record
+
+__all__ = ["nucleations"]
+
+
+def nucleations(record: Record) -> pd.DataFrame:
+    """Return where the events of a record lose stability; see the module.
+
+    Args:
+        record: a run with linear geometry, or one that is taken for it.
+
+    Returns:
+        One row for each event before which all blocks are stuck: event; t (s) and F_T (N) where
+        stable slip ends; first_block, last_block and n_blocks that slip then, numbers from the
+        trailing edge; length, of the interface from first to last block, in m. NaN and 0 where slip
+        stays stable up to the end of the run.
+
+    Raises:
+        SceneError: friction does not weaken over a length, or depends on more than slip.
+    """
+    scene = record.scene
+    if not creeps(scene.law):
+        raise SceneError(
+            "interface.d_c", scene.interface.d_c, "m", "> 0, and a law of slip alone",
+            "slip does not lose stability",
+        )  # fmt: skip
+    problem = ContactProblem(scene)
+    u_drv0 = getattr(record.final_state, "u_drv0", None)
+    begin = scene.d * (loaded_state(scene).u_drv0 if u_drv0 is None else u_drv0)
+    rows = []
+    for event, row in enumerate(record.events["quiet_start"]):
+        if row >= 0:
+            t = float(record.events["t_start"].iloc[event])
+            rows.append({"event": event} | _nucleation(problem, record, int(row), begin, t))
+    names = ["event", "t", "F_T", "first_block", "last_block", "n_blocks", "length"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def _nucleation(
+    problem: ContactProblem, record: Record, row: int, begin: float, t: float
+) -> dict[str, float]:
+    """Return one row of `nucleations`."""
+    scene, none = record.scene, np.zeros(record.scene.N_x)
+    u_x, mode = (record.quiet[name][row] for name in ("u_x", "mode"))
+    creep = Creep(problem, u_x, none, mode != OPEN, none)
+    V, end = scene.driver.V, float(record.curve["t"].iloc[-1])
+    path, changes = creep.nucleate(begin + V * t * (1 - ROUNDING), begin + V * end)
+    n = np.sort(scene.n_of_i[creep.way != 0])
+    if changes[-1].what != "unstable" or not path or not n.size:
+        return dict.fromkeys(("t", "F_T", "first_block", "last_block"), np.nan) | {
+            "n_blocks": 0, "length": np.nan,
+        }  # fmt: skip
+    return {
+        "t": (path[-1].drive - begin) / V,
+        "F_T": path[-1].F_T,
+        "first_block": int(n[0]),
+        "last_block": int(n[-1]),
+        "n_blocks": n.size,
+        "length": (n[-1] - n[0] + 1) * scene.slider.l,
+    }
+
+
+ROUNDING = 1e-9
+"""An event is followed from this share of its time before its first slip."""

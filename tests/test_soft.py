@@ -1,0 +1,66 @@
+"""The ladder with weakening: against minimisers of the energy, and the hybrid engine."""
+
+import numpy as np
+import pytest
+from test_creep import D_C, SLOPE, links, settled, stiffness
+from test_creeping import rod
+
+import pyfric
+from pyfric.record import analysis
+from pyfric.scene import SceneError
+
+
+def test_six_blocks_go_to_the_next_minimum_of_energy():
+    """Several events; each ends where blocks that only slip forward come to rest."""
+    K = 5e6
+    scene = links(5, K=K, V=1e-3)
+    record = pyfric.simulate(scene, 0.12, fidelity="quasistatic", progress=False)
+    stops = np.flatnonzero(record.quiet["kind"] == -1)[:3]
+    assert len(stops) == 3
+    A, start = stiffness(scene), np.zeros(6)
+    for t, u_x in zip(record.quiet["t"][stops], record.quiet["u_x"][stops], strict=True):
+        push = np.zeros(6)
+        u = start
+        for share in np.linspace(0.8, 1.0, 12):
+            push[0] = K * scene.driver.V * t * share
+            u = settled(A, push, u.copy(), start)
+        np.testing.assert_allclose(u_x, u, rtol=0, atol=2e-9)
+        start = u_x
+
+
+def test_events_start_like_those_of_the_hybrid_engine():
+    """Up to the first event, slip is stable and inertia does not matter."""
+    scene, t_end = rod(), 0.037
+    a = pyfric.simulate(scene, t_end, fidelity="hybrid", geometry="linear", progress=False)
+    b = pyfric.simulate(scene, t_end, fidelity="quasistatic", progress=False)
+    first, n = (one.events[one.events["is_main"]].iloc[0] for one in (a, b)), 4
+    one, two = first
+    assert two["F_T_start"] == pytest.approx(one["F_T_start"], abs=1e-4 * scene.F_N)
+    np.testing.assert_array_equal(a.switches["block"][:n], b.switches["block"][:n])
+    np.testing.assert_allclose(a.switches["t"][:n], b.switches["t"][:n], rtol=0, atol=3e-4)
+
+
+def test_nucleation_is_where_the_slipping_part_is_no_longer_stable():
+    """An eigenvalue of springs less weakening, by NumPy, passes zero within one more block."""
+    scene = links(5, K=5e6, V=1e-3)
+    record = pyfric.simulate(scene, 0.09, fidelity="quasistatic", progress=False)
+    table = analysis.nucleations(record)
+    one = table.iloc[0]
+    assert one["length"] == pytest.approx(one["n_blocks"] * scene.slider.l)
+    first = record.switches["t"] <= record.events["t_stop"].iloc[0]
+    slips = int(one["n_blocks"])
+    order = list(record.switches["block"][first][:slips])
+    assert order == list(range(slips))
+    A, start = stiffness(scene), np.zeros(6)
+    push = np.zeros(6)
+    push[0] = scene.driver.K * scene.driver.V * one["t"] * (1 - 1e-6)
+    u = settled(A, push, np.zeros(6), start)
+    A -= SLOPE * np.diag((u < D_C) * 1.0)
+    assert np.linalg.eigvalsh(A[: slips - 1, : slips - 1])[0] > 0
+    assert np.linalg.eigvalsh(A[:slips, :slips])[0] < 1e-3 * SLOPE
+
+
+def test_nucleation_is_refused_without_weakening():
+    record = pyfric.simulate(links(5, d_c=0.0), 1e-4, fidelity="quasistatic", progress=False)
+    with pytest.raises(SceneError, match=r"interface\.d_c"):
+        analysis.nucleations(record)

@@ -40,6 +40,8 @@ __all__ = ["QUANTITIES", "drawn", "run", "stored", "table", "trial"]
 
 WORK = 3e7
 """Block evaluations of a reference run."""
+POINTS = 500
+"""Points of loading curves."""
 EVENTS = 10
 """Main events of a trial, by the ladder."""
 FINE = 0.1
@@ -111,11 +113,12 @@ def trial(
         fine: step of the reference run over the stability limit, at most.
         verify: how the run measures its errors; None as runs do by default.
     """
+    loose = {"sample": t_end / POINTS, "progress": False}
     how = {"want": want, "tolerance": tolerance, "verify": verify}
     start = time.process_time()
     found = plan(scene, want, tolerance, t_end=t_end)
     planned = time.process_time()
-    made = simulate(scene, t_end, **how, progress=False)
+    made = simulate(scene, t_end, **how, **loose)
     ran = time.process_time()
     truth = simulate(
         scene,
@@ -125,7 +128,7 @@ def trial(
         switching="located",
         t_gap=made.method.t_gap,
         budget=False,
-        progress=False,
+        **loose,
     )
     end = time.process_time()
     row = {"want": want, "tolerance": tolerance, "N_x": scene.N_x, "N_z": scene.N_z, "t_end": t_end}

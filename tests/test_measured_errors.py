@@ -11,7 +11,7 @@ from helpers import small_rod
 import pyfric
 from pyfric.cli import main
 from pyfric.engines import cost
-from pyfric.engines.cost import CHEAP, beside, beside_ladder, coarser_step, work
+from pyfric.engines.cost import CHEAP, FINEST, beside, beside_ladder, coarser_step, work
 from pyfric.engines.verification import COARSER, FINER, JUMPS, PERTURBATION, Made, stretch, verified
 from pyfric.record import Errors, Record, differences, statistics
 from pyfric.scene import chain, preset, setup1
@@ -187,7 +187,9 @@ def test_what_is_compared_hangs_on_counts_and_not_on_the_clock(monkeypatch):
 def test_the_run_beside_is_finer_where_that_is_paid_for():
     scene, dt = small_rod(), pyfric.step_size(small_rod())
     cheap = beside(scene, 1e7, 0, "finite", dt)
-    assert (cheap.dt, cheap.share) == (dt / 2, 1)
+    assert (cheap.dt, cheap.share) == (dt / FINEST, 1)
+    dear = beside(scene, 2.5e7, 0, "finite", dt)
+    assert (dear.dt, dear.share) == (dt / 2, 1)
     for geometry, least in (("finite", 1.0), ("linear", 0.9)):
         for jumps in (0, 1e3):
             long = beside(scene, 1e9, jumps, geometry, dt)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CHEAP",
+    "FINEST",
     "NS",
     "Beside",
     "SetUp",
@@ -49,6 +50,8 @@ STEPS_EVENT, STEPS_BLOCK, STEPS_SWITCH = 60, 5, 10
 (measured on the paper's scenes: within a factor of 2); and steps more to locate its switches."""
 CHEAP = 0.5
 """A run that measures errors and takes less than this is made whole, s."""
+FINEST = 4
+"""The run's own step over that of the finest run beside it."""
 LONGER, NEAR = 2.0, 0.95
 """The coarser run's step over the run's own; at most this share of the stability limit."""
 PARTS = 20
@@ -124,11 +127,11 @@ def beside(
 ) -> Beside:
     """Return the run that measures errors of another one at the price of that, or `cheap`, in s.
 
-    It has half the step where it can cover the whole, and longer steps otherwise.
+    It has a quarter or half of the step where it can cover the whole, and longer steps otherwise.
     """
     blocks, other = scene.N_x * scene.N_z, default_geometry(scene)
     most = max(work(blocks, evaluations, jumps, geometry), cheap)
-    for step in (dt / 2, coarser_step(scene, dt)):
+    for step in (dt / FINEST, dt / 2, coarser_step(scene, dt)):
         seconds = work(blocks, evaluations * dt / step, jumps, other)
         if seconds <= most:
             return Beside(step, 1.0, seconds)
@@ -151,7 +154,7 @@ def verification(
     if mode == "none":
         return 0.0
     if mode == "full":
-        finer = work(blocks, 2 * evaluations, jumps, default_geometry(scene))
+        finer = work(blocks, FINEST * evaluations, jumps, default_geometry(scene))
         return finer + work(blocks, evaluations, jumps, geometry)
     return beside(scene, *counted, geometry, dt, 0.0 if mode else CHEAP).seconds
 

@@ -102,11 +102,11 @@ class Options:
         want: what the run is made for; see `pyfric.plan`.
         tolerance: accepted error; see `pyfric.plan`.
         verify: how the errors in `Record.errors` are measured: "sample", by a run beside it that
-            takes at most as much again, by counted work; "full", by one of half the step in finite
-            geometry, and one with a driver faster by 1e-9; "none". None means "none" with a named
-            engine. A planned run (fidelity = "auto") then takes half the step over the whole run
-            where that takes less than half a second, "sample" otherwise, and refines where errors
-            exceed the tolerance.
+            takes at most as much again, by counted work; "full", by one of a quarter of the step in
+            finite geometry, and one with a driver faster by 1e-9; "none". None means "none" with a
+            named engine. A planned run (fidelity = "auto") then takes a quarter of the step, or
+            half of it, over the whole run where that takes less than half a second, "sample"
+            otherwise, and refines where errors exceed the tolerance.
         geometry: "finite" (as in the paper) or "linear"; None leaves it to the plan, or means
             "finite", or "linear" where there is no other (chain, static engines).
         stepper: "rk4": classical RK4, order 4 (the paper's). "verlet": velocity Verlet with viscous

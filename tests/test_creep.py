@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pyfric.scene import chain
+from pyfric.scene import chain, setup2
 from pyfric.statics import ContactProblem, Creep
 
 MU_S, MU_K, P, D_C, K_CHAIN = 0.7, 0.45, 60.0, 4e-6, 2e7
@@ -105,3 +105,22 @@ def test_six_blocks_follow_minima_of_energy_until_one_vanishes(K):
     push[0] = K * 1.001 * end
     jumped = settled(A, push, u.copy(), np.zeros(6))
     assert (jumped - u).max() > 3e-7
+
+
+def test_the_length_of_nucleation_tends_to_that_of_a_weakening_crack():
+    """A long patch is stable up to 2 h = 1.158 mu*/W, whatever loads it (Uenishi and Rice 2003).
+
+    One body on a rigid plane under a load that stays is half of a crack between two: mu* = E'/2, W =
+    (mu_s - mu_k) p/(2 d_c). E B = 4 k/3, so that a patch of n blocks holds a weakening of
+    1.158 (4/3) k/n, but for an error in 1/n.
+    """
+    n, l = 121, 1e-3
+    scene = setup2(L=(n - 1) * l, H=60 * l, l=l, h=30 * l, k_f=1e3)
+    table = ContactProblem(scene).base(np.ones(n, dtype=bool))
+    F = table[n : 2 * n, :n]
+    held = []
+    for blocks in (13, 17):
+        some = slice((n - blocks) // 2, (n + blocks) // 2)
+        held.append(np.linalg.eigvalsh((F + F.T)[some, some] / 2)[0] * blocks / scene.slider.k)
+    straight = (17 * held[1] - 13 * held[0]) / (17 - 13)
+    assert straight == pytest.approx(1.158 * 4 / 3, rel=0.01)

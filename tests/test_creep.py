@@ -110,8 +110,8 @@ def test_six_blocks_follow_minima_of_energy_until_one_vanishes(K):
 def test_the_length_of_nucleation_tends_to_that_of_a_weakening_crack():
     """A long patch is stable up to 2 h = 1.158 mu*/W, whatever loads it (Uenishi and Rice 2003).
 
-    One body on a rigid plane under a load that stays is half of a crack between two: mu* = E'/2, W =
-    (mu_s - mu_k) p/(2 d_c). E B = 4 k/3, so that a patch of n blocks holds a weakening of
+    One body on a rigid plane under a load that stays is half of a crack between two: mu* = E'/2,
+    W = (mu_s - mu_k) p/(2 d_c). E B = 4 k/3, so that a patch of n blocks holds a weakening of
     1.158 (4/3) k/n, but for an error in 1/n.
     """
     n, l = 121, 1e-3

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 
 # Several workers with several BLAS threads each wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -28,6 +29,13 @@ LAPACK = (
 """Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""
 PORTABLE = ("complementarity", "condensation", "ringdown")
 """Those of them that are quick; single tests of others are marked where they are."""
+
+
+@pytest.fixture(autouse=True)
+def coarse_pictures():
+    """Pictures of few dots, which take a third of the time; once figures are there to be drawn."""
+    if style := sys.modules.get("pyfric.figures.style"):
+        style.PNG_DPI = 60
 
 
 def pytest_collection_modifyitems(items):

@@ -233,8 +233,9 @@ def test_the_first_moments_end_without_traceback(command, moment):
         check_stops(process)
 
 
-@pytest.mark.parametrize("command", ["verify", "regimes"])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("command", "number"), [("verify", signal.SIGINT), ("regimes", signal.SIGTERM)]
+)
 def test_checks_stop_and_fail_nothing(command, number):
     with started("-c", WATCHED, command) as process:
         wait_for(process, b"\n")  # the first part is done

@@ -471,7 +471,8 @@ ODD = {
 def test_odd_scenes(scene):
     for t_end in (0.0, 0.006):
         for tolerance in (0.5, 0.01):
-            record = simulate(scene, t_end, tolerance=tolerance)
+            verify = "sample" if tolerance == 0.5 and t_end else "none"
+            record = simulate(scene, t_end, tolerance=tolerance, verify=verify)
             assert record.status == "complete"
             assert np.isfinite(record.curve.to_numpy()).all()
             assert record.curve["t"].iloc[-1] >= t_end

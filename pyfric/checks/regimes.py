@@ -372,12 +372,12 @@ REGIMES: tuple[Regime, ...] = (
     Regime(
         "F_T pulls", partial(rod, V=0.0), "answer",
         "the driver's spring is bilateral: the slider comes to rest as statics says",
-        partial(_pulled, force=0.2, t_end=0.04),
+        partial(_pulled, force=0.2, t_end=0.012),
     ),
     Regime(
         "F_T pulls the slider back", partial(rod, V=0.0), "answer",
         "blocks slip away from the slider's front; statics at the end",
-        partial(_pulled, force=0.9, t_end=0.06),
+        partial(_pulled, force=0.9, t_end=0.025),
     ),
     Regime("F_N = 0", partial(rod, F_N=0.0), "refusal", "nothing would touch",
            partial(_refused, field="top.F_N")),

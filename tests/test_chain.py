@@ -202,7 +202,7 @@ forces = (
 )
 
 
-@settings(max_examples=250)
+@settings(max_examples=100)
 @given(
     st.dictionaries(
         st.sampled_from(list(chain.__kwdefaults__)),
@@ -219,7 +219,7 @@ texts = st.sampled_from(["1 N", "60 N", "-60 N", "nan N", "1 kN", "N", "1", "1 m
 entries = texts | st.integers() | st.floats() | st.booleans() | st.dictionaries(texts, texts)
 
 
-@settings(max_examples=250)
+@settings(max_examples=100)
 @given(
     key=st.sampled_from([("top", name) for name in ("kind", "p", "tau", "k_top", "F_N")]
                         + [("slider", "H"), ("slider", "L"), ("driver", "h"), ("driver", "side")]),

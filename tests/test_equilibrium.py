@@ -633,7 +633,7 @@ def test_no_equilibrium_is_an_error_that_names_its_figures(side):
     solver, held = StaticSolver(scene, "finite"), np.zeros(scene.N_x)
     standing = solver.solve(held, 0.9 * tipping_drive(scene))
     assert standing.F_T * h == pytest.approx(0.9 * F_N * L / 2, rel=0.01)
-    for share in (1.05, 1.2, 4.0):
+    for share in (1.05, 4.0):
         with pytest.raises(EquilibriumError, match=r"residual .* N, limit .* N, \d+ it") as caught:
             solver.solve(held, share * tipping_drive(scene))
         assert caught.value.limit > 0

@@ -677,13 +677,13 @@ def broken(steps: list) -> str:
     return tomli_w.dumps(document)
 
 
-@settings(max_examples=400)
+@settings(max_examples=200)
 @given(change=changes)
 def test_documents_broken_once(change):
     try_broken([change])
 
 
-@settings(max_examples=400)
+@settings(max_examples=200)
 @given(steps=st.lists(changes, min_size=2, max_size=3))
 def test_documents_broken_twice(steps):
     try_broken(steps)
@@ -697,7 +697,7 @@ def try_broken(steps: list) -> None:
     accepted_or_refused(text)
 
 
-@settings(max_examples=600)
+@settings(max_examples=250)
 @given(
     start=st.integers(0, len(GOOD)),
     length=st.integers(0, 12),
@@ -707,7 +707,7 @@ def test_documents_with_random_edits(start, length, insert):
     accepted_or_refused(GOOD[:start] + insert + GOOD[start + length :])
 
 
-@settings(max_examples=300)
+@settings(max_examples=200)
 @given(st.text(max_size=200) | st.text("[]{}=\"'\n\t ab1.,#\\", max_size=200))
 @example("/dev/null")
 @example(".")
@@ -716,7 +716,7 @@ def test_random_text(text):
         Scene.from_toml(text)
 
 
-@settings(max_examples=400)
+@settings(max_examples=200)
 @given(quantities | st.text("0123456789.eE+-*/^ mNkgs²µ%()", max_size=20) | st.text(max_size=12))
 def test_random_quantities(text):
     for unit in ("m", "N s/m"):
@@ -727,7 +727,7 @@ def test_random_quantities(text):
         assert isinstance(number, float)
 
 
-@settings(max_examples=400)
+@settings(max_examples=200)
 @given(
     st.dictionaries(
         st.sampled_from(list(setup1.__kwdefaults__)),

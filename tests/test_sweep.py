@@ -201,7 +201,7 @@ def tiny(h):
     return setup1(L=0.02, H=0.0125, V=0.5, h=h)
 
 def noted(scene, t_end, *arguments, **options):
-    print("running", os.getpid(), flush=True)
+    print(f"running {os.getpid()}\\n", end="", flush=True)  # in one piece, buffered or not
     return simulate(scene, t_end, *arguments, **options)
 
 simulate, sweep.simulate = sweep.simulate, noted  # in the workers too, which read this file

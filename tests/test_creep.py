@@ -124,3 +124,10 @@ def test_the_length_of_nucleation_tends_to_that_of_a_weakening_crack():
         held.append(np.linalg.eigvalsh((F + F.T)[some, some] / 2)[0] * blocks / scene.slider.k)
     straight = (17 * held[1] - 13 * held[0]) / (17 - 13)
     assert straight == pytest.approx(1.158 * 4 / 3, rel=0.01)
+
+
+def test_a_block_without_a_length_of_weakening_is_unstable_at_once():
+    creep, drive = at_rest(links(2, K=8e6, k=8e6, d_c=D_C * np.array([1.0, 0.0, 1.0])))
+    _, changes = creep.nucleate(drive, drive + 80e-6)
+    assert [(one.what, one.block) for one in changes[:2]] == [("slip +", 0), ("slip +", 1)]
+    assert changes[2].what == "unstable"

@@ -100,9 +100,8 @@ class SoftLadder(QuasistaticRun):
                 if change.what == "end":
                     return
                 if change.block >= 0:
-                    creep.take(change, path[-1])
+                    begin = creep.after(change, path[-1])
                     self._note(self.contact.now, path[-1].drive)
-                    begin = creep.at(path[-1].drive, path[-1])
             idle = idle + 1 if self.contact.drive - drive <= self.tol / self.scene.driver.K else 0
             if idle > SWEEPS * self.scene.N_x:
                 raise self._unsettled(idle)
@@ -174,9 +173,8 @@ class SoftLadder(QuasistaticRun):
 
     def _turn(self, i: int, way: float, u_x: np.ndarray, now: Forces, drive: float) -> None:
         """Let block i slip one way, or none."""
-        creep = self.creep
-        creep.way[i], creep.clock[i], creep.cell[i] = way, -way * u_x[i], 0
-        creep.u_x = u_x.copy()
+        self.creep.turn(i, way, u_x)
+        self.creep.u_x = u_x.copy()
         self._note(Values(u_x.copy(), now.f, now.u_z, now.p, now.F_T), drive)
 
     def _stick(self, u_x: np.ndarray, now: Forces, drive: float) -> None:

@@ -28,6 +28,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from pyfric.scene import of
+
 if TYPE_CHECKING:
     from pyfric.scene import Law
     from pyfric.statics.complementarity import ContactProblem
@@ -281,11 +283,26 @@ class Creep:
             change: what `follow` returned.
             point: the state before it.
         """
-        i, self.u_x = change.block, point.u_x.copy()
-        slips = {"slip +": 1.0, "slip -": -1.0}.get(change.what, 0.0)
+        self.u_x = point.u_x.copy()
         if change.what == "gap":
-            self.closed[i] ^= True
-        self.way[i], self.clock[i], self.cell[i] = slips, -slips * point.u_x[i], 0
+            self.closed[change.block] ^= True
+        way = {"slip +": 1.0, "slip -": -1.0}.get(change.what, 0.0)
+        self.turn(change.block, way, point.u_x)
+
+    def turn(self, i: int, way: float, u_x: np.ndarray) -> None:
+        """Let block i slip one way from u_x (m), or hold it (0); its slip starts at 0."""
+        self.way[i], self.clock[i] = way, -way * u_x[i]
+        at_once = of(self.law.d_c, i) == 0
+        self.cell[i] = len(self._x) - 1 if at_once else 0
+
+    def after(self, change: Change, point: Point) -> Point | None:
+        """Take a change; return the state after it, None where none is near or friction jumps."""
+        self.take(change, point)
+        most = of(self.law.mu_s, change.block)
+        falls = most - self.friction(point.u_x)[0][change.block]
+        if self.way[change.block] and falls > ENOUGH * most:
+            return None
+        return self.at(point.drive, point)
 
     def nucleate(self, drive: float, drive_end: float) -> tuple[list[Point], list[Change]]:
         """Follow slip through all changes of contact state until it is unstable.
@@ -307,8 +324,7 @@ class Creep:
             changes.append(change)
             if change.block < 0:
                 break
-            self.take(change, path[-1])
-            begin = self.at(path[-1].drive, path[-1])
+            begin = self.after(change, path[-1])
         return path, changes
 
     def _stretch(self, path: list[Point], drive_end: float, fastest: float) -> Change | None:

@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
-.PHONY: figures docs test test-broken test-faults test-slow test-portable mutations mutations-random sanitize digests lint format bench wheels \
+.PHONY: figures docs test test-broken test-faults test-slow test-oldest test-portable mutations mutations-random sanitize digests lint format bench wheels \
 	setup clean
 
 # Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
@@ -46,6 +46,10 @@ mutations: setup
 # Small random changes, one at a time, and which test notices each; goes on where it stopped. A minute for each.
 mutations-random: setup
 	$(BIN)/python -P scripts/mutate-random $(ARGS)
+
+# The oldest libraries that pyproject.toml allows, all at once, in an environment of their own; minutes. What was tried: docs/oldest.txt.
+test-oldest: setup
+	$(BIN)/python -P scripts/oldest
 
 # Killed runs, full disks, flipped bits, signals: what is left; ARGS="disks --seed 2". Half an hour.
 test-faults: setup

@@ -10,6 +10,7 @@ Source: J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011).
 """
 
 import importlib
+import importlib.util
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -128,6 +129,24 @@ __all__ = [
 
 ROOMS = ("scene", "core", "statics", "record", "engines", "figures", "paper", "checks", "cli")
 """From the ground up: a room imports those below it."""
+
+
+LIBRARIES = (
+    *("click", "h5netcdf", "h5py", "jinja2", "matplotlib", "numpy", "pandas", "pint"),
+    *("platformdirs", "pydantic", "scipy", "threadpoolctl", "tomli_w", "tqdm", "xarray"),
+)
+"""What has to be installed, by the names that are imported."""
+
+
+def _check_libraries() -> None:
+    """Raise ImportError, with what to do, if a library that pyfric needs is not installed."""
+    missing = [one for one in LIBRARIES if importlib.util.find_spec(one) is None]
+    if missing:
+        names = " ".join(one.replace("_", "-") for one in missing)
+        raise ImportError(f"pyfric needs {names}, not installed here: pip install {names}")
+
+
+_check_libraries()
 
 
 def __getattr__(name: str) -> Any:

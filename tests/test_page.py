@@ -12,6 +12,7 @@ from pyfric.engines import Job
 from pyfric.figures import FIGURES
 from pyfric.paper import reproduce, write_index
 from pyfric.paper import runs as paper
+from pyfric.paper.page import mathematical
 
 OPTIONS = {"fidelity": "hybrid", "geometry": "linear"}
 
@@ -78,7 +79,7 @@ def test_page_shows_every_figure_with_caption_and_links(folder):
     words = " ".join(" ".join(page.texts).split())
     for name in NAMES:
         caption = (folder / f"{name}.txt").read_text(encoding="utf-8")
-        assert " ".join(caption.split()) in words
+        assert plain(mathematical(caption)) in plain(text)
         wanted = {f"{name}.png", f"{name}.pdf", *(p.name for p in folder.glob(f"{name}_*.csv"))}
         assert wanted <= set(page.links)
     inside = [link[1:] for link in page.links if link.startswith("#")]
@@ -87,6 +88,34 @@ def test_page_shows_every_figure_with_caption_and_links(folder):
     assert all((folder / link).is_file() for link in outside)  # nothing from elsewhere
     assert "http" not in text
     assert pyfric.__version__ in words
+
+
+def plain(html):
+    """Text without tags and spaces."""
+    return re.sub(r"<[^>]*>|\s", "", html)
+
+
+def test_symbols_are_mathematics():
+    symbol = "<math><msub><mi>{}</mi><mi>{}</mi></msub></math>"
+    assert mathematical("L_p/L < mu_s p: tau, k_top, F_N/N_x of fig1_runs.csv") == (
+        f"{symbol.format('L', 'p')}/L &lt; {symbol.format('μ', 's')} p: <math><mi>τ</mi></math>, "
+        f"{symbol.format('k', 'top')}, {symbol.format('F', 'N')}/{symbol.format('N', 'x')} "
+        "of fig1_runs.csv"
+    )
+
+
+def test_a_film_is_shown_where_it_is(folder):
+    film, text = folder / "event.mp4", folder / "event.txt"
+    film.touch()
+    text.write_text("the event of L_p", encoding="utf-8")
+    try:
+        page = write_index(folder).read_text(encoding="utf-8")
+    finally:
+        film.unlink()
+        text.unlink()
+    assert '<video src="event.mp4" controls' in page
+    assert "theeventofLp" in plain(page)
+    assert "<video" not in write_index(folder).read_text(encoding="utf-8")
 
 
 def test_cost_lists_every_run_once(folder):
@@ -142,7 +171,16 @@ def test_unknown_figures_are_refused(tmp_path):
 
 def test_every_figure_has_runs():
     assert {one.runs for one in FIGURES.values()} == set(paper.RUNS)
-    assert sorted(FIGURES) == ["fig1b", "fig2a", "fig2b", "fig3a", "fig3b", "fig4a", "fig4b"]
+    assert sorted(FIGURES) == [
+        "fig1a",
+        "fig1b",
+        "fig2a",
+        "fig2b",
+        "fig3a",
+        "fig3b",
+        "fig4a",
+        "fig4b",
+    ]
 
 
 def test_the_paper_s_scenes():

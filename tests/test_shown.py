@@ -3,6 +3,9 @@
 import base64
 import html
 import re
+import sys
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pint
@@ -96,6 +99,21 @@ def test_refused_values(changes, field, text):
     with pytest.raises(SceneError, match=text) as refusal:
         preset("fig1").replace(changes)
     assert refusal.value.field == field
+
+
+def test_a_missing_library_is_a_sentence(monkeypatch):
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    monkeypatch.setitem(sys.modules, "tomli_w", None)
+    with pytest.raises(ImportError, match=r"needs h5py tomli-w, .*: pip install h5py tomli-w$"):
+        pyfric._check_libraries()
+
+
+def test_the_libraries_are_those_of_the_project():
+    project = (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
+    declared = [
+        re.match(r"[\w-]+", one)[0] for one in tomllib.loads(project)["project"]["dependencies"]
+    ]
+    assert sorted(one.replace("-", "_") for one in declared) == list(pyfric.LIBRARIES)
 
 
 def test_dir_is_complete():

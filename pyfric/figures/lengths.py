@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 
 from pyfric.engines import prediction_curve
@@ -43,8 +44,8 @@ MARKERS = "os^D"
 def fig2a(records: Sequence[Record]) -> DataFigure:
     """Fig. 2(a) of the paper: precursor length against force after arrest, setup 1.
 
-    Colours are h, markers F_N, filled ones the shortest slider. Lines are `prediction_curve`, one
-    for each L and h. Small dots are precursors that reach no further than an earlier one.
+    Colours are h, markers L, and the fill is F_N, from empty to full. Lines are `prediction_curve`,
+    one for each L and h. Small dots are precursors that reach no further than an earlier one.
 
     Args:
         records: runs of setup 1 up to sliding; L, h and F_N may differ.
@@ -53,7 +54,10 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
     forces = _values(records, lambda scene: scene.F_N)
     lengths = _values(records, lambda scene: scene.slider.L)
     colour = {h: COLOURS[n % len(COLOURS)] for n, h in enumerate(heights)}
-    shape = {F_N: MARKERS[n % len(MARKERS)] for n, F_N in enumerate(forces)}
+    shape = {L: MARKERS[n % len(MARKERS)] for n, L in enumerate(lengths)}
+    fill = dict(
+        zip(forces, np.linspace(0, 1, len(forces)) if len(forces) > 1 else (1,), strict=True)
+    )
     predicted = {(one.scene.slider.L, one.scene.driver.h): one.scene for one in records}
     points, curves = lengths_of(records), _predictions(list(predicted.values()))
 
@@ -61,22 +65,22 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
     for _, curve in curves.groupby(["L_mm", "h_mm", "theta"], dropna=False):
         axes.plot(curve["F_T_over_F_N"], curve["L_p_over_L"], color="0.75", lw=0.6, zorder=1)
     for (L, h, F_N), rows in points.groupby(["L_mm", "h_mm", "F_N"]):
-        face = colour[h * 1e-3] if np.isclose(L * 1e-3, lengths[0]) else "white"
-        _draw(axes, rows, colour[h * 1e-3], face, shape[F_N])
+        of_h, of_L = _nearest(heights, h), _nearest(lengths, L)
+        _draw(axes, rows, colour[of_h], _tint(colour[of_h], fill[F_N]), shape[of_L])
     handles = [_dot(colour[h], f"{h * 1e3:g} mm") for h in heights]
     legend(axes, handles=handles, title=r"height $h$", loc="upper left")
     axes.add_artist(axes.get_legend())
-    handles = [
-        _dot("0.3", f"$L$ = {L * 1e3:g} mm", "white" if n else None) for n, L in enumerate(lengths)
+    handles = [_dot("0.3", f"$L$ = {L * 1e3:g} mm", "0.3", shape[L]) for L in lengths]
+    handles += [
+        _dot("0.3", rf"$F_\mathrm{{N}}$ = {F_N:g} N", _tint("0.3", fill[F_N])) for F_N in forces
     ]
-    handles += [_dot("0.3", rf"$F_\mathrm{{N}}$ = {F_N:g} N", None, shape[F_N]) for F_N in forces]
     handles += [Line2D([], [], color="0.75", lw=1, label=PREDICTED)]
     legend(axes, handles=handles, loc="upper left", bbox_to_anchor=(0.25, 1.0))
     _frame(axes, records)
     fig.tables = {"points": points, "prediction": curves}
     what = (
         "Precursor length L_p/L against the static F_T/F_N after arrest, setup 1; after Fig. 2(a) "
-        f"of {PAPER}. Colour: h; marker: F_N; filled: L = {lengths[0] * 1e3:g} mm, open: longer."
+        f"of {PAPER}. Colour: h; marker: L; fill: F_N, from empty to full."
     )
     text = [what, _what(points), scene_text([one.scene for one in records]), engine_text(records)]
     if {one.method.geometry for one in records} == {"linear"}:
@@ -170,6 +174,15 @@ def _draw(axes: Axes, rows: pd.DataFrame, colour: str, face: str, shape: str) ->
     axes.plot(
         behind["F_T_over_F_N"], behind["L_p_over_L"], ls="", marker=".", ms=2, mec=colour, zorder=2
     )
+
+
+def _nearest(lengths: Sequence[float], mm: float) -> float:
+    return min(lengths, key=lambda one: abs(one * 1e3 - mm))
+
+
+def _tint(colour: str, share: float) -> tuple[float, ...]:
+    """Return a mixture of white with this share of a colour."""
+    return tuple(1 - share * (1 - part) for part in to_rgb(colour))
 
 
 def _dot(colour: str, label: str, face: str | None = None, shape: str = "o") -> Line2D:

@@ -13,6 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
 from pyfric.figures.registry import figure
+from pyfric.figures.sketch import sketch
 from pyfric.figures.style import (
     BLACK,
     BLUE,
@@ -43,6 +44,12 @@ KINDS = {
     "micro": ("micro-slip, fewer blocks", GREY, 0.6, 1),
 }
 """Kind of event -> legend text, colour, line width (pt), drawing order."""
+
+
+@figure("Fig. 1(a): the scene, to scale", runs="fig1")
+def fig1a(record: Record) -> DataFigure:
+    """Fig. 1(a) of the paper: the sketch of what was run; see `sketch`."""
+    return sketch(record.scene)
 
 
 @figure("Fig. 1(b): loading curve and slipping regions", runs="fig1")

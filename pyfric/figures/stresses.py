@@ -59,7 +59,7 @@ def fig3a(record: Record, number: int = 11) -> DataFigure:
     order = np.argsort(record.scene.n_of_i)
     friction, row = record.scene.law.at(order), record.events.iloc[event]
 
-    fig, (top, bottom) = panels(3.6, (1, 1.35), letter_at=0.13, sharex=True)
+    fig, (top, bottom) = panels(3.6, (1, 1.35), sharex=True)
     for state, table in states.items():
         colour, line, width = STATES[state]
         look = {"color": colour, "ls": line, "lw": width, "zorder": 3}
@@ -103,7 +103,7 @@ def fig3b(record: Record) -> DataFigure:
         raise SceneError("record", record.scene.name, "", allowed, "raise t_end")
     chosen = lengths.iloc[::-2].iloc[::-1]
 
-    fig, (top, bottom) = panels(4.0, (1.25, 1), letter_at=0.13, sharex=True)
+    fig, (top, bottom) = panels(4.0, (1.25, 1), sharex=True)
     profiles = _after_precursors(top, record, chosen)
     after = _after_sliding(bottom, record, [int(event) for event in sliding["event"]])
     bottom.set_xlabel(r"position $x/L$ from the trailing edge", fontsize=BODY)
@@ -176,7 +176,7 @@ def _states_legend(axes: Axes, event: pd.Series, F_N: float) -> None:
         )
         for state, (colour, line, width) in STATES.items()
     ]
-    legend(axes, handles=handles, loc="upper center")
+    legend(axes, handles=handles, loc="upper left", bbox_to_anchor=(0.1, 1.0))
 
 
 def _mark_tip(top: Axes, bottom: Axes, tip: float) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["Frame", "event_frames", "event_movie", "event_strip", "frame_times"]
+__all__ = ["Frame", "event_frames", "event_movie", "event_strip", "frame_times", "has_ffmpeg"]
 
 MOMENTS = (0.05, 0.3, 0.55, 0.8, 1.0, 1.6)
 """Frames of a strip, in units of the time the front takes."""
@@ -167,19 +168,22 @@ def event_movie(
     frames = event_frames(record, event, frame_times(record, event, np.linspace(*moments, count)))
     t_start = record.events["t_start"].iloc[event]
     fig, (panels,) = _panels(record.scene, 1, _largest(frames))
+    named = f"{record.scene.name or 'scene'}, event {event}: first slip at $t$ = {t_start:.6g} s"
+    fig.suptitle(named, fontsize=SMALL)
+    panels.scale(record.scene)
     panels.show(frames[0], t_start)
     fig.canvas.draw()
     fig.set_layout_engine("none")  # nothing moves from frame to frame
     with written(path) as draft:
-        named = draft.with_name(draft.name + Path(path).suffix)  # writers go by the name
+        film = draft.with_name(draft.name + Path(path).suffix)  # writers go by the name
         try:
-            with writer.saving(fig, named, dpi=150):
+            with writer.saving(fig, film, dpi=150):
                 for frame in frames:
                     panels.show(frame, t_start)
                     writer.grab_frame()
-            os.replace(named, draft)
+            os.replace(film, draft)
         finally:
-            named.unlink(missing_ok=True)
+            film.unlink(missing_ok=True)
     return Path(path)
 
 
@@ -189,15 +193,29 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     Raises:
         SceneError: there is nothing that does.
     """
-    kind, allowed = path.suffix.lower(), "a name that ends in .gif, or .mp4 where ffmpeg is"
+    kind, allowed = path.suffix.lower(), "a name that ends in .gif, or .mp4 where ffmpeg is found"
     if kind == ".gif":
         return PillowWriter(fps=fps)
     if kind != ".mp4":
         raise SceneError("path", str(path), "", allowed, "no kind of film that is known")
-    if not FFMpegWriter.isAvailable():
-        raise SceneError("path", str(path), "", allowed, "an MP4 needs ffmpeg, which is not here")
+    if not has_ffmpeg():
+        reason = "an MP4 needs ffmpeg, or the extra movies (imageio-ffmpeg), which is not here"
+        raise SceneError("path", str(path), "", allowed, reason)
     even = "pad=ceil(iw/2)*2:ceil(ih/2)*2"  # H.264 takes nothing else
     return FFMpegWriter(fps=fps, codec="h264", extra_args=["-vf", even])
+
+
+def has_ffmpeg() -> bool:
+    """Whether MP4 can be written: by ffmpeg on the path, or by that of imageio-ffmpeg."""
+    if FFMpegWriter.isAvailable():
+        return True
+    try:
+        import imageio_ffmpeg
+
+        mpl.rcParams["animation.ffmpeg_path"] = imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        return False
+    return FFMpegWriter.isAvailable()
 
 
 # --- parts ---------------------------------------------------------------------------------------
@@ -271,6 +289,17 @@ class _Panels:
         if lowest:
             self.bottom.set_xlabel(r"$x/L$", fontsize=BODY)
         self.title = self.top.set_title(" ", fontsize=SMALL, pad=2)
+
+    def scale(self, scene: Scene) -> None:
+        """Draw a bar of a round length, about a fifth of L."""
+        L = scene.slider.L
+        power = 10.0 ** math.floor(math.log10(0.2 * L))
+        long = max(step * power for step in (1, 2, 5) if step * power <= 0.2 * L)
+        bar, shown = long / L, f"{long * 1e3:g} mm"
+        top = self.top.get_ylim()[1]
+        self.top.plot([0.97 - bar, 0.97], [0.9 * top] * 2, color=BLACK, lw=2, solid_capstyle="butt")
+        at, look = (0.97 - bar / 2, 0.87 * top), {"ha": "center", "va": "top", "fontsize": SMALL}
+        self.top.text(*at, shown, **look)
 
     def show(self, frame: Frame, t_start: float) -> None:
         """Show a frame; t_start is the time of the first slip, s."""

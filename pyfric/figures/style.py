@@ -45,11 +45,11 @@ class DataFigure(Figure):
 
 
 def panels(
-    height: float, ratios: Sequence[float] = (1,), *, letter_at: float = 0.02, **rest: Any
+    height: float, ratios: Sequence[float] = (1,), **rest: Any
 ) -> tuple[DataFigure, list[Axes]]:
     """Return a figure of this height (inches) and its panels, one below the other.
 
-    Letters, where there are several panels, are at the top, `letter_at` of the width from the left.
+    Letters, where there are several panels, stand above them at the left, where no line is.
     """
     fig = DataFigure(figsize=(COLUMN_WIDTH, height), layout="constrained")
     FigureCanvasAgg(fig)
@@ -57,27 +57,18 @@ def panels(
     fig.tables = {}
     axes = list(fig.subplots(len(ratios), 1, squeeze=False, height_ratios=ratios, **rest)[:, 0])
     for number, one in enumerate(axes):
-        style(one, "abcdef"[number] if len(axes) > 1 else "", letter_at)
+        style(one, "abcdef"[number] if len(axes) > 1 else "")
     return fig, axes
 
 
-def style(axes: Axes, letter: str = "", at: float = 0.02) -> None:
+def style(axes: Axes, letter: str = "") -> None:
     """Ticks, frame and letter of a panel."""
     axes.tick_params(direction="in", top=True, right=True, labelsize=SMALL, width=0.6, length=3)
     axes.tick_params(which="minor", direction="in", top=True, right=True, width=0.4, length=1.5)
     for spine in axes.spines.values():
         spine.set_linewidth(0.6)
     if letter:
-        axes.text(
-            at,
-            0.96,
-            f"({letter})",
-            transform=axes.transAxes,
-            ha="left",
-            va="top",
-            fontsize=BODY,
-            fontweight="bold",
-        )
+        axes.set_title(f"({letter})", loc="left", fontsize=BODY, fontweight="bold", pad=2)
 
 
 def legend(axes: Axes, **options: Any) -> None:

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
+from markupsafe import Markup, escape
 
 from pyfric.figures import FIGURES
 from pyfric.scene import __version__, template, write
@@ -36,12 +38,17 @@ COST_COLUMNS = (
 )
 
 
+FILMS = ("event.mp4", "event.gif")
+"""The film of an event, by the first of these names that is there."""
+FILM_TEXT = "event.txt"
+
+
 class Shown(NamedTuple):
     """A figure on the page; `files` lie beside it."""
 
     name: str
     title: str
-    caption: str
+    caption: Markup
     files: list[str]
 
 
@@ -60,11 +67,14 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
         OSError: a file cannot be read or written.
     """
     folder = Path(folder)
+    film = next((name for name in FILMS if (folder / name).is_file()), None)
     names = [name for name in sorted(FIGURES) if (folder / f"{name}.png").is_file()]
     runs = [pd.read_csv(folder / f"{name}_runs.csv").assign(figure=name) for name in names]
     claims = folder / "claims.json"
     text = template(__file__, "page.html").render(
         version=__version__,
+        film=film,
+        film_text=mathematical((folder / FILM_TEXT).read_text(encoding="utf-8")) if film else "",
         figures=[_figure(folder, name) for name in names],
         has_claims=claims.is_file(),
         claims=_claims(claims) if claims.is_file() else None,
@@ -76,7 +86,26 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
 def _figure(folder: Path, name: str) -> Shown:
     caption = (folder / f"{name}.txt").read_text(encoding="utf-8").strip()
     files = [f"{name}.pdf", *sorted(path.name for path in folder.glob(f"{name}_*.csv"))]
-    return Shown(name, FIGURES[name].title, caption, files)
+    return Shown(name, FIGURES[name].title, mathematical(caption), files)
+
+
+SYMBOL = re.compile(
+    r"\b(?P<letter>[FLNHVKXcdkluvt]|mu|tau|theta|alpha|eta)_(?P<index>[A-Za-z]\w?|top)\b"
+    r"|\b(?P<greek>mu|tau|theta|alpha|eta)\b"
+)
+GREEK = {"mu": "μ", "tau": "τ", "theta": "θ", "alpha": "α", "eta": "η"}
+
+
+def mathematical(text: str) -> Markup:
+    """Return a text as HTML in which its symbols, such as mu_s and L_p, are MathML."""
+
+    def math(found: re.Match[str]) -> str:
+        letter, index = found["letter"] or found["greek"], found["index"]
+        shown = f"<mi>{GREEK.get(letter, letter)}</mi>"
+        shown = f"<msub>{shown}<mi>{index}</mi></msub>" if index else shown
+        return f"<math>{shown}</math>"
+
+    return Markup(SYMBOL.sub(math, str(escape(text))))
 
 
 def _claims(path: Path) -> Table | None:

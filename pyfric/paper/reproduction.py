@@ -10,15 +10,19 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from pyfric.engines import Job, run_all
-from pyfric.figures import FIGURES, save_figure
-from pyfric.paper.page import write_index
+from pyfric.figures import FIGURES, event_movie, has_ffmpeg, main_precursor, save_figure
+from pyfric.paper.page import FILM_TEXT, FILMS, write_index
 from pyfric.paper.runs import RUNS
-from pyfric.scene import unknown
+from pyfric.scene import unknown, write
 
 if TYPE_CHECKING:
     from pyfric.record import Record
 
 __all__ = ["reproduce", "runs_table"]
+
+
+FILMED, NUMBER = "fig3a", 11
+"""The figure whose event is filmed, and which main precursor that is."""
 
 
 def reproduce(
@@ -29,6 +33,7 @@ def reproduce(
     cache: bool | str | os.PathLike[str] = True,
     progress: bool | None = None,
     runs: Mapping[str, Job | Sequence[Job]] = RUNS,
+    film: bool = True,
 ) -> list[Path]:
     """Run what the figures need, side by side, and draw them.
 
@@ -37,6 +42,7 @@ def reproduce(
         out: folder of the files; made if missing.
         workers, cache, progress: see `pyfric.run_all`.
         runs: what figures are drawn from, by the names that they ask for.
+        film: whether the event of Fig. 3(a) is also a film, with that figure.
 
     Returns:
         The files: for each figure PNG, PDF, caption and tables (see `save_figure`), among them
@@ -55,14 +61,32 @@ def reproduce(
     out.mkdir(parents=True, exist_ok=True)
     jobs = {name: _listed(runs[FIGURES[name].runs]) for name in names}
     records = iter(run_all([job for name in names for job in jobs[name]], workers, cache, progress))
-    paths = []
+    paths, records_of = [], {}
     for name in names:
-        mine = [next(records) for _ in jobs[name]]
+        mine = records_of[name] = [next(records) for _ in jobs[name]]
         one = isinstance(runs[FIGURES[name].runs], Job)
         fig = FIGURES[name].draw(mine[0] if one else mine)
         fig.tables["runs"] = runs_table(jobs[name], mine)
         paths += save_figure(fig, out / name)
+    if FILMED in names and film:
+        paths += _film(records_of[FILMED][0], out)
     return [*paths, write_index(out)]
+
+
+def _film(record: Record, out: Path) -> list[Path]:
+    """Write the film of the event of Fig. 3(a), MP4 where that can be made, and its caption."""
+    event = main_precursor(record, NUMBER)
+    path = event_movie(record, event, out / FILMS[0 if has_ffmpeg() else 1])
+    row, method = record.events.iloc[event], record.method
+    text = (
+        f"Main precursor {NUMBER} of the run of Fig. 1, the event of Figs. 3(a) and 4(a), first "
+        f"slip at t = {row['t_start']:.6g} s, L_p/L = {row['L_p_over_L']:.3g}, again with full "
+        "dynamics from a state just before it. Above: velocity along the drive; below: tau/p, "
+        f"dots: blocks that slip. The run: {method}."
+    )
+    for other in set(FILMS) - {path.name}:
+        (out / other).unlink(missing_ok=True)
+    return [path, write(out / FILM_TEXT, f"{text}\n".encode())]
 
 
 def _listed(runs: Job | Sequence[Job]) -> Sequence[Job]:

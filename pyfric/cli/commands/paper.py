@@ -105,7 +105,8 @@ def claims(
 )
 @set_option
 @file_option("--out", metavar="STEM", help="Names of the files. [default: event_N]")
-@click.option("--gif", is_flag=True, help="Also write STEM.gif, an animation.")
+@click.option("--mp4", is_flag=True, help="Also write STEM.mp4, a film; that needs ffmpeg.")
+@click.option("--gif", is_flag=True, help="Also write STEM.gif, the film where there is no ffmpeg.")
 @overwrite_option
 @telling
 def movie(
@@ -114,6 +115,7 @@ def movie(
     t_end: float,
     changes: tuple[str, ...],
     out: Path | None,
+    mp4: bool,
     gif: bool,
     overwrite: bool,
     tell: Tell,
@@ -127,12 +129,14 @@ def movie(
     from pyfric import figures
 
     stem = out or Path(f"event_{event}")
-    ends = figure_ends("interface", "field") + ((".gif",) if gif else ())
-    check_out(stem, overwrite, ends=ends, reads=[source])
+    films = [end for end, wanted in ((".mp4", mp4), (".gif", gif)) if wanted]
+    check_out(stem, overwrite, ends=(*figure_ends("interface", "field"), *films), reads=[source])
+    if mp4 and not figures.has_ffmpeg():
+        raise click.UsageError("--mp4 needs ffmpeg, or the extra movies; take --gif.")
     record, row = _main_event(source, event, t_end, changes, tell)
     files = figures.save_figure(figures.event_strip(record, row), stem)
-    if gif:
-        files.append(figures.event_movie(record, row, stem.with_name(stem.name + ".gif")))
+    for end in films:
+        files.append(figures.event_movie(record, row, stem.with_name(stem.name + end)))
     tell.files(files)
 
 

@@ -146,6 +146,7 @@ def test_claims_are_shown_where_they_are_there(folder):
     for one in ("a <b> & c", "0.1235", "m/s", "by eye", "verdict"):
         assert one in page.texts
     assert "1 of 2 claims hold" in text
+    assert "Of the paper's claims, 1 miss their band: claim 2; " in text
     assert page.texts.index("by eye") < page.texts.index("a <b> & c")  # misses come first
     assert len(re.findall('<tr class="miss">', text)) == 1
     assert "claims" not in Page(write_index(folder).read_text(encoding="utf-8")).ids

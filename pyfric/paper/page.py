@@ -71,13 +71,16 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
     names = [name for name in sorted(FIGURES) if (folder / f"{name}.png").is_file()]
     runs = [pd.read_csv(folder / f"{name}_runs.csv").assign(figure=name) for name in names]
     claims = folder / "claims.json"
+    found = _claims(claims) if claims.is_file() else None
+    rows = zip(found.rows, found.classes, strict=True) if found else ()
     text = template(__file__, "page.html").render(
         version=__version__,
         film=film,
         film_text=mathematical((folder / FILM_TEXT).read_text(encoding="utf-8")) if film else "",
         figures=[_figure(folder, name) for name in names],
         has_claims=claims.is_file(),
-        claims=_claims(claims) if claims.is_file() else None,
+        claims=found,
+        missed=[row[0] for row, kind in rows if kind],
         cost=_cost(pd.concat(runs, ignore_index=True)) if runs else None,
     )
     return write(folder / "index.html", text.encode())

@@ -10,7 +10,7 @@ from helpers import bits, budget_error, same_run, small
 from scipy.integrate import solve_ivp
 
 import pyfric
-from pyfric.scene import Scene, SceneError, chain, setup2
+from pyfric.scene import Scene, SceneError, chain, setup1, setup2
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", switching="located")
 
@@ -71,9 +71,13 @@ def test_refused_protocols(protocol, texts):
 def test_forces_stay_positive_and_other_engines_say_why_not():
     refused(lambda: loaded(setup2(), protocol=((1.0, 0.0),)), "top.protocol", "corner 1", "> 0 N")
     scene = driven(setup2(), STEPS)
+    refused(lambda: pyfric.simulate(scene, 1e-3, fidelity="hybrid"), "fidelity", "one speed")
+    heavier = loaded(setup2(), protocol=((1.0, 500.0),))
     for fidelity in ("hybrid", "quasistatic", "equilibrium"):
-        refused(lambda f=fidelity: pyfric.simulate(scene, 1e-3, fidelity=f), "fidelity", "protocol")
-    refused(lambda: pyfric.prediction_curve(scene), "fidelity")
+        refused(
+            lambda f=fidelity: pyfric.simulate(heavier, 1e-3, fidelity=f), "fidelity", "one load"
+        )
+    refused(lambda: pyfric.prediction_curve(heavier), "fidelity")
     plan = pyfric.plan(scene)
     assert (plan.fidelity, plan.geometry) == ("dynamic", "finite")
     assert "protocol" in plan.reasons[0]
@@ -232,3 +236,58 @@ def test_a_rod_is_pushed_at_any_height():
         u_h = state.y[scene.j_h, 0, scene.i_h]
         F_T = scene.driver_force(scene.drive(4e-3), u_h, state.u_drv0)
         assert F_T == pytest.approx(rest.F_T, rel=1e-3)
+
+
+# --- static states -------------------------------------------------------------------------------
+
+
+def test_static_slip_back_and_forth_follows_masings_rule():
+    """With mu_s = mu_k the way back is the first loading, twice as large in force and path.
+
+    Source: G. Masing, Proc. 2nd Int. Congr. Appl. Mech., 332 (1926).
+    """
+    V, T = 0.05, 1e-3
+    scene = chain(L=0.02, p=40.0, k=2e6, K=4e6, V=V, mu_s=0.5, mu_k=0.5, M=0.01)
+    there_and_back = driven(scene, ((T, V), (T, 0.0), (2 * T, 0.0), (2 * T, -V), (4 * T, -V)))
+    curve = pyfric.simulate(there_and_back, 4 * T, fidelity="quasistatic").curve
+    first = pyfric.simulate(scene, T, fidelity="quasistatic").curve
+    most = first["F_T"].iloc[-1]
+    held = curve["F_T"][curve["t"].between(T, 2 * T)]
+    np.testing.assert_allclose(held, most, rtol=1e-12)
+    back = curve[curve["t"] >= 2 * T]
+    x = V * (back["t"] - 2 * T)
+    expected = most - 2 * np.interp(x / 2, V * first["t"], first["F_T"])
+    assert len(back) >= 6
+    np.testing.assert_allclose(back["F_T"], expected, rtol=0, atol=1e-11 * most)
+    path = pyfric.prediction_curve(there_and_back).curve
+    there = path[np.isclose(path["t"], 4 * T, rtol=1e-12)].iloc[0]
+    np.testing.assert_allclose([there["drive"], there["F_T"]], [-V * T, -most], rtol=1e-11)
+
+
+def test_the_ladder_climbs_and_descends_as_full_dynamics_does():
+    """Within 0.02 F_N, its error in this scene; between -0.2 and 0.5 F_N."""
+    V, T = 4e-3, 20e-3
+    back = ((T, V), (T, 0.0), (1.2 * T, 0.0), (1.2 * T, -V), (4 * T, -V))
+    scene = driven(setup1(L=0.02, H=0.0125, F_N=400.0), back, V=V)
+    how = {"sample": 1e-4, "budget": False}
+    ladder = pyfric.simulate(scene, 2.5 * T, fidelity="quasistatic")
+    run = simulate(scene, 2.5 * T, geometry="linear", **how)
+    t = np.linspace(0, 2.5 * T, 300)
+    a, b = (np.interp(t, one.curve["t"], one.curve["F_T"]) / 400.0 for one in (ladder, run))
+    np.testing.assert_allclose(a, b, rtol=0, atol=0.02)
+    assert a.max() > 0.48
+    assert a.min() < -0.15
+    assert (ladder.switches["new"] == -1).any()  # blocks slip back
+
+
+def test_holds_and_ramps_only_move_events_in_time():
+    scene = setup1(L=0.02, H=0.0125, F_N=400.0, V=0.02)
+    how = {"fidelity": "quasistatic", "t_gap": 1e-7}
+    steady = pyfric.simulate(scene, 5e-3, **how)
+    corners = ((1e-3, 0.02), (1e-3, 0.0), (3e-3, 0.0), (3e-3, 0.02), (4e-3, 0.06), (5e-3, 0.06))
+    held = driven(scene, corners)
+    events = pyfric.simulate(held, 5e-3, **how).events.iloc[: len(steady.events)]
+    assert len(events) > 3
+    np.testing.assert_allclose(events["F_T_start"], steady.events["F_T_start"], rtol=1e-11)
+    drive = [held.drive(t) for t in events["t_start"]]
+    np.testing.assert_allclose(drive, 0.02 * steady.events["t_start"], rtol=1e-11)

@@ -207,10 +207,10 @@ def hurry_notes(scene: Scene, engine: str) -> tuple[str, ...]:
     Nothing moves in a chain whose blocks stick.
     """
     slider, driver = scene.slider, scene.driver
-    if scene.N_z == 1 or driver.V == 0:
+    if scene.N_z == 1 or driver.fastest == 0:
         return ()
     decay = slow_decay(scene)
-    share = driver.V * decay / (1 / driver.K + 1 / slider.k) / scene.F_N
+    share = driver.fastest * decay / (1 / driver.K + 1 / slider.k) / scene.F_N
     if share <= HURRY:
         return ()
     return (

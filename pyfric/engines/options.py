@@ -275,11 +275,23 @@ class Options:
         )
 
 
+STATIC = ("quasistatic", "equilibrium")
+"""Engines of static states."""
+
+
 def check_steady(scene: Scene, fidelity: str) -> None:
-    """Raise SceneError where a protocol asks for more than an engine can follow."""
-    if scene.follows_protocol:
+    """Raise SceneError where a protocol asks for more than an engine can follow.
+
+    Static states follow a driver there and back, at any pace. A load that changes is another
+    matter: blocks slip by it where nothing is driven.
+    """
+    loads = (getattr(scene.top, name, ()) for name in ("protocol", "T_protocol"))
+    if not scene.follows_protocol or (fidelity in STATIC and not any(loads)):
+        return
+    reason = f"the {fidelity} engine follows a protocol of the driver, under one load"
+    if fidelity not in STATIC:
         reason = f"the {fidelity} engine drives at one speed under one load"
-        raise SceneError("fidelity", fidelity, "", "'dynamic' for a scene with a protocol", reason)
+    raise SceneError("fidelity", fidelity, "", "'dynamic' for a scene with a protocol", reason)
 
 
 def kept(method: Method) -> dict[str, Any]:

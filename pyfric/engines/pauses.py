@@ -39,10 +39,9 @@ def longest_pause(scene: Scene) -> float:
     """
     slider, driver = scene.slider, scene.driver
     transit = slider.L / (slider.l * math.sqrt(slider.k / (2 * scene.m)))
-    fastest = max([abs(driver.V), *(abs(V) for _, V in driver.protocol)])
-    if driver.K * fastest == 0:
+    if driver.K * driver.fastest == 0:
         return _rounded(TRANSITS * transit)
-    loading = DRIVER_SHARE * scene.F_N / (driver.K * fastest)
+    loading = DRIVER_SHARE * scene.F_N / (driver.K * driver.fastest)
     ringing = RING_DOWN * slow_decay(scene) if scene.N_z > 1 else math.inf
     longest = min(loading, ringing)
     return _rounded(max(longest, TRANSITS * transit))

@@ -4,7 +4,8 @@
 the driver's position, so the next nucleation is a closed formula. The event rule: blocks that slip
 carry mu_k p, those that stick stay below mu_s p. The block with the largest |f| - mu_s p is
 released, one at a time; one that would move back sticks again where it was; at the end all stick.
-What is left out: the overshoot of moving blocks, and with it a part of the length of an event.
+A driver that goes back is followed back. What is left out: the overshoot of moving blocks, and with
+it a part of the length of an event.
 
 For mu_s = mu_k slip grows continuously. It is followed exactly from one change of contact state to
 the next; in between all quantities are linear. Which of the blocks at their threshold slip, and
@@ -142,6 +143,7 @@ class QuasistaticRun:
         self.log.mode[~self.contact.closed] = OPEN
         self.rows: list[tuple[float, float]] = []
         self.events = self.releases = 0
+        self.leg = scene.legs(0.0)[0]  # what the driver does now
         self.ending = ""  # status of a run that ends before its time
         self.notes: tuple[str, ...] = ()
         self.timings = {"set-up": time.perf_counter() - start}
@@ -149,8 +151,7 @@ class QuasistaticRun:
 
     @property
     def t(self) -> float:
-        V = self.scene.driver.V
-        return (self.contact.drive - self.drive_0) / V if V else 0.0
+        return self.leg.time_at(self.contact.drive - self.drive_0)
 
     def sample(self) -> None:
         self.rows.append((self.t, self.contact.values().F_T))
@@ -162,22 +163,31 @@ class QuasistaticRun:
             EquilibriumError: an event does not settle, or slip goes on in events of no length.
         """
         start = time.perf_counter()
-        V = self.scene.driver.V
         self.sample()
-        if not V:
-            self.rows.append((t_end, self.rows[-1][1]))
-        else:
-            (self.grow if self.contact.law.gradual else self._climb)(
-                self.drive_0 + V * t_end, stop, show
-            )
-            if not (stop() or self.ending):
-                self.contact.drive = self.drive_0 + V * t_end
-                self.rows.append((t_end, self.contact.values().F_T))
+        self.follow(t_end, stop, show)
         if not np.isfinite(self.rows[-1][1]):
             what = "the ladder left the range of numbers"
             raise EquilibriumError(what, np.nan, self.contact.tol, 0)
         self.timings["events"] = time.perf_counter() - start
         return not stop()
+
+    def follow(self, t_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
+        """Go through the legs of the protocol up to t_end (s), which may be inf."""
+        contact = self.contact
+        for leg in self.scene.legs(t_end):
+            self.leg = leg
+            if leg.way != contact.way:  # what slips comes to rest
+                contact.hold_all()
+                self.log.set(contact, leg.t)
+            if leg.way:
+                contact.way = leg.way
+                go = self.grow if contact.law.gradual else self._climb
+                go(self.drive_0 + leg.last, stop, show)
+            if stop() or self.ending or math.isinf(leg.t_end):
+                return
+            contact.drive = self.drive_0 + leg.last
+            self.rows.append((leg.t_end, contact.values().F_T))
+            show(*self.rows[-1], self.events)
 
     def _climb(self, drive_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
         """Follow the ladder of events until the driver is at drive_end."""
@@ -185,9 +195,9 @@ class QuasistaticRun:
         rounding = contact.tol / self.scene.driver.K
         while not stop():
             drive, i, what = contact.next_change()
-            if not drive <= drive_end:
+            if not contact.way * (drive - drive_end) <= 0:
                 return
-            idle = idle + 1 if drive - contact.drive <= rounding else 0
+            idle = idle + 1 if contact.way * (drive - contact.drive) <= rounding else 0
             if idle > IDLE:
                 text = f"at t = {self.t:.6g} s slip goes on without end, in events of no length"
                 raise EquilibriumError(text, np.nan, contact.tol, IDLE)
@@ -236,7 +246,7 @@ class QuasistaticRun:
                 )
                 return
             drive, i, what = contact.next_change(reload=False)
-            if not drive <= drive_end or drive == np.inf:
+            if math.isinf(drive) or not contact.way * (drive - drive_end) <= 0:
                 return
             contact.drive = drive
             if what == 0:
@@ -426,8 +436,8 @@ def beyond_ladder(scene: Scene) -> Beyond | None:
 def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     """Return the growth of the slipping zone with mu_s = mu_k, up to sliding.
 
-    The speed of the driver does not matter; t is the driver's displacement over V, or, where V = 0,
-    over 1 m/s.
+    The speed of the driver does not matter; t is the driver's displacement over V, or, where it
+    never moves, over 1 m/s. A protocol is followed: where the driver goes back, blocks slip back.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file; its friction
@@ -456,7 +466,7 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     """
     mu = scene.interface.mu_k if mu is None else check_number("mu", mu, "", ge=0.0)
     check_steady(scene, "quasistatic")
-    V = scene.driver.V or 1.0
+    V = scene.driver.V if scene.driver.fastest else 1.0
     scene = dataclasses.replace(
         scene,
         interface=dataclasses.replace(scene.interface.coulomb(), mu_s=mu, mu_k=mu),
@@ -478,9 +488,9 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
 
     run.sample()
     note()
-    run.grow(np.inf, lambda: False, note)
+    run.follow(math.inf, lambda: False, note)
     run.timings["path"] = time.perf_counter() - start
-    drive = [V * t for t, _ in run.rows]
+    drive = [scene.drive(t) for t, _ in run.rows]
     return run.record("complete", "prediction", drive=drive, L_p_over_L=reached)
 
 

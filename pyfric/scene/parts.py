@@ -280,6 +280,11 @@ class Driver:
     _section: ClassVar[str] = "driver"
     _allowed: ClassVar[dict[str, str]] = {"side": "'left' or 'right'"}
 
+    @property
+    def fastest(self) -> float:
+        """Largest speed, either way, in m/s."""
+        return max([self.V, *(abs(V) for _, V in self.protocol)])
+
 
 @part
 class Interface:

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
+import itertools
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from pyfric.scene.checked import Quantity, Written
 from pyfric.scene.units import SceneError
 
-__all__ = ["Course", "Piece", "piece_at", "pieces"]
+__all__ = ["Course", "Leg", "Piece", "legs", "piece_at", "pieces"]
 
 MAX_CORNERS = 1000
 """Most corners of one protocol."""
@@ -55,6 +57,51 @@ def pieces(first: float, corners: Corners) -> list[Piece]:
 def piece_at(course: Sequence[Piece], t: float) -> Piece:
     """Return the piece that time t (s) lies in; at a corner the one that begins there."""
     return course[max(bisect.bisect_right([one.t for one in course], t) - 1, 0)]
+
+
+class Leg(NamedTuple):
+    """A stretch of time, from t to t_end (s), in which an integral grows or falls all the way.
+
+    The integral goes from `first` to `last`; `way` is +1 where it grows, -1 where it falls, and 0
+    where it rests; `value` and `slope` are those of the piece, at t.
+    """
+
+    t: float
+    t_end: float
+    first: float
+    last: float
+    way: int
+    value: float
+    slope: float
+
+    def time_at(self, integral: float) -> float:
+        """Return when the integral has a value, in s: t where it rests."""
+        far, speed = self.way * (integral - self.first), self.way * self.value
+        root = math.sqrt(max(speed**2 + 2 * self.way * self.slope * far, 0.0))
+        return self.t + (2 * far / (speed + root) if speed + root > 0 else 0.0)
+
+
+def legs(course: Sequence[Piece], t_end: float) -> list[Leg]:
+    """Return the legs of a protocol up to t_end (s), which may be inf."""
+    found: list[Leg] = []
+    ends = [*(piece.t for piece in course[1:]), math.inf]
+    for piece, end in zip(course, ends, strict=True):
+        if found and piece.t >= t_end:
+            break
+        turn = piece.t - piece.value / piece.slope if piece.slope else math.inf
+        last = min(end, t_end)
+        for a, b in itertools.pairwise([piece.t, *([turn] if piece.t < turn < last else []), last]):
+            value = piece.value if math.isinf(b) else piece.at(0.5 * (a + b))
+            way = int(math.copysign(1, value)) if value else 0
+            to = (
+                piece.integral_at(b)
+                if math.isfinite(b)
+                else way * math.inf
+                if way
+                else piece.integral
+            )
+            found.append(Leg(a, b, piece.integral_at(a), to, way, piece.at(a), piece.slope))
+    return found
 
 
 @dataclasses.dataclass(frozen=True)

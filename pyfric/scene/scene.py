@@ -33,7 +33,7 @@ from pyfric.scene.parts import (
     Walls,
     steps_in,
 )
-from pyfric.scene.protocol import Piece, piece_at, pieces
+from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
 from pyfric.scene.shown import html, scene_text
 from pyfric.scene.spread import Spread
 from pyfric.scene.units import SceneError
@@ -321,6 +321,10 @@ class Scene:
     def piece(self, what: Literal["V", "F_N", "T"], t: float) -> Piece:
         """Return the piece of a protocol that begins at or before t (s): V, F_N or T."""
         return piece_at(self._courses[what], t)
+
+    def legs(self, t_end: float) -> list[Leg]:
+        """Return the stretches of time up to t_end (s) in which the driver moves one way."""
+        return legs(self._courses["V"], t_end)
 
     def drive(self, t: float) -> float:
         """Return the displacement of the driver at t (s) since t = 0, in m: V t where V stays."""

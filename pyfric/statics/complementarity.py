@@ -162,6 +162,7 @@ class Contact:
         slip: direction of the blocks that slip, 0 elsewhere, shape (N_x,), int8.
         closed: blocks that touch the foundation, shape (N_x,), bool.
         drive: position of the driver, in m.
+        way: +1 where the driver goes on, -1 where it goes back; rates are per path of it.
         law: the friction law; slipping blocks have left weakening behind.
         tol: violations of contact or friction conditions below it are rounding, in N.
     """
@@ -173,6 +174,7 @@ class Contact:
         self.N_x, self.k_f = scene.N_x, scene.k_f
         self.law = scene.law
         self.k, self.K, self.least = scene.slider.k, scene.driver.K, LEAST * problem.unit
+        self.way = 1
         self.slip = np.zeros(self.N_x, dtype=np.int8)
         self.closed = np.array(closed, dtype=bool)
         self.free = np.zeros(self.N_x, dtype=bool)
@@ -199,7 +201,7 @@ class Contact:
         return i if depth[i] > self.tol else None
 
     def next_change(self, *, reload: bool = True) -> tuple[float, int, int]:
-        """Return where the next contact state changes as drive grows.
+        """Return where the next contact state changes as the driver goes its way.
 
         A rate that may be nothing but rounding changes nothing.
 
@@ -208,8 +210,8 @@ class Contact:
                 again. Without it, it slips on as others do.
 
         Returns:
-            drive (inf for nowhere), the block, and what it does: +1 or -1 slips that way, 0 opens
-            or closes, 2 has load again and sticks.
+            drive (inf or -inf for nowhere), the block, and what it does: +1 or -1 slips that way,
+            0 opens or closes, 2 has load again and sticks.
         """
         now, rate, stuck = self.values(), self.rates(), self.stuck
         closed, small = self.closed, self.small_rate(rate)
@@ -228,9 +230,10 @@ class Contact:
                 ahead = np.full(self.N_x, np.inf)
                 np.divide(np.maximum(margin, 0.0), -slope, out=ahead, where=falls)
                 i = int(np.argmin(ahead))
-                if self.drive + ahead[i] < best[0]:
-                    best = self.drive + float(ahead[i]), i, what
-        return best
+                there = self.way * self.drive + float(ahead[i])
+                if there < best[0]:
+                    best = there, i, what
+        return self.way * best[0], best[1], best[2]
 
     def small_rate(self, rate: Values) -> float:
         """Return the rate of a force that may be nothing but rounding, in N/m."""
@@ -354,8 +357,8 @@ class Contact:
         return self._values_of(self.table @ self.column)
 
     def rates(self) -> Values:
-        """Return the derivatives of `values` by drive."""
-        return self._values_of(self.table[:, -2])
+        """Return the derivatives of `values` by the path of the driver."""
+        return self._values_of(self.way * self.table[:, -2])
 
     def _values_of(self, v: np.ndarray) -> Values:
         N_x = self.N_x

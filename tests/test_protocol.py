@@ -78,6 +78,8 @@ def test_forces_stay_positive_and_other_engines_say_why_not():
             lambda f=fidelity: pyfric.simulate(heavier, 1e-3, fidelity=f), "fidelity", "one load"
         )
     refused(lambda: pyfric.prediction_curve(heavier), "fidelity")
+    soft = scene.replace(d_c=1e-5)
+    refused(lambda: pyfric.simulate(soft, 1e-3, fidelity="quasistatic"), "fidelity", "weakens")
     plan = pyfric.plan(scene)
     assert (plan.fidelity, plan.geometry) == ("dynamic", "finite")
     assert "protocol" in plan.reasons[0]

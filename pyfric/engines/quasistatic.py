@@ -374,6 +374,10 @@ def simulate(
         raise StateError(f"initial: the {engine} engine goes on from records only")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     beyond = beyond_ladder(scene) if engine == "quasistatic" else None
+    if beyond and scene.follows_protocol:
+        reason = "stable slip that weakens is followed at one speed of the driver"
+        allowed = "'dynamic' for this scene with a protocol"
+        raise SceneError("fidelity", engine, "", allowed, reason)
     if beyond and not creeps(scene.law):
         allowed = f"{beyond.allowed}, or fidelity = 'hybrid' or 'dynamic'"
         raise SceneError(beyond.field, beyond.value, beyond.unit, allowed, beyond.reason)

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from pyfric.checks.studies import (
         bench,
         chart,
+        disorder,
         fidelity,
         fronts,
         large,
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = [
     "bench",
     "chart",
+    "disorder",
     "fidelity",
     "fronts",
     "large",

@@ -97,6 +97,19 @@ def fronts(
     _save_study("fronts", lambda study: study.study(folder, **given, say=tell.step), out, tell)
 
 
+@main.command()
+@_study_out
+@folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
+@telling
+def disorder(out: Path, runs: Path | None, tell: Tell) -> None:
+    """Break two collapses of the paper by disorder of mu_s: lengths, front speeds (a minute).
+
+    Runs are kept in --runs; the next call goes on where this one was stopped.
+    """
+    folder = out / "runs" if runs is None else runs
+    _save_study("disorder", lambda study: study.study(folder, say=tell.step), out, tell)
+
+
 def _save_study(name: str, make: Callable[[Any], Any], out: Path, tell: Tell) -> None:
     """Make a study's figure and save it with its provenance."""
     from pyfric import figures

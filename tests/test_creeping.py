@@ -5,12 +5,13 @@ import dataclasses
 import numpy as np
 
 import pyfric
+from pyfric.engines import creeping
 from pyfric.engines.creeping import Creeping
 from pyfric.scene import setup1, setup2
 from pyfric.scene.laws import Ageing
 
 FORCE = 1e-4
-"""Start and arrest forces, over F_N: measured below 1e-6."""
+"""Start and arrest forces, over F_N: measured 3e-8 and 5e-6."""
 
 
 def rod(**changes):
@@ -22,8 +23,13 @@ def run(scene, t_end, fidelity, **how):
     return pyfric.simulate(scene, t_end, fidelity=fidelity, **how)
 
 
-def test_stable_slip_is_full_dynamics():
-    """Stable slip for 4 ms, an event, stable slip once more, of two parts of the interface."""
+def test_stable_slip_is_full_dynamics(monkeypatch):
+    """Stable slip for 4 ms, an event, stable slip once more, of two parts of the interface.
+
+    Jumps go further than by default, up to speeds at which viscosity and inertia count.
+    """
+    monkeypatch.setattr(creeping, "LEFT", 0.01)
+    monkeypatch.setattr(creeping, "HURRY", 0.5)
     scene, t_end = rod(side="right"), 0.048
     a = run(scene, t_end, "dynamic", budget=False)
     b = run(scene, t_end, "hybrid")
@@ -38,7 +44,7 @@ def test_stable_slip_is_full_dynamics():
     np.testing.assert_allclose(b.switches["t"], a.switches["t"], rtol=0, atol=1e-6)
     error = (b.curve["F_T"] - a.curve["F_T"]) / scene.F_N
     assert np.quantile(np.abs(error), 0.98) < 1e-5
-    assert b.counts["steps"] < 0.25 * a.counts["steps"]
+    assert b.counts["steps"] < 0.14 * a.counts["steps"]
     assert b.counts["steps"] + b.counts["steps_spared"] == b.final_state.step
 
 

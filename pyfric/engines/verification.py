@@ -14,8 +14,8 @@ nearly twice the step  otherwise ("sample"), for as much of the run as costs as 
 "full" takes a quarter of the step whatever it costs, and one more run whose driver is faster by
 `PERTURBATION`, which says what is determined at all. A ladder is compared with dynamics, from the
 start to where that has cost as much as the ladder, or `CHEAP`; what it leaves out is taken to be
-off by what the plan expects. The factors are such that the real error exceeds the reported one in
-less than one run of twenty (`pyfric check-plans`).
+off by what the plan expects. The factors are meant to hold in 19 runs of 20; `pyfric check-plans`
+counts how often they do.
 
 Where a planned run is off by more than its tolerance, it is compared with the one of shorter steps
 first, and then made again with less left out: in finite geometry, then with the steps of the run

@@ -28,8 +28,9 @@ contains
     if (s%prescribed) then  ! half blocks
       e(1) = e(1) - 0.25_dp*s%m*sum(y(:, VX, 1)**2 + y(:, VZ, 1)**2)
       e(3) = e(3) - halved_energy(s, y(:, :, 1))
+    else
+      e(4) = 0.5_dp*s%k_f(1)*sum(s%k_f/s%k_f(1)*min(y(:, UZ, 1), 0.0_dp)**2)
     end if
-    if (.not. s%prescribed) e(4) = 0.5_dp*s%k_f(1)*sum(s%k_f/s%k_f(1)*min(y(:, UZ, 1), 0.0_dp)**2)
     if (s%rigid) then
       e(2) = 0.5_dp*(s%m_rod*(rod(4)**2 + rod(5)**2) + s%i_rod*rod(6)**2)
       e(5) = 0.5_dp*s%kappa*rod(3)**2

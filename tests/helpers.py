@@ -8,11 +8,12 @@ import sys
 
 import h5netcdf
 import numpy as np
+import pytest
 
 from pyfric import core
 from pyfric.core import OPEN
 from pyfric.record import budget_left
-from pyfric.scene import sealed, setup1, setup2, unsealed
+from pyfric.scene import SceneError, sealed, setup1, setup2, unsealed
 from pyfric.statics import loaded_state
 
 GEOMETRIES = ("linear", "finite")
@@ -115,6 +116,15 @@ def same_run(one, other, **apart):
     """The records hold the same run; how long it took may differ, and what `apart` names."""
     drop = {"timings": {}} | apart
     return dataclasses.replace(one, **drop) == dataclasses.replace(other, **drop)
+
+
+def refused(call, field, *texts):
+    """Check that a call refuses this field, and that its message holds the texts."""
+    with pytest.raises(SceneError) as caught:
+        call()
+    assert caught.value.field == field
+    for text in texts:
+        assert text in str(caught.value)
 
 
 def run_python(code, **environment):

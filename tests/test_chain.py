@@ -10,7 +10,7 @@ import scipy.linalg
 import tomli_w
 import twin
 from click.testing import CliRunner
-from helpers import ENERGY_IN, ENERGY_OUT, budget_error
+from helpers import ENERGY_IN, ENERGY_OUT, budget_error, refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -58,14 +58,6 @@ def advance(scene, state, n, **options):
     model = core.model(scene, "linear", state.u_drv0)
     assert core.advance(model, state, log, n, **options) == core.Status.DONE
     return log
-
-
-def refused(call, field, *texts):
-    with pytest.raises(SceneError) as caught:
-        call()
-    assert caught.value.field == field
-    for text in texts:
-        assert text in str(caught.value)
 
 
 # --- scenes --------------------------------------------------------------------------------------

@@ -6,14 +6,14 @@ import hashlib
 import numpy as np
 import pytest
 import twin
-from helpers import bits, budget_error, mirrored_state
+from helpers import bits, budget_error, mirrored_state, refused
 from test_twin import STUCK
 
 import pyfric
 from pyfric import core, laws
 from pyfric.figures import sketch
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, Spread, chain, setup1
+from pyfric.scene import Scene, Spread, chain, setup1
 from pyfric.statics import loaded_state, stability_limit
 
 SIZE = {"L": 0.02, "H": 0.0125, "F_N": 400.0, "V": 0.1}
@@ -30,14 +30,6 @@ def uneven(side="left", **changes):
     scene = setup1(**SIZE, side=side)
     interface = dataclasses.replace(scene.interface, **FIELDS | changes)
     return dataclasses.replace(scene, interface=interface)
-
-
-def refused(call, field, *texts):
-    with pytest.raises(SceneError) as caught:
-        call()
-    assert caught.value.field == field
-    for text in texts:
-        assert text in str(caught.value)
 
 
 # --- draws ---------------------------------------------------------------------------------------

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import tomli_w
 import twin
-from helpers import ENERGY_IN, ENERGY_OUT, advance, bits, budget_error, same_run
+from helpers import ENERGY_IN, ENERGY_OUT, advance, bits, budget_error, refused, same_run
 from tolerances import ROUNDING
 
 import pyfric
 from pyfric import core
 from pyfric.core import STUCK
-from pyfric.scene import Scene, SceneError, Walls, setup1, setup2, slab
+from pyfric.scene import Scene, Walls, setup1, setup2, slab
 from pyfric.statics import ContactProblem, loaded_state, stability_limit
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic")
@@ -47,14 +47,6 @@ def shaken(scene, seed=0):
     if scene.walls.top == "held":
         state.y[-1] = 0
     return state
-
-
-def refused(call, field, *texts):
-    with pytest.raises(SceneError) as caught:
-        call()
-    assert caught.value.field == field
-    for text in texts:
-        assert text in str(caught.value)
 
 
 # --- scenes --------------------------------------------------------------------------------------

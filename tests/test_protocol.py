@@ -6,11 +6,11 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers import bits, budget_error, same_run, small
+from helpers import bits, budget_error, refused, same_run, small
 from scipy.integrate import solve_ivp
 
 import pyfric
-from pyfric.scene import Scene, SceneError, chain, setup1, setup2
+from pyfric.scene import Scene, chain, setup1, setup2
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", switching="located")
 
@@ -25,14 +25,6 @@ def driven(scene, protocol, **changes):
 
 def loaded(scene, **changes):
     return dataclasses.replace(scene, top=dataclasses.replace(scene.top, **changes))
-
-
-def refused(call, field, *texts):
-    with pytest.raises(SceneError) as caught:
-        call()
-    assert caught.value.field == field
-    for text in texts:
-        assert text in str(caught.value)
 
 
 # --- scenes --------------------------------------------------------------------------------------

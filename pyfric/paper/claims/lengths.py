@@ -180,9 +180,8 @@ def _slopes(records: list[Record]) -> list[Claim]:
 
 
 def _one_h(runs: Runs) -> Runs:
-    """Under every h the run of h = 5 mm; other runs as they are."""
-    at_5 = {name: f"{L}/5/2700" for L, names in AT_2700.items() for name in names}
-    return {name: runs[at_5.get(name, name)] for name in runs}
+    """Under every h the run of h = 5 mm."""
+    return {name: runs[f"{name.split('/')[0]}/5/2700"] for name in runs}
 
 
 FIRST_AND_SECOND = {

@@ -10,7 +10,10 @@ Source: J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011).
 """
 
 import importlib
-import importlib.util
+import os
+import re
+import sys
+from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -131,22 +134,41 @@ ROOMS = ("scene", "core", "statics", "record", "engines", "figures", "paper", "c
 """From the ground up: a room imports those below it."""
 
 
-LIBRARIES = (
-    *("click", "h5netcdf", "h5py", "jinja2", "matplotlib", "numpy", "pandas", "pint"),
-    *("platformdirs", "pydantic", "scipy", "threadpoolctl", "tomli_w", "tqdm", "xarray"),
-)
-"""What has to be installed, by the names that are imported."""
-
-
 def _check_libraries() -> None:
-    """Raise ImportError, with what to do, if a library that pyfric needs is not installed."""
-    missing = [one for one in LIBRARIES if importlib.util.find_spec(one) is None]
-    if missing:
-        names = " ".join(one.replace("_", "-") for one in missing)
-        raise ImportError(f"pyfric needs {names}, not installed here: pip install {names}")
+    """Raise ImportError, with what to do, if a library that pyfric needs is missing or too old."""
+    needed = [one for one in metadata.requires(__name__) or () if ";" not in one]
+    wrong = {one: why for one in needed if (why := _wrong(*one.split(">=")))}
+    if wrong:
+        told = " and ".join(f"{one} ({why})" for one, why in wrong.items())
+        mend = " ".join(f"'{one}'" for one in wrong)
+        raise ImportError(f"pyfric needs {told}: python -m pip install {mend}")
 
 
-_check_libraries()
+def _wrong(name: str, least: str) -> str:
+    """Return why a library does not do, or an empty string."""
+    try:
+        found = metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "not installed"
+    return f"{found} is installed" if _release(found) < _release(least) else ""
+
+
+def _release(version: str) -> list[int]:
+    """Return the numbers a version starts with, as long as they are not only zeros."""
+    digits = re.match(r"[\d.]*", version)[0].strip(".").split(".")
+    while digits and not digits[-1].strip("0"):
+        digits.pop()
+    return [int(one) for one in digits]
+
+
+try:
+    _check_libraries()
+except metadata.PackageNotFoundError:
+    pass  # the sources, which nobody installed, say nothing of versions
+except ImportError as error:
+    if os.path.basename(sys.argv[0]) == "pyfric":  # the command: its import is all that it has done
+        sys.exit(f"Error: {error}")
+    raise
 
 
 def __getattr__(name: str) -> Any:

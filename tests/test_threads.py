@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from pyfric import core
+from pyfric.core.builds import SPINS
 
 BARRIER = r"""
 #define _GNU_SOURCE
@@ -90,3 +91,22 @@ def test_late_threads_do_not_change_a_bit(barrier):
 def test_without_barriers_the_delays_show(barrier):
     code, lines, stderr = run(barrier, SEED="1")
     assert code < 0 or any(word == "different" for word, _ in lines), stderr
+
+
+@pytest.mark.parametrize(("said", "looks"), [({}, SPINS), ({"GOMP_SPINCOUNT": "77"}, "77")])
+def test_threads_at_a_barrier_sleep_soon_unless_the_environment_says_how_they_wait(said, looks):
+    if not core.build_info()["openmp"]:
+        pytest.skip("needs OpenMP")
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("OMP_", "GOMP_"))}
+    code = "import os, pyfric.core; print(os.environ.get('GOMP_SPINCOUNT'))"
+    ran = subprocess.run(
+        [sys.executable, "-c", code],
+        env=kept | {"OMP_DISPLAY_ENV": "VERBOSE"} | said,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    if "libgomp" not in ran.stderr and "GOMP_SPINCOUNT" not in ran.stderr:
+        pytest.skip("another OpenMP than libgomp")
+    assert f"GOMP_SPINCOUNT = '{looks}'" in ran.stderr
+    assert ran.stdout.strip() == said.get("GOMP_SPINCOUNT", "None")  # others keep their own way

@@ -34,8 +34,8 @@ ENVIRONMENT = "PYFRIC_VARIANT"
 BLOCKS_PER_THREAD = 5_000
 """Smallest share of the lattice for which one more thread pays (`pyfric bench threads`)."""
 SPINS = "1000"
-"""Looks at a barrier before a thread sleeps: about 40 us. The default of libgomp, 300 000, burns 13 ms
-of processor time where the other thread waits for its processor: up to 9 times the work itself."""
+"""Looks at a barrier before a thread sleeps: about 40 us. The default of libgomp, 300 000, burns
+13 ms where the other thread waits for its processor: up to 9 times the work itself."""
 
 
 def variants() -> dict[str, bool]:
@@ -59,7 +59,7 @@ def variants() -> dict[str, bool]:
 
 @contextlib.contextmanager
 def _patient() -> Iterator[None]:
-    """Let threads of libraries loaded here sleep soon, unless the environment says how they wait."""
+    """Let threads of libraries loaded here sleep soon, if the environment does not say how."""
     if {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & set(os.environ):
         yield
         return

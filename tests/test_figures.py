@@ -291,6 +291,20 @@ def test_lengths_are_those_of_the_records_with_their_predictions(run, short):
     inside_and_readable(fig)
 
 
+def test_geometries_of_the_lengths_are_named_with_what_lies_between(run):
+    scene = run.scene.replace(F_N=1600.0, name="other load")
+    events = run.events.assign(F_T_arrest=run.events["F_T_arrest"] * 1600 / 1750 + 1.6)
+    method = dataclasses.replace(run.method, geometry="finite")
+    other = dataclasses.replace(run, scene=scene, events=events, method=method)
+    fig = figures.fig2a([run, other])
+    assert "F_N = 1600 N at h = 5 mm: finite geometry; all others: linear." in fig.caption
+    assert "At equal length their F_T/F_N differ by up to 0.001." in fig.caption
+    first, second = (line for line in fig.axes[0].get_lines() if line.get_marker() == "o")
+    assert first.get_markersize() > second.get_markersize() + 2
+    assert first.get_markerfacecolor() != second.get_markerfacecolor()
+    assert "all others" not in figures.fig2a([run]).caption
+
+
 def test_precursors_behind_an_earlier_one_are_told_apart(run):
     lengths = figures.lengths.lengths_of([run])
     ahead = lengths["L_p_over_L"][lengths["advances"]]

@@ -25,6 +25,7 @@ from pyfric.figures.style import (
     VERMILION,
     DataFigure,
     engine_text,
+    joined,
     legend,
     mark,
     panels,
@@ -44,8 +45,9 @@ MARKERS = "os^D"
 def fig2a(records: Sequence[Record]) -> DataFigure:
     """Fig. 2(a) of the paper: precursor length against force after arrest, setup 1.
 
-    Colours are h, markers L, and the fill is F_N, from empty to full. Lines are `prediction_curve`,
-    one for each L and h. Small dots are precursors that reach no further than an earlier one.
+    Colours are h, markers L. The larger F_N, the smaller and the fuller is the marker, so that
+    those at one place show side by side. Lines are `prediction_curve`, one for each L and h. Small
+    dots are precursors that reach no further than an earlier one.
 
     Args:
         records: runs of setup 1 up to sliding; L, h and F_N may differ.
@@ -55,24 +57,25 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
     lengths = _values(records, lambda scene: scene.slider.L)
     colour = {h: COLOURS[n % len(COLOURS)] for n, h in enumerate(heights)}
     shape = {L: MARKERS[n % len(MARKERS)] for n, L in enumerate(lengths)}
-    fill = dict(
-        zip(forces, np.linspace(0, 1, len(forces)) if len(forces) > 1 else (1,), strict=True)
-    )
+    share = np.linspace(0, 1, len(forces)) if len(forces) > 1 else np.ones(1)
+    fill = dict(zip(forces, share, strict=True))
+    size = dict(zip(forces, 5.4 - 3.0 * share, strict=True))
     predicted = {(one.scene.slider.L, one.scene.driver.h): one.scene for one in records}
     points, curves = lengths_of(records), _predictions(list(predicted.values()))
 
     fig, (axes,) = panels(3.1)
     for _, curve in curves.groupby(["L_mm", "h_mm", "theta"], dropna=False):
         axes.plot(curve["F_T_over_F_N"], curve["L_p_over_L"], color="0.75", lw=0.6, zorder=1)
-    for (L, h, F_N), rows in points.groupby(["L_mm", "h_mm", "F_N"]):
+    for (F_N, L, h), rows in points.groupby(["F_N", "L_mm", "h_mm"]):  # smaller ones above
         of_h, of_L = _nearest(heights, h), _nearest(lengths, L)
-        _draw(axes, rows, colour[of_h], _tint(colour[of_h], fill[F_N]), shape[of_L])
+        _draw(axes, rows, colour[of_h], _tint(colour[of_h], fill[F_N]), shape[of_L], size[F_N])
     handles = [_dot(colour[h], f"{h * 1e3:g} mm") for h in heights]
     legend(axes, handles=handles, title=r"height $h$", loc="upper left")
     axes.add_artist(axes.get_legend())
     handles = [_dot("0.3", f"$L$ = {L * 1e3:g} mm", "0.3", shape[L]) for L in lengths]
     handles += [
-        _dot("0.3", rf"$F_\mathrm{{N}}$ = {F_N:g} N", _tint("0.3", fill[F_N])) for F_N in forces
+        _dot("0.3", rf"$F_\mathrm{{N}}$ = {F_N:g} N", _tint("0.3", fill[F_N]), size=size[F_N])
+        for F_N in forces
     ]
     handles += [Line2D([], [], color="0.75", lw=1, label=PREDICTED)]
     legend(axes, handles=handles, loc="upper left", bbox_to_anchor=(0.25, 1.0))
@@ -80,13 +83,52 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
     fig.tables = {"points": points, "prediction": curves}
     what = (
         "Precursor length L_p/L against the static F_T/F_N after arrest, setup 1; after Fig. 2(a) "
-        f"of {PAPER}. Colour: h; marker: L; fill: F_N, from empty to full."
+        f"of {PAPER}. Colour: h; marker: L; smaller and fuller: larger F_N."
     )
-    text = [what, _what(points), scene_text([one.scene for one in records]), engine_text(records)]
-    if {one.method.geometry for one in records} == {"linear"}:
-        text.insert(2, "In linear geometry F_N only sets the scale of all forces.")
+    scenes = scene_text([one.scene for one in records])
+    text = [what, _what(points), *_geometries(records), scenes, engine_text(records)]
     fig.caption = " ".join(text)
     return fig
+
+
+def _geometries(records: Sequence[Record]) -> list[str]:
+    """What linear geometry means for F_N, and how far finite geometry is from it."""
+    linear = {
+        (one.scene.slider.L, one.scene.driver.h): one
+        for one in records
+        if one.method.geometry == "linear"
+    }
+    finite = [one for one in records if one.method.geometry == "finite"]
+    if not linear:
+        return []
+    text = ["In linear geometry F_N only sets the scale of all forces."]
+    if finite:
+        loads = joined(f"{F_N:g}" for F_N in _values(finite, lambda scene: scene.F_N))
+        heights = joined(f"{h * 1e3:g}" for h in _values(finite, lambda scene: scene.driver.h))
+        text.append(f"F_N = {loads} N at h = {heights} mm: finite geometry; all others: linear.")
+    pairs = [
+        (one, linear[key])
+        for one in finite
+        if (key := (one.scene.slider.L, one.scene.driver.h)) in linear
+    ]
+    if pairs:
+        apart = max(_force_apart(*pair) for pair in pairs)
+        text.append(f"At equal length their F_T/F_N differ by up to {apart:.2g}.")
+    return text
+
+
+def _force_apart(one: Record, other: Record) -> float:
+    """Return the largest difference in F_T/F_N at the lengths of one that the other spans."""
+    (length, force), (known, there) = (_advancing(record) for record in (one, other))
+    inside = (known[0] <= length) & (length <= known[-1])
+    return float(np.abs(force - np.interp(length, known, there))[inside].max(initial=0.0))
+
+
+def _advancing(record: Record) -> tuple[np.ndarray, np.ndarray]:
+    """Length and force of the precursors that reach further than all before."""
+    table = lengths_of([record])
+    table = table[table["advances"]]
+    return table["L_p_over_L"].to_numpy(), table["F_T_over_F_N"].to_numpy()
 
 
 @figure("Fig. 2(b): precursor length against force, setup 2", runs="fig2b")
@@ -158,14 +200,16 @@ def _values(records: Sequence[Record], get: object) -> list[float]:
     return sorted({get(one.scene) for one in records})
 
 
-def _draw(axes: Axes, rows: pd.DataFrame, colour: str, face: str, shape: str) -> None:
+def _draw(
+    axes: Axes, rows: pd.DataFrame, colour: str, face: str, shape: str, size: float = 3.2
+) -> None:
     ahead, behind = rows[rows["advances"]], rows[~rows["advances"]]
     axes.plot(
         ahead["F_T_over_F_N"],
         ahead["L_p_over_L"],
         ls="",
         marker=shape,
-        ms=3.2,
+        ms=size,
         mec=colour,
         mfc=face,
         mew=0.7,
@@ -185,8 +229,10 @@ def _tint(colour: str, share: float) -> tuple[float, ...]:
     return tuple(1 - share * (1 - part) for part in to_rgb(colour))
 
 
-def _dot(colour: str, label: str, face: str | None = None, shape: str = "o") -> Line2D:
-    look = {"mec": colour, "mfc": colour if face is None else face, "mew": 0.7, "ms": 3.5}
+def _dot(
+    colour: str, label: str, face: str | None = None, shape: str = "o", size: float = 3.5
+) -> Line2D:
+    look = {"mec": colour, "mfc": colour if face is None else face, "mew": 0.7, "ms": size}
     return Line2D([], [], ls="", marker=shape, label=label, **look)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from pyfric.engines import Job
 from pyfric.paper import runs as paper
 from pyfric.paper.runs import FINITE, LINEAR
-from pyfric.scene import Scene, preset
+from pyfric.scene import preset
 
 T_END = 1.02
 """End of variations of the Fig. 1 scene, s: just after it slides as a whole."""
@@ -25,14 +25,18 @@ SPEEDS_V = (0.5, 2.0)  # over V
 H_2A = (2.5, 5.0, 7.5, 10.0, 12.5, 15.0)  # mm
 
 
-def _name_2a(scene: Scene) -> str:
-    return f"{scene.slider.L * 1e3:g}/{scene.driver.h * 1e3:g}/{scene.F_N:g}"
+def _name_2a(job: Job) -> str:
+    if job is paper.FIG1:
+        return "fig1"
+    scene, finite = job.scene, " finite" if job.options.geometry == "finite" else ""
+    return f"{scene.slider.L * 1e3:g}/{scene.driver.h * 1e3:g}/{scene.F_N:g}{finite}"
 
 
-GRID = tuple(_name_2a(job.scene) for job in paper.FIG2A)
+GRID = tuple(_name_2a(job) for job in paper.FIG2A)
 AT_2700 = {L: tuple(f"{L}/{h:g}/2700" for h in H_2A) for L in (140, 200)}
 BASE = "140/5/3500"
-"""The Fig. 1 scene among the runs of Fig. 2(a)."""
+"""The Fig. 1 scene in linear geometry, up to sliding."""
+AT_F_N = ("140/5/1750 finite", "140/5/2700 finite")
 SETUP2 = ("setup2-", "setup2", "setup2+")
 FRONTS = ("fig4a", "run1", "run2", "run3", "run4")
 
@@ -54,12 +58,12 @@ def jobs() -> dict[str, Job]:
     def fig(t_end: float = T_END, **changes: Any) -> Job:
         return Job(scene=preset("fig1", **changes), t_end=t_end, options=LINEAR)
 
-    found = {"fig1": paper.FIG1, "fig4a": paper.FIG4A}
-    found |= dict(zip(GRID, paper.FIG2A, strict=True))
+    found = dict(zip(GRID, paper.FIG2A, strict=True))
+    found |= {"fig4a": paper.FIG4A, BASE: fig(0.95)}
     found |= {job.scene.name: job for job in (*paper.FIG2B, *paper.FIG4B)}
-    for F_N in (1750.0, 2700.0):
-        job = Job(scene=preset("fig1", F_N=F_N), t_end=0.95 * F_N / 3500, options=FINITE)
-        found[f"F_N {F_N:g}"] = job
+    F_N = 2700.0
+    job = Job(scene=preset("fig1", F_N=F_N), t_end=0.95 * F_N / 3500, options=FINITE)
+    found["140/5/2700 finite"] = job
     found |= {f"mu_s {mu_s:g}": fig(mu_s=mu_s) for mu_s in MU_S}
     found |= {f"d_c {d_c * 1e6:g}": fig(0.92 if d_c < 5e-6 else 0.5, d_c=d_c) for d_c in D_C}
     found |= {f"eta {share:g}": fig(0.92, eta=share * unit) for share in ETA}

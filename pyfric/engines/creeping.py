@@ -32,6 +32,8 @@ from pyfric.engines.ringdown import first_crossing
 from pyfric.statics import ContactProblem, Creep, creeps, damping, mass
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pyfric.core import State
     from pyfric.engines.ringdown import Frozen
     from pyfric.scene import Scene
@@ -43,6 +45,8 @@ LOUD = 100.0
 """Speeds above this many V are no stable slip, which is seen at once."""
 APART = 16
 """Steps between two states of the path that give its acceleration."""
+KEPT = 3
+"""Sets of slipping blocks whose shapes are kept: as much memory as a slider with its modes each."""
 LEFT, HURRY = 0.001, 0.2
 """What motion beside the slow modes, and speed of slip, may do to contact forces, over the
 remainder. Start forces are then those of steps within 3e-8 F_N in the Fig. 1 scene with d_c = 5 um,
@@ -84,6 +88,7 @@ class Creeping:
     def __init__(self, scene: Scene, known: StaticSolver, remainder: float) -> None:
         self.scene, self.known = scene, known
         self.mass, self.C = mass(scene), damping(scene)
+        self._spaces: list[_Space] = []
         self.force = remainder * scene.F_N / scene.N_x
         impedance = math.sqrt(scene.slider.k * scene.m)
         self.fastest, self.kink = (
@@ -100,12 +105,12 @@ class Creeping:
         """Whether stable slip of a scene is followed: linear geometry, friction of slip alone."""
         return geometry == "linear" and creeps(scene.law) and scene.driver.V > 0
 
-    def land(self, state: State, frozen: Frozen, last: int) -> Landing | None:
+    def land(self, state: State, held: Callable[[], Frozen], last: int) -> Landing | None:
         """Return where a jump over stable slip may end, None if there is none.
 
         Args:
             state: the present.
-            frozen: the slider with all blocks held that are not open.
+            held: returns the slider with all blocks held that are not open.
             last: number of the last step.
         """
         V, dt = self.scene.driver.V, state.dt
@@ -117,7 +122,8 @@ class Creeping:
         begin = creep.at(drive)
         if begin is None or creep.wrong(begin, self.fastest) is not None:
             return None
-        modes = _Modes(self, frozen, creep, begin)
+        space = self._space(held(), np.flatnonzero(way))
+        frozen, modes = space.frozen, _Modes(self.scene, space, creep, begin)
         a, left = self._motion(state, modes, begin)
         if math.sqrt(2 * self.scene.slider.k * left) > LEFT * self.force:
             return None
@@ -127,24 +133,33 @@ class Creeping:
         point = creep.on(path, drive + n * V * dt)
         if n < 1 or point is None:
             return None
-        after = _Modes(self, frozen, creep, point)
+        after = _Modes(self.scene, space, creep, point)
         q, v = self._path(after, point, dt)
         w, w_v = modes.deviation(a, n * dt)
         times = np.array([(one.drive - drive) / V for one in path])
         forces = np.array([one.F_T for one in path])
-        pull = [-frozen.push @ one.lag(V * frozen.carried(at.rate))
+        pull = [-frozen.push @ one.lag(V * space.carried(at.rate))
                 for one, at in ((modes, begin), (after, point))]  # fmt: skip
         forces += np.interp(times, [0.0, n * dt], pull)
         return Landing(n, q + w, v + w_v, point, times, forces, modes.force(a), modes.growth)
 
+    def _space(self, frozen: Frozen, slips: np.ndarray) -> _Space:
+        """Return shapes for these slipping blocks, from the few that are kept."""
+        for one in self._spaces:
+            if one.frozen is frozen and np.array_equal(one.slips, slips):
+                return one
+        self._spaces = [*self._spaces[1 - KEPT :], _Space(self, frozen, slips)]
+        return self._spaces[-1]
+
     def _path(self, modes: _Modes, point: Point, dt: float) -> tuple[np.ndarray, np.ndarray]:
         """Return coordinates (m) and their rates (m/s) on the path, held back by C and M."""
-        frozen, V, by = modes.frozen, self.scene.driver.V, APART * dt
+        space, V, by = modes.space, self.scene.driver.V, APART * dt
+        frozen = space.frozen
         drive = point.drive - self.scene.d * self.known.u_drv0
-        v, bend = V * frozen.carried(point.rate), np.zeros(frozen.n_q)
+        v, bend = V * space.carried(point.rate), np.zeros(frozen.n_q)
         before = modes.creep.at(point.drive - V * by, point)
         if before is not None:
-            bend = V * frozen.shape(point.rate - before.rate) / by
+            bend = V * (space.carried(point.rate) - space.carried(before.rate)) / by
         lag = modes.lag(v, bend)
         return frozen.rest(point.u_x, drive).q + lag, v + modes.lag(bend)
 
@@ -155,6 +170,47 @@ class Creeping:
         return modes.split(w, self.known.coordinates(state.y[:, 2:], state.rod[3:]) - v)
 
 
+class _Space:
+    """What motions of the slider are made of while the same blocks slip, wherever they are.
+
+    Attributes:
+        frozen: the slider with all blocks held that are not open.
+        slips: the blocks that slip, shape (n,).
+        shapes: static shapes of their slips, shape (n_q, n).
+        rows: stiffness of these blocks, shape (n, n_q), and with the shapes, (n, n), in N/m.
+    """
+
+    def __init__(self, what: Creeping, frozen: Frozen, slips: np.ndarray) -> None:
+        self.M, self.C, self.frozen, self.slips = what.mass, what.C, frozen, slips
+        self.shapes = frozen.shape(np.eye(what.scene.N_x)[:, slips])
+        self.rows = frozen.stiffness[slips]
+        self.on_shapes = self.rows @ self.shapes
+
+    def carried(self, rate: np.ndarray) -> np.ndarray:
+        """Return dq/d(drive), shape (n_q,), where blocks slip at these rates."""
+        return self.frozen.drift + self.shapes @ rate[self.slips]
+
+    @functools.cached_property
+    def basis(self) -> np.ndarray:
+        """Modes with all blocks held and static shapes, shape (n_q, r), orthonormal in M."""
+        frozen = self.frozen
+        held = np.zeros((frozen.n_q, 2 * frozen.phi.shape[1]))
+        held[frozen.free] = np.hstack([frozen.phi.real, frozen.phi.imag])
+        basis = np.hstack([held, self.shapes])
+        length = np.linalg.norm(basis, axis=0)
+        basis /= np.where(length > 0, length, 1.0)
+        size, axes = np.linalg.eigh(basis.T @ (self.M[:, None] * basis))
+        apart = size > 1e-13 * size[-1]
+        return basis @ (axes[:, apart] / np.sqrt(size[apart]))
+
+    @functools.cached_property
+    def matrices(self) -> tuple[np.ndarray, np.ndarray]:
+        """Stiffness without that of blocks that slip, and damping, in the basis, (r, r)."""
+        basis, force = self.basis, self.frozen.stiffness @ self.basis
+        force[self.slips] = 0.0
+        return basis.T @ force, basis.T @ (self.C @ basis)
+
+
 class _Modes:
     """Slow motions about a static state in which blocks slip.
 
@@ -162,24 +218,26 @@ class _Modes:
     slips (Galerkin's way); friction makes the stiffness unsymmetric.
     """
 
-    def __init__(self, what: Creeping, frozen: Frozen, creep: Creep, point: Point) -> None:
-        self.scene, self.frozen, self.creep = what.scene, frozen, creep
-        self.M, self.C, self.K = what.mass, what.C, frozen.stiffness
-        N_x, slips = self.scene.N_x, np.flatnonzero(creep.way)
-        self.slips, self.shapes = slips, frozen.shape(np.eye(N_x)[:, slips])
+    def __init__(self, scene: Scene, space: _Space, creep: Creep, point: Point) -> None:
+        self.scene, self.space, self.frozen, self.creep = scene, space, space.frozen, creep
+        self.M, self.C, self.K, self.slips = space.M, space.C, space.frozen.stiffness, space.slips
         mu, slope = creep.friction(point.u_x)
-        n = np.arange(len(slips))
-        self.pull = self.K[slips].toarray()  # forces that resist slip, over coordinates
-        self.pull[n, slips] += (slope * point.p)[slips]
-        self.pull[n, slips + N_x] -= (creep.way * mu * creep.k_f)[slips]
+        self.weakens = (slope * point.p)[self.slips]
+        self.rubs = (creep.way * mu * creep.k_f)[self.slips]
+
+    def friction(self, w: np.ndarray) -> np.ndarray:
+        """Return what friction adds to forces against slip, (n, ...), in N, where w, (n_q, ...)."""
+        at, above = w[self.slips], w[self.slips + self.scene.N_x]
+        return (self.weakens * at.T - self.rubs * above.T).T
 
     def lag(self, v: np.ndarray, a: float | np.ndarray = 0.0) -> np.ndarray:
         """Return how far a motion at v (m/s) and a (m/s^2) is held back, shape (n_q,), in m."""
-        frozen, force = self.frozen, -(self.C @ v + self.M * a)
+        frozen, space, force = self.frozen, self.space, -(self.C @ v + self.M * a)
         w = np.zeros(frozen.n_q)
         w[frozen.free] = frozen.solve(force[frozen.free])
-        against = self.pull @ np.column_stack([w, self.shapes])
-        return w + self.shapes @ np.linalg.solve(against[:, 1:], force[self.slips] - against[:, 0])
+        left = force[self.slips] - space.rows @ w - self.friction(w)
+        against = space.on_shapes + self.friction(space.shapes)
+        return w + space.shapes @ np.linalg.solve(against, left)
 
     def split(self, w: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the amplitudes of the modes in a deviation, and the energy of what is left, J."""
@@ -190,22 +248,14 @@ class _Modes:
         return a, max(float(v @ (self.M * v) + w @ (self.K @ w)) / 2, 0.0)
 
     def _find(self) -> None:
-        """Find basis (n_q, r), orthonormal in M, rates (1/s) and modes (2 r, 2 r) of it."""
-        frozen = self.frozen
-        held = np.zeros((frozen.n_q, 2 * frozen.phi.shape[1]))
-        held[frozen.free] = np.hstack([frozen.phi.real, frozen.phi.imag])
-        basis = np.hstack([held, self.shapes])
-        length = np.linalg.norm(basis, axis=0)
-        basis /= np.where(length > 0, length, 1.0)
-        size, axes = np.linalg.eigh(basis.T @ (self.M[:, None] * basis))
-        apart = size > 1e-13 * size[-1]
-        self.basis = basis = basis @ (axes[:, apart] / np.sqrt(size[apart]))
-        force = self.K @ basis
-        force[self.slips] = self.pull @ basis
-        K, C, r = basis.T @ force, basis.T @ (self.C @ basis), basis.shape[1]
+        """Find rates (1/s) and modes (2 r, 2 r) in the basis, (n_q, r), of the space."""
+        self.basis = basis = self.space.basis
+        K, C = self.space.matrices
+        K = K + basis[self.slips].T @ (self.space.rows @ basis + self.friction(basis))
+        r = basis.shape[1]
         both = np.block([[np.zeros((r, r)), np.eye(r)], [-K, -C]])
         self.rates, self.right = np.linalg.eig(both)
-        self.growth = frozen.stepped(self.rates)
+        self.growth = self.frozen.stepped(self.rates)
 
     def deviation(self, a: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
         """Return w (m) and w' (m/s) of modes of amplitude a a time s (s) later, shape (n_q,)."""
@@ -252,7 +302,7 @@ class _Modes:
 
     def _lagging(self, point: Point, V: float) -> np.ndarray:
         """Return what viscosity adds to the margins where the path is at a point, (4 N_x,)."""
-        v = V * self.frozen.carried(point.rate)
+        v = V * self.space.carried(point.rate)
         added = self._on_margins(self.lag(v), v)
         added[2 * self.scene.N_x : 3 * self.scene.N_x] = 0.0  # the path knows its speeds of slip
         return added

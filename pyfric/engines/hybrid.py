@@ -24,7 +24,7 @@ from pyfric.core import OPEN, STUCK
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run
 from pyfric.engines.guard import LINEAR, largest_strain
-from pyfric.engines.ringdown import Frozen, Rest, first_crossing
+from pyfric.engines.ringdown import Frozen, Held, Rest, first_crossing
 from pyfric.statics import LARGE, EquilibriumError
 
 if TYPE_CHECKING:
@@ -63,6 +63,7 @@ class _Statics:
     def __init__(self, known: StaticSolver, dt: float) -> None:
         self.known, self.dt = known, dt
         self._frozen: dict[bytes, Frozen] = {}
+        self._held: dict[bytes, Held] = {}
         self._found: dict[tuple[bytes, bytes], dict[float, Rest | Equilibrium]] = {}
         self._moved: dict[tuple[bytes, bytes, float], Rest] = {}
         self._last: Equilibrium | None = None
@@ -73,11 +74,25 @@ class _Statics:
         if key not in self._frozen:
             while len(self._frozen) >= (KEPT if len(self.known.load) <= LARGE else 2):
                 del self._frozen[next(k for k in self._frozen if 0 in k)]
-            closed = None
-            if self.known.geometry == "linear" and len(self.known.load) > LARGE and not stuck.all():
-                closed = self.frozen(np.ones_like(stuck))
-            self._frozen[key] = Frozen(self.known, stuck, self.dt, closed)
+            self._frozen[key] = Frozen(self.known, stuck, self.dt, self._closed(stuck))
         return self._frozen[key]
+
+    def held(self, stuck: np.ndarray) -> Held:
+        """Return the same without modes, which take most of the time and memory."""
+        key = stuck.tobytes()
+        if key in self._frozen:
+            return self._frozen[key]
+        if key not in self._held:
+            while len(self._held) >= (KEPT if len(self.known.load) <= LARGE else 3):
+                del self._held[next(iter(self._held))]
+            self._held[key] = Held(self.known, stuck, self._closed(stuck))
+        return self._held[key]
+
+    def _closed(self, stuck: np.ndarray) -> Frozen | None:
+        """Return the slider with all blocks held, from which large lattices open some."""
+        if self.known.geometry != "linear" or len(self.known.load) <= LARGE or stuck.all():
+            return None
+        return self.frozen(np.ones_like(stuck))
 
     def renewed(self, frozen: Frozen, q: np.ndarray) -> Frozen:
         """Return the slider with these fixed contact states and the tangent near q."""
@@ -101,7 +116,7 @@ class _Statics:
         if open_.all():  # nothing carries F_N
             return None
         if self.known.geometry == "linear":
-            rest = self.frozen(~open_).rest(u_x, drive)
+            rest = self.held(~open_).rest(u_x, drive)
         else:
             left = enough * self.known.scene.F_N / self.known.scene.N_x
             begin = self._last
@@ -133,7 +148,7 @@ class _Statics:
         key = u_x.tobytes(), free.tobytes(), drive
         at = min(states, key=lambda one: abs(one - drive), default=math.inf)
         if at != drive and key not in self._moved and states and self.near(at, drive):
-            moved = self.frozen(~free).driven(states[at], at, drive)
+            moved = self.held(~free).driven(states[at], at, drive)
             if moved is not None:
                 self._moved[key] = moved
         if key in self._moved:
@@ -291,8 +306,7 @@ class HybridRun(Run):
     def slide(self, last: int) -> bool:
         """Go to the last step before a contact state changes while blocks slip stably."""
         state, scene = self.state, self.scene
-        frozen = self.solver.frozen(state.mode != OPEN)
-        landing = self.creeping.land(state, frozen, last)
+        landing = self.creeping.land(state, lambda: self.solver.frozen(state.mode != OPEN), last)
         if landing is None or landing.n < min(last - state.step, SHORTEST):
             return False
         n, every = landing.n, self.method.sample

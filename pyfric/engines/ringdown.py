@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
     from pyfric.statics import BandedCholesky, StaticSolver
 
-__all__ = ["Frozen", "Motion", "Rest", "first_crossing"]
+__all__ = ["Frozen", "Held", "Motion", "Rest", "first_crossing"]
 
 N_VALUES, N_VALUES_LARGE = 40, 24
 """Eigenvalues that are computed, those of smallest modulus; two make an oscillating mode."""
@@ -81,26 +81,142 @@ class Motion(NamedTuple):
     remainder: float
 
 
-class Frozen:
+class Held:
+    """The slider with the blocks held that stick, all others open: its static states.
+
+    Args:
+        solver: static states of the scene in its geometry.
+        stuck: blocks that are held, shape (N_x,), bool; all others are open.
+        closed: the same slider with all blocks stuck. With it, blocks are opened by corrections of
+            low rank, without a factorisation: the way for large lattices.
+        at: state whose tangent is taken, shape (n_q,); None means the loaded one.
+
+    Attributes:
+        drift: dq/d(drive) of the static state, shape (n_q,).
+        force_rate: change of F_T with the drive, in N/m.
+    """
+
+    def __init__(
+        self,
+        solver: StaticSolver,
+        stuck: np.ndarray,
+        closed: Held | None = None,
+        at: np.ndarray | None = None,
+    ) -> None:
+        self.stuck, self.k_f = stuck, solver.scene.k_f
+        self._columns: dict[int, np.ndarray] = {}
+        self._last: tuple[np.ndarray, float, np.ndarray] | None = None
+        if closed is None:
+            K, factor, free = solver.tangent(stuck, at)
+        else:
+            factor = _Opened(closed, np.flatnonzero(~stuck))
+            K, free = factor.K, factor.free
+        self.solver, self._factor, self._rows = solver, factor, K
+        self.free, self.n_q, self.push = free, K.shape[0], solver.push
+        self.drift = np.zeros(self.n_q)
+        self.drift[free] = factor.solve(self.push[free])
+        # F_T = K (drive - d u_h)
+        self.force_rate = solver.scene.driver.K - float(self.push @ self.drift)
+
+    def rest(self, u_x: np.ndarray, drive: float) -> Rest | None:
+        """Return the static state in linear geometry, None if it has other open blocks.
+
+        Args:
+            u_x: of the bottom blocks, shape (N_x,), in m; not used where open.
+            drive: displacement of the driver since t = 0, in m.
+        """
+        scene, free = self.solver.scene, self.free
+        N_x, held = scene.N_x, np.flatnonzero(self.stuck)
+        load = self.solver.load + (drive + scene.d * self.solver.u_drv0) * self.push
+        q = self._moved(u_x, drive)
+        if q is None:
+            q = np.zeros(self.n_q)
+            q[held] = u_x[held]
+            q[free] = self._factor.solve(load[free] - self._rows[free] @ q)
+        if len(free) > LARGE:
+            self._last = u_x.copy(), drive, q
+        f = np.zeros(N_x)
+        f[held] = (self._rows[held] @ q) - load[held]
+        p = np.where(self.stuck, -self.k_f * q[N_x : 2 * N_x], 0.0)
+        F_T = scene.driver_force(drive, self.solver.driven_row @ q, self.solver.u_drv0)
+        rest = Rest(q, f, -scene.d * f, p, q[N_x : 2 * N_x], F_T)
+        return rest if self._fits(rest) else None
+
+    @property
+    def stiffness(self) -> sp.csr_array:
+        """The stiffness of all coordinates, shape (n_q, n_q), in N/m."""
+        return self._rows
+
+    def solve(self, force: np.ndarray) -> np.ndarray:
+        """Return the displacements of free coordinates under forces on them."""
+        return self._factor.solve(force)
+
+    def shape(self, u_x: np.ndarray) -> np.ndarray:
+        """Return q, shape (n_q, ...), where stuck blocks are moved to u_x, (N_x, ...)."""
+        q = np.zeros((self.n_q, *u_x.shape[1:]))
+        held, free = np.flatnonzero(self.stuck), self.free
+        q[held] = u_x[held]
+        q[free] = self._factor.solve(-(self._rows[free] @ q))
+        return q
+
+    def _fits(self, rest: Rest) -> bool:
+        """Whether no stuck block is pulled down, and no open one pressed up, but for rounding."""
+        scene = self.solver.scene
+        low = np.where(self.stuck, rest.p, self.k_f * rest.u_z)
+        return bool((low >= -TINY * scene.F_N / scene.N_x).all())
+
+    def driven(self, rest: Rest, drive: float, drive_now: float) -> Rest | None:
+        """Return a static state, without q, after the driver has moved on, to first order.
+
+        That is exact in linear geometry. None if it has other open blocks.
+        """
+        N_x, held = len(self.stuck), np.flatnonzero(self.stuck)
+        by = drive_now - drive
+        f = rest.f.copy()
+        f[held] += by * (self._rows[held] @ self.drift - self.push[held])
+        u_z = rest.u_z + by * self.drift[N_x : 2 * N_x]
+        p = np.where(self.stuck, -self.k_f * u_z, 0.0)
+        d = self.solver.scene.d
+        moved = Rest(None, f, -d * f, p, u_z, rest.F_T + by * self.force_rate)
+        return moved if self._fits(moved) else None
+
+    def _moved(self, u_x: np.ndarray, drive: float) -> np.ndarray | None:
+        """Return q from the last state of a large lattice, if few blocks have moved since."""
+        if self._last is None:
+            return None
+        before, drive_before, q = self._last
+        moved = np.flatnonzero(self.stuck & (u_x != before))
+        if len(moved) > FEW:
+            return None
+        q = q + (drive - drive_before) * self.drift
+        for i in moved:
+            if i not in self._columns:
+                while len(self._columns) >= MOST_COLUMNS:
+                    del self._columns[next(iter(self._columns))]
+                side = self._rows[self.free][:, [i]].toarray()[:, 0]
+                self._columns[i] = -self._factor.solve(side)
+            q[self.free] += (u_x[i] - before[i]) * self._columns[i]
+            q[i] = u_x[i]
+        return q
+
+
+class Frozen(Held):
     """The slider with fixed contact states: drift, modes, and what they do to the contact.
 
     Args:
         solver: static states of the scene in its geometry.
         stuck: blocks that are held, shape (N_x,), bool; all others are open.
         dt: step of RK4 that the ring-down follows, in s; None means exact time.
-        closed: the same slider with all blocks stuck. With it, blocks are opened by corrections of
-            low rank, without a factorisation, and modes are those of its modes together with the
-            static shapes that the opened blocks add: the way for large lattices.
+        closed: the same slider with all blocks stuck; see `Held`. Modes are then those of its modes
+            together with the static shapes that the opened blocks add.
         at: state whose tangent is taken, shape (n_q,); None means the loaded one.
         near: the same slider with the tangent of a state nearby: modes follow from its modes.
 
     Attributes:
         rates: eigenvalues of the modes, one of each conjugate pair, shape (n,), in 1/s.
         growth: rates of the amplitudes: `rates`, or what RK4 makes of them, shape (n,), in 1/s.
-        drift: dq/d(drive) of the static state, shape (n_q,).
         lag: offset of the drifting state from the static one, shape (n_q,), in m.
         margin_rate: change of the margins with the drive, shape (n_c,), in N/m.
-        force_rate: change of F_T with the drive, in N/m.
         bound: change of the margins by a remainder of energy E over sqrt(E), (n_c,), in N/sqrt(J).
         decay: rate at which the remainder decays at least, in 1/s.
     """
@@ -114,26 +230,17 @@ class Frozen:
         at: np.ndarray | None = None,
         near: Frozen | None = None,
     ) -> None:
-        scene = solver.scene
+        super().__init__(solver, stuck, closed, at)
+        scene, factor, free, push = solver.scene, self._factor, self.free, self.push
         N_x, k_f, law, V = scene.N_x, scene.k_f, scene.law, scene.driver.V
-        self.stuck, self.law, self.k_f, self.dt = stuck, law, k_f, dt
+        self.law, self.dt = law, dt
         loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
         self._bonds = solver.bond_tangents(loaded if at is None else at)
-        self._columns: dict[int, np.ndarray] = {}
         self._squares: np.ndarray | None = None
-        self._last: tuple[np.ndarray, float, np.ndarray] | None = None
-        if closed is None:
-            K, factor, free = solver.tangent(stuck, at)
-            C = damping(scene)
-        else:
-            factor = _Opened(closed, np.flatnonzero(~stuck))
-            K, free, C = factor.K, factor.free, closed._all_C
-        self.solver, self._factor, self._rows, self._all_C = solver, factor, K, C
-        self.free, self.n_q = free, K.shape[0]
+        K, C = self._rows, damping(scene) if closed is None else closed._all_C
+        self._all_C = C
         self.K, self.C, self.M = K[free][:, free], C[free][:, free], mass(scene)[free]
-        self.push = push = solver.push
-        self.drift, self.lag = np.zeros(self.n_q), np.zeros(self.n_q)
-        self.drift[free] = factor.solve(push[free])
+        self.lag = np.zeros(self.n_q)
         self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
         if near is not None:
             basis = np.hstack([near.phi.real, near.phi.imag])
@@ -169,10 +276,7 @@ class Frozen:
         self.bound = np.sqrt(
             2 * np.concatenate([stiff, stiff, of(k_f, open_) ** 2 * np.array(lift)])
         )
-        # F_T = K (drive - d u_h)
-        row = -push
-        self.force_modal, self.force_lag = row[free] @ self.phi, float(row @ self.lag)
-        self.force_rate = scene.driver.K + float(row @ self.drift)
+        self.force_modal, self.force_lag = -push[free] @ self.phi, -float(push @ self.lag)
 
     def _find_modes(
         self, factor: BandedCholesky | SuperLU, count: int
@@ -266,91 +370,6 @@ class Frozen:
     def _compliance(self, factor: BandedCholesky | SuperLU | _Opened, at: int) -> float:
         one = (self.free == at).astype(float)
         return float(one @ factor.solve(one))
-
-    def rest(self, u_x: np.ndarray, drive: float) -> Rest | None:
-        """Return the static state in linear geometry, None if it has other open blocks.
-
-        Args:
-            u_x: of the bottom blocks, shape (N_x,), in m; not used where open.
-            drive: displacement of the driver since t = 0, in m.
-        """
-        scene, free = self.solver.scene, self.free
-        N_x, held = scene.N_x, np.flatnonzero(self.stuck)
-        load = self.solver.load + (drive + scene.d * self.solver.u_drv0) * self.push
-        q = self._moved(u_x, drive)
-        if q is None:
-            q = np.zeros(self.n_q)
-            q[held] = u_x[held]
-            q[free] = self._factor.solve(load[free] - self._rows[free] @ q)
-        if len(free) > LARGE:
-            self._last = u_x.copy(), drive, q
-        f = np.zeros(N_x)
-        f[held] = (self._rows[held] @ q) - load[held]
-        p = np.where(self.stuck, -self.k_f * q[N_x : 2 * N_x], 0.0)
-        F_T = scene.driver_force(drive, self.solver.driven_row @ q, self.solver.u_drv0)
-        rest = Rest(q, f, -scene.d * f, p, q[N_x : 2 * N_x], F_T)
-        return rest if self._fits(rest) else None
-
-    @property
-    def stiffness(self) -> sp.csr_array:
-        """The stiffness of all coordinates, shape (n_q, n_q), in N/m."""
-        return self._rows
-
-    def carried(self, rate: np.ndarray) -> np.ndarray:
-        """Return dq/d(drive), shape (n_q,), where stuck blocks are moved at these rates."""
-        return self.drift + self.shape(rate)
-
-    def solve(self, force: np.ndarray) -> np.ndarray:
-        """Return the displacements of free coordinates under forces on them."""
-        return self._factor.solve(force)
-
-    def shape(self, u_x: np.ndarray) -> np.ndarray:
-        """Return q, shape (n_q, ...), where stuck blocks are moved to u_x, (N_x, ...)."""
-        q = np.zeros((self.n_q, *u_x.shape[1:]))
-        held, free = np.flatnonzero(self.stuck), self.free
-        q[held] = u_x[held]
-        q[free] = self._factor.solve(-(self._rows[free] @ q))
-        return q
-
-    def _fits(self, rest: Rest) -> bool:
-        """Whether no stuck block is pulled down, and no open one pressed up, but for rounding."""
-        scene = self.solver.scene
-        low = np.where(self.stuck, rest.p, self.k_f * rest.u_z)
-        return bool((low >= -TINY * scene.F_N / scene.N_x).all())
-
-    def driven(self, rest: Rest, drive: float, drive_now: float) -> Rest | None:
-        """Return a static state, without q, after the driver has moved on, to first order.
-
-        That is exact in linear geometry. None if it has other open blocks.
-        """
-        N_x, held = len(self.stuck), np.flatnonzero(self.stuck)
-        by = drive_now - drive
-        f = rest.f.copy()
-        f[held] += by * (self._rows[held] @ self.drift - self.push[held])
-        u_z = rest.u_z + by * self.drift[N_x : 2 * N_x]
-        p = np.where(self.stuck, -self.k_f * u_z, 0.0)
-        d = self.solver.scene.d
-        moved = Rest(None, f, -d * f, p, u_z, rest.F_T + by * self.force_rate)
-        return moved if self._fits(moved) else None
-
-    def _moved(self, u_x: np.ndarray, drive: float) -> np.ndarray | None:
-        """Return q from the last state of a large lattice, if few blocks have moved since."""
-        if self._last is None:
-            return None
-        before, drive_before, q = self._last
-        moved = np.flatnonzero(self.stuck & (u_x != before))
-        if len(moved) > FEW:
-            return None
-        q = q + (drive - drive_before) * self.drift
-        for i in moved:
-            if i not in self._columns:
-                while len(self._columns) >= MOST_COLUMNS:
-                    del self._columns[next(iter(self._columns))]
-                side = self._rows[self.free][:, [i]].toarray()[:, 0]
-                self._columns[i] = -self._factor.solve(side)
-            q[self.free] += (u_x[i] - before[i]) * self._columns[i]
-            q[i] = u_x[i]
-        return q
 
     def margins(self, rest: Rest) -> np.ndarray:
         """Return the margins in a static state, shape (n_c,), in N."""
@@ -454,7 +473,7 @@ class _Opened:
         y = K^-1 (b + k_f E_z zeta - K_yx x),   zeta = E_z.y,   c = K_xy y + K_xx x .
     """
 
-    def __init__(self, closed: Frozen, opened: np.ndarray) -> None:
+    def __init__(self, closed: Held, opened: np.ndarray) -> None:
         N_x, k_f = len(closed.stuck), closed.k_f
         rows = closed._rows
         lift = np.zeros(rows.shape[0])

@@ -38,6 +38,13 @@ def coarse_pictures():
         style.PNG_DPI = 60
 
 
+@pytest.fixture(autouse=True)
+def coarse_curves(request, monkeypatch):
+    """Loading curves of 500 points where a test asks for no time between them."""
+    if (options := sys.modules.get("pyfric.engines.options")) and "all_points" not in request.keywords:
+        monkeypatch.setattr(options, "CURVE_POINTS", 500)
+
+
 def pytest_collection_modifyitems(items):
     for item in items:
         name = item.path.stem.removeprefix("test_")

@@ -19,7 +19,7 @@ import math
 from typing import TYPE_CHECKING
 
 from pyfric.engines.guard import slow_decay
-from pyfric.record import build_catalogue
+from pyfric.record import count_main
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -56,14 +56,10 @@ def _rounded(t: float) -> float:
 def pause_notes(record: Record) -> tuple[str, ...]:
     """Return a note where half or twice t_gap gives other numbers of main events, by more than one.
 
-    Nothing is solved for that: the logs are cut into events once more.
+    Nothing is solved for that: the episodes are joined into events once more.
     """
-    t_gap, logs = record.method.t_gap, (record.switches, record.quiet, record.scene)
-    here = int(record.events["is_main"].sum())
-    half, twice = (
-        int(build_catalogue(*logs, t_gap=factor * t_gap).events["is_main"].sum())
-        for factor in (0.5, 2.0)
-    )
+    t_gap = record.method.t_gap
+    half, here, twice = (count_main(record.episodes, factor * t_gap) for factor in (0.5, 1.0, 2.0))
     if max(abs(half - here), abs(twice - here)) <= 1:
         return ()
     return (

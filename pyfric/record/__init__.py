@@ -15,7 +15,13 @@ from pyfric.record.analysis import (
     stress_profile,
     system_size_events,
 )
-from pyfric.record.catalogue import MAIN_EVENT_BLOCKS, T_GAP, Catalogue, build_catalogue
+from pyfric.record.catalogue import (
+    MAIN_EVENT_BLOCKS,
+    T_GAP,
+    Catalogue,
+    build_catalogue,
+    count_main,
+)
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
 from pyfric.record.errors import Errors, differences, paired, statistics
 from pyfric.record.record import Method, Record, RecordError
@@ -42,6 +48,7 @@ __all__ = [
     "budget_left",
     "build_catalogue",
     "collapse_spread",
+    "count_main",
     "differences",
     "energy_release",
     "front",

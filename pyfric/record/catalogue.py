@@ -298,6 +298,20 @@ def _event_numbers(episodes: pd.DataFrame, t_gap: float) -> np.ndarray:
     return event
 
 
+def _distinct_blocks(event: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """(n_events,) how many different blocks slip in each event, of an event and block per row."""
+    blocks = max(n.max(initial=0), 1)
+    return np.bincount(np.unique(event * blocks + n - 1) // blocks)
+
+
+def count_main(episodes: pd.DataFrame, t_gap: float) -> int:
+    """Return how many main events the episodes of a run make with a longest pause, in s."""
+    event = _event_numbers(episodes, t_gap)
+    joins = event >= 0
+    blocks = _distinct_blocks(event[joins], episodes["n"].to_numpy()[joins])
+    return int((blocks >= MAIN_EVENT_BLOCKS).sum())
+
+
 def _event_table(
     joined: pd.DataFrame, quiet: dict[str, np.ndarray], t_gap: float, t_end: float | None
 ) -> pd.DataFrame:
@@ -312,8 +326,6 @@ def _event_table(
     quiet_start = _quiet_rows(quiet, +1, step_start)
     quiet_stop = _quiet_rows(quiet, -1, step_stop)
     t_start = joined["t_start"].to_numpy()[first]
-    blocks = max(n.max(initial=0), 1)
-    distinct = np.unique(event * blocks + n - 1) // blocks  # one entry per event and block
     F_T = np.append(quiet["F_T"], np.nan)  # row -1: no such state
     finished = stopped if t_end is None else stopped & (t_end - t_stop > t_gap)
     table = {
@@ -324,7 +336,7 @@ def _event_table(
         "F_T_arrest_inst": F_T[quiet_stop],
         "first_block": np.minimum.reduceat(n, first),
         "last_block": np.maximum.reduceat(n, first),
-        "n_blocks": np.bincount(distinct, minlength=first.size),
+        "n_blocks": _distinct_blocks(event, n),
         "nucleation_block": n[first],
         "n_episodes": np.bincount(event, minlength=first.size),
         "finished": finished,

@@ -16,6 +16,7 @@ Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, replace
 from typing import Any
@@ -80,7 +81,7 @@ class Law:
         means = {n: float(np.mean(getattr(self, n))) for n in ("mu_s", "mu_k", "d_c", "alpha")}
         return replace(self, **means)
 
-    @property
+    @functools.cached_property
     def coulomb(self) -> bool:
         """Whether it is Amontons-Coulomb friction."""
         return self.tables == NO_TABLES and not np.any(self.alpha)

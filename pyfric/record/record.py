@@ -42,6 +42,7 @@ from pyfric.record.catalogue import T_GAP
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
 from pyfric.record.errors import Errors
 from pyfric.record.labels import describe
+from pyfric.record.netcdf import Variable, file_image, read_image
 from pyfric.record.report import summary, text
 from pyfric.record.rupture import front_speed
 from pyfric.record.zones import zone_at_rest, zone_moving
@@ -56,9 +57,6 @@ __all__ = ["SCHEMA", "Method", "Record", "RecordError"]
 
 SCHEMA = 6
 """Version of the file layout that this module writes and reads."""
-
-COMPRESSED_FROM = 4096
-"""Arrays of at least this many elements are compressed (without loss)."""
 
 SWITCH = {
     "located": "contacts switch where they do inside steps",
@@ -296,9 +294,11 @@ class Record:
         OSError
             If the file cannot be written; it names path and reason.
         """
-        dataset = self._dataset()
-        encoding = {name: _encoding(variable) for name, variable in dataset.variables.items()}
-        return write(path, sealed(dataset.to_netcdf(engine="h5netcdf", encoding=encoding)))
+        variables = dict(self._variables())
+        for name, (dims, _, attributes) in variables.items():
+            if name != "n" and "x" in dims:
+                attributes["coordinates"] = "n"
+        return write(path, sealed(file_image(variables, self._attributes())))
 
     def to_xarray(self) -> xr.Dataset:
         """What happened, as an `xarray.Dataset`: curve, events and interface, and no logs.
@@ -370,7 +370,12 @@ class Record:
         import xarray as xr  # slow to import
 
         variables = dict(self._variables())
-        attributes = {
+        coordinates = {name: variables.pop(name) for name in ("t", "x", "n")}
+        return xr.Dataset(variables, coordinates, self._attributes())
+
+    def _attributes(self) -> dict[str, Any]:
+        """Attributes of the file."""
+        return {
             **self._titles(),
             "pyfric_schema": SCHEMA,
             "scene": self.scene.to_toml(),
@@ -384,16 +389,13 @@ class Record:
             "final_state": json.dumps(_state_plan(self.final_state)),
             "tables": json.dumps({name: _dtypes(getattr(self, name)) for name in TABLES}),
         }
-        coordinates = {name: variables.pop(name) for name in ("t", "x", "n")}
-        return xr.Dataset(variables, coordinates, attributes)
 
-    def _variables(self) -> Iterator[tuple[str, tuple[Any, np.ndarray, dict[str, str]]]]:
-        """Name and (dimensions, values, attributes) of every variable of the file."""
+    def _variables(self) -> Iterator[tuple[str, Variable]]:
+        """Name and content of every variable of the file."""
 
-        def variable(
-            dims: Any, values: np.ndarray, name: str, table: str = ""
-        ) -> tuple[Any, np.ndarray, dict[str, str]]:
+        def variable(dims: Any, values: np.ndarray, name: str, table: str = "") -> Variable:
             unit, long_name = describe(name, table)
+            dims = (dims,) if isinstance(dims, str) else tuple(dims)
             return dims, values, {"units": unit, "long_name": long_name}
 
         yield "x", variable("x", np.asarray(self.scene.x), "x")
@@ -423,7 +425,7 @@ class Record:
         for name, value in _state_items(self.final_state).items():
             if _kind(value) in ("array", "int", "float", "bool"):
                 array = np.asarray(value)
-                dims = [f"final_{name}_{axis}" for axis in range(array.ndim)]
+                dims = tuple(f"final_{name}_{axis}" for axis in range(array.ndim))
                 attributes = {"units": "SI", "long_name": f"{name} of the final state"}
                 yield "final_" + name, (dims, array, attributes)
 
@@ -450,7 +452,7 @@ class Record:
             reason = "its content and the hash at its end do not agree"
             raise RecordError(f"{path}: damaged, or not a pyfric record ({reason})")
         try:
-            attributes, values = _read(inside)
+            attributes, values = read_image(inside)
         except Exception as error:  # whatever the HDF5 layers make of a foreign file
             raise RecordError(f"{path}: not a pyfric record ({error})") from error
         return cls._checked(str(path), attributes, values)
@@ -586,21 +588,6 @@ def _plain(column: pd.Series) -> np.ndarray:
     raise RecordError(f"record: column {column.name!r} ({column.dtype}) is not numbers or text")
 
 
-def _read(content: memoryview) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Attributes and variables of a record file. xarray takes ten times as long."""
-    import h5py
-
-    with h5py.File(h5py.h5f.open_file_image(bytes(content))) as file:
-        values = {}
-        for name, variable in file.items():
-            text = h5py.check_string_dtype(variable.dtype)
-            values[name] = np.array(variable.asstr()[()], np.str_) if text else variable[()]
-            if variable.attrs.get("dtype") == "bool":
-                values[name] = values[name].astype(bool)
-        numbers = (np.ndarray, np.generic)
-        return {k: v.item() if isinstance(v, numbers) else v for k, v in file.attrs.items()}, values
-
-
 def _group(name: str, curve: pd.DataFrame) -> str:
     """Return the group of a tree that holds this variable of a file."""
     for group, prefix in GROUPS.items():
@@ -615,15 +602,6 @@ def _table(
     return pd.DataFrame(
         {name: pd.Series(values[prefix + name]).astype(dtype) for name, dtype in columns.items()}
     )
-
-
-def _encoding(variable: xr.Variable) -> dict[str, Any]:
-    if variable.dtype.kind not in "biuf":
-        return {}
-    exact = {"_FillValue": None}
-    if variable.size < COMPRESSED_FROM:
-        return exact
-    return exact | {"zlib": True, "complevel": 1, "shuffle": True}
 
 
 # --- final state ---------------------------------------------------------------------------------

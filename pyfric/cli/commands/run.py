@@ -311,10 +311,8 @@ def _simulate(
     """Return the record of a run, whether it is complete, interrupted or failed."""
     import pyfric
 
-    if out is not None:  # xarray is slow when it is used first, and that is not for after Ctrl-C
-        import xarray as xr
-
-        xr.Dataset({"a": ("x", [0.0])}, {"x": [0.0]}).to_netcdf(engine="h5netcdf")
+    if out is not None:
+        import h5py  # noqa: F401  # slow to import: not for after Ctrl-C
     given = {name: value for name, value in how.items() if value is not None}
     options = pyfric.Options(checkpoint=out, **given)
     try:

@@ -39,9 +39,9 @@ def coarse_pictures():
 
 
 @pytest.fixture(autouse=True)
-def coarse_curves(request, monkeypatch):
+def coarse_curves(monkeypatch):
     """Loading curves of 500 points where a test asks for no time between them."""
-    if (options := sys.modules.get("pyfric.engines.options")) and "all_points" not in request.keywords:
+    if options := sys.modules.get("pyfric.engines.options"):
         monkeypatch.setattr(options, "CURVE_POINTS", 500)
 
 

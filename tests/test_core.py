@@ -131,7 +131,7 @@ def test_energies_are_those_of_the_twin(scene, geometry):
         assert here[f"elastic_{name}"] == pytest.approx(there[name], rel=1e-13)
 
 
-STEPS = 60
+STEPS = 40
 LEGS = ((10, 5), (STEPS, 2000))
 """Steps from the start, and the growth of rounding that they allow."""
 

@@ -103,6 +103,7 @@ def test_switch_times_of_the_small_slider():
 
 def test_a_free_wave_is_that_of_lammps(monkeypatch):
     monkeypatch.setattr(beside, "REPEATS", 1)
+    monkeypatch.setattr(beside, "preset", functools.partial(preset, l=5e-3))
     table = pd.DataFrame(beside.wave_points())
     ok = table[table["status"] == "ok"]
     for stepper, expected in (("rk4", 4), ("verlet", 2), ("symplectic_euler", 1)):

@@ -179,9 +179,9 @@ def test_decay_times_without_viscosity():
 
 @pytest.mark.parametrize("eta", [1e-6, 1e-3])
 def test_hardly_damped_modes_are_found_quickly(eta):
-    start = time.perf_counter()
+    start = time.process_time()
     slow = decay_times(preset("fig1", eta=eta)).slow
-    assert time.perf_counter() - start < 10  # 0.3 s on a machine that does nothing else
+    assert time.process_time() - start < 10  # 0.3 s on a machine that does nothing else
     assert slow * eta == pytest.approx(decay_times(preset("fig1", eta=0.1)).slow * 0.1, rel=0.01)
 
 
@@ -390,9 +390,9 @@ def test_coarser_chain_is_the_same_rod(side):
     ids=["fits", "primes", "chain"],
 )
 def test_planning_is_quick_on_large_lattices(scene):
-    start = time.perf_counter()
+    start = time.process_time()
     found = plan(scene, t_end=0.5)
-    assert time.perf_counter() - start < 20  # 1 to 3 s on a machine that does nothing else
+    assert time.process_time() - start < 20  # 1 to 3 s
     assert found.dt <= stability_limit(scene)[0]
 
 

@@ -108,6 +108,13 @@ def test_loading_curve(name, geometry):
 
 
 @pytest.mark.parametrize(("name", "geometry"), ALL)
+def test_nearly_all_time_is_jumped_over(name, geometry):
+    """Also where the corner opens a little before its static state does (run 3, and 4 finite)."""
+    counts = hybrid(name, geometry).counts
+    assert counts["steps"] < 0.02 * counts["steps_spared"]
+
+
+@pytest.mark.parametrize(("name", "geometry"), ALL)
 def test_normalised_stresses(name, geometry):
     made = hybrid(name, geometry)
     assert_all(regression.stresses(reference(name, geometry), made, HYBRID[geometry]))
@@ -119,7 +126,7 @@ def test_crack_speeds(name, geometry):
     assert_all(regression.crack_speeds(reference(name, geometry), made, HYBRID[geometry]))
 
 
-STEP_ENDS = [("fig1", "linear"), ("fig1", "finite"), ("run3", "linear"), ("setup2", "linear")]
+STEP_ENDS = [("fig1", "finite"), ("run3", "linear"), ("setup2", "linear")]
 REST = [
     pytest.param(name, geometry, marks=pytest.mark.slow)
     for name in CLEAN
@@ -135,14 +142,13 @@ def test_switching_at_step_ends(name, geometry):
     assert_all(regression.compare(reference(name, geometry), made, STEP_END))
 
 
-@pytest.mark.parametrize("event", [3, 6])
-@pytest.mark.parametrize(("name", "geometry"), [("fig1", "linear"), ("run1", "linear")])
-def test_full_dynamics_of_one_event(name, geometry, event):
-    known = reference(name, geometry)
+@pytest.mark.parametrize(("name", "event"), [("fig1", 3), ("run1", 6)])
+def test_full_dynamics_of_one_event(name, event):
+    known = reference(name, "linear")
     row = known.events.index[known.events["is_main"]][event - 1]
     made = regression.dynamic(known, row)
     assert made.method.engine == "dynamic"
-    assert_all(regression.compare(known, made, DYNAMIC[geometry]))
+    assert_all(regression.compare(known, made, DYNAMIC["linear"]))
 
 
 # --- setup2+, where the order of events is lost --------------------------------------------------

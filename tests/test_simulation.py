@@ -474,7 +474,7 @@ def test_odd_scenes(scene):
     for t_end, tolerance, verify in (
         (0.0, 0.5, "none"),
         (6e-3, 0.5, "sample"),
-        (6e-3, 0.01, "none"),
+        (5e-3, 0.01, "none"),
     ):
         record = simulate(scene, t_end, tolerance=tolerance, verify=verify)
         assert record.status == "complete"

@@ -323,7 +323,7 @@ class HybridRun(Run):
         state = self.state
         open_ = state.mode == OPEN
         key = state.y[0, 0, ~open_].tobytes() + open_.tobytes()
-        if self.quiet_key != key:
+        if self.quiet_now is None or self.quiet_key != key:
             self.quiet_key, self.quiet_now = key, None
             rest = self.solver.rest(state.y[0, 0], self.scene.driver.V * state.t, open_)
             if rest is not None:

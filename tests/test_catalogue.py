@@ -24,6 +24,7 @@ def make_scene(N_x=8, d=1, j_h=2, l=2.5e-3):
     i = np.arange(N_x)
     return SimpleNamespace(
         N_x=N_x,
+        load_at=lambda _: None,
         N_z=2,
         top=None,  # no prescribed load
         d=d,

@@ -83,17 +83,16 @@ class Creeping:
         scene: the scene.
         known: its static states, in linear geometry.
         remainder: what a jump may neglect, over F_N/N_x.
+        V: speed of the driver, in m/s, > 0.
     """
 
-    def __init__(self, scene: Scene, known: StaticSolver, remainder: float) -> None:
-        self.scene, self.known = scene, known
+    def __init__(self, scene: Scene, known: StaticSolver, remainder: float, V: float) -> None:
+        self.scene, self.known, self.V = scene, known, V
         self.mass, self.C = mass(scene), damping(scene)
         self._spaces: list[_Space] = []
         self.force = remainder * scene.F_N / scene.N_x
         impedance = math.sqrt(scene.slider.k * scene.m)
-        self.fastest, self.kink = (
-            share * self.force / (impedance * scene.driver.V) for share in (HURRY, LEFT)
-        )
+        self.fastest, self.kink = (share * self.force / (impedance * V) for share in (HURRY, LEFT))
 
     @functools.cached_property
     def problem(self) -> ContactProblem:
@@ -101,9 +100,9 @@ class Creeping:
         return ContactProblem(self.scene)
 
     @staticmethod
-    def possible(scene: Scene, geometry: str) -> bool:
-        """Whether stable slip of a scene is followed: linear geometry, friction of slip alone."""
-        return geometry == "linear" and creeps(scene.law) and scene.driver.V > 0
+    def possible(scene: Scene, geometry: str, V: float) -> bool:
+        """Whether stable slip is followed: linear geometry, friction of slip alone, V (m/s) > 0."""
+        return geometry == "linear" and creeps(scene.law) and V > 0
 
     def land(self, state: State, held: Callable[[], Frozen], last: int) -> Landing | None:
         """Return where a jump over stable slip may end, None if there is none.
@@ -113,10 +112,10 @@ class Creeping:
             held: returns the slider with all blocks held that are not open.
             last: number of the last step.
         """
-        V, dt = self.scene.driver.V, state.dt
+        V, dt = self.V, state.dt
         if np.abs(state.y[:, 2:]).max() > LOUD * V:
             return None
-        drive = V * state.t + self.scene.d * self.known.u_drv0
+        drive = self.scene.drive(state.t) + self.scene.d * self.known.u_drv0
         way = np.where(np.abs(state.mode) == 1, state.mode, 0)
         creep = Creep(self.problem, state.y[0, 0], way, state.mode != OPEN, state.s_0)
         begin = creep.at(drive)
@@ -153,7 +152,7 @@ class Creeping:
 
     def _path(self, modes: _Modes, point: Point, dt: float) -> tuple[np.ndarray, np.ndarray]:
         """Return coordinates (m) and their rates (m/s) on the path, held back by C and M."""
-        space, V, by = modes.space, self.scene.driver.V, APART * dt
+        space, V, by = modes.space, self.V, APART * dt
         frozen = space.frozen
         drive = point.drive - self.scene.d * self.known.u_drv0
         v, bend = V * space.carried(point.rate), np.zeros(frozen.n_q)

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
     from pyfric.statics import Equilibrium
 
-__all__ = ["Run", "RunError", "kept_notes", "last_step"]
+__all__ = ["Run", "RunError", "just_after", "kept_notes", "last_step"]
 
 CALL_SECONDS = 0.2
 """Longest time in the core between two looks at Ctrl-C, s."""
@@ -81,7 +81,7 @@ def last_step(t0: float, dt: float, t: float) -> int:
     return math.ceil((t - t0) / dt * (1 - 1e-14) - ON_GRID)
 
 
-def _just_after(state: State) -> float:
+def just_after(state: State) -> float:
     """Return the time (s) by which the piece of a protocol is chosen that comes next."""
     return state.t + ON_GRID * state.dt
 
@@ -115,7 +115,7 @@ class Run:
     ) -> None:
         self.scene, self.method, self.state = scene, method, state
         self.solver = _Remembering(solver)
-        self.model = core.model(scene, method.geometry, state.u_drv0, _just_after(state))
+        self.model = core.model(scene, method.geometry, state.u_drv0, just_after(state))
         self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
         self.log = core.Log(scene.N_x)
         self.t_begin = state.t
@@ -265,7 +265,7 @@ class Run:
 
         A step ends at each corner of a protocol; the next one belongs to another piece.
         """
-        scene, t = self.scene, _just_after(state)
+        scene, t = self.scene, just_after(state)
         if not scene.corners:
             return self._in_core(state, n_steps)
         self.model = core.model(scene, self.method.geometry, state.u_drv0, t)
@@ -423,15 +423,9 @@ class Run:
             t_gap=self.method.t_gap,
             t_begin=self.t_begin,
             t_end=self.state.t,
-            solver=self.solver if self._rests() else None,
+            solver=None if self.scene.prescribed else self.solver,
         )
         return catalogue, switches, quiet
-
-    def _rests(self) -> bool:
-        """Return whether states of rest are those of the load at t = 0."""
-        top = self.scene.top
-        loads = getattr(top, "protocol", ()), getattr(top, "T_protocol", ())
-        return not (self.scene.prescribed or any(loads))
 
     def record(self, status: str) -> Record:
         """Return what was done so far."""
@@ -472,13 +466,20 @@ class _Remembering:
 
     def __init__(self, solver: StaticSolver) -> None:
         self.known = solver
-        self.found: dict[tuple[bytes, float, bytes], Equilibrium | EquilibriumError] = {}
+        self.found: dict[tuple[Any, ...], Equilibrium | EquilibriumError] = {}
 
-    def solve(self, u_x_bottom: np.ndarray, drive: float, *, free: np.ndarray) -> Equilibrium:
-        key = u_x_bottom.tobytes(), float(drive), free.tobytes()
+    def solve(
+        self,
+        u_x_bottom: np.ndarray,
+        drive: float,
+        *,
+        free: np.ndarray,
+        load: tuple[float, float] | None = None,
+    ) -> Equilibrium:
+        key = u_x_bottom.tobytes(), float(drive), free.tobytes(), load
         if key not in self.found:
             try:
-                self.found[key] = self.known.solve(u_x_bottom, drive, free=free)
+                self.found[key] = self.known.solve(u_x_bottom, drive, free=free, load=load)
             except EquilibriumError as error:
                 self.found[key] = error
         found = self.found[key]

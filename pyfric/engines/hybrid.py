@@ -5,6 +5,10 @@ nothing slips any more, the slider rings down: `ringdown` follows its slow modes
 form and bounds the rest. The run jumps to the last step before a contact state can change, and
 goes on there, with the modes that are left. What the jump drops is smaller than `REMAINDER`.
 
+Where a protocol has a corner, jumps end and the static state is found anew. Between corners the
+driver's speed and the loads are straight over time, so that the static state moves along a parabola
+and the slider lags behind it by an amount that is straight over time, which are followed exactly.
+
 Where a jump is not safe, steps are made: a slider that never comes to rest is integrated in full,
 and the record says so.
 
@@ -22,12 +26,15 @@ import numpy as np
 from pyfric import core
 from pyfric.core import OPEN, STUCK
 from pyfric.engines.creeping import Creeping
-from pyfric.engines.dynamic import Run
+from pyfric.engines.dynamic import Run, just_after, last_step
 from pyfric.engines.guard import LINEAR, largest_strain
-from pyfric.engines.ringdown import Frozen, Held, Rest, first_crossing
+from pyfric.engines.ringdown import Course, Frozen, Held, Rest, first_crossing
 from pyfric.statics import LARGE, EquilibriumError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pyfric.scene import Piece
     from pyfric.statics import Equilibrium, StaticSolver
 
 __all__ = ["REMAINDER", "HybridRun"]
@@ -57,6 +64,18 @@ KEPT = 8
 """Contact states whose modes are kept."""
 
 
+class _Outside(NamedTuple):
+    """What is outside the slider: way of the driver (m); F_N and T (N) where they change."""
+
+    drive: float
+    load: tuple[float, float] | None = None
+
+    def far(self, other: _Outside, K: float) -> float:
+        """Return how far both are apart, in N."""
+        loads = zip(self.load or (), other.load or (), strict=False)
+        return K * abs(self.drive - other.drive) + sum(abs(a - b) for a, b in loads)
+
+
 class _Statics:
     """Static states, remembered, and the slider with fixed contact states that goes with each."""
 
@@ -64,8 +83,8 @@ class _Statics:
         self.known, self.dt = known, dt
         self._frozen: dict[bytes, Frozen] = {}
         self._held: dict[bytes, Held] = {}
-        self._found: dict[tuple[bytes, bytes], dict[float, Rest | Equilibrium]] = {}
-        self._moved: dict[tuple[bytes, bytes, float], Rest] = {}
+        self._found: dict[tuple[bytes, bytes], dict[_Outside, Rest | Equilibrium]] = {}
+        self._moved: dict[tuple[bytes, bytes, _Outside], Rest] = {}
         self._last: Equilibrium | None = None
 
     def frozen(self, stuck: np.ndarray) -> Frozen:
@@ -103,7 +122,7 @@ class _Statics:
     def rest(
         self,
         u_x: np.ndarray,
-        drive: float,
+        at: _Outside,
         open_: np.ndarray,
         enough: float = ENOUGH,
         start: np.ndarray | None = None,
@@ -116,15 +135,16 @@ class _Statics:
         if open_.all():  # nothing carries F_N
             return None
         if self.known.geometry == "linear":
-            rest = self.held(~open_).rest(u_x, drive)
+            rest = self.held(~open_).rest(u_x, *at)
         else:
             left = enough * self.known.scene.F_N / self.known.scene.N_x
             begin = self._last
             if start is not None and begin is not None:
                 u, rod = self.known.displacements(start)
                 begin = dataclasses.replace(begin, u=u, rod=rod)
+            how = {"free": open_, "start": begin, "enough": left, "load": at.load}
             try:
-                state = self.known.solve(u_x, drive, free=open_, start=begin, enough=left)
+                state = self.known.solve(u_x, at.drive, **how)
             except EquilibriumError:
                 return None
             if (state.open != open_).any():
@@ -133,37 +153,45 @@ class _Statics:
             q = self.known.coordinates(state.u, state.rod)
             rest = Rest(q, state.f, state.tau, state.p, state.u[0, 1], state.F_T)
         if rest is not None and enough == ENOUGH:
-            self._states(u_x, open_)[float(drive)] = rest._replace(q=None)
+            self._states(u_x, open_)[at] = rest._replace(q=None)
         return rest
 
-    def near(self, drive: float, other: float) -> bool:
-        """Whether the static states with the driver here and there differ by tangents."""
+    def near(self, here: _Outside, there: _Outside) -> bool:
+        """Whether two static states of one interface differ by tangents."""
         scene = self.known.scene
         few = NEAR * scene.F_N
-        return self.known.geometry == "linear" or scene.driver.K * abs(drive - other) <= few
+        return self.known.geometry == "linear" or here.far(there, scene.driver.K) <= few
 
-    def solve(self, u_x: np.ndarray, drive: float, *, free: np.ndarray) -> Rest | Equilibrium:
+    def solve(
+        self,
+        u_x: np.ndarray,
+        drive: float,
+        *,
+        free: np.ndarray,
+        load: tuple[float, float] | None = None,
+    ) -> Rest | Equilibrium:
         """Return the static state, for the catalogue."""
-        states, drive = self._states(u_x, free), float(drive)
-        key = u_x.tobytes(), free.tobytes(), drive
-        at = min(states, key=lambda one: abs(one - drive), default=math.inf)
-        if at != drive and key not in self._moved and states and self.near(at, drive):
-            moved = self.held(~free).driven(states[at], at, drive)
+        states, here = self._states(u_x, free), _Outside(float(drive), load)
+        key = u_x.tobytes(), free.tobytes(), here
+        alike = [one for one in states if one.load == load]
+        at = min(alike, key=lambda one: abs(one.drive - here.drive), default=None)
+        if at not in (None, here) and key not in self._moved and self.near(at, here):
+            moved = self.held(~free).driven(states[at], at.drive, here.drive)
             if moved is not None:
                 self._moved[key] = moved
         if key in self._moved:
             return self._moved[key]
-        if drive not in states and self.rest(u_x, drive, free) is None:
-            states[drive] = self.known.solve(u_x, drive, free=free)
-        return states[drive]
+        if here not in states and self.rest(u_x, here, free) is None:
+            states[here] = self.known.solve(u_x, here.drive, free=free, load=load)
+        return states[here]
 
-    def _states(self, u_x: np.ndarray, open_: np.ndarray) -> dict[float, Rest | Equilibrium]:
-        """Return the static states found with this interface, by drive."""
+    def _states(self, u_x: np.ndarray, open_: np.ndarray) -> dict[_Outside, Rest | Equilibrium]:
+        """Return the static states found with this interface, by what is outside."""
         return self._found.setdefault((u_x.tobytes(), open_.tobytes()), {})
 
 
 class _Quiet(NamedTuple):
-    """A static state about which the slider rings, its time, and its open blocks."""
+    """A static state about which the slider rings, its time, its open blocks, where it goes."""
 
     t: float
     open: np.ndarray
@@ -171,6 +199,7 @@ class _Quiet(NamedTuple):
     growth: np.ndarray
     rest: Rest
     margins: np.ndarray
+    course: Course
 
 
 class HybridRun(Run):
@@ -188,15 +217,39 @@ class HybridRun(Run):
         self.solver = _Statics(self.solver.known, self.method.dt)
         self.jumps, self.jumped, self.wait = 0, 0, LOOK
         self.look_at = self.state.step
-        self.quiet_key: bytes | None = None
+        self.quiet_key: tuple[bytes, float] | None = None
         self.quiet_now: _Quiet | None = None
         self.slid = False
-        self.creeping: Creeping | None = None
-        if Creeping.possible(self.scene, self.method.geometry):
-            self.creeping = Creeping(self.scene, self.solver.known, self.remainder)
+        self._creepings: dict[float, Creeping] = {}
 
     def _slips(self) -> np.ndarray:
         return np.abs(self.state.mode) == 1
+
+    def _outside(self, t: float) -> _Outside:
+        """Return what is outside the slider at t (s)."""
+        return _Outside(self.scene.drive(t), self.scene.load_at(t))
+
+    @property
+    def creeping(self) -> Creeping | None:
+        """Jumps over stable slip, None where stable slip is not followed."""
+        scene, known, t = self.scene, self.solver.known, just_after(self.state)
+        V, *loads = (scene.piece(what, t) for what in ("V", "F_N", "T"))
+        first = scene.load_at(0.0)
+        steady = V.slope == 0 and all(one.slope == 0 for one in loads)
+        steady &= first is None or (*first,) == tuple(one.value for one in loads)
+        if not (steady and Creeping.possible(scene, self.method.geometry, V.value)):
+            return None
+        if V.value not in self._creepings:
+            self._creepings[V.value] = Creeping(scene, known, self.remainder, V.value)
+        return self._creepings[V.value]
+
+    def _piece_ends(self, last: int) -> int:
+        """Return the last step that a jump may end with: `last`, or the last before a corner."""
+        state, t = self.state, just_after(self.state)
+        corner = next((one for one in self.scene.corners if one > t), math.inf)
+        if math.isinf(corner):
+            return last
+        return min(last, last_step(state.t0, state.dt, corner) - 1)
 
     def call_length(self) -> int:
         """Return how many steps may be made before the next look."""
@@ -250,54 +303,58 @@ class HybridRun(Run):
     def jump(self, last: int) -> bool:
         """Go to the last step before a contact state can change; False if that is too near."""
         state, scene = self.state, self.scene
-        dt, most, V = state.dt, last - state.step, scene.driver.V
-        quiet = self._now_quiet()
+        dt, most = state.dt, self._piece_ends(last) - state.step
+        quiet = self._now_quiet() if most > 0 else None
         if quiet is None:
             return False
-        frozen, rest, known = quiet.frozen, quiet.rest, self.solver.known
+        frozen, rest, known, course = quiet.frozen, quiet.rest, self.solver.known, quiet.course
         since = state.t - quiet.t
         w = known.coordinates(state.y[:, :2], state.rod[:3])
-        w -= rest.q + (V * since) * frozen.drift + frozen.lag
-        v = known.coordinates(state.y[:, 2:], state.rod[3:]) - V * frozen.drift
+        w -= rest.q + course.path(since)
+        v = known.coordinates(state.y[:, 2:], state.rod[3:]) - course.speed(since)
         motion = frozen.split(w, v)
         unit = scene.F_N / scene.N_x
         finite = self.method.geometry == "finite"
         if finite and frozen.bend(motion.a) > self.remainder * unit:
             return False
         bound = frozen.bound * math.sqrt(motion.remainder)
-        rate = V * frozen.margin_rate
+        rate, bend = course.margin_rate, course.margin_bend
         modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
         rates = np.append(quiet.growth, -frozen.decay)
-        there, t_there, t = None, math.inf, state.t
-        toward = V * frozen.drift
+        there, t_there, at_there = None, math.inf, None
+        toward = course.v
         for enough in (ROUGH, *(7 * [ENOUGH])):
-            c = quiet.margins + rate * since + frozen.margin_lag
-            c, drift, waves = frozen.aged(state.t - state.t_0, c, rate, modal)
-            s = first_crossing(c, drift, waves, rates, most * dt, dt)
+            c = quiet.margins + (rate + (0.5 * since) * bend) * since
+            c += course.margin_lag + since * course.margin_lag_rate
+            slope = rate + since * bend + course.margin_lag_rate
+            c, slope, bent, waves = frozen.aged(state.t - state.t_0, c, slope, bend, modal)
+            s = first_crossing(c, slope, waves, rates, most * dt, dt, bent)
             n = min(math.floor(s / dt), most)
             left = bound.max() * math.exp(-frozen.decay * n * dt)
             if left > self.remainder * unit or n < min(most, SHORTEST):
                 return False
             if not finite:
-                q = rest.q + (V * (since + n * dt)) * frozen.drift
-                force = rest.F_T + V * frozen.force_rate * (since + n * dt)
+                q = rest.q + course.way(since + n * dt)
+                force = rest.F_T + course.force(since + n * dt)
                 break
             t = state.t0 + (state.step + n) * dt
-            if self.solver.near(V * t, V * t_there):
-                q = there.q + (V * (t - t_there)) * frozen.drift
-                force = there.F_T + V * frozen.force_rate * (t - t_there)
+            to, at = t - quiet.t, self._outside(t)
+            if at_there is not None and self.solver.near(at, at_there):
+                q = there.q + course.way(to, t_there - quiet.t)
+                force = there.F_T + course.force(to, t_there - quiet.t)
                 break
             if enough == ENOUGH:
-                t_there = t
-            start = rest.q + (t - quiet.t) * toward
-            there = self.solver.rest(state.y[0, 0], V * t, quiet.open, enough, start)
+                t_there, at_there = t, at
+            start = rest.q + to * (toward + (0.5 * to) * course.a)
+            there = self.solver.rest(state.y[0, 0], at, quiet.open, enough, start)
             if there is None:
                 return False
-            toward = (there.q - rest.q) / (t - quiet.t)
-            rate = (frozen.margins(there) - quiet.margins) / (t - quiet.t)
+            toward = (there.q - rest.q) / to - (0.5 * to) * course.a
+            rate = (frozen.margins(there) - quiet.margins) / to - (0.5 * to) * bend
         else:
             return False
-        margins = c + drift * (n * dt) + (waves[:, :-1] @ np.exp(quiet.growth * (n * dt))).real
+        margins = c + (slope + (0.5 * n * dt) * bent) * (n * dt)
+        margins += (waves[:, :-1] @ np.exp(quiet.growth * (n * dt))).real
         self._sample_jump(quiet, force, motion.a, n)
         self._land(q, quiet, motion.a, n)
         state.margin[:] = frozen.margin(margins)
@@ -306,6 +363,9 @@ class HybridRun(Run):
     def slide(self, last: int) -> bool:
         """Go to the last step before a contact state changes while blocks slip stably."""
         state, scene = self.state, self.scene
+        last = self._piece_ends(last)
+        if last <= state.step:
+            return False
         landing = self.creeping.land(state, lambda: self.solver.frozen(state.mode != OPEN), last)
         if landing is None or landing.n < min(last - state.step, SHORTEST):
             return False
@@ -322,10 +382,13 @@ class HybridRun(Run):
         """Return the static state about which the slider rings, None if there is none."""
         state = self.state
         open_ = state.mode == OPEN
-        key = state.y[0, 0, ~open_].tobytes() + open_.tobytes()
+        scene, t = self.scene, just_after(state)
+        pieces = [scene.piece(what, t) for what in ("V", "F_N", "T")]
+        begin = max(one.t for one in pieces)
+        key = state.y[0, 0, ~open_].tobytes() + open_.tobytes(), begin
         if self.quiet_now is None or self.quiet_key != key:
             self.quiet_key, self.quiet_now = key, None
-            rest = self.solver.rest(state.y[0, 0], self.scene.driver.V * state.t, open_)
+            rest = self.solver.rest(state.y[0, 0], self._outside(state.t), open_)
             if rest is not None:
                 frozen = self.solver.frozen(~open_)
                 growth = frozen.growth
@@ -333,8 +396,17 @@ class HybridRun(Run):
                     frozen = self.solver.renewed(frozen, rest.q)
                     growth = frozen.stiffened(rest.q)
                 margins = frozen.margins(rest)
-                self.quiet_now = _Quiet(state.t, open_, frozen, growth, rest, margins)
+                course = self._course(frozen, pieces)
+                self.quiet_now = _Quiet(state.t, open_, frozen, growth, rest, margins, course)
         return self.quiet_now
+
+    def _course(self, frozen: Frozen, pieces: Sequence[Piece]) -> Course:
+        """Return where the static state goes on these pieces of V, F_N and T."""
+        V, F_N, T = pieces
+        more, known = None, self.solver.known
+        if F_N.slope or T.slope:  # what loads gain in a second
+            more = known.under((F_N.slope, T.slope)).load
+        return frozen.course(V.at(self.state.t), V.slope, more)
 
     def _sample_jump(self, quiet: _Quiet, force: float, a: np.ndarray, n: int) -> None:
         """Add the points of the loading curve in a jump of n steps that ends at a static force."""
@@ -342,24 +414,27 @@ class HybridRun(Run):
         steps = np.arange((state.step // every + 1) * every, state.step + n + 1, every)
         t, s = state.t0 + steps * state.dt, (steps - state.step) * state.dt
         t_end, begin = state.t + n * state.dt, quiet.rest.F_T
-        x = (t - quiet.t) / (t_end - quiet.t)
-        F_T = begin + (force - begin) * x
+        x, whole, course = (t - quiet.t) / (t_end - quiet.t), t_end - quiet.t, quiet.course
+        F_T = begin + (force - begin) * x - (0.5 * course.force_bend * whole**2) * x * (1 - x)
         far = abs(force - begin) > STRAIGHT * self.scene.F_N
         if far and len(t) and self.method.geometry == "finite":
-            drive = self.scene.driver.V * (quiet.t + t_end) / 2
-            middle = self.solver.rest(state.y[0, 0], drive, quiet.open)
+            at = self._outside((quiet.t + t_end) / 2)
+            middle = self.solver.rest(state.y[0, 0], at, quiet.open)
             if middle is not None:  # a parabola
-                F_T += (4 * middle.F_T - 2 * (begin + force)) * x * (1 - x)
+                over = 4 * middle.F_T - 2 * (begin + force) + 0.5 * course.force_bend * whole**2
+                F_T += over * x * (1 - x)
         modes = frozen.force_modal * (frozen.weight * a)
-        F_T += frozen.force_lag + (modes @ np.exp(np.outer(quiet.growth, s))).real
+        F_T += course.force_lag + (t - quiet.t) * course.force_lag_rate
+        F_T += (modes @ np.exp(np.outer(quiet.growth, s))).real
         self.rows += np.column_stack([t, F_T]).tolist()
 
     def _land(self, q: np.ndarray, quiet: _Quiet, a: np.ndarray, n: int) -> None:
         """Put the state n steps later, where the static state is q."""
-        state, frozen = self.state, quiet.frozen
-        w, v = frozen.deviation(a, n * state.dt, quiet.growth)
-        v += self.scene.driver.V * frozen.drift
-        self._put(q + frozen.lag + w, v, state.y[0, 0].copy(), n)
+        state, course = self.state, quiet.course
+        s = state.t - quiet.t + n * state.dt
+        w, v = quiet.frozen.deviation(a, n * state.dt, quiet.growth)
+        v += course.speed(s)
+        self._put(q + course.lag + s * course.lag_rate + w, v, state.y[0, 0].copy(), n)
 
     def _put(self, q: np.ndarray, v: np.ndarray, u_x: np.ndarray, n: int) -> None:
         """Put coordinates q and their rates v n steps later; stuck blocks are at u_x."""

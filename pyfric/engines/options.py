@@ -244,7 +244,6 @@ class Options:
             check_geometry(self.geometry, scene)
         if engine.name != "dynamic":
             check_rests(scene)
-            check_steady(scene, engine.name)
         if self.stepper not in engine.steppers:
             known = " or ".join(map(repr, engine.steppers))
             allowed = f"{known} with fidelity = {engine.name!r}"
@@ -283,15 +282,15 @@ def check_steady(scene: Scene, fidelity: str) -> None:
     """Raise SceneError where a protocol asks for more than an engine can follow.
 
     Static states follow a driver there and back, at any pace. A load that changes is another
-    matter: blocks slip by it where nothing is driven.
+    matter: blocks slip by it where nothing is driven. The hybrid engine follows all of it.
     """
     loads = (getattr(scene.top, name, ()) for name in ("protocol", "T_protocol"))
-    if not scene.follows_protocol or (fidelity in STATIC and not any(loads)):
+    if fidelity not in STATIC or not any(loads):
         return
     reason = f"the {fidelity} engine follows a protocol of the driver, under one load"
-    if fidelity not in STATIC:
-        reason = f"the {fidelity} engine drives at one speed under one load"
-    raise SceneError("fidelity", fidelity, "", "'dynamic' for a scene with a protocol", reason)
+    raise SceneError(
+        "fidelity", fidelity, "", "'hybrid' or 'dynamic' for a scene with a protocol", reason
+    )
 
 
 def kept(method: Method) -> dict[str, Any]:

@@ -239,7 +239,7 @@ def _all_of_it(scene: Scene, want: Want, tolerance: float, t_end: float) -> Plan
     geometry = default_geometry(scene)
     evaluations = 4.0 * t_end / dt * scene.N_x * scene.N_z
     other = beside(scene, evaluations, 0, geometry, dt)
-    what = "a protocol changes speed or load"
+    what = "plans know one speed of the driver and one load"
     if scene.prescribed:
         what = "a prescribed interface in two dimensions has no static states"
     return Plan(

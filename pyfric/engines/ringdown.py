@@ -81,6 +81,44 @@ class Motion(NamedTuple):
     remainder: float
 
 
+class Course(NamedTuple):
+    """How a static state moves while the driver gains speed and loads change at constant rates.
+
+    A time s later it has moved by v s + a s^2/2, and the slider lags behind it by lag + lag_rate s;
+    margins have changed by rate s + bend s^2/2, and by the lag's margin_lag + margin_lag_rate s;
+    F_T alike. Coordinates have the shape (n_q,), margins (n_c,); m, N and s.
+    """
+
+    v: np.ndarray
+    a: np.ndarray | float
+    lag: np.ndarray
+    lag_rate: np.ndarray | float
+    margin_rate: np.ndarray
+    margin_bend: np.ndarray
+    margin_lag: np.ndarray
+    margin_lag_rate: np.ndarray | float
+    force_rate: float
+    force_bend: float
+    force_lag: float
+    force_lag_rate: float
+
+    def way(self, s: float, begin: float = 0.0) -> np.ndarray:
+        """Return how far the static state moves up to s (s) from `begin` (s) on, (n_q,), in m."""
+        return (s - begin) * (self.v + (0.5 * (s + begin)) * self.a)
+
+    def path(self, s: float) -> np.ndarray:
+        """Return how far static state and lag have moved at s (s), shape (n_q,), in m."""
+        return self.way(s) + (self.lag + s * self.lag_rate)
+
+    def speed(self, s: float) -> np.ndarray:
+        """Return the rates of coordinates of the lagging state at s (s), (n_q,), in m/s."""
+        return self.v + (s * self.a + self.lag_rate)
+
+    def force(self, s: float, begin: float = 0.0) -> float:
+        """Return what F_T gains up to s (s) from `begin` (s) on, without the lag, in N."""
+        return (s - begin) * (self.force_rate + 0.5 * (s + begin) * self.force_bend)
+
+
 class Held:
     """The slider with the blocks held that stick, all others open: its static states.
 
@@ -118,22 +156,26 @@ class Held:
         # F_T = K (drive - d u_h)
         self.force_rate = solver.scene.driver.K - float(self.push @ self.drift)
 
-    def rest(self, u_x: np.ndarray, drive: float) -> Rest | None:
+    def rest(
+        self, u_x: np.ndarray, drive: float, outside: tuple[float, float] | None = None
+    ) -> Rest | None:
         """Return the static state in linear geometry, None if it has other open blocks.
 
         Args:
             u_x: of the bottom blocks, shape (N_x,), in m; not used where open.
             drive: displacement of the driver since t = 0, in m.
+            outside: F_N and T, in N; None means those at t = 0.
         """
         scene, free = self.solver.scene, self.free
         N_x, held = scene.N_x, np.flatnonzero(self.stuck)
-        load = self.solver.load + (drive + scene.d * self.solver.u_drv0) * self.push
-        q = self._moved(u_x, drive)
+        load = self.solver.under(outside).load
+        load = load + (drive + scene.d * self.solver.u_drv0) * self.push
+        q = self._moved(u_x, drive) if outside is None else None
         if q is None:
             q = np.zeros(self.n_q)
             q[held] = u_x[held]
             q[free] = self._factor.solve(load[free] - self._rows[free] @ q)
-        if len(free) > LARGE:
+        if len(free) > LARGE and outside is None:
             self._last = u_x.copy(), drive, q
         f = np.zeros(N_x)
         f[held] = (self._rows[held] @ q) - load[held]
@@ -273,10 +315,47 @@ class Frozen(Held):
         viscous = C[held][:, free].multiply(C[held][:, free]) @ (1 / self.M)
         stiff = of(law.hold(1.0) ** 2 * k_f, held) + K.diagonal()[held] + viscous
         lift = [self._compliance(factor, i + N_x) for i in open_]
+        self._on_margins, self._all_M = (rows, rows_v), mass(scene)
         self.bound = np.sqrt(
             2 * np.concatenate([stiff, stiff, of(k_f, open_) ** 2 * np.array(lift)])
         )
         self.force_modal, self.force_lag = -push[free] @ self.phi, -float(push @ self.lag)
+
+    def course(self, V: float, a: float = 0.0, more: np.ndarray | None = None) -> Course:
+        """Return how the static state moves.
+
+        Args:
+            V: speed of the driver, in m/s.
+            a: its rate of change, in m/s^2.
+            more: rates of other forces on the coordinates, shape (n_q,), in N/s.
+        """
+        given = self.solver.scene.driver.V
+        if V == given and a == 0 and more is None:
+            margins = V * self.margin_rate, np.zeros_like(self.margin_lag), self.margin_lag, 0.0
+            force = V * self.force_rate, 0.0, self.force_lag, 0.0
+            return Course(V * self.drift, 0.0, self.lag, 0.0, *margins, *force)
+        (rows, rows_v), K, M = self._on_margins, self.solver.scene.driver.K, self._all_M
+        force = V * self.push + (0.0 if more is None else more)
+        v, bent = self._answer(force), a * self.drift
+        lag_rate = self._answer(-(self._all_C @ bent))
+        lag = self._answer(-(self._all_C @ (v + lag_rate) + M * bent))
+        held, still = np.flatnonzero(self.stuck), np.zeros(int((~self.stuck).sum()))
+        direct, direct_a = (
+            np.concatenate([-one[held], one[held], still]) for one in (force, a * self.push)
+        )
+        return Course(
+            v, bent, lag, lag_rate,
+            rows @ v + direct, rows @ bent + direct_a,
+            rows @ lag + rows_v @ (v + lag_rate), rows @ lag_rate + rows_v @ bent,
+            K * V - float(self.push @ v), K * a - float(self.push @ bent),
+            -float(self.push @ lag), -float(self.push @ lag_rate),
+        )  # fmt: skip
+
+    def _answer(self, force: np.ndarray) -> np.ndarray:
+        """Return the displacements, shape (n_q,), that forces on all coordinates make."""
+        found = np.zeros(self.n_q)
+        found[self.free] = self._factor.solve(force[self.free])
+        return found
 
     def _find_modes(
         self, factor: BandedCholesky | SuperLU, count: int
@@ -515,9 +594,17 @@ def _times(factor: float | np.ndarray, rows: sp.csr_array) -> sp.csr_array:
 
 
 def first_crossing(
-    c: np.ndarray, rate: np.ndarray, modal: np.ndarray, rates: np.ndarray, s_end: float, ds: float
+    c: np.ndarray,
+    rate: np.ndarray,
+    modal: np.ndarray,
+    rates: np.ndarray,
+    s_end: float,
+    ds: float,
+    bend: np.ndarray | float = 0.0,
 ) -> float:
-    """Return the first s in [0, s_end] at which c + rate s + Re(modal exp(rates s)) reaches 0.
+    """Return the first s in [0, s_end] at which a margin reaches 0.
+
+    Margins are c + rate s + bend s^2/2 + Re(modal exp(rates s)).
 
     Nothing is missed between points: where a margin could dip below 0 within an interval, by the
     bound of its second derivative, the interval is halved.
@@ -529,23 +616,29 @@ def first_crossing(
         rates: eigenvalues, shape (n,), in 1/s, with negative real part.
         s_end: end of the search, in s; returned if nothing crosses before.
         ds: resolution, in s: an interval this short that could hold a crossing counts as one.
+        bend: twice the coefficient of s^2, shape (n_c,) or 0, in N/s^2.
     """
-    size = np.abs(modal)
+    size, bend = np.abs(modal), np.broadcast_to(bend, c.shape)
     fastest = np.max(np.abs(rates), initial=1 / s_end)
     s, h = 0.0, 0.1 / fastest
     while s < s_end:
         decay = np.exp(rates.real * s)
         # Leap: the modes can do no more than their present amplitude.
-        low = c + rate * s - size @ decay
+        low = c + (rate + (0.5 * s) * bend) * s - size @ decay
         if (low > 0).all():
-            falls = rate < 0
-            leap = float(np.min(low[falls] / -rate[falls], initial=np.inf))
+            fall = -(rate + s * bend)
+            root = fall**2 - 2 * bend * low
+            fall = fall + np.sqrt(np.maximum(root, 0.0))
+            falls = (root >= 0) & (fall > 0)
+            leap = float(np.min(2 * low[falls] / fall[falls], initial=np.inf))
             if leap > GRID * h:
                 s = min(s + leap, s_end)
                 continue
         grid = s + h * np.arange(GRID + 1)
         value = c[:, None] + rate[:, None] * grid + (modal @ np.exp(np.outer(rates, grid))).real
+        value += np.outer(bend, 0.5 * grid**2)
         curve = (size * np.abs(rates) ** 2) @ np.exp(np.outer(rates.real, grid[:-1])) * (h**2 / 8)
+        curve += np.maximum(bend, 0.0)[:, None] * (h**2 / 8)
         sure = (np.minimum(value[:, :-1], value[:, 1:]) > curve).all(axis=0)
         n_sure = int(np.argmin(sure)) if not sure.all() else GRID
         s += n_sure * h

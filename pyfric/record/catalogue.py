@@ -65,7 +65,7 @@ MAIN_EVENT_BLOCKS = 4
 
 
 class _Solver(Protocol):
-    def solve(self, u_x_bottom: np.ndarray, drive: float, *, free: np.ndarray) -> Any: ...
+    def solve(self, u_x_bottom: np.ndarray, drive: float, **how: Any) -> Any: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,7 +168,7 @@ def build_catalogue(
     if link_time is None:
         link_time = default_link_time(scene)
     times = rupture_front(first_slips(joined, len(events), n_of_i), n_of_i, link_time)
-    static = static_values(events, quiet, solver, scene.drive)
+    static = static_values(events, quiet, solver, scene.drive, scene.load_at)
 
     in_order = np.argsort(n_of_i)
     reached = np.logical_and.accumulate(region[:, in_order] > 0, axis=1).sum(axis=1)
@@ -226,6 +226,7 @@ def static_values(
     quiet: Mapping[str, np.ndarray] | np.ndarray,
     solver: _Solver | None,
     drive: Callable[[float], float],
+    load_at: Callable[[float], tuple[float, float] | None] = lambda _: None,
 ) -> StaticValues:
     """Static equilibria at the first slip and the last stick of every event.
 
@@ -243,6 +244,9 @@ def static_values(
         ((N_x,), N). None leaves every value NaN, and so does an `EquilibriumError`, with a warning.
     drive
         Displacement of the driver, m, at a time, s.
+    load_at
+        F_N and T, N, at a time, s, which `solver.solve` then takes as `load`; None where both are
+        those at t = 0.
     """
     u_x, mode = np.asarray(quiet["u_x"]), np.asarray(quiet["mode"])
     values, failed = {}, []
@@ -257,8 +261,10 @@ def static_values(
         if solver is not None:
             for e in np.flatnonzero(rows >= 0):
                 row = rows[e]
+                load = load_at(t[e])
+                how = {} if load is None else {"load": load}
                 try:
-                    rest = solver.solve(u_x[row], drive(t[e]), free=mode[row] == OPEN)
+                    rest = solver.solve(u_x[row], drive(t[e]), free=mode[row] == OPEN, **how)
                 except EquilibriumError as error:
                     failed.append((t[e], error))
                     continue

@@ -96,7 +96,10 @@ def _before(record: Record, event: int) -> Contact:
     times = record.rupture_times[event]
     known = times[np.isfinite(times)]
     t = known.max() if known.size else record.events["t_start"].iloc[event]
-    drive = scene.d * u_drv0 + scene.driver.V * float(t)
+    if scene.load_at(0.0) is not None:
+        reason = "static states under a changing F_N or T are not those of this page"
+        raise SceneError("top.protocol", scene.load_at(float(t)), "N", "none", reason)
+    drive = scene.d * u_drv0 + scene.drive(float(t))
     return Contact(ContactProblem(scene), u_x, drive, mode != OPEN)
 
 

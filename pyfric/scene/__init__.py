@@ -37,6 +37,7 @@ from pyfric.scene.presets import (
     setup2,
     slab,
 )
+from pyfric.scene.protocol import Piece
 from pyfric.scene.scene import Scene
 from pyfric.scene.shown import DRAWINGS, html, page_of, template
 from pyfric.scene.signals import (
@@ -71,6 +72,7 @@ __all__ = [
     "Geometry",
     "Interface",
     "Law",
+    "Piece",
     "PrescribedLoad",
     "Rod",
     "Scene",

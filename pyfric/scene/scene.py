@@ -322,6 +322,13 @@ class Scene:
         """Return the piece of a protocol that begins at or before t (s): V, F_N or T."""
         return piece_at(self._courses[what], t)
 
+    def load_at(self, t: float) -> tuple[float, float] | None:
+        """Return F_N and T (N) at t (s), None where a protocol changes neither."""
+        top = self.top
+        if not (getattr(top, "protocol", ()) or getattr(top, "T_protocol", ())):
+            return None
+        return self.piece("F_N", t).at(t), self.piece("T", t).at(t)
+
     def legs(self, t_end: float) -> list[Leg]:
         """Return the stretches of time up to t_end (s) in which the driver moves one way."""
         return legs(self._courses["V"], t_end)

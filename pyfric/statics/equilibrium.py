@@ -31,6 +31,7 @@ Source: PRL 107, 074301 (2011).
 from __future__ import annotations
 
 import contextlib
+import copy
 import functools
 import warnings
 from typing import TYPE_CHECKING, NamedTuple
@@ -136,7 +137,7 @@ class StaticSolver:
         self._unit = scene.F_N / N_x
         self._limit = ACCEPTED * self._unit
         self._stiffest = max(12 * scene.slider.k, np.max(scene.k_f), scene.driver.K, scene.k_top)
-        self._load = np.zeros(2 * N_x * N_z)
+        self._load, self._F_N = np.zeros(2 * N_x * N_z), scene.F_N
         self._load[-2 * N_x :] = np.concatenate([scene.shear, -scene.load])
         self._top = slice(2 * N_x * (N_z - 1), 2 * N_x * (N_z - 1) + N_x)  # u_x of the top row
         self._h = driven_dof(scene)
@@ -169,6 +170,7 @@ class StaticSolver:
         free: np.ndarray | None = None,
         start: Equilibrium | None = None,
         enough: float = 0.0,
+        load: tuple[float, float] | None = None,
     ) -> Equilibrium:
         """Return the equilibrium with the interface held.
 
@@ -179,6 +181,7 @@ class StaticSolver:
                 result. They carry p if they touch the foundation. None means no block.
             start: state from which the iteration starts; None means the loaded state.
             enough: residual force at which it may end, in N; 0 goes on to rounding.
+            load: F_N and T, in N; None means those at t = 0.
 
         The vertical contact is solved with u_x held. Held blocks that lift off in its solution are
         freed and it is solved again. Blocks that come down again are held again; one that lifts
@@ -192,6 +195,9 @@ class StaticSolver:
             EquilibriumError: no equilibrium was found.
         """
         check_rests(self.scene)
+        if load is not None:
+            how = {"free": free, "start": start, "enough": enough}
+            return self.under(load).solve(u_x_bottom, drive, **how)
         N_x = self.scene.N_x
         given, drive = np.array(u_x_bottom, dtype=float), float(drive)
         frictionless = np.zeros(N_x, bool) if free is None else np.array(free, dtype=bool)
@@ -277,6 +283,18 @@ class StaticSolver:
         )
         return K.tocsr(), factor, self._unknown(contact)
 
+    def under(self, load: tuple[float, float] | None) -> StaticSolver:
+        """Return the same solver under another F_N and T (N) than at t = 0."""
+        if load is None:
+            return self
+        scene, other = self.scene, copy.copy(self)
+        other.__dict__.pop("load", None)
+        other._F_N, T = load
+        other._load = self._load * (other._F_N / scene.F_N)
+        if not scene.rigid:
+            other._load[self._top] = scene.d * T / scene.N_x
+        return other
+
     def bond_tangents(self, q: np.ndarray) -> np.ndarray:
         """Return the stiffnesses xx, xz and zz of each bond at q, shape (3, n_bonds), in N/m."""
         return spring_tangents(self._lattice, self._T @ q, self.geometry)
@@ -296,7 +314,7 @@ class StaticSolver:
         """Forces on the coordinates that do not depend on the state, shape (n_q,), in N."""
         load = self._T_transposed @ self._load
         if self.scene.rigid:
-            load[-2] -= self.scene.F_N
+            load[-2] -= self._F_N
         return load
 
     @functools.cached_property
@@ -332,7 +350,7 @@ class StaticSolver:
             force[self._h] += scene.d * F_T
         if scene.rigid:
             force = np.append(force[: len(q) - 3], self._on_rod @ force[-2 * scene.N_x :])
-            force[-2] -= scene.F_N
+            force[-2] -= self._F_N
             force[-1] -= scene.kappa * q[-1]
         return force[: len(q)], F_T
 

@@ -41,11 +41,15 @@ def test_runs_are_kept_and_shown(tmp_path):
     for name in ("2_0.001_along", "4_0.001_along"):
         cracks.join(made).to_csv(tmp_path / f"crack_{name}.csv", index=False)
     how = {"blocks": (2.0, 4.0), "spacings": (5e-3,), "t_end": 0.3, "say": said.append}
-    first = fronts.study(tmp_path, **how)
+    first = fronts.study(tmp_path, finer=(2.5e-3,), **how)
+    assert "l = 2.5 mm, from event" in said[-1]
     assert "planned" in said[-1]
-    assert sorted(one.name for one in tmp_path.glob("*.nc*")) == ["fig1_5_0.nc", "fig1_5_1.nc"]
+    begun = f"fig1_2.5_1_from_{said[-1].split('event ')[1].split()[0]}.nc"
+    kept = sorted(one.name for one in tmp_path.glob("*.nc*"))
+    assert kept == [begun, "fig1_5_0.nc", "fig1_5_1.nc"]
     written = {one: one.stat().st_mtime_ns for one in tmp_path.iterdir()}
-    fronts._runs_of("fig1", tmp_path, how["spacings"], how["t_end"], said.append)
+    kept = fronts._runs_of("fig1", tmp_path, how["spacings"], how["t_end"], said.append)
+    fronts._begun_runs("fig1", tmp_path, kept, (2.5e-3,), 1, said.append)
     assert written == {one: one.stat().st_mtime_ns for one in tmp_path.iterdir()}
     fig = fronts.figure(first)
     numbers = fig.tables["summary"].set_index(["what", "case"])["value"]
@@ -53,4 +57,7 @@ def test_runs_are_kept_and_shown(tmp_path):
         "crack: mean of v/v_theory - 1, 3 to 12 km", "2 blocks in X_c0, eta^2 = 0.001 k m, along"
     ]
     assert mean == pytest.approx(-0.03)
+    rows = first["fronts"]["begun"] > 0
+    assert set(first["fronts"].loc[rows, "l"]) == {2.5e-3}
+    assert 0 < first["cost"]["evaluations"].iloc[-1] < first["cost"]["planned_evaluations"].iloc[-1]
     assert numbers.notna().all()

@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -13,6 +14,7 @@ from pyfric.figures.spacetime import space_time, speeds, theory_times, wave_line
 from pyfric.record import analysis, griffith_length
 from pyfric.record.griffith import _before
 from pyfric.scene import chain, setup1
+from pyfric.statics import loaded_state
 
 
 def small(**changes):
@@ -32,10 +34,13 @@ def longest(record):
     return int(record.events["n_front"].argmax())
 
 
+def chain_scene(n, taubar):
+    return chain(L=(n - 1) * 2.5e-3, p=10.0, tau=10 * (0.45 + taubar * 0.25), V=1e-3)
+
+
 def chain_run(n, taubar=0.5):
-    scene = chain(L=(n - 1) * 2.5e-3, p=10.0, tau=10 * (0.45 + taubar * 0.25), V=1e-3)
     how = {"fidelity": "hybrid", "switching": "located", "progress": False}
-    return pyfric.simulate(scene, 6e-4, **how)
+    return pyfric.simulate(chain_scene(n, taubar), 6e-4, **how)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -130,9 +135,33 @@ def test_no_event_no_motion(run):
     for event in (-1, 10**6, True):
         with pytest.raises(pyfric.SceneError, match="event = "):
             figures.space_time(run, event)
-    ladder = dataclasses.replace(run, method=dataclasses.replace(run.method, engine="quasistatic"))
-    with pytest.raises(pyfric.SceneError, match="no motion"):
-        figures.space_time(ladder, 0)
+
+
+def test_a_ladder_has_no_motion(run):
+    ladder = pyfric.simulate(run.scene, 0.09, fidelity="quasistatic", progress=False)
+    with pytest.raises(pyfric.SceneError, match="'quasistatic': it has no motion; allowed: a run"):
+        figures.space_time(ladder, longest(ladder))
+
+
+def test_a_continued_run_is_the_whole_run(run):
+    """Also where it was stopped inside the event."""
+    event, row = longest(run), run.events.iloc[longest(run)]
+    how = {"fidelity": "hybrid", "geometry": "linear", "switching": "located", "progress": False}
+    stopped = pyfric.simulate(run.scene, (row["t_start"] + row["t_stop"]) / 2, **how)
+    record = pyfric.simulate(run.scene, 0.09, initial=stopped, **how)
+    one, two = (space_time(each, event).tables["slip_rate"] for each in (run, record))
+    pd.testing.assert_frame_equal(one, two)
+
+
+def test_a_run_from_another_state_is_refused():
+    """At a later time, and at t = 0, where only the event itself is missing."""
+    scene, how = chain_scene(40, 0.5), {"fidelity": "hybrid", "switching": "located"}
+    for t_0 in (0.0, 1e-3):
+        state = loaded_state(scene).state(scene, pyfric.step_size(scene), t_0)
+        state.mode[20], state.y[0, 2, 20] = 1, 0.1
+        record = pyfric.simulate(scene, t_0 + 3e-5, initial=state, progress=False, **how)
+        with pytest.raises(pyfric.SceneError, match="from another state': not allowed"):
+            space_time(record, longest(record))
 
 
 def test_command_line(run, tmp_path):

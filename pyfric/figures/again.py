@@ -41,6 +41,8 @@ class Again:
         """
         check_event(record, event)
         scene, method = record.scene, record.method
+        if record.curve["t"].iloc[0] != 0.0:
+            raise another_start()
         begin = max(0.0, record.events["t_start"].iloc[event] - LEAD * method.dt)
         self.steps = {"stepper": method.stepper, "switching": method.switching}
         if method.rtol is not None:
@@ -50,9 +52,8 @@ class Again:
         self.state: State = again.final_state
         before = record.events["t_stop"] < begin
         same = record.final_state.u_drv0 == self.state.u_drv0 and len(again.events) == before.sum()
-        if not (same and record.curve["t"].iloc[0] == 0.0):
-            allowed = "a run from the loaded slider at t = 0, which can be made again"
-            raise SceneError("record", "a run from another state", "", allowed)
+        if not same:
+            raise another_start()
         self.model = core.model(scene, method.geometry, self.state.u_drv0)
         self.log = core.Log(scene.N_x)
         self.steps["threads"] = core.useful_threads(scene.N_x * scene.N_z)
@@ -64,6 +65,12 @@ class Again:
         while state.step < last:
             core.advance(self.model, state, self.log, last - state.step, budget=False, **self.steps)
         return state
+
+
+def another_start() -> SceneError:
+    """Return the refusal of a run that did not begin with the loaded slider."""
+    allowed = "a run from the loaded slider at t = 0, which can be made again"
+    return SceneError("record", "a run from another state", "", allowed)
 
 
 def check_event(record: Record, event: int) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from pyfric.figures.again import Again, check_event
+from pyfric.figures.again import Again, another_start, check_event
 from pyfric.figures.style import (
     BLACK,
     BODY,
@@ -71,6 +71,8 @@ def space_time(record: Record, event: int) -> DataFigure:
     check_event(record, event)
     again = Again(record, event)
     t, v = _slip_rates(record, again, _window(record, event))
+    if not v.any():
+        raise another_start()
     lines = pd.concat([wave_lines(record, event), theory_times(record, event)], ignore_index=True)
     fig = _drawn(record, event, t, v, lines)
     N_x, n = record.scene.N_x, np.arange(1, record.scene.N_x + 1)

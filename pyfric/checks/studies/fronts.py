@@ -10,7 +10,9 @@ length     Precursors of the Fig. 1 scene with d_c = 1 um: their lengths beside 
            the energy release of static states no longer pays for the fracture energy, and beside
            the ladder without weakening.
 Fig. 4     Front speeds of these precursors, and their collapse over runs 1 to 4, as the lattice
-           becomes finer: what stays, what was the lattice's.
+           becomes finer: what stays, what was the lattice's. A fine lattice may start from the
+           state of one twice as coarse just before an event (`finer`); where both are run, the
+           difference is a number of the study.
 
 Runs are kept in a folder; those of the Fig. 1 scene go on from there where they were stopped.
 
@@ -31,6 +33,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from pyfric.checks.studies.finer import refined
 from pyfric.core import STEPPERS
 from pyfric.engines import simulate, step_size
 from pyfric.figures import DataFigure
@@ -63,6 +66,10 @@ FROM, TO = 3e3, 12e3
 """Half lengths of a crack at which speeds are compared, m."""
 PACE = 5e-9
 """Processor time of a block evaluation in such runs, all else included, s."""
+LAST = 2
+"""Precursors of runs 1 to 4, the last ones, that are started from a coarser lattice."""
+AFTER = 5e-3
+"""Time after the end of an event on the coarse lattice to which the fine one is run first, s."""
 LATE = 0.5
 """L_p/L of the precursor whose speeds are shown."""
 
@@ -239,6 +246,63 @@ def _runs_of(
     return records
 
 
+def _begun(path: Path, coarse: Record, event: int, scene: Scene) -> Record:
+    """Return the event on a finer lattice, from the state before it, from a file or made."""
+    if path.is_file() and (record := Record.load(path)).scene == scene:
+        return record
+    before: Any = refined(coarse, event, scene)
+    t_end, dt = float(coarse.events["t_stop"].iloc[event]), before.dt
+    how: dict[str, Any] = {"fidelity": "hybrid", "geometry": "linear", "switching": "located"}
+    for _ in range(8):
+        t_end += AFTER
+        before = simulate(scene, t_end, initial=before, dt=dt, progress=False, **how)
+        if (before.events["is_main"] & before.events["finished"]).any():
+            break
+    before.save(path)
+    return before
+
+
+def _begun_runs(
+    name: str,
+    runs: Path,
+    records: dict[tuple[float, float], Record],
+    finer: Sequence[float],
+    count: int,
+    say: Callable[[str], None],
+) -> dict[tuple[float, int], Record]:
+    """Return events of a preset that began from a coarser lattice, by l and event there.
+
+    Each lattice begins from the one twice as coarse: from its late precursor, or its last `count`.
+    """
+    found = {}
+    for l in sorted(finer, reverse=True):
+        coarse = records.get((2 * l, D_C))
+        if coarse is None:
+            continue
+        events = [_late(coarse)] if count == 1 else _main(coarse)[-count:]
+        for event in events:
+            scene = preset(name, l=l, d_c=D_C)
+            evaluations, seconds = planned_event(coarse, event, scene)
+            say(
+                f"{name}, l = {l * 1e3:g} mm, from event {event} at {2e3 * l:g} mm: planned "
+                f"{evaluations:.2g} block evaluations, {seconds / 60:.2g} min of one core"
+            )
+            file = f"{name}_{l * 1e3:g}_{D_C * 1e6:g}_from_{event}.nc"
+            found[l, event] = _begun(runs / file, coarse, event, scene)
+    return found
+
+
+def planned_event(coarse: Record, event: int, scene: Scene) -> tuple[float, float]:
+    """Return the block evaluations and the seconds that an event on a finer lattice takes at most.
+
+    All of it is integrated, from the first slip on the coarse lattice to `AFTER` its end.
+    """
+    row = coarse.events.iloc[event]
+    steps = (row["t_stop"] - row["t_start"] + AFTER) / step_size(scene)
+    evaluations = STEPPERS["rk4"].evaluations * steps * scene.N_x * scene.N_z
+    return evaluations, PACE * evaluations
+
+
 def _lengths(records: dict[tuple[float, float], Record]) -> pd.DataFrame:
     """Return lengths of precursors with weakening: dynamics, Griffith, and the ladder."""
     rows = []
@@ -270,6 +334,7 @@ def study(
     spacings: Sequence[float] = SPACINGS,
     t_end: float = T_END,
     collapse: Sequence[float] = (),
+    finer: Sequence[float] = (),
     say: Callable[[str], None] = lambda _: None,
 ) -> dict[str, pd.DataFrame]:
     """Run the study.
@@ -281,14 +346,17 @@ def study(
         spacings: lattice constants of the Fig. 1 scene, m.
         t_end: end of its runs, s.
         collapse: lattice constants of runs 1 to 4, m.
+        finer: lattice constants on which precursors start from the run with twice of it, m: the
+            late one of the Fig. 1 scene, and the last `LAST` of runs 1 to 4.
         say: called with what is done, and what it is planned to take, before it is.
 
     Returns:
         Tables. "crack": blocks, eta2, dashpots, a, v, v_theory. "cost": what, planned and made
         evaluations and seconds. "lengths": l, event, force_arrest, dynamics, griffith, ladder
         (L_p/L).
-        "fronts": scene, l, d_c, event, n, x_over_L, v_c, scaled, X_c0_over_l, and others of
-        `pyfric.analysis.fronts`; late, whether it is the precursor of half the length.
+        "fronts": scene, l, d_c, begun (0, or the l of the run from which the state came), event,
+        n, x_over_L, v_c, scaled, X_c0_over_l, and others of `pyfric.analysis.fronts`; late, whether
+        it is the precursor of half the length.
     """
     Path(runs).mkdir(parents=True, exist_ok=True)
     cracks, fronts, cost = [], [], []
@@ -307,15 +375,12 @@ def study(
     for name, end in COLLAPSE.items() if collapse else ():
         records[name] = _runs_of(name, Path(runs), collapse, end, say)
     for name, found in records.items():
-        for (l, d_c), record in found.items():
-            about = {"scene": name, "l": l, "d_c": d_c}
-            fronts.append(_speeds_of(record).assign(**about))
-            coarser = found.get((2 * l, d_c))
-            expected = planned(record.scene, COLLAPSE.get(name, t_end), coarser)
-            case = {"run": f"{name} {l * 1e3:g} mm, {d_c * 1e6:g} um"}
-            plan = dict(zip(("planned_evaluations", "planned_seconds"), expected, strict=True))
-            made = {"evaluations": record.counts["block_evaluations"], "seconds": _seconds(record)}
-            cost.append(case | plan | made)
+        count = LAST if name in COLLAPSE else 1
+        only = [l for l in finer if name == "fig1" or (l, D_C) not in found]
+        begun = _begun_runs(name, Path(runs), found, only, count, say)
+        tables, rows = _shown(name, found, begun, COLLAPSE.get(name, t_end))
+        fronts += tables
+        cost += rows
     return {
         "crack": pd.concat(cracks, ignore_index=True),
         "lengths": _lengths(records["fig1"]),
@@ -324,12 +389,50 @@ def study(
     }
 
 
+def _shown(
+    name: str,
+    found: dict[tuple[float, float], Record],
+    begun: dict[tuple[float, int], Record],
+    t_end: float,
+) -> tuple[list[pd.DataFrame], list[dict[str, Any]]]:
+    """Return the fronts and the cost of the runs of a preset."""
+    fronts, cost = [], []
+    for (l, d_c), record in found.items():
+        about = {"scene": name, "l": l, "d_c": d_c, "begun": 0.0}
+        fronts.append(_speeds_of(record).assign(**about))
+        expected = planned(record.scene, t_end, found.get((2 * l, d_c)))
+        cost.append(_cost(f"{name} {l * 1e3:g} mm, {d_c * 1e6:g} um", expected, record))
+    for (l, event), record in begun.items():
+        about = {"scene": name, "l": l, "d_c": D_C, "begun": 2 * l}
+        fronts.append(_speeds_of(record).assign(**about))
+        expected = planned_event(found[2 * l, D_C], event, record.scene)
+        what = f"{name} {l * 1e3:g} mm, {D_C * 1e6:g} um, event {event} of {2e3 * l:g} mm"
+        cost.append(_cost(what, expected, record))
+    return fronts, cost
+
+
+def _cost(run: str, expected: tuple[float, float], record: Record) -> dict[str, Any]:
+    """Return what a run was planned to take, and took."""
+    plan = dict(zip(("planned_evaluations", "planned_seconds"), expected, strict=True))
+    made = {"evaluations": record.counts["block_evaluations"], "seconds": _seconds(record)}
+    return {"run": run} | plan | made
+
+
+def _main(record: Record) -> np.ndarray:
+    """Return the finished precursors and larger events, shape (n,)."""
+    return np.flatnonzero(record.events["is_main"] & record.events["finished"])
+
+
+def _late(record: Record) -> int:
+    """Return the main event that is nearest to half the slider's length."""
+    main = _main(record)
+    return int(main[np.abs(record.events["L_p_over_L"].to_numpy()[main] - LATE).argmin()])
+
+
 def _speeds_of(record: Record) -> pd.DataFrame:
     """Return the speeds of all fronts, and which front is the precursor of half the length."""
-    table, events = analysis.fronts(record), record.events
-    main = np.flatnonzero(events["is_main"] & events["finished"])
-    late = main[np.abs(events["L_p_over_L"].to_numpy()[main] - LATE).argmin()]
-    return table.assign(late=table["event"] == late)
+    table = analysis.fronts(record)
+    return table.assign(late=table["event"] == _late(record))
 
 
 # --- what it comes to ----------------------------------------------------------------------------
@@ -353,10 +456,10 @@ def summary(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     material = theory.Material.of_lattice(*_lattice(preset("fig1")), 1.0)
     fronts = tables["fronts"][tables["fronts"]["v_c"].notna()]
     fig1, others = fronts[fronts["scene"] == "fig1"], fronts[fronts["scene"] != "fig1"]
-    for (l, d_c), table in fig1.groupby(["l", "d_c"], sort=False):
-        rows += _speeds(table, _case(l, d_c), material)
-    for (l, d_c), table in others.groupby(["l", "d_c"], sort=False):
-        rows += _speeds(table, f"runs 1 to 4, {_case(l, d_c)}", material)
+    for (l, d_c, begun), table in fig1.groupby(["l", "d_c", "begun"], sort=False):
+        rows += _speeds(table, _case(l, d_c, begun), material)
+    for (l, d_c, begun), table in others.groupby(["l", "d_c", "begun"], sort=False):
+        rows += _speeds(table, f"runs 1 to 4, {_case(l, d_c, begun)}", material)
     rows += _changes(fig1)
     return pd.DataFrame(rows, columns=["what", "case", "value"])
 
@@ -365,8 +468,9 @@ def _viscous(n: float, eta2: float, dashpots: str) -> str:
     return f"{n:g} blocks in X_c0, eta^2 = {eta2:g} k m, {dashpots}"
 
 
-def _case(l: float, d_c: float) -> str:
-    return f"l = {l * 1e3:g} mm, d_c = {d_c * 1e6:g} um"
+def _case(l: float, d_c: float, begun: float = 0.0) -> str:
+    case = f"l = {l * 1e3:g} mm, d_c = {d_c * 1e6:g} um"
+    return f"{case}, from l = {begun * 1e3:g} mm" if begun else case
 
 
 def _lattice(scene: Scene) -> tuple[float, float, float]:
@@ -382,6 +486,7 @@ def _speeds(
     rows = [
         ("least and", case, float(table["X_c0_over_l"].min())),
         ("most blocks in X_c0", case, float(table["X_c0_over_l"].max())),
+        ("share of blocks with 6 or more in X_c0", case, float((table["X_c0_over_l"] >= 6).mean())),
         ("highest v_c over c_L", case, float(v.max() / material.c_P)),
         ("highest v_c over c_R", case, float(v.max() / material.c_R)),
         ("share of v_c above c_R", case, float(np.mean(v > material.c_R))),
@@ -399,18 +504,32 @@ def _speeds(
 
 
 def _changes(fronts: pd.DataFrame) -> list[tuple[str, str, float]]:
-    """Return how v_c(x) of the late precursor changes from one lattice to the next."""
-    rows = []
-    for d_c, tables in fronts[fronts["late"]].groupby("d_c"):
+    """Return how v_c(x) of the late precursor changes from one lattice to the next.
+
+    And how it changes where the run on the same lattice began from the state of a coarser one.
+    """
+    late = fronts[fronts["late"]]
+    rows, whole, begun = [], late[late["begun"] == 0], late[late["begun"] > 0]
+    for d_c, tables in whole.groupby("d_c"):
         spacings = sorted(tables["l"].unique(), reverse=True)
         for coarse, fine in itertools.pairwise(spacings):
-            one, two = (tables[(tables["l"] == l) & tables["v_c"].notna()] for l in (coarse, fine))
-            inside = one["x_over_L"].between(two["x_over_L"].min(), two["x_over_L"].max())
-            other = np.interp(one["x_over_L"][inside], two["x_over_L"], two["v_c"])
-            change = float(np.sqrt(np.mean(np.log(other / one["v_c"][inside]) ** 2)))
-            case = f"{_case(coarse, d_c)}, to l = {fine * 1e3:g} mm"
-            rows.append(("rms change of ln v_c(x), late precursor", case, change))
+            one, two = (tables[tables["l"] == l] for l in (coarse, fine))
+            rows += _change(one, two, f"{_case(coarse, d_c)}, to l = {fine * 1e3:g} mm")
+    for (l, d_c), two in begun.groupby(["l", "d_c"], sort=False):
+        same = whole[whole["d_c"] == d_c]
+        for one in (same[same["l"] == 2 * l], same[same["l"] == l]):
+            if len(one):
+                case = _case(one["l"].iloc[0], d_c)
+                rows += _change(one, two, f"{case}, to {_case(l, d_c, 2 * l)}")
     return rows
+
+
+def _change(one: pd.DataFrame, two: pd.DataFrame, case: str) -> list[tuple[str, str, float]]:
+    """Return the rms of ln v_c(x) of a front over another, where both have speeds."""
+    inside = one["x_over_L"].between(two["x_over_L"].min(), two["x_over_L"].max())
+    other = np.interp(one["x_over_L"][inside], two["x_over_L"], two["v_c"])
+    change = float(np.sqrt(np.mean(np.log(other / one["v_c"][inside]) ** 2)))
+    return [("rms change of ln v_c(x), late precursor", case, change)]
 
 
 COLOURS = ("#E69F00", "#009E73", "#0072B2", "#CC79A7", "#56B4E9", "#D55E00")
@@ -486,6 +605,7 @@ def _draw_fronts(late: Any, every: Any, table: pd.DataFrame) -> None:
         label = f"l = {l * 1e3:g} mm"
         if l in set(fig1["l"]):
             rows = fig1[(fig1["l"] == l) & (fig1["d_c"] == d_c) & fig1["late"]]
+            rows = rows[rows["begun"] == rows["begun"].min()]
             how = {"marker": "o", "ls": "", "ms": 2.5, "label": label} if d_c else {"lw": 0.6}
             late.plot(rows["x_over_L"], rows["v_c"], color=colour, **how)
         if l in set(chosen["l"]):

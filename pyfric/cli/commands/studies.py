@@ -77,21 +77,27 @@ def resolution(out: Path, tell: Tell) -> None:
 @click.option(
     "--collapse", multiple=True, help="Lattice constant of runs 1 to 4, without which they are out."
 )
+@click.option(
+    "--finer", multiple=True, help="Lattice constant that starts from the run with twice of it."
+)
 @telling
 def fronts(
     out: Path,
     runs: Path | None,
     spacings: tuple[str, ...],
     collapse: tuple[str, ...],
+    finer: tuple[str, ...],
     tell: Tell,
 ) -> None:
     """Show when front speeds are physical: cracks, lengths, a resolved Fig. 4 (about 15 minutes).
 
     Runs are kept in --runs; the next call goes on where this one was stopped. What each lattice is
-    planned to take is said before it starts: 8 times the one before it.
+    planned to take is said before it starts: 8 times the one before it. Precursors on a lattice of
+    --finer start just before the first slip, from the tractions of the run with twice the l.
     """
     folder = out / "runs" if runs is None else runs
     given = {"collapse": [number("collapse", one, "m", gt=0.0) for one in collapse]}
+    given["finer"] = [number("finer", one, "m", gt=0.0) for one in finer]
     if spacings:
         given["spacings"] = [number("l", one, "m", gt=0.0) for one in spacings]
     _save_study("fronts", lambda study: study.study(folder, **given, say=tell.step), out, tell)

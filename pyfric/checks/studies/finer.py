@@ -1,0 +1,106 @@
+"""Start a fine lattice from the state of a coarser one, just before an event.
+
+At the first slip of an event all blocks stick or are open, so that tractions say all: no slip has a
+memory. The finer lattice gets, at each block, the ratio of friction to contact force of the coarser
+one at the same place, and the displacements follow from equilibrium,
+
+    f_i = r(x_i) p_i   where the interface touches,   f_i = p_i = 0   where it is open.
+
+The slider moves with the driver; other waves of the coarse lattice are left out.
+
+What differs from a run from the loaded slider: the tractions are those that events on the coarse
+lattice left, smooth between its blocks. `pyfric.checks.studies.fronts` measures what this does.
+
+Source: PRL 107, 074301 (2011), tractions at crack initiation.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pyfric.engines import step_size
+from pyfric.scene import SceneError
+from pyfric.statics import ContactProblem, EquilibriumError, StaticSolver
+
+if TYPE_CHECKING:
+    from pyfric.core import State
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+__all__ = ["refined", "tractions"]
+
+BELOW = 1e-9
+"""Strength that is left at least where a block starts to stick, over mu_s."""
+
+
+AHEAD = 1e-4
+"""Time between two static states that give the speed at which the driver moves the slider, s."""
+
+
+def tractions(record: Record, event: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the friction of a record just before an event, between its blocks too.
+
+    Args:
+        record: a run.
+        event: row in ``record.events``.
+        x: positions from the middle of the slider, shape (n,), in m.
+
+    Returns:
+        f/p, shape (n,), and whether the interface is open there, shape (n,), bool.
+    """
+    scene, p = record.scene, record.p_before[event]
+    closed = p > 0
+    ratio = -scene.d * record.tau_before[event][closed] / p[closed]
+    here = np.rint((x - scene.x[0]) / scene.slider.l).astype(int)
+    open_ = ~closed[np.clip(here, 0, scene.N_x - 1)]
+    return np.interp(x, scene.x[closed], ratio), open_
+
+
+def refined(record: Record, event: int, scene: Scene) -> State:
+    """Return the state of a finer lattice at the first slip of an event.
+
+    Args:
+        record: a run on a coarser lattice.
+        event: row in ``record.events``.
+        scene: the same scene with a smaller l.
+
+    Raises:
+        SceneError: the slider has another length, or not all of its friction is that of slip.
+        EquilibriumError: the open blocks do not settle.
+    """
+    if not np.allclose(scene.x[[0, -1]], record.scene.x[[0, -1]], rtol=1e-9, atol=0):
+        allowed = f"{record.scene.slider.L:g} m, as in the record"
+        raise SceneError("slider.L", scene.slider.L, "m", allowed)
+    t = float(record.events["t_start"].iloc[event])
+    ratio, open_ = tractions(record, event, scene.x)
+    most = (1 - BELOW) * scene.law.hold(1.0)
+    solver = StaticSolver(scene)
+    drive = scene.drive(t) + scene.d * solver.u_drv0
+    u_x, open_ = _displacements(scene, np.clip(ratio, -most, most), open_, drive)
+    now, later = (
+        solver.solve(u_x, scene.drive(one), free=open_).state(scene, step_size(scene), t)
+        for one in (t, t + AHEAD)
+    )
+    now.y[:, 2:] = (later.y[:, :2] - now.y[:, :2]) / AHEAD
+    now.rod[3:] = (later.rod[:3] - now.rod[:3]) / AHEAD
+    return now
+
+
+def _displacements(
+    scene: Scene, ratio: np.ndarray, open_: np.ndarray, drive: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return u_x (m) of the interface in equilibrium with f = ratio p, and its open blocks."""
+    problem, N_x, open_ = ContactProblem(scene), scene.N_x, open_.copy()
+    for _ in range(4 * N_x):
+        table = problem.base(~open_)
+        f, u_z = table[N_x : 2 * N_x], table[2 * N_x : 3 * N_x]
+        rows = f + np.where(open_, 0.0, ratio * scene.k_f)[:, None] * u_z
+        u_x = -np.linalg.solve(rows[:, :N_x], rows[:, N_x:] @ [drive, 1.0])
+        depth = u_z @ np.concatenate([u_x, [drive, 1.0]])
+        wrong = np.where(open_, -depth, depth)
+        if wrong.max() <= 0:
+            return u_x, open_
+        open_[np.argmax(wrong)] ^= True
+    raise EquilibriumError("the set of open blocks does not settle", np.nan, 0.0, 4 * N_x)

@@ -33,7 +33,9 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Law
 
-FRONT = ", the event whose front is in Fig. 4(a)"
+EVENT = """\
+The event is the one whose front is in Fig. 4(a), so that both figures belong together: which \
+precursor Fig. 3(a) of the paper shows is not known here."""
 STATES = {"initial": (GREY, ":", 1.2), "before": (BLUE, "--", 1.0), "after": (VERMILION, "-", 1.0)}
 """State -> colour, line style, line width (pt)."""
 
@@ -80,11 +82,11 @@ def fig3a(record: Record, number: int = 11) -> DataFigure:
     what = (
         "Normal force p (a) and friction force tau (b) on each block over F_N/N_x, static states: "
         f"at F_T = 0, and before and after main precursor {number} of the first loading "
-        f"(L_p/L = {row['L_p_over_L']:.3g}{FRONT if number == 11 else ''}); after Fig. 3(a) of "
-        f"{PAPER}. Thin lines: the thresholds mu_s p before and mu_k p after the event. Positive "
-        "tau resists the drive."
+        f"(L_p/L = {row['L_p_over_L']:.3g}); after Fig. 3(a) of {PAPER}. Thin lines: the "
+        "thresholds mu_s p before and mu_k p after the event. Positive tau resists the drive."
     )
-    fig.caption = " ".join([what, scene_text(record.scene), engine_text(record)])
+    why = [EVENT] if number == 11 else []
+    fig.caption = " ".join([what, *why, scene_text(record.scene), engine_text(record)])
     return fig
 
 

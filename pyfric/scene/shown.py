@@ -51,11 +51,14 @@ def page_of(record: Any) -> str:
 
 
 def template(beside: str, name: str) -> jinja2.Template:
-    """Return the template of this name that lies beside a file; its tests know `numeric`."""
+    """Return the template of this name that lies beside a file, or beside this one.
+
+    Its tests know `numeric`. ``head.html`` here is how every page begins, up to its own style.
+    """
     import jinja2  # slow to import
 
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(beside).parent),
+        loader=jinja2.FileSystemLoader([Path(beside).parent, Path(__file__).parent]),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

@@ -60,20 +60,26 @@ def test_refused_protocols(protocol, texts):
     refused(lambda: driven(setup2(), protocol), "driver.protocol", *texts)
 
 
-def test_forces_stay_positive_and_other_engines_say_why_not():
+def test_forces_stay_positive_and_static_states_go_straight():
     refused(lambda: loaded(setup2(), protocol=((1.0, 0.0),)), "top.protocol", "corner 1", "> 0 N")
-    scene = driven(setup2(), STEPS)
-    heavier = loaded(setup2(), protocol=((1.0, 500.0),))
+    both = loaded(driven(setup2(), ((1.0, 1e-3),)), protocol=((0.5, 500.0),))
     for fidelity in ("quasistatic", "equilibrium"):
         refused(
-            lambda f=fidelity: pyfric.simulate(heavier, 1e-3, fidelity=f), "fidelity", "one load"
+            lambda f=fidelity: pyfric.simulate(both, 1e-3, fidelity=f),
+            "driver.protocol",
+            "from 0 s on speed and load change",
         )
-    refused(lambda: pyfric.prediction_curve(heavier), "fidelity")
-    soft = scene.replace(d_c=1e-5)
+    refused(lambda: pyfric.prediction_curve(both), "driver.protocol")
+    soft = driven(setup2(), STEPS).replace(d_c=1e-5)
     refused(lambda: pyfric.simulate(soft, 1e-3, fidelity="quasistatic"), "fidelity", "weakens")
-    plan = pyfric.plan(scene)
-    assert (plan.fidelity, plan.geometry) == ("dynamic", "finite")
-    assert "one load" in plan.reasons[0]
+
+
+def test_plans_follow_protocols():
+    scene = loaded(setup1(L=0.02, H=0.0125, F_N=400.0, V=4e-4), protocol=((0.08, 300.0),))
+    assert pyfric.plan(scene, tolerance=0.5, t_end=0.2).fidelity == "quasistatic"
+    both = pyfric.plan(driven(scene, ((0.05, 8e-4),)), tolerance=0.5, t_end=0.2)
+    assert both.fidelity == "hybrid"
+    assert "speed and load change" in both.reasons[0]
 
 
 def test_the_driver_is_where_the_integral_of_its_speed_is():
@@ -316,6 +322,40 @@ def test_jumps_follow_speed_and_loads_in_finite_geometry():
     for name in ("F_T_start", "F_T_arrest", "n_blocks"):
         np.testing.assert_allclose(a.events[name], b.events[name], rtol=0, atol=1e-4 * scene.F_N)
     assert a.counts["steps"] < 0.3 * b.counts["steps"]
+
+
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_the_ladder_follows_loads_as_dynamics_does(kind):
+    """Held while F_N or T change: within 0.02 F_N; sums of p and tau are those of the loads."""
+    T = 8e-3
+    if kind == "rod":
+        scene = driven(setup1(L=0.02, H=0.0125, F_N=400.0, V=8e-3), ((T, 8e-3), (T, 0.0)))
+        load = {"protocol": ((T, 400.0), (1.5 * T, 330.0), (1.5 * T, 340.0), (2 * T, 380.0))}
+    else:
+        scene = driven(setup2(L=0.02, H=0.006, F_N=100.0, V=5e-3), ((T, 5e-3), (T, 0.0)))
+        load = {"protocol": ((T, 100.0), (2 * T, 120.0)), "T": 2.0, "T_protocol": ((T, 2.0),)}
+        load["T_protocol"] += ((2 * T, 20.0),)
+    scene = loaded(scene, **load)
+    ladder = pyfric.simulate(scene, 2.2 * T, fidelity="quasistatic")
+    run = pyfric.simulate(scene, 2.2 * T, fidelity="hybrid", geometry="linear")
+    t = np.linspace(0, 2.2 * T, 300)
+    a, b = (np.interp(t, one.curve["t"], one.curve["F_T"]) for one in (ladder, run))
+    np.testing.assert_allclose(a, b, rtol=0, atol=0.02 * scene.F_N)
+    events = ladder.events[ladder.events["t_start"] > T]
+    assert len(events) > 2
+    F_N, shear = np.array([scene.load_at(t) for t in events["t_start"]]).T
+    p, tau = (one[events.index].sum(axis=1) for one in (ladder.p_before, ladder.tau_before))
+    np.testing.assert_allclose(p, F_N, rtol=1e-12)
+    np.testing.assert_allclose(tau, events["F_T_start"] + shear, rtol=0, atol=1e-11 * scene.F_N)
+
+
+def test_a_load_that_stays_changes_nothing():
+    scene = setup1(L=0.02, H=0.0125, F_N=400.0, V=0.02)
+    how = {"fidelity": "quasistatic", "t_gap": 1e-7}
+    events = pyfric.simulate(scene, 5e-3, **how).events
+    same = pyfric.simulate(loaded(scene, protocol=((1e-3, 400.0), (3e-3, 400.0))), 5e-3, **how)
+    assert len(events) > 3
+    np.testing.assert_allclose(same.events["F_T_start"], events["F_T_start"], rtol=1e-11)
 
 
 def test_holds_and_ramps_only_move_events_in_time():

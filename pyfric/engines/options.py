@@ -274,25 +274,6 @@ class Options:
         )
 
 
-STATIC = ("quasistatic", "equilibrium")
-"""Engines of static states."""
-
-
-def check_steady(scene: Scene, fidelity: str) -> None:
-    """Raise SceneError where a protocol asks for more than an engine can follow.
-
-    Static states follow a driver there and back, at any pace. A load that changes is another
-    matter: blocks slip by it where nothing is driven. The hybrid engine follows all of it.
-    """
-    loads = (getattr(scene.top, name, ()) for name in ("protocol", "T_protocol"))
-    if fidelity not in STATIC or not any(loads):
-        return
-    reason = f"the {fidelity} engine follows a protocol of the driver, under one load"
-    raise SceneError(
-        "fidelity", fidelity, "", "'hybrid' or 'dynamic' for a scene with a protocol", reason
-    )
-
-
 def kept(method: Method) -> dict[str, Any]:
     """Return the options with which a run goes on that was made like this."""
     same: dict[str, Any] = {"geometry": method.geometry, "t_gap": method.t_gap, "method": None}

@@ -32,6 +32,7 @@ from pyfric.engines.guard import largest_strain
 from pyfric.engines.options import Fidelity, Options, Want, step_size
 from pyfric.engines.quasistatic import beyond_ladder
 from pyfric.engines.scout import decay_times, interval, most_open, scouted
+from pyfric.engines.stretches import bends
 from pyfric.record import RESOLVED, zone_at_rest
 from pyfric.scene import Geometry, at_once, check_number, default_geometry, html
 from pyfric.statics import one_thread_if_small, stability_limit
@@ -198,7 +199,7 @@ def plan(
     """
     tolerance = Options(want=want, tolerance=tolerance).tolerance
     t_end = check_number("t_end", t_end, "s", ge=0.0)
-    if scene.prescribed or scene.follows_protocol:
+    if scene.prescribed:
         return _on_lattice(_all_of_it(scene, want, tolerance, t_end), scene)
     scout, times = scouted(scene, t_end), decay_times(scene)
     why_not, without_inertia = _ladder(scene, want, tolerance, scout, times)
@@ -239,9 +240,7 @@ def _all_of_it(scene: Scene, want: Want, tolerance: float, t_end: float) -> Plan
     geometry = default_geometry(scene)
     evaluations = 4.0 * t_end / dt * scene.N_x * scene.N_z
     other = beside(scene, evaluations, 0, geometry, dt)
-    what = "plans know one speed of the driver and one load"
-    if scene.prescribed:
-        what = "a prescribed interface in two dimensions has no static states"
+    what = "a prescribed interface in two dimensions has no static states"
     return Plan(
         want=want,
         tolerance=tolerance,
@@ -271,6 +270,8 @@ def _ladder(
         why_not.append(f"it has no {want.replace('_', ' ')}")
     elif beyond := beyond_ladder(scene):
         why_not.append(beyond.reason)
+    elif bend := bends(scene):
+        why_not.append(bend.reason)
     elif scout.failed:
         why_not.append(scout.failed)
     elif error > tolerance:
@@ -378,7 +379,7 @@ def long_note(
     if most + set_up(scene, fidelity, geometry).seconds <= LONG:
         return ""
     hint = "larger blocks take less: twice l, about a tenth of the time"
-    if scene.prescribed or scene.follows_protocol:
+    if scene.prescribed:
         return f"{fidelity}: this run takes about {most / 60:.2g} minutes on one core; {hint}"
     scout = scouted(scene, length)
 

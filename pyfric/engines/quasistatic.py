@@ -4,8 +4,8 @@
 the driver's position, so the next nucleation is a closed formula. The event rule: blocks that slip
 carry mu_k p, those that stick stay below mu_s p. The block with the largest |f| - mu_s p is
 released, one at a time; one that would move back sticks again where it was; at the end all stick.
-A driver that goes back is followed back. What is left out: the overshoot of moving blocks, and with
-it a part of the length of an event.
+A driver that goes back is followed back, and so are loads that change. What is left out: the
+overshoot of moving blocks, and with it a part of the length of an event.
 
 For mu_s = mu_k slip grows continuously. It is followed exactly from one change of contact state to
 the next; in between all quantities are linear. Which of the blocks at their threshold slip, and
@@ -29,9 +29,9 @@ import pandas as pd
 from pyfric.core import CORNER_SHARE, OPEN, StateError
 from pyfric.engines.dynamic import kept_notes
 from pyfric.engines.guard import hurry_notes, strain_notes
-from pyfric.engines.options import check_steady
 from pyfric.engines.pauses import longest_pause
 from pyfric.engines.progress import Progress, run_bar
+from pyfric.engines.stretches import Stretch, check_straight, stretches
 from pyfric.record import (
     QUIET_COLUMNS,
     SWITCH_COLUMNS,
@@ -143,7 +143,7 @@ class QuasistaticRun:
         self.log.mode[~self.contact.closed] = OPEN
         self.rows: list[tuple[float, float]] = []
         self.events = self.releases = 0
-        self.leg = scene.legs(0.0)[0]  # what the driver does now
+        self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # what is done now
         self.ending = ""  # status of a run that ends before its time
         self.notes: tuple[str, ...] = ()
         self.timings = {"set-up": time.perf_counter() - start}
@@ -151,7 +151,7 @@ class QuasistaticRun:
 
     @property
     def t(self) -> float:
-        return self.leg.time_at(self.contact.drive - self.drive_0)
+        return self.stretch.leg.time_at(self.contact.drive - self.stretch.offset)
 
     def sample(self) -> None:
         self.rows.append((self.t, self.contact.values().F_T))
@@ -174,18 +174,21 @@ class QuasistaticRun:
     def follow(self, t_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
         """Go through the legs of the protocol up to t_end (s), which may be inf."""
         contact = self.contact
-        for leg in self.scene.legs(t_end):
-            self.leg = leg
-            if leg.way != contact.way:  # what slips comes to rest
+        for stretch in stretches(self.scene, self.drive_0, t_end):
+            leg, offset, route = stretch
+            if leg.way != contact.way or route is not None:  # what slips comes to rest
                 contact.hold_all()
                 self.log.set(contact, leg.t)
+            self.stretch = stretch
+            if route is not None:
+                contact.along(self.problem.along(route), offset + leg.first)
             if leg.way:
                 contact.way = leg.way
                 go = self.grow if contact.law.gradual else self._climb
-                go(self.drive_0 + leg.last, stop, show)
+                go(offset + leg.last, stop, show)
             if stop() or self.ending or math.isinf(leg.t_end):
                 return
-            contact.drive = self.drive_0 + leg.last
+            contact.drive = offset + leg.last
             self.rows.append((leg.t_end, contact.values().F_T))
             show(*self.rows[-1], self.events)
 
@@ -469,8 +472,8 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     0.5
     """
     mu = scene.interface.mu_k if mu is None else check_number("mu", mu, "", ge=0.0)
-    check_steady(scene, "quasistatic")
-    V = scene.driver.V if scene.driver.fastest else 1.0
+    check_straight(scene)
+    V = scene.driver.V if scene.driver.fastest or scene.load_at(0.0) else 1.0
     scene = dataclasses.replace(
         scene,
         interface=dataclasses.replace(scene.interface.coulomb(), mu_s=mu, mu_k=mu),

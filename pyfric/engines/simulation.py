@@ -13,8 +13,9 @@ from pyfric.engines.cost import check_memory
 from pyfric.engines.dynamic import Run, RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
-from pyfric.engines.options import CURVE_POINTS, Options, check_steady, kept
+from pyfric.engines.options import CURVE_POINTS, Options, kept
 from pyfric.engines.pauses import pause_notes
+from pyfric.engines.stretches import check_straight
 from pyfric.engines.verification import TIGHTER, Made, verified
 from pyfric.record import Record
 from pyfric.scene import (
@@ -177,7 +178,7 @@ def _run(
         record = integrate(engine, scene, t_end, options, **how)
         return _with_notes(record, *pause_notes(record), *([note] if note else []))
     options.check_static()
-    check_steady(scene, options.fidelity)
+    check_straight(scene)
     check_memory(scene, options.fidelity, "linear")
     record = quasistatic.simulate(options.fidelity, scene, t_end, t_gap=options.t_gap, **how)
     return _with_notes(record, *pause_notes(record))

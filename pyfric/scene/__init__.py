@@ -37,7 +37,7 @@ from pyfric.scene.presets import (
     setup2,
     slab,
 )
-from pyfric.scene.protocol import Piece
+from pyfric.scene.protocol import Leg, Piece, legs
 from pyfric.scene.scene import Scene
 from pyfric.scene.shown import DRAWINGS, html, page_of, template
 from pyfric.scene.signals import (
@@ -72,6 +72,7 @@ __all__ = [
     "Geometry",
     "Interface",
     "Law",
+    "Leg",
     "Piece",
     "PrescribedLoad",
     "Rod",
@@ -99,6 +100,7 @@ __all__ = [
     "held_back",
     "html",
     "laws",
+    "legs",
     "names_file",
     "nearest",
     "nothing_to_save",

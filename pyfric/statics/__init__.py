@@ -2,7 +2,7 @@
 
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.blas import one_thread_if_small
-from pyfric.statics.complementarity import Contact, ContactProblem, Values
+from pyfric.statics.complementarity import Contact, ContactProblem, Route, Values
 from pyfric.statics.creep import Change, Creep, Forces, Point, creeps
 from pyfric.statics.equilibrium import LARGE, StaticSolver, loaded_state, solve_static
 from pyfric.statics.operators import (
@@ -29,6 +29,7 @@ __all__ = [
     "EquilibriumError",
     "Forces",
     "Point",
+    "Route",
     "StaticSolver",
     "Values",
     "bonds",

@@ -16,6 +16,8 @@ complementarity (R. W. Cottle, J.-S. Pang, R. E. Stone, The Linear Complementari
 
 from __future__ import annotations
 
+import copy
+import functools
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -30,7 +32,7 @@ from pyfric.statics.uniqueness import definiteness, is_definite
 if TYPE_CHECKING:
     from pyfric.scene import Scene
 
-__all__ = ["Contact", "ContactProblem", "Statics", "Values"]
+__all__ = ["Contact", "ContactProblem", "Route", "Statics", "Values"]
 
 CONTACT_TOL = 1e-11
 """Violations of contact or friction conditions below this many F_N/N_x are rounding."""
@@ -52,6 +54,18 @@ class Values(NamedTuple):
     F_T: float
 
 
+class Route(NamedTuple):
+    """A straight path of what is outside the slider, over s in m.
+
+    The driver is at drive + way s (m), loads (F_N and T, in N) are load + gain s.
+    """
+
+    drive: float
+    way: float
+    load: tuple[float, float]
+    gain: tuple[float, float] = (0.0, 0.0)
+
+
 class ContactProblem:
     """The condensed slider of one scene and its contact with the substrate (linear geometry)."""
 
@@ -61,6 +75,25 @@ class ContactProblem:
         self.slider = condense(scene)
         self.unit = scene.F_N / scene.N_x
         self._bases: dict[bytes, np.ndarray] = {}
+        s = self.slider
+        self._columns, self._F_T = np.column_stack([s.g_1, s.g_0]), (s.c_2, s.c_1)
+
+    @functools.cached_property
+    def _of_loads(self) -> tuple[np.ndarray, np.ndarray]:
+        """What F_N = 1 N and T = 1 N do: forces on the interface, (2 N_x, 2), and F_T, (2,)."""
+        ones = [condense(self.scene, load) for load in ((1.0, 0.0), (0.0, 1.0))]
+        return np.column_stack([one.g_0 for one in ones]), np.array([one.c_1 for one in ones])
+
+    def along(self, route: Route) -> ContactProblem:
+        """Return the problem whose "drive" is s on a route."""
+        s, (forces, F_T), other = self.slider, self._of_loads, copy.copy(self)
+        load, gain = np.array(route.load), np.array(route.gain)
+        other._bases = {}
+        other._columns = np.column_stack(
+            [route.way * s.g_1 + forces @ gain, route.drive * s.g_1 + forces @ load]
+        )
+        other._F_T = route.way * s.c_2 + F_T @ gain, route.drive * s.c_2 + F_T @ load
+        return other
 
     def base(self, closed: np.ndarray) -> np.ndarray:
         """Return the table with all u_x held: rows u_x, f, u_z, F_T; columns u_x, drive, 1."""
@@ -76,7 +109,7 @@ class ContactProblem:
         x, z = slice(0, N_x), slice(N_x, 2 * N_x)
         A = s.S[z, z].copy()
         A[np.diag_indices(N_x)] += self.scene.k_f * closed
-        load = np.column_stack([s.g_1, s.g_0])
+        load = self._columns
         table = np.zeros((3 * N_x + 1, N_x + 2))
         table[:N_x, :N_x] = np.eye(N_x)
         _, u_z, failed = dposv(A, np.column_stack([-s.S[z, x], load[z]]))
@@ -89,7 +122,7 @@ class ContactProblem:
         f[:, N_x:] -= load[x]
         table[-1] = -s.g_1[z] @ u_z
         table[-1, :N_x] -= s.g_1[x]
-        table[-1, N_x:] += s.c_2, s.c_1
+        table[-1, N_x:] += self._F_T
         return table
 
     def loaded(self) -> Contact:
@@ -127,8 +160,17 @@ class Statics:
     def __init__(self, problem: ContactProblem, drive_0: float) -> None:
         self.problem, self.drive_0 = problem, drive_0
 
-    def solve(self, u_x_bottom: np.ndarray, drive: float, *, free: np.ndarray) -> Static:
+    def solve(
+        self,
+        u_x_bottom: np.ndarray,
+        drive: float,
+        *,
+        free: np.ndarray,
+        load: tuple[float, float] | None = None,
+    ) -> Static:
         """Return the equilibrium with u_x held except where free (open).
+
+        `load` is F_N and T (N) where they are not those at t = 0.
 
         Free blocks that touch the foundation have no friction. Held ones that lift off are freed;
         where they come down again, they are held again, unless they lift off a second time.
@@ -137,7 +179,8 @@ class Statics:
             EquilibriumError: the set of open blocks does not settle.
         """
         given = np.where(free, 0.0, u_x_bottom)
-        contact = Contact(self.problem, given, self.drive_0 + drive, ~free)
+        problem = self.problem if load is None else self.problem.along(Route(0.0, 1.0, load))
+        contact = Contact(problem, given, self.drive_0 + drive, ~free)
         contact.law = FRICTIONLESS
         loose, lifted = free.copy(), np.zeros_like(free)
         for _ in range(8 * contact.N_x + 20):
@@ -188,6 +231,11 @@ class Contact:
     @drive.setter
     def drive(self, value: float) -> None:
         self.column[-2] = value
+
+    def along(self, problem: ContactProblem, s: float) -> None:
+        """Go on along another route, from s (m) on, where the same is outside as here."""
+        self.problem, self.drive = problem, s
+        self.renew()
 
     @property
     def stuck(self) -> np.ndarray:

@@ -58,11 +58,12 @@ class Condensed:
         return self.c_1 + self.c_2 * drive - float(self.g_1 @ v)
 
 
-def condense(scene: Scene) -> Condensed:
+def condense(scene: Scene, load: tuple[float, float] | None = None) -> Condensed:
     """Eliminate the slider above its bottom row, with rod and driver.
 
     Args:
         scene: the scene.
+        load: F_N and T, in N; None means the loads at t = 0.
 
     Raises:
         EquilibriumError: a part of the slider is not supported.
@@ -72,10 +73,13 @@ def condense(scene: Scene) -> Condensed:
     n = stiff.shape[0]
     g = np.zeros((n, 2))
     if scene.rigid:
-        g[-2, 0] = -scene.F_N
-    else:
+        g[-2, 0] = -(scene.F_N if load is None else load[0])
+    elif load is None:
         g[-N_x:, 0] = -scene.load
         g[-2 * N_x : -N_x, 0] = scene.shear
+    else:
+        g[-N_x:, 0] = -scene.load * (load[0] / scene.F_N)
+        g[-2 * N_x : -N_x, 0] = scene.d * load[1] / N_x
     # Under a rod the driven block of the top row moves with the rod.
     on_rod = scene.rigid and scene.j_h == N_z - 1
     g[n - 3 if on_rod else driven_dof(scene), 1] = K * scene.d

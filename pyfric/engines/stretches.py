@@ -1,0 +1,93 @@
+"""Protocols as straight paths for static states: of the driver, or of driver and loads together.
+
+While loads stay, static states follow the driver's way, at any pace. While F_N or T change, speed
+must not: driver and loads then go along a straight line over time. A load that jumps does so with
+the driver at one place.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from pyfric.scene import Leg, SceneError, legs
+from pyfric.statics import Route
+
+if TYPE_CHECKING:
+    from pyfric.scene import Scene
+
+__all__ = ["Stretch", "bends", "check_straight", "stretches"]
+
+ROUNDING = 1e-12
+"""Changes of loads below this share of F_N are none."""
+
+
+class Stretch(NamedTuple):
+    """A part of a protocol: its leg, which begins at `offset` (m), and its route.
+
+    The route is None where loads never change.
+    """
+
+    leg: Leg
+    offset: float
+    route: Route | None = None
+
+
+def bends(scene: Scene) -> SceneError | None:
+    """Return what is said where speed and loads change at once, None where they do not."""
+    for t in (0.0, *scene.corners):
+        V, F_N, T = (scene.piece(what, t) for what in ("V", "F_N", "T"))
+        if V.slope and (F_N.slope or T.slope):
+            allowed = "0 m/s^2 while F_N or T change, or fidelity = 'hybrid' or 'dynamic'"
+            reason = f"from {t:g} s on speed and load change, and static states go straight"
+            return SceneError("driver.protocol", V.slope, "m/s^2", allowed, reason)
+    return None
+
+
+def check_straight(scene: Scene) -> None:
+    """Raise SceneError where speed and loads change at once."""
+    bend = bends(scene)
+    if bend is not None:
+        raise bend
+
+
+def stretches(scene: Scene, drive_0: float, t_end: float) -> list[Stretch]:
+    """Return the parts of a protocol up to t_end (s), which may be inf.
+
+    Args:
+        scene: the scene.
+        drive_0: position of the driver at t = 0, in m.
+        t_end: end, in s.
+    """
+    if scene.load_at(0.0) is None:
+        return [Stretch(leg, drive_0) for leg in scene.legs(t_end)]
+    found, K = [], scene.driver.K
+    load = scene.F_N, getattr(scene.top, "T", 0.0)
+    for leg in legs(_cut(scene), t_end):
+        F_N, T = (scene.piece(what, leg.t) for what in ("F_N", "T"))
+        now, gain = (F_N.at(leg.t), T.at(leg.t)), (F_N.slope, T.slope)
+        jump = tuple(b - a for a, b in zip(load, now, strict=True))
+        far, drive = max(map(abs, jump)) / K, drive_0 + scene.drive(leg.t)
+        if far > ROUNDING * scene.F_N / K:
+            at_once = Leg(leg.t, leg.t, 0.0, far, 1, float("inf"), 0.0)
+            route = Route(drive, 0.0, load, tuple(one / far for one in jump))
+            found.append(Stretch(at_once, 0.0, route))
+        load = now
+        if any(gain):
+            pace, T_end = max(abs(leg.value), *(abs(one) / K for one in gain)), leg.t_end - leg.t
+            there = Leg(leg.t, leg.t_end, 0.0, pace * T_end, 1, pace, 0.0)
+            route = Route(drive, leg.value / pace, now, tuple(one / pace for one in gain))
+            found.append(Stretch(there, 0.0, route))
+            load = F_N.at(leg.t_end), T.at(leg.t_end)
+        else:
+            found.append(Stretch(leg, drive_0, Route(0.0, 1.0, now)))
+    return found
+
+
+def _cut(scene: Scene) -> list:
+    """Return the pieces of V, cut at all corners."""
+    times = sorted({0.0, *scene.corners})
+    whole = [scene.piece("V", t) for t in times]
+    return [
+        one._replace(t=t, value=one.at(t), integral=one.integral_at(t))
+        for t, one in zip(times, whole, strict=True)
+    ]

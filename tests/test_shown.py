@@ -86,6 +86,15 @@ def test_values_with_units():
         preset("fig1", h="0.005")
 
 
+def test_states_of_rest_and_jobs_are_a_line():
+    rest = pyfric.loaded_state("fig1")
+    assert repr(rest).startswith("Equilibrium of 57 x 31 blocks: F_T = 0 N, p = 58.58 to 85 N, 0 o")
+    assert repr(pyfric.StaticSolver("chain")) == "StaticSolver of chain, linear geometry"
+    job = pyfric.Job(scene="fig1", t_end=0.1, options={"fidelity": "hybrid"})
+    assert repr(job) == "Job: fig1 to t = 0.1 s, fidelity = hybrid"
+    assert "\n" not in repr(rest)
+
+
 @pytest.mark.parametrize(
     ("changes", "field", "text"),
     [

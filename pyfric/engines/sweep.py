@@ -97,6 +97,9 @@ class Job:
     t_end: float
     options: Options = field(default_factory=Options)
 
+    def __repr__(self) -> str:
+        return f"Job: {self}"
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "scene", as_scene(self.scene))
         object.__setattr__(self, "t_end", check_number("t_end", self.t_end, "s", ge=0.0))

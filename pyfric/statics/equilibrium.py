@@ -162,6 +162,9 @@ class StaticSolver:
             self._factors.clear()
         self._u_drv0 = self.loaded.u_drv0 if u_drv0 is None else float(u_drv0)
 
+    def __repr__(self) -> str:
+        return f"StaticSolver of {self.scene.name or 'a scene'}, {self.geometry} geometry"
+
     def solve(
         self,
         u_x_bottom: np.ndarray,

@@ -73,6 +73,14 @@ class Equilibrium:
         for name in ("u", "rod", "f", "tau", "p", "open", "slipped"):
             getattr(self, name).setflags(write=False)
 
+    def __repr__(self) -> str:
+        blocks = f"{self.u.shape[2]} x {self.u.shape[0]} blocks"
+        p = f"p = {self.p.min():.4g} to {self.p.max():.4g} N"
+        return (
+            f"Equilibrium of {blocks}: F_T = {self.F_T:.6g} N, {p}, {int(self.open.sum())} open, "
+            f"drive = {self.drive:.6g} m, residual {self.residual:.2g} N"
+        )
+
     @property
     def u_z(self) -> np.ndarray:
         """u_z of the bottom blocks, shape (N_x,), in m."""

@@ -274,11 +274,14 @@ def test_damage_asks_for_no_other_runs_and_keeps_them_all(fig1, number):
     assert seen == [set(row.runs)] * len(row.damage)
 
 
-def test_a_row_gets_its_runs_and_no_others():
+def test_a_row_gets_its_runs_and_no_others(monkeypatch):
     got, made = [], SimpleNamespace(timings={"processor": 1.0})
-    stub = Row(("a",), lambda runs: got.append(set(runs)) or [claim()], {"": replaced("x")})
-    scorecard._chosen("1", [""], stub, {"a": made, "b": made})
-    assert got == [{"a"}] * 2
+    monkeypatch.setattr(scorecard, "run_all", lambda jobs, *_, **__: [made] * len(jobs))
+    for number, name in (("1", "fig1"), ("2", "setup2")):
+        stub = Row((name,), lambda runs: got.append(set(runs)) or [], {})
+        monkeypatch.setitem(scorecard.ROWS, number, stub)
+    assert claims.measure(["1", "2"], workers=1) == []
+    assert got == [{"fig1"}, {"setup2"}]
 
 
 def test_shuffled_fronts_take_as_long_over_the_same_blocks(fig1):

@@ -12,7 +12,7 @@ from pyfric.engines.quasistatic import QuasistaticRun, prediction_curve
 from pyfric.engines.results import Results
 from pyfric.engines.scout import decay_times
 from pyfric.engines.simulation import simulate
-from pyfric.engines.sweep import Job, JobError, run_all
+from pyfric.engines.sweep import Job, JobError, each, run_all, side_by_side
 from pyfric.engines.varied import Span
 
 __all__ = [
@@ -30,12 +30,14 @@ __all__ = [
     "Sweep",
     "boundary",
     "decay_times",
+    "each",
     "folded",
     "jobs_bar",
     "label_map",
     "plan",
     "prediction_curve",
     "run_all",
+    "side_by_side",
     "simulate",
     "step_size",
     "store",

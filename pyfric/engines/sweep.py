@@ -21,11 +21,11 @@ import secrets
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, Executor
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import scipy
@@ -49,7 +49,9 @@ from pyfric.scene import (
     unknown,
 )
 
-__all__ = ["Job", "JobError", "run_all"]
+__all__ = ["Job", "JobError", "each", "run_all", "side_by_side"]
+
+T = TypeVar("T")
 
 POLL = 0.05
 """Time between two looks at the runs of others, s."""
@@ -126,11 +128,15 @@ class Job:
 
     @property
     def weight(self) -> float:
-        """Rough measure of the work, to start long runs first: blocks times rise of the force."""
+        """Rough measure of the work, to start long runs first.
+
+        Blocks times rise of the force; more where little load on the trailing edge lets it lift.
+        """
         scene, options = self.scene, self.options
         rise = scene.driver.K * scene.driver.V * self.t_end / scene.F_N
         factor = {"dynamic": 100.0, "quasistatic": 0.1}.get(options.fidelity, 1.0)
         factor *= 5.0 if options.geometry == "finite" else 1.0
+        factor /= max(1.0 - getattr(scene.top, "theta", 0.0), 0.1)
         return factor * scene.N_x * scene.N_z * rise
 
     def __str__(self) -> str:
@@ -196,10 +202,7 @@ def run_all(
     for job in jobs:
         if not isinstance(job, Job):
             raise SceneError("jobs", job, "", "a list of Job")
-    if workers is None:
-        workers = core.processors()
-    elif isinstance(workers, bool) or not (isinstance(workers, int) and workers >= 1):
-        raise SceneError("workers", workers, "", "a whole number >= 1, or None")
+    workers = _count(workers)
     if errors not in ("raise", "return"):
         raise SceneError("errors", errors, "", "'raise' or 'return'")
     if executor is not None and not callable(getattr(executor, "submit", None)):
@@ -235,6 +238,37 @@ def run_all(
     return [_belonging(found[job.key], job) for job in jobs]
 
 
+def _count(workers: int | None) -> int:
+    if workers is None:
+        return core.processors()
+    if isinstance(workers, bool) or not (isinstance(workers, int) and workers >= 1):
+        raise SceneError("workers", workers, "", "a whole number >= 1, or None")
+    return workers
+
+
+@contextmanager
+def side_by_side(jobs: Sequence[Job], workers: int | None) -> Iterator[Workers | None]:
+    """Give an executor for jobs and for what is done with their records, stopped at the end.
+
+    None stands for this process, where `run_all` would make the runs in it.
+    """
+    count = min(_count(workers), len({job.key for job in jobs}))
+    if count <= 1:
+        yield None
+        return
+    with Workers(count) as pool:
+        yield pool
+
+
+def each(pool: Executor | None, function: Callable[..., T], calls: Sequence[tuple]) -> Iterator[T]:
+    """Yield what a function gives for each tuple of arguments, made side by side, in order."""
+    if pool is None:
+        yield from (function(*call) for call in calls)
+        return
+    futures = [pool.submit(function, *call) for call in calls]
+    yield from (future.result() for future in futures)
+
+
 def _belonging(found: Record | JobError, job: Job) -> Record | JobError:
     """Return what was found for a job, under the name of its own scene."""
     if isinstance(found, JobError):
@@ -250,7 +284,8 @@ def _outcomes(
 ) -> Iterator[tuple[str, Record | Exception]]:
     """Yield key and record, or what went wrong, of each job as it ends."""
     if executor is not None:
-        yield from _ended(todo, folder, executor, secrets.token_hex(20))
+        own_ones = isinstance(executor, Workers)  # who made them stops them
+        yield from _ended(todo, folder, executor, "" if own_ones else secrets.token_hex(20))
     elif workers <= 1:
         for key, job in todo.items():
             try:

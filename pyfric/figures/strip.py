@@ -11,12 +11,13 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -45,6 +46,7 @@ __all__ = ["Frame", "event_frames", "event_movie", "event_strip", "frame_times",
 
 MOMENTS = (0.05, 0.3, 0.55, 0.8, 1.0, 1.6)
 """Frames of a strip, in units of the time the front takes."""
+FILM_DPI = 150
 
 
 @dataclass(frozen=True)
@@ -174,10 +176,12 @@ def event_movie(
     panels.show(frames[0], t_start)
     fig.canvas.draw()
     fig.set_layout_engine("none")  # nothing moves from frame to frame
+    fig.set_dpi(FILM_DPI)
     with written(path) as draft:
         film = draft.with_name(draft.name + Path(path).suffix)  # writers go by the name
         try:
-            with writer.saving(fig, film, dpi=150):
+            with writer.saving(fig, film, dpi=FILM_DPI):
+                writer.fig = _Film(fig, panels.moving())
                 for frame in frames:
                     panels.show(frame, t_start)
                     writer.grab_frame()
@@ -203,6 +207,27 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
         raise SceneError("path", str(path), "", allowed, reason)
     even = "pad=ceil(iw/2)*2:ceil(ih/2)*2"  # H.264 takes nothing else
     return FFMpegWriter(fps=fps, codec="h264", extra_args=["-vf", even])
+
+
+class _Film:
+    """A figure as writers of films take it, of which only what moves is drawn for each frame."""
+
+    def __init__(self, fig: DataFigure, moving: Sequence[Artist]) -> None:
+        self._fig, self._moving = fig, moving
+        for one in moving:
+            one.set_animated(True)
+        fig.canvas.draw()
+        self._still = fig.canvas.copy_from_bbox(fig.bbox)
+
+    def set_size_inches(self, *size: float) -> None:
+        """Do nothing: writers set the size that the figure has."""
+
+    def savefig(self, file: IO[bytes], **_: Any) -> None:
+        """Write the pixels of the next frame."""
+        self._fig.canvas.restore_region(self._still)
+        for one in self._moving:
+            self._fig.draw_artist(one)
+        file.write(self._fig.canvas.buffer_rgba())
 
 
 def has_ffmpeg() -> bool:
@@ -300,6 +325,12 @@ class _Panels:
         self.top.plot([0.97 - bar, 0.97], [0.9 * top] * 2, color=BLACK, lw=2, solid_capstyle="butt")
         at, look = (0.97 - bar / 2, 0.87 * top), {"ha": "center", "va": "top", "fontsize": SMALL}
         self.top.text(*at, shown, **look)
+
+    def moving(self) -> list[Artist]:
+        """Return what `show` changes and what lies on the velocity field, from back to front."""
+        above = [one for one in self.top.get_children() if one is not self.top.patch]
+        above.sort(key=Artist.get_zorder)
+        return [*above, self.line, self.slip, self.open]
 
     def show(self, frame: Frame, t_start: float) -> None:
         """Show a frame; t_start is the time of the first slip, s."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from pyfric.engines import Job, run_all
+from pyfric.engines import Job, each, run_all, side_by_side
 from pyfric.figures import FIGURES, event_movie, has_ffmpeg, main_precursor, save_figure
 from pyfric.paper.page import FILM_TEXT, FILMS, write_index
 from pyfric.paper.runs import RUNS
@@ -60,17 +60,31 @@ def reproduce(
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     jobs = {name: _listed(runs[FIGURES[name].runs]) for name in names}
-    records = iter(run_all([job for name in names for job in jobs[name]], workers, cache, progress))
-    paths, records_of = [], {}
-    for name in names:
-        mine = records_of[name] = [next(records) for _ in jobs[name]]
-        one = isinstance(runs[FIGURES[name].runs], Job)
-        fig = FIGURES[name].draw(mine[0] if one else mine)
-        fig.tables["runs"] = runs_table(jobs[name], mine)
-        paths += save_figure(fig, out / name)
-    if FILMED in names and film:
-        paths += _film(records_of[FILMED][0], out)
+    every = [job for name in names for job in jobs[name]]
+    with side_by_side(every, workers) as pool:
+        records = iter(run_all(every, workers, cache, progress, executor=pool))
+        calls = []
+        for name in names:
+            mine = [next(records) for _ in jobs[name]]
+            one = isinstance(runs[FIGURES[name].runs], Job)
+            if name == FILMED and film:  # it takes longest
+                calls.insert(0, (_film, mine[0], out))
+            calls.append((_drawn, name, jobs[name], mine, one, out))
+        paths = [path for paths in each(pool, _done, calls) for path in paths]
     return [*paths, write_index(out)]
+
+
+def _done(function: Callable[..., list[Path]], *arguments: Any) -> list[Path]:
+    return function(*arguments)
+
+
+def _drawn(
+    name: str, jobs: Sequence[Job], records: Sequence[Record], one: bool, out: Path
+) -> list[Path]:
+    """Draw a figure of one record, or of all, and write its files."""
+    fig = FIGURES[name].draw(records[0] if one else records)
+    fig.tables["runs"] = runs_table(jobs, records)
+    return save_figure(fig, out / name)
 
 
 def _film(record: Record, out: Path) -> list[Path]:

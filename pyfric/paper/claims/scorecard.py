@@ -8,9 +8,9 @@ import re
 import time
 from collections.abc import Callable, Iterable
 
-from pyfric.engines import jobs_bar, run_all
+from pyfric.engines import each, jobs_bar, run_all, side_by_side
 from pyfric.paper.claims import exact, fronts, lengths, stresses
-from pyfric.paper.claims.claim import Claim, Row, Runs
+from pyfric.paper.claims.claim import Claim, Runs
 from pyfric.paper.claims.runs import jobs
 from pyfric.scene import SceneError, at_once, nearest
 
@@ -48,36 +48,39 @@ def measure(
     wanted = dict.fromkeys(map(_known, NUMBERS if numbers is None else numbers))
     rows = {number: ROWS[number] for number in NUMBERS if number in {one for one, _ in wanted}}
     names = list(dict.fromkeys(name for row in rows.values() for name in row.runs))
-    total = len(names) + len(rows)
+    every, total = [jobs()[name] for name in names], len(names) + len(rows)
     claims: list[Claim] = []
-    with jobs_bar(progress, total) as show:
-        found = run_all(
-            [jobs()[name] for name in names], workers, cache, lambda done, _: show(done, total)
-        )
+    with side_by_side(every, workers) as pool, jobs_bar(progress, total) as show:
+        found = run_all(every, workers, cache, lambda done, _: show(done, total), executor=pool)
         runs = dict(zip(names, found, strict=True))
-        for done, (number, row) in enumerate(rows.items(), len(names)):
+        calls = [(number, {name: runs[name] for name in rows[number].runs}) for number in rows]
+        measured = each(pool, _measured, calls)
+        for done, number in enumerate(rows, len(names)):
             show(done, total)
-            claims += _chosen(number, [part for one, part in wanted if one == number], row, runs)
+            parts = [part for one, part in wanted if one == number]
+            claims += _chosen(number, parts, next(measured))
         show(total, total)
     return claims
 
 
-def _chosen(number: str, parts: list[str], row: Row, runs: Runs) -> list[Claim]:
-    """Return these parts of a claim, measured; "" means all."""
+def _measured(number: str, runs: Runs) -> list[Claim]:
+    """Return the parts of a claim, measured."""
     start = time.process_time()
-    mine = {name: runs[name] for name in row.runs}
-    measured = row.measured(number, mine)
+    found = ROWS[number].measured(number, runs)
     seconds = time.process_time() - start
-    seconds += sum(run.timings["processor"] for run in mine.values())
+    seconds += sum(run.timings["processor"] for run in runs.values())
+    return [dataclasses.replace(claim, seconds=seconds) for claim in found]
+
+
+def _chosen(number: str, parts: list[str], measured: list[Claim]) -> list[Claim]:
+    """Return these parts of a claim; "" means all."""
     known = {claim.number for claim in measured}
     for part in parts:
         if part and f"{number}{part}" not in known:
             allowed = f"{number}, or one of its parts: {', '.join(sorted(known))}"
             raise SceneError("number", f"{number}{part}", "", allowed, "no such part")
     return [
-        dataclasses.replace(claim, seconds=seconds)
-        for claim in measured
-        if "" in parts or claim.number.removeprefix(number) in parts
+        claim for claim in measured if "" in parts or claim.number.removeprefix(number) in parts
     ]
 
 

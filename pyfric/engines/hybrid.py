@@ -113,11 +113,11 @@ class _Statics:
             return None
         return self.frozen(np.ones_like(stuck))
 
-    def renewed(self, frozen: Frozen, q: np.ndarray) -> Frozen:
-        """Return the slider with these fixed contact states and the tangent near q."""
-        key = frozen.stuck.tobytes()
-        self._frozen[key] = frozen.renewed(q)
-        return self._frozen[key]
+    def tangent_at(self, frozen: Frozen, q: np.ndarray) -> tuple[Frozen, np.ndarray]:
+        """Return the slider with these contact states and a tangent near q, and its growth."""
+        found, growth = frozen.tangent_at(q)
+        self._frozen[frozen.stuck.tobytes()] = found
+        return found, growth
 
     def rest(
         self,
@@ -144,6 +144,8 @@ class _Statics:
                 begin = dataclasses.replace(begin, u=u, rod=rod)
             how = {"free": open_, "start": begin, "enough": left, "load": at.load}
             try:
+                here = self._frozen.get((~open_).tobytes())
+                how["factor"] = here and here.factor
                 state = self.known.solve(u_x, at.drive, **how)
             except EquilibriumError:
                 return None
@@ -393,8 +395,7 @@ class HybridRun(Run):
                 frozen = self.solver.frozen(~open_)
                 growth = frozen.growth
                 if self.method.geometry == "finite":
-                    frozen = self.solver.renewed(frozen, rest.q)
-                    growth = frozen.stiffened(rest.q)
+                    frozen, growth = self.solver.tangent_at(frozen, rest.q)
                 margins = frozen.margins(rest)
                 course = self._course(frozen, pieces)
                 self.quiet_now = _Quiet(state.t, open_, frozen, growth, rest, margins, course)

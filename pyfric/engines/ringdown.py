@@ -24,8 +24,8 @@ A step of RK4 multiplies a mode by R(lambda dt) = 1 + z + z^2/2 + z^3/6 + z^4/24
 drifting state exactly, so that the ring-down of a run with steps dt is that of the rates
 log(R)/dt: nothing is lost or gained against stepping.
 
-In finite geometry K is that of an earlier state. `Frozen.stiffened` corrects the rates, whose
-errors add up over time, to first order; `Frozen.renewed` takes K anew where it has changed much.
+In finite geometry K is that of an earlier state. `Frozen.tangent_at` corrects the rates, whose
+errors add up over time, to first order, and takes K anew where it has changed much.
 """
 
 from __future__ import annotations
@@ -153,6 +153,8 @@ class Held:
         self.free, self.n_q, self.push = free, K.shape[0], solver.push
         self.drift = np.zeros(self.n_q)
         self.drift[free] = factor.solve(self.push[free])
+        held = np.flatnonzero(stuck)
+        self._drift_force = (K @ self.drift - self.push)[held]
         # F_T = K (drive - d u_h)
         self.force_rate = solver.scene.driver.K - float(self.push @ self.drift)
 
@@ -174,15 +176,20 @@ class Held:
         if q is None:
             q = np.zeros(self.n_q)
             q[held] = u_x[held]
-            q[free] = self._factor.solve(load[free] - self._rows[free] @ q)
+            q[free] = self._factor.solve(load[free] - (self._rows @ q)[free])
         if len(free) > LARGE and outside is None:
             self._last = u_x.copy(), drive, q
         f = np.zeros(N_x)
-        f[held] = (self._rows[held] @ q) - load[held]
+        f[held] = (self._rows @ q - load)[held]
         p = np.where(self.stuck, -self.k_f * q[N_x : 2 * N_x], 0.0)
         F_T = scene.driver_force(drive, self.solver.driven_row @ q, self.solver.u_drv0)
         rest = Rest(q, f, -scene.d * f, p, q[N_x : 2 * N_x], F_T)
         return rest if self._fits(rest) else None
+
+    @property
+    def factor(self) -> BandedCholesky | SuperLU | _Opened:
+        """Solves for the free coordinates, with this K."""
+        return self._factor
 
     @property
     def stiffness(self) -> sp.csr_array:
@@ -198,7 +205,7 @@ class Held:
         q = np.zeros((self.n_q, *u_x.shape[1:]))
         held, free = np.flatnonzero(self.stuck), self.free
         q[held] = u_x[held]
-        q[free] = self._factor.solve(-(self._rows[free] @ q))
+        q[free] = self._factor.solve(-(self._rows @ q)[free])
         return q
 
     def _fits(self, rest: Rest) -> bool:
@@ -215,7 +222,7 @@ class Held:
         N_x, held = len(self.stuck), np.flatnonzero(self.stuck)
         by = drive_now - drive
         f = rest.f.copy()
-        f[held] += by * (self._rows[held] @ self.drift - self.push[held])
+        f[held] += by * self._drift_force
         u_z = rest.u_z + by * self.drift[N_x : 2 * N_x]
         p = np.where(self.stuck, -self.k_f * u_z, 0.0)
         d = self.solver.scene.d
@@ -279,15 +286,14 @@ class Frozen(Held):
         loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
         self._bonds = solver.bond_tangents(loaded if at is None else at)
         self._squares: np.ndarray | None = None
-        K, C = self._rows, damping(scene) if closed is None else closed._all_C
+        K, C = self._rows, (closed or near)._all_C if closed or near else damping(scene)
         self._all_C = C
         self.K, self.C, self.M = K[free][:, free], C[free][:, free], mass(scene)[free]
         self.lag = np.zeros(self.n_q)
         self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
         if near is not None:
-            basis = np.hstack([near.phi.real, near.phi.imag])
             slow = np.max(np.abs(near.rates), initial=0.0)
-            self._keep_modes(*self._modes_near(basis, slow, factor))
+            self._keep_modes(*self._modes_near(near.rates, near.phi, slow, factor))
         elif closed is None:
             # Stuck blocks of a chain can only move vertically, which nothing makes them do.
             most = N_VALUES if len(free) <= LARGE else N_VALUES_LARGE
@@ -392,17 +398,24 @@ class Frozen(Held):
         basis[m:, :n], basis[m:, n : 2 * n] = closed.phi.real, closed.phi.imag
         basis[m:, 2 * n :] = factor.shapes
         basis[:m, 2 * n + m :] = np.eye(m)
-        return self._modes_near(basis, np.max(np.abs(closed.rates), initial=0.0), factor)
+        slow = np.max(np.abs(closed.rates), initial=0.0)
+        return self._modes_near(*self._modes_in(basis, slow), slow, factor, basis)
 
     def _modes_near(
-        self, basis: np.ndarray, slow: float, factor: BandedCholesky | SuperLU | _Opened
+        self,
+        rates: np.ndarray,
+        phi: np.ndarray,
+        slow: float,
+        factor: BandedCholesky | SuperLU | _Opened,
+        basis: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the modes with rates up to `slow` near a space of shapes.
+        """Return the modes with rates up to `slow` near modes that are roughly right.
 
-        What the modes found there still lack, K^-1 (lambda^2 M + lambda C + K) phi, is added to the
-        space, and they are found once more.
+        What these lack, K^-1 (lambda^2 M + lambda C + K) phi, and they themselves, or the space in
+        which they were found, make the space in which modes are found.
         """
-        rates, phi = self._modes_in(basis, slow)
+        if basis is None:
+            basis = np.hstack([phi.real, phi.imag])
         left = self.M[:, None] * phi
         left *= rates
         left += self.C @ phi
@@ -501,12 +514,16 @@ class Frozen(Held):
         growth.real = np.minimum(growth.real, 0.0)
         return growth
 
-    def renewed(self, q: np.ndarray) -> Frozen:
-        """Return the slider with the tangent at q, if a bond has changed by `STRAINED` k."""
-        stiffer = np.abs(self.solver.bond_tangents(q) - self._bonds)
-        if stiffer.max() <= STRAINED * self.solver.scene.slider.k:
-            return self
-        return Frozen(self.solver, self.stuck, self.dt, at=q, near=self)
+    def tangent_at(self, q: np.ndarray) -> tuple[Frozen, np.ndarray]:
+        """Return the slider with the tangent of a state near q, and its `growth` at q.
+
+        That is this one, or one with the tangent at q if a bond has changed by `STRAINED` k.
+        """
+        stiffer = self.solver.bond_tangents(q) - self._bonds
+        if np.abs(stiffer).max() <= STRAINED * self.solver.scene.slider.k:
+            return self, self._stiffened(stiffer)
+        renewed = Frozen(self.solver, self.stuck, self.dt, at=q, near=self)
+        return renewed, renewed.growth
 
     def bend(self, a: np.ndarray) -> float:
         """Return about how far K, changed by modes of amplitude a, changes the margins, in N.
@@ -517,16 +534,15 @@ class Frozen(Held):
         share = 2 * float(np.abs(bent).max()) / self.solver.scene.slider.l
         return share * float((np.abs(self.modal) @ (self.weight * np.abs(a))).max())
 
-    def stiffened(self, q: np.ndarray) -> np.ndarray:
-        """Return `growth` where bonds are as stiff as at q, to first order (finite geometry)."""
+    def _stiffened(self, stiffer: np.ndarray) -> np.ndarray:
+        """Return `growth` where bonds are stiffer by this much, to first order."""
         if self._squares is None:
             phi = np.zeros((self.n_q, len(self.rates)), complex)
             phi[self.free] = self.phi
             x, z = self.solver.elongations(phi)
             squares = np.concatenate([x * x, 2 * x * z, z * z]).T
             self._squares = np.concatenate([squares.real, squares.imag])
-        stiffer = (self.solver.bond_tangents(q) - self._bonds).ravel()
-        real, imag = np.split(self._squares @ stiffer, 2)
+        real, imag = np.split(self._squares @ stiffer.ravel(), 2)
         change = real + 1j * imag
         if len(self.free) > LARGE:
             self._squares = None

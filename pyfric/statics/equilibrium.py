@@ -55,7 +55,7 @@ from pyfric.statics.rest import Equilibrium, EquilibriumError, as_prescribed, ch
 from pyfric.statics.uniqueness import LIMIT, definiteness
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from pyfric.scene import Scene, SceneLike
 
@@ -174,6 +174,7 @@ class StaticSolver:
         start: Equilibrium | None = None,
         enough: float = 0.0,
         load: tuple[float, float] | None = None,
+        factor: BandedCholesky | SuperLU | None = None,
     ) -> Equilibrium:
         """Return the equilibrium with the interface held.
 
@@ -185,6 +186,8 @@ class StaticSolver:
             start: state from which the iteration starts; None means the loaded state.
             enough: residual force at which it may end, in N; 0 goes on to rounding.
             load: F_N and T, in N; None means those at t = 0.
+            factor: of a tangent nearby, with the free blocks open and all others held; None means
+                that of the loaded state.
 
         The vertical contact is solved with u_x held. Held blocks that lift off in its solution are
         freed and it is solved again. Blocks that come down again are held again; one that lifts
@@ -199,7 +202,7 @@ class StaticSolver:
         """
         check_rests(self.scene)
         if load is not None:
-            how = {"free": free, "start": start, "enough": enough}
+            how = {"free": free, "start": start, "enough": enough, "factor": factor}
             return self.under(load).solve(u_x_bottom, drive, **how)
         N_x = self.scene.N_x
         given, drive = np.array(u_x_bottom, dtype=float), float(drive)
@@ -219,10 +222,12 @@ class StaticSolver:
         if self.scene.N_z > 1 and np.sum(closed & ~frictionless) >= 2:
             closed &= ~frictionless
         held, lifted = ~frictionless, np.zeros(N_x, dtype=bool)
-        steps = 0
+        steps, near = 0, {}
+        if factor is not None:
+            near[_Contact(held, held, np.zeros(N_x, dtype=np.int8)).key] = factor
         while True:  # a block lifts off at most twice
             q[self._x][held] = given[held]
-            q, contact, residual, used = self._touching(q, held, closed, drive, enough)
+            q, contact, residual, used = self._touching(q, held, closed, drive, enough, near)
             steps, closed = steps + used, contact.closed
             up, down = held & ~closed, closed & ~held & ~frictionless
             if up.any():
@@ -235,7 +240,13 @@ class StaticSolver:
                 return self._result(q, contact, drive, residual, steps)
 
     def _touching(
-        self, q: np.ndarray, held: np.ndarray, closed: np.ndarray, drive: float, enough: float
+        self,
+        q: np.ndarray,
+        held: np.ndarray,
+        closed: np.ndarray,
+        drive: float,
+        enough: float,
+        near: Mapping[bytes, BandedCholesky | SuperLU],
     ) -> tuple[np.ndarray, _Contact, float, int]:
         """Return q at rest with u_x held, the contact, the residual in N, the number of steps.
 
@@ -247,7 +258,8 @@ class StaticSolver:
         sweeps = 4 * len(held) + 20
         for sweep in range(sweeps):
             contact = _Contact(held, closed, no_slip)
-            q, residual, used = self._newton(q, contact, drive, enough)
+            factor = near.get(contact.key)
+            q, residual, used = self._newton(q, contact, drive, enough, factor)
             steps += used
             wrong = self._wrong_side(q[self._z], closed, self._rounding(q))
             if not wrong.any():
@@ -438,7 +450,12 @@ class StaticSolver:
         return 2.0**-52 * self._stiffest * float(np.max(np.abs(q * self._arm)))
 
     def _newton(
-        self, q: np.ndarray, contact: _Contact, drive: float | None, enough: float = 0.0
+        self,
+        q: np.ndarray,
+        contact: _Contact,
+        drive: float | None,
+        enough: float = 0.0,
+        factor: BandedCholesky | SuperLU | None = None,
     ) -> tuple[np.ndarray, float, int]:
         """Return q at rest for one contact set, the residual force in N, the number of steps.
 
@@ -446,7 +463,7 @@ class StaticSolver:
         does not help. Linear geometry takes one step and a refinement.
         """
         unknown, driven = self._unknown(contact), drive is not None
-        factor, renewed = self._factor(contact, driven), False
+        factor, renewed = factor or self._factor(contact, driven), False
         best, least, previous = q, np.inf, np.inf
         for step in range(MAX_NEWTON + 1):  # noqa: B007 (returned after the loop)
             with np.errstate(all="ignore"):

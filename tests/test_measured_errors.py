@@ -86,6 +86,17 @@ def test_an_event_after_the_end_is_compared_with_the_force_there(ladder):
     assert differences(late, short).errors()["start"] < 1e-4
 
 
+def test_an_event_begun_while_the_last_one_goes_on_is_part_of_it(ladder):
+    """Two runs of which one sees a pause inside its last event: nothing to compare."""
+    main = np.flatnonzero(ladder.events["is_main"])
+    without = changed(ladder, main[-1], F_T_start=np.nan)
+    assert differences(ladder, without).errors()["start"] > 1e-3
+    events = without.events
+    events.loc[main[-2], "finished"] = False
+    joined = dataclasses.replace(without, events=events)
+    assert differences(ladder, joined).errors()["start"] == 0
+
+
 def test_statistics_of_what_follows(ladder):
     main = ladder.events[ladder.events["is_main"]]
     t = float(main["t_start"].iloc[2])

@@ -2,7 +2,8 @@
 
 Each main event of either record (each event, where there are no main ones) is paired with an event
 of the other one, in order, at the least total cost (`paired`). An event that the other run would
-have had after its end is compared with the force that this one reached.
+have had after its end is compared with the force that this one reached; one that begins while the
+last event of the other run goes on to the end is part of that: a pause near `t_gap` parts them.
 
 What is local stays with its event: lengths, front speeds, arrest. Start forces hang on the stresses
 that all earlier events left.
@@ -189,7 +190,7 @@ def _rows(a: Record, b: Record, covered: float) -> tuple[pd.DataFrame, pd.DataFr
     i, j = paired(cost)
     rows, speeds = [], []
     for e, k in zip(ours.index[i], j, strict=True):
-        row, v = _pair(a, b, e, theirs.index[k]) if k < len(theirs) else _no_pair(a, e, later)
+        row, v = _pair(a, b, e, theirs.index[k]) if k < len(theirs) else _no_pair(a, b, e, later)
         rows.append(row)
         speeds.append(pd.DataFrame({"t_start": row["t_start"], "error": v}))
     names = ["t_start", "start", "arrest", "length", "stress"]
@@ -243,10 +244,12 @@ def _speeds(a: Record, b: Record, e: int, k: int) -> np.ndarray:
     return np.where(np.isfinite(off), off, LOST)
 
 
-def _no_pair(a: Record, e: int, later: float) -> tuple[dict[str, float], np.ndarray]:
+def _no_pair(a: Record, b: Record, e: int, later: float) -> tuple[dict[str, float], np.ndarray]:
     """Return what is known of an event that the other run has not had yet."""
     one, nothing = a.events.loc[e], np.nan
     start = abs(one["F_T_start"] - later) / a.scene.F_N
+    if (~b.events["finished"] & (b.events["t_start"] < one["t_start"])).any():
+        start = nothing
     row = {"t_start": float(one["t_start"]), "start": start}
     return row | dict.fromkeys(("arrest", "length", "stress"), nothing), np.zeros(0)
 

@@ -90,7 +90,7 @@ def test_an_event_begun_while_the_last_one_goes_on_is_part_of_it(ladder):
     """Two runs of which one sees a pause inside its last event: nothing to compare."""
     main = np.flatnonzero(ladder.events["is_main"])
     events = ladder.events
-    events.loc[main[-1] :, "F_T_start"] = np.nan
+    events.loc[main[-2] + 1 :, "F_T_start"] = np.nan
     without = dataclasses.replace(ladder, events=events)
     assert differences(ladder, without).errors()["start"] > 1e-3
     events.loc[main[-2], "finished"] = False

@@ -60,6 +60,26 @@ def test_nucleation_is_where_the_slipping_part_is_no_longer_stable():
     assert np.linalg.eigvalsh(A[:slips, :slips])[0] < 1e-3 * SLOPE
 
 
+def test_events_name_their_length_of_nucleation(tmp_path):
+    """In records of two engines, kept in files; none where the driver holds."""
+    scene = rod(V=1e-2)
+    how = {"geometry": "linear", "progress": False}
+    ladder = pyfric.simulate(scene, 8.2e-3, fidelity="quasistatic", progress=False)
+    record = pyfric.simulate(scene, 8.2e-3, fidelity="hybrid", **how)
+    for one in (record, ladder):
+        found, table = one.events["nucleation_length"], analysis.nucleations(one)
+        np.testing.assert_array_equal(found[table["event"]], table["length"])
+        assert found.iloc[0] == ladder.events["nucleation_length"].iloc[0] >= scene.slider.l
+    record.save(tmp_path / "run.nc")
+    assert pyfric.Record.load(tmp_path / "run.nc") == record
+    t = float(record.events["t_start"].iloc[0])
+    held = scene.replace({"driver.protocol": ((t + 1e-5, 1e-2), (t + 1e-5, 0.0))})
+    held = pyfric.simulate(held, t + 2e-4, fidelity="hybrid", **how)
+    assert np.isnan(held.events["nucleation_length"]).all()
+    sharp = pyfric.simulate(scene.replace(d_c=0.0), 5e-3, fidelity="quasistatic")
+    assert "nucleation_length" not in sharp.events
+
+
 def test_nucleation_is_refused_without_weakening():
     record = pyfric.simulate(links(5, d_c=0.0), 1e-4, fidelity="quasistatic", progress=False)
     with pytest.raises(SceneError, match=r"interface\.d_c"):

@@ -148,6 +148,8 @@ def build_catalogue(
         static state (see `zones`); finished; is_precursor (0 < L_p < L);
         is_main (n_blocks >= 4); at_trailing_edge (nucleation at x <= h + l); quiet_start and
         quiet_stop, rows of the quiet log at first slip and last stick, -1 where there is none.
+        A record adds nucleation_length, m, where friction weakens with slip alone: the length of
+        `pyfric.analysis.nucleations`, NaN where that has none.
 
     Raises
     ------

@@ -24,6 +24,7 @@ LABELS: dict[str, tuple[str, str]] = {
     "n_blocks": ("1", "number of distinct blocks that slipped"),
     "nucleation_block": ("1", "number of the block that slipped first, 1 at the trailing edge"),
     "x_nucleation": ("m", "distance of the first slip from the trailing edge"),
+    "nucleation_length": ("m", "length at which stable slip loses stability, by static states"),
     "n_episodes": ("1", "number of slip episodes"),
     "n_front": ("1", "number of blocks in the front"),
     "n_not_increasing": ("1", "blocks of the front without speed: times do not increase"),

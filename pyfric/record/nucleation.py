@@ -20,12 +20,12 @@ import pandas as pd
 
 from pyfric.core import OPEN
 from pyfric.scene import SceneError
-from pyfric.statics import ContactProblem, Creep, creeps, loaded_state
+from pyfric.statics import LARGE, ContactProblem, Creep, EquilibriumError, creeps, loaded_state
 
 if TYPE_CHECKING:
     from pyfric.record.record import Record
 
-__all__ = ["nucleations"]
+__all__ = ["nucleation_lengths", "nucleations"]
 
 
 def nucleations(record: Record) -> pd.DataFrame:
@@ -38,7 +38,8 @@ def nucleations(record: Record) -> pd.DataFrame:
         One row for each event before which all blocks are stuck: event; t (s) and F_T (N) where
         stable slip ends; first_block, last_block and n_blocks that slip then, numbers from the
         trailing edge; length, of the interface from first to last block, in m. NaN and 0 where slip
-        stays stable up to the end of the run.
+        stays stable up to the end of the run, or while the driver goes on; and where it does not
+        go on, or loads are not those of t = 0.
 
     Raises:
         SceneError: friction does not weaken over a length, or depends on more than slip.
@@ -61,6 +62,22 @@ def nucleations(record: Record) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=names)
 
 
+def nucleation_lengths(record: Record) -> np.ndarray | None:
+    """Return `length` of `nucleations` for each event, (n_events,), in m; NaN where there is none.
+
+    None where friction does not weaken with slip alone, where no static states are known, and on
+    lattices of more than `LARGE` unknowns, for which it takes too long to be done unasked.
+    """
+    scene = record.scene
+    if not creeps(scene.law) or scene.prescribed or 2 * scene.N_x * scene.N_z > LARGE:
+        return None
+    lengths = np.full(len(record.events), np.nan)
+    if len(lengths):
+        table = nucleations(record)
+        lengths[table["event"].to_numpy(dtype=int)] = table["length"]
+    return lengths
+
+
 def _nucleation(
     problem: ContactProblem, record: Record, row: int, begin: float, t: float
 ) -> dict[str, float]:
@@ -68,15 +85,22 @@ def _nucleation(
     scene, none = record.scene, np.zeros(record.scene.N_x)
     u_x, mode = (record.quiet[name][row] for name in ("u_x", "mode"))
     creep = Creep(problem, u_x, none, mode != OPEN, none)
-    V, end = scene.driver.V, float(record.curve["t"].iloc[-1])
-    path, changes = creep.nucleate(begin + V * t * (1 - ROUNDING), begin + V * end)
+    none = dict.fromkeys(("t", "F_T", "first_block", "last_block"), np.nan)
+    none |= {"n_blocks": 0, "length": np.nan}
+    legs = scene.legs(float(record.curve["t"].iloc[-1]))
+    leg = next(one for one in reversed(legs) if one.t <= t)
+    if leg.way < 1 or scene.load_at(t) != scene.load_at(0.0):
+        return none
+    near = max(scene.drive(t) - ROUNDING * abs(scene.drive(t)), leg.first)
+    try:
+        path, changes = creep.nucleate(begin + near, begin + leg.last)
+    except EquilibriumError:  # nothing is left that carries the slider
+        return none
     n = np.sort(scene.n_of_i[creep.way != 0])
     if changes[-1].what != "unstable" or not path or not n.size:
-        return dict.fromkeys(("t", "F_T", "first_block", "last_block"), np.nan) | {
-            "n_blocks": 0, "length": np.nan,
-        }  # fmt: skip
+        return none
     return {
-        "t": (path[-1].drive - begin) / V,
+        "t": leg.time_at(path[-1].drive - begin),
         "F_T": path[-1].F_T,
         "first_block": int(n[0]),
         "last_block": int(n[-1]),

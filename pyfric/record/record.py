@@ -43,6 +43,7 @@ from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
 from pyfric.record.errors import Errors
 from pyfric.record.labels import describe
 from pyfric.record.netcdf import Variable, file_image, read_image
+from pyfric.record.nucleation import nucleation_lengths
 from pyfric.record.report import summary, text
 from pyfric.record.rupture import front_speed
 from pyfric.record.zones import zone_at_rest, zone_moving
@@ -245,7 +246,7 @@ class Record:
     @classmethod
     def from_catalogue(cls, catalogue: Catalogue, **rest: Any) -> Self:
         """Record of a run from its catalogue and the remaining attributes."""
-        return cls(
+        record = cls(
             events=catalogue.events,
             episodes=catalogue.episodes,
             region=catalogue.region,
@@ -253,6 +254,11 @@ class Record:
             **{name: getattr(catalogue.static, name) for name in STRESSES},
             **rest,
         )
+        lengths = nucleation_lengths(record)
+        if lengths is None:
+            return record
+        events = record.events.assign(nucleation_length=lengths)
+        return dataclasses.replace(record, events=events)
 
     def summary(self) -> str:
         """Return what the record holds, in lines: status, events, method, errors, notes."""

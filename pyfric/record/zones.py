@@ -54,10 +54,8 @@ def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
         drop, energy = law.drop * p, law.fracture_energy(p)
         if scene.N_z == 1:
-            blocks = math.pi / 2 * np.sqrt(2 * scene.slider.k * energy) / drop
-        else:
-            blocks = 0.75 * math.pi * scene.slider.k * energy / drop**2
-    return np.where(drop > 0, blocks, np.nan)
+            return math.pi / 2 * np.sqrt(2 * scene.slider.k * energy) / drop
+        return 0.75 * math.pi * scene.slider.k * energy / drop**2
 
 
 def zone_moving(scene: Scene, p: np.ndarray, v: np.ndarray) -> np.ndarray:

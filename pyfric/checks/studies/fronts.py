@@ -68,7 +68,7 @@ PACE = 5e-9
 """Processor time of a block evaluation in such runs, all else included, s."""
 LAST = 2
 """Precursors of runs 1 to 4, the last ones, that are started from a coarser lattice."""
-AFTER = 5e-3
+AFTER = 3e-3
 """Time after the end of an event on the coarse lattice to which the fine one is run first, s."""
 LATE = 0.5
 """L_p/L of the precursor whose speeds are shown."""
@@ -269,38 +269,39 @@ def _begun_runs(
     finer: Sequence[float],
     count: int,
     say: Callable[[str], None],
-) -> dict[tuple[float, int], Record]:
-    """Return events of a preset that began from a coarser lattice, by l and event there.
+) -> tuple[dict[tuple[float, int], Record], dict[tuple[float, int], tuple[float, float]]]:
+    """Return events of a preset that began from a coarser lattice, by l and event there, and plans.
 
     Each lattice begins from the one twice as coarse: from its late precursor, or its last `count`.
+    Where there is no whole run to compare with, it begins from one that began so itself, if any.
     """
-    found = {}
+    found: dict[tuple[float, int], Record] = {}
+    plans: dict[tuple[float, int], tuple[float, float]] = {}
     for l in sorted(finer, reverse=True):
-        coarse = records.get((2 * l, D_C))
-        if coarse is None:
+        scene, whole = preset(name, l=l, d_c=D_C), records.get((2 * l, D_C))
+        chain = {event: one for (at, event), one in found.items() if at == 2 * l}
+        if chain and (l, D_C) not in records:
+            sources = {event: (one, _widest(one)) for event, one in chain.items()}
+        elif whole is not None:
+            events = [_late(whole)] if count == 1 else _main(whole)[-count:].tolist()
+            sources = {event: (whole, event) for event in events}
+        else:
             continue
-        events = [_late(coarse)] if count == 1 else _main(coarse)[-count:]
-        for event in events:
-            scene = preset(name, l=l, d_c=D_C)
-            evaluations, seconds = planned_event(coarse, event, scene)
+        for event, (coarse, row) in sources.items():
+            about = coarse.events.iloc[row]
+            plan = planned(scene, about["t_stop"] - about["t_start"] + AFTER, None)
             say(
                 f"{name}, l = {l * 1e3:g} mm, from event {event} at {2e3 * l:g} mm: planned "
-                f"{evaluations:.2g} block evaluations, {seconds / 60:.2g} min of one core"
+                f"{plan[0]:.2g} block evaluations, {plan[1] / 60:.2g} min of one core"
             )
-            file = f"{name}_{l * 1e3:g}_{D_C * 1e6:g}_from_{event}.nc"
-            found[l, event] = _begun(runs / file, coarse, event, scene)
-    return found
+            path = runs / f"{name}_{l * 1e3:g}_{D_C * 1e6:g}_from_{event}.nc"
+            found[l, event], plans[l, event] = _begun(path, coarse, row, scene), plan
+    return found, plans
 
 
-def planned_event(coarse: Record, event: int, scene: Scene) -> tuple[float, float]:
-    """Return the block evaluations and the seconds that an event on a finer lattice takes at most.
-
-    All of it is integrated, from the first slip on the coarse lattice to `AFTER` its end.
-    """
-    row = coarse.events.iloc[event]
-    steps = (row["t_stop"] - row["t_start"] + AFTER) / step_size(scene)
-    evaluations = STEPPERS["rk4"].evaluations * steps * scene.N_x * scene.N_z
-    return evaluations, PACE * evaluations
+def _widest(record: Record) -> int:
+    """Return the event with the longest front."""
+    return int(record.events["n_front"].argmax())
 
 
 def _lengths(records: dict[tuple[float, float], Record]) -> pd.DataFrame:
@@ -377,8 +378,8 @@ def study(
     for name, found in records.items():
         count = LAST if name in COLLAPSE else 1
         only = [l for l in finer if name == "fig1" or (l, D_C) not in found]
-        begun = _begun_runs(name, Path(runs), found, only, count, say)
-        tables, rows = _shown(name, found, begun, COLLAPSE.get(name, t_end))
+        begun, plans = _begun_runs(name, Path(runs), found, only, count, say)
+        tables, rows = _shown(name, found, begun, plans, COLLAPSE.get(name, t_end))
         fronts += tables
         cost += rows
     return {
@@ -393,6 +394,7 @@ def _shown(
     name: str,
     found: dict[tuple[float, float], Record],
     begun: dict[tuple[float, int], Record],
+    plans: dict[tuple[float, int], tuple[float, float]],
     t_end: float,
 ) -> tuple[list[pd.DataFrame], list[dict[str, Any]]]:
     """Return the fronts and the cost of the runs of a preset."""
@@ -405,9 +407,8 @@ def _shown(
     for (l, event), record in begun.items():
         about = {"scene": name, "l": l, "d_c": D_C, "begun": 2 * l}
         fronts.append(_speeds_of(record).assign(**about))
-        expected = planned_event(found[2 * l, D_C], event, record.scene)
         what = f"{name} {l * 1e3:g} mm, {D_C * 1e6:g} um, event {event} of {2e3 * l:g} mm"
-        cost.append(_cost(what, expected, record))
+        cost.append(_cost(what, plans[l, event], record))
     return fronts, cost
 
 

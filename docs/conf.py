@@ -33,6 +33,7 @@ nitpicky = False
 # Pages are Markdown, with the paper's letters as they are; tables of reference_data are included.
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
+smartquotes = False  # it would turn --json into a dash
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
@@ -84,6 +85,7 @@ html_theme_options = {
     "footer_end": [],
     "secondary_sidebar_items": ["page-toc"],
 }
+html_sidebars = {"**": []}  # sections have no pages below them
 html_show_sourcelink = False
 
 # Finished runs of examples are kept here, so that a second build is fast.

@@ -326,7 +326,9 @@ def collapse_spread(
     values = np.log(y) if log else y
     edges = np.quantile(x, np.linspace(0, 1, bins + 1))
     in_bin = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
-    median = pd.Series(values).groupby(in_bin).median().reindex(range(bins)).to_numpy()
+    order = np.argsort(in_bin, kind="stable")
+    groups = np.split(values[order], np.searchsorted(in_bin[order], np.arange(1, bins)))
+    median = np.array([np.median(one) if one.size else np.nan for one in groups])
     rms = float(np.sqrt(np.mean((values - median[in_bin]) ** 2)))
     return Collapse(rms, int(x.size), edges, np.exp(median) if log else median)
 

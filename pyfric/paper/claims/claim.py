@@ -143,9 +143,10 @@ class Row(NamedTuple):
             KeyError: a part has no damage.
         """
         claims = self.measure(runs)
+        ways = (self.damage[claim.number[len(number) :]] for claim in claims)
         again = {
-            one.what: {claim.number: claim.value for claim in one.again(self.measure, runs)}
-            for one in dict.fromkeys(self.damage[claim.number[len(number) :]] for claim in claims)
+            what: {claim.number: claim.value for claim in one.again(self.measure, runs)}
+            for what, one in {one.what: one for one in ways}.items()
         }
         found = []
         for claim in claims:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,13 +13,13 @@ from pyfric.engines import prediction_curve
 from pyfric.paper.claims import damage as to
 from pyfric.paper.claims.claim import WORDS, Claim, Row, Runs, damaged, row
 from pyfric.paper.claims.parts import (
+    below,
     exponent,
     force_at,
     force_step,
     forces_apart,
     growing,
     off_line,
-    precursors_below,
     prediction_error,
     rms,
     straight,
@@ -27,7 +28,7 @@ from pyfric.paper.claims.runs import AT_2700, AT_F_N, BASE, GRID, H_2A, SETUP2, 
 from pyfric.record import analysis
 
 if TYPE_CHECKING:
-    from pyfric.record import Record
+    pass
 
 __all__ = ["ROWS"]
 
@@ -108,17 +109,18 @@ def _claim_1(runs: Runs) -> list[Claim]:
     },
 )
 def _claim_2(runs: Runs) -> list[Claim]:
-    return [*_collapses(runs), *_slopes([runs[name] for name in GRID])]
+    tables = {name: growing(record) for name, record in runs.items()}
+    return [*_collapses(tables), *_slopes(runs, tables)]
 
 
-def _collapses(runs: Runs) -> list[Claim]:
+def _collapses(found: Mapping[str, pd.DataFrame]) -> list[Claim]:
     """Claims 2a and 2b."""
-    tables = [growing(runs[name]) for name in GRID]
+    tables = [found[name] for name in GRID]
     both = pd.concat(tables, ignore_index=True)
     spread = analysis.collapse_spread(both["L_p_over_L"], both["force"], log=False)
     step = float(np.mean([force_step(table) for table in tables]))
-    base = growing(runs["fig1"])
-    loads = [np.abs(forces_apart(growing(runs[name]), base)) for name in AT_F_N]
+    base = found["fig1"]
+    loads = [np.abs(forces_apart(found[name], base)) for name in AT_F_N]
     return [
         Claim(
             number="2a",
@@ -143,15 +145,17 @@ def _collapses(runs: Runs) -> list[Claim]:
     ]
 
 
-def _slopes(records: list[Record]) -> list[Claim]:
+def _slopes(runs: Runs, found: Mapping[str, pd.DataFrame]) -> list[Claim]:
     """Claims 2c and 2d."""
-    both = pd.concat([growing(record) for record in records], ignore_index=True)
+    scenes, tables = [runs[name].scene for name in GRID], [found[name] for name in GRID]
+    both = pd.concat(tables, ignore_index=True)
     low, high = both[both["L_p_over_L"] < 0.5], both[both["L_p_over_L"] >= 0.5]
     slopes = [np.polyfit(one["force"], one["L_p_over_L"], 1)[0] for one in (low, high)]
+    short = [below(table, 0.5) for table in tables]
     bent = [  # distance in blocks, scene
-        (straight(precursors_below(record, 0.5), record.scene.N_x), record.scene.name)
-        for record in records
-        if len(precursors_below(record, 0.5)) > 2
+        (straight(table, scene.N_x), scene.name)
+        for scene, table in zip(scenes, short, strict=True)
+        if len(table) > 2
     ]
     return [
         Claim(
@@ -220,7 +224,7 @@ def _steps(runs: Runs, name: str, L: int) -> tuple[np.ndarray, np.ndarray]:
     A mean of n steps is known to the n-th part of a block; that of the force to what it takes to
     advance by that.
     """
-    tables = [precursors_below(runs[one], 0.5) for one in AT_2700[L][:3]]
+    tables = [below(growing(runs[one]), 0.5) for one in AT_2700[L][:3]]
     ends = [table.iloc[-1] - table.iloc[0] for table in tables]
     numbers = np.array([len(table) - 1 for table in tables])
     L_p, force = (np.array([end[key] for end in ends]) for key in ("L_p_over_L", "force"))

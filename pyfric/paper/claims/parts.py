@@ -119,7 +119,6 @@ def exponent(x: Iterable[float], y: Iterable[float]) -> float:
     return float(np.polyfit(np.log(list(x)), np.log(list(y)), 1)[0])
 
 
-def precursors_below(record: Record, below: float) -> pd.DataFrame:
-    """The growing precursors with L_p/L below a limit."""
-    table = growing(record)
-    return table[table["L_p_over_L"] < below]
+def below(table: pd.DataFrame, limit: float) -> pd.DataFrame:
+    """The precursors with L_p/L below a limit."""
+    return table[table["L_p_over_L"] < limit]

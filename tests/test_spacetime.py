@@ -10,7 +10,9 @@ from click.testing import CliRunner
 import pyfric
 from pyfric import figures, theory
 from pyfric.cli import main
+from pyfric.figures import spacetime
 from pyfric.figures.spacetime import space_time, speeds, theory_times, wave_lines
+from pyfric.figures.style import DataFigure
 from pyfric.record import analysis, griffith_length
 from pyfric.record.griffith import _before
 from pyfric.scene import chain, setup1
@@ -43,6 +45,18 @@ def chain_run(n, taubar=0.5):
     return pyfric.simulate(chain_scene(n, taubar), 6e-4, **how)
 
 
+def ruptures_are_where_slip_begins(axes):
+    """In the picture."""
+    (image,), (black,) = axes.images, (ax for ax in axes.lines if "rupture" in ax.get_label())
+    left, right, low, high = image.get_extent()
+    v = image.get_array()
+    for x, t in zip(*black.get_data(), strict=True):
+        column = int((x - left) / (right - left) * v.shape[1])
+        row = (t - low) / (high - low) * v.shape[0]
+        assert (v[: int(row - 1), column] == 0).all()
+        assert v[int(row + 2), column] > 0
+
+
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_what_slips_has_ruptured(run, side):
     run = run if side == "left" else small(side="right")
@@ -58,6 +72,7 @@ def test_what_slips_has_ruptured(run, side):
     assert (v[still].abs().max() == 0).sum() >= len(still) - 1
     assert v.max(axis=None) > 0.01
     assert set(fig.tables["lines"]["name"]) == {"c_R", "c_S", "c_L"}
+    ruptures_are_where_slip_begins(fig.axes[0])
     assert f"event {event} of the catalogue" in fig.caption
     assert "the lattice sets its speed" in fig.caption
 
@@ -71,6 +86,42 @@ def test_lines_have_the_speed_that_they_say(run):
         x, t = rows["x_over_L"].to_numpy(), rows["t_s"].to_numpy()
         np.testing.assert_allclose(np.abs(np.diff(x)[::2]) * L / np.diff(t)[::2], names[name])
         assert {0.0, 1.0} & set(x)
+
+
+def crept(record, event):
+    """The record with a front of three steps at 0.05 c_R and others at 0.9 c_R, from t = 1 s."""
+    scene, times = record.scene, record.rupture_times.copy()
+    steps = scene.slider.l / (speeds(scene)["c_R"] * np.where(np.arange(28) < 3, 0.05, 0.9))
+    times[event] = (1.0 + np.concatenate([[0.0], np.cumsum(steps)]))[scene.n_of_i - 1]
+    return dataclasses.replace(record, rupture_times=times), 1.0 + steps[:3].sum()
+
+
+def test_fracture_mechanics_begins_where_creep_ends(run):
+    """With g_II(v) G = Gamma of static states at each block, and none where it does not pay."""
+    weak = dataclasses.replace(run.scene.interface, d_c=1e-6)
+    record = dataclasses.replace(run, scene=dataclasses.replace(run.scene, interface=weak))
+    event = longest(record)
+    record, t = crept(record, event)
+    line = theory_times(record, event)
+    assert (line["name"] == "LEFM").all()
+    n = np.rint(28 * line["x_over_L"]).astype(int) + 1
+    known = analysis.energy_release(record, event).set_index("n")["v"]
+    np.testing.assert_array_equal(line["speed_m_per_s"], known[n])
+    assert n.iloc[0] == 4
+    assert n.iloc[-1] == 29 or not known[n.iloc[-1] + 1] > 0
+    assert line["t_s"].iloc[0] == pytest.approx(t, abs=1e-12)
+
+
+def test_lines_begin_where_creep_ends(run):
+    event = longest(run)
+    record, t = crept(run, event)
+    lines = wave_lines(record, event)
+    np.testing.assert_allclose(lines["x_over_L"][::2], 3 / 28)
+    np.testing.assert_allclose(lines["t_s"][::2], t, rtol=1e-12)
+    axes = DataFigure().subplots()
+    spacetime._lines(axes, lines, lines["t_s"].iloc[0], 1e6)
+    for line in axes.lines:  # one half to each side, with nothing between
+        assert list(np.flatnonzero(np.isnan(line.get_xdata()))) == [2]
 
 
 @pytest.mark.parametrize("n", [10, 80])
@@ -88,6 +139,9 @@ def test_a_chain_has_the_exact_front_beside_it(n):
     if n == 80:  # the front has become steady
         late = np.diff(front["t"].to_numpy())[-20:]
         np.testing.assert_allclose(late, np.diff(line["t_s"])[-20:], rtol=0.01)
+    tau = record.tau_before.copy()
+    tau[event, 6:] = 4.0  # below mu_k p: no front
+    assert len(theory_times(dataclasses.replace(record, tau_before=tau), event)) == 6
     rates = space_time(record, event).tables["slip_rate"]
     assert 100 <= rates["t_s"].nunique() <= 500  # smaller steps where a front needs few
 

@@ -563,7 +563,8 @@ def figure(tables: dict[str, pd.DataFrame]) -> DataFigure:
         "speeds, with d_c = 1 um (points) and 0 (thin lines), at several l; dashed: c_R, c_S, c_L "
         "of the lattice. (d) Speeds of main events against the scaled prestress, with d_c = 1 um "
         "(points) and 0 (faint crosses), of "
-        + ("runs 1 to 4. " if several else "the Fig. 1 scene. ")
+        + ("runs 1 to 4" if several else "the Fig. 1 scene")
+        + "; grey: the exact speed in a chain with the paper's viscosity. "
         + "Hybrid engine, linear geometry, located switching; the crack in full dynamics."
     )
     fig.tables = {**tables, "summary": summary(tables)}
@@ -597,6 +598,15 @@ def _draw_lengths(axes: Any, table: pd.DataFrame) -> None:
     axes.set_ylabel(r"$L_\mathrm{p}/L$ in dynamics", fontsize=8)
 
 
+def _chain(most: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return scaled prestress up to the largest, and the front speed of a chain there, m/s."""
+    k, m, l = _lattice(preset("fig1"))
+    eta = preset("fig1").eta / math.sqrt(k * m)
+    scaled = np.linspace(0.02, min(most, 0.95), 40)
+    v = [theory.chain_speed(float(one), 0.0, eta) for one in scaled]
+    return scaled, l * math.sqrt(k / m) * np.array(v)
+
+
 def _draw_fronts(late: Any, every: Any, table: pd.DataFrame) -> None:
     d_cs, spacings = sorted(table["d_c"].unique()), sorted(table["l"].unique(), reverse=True)
     fig1, others = table[table["scene"] == "fig1"], table[table["scene"] != "fig1"]
@@ -614,6 +624,7 @@ def _draw_fronts(late: Any, every: Any, table: pd.DataFrame) -> None:
             how = {"marker": "o", "ms": 2, "label": label} if d_c else {"marker": "x", "ms": 1.5}
             how |= {"alpha": 1.0 if d_c else 0.3, "zorder": 3 if d_c else 1, "mew": 0.5}
             every.plot(rows["scaled"], rows["v_c"], ls="", color=colour, **how)
+    every.plot(*_chain(chosen["scaled"].max()), color="0.3", lw=0.8, label="chain, exact")
     material = theory.Material.of_lattice(*_lattice(preset("fig1")), 1.0)
     for axes in (late, every):
         for speed in (material.c_R, material.c_S, material.c_P):

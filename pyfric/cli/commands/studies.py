@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import shlex
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +101,13 @@ def fronts(
     given["finer"] = [number("finer", one, "m", gt=0.0) for one in finer]
     if spacings:
         given["spacings"] = [number("l", one, "m", gt=0.0) for one in spacings]
-    _save_study("fronts", lambda study: study.study(folder, **given, say=tell.step), out, tell)
+    names = {"--l": spacings, "--collapse": collapse, "--finer": finer}
+    words = [word for name, values in names.items() for one in values for word in (name, one)]
+
+    def make(study: Any) -> Any:
+        return study.study(folder, **given, say=tell.step)
+
+    _save_study("fronts", make, out, tell, words)
 
 
 @main.command()
@@ -116,8 +123,10 @@ def disorder(out: Path, runs: Path | None, tell: Tell) -> None:
     _save_study("disorder", lambda study: study.study(folder, say=tell.step), out, tell)
 
 
-def _save_study(name: str, make: Callable[[Any], Any], out: Path, tell: Tell) -> None:
-    """Make a study's figure and save it with its provenance."""
+def _save_study(
+    name: str, make: Callable[[Any], Any], out: Path, tell: Tell, options: Sequence[str] = ()
+) -> None:
+    """Make a study's figure and save it with its provenance: the command and its options."""
     from pyfric import figures
     from pyfric.checks import studies
     from pyfric.record import provenance
@@ -125,7 +134,8 @@ def _save_study(name: str, make: Callable[[Any], Any], out: Path, tell: Tell) ->
     check_folder(out)
     study = getattr(studies, name)
     files = figures.save_figure(study.figure(make(study)), out / name)
-    files.append(provenance(out / f"{name}_provenance.toml", f"pyfric {name}"))
+    about = out / f"{name}_provenance.toml"
+    files.append(provenance(about, shlex.join(["pyfric", name, *options])))
     tell.files(files)
 
 

@@ -2,6 +2,7 @@
 
 import base64
 import html
+import math
 import os
 import re
 import subprocess
@@ -84,6 +85,16 @@ def test_values_with_units():
     assert preset("fig1").replace(mu_s=pint.Quantity(50, "percent")).interface.mu_s == 0.5
     with pytest.raises(SceneError, match="missing unit"):
         preset("fig1", h="0.005")
+
+
+def test_laws_with_long_tables_are_a_line():
+    law = pyfric.laws.TabulatedLaw.of(hold=(lambda a: 0.02 * math.log10(1 + a / 1e-3), 10.0))
+    lists = "contact_time=<52 values, 0 to 10>, gain=<52 values, 0 to 0.08>"
+    assert repr(law) == f"TabulatedLaw({lists})"
+    scene = preset("fig1").replace(law=law)
+    assert repr(scene).splitlines()[-1].endswith(f"law = {law!r}")
+    assert "hold=<table of 52 knots up to 10>, slide=None" in repr(scene.law)
+    assert repr(pyfric.laws.Ageing(B=0.1, t_c=1.0)) == "Ageing(B=0.1, t_c=1.0)"
 
 
 def test_states_of_rest_and_jobs_are_a_line():

@@ -432,8 +432,8 @@ def beyond_ladder(scene: Scene) -> Beyond | None:
     if soft <= SOFTEST:
         return None
     reason = (
-        f"the ladder knows slip at mu_k only, and weakening over d_c = {law.mean.d_c * 1e6:.3g} um "
-        f"is softer than it may be: k over its steepest fall is {soft:.3g}, more than {SOFTEST:g}"
+        "the ladder knows slip at mu_k only, and friction falls more softly than it may: k over "
+        f"its steepest fall is {soft:.3g}, more than {SOFTEST:g}"
     )
     return Beyond("interface.d_c", scene.interface.d_c, "m", "a smaller d_c", reason)
 

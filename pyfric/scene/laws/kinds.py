@@ -11,6 +11,7 @@ friction, each as a `Table`:
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -75,14 +76,27 @@ class FrictionLaw:
     def age(self, of: Means) -> Table | None:
         """Return the factor of mu over the time since slip began (s)."""
 
+    def __repr__(self) -> str:
+        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        told = (f"{name}={_short(one)}" for name, one in values.items() if one is not None)
+        return f"{type(self).__name__}({', '.join(told)})"
+
     def tables(self, of: Means) -> Tables:
         """Return the tables of an interface with these means."""
         return Tables(self.hold(of), self.slide(of), self.speed(of), self.age(of))
 
 
+def _short(value: Any) -> str:
+    """Return a value, or of a long list its length and ends."""
+    if isinstance(value, tuple) and len(value) > 4:
+        return f"<{len(value)} values, {value[0]:.4g} to {value[-1]:.4g}>"
+    return repr(value)
+
+
 def law(kind: type[FrictionLaw]) -> type[FrictionLaw]:
     """Add a kind to the registry, by its attribute `kind`."""
     KINDS[kind.kind] = kind
+    kind.__repr__ = FrictionLaw.__repr__
     return kind
 
 

@@ -28,6 +28,9 @@ class Table:
     x: tuple[float, ...]
     y: tuple[float, ...]
 
+    def __repr__(self) -> str:
+        return f"<table of {len(self.x)} knots up to {self.x[-1]:.4g}>"
+
     def __call__(self, x: Any) -> Any:
         """Return the values at x, any shape."""
         return np.interp(x, self.x, self.y)

@@ -121,6 +121,11 @@ def test_only_complete_runs_are_kept(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+def test_runs_whose_trailing_edge_lifts_count_as_long():
+    weights = [Job(scene=name, t_end=0.7).weight for name in ("setup2+", "setup2", "setup2-")]
+    assert weights[0] > 5 * weights[1] > 5 * weights[2] > 0
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_error_names_its_job_and_others_are_kept(tmp_path, workers):
     bad = job(options=OPTIONS | {"dt": 1.0}, name="too coarse")
@@ -142,7 +147,11 @@ def test_records_and_errors_come_back_in_order(tmp_path, workers):
     good = job(h=5e-3, options=OPTIONS | {"sample": 1e-5})
     jobs = [coarse, good, heavy, dataclasses.replace(coarse, scene=small(name="again"))]
     shown = []
-    found = run_all(jobs, workers, tmp_path, lambda *now: shown.append(now), errors="return")
+    how = {"progress": lambda *now: shown.append(now), "errors": "return"}
+    with sweep.side_by_side(jobs, workers) as pool:
+        assert (pool is None) == (workers == 1)
+        found = run_all(jobs, 1, tmp_path, executor=pool, **how)
+        assert list(sweep.each(pool, divmod, [(7, 2), (9, 4)])) == [(3, 1), (2, 1)]
     assert shown == [(0, 3), (1, 3), (2, 3), (3, 3)]
     assert [type(one) for one in found] == [JobError, pyfric.Record, JobError, JobError]
     assert [one.job for one in found if isinstance(one, JobError)] == [jobs[0], *jobs[2:]]

@@ -31,7 +31,6 @@ errors add up over time, to first order, and takes K anew where it has changed m
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -60,9 +59,6 @@ MAX_ITER = 20
 """Most restarts of ARPACK; few are needed."""
 STRAINED = 0.005
 """In finite geometry K is taken anew where the stiffness of a bond has changed by this many k."""
-KEPT = 8
-"""Lattices whose modes are kept in a process."""
-_modes: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 GRID = 64
 """Points at which margins are evaluated together."""
 
@@ -301,7 +297,7 @@ class Frozen(Held):
         elif closed is None:
             # Stuck blocks of a chain can only move vertically, which nothing makes them do.
             most = N_VALUES if len(free) <= LARGE else N_VALUES_LARGE
-            self._keep_modes(*self._known_modes(factor, most if scene.N_z > 1 else 0))
+            self._keep_modes(*self._find_modes(factor, most if scene.N_z > 1 else 0))
         else:
             self._keep_modes(*self._corrected_modes(closed, factor))
         cut = np.max(np.abs(self.rates), initial=0.0)
@@ -365,25 +361,6 @@ class Frozen(Held):
         """Return the displacements, shape (n_q,), that forces on all coordinates make."""
         found = np.zeros(self.n_q)
         found[self.free] = self._factor.solve(force[self.free])
-        return found
-
-    def _known_modes(
-        self, factor: BandedCholesky | SuperLU, count: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return what `_find_modes` does, of small lattices from the last few that were asked for.
-
-        A plan, its run and the run beside that ask for the same ones, and so do runs of one
-        process that differ in friction, F_N or V.
-        """
-        if len(self.free) > LARGE:
-            return self._find_modes(factor, count)
-        parts = self.K.data, self.K.indices, self.C.data, self.M, self.drift[self.free]
-        key = hashlib.sha256(b"".join(part.tobytes() for part in parts)).digest() + bytes([count])
-        found = _modes.get(key)
-        if found is None:
-            found = _modes[key] = self._find_modes(factor, count)
-            for old in list(_modes)[:-KEPT]:
-                _modes.pop(old, None)
         return found
 
     def _find_modes(

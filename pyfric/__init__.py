@@ -154,11 +154,11 @@ def _wrong(name: str, least: str) -> str:
 
 
 def _release(version: str) -> list[int]:
-    """Return the numbers a version starts with, as long as they are not only zeros."""
-    digits = re.match(r"[\d.]*", version)[0].strip(".").split(".")
-    while digits and not digits[-1].strip("0"):
-        digits.pop()
-    return [int(one) for one in digits]
+    """Return the numbers a version starts with, without zeros at the end."""
+    numbers = [int(one) for one in re.split(r"[^\d.]", version)[0].split(".") if one]
+    while numbers and not numbers[-1]:
+        numbers.pop()
+    return numbers
 
 
 try:

@@ -1,9 +1,18 @@
 """Friction laws as data: one module for each family, read in `MODULES`; see docs/laws.md."""
 
 import importlib
+from typing import TYPE_CHECKING
 
 from pyfric.scene.laws.kinds import KINDS, FrictionLaw, Means, Tables, check_tables, law
 from pyfric.scene.laws.table import Table, from_csv, sampled
+
+if TYPE_CHECKING:  # for those who read types; what is imported is read from MODULES
+    from pyfric.scene.laws.ageing import Ageing as Ageing
+    from pyfric.scene.laws.healing import ExponentialHealing as ExponentialHealing
+    from pyfric.scene.laws.speed import SpeedDependent as SpeedDependent
+    from pyfric.scene.laws.tabulated import TabulatedLaw as TabulatedLaw
+    from pyfric.scene.laws.weakening import ExponentialWeakening as ExponentialWeakening
+    from pyfric.scene.laws.weakening import LinearWeakening as LinearWeakening
 
 MODULES = (
     "weakening",

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from pyfric.scene.laws.table import Table
 from pyfric.scene.units import SceneError
 
 __all__ = ["KINDS", "UNITS", "FrictionLaw", "Means", "Tables", "check_tables", "law"]
+
+Kind = TypeVar("Kind", bound="type[FrictionLaw]")
 
 KINDS: dict[str, type[FrictionLaw]] = {}
 """Kinds of laws by name."""
@@ -93,7 +95,7 @@ def _short(value: Any) -> str:
     return repr(value)
 
 
-def law(kind: type[FrictionLaw]) -> type[FrictionLaw]:
+def law(kind: Kind) -> Kind:
     """Add a kind to the registry, by its attribute `kind`."""
     KINDS[kind.kind] = kind
     kind.__repr__ = FrictionLaw.__repr__

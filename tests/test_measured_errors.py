@@ -10,9 +10,20 @@ from helpers import small_rod
 
 import pyfric
 from pyfric.cli import main
-from pyfric.engines import cost
+from pyfric.engines import cost, verification
 from pyfric.engines.cost import CHEAP, FINEST, beside, beside_ladder, coarser_step, work
-from pyfric.engines.verification import COARSER, FINER, JUMPS, PERTURBATION, Made, stretch, verified
+from pyfric.engines.guard import hurry
+from pyfric.engines.verification import (
+    COARSER,
+    FAST,
+    FINER,
+    JUMPS,
+    PERTURBATION,
+    SPEEDS,
+    Made,
+    stretch,
+    verified,
+)
 from pyfric.record import Errors, Record, differences, statistics
 from pyfric.scene import chain, preset, setup1
 from pyfric.statics import stability_limit
@@ -159,6 +170,20 @@ def test_a_plan_measures_its_errors(refined):
     assert 0 < errors.measured() == errors.speed_95 <= errors.speed_worst
     assert errors.events > 2
     assert refined.timings["verification"] > 0
+
+
+@pytest.mark.parametrize("share", [1.0, 0.1])
+def test_jumps_in_finite_geometry_leave_an_error_of_front_speeds(refined, share):
+    """Beside itself a run has just that error: in proportion where the driver is slow."""
+    driver = refined.scene.driver
+    driver = dataclasses.replace(driver, V=share * FAST / hurry(refined.scene) * driver.V)
+    scene = dataclasses.replace(refined.scene, driver=driver)
+    made = Made(scene=scene, t_begin=0.0, t_end=1.0, options=pyfric.Options(), run=None)
+    stepped = verification._Stepped(refined, made)
+    stepped.other, stepped.factor = refined, FINER
+    errors = stepped.errors()
+    for name, most in SPEEDS.items():
+        assert getattr(errors, name) == pytest.approx(share * most)
 
 
 def test_a_record_keeps_them(refined, tmp_path):

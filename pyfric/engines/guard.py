@@ -201,19 +201,24 @@ def slow_decay(scene: Scene) -> float:
     return slider.k / (3 * scene.eta * omega2) if scene.eta else math.inf
 
 
-def hurry_notes(scene: Scene, engine: str) -> tuple[str, ...]:
-    """Return what to know where the driver does not wait for a slider to come to rest.
+def hurry(scene: Scene) -> float:
+    """Return by how much the driver pushes on while the slider rings down, over F_N, roughly.
 
     Nothing moves in a chain whose blocks stick.
     """
-    slider, driver = scene.slider, scene.driver
+    driver = scene.driver
     if scene.N_z == 1 or driver.fastest == 0:
-        return ()
-    decay = slow_decay(scene)
-    share = driver.fastest * decay / (1 / driver.K + 1 / slider.k) / scene.F_N
+        return 0.0
+    return driver.fastest * slow_decay(scene) / (1 / driver.K + 1 / scene.slider.k) / scene.F_N
+
+
+def hurry_notes(scene: Scene, engine: str) -> tuple[str, ...]:
+    """Return what to know where the driver does not wait for a slider to come to rest."""
+    share = hurry(scene)
     if share <= HURRY:
         return ()
     return (
-        f"{engine}: while the slider rings down, in about {decay * 1e3:.2g} ms, the driver pushes "
-        f"on by {share:.2g} F_N (limit {HURRY:g}): it does not come to rest between events",
+        f"{engine}: while the slider rings down, in about {slow_decay(scene) * 1e3:.2g} ms, the "
+        f"driver pushes on by {share:.2g} F_N (limit {HURRY:g}): it does not come to rest between "
+        "events",
     )

@@ -60,6 +60,24 @@ def test_nucleation_is_where_the_slipping_part_is_no_longer_stable():
     assert np.linalg.eigvalsh(A[:slips, :slips])[0] < 1e-3 * SLOPE
 
 
+def test_stable_slip_rests_while_the_driver_holds():
+    """Against the hybrid engine: what slipped sticks, and is as strong as before; 6e-4 F_N."""
+    t, V = 17.5e-3, 4e-3
+    corners = ((t, V), (t, 0.0), (1.5 * t, 0.0), (1.5 * t, V), (1.55 * t, 1.5 * V))
+    scene = rod(V=V).replace({"driver.protocol": corners})
+    a = pyfric.simulate(scene, 1.56 * t, fidelity="hybrid", geometry="linear", progress=False)
+    b = pyfric.simulate(scene, 1.56 * t, fidelity="quasistatic", progress=False)
+    slips = [one.switches["block"][one.switches["new"] == 1] for one in (a, b)]
+    assert [list(one[:3]) for one in slips] == 2 * [[0, 1, 2]]
+    assert len(slips[0]) == len(slips[1]) > 6
+    when = np.linspace(0, 1.56 * t, 400)
+    F_T = (np.interp(when, one.curve["t"], one.curve["F_T"]) for one in (a, b))
+    np.testing.assert_allclose(*F_T, rtol=0, atol=1e-3 * scene.F_N)
+    back = scene.replace({"driver.protocol": ((t, V), (t, -V))})
+    with pytest.raises(SceneError, match="while the driver goes on"):
+        pyfric.simulate(back, t, fidelity="quasistatic")
+
+
 def test_events_name_their_length_of_nucleation(tmp_path):
     """In records of two engines, kept in files; none where the driver holds."""
     scene = rod(V=1e-2)

@@ -377,9 +377,10 @@ def simulate(
         raise StateError(f"initial: the {engine} engine goes on from records only")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     beyond = beyond_ladder(scene) if engine == "quasistatic" else None
-    if beyond and scene.follows_protocol:
-        reason = "stable slip that weakens is followed at one speed of the driver"
-        allowed = "'dynamic' for this scene with a protocol"
+    back = any(leg.way < 0 for leg in scene.legs(math.inf))
+    if beyond and (back or scene.load_at(0.0)):
+        reason = "slip that weakens is followed while the driver goes on, under one load"
+        allowed = "'hybrid' or 'dynamic' for this scene with a protocol"
         raise SceneError("fidelity", engine, "", allowed, reason)
     if beyond and not creeps(scene.law):
         allowed = f"{beyond.allowed}, or fidelity = 'hybrid' or 'dynamic'"

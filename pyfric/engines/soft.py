@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.engines.quasistatic import SWEEPS, QuasistaticRun
+from pyfric.engines.stretches import Stretch
 from pyfric.statics import Creep, Values
 
 if TYPE_CHECKING:
@@ -77,12 +78,17 @@ class SoftLadder(QuasistaticRun):
 
     def advance(self, t_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> bool:
         """Follow the scene to t_end (s); return whether it got there."""
-        start, V = time.perf_counter(), self.scene.driver.V
+        start = time.perf_counter()
         self.sample()
-        if V:
-            self._climb(self.drive_0 + V * t_end, stop, show)
-        else:
-            self.rows.append((t_end, self.rows[-1][1]))
+        for leg in self.scene.legs(t_end):
+            self.stretch = Stretch(leg, self.drive_0)
+            if leg.way > 0:
+                self._climb(self.drive_0 + leg.last, stop, show)
+                continue
+            if self.creep.way.any():  # it comes to rest where the driver holds
+                self._rest()
+                self.sample()
+            self.rows.append((leg.t_end, self.contact.now.F_T))
         self.timings["events"] = time.perf_counter() - start
         return not stop()
 
@@ -111,6 +117,11 @@ class SoftLadder(QuasistaticRun):
             idle = idle + 1 if self.contact.drive - drive <= self.tol / self.scene.driver.K else 0
             if idle > SWEEPS * self.scene.N_x:
                 raise self._unsettled(idle)
+
+    def _rest(self) -> None:
+        """Let all blocks stick where they are."""
+        now, drive = self.contact.now, self.contact.drive
+        self._stick(now.u_x.copy(), self.creep.forces(now.u_x, drive), drive)
 
     def _u_z(self, point: object) -> np.ndarray:
         return self.creep.forces(point.u_x, point.drive).u_z

@@ -193,8 +193,8 @@ def _kept_crack(path: Path, which: Crack) -> pd.DataFrame:
 def planned(scene: Scene, t_end: float, coarser: Record | None) -> tuple[float, float]:
     """Return the block evaluations and the seconds that a run is expected to take.
 
-    Half the lattice constant takes 8 times what the coarser run took; the first one at most what
-    full dynamics takes; at `PACE` each.
+    Half the lattice constant takes 8 times what the coarser run took, where it rests as often; the
+    first one at most what full dynamics takes; at `PACE` each.
     """
     if coarser is None:
         evaluations = STEPPERS["rk4"].evaluations * t_end / step_size(scene)
@@ -239,7 +239,8 @@ def _runs_of(
             evaluations, seconds = planned(scene, t_end, coarser)
             say(
                 f"{name}, l = {l * 1e3:g} mm, d_c = {d_c * 1e6:g} um: planned {evaluations:.2g} "
-                f"block evaluations, {seconds / 60:.2g} min of one core"
+                f"block evaluations, {seconds / 60:.2g} min of one core; if nothing rests "
+                f"{planned(scene, t_end, None)[1] / 60:.2g} min"
             )
             file = f"{name}_{l * 1e3:g}_{d_c * 1e6:g}.nc"
             records[l, d_c] = coarser = _kept(runs / file, scene, t_end)
@@ -352,9 +353,9 @@ def study(
         say: called with what is done, and what it is planned to take, before it is.
 
     Returns:
-        Tables. "crack": blocks, eta2, dashpots, a, v, v_theory. "cost": what, planned and made
-        evaluations and seconds. "lengths": l, event, force_arrest, dynamics, griffith, ladder
-        (L_p/L).
+        Tables. "crack": blocks, eta2, dashpots, a, v, v_theory. "cost": run, planned and made
+        evaluations and seconds, and seconds of full dynamics. "lengths": l, event, force_arrest,
+        dynamics, griffith, ladder (L_p/L).
         "fronts": scene, l, d_c, begun (0, or the l of the run from which the state came), event,
         n, x_over_L, v_c, scaled, X_c0_over_l, and others of `pyfric.analysis.fronts`; late, whether
         it is the precursor of half the length.
@@ -415,6 +416,8 @@ def _shown(
 def _cost(run: str, expected: tuple[float, float], record: Record) -> dict[str, Any]:
     """Return what a run was planned to take, and took."""
     plan = dict(zip(("planned_evaluations", "planned_seconds"), expected, strict=True))
+    span = float(record.curve["t"].iloc[-1] - record.curve["t"].iloc[0])
+    plan["most_seconds"] = planned(record.scene, span, None)[1]
     made = {"evaluations": record.counts["block_evaluations"], "seconds": _seconds(record)}
     return {"run": run} | plan | made
 

@@ -305,27 +305,38 @@ def _widest(record: Record) -> int:
     return int(record.events["n_front"].argmax())
 
 
-def _lengths(records: dict[tuple[float, float], Record]) -> pd.DataFrame:
-    """Return lengths of precursors with weakening: dynamics, Griffith, and the ladder."""
-    rows = []
+def _lengths(records: dict[tuple[float, float], Record], runs: Path) -> pd.DataFrame:
+    """Return lengths of precursors with weakening, from files or made."""
+    tables = []
     for (l, d_c), record in records.items():
         if not d_c:
             continue
-        ladder = simulate(preset("fig1", l=l), 1.2, fidelity="quasistatic", progress=False)
-        steps = analysis.precursor_lengths(ladder)
-        longest = np.maximum.accumulate(steps["L_p_over_L"].to_numpy())
-        for _, row in analysis.precursors(record).iterrows():
-            found = analysis.energy_release(record, int(row["event"]))
-            rows.append(
-                {
-                    "l": l,
-                    "event": int(row["event"]),
-                    "force_arrest": row["force_arrest"],
-                    "dynamics": row["L_p_over_L"],
-                    "griffith": analysis.griffith_length(found),
-                    "ladder": float(np.interp(row["force_arrest"], steps["force"], longest)),
-                }
-            )
+        name = f"{l * 1e3:g}_{d_c * 1e6:g}"
+        path, run = runs / f"lengths_{name}.csv", runs / f"fig1_{name}.nc"
+        if not path.is_file() or path.stat().st_mtime < run.stat().st_mtime:
+            write(path, _lengths_of(record).to_csv(index=False).encode())
+        tables.append(pd.read_csv(path))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _lengths_of(record: Record) -> pd.DataFrame:
+    """Return lengths of precursors: dynamics, Griffith, and the ladder without weakening."""
+    l, rows = record.scene.slider.l, []
+    ladder = simulate(preset("fig1", l=l), 1.2, fidelity="quasistatic", progress=False)
+    steps = analysis.precursor_lengths(ladder)
+    longest = np.maximum.accumulate(steps["L_p_over_L"].to_numpy())
+    for _, row in analysis.precursors(record).iterrows():
+        found = analysis.energy_release(record, int(row["event"]))
+        rows.append(
+            {
+                "l": l,
+                "event": int(row["event"]),
+                "force_arrest": row["force_arrest"],
+                "dynamics": row["L_p_over_L"],
+                "griffith": analysis.griffith_length(found),
+                "ladder": float(np.interp(row["force_arrest"], steps["force"], longest)),
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -385,7 +396,7 @@ def study(
         cost += rows
     return {
         "crack": pd.concat(cracks, ignore_index=True),
-        "lengths": _lengths(records["fig1"]),
+        "lengths": _lengths(records["fig1"], Path(runs)),
         "fronts": pd.concat(fronts, ignore_index=True),
         "cost": pd.DataFrame(cost),
     }

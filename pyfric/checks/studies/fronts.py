@@ -70,6 +70,8 @@ LAST = 2
 """Precursors of runs 1 to 4, the last ones, that are started from a coarser lattice."""
 AFTER = 3e-3
 """Time after the end of an event on the coarse lattice to which the fine one is run first, s."""
+MIDDLE = 0.06, 0.4
+"""Where a front of half the slider's length neither starts nor stops, x/L."""
 LATE = 0.5
 """L_p/L of the precursor whose speeds are shown."""
 
@@ -548,10 +550,15 @@ def _change(one: pd.DataFrame, two: pd.DataFrame, case: str) -> list[tuple[str, 
     inside = one["x_over_L"].between(two["x_over_L"].min(), two["x_over_L"].max())
     other = np.interp(one["x_over_L"][inside], two["x_over_L"], two["v_c"])
     change = np.log(other / one["v_c"][inside])
-    return [
+    rows = [
         ("rms change of ln v_c(x), late precursor", case, float(np.sqrt(np.mean(change**2)))),
         ("median |change| of ln v_c(x), late precursor", case, float(np.median(np.abs(change)))),
     ]
+    middle = change[one["x_over_L"][inside].between(*MIDDLE)]
+    if len(middle):
+        what = f"rms change of ln v_c(x), late precursor, x/L = {MIDDLE[0]:g} to {MIDDLE[1]:g}"
+        rows.append((what, case, float(np.sqrt(np.mean(middle**2)))))
+    return rows
 
 
 COLOURS = ("#E69F00", "#009E73", "#0072B2", "#CC79A7", "#56B4E9", "#D55E00")
@@ -647,13 +654,13 @@ def _draw_fronts(late: Any, every: Any, table: pd.DataFrame) -> None:
             how |= {"alpha": 1.0 if d_c else 0.3, "zorder": 3 if d_c else 1, "mew": 0.5}
             every.plot(rows["scaled"], rows["v_c"], ls="", color=colour, **how)
     every.plot(*_chain(chosen["scaled"].max()), color="0.3", lw=0.8, label="chain, exact")
-    every.set_ylim(top=9e3)
     material = theory.Material.of_lattice(*_lattice(preset("fig1")), 1.0)
     for axes in (late, every):
         for speed in (material.c_R, material.c_S, material.c_P):
             axes.axhline(speed, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
         axes.set_yscale("log")
         axes.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)", fontsize=8)
+    every.set_ylim(top=9e3)  # room for the legend
     late.set_xlabel("position $x/L$", fontsize=8)
     scaled = r"(\tau/p-\mu_\mathrm{k})/(\mu_\mathrm{s}-\mu_\mathrm{k})"
     every.set_xlabel(rf"scaled prestress ${scaled}$", fontsize=8)

@@ -47,11 +47,12 @@ APART = 16
 """Steps between two states of the path that give its acceleration."""
 KEPT = 3
 """Sets of slipping blocks whose shapes are kept: as much memory as a slider with its modes each."""
-LEFT, HURRY = 0.01, 0.5
+LEFT, HURRY = 0.001, 0.2
 """What motion beside the slow modes, and speed of slip, may do to contact forces, over the
-remainder. Start forces are then those of steps within 4e-8 F_N in the Fig. 1 scene with d_c = 5 um,
-and within 7e-6 F_N in a slider of 9 x 6 blocks at ten times the speed over F_N; with 0.001 and 0.2
-twice as many steps are made, and 2e-7 F_N are left there."""
+remainder. Start forces are then those of steps within 3e-8 F_N in the Fig. 1 scene with d_c = 5 um,
+and within 2e-7 F_N in a slider of 9 x 6 blocks at ten times the speed over F_N. With 0.01 and 0.5
+half as many steps are made and 5e-9 F_N more are left in that scene, but up to 1.2e-4 F_N in events
+of the small slider after it has slid as a whole, which amplifies differences."""
 
 
 class Landing(NamedTuple):

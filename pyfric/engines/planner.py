@@ -63,7 +63,7 @@ SOFT = "{}; following it takes as long as the hybrid engine, which leaves out le
 by 0.038 F_N at most (docs/laws.md)."""
 STABLE = 4
 """Steps with weakening that is followed as static states, over those without: 1.8 and 3.5 with
-d_c = 1 um in the Fig. 1 scene, 6.6 with 5 um."""
+d_c = 1 um in the Fig. 1 scene, 13 with 5 um."""
 OVERDAMPED = 0.433
 """Blocks oscillate below this eta over sqrt(k m)."""
 LONG = 600.0

@@ -81,6 +81,8 @@ class SoftLadder(QuasistaticRun):
         start = time.perf_counter()
         self.sample()
         for leg in self.scene.legs(t_end):
+            if stop():
+                break
             self.stretch = Stretch(leg, self.drive_0)
             if leg.way > 0:
                 self._climb(self.drive_0 + leg.last, stop, show)

@@ -443,3 +443,11 @@ def test_nothing_rings_where_all_blocks_are_open():
     scene = setup1(L=5e-3, H=2.5e-3, h=2.5e-3)
     with pytest.raises(EquilibriumError, match="not supported"):
         Frozen(StaticSolver(scene), np.zeros(3, dtype=bool))
+
+
+@pytest.mark.parametrize(
+    "scene", [setup1(), setup2(), setup1(l=5e-3)], ids=["rod", "free", "coarse"]
+)
+def test_decay_of_what_the_modes_leave_out_is_about_that_of_weyl_s_law(scene):
+    frozen = Frozen(StaticSolver(scene), np.ones(scene.N_x, dtype=bool))
+    assert frozen.decay < ringdown.remainder_decay(scene) < 1.6 * frozen.decay

@@ -44,6 +44,7 @@ from pyfric.statics import LARGE, damping, mass
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
+    from pyfric.scene import Scene
     from pyfric.statics import BandedCholesky, StaticSolver
 
 __all__ = ["Frozen", "Held", "Motion", "Rest", "first_crossing"]
@@ -117,6 +118,20 @@ class Course(NamedTuple):
     def force(self, s: float, begin: float = 0.0) -> float:
         """Return what F_T gains up to s (s) from `begin` (s) on, without the lag, in N."""
         return (s - begin) * (self.force_rate + 0.5 * (s + begin) * self.force_bend)
+
+
+def remainder_decay(scene: Scene) -> float:
+    """Return roughly the rate at which motions faster than the modes kept decay, in 1/s.
+
+    The number of modes slower than omega is L H omega^2 (1/c_s^2 + 1/c_l^2)/(4 pi), with
+    c_l^2 = 3 c_s^2 (Weyl's law). It is 1 to 1.5 times `Frozen.decay` on the paper's lattices, and
+    on those with half their l.
+    """
+    slider = scene.slider
+    large = 2 * scene.N_x * scene.N_z > LARGE
+    modes = (N_VALUES_LARGE if large else N_VALUES) / 2
+    c_s2 = slider.l**2 * slider.k / (2 * scene.m)
+    return 3 * math.pi * modes * c_s2 / (slider.L * slider.H) * scene.eta / (4 * slider.k)
 
 
 class Held:

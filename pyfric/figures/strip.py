@@ -219,6 +219,10 @@ class _Film:
         fig.canvas.draw()
         self._still = fig.canvas.copy_from_bbox(fig.bbox)
 
+    def get_size_inches(self) -> np.ndarray:
+        """Return width and height, which a GIF's writer asks for."""
+        return self._fig.get_size_inches()
+
     def set_size_inches(self, *size: float) -> None:
         """Do nothing: writers set the size that the figure has."""
 

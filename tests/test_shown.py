@@ -18,6 +18,8 @@ from helpers import small
 import pyfric
 from pyfric.scene import Driver, Interface, PrescribedLoad, SceneError, preset
 
+PRE = '<pre style="white-space: pre-wrap">'  # long notes stay inside the page
+
 
 @pytest.fixture(scope="module")
 def record():
@@ -26,7 +28,7 @@ def record():
 
 def drawing(shown):
     """Return the bytes of the picture, its text for those who do not see, and the lines below."""
-    parts = r'<img alt="(.*?)" src="data:image/png;base64,(.*?)".*?><pre>(.*)</pre>'
+    parts = r'<img alt="(.*?)" src="data:image/png;base64,(.*?)".*?><pre style=".*?">(.*)</pre>'
     alt, data, lines = re.fullmatch(parts, shown._repr_html_(), re.DOTALL).groups()
     return base64.b64decode(data), html.unescape(alt), html.unescape(lines)
 
@@ -58,9 +60,9 @@ def test_a_record(record):
 def test_plan_state_sweep_and_figure(record):
     plan = pyfric.plan(small(), t_end=1e-3)
     assert repr(plan) == str(plan)
-    assert plan._repr_html_() == f"<pre>{html.escape(str(plan))}</pre>"
+    assert plan._repr_html_() == f"{PRE}{html.escape(str(plan))}</pre>"
     assert repr(record.final_state).startswith("State of 9 x 6 blocks at t = 0.0012")
-    assert record.final_state._repr_html_() == f"<pre>{record.final_state!r}</pre>"
+    assert record.final_state._repr_html_() == f"{PRE}{record.final_state!r}</pre>"
     sweep = pyfric.Sweep(scene=small(), t_end=1.0, over={"driver.h": [5e-3]})
     assert repr(sweep) == "Sweep of setup1 over driver.h: grid, t_end = 1 s"
     assert drawing(sweep)[2] == repr(sweep)

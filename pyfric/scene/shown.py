@@ -32,7 +32,7 @@ DRAWINGS: dict[type, Callable[[Any], Any]] = {}
 def html(shown: Any) -> str:
     """Return the text of an object as HTML, below its drawing where there is one."""
     importlib.import_module("pyfric.figures")
-    text = f"<pre>{markup.escape(str(shown))}</pre>"
+    text = f'<pre style="white-space: pre-wrap">{markup.escape(str(shown))}</pre>'
     draw = DRAWINGS.get(type(shown))
     return text if draw is None else _image(draw(shown)) + text
 

@@ -21,10 +21,11 @@ settings.load_profile("pyfric")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 LAPACK = (
-    *("chart", "claims", "complementarity", "condensation", "dashpots", "equilibrium", "fields"),
-    *("figures", "fronts", "guard", "hybrid", "laws", "measured_errors", "methods", "operators"),
+    *("chart", "claims", "complementarity", "condensation", "creep", "creeping", "dashpots"),
+    *("disorder", "equilibrium", "fields", "figures", "finer", "fronts", "guard", "hybrid"),
+    *("laws", "measured_errors", "methods", "operators"),
     *("pauses", "planner", "prescribed", "protocol", "quasistatic", "reference", "regimes"),
-    *("resolution", "ringdown", "simulation", "spacetime", "theory", "weakening", "zones"),
+    *("resolution", "ringdown", "simulation", "soft", "spacetime", "theory", "weakening", "zones"),
 )
 """Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""
 PORTABLE = ("complementarity", "condensation", "ringdown")

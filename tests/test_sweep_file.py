@@ -271,6 +271,7 @@ def test_the_command_runs_and_goes_on(file, tmp_path):
         assert axes["events"].shape == (2, 3)
     assert all((tmp_path / "cache" / f"{key}.nc").exists() for key in table["key"])
     assert "6 finished" in command(file, "--dry-run").stdout
+    assert command(file, "--out", out, "--workers", 1).exit_code == 0  # the same folder again
 
 
 def test_the_command_names_what_failed(file):

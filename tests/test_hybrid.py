@@ -176,6 +176,15 @@ def test_large_strains_are_full_dynamics():
     assert any("strains reach about 0.13, above 0.1" in note for note in b.notes)
 
 
+def test_a_jump_in_finite_geometry_lands_where_steps_do():
+    """The tangent changes while the driver goes on: with that of the start, 5e-7 and 2e-7."""
+    scene = rod(V=0.05, K=5e5, F_N=1500.0)
+    a, b = (record.final_state.y for record in both(scene, 5e-3, "finite"))
+    unit, m = scene.F_N / scene.slider.k, scene.m / scene.slider.k
+    np.testing.assert_allclose(b[:, :2], a[:, :2], rtol=0, atol=1e-7 * unit)
+    np.testing.assert_allclose(b[:, 2:], a[:, 2:], rtol=0, atol=1e-8 * unit / np.sqrt(m))
+
+
 def test_static_forces_of_fast_runs_are_those_of_fresh_solves():
     """20 steps move the driver by 0.03 F_N/K: tangents of the loaded state miss 1e-6 F_N there."""
     scene = rod(V=0.1)

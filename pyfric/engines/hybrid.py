@@ -28,7 +28,7 @@ from pyfric.core import OPEN, STUCK
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run, just_after, last_step
 from pyfric.engines.guard import LINEAR, largest_strain
-from pyfric.engines.ringdown import Course, Frozen, Held, Rest, first_crossing
+from pyfric.engines.ringdown import STRAINED, Course, Frozen, Held, Rest, first_crossing
 from pyfric.statics import LARGE, EquilibriumError
 
 if TYPE_CHECKING:
@@ -113,9 +113,11 @@ class _Statics:
             return None
         return self.frozen(np.ones_like(stuck))
 
-    def tangent_at(self, frozen: Frozen, q: np.ndarray) -> tuple[Frozen, np.ndarray]:
+    def tangent_at(
+        self, frozen: Frozen, q: np.ndarray, strained: float
+    ) -> tuple[Frozen, np.ndarray]:
         """Return the slider with these contact states and a tangent near q, and its growth."""
-        found, growth = frozen.tangent_at(q)
+        found, growth = frozen.tangent_at(q, strained)
         self._frozen[frozen.stuck.tobytes()] = found
         return found, growth
 
@@ -202,6 +204,7 @@ class _Quiet(NamedTuple):
     rest: Rest
     margins: np.ndarray
     course: Course
+    pieces: Sequence[Piece]
 
 
 class HybridRun(Run):
@@ -210,7 +213,7 @@ class HybridRun(Run):
     name = "hybrid"
     keeps_budget = False
     steppers = ("rk4",)
-    remainder = REMAINDER
+    remainder, strained = REMAINDER, STRAINED
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -322,7 +325,7 @@ class HybridRun(Run):
         bound = frozen.bound * math.sqrt(motion.remainder)
         rate, bend = course.margin_rate, course.margin_bend
         modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
-        rates = np.append(quiet.growth, -frozen.decay)
+        growth, landed = quiet.growth, quiet
         there, t_there, at_there = None, math.inf, None
         toward = course.v
         for enough in (ROUGH, *(7 * [ENOUGH])):
@@ -330,6 +333,7 @@ class HybridRun(Run):
             c += course.margin_lag + since * course.margin_lag_rate
             slope = rate + since * bend + course.margin_lag_rate
             c, slope, bent, waves = frozen.aged(state.t - state.t_0, c, slope, bend, modal)
+            rates = np.append(growth, -frozen.decay)
             s = first_crossing(c, slope, waves, rates, most * dt, dt, bent)
             n = min(math.floor(s / dt), most)
             left = bound.max() * math.exp(-frozen.decay * n * dt)
@@ -342,8 +346,11 @@ class HybridRun(Run):
             t = state.t0 + (state.step + n) * dt
             to, at = t - quiet.t, self._outside(t)
             if at_there is not None and self.solver.near(at, at_there):
-                q = there.q + course.way(to, t_there - quiet.t)
-                force = there.F_T + course.force(to, t_there - quiet.t)
+                end = self._course(frozen, quiet.pieces, t_there, there.q)
+                q, force = there.q + end.way(t - t_there), there.F_T + end.force(t - t_there)
+                landed = quiet._replace(t=t_there, course=end, growth=growth)
+                quiet = quiet._replace(growth=growth)
+                self.quiet_key = None  # a jump from there has the tangent of there
                 break
             if enough == ENOUGH:
                 t_there, at_there = t, at
@@ -353,12 +360,13 @@ class HybridRun(Run):
                 return False
             toward = (there.q - rest.q) / to - (0.5 * to) * course.a
             rate = (frozen.margins(there) - quiet.margins) / to - (0.5 * to) * bend
+            growth = frozen.growth_at(rest.q + 0.5 * (since + to) * toward)
         else:
             return False
         margins = c + (slope + (0.5 * n * dt) * bent) * (n * dt)
-        margins += (waves[:, :-1] @ np.exp(quiet.growth * (n * dt))).real
+        margins += (waves[:, :-1] @ np.exp(growth * (n * dt))).real
         self._sample_jump(quiet, force, motion.a, n)
-        self._land(q, quiet, motion.a, n)
+        self._land(q, landed, motion.a, n)
         state.margin[:] = frozen.margin(margins)
         return True
 
@@ -395,19 +403,24 @@ class HybridRun(Run):
                 frozen = self.solver.frozen(~open_)
                 growth = frozen.growth
                 if self.method.geometry == "finite":
-                    frozen, growth = self.solver.tangent_at(frozen, rest.q)
+                    frozen, growth = self.solver.tangent_at(frozen, rest.q, self.strained)
                 margins = frozen.margins(rest)
-                course = self._course(frozen, pieces)
-                self.quiet_now = _Quiet(state.t, open_, frozen, growth, rest, margins, course)
+                at = rest.q if self.method.geometry == "finite" else None
+                course = self._course(frozen, pieces, state.t, at)
+                self.quiet_now = _Quiet(
+                    state.t, open_, frozen, growth, rest, margins, course, pieces
+                )
         return self.quiet_now
 
-    def _course(self, frozen: Frozen, pieces: Sequence[Piece]) -> Course:
-        """Return where the static state goes on these pieces of V, F_N and T."""
+    def _course(
+        self, frozen: Frozen, pieces: Sequence[Piece], t: float, q: np.ndarray | None
+    ) -> Course:
+        """Return where the static state q goes on from t (s) on these pieces of V, F_N and T."""
         V, F_N, T = pieces
         more, known = None, self.solver.known
         if F_N.slope or T.slope:  # what loads gain in a second
             more = known.under((F_N.slope, T.slope)).load
-        return frozen.course(V.at(self.state.t), V.slope, more)
+        return frozen.course(V.at(t), V.slope, more, q)
 
     def _sample_jump(self, quiet: _Quiet, force: float, a: np.ndarray, n: int) -> None:
         """Add the points of the loading curve in a jump of n steps that ends at a static force."""

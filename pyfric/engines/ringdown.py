@@ -25,7 +25,8 @@ drifting state exactly, so that the ring-down of a run with steps dt is that of 
 log(R)/dt: nothing is lost or gained against stepping.
 
 In finite geometry K is that of an earlier state. `Frozen.tangent_at` corrects the rates, whose
-errors add up over time, to first order, and takes K anew where it has changed much.
+errors add up over time, to first order, and takes K anew where it has changed much. Drift and lag
+are corrected in the same way where a jump begins and where it ends; its rates are of its middle.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
     from pyfric.statics import BandedCholesky, StaticSolver
 
-__all__ = ["Frozen", "Held", "Motion", "Rest", "first_crossing"]
+__all__ = ["STRAINED", "Frozen", "Held", "Motion", "Rest", "first_crossing"]
 
 N_VALUES, N_VALUES_LARGE = 40, 24
 """Eigenvalues that are computed, those of smallest modulus; two make an oscillating mode."""
@@ -342,24 +343,32 @@ class Frozen(Held):
         )
         self.force_modal, self.force_lag = -push[free] @ self.phi, -float(push @ self.lag)
 
-    def course(self, V: float, a: float = 0.0, more: np.ndarray | None = None) -> Course:
+    def course(
+        self,
+        V: float,
+        a: float = 0.0,
+        more: np.ndarray | None = None,
+        q: np.ndarray | None = None,
+    ) -> Course:
         """Return how the static state moves.
 
         Args:
             V: speed of the driver, in m/s.
             a: its rate of change, in m/s^2.
             more: rates of other forces on the coordinates, shape (n_q,), in N/s.
+            q: state near the tangent whose own tangent counts, to first order, shape (n_q,).
         """
         given = self.solver.scene.driver.V
-        if V == given and a == 0 and more is None:
+        if V == given and a == 0 and more is None and q is None:
             margins = V * self.margin_rate, np.zeros_like(self.margin_lag), self.margin_lag, 0.0
             force = V * self.force_rate, 0.0, self.force_lag, 0.0
             return Course(V * self.drift, 0.0, self.lag, 0.0, *margins, *force)
         (rows, rows_v), K, M = self._on_margins, self.solver.scene.driver.K, self._all_M
         force = V * self.push + (0.0 if more is None else more)
-        v, bent = self._answer(force), a * self.drift
+        stiffer = None if q is None else self.solver.bond_tangents(q) - self._bonds
+        v, bent = self._answer(force, stiffer), a * self.drift
         lag_rate = self._answer(-(self._all_C @ bent))
-        lag = self._answer(-(self._all_C @ (v + lag_rate) + M * bent))
+        lag = self._answer(-(self._all_C @ (v + lag_rate) + M * bent), stiffer)
         held, still = np.flatnonzero(self.stuck), np.zeros(int((~self.stuck).sum()))
         direct, direct_a = (
             np.concatenate([-one[held], one[held], still]) for one in (force, a * self.push)
@@ -372,10 +381,15 @@ class Frozen(Held):
             -float(self.push @ lag), -float(self.push @ lag_rate),
         )  # fmt: skip
 
-    def _answer(self, force: np.ndarray) -> np.ndarray:
-        """Return the displacements, shape (n_q,), that forces on all coordinates make."""
+    def _answer(self, force: np.ndarray, stiffer: np.ndarray | None = None) -> np.ndarray:
+        """Return the displacements, shape (n_q,), that forces on all coordinates make.
+
+        Where bonds are `stiffer`, shape (3, n_bonds), to first order.
+        """
         found = np.zeros(self.n_q)
         found[self.free] = self._factor.solve(force[self.free])
+        if stiffer is not None:
+            found -= self._answer(self.solver.stiffened(found, stiffer))
         return found
 
     def _find_modes(
@@ -529,16 +543,20 @@ class Frozen(Held):
         growth.real = np.minimum(growth.real, 0.0)
         return growth
 
-    def tangent_at(self, q: np.ndarray) -> tuple[Frozen, np.ndarray]:
+    def tangent_at(self, q: np.ndarray, strained: float = STRAINED) -> tuple[Frozen, np.ndarray]:
         """Return the slider with the tangent of a state near q, and its `growth` at q.
 
-        That is this one, or one with the tangent at q if a bond has changed by `STRAINED` k.
+        That is this one, or one with the tangent at q if a bond has changed by `strained` k.
         """
         stiffer = self.solver.bond_tangents(q) - self._bonds
-        if np.abs(stiffer).max() <= STRAINED * self.solver.scene.slider.k:
+        if np.abs(stiffer).max() <= strained * self.solver.scene.slider.k:
             return self, self._stiffened(stiffer)
         renewed = Frozen(self.solver, self.stuck, self.dt, at=q, near=self)
         return renewed, renewed.growth
+
+    def growth_at(self, q: np.ndarray) -> np.ndarray:
+        """Return `growth` with the tangent of a state near q, to first order."""
+        return self._stiffened(self.solver.bond_tangents(q) - self._bonds)
 
     def bend(self, a: np.ndarray) -> float:
         """Return about how far K, changed by modes of amplitude a, changes the margins, in N.

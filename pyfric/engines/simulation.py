@@ -43,9 +43,9 @@ ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
 
 
 class _Tight(HybridRun):
-    """The hybrid engine with a tighter criterion of jumps."""
+    """The hybrid engine with tighter criteria of jumps."""
 
-    remainder = TIGHTER * HybridRun.remainder
+    remainder, strained = TIGHTER * HybridRun.remainder, HybridRun.strained / 5
 
 
 TIGHT: dict[str, type[Run]] = ENGINES | {"hybrid": _Tight}

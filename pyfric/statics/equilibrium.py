@@ -319,6 +319,12 @@ class StaticSolver:
         u = self._T @ shapes
         return tuple(D @ u for D in self._lattice.difference)
 
+    def stiffened(self, shape: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
+        """Return the forces of a shape, (n_q,), where bonds are stiffer as in `bond_tangents`."""
+        (x, z), (xx, xz, zz) = self.elongations(shape), stiffer
+        D_x, D_z = self._lattice.difference
+        return self._T_transposed @ (D_x.T @ (xx * x + xz * z) + D_z.T @ (xz * x + zz * z))
+
     @property
     def u_drv0(self) -> float:
         """u_x of the driven block at drive = 0 and F_T = 0, in m."""

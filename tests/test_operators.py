@@ -19,7 +19,13 @@ from pyfric.statics import (
     stability_limit,
     stiffness,
 )
-from pyfric.statics.operators import coordinates, operators, spring_forces
+from pyfric.statics.operators import (
+    Assembly,
+    coordinates,
+    operators,
+    spring_forces,
+    spring_tangents,
+)
 from pyfric.statics.stability import radius
 
 
@@ -114,6 +120,17 @@ def test_stiffness_is_the_derivative_of_the_forces(geometry):
     change = spring_forces(lattice, u + du, geometry) - spring_forces(lattice, u - du, geometry)
     np.testing.assert_allclose(-(K @ du.ravel()) * 2, change.ravel(), atol=2e-9 * abs(change).max())
     assert abs(K - K.T).max() <= 1e-15 * abs(K).max()
+
+
+@pytest.mark.parametrize("scene", [small_rod(), small_scene()], ids=["rod", "free"])
+def test_assembled_stiffness_is_that_of_the_bonds(scene):
+    lattice, T = bonds(scene), coordinates(scene)
+    u = displacements(scene, 0.05).ravel()
+    diagonal = np.arange(1.0, T.shape[1] + 1)
+    K = Assembly(lattice, T).stiffness(spring_tangents(lattice, u, "finite"), diagonal)
+    expected = (T.T @ spring_stiffness(lattice, u, "finite") @ T).toarray() + np.diag(diagonal)
+    np.testing.assert_allclose(K.toarray(), expected, rtol=0, atol=1e-14 * scene.slider.k)
+    assert abs(K - K.T).max() == 0
 
 
 def test_finite_bonds_ignore_a_rigid_rotation():

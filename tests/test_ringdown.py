@@ -172,6 +172,23 @@ def test_stiffness_of_the_state_corrects_the_rates():
         assert error < 0.05 * change
 
 
+def test_slow_modes_follow_the_stiffness_of_the_state():
+    slider = Slider(rod(), "finite", drive=2e-5)
+    old, n = slider.frozen, ringdown.RENEWED
+    q = slider.solver.coordinates(slider.rest.u, slider.rest.rod)
+    found = Frozen(slider.solver, slider.stuck, slider.dt, at=q, near=old)
+    exact = Frozen(slider.solver, slider.stuck, slider.dt, at=q)
+    np.testing.assert_array_equal(found.rates[n:], old.rates[n:])
+    change = np.abs(exact.rates - old.rates)[:n]
+    assert (np.abs(found.rates - exact.rates)[:n] < 1e-3 * change).all()
+    motions = [exact.deviation(a, 0.0) for a in np.eye(n, len(exact.rates))]
+    before, after = (
+        np.array([one.split(*motion).remainder for motion in motions]) for one in (old, found)
+    )
+    assert (after < 0.05 * before).all()
+    assert after[0] < 1e-6 * before[0]
+
+
 # --- parts ---------------------------------------------------------------------------------------
 
 

@@ -52,6 +52,8 @@ __all__ = ["STRAINED", "Frozen", "Held", "Motion", "Rest", "first_crossing"]
 
 N_VALUES, N_VALUES_LARGE = 40, 24
 """Eigenvalues that are computed, those of smallest modulus; two make an oscillating mode."""
+RENEWED = 6
+"""Modes that follow K where it changes, the slowest ones: others do not last until a jump ends."""
 TINY = 1e-11
 """Tension below this many F_N/N_x is rounding."""
 FEW, MOST_COLUMNS = 6, 120
@@ -308,8 +310,7 @@ class Frozen(Held):
         self.lag = np.zeros(self.n_q)
         self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
         if near is not None:
-            slow = np.max(np.abs(near.rates), initial=0.0)
-            self._keep_modes(*self._modes_near(near.rates, near.phi, slow, factor))
+            self._keep_modes(*self._renewed_modes(near, factor))
         elif closed is None:
             # Stuck blocks of a chain can only move vertically, which nothing makes them do.
             most = N_VALUES if len(free) <= LARGE else N_VALUES_LARGE
@@ -430,6 +431,17 @@ class Frozen(Held):
         slow = np.max(np.abs(closed.rates), initial=0.0)
         return self._modes_near(*self._modes_in(basis, slow), slow, factor, basis)
 
+    def _renewed_modes(
+        self, near: Frozen, factor: BandedCholesky | SuperLU
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return slow modes anew, from those of a state nearby, and the others as they were."""
+        size, slow, fast = np.abs(near.rates), slice(RENEWED), slice(RENEWED, None)
+        below = 1.001 * np.max(size, initial=0.0)
+        if len(size) > RENEWED:
+            below = math.sqrt(size[RENEWED - 1] * size[RENEWED])
+        rates, phi = self._modes_near(near.rates[slow], near.phi[:, slow], below, factor)
+        return np.append(rates, near.rates[fast]), np.hstack([phi, near.phi[:, fast]])
+
     def _modes_near(
         self,
         rates: np.ndarray,
@@ -479,7 +491,9 @@ class Frozen(Held):
         return found[kept], phi
 
     def _keep_modes(self, rates: np.ndarray, phi: np.ndarray) -> None:
-        """Store modes with what their amplitudes need."""
+        """Store modes, slow ones first, with what their amplitudes need."""
+        order = np.argsort(np.abs(rates), kind="stable")
+        rates, phi = rates[order], phi[:, order]
         C, M = self.C, self.M
         self.rates, self.phi = rates, phi
         self.weight = np.where(rates.imag > 0, 2.0, 1.0)
@@ -527,10 +541,12 @@ class Frozen(Held):
 
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and remainder."""
-        w, v = w[self.free], v[self.free]
-        a = self._left @ w + self._left_v @ v
-        w = w - (self.phi @ (self.weight * a)).real
-        v = v - (self.phi @ (self.weight * a * self.rates)).real
+        w, v, a = w[self.free], v[self.free], np.zeros(len(self.rates), complex)
+        for some in (slice(RENEWED), slice(RENEWED, None)):  # the others may be older
+            a[some] = self._left[some] @ w + self._left_v[some] @ v
+            twice = self.weight[some] * a[some]
+            w = w - (self.phi[:, some] @ twice).real
+            v = v - (self.phi[:, some] @ (twice * self.rates[some])).real
         energy = 0.5 * float(v @ (self.M * v) + w @ (self.K @ w))
         return Motion(a, max(energy, 0.0))
 
@@ -568,18 +584,24 @@ class Frozen(Held):
         return share * float((np.abs(self.modal) @ (self.weight * np.abs(a))).max())
 
     def _stiffened(self, stiffer: np.ndarray) -> np.ndarray:
-        """Return `growth` where bonds are stiffer by this much, to first order."""
+        """Return `growth`, that of slow modes to first order where bonds are stiffer.
+
+        Args:
+            stiffer: what stiffnesses of bonds gain, shape (3, n_bonds), in N/m.
+        """
+        n = min(RENEWED, len(self.rates))
         if self._squares is None:
-            phi = np.zeros((self.n_q, len(self.rates)), complex)
-            phi[self.free] = self.phi
+            phi = np.zeros((self.n_q, n), complex)
+            phi[self.free] = self.phi[:, :n]
             x, z = self.solver.elongations(phi)
             squares = np.concatenate([x * x, 2 * x * z, z * z]).T
             self._squares = np.concatenate([squares.real, squares.imag])
         real, imag = np.split(self._squares @ stiffer.ravel(), 2)
-        change = real + 1j * imag
+        rates = self.rates.copy()
+        rates[:n] -= (real + 1j * imag) / self._norm[:n]
         if len(self.free) > LARGE:
             self._squares = None
-        return self.stepped(self.rates - change / self._norm)
+        return self.stepped(rates)
 
     def deviation(
         self, a: np.ndarray, s: float, growth: np.ndarray | None = None
@@ -672,22 +694,24 @@ def first_crossing(
     s, h = 0.0, 0.1 / fastest
     while s < s_end:
         decay = np.exp(rates.real * s)
-        # Leap: the modes can do no more than their present amplitude.
+        # Leap: the modes can do no more than their present amplitude. Only margins that may reach 0
+        # on the grid are followed.
         low = c + (rate + (0.5 * s) * bend) * s - size @ decay
-        if (low > 0).all():
-            fall = -(rate + s * bend)
-            root = fall**2 - 2 * bend * low
-            fall = fall + np.sqrt(np.maximum(root, 0.0))
-            falls = (root >= 0) & (fall > 0)
+        fall = -(rate + s * bend)
+        root = fall**2 - 2 * bend * low
+        fall = fall + np.sqrt(np.maximum(root, 0.0))
+        falls = (root >= 0) & (fall > 0)
+        near = ~(low > 0) | (falls & (2 * low <= GRID * h * fall))
+        if not near.any():
             leap = float(np.min(2 * low[falls] / fall[falls], initial=np.inf))
-            if leap > GRID * h:
-                s = min(s + leap, s_end)
-                continue
+            s = min(s + leap, s_end)
+            continue
         grid = s + h * np.arange(GRID + 1)
-        value = c[:, None] + rate[:, None] * grid + (modal @ np.exp(np.outer(rates, grid))).real
-        value += np.outer(bend, 0.5 * grid**2)
-        curve = (size * np.abs(rates) ** 2) @ np.exp(np.outer(rates.real, grid[:-1])) * (h**2 / 8)
-        curve += np.maximum(bend, 0.0)[:, None] * (h**2 / 8)
+        value = c[near, None] + rate[near, None] * grid + np.outer(bend[near], 0.5 * grid**2)
+        value += (modal[near] @ np.exp(np.outer(rates, grid))).real
+        curve = np.maximum(bend[near], 0.0)[:, None] * (h**2 / 8)
+        fading = np.exp(np.outer(rates.real, grid[:-1]))
+        curve = curve + (size[near] * np.abs(rates) ** 2) @ fading * (h**2 / 8)
         sure = (np.minimum(value[:, :-1], value[:, 1:]) > curve).all(axis=0)
         n_sure = int(np.argmin(sure)) if not sure.all() else GRID
         s += n_sure * h

@@ -44,6 +44,7 @@ from pyfric import core
 from pyfric.scene import Geometry, as_scene, check_geometry
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.operators import (
+    Assembly,
     bonds,
     coordinates,
     driven_dof,
@@ -339,6 +340,10 @@ class StaticSolver:
         return load
 
     @functools.cached_property
+    def _assembly(self) -> Assembly:
+        return Assembly(self._lattice, self._T)
+
+    @functools.cached_property
     def driven_row(self) -> np.ndarray:
         """Derivatives of u_x of the driven block by the coordinates, shape (n_q,)."""
         return self._T[[self._h]].toarray()[0]
@@ -385,6 +390,10 @@ class StaticSolver:
 
     def _bond_stiffness(self, q: np.ndarray) -> sp.csr_array:
         """Return the tangent stiffness of bonds and mattress at q."""
+        if self.geometry == "finite" and len(self._arm) <= LARGE:
+            mattress = np.zeros(len(q))
+            mattress[-1] = self.scene.kappa if self.scene.rigid else 0.0
+            return self._assembly.stiffness(self.bond_tangents(q), mattress)
         nowhere = np.zeros(self.scene.N_x, dtype=bool)
         return stiffness(
             self.scene,
@@ -399,28 +408,27 @@ class StaticSolver:
         """Return K with the foundation under the closed blocks and, if driven, the driver."""
         foundation = np.zeros(K.shape[0])
         foundation[self._z] = self.scene.k_f * closed
-        K = K + sp.diags_array(foundation)
-        if not driven:
-            return K
-        row = self._T[[self._h]]
-        return K + self.scene.driver.K * (row.T @ row)
+        if driven:
+            foundation += self.scene.driver.K * self.driven_row**2  # one entry, 1
+        return K + sp.diags_array(foundation)
 
     def _factorised(
         self, K: sp.csr_array, contact: _Contact, driven: bool
     ) -> BandedCholesky | SuperLU:
         """Factorise K with foundation, driver and friction, for the coordinates not held."""
         scene, n = self.scene, K.shape[0]
-        K = self._supported(K, contact.closed, driven=driven)
-        # Friction -slip mu_k p with p = -k_f u_z couples u_x to u_z, N_x columns to the right.
-        coupling = np.zeros(n - scene.N_x)
-        coupling[self._x] = -scene.law.slide(scene.k_f) * contact.slip
-        K = (K + sp.diags_array(coupling, offsets=scene.N_x)).tocsr()
+        K = self._supported(K, contact.closed, driven=driven).tocsr()
+        if contact.slip.any():
+            # Friction -slip mu_k p with p = -k_f u_z couples u_x to u_z, N_x columns to the right.
+            coupling = np.zeros(n - scene.N_x)
+            coupling[self._x] = -scene.law.slide(scene.k_f) * contact.slip
+            K = (K + sp.diags_array(coupling, offsets=scene.N_x)).tocsr()
         unknown = self._unknown(contact)
         options = {} if contact.slip.any() else {"SymmetricMode": True}
         try:
             if not contact.slip.any():
                 with contextlib.suppress(np.linalg.LinAlgError):  # not positive definite
-                    return BandedCholesky(K[unknown][:, unknown], *self.banded(unknown))
+                    return BandedCholesky(K, unknown, *self.banded(unknown))
             return splu(K[unknown][:, unknown].tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
         except RuntimeError as error:
             raise EquilibriumError("the slider is not supported", np.nan, self._limit, 0) from error

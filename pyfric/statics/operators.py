@@ -23,6 +23,7 @@ import scipy.sparse as sp
 from pyfric.scene import Geometry, Scene, check_geometry
 
 __all__ = [
+    "Assembly",
     "Bonds",
     "Operators",
     "bonds",
@@ -217,6 +218,52 @@ def spring_stiffness(
     xx = D_x.T @ sp.diags_array(along_xx) @ D_x
     zz = D_z.T @ sp.diags_array(along_zz) @ D_z
     return (xx + zz + xz + xz.T).tocsr()
+
+
+class Assembly:
+    """The stiffness of all bonds in coordinates as a sparse matrix times their tangents.
+
+    The places of its entries are found once, which takes longer than `spring_stiffness` does.
+
+    Args:
+        lattice: from `bonds`.
+        T: from `coordinates`.
+    """
+
+    def __init__(self, lattice: Bonds, T: sp.csr_array) -> None:
+        x, z = ((D @ T).tocsr() for D in lattice.difference)
+        n, n_bonds = T.shape[1], len(lattice.a)
+        parts = _products(x, x), _products(x, z), _products(z, x), _products(z, z)
+        tangent = np.concatenate(
+            [bond + n_bonds * c for (bond, *_), c in zip(parts, (0, 1, 1, 2), strict=True)]
+        )
+        i, j, share = (np.concatenate(part) for part in list(zip(*parts, strict=True))[1:])
+        place, entry = np.unique(i * n + j, return_inverse=True)
+        self._shares = sp.csr_array((share, (entry, tangent)), shape=(len(place), 3 * n_bonds))
+        self._indices = (place % n).astype(np.int32)
+        self._indptr = np.searchsorted(place // n, np.arange(n + 1)).astype(np.int32)
+        self._shape = n, n
+        self._diagonal = np.searchsorted(place, np.arange(n) * (n + 1))
+
+    def stiffness(self, tangents: np.ndarray, diagonal: np.ndarray) -> sp.csr_array:
+        """Return the stiffness, shape (n_q, n_q), for `spring_tangents` and more springs, in N/m.
+
+        Args:
+            tangents: of the bonds, shape (3, n_bonds), in N/m.
+            diagonal: stiffness that holds each coordinate, shape (n_q,), in N/m.
+        """
+        entries = self._shares @ tangents.ravel()
+        entries[self._diagonal] += diagonal
+        return sp.csr_array((entries, self._indices, self._indptr), shape=self._shape)
+
+
+def _products(P: sp.csr_array, Q: sp.csr_array) -> tuple[np.ndarray, ...]:
+    """Return rows and, for each pair of entries in one row of P and Q, columns and product."""
+    n_P, n_Q = np.diff(P.indptr), np.diff(Q.indptr)
+    row = np.repeat(np.arange(P.shape[0]), n_P * n_Q)
+    k = np.arange(len(row)) - np.repeat(np.cumsum(n_P * n_Q) - n_P * n_Q, n_P * n_Q)
+    p, q = P.indptr[row] + k // n_Q[row], Q.indptr[row] + k % n_Q[row]
+    return row, P.indices[p].astype(np.int64), Q.indices[q], P.data[p] * Q.data[q]
 
 
 def coordinates(scene: Scene) -> sp.csr_array:

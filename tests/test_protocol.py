@@ -349,6 +349,17 @@ def test_the_ladder_follows_loads_as_dynamics_does(kind):
     np.testing.assert_allclose(tau, events["F_T_start"] + shear, rtol=0, atol=1e-11 * scene.F_N)
 
 
+def test_a_jump_of_the_load_is_a_short_ramp():
+    T, ends = 8e-3, []
+    scene = driven(setup1(L=0.02, H=0.0125, F_N=400.0, V=8e-3), ((T, 8e-3), (T, 0.0)))
+    for ramp in (0.0, 1e-5):
+        load = ((1.2 * T, 400.0), (1.2 * T + ramp, 250.0), (2 * T, 250.0))
+        run = pyfric.simulate(loaded(scene, protocol=load), 2 * T, fidelity="quasistatic")
+        ends.append(run.curve["F_T"].iloc[-1])
+    np.testing.assert_allclose(ends[0], ends[1], rtol=1e-11)
+    assert ends[0] < 0.8 * run.curve["F_T"].max()
+
+
 def test_a_load_that_stays_changes_nothing():
     scene = setup1(L=0.02, H=0.0125, F_N=400.0, V=0.02)
     how = {"fidelity": "quasistatic", "t_gap": 1e-7}

@@ -496,6 +496,12 @@ def test_a_driver_at_rest():
         assert len(record.events) == 0
 
 
+def test_progress_ends_with_the_run():
+    shown = []
+    record = simulate(preset("fig1"), 0.25, fidelity="quasistatic", progress=shown.append)
+    assert shown[-1].t == record.curve["t"].iloc[-1] == 0.25
+
+
 def test_no_time():
     record = ladder(small_rod(), 0.0)
     assert record.curve["t"].iloc[-1] == 0

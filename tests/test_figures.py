@@ -116,6 +116,17 @@ def test_bars_end_at_L_p(ladder):
     assert (segments.loc[segments["kind"] == "micro", "last_block"] == 1).all()
 
 
+def test_legend_keeps_off_a_short_curve(ladder):
+    end = ladder.curve["F_T"].max() / ladder.scene.F_N
+    short = ladder.curve.assign(F_T=0.2 * ladder.curve["F_T"] / end)
+    fig = pyfric.figures.fig1b(dataclasses.replace(ladder, curve=short))
+    fig.draw_without_rendering()
+    axes = fig.axes[0]
+    box = axes.get_legend().get_window_extent()
+    points = axes.transData.transform(axes.lines[-1].get_xydata())
+    assert not box.count_contains(points)
+
+
 def test_driver_on_the_right_gives_the_same_picture(ladder):
     mirrored = slip_segments(made_up_record("right"))
     pd.testing.assert_frame_equal(mirrored, slip_segments(ladder))

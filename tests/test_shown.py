@@ -16,6 +16,7 @@ import pytest
 from helpers import small
 
 import pyfric
+from pyfric.record import numbered
 from pyfric.scene import Driver, Interface, PrescribedLoad, SceneError, preset
 
 PRE = '<pre style="white-space: pre-wrap">'  # long notes stay inside the page
@@ -50,6 +51,7 @@ def test_a_record(record):
     assert text == repr(record)
     assert text.startswith("setup1: complete at t = 0.0012")
     assert f"events: {record.events['is_main'].sum()} main" in text
+    assert [numbered(n, "micro-slip") for n in (0, 1)] == ["0 micro-slips", "1 micro-slip"]
     assert str(record.method) in text
     picture, alt, below = drawing(record)
     assert picture.startswith(b"\x89PNG")

@@ -30,7 +30,7 @@ from pyfric.figures.style import (
     save_figure,
     scene_text,
 )
-from pyfric.record import MAIN_EVENT_BLOCKS
+from pyfric.record import MAIN_EVENT_BLOCKS, numbered
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -75,8 +75,8 @@ def fig1b(record: Record, path: str | os.PathLike[str] | None = None) -> DataFig
     segments = slip_segments(record)
     _draw_curve(top, t, force, record.scene.law.mean.mu_k)
     handles = _draw_segments(bottom, segments)
-    if handles:  # below the rising curve, where there is room
-        legend(top, handles=handles, title="slip in (b)", loc="lower right")
+    if handles:  # where there is room: below a long curve, above a short one
+        legend(top, handles=handles, title="slip in (b)", loc="best")
     bottom.set_xlabel(r"time $t$ (s)", fontsize=BODY)
     if t.size and t[-1] > t[0]:
         bottom.set_xlim(t[0], t[-1] + 0.01 * (t[-1] - t[0]))
@@ -141,10 +141,11 @@ def figure_caption(record: Record) -> str:
     precursors = int((main & events["is_precursor"].to_numpy()).sum())
     interior = int(main.sum()) - whole - precursors
     counts = [
-        f"{precursors} main precursors",
-        f"{whole} events over the whole interface",
-        *([f"{interior} main events away from the trailing edge"] if interior else []),
-        f"{len(events) - int(main.sum())} micro-slips of fewer than {MAIN_EVENT_BLOCKS} blocks",
+        numbered(precursors, "main precursor"),
+        f"{numbered(whole, 'event')} over the whole interface",
+        *([f"{numbered(interior, 'main event')} away from the trailing edge"] if interior else []),
+        f"{numbered(len(events) - int(main.sum()), 'micro-slip')} of fewer than "
+        f"{MAIN_EVENT_BLOCKS} blocks",
     ]
     what = (
         "Loading curve F_T/F_N (a) and slipping regions of all events over x/L, from the "

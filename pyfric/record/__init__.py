@@ -25,7 +25,7 @@ from pyfric.record.catalogue import (
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
 from pyfric.record.errors import Errors, differences, paired, statistics
 from pyfric.record.record import Method, Record, RecordError
-from pyfric.record.report import summary, text
+from pyfric.record.report import numbered, summary, text
 from pyfric.record.rupture import front_speed
 from pyfric.record.software import provenance, versions
 from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving, zone_notes
@@ -55,6 +55,7 @@ __all__ = [
     "front_speed",
     "fronts",
     "griffith_length",
+    "numbered",
     "paired",
     "precursor_lengths",
     "provenance",

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from pyfric.record.errors import Errors
     from pyfric.record.record import Record
 
-__all__ = ["summary", "text"]
+__all__ = ["numbered", "summary", "text"]
 
 MAIN_COLUMNS = (
     "t_start",
@@ -65,6 +65,11 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def numbered(n: int, name: str) -> str:
+    """Return a number of things that are called by name."""
+    return f"{n} {name}{'s' if n != 1 else ''}"
+
+
 def text(summary: dict[str, Any]) -> str:
     events, timings, method = summary["events"], dict(summary["timings"]), summary["method"]
     per_step = timings.pop("per_block_and_step", None)
@@ -73,8 +78,8 @@ def text(summary: dict[str, Any]) -> str:
     lines = [
         f"{summary['scene'] or 'run'}: {status} at t = {summary['t']:.6g} s, "
         f"F_T/F_N = {summary['F_T_over_F_N']:.4f}",
-        f"events: {events['main']} main, of which {events['precursors']} precursors; "
-        f"{events['micro']} micro-slips",
+        f"events: {events['main']} main, of which {numbered(events['precursors'], 'precursor')}; "
+        f"{numbered(events['micro'], 'micro-slip')}",
     ]
     if summary["main_events"]:
         lines += ["", f"{'t (s)':>10}  {'L_p/L':>6}  {'F_T/F_N':>8}  {'blocks':>6}"]

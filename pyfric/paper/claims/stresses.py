@@ -216,6 +216,10 @@ def _over_d_c(runs: dict[float, Record]) -> list[Claim]:
     count = {d_c: len(growing(record)) for d_c, record in runs.items()}
     far = {way: {d_c: size(one, way) for d_c, one in left.items()} for way in WAYS}
     worst = {way: max(x for d_c, x in far[way].items() if 0 < d_c <= 2e-6) for way in WAYS}
+
+    def said(x: float) -> str:
+        return f"{x:.3f}" if np.isfinite(x) else "no such blocks left behind"
+
     claims = [
         Claim(
             number=f"9{letter}",
@@ -225,7 +229,7 @@ def _over_d_c(runs: dict[float, Record]) -> list[Claim]:
             high=0.1,
             how="claim 8's RMS, worst of d_c = 0.5, 1, 2 um; at d_c in um (with the number of "
             "precursors): "
-            + ", ".join(f"{d_c * 1e6:g}: {x:.3f} ({count[d_c]})" for d_c, x in far[way].items()),
+            + ", ".join(f"{d_c * 1e6:g}: {said(x)} ({count[d_c]})" for d_c, x in far[way].items()),
             source=TENTH,
             note=f"without weakening it is {far[way][0.0]:.3f} in these runs (linear geometry), "
             "because of the last precursor, as in claim 8. From about 5 um on, slip grows stably "

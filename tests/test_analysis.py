@@ -207,6 +207,33 @@ def test_friction_of_the_whole_slider(record):
     assert np.isnan(once.mu_k_macro)
 
 
+def test_kinetic_friction_is_the_mean_of_the_whole_curve(record):
+    """Triangles of 20 N and, before and after, of other heights on a straight line."""
+    t = record.curve["t"]
+    bent = record.curve["F_T"] + np.select([t < 4, t <= 6], [7.0, 20.0], -30.0) * (
+        1 - abs(t % 2 - 1)
+    )
+    bent = dataclasses.replace(record, curve=record.curve.assign(F_T=bent))
+    here, there = (analysis.friction_coefficients(one).mu_k_macro for one in (bent, record))
+    assert here - there == pytest.approx(20.0 / 2 / F_N, rel=1e-3)
+
+
+def test_every_energy_counts_in_the_budget():
+    """What came in is stored or lost, 1 J of each kind at first and other amounts at the end."""
+    stored, came = analysis.ENERGIES, ("work_driver", "work_load")
+    lost = ("dissipated_bonds", "friction_heat", "switching_loss")
+    end = {name: 1.0 + 0.5**n for n, name in enumerate((*stored, *lost))}
+    end["work_load"] = 0.25
+    end["work_driver"] = sum(end.values()) - len(stored) - 2 * 0.25
+    start = {name: float(name in stored) for name in end}
+    curve = pd.DataFrame([start, end])
+    assert set(end) == {*stored, *came, *lost}
+    np.testing.assert_allclose(analysis.budget_left(curve), 0.0, atol=1e-15)
+    for name in end:
+        wrong = curve.assign(**{name: [start[name], end[name] + 0.125]})
+        np.testing.assert_allclose(abs(analysis.budget_left(wrong)), [0.0, 0.125], atol=1e-15)
+
+
 def test_friction_needs_sliding():
     with pytest.raises(SceneError, match="raise t_end"):
         analysis.friction_coefficients(made_up(events=EVENTS[:4]))

@@ -281,22 +281,23 @@ def test_beyond_the_tolerance_is_said():
 class Known:
     """Runs off by `step` (dt/dt_0)^4 F_N, and by `bonds` F_N in linear geometry, in start forces.
 
-    From main event `chaos` on, a faster driver moves them by 0.3 F_N.
+    From main event `chaos` on, a faster driver moves them by 0.3 F_N. Jumps leave `jumps[tight]`.
     """
 
-    def __init__(self, ladder, step=0.0, bonds=0.0, chaos=None, noise=0.0):
+    def __init__(self, ladder, step=0.0, bonds=0.0, chaos=None, noise=0.0, jumps=()):
         self.ladder, self.step, self.bonds, self.chaos = ladder, step, bonds, chaos
-        self.noise, self.asked = noise, []
+        self.noise, self.asked, self.jumps = noise, [], jumps
         self.dt_0 = pyfric.step_size(ladder.scene)
         self.main = np.flatnonzero(ladder.events["is_main"])
 
-    def run(self, scene, t_end, options, tight=False):
+    def run(self, scene, t_end, options, tight=0):
         how = {"engine": "hybrid", "geometry": options.geometry, "dt": options.dt}
         method = dataclasses.replace(
             self.ladder.method, **how, stepper="rk4", switching="located", variant=""
         )
         off = self.step * (options.dt / self.dt_0) ** 4
         off += self.bonds * (options.geometry == "linear")
+        off += sum(self.jumps[tight : tight + 1])
         events = self.ladder.events
         events.loc[self.main, "F_T_start"] += off * scene.F_N
         if self.chaos is not None:
@@ -340,6 +341,14 @@ def test_steps_are_halved_until_the_error_is_within_the_tolerance(ladder):
     assert record.errors.start == pytest.approx(FINER * 0.01 / 16 + JUMPS)
     assert record.errors.holds
     assert any("refined to hybrid, finite geometry" in note for note in record.notes)
+
+
+def test_a_refined_run_is_compared_with_stricter_jumps_than_its_own(ladder):
+    known = Known(ladder, jumps=(0.3, 0.1))  # the same for all steps
+    record = known.verified("sample")
+    assert [tight for _, _, tight in known.asked] == [0, 1, 1, 2, 1, 3]  # the last 1: perturbed
+    assert record.errors.start == pytest.approx(JUMPS)
+    np.testing.assert_array_equal(record.events["F_T_start"], ladder.events["F_T_start"])
 
 
 def test_linear_geometry_is_left_first(ladder):

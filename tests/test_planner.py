@@ -254,6 +254,22 @@ def test_load_alone_strains_too():
     assert largest_strain(small(), 0.0) == pytest.approx(3500 / 13 / (13.5e6 * 2.5e-3))
 
 
+def test_loads_that_grow_strain_by_the_most_they_reach():
+    scene, free = small(), setup2(L=0.02, H=0.006)
+    grows = dataclasses.replace(scene.top, protocol=((1.0, 3 * scene.F_N), (2.0, scene.F_N)))
+    grows = dataclasses.replace(scene, top=grows)
+    alone = largest_strain(scene, 0.0)
+    for t_end, times in ((0.0, 1), (0.5, 2), (1.0, 3), (3.0, 3)):
+        assert largest_strain(grows, 0.0, t_end) == pytest.approx(times * alone)
+    sheared = dataclasses.replace(free.top, T_protocol=((1.0, -2 * free.F_N),))
+    sheared = dataclasses.replace(free, top=sheared)
+    assert largest_strain(sheared, 0.0) == pytest.approx(2 * largest_strain(free, 0.0))
+    limit = 1.5 * alone  # between what the load comes to at 0.1 s and at 1 s
+    short, long = (plan(grows, tolerance=2 * limit, t_end=t_end) for t_end in (0.1, 1.0))
+    assert short.geometry == "linear"
+    assert long.geometry == "finite"
+
+
 @pytest.mark.parametrize(
     ("scene", "t_end", "geometry"),
     [(preset("fig1"), 0.9, None), (setup2(), 0.5, "linear"), (chain(), 0.3, None)],

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dpbtrf
 
+from pyfric.engines.options import step_size
 from pyfric.engines.ringdown import remainder_decay
 from pyfric.scene import SceneError, default_geometry
 from pyfric.statics import stability_limit
@@ -99,7 +100,7 @@ def work(blocks: int, evaluations: float, jumps: float, geometry: Geometry) -> f
 
 
 def evaluations_of_events(
-    scene: Scene, events: float, front_blocks: float, steps: float = math.inf, finer: float = 1.0
+    scene: Scene, events: float, front_blocks: float, dt: float, steps: float = math.inf
 ) -> float:
     """Return the block evaluations of events in the hybrid engine.
 
@@ -107,15 +108,16 @@ def evaluations_of_events(
         scene: the scene.
         events: their number.
         front_blocks: blocks of all their fronts together.
+        dt: step of the run, in s.
         steps: most steps that they can take.
-        finer: the automatic step over that of the run.
     """
-    ringing = STEPS_EVENT
+    auto = step_size(scene)
+    ringing = STEPS_EVENT * auto
     if scene.N_z > 1 and scene.eta > 0:
-        step = 0.5 * stability_limit(scene)[0]
-        ringing = RING / (remainder_decay(scene) * step)
-    steps = min(steps, (events * ringing + front_blocks * STEPS_BLOCK) * finer)
-    return 4.0 * (steps + front_blocks * STEPS_SWITCH) * scene.N_x * scene.N_z
+        ringing = RING / remainder_decay(scene)
+    lasts = events * ringing + front_blocks * STEPS_BLOCK * auto
+    steps = min(steps, lasts / dt) + front_blocks * STEPS_SWITCH
+    return 4.0 * steps * scene.N_x * scene.N_z
 
 
 def coarser_step(scene: Scene, dt: float) -> float:
@@ -175,7 +177,7 @@ def beside_ladder(scene: Scene, events: int, front_blocks: int, dt: float) -> Be
     ready = set_up(scene, "hybrid", geometry).seconds / pace()
     own = set_up(scene, "quasistatic", "linear").seconds / pace()
     own += RELEASE * front_blocks * scene.N_x**2
-    made = evaluations_of_events(scene, events, front_blocks)
+    made = evaluations_of_events(scene, events, front_blocks, dt)
     seconds = work(scene.N_x * scene.N_z, made, events, geometry)
     share = min((max(own, CHEAP) - ready) / max(seconds, 1e-30), 1.0)
     share = max(math.floor(share * max(events, 1)), 0) / max(events, 1)

@@ -155,7 +155,8 @@ class Run:
         law = scene.law
         notes = ()
         if self.method.geometry == "linear":
-            notes = strain_notes(scene, self.name, max(abs(row[1]) for row in self.rows))
+            F_T = max(abs(row[1]) for row in self.rows)
+            notes = strain_notes(scene, self.name, F_T, self.state.t)
         missing = budget_error(self.curve()) if self.method.budget else 0.0
         if missing > OPEN_BUDGET:
             notes += (

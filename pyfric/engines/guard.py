@@ -39,6 +39,7 @@ __all__ = [
     "Trouble",
     "folded",
     "hurry_notes",
+    "largest_load",
     "largest_strain",
     "slow_decay",
     "strain_notes",
@@ -168,17 +169,34 @@ def folded(scene: Scene, u: np.ndarray) -> tuple[int, int] | None:
     return None
 
 
-def largest_strain(scene: Scene, F_T: float) -> float:
-    """Return the largest strain of a bond at a driver force F_T (N), and under F_N alone."""
+def largest_load(scene: Scene, t_end: float = math.inf) -> tuple[float, float]:
+    """Return the largest F_N and |T| up to t_end (s), in N."""
+    if scene.load_at(0.0) is None:
+        return scene.F_N, 0.0
+    times = [0.0, *(one for one in scene.corners if one < t_end)]
+    times += [t_end] * math.isfinite(t_end)
+    F_N, T = np.abs([scene.load_at(t) for t in times]).max(axis=0)
+    return float(F_N), float(T)
+
+
+def largest_strain(scene: Scene, F_T: float, t_end: float = math.inf) -> float:
+    """Return the largest strain of a bond at a driver force F_T, and under F_N and T alone.
+
+    Args:
+        scene: the scene.
+        F_T: of the driver, in N.
+        t_end: until when F_N and T are looked at, in s.
+    """
     unit = scene.slider.k * scene.slider.l
     if scene.N_z == 1 or scene.prescribed:
         return abs(F_T) / unit
-    return max(STRAIN_SHARE * abs(F_T), scene.F_N / scene.N_x) / unit
+    loads = max(largest_load(scene, t_end)) / scene.N_x
+    return max(STRAIN_SHARE * abs(F_T), loads) / unit
 
 
-def strain_notes(scene: Scene, engine: str, F_T: float) -> tuple[str, ...]:
-    """Return what to know about a run of linear geometry with driver forces up to F_T (N)."""
-    strain = largest_strain(scene, F_T)
+def strain_notes(scene: Scene, engine: str, F_T: float, t_end: float) -> tuple[str, ...]:
+    """Return what to know about linear geometry up to t_end (s), driver forces up to F_T (N)."""
+    strain = largest_strain(scene, F_T, t_end)
     if strain <= LINEAR:
         return ()
     instead = "; geometry = 'finite' follows them" * (default_geometry(scene) == "finite")

@@ -290,7 +290,8 @@ class HybridRun(Run):
     def notes(self) -> tuple[str, ...]:
         """Say so where strains are large or the slider hardly ever came to rest."""
         notes, done = super().notes(), self.counts()
-        strain = largest_strain(self.scene, max(abs(row[1]) for row in self.rows))
+        F_T = max(abs(row[1]) for row in self.rows)
+        strain = largest_strain(self.scene, F_T, self.state.t)
         if self.method.geometry == "finite" and strain > LINEAR and self.jumps:
             notes += (
                 f"hybrid: strains reach about {strain:.2g}, above {LINEAR:g}: jumps follow modes "

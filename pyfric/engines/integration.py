@@ -74,7 +74,7 @@ def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSol
         SceneError: the load folds the lattice (finite geometry).
         EquilibriumError: there is no loaded state for another reason.
     """
-    strain = largest_strain(scene, 0.0)
+    strain = largest_strain(scene, 0.0, 0.0)
     allowed = (
         "a force that compresses bonds by less than their length, far below k l N_x = "
         f"{scene.slider.k * scene.slider.l * scene.N_x:.3g} N"

@@ -208,7 +208,7 @@ def plan(
     if scene.prescribed:
         return _on_lattice(_all_of_it(scene, want, tolerance, t_end), scene)
     scout, times = scouted(scene, t_end), decay_times(scene)
-    why_not, without_inertia = _ladder(scene, want, tolerance, scout, times)
+    why_not, without_inertia = _ladder(scene, want, tolerance, t_end, scout, times)
     if without_inertia is not None:
         return without_inertia
     return _on_lattice(_stepped(scene, want, tolerance, t_end, scout, times, why_not), scene)
@@ -265,10 +265,15 @@ def _all_of_it(scene: Scene, want: Want, tolerance: float, t_end: float) -> Plan
 
 
 def _ladder(
-    scene: Scene, want: Want, tolerance: float, scout: Scout, times: DecayTimes
+    scene: Scene,
+    want: Want,
+    tolerance: float,
+    t_end: float,
+    scout: Scout,
+    times: DecayTimes,
 ) -> tuple[list[str], Plan | None]:
     """Return why the quasi-static engine is not enough, or else its plan."""
-    strain, one_row = largest_strain(scene, scout.F_max), scene.N_z == 1
+    strain, one_row = largest_strain(scene, scout.F_max, t_end), scene.N_z == 1
     needs = [_waits(times.slow, scout.interval), _gap(scout.open), _damping(scene)]
     error = max(ERROR_QUASISTATIC, scout.drop) + (0.0 if one_row else strain)
     why_not = []
@@ -319,7 +324,7 @@ def _stepped(
     needs, reasons = [_resolution(scene, dt)], list(reasons)
     geometry: Geometry = "linear"
     if scene.N_z > 1:
-        strain = largest_strain(scene, scout.F_max)
+        strain = largest_strain(scene, scout.F_max, t_end)
         small = _strain(strain, tolerance / 2)
         if small.holds:
             needs.append(small)
@@ -368,7 +373,7 @@ def _cost(
         jumps = scout.events
         followed = creeps(scene.law) and geometry == "linear"
         if scene.law.coulomb or followed:  # else stable slip may take any share of it
-            made = scout.events, scout.front_blocks, steps, step_size(scene) / dt
+            made = scout.events, scout.front_blocks, dt, steps
             evaluations = evaluations_of_events(scene, *made) * (STABLE if followed else 1)
     seconds = scout.seconds + set_up(scene, fidelity, geometry).seconds
     return evaluations, seconds + work(blocks, evaluations, jumps, geometry)
@@ -503,5 +508,6 @@ def _of_record(record: Record, plan: Plan) -> list[Assumption]:
     if plan.geometry == "linear" and default_geometry(scene) == "finite":
         limit = plan.tolerance / (1 if plan.fidelity == "quasistatic" else 2)
         F_max = float(record.curve["F_T"].abs().max())
-        found.append(_strain(largest_strain(scene, F_max), limit))
+        t_end = float(record.curve["t"].iloc[-1])
+        found.append(_strain(largest_strain(scene, F_max, t_end), limit))
     return found

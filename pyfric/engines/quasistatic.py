@@ -319,7 +319,8 @@ class QuasistaticRun:
         curve = pd.DataFrame(self.rows, columns=["t", "F_T"]).assign(**columns)
         f, p = self.initial.f, self.initial.p
         engine = engine or self.name
-        warned = strain_notes(scene, engine, max(abs(F) for _, F in self.rows))
+        t_end, F_T = self.rows[-1][0], max(abs(F) for _, F in self.rows)
+        warned = strain_notes(scene, engine, F_T, t_end)
         if engine == "quasistatic":  # V does not matter to a prediction
             warned += hurry_notes(scene, engine)
         return Record.from_catalogue(

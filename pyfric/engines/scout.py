@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.core import OPEN
+from pyfric.engines.guard import largest_load
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.ringdown import Frozen
 from pyfric.record import build_catalogue
@@ -54,7 +55,7 @@ def scouted(scene: Scene, t_end: float) -> Scout:
     refined = scene.N_x
     scene = _without_weakening(coarser(scene))
     refined /= scene.N_x
-    F_max = scene.law.mean.hold(scene.F_N)
+    F_max = scene.law.mean.hold(largest_load(scene, t_end)[0])
     guess = Scout(20, 20 * scene.N_x, max(t_end, 1e-9) / 20, 0, F_max, 0.0, 1.0, 0.0, "")
 
     def enough() -> bool:

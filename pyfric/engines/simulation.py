@@ -16,7 +16,7 @@ from pyfric.engines.integration import integrate
 from pyfric.engines.options import CURVE_POINTS, Options, kept
 from pyfric.engines.pauses import pause_notes
 from pyfric.engines.stretches import check_straight
-from pyfric.engines.verification import TIGHTER, Made, verified
+from pyfric.engines.verification import FURTHER, TANGENTS, TIGHTER, Made, verified
 from pyfric.record import Record
 from pyfric.scene import (
     SceneError,
@@ -42,13 +42,17 @@ ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
 """The engines with time steps."""
 
 
-class _Tight(HybridRun):
-    """The hybrid engine with tighter criteria of jumps."""
+@functools.cache
+def tighter(engine: type[Run], times: int) -> type[Run]:
+    """Return an engine whose jumps neglect less: a hundredth, and a tenth of that each more time.
 
-    remainder, strained = TIGHTER * HybridRun.remainder, HybridRun.strained / 5
-
-
-TIGHT: dict[str, type[Run]] = ENGINES | {"hybrid": _Tight}
+    Their modes are those of nearer states.
+    """
+    if not (times and issubclass(engine, HybridRun)):
+        return engine
+    share = TIGHTER * FURTHER ** (times - 1)
+    criteria = {"remainder": share * engine.remainder, "strained": TANGENTS * engine.strained}
+    return type("Tighter", (engine,), criteria)
 
 
 @one_thread_if_small
@@ -162,9 +166,9 @@ def _run(
     *,
     initial: State | Record | None,
     progress: bool | Callable[[Progress], None] | None,
-    tight: bool = False,
+    tight: int = 0,
 ) -> Record:
-    """Run one engine; `tight` where it is to measure errors of another run."""
+    """Run one engine, with jumps that are `tighter` where it is to measure errors of another."""
     how: dict[str, Any] = {"initial": initial, "progress": progress}
     if options.fidelity in ENGINES:
         begin = _begin(initial)
@@ -174,7 +178,7 @@ def _run(
         note = planner.long_note(scene, t_end - begin, *how_made)
         if note and progress in (None, True) and sys.stderr is not None:
             print(note, file=sys.stderr, flush=True)
-        engine = (TIGHT if tight else ENGINES)[options.fidelity]
+        engine = tighter(ENGINES[options.fidelity], tight)
         record = integrate(engine, scene, t_end, options, **how)
         return _with_notes(record, *pause_notes(record), *([note] if note else []))
     options.check_static()

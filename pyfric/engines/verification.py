@@ -58,8 +58,9 @@ MOST = 2
 DYNAMICS, FINER, COARSER = 1.25, 2.0, 3.0
 """Reported error over the one measured, beside dynamics, finer steps and coarser ones: factors of
 safety, as for two grids."""
-TIGHTER = 1e-2
-"""What jumps of runs that measure errors may neglect, over what others may."""
+TIGHTER, FURTHER, TANGENTS = 1e-2, 0.1, 0.2
+"""What jumps of runs that measure errors may neglect, over what others may; over that, where the
+run was itself one that measured errors; change of bonds at which they take modes anew."""
 JUMPS = 3e-5
 """What jumps of both runs neglect of forces, over F_N, and of stresses, over F_N/N_x: beside full
 dynamics of small scenes, 1.7e-5 at most."""
@@ -80,8 +81,8 @@ class Made:
         scene: what was run.
         t_begin, t_end: from where to where, s.
         options: with engine, geometry, step and switching settled.
-        run: makes a run of a scene, to a time (s), with options; tight = True where it measures
-            errors: its jumps neglect less.
+        run: makes a run of a scene, to a time (s), with options; where it measures errors, `tight`
+            says how much less its jumps neglect.
         refines: whether steps and geometry may be changed.
         expected: error that the plan expects.
         geometry: of the runs beside it; None means finite, where there is one.
@@ -96,7 +97,9 @@ class Made:
     expected: float | None = None
     geometry: Geometry | None = None
 
-    def again(self, record: Record, t_end: float | None = None, **changes: object) -> Record:
+    def again(
+        self, record: Record, t_end: float | None = None, tight: int = 1, **changes: object
+    ) -> Record:
         """Return a run made like a record, but for some options."""
         method = record.method
         same = {"dt": method.dt, "geometry": method.geometry, "switching": method.switching}
@@ -104,7 +107,7 @@ class Made:
         plain |= {"budget": method.budget, "verify": None}
         options = dataclasses.replace(self.options, **(plain | same | changes))
         t_end = self.t_end if t_end is None else t_end
-        return self.run(self.scene, t_end, options, tight=True)
+        return self.run(self.scene, t_end, options, tight=tight)
 
 
 def verified(record: Record, mode: str | None, made: Made) -> Record | None:
@@ -199,6 +202,7 @@ class _Stepped:
         self.until: float | None = None
         self.perturbed: Record | None = None
         self.notes: list[str] = []
+        self.tight = 0
 
     def verified(self, mode: str | None) -> Record:
         """Return the run with its errors, refined where it may be."""
@@ -269,7 +273,8 @@ class _Stepped:
         """Compare the run with one whose step is so many times shorter."""
         method = self.record.method
         order = 1 if method.switching == "step_end" else STEPPERS[method.stepper].order
-        self.other = self.made.again(self.record, dt=method.dt / times, geometry=self.geometry)
+        how = {"dt": method.dt / times, "geometry": self.geometry, "tight": self.tight + 1}
+        self.other = self.made.again(self.record, **how)
         self.factor = FINER / (1 - times**-order)
 
     def _refine(self, errors: Errors) -> bool:
@@ -280,9 +285,10 @@ class _Stepped:
         method, off = self.record.method, errors.measured()
         shorter = method.geometry == self.other.method.geometry
         if not shorter:
-            self.record = self.made.again(self.record, geometry=self.other.method.geometry)
+            how = {"geometry": self.other.method.geometry, "tight": self.tight}
+            self.record = self.made.again(self.record, **how)
         else:
-            self.record = self.other
+            self.record, self.tight = self.other, self.tight + 1
             self._finer(2)
         self.perturbed = self.until = None
         self.notes.append(f"refined to {_words(self.record)}: measured error {off:.2g}")
@@ -293,7 +299,7 @@ class _Stepped:
         made, driver = self.made, self.made.scene.driver
         driver = dataclasses.replace(driver, V=driver.V * (1 + PERTURBATION))
         scene = dataclasses.replace(made.scene, driver=driver)
-        self.perturbed = dataclasses.replace(made, scene=scene).again(self.record)
+        self.perturbed = dataclasses.replace(made, scene=scene).again(self.record, tight=self.tight)
         self.until = self._parted(self.perturbed, FINER)
 
     def _parted(self, other: Record, factor: float) -> float | None:

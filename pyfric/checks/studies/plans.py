@@ -48,12 +48,19 @@ FINE = 0.1
 """Its steps, over the stability limit."""
 ROUNDING = 1e-6
 """Errors of the reference run itself are of this size: no measured error counts as smaller."""
+VISCOSITY = (0.1, 2.0)
+"""Range of eta over its default."""
 WANTS = ("loading_curve", "precursors", "stress", "front_speed", "motion")
 QUANTITIES = ("start", "arrest", "length", "stress", "speed_median", "speed_95", "speed_worst")
 
 
-def drawn(seed: int, n: int) -> tuple[Scene, float, str, float]:
-    """Return scene, t_end (s), want and tolerance of trial n of a seed."""
+def drawn(
+    seed: int, n: int, viscosity: tuple[float, float] = VISCOSITY
+) -> tuple[Scene, float, str, float]:
+    """Return scene, t_end (s), want and tolerance of trial n of a seed.
+
+    Its eta is between these shares of the default.
+    """
     rng = np.random.default_rng([seed, n])
 
     def between(low: float, high: float) -> float:
@@ -78,7 +85,7 @@ def drawn(seed: int, n: int) -> tuple[Scene, float, str, float]:
         if kind == "free":
             how["theta"] = float(rng.uniform(-0.8, 0.5))
     plain = make(**how)
-    eta = plain.eta * between(0.1, 2.0)
+    eta = plain.eta * between(*viscosity)
     dt = FINE * stability_limit(make(**how, eta=eta))[0]
     t_end = dt * WORK / (4 * plain.N_x * plain.N_z)
     V = _way(plain) / t_end
@@ -164,6 +171,7 @@ def run(
     seed: int = 1,
     progress: bool = True,
     verify: str | None = None,
+    viscosity: tuple[float, float] = VISCOSITY,
 ) -> pd.DataFrame:
     """Make the trials that a file does not hold yet, append their rows, and return all.
 
@@ -173,6 +181,7 @@ def run(
         seed: of the draws.
         progress: say one line for each trial.
         verify: as in `trial`.
+        viscosity: as in `drawn`.
     """
     done = set()
     if path.exists():
@@ -181,7 +190,7 @@ def run(
     for n in numbers:
         if (seed, n) in done:
             continue
-        question = drawn(seed, n)
+        question = drawn(seed, n, viscosity)
         row = {"seed": seed, "n": n, "kind": question[0].name} | trial(*question, verify=verify)
         new = not path.exists()
         with path.open("a", newline="", encoding="utf-8") as file:

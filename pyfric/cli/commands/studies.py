@@ -169,6 +169,15 @@ def regimes(out: Path | None, overwrite: bool, tell: Tell) -> None:
 @click.option("--first", type=click.IntRange(0), default=0, help="Number of the first trial.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the draws.")
 @click.option(
+    "--viscosity",
+    nargs=2,
+    type=click.FloatRange(0, min_open=True),
+    default=(0.1, 2.0),
+    show_default=True,
+    metavar="LOW HIGH",
+    help="Draw eta from these shares of the default.",
+)
+@click.option(
     "--verify",
     type=click.Choice(["sample", "full"]),
     help="How runs measure their errors.  [default: as planned runs do]",
@@ -187,6 +196,7 @@ def check_plans(
     trials: int,
     first: int,
     seed: int,
+    viscosity: tuple[float, float],
     verify: str | None,
     out: Path | None,
     overwrite: bool,
@@ -210,7 +220,8 @@ def check_plans(
     if not resume:
         out.unlink(missing_ok=True)
     numbers = range(first, first + trials)
-    rows = studies.plans.run(out, numbers, seed, progress=tell.progress, verify=verify)
+    how = {"progress": tell.progress, "verify": verify, "viscosity": viscosity}
+    rows = studies.plans.run(out, numbers, seed, **how)
     tell.table(studies.plans.table(rows), lambda table: table.to_string(index=False))
 
 

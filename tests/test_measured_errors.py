@@ -11,7 +11,7 @@ from helpers import small_rod
 import pyfric
 from pyfric.cli import main
 from pyfric.engines import cost, verification
-from pyfric.engines.cost import CHEAP, FINEST, beside, beside_ladder, coarser_step, work
+from pyfric.engines.cost import CHEAP, FINEST, WORTH, beside, beside_ladder, coarser_step, work
 from pyfric.engines.guard import hurry
 from pyfric.engines.verification import (
     COARSER,
@@ -235,6 +235,19 @@ def test_the_run_beside_is_finer_where_that_is_paid_for():
             assert long.seconds <= own
             assert long.share >= (least if not jumps else 0.5)
             assert 20 * long.share == round(20 * long.share)
+
+
+def test_dynamics_measures_jumps_that_spare_little():
+    """As long as it takes at most four times as long, and no longer than is paid for."""
+    scene, dt = small_rod(), pyfric.step_size(small_rod())
+    blocks, times = scene.N_x * scene.N_z, WORTH * 0.9
+    lasts = times * 1e6 * dt / (4 * blocks)  # that dynamics takes `times` as many evaluations
+    assert beside(scene, 1e6, 1e-9, "finite", dt, lasts=lasts).whole
+    assert not beside(scene, 1e6, 1e-9, "finite", dt, lasts=2 * lasts).whole
+    assert not beside(scene, 1e6, 0, "finite", dt, lasts=lasts).whole
+    dear = beside(scene, 1e9, 1e-9, "finite", dt, lasts=1e3 * lasts)
+    assert not dear.whole
+    assert dear.seconds <= work(blocks, 1e9, 1e-9, "finite")
 
 
 def test_a_ladder_is_compared_for_as_many_events_as_are_cheap():

@@ -27,6 +27,7 @@ __all__ = [
     "CHEAP",
     "FINEST",
     "NS",
+    "WORTH",
     "Beside",
     "SetUp",
     "available",
@@ -37,6 +38,7 @@ __all__ = [
     "evaluations_of_events",
     "pace",
     "set_up",
+    "stepped",
     "verification",
     "work",
 ]
@@ -56,6 +58,8 @@ CHEAP = 0.5
 """A run that measures errors and takes less than this is made whole, s."""
 FINEST = 4
 """The run's own step over that of the finest run beside it."""
+WORTH = 4.0
+"""Where full dynamics takes at most so many times as long, it measures the errors of jumps."""
 LONGER, NEAR = 2.0, 0.95
 """The coarser run's step over the run's own; at most this share of the stability limit."""
 PARTS = 20
@@ -87,11 +91,12 @@ class SetUp(NamedTuple):
 
 class Beside(NamedTuple):
     """A run that measures errors of another: its step (s), the part of the other that it covers,
-    and its counted time on one core, in s."""
+    its counted time on one core, in s, and whether it is full dynamics."""
 
     dt: float
     share: float
     seconds: float
+    whole: bool = False
 
 
 def work(blocks: int, evaluations: float, jumps: float, geometry: Geometry) -> float:
@@ -133,23 +138,48 @@ def beside(
     geometry: Geometry,
     dt: float,
     cheap: float = CHEAP,
+    lasts: float = math.inf,
 ) -> Beside:
     """Return the run that measures errors of another one at the price of that, or `cheap`, in s.
 
     It has a quarter or half of the step where it can cover the whole, and longer steps otherwise.
+    Beside a run with jumps it is full dynamics, of a run that `lasts` so long, in s, where that can
+    cover the whole (`stepped`).
     """
     blocks, other = scene.N_x * scene.N_z, default_geometry(scene)
     most = max(work(blocks, evaluations, jumps, geometry), cheap)
     for step in (dt / FINEST, dt / 2, coarser_step(scene, dt)):
-        seconds = work(blocks, evaluations * dt / step, jumps, other)
+        counted = evaluations * dt / step, jumps
+        whole = stepped(scene, *counted, step, lasts)
+        if whole is not None and whole <= most:
+            return Beside(step, 1.0, whole, whole=True)
+        seconds = work(blocks, *counted, other)
         if seconds <= most:
             return Beside(step, 1.0, seconds)
     share = max(math.floor(PARTS * most / seconds), 1) / PARTS
     return Beside(step, share, share * seconds)
 
 
+def stepped(
+    scene: Scene, evaluations: float, jumps: float, dt: float, lasts: float
+) -> float | None:
+    """Return the counted time of full dynamics in place of a run with jumps, in s.
+
+    None where there are no jumps, or where they spare much: more than `WORTH` times.
+    """
+    blocks, geometry = scene.N_x * scene.N_z, default_geometry(scene)
+    whole = work(blocks, 4.0 * lasts / dt * blocks, 0, geometry)
+    worth = WORTH * work(blocks, evaluations, jumps, geometry)
+    return whole if jumps and whole <= worth else None
+
+
 def verification(
-    scene: Scene, mode: str | None, counted: tuple[float, float], geometry: Geometry, dt: float
+    scene: Scene,
+    mode: str | None,
+    counted: tuple[float, float],
+    geometry: Geometry,
+    dt: float,
+    lasts: float,
 ) -> float:
     """Return the counted time in which the errors of a run are measured, in s.
 
@@ -157,7 +187,7 @@ def verification(
         scene: the scene.
         mode: `Options.verify`.
         counted: block evaluations and jumps of the run.
-        geometry, dt: its own.
+        geometry, dt, lasts: its own geometry, step and length, in s.
     """
     blocks, (evaluations, jumps) = scene.N_x * scene.N_z, counted
     if mode == "none":
@@ -165,7 +195,7 @@ def verification(
     if mode == "full":
         finer = work(blocks, FINEST * evaluations, jumps, default_geometry(scene))
         return finer + work(blocks, evaluations, jumps, geometry)
-    return beside(scene, *counted, geometry, dt, 0.0 if mode else CHEAP).seconds
+    return beside(scene, *counted, geometry, dt, 0.0 if mode else CHEAP, lasts).seconds
 
 
 def beside_ladder(scene: Scene, events: int, front_blocks: int, dt: float) -> Beside:

@@ -344,7 +344,7 @@ def _stepped(
         needs.append(quiet)
     evaluations, seconds = _cost(scene, t_end, scout, fidelity, geometry, dt)
     jumps = scout.events if fidelity == "hybrid" else 0
-    other = beside(scene, evaluations, jumps, geometry, dt)
+    other = beside(scene, evaluations, jumps, geometry, dt, lasts=t_end)
     ready = set_up(scene, fidelity, default_geometry(scene)).seconds
     return Plan(
         want=want,

@@ -314,7 +314,8 @@ def _expected(job: Job) -> tuple[float, float]:
         price = found.price
         if how.verify is not None and found.dt is not None:
             counted = found.evaluations, scout.events * (found.fidelity == "hybrid")
-            price = verification(scene, how.verify, counted, found.geometry, found.dt)
+            own = found.geometry, found.dt, t_end
+            price = verification(scene, how.verify, counted, *own)
         return found.seconds + price * (how.verify != "none"), size
     if how.fidelity in ("quasistatic", "equilibrium"):
         return scout.seconds * (1 + scout.far), size
@@ -322,4 +323,5 @@ def _expected(job: Job) -> tuple[float, float]:
     dt = step_size(scene, how.dt, how.stepper)
     evaluations, seconds = _cost(scene, t_end, scout, how.fidelity, geometry, dt)
     counted = evaluations, scout.events * (how.fidelity == "hybrid")
-    return seconds + verification(scene, how.verify or "none", counted, geometry, dt), size
+    own = geometry, dt, t_end
+    return seconds + verification(scene, how.verify or "none", counted, *own), size

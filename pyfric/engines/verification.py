@@ -1,6 +1,7 @@
 """Errors of a run, measured by runs that leave out less, and what follows from them.
 
-The run beside it is in finite geometry, neglects a hundredth of what jumps may, and has
+The run beside it is in finite geometry, neglects a hundredth of what jumps may, or does not jump
+at all where that takes at most `WORTH` times as long, and has
 
 a quarter of the step  where that is cheap (`CHEAP`), or half of it: it covers the whole run. Errors
                        of order p are 1/(1 - 4^-p) of the difference; `FINER` times that is
@@ -18,8 +19,10 @@ off by what the plan expects. The factors are meant to hold in 19 runs of 20; `p
 counts how often they do.
 
 Where a planned run is off by more than its tolerance, it is compared with the one of shorter steps
-first, and then made again with less left out: in finite geometry, then with the steps of the run
-beside it, up to `MOST` times, each compared with half the step. Where that does not help, the
+first, and then made again with less left out: in finite geometry, then as the run beside it, up to
+`MOST` times, each compared with half the step and jumps that neglect a tenth, or none. With little
+viscosity the order of events hangs on what jumps leave, and two runs that leave the same would take
+the same wrong turn. Where that does not help, the
 perturbed run says whether anything would. From the time on at which it is off by more than the
 tolerance, single events cannot be trusted, and the statistics of those that follow are compared
 instead.
@@ -36,7 +39,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pyfric.core import STEPPERS
-from pyfric.engines.cost import CHEAP, FINEST, beside, beside_ladder
+from pyfric.engines.cost import CHEAP, FINEST, beside, beside_ladder, stepped
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.guard import hurry
 from pyfric.engines.options import step_size
@@ -234,7 +237,7 @@ class _Stepped:
         if self.until is not None:
             found = found.before(self.until)
         errors = _errors(found, self.made, self.factor, _words(self.other))
-        if self.record.method.engine == "hybrid":
+        if "dynamic" not in (self.record.method.engine, self.other.method.engine):
             left = dict.fromkeys(("start", "arrest", "stress"), JUMPS)
             if self.geometry == "finite":
                 fast = min(hurry(self.made.scene) / FAST, 1.0)
@@ -255,27 +258,39 @@ class _Stepped:
 
     def _compare(self, mode: str | None) -> None:
         """Make the run beside it that `mode` pays for."""
-        record, method = self.record, self.record.method
-        counted = record.counts.get("block_evaluations", 0), record.counts.get("jumps", 0)
-        cheap = CHEAP if mode is None else 0.0
-        by = beside(self.made.scene, *counted, method.geometry, method.dt, cheap)
+        record, method, made = self.record, self.record.method, self.made
         if mode == "full" or method.stepper != "rk4":
             self._finer(FINEST if mode == "full" else 2)
             return
+        counts = record.counts.get("block_evaluations", 0), record.counts.get("jumps", 0)
+        cheap, lasts = CHEAP if mode is None else 0.0, made.t_end - made.t_begin
+        by = beside(made.scene, *counts, method.geometry, method.dt, cheap, lasts)
         if by.dt < method.dt:
-            self._finer(method.dt / by.dt)
-            return
-        t_end = stretch(record, self.made, by.share)
-        self.other = self.made.again(record, t_end, dt=by.dt, geometry=self.geometry)
-        self.factor = COARSER / by.share
+            self._finer(method.dt / by.dt, by.whole)
+        else:
+            self._again(by.dt, by.whole, stretch(record, made, by.share))
+            self.factor = COARSER / by.share
 
-    def _finer(self, times: float) -> None:
-        """Compare the run with one whose step is so many times shorter."""
-        method = self.record.method
+    def _finer(self, times: float, whole: bool | None = None) -> None:
+        """Compare the run with one whose step is so many times shorter.
+
+        It is full dynamics if `whole`, or by default where jumps spare little.
+        """
+        record, method, made = self.record, self.record.method, self.made
         order = 1 if method.switching == "step_end" else STEPPERS[method.stepper].order
-        how = {"dt": method.dt / times, "geometry": self.geometry, "tight": self.tight + 1}
-        self.other = self.made.again(self.record, **how)
+        dt = method.dt / times
+        if whole is None:
+            counts = record.counts.get("block_evaluations", 0), record.counts.get("jumps", 0)
+            lasts = made.t_end - made.t_begin
+            whole = stepped(made.scene, times * counts[0], counts[1], dt, lasts) is not None
+        self._again(dt, whole)
         self.factor = FINER / (1 - times**-order)
+
+    def _again(self, dt: float, whole: bool, t_end: float | None = None) -> None:
+        """Make the run beside it: of other steps (s), stricter jumps or none."""
+        how = {"dt": dt, "geometry": self.geometry, "tight": self.tight + 1}
+        how["fidelity"] = "dynamic" if whole else self.record.method.engine
+        self.other = self.made.again(self.record, t_end, **how)
 
     def _refine(self, errors: Errors) -> bool:
         """Take a run that leaves out less: finite geometry, then the one of shorter steps.

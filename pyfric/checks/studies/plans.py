@@ -2,8 +2,8 @@
 
 Each trial draws a small scene (setup 1, setup 2 or a chain, with other sizes, friction, viscosity,
 stiffness, load and driver), what is wanted and a tolerance. The planned run is compared with full
-dynamics in finite geometry (linear for a chain) whose steps are a tenth of the stability limit, or
-half those of the record where it took shorter ones.
+dynamics in finite geometry (linear for a chain) whose steps are a tenth of the stability limit, and
+at most a fifth of those of the record: shorter than those of the run that it was compared with.
 Trial n of a seed is always the same. Rows are appended to a file as they are done, and trials that
 are in it are not made again.
 
@@ -44,8 +44,8 @@ POINTS = 500
 """Points of loading curves."""
 EVENTS = 10
 """Main events of a trial, by the ladder."""
-FINE = 0.1
-"""Its steps, over the stability limit."""
+FINE, SHORTER = 0.1, 5
+"""Its steps, over the stability limit; steps of the record over its, at least."""
 ROUNDING = 1e-6
 """Errors of the reference run itself are of this size: no measured error counts as smaller."""
 VISCOSITY = (0.1, 2.0)
@@ -131,7 +131,7 @@ def trial(
         scene,
         t_end,
         fidelity="dynamic",
-        dt=min(fine * stability_limit(scene)[0], (made.method.dt or math.inf) / 2),
+        dt=min(fine * stability_limit(scene)[0], (made.method.dt or math.inf) / SHORTER),
         switching="located",
         t_gap=made.method.t_gap,
         budget=False,

@@ -185,6 +185,25 @@ def test_a_jump_in_finite_geometry_lands_where_steps_do():
     np.testing.assert_allclose(b[:, 2:], a[:, 2:], rtol=0, atol=1e-8 * unit / np.sqrt(m))
 
 
+def test_jumps_in_finite_geometry_land_in_fresh_static_states(monkeypatch):
+    """Also where the last search ends a few steps beside the state that was found for it."""
+    scene, land, apart, moved = rod(V=5e-5), hybrid.HybridRun._land, [], []
+
+    def watched(run, q, quiet, a, n):
+        state, known = run.state, run.solver.known
+        t = state.t0 + (state.step + n) * state.dt
+        drive, free = scene.drive(t), state.mode == OPEN
+        fresh = known.solve(state.y[0, 0], drive, free=free, enough=1e-10 * scene.F_N / scene.N_x)
+        apart.append(np.abs(q - known.coordinates(fresh.u, fresh.rod)).max())
+        moved.append(abs(drive - scene.drive(quiet.t)))
+        land(run, q, quiet, a, n)
+
+    monkeypatch.setattr(hybrid.HybridRun, "_land", watched)
+    jump(scene, 1.6, geometry="finite")
+    assert max(moved) > 1e-6 * scene.F_N / scene.driver.K
+    assert max(apart) < 1e-8 * scene.F_N / scene.slider.k
+
+
 def test_static_forces_of_fast_runs_are_those_of_fresh_solves():
     """20 steps move the driver by 0.03 F_N/K: tangents of the loaded state miss 1e-6 F_N there."""
     scene = rod(V=0.1)

@@ -137,6 +137,15 @@ def test_forces_energies_and_powers_are_those_of_the_twin(walls, size):
     assert sum(energies.values()) == pytest.approx(e["total"], rel=1e-13)
 
 
+def test_the_start_has_the_forces_of_the_core():
+    scene = small()
+    start = loaded_state(scene)
+    found = core.evaluate(core.model(scene, "linear", start.u_drv0), start.state(scene, 1e-7), 0.0)
+    np.testing.assert_array_equal(start.f, found.f)
+    np.testing.assert_array_equal(start.p, found.p)
+    assert start.F_T == found.F_T
+
+
 @pytest.mark.parametrize("walls", WALLS)
 def test_matrices_are_the_forces_of_the_core(walls):
     from pyfric.statics.operators import operators

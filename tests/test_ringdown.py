@@ -11,7 +11,7 @@ from scipy.sparse.linalg import ArpackNoConvergence
 from pyfric import core
 from pyfric.core import OPEN
 from pyfric.engines import ringdown
-from pyfric.engines.ringdown import Frozen, first_crossing
+from pyfric.engines.ringdown import Frozen, Rest, first_crossing
 from pyfric.scene import chain, setup1, setup2
 from pyfric.statics import EquilibriumError, StaticSolver, damping, mass
 
@@ -139,8 +139,9 @@ def test_ring_down_in_finite_geometry(scene):
     frozen = slider.frozen
     state = slider.state(*slider.smooth())
     begin = frozen.split(*slider.deviation(state))
-    same, growth = frozen.tangent_at(slider.solver.coordinates(slider.rest.u, slider.rest.rod))
+    same, stiffer = frozen.tangent_at(slider.solver.coordinates(slider.rest.u, slider.rest.rod))
     assert same is frozen
+    growth = frozen.growth_with(stiffer)
     bound = frozen.bound * np.sqrt(begin.remainder)
     size = np.abs(frozen.modal * begin.a).sum(axis=1)
     for n in (1, 10, 100, 1000):
@@ -160,7 +161,7 @@ def test_stiffness_of_the_state_corrects_the_rates():
     one, other = Slider(scene, "finite"), Slider(scene, "finite", drive=2e-5)
     solver = other.solver
     q = solver.coordinates(other.rest.u, other.rest.rod)
-    corrected = other.frozen._stiffened(solver.bond_tangents(q) - other.frozen._bonds)
+    corrected = other.frozen.growth_with(other.frozen.stiffer(q))
     solver._K = solver._bond_stiffness(other.q)  # as if this were the loaded state
     solver._factors.clear()
     exact = Frozen(solver, other.stuck, other.dt).growth
@@ -187,6 +188,24 @@ def test_slow_modes_follow_the_stiffness_of_the_state():
     )
     assert (after < 0.05 * before).all()
     assert after[0] < 1e-6 * before[0]
+
+
+def test_a_course_leads_to_the_states_nearby():
+    """Along the tangent of the state, not of the loaded one: what is left falls with the square."""
+    slider = Slider(rod(), "finite", drive=1e-5)
+    frozen, solver, V = slider.frozen, slider.solver, slider.scene.driver.V
+    rest = Rest(slider.q, *(getattr(slider.rest, name) for name in ("f", "tau", "p", "u_z", "F_T")))
+    left = []
+    for stiffer in (None, frozen.stiffer(slider.q)):
+        course = frozen.course(V, stiffer=stiffer)
+        for by in (2e-8, 4e-8):
+            found = frozen.moved(rest, course, by / V)
+            exact = solver.solve(slider.rest.u[0, 0], slider.rest.drive + by, start=slider.rest)
+            left.append([np.abs(found.f - exact.f).max(), np.abs(found.p - exact.p).max()])
+            left[-1].append(abs(found.F_T - exact.F_T))
+    loaded, _, own, twice = np.array(left)
+    assert (own < 0.05 * loaded).all()
+    assert (twice < 5 * own + 1e-9).all()
 
 
 # --- parts ---------------------------------------------------------------------------------------

@@ -47,16 +47,17 @@ SHORTEST = 64
 """Shortest jump worth its cost, in steps."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
-ENOUGH, ROUGH = 2e-10, 1e-4
-"""Residual forces of static states in finite geometry, over F_N/N_x; of those that only show where
-to look. Which residual is left depends on rounding: with this one, runs on other OpenBLAS kernels
-or threads keep forces to 1e-12 F_N, with 2e-7 to 2e-9 F_N, at the price of one step of Newton's
-method in two states."""
-NEAR = 3e-5
+ENOUGH = 2e-10
+"""Residual forces of static states in finite geometry, over F_N/N_x. Which residual is left depends
+on rounding: with this one, runs on other OpenBLAS kernels or threads keep forces to 1e-12 F_N, with
+2e-7 to 2e-9 F_N, at the price of one step of Newton's method in two states."""
+NEAR, CLOSE = 3e-5, 3e-4
 """In finite geometry, static states differ by tangents while the driver moves by this share of
-F_N/K: over a few dozen steps of the paper's scenes. That leaves errors of 1.5e-8 F_N (Fig. 1)."""
-STRAIGHT = 0.02
-"""In finite geometry, F_T over t is taken as straight up to a change of this share of F_N."""
+F_N/K: by a tangent nearby, over a few dozen steps of the paper's scenes, and by their own."""
+TRIES = 8
+"""Most static states that are found to see where a jump ends."""
+FAR = 0.02
+"""In finite geometry, F_T over t is followed by the slope at the end up to this change over F_N."""
 STRAINED_ERROR = 1e-4
 """Start and arrest forces at strains of 0.1 to 0.2 in finite geometry, against full dynamics, over
 F_N: measured 4e-5 at 0.13 and 9e-5 at 0.19."""
@@ -116,22 +117,21 @@ class _Statics:
     def tangent_at(
         self, frozen: Frozen, q: np.ndarray, strained: float
     ) -> tuple[Frozen, np.ndarray]:
-        """Return the slider with these contact states and a tangent near q, and its growth."""
-        found, growth = frozen.tangent_at(q, strained)
+        """Return the slider with these contact states and a tangent near q, and the rest to q's."""
+        found, stiffer = frozen.tangent_at(q, strained)
         self._frozen[frozen.stuck.tobytes()] = found
-        return found, growth
+        return found, stiffer
 
     def rest(
         self,
         u_x: np.ndarray,
         at: _Outside,
         open_: np.ndarray,
-        enough: float = ENOUGH,
         start: np.ndarray | None = None,
     ) -> Rest | None:
         """Return the static state, None if it has not exactly these open blocks.
 
-        In finite geometry residual forces up to `enough` F_N/N_x stay, and the search starts from
+        In finite geometry residual forces up to `ENOUGH` F_N/N_x stay, and the search starts from
         coordinates `start`, or else from the last state.
         """
         if open_.all():  # nothing carries F_N
@@ -139,7 +139,7 @@ class _Statics:
         if self.known.geometry == "linear":
             rest = self.held(~open_).rest(u_x, *at)
         else:
-            left = enough * self.known.scene.F_N / self.known.scene.N_x
+            left = ENOUGH * self.known.scene.F_N / self.known.scene.N_x
             begin = self._last
             if start is not None and begin is not None:
                 u, rod = self.known.displacements(start)
@@ -156,14 +156,18 @@ class _Statics:
             self._last = state
             q = self.known.coordinates(state.u, state.rod)
             rest = Rest(q, state.f, state.tau, state.p, state.u[0, 1], state.F_T)
-        if rest is not None and enough == ENOUGH:
-            self._states(u_x, open_)[at] = rest._replace(q=None)
+        if rest is not None:
+            self.keep(u_x, at, open_, rest)
         return rest
 
-    def near(self, here: _Outside, there: _Outside) -> bool:
+    def keep(self, u_x: np.ndarray, at: _Outside, open_: np.ndarray, rest: Rest) -> None:
+        """Remember a static state."""
+        self._states(u_x, open_)[at] = rest._replace(q=None)
+
+    def near(self, here: _Outside, there: _Outside, share: float = NEAR) -> bool:
         """Whether two static states of one interface differ by tangents."""
         scene = self.known.scene
-        few = NEAR * scene.F_N
+        few = share * scene.F_N
         return self.known.geometry == "linear" or here.far(there, scene.driver.K) <= few
 
     def solve(
@@ -195,7 +199,10 @@ class _Statics:
 
 
 class _Quiet(NamedTuple):
-    """A static state about which the slider rings, its time, its open blocks, where it goes."""
+    """A static state about which the slider rings, its time, its open blocks, where it goes.
+
+    In finite geometry `stiffer` is how much the bonds are stiffer than in `frozen`.
+    """
 
     t: float
     open: np.ndarray
@@ -205,6 +212,7 @@ class _Quiet(NamedTuple):
     margins: np.ndarray
     course: Course
     pieces: Sequence[Piece]
+    stiffer: np.ndarray | None
 
 
 class HybridRun(Run):
@@ -326,50 +334,55 @@ class HybridRun(Run):
         bound = frozen.bound * math.sqrt(motion.remainder)
         rate, bend = course.margin_rate, course.margin_bend
         modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
-        growth, landed = quiet.growth, quiet
-        there, t_there, at_there = None, math.inf, None
-        toward = course.v
-        for enough in (ROUGH, *(7 * [ENOUGH])):
+        rates = np.append(quiet.growth, -frozen.decay)
+        end = quiet
+        for _ in range(TRIES):
             c = quiet.margins + (rate + (0.5 * since) * bend) * since
             c += course.margin_lag + since * course.margin_lag_rate
             slope = rate + since * bend + course.margin_lag_rate
             c, slope, bent, waves = frozen.aged(state.t - state.t_0, c, slope, bend, modal)
-            rates = np.append(growth, -frozen.decay)
             s = first_crossing(c, slope, waves, rates, most * dt, dt, bent)
             n = min(math.floor(s / dt), most)
             left = bound.max() * math.exp(-frozen.decay * n * dt)
             if left > self.remainder * unit or n < min(most, SHORTEST):
                 return False
-            if not finite:
-                q = rest.q + course.way(since + n * dt)
-                force = rest.F_T + course.force(since + n * dt)
-                break
             t = state.t0 + (state.step + n) * dt
-            to, at = t - quiet.t, self._outside(t)
-            if at_there is not None and self.solver.near(at, at_there):
-                end = self._course(frozen, quiet.pieces, t_there, there.q)
-                q, force = there.q + end.way(t - t_there), there.F_T + end.force(t - t_there)
-                landed = quiet._replace(t=t_there, course=end, growth=growth)
-                quiet = quiet._replace(growth=growth)
-                self.quiet_key = None  # a jump from there has the tangent of there
+            if self.solver.near(self._outside(t), self._outside(end.t), CLOSE):
                 break
-            if enough == ENOUGH:
-                t_there, at_there = t, at
-            start = rest.q + to * (toward + (0.5 * to) * course.a)
-            there = self.solver.rest(state.y[0, 0], at, quiet.open, enough, start)
-            if there is None:
+            end = self._ahead(quiet, end, t)
+            if end is None:
                 return False
-            toward = (there.q - rest.q) / to - (0.5 * to) * course.a
-            rate = (frozen.margins(there) - quiet.margins) / to - (0.5 * to) * bend
-            growth = frozen.growth_at(rest.q + 0.5 * (since + to) * toward)
+            rates[:-1] = end.growth
+            to, there = end.t - quiet.t, end.course.margin_rate
+            mean = (end.margins - quiet.margins) / to
+            rate, bend = 2 * mean - there, (2 / to) * (there - mean)  # a parabola
         else:
             return False
+        rest = frozen.moved(end.rest, end.course, t - end.t)
+        if finite:
+            self.solver.keep(state.y[0, 0], self._outside(t), quiet.open, rest)
+        if end is not quiet:
+            self.quiet_key = None  # a jump from there has the tangent of there
         margins = c + (slope + (0.5 * n * dt) * bent) * (n * dt)
-        margins += (waves[:, :-1] @ np.exp(growth * (n * dt))).real
-        self._sample_jump(quiet, force, motion.a, n)
-        self._land(q, landed, motion.a, n)
+        margins += (waves[:, :-1] @ np.exp(end.growth * (n * dt))).real
+        self._sample_jump(quiet, end, rest.F_T, motion.a, n)
+        self._land(rest.q, end, motion.a, n)
         state.margin[:] = frozen.margin(margins)
         return True
+
+    def _ahead(self, quiet: _Quiet, near: _Quiet, t: float) -> _Quiet | None:
+        """Return the static state at t (s), found from one nearby; growth is the mean until then.
+
+        Finite geometry.
+        """
+        frozen, start = quiet.frozen, near.rest.q + near.course.way(t - near.t)
+        rest = self.solver.rest(self.state.y[0, 0], self._outside(t), quiet.open, start)
+        if rest is None:
+            return None
+        stiffer = frozen.stiffer(rest.q)
+        growth = frozen.growth_with((quiet.stiffer + stiffer) / 2)
+        margins, course = frozen.margins(rest), self._course(frozen, quiet.pieces, t, stiffer)
+        return _Quiet(t, quiet.open, frozen, growth, rest, margins, course, quiet.pieces, stiffer)
 
     def slide(self, last: int) -> bool:
         """Go to the last step before a contact state changes while blocks slip stably."""
@@ -401,46 +414,46 @@ class HybridRun(Run):
             self.quiet_key, self.quiet_now = key, None
             rest = self.solver.rest(state.y[0, 0], self._outside(state.t), open_)
             if rest is not None:
-                frozen = self.solver.frozen(~open_)
+                frozen, stiffer = self.solver.frozen(~open_), None
                 growth = frozen.growth
                 if self.method.geometry == "finite":
-                    frozen, growth = self.solver.tangent_at(frozen, rest.q, self.strained)
+                    frozen, stiffer = self.solver.tangent_at(frozen, rest.q, self.strained)
+                    growth = frozen.growth_with(stiffer)
                 margins = frozen.margins(rest)
-                at = rest.q if self.method.geometry == "finite" else None
-                course = self._course(frozen, pieces, state.t, at)
+                course = self._course(frozen, pieces, state.t, stiffer)
                 self.quiet_now = _Quiet(
-                    state.t, open_, frozen, growth, rest, margins, course, pieces
+                    state.t, open_, frozen, growth, rest, margins, course, pieces, stiffer
                 )
         return self.quiet_now
 
     def _course(
-        self, frozen: Frozen, pieces: Sequence[Piece], t: float, q: np.ndarray | None
+        self, frozen: Frozen, pieces: Sequence[Piece], t: float, stiffer: np.ndarray | None
     ) -> Course:
-        """Return where the static state q goes on from t (s) on these pieces of V, F_N and T."""
+        """Return where a static state goes on from t (s) on these pieces of V, F_N and T."""
         V, F_N, T = pieces
         more, known = None, self.solver.known
         if F_N.slope or T.slope:  # what loads gain in a second
             more = known.under((F_N.slope, T.slope)).load
-        return frozen.course(V.at(t), V.slope, more, q)
+        return frozen.course(V.at(t), V.slope, more, stiffer)
 
-    def _sample_jump(self, quiet: _Quiet, force: float, a: np.ndarray, n: int) -> None:
+    def _sample_jump(self, quiet: _Quiet, end: _Quiet, force: float, a: np.ndarray, n: int) -> None:
         """Add the points of the loading curve in a jump of n steps that ends at a static force."""
-        state, every, frozen = self.state, self.method.sample, quiet.frozen
+        state, every, frozen, course = self.state, self.method.sample, quiet.frozen, quiet.course
         steps = np.arange((state.step // every + 1) * every, state.step + n + 1, every)
         t, s = state.t0 + steps * state.dt, (steps - state.step) * state.dt
-        t_end, begin = state.t + n * state.dt, quiet.rest.F_T
-        x, whole, course = (t - quiet.t) / (t_end - quiet.t), t_end - quiet.t, quiet.course
-        F_T = begin + (force - begin) * x - (0.5 * course.force_bend * whole**2) * x * (1 - x)
-        far = abs(force - begin) > STRAIGHT * self.scene.F_N
-        if far and len(t) and self.method.geometry == "finite":
+        t_end, gain = state.t + n * state.dt, force - quiet.rest.F_T
+        x, whole = (t - quiet.t) / (t_end - quiet.t), t_end - quiet.t
+        slope = end.course.force_rate + (t_end - end.t) * end.course.force_bend
+        over = gain - slope * whole  # a parabola
+        if len(t) and abs(gain) > FAR * self.scene.F_N and self.method.geometry == "finite":
             at = self._outside((quiet.t + t_end) / 2)
             middle = self.solver.rest(state.y[0, 0], at, quiet.open)
-            if middle is not None:  # a parabola
-                over = 4 * middle.F_T - 2 * (begin + force) + 0.5 * course.force_bend * whole**2
-                F_T += over * x * (1 - x)
+            if middle is not None:
+                over = 4 * (middle.F_T - quiet.rest.F_T) - 2 * gain
+        F_T = quiet.rest.F_T + gain * x + over * x * (1 - x)
         modes = frozen.force_modal * (frozen.weight * a)
         F_T += course.force_lag + (t - quiet.t) * course.force_lag_rate
-        F_T += (modes @ np.exp(np.outer(quiet.growth, s))).real
+        F_T += (modes @ np.exp(np.outer(end.growth, s))).real
         self.rows += np.column_stack([t, F_T]).tolist()
 
     def _land(self, q: np.ndarray, quiet: _Quiet, a: np.ndarray, n: int) -> None:

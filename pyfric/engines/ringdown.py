@@ -349,7 +349,7 @@ class Frozen(Held):
         V: float,
         a: float = 0.0,
         more: np.ndarray | None = None,
-        q: np.ndarray | None = None,
+        stiffer: np.ndarray | None = None,
     ) -> Course:
         """Return how the static state moves.
 
@@ -357,41 +357,56 @@ class Frozen(Held):
             V: speed of the driver, in m/s.
             a: its rate of change, in m/s^2.
             more: rates of other forces on the coordinates, shape (n_q,), in N/s.
-            q: state near the tangent whose own tangent counts, to first order, shape (n_q,).
+            stiffer: what bonds gain from this tangent to that of the state, which counts to first
+                order, shape (3, n_bonds), in N/m.
         """
-        given = self.solver.scene.driver.V
-        if V == given and a == 0 and more is None and q is None:
+        given, steady = self.solver.scene.driver.V, a == 0 and more is None
+        if V == given and steady and stiffer is None:
             margins = V * self.margin_rate, np.zeros_like(self.margin_lag), self.margin_lag, 0.0
             force = V * self.force_rate, 0.0, self.force_lag, 0.0
             return Course(V * self.drift, 0.0, self.lag, 0.0, *margins, *force)
         (rows, rows_v), K, M = self._on_margins, self.solver.scene.driver.K, self._all_M
         force = V * self.push + (0.0 if more is None else more)
-        stiffer = None if q is None else self.solver.bond_tangents(q) - self._bonds
-        v, bent = self._answer(force, stiffer), a * self.drift
-        lag_rate = self._answer(-(self._all_C @ bent))
-        lag = self._answer(-(self._all_C @ (v + lag_rate) + M * bent), stiffer)
+        v, bent = V * self.drift if more is None else self._answer(force), a * self.drift
+        lag_rate = self._answer(-(self._all_C @ bent)) if a else bent
+        more_v = more_lag = np.zeros(self.n_q)
+        if stiffer is not None:
+            more_v = self.solver.stiffened(v, stiffer)
+            v = v - self._answer(more_v)
+        pull = self._all_C @ (v + lag_rate) + M * bent
+        if stiffer is not None:
+            lag = self.lag if V == given and steady else self._answer(-pull)
+            more_lag = self.solver.stiffened(lag, stiffer)
+        lag = self._answer(-pull - more_lag)
         held, still = np.flatnonzero(self.stuck), np.zeros(int((~self.stuck).sum()))
-        direct, direct_a = (
-            np.concatenate([-one[held], one[held], still]) for one in (force, a * self.push)
+        direct, direct_lag, direct_a = (
+            np.concatenate([one[held], -one[held], still])
+            for one in (more_v - force, more_lag, -a * self.push)
         )
         return Course(
             v, bent, lag, lag_rate,
             rows @ v + direct, rows @ bent + direct_a,
-            rows @ lag + rows_v @ (v + lag_rate), rows @ lag_rate + rows_v @ bent,
+            rows @ lag + rows_v @ (v + lag_rate) + direct_lag, rows @ lag_rate + rows_v @ bent,
             K * V - float(self.push @ v), K * a - float(self.push @ bent),
             -float(self.push @ lag), -float(self.push @ lag_rate),
         )  # fmt: skip
 
-    def _answer(self, force: np.ndarray, stiffer: np.ndarray | None = None) -> np.ndarray:
-        """Return the displacements, shape (n_q,), that forces on all coordinates make.
-
-        Where bonds are `stiffer`, shape (3, n_bonds), to first order.
-        """
+    def _answer(self, force: np.ndarray) -> np.ndarray:
+        """Return the displacements, shape (n_q,), that forces on all coordinates make."""
         found = np.zeros(self.n_q)
         found[self.free] = self._factor.solve(force[self.free])
-        if stiffer is not None:
-            found -= self._answer(self.solver.stiffened(found, stiffer))
         return found
+
+    def moved(self, rest: Rest, course: Course, s: float) -> Rest:
+        """Return the static state a time s (s) later on its course."""
+        n, held = int(self.stuck.sum()), np.flatnonzero(self.stuck)
+        way, f = course.way(s), rest.f.copy()
+        gain = s * (course.margin_rate + (0.5 * s) * course.margin_bend)
+        f[held] += (gain[:n] - gain[n : 2 * n]) / 2  # mu_s p + f and mu_s p - f
+        u_z = rest.u_z + way[len(f) : 2 * len(f)]
+        p = np.where(self.stuck, -self.k_f * u_z, 0.0)
+        F_T = rest.F_T + course.force(s)
+        return Rest(rest.q + way, f, -self.solver.scene.d * f, p, u_z, F_T)
 
     def _find_modes(
         self, factor: BandedCholesky | SuperLU, count: int
@@ -560,19 +575,18 @@ class Frozen(Held):
         return growth
 
     def tangent_at(self, q: np.ndarray, strained: float = STRAINED) -> tuple[Frozen, np.ndarray]:
-        """Return the slider with the tangent of a state near q, and its `growth` at q.
+        """Return the slider with the tangent of a state near q, and what bonds gain up to q's.
 
         That is this one, or one with the tangent at q if a bond has changed by `strained` k.
         """
-        stiffer = self.solver.bond_tangents(q) - self._bonds
+        stiffer = self.stiffer(q)
         if np.abs(stiffer).max() <= strained * self.solver.scene.slider.k:
-            return self, self._stiffened(stiffer)
-        renewed = Frozen(self.solver, self.stuck, self.dt, at=q, near=self)
-        return renewed, renewed.growth
+            return self, stiffer
+        return Frozen(self.solver, self.stuck, self.dt, at=q, near=self), np.zeros_like(stiffer)
 
-    def growth_at(self, q: np.ndarray) -> np.ndarray:
-        """Return `growth` with the tangent of a state near q, to first order."""
-        return self._stiffened(self.solver.bond_tangents(q) - self._bonds)
+    def stiffer(self, q: np.ndarray) -> np.ndarray:
+        """Return what stiffnesses of bonds gain up to a state q, shape (3, n_bonds), in N/m."""
+        return self.solver.bond_tangents(q) - self._bonds
 
     def bend(self, a: np.ndarray) -> float:
         """Return about how far K, changed by modes of amplitude a, changes the margins, in N.
@@ -583,12 +597,8 @@ class Frozen(Held):
         share = 2 * float(np.abs(bent).max()) / self.solver.scene.slider.l
         return share * float((np.abs(self.modal) @ (self.weight * np.abs(a))).max())
 
-    def _stiffened(self, stiffer: np.ndarray) -> np.ndarray:
-        """Return `growth`, that of slow modes to first order where bonds are stiffer.
-
-        Args:
-            stiffer: what stiffnesses of bonds gain, shape (3, n_bonds), in N/m.
-        """
+    def growth_with(self, stiffer: np.ndarray) -> np.ndarray:
+        """Return `growth`, of slow modes to first order where bonds are `stiffer`."""
         n = min(RENEWED, len(self.rates))
         if self._squares is None:
             phi = np.zeros((self.n_q, n), complex)

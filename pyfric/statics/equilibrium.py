@@ -313,18 +313,20 @@ class StaticSolver:
 
     def bond_tangents(self, q: np.ndarray) -> np.ndarray:
         """Return the stiffnesses xx, xz and zz of each bond at q, shape (3, n_bonds), in N/m."""
-        return spring_tangents(self._lattice, self._T @ q, self.geometry)
+        return spring_tangents(self._lattice, self._spread(q), self.geometry)
 
-    def elongations(self, shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    @functools.cached_property
+    def _elongation(self) -> sp.csr_array:
+        return sp.vstack([D @ self._T for D in self._lattice.difference]).tocsr()
+
+    def elongations(self, shapes: np.ndarray) -> list[np.ndarray]:
         """Return du_x and du_z over each bond, shape (n_bonds, n), of shapes (n_q, n)."""
-        u = self._T @ shapes
-        return tuple(D @ u for D in self._lattice.difference)
+        return np.split(self._elongation @ shapes, 2)
 
     def stiffened(self, shape: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
         """Return the forces of a shape, (n_q,), where bonds are stiffer as in `bond_tangents`."""
         (x, z), (xx, xz, zz) = self.elongations(shape), stiffer
-        D_x, D_z = self._lattice.difference
-        return self._T_transposed @ (D_x.T @ (xx * x + xz * z) + D_z.T @ (xz * x + zz * z))
+        return self._elongation.T @ np.concatenate([xx * x + xz * z, xz * x + zz * z])
 
     @property
     def u_drv0(self) -> float:

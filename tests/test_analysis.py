@@ -232,6 +232,9 @@ def test_every_energy_counts_in_the_budget():
     for name in end:
         wrong = curve.assign(**{name: [start[name], end[name] + 0.125]})
         np.testing.assert_allclose(abs(analysis.budget_left(wrong)), [0.0, 0.125], atol=1e-15)
+    still = 1e4 * pd.DataFrame([start, start])
+    still.loc[1, stored[0]] *= 1 + 2**-50  # rounding of 1e4 J of each kind
+    assert 0 < analysis.budget_error(still) < 1e-8
 
 
 def test_friction_needs_sliding():

@@ -11,6 +11,7 @@ import twin
 from helpers import mirrored_scene, scaled, small_free, small_rod
 from scipy.sparse.linalg import spsolve
 
+from pyfric import core
 from pyfric.scene import Scene, preset, setup1, setup2
 from pyfric.statics import EquilibriumError, StaticSolver, loaded_state, solve_static
 from pyfric.statics.equilibrium import _Contact
@@ -229,6 +230,17 @@ def test_without_drive_and_slip_the_loaded_state_returns():
         state = solve_static(scene, np.zeros(scene.N_x), 0.0, geometry=geometry)
         np.testing.assert_allclose(state.u, loaded.u, rtol=0, atol=1e-12 * np.abs(loaded.u).max())
         assert abs(state.F_T) < 1e-11 * scene.F_N
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+@pytest.mark.parametrize("scene", [small_rod(), small_rod(side="right"), small_free()])
+def test_a_run_starts_at_rest(scene, geometry):
+    loaded = loaded_state(scene, geometry)
+    state = loaded.state(scene, 1e-7)
+    now = core.evaluate(core.model(scene, geometry, state.u_drv0), state, 0.0)
+    moves = np.abs(now.a).max() * scene.m, np.abs(now.a_rod[:2]).max() * scene.slider.M
+    assert max(moves) < 1e-8 * scene.F_N / scene.N_x
+    np.testing.assert_allclose(now.f, loaded.f, rtol=0, atol=1e-8 * scene.F_N / scene.N_x)
 
 
 @pytest.mark.parametrize("scene", [small_rod(), small_free()])

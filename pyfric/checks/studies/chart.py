@@ -324,9 +324,9 @@ def figure(table: pd.DataFrame) -> DataFigure:
     for axes in panels[-1]:
         axes.set_xlabel("processor time over that of full dynamics", fontsize=8)
     for axes in panels[:, 0]:
-        axes.set_ylabel("measured error", fontsize=8)
+        axes.set_ylabel("error", fontsize=8)
     fig.legend(
-        handles=_handles(table), loc="outside lower center", ncols=4, fontsize=7, frameon=False
+        handles=_handles(table), loc="outside lower center", ncols=5, fontsize=7, frameon=False
     )
     kept = table[table["kind"] == "plan"]
     kept = kept.assign(error=[row[row["want"]] for _, row in kept.iterrows()])
@@ -367,10 +367,10 @@ def _panel(axes: Axes, table: pd.DataFrame, want: str) -> None:
     axes.loglog(every["cost"][answered], every[want][answered], "o", color=GREY, ms=2.5, zorder=1)
     none = every[~answered & np.isfinite(every["cost"])]
     axes.loglog(none["cost"], np.full(len(none), NO_ANSWER), "x", color=GREY, ms=4, zorder=1)
-    peer = table[(table["kind"] == "peer") & np.isfinite(table["cost"])]
-    axes.loglog(peer["cost"], peer[want], "D", mfc="none", color="0.4", ms=4, zorder=2)
     for scene, colour in COLOURS.items():
         rows = table[table["scene"] == scene]
+        peer = rows[rows["kind"] == "peer"]
+        axes.loglog(peer["cost"], peer[want], "D", mfc="none", color=colour, ms=4, zorder=2)
         best = frontier(rows[rows["kind"] == "method"], want)
         axes.plot(best["cost"], best[want], color=colour, lw=1, alpha=0.5, drawstyle="steps-post")
         _choices(axes, rows[(rows["kind"] == "plan") & (rows["want"] == want)], want, colour)
@@ -412,6 +412,7 @@ def _handles(table: pd.DataFrame) -> list[Line2D]:
         Line2D([], [], marker="o", color=GREY, label="any method", **dot),
         Line2D([], [], marker="x", color=GREY, label="no answer", **dot),
         Line2D([], [], color="0.3", marker="_", lw=0.8, label="planner: error to tolerance"),
+        Line2D([], [], color="0.6", lw=2.5, label="to what the run measured itself"),
     ]
     if (table["engine"] == "LAMMPS").any():
         handles.append(

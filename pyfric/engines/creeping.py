@@ -193,10 +193,7 @@ class _Space:
     @functools.cached_property
     def basis(self) -> np.ndarray:
         """Modes with all blocks held and static shapes, shape (n_q, r), orthonormal in M."""
-        frozen = self.frozen
-        held = np.zeros((frozen.n_q, 2 * frozen.phi.shape[1]))
-        held[frozen.free] = np.hstack([frozen.phi.real, frozen.phi.imag])
-        basis = np.hstack([held, self.shapes])
+        basis = np.hstack([self.frozen.shapes, self.shapes])
         length = np.linalg.norm(basis, axis=0)
         basis /= np.where(length > 0, length, 1.0)
         size, axes = np.linalg.eigh(basis.T @ (self.M[:, None] * basis))

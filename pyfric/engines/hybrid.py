@@ -43,6 +43,9 @@ REMAINDER = 1e-3
 """What a jump may neglect: its bound of the change of any contact force, over F_N/N_x."""
 LOOK = 24
 """Steps between two looks whether a jump is possible; grows while it is not."""
+LONGEST, PATIENT = 64, 8
+"""Longest time between two looks, over `LOOK`; on lattices of more than `LARGE` unknowns, where a
+look costs as much as a few dozen steps."""
 SHORTEST = 64
 """Shortest jump worth its cost, in steps."""
 MOSTLY = 0.5
@@ -92,7 +95,7 @@ class _Statics:
         """Return the slider with these blocks held and all others open."""
         key = stuck.tobytes()
         if key not in self._frozen:
-            while len(self._frozen) >= (KEPT if len(self.known.load) <= LARGE else 2):
+            while len(self._frozen) >= self._room():
                 del self._frozen[next(k for k in self._frozen if 0 in k)]
             self._frozen[key] = Frozen(self.known, stuck, self.dt, self._closed(stuck))
         return self._frozen[key]
@@ -103,10 +106,15 @@ class _Statics:
         if key in self._frozen:
             return self._frozen[key]
         if key not in self._held:
-            while len(self._held) >= (KEPT if len(self.known.load) <= LARGE else 3):
+            while len(self._held) >= self._room():
                 del self._held[next(iter(self._held))]
             self._held[key] = Held(self.known, stuck, self._closed(stuck))
         return self._held[key]
+
+    def _room(self) -> int:
+        """Return how many sliders are kept: few where each has its own tangent."""
+        few = self.known.geometry == "finite" and len(self.known.load) > LARGE
+        return 2 if few else KEPT
 
     def _closed(self, stuck: np.ndarray) -> Frozen | None:
         """Return the slider with all blocks held, from which large lattices open some."""
@@ -229,6 +237,7 @@ class HybridRun(Run):
         self.log = core.Log(self.scene.N_x, quiet=quiet)
         self.solver = _Statics(self.solver.known, self.method.dt)
         self.jumps, self.jumped, self.wait = 0, 0, LOOK
+        self.longest = LONGEST * LOOK if len(self.solver.known.load) <= LARGE else PATIENT * LOOK
         self.look_at = self.state.step
         self.quiet_key: tuple[bytes, float] | None = None
         self.quiet_now: _Quiet | None = None
@@ -280,10 +289,10 @@ class HybridRun(Run):
         if slips and self.creeping is None:
             return
         if slips and state.step >= self.look_at:
-            self.wait = LOOK if self.slide(last) else min(2 * self.wait, 64 * LOOK)
+            self.wait = LOOK if self.slide(last) else min(2 * self.wait, self.longest)
             self.look_at = state.step + self.wait
         elif state.step >= self.look_at:
-            self.wait = LOOK if self.jump(last) else min(2 * self.wait, 64 * LOOK)
+            self.wait = LOOK if self.jump(last) else min(2 * self.wait, self.longest)
             self.look_at = state.step + self.wait
 
     def counts(self) -> dict[str, int]:

@@ -373,7 +373,7 @@ def _cost(
         jumps = scout.events
         followed = creeps(scene.law) and geometry == "linear"
         if scene.law.coulomb or followed:  # else stable slip may take any share of it
-            made = scout.events, scout.front_blocks, dt, steps
+            made = scout.events, scout.front_blocks, geometry, dt, steps
             evaluations = evaluations_of_events(scene, *made) * (STABLE if followed else 1)
     seconds = scout.seconds + set_up(scene, fidelity, geometry).seconds
     return evaluations, seconds + work(blocks, evaluations, jumps, geometry)

@@ -11,6 +11,8 @@ form. M, C and K are symmetric, so the amplitude of a mode is
 
     a = (phi.(C w + M w') + lambda phi.M w) / (phi.C phi + 2 lambda phi.M phi) .
 
+In linear geometry on lattices of more than `LARGE` unknowns, modes are found otherwise (`fine`).
+
 The energy E of what the modes leave out cannot grow. By the inequality of Cauchy and Schwarz it
 bounds what the remainder does to the contact at any later time. It also decays: a mode of frequency
 omega with at least half of its elastic energy in the bonds has -Re lambda >= eta omega^2/(4 k),
@@ -39,26 +41,29 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
+from pyfric.engines.fine import FineModes, Space, closed_space, modes
+from pyfric.engines.smooth import slowest
 from pyfric.scene import of
 from pyfric.statics import LARGE, damping, mass
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
-    from pyfric.scene import Scene
+    from pyfric.scene import Geometry, Scene
     from pyfric.statics import BandedCholesky, StaticSolver
 
 __all__ = ["STRAINED", "Frozen", "Held", "Motion", "Rest", "first_crossing"]
 
 N_VALUES, N_VALUES_LARGE = 40, 24
-"""Eigenvalues that are computed, those of smallest modulus; two make an oscillating mode."""
+"""Eigenvalues that are computed, those of smallest modulus; two make an oscillating mode. The
+second number is for more than `LARGE` unknowns in finite geometry."""
 RENEWED = 6
 """Modes that follow K where it changes, the slowest ones: others do not last until a jump ends."""
 TINY = 1e-11
 """Tension below this many F_N/N_x is rounding."""
-FEW, MOST_COLUMNS = 6, 120
+FEW, MOST_COLUMNS, MOST_OPENINGS = 6, 120, 16
 """On lattices of more than `LARGE` unknowns a state follows from the last one where few blocks
-moved since; the responses to single blocks are kept."""
+moved since; the responses to single blocks are kept, and the shapes of blocks that opened."""
 MAX_ITER = 20
 """Most restarts of ARPACK; few are needed."""
 STRAINED = 0.005
@@ -123,18 +128,16 @@ class Course(NamedTuple):
         return (s - begin) * (self.force_rate + 0.5 * (s + begin) * self.force_bend)
 
 
-def remainder_decay(scene: Scene) -> float:
+def remainder_decay(scene: Scene, geometry: Geometry = "linear") -> float:
     """Return roughly the rate at which motions faster than the modes kept decay, in 1/s.
 
-    The number of modes slower than omega is L H omega^2 (1/c_s^2 + 1/c_l^2)/(4 pi), with
-    c_l^2 = 3 c_s^2 (Weyl's law). It is 1 to 1.5 times `Frozen.decay` on the paper's lattices, and
-    on those with half their l.
+    It is 1 to 1.5 times `Frozen.decay` on the paper's lattices and on those with half their l; on
+    those of more than `LARGE` unknowns in linear geometry it is that of the fastest modes.
     """
-    slider = scene.slider
-    large = 2 * scene.N_x * scene.N_z > LARGE
-    modes = (N_VALUES_LARGE if large else N_VALUES) / 2
-    c_s2 = slider.l**2 * slider.k / (2 * scene.m)
-    return 3 * math.pi * modes * c_s2 / (slider.L * slider.H) * scene.eta / (4 * slider.k)
+    kept = N_VALUES / 2
+    if 2 * scene.N_x * scene.N_z > LARGE:
+        kept = modes(scene) if geometry == "linear" else N_VALUES_LARGE / 2
+    return slowest(scene, kept) ** 2 * scene.eta / (4 * scene.slider.k)
 
 
 class Held:
@@ -274,8 +277,8 @@ class Frozen(Held):
         solver: static states of the scene in its geometry.
         stuck: blocks that are held, shape (N_x,), bool; all others are open.
         dt: step of RK4 that the ring-down follows, in s; None means exact time.
-        closed: the same slider with all blocks stuck; see `Held`. Modes are then those of its modes
-            together with the static shapes that the opened blocks add.
+        closed: the same slider with all blocks stuck; see `Held`. Modes are then found in its
+            space, to which the opened blocks add their static shapes.
         at: state whose tangent is taken, shape (n_q,); None means the loaded one.
         near: the same slider with the tangent of a state nearby: modes follow from its modes.
 
@@ -305,20 +308,16 @@ class Frozen(Held):
         self._bonds = solver.bond_tangents(loaded if at is None else at)
         self._squares: np.ndarray | None = None
         K, C = self._rows, (closed or near)._all_C if closed or near else damping(scene)
-        self._all_C = C
-        self.K, self.C, self.M = K[free][:, free], C[free][:, free], mass(scene)[free]
+        self._all_C, self._all_M = C, mass(scene)
+        self.K, self.C, self.M = K[free][:, free], C[free][:, free], self._all_M[free]
         self.lag = np.zeros(self.n_q)
         self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
-        if near is not None:
-            self._keep_modes(*self._renewed_modes(near, factor))
-        elif closed is None:
-            # Stuck blocks of a chain can only move vertically, which nothing makes them do.
-            most = N_VALUES if len(free) <= LARGE else N_VALUES_LARGE
-            self._keep_modes(*self._find_modes(factor, most if scene.N_z > 1 else 0))
+        self._fine: FineModes | None = None
+        self._openings: dict[int, np.ndarray] = {}
+        if solver.geometry == "linear" and len(free) > LARGE and scene.N_z > 1:
+            self._find_fine(closed)
         else:
-            self._keep_modes(*self._corrected_modes(closed, factor))
-        cut = np.max(np.abs(self.rates), initial=0.0)
-        self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), cut)
+            self._find_dense(near, factor)
         self.growth = self.stepped(self.rates)
 
         # margins as rows over w and w'
@@ -331,18 +330,19 @@ class Frozen(Held):
         )
         rows = sp.vstack([strength + K[held], strength - K[held], lifted]).tocsr()
         rows_v = sp.vstack([C[held], -C[held], sp.csr_array((len(open_), self.n_q))]).tocsr()
-        self.modal = rows[:, free] @ self.phi + (rows_v[:, free] @ self.phi) * self.rates
+        self.modal = self._on(rows) + self._on(rows_v) * self.rates
         direct = np.concatenate([-push[held], push[held], np.zeros(len(open_))])
         self.margin_rate = rows @ self.drift + direct
         self.margin_lag = rows @ self.lag + rows_v @ (V * self.drift)
         viscous = C[held][:, free].multiply(C[held][:, free]) @ (1 / self.M)
         stiff = of(law.hold(1.0) ** 2 * k_f, held) + K.diagonal()[held] + viscous
-        lift = [self._compliance(factor, i + N_x) for i in open_]
-        self._on_margins, self._all_M = (rows, rows_v), mass(scene)
+        lift = factor.lift() if closed else [self._compliance(factor, i + N_x) for i in open_]
+        self._on_margins = rows, rows_v
         self.bound = np.sqrt(
             2 * np.concatenate([stiff, stiff, of(k_f, open_) ** 2 * np.array(lift)])
         )
-        self.force_modal, self.force_lag = -push[free] @ self.phi, -float(push @ self.lag)
+        self.force_modal = -self._on(sp.csr_array(push[None]))[0]
+        self.force_lag = -float(push @ self.lag)
 
     def course(
         self,
@@ -436,15 +436,48 @@ class Frozen(Held):
         rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
         return rates, vectors[:n, one_of_pair]
 
-    def _corrected_modes(self, closed: Frozen, factor: _Opened) -> tuple[np.ndarray, np.ndarray]:
-        """Return the modes near the space of those of the closed slider and of static shapes."""
-        m, n = len(self.free) - len(closed.free), closed.phi.shape[1]
-        basis = np.zeros((len(self.free), 2 * n + 2 * m))
-        basis[m:, :n], basis[m:, n : 2 * n] = closed.phi.real, closed.phi.imag
-        basis[m:, 2 * n :] = factor.shapes
-        basis[:m, 2 * n + m :] = np.eye(m)
-        slow = np.max(np.abs(closed.rates), initial=0.0)
-        return self._modes_near(*self._modes_in(basis, slow), slow, factor, basis)
+    def _find_dense(self, near: Frozen | None, factor: BandedCholesky | SuperLU) -> None:
+        """Find exact modes of the lattice, or those near the modes of another tangent."""
+        scene = self.solver.scene
+        if near is not None:
+            self._keep_modes(*self._renewed_modes(near, factor))
+        else:
+            # Stuck blocks of a chain can only move vertically, which nothing makes them do.
+            most = N_VALUES if len(self.free) <= LARGE else N_VALUES_LARGE
+            self._keep_modes(*self._find_modes(factor, most if scene.N_z > 1 else 0))
+        cut = np.max(np.abs(self.rates), initial=0.0)
+        self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), cut)
+
+    def _find_fine(self, closed: Frozen | None) -> None:
+        """Find modes of a fine lattice, whose smooth shapes hold many."""
+        scene, matrices = self.solver.scene, (self._all_M, self._all_C, self._rows)
+        if closed is None:
+            self._space = closed_space(scene, self._answer, *matrices)
+        else:
+            opened = np.flatnonzero(~self.stuck)
+            shapes = np.hstack([closed._opening(i) for i in opened])
+            lower = opened + scene.N_x, np.broadcast_to(self.k_f, scene.N_x)[opened]
+            self._space = Space(closed._space, shapes, *matrices, lower)
+        self._fine = fine = FineModes(self._space)
+        self.rates, self.weight, self.decay = fine.rates, fine.weight, fine.decay
+
+    def _opening(self, i: int) -> np.ndarray:
+        """Return the static shapes that a block adds to the space of modes once it is open.
+
+        These are the answers to a force on it and to its u_x, and those to their inertia and
+        viscosity, shape (n_q, 6).
+        """
+        if i not in self._openings:
+            N_x, (M, C) = len(self.stuck), (self._all_M[:, None], self._all_C)
+            both = np.zeros((self.n_q, 2))
+            both[self.free] = np.column_stack([self._columns[i + N_x], self._columns[i]])
+            both[i, 1] = 1.0
+            forces = np.hstack([M * both] + ([C @ both] if self.solver.scene.eta > 0 else []))
+            more = [self._answer(force) for force in forces.T]
+            while len(self._openings) >= MOST_OPENINGS:
+                del self._openings[next(iter(self._openings))]
+            self._openings[i] = np.column_stack([both, *more])
+        return self._openings[i]
 
     def _renewed_modes(
         self, near: Frozen, factor: BandedCholesky | SuperLU
@@ -462,16 +495,14 @@ class Frozen(Held):
         rates: np.ndarray,
         phi: np.ndarray,
         slow: float,
-        factor: BandedCholesky | SuperLU | _Opened,
-        basis: np.ndarray | None = None,
+        factor: BandedCholesky | SuperLU,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the modes with rates up to `slow` near modes that are roughly right.
 
-        What these lack, K^-1 (lambda^2 M + lambda C + K) phi, and they themselves, or the space in
-        which they were found, make the space in which modes are found.
+        What these lack, K^-1 (lambda^2 M + lambda C + K) phi, and they themselves make the space
+        in which modes are found.
         """
-        if basis is None:
-            basis = np.hstack([phi.real, phi.imag])
+        basis = np.hstack([phi.real, phi.imag])
         left = self.M[:, None] * phi
         left *= rates
         left += self.C @ phi
@@ -504,6 +535,27 @@ class Frozen(Held):
         phi = np.empty((len(basis), kept.sum()), complex)
         phi.real, phi.imag = basis @ shares.real, basis @ shares.imag
         return found[kept], phi
+
+    def _on(self, rows: sp.csr_array) -> np.ndarray:
+        """Return the products of rows over coordinates with the modes."""
+        return self._fine.on(rows) if self._fine else rows[:, self.free] @ self.phi
+
+    def _sum(self, a: np.ndarray) -> np.ndarray:
+        """Return the coordinates of a sum of modes, each with its conjugate, shape (n_q,)."""
+        if self._fine:
+            return self._fine.spread(self.weight * a)
+        q = np.zeros(self.n_q)
+        q[self.free] = (self.phi @ (self.weight * a)).real
+        return q
+
+    @property
+    def shapes(self) -> np.ndarray:
+        """Shapes of which slow modes consist, shape (n_q, n)."""
+        if self._fine:
+            return self._space.slow()
+        shapes = np.zeros((self.n_q, 2 * len(self.rates)))
+        shapes[self.free] = np.hstack([self.phi.real, self.phi.imag])
+        return shapes
 
     def _keep_modes(self, rates: np.ndarray, phi: np.ndarray) -> None:
         """Store modes, slow ones first, with what their amplitudes need."""
@@ -556,14 +608,30 @@ class Frozen(Held):
 
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and remainder."""
+        motion = self._fine_motion if self._fine else self._dense_motion
+        a, w, v = motion(w, v)
+        energy = 0.5 * float(v @ (self.M * v) + w @ (self.K @ w))
+        return Motion(a, max(energy, 0.0))
+
+    def _fine_motion(
+        self, w: np.ndarray, v: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the amplitudes of modes, and what they leave of w and v on free coordinates."""
+        force, momentum, free = np.zeros(self.n_q), np.zeros(self.n_q), self.free
+        force[free], momentum[free] = self.K @ w[free], self.M * v[free]
+        a = self._fine.amplitudes(force, momentum)
+        return a, (w - self._sum(a))[free], (v - self._sum(a * self.rates))[free]
+
+    def _dense_motion(
+        self, w: np.ndarray, v: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         w, v, a = w[self.free], v[self.free], np.zeros(len(self.rates), complex)
         for some in (slice(RENEWED), slice(RENEWED, None)):  # the others may be older
             a[some] = self._left[some] @ w + self._left_v[some] @ v
             twice = self.weight[some] * a[some]
             w = w - (self.phi[:, some] @ twice).real
             v = v - (self.phi[:, some] @ (twice * self.rates[some])).real
-        energy = 0.5 * float(v @ (self.M * v) + w @ (self.K @ w))
-        return Motion(a, max(energy, 0.0))
+        return a, w, v
 
     def stepped(self, rates: np.ndarray) -> np.ndarray:
         """Return the rates of amplitudes that RK4 makes of rates, 1/s."""
@@ -617,11 +685,8 @@ class Frozen(Held):
         self, a: np.ndarray, s: float, growth: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return w (m) and w' (m/s) of modes of amplitude a a time s (s) later, shape (n_q,)."""
-        w, v = np.zeros(self.n_q), np.zeros(self.n_q)
-        later = self.weight * a * np.exp((self.growth if growth is None else growth) * s)
-        w[self.free] = (self.phi @ later).real
-        v[self.free] = (self.phi @ (later * self.rates)).real
-        return w, v
+        later = a * np.exp((self.growth if growth is None else growth) * s)
+        return self._sum(later), self._sum(later * self.rates)
 
 
 class _Opened:
@@ -640,7 +705,7 @@ class _Opened:
         lift[opened + N_x] = -of(k_f, opened)
         self.K = (rows + sp.diags_array(lift)).tocsr()
         self.free = np.concatenate([opened, closed.free])
-        self._solve, self._m = closed._factor.solve, len(opened)
+        self._solve, self._m, self._k_f = closed._factor.solve, len(opened), of(k_f, opened)
         self._z = np.searchsorted(closed.free, opened + N_x)
         self._K_xy, K_xx = rows[opened][:, closed.free], rows[opened][:, opened].toarray()
         m = len(opened)
@@ -659,6 +724,12 @@ class _Opened:
         self._small[:m, :m] += np.eye(m)
         self._small[m:] = self._K_xy @ self.shapes
         self._small[m:, m:] += K_xx
+
+    def lift(self) -> np.ndarray:
+        """Return the compliance of each opened block against a force upward, (m,), in m/N."""
+        y = self.shapes[:, : self._m] / self._k_f
+        side = np.vstack([y[self._z], -(self._K_xy @ y)])
+        return np.diag(y[self._z] + self.shapes[self._z] @ np.linalg.solve(self._small, side))
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return the displacements under forces on the free coordinates."""

@@ -1,0 +1,178 @@
+"""Modes of fine lattices: found in smooth shapes, the slowest corrected by static solutions.
+
+On a fine lattice what few modes leave out of a ring-down decays slowly, and exact modes are dear.
+Smooth shapes (`smooth`) hold many modes, up to an error in the corners of the slider, where stress
+is singular. The slowest ones, which last longest, are corrected by static solutions K^-1 M phi and
+K^-1 C phi, which have the right stress in the corners. Blocks that open add their static shapes.
+
+In that space W, M, C and K are small matrices. A motion is projected so that the energy of what is
+left out is the least one,
+
+    W'K W y = W'K w,   W'M W y' = W'M w' ,
+
+which for an exact mode within W gives its exact amplitude. The errors of the modes are part of what
+is left out.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pyfric.engines.smooth import Smooth
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import scipy.sparse as sp
+
+    from pyfric.scene import Scene
+
+__all__ = ["FineModes", "Space", "closed_space", "modes"]
+
+BLOCKS, FEWEST, MOST = 200, 48, 300
+"""One smooth mode for this many blocks, but not fewer or more than these: on ever finer lattices
+of one slider a ring-down then takes the same number of steps."""
+CORRECTED = 12
+"""Modes that are corrected."""
+LEAST = 0.75
+"""Decay of what the modes leave out, over that of the least viscous mode of its frequency."""
+APART = 1e-12
+"""Shapes are left out where this share of their mass, or less, is not in the others."""
+OVERDAMPED = 6
+"""Overdamped shear waves, which creep back, have a rate of k/eta over this."""
+
+
+def modes(scene: Scene) -> int:
+    """Return how many modes of a fine lattice are followed."""
+    return min(max(scene.N_x * scene.N_z // BLOCKS, FEWEST), MOST)
+
+
+class Space:
+    """Shapes of a slider, and its matrices between them.
+
+    Args:
+        base: smooth shapes, or another space.
+        shapes: more shapes, coordinates q of each, shape (n_q, n).
+        M, C, K: mass, shape (n_q,), damping and stiffness, both of shape (n_q, n_q).
+        lower: stiffness that was in the matrices of `base` and is not in K: coordinates, and N/m.
+    """
+
+    def __init__(
+        self,
+        base: Smooth | Space,
+        shapes: np.ndarray,
+        M: np.ndarray,
+        C: sp.csr_array,
+        K: sp.csr_array,
+        lower: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> None:
+        self.base, self.shapes, self._n = base, shapes, len(base.M)
+        less = 0.0
+        if lower is not None:
+            at = base.at(lower[0])
+            less = at.T @ (lower[1][:, None] * at)
+        pairs = (M, base.M), (C, base.C), (K, base.K - less)
+        self.M, self.C, self.K = (self._between(*pair) for pair in pairs)
+        self.smooth: Smooth = getattr(base, "smooth", base)
+
+    def _between(self, whole: np.ndarray | sp.csr_array, known: np.ndarray) -> np.ndarray:
+        """Return a matrix between all shapes, known between those of the base."""
+        n = self._n
+        A = np.zeros((n + self.shapes.shape[1],) * 2)
+        A[:n, :n] = known
+        for k, shape in enumerate(self.shapes.T, n):
+            A[:, k] = self.gather(whole * shape if whole.ndim == 1 else whole @ shape)
+        A[n:, :n] = A[:n, n:].T
+        return (A + A.T) / 2
+
+    def gather(self, q: np.ndarray) -> np.ndarray:
+        """Return the products of all shapes with a vector over coordinates."""
+        return np.concatenate([self.base.gather(q), q @ self.shapes])
+
+    def spread(self, y: np.ndarray) -> np.ndarray:
+        """Return the coordinates of amplitudes of the shapes."""
+        return self.base.spread(y[: self._n]) + self.shapes @ y[self._n :]
+
+    def slow(self) -> np.ndarray:
+        """Return the corrected modes and their corrections, and all other shapes, (n_q, n)."""
+        if isinstance(self.base, Space):
+            return np.hstack([self.base.slow(), self.shapes])
+        modes = [self.base.spread(one) for one in self.base.M[:CORRECTED]]
+        return np.column_stack([*modes, self.shapes])
+
+    def at(self, index: np.ndarray) -> np.ndarray:
+        """Return some coordinates of all shapes."""
+        return np.hstack([self.base.at(index), self.shapes[index]])
+
+
+def closed_space(
+    scene: Scene,
+    solve: Callable[[np.ndarray], np.ndarray],
+    M: np.ndarray,
+    C: sp.csr_array,
+    K: sp.csr_array,
+) -> Space:
+    """Return the space of the slider with all blocks stuck.
+
+    Args:
+        scene: the scene, in linear geometry.
+        solve: forces on coordinates to displacements, both of shape (n_q,).
+        M, C, K: mass, shape (n_q,), damping and stiffness, both of shape (n_q, n_q).
+    """
+    smooth, found = Smooth(scene, modes(scene)), []
+    for k, omega in enumerate(smooth.omega[:CORRECTED]):
+        mode = smooth.spread(smooth.M[k])
+        found.append(omega**2 * solve(M * mode) - mode)
+        if scene.eta > 0:
+            found.append(solve(C @ mode))
+    shapes = np.column_stack(found)
+    shapes /= np.sqrt(M @ shapes**2)
+    return Space(smooth, shapes, M, C, K)
+
+
+class FineModes:
+    """The modes of a space that are slower than the smooth shapes reach.
+
+    Attributes:
+        rates: one of each conjugate pair, shape (n,), in 1/s.
+        weight: 2 for pairs, 1 for real ones, shape (n,).
+        decay: rate at which what the modes leave out decays, in 1/s.
+    """
+
+    def __init__(self, space: Space) -> None:
+        self._space, scene, omega = space, space.smooth.scene, space.smooth.omega
+        slow, cut = omega[-1], omega[min(CORRECTED, len(omega) - 1)]
+        length = 1 / np.sqrt(np.diag(space.M))
+        size, axes = np.linalg.eigh(length[:, None] * space.M * length)
+        apart = size > APART * size[-1]
+        self._axes = axes = length[:, None] * axes[:, apart] / np.sqrt(size[apart])
+        K, C = axes.T @ space.K @ axes, axes.T @ space.C @ axes
+        n = len(K)
+        found, vectors = np.linalg.eig(
+            np.block([[np.zeros((n, n)), np.eye(n)], [-K / slow**2, -C / slow]])
+        )
+        kept = (np.abs(found) <= 1) & (found.imag >= 0)
+        self.rates, self._x = slow * found[kept], vectors[:n, kept]
+        self.weight = np.where(self.rates.imag > 0, 2.0, 1.0)
+        self._norm = np.sum(self._x * (C @ self._x + 2 * self.rates * self._x), axis=0)
+        self._C, self._inverse = C, np.linalg.inv(K)
+        viscous = np.min(-self.rates.real / np.abs(self.rates) ** 2, initial=np.inf)
+        creep = scene.slider.k / (OVERDAMPED * scene.eta) if scene.eta > 0 else np.inf
+        self.decay = min(LEAST * viscous * cut**2, cut, creep)
+
+    def amplitudes(self, force: np.ndarray, momentum: np.ndarray) -> np.ndarray:
+        """Return the amplitudes of the modes in a motion, given K w (N) and M w' (N s)."""
+        y, p = (self._axes.T @ self._space.gather(one) for one in (force, momentum))
+        y = self._inverse @ y
+        return (self._x.T @ (self._C @ y + p) + self.rates * (self._x.T @ y)) / self._norm
+
+    def spread(self, a: np.ndarray) -> np.ndarray:
+        """Return the real part of a sum of modes, shape (n_q,)."""
+        return self._space.spread(self._axes @ (self._x @ a).real)
+
+    def on(self, rows: sp.csr_array) -> np.ndarray:
+        """Return the products of sparse rows over coordinates with the modes."""
+        index = np.unique(rows.indices)
+        return (rows[:, index] @ (self._space.at(index) @ self._axes)) @ self._x

@@ -25,6 +25,15 @@ def test_computed_limits_are_those_of_runs(stepper, eta, stiffness):
     assert not stability.grows(scene, stepper, 0.98 * computed)
 
 
+@pytest.mark.parametrize("stepper", ["verlet", "symplectic_euler"])
+@pytest.mark.parametrize("name", ["fig1", "setup2", "chain"])
+def test_without_damping_steps_times_frequency_have_a_limit_of_two(name, stepper):
+    """RK4 has 2 sqrt(2), with the same highest frequency."""
+    scene = preset(name, eta=0.0)
+    found, rk4 = stability_limit(scene, stepper)[0], stability_limit(scene)[0]
+    assert found / rk4 == pytest.approx(1 / math.sqrt(2), rel=1e-7)
+
+
 def test_the_limit_of_the_paper_s_lattice_is_that_of_runs():
     """57 x 31 blocks: plane waves give the limit, model and runs 1.57 us."""
     scene = preset("fig1", V=0.0, mu_s=1e6)

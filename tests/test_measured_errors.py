@@ -378,7 +378,8 @@ def test_chaos_is_said(ladder):
     known = Known(ladder, chaos=4, noise=0.5)
     record = known.verified("sample")
     at = float(ladder.events["t_start"][known.main[4]])
-    assert record.errors.until == pytest.approx(at)
+    ends = ladder.events["t_stop"].to_numpy()
+    assert record.errors.until == ends[ends < at].max()  # it may begin earlier in another run
     assert record.errors.start == pytest.approx(JUMPS)
     assert record.errors.statistics["mean start/F_N"][1] == pytest.approx(0.3)
     assert any("single events cannot be trusted" in note for note in record.notes)

@@ -318,5 +318,14 @@ class _Stepped:
         self.until = self._parted(self.perturbed, FINER)
 
     def _parted(self, other: Record, factor: float) -> float | None:
-        options = self.made.options
-        return differences(self.record, other).parted(options.tolerance / factor, options.want)
+        """Return when the last event ended, in s, before one that is off by too much.
+
+        That event begins in another run a little earlier or later than here.
+        """
+        options, events = self.made.options, self.record.events
+        found = differences(self.record, other)
+        t = found.parted(options.tolerance / factor, options.want)
+        if t is None:
+            return None
+        ended = events["t_stop"][(events["t_start"] < t) & (events["t_stop"] < t)]
+        return float(max(ended, default=self.made.t_begin))

@@ -61,7 +61,7 @@ RENEWED = 6
 """Modes that follow K where it changes, the slowest ones: others do not last until a jump ends."""
 TINY = 1e-11
 """Tension below this many F_N/N_x is rounding."""
-FEW, MOST_COLUMNS, MOST_OPENINGS = 6, 120, 16
+FEW, MOST_COLUMNS, MOST_OPENINGS = 6, 40, 16
 """On lattices of more than `LARGE` unknowns a state follows from the last one where few blocks
 moved since; the responses to single blocks are kept, and the shapes of blocks that opened."""
 MAX_ITER = 20
@@ -256,7 +256,8 @@ class Held:
             return None
         before, drive_before, q = self._last
         moved = np.flatnonzero(self.stuck & (u_x != before))
-        if len(moved) > FEW:
+        new = [i for i in moved if i not in self._columns]
+        if len(moved) > FEW or len(new) > 1:  # a solution for each new one
             return None
         q = q + (drive - drive_before) * self.drift
         for i in moved:

@@ -21,7 +21,7 @@ from scipy.linalg.lapack import dpbtrs
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
-__all__ = ["BandedCholesky"]
+__all__ = ["BandedCholesky", "WithSpring"]
 
 
 class BandedCholesky:
@@ -74,6 +74,29 @@ class BandedCholesky:
             y = y - self._AB @ z
         x[self._band] = y
         return x
+
+
+class WithSpring:
+    """A factorised matrix K and a spring between one combination of the unknowns and a wall.
+
+    With r the combination times the root of the stiffness (Sherman and Morrison's formula),
+
+        (K + r r')^-1 b = x - K^-1 r (r'x)/(1 + r'K^-1 r),   x = K^-1 b .
+
+    Args:
+        factor: K, factorised, shape (n, n).
+        row: r, shape (n,), in the root of N/m.
+    """
+
+    def __init__(self, factor: BandedCholesky, row: np.ndarray) -> None:
+        self._factor, self._row, answer = factor, row, factor.solve(row)
+        self._answer = answer / (1 + row @ answer)
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return x with (K + r r') x = b, shape (n,) or (n, columns)."""
+        x = self._factor.solve(b)
+        pull = self._row @ x
+        return x - (self._answer * pull if b.ndim == 1 else np.outer(self._answer, pull))
 
 
 def _procedure() -> ctypes._CFuncPtr:

@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from pyfric.engines import ringdown
+from pyfric.engines import ringdown, simulate
 from pyfric.engines.fine import CORRECTED, modes
 from pyfric.engines.ringdown import Frozen
 from pyfric.scene import preset, setup1, setup2
@@ -116,3 +116,11 @@ def test_the_driver_of_a_large_lattice_needs_no_factorisation(monkeypatch):
     for one in (b, b[:, 0]):
         np.testing.assert_allclose(whole @ factor.solve(one), one, atol=1e-9)
         np.testing.assert_allclose(factor.solve(one), plain.solve(one), rtol=1e-9)
+
+
+def test_ring_downs_of_a_fine_lattice_take_few_steps():
+    """Up to its first main event; 7 000 steps with 12 modes and waits for admissible states."""
+    how = {"fidelity": "hybrid", "geometry": "linear", "budget": False, "threads": 1}
+    record = simulate(preset("fig1", l=1.25e-3), 0.25, progress=False, **how)
+    assert record.events["is_main"].sum() == 1
+    assert record.counts["steps"] < 2500

@@ -136,8 +136,13 @@ class _Statics:
         at: _Outside,
         open_: np.ndarray,
         start: np.ndarray | None = None,
+        *,
+        imagined: bool = False,
     ) -> Rest | None:
         """Return the static state, None if it has not exactly these open blocks.
+
+        It may be `imagined` in linear geometry: motions about it are followed while they keep the
+        contacts as they are, whether or not it would.
 
         In finite geometry residual forces up to `ENOUGH` F_N/N_x stay, and the search starts from
         coordinates `start`, or else from the last state.
@@ -145,7 +150,10 @@ class _Statics:
         if open_.all():  # nothing carries F_N
             return None
         if self.known.geometry == "linear":
-            rest = self.held(~open_).rest(u_x, *at)
+            held = self.held(~open_)
+            rest = held.rest(u_x, *at)
+            if not held.fits(rest):
+                return rest if imagined else None
         else:
             left = ENOUGH * self.known.scene.F_N / self.known.scene.N_x
             begin = self._last
@@ -421,7 +429,7 @@ class HybridRun(Run):
         key = state.y[0, 0, ~open_].tobytes() + open_.tobytes(), begin
         if self.quiet_now is None or self.quiet_key != key:
             self.quiet_key, self.quiet_now = key, None
-            rest = self.solver.rest(state.y[0, 0], self._outside(state.t), open_)
+            rest = self.solver.rest(state.y[0, 0], self._outside(state.t), open_, imagined=True)
             if rest is not None:
                 frozen, stiffer = self.solver.frozen(~open_), None
                 growth = frozen.growth

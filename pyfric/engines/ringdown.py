@@ -181,8 +181,8 @@ class Held:
 
     def rest(
         self, u_x: np.ndarray, drive: float, outside: tuple[float, float] | None = None
-    ) -> Rest | None:
-        """Return the static state in linear geometry, None if it has other open blocks.
+    ) -> Rest:
+        """Return the static state in linear geometry, whether or not its contacts are right.
 
         Args:
             u_x: of the bottom blocks, shape (N_x,), in m; not used where open.
@@ -204,8 +204,7 @@ class Held:
         f[held] = (self._rows @ q - load)[held]
         p = np.where(self.stuck, -self.k_f * q[N_x : 2 * N_x], 0.0)
         F_T = scene.driver_force(drive, self.solver.driven_row @ q, self.solver.u_drv0)
-        rest = Rest(q, f, -scene.d * f, p, q[N_x : 2 * N_x], F_T)
-        return rest if self._fits(rest) else None
+        return Rest(q, f, -scene.d * f, p, q[N_x : 2 * N_x], F_T)
 
     @property
     def factor(self) -> BandedCholesky | SuperLU | _Opened:
@@ -229,7 +228,7 @@ class Held:
         q[free] = self._factor.solve(-(self._rows @ q)[free])
         return q
 
-    def _fits(self, rest: Rest) -> bool:
+    def fits(self, rest: Rest) -> bool:
         """Whether no stuck block is pulled down, and no open one pressed up, but for rounding."""
         scene = self.solver.scene
         low = np.where(self.stuck, rest.p, self.k_f * rest.u_z)
@@ -248,7 +247,7 @@ class Held:
         p = np.where(self.stuck, -self.k_f * u_z, 0.0)
         d = self.solver.scene.d
         moved = Rest(None, f, -d * f, p, u_z, rest.F_T + by * self.force_rate)
-        return moved if self._fits(moved) else None
+        return moved if self.fits(moved) else None
 
     def _moved(self, u_x: np.ndarray, drive: float) -> np.ndarray | None:
         """Return q from the last state of a large lattice, if few blocks have moved since."""

@@ -11,6 +11,7 @@ Source: W. Ritz, J. reine angew. Math. 135, 1 (1909); for the number of modes H.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import TYPE_CHECKING
 
@@ -99,7 +100,7 @@ class Smooth:
         driven = self.row(scene.j_h)[0][scene.i_h]
         K += scene.driver.K * np.outer(driven, driven)
         if scene.rigid:
-            rod, heavy = self.rod(), scene.M_rod * np.array([1.0, 1.0, slider.L**2 / 12])
+            rod, heavy = self.rod, scene.M_rod * np.array([1.0, 1.0, slider.L**2 / 12])
             M += rod.T @ (heavy[:, None] * rod)
             K += scene.kappa * np.outer(rod[2], rod[2])
         return K, C, M
@@ -131,8 +132,9 @@ class Smooth:
             found.append(part)
         return tuple(found)
 
+    @functools.cached_property
     def rod(self) -> np.ndarray:
-        """Return X (m), Z (m) and phi (rad) of all shapes, shape (3, shapes)."""
+        """X (m), Z (m) and phi (rad) of all shapes, shape (3, shapes)."""
         (X, Z), x = self.row(self.scene.N_z - 1), self.scene.x
         phi = (Z[-1] - Z[0]) / (x[-1] - x[0])
         return np.array([X[0], Z[0] - x[0] * phi, phi])
@@ -147,7 +149,7 @@ class Smooth:
             u[:, c] = self._g[c] @ (table @ self._f.T)
         if not scene.rigid:
             return u.ravel()
-        return np.concatenate([u[:-1].ravel(), self.rod() @ shares])
+        return np.concatenate([u[:-1].ravel(), self.rod @ shares])
 
     def gather(self, q: np.ndarray) -> np.ndarray:
         """Return the products of the modes with a vector over coordinates: `spread`'s transpose."""
@@ -158,7 +160,7 @@ class Smooth:
             table = self._g[c][:rows].T @ (u[:, c] @ self._f)
             found[self._part(c)] = table[self._at[c][::-1]]
         if scene.rigid:
-            found += q[-3:] @ self.rod()
+            found += q[-3:] @ self.rod
         return found @ self._Y
 
     def at(self, index: np.ndarray) -> np.ndarray:
@@ -173,7 +175,7 @@ class Smooth:
             found[here, self._part(c)] = self._f[i[here]][:, k] * self._g[c][row[here] // 2][:, n]
         on_rod = index >= 2 * scene.N_x * rows
         if on_rod.any():
-            found[on_rod] = self.rod()[index[on_rod] - 2 * scene.N_x * rows]
+            found[on_rod] = self.rod[index[on_rod] - 2 * scene.N_x * rows]
         return found @ self._Y
 
 

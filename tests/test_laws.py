@@ -74,6 +74,23 @@ def test_a_block_slips_as_solve_ivp_sees_it(name):
     np.testing.assert_allclose(state.parts[:, 0], [above, viscous], rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", LAWS)
+def test_a_block_beside_stuck_ones_slips_like_one_of_many(name):
+    """Bonds are next to nothing: 2e-12 N over the whole slip."""
+    many = with_law(rigid(0.3 * SLOPE), **LAWS[name])
+    many = dataclasses.replace(many, slider=dataclasses.replace(many.slider, k=1e-6, eta=0.0))
+    tau = P * MU_S * np.array([0.9, 0.9, 1.0])
+    alone = dataclasses.replace(many, top=dataclasses.replace(many.top, tau=tau))
+    v, u = 1.2 * D_C * math.sqrt(SLOPE / many.m), []
+    for scene, slips in ((many, [1, 1, 1]), (alone, [0, 0, 1])):
+        state = sliding(scene, 3 * D_C / v / 16, v)
+        state.mode[:] = slips
+        state.y[0, 2] *= slips
+        located(scene, state, 16)
+        u.append(state.y[0, 0, 2])
+    assert u[1] == pytest.approx(u[0], rel=1e-11)
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_linear_weakening_is_the_closed_form(name):
     scene = rigid(CASES[name])

@@ -146,6 +146,6 @@ def test_tests_that_somebody_killed_say_nothing_about_a_mutant(tmp_path, monkeyp
             self.python = lambda *words, **more: code
 
     with pytest.raises(mutate.Killed):
-        mutate.noticed(Ends(-signal.SIGKILL), [])
-    assert mutate.noticed(Ends(-signal.SIGXCPU), []) == "start (does not end)"
-    assert mutate.noticed(Ends(0), []) == ""
+        mutate.noticed(Ends(-signal.SIGKILL), ["tests"])
+    assert mutate.noticed(Ends(-signal.SIGXCPU), ["tests"]) == "start (does not end)"
+    assert mutate.noticed(Ends(0), ["tests"]) == ""

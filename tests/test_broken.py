@@ -14,7 +14,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import pyfric
@@ -113,6 +113,7 @@ def small(name, changes):
     st.sampled_from(CHOICES["fidelity"]),
     st.sampled_from(["linear", "finite", None]),
 )
+@example("setup2", {"F_N": 1.0, "V": 1.0, "d_c": 1.0}, "auto", "linear")  # blocks lift off at once
 def test_scenes(name, changes, fidelity, geometry):
     """A scene is refused, or else a few steps of it are made or refused.
 

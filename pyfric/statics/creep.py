@@ -342,7 +342,8 @@ class Creep:
             if change.block >= 0 and n % 4 < 3:
                 row = WHAT.index(change.what)
                 here, there = (one.margins[row, change.block] for one in (low, at))
-                middle = low.drive + max(here, 0.0) / (here - there) * (high - low.drive)
+                if here > there:  # else it does not hold at the start either
+                    middle = low.drive + max(here, 0.0) / (here - there) * (high - low.drive)
             middle = min(max(middle, low.drive + close), max(high - close, low.drive + close / 2))
             found = self.at(middle, low)
             wrong = self.wrong(found, fastest)

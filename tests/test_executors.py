@@ -132,6 +132,15 @@ def test_the_reservation_of_somebody_gone_is_void(tmp_path, made, gone):
     assert [path.name for path in tmp_path.iterdir()] == [f"{job.key}.nc"]
 
 
+@pytest.mark.parametrize(("age", "ours"), [(0.0, False), (2 * reservation.EXPIRY, True)])
+def test_a_reservation_without_a_name_yet_counts_until_it_expires(tmp_path, age, ours):
+    path = another_machine(tmp_path, "a", age)
+    path.write_text("")
+    os.utime(path, (time.time() - age,) * 2)
+    with reservation.reserved(tmp_path, "a") as found:
+        assert found == ours
+
+
 def test_a_full_disk_keeps_no_empty_reservation(tmp_path, monkeypatch):
     def full():
         raise OSError(errno.ENOSPC, "No space left on device")

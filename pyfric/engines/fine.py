@@ -23,7 +23,7 @@ import numpy as np
 from pyfric.engines.smooth import Smooth
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     import scipy.sparse as sp
 
@@ -54,7 +54,7 @@ class Space:
 
     Args:
         base: smooth shapes, or another space.
-        shapes: more shapes, coordinates q of each, shape (n_q, n).
+        parts: more shapes, coordinates q of each, shapes (n_q, n); they are not copied.
         M, C, K: mass, shape (n_q,), damping and stiffness, both of shape (n_q, n_q).
         lower: stiffness that was in the matrices of `base` and is not in K: coordinates, and N/m.
     """
@@ -62,13 +62,13 @@ class Space:
     def __init__(
         self,
         base: Smooth | Space,
-        shapes: np.ndarray,
+        parts: Sequence[np.ndarray],
         M: np.ndarray,
         C: sp.csr_array,
         K: sp.csr_array,
         lower: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> None:
-        self.base, self.shapes, self._n = base, shapes, len(base.M)
+        self.base, self._parts, self._n = base, parts, len(base.M)
         less = 0.0
         if lower is not None:
             at = base.at(lower[0])
@@ -80,31 +80,36 @@ class Space:
     def _between(self, whole: np.ndarray | sp.csr_array, known: np.ndarray) -> np.ndarray:
         """Return a matrix between all shapes, known between those of the base."""
         n = self._n
-        A = np.zeros((n + self.shapes.shape[1],) * 2)
+        shapes = [shape for part in self._parts for shape in part.T]
+        A = np.zeros((n + len(shapes),) * 2)
         A[:n, :n] = known
-        for k, shape in enumerate(self.shapes.T, n):
-            A[:, k] = self.gather(whole * shape if whole.ndim == 1 else whole @ shape)
+        for k, shape in enumerate(shapes, n):
+            A[:, k] = self.gather(whole * shape if isinstance(whole, np.ndarray) else whole @ shape)
         A[n:, :n] = A[:n, n:].T
         return (A + A.T) / 2
 
     def gather(self, q: np.ndarray) -> np.ndarray:
         """Return the products of all shapes with a vector over coordinates."""
-        return np.concatenate([self.base.gather(q), q @ self.shapes])
+        return np.concatenate([self.base.gather(q), *(q @ part for part in self._parts)])
 
     def spread(self, y: np.ndarray) -> np.ndarray:
         """Return the coordinates of amplitudes of the shapes."""
-        return self.base.spread(y[: self._n]) + self.shapes @ y[self._n :]
+        q, n = self.base.spread(y[: self._n]), self._n
+        for part in self._parts:
+            q += part @ y[n : n + part.shape[1]]
+            n += part.shape[1]
+        return q
 
     def slow(self) -> np.ndarray:
         """Return the corrected modes and their corrections, and all other shapes, (n_q, n)."""
         if isinstance(self.base, Space):
-            return np.hstack([self.base.slow(), self.shapes])
+            return np.hstack([self.base.slow(), *self._parts])
         modes = [self.base.spread(one) for one in self.base.M[:CORRECTED]]
-        return np.column_stack([*modes, self.shapes])
+        return np.column_stack([*modes, *self._parts])
 
     def at(self, index: np.ndarray) -> np.ndarray:
         """Return some coordinates of all shapes."""
-        return np.hstack([self.base.at(index), self.shapes[index]])
+        return np.hstack([self.base.at(index), *(part[index] for part in self._parts)])
 
 
 def closed_space(
@@ -129,7 +134,7 @@ def closed_space(
             found.append(solve(C @ mode))
     shapes = np.column_stack(found)
     shapes /= np.sqrt(M @ shapes**2)
-    return Space(smooth, shapes, M, C, K)
+    return Space(smooth, [shapes], M, C, K)
 
 
 class FineModes:

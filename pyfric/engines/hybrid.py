@@ -98,6 +98,7 @@ class _Statics:
             while len(self._frozen) >= self._room():
                 del self._frozen[next(k for k in self._frozen if 0 in k)]
             self._frozen[key] = Frozen(self.known, stuck, self.dt, self._closed(stuck))
+            self._held.pop(key, None)
         return self._frozen[key]
 
     def held(self, stuck: np.ndarray) -> Held:

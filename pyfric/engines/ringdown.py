@@ -61,7 +61,7 @@ RENEWED = 6
 """Modes that follow K where it changes, the slowest ones: others do not last until a jump ends."""
 TINY = 1e-11
 """Tension below this many F_N/N_x is rounding."""
-FEW, MOST_COLUMNS, MOST_OPENINGS = 6, 40, 16
+FEW, MOST_COLUMNS, MOST_OPENINGS = 6, 40, 8
 """On lattices of more than `LARGE` unknowns a state follows from the last one where few blocks
 moved since; the responses to single blocks are kept, and the shapes of blocks that opened."""
 MAX_ITER = 20
@@ -173,7 +173,10 @@ class Held:
         self.solver, self._factor, self._rows = solver, factor, K
         self.free, self.n_q, self.push = free, K.shape[0], solver.push
         self.drift = np.zeros(self.n_q)
-        self.drift[free] = factor.solve(self.push[free])
+        if closed is None:
+            self.drift[free] = factor.solve(self.push[free])
+        else:
+            self.drift[free] = factor.corrected(closed.drift[closed.free], self.push[free])
         held = np.flatnonzero(stuck)
         self._drift_force = (K @ self.drift - self.push)[held]
         # F_T = K (drive - d u_h)
@@ -212,7 +215,7 @@ class Held:
         return self._factor
 
     @property
-    def stiffness(self) -> sp.csr_array:
+    def stiffness(self) -> sp.csr_array | _Lowered:
         """The stiffness of all coordinates, shape (n_q, n_q), in N/m."""
         return self._rows
 
@@ -263,7 +266,7 @@ class Held:
             if i not in self._columns:
                 while len(self._columns) >= MOST_COLUMNS:
                     del self._columns[next(iter(self._columns))]
-                side = self._rows[self.free][:, [i]].toarray()[:, 0]
+                side = self._rows[[i]].toarray()[0, self.free]
                 self._columns[i] = -self._factor.solve(side)
             q[self.free] += (u_x[i] - before[i]) * self._columns[i]
             q[i] = u_x[i]
@@ -304,14 +307,15 @@ class Frozen(Held):
         scene, factor, free, push = solver.scene, self._factor, self.free, self.push
         N_x, k_f, law, V = scene.N_x, scene.k_f, scene.law, scene.driver.V
         self.law, self.dt = law, dt
-        loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
-        self._bonds = solver.bond_tangents(loaded if at is None else at)
+        if solver.geometry == "finite":
+            loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
+            self._bonds = solver.bond_tangents(loaded if at is None else at)
         self._squares: np.ndarray | None = None
         K, C = self._rows, (closed or near)._all_C if closed or near else damping(scene)
         self._all_C, self._all_M = C, mass(scene)
-        self.K, self.C, self.M = K[free][:, free], C[free][:, free], self._all_M[free]
+        self.M = self._all_M[free]
         self.lag = np.zeros(self.n_q)
-        self.lag[free] = factor.solve(-(self.C @ (V * self.drift[free])))
+        self.lag[free] = factor.solve(-(C @ (V * self.drift))[free])
         self._fine: FineModes | None = None
         self._openings: dict[int, np.ndarray] = {}
         if solver.geometry == "linear" and len(free) > LARGE and scene.N_z > 1:
@@ -438,12 +442,13 @@ class Frozen(Held):
 
     def _find_dense(self, near: Frozen | None, factor: BandedCholesky | SuperLU) -> None:
         """Find exact modes of the lattice, or those near the modes of another tangent."""
-        scene = self.solver.scene
+        scene, free = self.solver.scene, self.free
+        self.K, self.C = self._rows[free][:, free], self._all_C[free][:, free]
         if near is not None:
             self._keep_modes(*self._renewed_modes(near, factor))
         else:
             # Stuck blocks of a chain can only move vertically, which nothing makes them do.
-            most = N_VALUES if len(self.free) <= LARGE else N_VALUES_LARGE
+            most = N_VALUES if len(free) <= LARGE else N_VALUES_LARGE
             self._keep_modes(*self._find_modes(factor, most if scene.N_z > 1 else 0))
         cut = np.max(np.abs(self.rates), initial=0.0)
         self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), cut)
@@ -455,7 +460,7 @@ class Frozen(Held):
             self._space = closed_space(scene, self._answer, *matrices)
         else:
             opened = np.flatnonzero(~self.stuck)
-            shapes = np.hstack([closed._opening(i) for i in opened])
+            shapes = [closed._opening(i) for i in opened]
             lower = opened + scene.N_x, np.broadcast_to(self.k_f, scene.N_x)[opened]
             self._space = Space(closed._space, shapes, *matrices, lower)
         self._fine = fine = FineModes(self._space)
@@ -608,19 +613,19 @@ class Frozen(Held):
 
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and remainder."""
-        motion = self._fine_motion if self._fine else self._dense_motion
-        a, w, v = motion(w, v)
+        if self._fine:
+            return self._fine_split(w, v)
+        a, w, v = self._dense_motion(w, v)
         energy = 0.5 * float(v @ (self.M * v) + w @ (self.K @ w))
         return Motion(a, max(energy, 0.0))
 
-    def _fine_motion(
-        self, w: np.ndarray, v: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the amplitudes of modes, and what they leave of w and v on free coordinates."""
-        force, momentum, free = np.zeros(self.n_q), np.zeros(self.n_q), self.free
-        force[free], momentum[free] = self.K @ w[free], self.M * v[free]
+    def _fine_split(self, w: np.ndarray, v: np.ndarray) -> Motion:
+        force, momentum = self._rows @ w, self._all_M * v
+        force[: len(self.stuck)][self.stuck] = 0.0  # held
         a = self._fine.amplitudes(force, momentum)
-        return a, (w - self._sum(a))[free], (v - self._sum(a * self.rates))[free]
+        w, v = w - self._sum(a), v - self._sum(a * self.rates)
+        energy = 0.5 * float(v @ (self._all_M * v) + w @ (self._rows @ w))
+        return Motion(a, max(energy, 0.0))
 
     def _dense_motion(
         self, w: np.ndarray, v: np.ndarray
@@ -703,7 +708,7 @@ class _Opened:
         rows = closed._rows
         lift = np.zeros(rows.shape[0])
         lift[opened + N_x] = -of(k_f, opened)
-        self.K = (rows + sp.diags_array(lift)).tocsr()
+        self.K = _Lowered(rows, lift)
         self.free = np.concatenate([opened, closed.free])
         self._solve, self._m, self._k_f = closed._factor.solve, len(opened), of(k_f, opened)
         self._z = np.searchsorted(closed.free, opened + N_x)
@@ -714,7 +719,7 @@ class _Opened:
             for column, key in ((k, i + N_x), (m + k, i)):
                 if key not in closed._columns:
                     if key == i:
-                        side = -rows[closed.free][:, [i]].toarray()[:, 0]
+                        side = -rows[[i]].toarray()[0, closed.free]
                     else:
                         side = of(k_f, i) * (closed.free == key)
                     closed._columns[key] = self._solve(side)
@@ -733,11 +738,30 @@ class _Opened:
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return the displacements under forces on the free coordinates."""
+        return self.corrected(self._solve(b[self._m :]), b)
+
+    def corrected(self, y: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Return the same from the displacements y with all blocks stuck."""
         m = self._m
-        y = self._solve(b[m:])
         side = np.concatenate([y[self._z], b[:m] - self._K_xy @ y])
         theta = np.linalg.solve(self._small, side)
         return np.concatenate([theta[m:], y + self.shapes @ theta])
+
+
+class _Lowered:
+    """A sparse matrix plus a diagonal, which is not added: on large lattices that takes memory."""
+
+    def __init__(self, rows: sp.csr_array, diagonal: np.ndarray) -> None:
+        self.shape, self._rows, self._diagonal = rows.shape, rows, diagonal
+
+    def __matmul__(self, q: np.ndarray) -> np.ndarray:
+        return self._rows @ q + (self._diagonal * q.T).T
+
+    def __getitem__(self, rows: np.ndarray | slice) -> sp.csr_array:
+        return self._rows[rows] + sp.diags_array(self._diagonal).tocsr()[rows]
+
+    def diagonal(self) -> np.ndarray:
+        return self._rows.diagonal() + self._diagonal
 
 
 def _times(factor: float | np.ndarray, rows: sp.csr_array) -> sp.csr_array:

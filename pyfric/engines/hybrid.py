@@ -252,6 +252,8 @@ class HybridRun(Run):
         self.quiet_now: _Quiet | None = None
         self.slid = False
         self._creepings: dict[float, Creeping] = {}
+        fastest = self.scene.driver.fastest
+        self.creeps = Creeping.possible(self.scene, self.method.geometry, fastest)
 
     def _slips(self) -> np.ndarray:
         return np.abs(self.state.mode) == 1
@@ -264,6 +266,8 @@ class HybridRun(Run):
     def creeping(self) -> Creeping | None:
         """Jumps over stable slip, None where stable slip is not followed."""
         scene, known, t = self.scene, self.solver.known, just_after(self.state)
+        if not self.creeps:
+            return None
         V, *loads = (scene.piece(what, t) for what in ("V", "F_N", "T"))
         first = scene.load_at(0.0)
         steady = V.slope == 0 and all(one.slope == 0 for one in loads)

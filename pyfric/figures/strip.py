@@ -19,7 +19,9 @@ import pandas as pd
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.lines import Line2D
 
 from pyfric import core
 from pyfric.figures.again import LEAD, Again, check_event
@@ -214,10 +216,15 @@ class _Film:
 
     def __init__(self, fig: DataFigure, moving: Sequence[Artist]) -> None:
         self._fig, self._moving = fig, moving
+        lines = [one for one in moving if isinstance(one, Line2D)]
         for one in moving:
             one.set_animated(True)
+        for one in lines:  # an axis draws its ticks, animated or not
+            one.set_visible(False)
         fig.canvas.draw()
         self._still = fig.canvas.copy_from_bbox(fig.bbox)
+        for one in lines:
+            one.set_visible(True)
 
     def get_size_inches(self) -> np.ndarray:
         """Return width and height, which a GIF's writer asks for."""
@@ -332,8 +339,12 @@ class _Panels:
 
     def moving(self) -> list[Artist]:
         """Return what `show` changes and what lies on the velocity field, from back to front."""
-        above = [one for one in self.top.get_children() if one is not self.top.patch]
-        above.sort(key=Artist.get_zorder)
+        above = []
+        for one in sorted(self.top.get_children(), key=Artist.get_zorder):
+            if isinstance(one, Axis):  # its labels lie beside the field, and take long to draw
+                above += _ticks(one)
+            elif one is not self.top.patch:
+                above.append(one)
         return [*above, self.line, self.slip, self.open]
 
     def show(self, frame: Frame, t_start: float) -> None:
@@ -346,6 +357,15 @@ class _Panels:
         self.open.set_ydata(np.where(frame.mode == 2, 0.0, np.nan))
         text = rf"{(frame.t - t_start) * 1e6:.1f} $\mu$s, slipping: {slips.sum()}"
         self.title.set_text(text)
+
+
+def _ticks(axis: Axis) -> list[Artist]:
+    """Return the strokes of the ticks that are seen."""
+    low, high = sorted(axis.get_view_interval())
+    ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+    seen = [one for one in ticks if low <= one.get_loc() <= high]
+    lines = (line for one in seen for line in (one.tick1line, one.tick2line))
+    return [line for line in lines if line.get_visible()]
 
 
 def _largest(frames: Sequence[Frame]) -> float:

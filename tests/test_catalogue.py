@@ -9,7 +9,7 @@ import pytest
 from pyfric.record import build_catalogue, front_speed
 from pyfric.record.catalogue import EVENT_COLUMNS
 from pyfric.record.episodes import LogError, build_episodes
-from pyfric.record.rupture import default_link_time, rupture_front
+from pyfric.record.rupture import count_not_increasing, default_link_time, rupture_front
 from pyfric.scene import setup1
 from pyfric.scene.friction import Law
 from pyfric.statics import EquilibriumError
@@ -357,6 +357,13 @@ def test_front_holds_the_first_slip_not_a_later_one():
     v_c = front_speed(catalogue.rupture_times[0], 2.5e-3)
     np.testing.assert_allclose(v_c[2:-2], 250.0)
     assert np.isnan(v_c[[0, 1, -2, -1]]).all()
+
+
+@pytest.mark.parametrize("N_x", [2, 4, 5, 6])
+def test_fronts_of_few_blocks_have_speeds_from_five_on(N_x):
+    t = np.array([np.arange(N_x), np.zeros(N_x)], dtype=float)
+    assert np.isfinite(front_speed(t, 1.0)).sum(axis=1).tolist() == [max(N_x - 4, 0), 0]
+    assert count_not_increasing(t, 1).tolist() == [0, max(N_x - 4, 0)]
 
 
 def test_merged_event_gives_the_longer_front_and_no_slow_speed():

@@ -32,14 +32,14 @@ def test_sums_over_columns_and_rows_are_those_of_the_lattice(scene):
     smooth = Smooth(scene, 12)
     stuck = np.ones(scene.N_x, dtype=bool)
     K, _, free = StaticSolver(scene).tangent(stuck)
-    y = np.random.default_rng(0).standard_normal(len(smooth.omega))
+    y = np.random.default_rng(0).standard_normal(len(smooth.M))
     q = smooth.spread(y)
     assert (q[np.setdiff1d(np.arange(len(q)), free)] == 0).all()
     for whole, part in ((K, smooth.K), (damping(scene), smooth.C)):
-        np.testing.assert_allclose(smooth.gather(whole @ q), part @ y, atol=1e-11 * part.max())
-    np.testing.assert_allclose(smooth.gather(mass(scene) * q), smooth.M @ y, atol=1e-12)
+        np.testing.assert_allclose(smooth.gather(whole @ q), part @ y, atol=1e-10 * part.max())
+    np.testing.assert_allclose(smooth.gather(mass(scene) * q), smooth.M @ y, atol=1e-11)
     index = np.array([0, 3, scene.N_x + 2, len(q) - 3, len(q) - 2, len(q) - 1])
-    np.testing.assert_allclose(smooth.at(index) @ y, q[index], atol=1e-13 * np.abs(q).max())
+    np.testing.assert_allclose(smooth.at(index) @ y, q[index], atol=1e-12 * np.abs(q).max())
 
 
 @pytest.mark.parametrize("name", ["rod", "foundation", "free"])

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FineModes", "Space", "closed_space", "modes"]
 
-BLOCKS, FEWEST, MOST = 200, 48, 300
+BLOCKS, FEWEST, MOST = 250, 48, 240
 """One smooth mode for this many blocks, but not fewer or more than these: on ever finer lattices
 of one slider a ring-down then takes the same number of steps."""
 CORRECTED = 12
@@ -104,7 +104,8 @@ class Space:
         """Return the corrected modes and their corrections, and all other shapes, (n_q, n)."""
         if isinstance(self.base, Space):
             return np.hstack([self.base.slow(), *self._parts])
-        modes = [self.base.spread(one) for one in self.base.M[:CORRECTED]]
+        one = np.eye(CORRECTED, len(self.base.M))
+        modes = [self.base.spread(y) for y in one]
         return np.column_stack([*modes, *self._parts])
 
     def at(self, index: np.ndarray) -> np.ndarray:
@@ -128,7 +129,7 @@ def closed_space(
     """
     smooth, found = Smooth(scene, modes(scene)), []
     for k, omega in enumerate(smooth.omega[:CORRECTED]):
-        mode = smooth.spread(smooth.M[k])
+        mode = smooth.spread(np.eye(1, len(smooth.M), k)[0])
         found.append(omega**2 * solve(M * mode) - mode)
         if scene.eta > 0:
             found.append(solve(C @ mode))

@@ -16,7 +16,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigh
+from scipy.linalg import eigh, solve
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
@@ -27,6 +27,9 @@ _BONDS = ((1, 0, 1.0), (0, 1, 1.0), (1, 1, 0.5), (1, -1, 0.5))
 """Bonds from a block to others by (columns, rows), and their stiffness in units of k."""
 DENSE, MORE = 0.58, 8
 """Polynomials along a side: this many for each radian of the fastest shear wave, and more."""
+
+VISCOUS = 0.5
+"""Share of the modes, the slowest, to which K^-1 C phi is added."""
 
 
 def slowest(scene: Scene, modes: float) -> float:
@@ -48,7 +51,8 @@ class Smooth:
 
     Attributes:
         omega: frequencies of the modes, ascending, shape (n,), in rad/s.
-        M, C, K: mass, damping and stiffness between modes of unit mass, shape (n, n).
+        M, C, K: mass, damping and stiffness between the shapes that are kept, the modes of unit
+            mass first, shape (m, m).
     """
 
     def __init__(self, scene: Scene, count: int) -> None:
@@ -69,10 +73,14 @@ class Smooth:
         self._n_x = len(self._at[0][0])
         self._size = self._n_x + len(self._at[1][0])
         K, C, M = self._matrices()
-        some = {"subset_by_index": (0, min(count, self._size) - 1), "overwrite_a": True}
-        squares, self._Y = eigh(K, M, overwrite_b=True, **some)
+        some = {"subset_by_index": (0, min(count, self._size) - 1)}
+        squares, modes = eigh(K, M, **some)
         self.omega = np.sqrt(squares)
-        self.M, self.C, self.K = np.eye(len(squares)), self._Y.T @ C @ self._Y, np.diag(squares)
+        # The damping of modes makes shapes that are not among them.
+        more = solve(K, C @ modes[:, : int(VISCOUS * len(squares))], assume_a="pos")
+        more /= np.sqrt(np.sum(more * (M @ more), axis=0))
+        self._Y = np.hstack([modes, more]) if scene.eta > 0 else modes
+        self.M, self.C, self.K = (self._Y.T @ A @ self._Y for A in (M, C, K))
 
     def _part(self, c: int) -> slice:
         """The shapes along x (c = 0) or z (c = 1)."""

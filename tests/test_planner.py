@@ -460,7 +460,7 @@ def test_a_plan_is_checked_against_its_record():
 
 # --- size ----------------------------------------------------------------------------------------
 
-MEASURED = {2.5e-3: 0.17, 1.25e-3: 0.56, 0.625e-3: 3.2, 0.5e-3: 5.7}
+MEASURED = {2.5e-3: 0.17, 1.25e-3: 0.49, 0.625e-3: 1.9, 0.5e-3: 4.0}
 """l (m) -> processor time of a hybrid run in linear geometry that has no event yet, s, measured at
 `pace() == 1`."""
 

@@ -56,7 +56,7 @@ block of its front; and steps more to locate its switches. Measured on the paper
 half their l: within a factor of 2. Six other scenes (setups 1 and 2 with other L, H, l, eta, K, F_N
 and mu; 17 to 54 % of their steps are ring-down), up to the eighth main event, in both geometries:
 plans count 0.94 to 1.75 times what runs take, 0.91 to 1.56 with the run's own number of events."""
-FINE_RING = 0.4
+FINE_RING = 0.22
 """The same number of decay times on lattices of more than `LARGE` unknowns in linear geometry,
 where there are more modes. Measured on the Fig. 1 scene at l = 1.25 and 0.625 mm: within a factor
 of 1.3."""

@@ -402,6 +402,15 @@ def motions(draw):
 
 @settings(max_examples=150)
 @given(motions())
+@example(
+    (
+        np.full(2, 0.1),
+        np.array([0.0, -2e-313]),
+        np.zeros((2, 0), complex),
+        np.zeros(0, complex),
+        0.05,
+    )
+)
 def test_first_crossing_is_that_of_a_fine_scan(motion):
     *margins, s_end = motion
     check_first_crossing(*margins, s_end, ds=1e-3)

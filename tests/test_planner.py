@@ -376,6 +376,10 @@ def test_coarser_keeps_the_slider(scene):
     assert coarser(less) is less
 
 
+def test_coarser_takes_the_least_whole_factor_that_will_do():
+    assert coarser(setup1(l=1.25e-3)).slider.l == 2.5e-3
+
+
 def test_coarser_where_no_blocks_fit():
     scene = setup2(L=0.1009, H=0.0199, l=1e-4, h=7e-4)  # 1009 and 199 are primes
     less = coarser(scene)

@@ -18,7 +18,13 @@ from pyfric.core import OPEN
 from pyfric.engines import hybrid, ringdown
 from pyfric.record import Record
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
-from pyfric.statics import EquilibriumError, equilibrium, loaded_state, solve_static
+from pyfric.statics import (
+    EquilibriumError,
+    StaticSolver,
+    equilibrium,
+    loaded_state,
+    solve_static,
+)
 
 
 def rod(**changes):
@@ -136,6 +142,27 @@ def test_the_way_of_large_lattices_is_full_dynamics(name, monkeypatch):
     assert opened or not (b.switches["new"] == OPEN).any()
     if name == "free, light edge":
         assert opened
+
+
+@pytest.mark.parametrize("scene", [rod(h=0.0125), free()], ids=["rod", "free"])
+def test_free_blocks_that_touch_need_no_factorisation_of_a_large_lattice(scene, monkeypatch):
+    """Blocks that are open in motion and touch at rest: against the whole solve."""
+    for module in (equilibrium, hybrid, ringdown):
+        monkeypatch.setattr(module, "LARGE", 10)
+    known = StaticSolver(scene, "linear")
+    u_x, drive = np.zeros(scene.N_x), 0.6 * scene.F_N / scene.driver.K
+    masks = [(scene.n_of_i == 1) | (scene.n_of_i == n) for n in (3, 5)]
+    expected = [known.solve(u_x, drive, free=free) for free in masks]
+    monkeypatch.setattr(known, "solve", None)
+    statics = hybrid._Statics(known, 1e-7)
+    for free, one in zip(masks, expected, strict=True):
+        found = statics.solve(u_x, drive, free=free)
+        assert (one.open != free).any()
+        for name in ("f", "tau", "p"):
+            there = getattr(one, name)
+            atol = 1e-10 * scene.F_N / scene.N_x
+            np.testing.assert_allclose(getattr(found, name), there, rtol=0, atol=atol)
+        assert found.F_T == pytest.approx(one.F_T, abs=1e-11 * scene.F_N)
 
 
 @pytest.mark.parametrize(

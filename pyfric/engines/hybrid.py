@@ -64,6 +64,8 @@ FAR = 0.02
 STRAINED_ERROR = 1e-4
 """Start and arrest forces at strains of 0.1 to 0.2 in finite geometry, against full dynamics, over
 F_N: measured 4e-5 at 0.13 and 9e-5 at 0.19."""
+EXCHANGES = 20
+"""Most changes of the blocks that touch; few are needed."""
 KEPT = 8
 """Contact states whose modes are kept."""
 
@@ -207,8 +209,23 @@ class _Statics:
         if key in self._moved:
             return self._moved[key]
         if here not in states and self.rest(u_x, here, free) is None:
-            states[here] = self.known.solve(u_x, here.drive, free=free, load=load)
+            state = self._settled(u_x, here, free)
+            states[here] = state or self.known.solve(u_x, here.drive, free=free, load=load)
         return states[here]
+
+    def _settled(self, u_x: np.ndarray, at: _Outside, free: np.ndarray) -> Rest | None:
+        """Return a state of a large lattice in which free blocks touch, None if others lift off."""
+        closed, carries = self._closed(~free), ~free
+        for _ in range(EXCHANGES if closed else 0):
+            held = Held(self.known, ~free, closed, carries=carries)
+            rest = held.rest(u_x, *at)
+            wrong = held.wrong(rest)
+            if not wrong.any():
+                return rest._replace(q=None)
+            if (wrong & ~free).any():
+                return None
+            carries = carries ^ wrong
+        return None
 
     def _states(self, u_x: np.ndarray, open_: np.ndarray) -> dict[_Outside, Rest | Equilibrium]:
         """Return the static states found with this interface, by what is outside."""

@@ -44,7 +44,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 from pyfric.engines.fine import FineModes, Space, closed_space, modes
 from pyfric.engines.smooth import slowest
 from pyfric.scene import of
-from pyfric.statics import LARGE, damping, mass
+from pyfric.statics import LARGE, damping, mass, one_thread
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
@@ -149,6 +149,8 @@ class Held:
         closed: the same slider with all blocks stuck. With it, blocks are opened by corrections of
             low rank, without a factorisation: the way for large lattices.
         at: state whose tangent is taken, shape (n_q,); None means the loaded one.
+        carries: blocks on the foundation, stuck or not, shape (N_x,), bool; None means those that
+            stick. Without `closed`, None.
 
     Attributes:
         drift: dq/d(drive) of the static state, shape (n_q,).
@@ -161,14 +163,16 @@ class Held:
         stuck: np.ndarray,
         closed: Held | None = None,
         at: np.ndarray | None = None,
+        carries: np.ndarray | None = None,
     ) -> None:
         self.stuck, self.k_f = stuck, solver.scene.k_f
+        self.carries = stuck if carries is None else carries
         self._columns: dict[int, np.ndarray] = {}
         self._last: tuple[np.ndarray, float, np.ndarray] | None = None
         if closed is None:
             K, factor, free = solver.tangent(stuck, at)
         else:
-            factor = _Opened(closed, np.flatnonzero(~stuck))
+            factor = _Opened(closed, np.flatnonzero(~stuck), np.flatnonzero(~self.carries))
             K, free = factor.K, factor.free
         self.solver, self._factor, self._rows = solver, factor, K
         self.free, self.n_q, self.push = free, K.shape[0], solver.push
@@ -205,7 +209,7 @@ class Held:
             self._last = u_x.copy(), drive, q
         f = np.zeros(N_x)
         f[held] = (self._rows @ q - load)[held]
-        p = np.where(self.stuck, -self.k_f * q[N_x : 2 * N_x], 0.0)
+        p = np.where(self.carries, -self.k_f * q[N_x : 2 * N_x], 0.0)
         F_T = scene.driver_force(drive, self.solver.driven_row @ q, self.solver.u_drv0)
         return Rest(q, f, -scene.d * f, p, q[N_x : 2 * N_x], F_T)
 
@@ -232,10 +236,14 @@ class Held:
         return q
 
     def fits(self, rest: Rest) -> bool:
-        """Whether no stuck block is pulled down, and no open one pressed up, but for rounding."""
+        """Whether no block is pulled down by the foundation or in it, but for rounding."""
+        return not self.wrong(rest).any()
+
+    def wrong(self, rest: Rest) -> np.ndarray:
+        """Return the blocks for which that does not hold, shape (N_x,), bool."""
         scene = self.solver.scene
-        low = np.where(self.stuck, rest.p, self.k_f * rest.u_z)
-        return bool((low >= -TINY * scene.F_N / scene.N_x).all())
+        low = np.where(self.carries, rest.p, self.k_f * rest.u_z)
+        return low < -TINY * scene.F_N / scene.N_x
 
     def driven(self, rest: Rest, drive: float, drive_now: float) -> Rest | None:
         """Return a static state, without q, after the driver has moved on, to first order.
@@ -247,7 +255,7 @@ class Held:
         f = rest.f.copy()
         f[held] += by * self._drift_force
         u_z = rest.u_z + by * self.drift[N_x : 2 * N_x]
-        p = np.where(self.stuck, -self.k_f * u_z, 0.0)
+        p = np.where(self.carries, -self.k_f * u_z, 0.0)
         d = self.solver.scene.d
         moved = Rest(None, f, -d * f, p, u_z, rest.F_T + by * self.force_rate)
         return moved if self.fits(moved) else None
@@ -614,7 +622,8 @@ class Frozen(Held):
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and remainder."""
         if self._fine:
-            return self._fine_split(w, v)
+            with one_thread():
+                return self._fine_split(w, v)
         a, w, v = self._dense_motion(w, v)
         energy = 0.5 * float(v @ (self.M * v) + w @ (self.K @ w))
         return Motion(a, max(energy, 0.0))
@@ -697,55 +706,54 @@ class Frozen(Held):
 class _Opened:
     """Solves with some blocks opened, from the factorisation with all of them stuck.
 
-    Opening block i removes k_f from u_z and frees u_x. With y the coordinates that are free in both
-    cases, x the freed u_x and zeta the u_z of the opened blocks,
+    Freeing block i frees u_x, lifting it removes k_f from u_z; a block that opens is freed and
+    lifted. With y the coordinates that are free in both cases, x the freed u_x and zeta the u_z of
+    the lifted blocks,
 
         y = K^-1 (b + k_f E_z zeta - K_yx x),   zeta = E_z.y,   c = K_xy y + K_xx x .
     """
 
-    def __init__(self, closed: Held, opened: np.ndarray) -> None:
+    def __init__(self, closed: Held, freed: np.ndarray, lifted: np.ndarray) -> None:
         N_x, k_f = len(closed.stuck), closed.k_f
         rows = closed._rows
         lift = np.zeros(rows.shape[0])
-        lift[opened + N_x] = -of(k_f, opened)
+        lift[lifted + N_x] = -of(k_f, lifted)
         self.K = _Lowered(rows, lift)
-        self.free = np.concatenate([opened, closed.free])
-        self._solve, self._m, self._k_f = closed._factor.solve, len(opened), of(k_f, opened)
-        self._z = np.searchsorted(closed.free, opened + N_x)
-        self._K_xy, K_xx = rows[opened][:, closed.free], rows[opened][:, opened].toarray()
-        m = len(opened)
-        self.shapes = np.empty((len(closed.free), 2 * m))
-        for k, i in enumerate(opened):
-            for column, key in ((k, i + N_x), (m + k, i)):
-                if key not in closed._columns:
-                    if key == i:
-                        side = -rows[[i]].toarray()[0, closed.free]
-                    else:
-                        side = of(k_f, i) * (closed.free == key)
-                    closed._columns[key] = self._solve(side)
-                self.shapes[:, column] = closed._columns[key]
-        self._small = np.zeros((2 * m, 2 * m))
+        self.free = np.concatenate([freed, closed.free])
+        self._solve, self._freed, self._k_f = closed._factor.solve, len(freed), of(k_f, lifted)
+        self._z = np.searchsorted(closed.free, lifted + N_x)
+        self._K_xy, K_xx = rows[freed][:, closed.free], rows[freed][:, freed].toarray()
+        m, keys = len(lifted), [*(lifted + N_x), *freed]
+        self.shapes = np.empty((len(closed.free), len(keys)))
+        for column, key in enumerate(keys):
+            if key not in closed._columns:
+                if key < N_x:
+                    side = -rows[[key]].toarray()[0, closed.free]
+                else:
+                    side = of(k_f, key - N_x) * (closed.free == key)
+                closed._columns[key] = self._solve(side)
+            self.shapes[:, column] = closed._columns[key]
+        self._small = np.zeros((len(keys), len(keys)))
         self._small[:m] = -self.shapes[self._z]
         self._small[:m, :m] += np.eye(m)
         self._small[m:] = self._K_xy @ self.shapes
         self._small[m:, m:] += K_xx
 
     def lift(self) -> np.ndarray:
-        """Return the compliance of each opened block against a force upward, (m,), in m/N."""
-        y = self.shapes[:, : self._m] / self._k_f
+        """Return the compliance of each lifted block against a force upward, in m/N."""
+        y = self.shapes[:, : len(self._z)] / self._k_f
         side = np.vstack([y[self._z], -(self._K_xy @ y)])
         return np.diag(y[self._z] + self.shapes[self._z] @ np.linalg.solve(self._small, side))
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return the displacements under forces on the free coordinates."""
-        return self.corrected(self._solve(b[self._m :]), b)
+        return self.corrected(self._solve(b[self._freed :]), b)
 
     def corrected(self, y: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Return the same from the displacements y with all blocks stuck."""
-        m = self._m
-        side = np.concatenate([y[self._z], b[:m] - self._K_xy @ y])
+        side = np.concatenate([y[self._z], b[: self._freed] - self._K_xy @ y])
         theta = np.linalg.solve(self._small, side)
-        return np.concatenate([theta[m:], y + self.shapes @ theta])
+        return np.concatenate([theta[len(self._z) :], y + self.shapes @ theta])
 
 
 class _Lowered:

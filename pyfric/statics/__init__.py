@@ -1,7 +1,7 @@
 """States of rest."""
 
 from pyfric.statics.banded import BandedCholesky
-from pyfric.statics.blas import one_thread_if_small
+from pyfric.statics.blas import one_thread, one_thread_if_small
 from pyfric.statics.complementarity import Contact, ContactProblem, Route, Values
 from pyfric.statics.creep import Change, Creep, Forces, Point, creeps
 from pyfric.statics.equilibrium import LARGE, StaticSolver, loaded_state, solve_static
@@ -39,6 +39,7 @@ __all__ = [
     "dispersion",
     "loaded_state",
     "mass",
+    "one_thread",
     "one_thread_if_small",
     "solve_static",
     "spring_stiffness",

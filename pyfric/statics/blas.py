@@ -1,4 +1,4 @@
-"""Threads of BLAS: one for small problems, which more threads only slow down."""
+"""Threads of BLAS: one for small problems and products, which more threads only slow down."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from pyfric.scene import as_scene
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from contextlib import AbstractContextManager
 
-__all__ = ["SMALL", "one_thread_if_small"]
+__all__ = ["SMALL", "one_thread", "one_thread_if_small"]
 
 SMALL = 250
 """Matrices of up to twice this size run on one thread."""
@@ -26,6 +27,11 @@ def _controller() -> ThreadpoolController:
     return ThreadpoolController()
 
 
+def one_thread() -> AbstractContextManager[Any]:
+    """Let BLAS use one thread in a block."""
+    return cast("AbstractContextManager[Any]", _controller().limit(limits=1, user_api="blas"))
+
+
 def one_thread_if_small(function: F) -> F:
     """Let BLAS use one thread in a function of a scene (its first argument) with few columns.
 
@@ -36,7 +42,7 @@ def one_thread_if_small(function: F) -> F:
     def limited(scene: Any, *args: Any, **kwargs: Any) -> Any:
         scene = as_scene(scene)
         small = scene.N_x <= SMALL
-        with _controller().limit(limits=1, user_api="blas") if small else nullcontext():
+        with one_thread() if small else nullcontext():
             return function(scene, *args, **kwargs)
 
     return cast("F", limited)

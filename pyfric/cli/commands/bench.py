@@ -94,7 +94,7 @@ def tpv3(out: Path | None, overwrite: bool, tell: Tell, quick: bool) -> None:
 @bench.command()
 @telling
 def large(tell: Tell) -> None:
-    """Seconds and memory of the Fig. 1 scene on 561 x 301 blocks (minutes, 4 GB)."""
+    """Seconds and memory of the Fig. 1 scene on 561 x 301 blocks (minutes, 3 GB)."""
     from pyfric.checks import studies
 
     tell.table(studies.large.large(), studies.large.report)

@@ -22,10 +22,11 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 LAPACK = (
     *("chart", "claims", "complementarity", "condensation", "creep", "creeping", "dashpots"),
-    *("disorder", "equilibrium", "fields", "figures", "finer", "fronts", "guard", "hybrid"),
-    *("laws", "measured_errors", "methods", "operators"),
+    *("disorder", "equilibrium", "fields", "figures", "fine", "finer", "fronts"),
+    *("guard", "hybrid", "laws", "measured_errors", "methods", "operators"),
     *("pauses", "planner", "prescribed", "protocol", "quasistatic", "reference", "regimes"),
-    *("resolution", "ringdown", "simulation", "soft", "spacetime", "theory", "weakening", "zones"),
+    *("resolution", "ringdown", "simulation", "smooth", "soft", "spacetime", "theory"),
+    *("weakening", "zones"),
 )
 """Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""
 PORTABLE = ("complementarity", "condensation", "ringdown")

@@ -216,7 +216,9 @@ class _Statics:
     def _settled(self, u_x: np.ndarray, at: _Outside, free: np.ndarray) -> Rest | None:
         """Return a state of a large lattice in which free blocks touch, None if others lift off."""
         closed, carries = self._closed(~free), ~free
-        for _ in range(EXCHANGES if closed else 0):
+        if closed is None:
+            return None
+        for _ in range(EXCHANGES):
             held = Held(self.known, ~free, closed, carries=carries)
             rest = held.rest(u_x, *at)
             wrong = held.wrong(rest)

@@ -20,6 +20,7 @@ from pyfric.engines.verification import (
     JUMPS,
     PERTURBATION,
     SPEEDS,
+    THIRD,
     Made,
     stretch,
     verified,
@@ -107,6 +108,32 @@ def test_an_event_begun_while_the_last_one_goes_on_is_part_of_it(ladder):
     events.loc[main[-2], "finished"] = False
     joined = dataclasses.replace(without, events=events)
     assert differences(ladder, joined).errors()["start"] == 0
+
+
+@pytest.mark.parametrize("parts", [False, True])
+def test_an_event_that_goes_on_is_compared_by_its_force(ladder, parts):
+    """Two runs that part inside their last event, which a pause may part in one of them."""
+    last, F_N = np.flatnonzero(ladder.events["is_main"])[-2:], ladder.scene.F_N
+    events = ladder.events
+    events.loc[last, "t_stop"], events.loc[last, "finished"] = np.nan, False
+    events.loc[last[0] + 1 :, "F_T_start"] = np.nan
+    on = dataclasses.replace(ladder, events=events)
+    if parts:
+        events = ladder.events
+        events.loc[last[1], "t_stop"], events.loc[last[1], "finished"] = np.nan, False
+    one = dataclasses.replace(ladder, events=events)
+    t, force = (ladder.curve[name].to_numpy() for name in ("t", "F_T"))
+    between = 0.5 * (t[1:] + t[:-1])
+    other = dataclasses.replace(on, curve=resampled(on, between, np.interp(between, t, force)))
+    assert differences(one, other).errors()["arrest"] == 0  # other samples of the same motion
+    late = force + np.where(t > events["t_start"][last[1]], 0.1 * F_N, 0.0)
+    other = dataclasses.replace(on, curve=resampled(on, t, late))
+    assert 0.08 < differences(one, other).errors()["arrest"] <= 0.1
+
+
+def resampled(record, t, force):
+    """Return the loading curve with other samples."""
+    return record.curve.iloc[: len(t)].assign(t=t, F_T=force)
 
 
 def test_statistics_of_what_follows(ladder):
@@ -295,11 +322,13 @@ class Known:
     """Runs off by `step` (dt/dt_0)^4 F_N, and by `bonds` F_N in linear geometry, in start forces.
 
     From main event `chaos` on, a faster driver moves them by 0.3 F_N. Jumps leave `jumps[tight]`.
+    Steps of more than `turn` dt_0 take a wrong turn: one event is 0.1 L longer, the next one starts
+    at 0.005 F_N more.
     """
 
-    def __init__(self, ladder, step=0.0, bonds=0.0, chaos=None, noise=0.0, jumps=()):
+    def __init__(self, ladder, step=0.0, bonds=0.0, chaos=None, noise=0.0, jumps=(), turn=np.inf):
         self.ladder, self.step, self.bonds, self.chaos = ladder, step, bonds, chaos
-        self.noise, self.asked, self.jumps = noise, [], jumps
+        self.noise, self.asked, self.jumps, self.turn = noise, [], jumps, turn
         self.dt_0 = pyfric.step_size(ladder.scene)
         self.main = np.flatnonzero(ladder.events["is_main"])
 
@@ -313,6 +342,9 @@ class Known:
         off += sum(self.jumps[tight : tight + 1])
         events = self.ladder.events
         events.loc[self.main, "F_T_start"] += off * scene.F_N
+        if options.dt > self.turn * self.dt_0:
+            events.loc[self.main[2], "L_p_over_L"] += 0.1
+            events.loc[self.main[3], "F_T_start"] += 0.005 * scene.F_N
         if self.chaos is not None:
             late = self.main[self.chaos :]
             fast = scene.driver.V != self.ladder.scene.driver.V
@@ -346,14 +378,22 @@ def test_a_small_error_takes_one_more_run(ladder):
     assert all(tight for _, _, tight in known.asked[1:2])
 
 
-def test_steps_are_halved_until_the_error_is_within_the_tolerance(ladder):
+def test_steps_are_cut_to_a_third_until_the_error_is_within_the_tolerance(ladder):
     known = Known(ladder, step=0.01)
     record = known.verified("sample")
-    assert [share for _, share, _ in known.asked[2:]] == [0.5, 0.25]
-    assert record.method.dt == 0.5 * known.dt_0
-    assert record.errors.start == pytest.approx(FINER * 0.01 / 16 + JUMPS)
+    assert [share for _, share, _ in known.asked[2:]] == pytest.approx([1 / 3, 1 / 9])
+    assert record.method.dt == known.dt_0 / THIRD
+    assert record.errors.start == pytest.approx(FINER * 0.01 / 81 + JUMPS)
     assert record.errors.holds
     assert any("refined to hybrid, finite geometry" in note for note in record.notes)
+
+
+def test_a_wrong_turn_that_half_the_step_takes_too_is_found(ladder):
+    """Events of other lengths are no errors of some order in the step."""
+    record = Known(ladder, step=0.01, turn=1 / 8).verified("sample", tolerance=0.02)
+    assert record.method.dt == pytest.approx(pyfric.step_size(ladder.scene) / THIRD)
+    off = 0.005 + 0.01 * (THIRD**-4 - THIRD**-8)
+    assert record.errors.start == pytest.approx(COARSER * off + JUMPS)
 
 
 def test_a_refined_run_is_compared_with_stricter_jumps_than_its_own(ladder):
@@ -368,7 +408,7 @@ def test_linear_geometry_is_left_first(ladder):
     known = Known(ladder, bonds=0.05)
     record = known.verified("sample", geometry="linear")
     assert [geometry for geometry, _, _ in known.asked] == ["linear", *(3 * ["finite"])]
-    assert [share for _, share, _ in known.asked[2:]] == [0.5, 1.0]
+    assert [share for _, share, _ in known.asked[2:]] == [1 / 3, 1.0]
     assert record.method.geometry == "finite"
     assert record.errors.start == pytest.approx(JUMPS)
 

@@ -4,6 +4,7 @@ Each main event of either record (each event, where there are no main ones) is p
 of the other one, in order, at the least total cost (`paired`). An event that the other run would
 have had after its end is compared with the force that this one reached; one that begins while the
 last event of the other run goes on to the end is part of that: a pause near `t_gap` parts them.
+Where an event goes on in one of the runs, the forces on the way are compared in place of arrests.
 
 What is local stays with its event: lengths, front speeds, arrest. Start forces hang on the stresses
 that all earlier events left.
@@ -39,7 +40,8 @@ class Errors:
 
     Forces are over F_N and of main events, lengths over L, stresses over F_N/N_x (root mean square
     over the interface), front speeds relative. Each is the largest one, but for the median and the
-    95th percentile of front speeds. None stands for what there was nothing of.
+    95th percentile of front speeds. None stands for what there was nothing of. `arrest` holds also
+    what forces of events that go on to the end are apart.
 
     Attributes:
         want, tolerance, expected: of the plan; None where there was none.
@@ -130,6 +132,11 @@ class Differences(NamedTuple):
     speeds: pd.DataFrame
     covered: float
 
+    @property
+    def turned(self) -> bool:
+        """Whether an event ends at another block: such differences have no order in the step."""
+        return bool((self.events["length"] > 0).any())
+
     def before(self, t: float) -> Differences:
         """Return the differences of events that start before a time, in s."""
         kept = (one[one["t_start"] < t] for one in (self.events, self.speeds))
@@ -218,10 +225,11 @@ def _pair(a: Record, b: Record, e: int, k: int) -> tuple[dict[str, float], np.nd
     scene, one, two = a.scene, a.events.loc[e], b.events.loc[k]
     F_N, N_x = scene.F_N, scene.N_x
     ended = bool(one["finished"] and two["finished"])
+    arrest = one["F_T_arrest"] - two["F_T_arrest"] if ended else _going_on(a, b, one, two)
     row = {
         "t_start": float(one["t_start"]),
         "start": abs(one["F_T_start"] - two["F_T_start"]) / F_N,
-        "arrest": abs(one["F_T_arrest"] - two["F_T_arrest"]) / F_N if ended else np.nan,
+        "arrest": abs(arrest) / F_N,
         "length": abs(one["L_p_over_L"] - two["L_p_over_L"]) if ended else np.nan,
         "stress": np.nan,
     }
@@ -235,6 +243,41 @@ def _pair(a: Record, b: Record, e: int, k: int) -> tuple[dict[str, float], np.nd
     return row, _speeds(a, b, e, k) if ended else np.zeros(0)
 
 
+def _going_on(a: Record, b: Record, one: pd.Series, two: pd.Series) -> float:
+    """Return how far forces are apart in an event that goes on in one of two runs, in N.
+
+    NaN where both have come to rest, too late to know whether they go on.
+    """
+    if not (one["finished"] or two["finished"] or np.isnan(one["t_stop"] + two["t_stop"])):
+        return np.nan
+    ends = (
+        e["t_stop"] if e["finished"] else r.curve["t"].iloc[-1] for r, e in ((a, one), (b, two))
+    )
+    begin, other = one["t_start"], two["t_start"]
+    lasts = min(end - start for end, start in zip(ends, (begin, other), strict=True))
+    return _apart(a, b, begin, begin + lasts, other - begin)
+
+
+def _apart(a: Record, b: Record, begin: float, end: float, later: float = 0.0) -> float:
+    """Return how far forces of two runs are apart between two times, in N, as far as samples tell.
+
+    The other run is so much later, in s. Between samples a force may be anywhere in the range of
+    the two before and the two after.
+    """
+    t = a.curve["t"].to_numpy()
+    t = t[(t >= begin) & (t <= end)]
+    (low, high), (least, most) = _range(a, t), _range(b, t + later)
+    return float(np.maximum(low - most, least - high).max(initial=0.0))
+
+
+def _range(record: Record, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and the largest force, in N, of the two samples before and after times."""
+    when, force = (record.curve[name].to_numpy() for name in ("t", "F_T"))
+    near = np.searchsorted(when, t)[:, None] + np.arange(-2, 2)
+    near = force[np.clip(near, 0, len(force) - 1)]
+    return near.min(axis=1), near.max(axis=1)
+
+
 def _speeds(a: Record, b: Record, e: int, k: int) -> np.ndarray:
     """Return relative differences of front speeds at the blocks that have one in either run."""
     l, d = a.scene.slider.l, a.scene.d
@@ -245,13 +288,15 @@ def _speeds(a: Record, b: Record, e: int, k: int) -> np.ndarray:
 
 
 def _no_pair(a: Record, b: Record, e: int, later: float) -> tuple[dict[str, float], np.ndarray]:
-    """Return what is known of an event that the other run has not had yet."""
-    one, nothing = a.events.loc[e], np.nan
-    start = abs(one["F_T_start"] - later) / a.scene.F_N
+    """Return what is known of an event that the other run has not had yet, or has in another."""
+    one, F_N = a.events.loc[e], a.scene.F_N
+    row = {"t_start": float(one["t_start"])} | dict.fromkeys(("length", "stress"), np.nan)
     if (~b.events["finished"] & (b.events["t_start"] < one["t_start"])).any():
-        start = nothing
-    row = {"t_start": float(one["t_start"]), "start": start}
-    return row | dict.fromkeys(("arrest", "length", "stress"), nothing), np.zeros(0)
+        end = one["t_stop"] if one["finished"] else a.curve["t"].iloc[-1]
+        part = {"start": np.nan, "arrest": _apart(a, b, one["t_start"], end) / F_N}
+        return row | part, np.zeros(0)
+    start = abs(one["F_T_start"] - later) / F_N
+    return row | {"start": start, "arrest": np.nan}, np.zeros(0)
 
 
 def statistics(record: Record, other: Record, t: float) -> dict[str, tuple[float, float]]:

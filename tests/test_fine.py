@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from pyfric.engines import ringdown, simulate
+from pyfric.engines import simulate
 from pyfric.engines.fine import CORRECTED, modes
 from pyfric.engines.ringdown import Frozen
 from pyfric.scene import preset, setup1, setup2
@@ -21,7 +21,7 @@ def frozen_of(scene, monkeypatch, opened=(), dt=None):
     """Return the slider with some blocks open the fine way, and with exact modes."""
     solver, stuck = StaticSolver(scene), np.ones(scene.N_x, dtype=bool)
     exact = Frozen(solver, ~np.isin(np.arange(scene.N_x), opened), dt)
-    monkeypatch.setattr(ringdown, "LARGE", 10)
+    monkeypatch.setattr("pyfric.engines.fine.FINE", 10)
     fine = Frozen(solver, stuck, dt)
     if len(opened):
         fine = Frozen(solver, exact.stuck, dt, fine)

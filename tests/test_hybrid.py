@@ -117,6 +117,7 @@ def test_linear_geometry_is_full_dynamics(name):
 @pytest.mark.parametrize("name", ["rod, high driver", "free, light edge", "free, top driver"])
 def test_the_way_of_large_lattices_is_full_dynamics(name, monkeypatch):
     """Blocks opened by corrections of low rank, states taken from the last ones."""
+    monkeypatch.setattr("pyfric.engines.fine.FINE", 10)
     for module in (equilibrium, hybrid, ringdown):
         monkeypatch.setattr(module, "LARGE", 10)
     opened, moved = [], []
@@ -147,6 +148,7 @@ def test_the_way_of_large_lattices_is_full_dynamics(name, monkeypatch):
 @pytest.mark.parametrize("scene", [rod(h=0.0125), free()], ids=["rod", "free"])
 def test_free_blocks_that_touch_need_no_factorisation_of_a_large_lattice(scene, monkeypatch):
     """Blocks that are open in motion and touch at rest: against the whole solve."""
+    monkeypatch.setattr("pyfric.engines.fine.FINE", 10)
     for module in (equilibrium, hybrid, ringdown):
         monkeypatch.setattr(module, "LARGE", 10)
     known = StaticSolver(scene, "linear")

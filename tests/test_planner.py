@@ -271,17 +271,17 @@ def test_loads_that_grow_strain_by_the_most_they_reach():
 
 
 @pytest.mark.parametrize(
-    ("scene", "t_end", "geometry"),
+    ("scene", "t_end", "tolerance", "geometry"),
     [
-        (preset("fig1"), 0.45, None),
-        (setup2(), 0.5, "linear"),
-        (chain(), 0.3, None),
-        (setup1(l=5e-3, h=5e-3, eta=7.4), 0.66, "linear"),  # half of its default
+        (preset("fig1"), 0.45, 0.01, "finite"),
+        (setup2(), 0.5, 0.05, "linear"),
+        (chain(), 0.3, 0.01, "linear"),
+        (setup1(l=5e-3, h=5e-3, eta=7.4), 0.66, 0.05, "linear"),  # half of its default
     ],
 )
-def test_expected_cost(scene, t_end, geometry):
-    found = plan(scene, t_end=t_end)
-    assert found.fidelity == "hybrid"
+def test_expected_cost(scene, t_end, tolerance, geometry):
+    found = plan(scene, tolerance=tolerance, t_end=t_end)
+    assert (found.fidelity, found.geometry) == ("hybrid", geometry)
     how = {"geometry": geometry, "switching": found.switching}
     record = pyfric.simulate(scene, t_end, fidelity="hybrid", **how)
     assert 1 / 2 < found.evaluations / record.counts["block_evaluations"] < 2

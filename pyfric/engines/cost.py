@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dpbtrf
 
+from pyfric.engines.fine import is_fine
 from pyfric.engines.options import step_size
 from pyfric.engines.ringdown import remainder_decay
 from pyfric.scene import SceneError, default_geometry
-from pyfric.statics import LARGE, stability_limit
+from pyfric.statics import stability_limit
 
 if TYPE_CHECKING:
     from pyfric.scene import Geometry, Scene
@@ -57,9 +58,8 @@ half their l: within a factor of 2. Six other scenes (setups 1 and 2 with other 
 and mu; 17 to 54 % of their steps are ring-down), up to the eighth main event, in both geometries:
 plans count 0.94 to 1.75 times what runs take, 0.91 to 1.56 with the run's own number of events."""
 FINE_RING = 0.22
-"""The same number of decay times on lattices of more than `LARGE` unknowns in linear geometry,
-where there are more modes. Measured on the Fig. 1 scene at l = 1.25 and 0.625 mm: within a factor
-of 1.3."""
+"""The same number of decay times where modes are those of `fine`, of which there are more. Measured
+on the Fig. 1 scene at l = 1.25 and 0.625 mm: within a factor of 1.3."""
 CHEAP = 0.5
 """A run that measures errors and takes less than this is made whole, s."""
 FINEST = 4
@@ -80,7 +80,7 @@ operations per second of that, which fits into the cache, where the numbers abov
 SOLUTIONS = {"hybrid": 84, "dynamic": 4}
 """Solutions with the factors before the first step: nearly all of them find modes."""
 FINE_SOLUTIONS = 30
-"""The same for the hybrid engine on lattices of more than `LARGE` unknowns in linear geometry."""
+"""The same for the hybrid engine where modes are those of `fine`."""
 FACTORS = {"hybrid": 2, "dynamic": 1}
 """Factorisations before the first step."""
 SOURCES = (
@@ -133,7 +133,7 @@ def evaluations_of_events(
     auto = step_size(scene)
     ringing = STEPS_EVENT * auto
     if scene.N_z > 1 and scene.eta > 0:
-        times = FINE_RING if geometry == "linear" and 2 * scene.N_x * scene.N_z > LARGE else RING
+        times = FINE_RING if is_fine(scene, geometry) else RING
         ringing = times / remainder_decay(scene, geometry)
     lasts = events * ringing + front_blocks * STEPS_BLOCK * auto
     steps = min(steps, lasts / dt) + front_blocks * STEPS_SWITCH
@@ -241,7 +241,7 @@ def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:
     kept = 8.0 * n * band
     seconds = FACTORS[fidelity] * kept / 8 * band / FLOPS
     solutions = SOLUTIONS[fidelity]
-    if fidelity == "hybrid" and geometry == "linear" and n > LARGE:
+    if fidelity == "hybrid" and is_fine(scene, geometry):
         solutions = FINE_SOLUTIONS
     seconds += solutions * 2 * kept / BYTES + UNKNOWN * n
     factors = FACTORS[fidelity] + (geometry == "finite")

@@ -27,10 +27,13 @@ if TYPE_CHECKING:
 
     import scipy.sparse as sp
 
-    from pyfric.scene import Scene
+    from pyfric.scene import Geometry, Scene
 
-__all__ = ["FineModes", "Space", "closed_space", "modes"]
+__all__ = ["FineModes", "Space", "closed_space", "is_fine", "modes"]
 
+FINE = 3000
+"""On lattices of more unknowns than these, smooth shapes cost no more than exact modes: the same on
+scenes of the paper with 3500 to 4200."""
 BLOCKS, FEWEST, MOST = 250, 48, 240
 """One smooth mode for this many blocks, but not fewer or more than these: on ever finer lattices
 of one slider a ring-down then takes the same number of steps."""
@@ -42,6 +45,11 @@ APART = 1e-12
 """Shapes are left out where this share of their mass, or less, is not in the others."""
 OVERDAMPED = 6
 """Overdamped shear waves, which creep back, have a rate of k/eta over this."""
+
+
+def is_fine(scene: Scene, geometry: Geometry) -> bool:
+    """Whether modes are found here: in linear geometry, where shapes have two dimensions."""
+    return geometry == "linear" and scene.N_z > 1 and 2 * scene.N_x * scene.N_z > FINE
 
 
 def modes(scene: Scene) -> int:

@@ -27,6 +27,7 @@ from pyfric import core
 from pyfric.core import OPEN, STUCK
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run, just_after, last_step
+from pyfric.engines.fine import is_fine
 from pyfric.engines.guard import LINEAR, largest_strain
 from pyfric.engines.ringdown import STRAINED, Course, Frozen, Held, Rest, first_crossing
 from pyfric.statics import LARGE, EquilibriumError
@@ -120,8 +121,8 @@ class _Statics:
         return 2 if few else KEPT
 
     def _closed(self, stuck: np.ndarray) -> Frozen | None:
-        """Return the slider with all blocks held, from which large lattices open some."""
-        if self.known.geometry != "linear" or len(self.known.load) <= LARGE or stuck.all():
+        """Return the slider with all blocks held, from which lattices with fine modes open some."""
+        if not is_fine(self.known.scene, self.known.geometry) or stuck.all():
             return None
         return self.frozen(np.ones_like(stuck))
 

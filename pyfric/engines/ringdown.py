@@ -11,7 +11,7 @@ form. M, C and K are symmetric, so the amplitude of a mode is
 
     a = (phi.(C w + M w') + lambda phi.M w) / (phi.C phi + 2 lambda phi.M phi) .
 
-In linear geometry on lattices of more than `LARGE` unknowns, modes are found otherwise (`fine`).
+In linear geometry, on all but the smallest lattices, modes are found otherwise (`fine`).
 
 The energy E of what the modes leave out cannot grow. By the inequality of Cauchy and Schwarz it
 bounds what the remainder does to the contact at any later time. It also decays: a mode of frequency
@@ -41,7 +41,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
-from pyfric.engines.fine import FineModes, Space, closed_space, modes
+from pyfric.engines.fine import FineModes, Space, closed_space, is_fine, modes
 from pyfric.engines.smooth import slowest
 from pyfric.scene import of
 from pyfric.statics import LARGE, damping, mass, one_thread
@@ -131,12 +131,12 @@ class Course(NamedTuple):
 def remainder_decay(scene: Scene, geometry: Geometry = "linear") -> float:
     """Return roughly the rate at which motions faster than the modes kept decay, in 1/s.
 
-    It is 1 to 1.5 times `Frozen.decay` on the paper's lattices and on those with half their l; on
-    those of more than `LARGE` unknowns in linear geometry it is that of the fastest modes.
+    It is 1 to 1.5 times `Frozen.decay` on the paper's lattices and on those with half their l in
+    finite geometry; where modes are those of `fine` it is that of the fastest ones.
     """
-    kept = N_VALUES / 2
-    if 2 * scene.N_x * scene.N_z > LARGE:
-        kept = modes(scene) if geometry == "linear" else N_VALUES_LARGE / 2
+    kept = modes(scene) if is_fine(scene, geometry) else N_VALUES / 2
+    if geometry == "finite" and 2 * scene.N_x * scene.N_z > LARGE:
+        kept = N_VALUES_LARGE / 2
     return slowest(scene, kept) ** 2 * scene.eta / (4 * scene.slider.k)
 
 
@@ -326,7 +326,7 @@ class Frozen(Held):
         self.lag[free] = factor.solve(-(C @ (V * self.drift))[free])
         self._fine: FineModes | None = None
         self._openings: dict[int, np.ndarray] = {}
-        if solver.geometry == "linear" and len(free) > LARGE and scene.N_z > 1:
+        if is_fine(scene, solver.geometry):
             self._find_fine(closed)
         else:
             self._find_dense(near, factor)

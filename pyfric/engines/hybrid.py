@@ -49,6 +49,8 @@ LONGEST, PATIENT = 64, 8
 look costs as much as a few dozen steps."""
 SHORTEST = 64
 """Shortest jump worth its cost, in steps."""
+CALMING = 10
+"""Decay of what modes leave out soon after slip, over its bound: what says when to look again."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
 ENOUGH = 2e-10
@@ -265,7 +267,7 @@ class HybridRun(Run):
         _, quiet = core.room_of_step(self.scene.N_x, self.method.switching)
         self.log = core.Log(self.scene.N_x, quiet=quiet)
         self.solver = _Statics(self.solver.known, self.method.dt)
-        self.jumps, self.jumped, self.wait = 0, 0, LOOK
+        self.jumps, self.jumped, self.wait, self.calm = 0, 0, LOOK, 0
         self.longest = LONGEST * LOOK if len(self.solver.known.load) <= LARGE else PATIENT * LOOK
         self.look_at = self.state.step
         self.quiet_key: tuple[bytes, float] | None = None
@@ -321,12 +323,11 @@ class HybridRun(Run):
             self.look_at, self.wait, self.slid = state.step, LOOK, slips
         if slips and self.creeping is None:
             return
-        if slips and state.step >= self.look_at:
-            self.wait = LOOK if self.slide(last) else min(2 * self.wait, self.longest)
-            self.look_at = state.step + self.wait
-        elif state.step >= self.look_at:
-            self.wait = LOOK if self.jump(last) else min(2 * self.wait, self.longest)
-            self.look_at = state.step + self.wait
+        if state.step >= self.look_at:
+            self.calm = 0
+            moved = self.slide(last) if slips else self.jump(last)
+            self.look_at = state.step + max(self.wait, self.calm)
+            self.wait = LOOK if moved else min(2 * self.wait, self.longest)
 
     def counts(self) -> dict[str, int]:
         """Return steps, block evaluations, jumps and the steps they spared."""
@@ -370,12 +371,12 @@ class HybridRun(Run):
         v = known.coordinates(state.y[:, 2:], state.rod[3:]) - course.speed(since)
         motion = frozen.split(w, v)
         unit = scene.F_N / scene.N_x
-        finite = self.method.geometry == "finite"
-        if finite and frozen.bend(motion.a) > self.remainder * unit:
-            return False
         bound = frozen.bound * math.sqrt(motion.remainder)
         rate, bend = course.margin_rate, course.margin_bend
         modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
+        finite = self.method.geometry == "finite"
+        if finite and frozen.bend(motion.a) > self.remainder * unit:
+            return False
         rates = np.append(quiet.growth, -frozen.decay)
         end = quiet
         for _ in range(TRIES):
@@ -383,6 +384,9 @@ class HybridRun(Run):
             c += course.margin_lag + since * course.margin_lag_rate
             slope = rate + since * bend + course.margin_lag_rate
             c, slope, bent, waves = frozen.aged(state.t - state.t_0, c, slope, bend, modal)
+            self.calm = self._until_calm(frozen.decay, c, waves)
+            if self.calm:
+                return False
             s = first_crossing(c, slope, waves, rates, most * dt, dt, bent)
             n = min(math.floor(s / dt), most)
             left = bound.max() * math.exp(-frozen.decay * n * dt)
@@ -411,6 +415,15 @@ class HybridRun(Run):
         self._land(rest.q, end, motion.a, n)
         state.margin[:] = frozen.margin(margins)
         return True
+
+    def _until_calm(self, decay: float, c: np.ndarray, waves: np.ndarray) -> int:
+        """Return after how many steps, roughly, what modes leave out is below the margins."""
+        left, most = c + waves[:, :-1].sum(axis=1).real, -waves[:, -1].real
+        low = left <= most
+        if not low.any() or (left[low] <= 0).any():
+            return 0
+        loud, rate = float(np.max(most[low] / left[low])), CALMING * decay * self.state.dt
+        return math.ceil(min(math.log(loud), 4 * self.wait * rate) / rate) if rate else self.wait
 
     def _ahead(self, quiet: _Quiet, near: _Quiet, t: float) -> _Quiet | None:
         """Return the static state at t (s), found from one nearby; growth is the mean until then.

@@ -6,6 +6,7 @@ import functools
 import numpy as np
 import pandas as pd
 import pytest
+import threadpoolctl
 from helpers import same_run
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,7 +14,7 @@ from tolerances import REPRODUCED
 
 import pyfric
 from pyfric.core import State, StateError
-from pyfric.engines import RunError, planner, quasistatic, simulation, step_size
+from pyfric.engines import RunError, integration, planner, quasistatic, simulation, step_size
 from pyfric.record import Record, budget_error
 from pyfric.scene import SceneError, chain, setup1, setup2
 from pyfric.statics import EquilibriumError
@@ -521,3 +522,19 @@ def test_nothing_is_missing_from_the_budget_of_a_slider_at_rest():
     record = simulate(small(V=0.0), 1e-4, fidelity="dynamic", geometry="linear")
     assert not any("budget" in note for note in record.notes)
     assert budget_error(record.curve) < 1e-6
+
+
+def test_steps_and_jumps_use_one_thread_of_blas(monkeypatch):
+    """Two took five times as long to factorise the band of a large lattice."""
+    scene, found = setup1(L=0.04, H=0.02, h=5e-3), []
+
+    class Looking(simulation.ENGINES["hybrid"]):
+        def advance(self, *args):
+            pools = threadpoolctl.threadpool_info()
+            found.extend(one["num_threads"] for one in pools if one["user_api"] == "blas")
+
+    with threadpoolctl.threadpool_limits(2, user_api="blas"):
+        options = pyfric.Options(fidelity="hybrid", geometry="linear")
+        integration.integrate(Looking, scene, 0.0, options, progress=False)
+    assert found
+    assert set(found) == {1}

@@ -44,7 +44,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 from pyfric.engines.fine import FineModes, Space, closed_space, is_fine, modes
 from pyfric.engines.smooth import slowest
 from pyfric.scene import of
-from pyfric.statics import LARGE, damping, mass, one_thread
+from pyfric.statics import LARGE, damping, mass
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
@@ -622,8 +622,7 @@ class Frozen(Held):
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and remainder."""
         if self._fine:
-            with one_thread():
-                return self._fine_split(w, v)
+            return self._fine_split(w, v)
         a, w, v = self._dense_motion(w, v)
         energy = 0.5 * float(v @ (self.M * v) + w @ (self.K @ w))
         return Motion(a, max(energy, 0.0))

@@ -25,7 +25,7 @@ __all__ = ["Smooth", "slowest"]
 
 _BONDS = ((1, 0, 1.0), (0, 1, 1.0), (1, 1, 0.5), (1, -1, 0.5))
 """Bonds from a block to others by (columns, rows), and their stiffness in units of k."""
-DENSE, MORE = 0.58, 8
+DENSE, MORE = 0.5, 4
 """Polynomials along a side: this many for each radian of the fastest shear wave, and more."""
 
 VISCOUS = 0.5

@@ -323,10 +323,14 @@ class StaticSolver:
         """Return du_x and du_z over each bond, shape (n_bonds, n), of shapes (n_q, n)."""
         return np.split(self._elongation @ shapes, 2)
 
+    @functools.cached_property
+    def _gather(self) -> sp.csr_array:
+        return self._elongation.T.tocsr()
+
     def stiffened(self, shape: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
         """Return the forces of a shape, (n_q,), where bonds are stiffer as in `bond_tangents`."""
         (x, z), (xx, xz, zz) = self.elongations(shape), stiffer
-        return self._elongation.T @ np.concatenate([xx * x + xz * z, xz * x + zz * z])
+        return self._gather @ np.concatenate([xx * x + xz * z, xz * x + zz * z])
 
     @property
     def u_drv0(self) -> float:

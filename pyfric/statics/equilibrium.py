@@ -95,6 +95,16 @@ class _Bottom(NamedTuple):
     rounding: float  # size of rounding errors of forces, N
 
 
+class _Found(NamedTuple):
+    """Coordinates at rest for one contact set, and what the iteration came to."""
+
+    q: np.ndarray
+    forces: np.ndarray  # on the coordinates, without friction of held blocks, N
+    F_T: float
+    residual: float  # N
+    steps: int
+
+
 class StaticSolver:
     """States of rest of one scene, for given interface displacements and driver positions.
 
@@ -228,8 +238,8 @@ class StaticSolver:
             near[_Contact(held, held, np.zeros(N_x, dtype=np.int8)).key] = factor
         while True:  # a block lifts off at most twice
             q[self._x][held] = given[held]
-            q, contact, residual, used = self._touching(q, held, closed, drive, enough, near)
-            steps, closed = steps + used, contact.closed
+            found, contact = self._touching(q, held, closed, drive, enough, near)
+            q, steps, closed = found.q, steps + found.steps, contact.closed
             up, down = held & ~closed, closed & ~held & ~frictionless
             if up.any():
                 frictionless |= up & lifted
@@ -238,7 +248,7 @@ class StaticSolver:
             elif down.any():
                 held = held | down
             else:
-                return self._result(q, contact, drive, residual, steps)
+                return self._result(found, contact, drive, steps)
 
     def _touching(
         self,
@@ -248,8 +258,8 @@ class StaticSolver:
         drive: float,
         enough: float,
         near: Mapping[bytes, BandedCholesky | SuperLU],
-    ) -> tuple[np.ndarray, _Contact, float, int]:
-        """Return q at rest with u_x held, the contact, the residual in N, the number of steps.
+    ) -> tuple[_Found, _Contact]:
+        """Return the state of rest with u_x held, steps of all iterations counted, and the contact.
 
         Blocks keep or lose u_x by `held` alone, open or not, so that the foundation is the only
         condition: in linear geometry a convex problem with one solution. The iteration exchanges
@@ -260,17 +270,17 @@ class StaticSolver:
         for sweep in range(sweeps):
             contact = _Contact(held, closed, no_slip)
             factor = near.get(contact.key)
-            q, residual, used = self._newton(q, contact, drive, enough, factor)
-            steps += used
+            found = self._newton(q, contact, drive, enough, factor)
+            q, steps = found.q, steps + found.steps
             wrong = self._wrong_side(q[self._z], closed, self._rounding(q))
             if not wrong.any():
-                return q, contact, residual, steps
+                return found._replace(steps=steps), contact
             if sweep >= 20 or not (closed ^ wrong).any():
                 depth = np.where(wrong, np.abs(q[self._z]), -np.inf)
                 wrong = depth >= depth.max() * (1 - TIE)
             closed = closed ^ wrong
         raise EquilibriumError(
-            "the set of open blocks does not settle", residual, self._limit, steps
+            "the set of open blocks does not settle", found.residual, self._limit, steps
         )
 
     def tangent(
@@ -294,10 +304,8 @@ class StaticSolver:
         contact = _Contact(stuck, stuck, np.zeros(len(stuck), dtype=np.int8))
         bare = self._K if at is None else self._bond_stiffness(at)
         K = self._supported(bare, stuck, driven=True)
-        factor = (
-            self._factor(contact, True) if at is None else self._factorised(bare, contact, True)
-        )
-        return K.tocsr(), factor, self._unknown(contact)
+        factor = self._factor(contact, True) if at is None else self._factorised(K, contact)
+        return K, factor, self._unknown(contact)
 
     def under(self, load: tuple[float, float] | None) -> StaticSolver:
         """Return the same solver under another F_N and T (N) than at t = 0."""
@@ -416,14 +424,11 @@ class StaticSolver:
         foundation[self._z] = self.scene.k_f * closed
         if driven:
             foundation += self.scene.driver.K * self.driven_row**2  # one entry, 1
-        return K + sp.diags_array(foundation)
+        return (K + sp.diags_array(foundation)).tocsr()
 
-    def _factorised(
-        self, K: sp.csr_array, contact: _Contact, driven: bool
-    ) -> BandedCholesky | SuperLU:
-        """Factorise K with foundation, driver and friction, for the coordinates not held."""
+    def _factorised(self, K: sp.csr_array, contact: _Contact) -> BandedCholesky | SuperLU:
+        """Factorise K, supported, with friction, for the coordinates not held."""
         scene, n = self.scene, K.shape[0]
-        K = self._supported(K, contact.closed, driven=driven).tocsr()
         if contact.slip.any():
             # Friction -slip mu_k p with p = -k_f u_z couples u_x to u_z, N_x columns to the right.
             coupling = np.zeros(n - scene.N_x)
@@ -453,7 +458,8 @@ class StaticSolver:
                 row = np.sqrt(self.scene.driver.K) * self.driven_row[self._unknown(contact)]
                 self._factors[key] = WithSpring(bare, row)
             else:
-                self._factors[key] = self._factorised(self._K, contact, driven)
+                K = self._supported(self._K, contact.closed, driven=driven)
+                self._factors[key] = self._factorised(K, contact)
         return self._factors[key]
 
     def banded(self, unknown: np.ndarray) -> tuple[np.ndarray, int]:
@@ -481,38 +487,39 @@ class StaticSolver:
         drive: float | None,
         enough: float = 0.0,
         factor: BandedCholesky | SuperLU | None = None,
-    ) -> tuple[np.ndarray, float, int]:
-        """Return q at rest for one contact set, the residual force in N, the number of steps.
+    ) -> _Found:
+        """Return the state of rest for one contact set.
 
         The iteration ends at the level of rounding, or, below `ACCEPTED`, where a renewed tangent
         does not help. Linear geometry takes one step and a refinement.
         """
         unknown, driven = self._unknown(contact), drive is not None
         factor, renewed = factor or self._factor(contact, driven), False
-        best, least, previous = q, np.inf, np.inf
+        best, least, previous = None, np.inf, np.inf
         for step in range(MAX_NEWTON + 1):  # noqa: B007 (returned after the loop)
             with np.errstate(all="ignore"):
-                force = self._forces(q, contact, drive)[0][unknown]
+                forces, F_T = self._forces(q, contact, drive)
+                force = forces[unknown]
                 residual = float(np.max(np.abs(force / self._arm[unknown])))
             if not np.isfinite(residual):
                 break
             rounding = self._rounding(q)
             if residual < least:
-                best, least = q, residual
+                best, least = (q, forces, F_T), residual
             if residual <= max(rounding / 4, enough):
                 break
             if residual > 0.5 * previous:
                 if least <= 16 * rounding or (renewed and least <= self._limit):
                     break
-                factor = self._factorised(self._bond_stiffness(q), contact, driven)
-                renewed = True
+                K = self._supported(self._bond_stiffness(q), contact.closed, driven=driven)
+                factor, renewed = self._factorised(K, contact), True
             previous = residual
             q = q.copy()
             q[unknown] += factor.solve(force)
-        limit = max(self._limit, 16 * self._rounding(best), enough)
+        limit = max(self._limit, enough, 16 * self._rounding(best[0] if best else q))
         if not least <= limit:
             raise EquilibriumError("Newton's method does not converge", least, limit, step)
-        return best, least, step
+        return _Found(*best, least, step)
 
     # --- loading ---------------------------------------------------------------------------------
 
@@ -521,14 +528,15 @@ class StaticSolver:
         N_x = self.scene.N_x
         everywhere = np.ones(N_x, dtype=bool)
         contact = _Contact(everywhere, everywhere, np.zeros(N_x, dtype=np.int8))
-        state: list = [np.zeros(len(self._arm)), 0.0, 0]
+        found, steps = None, 0
 
         def at_rest(contact: _Contact) -> _Bottom:
-            q = state[0].copy()
+            nonlocal found, steps
+            q = np.zeros(len(self._arm)) if found is None else found.q.copy()
             q[self._x][contact.held] = 0.0
-            q, residual, used = self._newton(q, contact, None)
-            state[:] = q, residual, state[2] + used
-            f = self._friction(q, contact, self._forces(q, contact, None)[0])
+            found = self._newton(q, contact, None)
+            q, steps = found.q, steps + found.steps
+            f = self._friction(q, contact, found.forces)
             return _Bottom(q[self._x], q[self._z], f, self._rounding(q))
 
         held_everywhere = at_rest(contact)
@@ -537,7 +545,7 @@ class StaticSolver:
             contact = self._settled(contact, lambda c: self._condensed_rest(S, g, c))
             contact = self._settled(contact, at_rest)
             self._warn_if_ambiguous(S, contact)
-        return self._result(state[0], contact, None, *state[1:])
+        return self._result(found, contact, None, steps)
 
     def _settled(self, contact: _Contact, rest: Callable[[_Contact], _Bottom]) -> _Contact:
         """Return the contact set that meets all conditions of loading."""
@@ -687,16 +695,15 @@ class StaticSolver:
         return u, q[-3:].copy()
 
     def _result(
-        self, q: np.ndarray, contact: _Contact, drive: float | None, residual: float, steps: int
+        self, found: _Found, contact: _Contact, drive: float | None, steps: int
     ) -> Equilibrium:
-        scene = self.scene
-        forces, F_T = self._forces(q, contact, drive)
+        scene, q = self.scene, found.q
         u = (self._T @ q).reshape(scene.N_z, 2, scene.N_x)
-        f = self._friction(q, contact, forces)
+        f = self._friction(q, contact, found.forces)
         return Equilibrium(
             u=u,
             rod=q[-3:].copy() if scene.rigid else np.zeros(3),
-            F_T=F_T,
+            F_T=found.F_T,
             f=f,
             tau=-scene.d * f,
             p=np.where(contact.closed, scene.k_f * np.maximum(-u[0, 1], 0.0), 0.0),
@@ -704,7 +711,7 @@ class StaticSolver:
             slipped=contact.slip != 0,
             drive=0.0 if drive is None else drive,
             u_drv0=float(u[scene.j_h, 0, scene.i_h]) if drive is None else self._u_drv0,
-            residual=residual,
+            residual=found.residual,
             iterations=steps,
         )
 

@@ -238,7 +238,11 @@ class Assembly:
             [bond + n_bonds * c for (bond, *_), c in zip(parts, (0, 1, 1, 2), strict=True)]
         )
         i, j, share = (np.concatenate(part) for part in list(zip(*parts, strict=True))[1:])
-        place, entry = np.unique(i * n + j, return_inverse=True)
+        place = i * n + j
+        order = np.argsort(place, kind="stable")  # several times faster than np.unique
+        first = np.diff(place[order], prepend=-1) > 0
+        entry = np.empty(len(place), dtype=int)
+        entry[order], place = np.cumsum(first) - 1, place[order][first]
         self._shares = sp.csr_array((share, (entry, tangent)), shape=(len(place), 3 * n_bonds))
         self._indices = (place % n).astype(np.int32)
         self._indptr = np.searchsorted(place // n, np.arange(n + 1)).astype(np.int32)

@@ -61,9 +61,9 @@ NEAR, CLOSE = 3e-5, 3e-4
 """In finite geometry, static states differ by tangents while the driver moves by this share of
 F_N/K: by a tangent nearby, over a few dozen steps of the paper's scenes, and by their own."""
 ALIKE = 0.4
-"""In finite geometry, drift and lag where the last jump ended hold where the next one begins if
+"""In finite geometry, rates, drift and lag where the last jump ended hold where the next begins if
 stiffnesses have changed by less than this share of `strained`. That leaves modes of 1e-9 F_N in the
-paper's scenes, which ring down: where the jump ends, drift and lag are found anew."""
+paper's scenes, which ring down: where the jump ends, all three are found anew."""
 TRIES = 8
 """Most static states that are found to see where a jump ends."""
 FAR = 0.02
@@ -476,13 +476,13 @@ class HybridRun(Run):
             rest = self.solver.rest(state.y[0, 0], self._outside(state.t), open_, imagined=True)
             if rest is not None:
                 frozen, stiffer = self.solver.frozen(~open_), None
-                growth = frozen.growth
                 if self.method.geometry == "finite":
                     frozen, stiffer = self.solver.tangent_at(frozen, rest.q, self.strained)
-                    growth = frozen.growth_with(stiffer)
-                margins = frozen.margins(rest)
-                course = self._like_last(frozen, pieces, stiffer)
-                if course is None:
+                margins, last = frozen.margins(rest), self.ended
+                if self._like_last(frozen, pieces, stiffer):
+                    growth, course = last.growth, last.course
+                else:
+                    growth = frozen.growth if stiffer is None else frozen.growth_with(stiffer)
                     course = self._course(frozen, pieces, state.t, stiffer)
                 self.quiet_now = _Quiet(
                     state.t, open_, frozen, growth, rest, margins, course, pieces, stiffer
@@ -491,14 +491,14 @@ class HybridRun(Run):
 
     def _like_last(
         self, frozen: Frozen, pieces: Sequence[Piece], stiffer: np.ndarray | None
-    ) -> Course | None:
-        """Return the course where the last jump ended, None if it differs much; see `ALIKE`."""
+    ) -> bool:
+        """Whether the slider goes on as it did where the last jump ended; see `ALIKE`."""
         last = self.ended
         if last is None or stiffer is None or last.frozen is not frozen or last.pieces != pieces:
-            return None
+            return False
         changed = float(np.abs(stiffer - last.stiffer).max())
         alike = changed <= ALIKE * self.strained * self.scene.slider.k
-        return last.course if alike and all(one.slope == 0 for one in pieces) else None
+        return alike and all(one.slope == 0 for one in pieces)
 
     def _course(
         self, frozen: Frozen, pieces: Sequence[Piece], t: float, stiffer: np.ndarray | None

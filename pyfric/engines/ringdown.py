@@ -674,7 +674,7 @@ class Frozen(Held):
 
         A bond that is stretched or turned by a share of its length is stiffer by two such shares.
         """
-        bent = self.solver.elongations(self.deviation(a, 0.0)[0])
+        bent = self.solver.elongations(self._sum(a))
         share = 2 * float(np.abs(bent).max()) / self.solver.scene.slider.l
         return share * float((np.abs(self.modal) @ (self.weight * np.abs(a))).max())
 

@@ -376,7 +376,8 @@ class HybridRun(Run):
         v = known.coordinates(state.y[:, 2:], state.rod[3:]) - course.speed(since)
         motion = frozen.split(w, v)
         unit = scene.F_N / scene.N_x
-        bound = frozen.bound * math.sqrt(motion.remainder)
+        bound = frozen.bounds(motion)
+        carried = bound[: 2 * int(frozen.stuck.sum())].max()  # open blocks carry no force
         rate, bend = course.margin_rate, course.margin_bend
         modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
         finite = self.method.geometry == "finite"
@@ -394,7 +395,7 @@ class HybridRun(Run):
                 return False
             s = first_crossing(c, slope, waves, rates, most * dt, dt, bent)
             n = min(math.floor(s / dt), most)
-            left = bound.max() * math.exp(-frozen.decay * n * dt)
+            left = carried * math.exp(-frozen.decay * n * dt)
             if left > self.remainder * unit or n < min(most, SHORTEST):
                 return False
             t = state.t0 + (state.step + n) * dt

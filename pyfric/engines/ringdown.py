@@ -14,7 +14,8 @@ form. M, C and K are symmetric, so the amplitude of a mode is
 In linear geometry, on all but the smallest lattices, modes are found otherwise (`fine`).
 
 The energy E of what the modes leave out cannot grow. By the inequality of Cauchy and Schwarz it
-bounds what the remainder does to the contact at any later time. It also decays: a mode of frequency
+bounds what the remainder does to the contact at any later time; on large lattices the energy of its
+rate gives a lower bound (`patches`). It also decays: a mode of frequency
 omega with at least half of its elastic energy in the bonds has -Re lambda >= eta omega^2/(4 k),
 because the viscosity of a bond resists all of the relative motion and its spring only a part. The
 slower one of two overdamped modes decays at its own |lambda|.
@@ -42,6 +43,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from pyfric.engines.fine import FineModes, Space, closed_space, is_fine, modes
+from pyfric.engines.patches import FEWEST_ROWS, Patches
 from pyfric.engines.smooth import slowest
 from pyfric.scene import of
 from pyfric.statics import LARGE, damping, mass
@@ -84,10 +86,14 @@ class Rest(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """A deviation from the drifting state: amplitudes of modes and energy of the remainder, J."""
+    """A deviation from the drifting state: amplitudes of modes and energy of the remainder, J.
+
+    `rate` is the energy of the remainder's rate, in J/s^2, where bounds take it; else inf.
+    """
 
     a: np.ndarray
     remainder: float
+    rate: float = math.inf
 
 
 class Course(NamedTuple):
@@ -353,6 +359,10 @@ class Frozen(Held):
         self.bound = np.sqrt(
             2 * np.concatenate([stiff, stiff, of(k_f, open_) ** 2 * np.array(lift)])
         )
+        self._patches = self._near = None
+        if self._fine and len(free) > LARGE and scene.N_z >= FEWEST_ROWS:
+            self._patches = closed._patches if closed else Patches(scene, self._all_M, C)
+            self._find_near(held, open_)
         self.force_modal = -self._on(sp.csr_array(push[None]))[0]
         self.force_lag = -float(push @ self.lag)
 
@@ -586,6 +596,22 @@ class Frozen(Held):
         one = (self.free == at).astype(float)
         return float(one @ factor.solve(one))
 
+    def _find_near(self, held: np.ndarray, open_: np.ndarray) -> None:
+        """Find bounds from the patch around each block."""
+        n, near, (rows, rows_v) = len(held), np.empty((3, len(self.bound))), self._on_margins
+        at = [[k, k + n] for k in range(n)] + [[2 * n + k] for k in range(len(open_))]
+        for i, some in zip([*held, *open_], at, strict=True):
+            pair = rows[some], rows_v[some]
+            near[:, some] = self._patches.bounds(i, self.stuck, self._rows, pair)
+        self.bound, self._near = np.minimum(self.bound, near[0]), near[1:]
+
+    def bounds(self, motion: Motion) -> np.ndarray:
+        """Return what the remainder of a motion does to the margins at most, shape (n_c,), in N."""
+        root = math.sqrt(motion.remainder)
+        if self._near is None:
+            return self.bound * root
+        return np.minimum(self.bound * root, np.array([math.sqrt(motion.rate), root]) @ self._near)
+
     def margins(self, rest: Rest) -> np.ndarray:
         """Return the margins in a static state, shape (n_c,), in N."""
         held = self.law.at(self.stuck).margins(rest.p[self.stuck], rest.f[self.stuck])
@@ -632,8 +658,14 @@ class Frozen(Held):
         force[: len(self.stuck)][self.stuck] = 0.0  # held
         a = self._fine.amplitudes(force, momentum)
         w, v = w - self._sum(a), v - self._sum(a * self.rates)
-        energy = 0.5 * float(v @ (self._all_M * v) + w @ (self._rows @ w))
-        return Motion(a, max(energy, 0.0))
+        force = self._rows @ w
+        energy = max(0.5 * float(v @ (self._all_M * v) + w @ force), 0.0)
+        if self._near is None:
+            return Motion(a, energy)
+        force += self._all_C @ v
+        force[: len(self.stuck)][self.stuck] = 0.0  # held
+        rate = 0.5 * float(force @ (force / self._all_M) + v @ (self._rows @ v))
+        return Motion(a, energy, max(rate, 0.0))
 
     def _dense_motion(
         self, w: np.ndarray, v: np.ndarray

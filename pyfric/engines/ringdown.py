@@ -478,7 +478,8 @@ class Frozen(Held):
             self._space = closed_space(scene, self._answer, *matrices)
         else:
             opened = np.flatnonzero(~self.stuck)
-            shapes = [closed._opening(i) for i in opened]
+            width = None if len(opened) <= FEW else 2
+            shapes = [closed._opening(i)[:, :width] for i in opened]
             lower = opened + scene.N_x, np.broadcast_to(self.k_f, scene.N_x)[opened]
             self._space = Space(closed._space, shapes, *matrices, lower)
         self._fine = fine = FineModes(self._space)
@@ -488,7 +489,7 @@ class Frozen(Held):
         """Return the static shapes that a block adds to the space of modes once it is open.
 
         These are the answers to a force on it and to its u_x, and those to their inertia and
-        viscosity, shape (n_q, 6).
+        viscosity, shape (n_q, 6). Where more than `FEW` blocks are open, the first two are used.
         """
         if i not in self._openings:
             N_x, (M, C) = len(self.stuck), (self._all_M[:, None], self._all_C)

@@ -208,7 +208,7 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
         reason = "an MP4 needs ffmpeg, or the extra movies (imageio-ffmpeg), which is not here"
         raise SceneError("path", str(path), "", allowed, reason)
     even = "pad=ceil(iw/2)*2:ceil(ih/2)*2"  # H.264 takes nothing else
-    return FFMpegWriter(fps=fps, codec="h264", extra_args=["-vf", even])
+    return FFMpegWriter(fps=fps, codec="h264", extra_args=["-vf", even, "-preset", "veryfast"])
 
 
 class _Film:

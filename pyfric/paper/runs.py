@@ -27,6 +27,13 @@ FIG1 = Job(scene=preset("fig1"), t_end=2.0, options=FINITE)
 """The scene of Figs. 1(b), 3 and 4(a), up to the seventh event over the whole interface."""
 
 
+FIG4B = tuple(
+    Job(scene=preset(name), t_end=t_end, options=LINEAR)
+    for name, t_end in (("run1", 0.8), ("run2", 0.9), ("run3", 1.0), ("run4", 1.1))
+)
+"""Runs 1 to 4, beyond the first event over the whole interface."""
+
+
 def _fig2a(L: float, h: float, F_N: float, options: dict[str, str]) -> Job:
     name = f"L = {L * 1e3:g} mm, h = {h * 1e3:g} mm, F_N = {F_N:g} N"
     t_end = (0.95 if 5e-3 <= h <= 10e-3 else 1.02) * F_N / 3500
@@ -35,7 +42,7 @@ def _fig2a(L: float, h: float, F_N: float, options: dict[str, str]) -> Job:
 
 FIG2A = (
     *(
-        _fig2a(L, h, 2700.0, LINEAR)
+        FIG4B[3] if (L, h) == (0.2, 10e-3) else _fig2a(L, h, 2700.0, LINEAR)
         for L in (0.14, 0.2)
         for h in (2.5e-3, 5e-3, 7.5e-3, 10e-3, 12.5e-3, 15e-3)
     ),
@@ -43,22 +50,16 @@ FIG2A = (
     _fig2a(0.14, 5e-3, 1750.0, FINITE),
     *(_fig2a(0.2, 5e-3, F_N, FINITE) for F_N in (1750.0, 3500.0)),
 )
-"""Setup 1 up to about the first event over the whole interface: all L and h, and other F_N in
-finite geometry at h = 5 mm."""
+"""Setup 1 up to about the first event over the whole interface: all L and h, one of them run 4, and
+other F_N in finite geometry at h = 5 mm."""
 
 FIG2B = tuple(
-    Job(scene=preset(name), t_end=0.7, options=SETUP2) for name in ("setup2-", "setup2", "setup2+")
+    Job(scene=preset(name), t_end=0.68, options=SETUP2) for name in ("setup2-", "setup2", "setup2+")
 )
 """Setup 2 with theta = -0.833, 0 and 0.833, up to about the first event over the interface."""
 
 FIG4A = FIG1
 """Its 11th main precursor."""
-
-FIG4B = tuple(
-    Job(scene=preset(name), t_end=t_end, options=LINEAR)
-    for name, t_end in (("run1", 0.8), ("run2", 0.9), ("run3", 1.0), ("run4", 1.1))
-)
-"""Runs 1 to 4, beyond the first event over the whole interface."""
 
 RUNS: dict[str, Job | tuple[Job, ...]] = {
     "fig1": FIG1,

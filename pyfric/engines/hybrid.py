@@ -57,6 +57,8 @@ ENOUGH = 2e-10
 """Residual forces of static states in finite geometry, over F_N/N_x. Which residual is left depends
 on rounding: with this one, runs on other OpenBLAS kernels or threads keep forces to 1e-12 F_N, with
 2e-7 to 2e-9 F_N, at the price of one step of Newton's method in two states."""
+FIRST = 1e-8
+"""The same where a jump begins: what is wrong there rings down with the modes."""
 NEAR, CLOSE = 3e-5, 3e-4
 """In finite geometry, static states differ by tangents while the driver moves by this share of
 F_N/K: by a tangent nearby, over a few dozen steps of the paper's scenes, and by their own."""
@@ -154,8 +156,8 @@ class _Statics:
         It may be `imagined` in linear geometry: motions about it are followed while they keep the
         contacts as they are, whether or not it would.
 
-        In finite geometry residual forces up to `ENOUGH` F_N/N_x stay, and the search starts from
-        coordinates `start`, or else from the last state.
+        In finite geometry the search starts from coordinates `start`, and residual forces up to
+        `ENOUGH` F_N/N_x stay; or else from the last state, and up to `FIRST` F_N/N_x stay.
         """
         if open_.all():  # nothing carries F_N
             return None
@@ -165,7 +167,8 @@ class _Statics:
             if not held.fits(rest):
                 return rest if imagined else None
         else:
-            left = ENOUGH * self.known.scene.F_N / self.known.scene.N_x
+            left = FIRST if start is None else ENOUGH
+            left *= self.known.scene.F_N / self.known.scene.N_x
             begin = self._last
             if start is not None and begin is not None:
                 u, rod = self.known.displacements(start)

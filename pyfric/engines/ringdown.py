@@ -353,7 +353,8 @@ class Frozen(Held):
         self.margin_rate = rows @ self.drift + direct
         self.margin_lag = rows @ self.lag + rows_v @ (V * self.drift)
         viscous = C[held][:, free].multiply(C[held][:, free]) @ (1 / self.M)
-        stiff = of(law.hold(1.0) ** 2 * k_f, held) + K.diagonal()[held] + viscous
+        moved = K[held][:, held].sum(axis=1)  # bonds between held blocks carry nothing
+        stiff = of(law.hold(1.0) ** 2 * k_f, held) + moved + viscous
         lift = factor.lift() if closed else [self._compliance(factor, i + N_x) for i in open_]
         self._on_margins = rows, rows_v
         self.bound = np.sqrt(

@@ -50,17 +50,18 @@ JUMP = {"linear": 3e-6, "finite": 15e-6}
 """Time of a jump per block, in s."""
 RELEASE = 1e-8
 """Time of the release of a block in the ladder, over N_x^2, in s."""
-RING, STEPS_EVENT, STEPS_BLOCK, STEPS_SWITCH = 0.09, 60, 5, 10
+RING, STEPS_EVENT, STEPS_BLOCK, STEPS_SWITCH = 0.06, 60, 5, 7
 """What an event takes in the hybrid engine: until the slider may be left to its modes, this many
 times the decay time of what they leave out (a chain: steps); steps of the automatic size for each
 block of its front; and steps more to locate its switches. Measured on the paper's scenes and with
 half their l: within a factor of 2. Six other scenes (setups 1 and 2 with other L, H, l, eta, K, F_N
 and mu; 17 to 54 % of their steps are ring-down), up to the eighth main event, in both geometries,
-with 0.12 and when looks for jumps were rarer: plans count 0.94 to 1.75 times what runs take, 0.91
-to 1.56 with the run's own number of events."""
-FINE_RING = 0.22
+before jumps began earlier and with 0.12 and 10: plans count 0.94 to 1.75 times what runs take, 0.91
+to 1.56 with the run's own number of events. Six runs of the paper's scenes since: 0.7 to 1.7."""
+FINE_RING = 0.18
 """The same number of decay times where modes are those of `fine`, of which there are more. Measured
-on the Fig. 1 scene at l = 1.25 and 0.625 mm: within a factor of 1.3."""
+on the Fig. 1 scene at l = 1.25 and 0.625 mm, with 0.22 before jumps began earlier: within a factor
+of 1.3."""
 CHEAP = 0.5
 """A run that measures errors and takes less than this is made whole, s."""
 FINEST = 4

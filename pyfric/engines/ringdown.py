@@ -70,6 +70,8 @@ MAX_ITER = 20
 """Most restarts of ARPACK; few are needed."""
 STRAINED = 0.005
 """In finite geometry K is taken anew where the stiffness of a bond has changed by this many k."""
+GONE = 1e-30
+"""A mode is gone once it moves no margin by more than this share of the largest."""
 GRID = 64
 """Points at which margins are evaluated together."""
 
@@ -586,13 +588,12 @@ class Frozen(Held):
         """Store modes, slow ones first, with what their amplitudes need."""
         order = np.argsort(np.abs(rates), kind="stable")
         rates, phi = rates[order], phi[:, order]
-        C, M = self.C, self.M
         self.rates, self.phi = rates, phi
         self.weight = np.where(rates.imag > 0, 2.0, 1.0)
-        momentum = M[:, None] * phi
-        left = C @ phi + momentum * rates
-        self._norm = norm = np.sum(phi * (left + momentum * rates), axis=0)
-        self._left, self._left_v = (left / norm).T, (momentum / norm).T
+        self._norm = np.sum(phi * (self.C @ phi + 2 * rates * (self.M[:, None] * phi)), axis=0)
+        groups = slice(RENEWED), slice(RENEWED, None)  # others than the slow ones may be older
+        parts = phi.real.T, phi.imag.T
+        self._groups = [(some, np.vstack([part[some] for part in parts])) for some in groups]
 
     def _compliance(self, factor: BandedCholesky | SuperLU | _Opened, at: int) -> float:
         one = (self.free == at).astype(float)
@@ -673,11 +674,14 @@ class Frozen(Held):
         self, w: np.ndarray, v: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         w, v, a = w[self.free], v[self.free], np.zeros(len(self.rates), complex)
-        for some in (slice(RENEWED), slice(RENEWED, None)):  # the others may be older
-            a[some] = self._left[some] @ w + self._left_v[some] @ v
-            twice = self.weight[some] * a[some]
-            w = w - (self.phi[:, some] @ twice).real
-            v = v - (self.phi[:, some] @ (twice * self.rates[some])).real
+        for some, shapes in self._groups:
+            rates = self.rates[some]
+            found = np.array([self.C @ w + self.M * v, self.M * w]) @ shapes.T
+            by_one, by_rate = found[:, : len(rates)] + 1j * found[:, len(rates) :]
+            a[some] = (by_one + rates * by_rate) / self._norm[some]
+            twice = self.weight[some] * a[some] * np.array([np.ones_like(rates), rates])
+            moved = np.hstack([twice.real, -twice.imag]) @ shapes
+            w, v = w - moved[0], v - moved[1]
         return a, w, v
 
     def stepped(self, rates: np.ndarray) -> np.ndarray:
@@ -853,12 +857,13 @@ def first_crossing(
                 leap = float(np.min(2 * low[falls] / fall[falls], initial=np.inf))
             s = min(s + leap, s_end)
             continue
-        grid = s + h * np.arange(GRID + 1)
+        grid, alive = s + h * np.arange(GRID + 1), size.max(axis=0) * decay > GONE * np.max(c)
         value = c[near, None] + rate[near, None] * grid + np.outer(bend[near], 0.5 * grid**2)
-        value += (modal[near] @ np.exp(np.outer(rates, grid))).real
+        waves = np.exp(np.outer(rates[alive], grid))
+        value += (modal[near][:, alive] @ waves).real
         curve = np.maximum(bend[near], 0.0)[:, None] * (h**2 / 8)
-        fading = np.exp(np.outer(rates.real, grid[:-1]))
-        curve = curve + (size[near] * np.abs(rates) ** 2) @ fading * (h**2 / 8)
+        fast = size[near][:, alive] * np.abs(rates[alive]) ** 2
+        curve = curve + fast @ np.abs(waves[:, :-1]) * (h**2 / 8)
         sure = (np.minimum(value[:, :-1], value[:, 1:]) > curve).all(axis=0)
         n_sure = int(np.argmin(sure)) if not sure.all() else GRID
         s += n_sure * h

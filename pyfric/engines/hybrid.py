@@ -380,7 +380,6 @@ class HybridRun(Run):
         motion = frozen.split(w, v)
         unit = scene.F_N / scene.N_x
         bound = frozen.bounds(motion)
-        carried = bound[: 2 * int(frozen.stuck.sum())].max()  # open blocks carry no force
         rate, bend = course.margin_rate, course.margin_bend
         modal = np.column_stack([frozen.modal * (frozen.weight * motion.a), -bound])
         finite = self.method.geometry == "finite"
@@ -398,7 +397,7 @@ class HybridRun(Run):
                 return False
             s = first_crossing(c, slope, waves, rates, most * dt, dt, bent)
             n = min(math.floor(s / dt), most)
-            left = carried * math.exp(-frozen.decay * n * dt)
+            left = frozen.left(motion, n * dt)
             if left > self.remainder * unit or n < min(most, SHORTEST):
                 return False
             t = state.t0 + (state.step + n) * dt

@@ -615,6 +615,20 @@ class Frozen(Held):
             return self.bound * root
         return np.minimum(self.bound * root, np.array([math.sqrt(motion.rate), root]) @ self._near)
 
+    def left(self, motion: Motion, s: float) -> float:
+        """Return how much of the remainder is left in any force after a time s (s), in N.
+
+        On large lattices errors of modes decay with them, and the rest faster.
+        """
+        stuck = slice(2 * int(self.stuck.sum()))  # open blocks carry no force
+        most = self.bounds(motion)[stuck].max()
+        left = most * math.exp(-self.decay * s)
+        if self._near is None:
+            return left
+        errors = self._fine.errors * np.abs(motion.a) * self.bound[stuck].max()
+        fast = (most + errors.sum()) * math.exp(-self._fine.fast * s)
+        return min(left, fast + float(errors @ np.exp(self.growth.real * s)))
+
     def margins(self, rest: Rest) -> np.ndarray:
         """Return the margins in a static state, shape (n_c,), in N."""
         held = self.law.at(self.stuck).margins(rest.p[self.stuck], rest.f[self.stuck])

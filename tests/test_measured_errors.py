@@ -20,7 +20,6 @@ from pyfric.engines.verification import (
     JUMPS,
     PERTURBATION,
     SPEEDS,
-    THIRD,
     Made,
     stretch,
     verified,
@@ -378,21 +377,21 @@ def test_a_small_error_takes_one_more_run(ladder):
     assert all(tight for _, _, tight in known.asked[1:2])
 
 
-def test_steps_are_cut_to_a_third_until_the_error_is_within_the_tolerance(ladder):
+def test_steps_are_cut_until_the_error_is_within_the_tolerance(ladder):
     known = Known(ladder, step=0.01)
     record = known.verified("sample")
-    assert [share for _, share, _ in known.asked[2:]] == pytest.approx([1 / 3, 1 / 9])
-    assert record.method.dt == known.dt_0 / THIRD
-    assert record.errors.start == pytest.approx(FINER * 0.01 / 81 + JUMPS)
+    assert [share for _, share, _ in known.asked[2:]] == [1 / 2, 1 / 8]
+    assert record.method.dt == known.dt_0 / 2
+    assert record.errors.start == pytest.approx(FINER * 0.01 / 16 + JUMPS)
     assert record.errors.holds
     assert any("refined to hybrid, finite geometry" in note for note in record.notes)
 
 
 def test_a_wrong_turn_that_half_the_step_takes_too_is_found(ladder):
     """Events of other lengths are no errors of some order in the step."""
-    record = Known(ladder, step=0.01, turn=1 / 8).verified("sample", tolerance=0.02)
-    assert record.method.dt == pytest.approx(pyfric.step_size(ladder.scene) / THIRD)
-    off = 0.005 + 0.01 * (THIRD**-4 - THIRD**-8)
+    record = Known(ladder, step=0.01, turn=1 / 6).verified("sample", tolerance=0.02)
+    assert record.method.dt == pyfric.step_size(ladder.scene) / 2
+    off = 0.005 + 0.01 * (2**-4 - (2 * FINEST) ** -4)
     assert record.errors.start == pytest.approx(COARSER * off + JUMPS)
 
 
@@ -408,7 +407,7 @@ def test_linear_geometry_is_left_first(ladder):
     known = Known(ladder, bonds=0.05)
     record = known.verified("sample", geometry="linear")
     assert [geometry for geometry, _, _ in known.asked] == ["linear", *(3 * ["finite"])]
-    assert [share for _, share, _ in known.asked[2:]] == [1 / 3, 1.0]
+    assert [share for _, share, _ in known.asked[2:]] == [1 / 2, 1.0]
     assert record.method.geometry == "finite"
     assert record.errors.start == pytest.approx(JUMPS)
 

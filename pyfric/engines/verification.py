@@ -12,8 +12,8 @@ nearly twice the step  otherwise ("sample"), for as much of the run as costs as 
                        the difference is reported, growing with the events that it does not cover.
 
 Where little decides whether a block slips, both runs may take the same wrong turn: with a step n
-times shorter once where the run itself does n^4 times, so that half the step misses one in 16, a
-third one in 81. Where events of the two runs end at other blocks, the difference is no error of
+times shorter once where the run itself does n^4 times: half the step misses one in 16, a quarter
+one in 256. Where events of the two runs end at other blocks, the difference is no error of
 some order in the step: `COARSER` times it is reported.
 
 "full" takes a quarter of the step whatever it costs, and one more run whose driver is faster by
@@ -24,7 +24,7 @@ counts how often they do.
 
 Where a planned run is off by more than its tolerance, it is compared with the one of shorter steps
 first, and then made again with less left out: in finite geometry, then as the run beside it, up to
-`MOST` times, each compared with a third of the step and jumps that neglect a tenth, or none. With
+`MOST` times, each compared with a quarter of the step, and jumps that neglect a tenth or none. With
 little viscosity the order of events hangs on what jumps leave, and two runs that leave the same
 would take the same wrong turn. Where that does not help, the perturbed run says whether anything
 would. From the time on at which it is off by more than the tolerance, single events cannot be
@@ -61,8 +61,6 @@ PERTURBATION = 1e-9
 """By how much the driver of the perturbed run is faster, relative."""
 MOST = 2
 """How often a run is made again with shorter steps."""
-THIRD = 3
-"""The step of a run over that of the run beside it, where there is no price to keep to."""
 DYNAMICS, FINER, COARSER = 1.25, 2.0, 3.0
 """Reported error over the one measured, beside dynamics, finer steps and coarser ones: factors of
 safety, as for two grids."""
@@ -221,7 +219,7 @@ class _Stepped:
         refined, errors = 0, self.errors()
         while not errors.holds and made.refines and self.other.done:
             if self.other.method.dt > self.record.method.dt:
-                self._finer(THIRD)
+                self._finer(2)
             elif refined and self.perturbed is None:
                 self._perturb()
             elif refined < MOST:
@@ -266,7 +264,7 @@ class _Stepped:
         """Make the run beside it that `mode` pays for."""
         record, method, made = self.record, self.record.method, self.made
         if mode == "full" or method.stepper != "rk4":
-            self._finer(FINEST if mode == "full" else THIRD)
+            self._finer(FINEST if mode == "full" else 2)
             return
         counts = record.counts.get("block_evaluations", 0), record.counts.get("jumps", 0)
         cheap, lasts = CHEAP if mode is None else 0.0, made.t_end - made.t_begin
@@ -310,7 +308,7 @@ class _Stepped:
             self.record = self.made.again(self.record, **how)
         else:
             self.record, self.tight = self.other, self.tight + 1
-            self._finer(THIRD)
+            self._finer(FINEST)
         self.perturbed = self.until = None
         self.notes.append(f"refined to {_words(self.record)}: measured error {off:.2g}")
         return shorter

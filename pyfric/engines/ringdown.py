@@ -349,14 +349,18 @@ class Frozen(Held):
             _times(of(k_f, open_), pick[open_ + N_x]),
         )
         rows = sp.vstack([strength + K[held], strength - K[held], lifted]).tocsr()
-        rows_v = sp.vstack([C[held], -C[held], sp.csr_array((len(open_), self.n_q))]).tocsr()
+        if near is not None:  # the same dashpots
+            rows_v, self._viscous = near._on_margins[1], near._viscous
+        else:
+            empty = sp.csr_array((len(open_), self.n_q))
+            rows_v = sp.vstack([C[held], -C[held], empty]).tocsr()
+            self._viscous = C[held][:, free].multiply(C[held][:, free]) @ (1 / self.M)
         self.modal = self._on(rows) + self._on(rows_v) * self.rates
         direct = np.concatenate([-push[held], push[held], np.zeros(len(open_))])
         self.margin_rate = rows @ self.drift + direct
         self.margin_lag = rows @ self.lag + rows_v @ (V * self.drift)
-        viscous = C[held][:, free].multiply(C[held][:, free]) @ (1 / self.M)
         moved = K[held][:, held].sum(axis=1)  # bonds between held blocks carry nothing
-        stiff = of(law.hold(1.0) ** 2 * k_f, held) + moved + viscous
+        stiff = of(law.hold(1.0) ** 2 * k_f, held) + moved + self._viscous
         lift = factor.lift() if closed else [self._compliance(factor, i + N_x) for i in open_]
         self._on_margins = rows, rows_v
         self.bound = np.sqrt(
@@ -464,7 +468,7 @@ class Frozen(Held):
     def _find_dense(self, near: Frozen | None, factor: BandedCholesky | SuperLU) -> None:
         """Find exact modes of the lattice, or those near the modes of another tangent."""
         scene, free = self.solver.scene, self.free
-        self.K, self.C = self._rows[free][:, free], self._all_C[free][:, free]
+        self.K, self.C = self._rows[free][:, free], near.C if near else self._all_C[free][:, free]
         if near is not None:
             self._keep_modes(*self._renewed_modes(near, factor))
         else:

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.core import OPEN
-from pyfric.engines.ringdown import first_crossing
+from pyfric.engines.crossing import first_crossing
 from pyfric.statics import ContactProblem, Creep, creeps, damping, mass
 
 if TYPE_CHECKING:

@@ -26,10 +26,11 @@ import numpy as np
 from pyfric import core
 from pyfric.core import OPEN, STUCK
 from pyfric.engines.creeping import Creeping
+from pyfric.engines.crossing import first_crossing
 from pyfric.engines.dynamic import Run, just_after, last_step
 from pyfric.engines.fine import is_fine
 from pyfric.engines.guard import LINEAR, largest_strain
-from pyfric.engines.ringdown import STRAINED, Course, Frozen, Held, Rest, first_crossing
+from pyfric.engines.ringdown import STRAINED, Course, Frozen, Held, Rest
 from pyfric.statics import LARGE, EquilibriumError
 
 if TYPE_CHECKING:

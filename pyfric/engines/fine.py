@@ -3,7 +3,8 @@
 On a fine lattice what few modes leave out of a ring-down decays slowly, and exact modes are dear.
 Smooth shapes (`smooth`) hold many modes, up to an error in the corners of the slider, where stress
 is singular. The slowest ones, which last longest, are corrected by static solutions K^-1 M phi and
-K^-1 C phi, which have the right stress in the corners. Blocks that open add their static shapes.
+K^-1 C phi, which have the right stress in the corners and around the driven block. Blocks that open
+add their static shapes.
 
 In that space W, M, C and K are small matrices. A motion is projected so that the energy of what is
 left out is the least one,
@@ -43,13 +44,14 @@ LEAST = 0.75
 """Decay of what the modes leave out, over that of the least viscous mode of its frequency."""
 TWICE = 5
 """Modes that are corrected twice: they last until the next event, and take on a share of what is
-left out when a jump begins as large as their error."""
+left out when a jump begins that is as large as their error."""
 FAST_ERROR, SLOW_ERROR = 0.12, 1.5e-3
 """Root of the share of energy that a mode lacks: these times r^5 and the root of r, where r is its
 frequency over the largest. Measured on the Fig. 1 scene at l = 0.625 and 0.25 mm, with none and
 three blocks open: 0.05 to 0.9 of that."""
 APART = 1e-12
-"""Shapes are left out where this share of their mass, or less, is not in the others."""
+"""Shapes are left out where this share of their energy, or less, is not in the others. Their mass
+would leave out those of corners, which slow modes need."""
 OVERDAMPED = 6
 """Overdamped shear waves, which creep back, have a rate of k/eta over this."""
 
@@ -134,23 +136,27 @@ def closed_space(
     M: np.ndarray,
     C: sp.csr_array,
     K: sp.csr_array,
+    pulled: np.ndarray,
 ) -> Space:
     """Return the space of the slider with all blocks stuck.
 
     Args:
         scene: the scene, in linear geometry.
-        solve: forces on coordinates to displacements, both of shape (n_q,).
+        solve: forces on coordinates to displacements, both of shape (n_q, n).
         M, C, K: mass, shape (n_q,), damping and stiffness, both of shape (n_q, n_q).
+        pulled: answers to the driver, which pulls at one block, shape (n_q, n).
     """
-    smooth, found = Smooth(scene, modes(scene)), []
-    for k, omega in enumerate(smooth.omega[:CORRECTED]):
-        mode = smooth.spread(np.eye(1, len(smooth.M), k)[0])
-        found.append(omega**2 * solve(M * mode) - mode)
-        if k < TWICE:
-            found.append(omega**2 * solve(M * found[-1]) - found[-1])
-        if scene.eta > 0:
-            found.append(solve(C @ mode))
-    shapes = np.column_stack(found)
+    smooth = Smooth(scene, modes(scene))
+    slow = np.eye(min(CORRECTED, len(smooth.omega)), len(smooth.M))
+    slow = np.column_stack([smooth.spread(y) for y in slow])
+
+    def answers(q: np.ndarray) -> list[np.ndarray]:
+        return [solve(M[:, None] * q), *([solve(C @ q)] if scene.eta > 0 else [])]
+
+    found = answers(slow)
+    found[0] = smooth.omega[:CORRECTED] ** 2 * found[0] - slow
+    twice = [one for q in found for one in answers(q[:, :TWICE])]
+    shapes = np.hstack([pulled, *found, *twice])
     shapes /= np.sqrt(M @ shapes**2)
     return Space(smooth, [shapes], M, C, K)
 
@@ -169,24 +175,24 @@ class FineModes:
     def __init__(self, space: Space) -> None:
         self._space, scene, omega = space, space.smooth.scene, space.smooth.omega
         slow, cut = omega[-1], omega[min(CORRECTED, len(omega) - 1)]
-        length = 1 / np.sqrt(np.diag(space.M))
-        size, axes = np.linalg.eigh(length[:, None] * space.M * length)
+        length = 1 / np.sqrt(np.diag(space.K))
+        size, axes = np.linalg.eigh(length[:, None] * space.K * length)
         apart = size > APART * size[-1]
-        self._axes = axes = length[:, None] * axes[:, apart] / np.sqrt(size[apart])
-        K, C = axes.T @ space.K @ axes, axes.T @ space.C @ axes
-        n = len(K)
+        self._axes = axes = length[:, None] * axes[:, apart] / np.sqrt(size[apart])  # K is 1
+        M, C = axes.T @ space.M @ axes, axes.T @ space.C @ axes
+        n = len(M)
         found, vectors = np.linalg.eig(
-            np.block([[np.zeros((n, n)), np.eye(n)], [-K / slow**2, -C / slow]])
+            np.block([[-slow * C, -(slow**2) * M], [np.eye(n), np.zeros((n, n))]])
         )
-        kept = (np.abs(found) <= 1) & (found.imag >= 0)
-        self.rates, self._x = slow * found[kept], vectors[:n, kept]
+        kept = (np.abs(found) >= 1) & (found.imag <= 0)
+        self.rates, self._x = slow / found[kept], vectors[n:, kept]
         self.weight = np.where(self.rates.imag > 0, 2.0, 1.0)
-        self._norm = np.sum(self._x * (C @ self._x + 2 * self.rates * self._x), axis=0)
-        self._C, self._inverse = C, np.linalg.inv(K)
+        self._norm = np.sum(self._x * (C @ self._x + 2 * self.rates * (M @ self._x)), axis=0)
+        self._C, self._M = C, M
         viscous = np.min(-self.rates.real / np.abs(self.rates) ** 2, initial=np.inf)
         creep = scene.slider.k / (OVERDAMPED * scene.eta) if scene.eta > 0 else np.inf
         self.decay, self.fast = (min(LEAST * viscous * a**2, a, creep) for a in (cut, slow))
-        whole = np.sum((self._x.conj() * (K @ self._x)).real, axis=0)
+        whole = np.sum(np.abs(self._x) ** 2, axis=0)
         r = np.abs(self.rates) / slow
         share = FAST_ERROR * r**5 + SLOW_ERROR * np.sqrt(r)
         self.errors = share * self.weight * np.sqrt(whole / 2)
@@ -194,8 +200,8 @@ class FineModes:
     def amplitudes(self, force: np.ndarray, momentum: np.ndarray) -> np.ndarray:
         """Return the amplitudes of the modes in a motion, given K w (N) and M w' (N s)."""
         y, p = (self._axes.T @ self._space.gather(one) for one in (force, momentum))
-        y = self._inverse @ y
-        return (self._x.T @ (self._C @ y + p) + self.rates * (self._x.T @ y)) / self._norm
+        damped, x = self._C @ y + p, self._x.T
+        return (x @ damped + self.rates * (x @ (self._M @ y))) / self._norm
 
     def spread(self, a: np.ndarray) -> np.ndarray:
         """Return the real part of a sum of modes, shape (n_q,)."""

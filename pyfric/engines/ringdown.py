@@ -417,8 +417,8 @@ class Frozen(Held):
         )  # fmt: skip
 
     def _answer(self, force: np.ndarray) -> np.ndarray:
-        """Return the displacements, shape (n_q,), that forces on all coordinates make."""
-        found = np.zeros(self.n_q)
+        """Return the displacements, shape (n_q, ...), that forces on all coordinates make."""
+        found = np.zeros(force.shape)
         found[self.free] = self._factor.solve(force[self.free])
         return found
 
@@ -478,7 +478,8 @@ class Frozen(Held):
         """Find modes of a fine lattice, whose smooth shapes hold many."""
         scene, matrices = self.solver.scene, (self._all_M, self._all_C, self._rows)
         if closed is None:
-            self._space = closed_space(scene, self._answer, *matrices)
+            pulled = [self.drift] + ([self.lag] if self.lag.any() else [])
+            self._space = closed_space(scene, self._answer, *matrices, np.column_stack(pulled))
         else:
             opened = np.flatnonzero(~self.stuck)
             width = None if len(opened) <= FEW else 2
@@ -500,10 +501,10 @@ class Frozen(Held):
             both[self.free] = np.column_stack([self._columns[i + N_x], self._columns[i]])
             both[i, 1] = 1.0
             forces = np.hstack([M * both] + ([C @ both] if self.solver.scene.eta > 0 else []))
-            more = [self._answer(force) for force in forces.T]
+            more = self._answer(forces)
             while len(self._openings) >= MOST_OPENINGS:
                 del self._openings[next(iter(self._openings))]
-            self._openings[i] = np.column_stack([both, *more])
+            self._openings[i] = np.hstack([both, more])
         return self._openings[i]
 
     def _renewed_modes(

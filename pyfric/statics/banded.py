@@ -16,12 +16,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import cython_lapack
+from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dpbtrs
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
 __all__ = ["BandedCholesky", "WithSpring"]
+
+BLOCK, MANY = 128, 8
+"""Rows of the factor that act together, on at least this many columns."""
 
 
 class BandedCholesky:
@@ -62,7 +66,41 @@ class BandedCholesky:
             self._inverse = np.linalg.inv((D + D.T) / 2)
 
     def _solved(self, b: np.ndarray) -> np.ndarray:
+        if b.ndim == 2 and b.shape[1] >= MANY and len(self._factor) > 2 * BLOCK:
+            return self._many(b)
         return dpbtrs(self._factor, b)[0]  # the upper triangle takes a third less time
+
+    def _many(self, b: np.ndarray) -> np.ndarray:
+        """Return the same for many columns at once: the band is read once, in blocks of rows.
+
+        With U1 the rows of the factor U from i on, in its triangle, to the right of that and in the
+        triangle where the band ends, U'y = b goes downward and U x = y upward.
+        """
+        x, (n, w) = np.asfortranarray(b), (len(b), len(self._factor) - 1)
+        x = x.copy(order="F") if x is b else x
+        starts = range(0, n, BLOCK)
+        for i in starts:
+            (j, k), triangle, right, end = self._rows(i, n, w)
+            x[i:j] = top = dtrsm(1.0, triangle, x[i:j], trans_a=1)
+            x[j:k] -= right.T @ top
+            x[k : k + end.shape[1]] -= end.T @ top
+        for i in reversed(starts):
+            (j, k), triangle, right, end = self._rows(i, n, w)
+            top = x[i:j] - right @ x[j:k] - end @ x[k : k + end.shape[1]]
+            x[i:j] = dtrsm(1.0, triangle, top)
+        return x
+
+    def _rows(self, i: int, n: int, w: int) -> tuple[tuple[int, int], *tuple[np.ndarray, ...]]:
+        """Return where a block of rows of U and its rectangle end, and its three parts."""
+        j = min(i + BLOCK, n)
+        k = min(i + w, n)
+        flat, step = self._factor.ravel(order="F"), self._factor.itemsize
+
+        def part(column: int, columns: int) -> np.ndarray:
+            shape, begin = (j - i, columns), w + i + column * w
+            return np.lib.stride_tricks.as_strided(flat[begin:], shape, (step, w * step))
+
+        return (j, k), part(i, j - i), part(j, k - j), np.tril(part(k, min(j - i, n - k)))
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return x with K x = b, shape (n,) or (n, columns)."""

@@ -42,6 +42,8 @@ CORRECTED = 12
 """Modes that are corrected."""
 LEAST = 0.75
 """Decay of what the modes leave out, over that of the least viscous mode of its frequency."""
+CHUNK = 8
+"""Shapes that are multiplied by a matrix together, which saves memory."""
 TWICE = 5
 """Modes that are corrected twice: they last until the next event, and take on a share of what is
 left out when a jump begins that is as large as their error."""
@@ -96,21 +98,23 @@ class Space:
 
     def _between(self, whole: np.ndarray | sp.csr_array, known: np.ndarray) -> np.ndarray:
         """Return a matrix between all shapes, known between those of the base."""
-        n = self._n
-        shapes = [shape for part in self._parts for shape in part.T]
-        A = np.zeros((n + len(shapes),) * 2)
+        n = k = self._n
+        A = np.zeros((n + sum(part.shape[1] for part in self._parts),) * 2)
         A[:n, :n] = known
-        for k, shape in enumerate(shapes, n):
-            A[:, k] = self.gather(whole * shape if isinstance(whole, np.ndarray) else whole @ shape)
+        for part in self._parts:
+            for some in np.array_split(part, -(-part.shape[1] // CHUNK), axis=1):
+                image = whole[:, None] * some if isinstance(whole, np.ndarray) else whole @ some
+                A[:, k : k + some.shape[1]] = self.gather(image.T).T
+                k += some.shape[1]
         A[n:, :n] = A[:n, n:].T
         return (A + A.T) / 2
 
     def gather(self, q: np.ndarray) -> np.ndarray:
-        """Return the products of all shapes with a vector over coordinates."""
-        return np.concatenate([self.base.gather(q), *(q @ part for part in self._parts)])
+        """Return the products of all shapes with vectors over coordinates, shape (..., n_q)."""
+        return np.concatenate([self.base.gather(q), *(q @ part for part in self._parts)], axis=-1)
 
     def spread(self, y: np.ndarray) -> np.ndarray:
-        """Return the coordinates of amplitudes of the shapes."""
+        """Return the coordinates of amplitudes of the shapes, shape (shapes, ...)."""
         q, n = self.base.spread(y[: self._n]), self._n
         for part in self._parts:
             q += part @ y[n : n + part.shape[1]]
@@ -199,12 +203,12 @@ class FineModes:
 
     def amplitudes(self, force: np.ndarray, momentum: np.ndarray) -> np.ndarray:
         """Return the amplitudes of the modes in a motion, given K w (N) and M w' (N s)."""
-        y, p = (self._axes.T @ self._space.gather(one) for one in (force, momentum))
+        y, p = self._space.gather(np.array([force, momentum])) @ self._axes
         damped, x = self._C @ y + p, self._x.T
         return (x @ damped + self.rates * (x @ (self._M @ y))) / self._norm
 
     def spread(self, a: np.ndarray) -> np.ndarray:
-        """Return the real part of a sum of modes, shape (n_q,)."""
+        """Return the real part of sums of modes, shape (n_q, ...)."""
         return self._space.spread(self._axes @ (self._x @ a).real)
 
     def on(self, rows: sp.csr_array) -> np.ndarray:

@@ -49,6 +49,8 @@ from pyfric.scene import of
 from pyfric.statics import LARGE, damping, mass
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from scipy.sparse.linalg import SuperLU
 
     from pyfric.scene import Geometry, Scene
@@ -576,6 +578,13 @@ class Frozen(Held):
         q[self.free] = (self.phi @ (self.weight * a)).real
         return q
 
+    def _moving(self, a: np.ndarray) -> Sequence[np.ndarray]:
+        """Return the coordinates of a sum of modes, as `_sum` does, and their rates."""
+        if not self._fine:
+            return self._sum(a), self._sum(a * self.rates)
+        both = np.column_stack([a, a * self.rates])
+        return np.ascontiguousarray(self._fine.spread(self.weight[:, None] * both).T)
+
     @property
     def shapes(self) -> np.ndarray:
         """Shapes of which slow modes consist, shape (n_q, n)."""
@@ -675,7 +684,7 @@ class Frozen(Held):
         force, momentum = self._rows @ w, self._all_M * v
         force[: len(self.stuck)][self.stuck] = 0.0  # held
         a = self._fine.amplitudes(force, momentum)
-        w, v = w - self._sum(a), v - self._sum(a * self.rates)
+        w, v = np.array([w, v]) - self._moving(a)
         force = self._rows @ w
         energy = max(0.5 * float(v @ (self._all_M * v) + w @ force), 0.0)
         if self._near is None:
@@ -752,7 +761,8 @@ class Frozen(Held):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return w (m) and w' (m/s) of modes of amplitude a a time s (s) later, shape (n_q,)."""
         later = a * np.exp((self.growth if growth is None else growth) * s)
-        return self._sum(later), self._sum(later * self.rates)
+        w, v = self._moving(later)
+        return w, v
 
 
 class _Opened:

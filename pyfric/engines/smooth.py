@@ -148,7 +148,9 @@ class Smooth:
         return np.array([X[0], Z[0] - x[0] * phi, phi])
 
     def spread(self, y: np.ndarray) -> np.ndarray:
-        """Return the coordinates q, shape (n_q,), of amplitudes y of the modes, shape (n,)."""
+        """Return the coordinates q, shape (n_q, ...), of amplitudes y of the modes, (n, ...)."""
+        if y.ndim > 1:
+            return np.column_stack([self.spread(one) for one in y.T])
         scene, shares = self.scene, self._Y @ y
         u = np.empty((scene.N_z, 2, scene.N_x))
         for c in (0, 1):
@@ -160,7 +162,9 @@ class Smooth:
         return np.concatenate([u[:-1].ravel(), self.rod @ shares])
 
     def gather(self, q: np.ndarray) -> np.ndarray:
-        """Return the products of the modes with a vector over coordinates: `spread`'s transpose."""
+        """Return the products of the modes with vectors over coordinates: `spread`'s transpose."""
+        if q.ndim > 1:
+            return np.array([self.gather(one) for one in q])
         scene, found = self.scene, np.empty(self._size)
         rows = scene.N_z - 1 if scene.rigid else scene.N_z
         u = q[: 2 * scene.N_x * rows].reshape(rows, 2, scene.N_x)

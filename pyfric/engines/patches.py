@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 
 __all__ = ["FEWEST_ROWS", "Patches"]
 
-REACH, SHORT = 24, 8
-"""Blocks from the one with the margin to the edge of its patch; fewer where every patch differs."""
+REACH, SHORT, SHARE = 24, 8, 12
+"""Blocks from the one with the margin to the edge of its patch, at most; fewer where every patch
+differs; and N_x over what is worth its time on smaller lattices."""
 FEWEST_ROWS = 6
 """Rows of blocks below which there is no patch."""
 
@@ -43,7 +44,8 @@ class Patches:
     def __init__(self, scene: Scene, M: np.ndarray, C: sp.csr_array) -> None:
         self._scene, self._M, self._C = scene, M, C
         self._fields = [np.asarray(field) for field in (scene.k_f, scene.law.hold(1.0))]
-        self._reach = SHORT if any(field.ndim for field in self._fields) else REACH
+        most = SHORT if any(field.ndim for field in self._fields) else REACH
+        self._reach = min(most, max(scene.N_x // SHARE, 4))
         self._rows = min(self._reach, scene.N_z - 3)  # the rod has no part in it
         row = np.arange(len(M)) // scene.N_x
         self._shifts = np.column_stack([row % 2 == 0, row % 2 == 1]).astype(float)

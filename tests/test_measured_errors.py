@@ -430,3 +430,14 @@ def test_what_no_refinement_helps_is_said(ladder):
     record = Known(ladder, step=1e4).verified("sample")
     assert record.errors.until is not None
     assert "finer steps give other ones" in record.notes[-1]
+
+
+@pytest.mark.parametrize(("step", "runs"), [(1e-7, 2), (1e-4, 4)])
+def test_steps_are_not_cut_for_what_jumps_leave(ladder, step, runs):
+    """It is the same for all steps; but errors of steps that are too large are cut."""
+    known = Known(ladder, step=step)
+    record = known.verified("sample", tolerance=JUMPS / 2)
+    assert len(known.asked) == runs
+    assert not record.errors.holds
+    assert record.errors.start < 1.5 * JUMPS
+    assert record.notes[-2] == verification.VAIN

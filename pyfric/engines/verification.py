@@ -64,6 +64,10 @@ MOST = 2
 DYNAMICS, FINER, COARSER = 1.25, 2.0, 3.0
 """Reported error over the one measured, beside dynamics, finer steps and coarser ones: factors of
 safety, as for two grids."""
+VAIN = (
+    "not refined: shorter steps do not change what jumps may leave, which alone is more than the "
+    'tolerance; fidelity="dynamic" has no jumps'
+)
 TIGHTER, FURTHER, TANGENTS = 1e-2, 0.1, 0.2
 """What jumps of runs that measure errors may neglect, over what others may; over that, where the
 run was itself one that measured errors; change of bonds at which they take modes anew."""
@@ -208,7 +212,7 @@ class _Stepped:
         self.until: float | None = None
         self.perturbed: Record | None = None
         self.notes: list[str] = []
-        self.tight = 0
+        self.tight, self.vain = 0, False
 
     def verified(self, mode: str | None) -> Record:
         """Return the run with its errors, refined where it may be."""
@@ -217,7 +221,7 @@ class _Stepped:
         if mode == "full":
             self._perturb()
         refined, errors = 0, self.errors()
-        while not errors.holds and made.refines and self.other.done:
+        while not errors.holds and not self.vain and made.refines and self.other.done:
             if self.other.method.dt > self.record.method.dt:
                 self._finer(2)
             elif refined and self.perturbed is None:
@@ -227,7 +231,9 @@ class _Stepped:
             else:
                 break
             errors = self.errors()
-        if made.refines and not errors.holds:
+        if self.vain and made.refines:
+            self.notes.append(VAIN)
+        elif made.refines and not errors.holds:
             parted = self._parted(self.other, self.factor)
             if parted is not None:
                 self.until, self.perturbed = parted, self.other
@@ -240,16 +246,22 @@ class _Stepped:
         if self.until is not None:
             found = found.before(self.until)
         factor = max(self.factor, COARSER) if found.turned else self.factor
-        errors = _errors(found, self.made, factor, _words(self.other))
-        if "dynamic" not in (self.record.method.engine, self.other.method.engine):
-            left = dict.fromkeys(("start", "arrest", "stress"), JUMPS)
-            if self.geometry == "finite":
-                fast = min(hurry(self.made.scene) / FAST, 1.0)
-                left |= {name: fast * most for name, most in SPEEDS.items()}
-            found = {name: getattr(errors, name) for name in left}
-            more = {name: one + left[name] for name, one in found.items() if one is not None}
-            errors = dataclasses.replace(errors, **more)
-        return errors
+        errors, left = _errors(found, self.made, factor, _words(self.other)), self._left()
+        jumps = Errors(want=errors.want, tolerance=errors.tolerance, **left)
+        self.vain = errors.holds and not jumps.holds
+        known = {name: getattr(errors, name) for name in left}
+        more = {name: one + left[name] for name, one in known.items() if one is not None}
+        return dataclasses.replace(errors, **more)
+
+    def _left(self) -> dict[str, float]:
+        """Return what jumps of both runs leave of each error, whatever the step."""
+        if "dynamic" in (self.record.method.engine, self.other.method.engine):
+            return {}
+        left = dict.fromkeys(("start", "arrest", "stress"), JUMPS)
+        if self.geometry == "finite":
+            fast = min(hurry(self.made.scene) / FAST, 1.0)
+            left |= {name: fast * most for name, most in SPEEDS.items()}
+        return left
 
     def _told(self, errors: Errors, why: str) -> Record:
         """Return the run with its errors, and with what follows the events that can be trusted."""

@@ -12,7 +12,7 @@ import pandas as pd
 from pyfric.engines import Job, each, run_all, side_by_side
 from pyfric.figures import FIGURES, event_movie, has_ffmpeg, main_precursor, save_figure
 from pyfric.paper.page import FILM_TEXT, FILMS, write_index
-from pyfric.paper.runs import RUNS
+from pyfric.paper.runs import FIG2B, RUNS
 from pyfric.scene import unknown, write
 
 if TYPE_CHECKING:
@@ -23,6 +23,10 @@ __all__ = ["reproduce", "runs_table"]
 
 FILMED, NUMBER = "fig3a", 11
 """The figure whose event is filmed, and which main precursor that is."""
+
+
+LONG = frozenset(FIG2B)
+"""Runs of which one takes longer than the others."""
 
 
 def reproduce(
@@ -60,12 +64,14 @@ def reproduce(
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     jobs = {name: _listed(runs[FIGURES[name].runs]) for name in names}
-    every = [job for name in names for job in jobs[name]]
+    every = list(dict.fromkeys(job for name in names for job in jobs[name]))
+    every.sort(key=lambda job: job not in LONG)  # begun last they would be waited for
     with side_by_side(every, workers) as pool:
-        records = iter(run_all(every, workers, cache, progress, executor=pool))
+        made = run_all(every, workers, cache, progress, executor=pool)
+        records = dict(zip(every, made, strict=True))
         calls = []
         for name in names:
-            mine = [next(records) for _ in jobs[name]]
+            mine = [records[job] for job in jobs[name]]
             one = isinstance(runs[FIGURES[name].runs], Job)
             if name == FILMED and film:  # it takes longest
                 calls.insert(0, (_film, mine[0], out))

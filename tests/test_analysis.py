@@ -265,6 +265,13 @@ def test_missing_points_are_left_out():
     assert found.edges[-1] == 98
 
 
+def test_bins_end_between_points():
+    """So that the last digit of a point does not take it to another bin of a stored curve."""
+    x = np.arange(101.0)  # every quantile is a point
+    found = analysis.collapse_spread(x, 1 + x, bins=5)
+    np.testing.assert_array_equal(found.edges[1:-1], [19.5, 39.5, 59.5, 79.5])
+
+
 @pytest.mark.parametrize(
     ("y", "bins", "field"),
     [(1.0, 0, "bins"), (1.0, 11, "bins"), (-1.0, 2, "y"), (0.0, 2, "y")],

@@ -112,7 +112,7 @@ class Collapse(NamedTuple):
     Attributes:
         rms: root mean square of ln y (or y) minus the median of its bin.
         n: number of points.
-        edges: edges of the bins in x, shape (bins + 1,).
+        edges: edges of the bins in x, between points, shape (bins + 1,).
         median: median of y in each bin, shape (bins,); NaN in a bin that equal x leave empty.
     """
 
@@ -325,6 +325,7 @@ def collapse_spread(
         raise SceneError("y", float(y.min()), "", "positive values, or log=False")
     values = np.log(y) if log else y
     edges = np.quantile(x, np.linspace(0, 1, bins + 1))
+    edges[1:-1] = _between(np.sort(x), edges[1:-1])
     in_bin = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
     order = np.argsort(in_bin, kind="stable")
     groups = np.split(values[order], np.searchsorted(in_bin[order], np.arange(1, bins)))
@@ -334,6 +335,12 @@ def collapse_spread(
 
 
 # --- parts ---------------------------------------------------------------------------------------
+
+
+def _between(x: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Move edges midway between points, sorted: the last digit of one on an edge must not count."""
+    after = np.clip(np.searchsorted(x, edges), 1, len(x) - 1)
+    return (x[after - 1] + x[after]) / 2
 
 
 def _chosen(record: Record, mask: pd.Series) -> pd.DataFrame:

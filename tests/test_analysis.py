@@ -269,7 +269,7 @@ def test_bins_end_between_points():
     """So that the last digit of a point does not take it to another bin of a stored curve."""
     x = np.arange(101.0)  # every quantile is a point
     found = analysis.collapse_spread(x, 1 + x, bins=5)
-    np.testing.assert_array_equal(found.edges[1:-1], [19.5, 39.5, 59.5, 79.5])
+    assert (np.abs(found.edges[1:-1, None] - x).min(axis=1) == 0.5).all()
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pyfric import figures
+    from pyfric import figures, theory
     from pyfric.core import State, StateError
     from pyfric.engines import (
         Assumption,
@@ -45,7 +45,6 @@ if TYPE_CHECKING:
         analysis,
         build_catalogue,
         front_speed,
-        theory,
     )
     from pyfric.scene import (
         PRESETS,
@@ -130,7 +129,18 @@ __all__ = [
     "theory",
 ]
 
-ROOMS = ("scene", "core", "statics", "record", "engines", "figures", "paper", "checks", "cli")
+ROOMS = (
+    "scene",
+    "theory",
+    "core",
+    "statics",
+    "record",
+    "engines",
+    "figures",
+    "paper",
+    "checks",
+    "cli",
+)
 """From the ground up: a room imports those below it."""
 
 

@@ -1,5 +1,6 @@
 """Theory of fronts: table values, a second quadrature, limits, round trips, the lattice itself."""
 
+import re
 import warnings
 
 import numpy as np
@@ -9,11 +10,11 @@ from scipy import integrate
 from scipy.special import beta
 
 import pyfric
-from pyfric import SceneError, chain, setup2, simulate, theory
-from pyfric.record.theory.cracks import _I
-from pyfric.record.theory.waves import reduced_D
+from pyfric import chain, setup2, simulate, theory
 from pyfric.statics import dispersion, solve_static, spring_stiffness
 from pyfric.statics.operators import bonds
+from pyfric.theory.cracks import _I
+from pyfric.theory.waves import reduced_D
 
 ROCK = theory.Material(c_P=6000.0, c_S=3464.0, rho=2670.0)
 CAUCHY = theory.Material(c_P=np.sqrt(3), c_S=1.0, rho=1.0)  # lambda = mu, as the lattice
@@ -30,10 +31,8 @@ def _no_warnings():
 
 
 def refused(field, call, *args, **kwargs):
-    with pytest.raises(SceneError) as caught:
+    with pytest.raises(ValueError, match=rf"^{re.escape(field)} = .*; allowed: \S"):
         call(*args, **kwargs)
-    assert caught.value.field == field
-    assert caught.value.allowed
 
 
 # --- waves ---------------------------------------------------------------------------------------
@@ -179,7 +178,7 @@ def test_slip_of_an_infinitely_fast_front(material):
     xi = 1e7
     slip_rate = 4 / material.E_prime * 2 * (1 - material.r) * _I(np.asarray(xi), material.r)
     slip_rate *= xi * material.c_S
-    one_body = 1 / theory.radiation_stress(material, 1.0)
+    one_body = 1 / (material.rho * material.c_S)
     assert slip_rate == pytest.approx(2 * one_body, rel=1e-5)
     assert theory.I_v(material, 0.0) * 2 * (1 - material.r) == pytest.approx(1)
 
@@ -415,27 +414,22 @@ def test_slow_fronts_of_the_chain():
 # --- rigid ---------------------------------------------------------------------------------------
 
 
-def test_radiation():
-    """rho c_S v, from a shear wave u = v (t - z/c_S): mu du/dz."""
-    v, z = np.array([-2.0, 0.5]), 1e-3
-    strain = v * ((0 - z / ROCK.c_S) - 0) / z
-    np.testing.assert_allclose(theory.radiation_stress(ROCK, v), -ROCK.mu * strain)
-    assert theory.echo_time(ROCK, 1732.0) == 1.0
-
-
 def test_radiation_in_the_lattice():
-    """Rows tied by k/2 in shear, the lowest moved at v: the mean force before the echo."""
+    """Rows tied by k/2 in shear, the lowest moved at v, lose the traction rho c_S v to a wave.
+
+    It comes back from the top after 2 H/c_S.
+    """
     k, m, l, B, v, rows = 2e6, 3e-4, 2e-3, 5e-3, 0.1, 40
     material = theory.Material.of_lattice(k, m, l, B)
     K = k / 2 * (2 * np.eye(rows) - np.eye(rows, k=1) - np.eye(rows, k=-1))
     K[-1, -1] = k / 2
     omega2, modes = np.linalg.eigh(K / m)
-    t = np.linspace(0.2, 0.9, 300)[:, None] * theory.echo_time(material, rows * l)
+    t = np.linspace(0.2, 0.9, 300)[:, None] * 2 * rows * l / material.c_S
     omega = np.sqrt(omega2)
     drive = modes[0] * (k / 2 * v / m)  # times t: forced oscillators from rest
     first = (drive * (t / omega2 - np.sin(omega * t) / omega**3)) @ modes[0]
     force = k / 2 * (v * t[:, 0] - first)
-    assert np.mean(force) / (l * B) == pytest.approx(theory.radiation_stress(material, v), rel=0.01)
+    assert np.mean(force) / (l * B) == pytest.approx(material.rho * material.c_S * v, rel=0.01)
 
 
 def test_one_dimensional_length():
@@ -446,19 +440,20 @@ def test_one_dimensional_length():
     F_T = np.interp(record.switches["t"][first], record.curve["t"], record.curve["F_T"])
     assert 20 <= len(blocks) < scene.N_x
     slipping = (blocks - blocks[0] + 1) / scene.N_x
-    found = theory.quasistatic_length(F_T, scene.F_N, 0.4)
-    np.testing.assert_allclose(found, slipping, rtol=0, atol=0.03 / scene.N_x)
-    assert theory.quasistatic_length(60.0, 100.0, 0.4) == 1
+    np.testing.assert_allclose(F_T / (0.4 * scene.F_N), slipping, rtol=0, atol=0.03 / scene.N_x)
 
 
 @pytest.mark.parametrize("drive", [2e-5, 6e-5])
 def test_pressure_balances_force_and_torque(drive):
-    """A slider that is stiff beside its foundation; N blocks have the lever of (N - 1)/(N + 1)."""
+    """A slider that is stiff beside its foundation: p L/F_N = 1 + 6 (h/L)(F_T/F_N)(2 x/L - 1).
+
+    N blocks have the lever of (N - 1)/(N + 1).
+    """
     scene = setup2(L=0.1, H=0.03, l=5e-3, k=1.35e12, k_f=13.5e6, theta=0.0, h=0.01)
     state, N = solve_static(scene, np.zeros(scene.N_x), drive), scene.N_x
     lever = scene.driver.h / scene.slider.L * (N - 1) / (N + 1)
     x = np.linspace(0, 1, N)
-    expected = [theory.rigid_pressure(state.F_T, scene.F_N, lever, one) for one in x]
+    expected = 1 + 6 * lever * state.F_T / scene.F_N * (2 * x - 1)
     np.testing.assert_allclose(state.p * N / scene.F_N, expected, rtol=0, atol=2e-5)
     assert abs(expected[0] - 1) > 0.02
 
@@ -509,10 +504,6 @@ def test_pressure_balances_force_and_torque(drive):
         ("tau_bar", lambda: theory.chain_speed(1e-7, alpha=1.0)),
         ("tau_bar", lambda: theory.chain_speed(0.9999999, eta=10.0)),
         ("tau_bar", lambda: theory.chain_speed_undamped(1.0)),
-        ("F_T", lambda: theory.rigid_pressure(2.0, 1.0, 0.1)),
-        ("x_over_L", lambda: theory.rigid_pressure(0.1, 1.0, 0.1, 1.1)),
-        ("mu_k", lambda: theory.quasistatic_length(1.0, 1.0, 0.0)),
-        ("H", lambda: theory.echo_time(CAUCHY, 0.0)),
     ],
 )  # fmt: skip
 def test_refusals(field, call):

@@ -22,13 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from pyfric import core
+from pyfric import core, theory
 from pyfric.checks import ladder, regression, tolerances
 from pyfric.checks.check import Check
 from pyfric.checks.studies import tpv3
 from pyfric.engines import simulate, step_size
 from pyfric.paper.claims import ROWS
-from pyfric.record import theory
 from pyfric.scene import at_once, chain, laws, preset, setup1
 from pyfric.statics import loaded_state
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from pyfric import theory
 from pyfric.figures.again import Again, another_start, check_event
 from pyfric.figures.style import (
     BLACK,
@@ -23,8 +24,8 @@ from pyfric.figures.style import (
     scene_text,
     style,
 )
-from pyfric.record import energy_release, front, theory
-from pyfric.scene import SceneError, at_once
+from pyfric.record import energy_release, front
+from pyfric.scene import at_once
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -160,7 +161,7 @@ def _chain_speeds(scene: Scene, scaled: np.ndarray) -> np.ndarray:
     for tau_bar in known:
         try:
             known[tau_bar] = theory.chain_speed(float(tau_bar), 0.0, eta) * unit
-        except SceneError:  # it slips at once, or there is no front at this prestress
+        except ValueError:  # it slips at once, or there is no front at this prestress
             known[tau_bar] = math.inf if tau_bar > 1 - ROUNDED else 0.0
     return np.array([known[tau_bar] for tau_bar in np.round(scaled, 9)])
 

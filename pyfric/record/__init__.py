@@ -1,6 +1,6 @@
 """What happened: curve, events, stresses."""
 
-from pyfric.record import analysis, theory
+from pyfric.record import analysis
 from pyfric.record.analysis import (
     PER_BIN,
     Collapse,
@@ -64,7 +64,6 @@ __all__ = [
     "summary",
     "system_size_events",
     "text",
-    "theory",
     "versions",
     "zone_at_rest",
     "zone_moving",

@@ -24,10 +24,9 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import OPEN
-from pyfric.record.theory.cracks import g_II
-from pyfric.record.theory.waves import Material
 from pyfric.scene import SceneError
 from pyfric.statics import Contact, ContactProblem, loaded_state
+from pyfric.theory import Material, g_II
 
 if TYPE_CHECKING:
     from pyfric.record.record import Record

@@ -23,9 +23,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pyfric.record.theory.cracks import A_II
-from pyfric.record.theory.waves import Material
 from pyfric.scene import PrescribedLoad
+from pyfric.theory import A_II, Material
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene

@@ -33,11 +33,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from pyfric import theory
 from pyfric.checks.studies.finer import refined
 from pyfric.core import STEPPERS
 from pyfric.engines import simulate, step_size
 from pyfric.figures import DataFigure
-from pyfric.record import PER_BIN, Record, analysis, theory
+from pyfric.record import PER_BIN, Record, analysis
 from pyfric.scene import Walls, at_once, preset, slab, write
 from pyfric.statics import loaded_state
 

@@ -33,8 +33,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from pyfric.record.theory.inputs import checked, checked_array
-from pyfric.scene import SceneError
+from pyfric.theory.inputs import checked, checked_array, refusal
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -64,7 +63,7 @@ def chain_prestress(v: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.nd
         eta: bond viscosity in sqrt(k m), 0 to `LARGEST_VISCOSITY`.
 
     Raises:
-        SceneError: a value is out of range.
+        ValueError: a value is out of range.
 
     Source: see the module.
     """
@@ -82,7 +81,7 @@ def chain_speed(tau_bar: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.
         alpha, eta: as in `chain_prestress`.
 
     Raises:
-        SceneError: a value is out of range, or the speed would be outside `SLOWEST` ... `FASTEST`.
+        ValueError: a value is out of range, or the speed would be outside `SLOWEST` ... `FASTEST`.
     """
     alpha, eta = _viscosities(alpha, eta)
     tau_bar = checked_array("tau_bar", tau_bar, gt=0, lt=1)
@@ -96,7 +95,7 @@ def chain_speed_undamped(tau_bar: ArrayLike) -> np.ndarray:
         tau_bar: scaled prestress, 0 to 1 (not included), any shape.
 
     Raises:
-        SceneError: a value is out of range.
+        ValueError: a value is out of range.
 
     >>> round(float(pyfric.theory.chain_speed_undamped(0.6)), 12)
     1.25
@@ -166,6 +165,6 @@ def _speed(tau_bar: float, alpha: float, eta: float) -> float:
     if at_low > 0 or at_high < 0:
         limit = tau_bar + (at_low if at_low > 0 else at_high)
         sign = ">=" if at_low > 0 else "<="
-        reason = f"a front outside {SLOWEST:g} c ... {FASTEST:g} c"
-        raise SceneError("tau_bar", float(tau_bar), "", f"a number {sign} {limit:.9g}", reason)
+        reason = f"a front of {SLOWEST:g} c to {FASTEST:g} c"
+        raise refusal("tau_bar", float(tau_bar), "", f"a number {sign} {limit:.9g}, for {reason}")
     return scipy.optimize.brentq(excess, low, high, xtol=1e-12, rtol=1e-11)

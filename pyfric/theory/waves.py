@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 
-from pyfric.record.theory.inputs import checked, checked_array, choice
-from pyfric.scene import SceneError
+from pyfric.theory.inputs import checked, checked_array, choice, refusal
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -77,7 +76,7 @@ def lattice_waves(
         `Waves`, each of the shape of q.
 
     Raises:
-        SceneError: a value is out of range.
+        ValueError: a value is out of range.
 
     Source: PRL 107, 074301 (2011): omega = 2 sqrt(a k/m) sin(q l/2), a = 3/2, 1/2, 1.
     """
@@ -101,11 +100,11 @@ def density_factor(N_x: int, N_z: int) -> float:
         N_x, N_z: numbers of blocks, at least 2.
 
     Raises:
-        SceneError: fewer than 2, or not whole.
+        ValueError: fewer than 2, or not whole.
     """
     for name, N in (("N_x", N_x), ("N_z", N_z)):
         if checked(name, N, ge=2) % 1:
-            raise SceneError(name, N, "", "an integer >= 2")
+            raise refusal(name, N, "", "an integer >= 2")
     return N_x * N_z / ((N_x - 1) * (N_z - 1))
 
 
@@ -130,7 +129,7 @@ def rayleigh_speed(c_P: float, c_S: float) -> float:
         c_P, c_S: longitudinal and shear speed of plane waves, m/s; see `Material`.
 
     Raises:
-        SceneError: not positive, or c_P/c_S outside `SOFTEST` ... `STIFFEST`.
+        ValueError: not positive, or c_P/c_S outside `SOFTEST` ... `STIFFEST`.
 
     Source: Freund (1990), chapter 2; the root at v = 0 is divided out.
 
@@ -155,7 +154,7 @@ class Material:
         rho: density, kg/m^3.
 
     Raises:
-        SceneError: not positive, or c_P/c_S outside `SOFTEST` ... `STIFFEST`.
+        ValueError: not positive, or c_P/c_S outside `SOFTEST` ... `STIFFEST`.
     """
 
     c_P: float
@@ -183,7 +182,7 @@ class Material:
             B: thickness, m.
 
         Raises:
-            SceneError: a value is not positive.
+            ValueError: a value is not positive.
         """
         c_P = lattice_waves(k, m, l).phase
         c_S = lattice_waves(k, m, l, polarisation="shear").phase
@@ -199,7 +198,7 @@ class Material:
             rho: density, kg/m^3.
 
         Raises:
-            SceneError: a value is out of range.
+            ValueError: a value is out of range.
         """
         E, rho = checked("E", E, "Pa", gt=0), checked("rho", rho, "kg/m^3", gt=0)
         nu = checked("nu", nu, ge=-0.99, le=0.5)
@@ -216,7 +215,7 @@ class Material:
             rho: density, kg/m^3.
 
         Raises:
-            SceneError: a value is out of range.
+            ValueError: a value is out of range.
         """
         E, rho = checked("E", E, "Pa", gt=0), checked("rho", rho, "kg/m^3", gt=0)
         nu = checked("nu", nu, ge=-0.99, le=0.499999)

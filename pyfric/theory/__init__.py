@@ -1,12 +1,12 @@
 """What theory says about fronts: wave speeds, fracture mechanics, the exact chain."""
 
-from pyfric.record.theory.chain import (
+from pyfric.theory.chain import (
     chain_prestress,
     chain_speed,
     chain_speed_critical,
     chain_speed_undamped,
 )
-from pyfric.record.theory.cracks import (
+from pyfric.theory.cracks import (
     A_II,
     D,
     I_v,
@@ -19,20 +19,14 @@ from pyfric.record.theory.cracks import (
     k_II,
     stress_intensity,
 )
-from pyfric.record.theory.rigid import (
-    echo_time,
-    quasistatic_length,
-    radiation_stress,
-    rigid_pressure,
-)
-from pyfric.record.theory.waves import (
+from pyfric.theory.waves import (
     Material,
     Waves,
     density_factor,
     lattice_waves,
     rayleigh_speed,
 )
-from pyfric.record.theory.weakening import (
+from pyfric.theory.weakening import (
     ANDREWS_S,
     cohesive_zone,
     fracture_energy,
@@ -56,16 +50,12 @@ __all__ = [
     "crack_length",
     "crack_speed",
     "density_factor",
-    "echo_time",
     "energy_release_rate",
     "fracture_energy",
     "g_II",
     "k_II",
     "lattice_waves",
-    "quasistatic_length",
-    "radiation_stress",
     "rayleigh_speed",
-    "rigid_pressure",
     "strength_excess",
     "stress_intensity",
 ]

@@ -29,9 +29,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import scipy
 
-from pyfric.record.theory.inputs import checked, checked_array, choice, same_shape
-from pyfric.record.theory.waves import Material, reduced_D
-from pyfric.scene import SceneError
+from pyfric.theory.inputs import checked, checked_array, choice, refusal, same_shape
+from pyfric.theory.waves import Material, reduced_D
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -73,7 +72,7 @@ def alpha_s(material: Material, v: ArrayLike) -> np.ndarray:
         v: speed, m/s, any shape, 0 to c_S.
 
     Raises:
-        SceneError: v is out of range.
+        ValueError: v is out of range.
     """
     return np.sqrt(1 - _xi(material, v, material.c_S) ** 2)[()]
 
@@ -97,7 +96,7 @@ def A_II(material: Material, v: ArrayLike) -> np.ndarray:
         v: front speed, m/s, any shape, 0 to c_R (not included).
 
     Raises:
-        SceneError: v is out of range.
+        ValueError: v is out of range.
 
     Source: Freund (1990), chapter 5.
     """
@@ -117,7 +116,7 @@ def I_v(material: Material, v: ArrayLike) -> np.ndarray:
         v: front speed, m/s, any shape, 0 to c_R; the value at 0 is the limit.
 
     Raises:
-        SceneError: v is out of range.
+        ValueError: v is out of range.
 
     Source: Freund (1990), chapter 6.
     """
@@ -162,7 +161,7 @@ def stress_intensity(
         K_II, in the shape of a; dtau sqrt(pi a) where dtau is uniform.
 
     Raises:
-        SceneError: a value is out of range, the function returns what is not a finite number, or
+        ValueError: a value is out of range, the function returns what is not a finite number, or
             the quadrature does not reach `ACCURACY` (breaks are missing).
 
     Source: Freund (1990), chapter 6; H. Tada et al., The Stress Analysis of Cracks Handbook.
@@ -189,7 +188,7 @@ def energy_release_rate(
         bodies: 1, on a rigid plane, or 2.
 
     Raises:
-        SceneError: a value is out of range.
+        ValueError: a value is out of range.
     """
     share = choice("bodies", bodies, (1, 2)) / 2
     K, xi = same_shape(
@@ -213,7 +212,7 @@ def crack_length(
         bodies: 1, on a rigid plane, or 2.
 
     Raises:
-        SceneError: a value is out of range.
+        ValueError: a value is out of range.
 
     Source: Freund (1990), chapter 7; see the approximation at the top of the module.
     """
@@ -250,7 +249,7 @@ def crack_speed(
         v; 0 where the crack is too short to grow, K_II <= 0 included.
 
     Raises:
-        SceneError: a value is out of range, or as in `stress_intensity`.
+        ValueError: a value is out of range, or as in `stress_intensity`.
 
     Source: Freund (1990), chapter 7; see the approximation at the top of the module.
     """
@@ -313,7 +312,7 @@ def _intensity(a: float, stress_drop: Callable[[float], float], breaks: np.ndarr
         )
         total, error = total + part, error + wrong
     if error > ACCURACY * peak:
-        allowed = "a function smooth between its breaks"
-        reason = f"its quadrature for a = {a:.6g} m is uncertain by {error:.1g} Pa"
-        raise SceneError("stress_drop", stress_drop, "Pa", allowed, reason)
+        found = f"its quadrature for a = {a:.6g} m is uncertain by {error:.1g} Pa"
+        allowed = f"a function smooth between its breaks; {found}"
+        raise refusal("stress_drop", stress_drop, "", allowed)
     return 2 * np.sqrt(a / np.pi) * total

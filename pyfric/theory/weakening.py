@@ -1,6 +1,6 @@
 """What the friction law says about a front: fracture energy, cohesive zone, strength excess S.
 
-``bodies`` is explained in `pyfric.record.theory.cracks`: the slider is one body, on a rigid plane.
+``bodies`` is explained in `pyfric.theory.cracks`: the slider is one body, on a rigid plane.
 
 Source: A. C. Palmer and J. R. Rice, Proc. R. Soc. A 332, 527 (1973); D. J. Andrews, J. Geophys.
 Res. 81, 5679 (1976) and Bull. Seismol. Soc. Am. 75, 1 (1985).
@@ -12,15 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pyfric.record.theory.cracks import A_II
-from pyfric.record.theory.inputs import checked, checked_array, choice, same_shape
-from pyfric.scene import SceneError
+from pyfric.theory.cracks import A_II
+from pyfric.theory.inputs import checked, checked_array, choice, refusal, same_shape
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from pyfric.record.theory.cracks import Bodies
-    from pyfric.record.theory.waves import Material
+    from pyfric.theory.cracks import Bodies
+    from pyfric.theory.waves import Material
 
 __all__ = ["ANDREWS_S", "cohesive_zone", "fracture_energy", "strength_excess"]
 
@@ -39,7 +38,7 @@ def fracture_energy(mu_s: float, mu_k: float, p: ArrayLike, d_c: ArrayLike) -> n
         d_c: slip of weakening, m, any shape that broadcasts.
 
     Raises:
-        SceneError: a value is out of range.
+        ValueError: a value is out of range.
 
     Source: Palmer and Rice (1973).
     """
@@ -71,14 +70,14 @@ def cohesive_zone(
         bodies: 1, on a rigid plane, or 2.
 
     Raises:
-        SceneError: a value is out of range.
+        ValueError: a value is out of range.
 
     Source: Palmer and Rice (1973).
     """
     share = choice("bodies", bodies, (1, 2)) / 2
     drop = _friction_drop(mu_s, mu_k, p)
     if not (drop > 0).all():
-        raise SceneError("(mu_s - mu_k) p", float(drop.min()), "Pa", "a finite number > 0 Pa")
+        raise refusal("(mu_s - mu_k) p", float(drop.min()), "Pa", "a finite number > 0 Pa")
     drop, d_c, A = same_shape(
         p=drop, d_c=checked_array("d_c", d_c, "m", ge=0), v=np.asarray(A_II(material, v))
     )
@@ -96,7 +95,7 @@ def strength_excess(tau_p: ArrayLike, tau_0: ArrayLike, tau_r: ArrayLike) -> np.
         tau_r: residual stress, Pa, any shape that broadcasts.
 
     Raises:
-        SceneError: a value is out of range.
+        ValueError: a value is out of range.
 
     Source: Andrews (1976).
     """
@@ -107,7 +106,7 @@ def strength_excess(tau_p: ArrayLike, tau_0: ArrayLike, tau_r: ArrayLike) -> np.
     )
     wrong = (tau_0 <= tau_r) | (tau_0 > tau_p)
     if wrong.any():
-        raise SceneError("tau_0", float(tau_0[wrong][0]), "Pa", "tau_p >= tau_0 > tau_r")
+        raise refusal("tau_0", float(tau_0[wrong][0]), "Pa", "tau_p >= tau_0 > tau_r")
     return ((tau_p - tau_0) / (tau_0 - tau_r))[()]
 
 

@@ -1,0 +1,82 @@
+"""Checks of what the theory's functions are given; every refusal is a `ValueError`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+__all__ = ["checked", "checked_array", "choice", "refusal", "same_shape"]
+
+_LIMITS = {
+    "gt": (">", np.greater),
+    "ge": (">=", np.greater_equal),
+    "le": ("<=", np.less_equal),
+    "lt": ("<", np.less),
+}
+
+
+def refusal(field: str, value: Any, unit: str, allowed: str) -> ValueError:
+    """Return the error that says what was given, and what would be accepted."""
+    return ValueError(f"{field} = {value!r} {unit}".rstrip() + f"; allowed: {allowed}")
+
+
+def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np.ndarray:
+    """Return a number, array or column of numbers as floats, each finite and within the limits.
+
+    Args:
+        field: name used in the error.
+        value: what was given, any shape.
+        unit: SI unit used in the error.
+        limits: gt, ge, le, lt: >, >=, <=, <.
+
+    Raises:
+        ValueError: not real numbers, none, or one of them not finite or outside the limits.
+    """
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.asarray(None)
+    if array.dtype.kind not in "iuf" or not array.size:
+        raise refusal(field, value, unit, "real numbers, at least one")
+    array = array.astype(float) + 0.0
+    fits = np.isfinite(array)
+    for name, limit in limits.items():
+        fits &= _LIMITS[name][1](array, limit)
+    if not fits.all():
+        ranges = [f"{_LIMITS[name][0]} {limit:.12g}" for name, limit in limits.items()]
+        allowed = " ".join(["a finite number", " and ".join(ranges), unit]).strip()
+        raise refusal(field, float(array[~fits][0]), unit, allowed)
+    return array
+
+
+def checked(field: str, value: Any, unit: str = "", **limits: float) -> float:
+    """Return one number as a float; see `checked_array`."""
+    array = checked_array(field, value, unit, **limits)
+    if array.ndim:
+        raise refusal(field, value, unit, "one number")
+    return float(array)
+
+
+def choice(field: str, value: Any, allowed: tuple) -> Any:
+    """Return the value if it is one of those allowed.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if isinstance(value, bool) or value not in allowed:
+        raise refusal(field, value, "", " or ".join(map(repr, allowed)))
+    return value
+
+
+def same_shape(**arrays: np.ndarray) -> list[np.ndarray]:
+    """Return the arrays broadcast against each other.
+
+    Raises:
+        ValueError: their shapes do not fit.
+    """
+    try:
+        return list(np.broadcast_arrays(*arrays.values()))
+    except ValueError:
+        shapes = [array.shape for array in arrays.values()]
+        raise refusal(", ".join(arrays), shapes, "", "shapes that broadcast") from None

@@ -21,19 +21,12 @@ if TYPE_CHECKING:
     from pyfric.core import State, StateError
     from pyfric.engines import (
         Assumption,
-        Job,
-        JobError,
         Options,
         Plan,
         Progress,
         RunError,
-        Span,
-        Sweep,
-        boundary,
-        label_map,
         plan,
         prediction_curve,
-        run_all,
         simulate,
         step_size,
     )
@@ -74,6 +67,7 @@ if TYPE_CHECKING:
         solve_static,
         stability_limit,
     )
+    from pyfric.sweeps import Job, JobError, Span, Sweep, boundary, label_map, run_all
 
 __all__ = [
     "PRESETS",
@@ -136,6 +130,7 @@ ROOMS = (
     "statics",
     "record",
     "engines",
+    "sweeps",
     "figures",
     "paper",
     "checks",

@@ -2,7 +2,7 @@
 
 import time
 
-from pyfric.engines import sweep
+from pyfric.sweeps import sweep
 
 
 def counted(log, function, *arguments):

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from pyfric.engines import boundary, label_map, simulate
+from pyfric.engines import simulate
 from pyfric.scene import SceneError, chain
+from pyfric.sweeps import boundary, label_map
 
 LINES = {
     "straight": lambda y: 10 ** (0.3 * y - 1),

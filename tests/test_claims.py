@@ -13,7 +13,6 @@ from click.testing import CliRunner
 import pyfric
 from pyfric import SceneError
 from pyfric.cli import main
-from pyfric.engines import Job
 from pyfric.paper import claims
 from pyfric.paper.claims import NUMBERS, ROWS, Claim, damage, scorecard
 from pyfric.paper.claims.claim import Row, damaged, replaced
@@ -26,6 +25,7 @@ from pyfric.paper.claims.parts import (
     straight,
 )
 from pyfric.paper.claims.runs import MATTRESS, SPEEDS
+from pyfric.sweeps import Job
 
 WITHOUT_RUNS = [number for number in NUMBERS if not ROWS[number].runs]
 LINEAR = {"fidelity": "hybrid", "geometry": "linear"}

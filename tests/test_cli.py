@@ -26,8 +26,8 @@ from pyfric import core
 from pyfric.cli import main
 from pyfric.cli.commands.run import TABLES
 from pyfric.cli.shared import Exit, Tell
-from pyfric.engines import sweep
 from pyfric.figures import FIGURES
+from pyfric.sweeps import sweep
 
 SMALL = ("--set", "L=20 mm", "--set", "H=12.5 mm", "--set", "V=500 mm/s")
 """Changes of fig1 that slip after 1.1 ms."""

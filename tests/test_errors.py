@@ -9,9 +9,9 @@ import pytest
 
 import pyfric
 from pyfric.checks.verify import _OutOfTime
-from pyfric.engines import results
-from pyfric.engines.sweep import _Stopped
 from pyfric.record.episodes import LogError
+from pyfric.sweeps import results
+from pyfric.sweeps.sweep import _Stopped
 
 
 def run_error():

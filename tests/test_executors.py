@@ -11,8 +11,8 @@ import pytest
 from counted_runs import counted
 from helpers import same_run, small
 
-from pyfric.engines import Job, JobError, reservation, run_all, sweep
 from pyfric.scene import SceneError
+from pyfric.sweeps import Job, JobError, reservation, run_all, sweep
 
 OPTIONS = {"fidelity": "quasistatic"}
 

@@ -19,9 +19,9 @@ from scipy.linalg.lapack import dpbtrf
 
 import pyfric
 from pyfric.cli import main
-from pyfric.engines import sweep
 from pyfric.scene import at_once, held_back, nothing_to_save, saved_first, written
 from pyfric.statics.banded import _factorised
+from pyfric.sweeps import sweep
 
 LONG = {"fidelity": "dynamic", "geometry": "linear", "threads": 1}
 

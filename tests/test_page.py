@@ -8,11 +8,11 @@ import pandas as pd
 import pytest
 
 import pyfric
-from pyfric.engines import Job
 from pyfric.figures import FIGURES
 from pyfric.paper import reproduce, write_index
 from pyfric.paper import runs as paper
 from pyfric.paper.page import mathematical
+from pyfric.sweeps import Job
 
 OPTIONS = {"fidelity": "hybrid", "geometry": "linear"}
 

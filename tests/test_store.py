@@ -16,7 +16,7 @@ from helpers import small
 
 import pyfric
 from pyfric.cli import main
-from pyfric.engines import Job, run_all, store, sweep
+from pyfric.sweeps import Job, run_all, store, sweep
 
 KEYS = ["0" * 40, "1" * 40, "a" * 40]
 
@@ -186,7 +186,7 @@ USE = """
 import sys, warnings
 from pathlib import Path
 import pyfric
-from pyfric.engines import store
+from pyfric.sweeps import store
 
 warnings.simplefilter("error")
 folder, key = Path(sys.argv[1]), sys.argv[2]

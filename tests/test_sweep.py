@@ -13,7 +13,7 @@ import pytest
 from helpers import same_run, small
 
 import pyfric
-from pyfric.engines import Job, JobError, run_all, sweep
+from pyfric.sweeps import Job, JobError, run_all, sweep
 
 OPTIONS = {"fidelity": "hybrid", "geometry": "linear"}
 
@@ -72,12 +72,12 @@ def test_code_version_follows_the_installed_files(monkeypatch, tmp_path):
         return sweep.code_version()
 
     real = version()
-    monkeypatch.setattr(sweep, "__file__", str(tmp_path / "engines" / "sweep.py"))
-    for room in (*sweep.ROOMS, "figures", "paper", "checks", "cli"):
+    monkeypatch.setattr(sweep, "__file__", str(tmp_path / "sweeps" / "sweep.py"))
+    for room in (*sweep.ROOMS, "sweeps", "figures", "paper", "checks", "cli"):
         (tmp_path / room).mkdir()
         (tmp_path / room / "a.py").write_text("a")
     one = version()
-    for room in ("figures", "paper", "checks", "cli"):  # a caption voids no stored run
+    for room in ("sweeps", "figures", "paper", "checks", "cli"):  # a caption voids no stored run
         (tmp_path / room / "a.py").write_text("b")
         assert version() == one
     for room in sweep.ROOMS:
@@ -196,7 +196,7 @@ SCRIPT = """
 import os
 import sys
 from pyfric import Job, run_all, setup1
-from pyfric.engines import sweep
+from pyfric.sweeps import sweep
 
 def tiny(h):
     return setup1(L=0.02, H=0.0125, V=0.5, h=h)

@@ -18,9 +18,10 @@ from click.testing import CliRunner
 from helpers import small
 
 from pyfric.cli import main
-from pyfric.engines import Options, RunError, Span, Sweep, points, simulate, store, sweep
+from pyfric.engines import Options, RunError, expected, simulate
 from pyfric.record import Record, analysis
 from pyfric.scene import SceneError
+from pyfric.sweeps import Span, Sweep, points, store, sweep
 
 OPTIONS = Options(fidelity="quasistatic")
 
@@ -208,9 +209,9 @@ def test_the_estimate_is_about_right(tmp_path):
 
 
 def test_the_estimate_holds_what_measuring_errors_takes(monkeypatch):
-    found = points.plan(small(), t_end=1.2e-3)
+    found = expected.plan(small(), t_end=1.2e-3)
     assert found.fidelity != "quasistatic"
-    monkeypatch.setattr(points, "plan", lambda *_, **__: found)
+    monkeypatch.setattr(expected, "plan", lambda *_, **__: found)
     hours = {
         verify: one(options=Options(verify=verify)).estimate(cache=False).hours
         for verify in ("none", None, "full")

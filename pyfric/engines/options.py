@@ -85,6 +85,7 @@ NUMBERS: Mapping[str, tuple[str, dict[str, float]]] = {
     "checkpoint_every": ("s", {"gt": 0.0}),
 }
 """Option -> unit and range."""
+OPTION_UNITS = {name: unit for name, (unit, _) in NUMBERS.items()}
 
 
 @dataclass(frozen=True, kw_only=True)

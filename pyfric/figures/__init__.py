@@ -6,7 +6,6 @@ leaves no global state and needs no display. Colours are from the Okabe-Ito set,
 distinguishable under colour blindness; markers or line widths differ as well.
 """
 
-from pyfric.engines import Sweep
 from pyfric.figures.fronts import fig4a, fig4b
 from pyfric.figures.lengths import fig2a, fig2b
 from pyfric.figures.loading import fig1b, figure_caption, slip_segments
@@ -19,6 +18,7 @@ from pyfric.figures.style import DataFigure, save_figure
 from pyfric.figures.view import record_page
 from pyfric.record import Record
 from pyfric.scene import DRAWINGS, Scene
+from pyfric.sweeps import Sweep
 
 DRAWINGS[Record] = fig1b  # what notebooks show
 DRAWINGS[Scene] = sketch

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from pyfric.engines import Job, each, run_all, side_by_side
 from pyfric.figures import FIGURES, event_movie, has_ffmpeg, main_precursor, save_figure
 from pyfric.paper.page import FILM_TEXT, FILMS, write_index
 from pyfric.paper.runs import FIG2B, RUNS
 from pyfric.scene import unknown, write
+from pyfric.sweeps import Job, each, run_all, side_by_side
 
 if TYPE_CHECKING:
     from pyfric.record import Record

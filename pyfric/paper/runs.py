@@ -13,8 +13,8 @@ Source: PRL 107, 074301 (2011), Figs. 1 to 4.
 
 from __future__ import annotations
 
-from pyfric.engines import Job
 from pyfric.scene import preset, setup1
+from pyfric.sweeps import Job
 
 __all__ = ["FIG1", "FIG2A", "FIG2B", "FIG4A", "FIG4B", "RUNS"]
 

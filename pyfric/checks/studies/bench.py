@@ -21,9 +21,9 @@ import pandas as pd
 from pyfric import core
 from pyfric.checks.studies import peers
 from pyfric.core import State
-from pyfric.engines import Job, run_all
 from pyfric.scene import Geometry, preset, setup1
 from pyfric.statics import loaded_state
+from pyfric.sweeps import Job, run_all
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene

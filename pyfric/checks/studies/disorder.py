@@ -20,10 +20,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from pyfric.engines import Job, run_all
 from pyfric.figures import DataFigure
 from pyfric.record import analysis
 from pyfric.scene import Spread, preset
+from pyfric.sweeps import Job, run_all
 
 if TYPE_CHECKING:
     from pyfric.record import Record

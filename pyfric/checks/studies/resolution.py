@@ -17,10 +17,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from pyfric.engines import Job, prediction_curve, run_all
+from pyfric.engines import prediction_curve
 from pyfric.figures import DataFigure
 from pyfric.record import analysis
 from pyfric.scene import at_once, preset
+from pyfric.sweeps import Job, run_all
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,7 +11,7 @@ from pyfric.cli.app import main
 from pyfric.cli.shared import Exit, json_option, print_json, stop
 
 if TYPE_CHECKING:
-    from pyfric.engines.store import Entry
+    from pyfric.sweeps.store import Entry
 
 MB = 10**6
 
@@ -49,7 +49,7 @@ def check(as_json: bool) -> None:
 @json_option
 def size(as_json: bool) -> None:
     """Show the folder, the number of runs and their size."""
-    from pyfric.engines import store
+    from pyfric.sweeps import store
 
     found = _entries()
     folder, size = store.cache_folder(), sum(entry.size for entry in found)
@@ -68,7 +68,7 @@ def size(as_json: bool) -> None:
 @json_option
 def prune(older_than: float | None, most: float | None, damaged: bool, as_json: bool) -> None:
     """Delete what killed processes left behind, and the runs named by the options."""
-    from pyfric.engines import store
+    from pyfric.sweeps import store
 
     most = None if most is None else int(most * MB)
     gone, drafts = store.prune(store.cache_folder(), most, older_than, damaged)
@@ -80,14 +80,14 @@ def prune(older_than: float | None, most: float | None, damaged: bool, as_json: 
 
 
 def _entries() -> list[Entry]:
-    from pyfric.engines import store
+    from pyfric.sweeps import store
 
     return store.entries(store.cache_folder())
 
 
 def _row(entry: Entry) -> dict[str, Any]:
     """Return what there is to say about a file."""
-    from pyfric.engines import store
+    from pyfric.sweeps import store
 
     row: dict[str, Any] = {"key": entry.path.stem, "bytes": entry.size, "used": entry.used}
     found = store.check(entry)

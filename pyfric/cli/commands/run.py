@@ -223,7 +223,7 @@ def _saved(record: Record, out: Path) -> Path:
     try:
         return record.save(out)
     except OSError as error:
-        from pyfric.engines import store
+        from pyfric.sweeps import store
 
         for find in (tempfile.gettempdir, store.cache_folder):  # the first one tries to write
             with contextlib.suppress(OSError):

@@ -44,8 +44,8 @@ def sweep(
     Finished runs are kept in the user's cache folder, or where PYFRIC_CACHE says: after Ctrl-C, or
     with more points, the same command goes on. Points that fail are named with their reason.
     """
-    from pyfric.engines import Sweep
-    from pyfric.engines.store import MAX_BYTES, own
+    from pyfric.sweeps import Sweep
+    from pyfric.sweeps.store import MAX_BYTES, own
 
     if dry_run and status:
         raise click.UsageError("--dry-run and --status exclude each other.")

@@ -6,10 +6,10 @@ import functools
 import math
 from typing import Any
 
-from pyfric.engines import Job
 from pyfric.paper import runs as paper
 from pyfric.paper.runs import FINITE, LINEAR
 from pyfric.scene import preset
+from pyfric.sweeps import Job
 
 T_END = 1.02
 """End of variations of the Fig. 1 scene, s: just after it slides as a whole."""

@@ -8,11 +8,12 @@ import re
 import time
 from collections.abc import Callable, Iterable
 
-from pyfric.engines import each, jobs_bar, run_all, side_by_side
+from pyfric.engines import jobs_bar
 from pyfric.paper.claims import exact, fronts, lengths, stresses
 from pyfric.paper.claims.claim import Claim, Runs
 from pyfric.paper.claims.runs import jobs
 from pyfric.scene import SceneError, at_once, nearest
+from pyfric.sweeps import each, run_all, side_by_side
 
 __all__ = ["NUMBERS", "ROWS", "measure"]
 

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pyfric.engines.options import NUMBERS
-from pyfric.engines.varied import Span, units
+from pyfric.engines import OPTION_UNITS
 from pyfric.scene import (
     PRESETS,
     Scene,
@@ -18,6 +17,7 @@ from pyfric.scene import (
     preset,
     unknown,
 )
+from pyfric.sweeps.varied import Span, units
 
 __all__ = ["read_sweep"]
 
@@ -46,7 +46,7 @@ def read_sweep(path: Path) -> dict[str, Any]:
         "t_end": _si("t_end", document["t_end"], "s"),
         "over": _over(tables["over"], units(scene)),
         "options": {
-            key: _si(f"options.{key}", value, NUMBERS[key][0] if key in NUMBERS else None)
+            key: _si(f"options.{key}", value, OPTION_UNITS.get(key))
             for key, value in tables["options"].items()
         },
         **{key: document[key] for key in ("points", "n", "seed") if key in document},

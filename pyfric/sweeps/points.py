@@ -42,17 +42,14 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 import numpy as np
 import scipy
 
-from pyfric.engines.cost import verification
-from pyfric.engines.options import Options, step_size
-from pyfric.engines.planner import _cost, plan
-from pyfric.engines.results import Before, Results
-from pyfric.engines.scout import scouted
-from pyfric.engines.store import cache_folder, failed_before, kept
-from pyfric.engines.sweep import Job, JobError, run_all
-from pyfric.engines.sweep_file import read_sweep
-from pyfric.engines.varied import MOST_POINTS, PARTS, Span, units
+from pyfric.engines import Options, expected_cost
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, check_number, default_geometry, html, unknown
+from pyfric.scene import Scene, SceneError, check_number, html, unknown
+from pyfric.sweeps.results import Before, Results
+from pyfric.sweeps.store import cache_folder, failed_before, kept
+from pyfric.sweeps.sweep import Job, JobError, run_all
+from pyfric.sweeps.sweep_file import read_sweep
+from pyfric.sweeps.varied import MOST_POINTS, PARTS, Span, units
 
 __all__ = ["Estimate", "Sweep"]
 
@@ -236,8 +233,8 @@ class Sweep:
         hours = GB = 0.0
         if left:
             asked = left[:: math.ceil(len(left) / ASKED)]
-            costs = np.array([_expected(job) for job in asked])
-            seconds, size = costs.mean(axis=0) * len(left)
+            costs = [expected_cost(job.scene, job.t_end, job.options) for job in asked]
+            seconds, size = np.mean(costs, axis=0) * len(left)
             hours, GB = seconds / 3600, size / 1e9
         return Estimate(len(jobs), refused, len(jobs) - len(left) - refused, hours, GB)
 
@@ -302,26 +299,3 @@ def _found(folder: Path, job: Job) -> Record | JobError | None:
     if record is None and (reason := failed_before(folder, job.key)):
         return JobError(job, Before(reason))
     return record
-
-
-def _expected(job: Job) -> tuple[float, float]:
-    """Return the expected time of a run in s, and the size of its record in bytes."""
-    scene, t_end, how = job.scene, job.t_end, job.options
-    scout = scouted(scene, t_end)
-    size = 8.0 * scout.events * (9 * scene.N_x + 40) + 1e5
-    if how.fidelity == "auto":
-        found = plan(scene, how.want, how.tolerance, t_end=t_end)
-        price = found.price
-        if how.verify is not None and found.dt is not None:
-            counted = found.evaluations, scout.events * (found.fidelity == "hybrid")
-            own = found.geometry, found.dt, t_end
-            price = verification(scene, how.verify, counted, *own)
-        return found.seconds + price * (how.verify != "none"), size
-    if how.fidelity in ("quasistatic", "equilibrium"):
-        return scout.seconds * (1 + scout.far), size
-    geometry = how.geometry or default_geometry(scene)
-    dt = step_size(scene, how.dt, how.stepper)
-    evaluations, seconds = _cost(scene, t_end, scout, how.fidelity, geometry, dt)
-    counted = evaluations, scout.events * (how.fidelity == "hybrid")
-    own = geometry, dt, t_end
-    return seconds + verification(scene, how.verify or "none", counted, *own), size

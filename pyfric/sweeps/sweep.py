@@ -5,7 +5,7 @@
 
 A complete run is kept as a record file whose name is a hash of all that determines it: the scene
 (its name aside), the time of the end, the options of `pyfric.simulate` and the code itself; see
-`pyfric.engines.store`. In pyfric's own folder, but not in one that the user names, the
+`pyfric.sweeps.store`. In pyfric's own folder, but not in one that the user names, the
 records that were used least recently go when it outgrows `MAX_BYTES`. Why a run failed is noted.
 Processes and machines may share the folder: who makes a run reserves it there.
 """
@@ -31,12 +31,7 @@ import numpy as np
 import scipy
 
 from pyfric import core
-from pyfric.engines.options import Options
-from pyfric.engines.progress import jobs_bar
-from pyfric.engines.reservation import clear, give_up, given_up, reserved
-from pyfric.engines.simulation import simulate
-from pyfric.engines.store import MAX_BYTES, cache_folder, keep, kept, note_failure, own, prune
-from pyfric.engines.workers import Workers, stopping
+from pyfric.engines import Options, jobs_bar, simulate
 from pyfric.record import Record
 from pyfric.scene import (
     Scene,
@@ -48,6 +43,9 @@ from pyfric.scene import (
     saved_first,
     unknown,
 )
+from pyfric.sweeps.reservation import clear, give_up, given_up, reserved
+from pyfric.sweeps.store import MAX_BYTES, cache_folder, keep, kept, note_failure, own, prune
+from pyfric.sweeps.workers import Workers, stopping
 
 __all__ = ["Job", "JobError", "each", "run_all", "side_by_side"]
 
@@ -61,7 +59,7 @@ ELSEWHERE = ("threads", "checkpoint", "checkpoint_every")
 """Options that do not change what a run gives; jobs leave them to `run_all`."""
 OPTIONS = [one.name for one in dataclasses.fields(Options) if one.name not in ELSEWHERE]
 """Options that a job may have."""
-ROOMS = ("scene", "core", "statics", "record", "engines")
+ROOMS = ("scene", "theory", "core", "statics", "record", "engines")
 """Rooms whose code determines what a run gives."""
 
 

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from pyfric.engines.sweep import Job, JobError
-from pyfric.engines.varied import units
 from pyfric.record import Record, analysis
 from pyfric.scene import SceneError, written
+from pyfric.sweeps.sweep import Job, JobError
+from pyfric.sweeps.varied import units
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pyfric.engines.points import Sweep
+    from pyfric.sweeps.points import Sweep
 
 __all__ = ["MEASURED", "Before", "Results"]
 

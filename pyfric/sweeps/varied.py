@@ -9,9 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from pyfric.engines.options import NUMBERS, Options
-from pyfric.engines.sweep import ELSEWHERE
+from pyfric.engines import OPTION_UNITS, Options
 from pyfric.scene import Scene, SceneError, quantities
+from pyfric.sweeps.sweep import ELSEWHERE
 
 __all__ = ["MOST_POINTS", "PARTS", "Span", "units"]
 
@@ -78,5 +78,5 @@ def units(scene: Scene) -> dict[str, str | None]:
             found[f"{name}.{one.name}"] = marks[one.name].unit if one.name in marks else None
     for one in dataclasses.fields(Options):
         if one.name not in ELSEWHERE:
-            found[f"options.{one.name}"] = NUMBERS[one.name][0] if one.name in NUMBERS else None
+            found[f"options.{one.name}"] = OPTION_UNITS.get(one.name)
     return found

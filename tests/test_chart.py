@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyfric.checks.studies import chart
+from pyfric.checks import chart
 from pyfric.engines import simulate
 from pyfric.figures import save_figure
 from pyfric.scene import setup1

@@ -12,16 +12,13 @@ import signal
 import subprocess
 import sys
 import time
-import types
 
 import numpy as np
-import pandas as pd
 import pytest
 from click.testing import CliRunner
 from helpers import WATCHED, same_run, small
 
 import pyfric
-import pyfric.checks
 from pyfric import core
 from pyfric.cli import main
 from pyfric.cli.commands.run import TABLES
@@ -69,7 +66,7 @@ def test_help_names_commands_and_exit_codes():
     shown = pyf("--help").stdout
     assert all(
         name in shown
-        for name in ("run", "plan", "scene", "info", "reproduce", "draw", "movie", "bench")
+        for name in ("run", "plan", "scene", "info", "reproduce", "draw", "movie", "verify")
     )
     for command in ("run", "reproduce"):
         shown = pyf(command, "--help").stdout
@@ -686,26 +683,6 @@ def test_public_names_are_there():
         pyfric.engine  # noqa: B018
 
 
-# --- bench ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["kernel", "threads"])
-def test_bench(name, monkeypatch):
-    calls = []
-
-    def measure(*, quick, progress):
-        calls.append((quick, progress))
-        return pd.DataFrame({"blocks": [1767], "ns": [1.5]})
-
-    fake = types.SimpleNamespace(**{name: measure}, report=lambda frame: f"{len(frame)} rows")
-    monkeypatch.setattr(pyfric.checks.studies, "bench", fake)
-    assert pyf("bench", name).stdout == "1 rows\n"
-    assert json.loads(pyf("bench", name, "--json", "--quick").stdout) == [
-        {"blocks": 1767, "ns": 1.5}
-    ]
-    assert calls == [(False, False), (True, False)]  # no terminal, no progress
-
-
 # --- outputs -------------------------------------------------------------------------------------
 
 OUTPUTS = {
@@ -718,7 +695,7 @@ OUTPUTS = {
 }
 """Commands whose --out is a file, or the stem of the names of files."""
 ENDS = {"draw": ".png", "movie": ".png", "spacetime": ".png"}
-FOLDERS = ("reproduce", "claims", "chart", "methods", "stability", "resolution", "fronts")
+FOLDERS = ("reproduce", "claims", "chart", "stability")
 """Commands whose --out is a folder."""
 
 

@@ -8,6 +8,7 @@ import click
 import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
+from helpers import STUDIES
 
 from pyfric.cli import main
 from pyfric.cli.shared import Tell
@@ -29,7 +30,7 @@ def option(command, name):
     return next((one for one in command.params if name in one.opts), None)
 
 
-@pytest.mark.parametrize("command", list(leaves()))
+@pytest.mark.parametrize("command", [*leaves(), *leaves(STUDIES, ("studies",))])
 def test_words_mean_the_same(command):
     assert (option(command, "--json") is None) == (command.name in PRINTS)
     out = option(command, "--out")

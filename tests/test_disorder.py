@@ -1,7 +1,8 @@
 """The study of disorder, on two draws, and on a damaged twin in which nothing is drawn."""
 
+import disorder
+
 import pyfric
-from pyfric.checks.studies import disorder
 
 
 def records(cases):

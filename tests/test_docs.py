@@ -64,7 +64,8 @@ def test_contributing_names_every_module_and_no_other():
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     table = text[text.index("| `pyfric/` |") : text.index("`docs/equations.md`")]
     named = {word.split("/")[-1] for word in re.findall(r"`([\w/]+)`", table) if word[-1] != "/"}
-    modules = {path.stem for path in (ROOT / "pyfric").rglob("*.py") if path.stem[0] != "_"}
+    sources = [*(ROOT / "pyfric").rglob("*.py"), *(ROOT / "studies").glob("*.py")]
+    modules = {path.stem for path in sources if path.stem[0] != "_"}
     modules |= {path.stem for path in (ROOT / "fortran").glob("*.f90")}
     assert modules - named - set(pyfric.laws.MODULES) == set()  # these are on a page of their own
     assert named - modules - SPOKEN_OF == set()

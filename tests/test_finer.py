@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from finer import refined, tractions
 
 import pyfric
-from pyfric.checks.studies.finer import refined, tractions
 from pyfric.core import OPEN
 from pyfric.record import analysis
 from pyfric.scene import setup1

@@ -1,10 +1,10 @@
 """The study of fronts: a crack beside fracture mechanics, plans of cost, kept runs, the figure."""
 
+import fronts
 import numpy as np
 import pandas as pd
 import pytest
 
-from pyfric.checks.studies import fronts
 from pyfric.record import zone_at_rest
 from pyfric.scene import preset
 

@@ -2,11 +2,13 @@
 
 import functools
 
+import beside
+import methods
 import numpy as np
 import pandas as pd
+import peers
 import pytest
 
-from pyfric.checks.studies import beside, methods, peers
 from pyfric.figures import save_figure
 from pyfric.scene import preset
 

@@ -5,9 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from peers import available, lammps_bonds, numba_forces, numpy_forces
 from twin import bond_forces
-
-from pyfric.checks.studies.peers import available, lammps_bonds, numba_forces, numpy_forces
 
 GEOMETRIES = ("linear", "finite")
 RTOL = 1e-12
@@ -69,9 +68,9 @@ def test_every_peer_has_a_version_or_a_reason():
         assert text[0].isdigit() or text.startswith("missing: ")
 
 
-def test_missing_numba_names_the_extra(monkeypatch):
+def test_missing_numba_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "numba", None)
-    with pytest.raises(ImportError, match=r"pyfric\[studies\]"):
+    with pytest.raises(ImportError, match=r"studies/requirements\.txt"):
         numba_forces(make_scene(), "linear")
     assert available()["numba"].startswith("missing: ")
 

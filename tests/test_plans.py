@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 import pandas as pd
+import plans
 import pytest
 from helpers import small_rod
 
 import pyfric
-from pyfric.checks.studies import plans
 from pyfric.record import Errors
 
 

@@ -4,8 +4,8 @@ import functools
 
 import numpy as np
 import pytest
+import resolution
 
-from pyfric.checks.studies import resolution
 from pyfric.figures import save_figure
 from pyfric.scene import SceneError, preset
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pyfric import core
-from pyfric.checks.studies import stability
+from pyfric.checks import stability
 from pyfric.figures import save_figure
 from pyfric.scene import preset
 from pyfric.statics import loaded_state, stability_limit

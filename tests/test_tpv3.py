@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+import tpv3 as study
 
-from pyfric.checks.studies import tpv3
+from pyfric.checks import tpv3
 from pyfric.engines import step_size
 from pyfric.scene import Scene, SceneError, preset
 
@@ -49,8 +50,8 @@ def test_the_report_says_misfits_and_orders():
     rows = [{"l": l, "eta2": 0.001, "dashpots": "along", "rms": l / 2e4} for l in (100.0, 50.0)]
     more = {"t_14": 4.7, "rate_5": 1.0, "slip_5": 1.0, "rate_10": 1.0, "slip_10": 1.0}
     frame = pd.DataFrame([row | more | {"dt": 1e-3, "seconds": 1.0} for row in rows])
-    assert tpv3.orders(frame) == pytest.approx([1.0])
-    text = tpv3.report(frame)
+    assert study.orders(frame) == pytest.approx([1.0])
+    text = study.report(frame)
     assert "observed order: 1.00" in text
     assert "0.250 %" in text
     assert tpv3.misfit(tpv3.REFERENCE + 0.047177) == pytest.approx(0.01)

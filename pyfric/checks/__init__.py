@@ -5,9 +5,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pyfric.checks import regimes, regression, studies, verify
+    from pyfric.checks import chart, regimes, regression, stability, tpv3, verify
 
-__all__ = ["regimes", "regression", "studies", "verify"]
+__all__ = ["chart", "regimes", "regression", "stability", "tpv3", "verify"]
 
 
 def __getattr__(name: str) -> ModuleType:

@@ -23,9 +23,8 @@ from typing import Any
 import numpy as np
 
 from pyfric import core, theory
-from pyfric.checks import ladder, regression, tolerances
+from pyfric.checks import ladder, regression, tolerances, tpv3
 from pyfric.checks.check import Check
-from pyfric.checks.studies import tpv3
 from pyfric.engines import simulate, step_size
 from pyfric.paper.claims import ROWS
 from pyfric.scene import at_once, chain, laws, preset, setup1

@@ -8,13 +8,16 @@ is read, and adds its own to `main`.
 from __future__ import annotations
 
 import errno
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from pyfric.cli.shared import Exit, signalled, stop
 
-__all__ = ["main"]
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["Commands", "main"]
 
 
 class _Whole:
@@ -25,7 +28,11 @@ class _Whole:
 
 
 class _Command(_Whole, click.Command):
-    """A command that Ctrl-C and SIGTERM end."""
+    """A command that Ctrl-C and SIGTERM end; its section is where the list of commands has it."""
+
+    def __init__(self, *given: Any, section: str = "", **more: Any) -> None:
+        super().__init__(*given, **more)
+        self.section = section
 
     def invoke(self, ctx: click.Context) -> Any:
         from pyfric.scene import asked_to_stop, commanded
@@ -43,11 +50,38 @@ class _Command(_Whole, click.Command):
                 raise
 
 
-class _Commands(_Whole, click.Group):
-    """A group that ends with `Exit` codes."""
+class Commands(_Whole, click.Group):
+    """A group that ends with `Exit` codes, and lists its commands in sections."""
 
     command_class = _Command
     group_class = type
+
+    def __init__(
+        self, *given: Any, section: str = "", sections: Sequence[str] = (), **more: Any
+    ) -> None:
+        super().__init__(*given, **more)
+        self.section, self.sections = section, tuple(sections)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write a list for each section; where there is none, all commands as click does."""
+        if not self.sections:
+            super().format_commands(ctx, formatter)
+            return
+        for section in self.sections:
+            listed = [self.commands[name] for name in self.list_commands(ctx)]
+            listed = [command for command in listed if command.section == section]
+            with formatter.section(section):
+                formatter.write_dl([(one.name, one.get_short_help_str()) for one in listed])
+
+    def add_command(self, cmd: click.Command, name: str | None = None) -> None:
+        """Add a command, which says in which section it is.
+
+        Raises:
+            ValueError: it names none of the sections.
+        """
+        if self.sections and cmd.section not in self.sections:
+            raise ValueError(f"{cmd.name}: section {cmd.section!r} is none of {self.sections}")
+        super().add_command(cmd, name)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -73,7 +107,11 @@ def _code(error: Exception) -> Exit | None:
     return Exit.FAILED if isinstance(error, failures) else None
 
 
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=Commands,
+    sections=("Simulate", "Look", "The paper", "Methods", "This build"),
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.version_option(package_name="pyfric")
 def main() -> None:
     """Simulate how an elastic block starts to slide on a frictional surface.

@@ -20,6 +20,7 @@ from click.shell_completion import CompletionItem
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pyfric.figures import DataFigure
     from pyfric.record import Record
     from pyfric.scene import Scene
 
@@ -345,6 +346,11 @@ def folder_option(name: str, **rest: Any) -> Callable[..., Any]:
     return click.option(name, type=click.Path(path_type=Path), **rest)
 
 
+figure_out_option = folder_option(
+    "--out", metavar="DIR", default=".", show_default=True, help="Folder of the files."
+)
+
+
 # --- output --------------------------------------------------------------------------------------
 
 
@@ -399,3 +405,34 @@ def telling(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def print_json(value: Any) -> None:
     click.echo(json.dumps(value, indent=2, allow_nan=False))
+
+
+def _provenance_of(table: Path) -> Path:
+    return table.with_name(f"{table.stem}_provenance.toml")
+
+
+def check_table(out: Path | None, overwrite: bool) -> None:
+    """Refuse a table, beside which goes its provenance, before anything starts: `check_out`."""
+    if out is not None:
+        check_out(out, overwrite)
+        check_out(_provenance_of(out), overwrite)
+
+
+def save_table(table: pd.DataFrame, out: Path | None, command: str, digits: str) -> None:
+    """Save a table as CSV, if it is wanted, and beside it the command that makes it again."""
+    from pyfric.record import provenance
+    from pyfric.scene import write
+
+    if out is not None:
+        write(out, table.to_csv(index=False, float_format=digits).encode())
+        provenance(_provenance_of(out), command)
+
+
+def save_figure(figure: DataFigure, stem: Path, command: str, tell: Tell) -> None:
+    """Save a figure and its provenance, the command that makes it again, and tell the files."""
+    from pyfric import figures
+    from pyfric.record import provenance
+
+    files = figures.save_figure(figure, stem)
+    files.append(provenance(stem.with_name(f"{stem.name}_provenance.toml"), command))
+    tell.files(files)

@@ -32,7 +32,7 @@ __all__ = [
 
 ENVIRONMENT = "PYFRIC_VARIANT"
 BLOCKS_PER_THREAD = 5_000
-"""Smallest share of the lattice for which one more thread pays (`pyfric bench threads`)."""
+"""Smallest share of the lattice for which one more thread pays (`python studies threads`)."""
 SPINS = "1000"
 """Looks at a barrier before a thread sleeps: about 40 us. The default of libgomp, 300 000, burns
 13 ms where the other thread waits for its processor: up to 9 times the work itself."""

@@ -19,7 +19,7 @@ from pyfric.cli.shared import (
 )
 
 
-@main.command()
+@main.command(section="This build")
 @click.argument("record", required=False, metavar="[RECORD]", type=FileName())
 @json_option
 def info(record: str | None, as_json: bool) -> None:
@@ -88,11 +88,12 @@ def _record_info(path: str, as_json: bool) -> None:
 
 
 @main.command(
+    section="This build",
     epilog="""\b
 Exit codes:
     0  all checks hold
     1  a check fails
-"""
+""",
 )
 @telling
 def verify(tell: Tell) -> None:
@@ -105,7 +106,7 @@ def verify(tell: Tell) -> None:
         stop(Exit.FAILED)
 
 
-@main.command()
+@main.command(section="This build")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def completion(shell: str) -> None:
     """Print the script that completes commands, options, scenes and fields in SHELL.

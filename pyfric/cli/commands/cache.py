@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 MB = 10**6
 
 
-@main.group()
+@main.group(section="Simulate")
 def cache() -> None:
     """List, check, size and prune the finished runs that are kept.
 

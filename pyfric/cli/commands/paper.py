@@ -39,7 +39,7 @@ def _figures() -> list[str]:
     return [*sorted(FIGURES), "all"]
 
 
-@main.command(epilog=SHORT_EXIT_CODES)
+@main.command(section="The paper", epilog=SHORT_EXIT_CODES)
 @click.argument("names", nargs=-1, type=Registered("figure", _figures))
 @folder_option(
     "--out", metavar="DIR", default="figures", show_default=True, help="Folder of the files."
@@ -64,7 +64,7 @@ def reproduce(
     tell.files(files)
 
 
-@main.command(epilog=SHORT_EXIT_CODES)
+@main.command(section="The paper", epilog=SHORT_EXIT_CODES)
 @click.argument("numbers", nargs=-1, metavar="[N]...")
 @folder_option("--out", metavar="DIR", help="Also write claims.json and claims.csv there.")
 @workers_option
@@ -91,7 +91,7 @@ def claims(
     tell.result(claims.table(found), lambda: "\n".join(told))
 
 
-@main.command()
+@main.command(section="Look")
 @click.argument("source", metavar="SCENE|RECORD", type=SceneName())
 @click.option(
     "--event",
@@ -140,7 +140,7 @@ def movie(
     tell.files(files)
 
 
-@main.command()
+@main.command(section="Look")
 @click.argument("source", metavar="SCENE|RECORD", type=SceneName())
 @click.option(
     "--event",

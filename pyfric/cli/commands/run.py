@@ -57,7 +57,7 @@ def _steppers() -> list[str]:
     return list(STEPPERS)
 
 
-@main.command(epilog=EXIT_CODES)
+@main.command(section="Simulate", epilog=EXIT_CODES)
 @click.argument("scene", type=SceneName())
 @click.option("--t-end", type=Seconds(), required=True, help="Time of the end: '900 ms', or s.")
 @set_option

@@ -23,7 +23,7 @@ from pyfric.cli.shared import (
 )
 
 
-@main.command()
+@main.command(section="Simulate")
 @click.argument("scene", type=SceneName())
 @set_option
 @file_option("--out", metavar="FILE", help="Write a file instead of stdout.")
@@ -37,7 +37,7 @@ def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: boo
         click.echo(text, nl=False)
 
 
-@main.command()
+@main.command(section="Look")
 @click.argument("scene", type=SceneName())
 @set_option
 @file_option("--out", metavar="STEM", help="Names of the files. [default: sketch_SCENE]")
@@ -55,7 +55,7 @@ def draw(
     tell.files(figures.save_figure(figures.sketch(what), stem))
 
 
-@main.command()
+@main.command(section="Simulate")
 @click.argument("scene", type=SceneName())
 @click.option("--t-end", type=Seconds(), default=1.0, help="Time of the end. [default: 1 s]")
 @set_option

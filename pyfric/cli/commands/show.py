@@ -18,7 +18,7 @@ from pyfric.cli.shared import (
 )
 
 
-@main.command()
+@main.command(section="Look")
 @click.argument("record", type=FileName())
 @file_option("--out", metavar="FILE", help="The page. [default: name of the record, .html]")
 @overwrite_option

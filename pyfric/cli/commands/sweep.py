@@ -20,7 +20,7 @@ from pyfric.cli.shared import (
 )
 
 
-@main.command(epilog=SHORT_EXIT_CODES)
+@main.command(section="Simulate", epilog=SHORT_EXIT_CODES)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--dry-run", is_flag=True, help="Say how many runs, what they cost, and run nothing.")
 @click.option(

@@ -3,7 +3,7 @@
 All figures of a table come from one run, each the minimum of repeats taken in turn, so that their
 ratios hold on a noisy machine. A step of RK4 is four force evaluations; "pyfric" is a fourth of a
 full step, with everything in it: springs, dashpots, friction, boundaries, the stepper, switching;
-"forces only" leaves out the stepper and switching. The peers (`pyfric.checks.studies.peers`)
+"forces only" leaves out the stepper and switching. The peers (`peers`)
 evaluate bond forces; LAMMPS with nve also moves its atoms.
 """
 
@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+import peers
 
 from pyfric import core
-from pyfric.checks.studies import peers
 from pyfric.core import State
 from pyfric.scene import Geometry, preset, setup1
 from pyfric.statics import loaded_state

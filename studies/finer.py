@@ -9,7 +9,7 @@ one at the same place, and the displacements follow from equilibrium,
 The slider moves with the driver; other waves of the coarse lattice are left out.
 
 What differs from a run from the loaded slider: the tractions are those that events on the coarse
-lattice left, smooth between its blocks. `pyfric.checks.studies.fronts` measures what this does.
+lattice left, smooth between its blocks. `fronts` measures what this does.
 
 Source: PRL 107, 074301 (2011), tractions at crack initiation.
 """

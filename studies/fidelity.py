@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+import peers
+from bench import RIVAL, time_peer
 
 from pyfric.checks.pairing import agreement
-from pyfric.checks.studies import peers
-from pyfric.checks.studies.bench import RIVAL, time_peer
 from pyfric.engines import prediction_curve, simulate
 from pyfric.scene import at_once, preset
 

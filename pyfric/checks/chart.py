@@ -8,10 +8,7 @@ measures its own error (`Record.errors`). Cost is processor time, over that of f
 velocity Verlet with switches at step ends, so that scenes of different size share one axis.
 
 Methods that give no answer to a question, or other events than the reference, have a cost but no
-error: they stand above the axes. LAMMPS stands where the forces of the bonds alone would take it
-for the steps of velocity Verlet, with the error of those.
-
-How single methods converge, and other programs on small problems: `pyfric.checks.studies.methods`.
+error: they stand above the axes.
 """
 
 from __future__ import annotations
@@ -28,7 +25,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 
 from pyfric.checks.pairing import paired
-from pyfric.checks.studies import peers
 from pyfric.engines import RunError, simulate
 from pyfric.figures import DataFigure
 from pyfric.record import front_speed
@@ -40,7 +36,18 @@ if TYPE_CHECKING:
 
     from pyfric.record import Record
 
-__all__ = ["TOLERANCES", "WANTS", "chart", "drawn", "errors", "figure", "frontier", "points"]
+__all__ = [
+    "TOLERANCES",
+    "WANTS",
+    "chart",
+    "drawn",
+    "errors",
+    "figure",
+    "frontier",
+    "full_dynamics",
+    "points",
+    "scenes",
+]
 
 EVENTS = 4
 """Main events of a run."""
@@ -114,7 +121,7 @@ def chart(*, progress: bool = False) -> pd.DataFrame:
         progress: say on stderr what is running.
 
     Returns:
-        One row per point. Columns: scene; kind ("method", "plan", "peer", "reference"); want and
+        One row per point. Columns: scene; kind ("method", "plan", "reference"); want and
         tolerance of a plan, and ``said``, the error that it measured itself; engine, stepper,
         switching, geometry; share (step over the stability limit), dt (s); seconds (processor
         time), evaluations (blocks times force evaluations), status ("ok", or why there is no
@@ -163,8 +170,6 @@ def points(
         for tolerance in TOLERANCES:
             say(f"{name}: what the planner takes for {want} within {tolerance:g}")
             yield {"scene": name, "kind": "plan", **_planned(scene, t_end, want, tolerance, truth)}
-    if FULL in known:
-        yield {"scene": name, "kind": "peer", **_lammps(scene, known[FULL])}
 
 
 def _end(scene: Scene, events: int) -> float:
@@ -279,18 +284,6 @@ def _speeds(record: Record, rows: np.ndarray) -> np.ndarray:
     return front_speed(record.rupture_times[rows], record.scene.slider.l, record.scene.d)
 
 
-def _lammps(scene: Scene, full: dict[str, Any], steps: int = 2000) -> dict[str, Any]:
-    """Return the point of LAMMPS: what the bonds of the steps of full dynamics take there."""
-    row = full | {"engine": "LAMMPS"}
-    if peers.available()["lammps"].startswith("missing"):
-        return row | {"seconds": math.nan, "status": peers.INSTALL}
-    with peers.lammps_bonds(scene, integrate=True) as peer:
-        begin = time.process_time()
-        peer.run(steps)
-        each = (time.process_time() - begin) / steps
-    return row | {"seconds": each * full["evaluations"] / (scene.N_x * scene.N_z)}
-
-
 # --- reading -------------------------------------------------------------------------------------
 
 
@@ -312,7 +305,7 @@ def figure(table: pd.DataFrame) -> DataFigure:
 
     Grey: all methods; lines: the frontier of each scene; large: what the planner takes, with a bar
     up to the tolerance that it was given, red where its error is larger, thick up to the error that
-    it measured itself.
+    it measured itself. Diamonds: rows of the kind "peer", what other programs would take.
     """
     fig = DataFigure(figsize=(7.2, 6.6), layout="constrained")
     FigureCanvasAgg(fig)
@@ -343,19 +336,21 @@ def figure(table: pd.DataFrame) -> DataFigure:
         "their word. Reference: the hybrid engine in finite geometry, located switches, steps of a "
         "sixteenth of the limit."
     )
-    if not (table["engine"] == "LAMMPS").any():
-        fig.caption += " LAMMPS was not installed."
     fig.tables = {"points": table}
     return fig
 
 
+def full_dynamics(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of `FULL`, one for each scene."""
+    rows = table[table["kind"] == "method"]
+    for name, value in zip(FULL._fields, FULL, strict=True):
+        rows = rows[rows["engine" if name == "fidelity" else name] == value]
+    return rows
+
+
 def _in_units(table: pd.DataFrame) -> pd.DataFrame:
     """Return the table with ``cost``, the time over that of `FULL` on the same scene."""
-    known = zip(FULL._fields, FULL, strict=True)
-    full = table[table["kind"] == "method"]
-    for name, value in known:
-        full = full[full["engine" if name == "fidelity" else name] == value]
-    unit = full.groupby("scene")["seconds"].min()
+    unit = full_dynamics(table).groupby("scene")["seconds"].min()
     return table.assign(cost=table["seconds"] / table["scene"].map(unit))
 
 
@@ -414,8 +409,8 @@ def _handles(table: pd.DataFrame) -> list[Line2D]:
         Line2D([], [], color="0.3", marker="_", lw=0.8, label="planner: error to tolerance"),
         Line2D([], [], color="0.6", lw=2.5, label="to what the run measured itself"),
     ]
-    if (table["engine"] == "LAMMPS").any():
-        handles.append(
-            Line2D([], [], marker="D", color="0.4", mfc="none", label="LAMMPS, bonds", **dot)
-        )
+    handles += [
+        Line2D([], [], marker="D", color="0.4", mfc="none", label=f"{engine}, bonds", **dot)
+        for engine in table["engine"][table["kind"] == "peer"].unique()
+    ]
     return handles

@@ -31,10 +31,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
+from finer import refined
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pyfric import theory
-from pyfric.checks.studies.finer import refined
 from pyfric.core import STEPPERS
 from pyfric.engines import simulate, step_size
 from pyfric.figures import DataFigure

@@ -1,4 +1,4 @@
-"""How methods converge: the panels behind `pyfric.checks.studies.chart`.
+"""How methods converge: what is behind `pyfric.checks.chart`.
 
 One event, the 11th main precursor of the Fig. 1 scene, from 20 us before its first slip until
 0.3 ms after. Questions: rupture times (s, RMS over the front, from the first slip on), front speed
@@ -6,7 +6,7 @@ One event, the 11th main precursor of the Fig. 1 scene, from 20 us before its fi
 start and arrest forces (over F_N), farthest block, closure of the energy budget (over the friction
 heat). All methods start from one state per geometry. The reference is RK4 with located switching in
 finite geometry, with steps that are halved until it no longer changes. Two more panels stand beside
-other programs: `pyfric.checks.studies.beside`.
+other programs: `beside`.
 
 Work is the time in the core, the least of repeats, and the number of blocks times force
 evaluations. A method that fails or is refused at a point stays in the table, with the reason.
@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from beside import slider_points, wave_points
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from pyfric.checks.studies.beside import slider_points, wave_points
 from pyfric.engines import RunError, simulate
 from pyfric.figures import DataFigure
 from pyfric.record import budget_left, front_speed

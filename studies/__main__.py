@@ -1,0 +1,305 @@
+"""Studies of the project's own, each a command: `python studies NAME` in the folder of the sources.
+
+They need more time, or other programs, than users of pyfric need, and are not installed with it.
+"""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pyfric.cli.app import Commands
+from pyfric.cli.shared import (
+    Tell,
+    check_folder,
+    check_out,
+    check_table,
+    figure_out_option,
+    file_option,
+    folder_option,
+    number,
+    overwrite_option,
+    save_figure,
+    save_table,
+    telling,
+)
+
+RUN = "python studies"
+"""How files say that they were made."""
+
+
+@click.group(
+    cls=Commands,
+    sections=("Speed", "Methods", "Physics"),
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+def main() -> None:
+    """Measure the speed of pyfric, how its methods converge, and what the model says.
+
+    --out is a folder, in which files that have the names of the outputs are replaced, or one file,
+    which --overwrite replaces. --json prints the result as JSON, --quiet nothing but errors.
+    """
+
+
+# --- speed ---------------------------------------------------------------------------------------
+
+_quick_option = click.option("--quick", is_flag=True, help="Fewer sizes and shorter timings.")
+
+
+@main.command(section="Speed")
+@telling
+@_quick_option
+def kernel(tell: Tell, quick: bool) -> None:
+    """Time per block and force evaluation, beside peers where they are installed."""
+    import bench
+
+    tell.table(bench.kernel(quick=quick, progress=tell.progress), bench.report)
+
+
+@main.command(section="Speed")
+@telling
+@_quick_option
+def threads(tell: Tell, quick: bool) -> None:
+    """Gain from more threads, by the size of the lattice."""
+    import bench
+
+    tell.table(bench.threads(quick=quick, progress=tell.progress), bench.report)
+
+
+@main.command(section="Speed")
+@telling
+@_quick_option
+def limit(tell: Tell, quick: bool) -> None:
+    """How near the core is to what this processor can do."""
+    import bench
+
+    tell.table(bench.limit(quick=quick), bench.report)
+
+
+@main.command(section="Speed")
+@telling
+@_quick_option
+def scenes(tell: Tell, quick: bool) -> None:
+    """Gain from several processes on independent runs."""
+    import bench
+
+    tell.table(bench.scenes(quick=quick, progress=tell.progress), bench.report)
+
+
+@main.command(section="Speed")
+@telling
+def fidelity(tell: Tell) -> None:
+    """Every engine on the Fig. 1 scene: time, work, agreement with full dynamics (2 minutes)."""
+    import fidelity
+
+    tell.table(fidelity.fidelity(progress=tell.progress), fidelity.report)
+
+
+@main.command(section="Speed")
+@telling
+def large(tell: Tell) -> None:
+    """Seconds and memory of the Fig. 1 scene on 561 x 301 blocks (minutes, 3 GB)."""
+    import large
+
+    tell.table(large.large(), large.report)
+
+
+# --- methods -------------------------------------------------------------------------------------
+
+
+@main.command(section="Methods")
+@figure_out_option
+@telling
+def chart(out: Path, tell: Tell) -> None:
+    """Chart what accuracy costs, as `pyfric chart`, beside LAMMPS (ten minutes)."""
+    check_folder(out)
+    import pandas as pd
+    from beside import chart_points
+
+    from pyfric.checks import chart
+
+    points = chart.chart(progress=tell.progress)
+    points = pd.concat([points, pd.DataFrame(chart_points(points))], ignore_index=True)
+    save_figure(chart.figure(points), out / "chart", f"{RUN} chart", tell)
+
+
+@main.command(section="Methods")
+@figure_out_option
+@telling
+def methods(out: Path, tell: Tell) -> None:
+    """Measure how every method converges on one event, and beside other programs (two minutes).
+
+    DIR gets methods.png, methods.pdf, the points and measured orders as CSV, and their provenance.
+    """
+    check_folder(out)
+    import methods
+
+    figure = methods.figure(methods.table(progress=tell.progress))
+    save_figure(figure, out / "methods", f"{RUN} methods", tell)
+
+
+@main.command(section="Methods")
+@click.option("--trials", type=click.IntRange(1), default=200, show_default=True, help="How many.")
+@click.option("--first", type=click.IntRange(0), default=0, help="Number of the first trial.")
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the draws.")
+@click.option(
+    "--viscosity",
+    nargs=2,
+    type=click.FloatRange(0, min_open=True),
+    default=(0.1, 2.0),
+    show_default=True,
+    metavar="LOW HIGH",
+    help="Draw eta from these shares of the default.",
+)
+@click.option(
+    "--verify",
+    type=click.Choice(["sample", "full"]),
+    help="How runs measure their errors.  [default: as planned runs do]",
+)
+@file_option("--out", metavar="FILE", help="Write the rows as CSV. [default: plans.csv]")
+@overwrite_option
+@click.option("--resume", is_flag=True, help="Go on with the rows in --out.")
+@click.option(
+    "--stored",
+    nargs=2,
+    metavar="FOLDER SET",
+    help="In place of trials: a planned run for front speeds beside stored full dynamics.",
+)
+@telling
+def plans(
+    trials: int,
+    first: int,
+    seed: int,
+    viscosity: tuple[float, float],
+    verify: str | None,
+    out: Path | None,
+    overwrite: bool,
+    resume: bool,
+    stored: tuple[str, str] | None,
+    tell: Tell,
+) -> None:
+    """Draw scenes, wants and tolerances and see whether plans keep what they promise.
+
+    A trial takes some seconds; with --resume, those whose rows are in FILE are not
+    made again.
+    """
+    import plans
+
+    if stored is not None:
+        found = plans.stored(stored[1], Path(stored[0]))
+        tell.result(found, lambda: "\n".join(f"{k} = {_short(v)}" for k, v in found.items()))
+        return
+    out = out or Path("plans.csv")
+    check_out(out, overwrite or resume)
+    if not resume:
+        out.unlink(missing_ok=True)
+    numbers = range(first, first + trials)
+    how = {"progress": tell.progress, "verify": verify, "viscosity": viscosity}
+    rows = plans.run(out, numbers, seed, **how)
+    tell.table(plans.table(rows), lambda table: table.to_string(index=False))
+
+
+def _short(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+# --- physics -------------------------------------------------------------------------------------
+
+
+@main.command(section="Physics")
+@file_option("--out", metavar="FILE", help="Write the table as CSV.")
+@overwrite_option
+@telling
+@click.option("--quick", is_flag=True, help="Lattices of 100 and 50 m only.")
+def tpv3(out: Path | None, overwrite: bool, tell: Tell, quick: bool) -> None:
+    """TPV3, a benchmark of earthquake rupture: rupture times against its reference (two minutes).
+
+    Beside --out, a CSV file, goes its provenance.
+    """
+    check_table(out, overwrite)
+    import tpv3
+
+    frame = tpv3.tpv3(quick=quick, progress=tell.progress)
+    save_table(frame, out, f"{RUN} tpv3", "%.6g")
+    tell.table(frame, tpv3.report)
+
+
+@main.command(section="Physics")
+@figure_out_option
+@telling
+def resolution(out: Path, tell: Tell) -> None:
+    """Refine the lattice of the Fig. 1 scene and show what converges (several minutes)."""
+    check_folder(out)
+    import resolution
+
+    figure = resolution.figure(resolution.study(progress=tell.progress))
+    save_figure(figure, out / "resolution", f"{RUN} resolution", tell)
+
+
+@main.command(section="Physics")
+@figure_out_option
+@folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
+@click.option(
+    "--l",
+    "spacings",
+    multiple=True,
+    help="Lattice constant of the Fig. 1 scene, such as '1.25 mm'; several may be given.",
+)
+@click.option(
+    "--collapse", multiple=True, help="Lattice constant of runs 1 to 4, without which they are out."
+)
+@click.option(
+    "--finer", multiple=True, help="Lattice constant that starts from the run with twice of it."
+)
+@telling
+def fronts(
+    out: Path,
+    runs: Path | None,
+    spacings: tuple[str, ...],
+    collapse: tuple[str, ...],
+    finer: tuple[str, ...],
+    tell: Tell,
+) -> None:
+    """Show when front speeds are physical: cracks, lengths, a resolved Fig. 4 (about 15 minutes).
+
+    Runs are kept in --runs; the next call goes on where this one was stopped. What each lattice is
+    planned to take is said before it starts: 8 times the one before it. Precursors on a lattice of
+    --finer start just before the first slip, from the tractions of the run with twice the l.
+    """
+    folder = out / "runs" if runs is None else runs
+    given = {"collapse": [number("collapse", one, "m", gt=0.0) for one in collapse]}
+    given["finer"] = [number("finer", one, "m", gt=0.0) for one in finer]
+    if spacings:
+        given["spacings"] = [number("l", one, "m", gt=0.0) for one in spacings]
+    names = {"--l": spacings, "--collapse": collapse, "--finer": finer}
+    words = [word for name, values in names.items() for one in values for word in (name, one)]
+
+    check_folder(out)
+    import fronts
+
+    figure = fronts.figure(fronts.study(folder, **given, say=tell.step))
+    save_figure(figure, out / "fronts", shlex.join([*RUN.split(), "fronts", *words]), tell)
+
+
+@main.command(section="Physics")
+@figure_out_option
+@folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
+@telling
+def disorder(out: Path, runs: Path | None, tell: Tell) -> None:
+    """Break two collapses of the paper by disorder of mu_s: lengths, front speeds (a minute).
+
+    Runs are kept in --runs; the next call goes on where this one was stopped.
+    """
+    folder = out / "runs" if runs is None else runs
+    check_folder(out)
+    import disorder
+
+    figure = disorder.figure(disorder.study(folder, say=tell.step))
+    save_figure(figure, out / "disorder", f"{RUN} disorder", tell)
+
+
+if __name__ == "__main__":
+    main(prog_name="studies")

@@ -1,0 +1,68 @@
+"""The studies' commands: what they call, what they write, and that they are not installed."""
+
+import json
+import subprocess
+import sys
+from importlib import metadata
+
+import bench
+import pandas as pd
+import pytest
+import tpv3
+from click.testing import CliRunner
+from helpers import STUDIES
+
+from pyfric.cli.shared import Exit
+
+
+def study(*arguments):
+    return CliRunner().invoke(STUDIES, [str(one) for one in arguments])
+
+
+@pytest.mark.parametrize("name", ["kernel", "threads"])
+def test_timings(name, monkeypatch):
+    calls = []
+
+    def measure(*, quick, progress):
+        calls.append((quick, progress))
+        return pd.DataFrame({"blocks": [1767], "ns": [1.5]})
+
+    monkeypatch.setattr(bench, name, measure)
+    monkeypatch.setattr(bench, "report", lambda frame: f"{len(frame)} rows")
+    assert study(name).stdout == "1 rows\n"
+    assert json.loads(study(name, "--json", "--quick").stdout) == [{"blocks": 1767, "ns": 1.5}]
+    assert calls == [(False, False), (True, False)]  # no terminal, no progress
+
+
+@pytest.mark.parametrize("name", ["chart", "methods", "resolution", "fronts", "disorder"])
+def test_a_folder_that_cannot_be_written_is_refused_first(name, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    result = study(name, "--out", tmp_path / "file")
+    assert result.exit_code == Exit.BAD_INPUT, result.output
+    assert "this is a file, not a folder" in result.stderr
+
+
+def test_a_table_goes_beside_the_command_that_makes_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(tpv3, "tpv3", lambda **_: pd.DataFrame({"rms": [0.0012345678]}))
+    monkeypatch.setattr(tpv3, "report", lambda frame: "told")
+    out = tmp_path / "tpv3.csv"
+    assert study("tpv3", "--out", out).stdout == "told\n"
+    assert out.read_text() == "rms\n0.00123457\n"
+    about = (tmp_path / "tpv3_provenance.toml").read_text()
+    assert 'command = "python studies tpv3"' in about
+    assert "--overwrite" in study("tpv3", "--out", out).stderr
+
+
+def test_they_run_from_their_folder_beside_the_installed_package():
+    """The folder's name, as `make studies` says it, puts no source of pyfric on the path."""
+    folder = STUDIES.callback.__code__.co_filename.rpartition("/")[0]
+    run = [sys.executable, "-P", folder, "limit", "--quick", "--json"]
+    found = subprocess.run(run, capture_output=True, text=True, check=True)
+    assert json.loads(found.stdout)[0]["ns"] > 0
+
+
+def test_they_are_not_installed():
+    files = {path.parts[0] for path in metadata.files("pyfric")}
+    assert {"pyfric"} < files
+    assert not files & {"studies", "fronts.py", "bench.py"}
+    assert not any("studies" in path.parts for path in metadata.files("pyfric"))

@@ -16,6 +16,8 @@ import sys
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
+from pyfric.display import Painter, paint_with
+
 if TYPE_CHECKING:
     from pyfric import figures, theory
     from pyfric.core import State, StateError
@@ -134,9 +136,8 @@ ROOMS = (
     "figures",
     "paper",
     "checks",
-    "cli",
 )
-"""From the ground up: a room imports those below it."""
+"""From the ground up: a room imports those below it. The command line stands above them all."""
 
 
 def _check_libraries() -> None:
@@ -174,6 +175,21 @@ except ImportError as error:
     if os.path.basename(sys.argv[0]) == "pyfric":  # the command: its import is all that it has done
         sys.exit(f"Error: {error}")
     raise
+
+
+def _drawing(shown: Any) -> Any:
+    from pyfric import figures
+
+    return figures.drawing(shown)
+
+
+def _page(record: Any) -> str:
+    from pyfric import figures
+
+    return figures.record_page(record)
+
+
+paint_with(Painter(_drawing, _page))
 
 
 def __getattr__(name: str) -> Any:

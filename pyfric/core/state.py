@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from pyfric.scene import clock, html, sealed, slipped, unsealed, write
+from pyfric.display import html
+from pyfric.scene import clock, sealed, slipped, unsealed, write
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from pyfric.display import html
 from pyfric.engines.cost import NS, beside, beside_ladder, evaluations_of_events, set_up, work
 from pyfric.engines.guard import largest_strain
 from pyfric.engines.options import Fidelity, Options, Want, step_size
@@ -34,7 +35,7 @@ from pyfric.engines.quasistatic import beyond_ladder
 from pyfric.engines.scout import decay_times, interval, most_open, scouted
 from pyfric.engines.stretches import bends
 from pyfric.record import RESOLVED, zone_at_rest
-from pyfric.scene import Geometry, at_once, check_number, default_geometry, html
+from pyfric.scene import Geometry, at_once, check_number, default_geometry
 from pyfric.statics import creeps, one_thread_if_small, stability_limit
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyfric.figures.loading import CURVE_BINS, KINDS, envelope, event_kinds, slip_segments
+from pyfric.figures.templates import template
 from pyfric.record import MAIN_EVENT_BLOCKS, summary
-from pyfric.scene import template
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import pandas as pd
 from markupsafe import Markup, escape
 
-from pyfric.figures import FIGURES
-from pyfric.scene import __version__, template, write
+from pyfric.figures import FIGURES, template
+from pyfric.scene import __version__, write
 
 __all__ = ["write_index"]
 

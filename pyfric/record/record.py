@@ -38,6 +38,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import State
+from pyfric.display import html, page
 from pyfric.record.catalogue import T_GAP
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
 from pyfric.record.errors import Errors
@@ -47,7 +48,7 @@ from pyfric.record.nucleation import nucleation_lengths
 from pyfric.record.report import summary, text
 from pyfric.record.rupture import front_speed
 from pyfric.record.zones import zone_at_rest, zone_moving
-from pyfric.scene import Scene, held_back, html, page_of, sealed, unsealed, write
+from pyfric.scene import Scene, held_back, sealed, unsealed, write
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -515,7 +516,7 @@ class Record:
         OSError
             If the file cannot be written; it names path and reason.
         """
-        return write(path, page_of(self).encode())
+        return write(path, page(self).encode())
 
     def to_csv(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write the tables as CSV into ``folder`` (made if missing) and return the paths.

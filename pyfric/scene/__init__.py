@@ -39,7 +39,6 @@ from pyfric.scene.presets import (
 )
 from pyfric.scene.protocol import Leg, Piece, legs
 from pyfric.scene.scene import Scene
-from pyfric.scene.shown import DRAWINGS, html, page_of, template
 from pyfric.scene.signals import (
     answered,
     asked_to_stop,
@@ -63,7 +62,6 @@ from pyfric.scene.units import (
 from pyfric.scene.version import __version__
 
 __all__ = [
-    "DRAWINGS",
     "FIELDS",
     "FRICTIONLESS",
     "PRESETS",
@@ -98,14 +96,12 @@ __all__ = [
     "drafts",
     "forget",
     "held_back",
-    "html",
     "laws",
     "legs",
     "names_file",
     "nearest",
     "nothing_to_save",
     "of",
-    "page_of",
     "paper_step",
     "parse_quantity",
     "preset",
@@ -120,7 +116,6 @@ __all__ = [
     "setup2",
     "slab",
     "slipped",
-    "template",
     "unknown",
     "unsealed",
     "write",

@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
+from pyfric.display import html
 from pyfric.scene import toml
 from pyfric.scene.change import changed
 from pyfric.scene.checked import part, quantities
@@ -34,8 +35,8 @@ from pyfric.scene.parts import (
     steps_in,
 )
 from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
-from pyfric.scene.shown import html, scene_text
 from pyfric.scene.spread import Spread
+from pyfric.scene.text import scene_text
 from pyfric.scene.units import SceneError
 
 __all__ = ["Scene"]

@@ -42,9 +42,10 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 import numpy as np
 import scipy
 
+from pyfric.display import html
 from pyfric.engines import Options, expected_cost
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, check_number, html, unknown
+from pyfric.scene import Scene, SceneError, check_number, unknown
 from pyfric.sweeps.results import Before, Results
 from pyfric.sweeps.store import cache_folder, failed_before, kept
 from pyfric.sweeps.sweep import Job, JobError, run_all

@@ -10,8 +10,8 @@ __all__ = ["main"]
 
 def _read() -> None:
     """Import all modules here, each of which adds its commands to `main`."""
-    for module in pkgutil.iter_modules(__path__, f"{__name__}."):
-        importlib.import_module(module.name)
+    for module in pkgutil.iter_modules(__path__):
+        importlib.import_module(f"{__name__}.{module.name}")
 
 
 _read()

@@ -1,0 +1,59 @@
+"""How objects of all rooms show themselves in notebooks and as pages.
+
+What draws them, `pyfric.figures`, stands above them. `pyfric` puts a `Painter` here that imports it
+when something is drawn.
+"""
+
+from __future__ import annotations
+
+import base64
+import html as markup
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["Painter", "html", "page", "paint_with"]
+
+
+@dataclass(frozen=True)
+class Painter:
+    """What draws.
+
+    Attributes:
+        figure: of an object, a figure with a caption; None for what has no drawing.
+        page: of a record, a page as HTML.
+    """
+
+    figure: Callable[[Any], Any]
+    page: Callable[[Any], str]
+
+
+_painters: list[Painter] = []
+
+
+def paint_with(painter: Painter) -> None:
+    """Let all objects be drawn by this painter from now on."""
+    _painters[:] = [painter]
+
+
+def html(shown: Any) -> str:
+    """Return the text of an object as HTML, below its drawing where there is one."""
+    text = f'<pre style="white-space: pre-wrap">{markup.escape(str(shown))}</pre>'
+    figure = _painters[0].figure(shown)
+    return text if figure is None else _image(figure) + text
+
+
+def _image(figure: Any) -> str:
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", dpi=150)
+    data = base64.b64encode(picture.getvalue()).decode()
+    alt = markup.escape(figure.caption, quote=True)
+    return f'<img alt="{alt}" src="data:image/png;base64,{data}" style="max-width:100%">'
+
+
+def page(record: Any) -> str:
+    """Return a page about a record, as HTML."""
+    return _painters[0].page(record)

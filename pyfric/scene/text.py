@@ -1,0 +1,35 @@
+"""A scene in a few lines of text."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+from pyfric.scene.checked import quantities
+
+if TYPE_CHECKING:
+    from pyfric.scene.scene import Scene
+
+__all__ = ["scene_text"]
+
+
+def scene_text(scene: Scene) -> str:
+    """Return a scene in a line for each part, numbers in SI units."""
+    lines = [f"Scene {scene.name or 'without a name'}: {scene.N_x} x {scene.N_z} blocks"]
+    for name in ("slider", "top", "driver", "interface"):
+        part = getattr(scene, name)
+        units = {key: one.unit for key, one in quantities(type(part)).items()}
+        values = {one.name: getattr(part, one.name) for one in dataclasses.fields(part)}
+        told = [
+            f"{key} = {_short(value)} {units.get(key, '')}".rstrip()
+            for key, value in values.items()
+            if value is not None and value != ()
+        ]
+        lines.append(f"  {type(part).__name__}: {', '.join(told)}")
+    return "\n".join(lines)
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f"{len(value)} values"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

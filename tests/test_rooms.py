@@ -1,0 +1,101 @@
+"""The rooms: their order, imports that no contract sees, and what draws the lower ones."""
+
+import ast
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pyfric
+
+ROOT = Path(__file__).parents[1]
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
+BY_NAME = {"import_module", "__import__", "resolve_name", "run_module", "run_path", "exec", "eval"}
+"""What can import a module that a string names."""
+DOOR = "pyfric/__init__.py"
+OF_THEIR_OWN = {
+    "pyfric/checks/__init__.py",
+    "pyfric/cli/commands/__init__.py",
+    "pyfric/core/builds.py",
+    "pyfric/scene/laws/__init__.py",
+}
+"""Registries, which read modules of their own folder by name."""
+
+
+def layers():
+    contracts = SETTINGS["importlinter"]["contracts"]
+    (order,) = (one["layers"] for one in contracts if one["type"] == "layers")
+    return [name for layer in reversed(order) for name in layer.split(" | ")]
+
+
+def trees():
+    for path in sorted((ROOT / "pyfric").rglob("*.py")):
+        yield path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
+
+
+def test_the_door_opens_the_rooms_from_the_ground_up():
+    """All but the highest, which itself comes in by the door."""
+    assert ["display", *pyfric.ROOMS, "cli"] == layers()
+
+
+def test_no_string_names_a_room_to_import():
+    found = set()
+    for file, tree in trees():
+        names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        names |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+        if names & BY_NAME:
+            found.add(file)
+    assert found == {DOOR, *OF_THEIR_OWN}
+
+
+def test_registries_read_their_own_folder():
+    for file, tree in trees():
+        if file not in OF_THEIR_OWN:
+            continue
+        package = file.rpartition("/")[0].replace("/", ".")
+        calls = [
+            node.args[0]
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Call) and "import_module" in ast.unparse(node.func)
+        ]
+        assert calls, file
+        for asked in map(ast.unparse, calls):
+            assert asked.startswith((f"f'{package}.", "f'{__name__}.")), (file, asked)
+
+
+def test_nobody_below_comes_in_by_the_door():
+    """Rooms below the command line never import `pyfric` itself, which imports them."""
+    for file, tree in trees():
+        if file.startswith("pyfric/cli/"):
+            continue
+        imported = [
+            name.name
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Import)
+            for name in node.names
+        ]
+        assert "pyfric" not in imported, file
+        if file != DOOR:
+            from_door = [
+                name.name
+                for node in ast.walk(tree)
+                if isinstance(node, ast.ImportFrom) and node.module == "pyfric"
+                for name in node.names
+            ]
+            assert set(from_door) <= set(layers()), file
+
+
+def test_the_door_alone_imports_no_room_and_no_library():
+    heavy = "{'numpy', 'scipy', 'pandas', 'matplotlib', 'xarray', 'pydantic', 'pyfric.scene'}"
+    code = f"import sys, pyfric; print(sys.modules.keys() & {heavy})"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "set()\n"
+
+
+def test_a_scene_is_drawn_though_nobody_imported_figures():
+    code = (
+        "import sys; from pyfric.scene import preset; scene = preset('fig1');"
+        "print('pyfric.figures' in sys.modules, '<img' in scene._repr_html_())"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "False True\n"

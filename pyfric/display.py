@@ -9,8 +9,7 @@ from __future__ import annotations
 import base64
 import html as markup
 import io
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,8 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["Painter", "html", "page", "paint_with"]
 
 
-@dataclass(frozen=True)
-class Painter:
+class Painter(NamedTuple):
     """What draws.
 
     Attributes:

@@ -279,8 +279,9 @@ def fronts(
 
     check_folder(out)
     import fronts
+    import fronts_found
 
-    figure = fronts.figure(fronts.study(folder, **given, say=tell.step))
+    figure = fronts_found.figure(fronts.study(folder, **given, say=tell.step))
     save_figure(figure, out / "fronts", shlex.join([*RUN.split(), "fronts", *words]), tell)
 
 

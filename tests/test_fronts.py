@@ -1,6 +1,8 @@
 """The study of fronts: a crack beside fracture mechanics, plans of cost, kept runs, the figure."""
 
+import cracks
 import fronts
+import fronts_found
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,8 +13,8 @@ from pyfric.scene import preset
 
 def test_a_crack_follows_fracture_mechanics():
     """Four blocks in X_c0: below c_R all along, within 1 %; none of it is resolved."""
-    which = fronts.Crack(blocks=4.0, a_end=6e3)
-    table, record = fronts.crack(which)
+    which = cracks.Crack(blocks=4.0, a_end=6e3)
+    table, record = cracks.crack(which)
     scene = record.scene
     assert zone_at_rest(scene, scene.p_prescribed) == pytest.approx(4.0)
     late = table[table["a"] < 5.3e3]  # the absorbing wall is at 6 km
@@ -34,12 +36,12 @@ def test_half_the_lattice_constant_is_planned_at_eight_times():
 
 
 def test_runs_are_kept_and_shown(tmp_path):
-    table, said = fronts.Crack(blocks=2.0), []
+    table, said = cracks.Crack(blocks=2.0), []
     a = np.arange(3e3, 12e3, 1e3)
-    cracks = pd.DataFrame({"a": a, "v": 0.97 * table.speed(a), "v_theory": table.speed(a)})
-    made = pd.DataFrame({"evaluations": 1.0, "seconds": 1.0}, index=cracks.index)
+    frame = pd.DataFrame({"a": a, "v": 0.97 * table.speed(a), "v_theory": table.speed(a)})
+    made = pd.DataFrame({"evaluations": 1.0, "seconds": 1.0}, index=frame.index)
     for name in ("2_0.001_along", "4_0.001_along"):
-        cracks.join(made).to_csv(tmp_path / f"crack_{name}.csv", index=False)
+        frame.join(made).to_csv(tmp_path / f"crack_{name}.csv", index=False)
     how = {"blocks": (2.0, 4.0), "spacings": (5e-3,), "t_end": 0.3, "say": said.append}
     first = fronts.study(tmp_path, finer=(2.5e-3,), **how)
     assert "l = 2.5 mm, from event" in said[-1]
@@ -51,7 +53,7 @@ def test_runs_are_kept_and_shown(tmp_path):
     kept = fronts._runs_of("fig1", tmp_path, how["spacings"], how["t_end"], said.append)
     fronts._begun_runs("fig1", tmp_path, kept, (2.5e-3,), 1, said.append)
     assert written == {one: one.stat().st_mtime_ns for one in tmp_path.iterdir()}
-    fig = fronts.figure(first)
+    fig = fronts_found.figure(first)
     numbers = fig.tables["summary"].set_index(["what", "case"])["value"]
     mean = numbers[
         "crack: mean of v/v_theory - 1, 3 to 12 km", "2 blocks in X_c0, eta^2 = 0.001 k m, along"

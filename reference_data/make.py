@@ -109,7 +109,8 @@ def tables(record: pyfric.Record) -> dict[str, pd.DataFrame]:
     row, i = np.nonzero(np.isfinite(record.rupture_times[main]))
     times = record.rupture_times[main]
     v_c = pyfric.front_speed(times, record.scene.slider.l, record.scene.d)
-    ratio = record.tau_before[main] / record.p_before[main]
+    with np.errstate(divide="ignore", invalid="ignore"):  # an open block has no tau/p
+        ratio = record.tau_before[main] / record.p_before[main]
     fronts = {"event": main[row], "n": n[i]}
     fronts |= {"t": times[row, i], "v_c": v_c[row, i], "tau_over_p": ratio[row, i]}
     events = record.events[list(EVENTS)].rename_axis("event").reset_index()
@@ -133,17 +134,25 @@ def commit() -> str:
     return (git("log", "-1", "--format=%H", *sources) or "unknown") + changed
 
 
-def write(folder: Path, record: pyfric.Record, wall: float, made_from: str) -> None:
+def write(folder: Path, tables: dict[str, pd.DataFrame], about: dict) -> None:
     """Write a set; its provenance goes first and comes last, so that half a set has none."""
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     (folder / "provenance.toml").unlink(missing_ok=True)
-    for name, table in tables(record).items():
+    for name, table in tables.items():
         text = StringIO()
         table.to_csv(text, index=False, lineterminator="\n")
         with written(folder / f"{name}.csv") as draft:
             draft.write_text(text.getvalue(), encoding="utf-8", newline="\n")
+    with written(folder / "provenance.toml") as draft:
+        text = tomli_w.dumps(about, multiline_strings=True)
+        draft.write_text(text, encoding="utf-8", newline="\n")
+
+
+def provenance(record: pyfric.Record, wall: float, made_from: str, command: str) -> dict:
+    """Return the scene, how it was run and with what; the run took `wall` s."""
     method = record.method
-    about = {
+    versions = dict(record.versions) | {"pandas": pd.__version__}
+    return {
         "engine": method.engine,
         "geometry": method.geometry,
         "stepper": method.stepper,
@@ -155,17 +164,13 @@ def write(folder: Path, record: pyfric.Record, wall: float, made_from: str) -> N
         "t_end": float(record.curve["t"].iloc[-1]),
         "threads": method.threads,
         "variant": method.variant,
-        "command": f"python reference_data/make.py {folder.name}",
+        "command": f"python reference_data/{command}",
         "commit": made_from,
         "date": datetime.datetime.now(datetime.UTC).replace(microsecond=0),
         "wall_time": round(wall, 1),
-        "versions": dict(record.versions),
         "scene": record.scene.to_toml(),
+        "versions": versions,
     }
-    about["versions"]["pandas"] = pd.__version__
-    with written(folder / "provenance.toml") as draft:
-        text = tomli_w.dumps(about, multiline_strings=True)
-        draft.write_text(text, encoding="utf-8", newline="\n")
 
 
 def main(names: list[str]) -> None:
@@ -183,7 +188,8 @@ def main(names: list[str]) -> None:
     for name in wanted:
         scene, geometry = known[name]
         record, wall = run(pyfric.preset(scene), geometry, name)
-        write(HERE / name, record, wall, made_from)
+        about = provenance(record, wall, made_from, f"make.py {name}")
+        write(HERE / name, tables(record), about)
         events = record.events
         say(f"{name}: done, {events['is_main'].sum()} main of {len(events)} events, {wall:.0f} s")
 

@@ -1,6 +1,6 @@
 """Full dynamics of short scenes away from the paper's, and how far the hybrid engine is from it.
 
-    python reference_data/off_box.py [NAME ...]   make sets again; none: all, in four minutes
+    python reference_data/off_box.py [NAME ...]   make sets again; none: all, in three minutes
     python reference_data/off_box.py --ladder     make the quasi-static engine's events again
     python reference_data/off_box.py --table      how far the hybrid engine is from every set
 
@@ -21,16 +21,13 @@ import runpy
 import sys
 import time
 import tomllib
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from make import HERE, commit, provenance, say, tables, write
 
 import pyfric
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 FOLDER = HERE / "off_box"
 STORED = ("events", "curve", "fronts")
@@ -135,11 +132,11 @@ class Reference(NamedTuple):
     about: dict[str, Any]
     tables: dict[str, pd.DataFrame]
 
-    def run(self, engine: str = "hybrid") -> pyfric.Record:
-        """Return its run by an engine, with the same steps."""
+    def hybrid(self) -> pyfric.Record:
+        """Return its run by the hybrid engine, with the same steps."""
         about = self.about
         how = {"dt": about["dt"], "sample": about["sample"] * about["dt"], "t_gap": about["t_gap"]}
-        return run(self.scene, about["t_end"], engine, about["geometry"], **how)
+        return run(self.scene, about["t_end"], "hybrid", about["geometry"], **how)
 
     def apart(self, record: pyfric.Record) -> dict[str, float]:
         """Return how far a run is from the set."""
@@ -147,13 +144,13 @@ class Reference(NamedTuple):
 
 
 def names() -> list[str]:
-    return sorted(one.name for one in FOLDER.iterdir() if one.is_dir())
+    return sorted(folder.name for folder in FOLDER.iterdir() if folder.is_dir())
 
 
-def load(name: str, folder: Path = FOLDER) -> Reference:
+def load(name: str) -> Reference:
     """Return a stored set."""
-    about = tomllib.loads((folder / name / "provenance.toml").read_text(encoding="utf-8"))
-    stored = {table: pd.read_csv(folder / name / f"{table}.csv") for table in STORED}
+    about = tomllib.loads((FOLDER / name / "provenance.toml").read_text(encoding="utf-8"))
+    stored = {table: pd.read_csv(FOLDER / name / f"{table}.csv") for table in STORED}
     return Reference(name, pyfric.Scene.from_toml(about["scene"]), about, stored)
 
 
@@ -164,8 +161,8 @@ def apart(a: dict[str, pd.DataFrame], b: dict[str, pd.DataFrame], F_N: float) ->
     and F_T(t) are over F_N, times in s, rupture times since the start of their event.
     """
     n = min(len(a["events"]), len(b["events"]))
-    one, two = (tables["events"].iloc[:n] for tables in (a, b))
-    off = (two[[*EXTENT, "n_front"]] - one[[*EXTENT, "n_front"]]).abs().to_numpy()
+    first, second = (tables["events"].iloc[:n] for tables in (a, b))
+    off = (second[[*EXTENT, "n_front"]] - first[[*EXTENT, "n_front"]]).abs().to_numpy()
     since = [
         tables["fronts"].set_index(["event", "n"])["t"]
         - tables["events"]["t_start"].reindex(tables["fronts"]["event"]).to_numpy()
@@ -175,9 +172,9 @@ def apart(a: dict[str, pd.DataFrame], b: dict[str, pd.DataFrame], F_N: float) ->
     rupture = (ruptures["b"] - ruptures["a"]).abs().dropna()
     return {
         "events": float(abs(len(a["events"]) - len(b["events"]))),
-        "start": _largest(one["F_T_start"], two["F_T_start"]) / F_N,
-        "arrest": _largest(one["F_T_arrest"], two["F_T_arrest"]) / F_N,
-        "time": _largest(one["t_start"], two["t_start"]),
+        "start": _largest(first["F_T_start"], second["F_T_start"]) / F_N,
+        "arrest": _largest(first["F_T_arrest"], second["F_T_arrest"]) / F_N,
+        "time": _largest(first["t_start"], second["t_start"]),
         "blocks": float(off.sum() + len(ruptures) - len(rupture)),
         "rupture_median": float(rupture.median()) if len(rupture) else 0.0,
         "rupture": float(rupture.max()) if len(rupture) else 0.0,
@@ -235,7 +232,7 @@ def table() -> pd.DataFrame:
     """Return how far the hybrid engine is from each set."""
     rows = []
     for known in map(load, names()):
-        record, events = known.run(), known.tables["events"]
+        record, events = known.hybrid(), known.tables["events"]
         off = known.apart(record)
         row = {"set": known.name, "events": len(events), "main": int(events["is_main"].sum())}
         row |= {"missing": int(off["events"]), "blocks": int(off["blocks"])}
@@ -253,8 +250,7 @@ def ladder(known: Reference) -> pd.DataFrame:
 
 def ladders() -> pd.DataFrame:
     """Return those of all scenes, in linear geometry, which is the engine's."""
-    known = {case: load(f"{case}_{CASES[case].geometries[0]}") for case in CASES}
-    found = {case: ladder(one) for case, one in known.items()}
+    found = {name: ladder(load(f"{name}_{case.geometries[0]}")) for name, case in CASES.items()}
     return pd.concat(found, names=["scene", "event"]).reset_index()
 
 

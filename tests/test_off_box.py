@@ -73,7 +73,7 @@ def test_reference_is_determined_and_of_its_scene(name):
 
 @functools.cache
 def hybrid(name):
-    return reference(name).apart(reference(name).run())
+    return reference(name).apart(reference(name).hybrid())
 
 
 @pytest.mark.parametrize("name", ALL)

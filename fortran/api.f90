@@ -1,9 +1,9 @@
 ! External procedures for f2py: plain arrays in, plain arrays out. Nothing is checked here; pyfric.core checks.
 
 !> Steps of an explicit stepper, with contacts switched at their ends or located inside them.
-subroutine advance(nx, nz, n_counts, n_numbers, stages, counts, numbers, table, located, rtol, t0, dt, n_steps, n_threads, &
-                   keep_budget, max_switch, max_quiet, step, sub, y, rod, mode, corner, margin, loss, memory, dissipated, heat, &
-                   parts, work, n_log, switch_i, switch_r, quiet_i, quiet_r, tried, block, t_block, status)
+subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, numbers, table, located, rtol, t0, dt, n_steps, &
+                   n_threads, keep_budget, max_switch, max_quiet, step, sub, y, rod, mode, corner, margin, loss, memory, &
+                   dissipated, heat, parts, work, n_log, switch_i, switch_r, quiet_i, quiet_r, tried, block, t_block, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: new_model
   use pyfric_rows, only: budget_t
@@ -15,6 +15,7 @@ subroutine advance(nx, nz, n_counts, n_numbers, stages, counts, numbers, table, 
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
+  integer(c_int), intent(in) :: n_memory                     !! numbers that the law remembers of each block
   integer(c_int), intent(in) :: n_counts                     !! length of counts
   integer(c_int), intent(in) :: n_numbers                    !! length of numbers
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
@@ -38,7 +39,7 @@ subroutine advance(nx, nz, n_counts, n_numbers, stages, counts, numbers, table, 
   integer(c_int), intent(inout) :: corner(nx)                !! 1: corner episode
   real(c_double), intent(inout) :: margin(nx)                !! of a stuck block [N]
   real(c_double), intent(inout) :: loss(nx)                  !! switching loss [J]
-  real(c_double), intent(inout) :: memory(2, nx)             !! see pyfric_law
+  real(c_double), intent(inout) :: memory(n_memory, nx)      !! see pyfric_law
   real(c_double), intent(inout) :: dissipated(nz)            !! bond dissipation [J]
   real(c_double), intent(inout) :: heat(nx)                  !! friction heat [J]
   real(c_double), intent(inout) :: parts(nx, 2)              !! of it by what is above the kinetic strength, and by alpha [J]
@@ -88,7 +89,7 @@ subroutine advance(nx, nz, n_counts, n_numbers, stages, counts, numbers, table, 
 end subroutine advance
 
 !> All forces, accelerations and powers, with frozen contact states.
-subroutine evaluate(nx, nz, n_counts, n_numbers, counts, numbers, t, n_times, y, rod, mode, memory, &
+subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n_times, y, rod, mode, memory, &
                     a, a_rod, f, p, f_t, dissipated, heat, work)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: new_model
@@ -98,6 +99,7 @@ subroutine evaluate(nx, nz, n_counts, n_numbers, counts, numbers, t, n_times, y,
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
+  integer(c_int), intent(in) :: n_memory                     !! numbers that the law remembers of each block
   integer(c_int), intent(in) :: n_counts                     !! length of counts
   integer(c_int), intent(in) :: n_numbers                    !! length of numbers
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
@@ -107,7 +109,7 @@ subroutine evaluate(nx, nz, n_counts, n_numbers, counts, numbers, t, n_times, y,
   real(c_double), intent(in) :: y(nx, 4, nz)                 !! u_x, u_z [m], v_x, v_z [m/s]
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
   integer(c_int), intent(in) :: mode(nx)                     !! contact states
-  real(c_double), intent(in) :: memory(2, nx)                !! see pyfric_law
+  real(c_double), intent(in) :: memory(n_memory, nx)         !! see pyfric_law
   real(c_double), intent(out) :: a(nx, 2, nz)                !! accelerations [m/s2]
   real(c_double), intent(out) :: a_rod(3)                    !! of X, Z [m/s2], phi [rad/s2]
   real(c_double), intent(out) :: f(nx)                       !! friction force along +x [N]

@@ -4,7 +4,6 @@ module pyfric_evaluation
   use pyfric_layout, only: LB, LANES
   use pyfric_model, only: model_t
   use pyfric_boundaries, only: rod_acceleration
-  use pyfric_law, only: N_CLOCK
   use pyfric_rows, only: row_t, new_row, row_forces, row_powers, budget_t
   use pyfric_workspace, only: reserve, aligned, widen, FX, FZ, CARRY, BONDS, COLUMNS
   implicit none (type, external)
@@ -21,7 +20,7 @@ contains
     real(dp), intent(in) :: y(s%nx, 4, s%nz)    !! state
     real(dp), intent(in) :: rod(6)              !! X, Z, phi and their rates
     integer(ip), intent(in) :: mode(s%nx)       !! contact states
-    real(dp), intent(in) :: memory(N_CLOCK, s%nx) !! see pyfric_law
+    real(dp), intent(in) :: memory(s%law%n_memory, s%nx) !! see pyfric_law
     real(dp), intent(out) :: a(s%nx, 2, s%nz)   !! accelerations [m/s2]
     real(dp), intent(out) :: a_rod(3)           !! of X, Z [m/s2], phi [rad/s2]
     real(dp), intent(out) :: f(s%nx)            !! friction force along +x [N]

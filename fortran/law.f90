@@ -15,7 +15,7 @@ module pyfric_law
   private
   public :: law_t, new_law, friction_force, friction_powers, margins, knot_margins, cells, time_to_knot, stop_reversed, &
     next_states, remember
-  public :: STUCK, OPEN_GAP, N_TABLES, N_FIELDS, N_CONTACT, N_KNOT, N_CLOCK, SLIP, SINCE
+  public :: STUCK, OPEN_GAP, N_TABLES, N_FIELDS, N_CONTACT, N_KNOT
 
   !> Contact states; slipping blocks carry the sign of their motion, +1 or -1.
   integer(ip), parameter :: STUCK = 0, OPEN_GAP = 2
@@ -23,8 +23,8 @@ module pyfric_law
   integer, parameter :: N_TABLES = 4, N_FIELDS = 4
   !> Margins of a contact state; distances to the next knot of slip and to those of speed.
   integer, parameter :: N_CONTACT = 2, N_KNOT = 3
-  !> A block's memory: s_0, see `slip_of` [m]; time at which it stuck or began to slip [s].
-  integer, parameter :: N_CLOCK = 2, SLIP = 1, SINCE = 2
+  !> What the law remembers of a block: s_0, see `slip_of` [m]; time at which it stuck or began to slip [s].
+  integer, parameter :: SLIP = 1, SINCE = 2
 
   !> A function that is straight between knots and constant beyond them.
   type :: curve_t
@@ -35,6 +35,7 @@ module pyfric_law
   end type curve_t
 
   type :: law_t
+    integer :: n_memory                !! numbers that it remembers of each block
     logical :: simple                  !! no tables and no viscosity
     logical :: kinked                  !! friction has corners over slip or speed
     real(dp), allocatable :: mu_s(:)   !! static friction coefficient [-]
@@ -50,8 +51,9 @@ module pyfric_law
 contains
 
   !> The law from its tables, one after another: x and y of each knot; then mu_s, mu_k, d_c, alpha of each block.
-  pure function new_law(nx, n_knots, knots, fields) result(law)
+  pure function new_law(nx, n_memory, n_knots, knots, fields) result(law)
     integer, intent(in) :: nx                  !! blocks
+    integer(ip), intent(in) :: n_memory        !! numbers that it remembers of each block
     integer(ip), intent(in) :: n_knots(N_TABLES)
     real(dp), intent(in) :: knots(:)
     real(dp), intent(in) :: fields(nx, N_FIELDS)
@@ -70,6 +72,7 @@ contains
     law%mu_k = fields(:, 2)
     law%d_c = fields(:, 3)
     law%alpha = fields(:, 4)
+    law%n_memory = n_memory
     law%kinked = law%slide%n > 0 .or. law%speed%n > 0
     law%simple = all(n_knots == 0) .and. all(law%alpha <= 0.0_dp)
   end function new_law
@@ -128,7 +131,7 @@ contains
     integer, intent(in) :: n                     !! padded length of a row
     integer, intent(in) :: at(n)                 !! element of each block in a row
     integer(ip), intent(in) :: mode(nx)          !! contact states
-    real(dp), intent(in) :: memory(N_CLOCK, nx)
+    real(dp), intent(in) :: memory(law%n_memory, nx)
     real(dp), intent(in) :: t                    !! time [s]
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
@@ -234,7 +237,7 @@ contains
     integer(ip), intent(in) :: new   !! contact state after
     real(dp), intent(in) :: t        !! time [s]
     real(dp), intent(in) :: u_x      !! displacement [m]
-    real(dp), intent(inout) :: memory(N_CLOCK)
+    real(dp), intent(inout) :: memory(:)
 
     memory(SLIP) = slip_of(old, memory(SLIP), u_x)
     if (new == STUCK) memory(SLIP) = 0.0_dp
@@ -250,7 +253,7 @@ contains
     integer, intent(in) :: n                     !! padded length of a row
     integer, intent(in) :: at(n)                 !! element of each block in a row
     integer(ip), intent(in) :: mode(nx)          !! contact states
-    real(dp), intent(in) :: memory(N_CLOCK, nx)
+    real(dp), intent(in) :: memory(law%n_memory, nx)
     real(dp), intent(in) :: t                    !! time [s]
     real(dp), intent(in) :: other(LB:n + LANES)  !! all other horizontal forces, as a row [N]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
@@ -281,7 +284,7 @@ contains
     integer, intent(in) :: n                     !! padded length of a row
     integer, intent(in) :: at(n)                 !! element of each block in a row
     integer(ip), intent(in) :: mode(nx)          !! contact states
-    real(dp), intent(in) :: memory(N_CLOCK, nx)
+    real(dp), intent(in) :: memory(law%n_memory, nx)
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     integer, intent(out) :: passed(2, nx)
@@ -302,7 +305,7 @@ contains
     integer, intent(in) :: n                     !! padded length of a row
     integer, intent(in) :: at(n)                 !! element of each block in a row
     integer(ip), intent(in) :: mode(nx)          !! contact states
-    real(dp), intent(in) :: memory(N_CLOCK, nx)
+    real(dp), intent(in) :: memory(law%n_memory, nx)
     integer, intent(in) :: passed(2, nx)         !! at the start of the step
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
@@ -328,7 +331,7 @@ contains
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer(ip), intent(in) :: mode(nx)          !! contact states
-    real(dp), intent(in) :: memory(N_CLOCK, nx)
+    real(dp), intent(in) :: memory(law%n_memory, nx)
     real(dp), intent(in) :: t                    !! [s]
     real(dp) :: least
     integer :: i, c
@@ -362,7 +365,7 @@ contains
     integer, intent(in) :: n                     !! padded length of a row
     integer, intent(in) :: at(n)                 !! element of each block in a row
     integer(ip), intent(in) :: mode(nx)          !! contact states
-    real(dp), intent(in) :: memory(N_CLOCK, nx)
+    real(dp), intent(in) :: memory(law%n_memory, nx)
     real(dp), intent(in) :: t                    !! time [s]
     real(dp), intent(in) :: other(LB:n + LANES)  !! all other horizontal forces, as a row [N]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]

@@ -28,6 +28,7 @@ module pyfric_model
     integer(ip) :: right    !! the right side
     integer(ip) :: top      !! the top, which can also be HELD
     integer(ip) :: along    !! 1: dashpots act along the bonds only, 0: on the full relative velocity
+    integer(ip) :: n_memory !! numbers that the friction law remembers of each block
     integer(ip) :: n_hold   !! knots of the friction law's tables
     integer(ip) :: n_slide
     integer(ip) :: n_speed
@@ -136,13 +137,14 @@ contains
     first = storage_size(c)/storage_size(s%l)
     c = transfer(numbers(:first), c)
     call take_constants(c, s)
-    call take_rows(numbers(first + 1:), [n%n_hold, n%n_slide, n%n_speed, n%n_age], s)
+    call take_rows(numbers(first + 1:), n%n_memory, [n%n_hold, n%n_slide, n%n_speed, n%n_age], s)
     s%sheared = s%k_top > 0.0_dp .or. abs(s%shear_rate) > 0.0_dp .or. any(abs(s%shear) > 0.0_dp)
   end function new_model
 
   !> Rows of N_x numbers: x [m], load and shear [N], k_f [N/m], the fields of the law; then the knots of its tables.
-  pure subroutine take_rows(numbers, n_knots, s)
+  pure subroutine take_rows(numbers, n_memory, n_knots, s)
     real(dp), intent(in) :: numbers(:)
+    integer(ip), intent(in) :: n_memory
     integer(ip), intent(in) :: n_knots(N_TABLES)
     type(model_t), intent(inout) :: s
     integer, parameter :: ROWS = 4
@@ -154,7 +156,7 @@ contains
     s%shear = numbers(2*nx + 1:3*nx)
     s%k_f = numbers(3*nx + 1:4*nx)
     last = (ROWS + N_FIELDS)*nx
-    s%law = new_law(nx, n_knots, numbers(last + 1:), reshape(numbers(ROWS*nx + 1:last), [nx, N_FIELDS]))
+    s%law = new_law(nx, n_memory, n_knots, numbers(last + 1:), reshape(numbers(ROWS*nx + 1:last), [nx, N_FIELDS]))
   end subroutine take_rows
 
   pure subroutine take_constants(c, s)

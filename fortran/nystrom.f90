@@ -11,7 +11,6 @@ module pyfric_nystrom
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: rod_acceleration, rod_to_row
-  use pyfric_law, only: N_CLOCK
   use pyfric_rows, only: row_t, row_forces, row_powers, budget_t
   use pyfric_workspace, only: MOST_STAGES, FX, FZ, CARRY, BONDS, COLUMNS
   implicit none (type, external)
@@ -58,7 +57,7 @@ contains
     integer, intent(in) :: j1                         !! last row of this thread
     logical, intent(in) :: keep_budget                !! integrate works and dissipations too
     integer(ip), intent(in) :: mode(s%nx)             !! contact states
-    real(dp), intent(in) :: memory(N_CLOCK, s%nx)      !! see pyfric_law
+    real(dp), intent(in) :: memory(s%law%n_memory, s%nx)      !! see pyfric_law
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)          !! state at the start
     real(dp), intent(in) :: rod(6)                    !! X, Z, phi and their rates at the start
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written

@@ -6,7 +6,7 @@ module pyfric_rows
   use pyfric_lattice, only: forces_linear, elastic_finite, viscous, along_linear, along_finite, bond_power, halve_bonds, &
     halved_power, N_BOND
   use pyfric_boundaries, only: foundation, driver_force, driver_speed, load_share, mirror_sum, absorb, absorbed, image_row
-  use pyfric_law, only: friction_force, friction_powers, N_CLOCK
+  use pyfric_law, only: friction_force, friction_powers
   implicit none (type, external)
   private
   public :: row_t, new_row, other_forces, row_forces, row_powers, budget_t
@@ -159,7 +159,7 @@ contains
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)        !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)       !! the row above, not used at the top
     integer(ip), intent(in) :: mode(s%nx)     !! contact states
-    real(dp), intent(in) :: memory(N_CLOCK, s%nx)        !! see pyfric_law
+    real(dp), intent(in) :: memory(s%law%n_memory, s%nx) !! see pyfric_law
     real(dp), intent(inout) :: carry(LB:s%n + LANES, 2) !! bond forces from below, then on the row above [N]
     real(dp), intent(inout) :: b(LB:s%n + LANES, N_BOND) !! work space of finite geometry, zero where there is no bond
     real(dp), intent(inout) :: fx(LB:s%n + LANES)     !! force on the row [N]

@@ -262,6 +262,7 @@ def _state(scene: Scene, geometry: Geometry, *, loaded: bool) -> State:
         mode=np.zeros(N_x, dtype=np.int32),
         corner=np.zeros(N_x, dtype=np.int32),
         margin=np.ones(N_x),
+        memory=scene.law.memory_at(0.0, N_x),
         loss=np.zeros(N_x),
         dissipated=np.zeros(N_z),
         heat=np.zeros(N_x),

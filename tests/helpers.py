@@ -94,7 +94,7 @@ def mirrored_state(state):
     new.y = np.ascontiguousarray(sign * state.y[:, :, ::-1])
     new.rod = state.rod * np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
     new.mode = np.where(state.mode == OPEN, OPEN, -state.mode)[::-1].astype(np.int32)
-    for name in ("corner", "margin", "loss", "heat", "s_0"):
+    for name in ("corner", "margin", "loss", "heat", "memory"):
         setattr(new, name, np.ascontiguousarray(getattr(state, name)[::-1]))
     new.u_drv0 = -state.u_drv0
     return new

@@ -15,6 +15,7 @@ from pyfric.core import OPEN, STUCK, State, StateError
 from pyfric.scene import setup1, setup2
 from pyfric.statics import loaded_state, stability_limit
 
+CLOCKS = small().law.memory
 VARIANTS = [
     pytest.param(name, marks=[] if runs else pytest.mark.skip(f"this processor cannot run {name}"))
     for name, runs in core.variants().items()
@@ -67,9 +68,9 @@ def random_state(scene, geometry, strain=1e-4, speed=1.0, dt=None, seed=0):
 
 def with_slip(scene, state, rng):
     """Let the blocks that do not stick have slipped, by up to 1.5 d_c."""
-    state.s_0 = np.zeros(scene.N_x)
+    state.s_0[:] = 0.0
     slipped = 1.5 * scene.interface.d_c * rng.random(scene.N_x)
-    state.s_0 = np.where(state.mode == STUCK, 0.0, slipped - state.slip)
+    state.s_0[:] = np.where(state.mode == STUCK, 0.0, slipped - state.slip)
 
 
 # --- against the twin ----------------------------------------------------------------------------
@@ -291,8 +292,9 @@ def test_doubling_load_and_speed_doubles_every_bit(kind, d_c):
     one, two = (small(kind, F_N=c * F_N, V=c * V, d_c=c * d_c) for c in (1, 2))
     state = random_state(one, "linear")
     double = state.copy()
-    for name, factor in (("y", 2), ("rod", 2), ("margin", 2), ("u_drv0", 2), ("s_0", 2)):
-        setattr(double, name, factor * getattr(state, name))
+    double.u_drv0 *= 2
+    for name, factor in (("y", 2), ("rod", 2), ("margin", 2), ("s_0", 2)):
+        getattr(double, name)[...] = factor * getattr(state, name)
     log, log_double = (advance(s, "linear", x, 100) for s, x in ((one, state), (two, double)))
     assert log.n_switch > 10
     for name, factor in (
@@ -393,7 +395,10 @@ def test_evaluation_leaves_the_state_alone():
         ("mode", np.zeros(9, dtype=np.int64)),
         ("rod", np.zeros(3)),
         ("work", [0.0, 0.0]),
-        ("s_0", np.zeros(8)),
+        ("memory", np.zeros((9, 2))),
+        ("memory", np.zeros(8, CLOCKS)),
+        ("memory", np.zeros(9, CLOCKS[["s_0"]])),
+        ("memory", np.zeros(9, [("s_0", float), ("t_0", np.float32)])),
         ("dt", 0.0),
         ("dt", float("nan")),
         ("t0", float("inf")),

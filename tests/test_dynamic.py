@@ -445,6 +445,7 @@ def test_states_that_do_not_fit_are_refused():
         (lambda s: s.y.__setitem__((0, 2), 1.0), "stuck"),
         (lambda s: s.rod.__setitem__(0, 1.0), "rod"),
         (lambda s: setattr(s, "y", s.y[:, :, :-1].copy()), "y"),
+        (lambda s: setattr(s, "memory", s.memory[["t_0"]].astype([("t_0", float)])), "s_0, t_0"),
     ):
         state = record.final_state.copy()
         change(state)

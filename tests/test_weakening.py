@@ -134,7 +134,7 @@ def one_step(mode, v, u=0.0, tau=0.0, s=0.0):
     scene = chain(L=5e-3, p=P, d_c=D_C, k_top=1e7, K=1e-30)
     state = loaded_state(scene).state(scene, 1e-10)
     state.mode[:], state.y[0, 0], state.y[0, 2] = mode, u, v
-    state.s_0 = np.full(3, s) - (mode * u if abs(mode) == 1 else 0.0)
+    state.s_0[:] = s - (mode * u if abs(mode) == 1 else 0.0)
     np.testing.assert_allclose(state.slip, s, atol=1e-20)
     stepped(scene, state, 1e-10)
     return state
@@ -157,7 +157,7 @@ def test_a_reversal_goes_on_with_the_slip(side):
 def test_open_blocks_keep_their_slip():
     scene = setup1(L=0.01, H=0.005, h=2.5e-3, d_c=D_C)
     state = loaded_state(scene, "linear").state(scene, 1e-8)
-    state.mode[:], state.s_0 = 1, 1e-6 - state.y[0, 0]
+    state.mode[:], state.s_0[:] = 1, 1e-6 - state.y[0, 0]
     state.y[:, 3], state.rod[4] = 100.0, 100.0  # upwards
     state.y[0, 2] = 1.0
     model = core.model(scene, "linear", state.u_drv0)

@@ -72,7 +72,7 @@ def advance(
         ValueError: arrays do not fit the model, or a number is out of range.
     """
     N_x = model.N_x
-    state.check(N_x)
+    state.check(N_x, n_memory=model.n_memory)
     switches, quiet = room_of_step(N_x, switching)
     if log.N_x != N_x or log.switch_r.shape[1] < switches or log.quiet_r.shape[1] < quiet:
         raise ValueError(f"log: room for {log.N_x} blocks, expected {N_x}")
@@ -83,7 +83,6 @@ def advance(
     if not 1 <= threads <= 4096:
         raise ValueError(f"threads = {threads}: must be in 1 … 4096")
     step, sub = np.array([float(state.step)]), np.array([state.sub or state.dt])
-    memory = _memory(state)
     n_log, tried, block, log.t, status = load_variant(variant).advance(
         *model,
         STEPPERS[stepper].columns,
@@ -102,7 +101,7 @@ def advance(
         state.corner,
         state.margin,
         state.loss,
-        memory.T,
+        state.numbers.T,
         state.dissipated,
         state.heat,
         state.parts.T,
@@ -112,19 +111,11 @@ def advance(
         log.quiet_i,
         log.quiet_r,
     )
-    state.s_0[:], state.t_0[:] = memory.T
     state.step, log.tried, log.block = int(step[0]), tried, block - 1
     if STEPPERS[stepper].adaptive:
         state.sub = float(sub[0])
     log.n_switch, log.n_quiet = int(n_log[0]), int(n_log[1])
     return Status(status)
-
-
-def _memory(state: State) -> np.ndarray:
-    """Return the clocks of each block as the core takes them, shape (N_x, 2)."""
-    memory = np.empty((len(state.s_0), 2))
-    memory[:, 0], memory[:, 1] = state.s_0, state.t_0
-    return memory
 
 
 class Forces(NamedTuple):
@@ -166,11 +157,11 @@ def evaluate(
     Raises:
         ValueError: arrays do not fit the model, or n_times is less than 1.
     """
-    state.check(model.N_x)
+    state.check(model.N_x, n_memory=model.n_memory)
     if not 1 <= n_times < 2**31:
         raise ValueError(f"n_times = {n_times}: must be in 1 … {2**31 - 1}")
     a, *rest = load_variant(variant).evaluate(
-        *model, t, n_times, state.y.T, state.rod, state.mode, _memory(state).T
+        *model, t, n_times, state.y.T, state.rod, state.mode, state.numbers.T
     )
     return Forces(a.T, *rest)
 
@@ -180,7 +171,8 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
 
     The function takes u, shape (N_z, 2, N_x) or flat, in m, and returns forces in N in that shape.
     """
-    bare, memory = springs(scene, geometry, 1.0), np.zeros((2, scene.N_x), order="F")
+    bare = springs(scene, geometry, 1.0)
+    memory = np.zeros((bare.n_memory, scene.N_x), order="F")
     # accelerations are forces: m = 1
     y, rod = np.zeros((scene.N_z, 4, scene.N_x)), np.zeros(6)
     mode = np.full(scene.N_x, OPEN, dtype=np.int32)

@@ -33,6 +33,7 @@ class Counts(NamedTuple):
     right: int
     top: int
     along: int
+    n_memory: int
     n_hold: int = 0
     n_slide: int = 0
     n_speed: int = 0
@@ -85,6 +86,11 @@ class Model(NamedTuple):
     def N_x(self) -> int:
         return int(self.counts[0])
 
+    @property
+    def n_memory(self) -> int:
+        """Numbers that the law remembers of each block."""
+        return int(self.counts[Counts._fields.index("n_memory")])
+
 
 def _packed(counts: Counts, constants: Constants, *rows: np.ndarray) -> Model:
     return Model(np.array(counts, dtype=np.int32), np.concatenate([constants, *rows]))
@@ -101,6 +107,7 @@ def _counts(scene: Scene, geometry: Geometry) -> Counts:
         int(scene.prescribed),
         *(BEYOND[getattr(scene.walls, side)] for side in ("left", "right", "top")),
         int(scene.slider.dashpots == "along"),
+        scene.law.memory.itemsize // 8,
     )
 
 

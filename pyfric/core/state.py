@@ -9,14 +9,16 @@ import os
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from pyfric.display import html
-from pyfric.scene import clock, sealed, slipped, unsealed, write
+from pyfric.scene import sealed, slipped, unsealed, write
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pyfric.scene import Scene
 
 __all__ = ["OPEN", "STUCK", "State", "StateError"]
@@ -25,6 +27,7 @@ STUCK, OPEN = 0, 2
 """Contact states; a slipping block carries the sign of its motion, +1 or -1."""
 
 
+NUMBERS = ("step", "t0", "dt", "u_drv0", "sub")
 REAL, WHOLE = np.dtype(np.float64), np.dtype(np.int32)
 
 
@@ -32,7 +35,7 @@ class StateError(ValueError):
     """A state is damaged or does not belong to the scene."""
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, slots=True)
 class State:
     """State of a run between two steps; the time is t0 + step dt.
 
@@ -44,6 +47,8 @@ class State:
             side, 2 open.
         corner: 1 where the present or last slip is a corner episode, shape (N_x,), int32.
         margin: mu_s p - |f other than friction| at the last step, shape (N_x,), in N.
+        memory: what the friction law remembers of each bottom block, by the names that the law
+            gives, shape (N_x,), a structured array of numbers; `state.s_0` is `memory["s_0"]`.
         loss: kinetic energy removed where a switch stopped a block, shape (N_x,), in J.
         dissipated: heat of the bonds that start in each row, shape (N_z,), in J.
         heat: friction heat under each block, shape (N_x,), in J.
@@ -52,14 +57,14 @@ class State:
         t0: time of step 0, in s.
         dt: time step, in s.
         u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m.
-        s_0: slip of each bottom block since it last stuck, less mode u_x while it slips, shape
-            (N_x,), in m; see `slip`. None starts slip at 0. An open block keeps what it had
-            slipped; moving without contact is not slip.
-        t_0: time at which each bottom block stuck, or began to slip after a stick, shape (N_x,), in
-            s. None means t.
         parts: what of `heat` went into friction above mu_k p, and what into alpha, shape (2, N_x),
             in J. None means 0.
         sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 for dt.
+
+    Laws given by tables remember two numbers of each bottom block: s_0, its slip since it last
+    stuck, less mode u_x while it slips, in m (see `slip`; an open block keeps what it had slipped,
+    and moving without contact is not slip), and t_0, the time at which it stuck, or began to slip
+    after a stick, in s.
     """
 
     y: np.ndarray
@@ -67,6 +72,7 @@ class State:
     mode: np.ndarray
     corner: np.ndarray
     margin: np.ndarray
+    memory: np.ndarray
     loss: np.ndarray
     dissipated: np.ndarray
     heat: np.ndarray
@@ -76,17 +82,22 @@ class State:
     dt: float
     u_drv0: float
     sub: float = 0.0
-    s_0: np.ndarray | None = None
-    t_0: np.ndarray | None = None
     parts: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        if self.s_0 is None:  # a state of files that do not hold it
-            self.s_0 = clock(0.0, self.mode, self.y[0, 0])
-        if self.t_0 is None:
-            self.t_0 = np.full(len(self.mode), self.t)
         if self.parts is None:
             self.parts = np.zeros((2, len(self.mode)))
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        """Return what the law remembers by that name; changing it changes the state."""
+        if name != "memory" and name in self.memory.dtype.names:
+            return self.memory[name]
+        raise AttributeError(f"a state has no {name!r}", name=name, obj=self)
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """The memory as the core takes it, shape (N_x, n_memory); it shares `memory`."""
+        return self.memory.view(float).reshape(len(self.memory), -1)
 
     @property
     def slip(self) -> np.ndarray:
@@ -102,9 +113,10 @@ class State:
         """Whether all values are equal; NaN equals NaN."""
         if not isinstance(other, State):
             return NotImplemented
-        names = [one.name for one in dataclasses.fields(self)]
-        pairs = [(getattr(self, name), getattr(other, name)) for name in names]
-        return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+        left, right = self.values(), other.values()
+        return left.keys() == right.keys() and all(
+            np.array_equal(value, right[name], equal_nan=True) for name, value in left.items()
+        )
 
     __hash__ = None
 
@@ -116,6 +128,26 @@ class State:
 
     def _repr_html_(self) -> str:
         return html(self)
+
+    def values(self) -> dict[str, Any]:
+        """Return arrays and numbers by name, as files hold them: the memory is taken apart."""
+        names = [one.name for one in dataclasses.fields(self) if one.name != "memory"]
+        return {name: getattr(self, name) for name in (*names, *self.memory.dtype.names)}
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Self:
+        """Return the state that has these `values`.
+
+        Raises:
+            KeyError: a value is missing.
+        """
+        own = {one.name for one in dataclasses.fields(cls)} - {"memory"}
+        law = {name: np.asarray(values[name]) for name in values if name not in own}
+        types = [(name, float, value.shape[1:]) for name, value in law.items()]
+        memory = np.empty(len(values["mode"]), types)
+        for name, value in law.items():
+            memory[name] = value
+        return cls(**{name: values[name] for name in own}, memory=memory)
 
     def copy(self) -> Self:
         """Return a copy that shares nothing."""
@@ -131,12 +163,18 @@ class State:
             new.t0, new.step, new.dt, new.sub = self.t, 0, float(dt), 0.0
         return new
 
-    def check(self, N_x: int, N_z: int | None = None) -> None:
+    def check(self, N_x: int, N_z: int | None = None, n_memory: int | None = None) -> None:
         """Check shapes and types, which is all the core relies on.
+
+        Args:
+            N_x: blocks along the interface.
+            N_z: rows; None means any.
+            n_memory: numbers that the law remembers of each block; None means any.
 
         Raises:
             StateError: an array has the wrong shape, type or memory order, or dt is not positive.
         """
+        self._check_memory(N_x, n_memory)
         N_z = len(self.y) if N_z is None else N_z
         blocks = (N_x,)
         for name, shape, dtype in (
@@ -146,8 +184,6 @@ class State:
             ("corner", blocks, WHOLE),
             ("margin", blocks, REAL),
             ("loss", blocks, REAL),
-            ("s_0", blocks, REAL),
-            ("t_0", blocks, REAL),
             ("parts", (2, N_x), REAL),
             ("dissipated", (N_z,), REAL),
             ("heat", blocks, REAL),
@@ -165,6 +201,17 @@ class State:
                 f"step = {self.step}: expected finite values, dt > 0, step >= 0"
             )
 
+    def _check_memory(self, N_x: int, n_memory: int | None) -> None:
+        found, parts = self.memory, []
+        right = isinstance(found, np.ndarray) and found.shape == (N_x,) and found.flags.carray
+        if right:
+            parts = [one for one, _ in (found.dtype.fields or {}).values()]
+            right = all(one.base == REAL for one in parts)
+        n = sum(one.itemsize for one in parts) // REAL.itemsize
+        if not right or n * REAL.itemsize != found.dtype.itemsize or n_memory not in (None, n):
+            many = "" if n_memory is None else f"{n_memory} "
+            raise StateError(f"state.memory: expected {many}named {REAL} of each of {N_x} blocks")
+
     def check_physics(self, scene: Scene) -> None:
         """Check a state that comes from outside before a run goes on from it.
 
@@ -173,9 +220,12 @@ class State:
                 state that does not exist, a stuck block that moves, or a top row off its rod.
         """
         self.check(scene.N_x, scene.N_z)
-        for one in dataclasses.fields(self):
-            if not np.isfinite(getattr(self, one.name)).all():
-                raise StateError(f"state.{one.name}: holds values that are not finite")
+        if self.memory.dtype != scene.law.memory:
+            names = ", ".join(scene.law.memory.names or ())
+            raise StateError(f"state.memory: holds {self.memory.dtype}, its law remembers {names}")
+        for name, value in self.values().items():
+            if not np.isfinite(value).all():
+                raise StateError(f"state.{name}: holds values that are not finite")
         if not np.isin(self.mode, (STUCK, 1, -1, OPEN)).all():
             raise StateError(f"state.mode: {self.mode}, allowed: 0, 1, -1, 2")
         if (self.y[0, 2, self.mode == STUCK] != 0).any():
@@ -193,9 +243,8 @@ class State:
         Raises:
             OSError: the file cannot be written; it names path and reason.
         """
-        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
         content = io.BytesIO()
-        np.savez(content, **values)
+        np.savez(content, **self.values())
         return write(path, sealed(content.getbuffer()))
 
     @classmethod
@@ -212,9 +261,8 @@ class State:
             raise StateError(f"{path}: damaged, or not a state ({reason})")
         try:
             with np.load(io.BytesIO(inside)) as archive:
-                values = {one.name: archive[one.name] for one in dataclasses.fields(cls)}
-        except (KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+                values = dict(archive)
+            numbers = {name: values[name].item() for name in NUMBERS}
+            return cls.of(values | numbers)
+        except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
             raise StateError(f"{path}: not a state ({error})") from error
-        scalars = ("step", "t0", "dt", "u_drv0", "sub")
-        numbers = {name: values[name].item() for name in scalars}
-        return cls(**values | numbers)

@@ -619,7 +619,7 @@ def _state_items(state: Any) -> dict[str, Any]:
         return {}
     if isinstance(state, Mapping):
         return dict(state)
-    return {one.name: getattr(state, one.name) for one in dataclasses.fields(state) if one.init}
+    return state.values()
 
 
 def _kind(value: Any) -> str:
@@ -659,10 +659,17 @@ def _load_state(plan: Mapping[str, Any] | None, values: Mapping[str, np.ndarray]
     if plan["class"] == "dict":
         return state
 
-    return State(**state)
+    return State.of(state)
 
 
 # --- equality ------------------------------------------------------------------------------------
+
+
+def _parts(held: Any) -> dict[str, Any]:
+    """Return what a dataclass holds by name; of a state, as files hold it."""
+    if isinstance(held, State):
+        return held.values()
+    return {part.name: getattr(held, part.name) for part in dataclasses.fields(held) if part.init}
 
 
 def _identical(a: Any, b: Any) -> bool:
@@ -679,5 +686,5 @@ def _identical(a: Any, b: Any) -> bool:
     if isinstance(a, float) and isinstance(b, float):
         return _identical(np.float64(a), np.float64(b))
     if dataclasses.is_dataclass(a) and not isinstance(a, Scene | Method):
-        return type(a) is type(b) and _identical(_state_items(a), _state_items(b))
+        return type(a) is type(b) and _identical(_parts(a), _parts(b))
     return type(a) is type(b) and a == b

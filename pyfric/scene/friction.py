@@ -27,6 +27,9 @@ from pyfric.scene.laws import Tables
 
 __all__ = ["FRICTIONLESS", "Law", "clock", "of", "slipped"]
 
+CLOCKS = np.dtype([("s_0", float), ("t_0", float)])
+"""What the law remembers of a block: its slip clock, m; when it stuck or began to slip, s."""
+
 NO_TABLES = Tables()
 GRADUAL = 0.01
 """With mu_s - mu_k up to this many mu_s, slip is continuous, at mu_s."""
@@ -69,6 +72,17 @@ class Law:
         """Return the law of some columns."""
         some = {name: of(getattr(self, name), which) for name in ("mu_s", "mu_k", "d_c", "alpha")}
         return replace(self, **some)
+
+    @property
+    def memory(self) -> np.dtype:
+        """Names and shapes of what the law remembers of a block, all of them numbers."""
+        return CLOCKS
+
+    def memory_at(self, t: float, N_x: int) -> np.ndarray:
+        """Return the memory of N_x blocks that stick or slip since t (s), shape (N_x,)."""
+        memory = np.zeros(N_x, self.memory)
+        memory["t_0"] = t
+        return memory
 
     @property
     def drop(self) -> Any:

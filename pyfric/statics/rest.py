@@ -108,6 +108,7 @@ class Equilibrium:
             mode=np.where(self.open, OPEN, STUCK).astype(np.int32),
             corner=np.zeros(N_x, dtype=np.int32),
             margin=scene.law.margin(self.p, self.f),
+            memory=scene.law.memory_at(float(t0), N_x),
             loss=np.zeros(N_x),
             dissipated=np.zeros(N_z),
             heat=np.zeros(N_x),
@@ -116,7 +117,6 @@ class Equilibrium:
             t0=float(t0),
             dt=float(dt),
             u_drv0=float(self.u_drv0),
-            s_0=np.zeros(N_x),
         )
 
 

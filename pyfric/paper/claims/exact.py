@@ -240,7 +240,7 @@ def _mirrored(state: State) -> State:
     image.y = np.ascontiguousarray(state.y[:, :, ::-1] * np.array([[-1.0], [1.0], [-1.0], [1.0]]))
     image.rod = state.rod * np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
     image.mode = np.ascontiguousarray(np.where(state.mode == OPEN, OPEN, -state.mode)[::-1])
-    for name in ("corner", "margin", "loss", "heat", "s_0"):
+    for name in ("corner", "margin", "loss", "heat", "memory"):
         setattr(image, name, np.ascontiguousarray(getattr(state, name)[::-1]))
     image.u_drv0 = -state.u_drv0
     return image

@@ -151,6 +151,20 @@ subroutine energy(nx, nz, n_counts, n_numbers, counts, numbers, t, y, rod, e)
   e = energies(new_model(counts, numbers), t, y, rod)
 end subroutine energy
 
+!> Random numbers in [0, 1) by counter.
+subroutine uniforms(n, key, counter, u)
+  use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long
+  use, intrinsic :: iso_fortran_env, only: int64
+  use pyfric_random, only: drawn => uniforms
+  implicit none
+  integer(c_int), intent(in) :: n                 !! numbers
+  integer(c_long), intent(in) :: key(2)           !! see pyfric_random
+  integer(c_long), intent(in) :: counter(4)       !! see pyfric_random
+  real(c_double), intent(out) :: u(n)             !! numbers
+
+  u = drawn(int(key, int64), int(counter, int64), n)
+end subroutine uniforms
+
 !> Additions in registers, for timing.
 subroutine additions(n, width_of_sums, total)
   use, intrinsic :: iso_c_binding, only: c_double, c_int

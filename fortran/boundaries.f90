@@ -2,11 +2,11 @@
 module pyfric_boundaries
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
-  use pyfric_model, only: model_t, close_state, image, ABSORBING
+  use pyfric_model, only: model_t, close_state, reflected, ABSORBING
   implicit none (type, external)
   private
   public :: driver_speed, load_share, foundation, driver_force, rod_acceleration, rod_to_row, mirror_sum
-  public :: absorb, absorbed, image_row
+  public :: absorb, absorbed, reflected_row
 
 contains
 
@@ -154,16 +154,16 @@ contains
   end function absorbed
 
   !> What a mirrored top shows of the top row.
-  pure function image_row(s, q) result(above)
+  pure function reflected_row(s, q) result(above)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)  !! the top row
     real(dp) :: above(LB:s%n + LANES, 4)
     integer :: i
 
     do i = LB, s%n + LANES
-      above(i, :) = image(q(i, :))
+      above(i, :) = reflected(q(i, :))
     end do
-  end function image_row
+  end function reflected_row
 
   !> A sum that pairs i with N_x + 1 - i: the mirrored row gives the same bits.
   pure function mirror_sum(n, w) result(total)

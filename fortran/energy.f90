@@ -1,9 +1,9 @@
 !> Energies of a state.
 module pyfric_energy
   use pyfric_kinds, only: dp
-  use pyfric_layout, only: UX, UZ, VX, VZ
+  use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t
-  use pyfric_lattice, only: bond_energy, halved_energy
+  use pyfric_bond_energy, only: bond_energy
   use pyfric_boundaries, only: driver_force
   implicit none (type, external)
   private
@@ -23,11 +23,10 @@ contains
     e = 0.0_dp
     do j = 1, s%nz
       e(1) = e(1) + 0.5_dp*s%m*sum(y(:, VX, j)**2 + y(:, VZ, j)**2)
-      e(3) = e(3) + bond_energy(s, j < s%nz, y(:, :, j), y(:, :, min(j + 1, s%nz)))
+      e(3) = e(3) + bond_energy(s, j, row(j), row(min(j + 1, s%nz)))
     end do
     if (s%prescribed) then  ! half blocks
       e(1) = e(1) - 0.25_dp*s%m*sum(y(:, VX, 1)**2 + y(:, VZ, 1)**2)
-      e(3) = e(3) - halved_energy(s, y(:, :, 1))
     else
       e(4) = 0.5_dp*s%k_f(1)*sum(s%k_f/s%k_f(1)*min(y(:, UZ, 1), 0.0_dp)**2)
     end if
@@ -38,5 +37,16 @@ contains
       e(5) = 0.5_dp*s%k_top*sum(y(:, UX, s%nz)**2)
     end if
     if (s%k_drv > 0.0_dp) e(6) = 0.5_dp*driver_force(s, t, y(s%i_h, UX, s%j_h))**2/s%k_drv
+
+  contains
+
+    !> A row as it lies in the core.
+    pure function row(j) result(q)
+      integer, intent(in) :: j
+      real(dp) :: q(LB:s%n + LANES, 4)
+
+      q = 0.0_dp
+      q(s%at(:s%nx), :) = y(:, :, j)
+    end function row
   end function energies
 end module pyfric_energy

@@ -2,10 +2,11 @@
 module pyfric_model
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES, UX, UZ, VX, VZ, padded, elements
+  use pyfric_bonds, only: BONDS, N_BOND
   use pyfric_law, only: law_t, new_law, N_TABLES, N_FIELDS
   implicit none (type, external)
   private
-  public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, image
+  public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, reflected
   public :: FREE, MIRRORED, ABSORBING, HELD
 
   !> What is beyond a side or the top. Mirrored: the slider goes on half a bond away, with the same u_x and the opposite
@@ -99,8 +100,7 @@ module pyfric_model
     real(dp) :: load_rate
     real(dp) :: shear_rate
     type(law_t) :: law      !! friction under the bottom row
-    real(dp) :: near(7)     !! series of a spring of length l, see `series` [N/m^(2n+1)], n = 1...
-    real(dp) :: diagonal(7) !! the same for length sqrt(2) l
+    real(dp) :: series(7, N_BOND) !! of each bond's spring in finite geometry, see `series` [N/m^(2n+1)], n = 1...
     logical :: sheared      !! shear, its rate or k_top is not zero
     real(dp), allocatable :: k_f(:)   !! foundation stiffness [N/m]
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
@@ -162,6 +162,7 @@ contains
   pure subroutine take_constants(c, s)
     type(constants_t), intent(in) :: c
     type(model_t), intent(inout) :: s
+    integer :: b
 
     s%l = c%l
     s%k = c%k
@@ -186,8 +187,9 @@ contains
     s%shear_rate = c%shear_rate
     s%z_p = sqrt(1.5_dp*s%k*s%m)
     s%z_s = sqrt(0.5_dp*s%k*s%m)
-    s%near = series(s%k, s%l**2)
-    s%diagonal = series(0.5_dp*s%k, 2.0_dp*s%l**2)
+    do b = 1, N_BOND
+      s%series(:, b) = series(BONDS(b)%stiffness*s%k, sum(BONDS(b)%d**2)*s%l**2)
+    end do
   end subroutine take_constants
 
   !> Coefficients c_n of k (r - l0)/r = sum of c_n t^n, n = 1..7, in t = r^2 - l0^2 = 2 d.du + |du|^2.
@@ -243,12 +245,12 @@ contains
   end subroutine close_row
 
   !> What a mirrored side or top shows of a block: the same u_x, the opposite u_z, and so their rates.
-  pure function image(block) result(q)
+  pure function reflected(block) result(q)
     real(dp), intent(in) :: block(4)
     real(dp) :: q(4)
 
     q = [block(UX), -block(UZ), block(VX), -block(VZ)]
-  end function image
+  end function reflected
 
   !> Closes a row of the state. In finite geometry the filling follows the last block: no bond there is strained. Beyond
   !> a mirrored side is the image of the last block.
@@ -267,7 +269,7 @@ contains
       call close_row(s%n, q(LB, i))
     end do
     if (s%finite) q(s%n + LANES, UX:UZ) = q(s%at(s%nx), UX:UZ)
-    if (s%left == MIRRORED) q(LB, :) = image(q(1, :))
-    if (s%right == MIRRORED) q(s%at(s%nx) + LANES, :) = image(q(s%at(s%nx), :))
+    if (s%left == MIRRORED) q(LB, :) = reflected(q(1, :))
+    if (s%right == MIRRORED) q(s%at(s%nx) + LANES, :) = reflected(q(s%at(s%nx), :))
   end subroutine close_state
 end module pyfric_model

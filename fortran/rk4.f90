@@ -9,7 +9,7 @@ module pyfric_rk4
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: rod_acceleration, rod_to_row
-  use pyfric_lattice, only: N_BOND
+  use pyfric_bonds, only: N_BOND
   use pyfric_rows, only: row_t, row_forces, row_powers, budget_t
   use pyfric_workspace, only: RING
   implicit none (type, external)
@@ -44,7 +44,7 @@ contains
     type(budget_t), intent(inout) :: budget           !! entries of rows j0..j1 are advanced
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:RING - 1, 2:4)  !! work space: rows of stages 2 to 4
     real(dp), intent(inout) :: carry(LB:s%n + LANES, 2, 4)            !! work space of finite geometry
-    real(dp), intent(inout) :: b(LB:s%n + LANES, N_BOND)          !! work space of finite geometry, zero at first
+    real(dp), intent(inout) :: b(LB:s%n + LANES, 2, N_BOND)       !! work space of finite geometry
     real(dp), intent(inout) :: fx(LB:s%n + LANES)                 !! work space
     real(dp), intent(inout) :: fz(LB:s%n + LANES)                 !! work space
     type(row_t), intent(inout) :: w

@@ -3,9 +3,11 @@ module pyfric_rows
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, MIRRORED, HELD
-  use pyfric_lattice, only: forces_linear, elastic_finite, viscous, along_linear, along_finite, bond_power, halve_bonds, &
-    halved_power, N_BOND
-  use pyfric_boundaries, only: foundation, driver_force, driver_speed, load_share, mirror_sum, absorb, absorbed, image_row
+  use pyfric_bonds, only: N_BOND
+  use pyfric_lattice, only: around_t, gather_forces, halve_bonds
+  use pyfric_finite, only: forces_finite
+  use pyfric_bond_energy, only: bond_power
+  use pyfric_boundaries, only: foundation, driver_force, driver_speed, load_share, mirror_sum, absorb, absorbed, reflected_row
   use pyfric_law, only: friction_force, friction_powers
   implicit none (type, external)
   private
@@ -49,56 +51,32 @@ contains
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)        !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)       !! the row above, not used at the top
     real(dp), intent(inout) :: carry(LB:s%n + LANES, 2) !! forces on the row from below, then on the row above [N]
-    real(dp), intent(inout) :: b(LB:s%n + LANES, N_BOND) !! work space of finite geometry, zero where there is no bond
+    real(dp), intent(inout) :: b(LB:s%n + LANES, 2, N_BOND) !! work space of finite geometry
     real(dp), intent(inout) :: fx(LB:s%n + LANES)     !! force on the row [N]
     real(dp), intent(inout) :: fz(LB:s%n + LANES)     !! force on the row [N]
     type(row_t), intent(in) :: w
-
-    if (s%finite) call elastic_finite(s%n, s%at(s%nx), s%k, s%l, s%near, s%diagonal, j < s%nz, q, up, b, carry, &
-                                       fx, fz)
-    if (j == s%nz .and. s%top == MIRRORED) then
-      call gathered(s, 2, 0, dn, q, image_row(s, q), fx, fz)
-    else if (j > 1 .and. j < s%nz) then
-      call gathered(s, 2, 0, dn, q, up, fx, fz)
-    else if (j < s%nz) then
-      call gathered(s, 1, 1, w%none, q, up, fx, fz)
-    else if (j > 1) then
-      call gathered(s, 1, -1, dn, q, w%none, fx, fz)
-    else
-      call gathered(s, 0, 0, w%none, q, w%none, fx, fz)
-    end if
-    if (j == 1 .and. s%prescribed) call halve_bonds(s, q, fx, fz)
-  end subroutine bond_forces
-
-  !> What a block gathers from its neighbours: dashpots, and springs in linear geometry.
-  pure subroutine gathered(s, rows, edge, dn, q, up, fx, fz)
-    type(model_t), intent(in) :: s
-    integer, intent(in) :: rows             !! neighbouring rows that exist
-    integer, intent(in) :: edge             !! +1: above only, -1: below only, else 0
-    real(dp), intent(in) :: dn(LB:s%n + LANES, 4)     !! the row below
-    real(dp), intent(in) :: q(LB:s%n + LANES, 4)      !! the row
-    real(dp), intent(in) :: up(LB:s%n + LANES, 4)     !! the row above
-    real(dp), intent(inout) :: fx(LB:s%n + LANES)     !! force on the row [N]
-    real(dp), intent(inout) :: fz(LB:s%n + LANES)     !! force on the row [N]
-    real(dp) :: n_rows, eta
-    logical :: goes_on(2)
     integer :: i
 
-    n_rows = real(rows, dp)
-    eta = merge(0.0_dp, s%eta, s%along)
-    goes_on = [s%left, s%right] == MIRRORED
-    if (s%finite) then
-      if (s%along) call along_finite(s, rows == 2 .or. edge < 0, rows == 2 .or. edge > 0, dn, q, up, fx, fz)
-      if (.not. s%along) call viscous(s%n, s%at(s%nx), eta, n_rows, dn, q, up, fx, fz)
+    if (s%finite) call forces_finite(s, j < s%nz, q, up, b, carry, fx, fz)
+    if (s%finite .and. s%along) then
+      continue  ! its dashpots go with the springs
+    else if (j == s%nz .and. s%top == MIRRORED) then
+      call gather_forces(s, around_t(2.0_dp, 0.0_dp), dn, q, reflected_row(s, q), fx, fz)
+    else if (j > 1 .and. j < s%nz) then
+      call gather_forces(s, around_t(2.0_dp, 0.0_dp), dn, q, up, fx, fz)
+    else if (j < s%nz) then
+      call gather_forces(s, around_t(1.0_dp, 1.0_dp), w%none, q, up, fx, fz)
+    else if (j > 1) then
+      call gather_forces(s, around_t(1.0_dp, -1.0_dp), dn, q, w%none, fx, fz)
     else
-      call forces_linear(s%n, s%at(s%nx), goes_on, s%k, eta, n_rows, real(edge, dp), dn, q, up, fx, fz)
-      if (s%along) call along_linear(s%n, s%at(s%nx), goes_on, s%eta, n_rows, real(edge, dp), dn, q, up, fx, fz)
+      call gather_forces(s, around_t(0.0_dp, 0.0_dp), w%none, q, w%none, fx, fz)
     end if
+    if (j == 1 .and. s%prescribed) call halve_bonds(s, q, fx, fz)
     do i = s%nx + 1, s%n
       fx(s%at(i)) = 0.0_dp
       fz(s%at(i)) = 0.0_dp
     end do
-  end subroutine gathered
+  end subroutine bond_forces
 
   !> Adds the forces from outside on row j: the driver's; the shear; on a free top row the load and -k_top u_x; those of
   !> absorbing sides and top.
@@ -141,7 +119,7 @@ contains
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)   !! the row above
     type(row_t), intent(inout) :: w
     real(dp), intent(out) :: fx(LB:s%n + LANES)     !! [N]
-    real(dp) :: carry(LB:s%n + LANES, 2), b(LB:s%n + LANES, N_BOND), fz(LB:s%n + LANES)
+    real(dp) :: carry(LB:s%n + LANES, 2), b(LB:s%n + LANES, 2, N_BOND), fz(LB:s%n + LANES)
 
     carry = 0.0_dp
     b = 0.0_dp
@@ -161,7 +139,7 @@ contains
     integer(ip), intent(in) :: mode(s%nx)     !! contact states
     real(dp), intent(in) :: memory(s%law%n_memory, s%nx) !! see pyfric_law
     real(dp), intent(inout) :: carry(LB:s%n + LANES, 2) !! bond forces from below, then on the row above [N]
-    real(dp), intent(inout) :: b(LB:s%n + LANES, N_BOND) !! work space of finite geometry, zero where there is no bond
+    real(dp), intent(inout) :: b(LB:s%n + LANES, 2, N_BOND) !! work space of finite geometry
     real(dp), intent(inout) :: fx(LB:s%n + LANES)     !! force on the row [N]
     real(dp), intent(inout) :: fz(LB:s%n + LANES)     !! force on the row [N]
     type(row_t), intent(inout) :: w
@@ -202,9 +180,8 @@ contains
     type(row_t), intent(in) :: w
     type(budget_t), intent(inout) :: budget
 
-    budget%dissipated(j) = budget%dissipated(j) + c*bond_power(s, j < s%nz, q, up)
+    budget%dissipated(j) = budget%dissipated(j) + c*bond_power(s, j, q, up)
     if (s%prescribed) budget%dissipated(j) = budget%dissipated(j) + c*absorbed(s, j, q)
-    if (s%prescribed .and. j == 1) budget%dissipated(j) = budget%dissipated(j) - c*halved_power(s, q)
     if (j == 1) budget%heat = budget%heat - c*(w%f*q(s%at(:s%nx), VX))
     if (j == 1 .and. .not. s%law%simple) call parts_of_heat(s, c, mode, q, w, budget)
     if (j == s%j_h) budget%work(1) = budget%work(1) + c*(w%f_t*driver_speed(s, t))

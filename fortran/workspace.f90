@@ -4,7 +4,7 @@ module pyfric_workspace
   use pyfric_kinds, only: dp
   use pyfric_layout, only: LB, LANES
   use pyfric_model, only: model_t, close_state
-  use pyfric_lattice, only: N_BOND
+  use pyfric_bonds, only: N_BOND
   implicit none (type, external)
   private
   public :: reserve, aligned, widen, narrow
@@ -14,7 +14,7 @@ module pyfric_workspace
   integer, parameter :: RING = 4         !! rows of a stage that RK4 keeps: row j is last needed by stage 4 of row j
   !> Columns of a thread's rows work(LB:n+LANES, COLUMNS): rows of stages 2 to 4 of RK4; in finite geometry,
   !> forces that go up a row, two for each of four stages, and forces of bonds [N]; forces on a row [N].
-  integer, parameter :: RINGS = 1, CARRY = RINGS + 12*RING, BONDS = CARRY + 8, FX = BONDS + N_BOND, FZ = FX + 1, COLUMNS = FZ
+  integer, parameter :: RINGS = 1, CARRY = RINGS + 12*RING, BONDS = CARRY + 8, FX = BONDS + 2*N_BOND, FZ = FX + 1, COLUMNS = FZ
 
 contains
 

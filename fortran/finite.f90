@@ -1,0 +1,147 @@
+!> Forces of the bonds in finite geometry, row by row.
+!>
+!> Each bond is evaluated once, in the row where it starts, and what it does to the row above is carried along to it. With
+!> D = d + du a spring pulls its first block with k (r - l)/r D, r = |D|, and a dashpot along the bond with eta (D.dv)/r^2 D.
+module pyfric_finite
+  use pyfric_kinds, only: dp
+  use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
+  use pyfric_bonds, only: bond_t, BONDS, N_BOND, BESIDE, ABOVE, RIGHT, LEFT
+  use pyfric_model, only: model_t, S_SERIES, close_left
+  implicit none (type, external)
+  private
+  public :: forces_finite
+
+  type(bond_t), parameter :: BOND(N_BOND) = BONDS
+
+contains
+
+  !> Forces of the springs on a row, and of dashpots along the bonds; carry holds those from below, and on return those on
+  !> the row above.
+  pure subroutine forces_finite(s, has_up, q, up, b, carry, fx, fz)
+    type(model_t), intent(in) :: s
+    logical, intent(in) :: has_up                           !! there is a row above; else up is not read
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)            !! the row
+    real(dp), intent(in) :: up(LB:s%n + LANES, 4)           !! the row above
+    real(dp), intent(inout) :: b(LB:s%n + LANES, 2, N_BOND) !! work space: forces on the first blocks, x and z [N]
+    real(dp), intent(inout) :: carry(LB:s%n + LANES, 2)     !! forces on the row from below; then on the row above [N]
+    real(dp), intent(out) :: fx(LB:s%n + LANES)             !! force on the row [N]
+    real(dp), intent(out) :: fz(LB:s%n + LANES)             !! force on the row [N]
+    real(dp) :: strain
+    logical :: large
+    integer :: m
+
+    strain = 0.0_dp
+    call by_series(s%n, BESIDE, s%l, s%series(:, BESIDE), q, q, b(LB, 1, BESIDE), b(LB, 2, BESIDE), strain)
+    if (has_up) then
+      call by_series(s%n, ABOVE, s%l, s%series(:, ABOVE), q, up, b(LB, 1, ABOVE), b(LB, 2, ABOVE), strain)
+      call by_series(s%n, RIGHT, s%l, s%series(:, RIGHT), q, up, b(LB, 1, RIGHT), b(LB, 2, RIGHT), strain)
+      call by_series(s%n, LEFT, s%l, s%series(:, LEFT), q, up, b(LB, 1, LEFT), b(LB, 2, LEFT), strain)
+    else
+      b(:, :, ABOVE:) = 0.0_dp
+    end if
+    large = strain > (S_SERIES*s%l**2)**2
+    if (large .or. s%along) then
+      call in_closed_form(s, BESIDE, BESIDE, large, q, q, b)
+      if (has_up) call in_closed_form(s, ABOVE, LEFT, large, q, up, b)
+    end if
+    do m = 1, N_BOND
+      if (BOND(m)%first == BOND(m)%second) cycle
+      b(s%at(s%nx), :, m) = 0.0_dp  ! beyond the last block
+      call close_left(s%n, b(LB, 1, m))
+      call close_left(s%n, b(LB, 2, m))
+    end do
+    call gather(s%n, b, 1, carry(LB, 1), fx)
+    call gather(s%n, b, 2, carry(LB, 2), fz)
+  end subroutine forces_finite
+
+  !> Springs of bond m, by the sum of their series in t = r^2 - l0^2.
+  pure subroutine by_series(n, m, l, c, q, row, fx, fz, strain)
+    integer, intent(in) :: n                      !! length of a row
+    integer, intent(in) :: m
+    real(dp), intent(in) :: l                     !! lattice constant [m]
+    real(dp), intent(in) :: c(7)                  !! the series
+    real(dp), intent(in) :: q(LB:n + LANES, 4)    !! the row of their first blocks
+    real(dp), intent(in) :: row(LB:n + LANES, 4)  !! that of their second ones
+    real(dp), intent(inout) :: fx(LB:n + LANES)   !! forces on the first blocks [N]
+    real(dp), intent(inout) :: fz(LB:n + LANES)   !! [N]
+    real(dp), intent(inout) :: strain             !! largest (t/l0^2)^2 l^4 [m4]
+    real(dp) :: dx, dz, t, t2, t2_max, g
+    integer :: i
+
+    t2_max = 0.0_dp
+    do i = 1, n
+      dx = row(i + LANES*BOND(m)%second, UX) - q(i + LANES*BOND(m)%first, UX)
+      dz = row(i + LANES*BOND(m)%second, UZ) - q(i + LANES*BOND(m)%first, UZ)
+      t = dx*plus(2.0_dp*BOND(m)%d(1), l, dx) + dz*plus(2.0_dp*BOND(m)%d(2), l, dz)
+      t2 = t*t
+      t2_max = max(t2_max, t2)
+      g = t*((c(1) + t*c(2)) + t2*((c(3) + t*c(4)) + t2*((c(5) + t*c(6)) + t2*c(7))))
+      fx(i) = g*plus(BOND(m)%d(1), l, dx)
+      fz(i) = g*plus(BOND(m)%d(2), l, dz)
+    end do
+    strain = max(strain, t2_max/sum(BOND(m)%d**2)**2)
+  end subroutine by_series
+
+  !> c l + dx, without an addition where c is 0.
+  pure function plus(c, l, dx) result(x)
+    real(dp), intent(in) :: c
+    real(dp), intent(in) :: l   !! [m]
+    real(dp), intent(in) :: dx  !! [m]
+    real(dp) :: x
+
+    x = dx
+    if (abs(c) > 0.0_dp) x = c*l + dx
+  end function plus
+
+  !> The same bonds block by block: springs in closed form, for strains beyond the series; dashpots along the bonds.
+  pure subroutine in_closed_form(s, m_1, m_2, large, q, row, b)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: m_1                    !! first bond
+    integer, intent(in) :: m_2                    !! last bond
+    logical, intent(in) :: large                  !! springs too; else b holds them
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)             !! the row of their first blocks
+    real(dp), intent(in) :: row(LB:s%n + LANES, 4)           !! that of their second ones
+    real(dp), intent(inout) :: b(LB:s%n + LANES, 2, N_BOND)  !! forces on the first blocks [N]
+    real(dp) :: d(2), du(2), dv(2)
+    integer :: m, i, i_1, i_2
+
+    do m = m_1, m_2
+      d = s%l*BOND(m)%d
+      do i = 1, s%n
+        i_1 = i + LANES*BOND(m)%first
+        i_2 = i + LANES*BOND(m)%second
+        du = row(i_2, UX:UZ) - q(i_1, UX:UZ)
+        dv = row(i_2, VX:VZ) - q(i_1, VX:VZ)
+        if (large) b(i, :, m) = spring(BOND(m)%stiffness*s%k, d, du)
+        if (s%along) b(i, :, m) = b(i, :, m) + s%eta*dot_product(d + du, dv)/sum((d + du)**2)*(d + du)
+      end do
+    end do
+  end subroutine in_closed_form
+
+  !> Force of a spring on its first block [N].
+  pure function spring(k, d, du) result(f)
+    real(dp), intent(in) :: k      !! stiffness [N/m]
+    real(dp), intent(in) :: d(2)   !! reference vector [m]
+    real(dp), intent(in) :: du(2)  !! difference of displacements [m]
+    real(dp) :: f(2), s
+
+    s = (du(1)*(2.0_dp*d(1) + du(1)) + du(2)*(2.0_dp*d(2) + du(2)))/(d(1)**2 + d(2)**2)
+    f = k*s/((1.0_dp + s) + sqrt(1.0_dp + s))*(d + du)
+  end function spring
+
+  !> One component of the force on a row: its own bonds, and carry from below; then carry for the row above.
+  pure subroutine gather(n, b, c, carry, f)
+    integer, intent(in) :: n                           !! length of a row
+    real(dp), intent(in) :: b(LB:n + LANES, 2, N_BOND) !! forces on the first blocks [N]
+    integer, intent(in) :: c                           !! component
+    real(dp), intent(inout) :: carry(LB:n + LANES)     !! force on the row from below; then on the row above [N]
+    real(dp), intent(out) :: f(LB:n + LANES)           !! force on the row [N]
+    integer :: i
+
+    do i = 1, n
+      f(i) = ((b(i, c, BESIDE) - b(i - LANES, c, BESIDE)) + (b(i, c, RIGHT) + b(i - LANES, c, LEFT))) &
+             + (b(i, c, ABOVE) + carry(i))
+      carry(i) = -(b(i, c, ABOVE) + (b(i - LANES, c, RIGHT) + b(i, c, LEFT)))
+    end do
+  end subroutine gather
+end module pyfric_finite

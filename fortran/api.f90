@@ -9,7 +9,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   use pyfric_rows, only: budget_t
   use pyfric_contact, only: contact_t
   use pyfric_log, only: log_t, new_log
-  use pyfric_nystrom, only: new_table
+  use pyfric_table_stepper, only: new_table
   use pyfric_stepping, only: method_t, run_t, advance_steps
   implicit none
   !f2py threadsafe
@@ -21,7 +21,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
   real(c_double), intent(in) :: numbers(n_numbers)           !! the scene, see pyfric_model [SI]
   integer(c_int), intent(in) :: stages                       !! of the stepper's table; 0: RK4
-  real(c_double), intent(in) :: table(stages, 5 + 2*stages)  !! see pyfric_nystrom
+  real(c_double), intent(in) :: table(stages, 5 + 2*stages)  !! see pyfric_table_stepper
   integer(c_int), intent(in) :: located                      !! 1: locate switches inside steps, 0: at step ends
   real(c_double), intent(in) :: rtol                         !! error of an adaptive sub-step over what F_N/N_x does
   real(c_double), intent(in) :: t0                           !! time of step 0 [s]
@@ -88,7 +88,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   quiet_r(:, :n_log(2)) = log%quiet_r(:, :n_log(2))
 end subroutine advance
 
-!> All forces, accelerations and powers, with frozen contact states.
+!> All forces, accelerations and powers, with fixed contact states.
 subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n_times, y, rod, mode, memory, &
                     a, a_rod, f, p, f_t, dissipated, heat, work)
   use, intrinsic :: iso_c_binding, only: c_double, c_int

@@ -1,7 +1,7 @@
 !> The friction law: the only module that knows its coefficients, its tables and the clocks of a block.
 !>
-!> It says what a stuck and a slipping block bear, what a switch does to a block's memory, which margins of a contact
-!> state stay positive while it lasts, and which contact state comes next. A law is data: Python evaluates it on the
+!> It says what a stuck and a slipping block bear, what a switch does to a block's memory, which event functions
+!> stay positive while a contact state lasts, and which contact state comes next. A law is data: Python evaluates it on the
 !> knots of tables, and between them it is straight. For block i, with slip s and age a (time since it stuck or slipped),
 !>
 !>     stuck      |f| <= (mu_s + hold(a)) p
@@ -13,15 +13,15 @@ module pyfric_law
   use pyfric_layout, only: LB, LANES
   implicit none (type, external)
   private
-  public :: law_t, new_law, friction_force, friction_powers, margins, knot_margins, cells, time_to_knot, stop_reversed, &
-    next_states, remember
+  public :: law_t, new_law, friction_force, friction_powers, event_functions, knot_functions, last_knots, time_to_knot
+  public :: stop_reversed, next_states, remember
   public :: STUCK, OPEN_GAP, N_TABLES, N_FIELDS, N_CONTACT, N_KNOT
 
   !> Contact states; slipping blocks carry the sign of their motion, +1 or -1.
   integer(ip), parameter :: STUCK = 0, OPEN_GAP = 2
   !> Tables, and fields of N_x numbers, in the order in which Python passes them.
   integer, parameter :: N_TABLES = 4, N_FIELDS = 4
-  !> Margins of a contact state; distances to the next knot of slip and to those of speed.
+  !> Event functions of a contact state; distances to the next knot of slip and to those of speed.
   integer, parameter :: N_CONTACT = 2, N_KNOT = 3
   !> What the law remembers of a block: s_0, see `slip_of` [m]; time at which it stuck or began to slip [s].
   integer, parameter :: SLIP = 1, SINCE = 2
@@ -166,13 +166,13 @@ contains
     real(dp), intent(in) :: path
     real(dp), intent(in) :: v
     real(dp), intent(in) :: age
-    real(dp) :: mu, left
+    real(dp) :: mu, remaining
 
     mu = law%mu_k(i)
     if (law%slide%n > 0) then
-      left = law%slide%y(law%slide%n)
-      if (law%d_c(i) > 0.0_dp) left = at_x(law%slide, path/law%d_c(i))
-      mu = mu + (law%mu_s(i) - mu)*left
+      remaining = law%slide%y(law%slide%n)
+      if (law%d_c(i) > 0.0_dp) remaining = at_x(law%slide, path/law%d_c(i))
+      mu = mu + (law%mu_s(i) - mu)*remaining
     end if
     if (law%speed%n > 0) mu = mu*at_x(law%speed, abs(v))
     if (law%age%n > 0) mu = mu*at_x(law%age, age)
@@ -204,21 +204,21 @@ contains
   end subroutine friction_powers
 
   !> What a stuck block bears [N]; one that has just stopped is stuck for no time.
-  pure function stuck_strength(law, i, mode, t_stuck, t, p) result(most)
+  pure function static_strength(law, i, mode, t_stuck, t, p) result(strength)
     type(law_t), intent(in) :: law
     integer, intent(in) :: i
     integer(ip), intent(in) :: mode  !! contact state
     real(dp), intent(in) :: t_stuck  !! when it stuck [s]
     real(dp), intent(in) :: t        !! time [s]
     real(dp), intent(in) :: p        !! foundation force [N]
-    real(dp) :: most
+    real(dp) :: strength
 
     if (law%hold%n == 0) then
-      most = law%mu_s(i)*p
+      strength = law%mu_s(i)*p
     else
-      most = (law%mu_s(i) + at_x(law%hold, merge(t - t_stuck, 0.0_dp, mode == STUCK)))*p
+      strength = (law%mu_s(i) + at_x(law%hold, merge(t - t_stuck, 0.0_dp, mode == STUCK)))*p
     end if
-  end function stuck_strength
+  end function static_strength
 
   !> Slip since the last stick, s = s_0 +- u_x: within a step it follows the displacement of each stage.
   pure elemental function slip_of(mode, s_0, u_x) result(path)
@@ -247,7 +247,7 @@ contains
 
   !> What stays positive while a contact state lasts. Stuck: its strength less |f|; slipping: the velocity along the slip;
   !> both: the depth. Open: the height, twice.
-  pure subroutine margins(law, nx, n, at, mode, memory, t, other, p, u_z, v_x, g, bears)
+  pure subroutine event_functions(law, nx, n, at, mode, memory, t, other, p, u_z, v_x, g, margin)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
@@ -260,25 +260,25 @@ contains
     real(dp), intent(in) :: u_z(LB:n + LANES)    !! heights, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(out) :: g(N_CONTACT, nx)     !! of friction [N] or [m/s], of the gap [m]
-    real(dp), intent(out) :: bears(nx)           !! of friction if the block were stuck [N]
+    real(dp), intent(out) :: margin(nx)          !! of friction if the block were stuck [N]
     integer :: i
 
     do i = 1, nx
-      bears(i) = stuck_strength(law, i, mode(i), memory(SINCE, i), t, p(i)) - abs(other(at(i)))
+      margin(i) = static_strength(law, i, mode(i), memory(SINCE, i), t, p(i)) - abs(other(at(i)))
       g(2, i) = -u_z(at(i))
       select case (mode(i))
       case (STUCK)
-        g(1, i) = bears(i)
+        g(1, i) = margin(i)
       case (OPEN_GAP)
         g(:, i) = u_z(at(i))
       case default
         g(1, i) = real(mode(i), dp)*v_x(at(i))
       end select
     end do
-  end subroutine margins
+  end subroutine event_functions
 
   !> The knots that slip and speed of each block have last passed, 0 for none.
-  pure subroutine cells(law, nx, n, at, mode, memory, u_x, v_x, passed)
+  pure subroutine last_knots(law, nx, n, at, mode, memory, u_x, v_x, passed)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
@@ -295,11 +295,11 @@ contains
       if (law%d_c(i) > 0.0_dp) passed(1, i) = cell(law%slide, slip_of(mode(i), memory(SLIP, i), u_x(at(i)))/law%d_c(i))
       passed(2, i) = cell(law%speed, abs(v_x(at(i))))
     end do
-  end subroutine cells
+  end subroutine last_knots
 
   !> Distances of slipping blocks to the next knot of slip [m], and to the next and last ones of speed [m/s]: steps end
   !> there, because a stepper keeps its order only where forces are smooth.
-  pure subroutine knot_margins(law, nx, n, at, mode, memory, passed, u_x, v_x, g)
+  pure subroutine knot_functions(law, nx, n, at, mode, memory, passed, u_x, v_x, g)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
@@ -324,23 +324,23 @@ contains
       if (c < law%speed%n) g(2, i) = law%speed%x(c + 1) - v
       if (c > 1) g(3, i) = v - law%speed%x(c)
     end do
-  end subroutine knot_margins
+  end subroutine knot_functions
 
   !> Time to the next knot of age of any slipping block, from time t on [s].
-  pure function time_to_knot(law, nx, mode, memory, t) result(least)
+  pure function time_to_knot(law, nx, mode, memory, t) result(shortest)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer(ip), intent(in) :: mode(nx)          !! contact states
     real(dp), intent(in) :: memory(law%n_memory, nx)
     real(dp), intent(in) :: t                    !! [s]
-    real(dp) :: least
+    real(dp) :: shortest
     integer :: i, c
 
-    least = huge(least)
+    shortest = huge(shortest)
     if (law%age%n == 0) return
     do i = 1, nx
       c = cell(law%age, t - memory(SINCE, i))
-      if (abs(mode(i)) == 1 .and. c < law%age%n) least = min(least, law%age%x(c + 1) - (t - memory(SINCE, i)))
+      if (abs(mode(i)) == 1 .and. c < law%age%n) shortest = min(shortest, law%age%x(c + 1) - (t - memory(SINCE, i)))
     end do
   end function time_to_knot
 
@@ -372,20 +372,20 @@ contains
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     integer(ip), intent(out) :: new(nx)          !! contact states after
     real(dp), intent(out) :: margin(nx)          !! [N]
-    real(dp) :: most
+    real(dp) :: strength
     integer :: i
 
     do i = 1, nx
-      most = stuck_strength(law, i, mode(i), memory(SINCE, i), t, p(i))
-      margin(i) = most - abs(other(at(i)))
-      new(i) = next_state(most, other(at(i)), p(i), mode(i), v_x(at(i)))
+      strength = static_strength(law, i, mode(i), memory(SINCE, i), t, p(i))
+      margin(i) = strength - abs(other(at(i)))
+      new(i) = next_state(strength, other(at(i)), p(i), mode(i), v_x(at(i)))
     end do
   end subroutine next_states
 
   !> The paper's rule for one block. A block at rest sticks up to its strength; beyond, it slips
   !> where the other forces pull it. A block that lands slips along its velocity.
-  pure elemental function next_state(most, other, p, mode, v_x) result(new)
-    real(dp), intent(in) :: most     !! what it bears if stuck [N]
+  pure elemental function next_state(strength, other, p, mode, v_x) result(new)
+    real(dp), intent(in) :: strength !! what it bears if stuck [N]
     real(dp), intent(in) :: other    !! all other horizontal forces [N]
     real(dp), intent(in) :: p        !! foundation force [N]
     integer(ip), intent(in) :: mode  !! contact state
@@ -394,7 +394,7 @@ contains
 
     if (p <= 0.0_dp) then
       new = OPEN_GAP
-    else if (v_x == 0.0_dp .and. abs(other) <= most) then
+    else if (v_x == 0.0_dp .and. abs(other) <= strength) then
       new = STUCK
     else if (v_x == 0.0_dp) then
       new = merge(1_ip, -1_ip, other > 0.0_dp)

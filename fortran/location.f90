@@ -1,139 +1,140 @@
 !> Sub-steps inside a step: contact switches located in time, and the length of adaptive sub-steps.
 !>
-!> What is tried need not be a sub-step of the whole lattice: `judge` looks at the two bottom rows alone, and `settle`
-!> comes when all rows of an accepted sub-step are made.
+!> What is tried need not be a sub-step of the whole lattice: `test_substep` asks the two bottom rows alone, and
+!> `complete_substep` comes when all rows of an accepted sub-step are made.
 !>
-!> Contact states are frozen during a sub-step. Each block has margins that stay positive meanwhile (pyfric_law). Where
-!> one is negative at the end, shorter sub-steps are made until the earliest root is closed in; the sub-step then ends
-!> just behind it, contacts switch there, and the next sub-step goes to the end of the step. A sub-step's end where no
-!> margin is negative is not believed before the parabola through each margin at its start, middle and end has been
-!> looked at: where it dips below zero, the sub-step is cut there. Signs are compared, never products.
+!> Contact states are fixed during a sub-step. Each block has event functions that stay positive meanwhile (pyfric_law).
+!> Where one is negative at the end, shorter sub-steps are made until the earliest root is closed in; the sub-step then
+!> ends just behind it, contacts switch there, and the next sub-step goes to the end of the step. Where none is negative
+!> at the end, the parabola through each event function at the start, the middle and the end is tested: where it dips
+!> below zero, the sub-step is cut there. Signs are compared, never products.
 module pyfric_location
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: foundation
-  use pyfric_law, only: margins, knot_margins, cells, time_to_knot, N_CONTACT, N_KNOT
+  use pyfric_law, only: event_functions, knot_functions, last_knots, time_to_knot, N_CONTACT, N_KNOT
   use pyfric_rows, only: row_t, other_forces, budget_t
   use pyfric_contact, only: contact_t, switch_contacts
   use pyfric_log, only: log_t, has_room
   use pyfric_status, only: DONE, ENDLESS, TOO_SHORT
   implicit none (type, external)
   private
-  public :: pace_t, new_pace, judge, settle, most_switches, MOST_QUIET
+  public :: step_control_t, new_control, test_substep, complete_substep, max_switches, MAX_QUIET
 
-  real(dp), parameter :: NEAR = 2.0_dp**(-40)     !! a switch is found this close behind its root, over dt
-  real(dp), parameter :: SHORTEST = 2.0_dp**(-30) !! shortest adaptive sub-step, over dt
-  real(dp), parameter :: COARSE = 2.0_dp**(-4)    !! dips are looked for in sub-steps longer than this, over dt
-  real(dp), parameter :: DIP = 2.0_dp**(-20)      !! and must be deeper than this share of the margin at the ends
-  real(dp), parameter :: CLOSE = 2.0_dp**(-20)    !! knots of age closer than this are passed, over dt
-  integer, parameter :: MOST_QUIET = 64           !! most quiet transitions that one step may log
+  real(dp), parameter :: ROOT_WIDTH = 2.0_dp**(-40)       !! a switch is found this close behind its root, over dt
+  real(dp), parameter :: SHORTEST_SUBSTEP = 2.0_dp**(-30) !! shortest adaptive sub-step, over dt
+  real(dp), parameter :: DIP_LENGTH = 2.0_dp**(-4)        !! dips are looked for in sub-steps longer than this, over dt
+  real(dp), parameter :: DIP_DEPTH = 2.0_dp**(-20)        !! they must be deeper than this share of the values at the ends
+  real(dp), parameter :: KNOT_WIDTH = 2.0_dp**(-20)       !! knots of age closer than this are passed, over dt
+  integer, parameter :: MAX_QUIET = 64            !! most quiet transitions that one step may log
   integer, parameter :: ADAPT_ORDER = 4           !! the error of an adaptive sub-step goes with this power of its length
   integer, parameter :: WHOLE = 0, CUT = 1, SEARCH = 2
 
-  !> Where a step stands.
-  type :: pace_t
+  !> Step control: where a step stands.
+  type :: step_control_t
     logical :: located             !! locate switches; else they are made at the step's end
-    real(dp) :: from = 0.0_dp      !! start of the sub-step, counted from the start of the step [s]
-    real(dp) :: left = 0.0_dp      !! time from there to the end of the step [s]
-    real(dp) :: sub = 0.0_dp       !! length of the sub-step that is tried [s]
-    real(dp) :: wish = 0.0_dp      !! longest sub-step that the error allows [s]
+    real(dp) :: start = 0.0_dp     !! start of the sub-step, counted from the start of the step [s]
+    real(dp) :: remaining = 0.0_dp !! time from there to the end of the step [s]
+    real(dp) :: length = 0.0_dp    !! length of the sub-step that is tried [s]
+    real(dp) :: longest = 0.0_dp   !! longest sub-step that the error allows [s]
     integer :: phase = WHOLE       !! a sub-step of full length, one cut at a dip, a search between a and b
-    logical :: looked = .false.    !! dips have been looked for
-    real(dp) :: a = 0.0_dp         !! no margin is negative here, counted from the start of the sub-step [s]
-    real(dp) :: b = 0.0_dp         !! one is negative here [s]
+    logical :: dips_checked = .false.  !! dips have been looked for
+    real(dp) :: a = 0.0_dp         !! no event function is negative at this time, counted from the start of the sub-step [s]
+    real(dp) :: b = 0.0_dp         !! one is negative at this time [s]
     integer :: trials = 0          !! sub-steps tried in this search
-    integer :: side = 0            !! end of the search interval that moved last: -1 for a, +1 for b
-    integer :: instants = 0        !! times in this step at which contacts switched
+    integer :: moved = 0           !! end of the search interval that moved last: -1 for a, +1 for b
+    integer :: n_instants = 0      !! times in this step at which contacts switched
     integer :: block = 0           !! first block that switched last, from 1
     logical :: accepted = .true.   !! the sub-step that was tried is made
     logical :: finished = .true.   !! and ends the step
-    logical :: crossed = .false.   !! a margin is negative at its end
-    real(dp) :: t = 0.0_dp         !! time there [s]
-    real(dp), allocatable :: g_0(:, :)  !! margins at the start of the sub-step: friction [N] or [m/s], gap [m], knots
+    logical :: crossed = .false.   !! an event function is negative at its end
+    real(dp) :: t = 0.0_dp         !! time at its end [s]
+    real(dp), allocatable :: g_0(:, :)  !! event functions at the start of the sub-step: friction [N] or [m/s], gap [m], knots
     real(dp), allocatable :: g_a(:, :)  !! at a
     real(dp), allocatable :: g_b(:, :)  !! at b
     real(dp), allocatable :: g(:, :)    !! at the end of the sub-step that was tried
-    real(dp), allocatable :: stuck(:)   !! there, what a block could bear besides if it were stuck [N]
-    integer, allocatable :: passed(:, :) !! knots passed at the start of the sub-step
-    type(budget_t) :: saved             !! works at the start of the sub-step
-  end type pace_t
+    real(dp), allocatable :: margin(:)  !! what a block could bear besides there, if it were stuck [N]
+    integer, allocatable :: knots(:, :) !! knots passed at the start of the sub-step
+    type(budget_t) :: works             !! works at the start of the sub-step
+  end type step_control_t
 
 contains
 
   !> Most times in one step at which contacts may switch.
-  elemental function most_instants(nx) result(n)
+  elemental function max_instants(nx) result(n)
     integer, intent(in) :: nx
     integer :: n
 
     n = 100 + 2*nx
-  end function most_instants
+  end function max_instants
 
   !> Most switches that one step may log.
-  elemental function most_switches(nx) result(n)
+  elemental function max_switches(nx) result(n)
     integer, intent(in) :: nx
     integer :: n
 
     n = 8*nx + 200
-  end function most_switches
+  end function max_switches
 
-  !> The pace at the start of a step.
-  subroutine new_pace(s, t, dt, located, wish, y, contact, budget, w, pace)
+  !> Step control at the start of a step.
+  subroutine new_control(s, t, dt, located, longest, y, contact, budget, w, control)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                              !! time [s]
     real(dp), intent(in) :: dt                             !! step [s]
     logical, intent(in) :: located
-    real(dp), intent(in) :: wish                           !! longest sub-step that the error allows [s]
+    real(dp), intent(in) :: longest                        !! longest sub-step that the error allows [s]
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)     !! state
     type(contact_t), intent(in) :: contact
     type(budget_t), intent(in) :: budget
     type(row_t), intent(inout) :: w
-    type(pace_t), intent(out) :: pace
+    type(step_control_t), intent(out) :: control
     integer :: n
 
-    pace%located = located
-    pace%wish = wish
+    control%located = located
+    control%longest = longest
     n = N_CONTACT + merge(N_KNOT, 0, s%law%kinked)
-    allocate (pace%g_0(n, s%nx), pace%g_a(n, s%nx), pace%g_b(n, s%nx), pace%g(n, s%nx), pace%stuck(s%nx), pace%passed(2, s%nx))
-    call look_at_knots(s, y(LB, 1, 1), contact, pace)
-    call all_margins(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), contact, pace%passed, w, pace%g_0, pace%stuck)
-    call plan_next(s, t, dt, contact, budget, pace)
-  end subroutine new_pace
+    allocate (control%g_0(n, s%nx), control%g_a(n, s%nx), control%g_b(n, s%nx), control%g(n, s%nx))
+    allocate (control%margin(s%nx), control%knots(2, s%nx))
+    call mark_knots(s, y(LB, 1, 1), contact, control)
+    call evaluate_events(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), contact, control%knots, w, control%g_0, control%margin)
+    call plan_substep(s, t, dt, contact, budget, control)
+  end subroutine new_control
 
   !> The knots that slip and speed of each block have passed.
-  pure subroutine look_at_knots(s, q, contact, pace)
+  pure subroutine mark_knots(s, q, contact, control)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! bottom row
     type(contact_t), intent(in) :: contact
-    type(pace_t), intent(inout) :: pace
+    type(step_control_t), intent(inout) :: control
 
-    if (s%law%kinked) call cells(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, q(LB, UX), q(LB, VX), pace%passed)
-  end subroutine look_at_knots
+    if (s%law%kinked) call last_knots(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, q(LB, UX), q(LB, VX), control%knots)
+  end subroutine mark_knots
 
   !> Plans the next sub-step: as long as the error allows, to the end of the step or a knot of age at most.
-  pure subroutine plan_next(s, t, dt, contact, budget, pace)
+  pure subroutine plan_substep(s, t, dt, contact, budget, control)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                !! time [s]
     real(dp), intent(in) :: dt               !! step [s]
     type(contact_t), intent(in) :: contact
     type(budget_t), intent(in) :: budget
-    type(pace_t), intent(inout) :: pace
+    type(step_control_t), intent(inout) :: control
     real(dp) :: to_knot
 
-    pace%left = dt - pace%from
-    pace%sub = pace%left
-    if (pace%wish < pace%left*(1.0_dp - NEAR)) pace%sub = pace%wish
-    if (pace%located) then
+    control%remaining = dt - control%start
+    control%length = control%remaining
+    if (control%longest < control%remaining*(1.0_dp - ROOT_WIDTH)) control%length = control%longest
+    if (control%located) then
       to_knot = time_to_knot(s%law, s%nx, contact%mode, contact%memory, t)
-      if (to_knot > CLOSE*dt) pace%sub = min(pace%sub, to_knot)
+      if (to_knot > KNOT_WIDTH*dt) control%length = min(control%length, to_knot)
     end if
-    pace%phase = WHOLE
-    pace%looked = .false.
-    pace%saved = budget
-  end subroutine plan_next
+    control%phase = WHOLE
+    control%dips_checked = .false.
+    control%works = budget
+  end subroutine plan_substep
 
-  !> Looks at the bottom rows of a sub-step that was tried. Not accepted: another length is to be tried from its start.
-  subroutine judge(s, step, t0, dt, err, old, new, contact, w, pace, status)
+  !> Tests a sub-step that was tried by its bottom rows. Not accepted: another length is to be tried from its start.
+  subroutine test_substep(s, step, t0, dt, err, old, new, contact, w, control, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
     real(dp), intent(in) :: t0                             !! time of step 0 [s]
@@ -143,20 +144,20 @@ contains
     real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at its end
     type(contact_t), intent(in) :: contact
     type(row_t), intent(inout) :: w
-    type(pace_t), intent(inout) :: pace
+    type(step_control_t), intent(inout) :: control
     integer(ip), intent(out) :: status                     !! see pyfric_status
 
     status = DONE
-    pace%finished = pace%sub >= pace%left
-    pace%t = t0 + step*dt + (pace%from + pace%sub)
-    if (pace%finished) pace%t = t0 + (step + 1.0_dp)*dt
-    call accept(s, pace%t, dt, err, old, new, contact, w, pace, pace%crossed, status)
-    pace%finished = pace%finished .and. pace%accepted
-  end subroutine judge
+    control%finished = control%length >= control%remaining
+    control%t = t0 + step*dt + (control%start + control%length)
+    if (control%finished) control%t = t0 + (step + 1.0_dp)*dt
+    call test_error_and_events(s, control%t, dt, err, old, new, contact, w, control, control%crossed, status)
+    control%finished = control%finished .and. control%accepted
+  end subroutine test_substep
 
-  !> After a sub-step that was judged. Accepted: contacts are switched where they must be, and the next sub-step is
+  !> After a sub-step that was tested. Accepted: contacts are switched where they must be, and the next sub-step is
   !> planned. Not accepted: the works are put back.
-  subroutine settle(s, step, dt, err, new, contact, budget, log, w, pace, status)
+  subroutine complete_substep(s, step, dt, err, new, contact, budget, log, w, control, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
     real(dp), intent(in) :: dt                             !! step [s]
@@ -166,37 +167,37 @@ contains
     type(budget_t), intent(inout) :: budget
     type(log_t), intent(inout) :: log
     type(row_t), intent(inout) :: w
-    type(pace_t), intent(inout) :: pace
+    type(step_control_t), intent(inout) :: control
     integer(ip), intent(inout) :: status                   !! see pyfric_status
 
-    if (.not. pace%accepted) then
-      budget = pace%saved
+    if (.not. control%accepted) then
+      budget = control%works
       return
     end if
     ! the error allows longer sub-steps: doubling takes it up by 2^ADAPT_ORDER
-    if (pace%phase == WHOLE .and. err*2.0_dp**(ADAPT_ORDER + 1) < 1.0_dp) then
-      pace%wish = max(pace%wish, min(2.0_dp*pace%sub, dt))
+    if (control%phase == WHOLE .and. err*2.0_dp**(ADAPT_ORDER + 1) < 1.0_dp) then
+      control%longest = max(control%longest, min(2.0_dp*control%length, dt))
     end if
-    if (pace%crossed) then
-      call switch_inside(s, step, pace%t, new, contact, log, w, pace, status)
+    if (control%crossed) then
+      call switch_at_event(s, step, control%t, new, contact, log, w, control, status)
       if (status /= DONE) return
-    else if (pace%finished .and. .not. pace%located) then
-      call switch_contacts(s, step + 1.0_dp, pace%t, dt, new, contact, log, w)
+    else if (control%finished .and. .not. control%located) then
+      call switch_contacts(s, step + 1.0_dp, control%t, dt, new, contact, log, w)
     end if
-    if (pace%located) then
-      contact%margin = pace%stuck
-      pace%g_0 = pace%g
+    if (control%located) then
+      contact%margin = control%margin
+      control%g_0 = control%g
     end if
-    pace%from = pace%from + pace%sub
-    if (pace%finished) then
-      pace%from = 0.0_dp
-      pace%instants = 0
+    control%start = control%start + control%length
+    if (control%finished) then
+      control%start = 0.0_dp
+      control%n_instants = 0
     end if
-    call plan_next(s, pace%t, dt, contact, budget, pace)
-  end subroutine settle
+    call plan_substep(s, control%t, dt, contact, budget, control)
+  end subroutine complete_substep
 
-  !> Whether the sub-step is made: its error is small, and no margin crosses zero before its end.
-  subroutine accept(s, t, dt, err, old, new, contact, w, pace, crossed, status)
+  !> Whether the sub-step is made: its error is small, and no event function crosses zero before its end.
+  subroutine test_error_and_events(s, t, dt, err, old, new, contact, w, control, crossed, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                              !! time at its end [s]
     real(dp), intent(in) :: dt                             !! step [s]
@@ -205,60 +206,60 @@ contains
     real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at its end
     type(contact_t), intent(in) :: contact
     type(row_t), intent(inout) :: w
-    type(pace_t), intent(inout) :: pace
-    logical, intent(out) :: crossed                        !! a margin is negative at its end
+    type(step_control_t), intent(inout) :: control
+    logical, intent(out) :: crossed                        !! an event function is negative at its end
     integer(ip), intent(inout) :: status                   !! see pyfric_status
 
     crossed = .false.
-    pace%accepted = pace%phase /= WHOLE .or. err <= 1.0_dp
-    if (.not. pace%accepted) then
-      pace%sub = 0.5_dp*pace%sub
-      pace%wish = pace%sub
-      if (pace%sub < SHORTEST*dt) status = TOO_SHORT
+    control%accepted = control%phase /= WHOLE .or. err <= 1.0_dp
+    if (.not. control%accepted) then
+      control%length = 0.5_dp*control%length
+      control%longest = control%length
+      if (control%length < SHORTEST_SUBSTEP*dt) status = TOO_SHORT
       return
     end if
-    if (.not. pace%located) return
-    call all_margins(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, pace%passed, w, pace%g, pace%stuck)
-    crossed = any(pace%g < 0.0_dp)
-    if (crossed .or. pace%phase == SEARCH) call search_on(dt, crossed, pace)
-    if (pace%accepted) call look_for_dips(s, t, dt, old, new, contact, w, pace)
-  end subroutine accept
+    if (.not. control%located) return
+    call evaluate_events(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, control%knots, w, control%g, control%margin)
+    crossed = any(control%g < 0.0_dp)
+    if (crossed .or. control%phase == SEARCH) call narrow_search(dt, crossed, control)
+    if (control%accepted) call check_dips(s, t, dt, old, new, contact, w, control)
+  end subroutine test_error_and_events
 
   !> Narrows the search down with what the trial has shown, and chooses the next.
-  pure subroutine search_on(dt, crossed, pace)
+  pure subroutine narrow_search(dt, crossed, control)
     real(dp), intent(in) :: dt           !! step [s]
-    logical, intent(in) :: crossed       !! a margin is negative at the end of the trial
-    type(pace_t), intent(inout) :: pace
+    logical, intent(in) :: crossed       !! an event function is negative at the end of the trial
+    type(step_control_t), intent(inout) :: control
     real(dp) :: root
 
-    if (pace%phase /= SEARCH) then
-      pace%phase = SEARCH
-      pace%a = 0.0_dp
-      pace%g_a = pace%g_0
-      pace%side = 0
-      pace%trials = 0
+    if (control%phase /= SEARCH) then
+      control%phase = SEARCH
+      control%a = 0.0_dp
+      control%g_a = control%g_0
+      control%moved = 0
+      control%trials = 0
     end if
     if (crossed) then
-      pace%b = pace%sub
-      pace%g_b = pace%g
-      if (pace%side == 1) pace%g_a = 0.5_dp*pace%g_a
-      pace%side = 1
+      control%b = control%length
+      control%g_b = control%g
+      if (control%moved == 1) control%g_a = 0.5_dp*control%g_a
+      control%moved = 1
     else
-      pace%a = pace%sub
-      pace%g_a = pace%g
-      if (pace%side == -1) pace%g_b = 0.5_dp*pace%g_b
-      pace%side = -1
+      control%a = control%length
+      control%g_a = control%g
+      if (control%moved == -1) control%g_b = 0.5_dp*control%g_b
+      control%moved = -1
     end if
-    pace%trials = pace%trials + 1
-    root = pace%a + (pace%b - pace%a)*first_root(pace%g_a, pace%g_b)
-    pace%accepted = crossed .and. pace%b - root <= NEAR*dt
-    if (pace%accepted) return
-    if (mod(pace%trials, 3) == 0) root = 0.5_dp*(pace%a + pace%b)
-    pace%sub = min(max(root, pace%a) + 0.5_dp*NEAR*dt, pace%b)
-  end subroutine search_on
+    control%trials = control%trials + 1
+    root = control%a + (control%b - control%a)*first_root(control%g_a, control%g_b)
+    control%accepted = crossed .and. control%b - root <= ROOT_WIDTH*dt
+    if (control%accepted) return
+    if (mod(control%trials, 3) == 0) root = 0.5_dp*(control%a + control%b)
+    control%length = min(max(root, control%a) + 0.5_dp*ROOT_WIDTH*dt, control%b)
+  end subroutine narrow_search
 
-  !> Cuts the sub-step where a margin seems to dip below zero inside, once.
-  subroutine look_for_dips(s, t, dt, old, new, contact, w, pace)
+  !> Cuts the sub-step where an event function seems to dip below zero inside, once.
+  subroutine check_dips(s, t, dt, old, new, contact, w, control)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                              !! time at the end of the sub-step [s]
     real(dp), intent(in) :: dt                             !! step [s]
@@ -266,26 +267,26 @@ contains
     real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at its end
     type(contact_t), intent(in) :: contact
     type(row_t), intent(inout) :: w
-    type(pace_t), intent(inout) :: pace
-    real(dp) :: mid(LB:s%n + LANES, 4, 2), g_mid(size(pace%g, 1), s%nx), stuck_mid(s%nx), x
+    type(step_control_t), intent(inout) :: control
+    real(dp) :: mid(LB:s%n + LANES, 4, 2), g_mid(size(control%g, 1), s%nx), margin_mid(s%nx), x
     integer :: j
 
-    if (pace%looked .or. pace%sub < COARSE*dt) return
-    pace%looked = .true.
+    if (control%dips_checked .or. control%length < DIP_LENGTH*dt) return
+    control%dips_checked = .true.
     do j = 1, min(2, s%nz)
-      call middle(s, pace%sub, old(LB, 1, j), new(LB, 1, j), mid(LB, 1, j))
+      call midpoint(s, control%length, old(LB, 1, j), new(LB, 1, j), mid(LB, 1, j))
     end do
-    call all_margins(s, t - 0.5_dp*pace%sub, mid(LB, 1, 1), mid(LB, 1, min(2, s%nz)), contact, pace%passed, w, g_mid, &
-                     stuck_mid)
-    x = minval(dip_at(pace%g_0, g_mid, pace%g))
+    call evaluate_events(s, t - 0.5_dp*control%length, mid(LB, 1, 1), mid(LB, 1, min(2, s%nz)), contact, control%knots, w, g_mid, &
+                     margin_mid)
+    x = minval(lowest_point(control%g_0, g_mid, control%g))
     if (x >= 1.0_dp) return
-    pace%accepted = .false.
-    pace%phase = CUT
-    pace%sub = x*pace%sub
-  end subroutine look_for_dips
+    control%accepted = .false.
+    control%phase = CUT
+    control%length = x*control%length
+  end subroutine check_dips
 
-  !> Switches contacts at the end of a sub-step that a margin has ended, if it was not a knot's.
-  subroutine switch_inside(s, step, t, new, contact, log, w, pace, status)
+  !> Switches contacts at the end of a sub-step that an event function has ended, if it was not a knot's.
+  subroutine switch_at_event(s, step, t, new, contact, log, w, control, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
     real(dp), intent(in) :: t                              !! time [s]
@@ -293,21 +294,21 @@ contains
     type(contact_t), intent(inout) :: contact
     type(log_t), intent(inout) :: log
     type(row_t), intent(inout) :: w
-    type(pace_t), intent(inout) :: pace
+    type(step_control_t), intent(inout) :: control
     integer(ip), intent(inout) :: status                   !! see pyfric_status
 
-    if (any(pace%g(:N_CONTACT, :) < 0.0_dp)) then
-      pace%instants = pace%instants + 1
-      pace%block = findloc(any(pace%g(:N_CONTACT, :) < 0.0_dp, dim=1), .true., dim=1)
-      if (pace%instants > most_instants(s%nx) .or. .not. has_room(log, s%nx, 1)) then
+    if (any(control%g(:N_CONTACT, :) < 0.0_dp)) then
+      control%n_instants = control%n_instants + 1
+      control%block = findloc(any(control%g(:N_CONTACT, :) < 0.0_dp, dim=1), .true., dim=1)
+      if (control%n_instants > max_instants(s%nx) .or. .not. has_room(log, s%nx, 1)) then
         status = ENDLESS
         return
       end if
       call switch_contacts(s, step + 1.0_dp, t, 0.0_dp, new, contact, log, w)
     end if
-    call look_at_knots(s, new(LB, 1, 1), contact, pace)
-    call all_margins(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, pace%passed, w, pace%g, pace%stuck)
-  end subroutine switch_inside
+    call mark_knots(s, new(LB, 1, 1), contact, control)
+    call evaluate_events(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, control%knots, w, control%g, control%margin)
+  end subroutine switch_at_event
 
   !> Smallest root of the straight lines from g_a at 0 to g_b at 1, over those that end below zero.
   pure function first_root(g_a, g_b) result(x)
@@ -329,9 +330,9 @@ contains
     end do
   end function first_root
 
-  !> Where in 0..1 the parabola through g_0, g_m, g_1 at 0, 1/2, 1 has a minimum below zero; 2 where it has none. Margins
-  !> that are negative at the end are not looked at: their root is known.
-  elemental function dip_at(g_0, g_m, g_1) result(x)
+  !> Where in 0..1 the parabola through g_0, g_m, g_1 at 0, 1/2, 1 has a minimum below zero; 2 where it has none, or where
+  !> the end is negative and the root known.
+  elemental function lowest_point(g_0, g_m, g_1) result(x)
     real(dp), intent(in) :: g_0
     real(dp), intent(in) :: g_m
     real(dp), intent(in) :: g_1
@@ -342,35 +343,36 @@ contains
     slope = 4.0_dp*(g_m - g_0) - (g_1 - g_0)      ! g_0 + slope x + curve x^2
     curve = 2.0_dp*((g_0 - g_m) + (g_1 - g_m))
     if (slope < 0.0_dp .and. -slope < 2.0_dp*curve) then
-      if (g_0 + 0.5_dp*slope*(-slope/(2.0_dp*curve)) < -DIP*max(g_0, g_1)) x = -slope/(2.0_dp*curve)
+      if (g_0 + 0.5_dp*slope*(-slope/(2.0_dp*curve)) < -DIP_DEPTH*max(g_0, g_1)) x = -slope/(2.0_dp*curve)
     end if
-  end function dip_at
+  end function lowest_point
 
-  !> Margins of the bottom blocks, and what they could bear besides if they were stuck.
-  subroutine all_margins(s, t, q, up, contact, passed, w, g, stuck)
+  !> Event functions of the bottom blocks, and what they could bear besides if they were stuck.
+  subroutine evaluate_events(s, t, q, up, contact, knots, w, g, margin)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                           !! time [s]
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)        !! bottom row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)       !! the row above
     type(contact_t), intent(in) :: contact
-    integer, intent(in) :: passed(2, s%nx)              !! knots passed at the start of the sub-step
+    integer, intent(in) :: knots(2, s%nx)               !! knots passed at the start of the sub-step
     type(row_t), intent(inout) :: w
     real(dp), intent(out) :: g(:, :)                    !! [N] or [m/s], [m], knots [m] and [m/s]
-    real(dp), intent(out) :: stuck(s%nx)                !! [N]
+    real(dp), intent(out) :: margin(s%nx)               !! [N]
     real(dp) :: fx(LB:s%n + LANES)
 
     call foundation(s, q(LB, UZ), w%p)
     call other_forces(s, t, q, up, w, fx)
-    call margins(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, fx, w%p, q(LB, UZ), q(LB, VX), g(:N_CONTACT, :), stuck)
+    call event_functions(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, fx, w%p, q(LB, UZ), q(LB, VX), &
+                         g(:N_CONTACT, :), margin)
     if (s%prescribed) g(2, :) = w%p  ! no gap opens
     if (s%law%kinked) then
-      call knot_margins(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, passed, q(LB, UX), q(LB, VX), &
+      call knot_functions(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, knots, q(LB, UX), q(LB, VX), &
                         g(N_CONTACT + 1:, :))
     end if
-  end subroutine all_margins
+  end subroutine evaluate_events
 
   !> The middle of a sub-step by the cubic through its ends.
-  pure subroutine middle(s, sub, old, new, mid)
+  pure subroutine midpoint(s, sub, old, new, mid)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: sub                          !! its length [s]
     real(dp), intent(in) :: old(LB:s%n + LANES, 4)       !! a row at the start
@@ -384,5 +386,5 @@ contains
       mid(i, VX:VZ) = 1.5_dp*((new(i, UX:UZ) - old(i, UX:UZ))/sub) - 0.25_dp*(old(i, VX:VZ) + new(i, VX:VZ))
     end do
     call close_state(s, mid)
-  end subroutine middle
+  end subroutine midpoint
 end module pyfric_location

@@ -23,7 +23,7 @@ module pyfric_rk4
 
 contains
 
-  !> Rows j0..j1 of the state one step later. Contact states are frozen during the step. A sweep may be made in two
+  !> Rows j0..j1 of the state one step later. Contact states are fixed during the step. A sweep may be made in two
   !> calls, one up to front BOTTOM_FRONT and one from the next, with the same work space.
   subroutine rk4_step(s, t, sub, j0, j1, first, last, keep_budget, mode, memory, y, rod, y_new, rod_new, budget, q, carry, &
                       b, fx, fz, w)
@@ -60,9 +60,9 @@ contains
         if (j < max(1, low - 1) .or. j > high) cycle
         if (j == max(1, low - 1)) carry(:, :, stage) = 0.0_dp
         if (stage == 1) then
-          call one_row(y(LB, 1, max(j - 1, 1)), y(LB, 1, j), y(LB, 1, min(j + 1, s%nz)))
+          call stage_of_row(y(LB, 1, max(j - 1, 1)), y(LB, 1, j), y(LB, 1, min(j + 1, s%nz)))
         else
-          call one_row(q(LB, 1, mod(j + RING - 1, RING), stage), q(LB, 1, mod(j, RING), stage), &
+          call stage_of_row(q(LB, 1, mod(j + RING - 1, RING), stage), q(LB, 1, mod(j, RING), stage), &
                        q(LB, 1, mod(j + 1, RING), stage))
         end if
       end do
@@ -71,19 +71,19 @@ contains
   contains
 
     !> Stage `stage` of row j: forces, powers, and the row of the next stage (or of the new state).
-    subroutine one_row(dn, here, up)
+    subroutine stage_of_row(dn, row, up)
       real(dp), intent(in) :: dn(LB:s%n + LANES, 4)    !! the row below at this stage
-      real(dp), intent(in) :: here(LB:s%n + LANES, 4)  !! the row at this stage
+      real(dp), intent(in) :: row(LB:s%n + LANES, 4)   !! the row at this stage
       real(dp), intent(in) :: up(LB:s%n + LANES, 4)    !! the row above at this stage
 
-      call row_forces(s, j, t + NODE(stage)*sub, dn, here, up, mode, memory, carry(LB, 1, stage), b, fx, fz, w)
+      call row_forces(s, j, t + NODE(stage)*sub, dn, row, up, mode, memory, carry(LB, 1, stage), b, fx, fz, w)
       if (j < low) return
       if (keep_budget .and. j >= j0 .and. j <= j1) then
-        call row_powers(s, j, t + NODE(stage)*sub, sub/6.0_dp*WEIGHT(stage), mode, here, up, rods(5, stage), w, &
+        call row_powers(s, j, t + NODE(stage)*sub, sub/6.0_dp*WEIGHT(stage), mode, row, up, rods(5, stage), w, &
                         budget)
       end if
       if (j < s%nz .or. .not. s%rigid) then
-        call next_row(s, stage, sub, j, y(LB, 1, j), here, fx, fz, q, y_new(LB, 1, j))
+        call next_row(s, stage, sub, j, y(LB, 1, j), row, fx, fz, q, y_new(LB, 1, j))
         return
       end if
       call next_rod(s, t + NODE(stage)*sub, stage, sub, fx, fz, rods, rod_sum)
@@ -93,17 +93,17 @@ contains
         rod_new = rods(:, 5)
         call rod_to_row(s, rod_new, y_new(LB, 1, j))
       end if
-    end subroutine one_row
+    end subroutine stage_of_row
   end subroutine rk4_step
 
   !> A row of blocks at the next stage, or at the end of the step.
-  pure subroutine next_row(s, stage, sub, j, y, here, fx, fz, q, y_new)
+  pure subroutine next_row(s, stage, sub, j, y, row, fx, fz, q, y_new)
     type(model_t), intent(in) :: s
     integer, intent(in) :: stage
     real(dp), intent(in) :: sub                          !! length of the step or sub-step [s]
     integer, intent(in) :: j                             !! row
     real(dp), intent(in) :: y(LB:s%n + LANES, 4)         !! the row at the start
-    real(dp), intent(in) :: here(LB:s%n + LANES, 4)      !! at this stage
+    real(dp), intent(in) :: row(LB:s%n + LANES, 4)       !! at this stage
     real(dp), intent(in) :: fx(LB:s%n + LANES)           !! its forces [N]
     real(dp), intent(in) :: fz(LB:s%n + LANES)           !! its forces [N]
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:RING - 1, 2:4)  !! rows of the stages
@@ -113,10 +113,10 @@ contains
 
     slot = mod(j, RING)
     if (stage < 4) then
-      call to_stage(s%n, NODE(stage + 1)*sub, s%m, y, here(LB, VX), fx, fz, q(LB, 1, slot, stage + 1))
+      call to_stage(s%n, NODE(stage + 1)*sub, s%m, y, row(LB, VX), fx, fz, q(LB, 1, slot, stage + 1))
       call close_state(s, q(LB, 1, slot, stage + 1))
     else
-      call to_end(s%n, sub, s%m, y, q(LB, VX, slot, 2), q(LB, VX, slot, 3), here(LB, VX), fx, fz, y_new)
+      call to_end(s%n, sub, s%m, y, q(LB, VX, slot, 2), q(LB, VX, slot, 3), row(LB, VX), fx, fz, y_new)
       call close_state(s, y_new)
     end if
   end subroutine next_row

@@ -15,7 +15,7 @@ module pyfric_rows
 
   !> Work space of one row. Forces on the blocks and bonds lie elsewhere, on vectors.
   type :: row_t
-    real(dp), allocatable :: none(:, :)  !! zeros, in place of a row that does not exist (:, 4)
+    real(dp), allocatable :: zeros(:, :)  !! zeros, in place of a row that does not exist (:, 4)
     real(dp), allocatable :: p(:)        !! foundation force, bottom row [N]
     real(dp), allocatable :: f(:)        !! friction force along +x, bottom row [N]
     real(dp) :: f_t                      !! driver force, row of the driven block [N]
@@ -36,8 +36,8 @@ contains
     type(model_t), intent(in) :: s
     type(row_t) :: w
 
-    allocate (w%none(LB:s%n + LANES, 4), w%p(s%nx), w%f(s%nx))
-    w%none = 0.0_dp
+    allocate (w%zeros(LB:s%n + LANES, 4), w%p(s%nx), w%f(s%nx))
+    w%zeros = 0.0_dp
     w%p = 0.0_dp
     w%f = 0.0_dp
     w%f_t = 0.0_dp
@@ -65,11 +65,11 @@ contains
     else if (j > 1 .and. j < s%nz) then
       call gather_forces(s, around_t(2.0_dp, 0.0_dp), dn, q, up, fx, fz)
     else if (j < s%nz) then
-      call gather_forces(s, around_t(1.0_dp, 1.0_dp), w%none, q, up, fx, fz)
+      call gather_forces(s, around_t(1.0_dp, 1.0_dp), w%zeros, q, up, fx, fz)
     else if (j > 1) then
-      call gather_forces(s, around_t(1.0_dp, -1.0_dp), dn, q, w%none, fx, fz)
+      call gather_forces(s, around_t(1.0_dp, -1.0_dp), dn, q, w%zeros, fx, fz)
     else
-      call gather_forces(s, around_t(0.0_dp, 0.0_dp), w%none, q, w%none, fx, fz)
+      call gather_forces(s, around_t(0.0_dp, 0.0_dp), w%zeros, q, w%zeros, fx, fz)
     end if
     if (j == 1 .and. s%prescribed) call halve_bonds(s, q, fx, fz)
     do i = s%nx + 1, s%n
@@ -88,7 +88,7 @@ contains
     real(dp), intent(inout) :: fx(LB:s%n + LANES)   !! force on the row [N]
     real(dp), intent(inout) :: fz(LB:s%n + LANES)   !! force on the row [N]
     real(dp), intent(inout) :: f_t                  !! driver force, set on the row of the driven block [N]
-    real(dp) :: share, more
+    real(dp) :: share, shear_gain
     integer :: i
 
     if (j == s%j_h) then
@@ -105,9 +105,9 @@ contains
       end do
     end if
     if (j /= s%j_shear .or. .not. s%sheared) return
-    more = s%shear_rate*(t - s%t_seg)
+    shear_gain = s%shear_rate*(t - s%t_seg)
     do i = 1, s%nx
-      fx(s%at(i)) = fx(s%at(i)) + ((s%shear(i) + more) - s%k_top*q(s%at(i), UX))
+      fx(s%at(i)) = fx(s%at(i)) + ((s%shear(i) + shear_gain) - s%k_top*q(s%at(i), UX))
     end do
   end subroutine outer_forces
 
@@ -123,11 +123,11 @@ contains
 
     carry = 0.0_dp
     b = 0.0_dp
-    call bond_forces(s, 1, w%none, q, up, carry, b, fx, fz, w)
+    call bond_forces(s, 1, w%zeros, q, up, carry, b, fx, fz, w)
     call outer_forces(s, 1, t, q, fx, fz, w%f_t)
   end subroutine other_forces
 
-  !> Forces on row j, friction included, at frozen contact states; the carry of the bonds moves up one row (finite geometry).
+  !> Forces on row j, friction included, at fixed contact states; the carry of the bonds moves up one row (finite geometry).
   !> On a prescribed interface those on the bottom row are doubled, because its blocks have half the mass.
   pure subroutine row_forces(s, j, t, dn, q, up, mode, memory, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s

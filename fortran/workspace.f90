@@ -8,9 +8,9 @@ module pyfric_workspace
   implicit none (type, external)
   private
   public :: reserve, aligned, widen, narrow
-  public :: MOST_STAGES, RING, RINGS, FX, FZ, CARRY, BONDS, COLUMNS
+  public :: MAX_STAGES, RING, RINGS, FX, FZ, CARRY, BONDS, COLUMNS
 
-  integer, parameter :: MOST_STAGES = 5  !! of a stepper given by a table
+  integer, parameter :: MAX_STAGES = 5  !! of a stepper given by a table
   integer, parameter :: RING = 4         !! rows of a stage that RK4 keeps: row j is last needed by stage 4 of row j
   !> Columns of a thread's rows work(LB:n+LANES, COLUMNS): rows of stages 2 to 4 of RK4; in finite geometry,
   !> forces that go up a row, two for each of four stages, and forces of bonds [N]; forces on a row [N].

@@ -51,14 +51,14 @@ def variants() -> dict[str, bool]:
         "v2": True,
         "baseline": True,
     }
-    here = {
+    installed = {
         name: importlib.util.find_spec(f"pyfric.core._core_{name}") is not None for name in runs
     }
-    return {name: runs[name] for name in runs if here[name]}
+    return {name: runs[name] for name in runs if installed[name]}
 
 
 @contextlib.contextmanager
-def _patient() -> Iterator[None]:
+def _short_spinning() -> Iterator[None]:
     """Let threads of libraries loaded here sleep soon, if the environment does not say how."""
     if {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & set(os.environ):
         yield
@@ -83,7 +83,7 @@ def load_variant(name: str) -> Any:
         raise ImportError(f"{ENVIRONMENT} = {name!r}: not installed (installed: {listed})")
     if not known[name]:
         raise ImportError(f"{ENVIRONMENT} = {name!r}: this processor lacks its instructions")
-    with _patient():  # libgomp reads the environment once, when it is loaded
+    with _short_spinning():  # libgomp reads the environment once, when it is loaded
         return importlib.import_module(f"pyfric.core._core_{name}")
 
 
@@ -129,10 +129,10 @@ def useful_threads(n_blocks: int, threads: int | None = None) -> int:
         n_blocks: N_x N_z.
         threads: the most to use; None means all processors this process may run on.
     """
-    most = processors() if threads is None else threads
+    limit = processors() if threads is None else threads
     if not build_info()["openmp"]:
         return 1
-    return max(1, min(most, n_blocks // BLOCKS_PER_THREAD))
+    return max(1, min(limit, n_blocks // BLOCKS_PER_THREAD))
 
 
 def additions(n: int, variant: str = VARIANT) -> int:

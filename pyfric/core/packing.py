@@ -167,10 +167,10 @@ def _interface(scene: Scene) -> tuple[list[np.ndarray], dict[str, int], list[np.
     """Return the fields of the interface, the numbers of knots of its law, and the knots."""
     law, N_x = scene.law, scene.N_x
     fields = (scene.k_f, law.mu_s, law.mu_k, law.d_c, law.alpha)
-    rows = [np.broadcast_to(np.asarray(one, dtype=float), (N_x,)) for one in fields]
-    tables = {name: one for name, one in law.tables._asdict().items() if one is not None}
-    n_knots = {f"n_{name}": len(one.x) for name, one in tables.items()}
-    return rows, n_knots, [np.column_stack([one.x, one.y]).ravel() for one in tables.values()]
+    rows = [np.broadcast_to(np.asarray(field, dtype=float), (N_x,)) for field in fields]
+    tables = {name: table for name, table in law.tables._asdict().items() if table is not None}
+    n_knots = {f"n_{name}": len(table.x) for name, table in tables.items()}
+    return rows, n_knots, [np.column_stack([table.x, table.y]).ravel() for table in tables.values()]
 
 
 def springs(

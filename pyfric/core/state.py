@@ -131,7 +131,7 @@ class State:
 
     def values(self) -> dict[str, Any]:
         """Return arrays and numbers by name, as files hold them: the memory is taken apart."""
-        names = [one.name for one in dataclasses.fields(self) if one.name != "memory"]
+        names = [field.name for field in dataclasses.fields(self) if field.name != "memory"]
         return {name: getattr(self, name) for name in (*names, *self.memory.dtype.names)}
 
     @classmethod
@@ -141,7 +141,7 @@ class State:
         Raises:
             KeyError: a value is missing.
         """
-        own = {one.name for one in dataclasses.fields(cls)} - {"memory"}
+        own = {field.name for field in dataclasses.fields(cls)} - {"memory"}
         law = {name: np.asarray(values[name]) for name in values if name not in own}
         types = [(name, float, value.shape[1:]) for name, value in law.items()]
         memory = np.empty(len(values["mode"]), types)
@@ -151,7 +151,7 @@ class State:
 
     def copy(self) -> Self:
         """Return a copy that shares nothing."""
-        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return type(self)(
             **{name: v.copy() if isinstance(v, np.ndarray) else v for name, v in values.items()}
         )
@@ -205,9 +205,9 @@ class State:
         found, parts = self.memory, []
         right = isinstance(found, np.ndarray) and found.shape == (N_x,) and found.flags.carray
         if right:
-            parts = [one for one, _ in (found.dtype.fields or {}).values()]
-            right = all(one.base == REAL for one in parts)
-        n = sum(one.itemsize for one in parts) // REAL.itemsize
+            parts = [part for part, _ in (found.dtype.fields or {}).values()]
+            right = all(part.base == REAL for part in parts)
+        n = sum(part.itemsize for part in parts) // REAL.itemsize
         if not right or n * REAL.itemsize != found.dtype.itemsize or n_memory not in (None, n):
             many = "" if n_memory is None else f"{n_memory} "
             raise StateError(f"state.memory: expected {many}named {REAL} of each of {N_x} blocks")

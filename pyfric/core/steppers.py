@@ -73,7 +73,7 @@ class Stepper:
 
     @functools.cached_property
     def columns(self) -> np.ndarray:
-        """What the core takes: c, b, bbar, e, ebar, a, abar (pyfric_nystrom); no row: RK4."""
+        """What the core takes: c, b, bbar, e, ebar, a, abar (pyfric_table_stepper); no row: RK4."""
         if self.swept:
             return np.zeros((0, 5), order="F")
         ebar = _product(self.e, self.a)
@@ -118,8 +118,8 @@ def _lower(*rows: list[float]) -> np.ndarray:
 _RK4_ROWS = [0.5], [0.0, 0.5], [0.0, 0.0, 1.0]
 
 STEPPERS: dict[str, Stepper] = {
-    one.name: one
-    for one in (
+    stepper.name: stepper
+    for stepper in (
         Stepper(
             "rk4",
             order=4,

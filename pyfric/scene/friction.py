@@ -70,8 +70,8 @@ class Law:
 
     def at(self, which: Any) -> Law:
         """Return the law of some columns."""
-        some = {name: of(getattr(self, name), which) for name in ("mu_s", "mu_k", "d_c", "alpha")}
-        return replace(self, **some)
+        fields = {name: of(getattr(self, name), which) for name in ("mu_s", "mu_k", "d_c", "alpha")}
+        return replace(self, **fields)
 
     @property
     def memory(self) -> np.dtype:

@@ -25,7 +25,7 @@ MODULES = (
 
 for _name in MODULES:
     _module = importlib.import_module(f"{__name__}.{_name}")
-    globals().update({one: getattr(_module, one) for one in _module.__all__})
+    globals().update({name: getattr(_module, name) for name in _module.__all__})
 
 __all__ = [
     "KINDS",

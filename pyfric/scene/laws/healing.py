@@ -38,8 +38,8 @@ class ExponentialHealing(FrictionLaw):
     def hold(self, of: Means) -> Table | None:
         """Return the gain."""
         unit = _unit()
-        x = tuple(self.t_c * one for one in unit.x)
-        return Table(x, tuple(self.gain * one for one in unit.y)) if self.gain else None
+        x = tuple(self.t_c * t for t in unit.x)
+        return Table(x, tuple(self.gain * share for share in unit.y)) if self.gain else None
 
 
 @functools.cache

@@ -79,9 +79,11 @@ class FrictionLaw:
         """Return the factor of mu over the time since slip began (s)."""
 
     def __repr__(self) -> str:
-        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
-        told = (f"{name}={_short(one)}" for name, one in values.items() if one is not None)
-        return f"{type(self).__name__}({', '.join(told)})"
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        set_values = (
+            f"{name}={_short(value)}" for name, value in values.items() if value is not None
+        )
+        return f"{type(self).__name__}({', '.join(set_values)})"
 
     def tables(self, of: Means) -> Tables:
         """Return the tables of an interface with these means."""

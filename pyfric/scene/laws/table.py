@@ -173,7 +173,7 @@ def _lines(path: str | Path, field: str) -> list[tuple[int, list[str]]]:
     if len(content) > MAX_BYTES:
         raise SceneError(field, str(path), "", allowed, "too large")
     lines = enumerate(map(str.strip, text.splitlines()), 1)
-    return [(n, [*map(str.strip, one.split(","))]) for n, one in lines if one and one[0] != "#"]
+    return [(n, [*map(str.strip, line.split(","))]) for n, line in lines if line and line[0] != "#"]
 
 
 def _header(

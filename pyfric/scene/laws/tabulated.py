@@ -98,16 +98,16 @@ class TabulatedLaw(FrictionLaw):
             if not isinstance(source, str):
                 allowed = "the path of a CSV file, from the scene file on"
                 raise SceneError(f"interface.law.{name}", source, "", allowed, "not text")
-            if twice := [one for one in PAIRS[name] if one in rest]:
+            if twice := [column for column in PAIRS[name] if column in rest]:
                 allowed = f"either {name}, or {' and '.join(PAIRS[name])}"
                 raise SceneError(f"interface.law.{twice[0]}", rest[twice[0]], "", allowed, "twice")
             read, unit = _read(name, folder / source), getattr(FILE_UNITS, name)
-            x = [f"{one!r} {unit}" for one in read.x]
+            x = [f"{x!r} {unit}" for x in read.x]
             rest |= zip(PAIRS[name], (x, list(read.y)), strict=True)
         return rest
 
     def _table(self, name: str) -> Table | None:
-        x, y = (getattr(self, one) for one in PAIRS[name])
+        x, y = (getattr(self, column) for column in PAIRS[name])
         if x is None and y is None:
             return None
         if x is None or y is None:

@@ -6,33 +6,33 @@
 !>
 !> and the step ends at u + h v + h^2 sum_i bbar_i F_i/m, v + h sum_i b_i F_i/m. A thread owns rows j0..j1 and waits
 !> for the others between stages; every row sees the same operations for any number of threads.
-module pyfric_nystrom
+module pyfric_table_stepper
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: rod_acceleration, rod_to_row
   use pyfric_rows, only: row_t, row_forces, row_powers, budget_t
-  use pyfric_workspace, only: MOST_STAGES, FX, FZ, CARRY, BONDS, COLUMNS
+  use pyfric_workspace, only: MAX_STAGES, FX, FZ, CARRY, BONDS, COLUMNS
   implicit none (type, external)
   private
-  public :: table_t, new_table, nystrom_step
+  public :: table_t, new_table, table_step
 
   type :: table_t
     integer :: stages = 0   !! 0: RK4, which has a sweep of its own
-    real(dp) :: c(MOST_STAGES) = 0.0_dp
-    real(dp) :: b(MOST_STAGES) = 0.0_dp
-    real(dp) :: bbar(MOST_STAGES) = 0.0_dp
-    real(dp) :: e(MOST_STAGES) = 0.0_dp     !! b minus that of the embedded method
-    real(dp) :: ebar(MOST_STAGES) = 0.0_dp  !! bbar minus that of the embedded method
-    real(dp) :: a(MOST_STAGES, MOST_STAGES) = 0.0_dp
-    real(dp) :: abar(MOST_STAGES, MOST_STAGES) = 0.0_dp
+    real(dp) :: c(MAX_STAGES) = 0.0_dp
+    real(dp) :: b(MAX_STAGES) = 0.0_dp
+    real(dp) :: bbar(MAX_STAGES) = 0.0_dp
+    real(dp) :: e(MAX_STAGES) = 0.0_dp     !! b minus that of the embedded method
+    real(dp) :: ebar(MAX_STAGES) = 0.0_dp  !! bbar minus that of the embedded method
+    real(dp) :: a(MAX_STAGES, MAX_STAGES) = 0.0_dp
+    real(dp) :: abar(MAX_STAGES, MAX_STAGES) = 0.0_dp
   end type table_t
 
 contains
 
   !> The table from the columns that Python passes: c, b, bbar, e, ebar, a, abar.
   pure function new_table(stages, columns) result(table)
-    integer, intent(in) :: stages                !! at most MOST_STAGES
+    integer, intent(in) :: stages                !! at most MAX_STAGES
     real(dp), intent(in) :: columns(stages, 5 + 2*stages)
     type(table_t) :: table
 
@@ -47,8 +47,8 @@ contains
     table%abar(:stages, :stages) = columns(:, 6 + stages:)
   end function new_table
 
-  !> Rows j0..j1 of the state one step later, and their part of the error. Contact states are frozen during the step.
-  subroutine nystrom_step(s, table, t, sub, j0, j1, keep_budget, mode, memory, y, rod, y_new, rod_new, budget, f, q, work, w, err)
+  !> Rows j0..j1 of the state one step later, and their part of the error. Contact states are fixed during the step.
+  subroutine table_step(s, table, t, sub, j0, j1, keep_budget, mode, memory, y, rod, y_new, rod_new, budget, f, q, work, w, err)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
     real(dp), intent(in) :: t                         !! time at the start [s]
@@ -63,12 +63,12 @@ contains
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
     real(dp), intent(inout) :: rod_new(6)             !! written by the thread that owns the top row
     type(budget_t), intent(inout) :: budget           !! entries of rows j0..j1 are advanced
-    real(dp), intent(inout) :: f(LB:s%n + LANES, 2, s%nz, MOST_STAGES)  !! forces of the stages, shared [N]
+    real(dp), intent(inout) :: f(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! forces of the stages, shared [N]
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4, s%nz)       !! a stage, shared
     real(dp), intent(inout) :: work(LB:s%n + LANES, COLUMNS)    !! work space, bonds zero at first
     type(row_t), intent(inout) :: w
     real(dp), intent(out) :: err(2)                   !! largest error of u [m] and of v [m/s] in these rows
-    real(dp) :: rod_a(3, MOST_STAGES), rod_stage(6)
+    real(dp) :: rod_a(3, MAX_STAGES), rod_stage(6)
     integer :: stage, j
 
     rod_stage = rod
@@ -94,9 +94,9 @@ contains
   contains
 
     !> Forces and powers of a stage, on rows j0..j1. In finite geometry the row below starts the carry.
-    subroutine sweep(t_stage, at)
+    subroutine sweep(t_stage, y_stage)
       real(dp), intent(in) :: t_stage                    !! time [s]
-      real(dp), intent(in) :: at(LB:s%n + LANES, 4, s%nz)  !! the stage
+      real(dp), intent(in) :: y_stage(LB:s%n + LANES, 4, s%nz) !! the stage
       integer :: below, above
 
       work(:, CARRY:CARRY + 1) = 0.0_dp
@@ -104,14 +104,14 @@ contains
         below = max(j - 1, 1)
         above = min(j + 1, s%nz)
         if (j < j0) then
-          call row_forces(s, j, t_stage, at(LB, 1, below), at(LB, 1, j), at(LB, 1, above), mode, memory, &
+          call row_forces(s, j, t_stage, y_stage(LB, 1, below), y_stage(LB, 1, j), y_stage(LB, 1, above), mode, memory, &
                           work(LB, CARRY), work(LB, BONDS), work(LB, FX), work(LB, FZ), w)
           cycle
         end if
-        call row_forces(s, j, t_stage, at(LB, 1, below), at(LB, 1, j), at(LB, 1, above), mode, memory, &
+        call row_forces(s, j, t_stage, y_stage(LB, 1, below), y_stage(LB, 1, j), y_stage(LB, 1, above), mode, memory, &
                         work(LB, CARRY), work(LB, BONDS), f(LB, 1, j, stage), f(LB, 2, j, stage), w)
         if (keep_budget) then
-          call row_powers(s, j, t_stage, sub*table%b(stage), mode, at(LB, 1, j), at(LB, 1, above), rod_stage(5), w, &
+          call row_powers(s, j, t_stage, sub*table%b(stage), mode, y_stage(LB, 1, j), y_stage(LB, 1, above), rod_stage(5), w, &
                           budget)
         end if
         if (j == s%nz .and. s%rigid) then
@@ -119,34 +119,34 @@ contains
         end if
       end do
     end subroutine sweep
-  end subroutine nystrom_step
+  end subroutine table_step
 
   !> Row j at a stage or at the end, from the first n stages; the top row by the rod.
-  pure subroutine stage_row(s, after, sub, for_u, for_v, n, j, y, rod, f, rod_a, to, rod_to)
+  pure subroutine stage_row(s, elapsed, sub, weight_u, weight_v, n, j, y, rod, f, rod_a, to, rod_to)
     type(model_t), intent(in) :: s
-    real(dp), intent(in) :: after                      !! time of the stage from the start of the step [s]
+    real(dp), intent(in) :: elapsed                    !! time of the stage from the start of the step [s]
     real(dp), intent(in) :: sub                        !! length of the step or sub-step [s]
-    real(dp), intent(in) :: for_u(MOST_STAGES)
-    real(dp), intent(in) :: for_v(MOST_STAGES)
+    real(dp), intent(in) :: weight_u(MAX_STAGES)
+    real(dp), intent(in) :: weight_v(MAX_STAGES)
     integer, intent(in) :: n                           !! stages known
     integer, intent(in) :: j                           !! row
     real(dp), intent(in) :: y(LB:s%n + LANES, 4)       !! the row at the start
     real(dp), intent(in) :: rod(6)                     !! the rod at the start
-    real(dp), intent(in) :: f(LB:s%n + LANES, 2, s%nz, MOST_STAGES)  !! forces of the stages [N]
-    real(dp), intent(in) :: rod_a(3, MOST_STAGES)      !! accelerations of the rod
+    real(dp), intent(in) :: f(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! forces of the stages [N]
+    real(dp), intent(in) :: rod_a(3, MAX_STAGES)      !! accelerations of the rod
     real(dp), intent(inout) :: to(LB:s%n + LANES, 4)   !! the row
     real(dp), intent(inout) :: rod_to(6)               !! the rod
     integer :: k
 
     if (j < s%nz .or. .not. s%rigid) then
-      call combine(s%n, s%nz, n, j, after, sub*sub/s%m*for_u, sub/s%m*for_v, y, f, to)
+      call combine(s%n, s%nz, n, j, elapsed, sub*sub/s%m*weight_u, sub/s%m*weight_v, y, f, to)
       call close_state(s, to)
     else
-      rod_to(1:3) = rod(1:3) + after*rod(4:6)
+      rod_to(1:3) = rod(1:3) + elapsed*rod(4:6)
       rod_to(4:6) = rod(4:6)
       do k = 1, n
-        rod_to(1:3) = rod_to(1:3) + sub*sub*for_u(k)*rod_a(:, k)
-        rod_to(4:6) = rod_to(4:6) + sub*for_v(k)*rod_a(:, k)
+        rod_to(1:3) = rod_to(1:3) + sub*sub*weight_u(k)*rod_a(:, k)
+        rod_to(4:6) = rod_to(4:6) + sub*weight_v(k)*rod_a(:, k)
       end do
       call rod_to_row(s, rod_to, to)
     end if
@@ -159,8 +159,8 @@ contains
     real(dp), intent(in) :: sub                        !! length of the step or sub-step [s]
     integer, intent(in) :: j0                          !! first row
     integer, intent(in) :: j1                          !! last row
-    real(dp), intent(in) :: f(LB:s%n + LANES, 2, s%nz, MOST_STAGES)  !! forces of the stages [N]
-    real(dp), intent(in) :: rod_a(3, MOST_STAGES)      !! accelerations of the rod
+    real(dp), intent(in) :: f(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! forces of the stages [N]
+    real(dp), intent(in) :: rod_a(3, MAX_STAGES)      !! accelerations of the rod
     real(dp) :: err(2), of_rod(3, 2), arm(3)
     integer :: j, k
 
@@ -180,23 +180,23 @@ contains
     end do
   end function row_errors
 
-  !> u + after v + sum_k abar_k F_k, v + sum_k a_k F_k.
-  pure subroutine combine(n, nz, stages, j, after, abar, a, y, f, q)
+  !> u + elapsed v + sum_k abar_k F_k, v + sum_k a_k F_k.
+  pure subroutine combine(n, nz, stages, j, elapsed, abar, a, y, f, q)
     integer, intent(in) :: n                         !! length of a row
     integer, intent(in) :: nz                        !! rows
     integer, intent(in) :: stages                    !! stages known
     integer, intent(in) :: j                         !! row
-    real(dp), intent(in) :: after                    !! time from the start of the step [s]
-    real(dp), intent(in) :: abar(MOST_STAGES)        !! times h^2/m [m/N]
-    real(dp), intent(in) :: a(MOST_STAGES)           !! times h/m [m/(N s)]
+    real(dp), intent(in) :: elapsed                  !! time from the start of the step [s]
+    real(dp), intent(in) :: abar(MAX_STAGES)        !! times h^2/m [m/N]
+    real(dp), intent(in) :: a(MAX_STAGES)           !! times h/m [m/(N s)]
     real(dp), intent(in) :: y(LB:n + LANES, 4)       !! the row at the start
-    real(dp), intent(in) :: f(LB:n + LANES, 2, nz, MOST_STAGES)  !! forces of the stages [N]
+    real(dp), intent(in) :: f(LB:n + LANES, 2, nz, MAX_STAGES)  !! forces of the stages [N]
     real(dp), intent(inout) :: q(LB:n + LANES, 4)    !! the row
     integer :: i, k
 
     do i = 1, n
-      q(i, UX) = y(i, UX) + after*y(i, VX)
-      q(i, UZ) = y(i, UZ) + after*y(i, VZ)
+      q(i, UX) = y(i, UX) + elapsed*y(i, VX)
+      q(i, UZ) = y(i, UZ) + elapsed*y(i, VZ)
       q(i, VX) = y(i, VX)
       q(i, VZ) = y(i, VZ)
     end do
@@ -211,25 +211,25 @@ contains
   end subroutine combine
 
   !> Largest |sum_k ebar_k F_k| and |sum_k e_k F_k| of a row.
-  pure function difference(n, nz, stages, j, ebar, e, f) result(most)
+  pure function difference(n, nz, stages, j, ebar, e, f) result(largest)
     integer, intent(in) :: n                         !! length of a row
     integer, intent(in) :: nz                        !! rows
     integer, intent(in) :: stages                    !! stages
     integer, intent(in) :: j                         !! row
-    real(dp), intent(in) :: ebar(MOST_STAGES)        !! times h^2/m [m/N]
-    real(dp), intent(in) :: e(MOST_STAGES)           !! times h/m [m/(N s)]
-    real(dp), intent(in) :: f(LB:n + LANES, 2, nz, MOST_STAGES)  !! forces of the stages [N]
-    real(dp) :: most(2), d(4)
+    real(dp), intent(in) :: ebar(MAX_STAGES)        !! times h^2/m [m/N]
+    real(dp), intent(in) :: e(MAX_STAGES)           !! times h/m [m/(N s)]
+    real(dp), intent(in) :: f(LB:n + LANES, 2, nz, MAX_STAGES)  !! forces of the stages [N]
+    real(dp) :: largest(2), d(4)
     integer :: i, k
 
-    most = 0.0_dp
+    largest = 0.0_dp
     do i = 1, n
       d = 0.0_dp
       do k = 1, stages
         d(1:2) = d(1:2) + ebar(k)*f(i, :, j, k)
         d(3:4) = d(3:4) + e(k)*f(i, :, j, k)
       end do
-      most = max(most, [max(abs(d(1)), abs(d(2))), max(abs(d(3)), abs(d(4)))])
+      largest = max(largest, [max(abs(d(1)), abs(d(2))), max(abs(d(3)), abs(d(4)))])
     end do
   end function difference
-end module pyfric_nystrom
+end module pyfric_table_stepper

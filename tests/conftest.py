@@ -21,7 +21,16 @@ settings.load_profile("pyfric")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 LAPACK = (
-    *("chart", "claims", "complementarity", "condensation", "creep", "creeping", "dashpots"),
+    *(
+        "banded",
+        "chart",
+        "claims",
+        "complementarity",
+        "condensation",
+        "creep",
+        "creeping",
+        "dashpots",
+    ),
     *("disorder", "equilibrium", "fields", "figures", "fine", "finer", "fronts"),
     *("guard", "hybrid", "laws", "measured_errors", "methods", "operators"),
     *("pauses", "planner", "prescribed", "protocol", "quasistatic", "reference", "regimes"),

@@ -9,7 +9,7 @@ from pyfric.engines import simulate
 from pyfric.engines.fine import CORRECTED, modes
 from pyfric.engines.ringdown import Frozen
 from pyfric.scene import preset, setup1, setup2
-from pyfric.statics import BandedCholesky, StaticSolver, banded, equilibrium, stability_limit
+from pyfric.statics import BandedCholesky, StaticSolver, stability_limit
 
 SCENES = {
     "rod": setup1(L=0.06, H=0.03, h=5e-3, mu_s=50.0),
@@ -107,33 +107,6 @@ def test_what_a_fine_lattice_takes(monkeypatch):
     assert len(made) < 12
     assert kept < 120 * 8 * fine.n_q
     assert most < 300 * 8 * fine.n_q
-
-
-def test_the_driver_of_a_large_lattice_needs_no_factorisation(monkeypatch):
-    scene = SCENES["rod"]
-    stuck = np.ones(scene.N_x, dtype=bool)
-    K, plain, free = StaticSolver(scene).tangent(stuck)
-    monkeypatch.setattr(equilibrium, "LARGE", 10)
-    factor = StaticSolver(scene).tangent(stuck)[1]
-    assert isinstance(plain, BandedCholesky)
-    assert not isinstance(factor, BandedCholesky)
-    b = np.random.default_rng(0).standard_normal((len(free), 2))
-    whole = K[free][:, free]
-    for one in (b, b[:, 0]):
-        np.testing.assert_allclose(whole @ factor.solve(one), one, atol=1e-9)
-        np.testing.assert_allclose(factor.solve(one), plain.solve(one), rtol=1e-9)
-
-
-def test_many_columns_are_solved_in_blocks_of_rows(monkeypatch):
-    scene = SCENES["rod"]
-    _, factor, free = StaticSolver(scene).tangent(np.ones(scene.N_x, dtype=bool))
-    b = np.random.default_rng(0).standard_normal((len(free), banded.MANY))
-    one_by_one = np.column_stack([factor.solve(column) for column in b.T])
-    monkeypatch.setattr(banded, "BLOCK", 8)
-    monkeypatch.setattr(banded, "dpbtrs", None)
-    given = b.copy()
-    np.testing.assert_allclose(factor.solve(b), one_by_one, rtol=1e-11, atol=1e-15)
-    np.testing.assert_array_equal(b, given)
 
 
 def test_ring_downs_of_a_fine_lattice_take_few_steps():

@@ -7,20 +7,15 @@ import selectors
 import signal
 import subprocess
 import sys
-import threading
-import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
 from helpers import WATCHED, small
-from scipy.linalg.lapack import dpbtrf
 
 import pyfric
 from pyfric.cli import main
 from pyfric.scene import at_once, held_back, nothing_to_save, saved_first, written
-from pyfric.statics.banded import _factorised
 from pyfric.sweeps import sweep
 
 LONG = {"fidelity": "dynamic", "geometry": "linear", "threads": 1}
@@ -241,28 +236,6 @@ def test_checks_stop_and_fail_nothing(command, number):
         wait_for(process, b"\n")  # the first part is done
         stdout, _ = check_stops(process, number)
     assert stdout == ""
-
-
-def test_a_factorisation_lets_ctrl_c_be_heard():
-    """And it is SciPy's, bit for bit."""
-    band = np.random.default_rng(1).random((301, 24_000)).copy(order="F")
-    band[-1] += 2 * len(band)
-    expected, _ = dpbtrf(band)
-    ended, heard = threading.Event(), []
-
-    def hear():
-        while not ended.wait(0.005):
-            heard.append(time.perf_counter())
-
-    thread = threading.Thread(target=hear)
-    thread.start()
-    begin = time.perf_counter()
-    found = _factorised(band)
-    end = time.perf_counter()
-    ended.set()
-    thread.join()
-    assert sum(begin < moment < end for moment in heard) > 3
-    np.testing.assert_array_equal(found, expected)
 
 
 def test_a_run_is_saved_before_figures_are_imported(tmp_path, monkeypatch):

@@ -42,7 +42,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from pyfric import core
 from pyfric.scene import Geometry, as_scene, check_geometry
-from pyfric.statics.banded import BandedCholesky, WithSpring
+from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.operators import (
     Assembly,
     bonds,
@@ -164,7 +164,7 @@ class StaticSolver:
         self._along[: 2 * N_x * rows].reshape(rows, 2, N_x)[:, 0] = 1.0
         if scene.rigid:
             self._along[-3] = 1.0
-        self._factors: dict[tuple[bool, bytes], BandedCholesky | WithSpring | SuperLU] = {}
+        self._factors: dict[tuple[bool, bytes], BandedCholesky | SuperLU] = {}
         self._u_drv0 = 0.0
         self._K = self._bond_stiffness(np.zeros(self._T.shape[1]))
         self.loaded = self._load_slider()
@@ -447,19 +447,14 @@ class StaticSolver:
             what = f"not enough memory to factorise {len(unknown)} unknowns"
             raise EquilibriumError(what, np.nan, self._limit, 0) from error
 
-    def _factor(self, contact: _Contact, driven: bool) -> BandedCholesky | WithSpring | SuperLU:
+    def _factor(self, contact: _Contact, driven: bool) -> BandedCholesky | SuperLU:
         """Return the factorisation at the reference state, from the store if it is there."""
-        key, large = (driven, contact.key), len(self._arm) > LARGE
+        key, room = (driven, contact.key), 1 if len(self._arm) > LARGE else KEPT
         if key not in self._factors:
-            bare = self._factors.get((False, contact.key)) if driven and large else None
-            while len(self._factors) >= (1 if large else KEPT):
+            while len(self._factors) >= room:
                 del self._factors[next(iter(self._factors))]
-            if isinstance(bare, BandedCholesky):  # one factorisation less
-                row = np.sqrt(self.scene.driver.K) * self.driven_row[self._unknown(contact)]
-                self._factors[key] = WithSpring(bare, row)
-            else:
-                K = self._supported(self._K, contact.closed, driven=driven)
-                self._factors[key] = self._factorised(K, contact)
+            K = self._supported(self._K, contact.closed, driven=driven)
+            self._factors[key] = self._factorised(K, contact)
         return self._factors[key]
 
     def banded(self, unknown: np.ndarray) -> tuple[np.ndarray, int]:

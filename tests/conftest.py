@@ -21,20 +21,11 @@ settings.load_profile("pyfric")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 LAPACK = (
-    *(
-        "banded",
-        "chart",
-        "claims",
-        "complementarity",
-        "condensation",
-        "creep",
-        "creeping",
-        "dashpots",
-    ),
-    *("disorder", "equilibrium", "fields", "figures", "fine", "finer", "fronts"),
-    *("guard", "hybrid", "laws", "measured_errors", "methods", "operators"),
+    *("banded", "chart", "claims", "complementarity", "condensation", "creep", "creeping"),
+    *("dashpots", "disorder", "equilibrium", "fields", "figures", "fine", "finer", "fronts"),
+    *("guard", "hybrid", "laws", "measured_errors", "methods", "nucleation", "operators"),
     *("pauses", "planner", "prescribed", "protocol", "quasistatic", "reference", "regimes"),
-    *("resolution", "ringdown", "simulation", "smooth", "soft", "spacetime", "theory"),
+    *("resolution", "ringdown", "simulation", "smooth", "spacetime", "theory"),
     *("weakening", "zones"),
 )
 """Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""

@@ -12,9 +12,15 @@ from helpers import mirrored_scene, scaled, small_free, small_rod
 from scipy.sparse.linalg import spsolve
 
 from pyfric import core
-from pyfric.scene import Scene, preset, setup1, setup2
-from pyfric.statics import EquilibriumError, StaticSolver, loaded_state, solve_static
-from pyfric.statics.equilibrium import _Contact
+from pyfric.scene import Law, Scene, preset, setup1, setup2
+from pyfric.statics import (
+    ContactProblem,
+    EquilibriumError,
+    StaticSolver,
+    loaded_state,
+    solve_static,
+)
+from pyfric.statics.equilibrium import _warn_if_ambiguous
 
 ARRAYS = ("u", "rod", "f", "tau", "p")
 
@@ -577,17 +583,15 @@ def test_loading_without_friction(scene, geometry):
 def test_strong_friction_warns_where_the_slip_operator_is_indefinite():
     """The operator is that of the blocks that slip, in the directions in which they slip."""
     scene = small_rod()
-    solver = StaticSolver(scene)
-    S, _ = solver._condensed()
-    closed = np.ones(scene.N_x, dtype=bool)
-    alternating = np.where(scene.n_of_i % 2, 1, -1).astype(np.int8)
+    contact = ContactProblem(scene).applied()
+    alternating = np.where(scene.n_of_i % 2, 1, -1)
     alternating[0] = 0
-    few = np.where(scene.n_of_i == scene.N_x, alternating, 0).astype(np.int8)
+    few = np.where(scene.n_of_i == scene.N_x, alternating, 0)
 
     def check(mu, slip):
-        interface = dataclasses.replace(scene.interface, mu_s=mu, mu_k=mu)
-        solver.scene = dataclasses.replace(scene, interface=interface)
-        solver._warn_if_ambiguous(S, _Contact(slip == 0, closed, slip))
+        contact.law = Law(mu, mu)
+        contact.enter(slice(None), slip)
+        _warn_if_ambiguous(contact)
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")

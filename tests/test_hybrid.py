@@ -21,7 +21,6 @@ from pyfric.scene import SceneError, chain, preset, setup1, setup2
 from pyfric.statics import (
     EquilibriumError,
     StaticSolver,
-    equilibrium,
     loaded_state,
     solve_static,
 )
@@ -118,7 +117,7 @@ def test_linear_geometry_is_full_dynamics(name):
 def test_the_way_of_large_lattices_is_full_dynamics(name, monkeypatch):
     """Blocks opened by corrections of low rank, states taken from the last ones."""
     monkeypatch.setattr("pyfric.engines.fine.FINE", 10)
-    for module in (equilibrium, hybrid, ringdown):
+    for module in (hybrid, ringdown):
         monkeypatch.setattr(module, "LARGE", 10)
     opened, moved = [], []
     correct, move = ringdown._Opened, ringdown.Frozen._moved
@@ -149,7 +148,7 @@ def test_the_way_of_large_lattices_is_full_dynamics(name, monkeypatch):
 def test_free_blocks_that_touch_need_no_factorisation_of_a_large_lattice(scene, monkeypatch):
     """Blocks that are open in motion and touch at rest: against the whole solve."""
     monkeypatch.setattr("pyfric.engines.fine.FINE", 10)
-    for module in (equilibrium, hybrid, ringdown):
+    for module in (hybrid, ringdown):
         monkeypatch.setattr(module, "LARGE", 10)
     known = StaticSolver(scene, "linear")
     u_x, drive = np.zeros(scene.N_x), 0.6 * scene.F_N / scene.driver.K

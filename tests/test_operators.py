@@ -1,4 +1,4 @@
-"""Matrices of the lattice: elasticity, waves, damping and the step limit of RK4."""
+"""Matrices of the slider: coordinates, waves, damping and the step limit of RK4."""
 
 import dataclasses
 import math
@@ -6,150 +6,14 @@ import math
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from scipy.sparse.linalg import eigs, spsolve
+from scipy.sparse.linalg import eigs
+from test_lattice import neighbours, small_rod, small_scene, twin_forces
 
 from pyfric.core import STEPPERS
 from pyfric.scene import Driver, Scene, setup1, setup2
-from pyfric.statics import (
-    bonds,
-    damping,
-    dispersion,
-    mass,
-    spring_stiffness,
-    stability_limit,
-    stiffness,
-)
-from pyfric.statics.operators import (
-    Assembly,
-    coordinates,
-    operators,
-    spring_forces,
-    spring_tangents,
-)
+from pyfric.statics import damping, dispersion, mass, stability_limit, stiffness
+from pyfric.statics.operators import coordinates, operators
 from pyfric.statics.stability import radius
-
-
-def small_scene(**changes) -> Scene:
-    """Setup 2 with 7 x 5 blocks."""
-    return setup2(**{"L": 6e-3, "H": 4e-3} | changes)
-
-
-def small_rod(**changes) -> Scene:
-    """Setup 1 with 7 x 5 blocks."""
-    return setup1(**{"L": 0.015, "H": 0.01} | changes)
-
-
-def displacements(scene: Scene, size: float, seed: int = 1) -> np.ndarray:
-    shape = (scene.N_z, 2, scene.N_x)
-    return size * scene.slider.l * np.random.default_rng(seed).standard_normal(shape)
-
-
-def neighbours(scene: Scene):
-    """Yield each pair of connected blocks once: (j, i), (j', i'), stiffness."""
-    k = scene.slider.k
-    for j in range(scene.N_z):
-        for i in range(scene.N_x):
-            for dj, di, stiff in ((0, 1, k), (1, 0, k), (1, 1, k / 2), (1, -1, k / 2)):
-                if j + dj < scene.N_z and 0 <= i + di < scene.N_x:
-                    yield (j, i), (j + dj, i + di), stiff
-
-
-def twin_forces(scene: Scene, u: np.ndarray, geometry: str) -> np.ndarray:
-    """Spring forces as the paper writes them, one bond after the other."""
-    F, l = np.zeros_like(u), scene.slider.l
-    for (j, i), (J, I), k in neighbours(scene):
-        d = np.array([(I - i) * l, (J - j) * l])
-        du = u[J, :, I] - u[j, :, i]
-        l_ij = math.hypot(*d)
-        if geometry == "linear":
-            n = d / l_ij
-            pull = k * n * (n @ du)
-        else:
-            r = math.hypot(*(d + du))
-            pull = k * (r - l_ij) * (d + du) / r
-        F[j, :, i] += pull
-        F[J, :, I] -= pull
-    return F
-
-
-# --- bonds and spring forces ---------------------------------------------------------------------
-
-
-def test_every_pair_of_neighbours_has_one_bond():
-    scene = small_scene()
-    lattice = bonds(scene)
-    N_x = scene.N_x
-    expected = {(j * N_x + i, J * N_x + I): k for (j, i), (J, I), k in neighbours(scene)}
-    found = {}
-    for a, b, d, l, k in zip(*(getattr(lattice, n) for n in "abdlk"), strict=True):
-        (J, I), (j, i) = divmod(int(b), N_x), divmod(int(a), N_x)
-        np.testing.assert_allclose(d, [(I - i) * scene.slider.l, (J - j) * scene.slider.l])
-        assert l == pytest.approx(math.hypot(*d), rel=1e-15)
-        pair = (int(a), int(b)) if (int(a), int(b)) in expected else (int(b), int(a))
-        assert pair not in found
-        found[pair] = k
-    assert found == expected
-
-
-@pytest.mark.parametrize("geometry", ["linear", "finite"])
-@pytest.mark.parametrize("scene", [small_scene(), setup2(L=2e-3, H=1e-3, h=1e-3)])
-def test_spring_forces_are_those_of_the_paper(scene, geometry):
-    u = displacements(scene, 0.1)
-    F = spring_forces(bonds(scene), u, geometry)
-    expected = twin_forces(scene, u, geometry)
-    np.testing.assert_allclose(F, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
-    assert np.abs(F.sum(axis=(0, 2))).max() < 1e-13 * np.abs(F).max()
-
-
-def test_finite_forces_keep_their_digits_at_tiny_strain():
-    """The difference to the linear geometry falls with the square of the displacements."""
-    scene = small_scene()
-    lattice, u = bonds(scene), displacements(scene, 1.0)
-    difference = []
-    for size in (1e-3, 1e-6):
-        linear, finite = (spring_forces(lattice, size * u, g) for g in ("linear", "finite"))
-        difference.append(np.abs(finite - linear).max() / size**2)
-    assert difference[1] == pytest.approx(difference[0], rel=0.01)
-
-
-@pytest.mark.parametrize("geometry", ["linear", "finite"])
-def test_stiffness_is_the_derivative_of_the_forces(geometry):
-    scene = small_scene()
-    lattice, u, du = bonds(scene), displacements(scene, 0.05), displacements(scene, 1e-5, seed=2)
-    K = spring_stiffness(lattice, u, geometry)
-    change = spring_forces(lattice, u + du, geometry) - spring_forces(lattice, u - du, geometry)
-    np.testing.assert_allclose(-(K @ du.ravel()) * 2, change.ravel(), atol=2e-9 * abs(change).max())
-    assert abs(K - K.T).max() <= 1e-15 * abs(K).max()
-
-
-@pytest.mark.parametrize("scene", [small_rod(), small_scene()], ids=["rod", "free"])
-def test_assembled_stiffness_is_that_of_the_bonds(scene):
-    lattice, T = bonds(scene), coordinates(scene)
-    u = displacements(scene, 0.05).ravel()
-    diagonal = np.arange(1.0, T.shape[1] + 1)
-    K = Assembly(lattice, T).stiffness(spring_tangents(lattice, u, "finite"), diagonal)
-    expected = (T.T @ spring_stiffness(lattice, u, "finite") @ T).toarray() + np.diag(diagonal)
-    np.testing.assert_allclose(K.toarray(), expected, rtol=0, atol=1e-14 * scene.slider.k)
-    assert abs(K - K.T).max() == 0
-
-
-def test_finite_bonds_ignore_a_rigid_rotation():
-    scene = small_scene()
-    z, x = np.mgrid[: scene.N_z, : scene.N_x] * scene.slider.l
-    c, s = math.cos(0.3), math.sin(0.3)
-    u = np.stack([c * x - s * z - x, s * x + c * z - z], axis=1)
-    scale = scene.slider.k * scene.slider.l
-    lattice = bonds(scene)
-    assert np.abs(spring_forces(lattice, u, "finite")).max() < 1e-14 * scale
-    assert np.abs(spring_forces(lattice, u, "linear")).max() > 1e-3 * scale
-    small = np.stack([-z, x], axis=1)
-    assert np.abs(spring_forces(lattice, small, "linear")).max() < 1e-14 * scale
-
-
-def test_unknown_geometry_is_refused():
-    with pytest.raises(ValueError, match="geometry"):
-        spring_forces(bonds(small_scene()), displacements(small_scene(), 0.1), "cubic")
-
 
 # --- generalised coordinates ---------------------------------------------------------------------
 
@@ -205,55 +69,6 @@ def test_damping_dissipates_eta_times_relative_velocity_squared(scene):
     uniform[:, 0] = 1.0
     if not scene.rigid:
         assert np.abs(C @ uniform.ravel()).max() < 1e-14 * scene.eta
-
-
-# --- elasticity ----------------------------------------------------------------------------------
-
-
-def test_affine_strain_gives_isotropic_plane_stress():
-    """sigma = (E B/(1 - nu^2)) (...) with nu = 1/3, E B = 4k/3, from the bonds of one cell."""
-    scene = small_scene()
-    lattice, l, k = bonds(scene), scene.slider.l, scene.slider.k
-    centre = 2 * scene.N_x + 3  # an inner block; its 8 bonds share their work with a neighbour
-    mine = (lattice.a == centre) | (lattice.b == centre)
-    assert mine.sum() == 8
-
-    def stress(strain: np.ndarray) -> np.ndarray:
-        n = lattice.d / lattice.l[:, None]
-        tension = lattice.k * lattice.l * np.einsum("bi,ij,bj->b", n, strain, n)
-        work = tension[:, None, None] * n[:, :, None] * lattice.d[:, None, :]
-        return work[mine].sum(axis=0) / 2 / l**2
-
-    EB, nu = 4 * k / 3, 1 / 3
-    for strain in (np.diag([1.0, 0.0]), np.array([[0.3, 0.7], [0.7, -0.2]])):
-        expected = EB / (1 - nu**2) * ((1 - nu) * strain + nu * np.trace(strain) * np.eye(2))
-        np.testing.assert_allclose(stress(strain), expected, rtol=1e-13, atol=1e-13 * k)
-
-
-def test_pulled_strip_has_the_modulus_and_the_poisson_ratio():
-    """A strip between rollers, far from its ends: nu = 1/3, force = strain (4k/3 (N_x-1) l + k l).
-
-    Springs on the edges have full stiffness, twice the share of a lattice cell: each of the two
-    edges adds k/2 per bond, and the lateral strain stays uniform.
-    """
-    scene = setup2(L=8e-3, H=64e-3)
-    N_x, N_z, l, k = scene.N_x, scene.N_z, scene.slider.l, scene.slider.k
-    dof = np.arange(2 * N_x * N_z).reshape(N_z, 2, N_x)
-    u = np.zeros(dof.shape)
-    u[-1, 1] = 1e-3 * l
-    given = np.zeros(dof.shape, dtype=bool)
-    given[0, 1] = given[-1, 1] = given[0, 0, N_x // 2] = True
-    K = spring_stiffness(bonds(scene)).tocsc()
-    inner, outer = dof[~given], dof[given]
-    flat = u.reshape(-1)
-    flat[inner] = spsolve(K[np.ix_(inner, inner)], -K[np.ix_(inner, outer)] @ flat[outer])
-    middle = N_z // 2
-    along = (u[middle + 1, 1] - u[middle - 1, 1]) / (2 * l)
-    across = (u[middle, 0, 1:] - u[middle, 0, :-1]) / l
-    np.testing.assert_allclose(across, -along.mean() / 3, rtol=1e-5)
-    np.testing.assert_allclose(along, along.mean(), rtol=1e-5)
-    force = (K @ flat)[dof[-1, 1]].sum()
-    assert force == pytest.approx(along.mean() * (4 * k / 3 * (N_x - 1) * l + k * l), rel=1e-5)
 
 
 # --- waves ---------------------------------------------------------------------------------------

@@ -70,8 +70,6 @@ def test_forces_stay_positive_and_static_states_go_straight():
             "from 0 s on speed and load change",
         )
     refused(lambda: pyfric.prediction_curve(both), "driver.protocol")
-    soft = driven(setup2(), STEPS).replace(d_c=1e-5)
-    refused(lambda: pyfric.simulate(soft, 1e-3, fidelity="quasistatic"), "fidelity", "weakens")
 
 
 def test_plans_follow_protocols():

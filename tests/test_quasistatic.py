@@ -587,6 +587,18 @@ def test_little_weakening_takes_many_events():
     assert np.abs(record.curve["F_T"] - exact).max() < 0.01 * scene.F_N
 
 
+def test_friction_that_weakens_over_a_length_is_refused():
+    """The message says by how much, and what follows it; next to no length is none."""
+    scene = preset("fig1", d_c=1e-6)
+    soft = scene.slider.k * 1e-6 / (0.25 * scene.F_N / scene.N_x)
+    with pytest.raises(SceneError, match=f"{soft:.3g}, more than 0.05") as caught:
+        ladder(scene, 0.1)
+    assert caught.value.field == "interface.d_c"
+    assert "'hybrid' or 'dynamic'" in str(caught.value)
+    sharp, soft = (ladder(preset("fig1", d_c=d_c), 0.2) for d_c in (0.0, 1e-8))
+    np.testing.assert_array_equal(sharp.curve["F_T"], soft.curve["F_T"])
+
+
 # --- chain ---------------------------------------------------------------------------------------
 
 
@@ -713,11 +725,13 @@ def test_ctrl_c_stops_inside_an_event():
 
 
 def test_an_event_that_does_not_settle_says_so(monkeypatch):
-    monkeypatch.setattr("pyfric.engines.quasistatic.SWEEPS", 0)
-    with pytest.raises(EquilibriumError, match="does not settle"):
-        ladder(small_rod(), 1.0)
+    monkeypatch.setattr("pyfric.engines.quasistatic.GROWTH", 0)
     with pytest.raises(EquilibriumError, match="does not end"):
         prediction_curve(small_rod())
+    run = QuasistaticRun(small_rod())
+    monkeypatch.setattr("pyfric.statics.contact.CHANGES", 0)
+    with pytest.raises(EquilibriumError, match=r"event at t = 0\.\d+ s: .* do not settle"):
+        run.advance(1.0, lambda: False, lambda *_: None)
 
 
 # --- equilibrium ---------------------------------------------------------------------------------

@@ -160,8 +160,7 @@ def test_stiffness_of_the_state_corrects_the_rates():
     solver = other.solver
     q = solver.coordinates(other.rest.u, other.rest.rod)
     corrected = other.frozen.growth_with(other.frozen.stiffer(q))
-    solver._K = solver._bond_stiffness(other.q)  # as if this were the loaded state
-    solver._factors.clear()
+    solver.linearise(other.q)  # as if this were the loaded state
     exact = Frozen(solver, other.stuck, other.dt).growth
     slow = np.argsort(np.abs(one.frozen.rates))[:6]
     for k in slow:

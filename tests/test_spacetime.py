@@ -165,6 +165,7 @@ def test_energy_release_is_the_work_that_friction_leaves(run):
     for share in np.linspace(0, 1, 11):
         held.column = given.copy()
         held.column[i] += share * (end.u_x[i] - now.u_x[i])
+        held.renew()
         state = held.values()
         forces.append(-scene.d * state.f[i] - scene.interface.mu_k * state.p[i])
     work = np.trapezoid(forces, dx=0.1) * scene.d * (end.u_x[i] - now.u_x[i])

@@ -216,18 +216,6 @@ def _cascade(scene: Callable[[], Scene], *, t_end: float) -> Observed:
     )
 
 
-def _weakened(scene: Callable[[], Scene], *, t_end: float) -> Observed:
-    """The ladder follows weakening: the force at which the first main event ends."""
-    ladder = _run(scene(), t_end, fidelity="quasistatic")
-    record = _run(scene(), t_end, fidelity="hybrid", geometry="linear")
-    ends = [
-        one.events[one.events["is_main"]]["F_T_arrest"].iloc[0] / one.scene.F_N
-        for one in (record, ladder)
-    ]
-    what = "F_T after the first main event, hybrid - ladder, over F_N"
-    return Observed("answer", what, abs(ends[0] - ends[1]), 0.03, "no inertia")
-
-
 def _at_once(scene: Callable[[], Scene]) -> Observed:
     """All blocks of a chain are pulled beyond their threshold by k_top at the same instant.
 
@@ -365,9 +353,9 @@ REGIMES: tuple[Regime, ...] = (
         partial(_noted, note="do not resolve weakening", **_linear),
     ),
     Regime(
-        "d_c > 0, ladder", partial(rod, V=2e-3, d_c=2e-6), "answer",
-        "stable slip as static states, and events without inertia",
-        partial(_weakened, t_end=0.04),
+        "d_c > 0, ladder", partial(rod, V=2e-3, d_c=2e-6), "refusal",
+        "the ladder knows slip at mu_k only",
+        partial(_refused, field="interface.d_c", fidelity="quasistatic"),
     ),
     Regime(
         "F_T pulls", partial(rod, V=0.0), "answer",

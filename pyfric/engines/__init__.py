@@ -5,8 +5,9 @@ from pyfric.engines.expected import expected_cost
 from pyfric.engines.guard import folded
 from pyfric.engines.options import OPTION_UNITS, Options, step_size
 from pyfric.engines.planner import Assumption, Plan, plan
+from pyfric.engines.prediction import prediction_curve
 from pyfric.engines.progress import Progress, jobs_bar
-from pyfric.engines.quasistatic import QuasistaticRun, prediction_curve
+from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.scout import decay_times
 from pyfric.engines.simulation import simulate
 

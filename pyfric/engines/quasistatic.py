@@ -9,10 +9,10 @@ overshoot of moving blocks, and with it a part of the length of an event.
 
 For mu_s = mu_k slip grows continuously. It is followed exactly from one change of contact state to
 the next; in between all quantities are linear. Which of the blocks at their threshold slip, and
-which stick, follows from the signs of the rates. `prediction_curve` is this case, for any scene. A
-ladder whose mu_s - mu_k is next to nothing takes the same way, because its events would be endless.
+which stick, follows from the signs of the rates. A ladder whose mu_s - mu_k is next to nothing goes
+that way, too, because its events would be endless; so does `prediction`, for any scene.
 
-Source: PRL 107, 074301 (2011), prediction of the arrest lengths with mu_s = mu_k.
+Source: PRL 107, 074301 (2011), for the model.
 """
 
 from __future__ import annotations
@@ -20,18 +20,17 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-import warnings
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from pyfric.core import CORNER_SHARE, OPEN, StateError
+from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
 from pyfric.engines.dynamic import kept_notes
 from pyfric.engines.guard import hurry_notes, strain_notes
 from pyfric.engines.pauses import longest_pause
 from pyfric.engines.progress import Progress, run_bar
-from pyfric.engines.stretches import Stretch, check_straight, stretches
+from pyfric.engines.stretches import Stretch, stretches
 from pyfric.record import (
     QUIET_COLUMNS,
     SWITCH_COLUMNS,
@@ -40,31 +39,28 @@ from pyfric.record import (
     build_catalogue,
     versions,
 )
-from pyfric.scene import SceneError, answered, at_once, check_number
+from pyfric.scene import SceneError, answered, check_number
 from pyfric.statics import (
     LEAST_DEFINITENESS,
     Contact,
     ContactProblem,
     EquilibriumError,
-    creeps,
-    one_thread_if_small,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pyfric.scene import Scene, SceneLike
+    from pyfric.scene import Scene
     from pyfric.statics import Values
 
-__all__ = ["QuasistaticRun", "prediction_curve", "simulate"]
+__all__ = ["QuasistaticRun", "simulate"]
 
 SOFTEST = 0.05
 """Largest k over the steepest fall of friction that the ladder leaves out. Start forces of the
 Fig. 1 scene then differ from those of d_c = 0 by 8e-4 F_N at most (d_c = 50 nm, 0.044); at 0.088
 it is 0.01, and fronts stop elsewhere."""
-SWEEPS = 60
-"""Most changes of contact state within one event or at one position of the driver, over N_x."""
-
+GROWTH = 60
+"""Most changes of contact state while a slipping zone grows, over N_x: a cap."""
 IDLE = 200
 """Most changes of contact state in a row at which the driver does not move."""
 
@@ -78,31 +74,29 @@ class _Log:
         self.quiet: list[tuple[Any, ...]] = []
         self.mode = np.zeros(scene.N_x, dtype=np.int32)
         self.corner = np.zeros(scene.N_x, dtype=bool)
-        self.step = 0
+        self.step, self.active = 0, False
 
     def set(self, contact: Contact, t: float, before: Values | None = None) -> None:
         """Log what differs from the last contact states; slip starts at the values before."""
-        new = np.where(contact.closed, contact.slip, OPEN).astype(np.int32)
+        new = contact.mode.astype(np.int32)
         changed = np.flatnonzero(new != self.mode)
         if not changed.size:
             return
         now = contact.values()
         before = now if before is None else before
-        was, old = self._active(), self.mode
+        was, old = self.active, self.mode
         for i in changed:
-            starts = abs(old[i]) != 1
-            u_x, _, _, p, _ = before if starts else now
-            if starts:
+            begins = abs(old[i]) != 1
+            u_x, _, _, p, _ = before if begins and abs(new[i]) == 1 else now
+            if begins:
                 self.corner[i] = p[i] < self.p_corner
             self.switch.append((self.step, i, old[i], new[i], self.corner[i], t, u_x[i], p[i]))
         self.mode = new
-        if self._active() != was:
+        self.active = bool(((np.abs(new) == 1) & ~self.corner).any())
+        if self.active != was:
             kind, mode, at = (-1, new, now) if was else (1, old, before)
             self.quiet.append((self.step, t, kind, at.F_T, at.u_x.copy(), mode))
         self.step += 1
-
-    def _active(self) -> bool:
-        return bool(((np.abs(self.mode) == 1) & ~self.corner).any())
 
     def columns(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Return both logs as columns."""
@@ -142,7 +136,7 @@ class QuasistaticRun:
         self.log = _Log(scene)
         self.log.mode[~self.contact.closed] = OPEN
         self.rows: list[tuple[float, float]] = []
-        self.events = self.releases = 0
+        self.events = 0
         self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # what is done now
         self.ending = ""  # status of a run that ends before its time
         self.notes: tuple[str, ...] = ()
@@ -197,7 +191,7 @@ class QuasistaticRun:
         contact, idle = self.contact, 0
         rounding = contact.tol / self.scene.driver.K
         while not stop():
-            drive, i, what = contact.next_change()
+            drive, i, mode = contact.next_change()
             if not contact.way * (drive - drive_end) <= 0:
                 return
             idle = idle + 1 if contact.way * (drive - contact.drive) <= rounding else 0
@@ -206,13 +200,11 @@ class QuasistaticRun:
                 raise EquilibriumError(text, np.nan, contact.tol, IDLE)
             contact.drive = drive
             self.sample()
-            if what == 0:
-                self._flip(contact, i)
-            elif what == 2:
-                contact.hold(i)
+            if mode in (OPEN, STUCK):
+                contact.change(i, mode)
                 self.log.set(contact, self.t)
             else:
-                self._event(i, what, stop)
+                self._event(i, mode, stop)
             self.sample()
             show(self.t, self.rows[-1][1], self.events)
             if self.ending:
@@ -231,8 +223,9 @@ class QuasistaticRun:
                 f"slip is continuous, at mu_s = {law.mean.mu_s:g}",
             )
         contact.law = law
-        for _ in range(SWEEPS * self.scene.N_x):
-            _settle_rates(contact)
+        for _ in range(GROWTH * self.scene.N_x):
+            for _ in contact.settle_rates():
+                pass
             self.log.set(contact, self.t)
             self.events = sum(row[2] > 0 for row in self.log.quiet)
             self.sample()
@@ -248,60 +241,32 @@ class QuasistaticRun:
                     f"{law.mean.mu_s:g}) that what comes next may not be the only solution",
                 )
                 return
-            drive, i, what = contact.next_change(reload=False)
+            drive, i, mode = contact.next_change(reload=False)
             if math.isinf(drive) or not contact.way * (drive - drive_end) <= 0:
                 return
             contact.drive = drive
-            if what == 0:
-                contact.flip(i)
-            else:
-                contact.release(i, what)
+            contact.change(i, mode)
         what = "the growth of the slipping zone does not end"
-        raise EquilibriumError(what, np.nan, contact.tol, SWEEPS * self.scene.N_x)
-
-    def _unsettled(self, changes: int) -> EquilibriumError:
-        what = f"the quasi-static event at t = {self.t:.6g} s does not settle"
-        return EquilibriumError(what, np.nan, self.contact.tol, changes)
-
-    def _flip(self, contact: Contact, i: int) -> None:
-        """Open a closed block or close an open one."""
-        contact.flip(i)
-        self.log.set(contact, self.t)
+        raise EquilibriumError(what, np.nan, contact.tol, GROWTH * self.scene.N_x)
 
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
         """Let block i slip, and all that follows at this position of the driver."""
         self.events += 1
         contact, log, t = self.contact, self.log, self.t
         now = contact.values()
-        u_x = now.u_x
         contact.release(i, direction)
         log.set(contact, t, now)
-        for _ in range(SWEEPS * self.scene.N_x):
-            if stop():
-                return
-            tol = 10 * contact.tol
-            now = contact.values()
-            wrong = contact.wrong_side(now)
-            if wrong is not None:
-                self._flip(contact, wrong)
-                continue
-            move = contact.slip * (now.u_x - u_x) * contact.k
-            j = int(np.argmin(move))
-            if move[j] < -tol:
-                contact.hold(j, u_x[j])
-                log.set(contact, t)
-                continue
-            u_x = now.u_x
-            margin = np.where(contact.stuck, contact.law.margin(now.p, now.f), np.inf)
-            j = int(np.argmin(margin))
-            if not margin[j] < -tol:
-                contact.hold_all()
-                log.set(contact, t)
-                return
-            contact.release(j, -int(np.sign(now.f[j])))
-            self.releases += 1
-            log.set(contact, t, now)
-        raise self._unsettled(SWEEPS * self.scene.N_x)
+        try:
+            for before in contact.follow(now.u_x):
+                log.set(contact, t, before)
+                if stop():
+                    return
+        except EquilibriumError as error:
+            what, *figures = error.args
+            what = f"the quasi-static event at t = {t:.6g} s: {what}"
+            raise EquilibriumError(what, *figures) from error
+        contact.hold_all()
+        log.set(contact, t)
 
     def record(self, status: str, engine: str | None = None, **columns: Any) -> Record:
         """Return what was done so far."""
@@ -314,7 +279,7 @@ class QuasistaticRun:
             scene,
             t_gap=self.t_gap,
             t_end=self.rows[-1][0],
-            solver=self.problem.solver(self.drive_0),
+            solver=self.problem,
         )
         curve = pd.DataFrame(self.rows, columns=["t", "F_T"]).assign(**columns)
         f, p = self.initial.f, self.initial.p
@@ -334,7 +299,7 @@ class QuasistaticRun:
             switches=switches,
             versions=versions(),
             timings=self.timings | {"catalogue": time.perf_counter() - start},
-            counts={"releases": self.releases, "block_evaluations": 0},
+            counts={"releases": int((np.abs(switches["new"]) == 1).sum()), "block_evaluations": 0},
             notes=(*self.notes, *warned),
             status=status,
         )
@@ -378,15 +343,10 @@ def simulate(
         raise StateError(f"initial: the {engine} engine goes on from records only")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     beyond = beyond_ladder(scene) if engine == "quasistatic" else None
-    back = any(leg.way < 0 for leg in scene.legs(math.inf))
-    if beyond and (back or scene.load_at(0.0)):
-        reason = "slip that weakens is followed while the driver goes on, under one load"
-        allowed = "'hybrid' or 'dynamic' for this scene with a protocol"
-        raise SceneError("fidelity", engine, "", allowed, reason)
-    if beyond and not creeps(scene.law):
+    if beyond:
         allowed = f"{beyond.allowed}, or fidelity = 'hybrid' or 'dynamic'"
         raise SceneError(beyond.field, beyond.value, beyond.unit, allowed, beyond.reason)
-    run = _soft(scene, t_gap) if beyond else ENGINES[engine](scene, t_gap)
+    run = ENGINES[engine](scene, t_gap)
     with run_bar(progress, scene, 0.0, t_end) as bar, answered() as stop:
 
         def show(t: float, F_T: float, events: int) -> None:
@@ -395,13 +355,6 @@ def simulate(
         done = run.advance(t_end, stop, show)
         record = run.record(run.ending or "complete" if done else "interrupted")
     return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
-
-
-def _soft(scene: Scene, t_gap: float | None) -> QuasistaticRun:
-    """Return the ladder that follows weakening."""
-    from pyfric.engines.soft import SoftLadder  # made of what is here
-
-    return SoftLadder(scene, t_gap)
 
 
 class Beyond(NamedTuple):
@@ -438,108 +391,3 @@ def beyond_ladder(scene: Scene) -> Beyond | None:
         f"its steepest fall is {soft:.3g}, more than {SOFTEST:g}"
     )
     return Beyond("interface.d_c", scene.interface.d_c, "m", "a smaller d_c", reason)
-
-
-@at_once()
-@one_thread_if_small
-def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
-    """Return the growth of the slipping zone with mu_s = mu_k, up to sliding.
-
-    The speed of the driver does not matter; t is the driver's displacement over V, or, where it
-    never moves, over 1 m/s. A protocol is followed: where the driver goes back, blocks slip back.
-
-    Args:
-        scene: the scene, the name of a preset, or the path of a scene file; its friction
-            coefficients are replaced.
-        mu: the friction coefficient; None means the scene's mu_k.
-
-    Returns:
-        A record of engine "prediction". Each row of its curve is a change of contact state: t (s),
-        F_T (N), drive (m), L_p_over_L of the blocks that have slipped or are open, from the
-        trailing edge. Its last row is where all blocks slip, where no further block would, or
-        where what follows may not be the only solution, which a note then says.
-
-    Raises:
-        SceneError: mu is not a number >= 0.
-        EquilibriumError: no equilibrium was found.
-
-    Warns:
-        RuntimeWarning: friction is so strong that the solution may not be unique.
-
-    Source: PRL 107, 074301 (2011), Fig. 2.
-
-    >>> curve = pyfric.prediction_curve(pyfric.chain()).curve
-    >>> F_T = np.interp(0.5, curve["L_p_over_L"], curve["F_T"])
-    >>> round(float(F_T / curve["F_T"].iloc[-1]), 2)  # half the interface slips at half the force
-    0.5
-    """
-    mu = scene.interface.mu_k if mu is None else check_number("mu", mu, "", ge=0.0)
-    check_straight(scene)
-    V = scene.driver.V if scene.driver.fastest or scene.load_at(0.0) else 1.0
-    scene = dataclasses.replace(
-        scene,
-        interface=dataclasses.replace(scene.interface.coulomb(), mu_s=mu, mu_k=mu),
-        driver=dataclasses.replace(scene.driver, V=V),
-    )
-    run = QuasistaticRun(scene)
-    _warn_if_ambiguous(run.contact)
-    start = time.perf_counter()
-    contact, order = run.contact, np.argsort(scene.n_of_i)
-    slipped = np.zeros(scene.N_x, dtype=bool)
-    reached: list[float] = []
-
-    def note(*_: Any) -> None:
-        nonlocal slipped
-        slipped |= contact.slip != 0
-        over = (slipped | ~contact.closed)[order]
-        length = scene.N_x if over.all() else int(np.argmin(over))
-        reached.append(length / scene.N_x)
-
-    run.sample()
-    note()
-    run.follow(math.inf, lambda: False, note)
-    run.timings["path"] = time.perf_counter() - start
-    drive = [scene.drive(t) for t, _ in run.rows]
-    return run.record("complete", "prediction", drive=drive, L_p_over_L=reached)
-
-
-def _warn_if_ambiguous(contact: Contact) -> None:
-    """Warn before slip is followed where it may not be determined."""
-    mu, found = contact.law.mean.mu_k, contact.definiteness_of_sliding()
-    if found >= LEAST_DEFINITENESS:
-        return
-    most = mu * (1 - LEAST_DEFINITENESS) / (1 - found)  # it falls linearly
-    warnings.warn(
-        f"mu = {mu:g}: the definiteness of the slip operator, all blocks slipping one way, is "
-        f"{found:.3g} (at least {LEAST_DEFINITENESS:g}), so that the solution may not be the only "
-        f"one; the curve ends where that shows. It is unique up to mu = {most:.3g}",
-        RuntimeWarning,
-        stacklevel=3,
-    )
-
-
-def _settle_rates(contact: Contact) -> None:
-    """Decide which of the blocks at their threshold slip as the driver goes on.
-
-    A slipping block that would turn back sticks; a stuck one at its threshold that would exceed it
-    slips. One block at a time, the worst first; the first one in order after many changes. A block
-    that just landed carries nothing yet: the rate of f, not its rounding, says which way it slips.
-    """
-    N_x = contact.N_x
-    for sweep in range(SWEEPS * N_x):
-        now, rate = contact.values(), contact.rates()
-        rounding = 1e3 * contact.tol
-        back = -contact.slip * rate.u_x * contact.k
-        at = contact.stuck & (contact.law.margin(now.p, now.f) <= rounding)
-        way = np.sign(np.where(np.abs(now.f) > rounding, now.f, rate.f))
-        over = np.where(at, way * rate.f - contact.law.hold(rate.p), 0.0)
-        worst = np.maximum(back, over)
-        small = 100 * contact.small_rate(rate)
-        if not worst.max() > small:
-            return
-        i = int(np.argmax(worst > small if sweep > 4 * N_x else worst))
-        if contact.slip[i]:
-            contact.hold(i)
-        else:
-            contact.release(i, -int(way[i]))
-    raise EquilibriumError("stick and slip do not settle", np.nan, contact.tol, SWEEPS * N_x)

@@ -2,17 +2,14 @@
 
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.blas import one_thread, one_thread_if_small
-from pyfric.statics.complementarity import Contact, ContactProblem, Route, Values
+from pyfric.statics.complementarity import Contact, ContactProblem, Route
+from pyfric.statics.condensation import LARGE
+from pyfric.statics.contact import Values
 from pyfric.statics.creep import Change, Creep, Forces, Point, creeps
-from pyfric.statics.equilibrium import LARGE, StaticSolver, loaded_state, solve_static
-from pyfric.statics.operators import (
-    bonds,
-    damping,
-    dispersion,
-    mass,
-    spring_stiffness,
-    stiffness,
-)
+from pyfric.statics.equilibrium import StaticSolver, loaded_state, solve_static
+from pyfric.statics.lattice import bonds, spring_stiffness
+from pyfric.statics.memory import Memory
+from pyfric.statics.operators import damping, dispersion, mass, stiffness
 from pyfric.statics.rest import Equilibrium, EquilibriumError, check_rests
 from pyfric.statics.stability import stability_limit
 from pyfric.statics.uniqueness import LIMIT as LEAST_DEFINITENESS
@@ -28,6 +25,7 @@ __all__ = [
     "Equilibrium",
     "EquilibriumError",
     "Forces",
+    "Memory",
     "Point",
     "Route",
     "StaticSolver",

@@ -1,17 +1,11 @@
-"""Contact of the interface as one complementarity problem: stuck, slip +, slip -, open.
-
-A block is in exactly one of these states (d is the slider's, sigma a block's direction):
-
-    stuck   u_x held,                 |f| <= mu_s p,  p >= 0
-    slip    f = -sigma mu_k p,        sigma du_x >= 0, p >= 0
-    open    p = f = 0,                u_z >= 0
+"""Contact on the condensed interface: a table of all unknowns, whose columns are exchanged.
 
 `ContactProblem` holds the condensed slider of one scene. A `Contact` gives u_x, f, u_z and F_T as
 affine functions of the held u_x and of the driver, in a table whose columns are exchanged when a
 block is released or held. That is a rank-one change: following an event costs microseconds each.
 
-Source: PRL 107, 074301 (2011), friction law; tables with exchanged columns are the pivots of linear
-complementarity (R. W. Cottle, J.-S. Pang, R. E. Stone, The Linear Complementarity Problem, 1992).
+Source: tables with exchanged columns are the pivots of linear complementarity (R. W. Cottle, J.-S.
+Pang, R. E. Stone, The Linear Complementarity Problem, 1992).
 """
 
 from __future__ import annotations
@@ -23,35 +17,27 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dposv
 
+from pyfric.core import OPEN, STUCK
 from pyfric.scene import FRICTIONLESS, of
 from pyfric.statics.condensation import condense
-from pyfric.statics.equilibrium import loaded_state
+from pyfric.statics.contact import CONTACT_TOL, ROUNDING, Interface, Unmet, Values, with_free
+from pyfric.statics.memory import Memory
 from pyfric.statics.rest import EquilibriumError, check_rests
 from pyfric.statics.uniqueness import definiteness, is_definite
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from pyfric.scene import Scene
 
-__all__ = ["Contact", "ContactProblem", "Route", "Statics", "Values"]
+__all__ = ["Contact", "ContactProblem", "Route", "Static"]
 
-CONTACT_TOL = 1e-11
-"""Violations of contact or friction conditions below this many F_N/N_x are rounding."""
-ROUNDING = 2.0**-48
-"""Errors of forces, over stiffness times displacement."""
 RATE_TOL = 1e-11
 """Rates of forces below this share of stiffness times rate of displacement are rounding."""
 LEAST = 1e-6
 """A block with less load than this many F_N/N_x does not stick."""
-
-
-class Values(NamedTuple):
-    """The interface at one position of the driver; arrays have shape (N_x,)."""
-
-    u_x: np.ndarray
-    f: np.ndarray
-    u_z: np.ndarray
-    p: np.ndarray
-    F_T: float
+BASES = 64
+"""Tables with all blocks held that are kept, one for each set of open blocks."""
 
 
 class Route(NamedTuple):
@@ -66,17 +52,36 @@ class Route(NamedTuple):
     gain: tuple[float, float] = (0.0, 0.0)
 
 
+class Static(NamedTuple):
+    """A static state of the interface; arrays of shape (N_x,), in N."""
+
+    F_T: float
+    tau: np.ndarray
+    p: np.ndarray
+
+
 class ContactProblem:
-    """The condensed slider of one scene and its contact with the substrate (linear geometry)."""
+    """The condensed slider of one scene and its contact with the substrate (linear geometry).
+
+    Args:
+        scene: the scene.
+
+    Raises:
+        SceneError: the scene has no static states.
+        EquilibriumError: a part of the slider is not supported.
+    """
 
     def __init__(self, scene: Scene) -> None:
         check_rests(scene)
         self.scene = scene
         self.slider = condense(scene)
         self.unit = scene.F_N / scene.N_x
-        self._bases: dict[bytes, np.ndarray] = {}
-        s = self.slider
-        self._columns, self._F_T = np.column_stack([s.g_1, s.g_0]), (s.c_2, s.c_1)
+        self._of_outside(*self.slider.outside)
+
+    def _of_outside(self, forces: np.ndarray, F_T: np.ndarray) -> None:
+        """Take what the driver's metre and the loads do to the interface, (2 N_x, 2), and F_T."""
+        self._columns, self._F_T = forces, F_T
+        self._bases: Memory[np.ndarray] = Memory(BASES)
 
     @functools.cached_property
     def _of_loads(self) -> tuple[np.ndarray, np.ndarray]:
@@ -88,23 +93,26 @@ class ContactProblem:
         """Return the problem whose "drive" is s on a route."""
         s, (forces, F_T), other = self.slider, self._of_loads, copy.copy(self)
         load, gain = np.array(route.load), np.array(route.gain)
-        other._bases = {}
-        other._columns = np.column_stack(
-            [route.way * s.g_1 + forces @ gain, route.drive * s.g_1 + forces @ load]
+        other._of_outside(
+            np.column_stack(
+                [route.way * s.g_1 + forces @ gain, route.drive * s.g_1 + forces @ load]
+            ),
+            np.array([route.way * s.c_2 + F_T @ gain, route.drive * s.c_2 + F_T @ load]),
         )
-        other._F_T = route.way * s.c_2 + F_T @ gain, route.drive * s.c_2 + F_T @ load
+        return other
+
+    def undriven(self) -> ContactProblem:
+        """Return the problem without the driver: wherever the slider goes, F_T = 0."""
+        other = copy.copy(self)
+        other.slider = self.slider.undriven()
+        other._of_outside(*other.slider.outside)
         return other
 
     def base(self, closed: np.ndarray) -> np.ndarray:
         """Return the table with all u_x held: rows u_x, f, u_z, F_T; columns u_x, drive, 1."""
-        key = closed.tobytes()
-        if key not in self._bases:
-            while len(self._bases) >= 64:
-                del self._bases[next(iter(self._bases))]
-            self._bases[key] = self._new_base(closed)
-        return self._bases[key]
+        return self._bases.get(closed.tobytes(), lambda: self._base(closed))
 
-    def _new_base(self, closed: np.ndarray) -> np.ndarray:
+    def _base(self, closed: np.ndarray) -> np.ndarray:
         s, N_x = self.slider, self.scene.N_x
         x, z = slice(0, N_x), slice(N_x, 2 * N_x)
         A = s.S[z, z].copy()
@@ -125,40 +133,32 @@ class ContactProblem:
         table[-1, N_x:] += self._F_T
         return table
 
+    def applied(self) -> Contact:
+        """Return the state to which F_N alone leads, without the driver; blocks may have slipped.
+
+        Raises:
+            EquilibriumError: there is none.
+        """
+        home = np.zeros(self.scene.N_x)
+        contact = Contact(self.undriven(), home, 0.0, home == 0, driven=False)
+        contact.load(home)
+        return contact
+
     def loaded(self) -> Contact:
-        """Return the loaded state with F_T = 0: all blocks are held where they are.
+        """Return the loaded state, with all blocks held that are not open, and F_T = 0.
 
         Raises:
             EquilibriumError: the scene has no loaded equilibrium.
         """
-        scene = self.scene
-        contact = Contact(self, np.zeros(scene.N_x), 0.0, np.ones(scene.N_x, dtype=bool))
+        applied = self.applied()
+        contact = Contact(self, applied.values().u_x, 0.0, applied.closed)
         contact.drive = -contact.values().F_T / contact.rates().F_T
-        now = contact.values()
-        if (contact.law.margin(now.p, now.f) >= 0).all():
-            return contact
-        # Blocks slip or lift off while F_N is applied.
-        rest = loaded_state(scene)
-        return Contact(self, rest.u[0, 0], scene.d * rest.u_drv0, ~rest.open)
+        return contact
 
-    def solver(self, drive_0: float) -> Statics:
-        """Return static states for `pyfric.record.catalogue`; the driver counts from drive_0."""
-        return Statics(self, drive_0)
-
-
-class Static(NamedTuple):
-    """A static state of the interface; arrays of shape (N_x,), in N."""
-
-    F_T: float
-    tau: np.ndarray
-    p: np.ndarray
-
-
-class Statics:
-    """Static states with the interface held, as `pyfric.StaticSolver` gives them."""
-
-    def __init__(self, problem: ContactProblem, drive_0: float) -> None:
-        self.problem, self.drive_0 = problem, drive_0
+    @functools.cached_property
+    def drive_0(self) -> float:
+        """Position of the driver in the loaded state, in m."""
+        return self.loaded().drive
 
     def solve(
         self,
@@ -168,85 +168,90 @@ class Statics:
         free: np.ndarray,
         load: tuple[float, float] | None = None,
     ) -> Static:
-        """Return the equilibrium with u_x held except where free (open).
+        """Return the equilibrium with the interface held: see `pyfric.StaticSolver.solve`."""
+        contact = self.held(u_x_bottom, self.drive_0 + drive, free, load)
+        now = contact.values()
+        return Static(now.F_T, -self.scene.d * now.f, now.p)
 
-        `load` is F_N and T (N) where they are not those at t = 0.
+    def held(
+        self,
+        u_x: np.ndarray,
+        drive: float,
+        free: np.ndarray,
+        load: tuple[float, float] | None = None,
+    ) -> Contact:
+        """Return the state of rest with blocks held at u_x except where free (no friction).
 
-        Free blocks that touch the foundation have no friction. Held ones that lift off are freed;
-        where they come down again, they are held again, unless they lift off a second time.
+        Args:
+            u_x: where blocks are held, shape (N_x,), in m; not used where free.
+            drive: position of the driver, in m.
+            free: blocks without friction, shape (N_x,), bool.
+            load: F_N and T, in N; None means those at t = 0.
 
         Raises:
-            EquilibriumError: the set of open blocks does not settle.
+            EquilibriumError: the contact states do not settle, or nothing carries the slider.
         """
-        given = np.where(free, 0.0, u_x_bottom)
-        problem = self.problem if load is None else self.problem.along(Route(0.0, 1.0, load))
-        contact = Contact(problem, given, self.drive_0 + drive, ~free)
+        problem = self if load is None else self.along(Route(0.0, 1.0, load))
+        u_x = np.where(free, 0.0, u_x)
+        contact = Contact(problem, u_x, drive, np.ones(len(u_x), dtype=bool))
         contact.law = FRICTIONLESS
-        loose, lifted = free.copy(), np.zeros_like(free)
-        for _ in range(8 * contact.N_x + 20):
-            now = contact.values()
-            i = contact.wrong_side(now)
-            if i is None:
-                return Static(now.F_T, -self.problem.scene.d * now.f, now.p)
-            closed = contact.closed.copy()
-            closed[i] ^= True
-            if not closed[i] and not loose[i]:
-                loose[i], lifted[i] = lifted[i], True
-            contact.closed, contact.slip = closed, (closed & loose).astype(np.int8)
-            contact.column[:-2] = given
-            contact.renew()
-        raise EquilibriumError("the set of open blocks does not settle", np.nan, contact.tol, 0)
+        contact.enter(slice(None), with_free(self.scene, contact.closed, free))
+        contact.renew()
+        contact.hold_at(u_x, free)
+        return contact
 
 
-class Contact:
-    """Contact states of all blocks, and the table that goes with them.
+class Contact(Interface):
+    """Contact states of all blocks, and the table that goes with them; see `Interface`.
+
+    Args:
+        problem: the condensed slider.
+        u_x: where closed blocks are held, shape (N_x,), in m.
+        drive: position of the driver, in m.
+        closed: blocks that touch the foundation, shape (N_x,), bool; the others are open.
+        driven: whether the driver's spring holds the slider.
 
     Attributes:
-        slip: direction of the blocks that slip, 0 elsewhere, shape (N_x,), int8.
-        closed: blocks that touch the foundation, shape (N_x,), bool.
-        drive: position of the driver, in m.
         way: +1 where the driver goes on, -1 where it goes back; rates are per path of it.
-        law: the friction law; slipping blocks have left weakening behind.
-        tol: violations of contact or friction conditions below it are rounding, in N.
+        free: blocks that slip or are open, as the table has them, shape (N_x,), bool.
     """
 
     def __init__(
-        self, problem: ContactProblem, u_x: np.ndarray, drive: float, closed: np.ndarray
+        self,
+        problem: ContactProblem,
+        u_x: np.ndarray,
+        drive: float,
+        closed: np.ndarray,
+        *,
+        driven: bool = True,
     ) -> None:
-        self.problem, scene = problem, problem.scene
-        self.N_x, self.k_f = scene.N_x, scene.k_f
-        self.law = scene.law
-        self.k, self.K, self.least = scene.slider.k, scene.driver.K, LEAST * problem.unit
-        self.way = 1
-        self.slip = np.zeros(self.N_x, dtype=np.int8)
-        self.closed = np.array(closed, dtype=bool)
-        self.free = np.zeros(self.N_x, dtype=bool)
+        scene = problem.scene
+        super().__init__(scene, np.where(closed, STUCK, OPEN), scene.law, driven=driven)
+        self.problem, self.K, self.least = problem, scene.driver.K, LEAST * problem.unit
+        self.way, self._now = 1, None
         self.column = np.concatenate([u_x, [drive, 1.0]])
         self.renew()
 
     @property
+    def tol(self) -> float:
+        """Violations of conditions below it are rounding, in N."""
+        return self._tol
+
+    @property
     def drive(self) -> float:
+        """Position of the driver, in m."""
         return float(self.column[-2])
 
     @drive.setter
     def drive(self, value: float) -> None:
-        self.column[-2] = value
+        self.column[-2], self._now = value, None
 
     def along(self, problem: ContactProblem, s: float) -> None:
         """Go on along another route, from s (m) on, where the same is outside as here."""
         self.problem, self.drive = problem, s
         self.renew()
 
-    @property
-    def stuck(self) -> np.ndarray:
-        """Blocks that are closed and held, shape (N_x,), bool."""
-        return ~self.free
-
-    def wrong_side(self, now: Values) -> int | None:
-        """Return the block that is deepest on the wrong side of the foundation, None for none."""
-        depth = np.where(self.closed, self.k_f * now.u_z, -np.minimum(self.k, self.k_f) * now.u_z)
-        i = int(np.argmax(depth))
-        return i if depth[i] > self.tol else None
+    # --- the path of the driver ------------------------------------------------------------------
 
     def next_change(self, *, reload: bool = True) -> tuple[float, int, int]:
         """Return where the next contact state changes as the driver goes its way.
@@ -258,20 +263,19 @@ class Contact:
                 again. Without it, it slips on as others do.
 
         Returns:
-            drive (inf or -inf for nowhere), the block, and what it does: +1 or -1 slips that way,
-            0 opens or closes, 2 has load again and sticks.
+            drive (inf or -inf for nowhere), the block, and the state that it goes to.
         """
         now, rate, stuck = self.values(), self.rates(), self.stuck
         closed, small = self.closed, self.small_rate(rate)
-        best = np.inf, 0, 0
+        best = np.inf, 0, STUCK
         margins, rates = self.law.margins(now.p, now.f), self.law.margins(rate.p, rate.f)
         light = closed & ~stuck & (now.p <= 2 * self.least) & reload
-        for what, margin, slope, which in (
+        for mode, margin, slope, which in (
             (+1, margins[0], rates[0], stuck),
             (-1, margins[1], rates[1], stuck),
-            (0, now.p, rate.p, closed),
-            (0, self.k * now.u_z, self.k * rate.u_z, ~closed),
-            (2, 2 * self.least - now.p, -rate.p, light),
+            (OPEN, now.p, rate.p, closed),
+            (STUCK, self.k * now.u_z, self.k * rate.u_z, ~closed),
+            (STUCK, 2 * self.least - now.p, -rate.p, light),
         ):
             falls = which & (slope < -small)
             if falls.any():
@@ -280,13 +284,36 @@ class Contact:
                 i = int(np.argmin(ahead))
                 there = self.way * self.drive + float(ahead[i])
                 if there < best[0]:
-                    best = there, i, what
+                    best = there, i, mode
         return self.way * best[0], best[1], best[2]
 
     def small_rate(self, rate: Values) -> float:
         """Return the rate of a force that may be nothing but rounding, in N/m."""
         moves = float(np.abs(rate.u_x).max())
         return RATE_TOL * (self.k * moves + min(self.k, self.K))
+
+    def settle_rates(self) -> Iterator[Values]:
+        """Decide which of the blocks at their threshold slip as the driver goes on; see `exchange`.
+
+        A slipping block that would turn back sticks; a stuck one at its threshold that would exceed
+        it slips. A block that just landed carries nothing yet: the rate of f, not its rounding,
+        says which way it slips.
+        """
+
+        def unmet(now: Values) -> Unmet | None:
+            rate, slip = self.rates(), self.slip
+            rounding = 1e3 * self.tol
+            back = -slip * rate.u_x * self.k
+            at = self.stuck & (self.law.margin(now.p, now.f) <= rounding)
+            way = np.sign(np.where(np.abs(now.f) > rounding, now.f, rate.f))
+            over = np.where(at, way * rate.f - self.law.hold(rate.p), 0.0)
+            worst, small = np.maximum(back, over), 100 * self.small_rate(rate)
+            mode = np.where(slip != 0, STUCK, -way).astype(np.int8)
+            return Unmet(worst, small, mode, now.u_x) if worst.max() > small else None
+
+        return self.exchange(unmet)
+
+    # --- whether a state is the only one ---------------------------------------------------------
 
     def slip_operator(self, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the forces against slip per displacement: with friction, and without it, in N/m.
@@ -318,36 +345,46 @@ class Contact:
         one_way = self.closed.astype(np.int8)
         return min(definiteness(*self.slip_operator(way)) for way in (one_way, -one_way))
 
-    def _exchange(self, i: int) -> None:
-        """Free a held block, on which the force is then given, or hold a free one where it is."""
-        table, column, N_x = self.table, self.column, self.N_x
-        if self.free[i]:
-            row = table[i].copy()
-            value = row @ column
-        else:
-            friction = self.slip[i] * of(self.law.slide(self.k_f), i)
-            row = table[N_x + i] - friction * table[2 * N_x + i]
-            value = 0.0
-        pivot = row[i]
-        row /= -pivot
-        row[i] = 1.0 / pivot
-        factor = table[:, i].copy()
-        table[:, i] = 0.0
-        table += np.outer(factor, row)
-        column[i] = value
-        self.free[i] = not self.free[i]
+    # --- pivots ----------------------------------------------------------------------------------
+
+    def put(self, which: np.ndarray, mode: np.ndarray, u_x: np.ndarray) -> None:
+        """Put blocks into states, each of shape (n,); those that stick are held at u_x (m)."""
+        if (self.mode[which] == OPEN).any() or (mode == OPEN).any():
+            self.column[: self.N_x] = self.table[: self.N_x] @ self.column
+            self.enter(which, mode)
+            self.column[which] = u_x
+            self.renew()
+            return
+        for n in np.argsort(mode != STUCK, kind="stable"):  # first what then holds the slider
+            i = which[n]
+            if mode[n] != STUCK:
+                self.release(i, mode[n])
+            elif self.free[i]:
+                self.hold(i, u_x[n])
 
     def release(self, i: int, direction: int) -> None:
         """Let a stuck block slip."""
-        self.slip[i] = direction
-        self._exchange(i)
+        friction = direction * of(self.law.slide(self.k_f), i)
+        self._exchange(i, self.table[self.N_x + i] - friction * self.table[2 * self.N_x + i])
+        self.column[i], self.free[i] = 0.0, True
+        self.enter(i, direction)
 
     def hold(self, i: int, u_x: float | None = None) -> None:
         """Hold a slipping block, where it is or at u_x."""
-        self._exchange(i)
-        self.slip[i] = 0
-        if u_x is not None:
-            self.column[i] = u_x
+        here = self.table[i] @ self.column
+        self._exchange(i, self.table[i].copy())
+        self.column[i], self.free[i] = here if u_x is None else u_x, False
+        self.enter(i, STUCK)
+
+    def _exchange(self, i: int, row: np.ndarray) -> None:
+        """Exchange column i, by which all is given, with what a row gives."""
+        pivot = row[i]
+        row /= -pivot
+        row[i] = 1.0 / pivot
+        factor = self.table[:, i].copy()
+        self.table[:, i] = 0.0
+        self.table += np.multiply.outer(factor, row)
+        self._now = None
 
     def hold_all(self) -> None:
         """Hold all slipping blocks where they are; the table starts afresh.
@@ -357,22 +394,8 @@ class Contact:
         """
         now = self.values()
         self.column[: self.N_x] = now.u_x
-        self.slip[now.p > self.least] = 0
+        self.enter(self.closed & (now.p > self.least), STUCK)
         self.renew()
-
-    def set_closed(self, closed: np.ndarray) -> None:
-        """Open and close blocks; blocks that close are held where they are, others stay."""
-        u_x = self.table[: self.N_x] @ self.column
-        self.closed = closed.copy()
-        self.slip[~closed] = 0
-        self.column[: self.N_x] = u_x
-        self.renew()
-
-    def flip(self, i: int) -> None:
-        """Open a closed block or close an open one."""
-        closed = self.closed.copy()
-        closed[i] ^= True
-        self.set_closed(closed)
 
     def renew(self) -> None:
         """Start from the table with all blocks held, and free those that are not stuck at once."""
@@ -380,9 +403,10 @@ class Contact:
         largest = max(
             self.k * np.abs(self.column[:N_x]).max(), min(self.k, self.K) * abs(self.drive)
         )
-        self.tol = CONTACT_TOL * self.problem.unit + ROUNDING * float(largest)
-        self.table = table = self.problem.base(self.closed).copy()
-        self.free = (self.slip != 0) | ~self.closed
+        self._tol = CONTACT_TOL * self.unit + ROUNDING * float(largest)
+        self.table, self._now = self.problem.base(self.closed).copy(), None
+        table = self.table
+        self.free = ~self.stuck
         free = np.flatnonzero(self.free)
         if not free.size:
             return
@@ -402,7 +426,9 @@ class Contact:
 
     def values(self) -> Values:
         """Return the interface at the present position of the driver."""
-        return self._values_of(self.table @ self.column)
+        if self._now is None:
+            self._now = self._values_of(self.table @ self.column)
+        return self._now
 
     def rates(self) -> Values:
         """Return the derivatives of `values` by the path of the driver."""

@@ -1,0 +1,104 @@
+"""The prediction curve: growth of the slipping zone with mu_s = mu_k, up to sliding.
+
+Source: PRL 107, 074301 (2011), prediction of the arrest lengths with mu_s = mu_k.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pyfric.engines.quasistatic import QuasistaticRun
+from pyfric.engines.stretches import check_straight
+from pyfric.scene import at_once, check_number
+from pyfric.statics import LEAST_DEFINITENESS, one_thread_if_small
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+    from pyfric.scene import SceneLike
+    from pyfric.statics import Contact
+
+__all__ = ["prediction_curve"]
+
+
+@at_once()
+@one_thread_if_small
+def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
+    """Return the growth of the slipping zone with mu_s = mu_k, up to sliding.
+
+    The speed of the driver does not matter; t is the driver's displacement over V, or, where it
+    never moves, over 1 m/s. A protocol is followed: where the driver goes back, blocks slip back.
+
+    Args:
+        scene: the scene, the name of a preset, or the path of a scene file; its friction
+            coefficients are replaced.
+        mu: the friction coefficient; None means the scene's mu_k.
+
+    Returns:
+        A record of engine "prediction". Each row of its curve is a change of contact state: t (s),
+        F_T (N), drive (m), L_p_over_L of the blocks that have slipped or are open, from the
+        trailing edge. Its last row is where all blocks slip, where no further block would, or
+        where what follows may not be the only solution, which a note then says.
+
+    Raises:
+        SceneError: mu is not a number >= 0.
+        EquilibriumError: no equilibrium was found.
+
+    Warns:
+        RuntimeWarning: friction is so strong that the solution may not be unique.
+
+    Source: PRL 107, 074301 (2011), Fig. 2.
+
+    >>> curve = pyfric.prediction_curve(pyfric.chain()).curve
+    >>> F_T = np.interp(0.5, curve["L_p_over_L"], curve["F_T"])
+    >>> round(float(F_T / curve["F_T"].iloc[-1]), 2)  # half the interface slips at half the force
+    0.5
+    """
+    mu = scene.interface.mu_k if mu is None else check_number("mu", mu, "", ge=0.0)
+    check_straight(scene)
+    V = scene.driver.V if scene.driver.fastest or scene.load_at(0.0) else 1.0
+    scene = dataclasses.replace(
+        scene,
+        interface=dataclasses.replace(scene.interface.coulomb(), mu_s=mu, mu_k=mu),
+        driver=dataclasses.replace(scene.driver, V=V),
+    )
+    run = QuasistaticRun(scene)
+    _warn_if_ambiguous(run.contact)
+    start = time.perf_counter()
+    contact, order = run.contact, np.argsort(scene.n_of_i)
+    slipped = np.zeros(scene.N_x, dtype=bool)
+    reached: list[float] = []
+
+    def note(*_: Any) -> None:
+        nonlocal slipped
+        slipped |= contact.slip != 0
+        over = (slipped | ~contact.closed)[order]
+        length = scene.N_x if over.all() else int(np.argmin(over))
+        reached.append(length / scene.N_x)
+
+    run.sample()
+    note()
+    run.follow(math.inf, lambda: False, note)
+    run.timings["path"] = time.perf_counter() - start
+    drive = [scene.drive(t) for t, _ in run.rows]
+    return run.record("complete", "prediction", drive=drive, L_p_over_L=reached)
+
+
+def _warn_if_ambiguous(contact: Contact) -> None:
+    """Warn before slip is followed where it may not be determined."""
+    mu, found = contact.law.mean.mu_k, contact.definiteness_of_sliding()
+    if found >= LEAST_DEFINITENESS:
+        return
+    most = mu * (1 - LEAST_DEFINITENESS) / (1 - found)  # it falls linearly
+    warnings.warn(
+        f"mu = {mu:g}: the definiteness of the slip operator, all blocks slipping one way, is "
+        f"{found:.3g} (at least {LEAST_DEFINITENESS:g}), so that the solution may not be the only "
+        f"one; the curve ends where that shows. It is unique up to mu = {most:.3g}",
+        RuntimeWarning,
+        stacklevel=3,
+    )

@@ -1,0 +1,246 @@
+"""The lattice as a list of bonds, and what follows from it: forces, tangents, matrices.
+
+Displacements of all blocks are one vector u_full with index (2 j + c) N_x + i (row j, component
+c = 0 for x and 1 for z, column i): the order of an array u[j, c, i]. A bond from block a to b sees
+du = u_b - u_a. Another lattice is another list.
+
+Source: PRL 107, 074301 (2011), model section.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+
+from pyfric.scene import Geometry, check_geometry
+
+if TYPE_CHECKING:
+    from pyfric.scene import Scene
+
+__all__ = [
+    "DIRECTIONS",
+    "Assembly",
+    "Bonds",
+    "bonds",
+    "spring_forces",
+    "spring_stiffness",
+    "spring_tangents",
+]
+
+DIRECTIONS = ((1, 0, 1.0), (0, 1, 1.0), (1, 1, 0.5), (1, -1, 0.5))
+"""Bonds of a block of the square lattice, each once: columns and rows to its neighbour, k in k."""
+
+
+@dataclass(frozen=True)
+class Bonds:
+    """All bonds of a lattice, each once.
+
+    Bonds over a mirrored side or top lead to an image, which has the u_x of block b and the
+    opposite of its u_z. Two of them are alike, so one stands for both, and of a bond that is its
+    own image one half counts.
+
+    Attributes:
+        a, b: flat indices j N_x + i of the two blocks, shape (n,), int.
+        d: reference vector from a to b, shape (n, 2), in m.
+        l: reference length |d|, shape (n,), in m.
+        k: stiffness, shape (n,), in N/m.
+        shape: (N_z, N_x).
+        image: bonds that lead to an image, shape (n,), bool.
+        share: what of each dashpot counts, shape (n,): 1, or 1/2, or 1/4.
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    d: np.ndarray
+    l: np.ndarray
+    k: np.ndarray
+    shape: tuple[int, int]
+    image: np.ndarray
+    share: np.ndarray
+
+    @functools.cached_property
+    def difference(self) -> tuple[sp.csr_array, sp.csr_array]:
+        """D_x, D_z with D_c u_full = u_c(b) - u_c(a), each of shape (n, 2 N_x N_z).
+
+        For an image D_z u_full = -u_z(b) - u_z(a).
+        """
+        N_x, n = self.shape[1], len(self.a)
+        away, shown = -np.ones(n), (np.ones(n), np.where(self.image, -1.0, 1.0))
+        rows, block = np.tile(np.arange(n), 2), np.concatenate([self.a, self.b])
+        x, size = block // N_x * 2 * N_x + block % N_x, (n, 2 * self.shape[0] * N_x)
+        return tuple(
+            sp.csr_array((np.concatenate([away, shown[c]]), (rows, x + c * N_x)), shape=size)
+            for c in (0, 1)
+        )
+
+    @functools.cached_property
+    def gather(self) -> tuple[sp.csr_array, sp.csr_array]:
+        """Transposes of `difference`: bond forces to forces on the blocks, with the sign of a."""
+        return tuple((-D.T).tocsr() for D in self.difference)
+
+
+def bonds(scene: Scene) -> Bonds:
+    """Return the bonds of the square lattice: four neighbours at l, four at sqrt(2) l.
+
+    Source: PRL 107, 074301 (2011); springs on the edges have full stiffness.
+    """
+    N_x, N_z = scene.N_x, scene.N_z
+    index = np.arange(N_x * N_z).reshape(N_z, N_x)
+    inside = [
+        (
+            index[max(-dz, 0) : N_z - max(dz, 0), : N_x - dx].ravel(),
+            index[max(dz, 0) : N_z - max(-dz, 0), dx:].ravel(),
+            (dx, dz, factor),
+        )
+        for dx, dz, factor in DIRECTIONS
+    ]
+    pairs = inside + _over_walls(scene, index)
+    size = [len(a) for a, *_ in pairs]
+    a, b = (np.concatenate(ends) for ends in list(zip(*pairs, strict=True))[:2])
+    dx, dz, factor = np.repeat(np.array([one[2] for one in pairs]), size, axis=0).T
+    image = np.arange(len(a)) >= sum(size[: len(inside)])
+    share = np.where(image & (a == b), 0.5, 1.0)
+    if scene.prescribed:  # half blocks
+        share[(a < N_x) & (b < N_x) & (dz == 0)] /= 2
+    d, l = scene.slider.l * np.column_stack([dx, dz]), scene.slider.l * np.hypot(dx, dz)
+    return Bonds(a, b, d, l, factor * scene.slider.k * share, (N_z, N_x), image, share)
+
+
+def _over_walls(
+    scene: Scene, index: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray, tuple[float, float, float]]]:
+    """Return blocks a and b, direction and stiffness of bonds over mirrored sides and top."""
+    sides = {"left": (index[:, 0], (-1, 0)), "right": (index[:, -1], (1, 0))}
+    sides["top"] = index[-1], (0, 1)
+    found = []
+    for name, (row, (dx, dz)) in sides.items():
+        if getattr(scene.walls, name) == "mirrored":
+            found.append((row, row, (dx, dz, 1.0)))
+            found.append((row[:-1], row[1:], (dx + abs(dz), dz + abs(dx), 0.5)))
+    return found
+
+
+def _stretch(lattice: Bonds, u_full: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return D = d + du as (D_x, D_z), r = |D| and r - l = (2 d.du + |du|^2)/(r + l)."""
+    D_x, D_z = lattice.difference
+    du_x, du_z = D_x @ u_full, D_z @ u_full
+    d_x, d_z = lattice.d.T
+    X, Z = d_x + du_x, d_z + du_z
+    r = np.sqrt(X * X + Z * Z)
+    e = (du_x * (d_x + X) + du_z * (d_z + Z)) / (r + lattice.l)
+    return X, Z, r, e
+
+
+def spring_forces(lattice: Bonds, u: np.ndarray, geometry: Geometry = "linear") -> np.ndarray:
+    """Return the forces of all springs on the blocks.
+
+    Args:
+        lattice: from `bonds`.
+        u: displacements, shape (N_z, 2, N_x) or flat, in m.
+        geometry: "linear", k n (n.du), or "finite", k (r - l) D/r with D = d + du, r = |D|.
+
+    Returns:
+        Forces in N, in the shape of u.
+
+    Raises:
+        ValueError: unknown geometry.
+
+    Source: PRL 107, 074301 (2011), force k_ij (r_ij - l_ij) dx_ij / r_ij.
+    """
+    check_geometry(geometry)
+    flat = u.reshape(-1)
+    if geometry == "linear":
+        D_x, D_z = lattice.difference
+        X, Z = lattice.d.T
+        tension = lattice.k * (X * (D_x @ flat) + Z * (D_z @ flat)) / lattice.l**2
+    else:
+        X, Z, r, e = _stretch(lattice, flat)
+        tension = lattice.k * e / r
+    gather_x, gather_z = lattice.gather
+    return (gather_x @ (tension * X) + gather_z @ (tension * Z)).reshape(u.shape)
+
+
+def spring_tangents(
+    lattice: Bonds, u: np.ndarray | None = None, geometry: Geometry = "linear"
+) -> np.ndarray:
+    """Return the entries xx, xz and zz of the stiffness of each bond, shape (3, n_bonds), in N/m.
+
+    k n n^T, or k ((r - l)/r I + l D D^T/r^3) in finite geometry.
+
+    Args:
+        lattice: from `bonds`.
+        u: displacements at which the finite geometry is linearised, in m; None means 0.
+        geometry: "linear" or "finite".
+
+    Raises:
+        ValueError: unknown geometry.
+    """
+    check_geometry(geometry)
+    X, Z = lattice.d.T
+    r, isotropic = lattice.l, 0.0
+    if geometry == "finite" and u is not None:
+        X, Z, r, e = _stretch(lattice, u.reshape(-1))
+        isotropic = lattice.k * e / r
+    along = lattice.k * lattice.l / r**3
+    return np.array([along * X * X + isotropic, along * X * Z, along * Z * Z + isotropic])
+
+
+class Assembly:
+    """Matrices in coordinates, K = E' B E, with 2 x 2 matrices of bonds.
+
+    E takes coordinates to their differences over the bonds, x and then z, and to themselves; B
+    holds the matrices of the bonds, and what holds each coordinate to the ground.
+
+    Args:
+        lattice: the bonds.
+        T: displacements of all blocks by coordinates, sparse, shape (2 N_x N_z, n_q); None means
+            that they are the coordinates.
+
+    Attributes:
+        differences: du_x and then du_z over each bond by coordinates, shape (2 n_bonds, n_q).
+    """
+
+    def __init__(self, lattice: Bonds, T: sp.csr_array | None = None) -> None:
+        parts = [D if T is None else D @ T for D in lattice.difference]
+        self.differences = sp.vstack(parts).tocsr()
+        n, n_q = len(lattice.a), self.differences.shape[1]
+        self._E = sp.vstack([self.differences, sp.eye_array(n_q)]).tocsr()
+        self._E.eliminate_zeros()
+        self._E_transposed = self._E.T.tocsr()
+        i, ground = np.arange(n, dtype=np.int32), np.arange(n_q + 1, dtype=np.int32)
+        self._columns = np.append(np.tile([i, i + n], 2).ravel("F"), 2 * n + ground[:-1])
+        self._rows = np.concatenate([2 * i, 2 * (i + n), 4 * n + ground])
+
+    def matrix(self, of_bonds: np.ndarray, ground: np.ndarray | float = 0.0) -> sp.csr_array:
+        """Return a matrix, shape (n_q, n_q).
+
+        Args:
+            of_bonds: entries xx, xz and zz for each bond, shape (3, n_bonds).
+            ground: what holds each coordinate, shape (n_q,).
+        """
+        xx, xz, zz = of_bonds
+        n_q = self._E.shape[1]
+        entries = np.column_stack([np.append(xx, xz), np.append(xz, zz)]).ravel()
+        entries = np.append(entries, np.broadcast_to(ground, n_q))
+        size = (self._E.shape[0],) * 2
+        B = sp.csr_array((entries, self._columns, self._rows), shape=size)
+        K = self._E_transposed @ (B @ self._E)
+        K.sort_indices()
+        return K
+
+
+def spring_stiffness(
+    lattice: Bonds, u: np.ndarray | None = None, geometry: Geometry = "linear"
+) -> sp.csr_array:
+    """Return the derivative of minus `spring_forces` with respect to u_full.
+
+    Arguments and errors are those of `spring_tangents`.
+
+    Returns:
+        Symmetric sparse matrix, shape (2 N_x N_z, 2 N_x N_z), in N/m.
+    """
+    return Assembly(lattice).matrix(spring_tangents(lattice, u, geometry))

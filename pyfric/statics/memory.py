@@ -1,0 +1,41 @@
+"""What takes long is made once: a bounded memory, from which the longest unused goes first."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Hashable
+
+__all__ = ["Memory"]
+
+T = TypeVar("T")
+
+
+class Memory(Generic[T]):
+    """Things by key, at most `room` of them.
+
+    Args:
+        room: how many are kept, at least 1.
+    """
+
+    def __init__(self, room: int) -> None:
+        self.room = room
+        self._kept: dict[Hashable, T] = {}
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    def get(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return what is kept for a key, or make it; room is made before that."""
+        if key in self._kept:
+            self._kept[key] = self._kept.pop(key)
+        else:
+            while len(self._kept) >= self.room:
+                del self._kept[next(iter(self._kept))]
+            self._kept[key] = make()
+        return self._kept[key]
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._kept.clear()

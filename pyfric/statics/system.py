@@ -1,0 +1,291 @@
+"""The slider in coordinates: forces, tangents, and their factors.
+
+Coordinates q are the displacements of all blocks, row by row from the interface upward, and X, Z
+and phi of a rod in place of the top row (`operators`). The first 2 N_x are u_x and u_z of the
+bottom row: a rod has rows below.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import functools
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import SuperLU, splu
+
+from pyfric import core
+from pyfric.core import OPEN, STUCK
+from pyfric.statics.banded import BandedCholesky
+from pyfric.statics.condensation import LARGE
+from pyfric.statics.lattice import Assembly, bonds, spring_forces, spring_stiffness, spring_tangents
+from pyfric.statics.memory import Memory
+from pyfric.statics.operators import coordinates, driven_dof, ground
+from pyfric.statics.rest import EquilibriumError
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from pyfric.scene import Geometry, Scene
+    from pyfric.statics.contact import Interface
+
+__all__ = ["System"]
+
+KEPT = 12
+"""Factors that are kept; on large lattices, one."""
+
+
+class System:
+    """The slider of one scene in coordinates, with any contact states.
+
+    Args:
+        scene: the scene.
+        geometry: "linear" or "finite".
+
+    Attributes:
+        u_drv0: u_x of the driven block at drive = 0 and F_T = 0, in m.
+    """
+
+    def __init__(self, scene: Scene, geometry: Geometry) -> None:
+        self.scene, self.geometry, self.u_drv0 = scene, geometry, 0.0
+        N_x, N_z = scene.N_x, scene.N_z
+        self._lattice, self._T = bonds(scene), coordinates(scene)
+        self._assembly = Assembly(self._lattice, self._T)
+        self._springs = functools.partial(spring_forces, self._lattice)
+        if geometry == "finite":
+            self._springs = core.bond_forces(scene, geometry)
+        self._T_transposed = self._T.T.tocsr()
+        self._on_rod = self._T_transposed[-3:, -2 * N_x :]
+        self._load, self._loads = np.zeros(2 * N_x * N_z), None
+        self._load[-2 * N_x :] = np.concatenate([scene.shear, -scene.load])
+        self._F_N = scene.F_N
+        self._top = slice(2 * N_x * (N_z - 1), 2 * N_x * (N_z - 1) + N_x)  # u_x of the top row
+        self._h = driven_dof(scene)
+        self._x, self._z = slice(0, N_x), slice(N_x, 2 * N_x)
+        # phi times arm is the displacement of the end of the rod, a torque over arm a force there.
+        self.arm = np.ones(self._T.shape[1])
+        # A translation along the interface.
+        rows, n = np.zeros((N_z, 2, N_x)), len(self.arm)
+        rows[:, 0] = 1.0
+        self.along = rows.reshape(-1)[:n]
+        if scene.rigid:
+            self.arm[-1] = scene.slider.L / 2
+            self.along[-3:] = 1.0, 0.0, 0.0
+        self._stiffest = max(12 * scene.slider.k, np.max(scene.k_f), scene.driver.K, scene.k_top)
+        self._factors: Memory[BandedCholesky | SuperLU] = Memory(1 if n > LARGE else KEPT)
+        self.linearise(np.zeros(n))
+
+    def linearise(self, q: np.ndarray) -> None:
+        """Take the tangent at q for all factors from here on."""
+        self._tangents = self.bond_tangents(q)
+        self._factors.clear()
+
+    def under(self, load: tuple[float, float] | None) -> Self:
+        """Return the same solver under another F_N and T (N) than at t = 0."""
+        if load is None:
+            return self
+        scene, other = self.scene, copy.copy(self)
+        other.__dict__.pop("load", None)
+        other._loads, (other._F_N, T) = load, load
+        other._load = self._load * (other._F_N / scene.F_N)
+        if not scene.rigid:
+            other._load[self._top] = scene.d * T / scene.N_x
+        return other
+
+    # --- coordinates -----------------------------------------------------------------------------
+
+    def coordinates(self, u: np.ndarray, rod: np.ndarray) -> np.ndarray:
+        """Return q, shape (n_q,), of u, shape (N_z, 2, N_x), and rod, shape (3,); rates alike."""
+        q = np.zeros(len(self.arm))
+        n = len(q) - 3 if self.scene.rigid else len(q)
+        q[:n] = u.reshape(-1)[:n]
+        q[n:] = rod[: len(q) - n]
+        return q
+
+    def displacements(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return u, shape (N_z, 2, N_x), and rod, shape (3,), of q, top row by the rod."""
+        u = self._spread(q).reshape(self.scene.N_z, 2, self.scene.N_x)
+        return u, q[-3:].copy() if self.scene.rigid else np.zeros(3)
+
+    def _spread(self, q: np.ndarray) -> np.ndarray:
+        """Return the displacements of all blocks, the same as T q without a sparse product."""
+        scene = self.scene
+        if not scene.rigid:
+            return np.append(q, np.zeros(len(self._load) - len(q)))  # a held row does not move
+        top = np.full(scene.N_x, q[-3]), q[-2] + q[-1] * scene.x
+        return np.concatenate([q[:-3], *top])
+
+    def rounding(self, q: np.ndarray) -> float:
+        """Return the size of rounding errors in forces at q, in N."""
+        return 2.0**-52 * self._stiffest * float(np.max(np.abs(q * self.arm)))
+
+    # --- forces ----------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def load(self) -> np.ndarray:
+        """Forces on the coordinates that do not depend on the state, shape (n_q,), in N."""
+        load = self._T_transposed @ self._load
+        if self.scene.rigid:
+            load[-2] -= self._F_N
+        return load
+
+    @functools.cached_property
+    def driven_row(self) -> np.ndarray:
+        """Derivatives of u_x of the driven block by the coordinates, shape (n_q,)."""
+        return self._T[[self._h]].toarray()[0]
+
+    @functools.cached_property
+    def push(self) -> np.ndarray:
+        """Forces on the coordinates for each metre of the driver, K d dq_h/dq, (n_q,), in N/m."""
+        return self.scene.driver.K * self.scene.d * self.driven_row
+
+    def forces(
+        self, q: np.ndarray, contact: Interface, drive: float | None
+    ) -> tuple[np.ndarray, float]:
+        """Return the forces on the coordinates, without friction of stuck blocks, and F_T, in N.
+
+        drive = None means that there is no driver spring.
+        """
+        scene, x, z = self.scene, self._x, self._z
+        u = self._spread(q)
+        force = self._springs(u) + self._load
+        if scene.k_top:
+            force[self._top] -= scene.k_top * u[self._top]
+        p = -scene.k_f * u[z] * contact.closed
+        force[z] += p
+        force[x] -= contact.slip * contact.law.slide(p)
+        F_T = 0.0
+        if drive is not None:
+            F_T = scene.driver_force(drive, u[self._h], self.u_drv0)
+            force[self._h] += scene.d * F_T
+        if scene.rigid:
+            force = np.append(force[: len(q) - 3], self._on_rod @ force[-2 * scene.N_x :])
+            force[-2] -= self._F_N
+            force[-1] -= scene.kappa * q[-1]
+        return force[: len(q)], F_T
+
+    # --- tangents --------------------------------------------------------------------------------
+
+    def bond_tangents(self, q: np.ndarray) -> np.ndarray:
+        """Return the stiffnesses xx, xz and zz of each bond at q, shape (3, n_bonds), in N/m."""
+        return spring_tangents(self._lattice, self._spread(q), self.geometry)
+
+    @functools.cached_property
+    def _gather(self) -> sp.csr_array:
+        return self._assembly.differences.T.tocsr()
+
+    def elongations(self, shapes: np.ndarray) -> list[np.ndarray]:
+        """Return du_x and du_z over each bond, shape (n_bonds, n), of shapes (n_q, n)."""
+        return np.split(self._assembly.differences @ shapes, 2)
+
+    def largest_turn(self, q: np.ndarray) -> float:
+        """Return how far the ends of a bond have come apart or turned at most, over l."""
+        return float(max(np.abs(one).max() for one in self.elongations(q))) / self.scene.slider.l
+
+    def stiffened(self, shape: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
+        """Return the forces of a shape, (n_q,), where bonds are stiffer as in `bond_tangents`."""
+        (x, z), (xx, xz, zz) = self.elongations(shape), stiffer
+        return self._gather @ np.concatenate([xx * x + xz * z, xz * x + zz * z])
+
+    @functools.cached_property
+    def _K(self) -> sp.csr_array:
+        """The stiffness of all bonds in linear geometry, where it is the same everywhere."""
+        return (self._T.T @ spring_stiffness(self._lattice) @ self._T).tocsr()
+
+    def stiffness(self, of_bonds: np.ndarray, mode: np.ndarray, *, driven: bool) -> sp.csr_array:
+        """Return the stiffness of bonds and of what holds them, shape (n_q, n_q), in N/m.
+
+        Args:
+            of_bonds: from `bond_tangents`.
+            mode: contact states, shape (N_x,).
+            driven: whether the driver's spring is attached.
+        """
+        held = ground(self.scene, self._T, mode != OPEN, driver=driven)
+        if self.geometry == "linear":
+            return (self._K + sp.diags_array(held)).tocsr()
+        return self._assembly.matrix(of_bonds, held)
+
+    def tangent(
+        self, stuck: np.ndarray, at: np.ndarray | None = None
+    ) -> tuple[sp.csr_array, BandedCholesky | SuperLU, np.ndarray]:
+        """Return the tangent stiffness with foundation and driver.
+
+        Args:
+            stuck: blocks that are closed and held, shape (N_x,), bool; the others are open.
+            at: coordinates of the state, shape (n_q,); None means the loaded one.
+
+        Returns:
+            K, shape (n_q, n_q), in N/m; its factorisation for the free coordinates; their indices.
+
+        Raises:
+            EquilibriumError: all blocks are open.
+        """
+        mode = np.where(stuck, STUCK, OPEN).astype(np.int8)
+        if not stuck.any():  # singular: rounding would decide whether it can be factorised
+            what = "the slider is not supported: all blocks are open"
+            raise EquilibriumError(what, np.nan, 0.0, 0)
+        tangents = self._tangents if at is None else self.bond_tangents(at)
+        K = self.stiffness(tangents, mode, driven=True)
+        factor = self._factorised(K, mode) if at is not None else self.factor(mode, driven=True)
+        return K, factor, self.unknown(mode)
+
+    def factor(
+        self, mode: np.ndarray, *, driven: bool, friction: np.ndarray | float = 0.0
+    ) -> BandedCholesky | SuperLU:
+        """Return the factors of the tangent that was taken last, for the coordinates not held.
+
+        Args:
+            mode: contact states, shape (N_x,).
+            driven: whether the driver's spring is attached.
+            friction: of slipping blocks over u_z, with its sign, shape (N_x,), in N/m.
+        """
+
+        def make() -> BandedCholesky | SuperLU:
+            K = self.stiffness(self._tangents, mode, driven=driven)
+            return self._factorised(K, mode, friction)
+
+        return self._factors.get((driven, mode.tobytes()), make)
+
+    def factor_at(
+        self, q: np.ndarray, mode: np.ndarray, *, driven: bool, friction: np.ndarray | float = 0.0
+    ) -> BandedCholesky | SuperLU:
+        """Return the same for the tangent at q."""
+        K = self.stiffness(self.bond_tangents(q), mode, driven=driven)
+        return self._factorised(K, mode, friction)
+
+    def unknown(self, mode: np.ndarray) -> np.ndarray:
+        """Return the indices of the coordinates that are not held."""
+        unknown = np.ones(len(self.arm), dtype=bool)
+        unknown[self._x] = mode != STUCK
+        return np.flatnonzero(unknown)
+
+    def _factorised(
+        self, K: sp.csr_array, mode: np.ndarray, friction: np.ndarray | float = 0.0
+    ) -> BandedCholesky | SuperLU:
+        """Factorise K, supported, with friction, for the coordinates not held."""
+        N_x, unknown, rubs = self.scene.N_x, self.unknown(mode), np.any(friction)
+        if rubs:  # it couples u_x to u_z, N_x columns to the right
+            coupling = np.zeros(K.shape[0] - N_x)
+            coupling[self._x] = friction
+            K = (K + sp.diags_array(coupling, offsets=N_x)).tocsr()
+        try:
+            if not rubs:
+                with contextlib.suppress(np.linalg.LinAlgError):  # not positive definite
+                    return BandedCholesky(K, unknown, *self.banded(unknown))
+            options = {} if rubs else {"SymmetricMode": True}
+            return splu(K[unknown][:, unknown].tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
+        except RuntimeError as error:
+            raise EquilibriumError("the slider is not supported", np.nan, 0.0, 0) from error
+        except MemoryError as error:
+            what = f"not enough memory to factorise {len(unknown)} unknowns"
+            raise EquilibriumError(what, np.nan, 0.0, 0) from error
+
+    def banded(self, unknown: np.ndarray) -> tuple[np.ndarray, int]:
+        """Return the order of unknowns that makes the narrowest band, rod last; size of the rod."""
+        scene, n_rod = self.scene, 3 if self.scene.rigid else 0
+        row, i = np.divmod(unknown[: len(unknown) - n_rod], scene.N_x)
+        tall = scene.N_z > scene.N_x
+        order = np.argsort(unknown[: len(unknown) - n_rod] if tall else i * (2 * scene.N_z) + row)
+        return np.append(order, np.arange(len(order), len(unknown))), n_rod

@@ -1,0 +1,52 @@
+"""Where slip loses stability before the events of a record, and over which length."""
+
+import numpy as np
+import pytest
+from test_creep import D_C, SLOPE, links, settled, stiffness
+from test_creeping import rod, run
+
+import pyfric
+from pyfric.record import analysis
+from pyfric.scene import SceneError
+
+
+def test_nucleation_is_where_the_slipping_part_is_no_longer_stable():
+    """An eigenvalue of springs less weakening, by NumPy, passes zero within one more block."""
+    scene = links(5, K=5e6, V=1e-2)
+    record = run(scene, 9e-3, "hybrid")
+    one = analysis.nucleations(record).iloc[0]
+    assert one["length"] == pytest.approx(one["n_blocks"] * scene.slider.l)
+    first = record.switches["t"] <= record.events["t_stop"].iloc[0]
+    slips = int(one["n_blocks"])
+    order = list(record.switches["block"][first][:slips])
+    assert order == list(range(slips))
+    A, start = stiffness(scene), np.zeros(6)
+    push = np.zeros(6)
+    push[0] = scene.driver.K * scene.driver.V * one["t"] * (1 - 1e-6)
+    u = settled(A, push, np.zeros(6), start)
+    A -= SLOPE * np.diag((u < D_C) * 1.0)
+    assert np.linalg.eigvalsh(A[: slips - 1, : slips - 1])[0] > 0
+    assert np.linalg.eigvalsh(A[:slips, :slips])[0] < 1e-3 * SLOPE
+
+
+def test_events_name_their_length_of_nucleation(tmp_path):
+    """Kept in files; none where the driver holds."""
+    scene = rod(V=1e-2)
+    record = run(scene, 8.2e-3, "hybrid")
+    found, table = record.events["nucleation_length"], analysis.nucleations(record)
+    np.testing.assert_array_equal(found[table["event"]], table["length"])
+    assert found.iloc[0] >= scene.slider.l
+    record.save(tmp_path / "run.nc")
+    assert pyfric.Record.load(tmp_path / "run.nc") == record
+    t = float(record.events["t_start"].iloc[0])
+    held = scene.replace({"driver.protocol": ((t + 1e-5, 1e-2), (t + 1e-5, 0.0))})
+    held = run(held, t + 2e-4, "hybrid")
+    assert np.isnan(held.events["nucleation_length"]).all()
+    sharp = pyfric.simulate(scene.replace(d_c=0.0), 5e-3, fidelity="quasistatic")
+    assert "nucleation_length" not in sharp.events
+
+
+def test_nucleation_is_refused_without_weakening():
+    record = pyfric.simulate(links(5, d_c=0.0), 1e-4, fidelity="quasistatic", progress=False)
+    with pytest.raises(SceneError, match=r"interface\.d_c"):
+        analysis.nucleations(record)

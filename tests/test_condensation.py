@@ -9,7 +9,7 @@ from scipy.sparse.linalg import spsolve
 
 from pyfric.scene import Scene, chain, preset, setup1, setup2
 from pyfric.statics import EquilibriumError, StaticSolver, stiffness
-from pyfric.statics.condensation import condense
+from pyfric.statics.condensation import Condensed, condense
 from pyfric.statics.operators import coordinates, driven_dof
 
 
@@ -57,6 +57,15 @@ def full(scene: Scene, v: np.ndarray, X: float) -> tuple[np.ndarray, float]:
     return (K @ q - load)[:b], F_T
 
 
+def outside(X: float) -> np.ndarray:
+    """The driver at X, loads as at t = 0."""
+    return np.array([X, 1.0, 0.0, 0.0])
+
+
+def force(slider: Condensed, v: np.ndarray, X: float) -> float:
+    return float(slider.c @ outside(X) - slider.G[:, 0] @ v)
+
+
 def states(scene: Scene, seed: int):
     """Random interfaces and drivers, of the size F_N gives them."""
     rng, N_x = np.random.default_rng(seed), scene.N_x
@@ -73,9 +82,9 @@ def test_forces_are_those_of_the_full_matrix(scene):
         forces, F_T = full(scene, v, X)
         pull = scene.driver.K * max(abs(X), np.abs(v).max())
         scale = max(np.abs(forces).max(), scene.F_N / scene.N_x)
-        here = slider.S @ v - slider.g_0 - slider.g_1 * X
+        here = slider.S @ v - slider.G @ outside(X)
         np.testing.assert_allclose(here, forces, rtol=0, atol=1e-12 * max(scale, pull))
-        assert slider.F_T(v, X) == pytest.approx(F_T, rel=0, abs=1e-12 * max(scale, pull))
+        assert force(slider, v, X) == pytest.approx(F_T, rel=0, abs=1e-12 * max(scale, pull))
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=name)
@@ -89,22 +98,22 @@ def test_the_potential_is_symmetric(scene):
     X = scene.F_N / stiff
     at_X, F_X = full(scene, zero, X)
     accuracy = 1e-10 * max(stiff, scene.driver.K)
-    np.testing.assert_allclose(slider.g_1, (at_0 - at_X) / X, rtol=0, atol=accuracy)
-    assert slider.c_2 == pytest.approx((F_X - F_0) / X, abs=accuracy)
+    np.testing.assert_allclose(slider.G[:, 0], (at_0 - at_X) / X, rtol=0, atol=accuracy)
+    assert slider.c[0] == pytest.approx((F_X - F_0) / X, abs=accuracy)
     for i in (0, N_x - 1, N_x, 2 * N_x - 1):
         v = zero.copy()
         v[i] = X
         change = (full(scene, v, 0.0)[1] - F_0) / X
-        assert -slider.g_1[i] == pytest.approx(change, abs=accuracy)
+        assert -slider.G[:, 0][i] == pytest.approx(change, abs=accuracy)
 
     def U(v, X):
-        quadratic = v @ slider.S @ v / 2 + slider.c_2 * X**2 / 2
-        return quadratic - v @ (slider.g_0 + slider.g_1 * X) + slider.c_1 * X
+        quadratic = v @ slider.S @ v / 2 + slider.c[0] * X**2 / 2
+        return quadratic - v @ slider.G @ outside(X) + slider.c[1] * X
 
     v, X = next(s for s in states(scene, 2) if s[1])
     slope = (U(v, X * 1.5) - U(v, X * 0.5)) / X  # exact: U is quadratic
-    size = max(abs(slider.F_T(v, X)), scene.driver.K * abs(X), scene.F_N)
-    assert slope == pytest.approx(slider.F_T(v, X), abs=1e-9 * size)
+    size = max(abs(force(slider, v, X)), scene.driver.K * abs(X), scene.F_N)
+    assert slope == pytest.approx(force(slider, v, X), abs=1e-9 * size)
 
 
 @pytest.mark.parametrize("scene", [*ROWS, *FLAT, small_chain(), chain()], ids=name)
@@ -117,10 +126,10 @@ def test_states_are_those_of_the_static_solver(scene):
         state = solver.solve(u_x, drive)
         v = np.concatenate(state.u[0])
         X = drive + scene.d * state.u_drv0
-        forces = slider.S @ v - slider.g_0 - slider.g_1 * X
+        forces = slider.S @ v - slider.G @ outside(X)
         scale = 1e-12 * scene.F_N
         np.testing.assert_allclose(forces, [*state.f, *state.p], rtol=0, atol=scale)
-        assert slider.F_T(v, X) == pytest.approx(state.F_T, rel=0, abs=scale)
+        assert force(slider, v, X) == pytest.approx(state.F_T, rel=0, abs=scale)
 
 
 @pytest.mark.parametrize("name", ["fig1", "setup2+"])
@@ -129,17 +138,43 @@ def test_the_papers_lattices(name):
     slider = condense(scene)
     v, X = list(states(scene, 4))[1]
     forces, F_T = full(scene, v, X)
-    here = slider.S @ v - slider.g_0 - slider.g_1 * X
+    here = slider.S @ v - slider.G @ outside(X)
     np.testing.assert_allclose(here, forces, rtol=0, atol=1e-12 * np.abs(forces).max())
-    assert slider.F_T(v, X) == pytest.approx(F_T, rel=1e-11)
+    assert force(slider, v, X) == pytest.approx(F_T, rel=1e-11)
 
 
 def test_doubling_all_forces_doubles_all_loads():
     one, two = condense(small_rod(F_N=1750.0)), condense(small_rod(F_N=3500.0))
     np.testing.assert_array_equal(one.S, two.S)
-    np.testing.assert_array_equal(one.g_1, two.g_1)
-    np.testing.assert_array_equal(2 * one.g_0, two.g_0)
-    assert 2 * one.c_1 == two.c_1
+    np.testing.assert_array_equal(one.G[:, 0], two.G[:, 0])
+    np.testing.assert_array_equal(2 * one.G[:, 1], two.G[:, 1])
+    assert 2 * one.c[1] == two.c[1]
+
+
+@pytest.mark.parametrize(
+    "scene", [small_rod(), small_free(theta=0.4).replace({"top.T": 7.0})], ids=name
+)
+def test_loads_at_the_start_are_those_of_F_N_and_T(scene):
+    slider, T = condense(scene), getattr(scene.top, "T", 0.0)
+    by_loads = np.array([0.0, 0.0, scene.F_N, T])
+    scale = np.abs(slider.G[:, 1]).max()
+    np.testing.assert_allclose(slider.G @ by_loads, slider.G[:, 1], rtol=0, atol=1e-13 * scale)
+    assert slider.c @ by_loads == pytest.approx(slider.c[1], rel=1e-12)
+
+
+@pytest.mark.parametrize("scene", [small_rod(h=0.01), small_free(K=1e9), small_chain()], ids=name)
+def test_without_the_driver_no_force_moves_it(scene):
+    """The driver is where F_T = 0: the interface then carries what it does without it."""
+    slider = condense(scene)
+    free = slider.undriven()
+    for v, _ in states(scene, 5):
+        X = (slider.G[:, 0] @ v - slider.c[1]) / slider.c[0]
+        expected, F_T = full(scene, v, X)
+        scale = max(np.abs(expected).max(), scene.F_N / scene.N_x)
+        assert F_T == pytest.approx(0, abs=1e-9 * scale)
+        forces = free.S @ v - free.G @ outside(0.0)
+        np.testing.assert_allclose(forces, expected, rtol=0, atol=1e-9 * scale)
+    assert not free.c.any()
 
 
 def test_a_slider_without_support_is_refused(monkeypatch):

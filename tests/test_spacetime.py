@@ -159,7 +159,7 @@ def test_energy_release_is_the_work_that_friction_leaves(run):
     contact, i = _before(record, event), int(np.argsort(scene.n_of_i)[0])
     given = contact.column.copy()
     now = contact.values()
-    contact.release(i, scene.d)
+    contact.change(i, scene.d)
     end, work, forces = contact.values(), 0.0, []
     held = _before(record, event)
     for share in np.linspace(0, 1, 11):

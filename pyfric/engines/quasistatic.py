@@ -254,7 +254,7 @@ class QuasistaticRun:
         self.events += 1
         contact, log, t = self.contact, self.log, self.t
         now = contact.values()
-        contact.release(i, direction)
+        contact.change(i, direction)
         log.set(contact, t, now)
         try:
             for before in contact.follow(now.u_x):

@@ -56,7 +56,7 @@ def energy_release(record: Record, event: int) -> pd.DataFrame:
         if contact.free[i]:
             continue
         now = contact.values()
-        contact.release(i, scene.d)
+        contact.change(i, scene.d)
         excess = -scene.d * now.f[i] - law.slide(now.p)[i]
         G[n] = excess * scene.d * (contact.values().u_x[i] - now.u_x[i]) / 2
         Gamma[n] = law.fracture_energy(now.p)[i]

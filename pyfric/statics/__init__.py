@@ -5,7 +5,7 @@ from pyfric.statics.blas import one_thread, one_thread_if_small
 from pyfric.statics.complementarity import Contact, ContactProblem, Route
 from pyfric.statics.condensation import LARGE
 from pyfric.statics.contact import Values
-from pyfric.statics.creep import Change, Creep, Forces, Point, creeps
+from pyfric.statics.creep import Change, Creep, Point, creeps
 from pyfric.statics.equilibrium import StaticSolver, loaded_state, solve_static
 from pyfric.statics.lattice import bonds, spring_stiffness
 from pyfric.statics.memory import Memory
@@ -24,7 +24,6 @@ __all__ = [
     "Creep",
     "Equilibrium",
     "EquilibriumError",
-    "Forces",
     "Memory",
     "Point",
     "Route",

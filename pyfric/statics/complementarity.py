@@ -73,39 +73,26 @@ class ContactProblem:
 
     def __init__(self, scene: Scene) -> None:
         check_rests(scene)
-        self.scene = scene
-        self.slider = condense(scene)
+        self.scene, self.slider = scene, condense(scene)
         self.unit = scene.F_N / scene.N_x
-        self._of_outside(*self.slider.outside)
+        self._look(np.eye(4, 2))
 
-    def _of_outside(self, forces: np.ndarray, F_T: np.ndarray) -> None:
-        """Take what the driver's metre and the loads do to the interface, (2 N_x, 2), and F_T."""
-        self._columns, self._F_T = forces, F_T
+    def _look(self, outside: np.ndarray) -> None:
+        """Take what is outside, w of `condensation`, by s and 1, shape (4, 2)."""
+        self._loads, self._F_T = self.slider.G @ outside, self.slider.c @ outside
         self._bases: Memory[np.ndarray] = Memory(BASES)
-
-    @functools.cached_property
-    def _of_loads(self) -> tuple[np.ndarray, np.ndarray]:
-        """What F_N = 1 N and T = 1 N do: forces on the interface, (2 N_x, 2), and F_T, (2,)."""
-        ones = [condense(self.scene, load) for load in ((1.0, 0.0), (0.0, 1.0))]
-        return np.column_stack([one.g_0 for one in ones]), np.array([one.c_1 for one in ones])
 
     def along(self, route: Route) -> ContactProblem:
         """Return the problem whose "drive" is s on a route."""
-        s, (forces, F_T), other = self.slider, self._of_loads, copy.copy(self)
-        load, gain = np.array(route.load), np.array(route.gain)
-        other._of_outside(
-            np.column_stack(
-                [route.way * s.g_1 + forces @ gain, route.drive * s.g_1 + forces @ load]
-            ),
-            np.array([route.way * s.c_2 + F_T @ gain, route.drive * s.c_2 + F_T @ load]),
-        )
+        other, (F_N, T), (F_N_gain, T_gain) = copy.copy(self), route.load, route.gain
+        other._look(np.array([[route.way, route.drive], [0.0, 0.0], [F_N_gain, F_N], [T_gain, T]]))
         return other
 
     def undriven(self) -> ContactProblem:
         """Return the problem without the driver: wherever the slider goes, F_T = 0."""
         other = copy.copy(self)
         other.slider = self.slider.undriven()
-        other._of_outside(*other.slider.outside)
+        other._look(np.eye(4, 2))
         return other
 
     def base(self, closed: np.ndarray) -> np.ndarray:
@@ -113,23 +100,22 @@ class ContactProblem:
         return self._bases.get(closed.tobytes(), lambda: self._base(closed))
 
     def _base(self, closed: np.ndarray) -> np.ndarray:
-        s, N_x = self.slider, self.scene.N_x
+        S, drive, N_x = self.slider.S, self.slider.G[:, 0], self.scene.N_x
         x, z = slice(0, N_x), slice(N_x, 2 * N_x)
-        A = s.S[z, z].copy()
+        A = S[z, z].copy()
         A[np.diag_indices(N_x)] += self.scene.k_f * closed
-        load = self._columns
         table = np.zeros((3 * N_x + 1, N_x + 2))
         table[:N_x, :N_x] = np.eye(N_x)
-        _, u_z, failed = dposv(A, np.column_stack([-s.S[z, x], load[z]]))
+        _, u_z, failed = dposv(A, np.column_stack([-S[z, x], self._loads[z]]))
         if failed:
             raise EquilibriumError("the slider is not supported", np.nan, 0.0, 0)
         table[2 * N_x : 3 * N_x] = u_z
         f = table[N_x : 2 * N_x]
-        f[:] = s.S[x, z] @ u_z
-        f[:, :N_x] += s.S[x, x]
-        f[:, N_x:] -= load[x]
-        table[-1] = -s.g_1[z] @ u_z
-        table[-1, :N_x] -= s.g_1[x]
+        f[:] = S[x, z] @ u_z
+        f[:, :N_x] += S[x, x]
+        f[:, N_x:] -= self._loads[x]
+        table[-1] = -drive[z] @ u_z
+        table[-1, :N_x] -= drive[x]
         table[-1, N_x:] += self._F_T
         return table
 
@@ -349,42 +335,32 @@ class Contact(Interface):
 
     def put(self, which: np.ndarray, mode: np.ndarray, u_x: np.ndarray) -> None:
         """Put blocks into states, each of shape (n,); those that stick are held at u_x (m)."""
-        if (self.mode[which] == OPEN).any() or (mode == OPEN).any():
+        opens = (self.mode[which] == OPEN) | (mode == OPEN)
+        if opens.any():
             self.column[: self.N_x] = self.table[: self.N_x] @ self.column
             self.enter(which, mode)
             self.column[which] = u_x
             self.renew()
             return
         for n in np.argsort(mode != STUCK, kind="stable"):  # first what then holds the slider
-            i = which[n]
-            if mode[n] != STUCK:
-                self.release(i, mode[n])
-            elif self.free[i]:
-                self.hold(i, u_x[n])
+            if self.free[which[n]] == (mode[n] == STUCK):
+                self._exchange(which[n], mode[n], u_x[n])
 
-    def release(self, i: int, direction: int) -> None:
-        """Let a stuck block slip."""
-        friction = direction * of(self.law.slide(self.k_f), i)
-        self._exchange(i, self.table[self.N_x + i] - friction * self.table[2 * self.N_x + i])
-        self.column[i], self.free[i] = 0.0, True
-        self.enter(i, direction)
-
-    def hold(self, i: int, u_x: float | None = None) -> None:
-        """Hold a slipping block, where it is or at u_x."""
-        here = self.table[i] @ self.column
-        self._exchange(i, self.table[i].copy())
-        self.column[i], self.free[i] = here if u_x is None else u_x, False
-        self.enter(i, STUCK)
-
-    def _exchange(self, i: int, row: np.ndarray) -> None:
-        """Exchange column i, by which all is given, with what a row gives."""
+    def _exchange(self, i: int, mode: int, u_x: float) -> None:
+        """Let a stuck block slip, or hold one at u_x (m): exchange its column and row."""
+        table, N_x, sticks = self.table, self.N_x, mode == STUCK
+        row = table[i].copy()
+        if not sticks:
+            friction = mode * of(self.law.slide(self.k_f), i)
+            row = table[N_x + i] - friction * table[2 * N_x + i]
         pivot = row[i]
         row /= -pivot
         row[i] = 1.0 / pivot
-        factor = self.table[:, i].copy()
-        self.table[:, i] = 0.0
-        self.table += np.multiply.outer(factor, row)
-        self._now = None
+        factor = table[:, i].copy()
+        table[:, i] = 0.0
+        table += np.multiply.outer(factor, row)
+        self.column[i], self.free[i], self._now = u_x if sticks else 0.0, not sticks, None
+        self.enter(i, mode)
 
     def hold_all(self) -> None:
         """Hold all slipping blocks where they are; the table starts afresh.

@@ -109,10 +109,10 @@ class Interface:
         """Put blocks into states, each of shape (n,); those that stick are held at u_x (m)."""
         raise NotImplementedError
 
-    def change(self, i: int, mode: int) -> None:
-        """Put one block into another state, where it is."""
-        which = np.array([i])
-        self.put(which, np.array([mode]), self.values().u_x[which])
+    def change(self, i: int, mode: int, u_x: float | None = None) -> None:
+        """Put one block into another state, where it is or at u_x (m)."""
+        at = self.values().u_x[i] if u_x is None else u_x
+        self.put(np.array([i]), np.array([mode]), np.array([at]))
 
     def exchange(self, unmet: Callable[[Values], Unmet | None]) -> Iterator[Values]:
         """Change contact states until all conditions are met; yield the values before each change.

@@ -34,18 +34,18 @@ if TYPE_CHECKING:
     from pyfric.scene import Law
     from pyfric.statics.complementarity import ContactProblem
 
-__all__ = ["Change", "Creep", "Forces", "Point", "creeps"]
+__all__ = ["Change", "Creep", "Point", "creeps"]
 
 ENOUGH = 1e-10
-"""Residual forces of static states, and margins at a change, over F_N/N_x."""
+"""Residual forces of static states, over F_N/N_x."""
+ROUNDED = 10 * ENOUGH
+"""Violations of margins that residual forces explain, over F_N/N_x."""
 RATE = 1e-7
 """Slip by less than this share of the driver's way is none."""
 PART = 0.25
 """Longest step along a path, in slip over the first knot of the law."""
-LOOKS = 200
-"""Most states looked at for one change."""
-MOST_STEPS = 10_000
-"""Most steps along one path."""
+NEWTON, LOOKS, STEPS = 12, 200, 10_000
+"""Caps: steps of Newton's method, states that are looked at for one change, steps of a path."""
 
 
 def creeps(law: Law) -> bool:
@@ -70,28 +70,6 @@ class Point(NamedTuple):
     p: np.ndarray
     F_T: float
     margins: np.ndarray
-    least: float
-
-
-class Forces(NamedTuple):
-    """Forces on the interface, in equilibrium or not.
-
-    f, p (N), u_z (m), shape (N_x,); F_T (N); of the n free blocks what is left of the sum of
-    forces, shape (n,), in N, and its derivatives: J by their u_x, (n, n), push by the drive, (n,),
-    in N/m.
-    """
-
-    f: np.ndarray
-    p: np.ndarray
-    u_z: np.ndarray
-    F_T: float
-    left: np.ndarray
-    J: np.ndarray
-    push: np.ndarray
-
-    def least(self) -> float:
-        """Return the smallest real part of an eigenvalue of J, in N/m; inf without free blocks."""
-        return float(np.linalg.eigvals(self.J).real.min()) if len(self.J) else math.inf
 
 
 class Change(NamedTuple):
@@ -172,45 +150,37 @@ class Creep:
         Returns:
             None where there is none that is stable.
         """
-        N_x, a = self.N_x, np.flatnonzero(self.free)
+        N_x, a, table = self.N_x, np.flatnonzero(self.free), self.problem.base(self.closed)
+        fs, zs = table[N_x : 2 * N_x], table[2 * N_x : 3 * N_x]
         u_x = self.u_x.copy()
         if begin is not None:
             u_x = begin.u_x + begin.rate * (drive - begin.drive)
-        enough = ENOUGH * self.problem.unit
-        for _ in range(12):
-            now = self.forces(u_x, drive)
-            if not np.isfinite(now.J).all():
+        for _ in range(NEWTON):
+            v = table @ np.concatenate([u_x, [drive, 1.0]])
+            f, u_z = v[N_x : 2 * N_x], v[2 * N_x : 3 * N_x]
+            p = np.where(self.closed, -self.k_f * u_z, 0.0)
+            mu, slope = self.friction(u_x)
+            rub = (self.way * mu * self.k_f)[a]
+            J = fs[np.ix_(a, a)] - rub[:, None] * zs[np.ix_(a, a)] + np.diag((slope * p)[a])
+            left = (f + self.way * mu * p)[a]
+            if not np.isfinite(J).all():
                 return None
-            if not a.size or np.abs(now.left).max() <= enough:
+            if np.abs(left).max(initial=0.0) <= ENOUGH * self.problem.unit:
                 break
             try:
-                u_x[a] -= np.linalg.solve(now.J, now.left)
+                u_x[a] -= np.linalg.solve(J, left)
             except np.linalg.LinAlgError:
                 return None
         else:
             return None
-        least = now.least()
-        if not least > 0:
+        if (
+            not np.linalg.eigvals(J).real.min(initial=math.inf) > 0
+        ):  # it slips on without the driver
             return None
         rate = np.zeros(N_x)
-        rate[a] = -np.linalg.solve(now.J, now.push) if a.size else 0.0
-        margins = self._margins(u_x, rate, now.f, now.p, now.u_z)
-        return Point(drive, u_x, rate, now.f, now.p, now.F_T, margins, least)
-
-    def forces(self, u_x: np.ndarray, drive: float) -> Forces:
-        """Return the forces on the interface with blocks at u_x (m) and the driver here."""
-        N_x, a, table = self.N_x, np.flatnonzero(self.free), self.problem.base(self.closed)
-        v = table @ np.concatenate([u_x, [drive, 1.0]])
-        fs, zs, f, u_z = (
-            one[n * N_x : (n + 1) * N_x] for one, n in ((table, 1), (table, 2), (v, 1), (v, 2))
-        )
-        p = np.where(self.closed, -self.k_f * u_z, 0.0)
-        mu, slope = self.friction(u_x)
-        rub = (self.way * mu * self.k_f)[a]
-        J = fs[np.ix_(a, a)] - rub[:, None] * zs[np.ix_(a, a)]
-        J[np.diag_indices(len(a))] += np.where(self.closed, slope * p, 0.0)[a]
-        push = fs[a, N_x] - rub * zs[a, N_x]
-        return Forces(f, p, u_z, float(v[-1]), (f + self.way * mu * p)[a], J, push)
+        rate[a] = -np.linalg.solve(J, fs[a, N_x] - rub * zs[a, N_x])
+        margins = self._margins(u_x, rate, f, p, u_z)
+        return Point(drive, u_x, rate, f, p, float(v[-1]), margins)
 
     def _margins(
         self, u_x: np.ndarray, rate: np.ndarray, f: np.ndarray, p: np.ndarray, u_z: np.ndarray
@@ -258,7 +228,7 @@ class Creep:
             States along the path, the last one just before the change, and the change.
         """
         path = [begin]
-        for _ in range(MOST_STEPS):
+        for _ in range(STEPS):
             if path[-1].drive >= drive_end:
                 return path, Change("end")
             change = self._stretch(path, drive_end, fastest)
@@ -276,31 +246,20 @@ class Creep:
             path.append(after)
         return path, Change("unstable")
 
-    def take(self, change: Change, point: Point) -> None:
-        """Change the contact state of a block; it starts to slip at 0, and sticks where it lands.
-
-        Args:
-            change: what `follow` returned.
-            point: the state before it.
-        """
-        self.u_x = point.u_x.copy()
-        if change.what == "gap":
-            self.closed[change.block] ^= True
-        way = {"slip +": 1.0, "slip -": -1.0}.get(change.what, 0.0)
-        self.turn(change.block, way, point.u_x)
-
-    def turn(self, i: int, way: float, u_x: np.ndarray) -> None:
-        """Let block i slip one way from u_x (m), or hold it (0); its slip starts at 0."""
-        self.way[i], self.clock[i] = way, -way * u_x[i]
-        at_once = of(self.law.d_c, i) == 0
-        self.cell[i] = len(self._x) - 1 if at_once else 0
-
     def after(self, change: Change, point: Point) -> Point | None:
-        """Take a change; return the state after it, None where none is near or friction jumps."""
-        self.take(change, point)
-        most = of(self.law.mu_s, change.block)
-        falls = most - self.friction(point.u_x)[0][change.block]
-        if self.way[change.block] and falls > ENOUGH * most:
+        """Take a change that `follow` returned with the state before it.
+
+        A block starts to slip at 0, and sticks where it lands. Returns the state after it, None
+        where none is near or friction jumps.
+        """
+        i, way = change.block, {"slip +": 1.0, "slip -": -1.0}.get(change.what, 0.0)
+        if change.what == "gap":
+            self.closed[i] ^= True
+        self.u_x = point.u_x.copy()
+        self.way[i], self.clock[i] = way, -way * point.u_x[i]
+        self.cell[i] = len(self._x) - 1 if of(self.law.d_c, i) == 0 else 0
+        most = of(self.law.mu_s, i)
+        if way and most - self.friction(point.u_x)[0][i] > ENOUGH * most:
             return None
         return self.at(point.drive, point)
 
@@ -329,8 +288,8 @@ class Creep:
 
     def _stretch(self, path: list[Point], drive_end: float, fastest: float) -> Change | None:
         """Go on along a path, up to just before a change if one is near."""
-        low = path[-1]
-        close = 10 * ENOUGH * self.problem.unit / self.problem.scene.slider.k
+        low, unit = path[-1], self.problem.unit
+        close = ROUNDED * unit / self.problem.scene.slider.k
         close = max(close, 8 * float(np.spacing(abs(low.drive))))
         high = min(low.drive + max(self._step(low), 2 * close), drive_end)
         at = self.at(high, low)
@@ -339,7 +298,7 @@ class Creep:
             if change is None or high - low.drive <= close:
                 break
             middle = (low.drive + high) / 2
-            if change.block >= 0 and n % 4 < 3:
+            if change.block >= 0 and n % 4 < 3:  # a secant, but for one in four
                 row = WHAT.index(change.what)
                 here, there = (one.margins[row, change.block] for one in (low, at))
                 if here > there:  # else it does not hold at the start either
@@ -358,7 +317,7 @@ class Creep:
         return change
 
     def _step(self, now: Point) -> float:
-        """Return how far to go: beyond the next change, if all were straight, or a part of d_c."""
+        """Return how far to go: a part of d_c, or just beyond the next change if all is straight."""
         N_x, table = self.N_x, self.problem.base(self.closed)
         v = table[:, :N_x] @ now.rate + table[:, N_x]
         f, u_z = v[N_x : 2 * N_x], v[2 * N_x : 3 * N_x]
@@ -374,7 +333,7 @@ class Creep:
         """Return what does not hold at a state, the worst of it, None if all holds."""
         if point is None:
             return Change("unstable")
-        force = 10 * ENOUGH * self.problem.unit
+        force = ROUNDED * self.problem.unit
         small = np.array([force, force, RATE, force, force / self.problem.scene.slider.k])
         over = -point.margins / small[:, None]
         if over.max() > 1:

@@ -283,7 +283,7 @@ class StaticSolver(System):
             raise ValueError(f"start.u: shape {begin.u.shape}, expected {self.loaded.u.shape}")
         q = self.coordinates(begin.u, begin.rod)
         if not loose.all():  # the slider as a whole may be far from where it began
-            q += np.mean((given - begin.u[0, 0])[~loose]) * self.along
+            q += np.mean((given - begin.u[0, 0])[~loose]) * self.translation()
 
         def condensed() -> np.ndarray:
             at = drive + scene.d * self.u_drv0

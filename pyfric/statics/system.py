@@ -50,29 +50,19 @@ class System:
 
     def __init__(self, scene: Scene, geometry: Geometry) -> None:
         self.scene, self.geometry, self.u_drv0 = scene, geometry, 0.0
-        N_x, N_z = scene.N_x, scene.N_z
         self._lattice, self._T = bonds(scene), coordinates(scene)
         self._assembly = Assembly(self._lattice, self._T)
         self._springs = functools.partial(spring_forces, self._lattice)
         if geometry == "finite":
             self._springs = core.bond_forces(scene, geometry)
-        self._T_transposed = self._T.T.tocsr()
-        self._on_rod = self._T_transposed[-3:, -2 * N_x :]
-        self._load, self._loads = np.zeros(2 * N_x * N_z), None
-        self._load[-2 * N_x :] = np.concatenate([scene.shear, -scene.load])
-        self._F_N = scene.F_N
-        self._top = slice(2 * N_x * (N_z - 1), 2 * N_x * (N_z - 1) + N_x)  # u_x of the top row
-        self._h = driven_dof(scene)
-        self._x, self._z = slice(0, N_x), slice(N_x, 2 * N_x)
+        self._T_transposed, n = self._T.T.tocsr(), self._T.shape[1]
+        self._loads: tuple[float, float] | None = None
+        self._load = np.zeros((scene.N_z, 2, scene.N_x))
+        self._load[-1] = scene.shear, -scene.load
         # phi times arm is the displacement of the end of the rod, a torque over arm a force there.
-        self.arm = np.ones(self._T.shape[1])
-        # A translation along the interface.
-        rows, n = np.zeros((N_z, 2, N_x)), len(self.arm)
-        rows[:, 0] = 1.0
-        self.along = rows.reshape(-1)[:n]
+        self.arm = np.ones(n)
         if scene.rigid:
             self.arm[-1] = scene.slider.L / 2
-            self.along[-3:] = 1.0, 0.0, 0.0
         self._stiffest = max(12 * scene.slider.k, np.max(scene.k_f), scene.driver.K, scene.k_top)
         self._factors: Memory[BandedCholesky | SuperLU] = Memory(1 if n > LARGE else KEPT)
         self.linearise(np.zeros(n))
@@ -88,10 +78,9 @@ class System:
             return self
         scene, other = self.scene, copy.copy(self)
         other.__dict__.pop("load", None)
-        other._loads, (other._F_N, T) = load, load
-        other._load = self._load * (other._F_N / scene.F_N)
+        other._loads, other._load = load, self._load * (load[0] / scene.F_N)
         if not scene.rigid:
-            other._load[self._top] = scene.d * T / scene.N_x
+            other._load[-1, 0] = scene.d * load[1] / scene.N_x
         return other
 
     # --- coordinates -----------------------------------------------------------------------------
@@ -106,16 +95,14 @@ class System:
 
     def displacements(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return u, shape (N_z, 2, N_x), and rod, shape (3,), of q, top row by the rod."""
-        u = self._spread(q).reshape(self.scene.N_z, 2, self.scene.N_x)
+        u = (self._T @ q).reshape(self._load.shape)
         return u, q[-3:].copy() if self.scene.rigid else np.zeros(3)
 
-    def _spread(self, q: np.ndarray) -> np.ndarray:
-        """Return the displacements of all blocks, the same as T q without a sparse product."""
-        scene = self.scene
-        if not scene.rigid:
-            return np.append(q, np.zeros(len(self._load) - len(q)))  # a held row does not move
-        top = np.full(scene.N_x, q[-3]), q[-2] + q[-1] * scene.x
-        return np.concatenate([q[:-3], *top])
+    def translation(self) -> np.ndarray:
+        """Return what a metre along the interface is in coordinates, shape (n_q,)."""
+        u = np.zeros(self._load.shape)
+        u[:, 0] = 1.0
+        return self.coordinates(u, np.array([1.0, 0.0, 0.0]))
 
     def rounding(self, q: np.ndarray) -> float:
         """Return the size of rounding errors in forces at q, in N."""
@@ -126,15 +113,15 @@ class System:
     @functools.cached_property
     def load(self) -> np.ndarray:
         """Forces on the coordinates that do not depend on the state, shape (n_q,), in N."""
-        load = self._T_transposed @ self._load
+        load = self._T_transposed @ self._load.ravel()
         if self.scene.rigid:
-            load[-2] -= self._F_N
+            load[-2] -= self.scene.F_N if self._loads is None else self._loads[0]
         return load
 
     @functools.cached_property
     def driven_row(self) -> np.ndarray:
         """Derivatives of u_x of the driven block by the coordinates, shape (n_q,)."""
-        return self._T[[self._h]].toarray()[0]
+        return self._T[[driven_dof(self.scene)]].toarray()[0]
 
     @functools.cached_property
     def push(self) -> np.ndarray:
@@ -148,29 +135,26 @@ class System:
 
         drive = None means that there is no driver spring.
         """
-        scene, x, z = self.scene, self._x, self._z
-        u = self._spread(q)
+        scene, u, F_T = self.scene, (self._T @ q).reshape(self._load.shape), 0.0
         force = self._springs(u) + self._load
         if scene.k_top:
-            force[self._top] -= scene.k_top * u[self._top]
-        p = -scene.k_f * u[z] * contact.closed
-        force[z] += p
-        force[x] -= contact.slip * contact.law.slide(p)
-        F_T = 0.0
+            force[-1, 0] -= scene.k_top * u[-1, 0]
+        p = -scene.k_f * u[0, 1] * contact.closed
+        force[0, 1] += p
+        force[0, 0] -= contact.slip * contact.law.slide(p)
         if drive is not None:
-            F_T = scene.driver_force(drive, u[self._h], self.u_drv0)
-            force[self._h] += scene.d * F_T
+            F_T = scene.driver_force(drive, u[scene.j_h, 0, scene.i_h], self.u_drv0)
+            force[scene.j_h, 0, scene.i_h] += scene.d * F_T
+        force = self._T_transposed @ force.ravel()
         if scene.rigid:
-            force = np.append(force[: len(q) - 3], self._on_rod @ force[-2 * scene.N_x :])
-            force[-2] -= self._F_N
-            force[-1] -= scene.kappa * q[-1]
-        return force[: len(q)], F_T
+            force[-2:] += self.load[-2], -scene.kappa * q[-1]
+        return force, F_T
 
     # --- tangents --------------------------------------------------------------------------------
 
     def bond_tangents(self, q: np.ndarray) -> np.ndarray:
         """Return the stiffnesses xx, xz and zz of each bond at q, shape (3, n_bonds), in N/m."""
-        return spring_tangents(self._lattice, self._spread(q), self.geometry)
+        return spring_tangents(self._lattice, self._T @ q, self.geometry)
 
     @functools.cached_property
     def _gather(self) -> sp.csr_array:
@@ -258,7 +242,7 @@ class System:
     def unknown(self, mode: np.ndarray) -> np.ndarray:
         """Return the indices of the coordinates that are not held."""
         unknown = np.ones(len(self.arm), dtype=bool)
-        unknown[self._x] = mode != STUCK
+        unknown[: self.scene.N_x] = mode != STUCK
         return np.flatnonzero(unknown)
 
     def _factorised(
@@ -268,7 +252,7 @@ class System:
         N_x, unknown, rubs = self.scene.N_x, self.unknown(mode), np.any(friction)
         if rubs:  # it couples u_x to u_z, N_x columns to the right
             coupling = np.zeros(K.shape[0] - N_x)
-            coupling[self._x] = friction
+            coupling[:N_x] = friction
             K = (K + sp.diags_array(coupling, offsets=N_x)).tocsr()
         try:
             if not rubs:

@@ -583,7 +583,7 @@ def test_loading_without_friction(scene, geometry):
 def test_strong_friction_warns_where_the_slip_operator_is_indefinite():
     """The operator is that of the blocks that slip, in the directions in which they slip."""
     scene = small_rod()
-    contact = ContactProblem(scene).applied()
+    contact = ContactProblem(scene).loaded()
     alternating = np.where(scene.n_of_i % 2, 1, -1)
     alternating[0] = 0
     few = np.where(scene.n_of_i == scene.N_x, alternating, 0)

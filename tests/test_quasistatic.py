@@ -729,7 +729,7 @@ def test_an_event_that_does_not_settle_says_so(monkeypatch):
     with pytest.raises(EquilibriumError, match="does not end"):
         prediction_curve(small_rod())
     run = QuasistaticRun(small_rod())
-    monkeypatch.setattr("pyfric.statics.contact.CHANGES", 0)
+    monkeypatch.setattr("pyfric.statics.complementarity.CHANGES", 0)
     with pytest.raises(EquilibriumError, match=r"event at t = 0\.\d+ s: .* do not settle"):
         run.advance(1.0, lambda: False, lambda *_: None)
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from pyfric.core import OPEN
+from pyfric.core import OPEN, STUCK
 from pyfric.scene import SceneError
 from pyfric.statics import Contact, ContactProblem, loaded_state
 from pyfric.theory import Material, g_II
@@ -99,7 +99,7 @@ def _before(record: Record, event: int) -> Contact:
         reason = "static states under a changing F_N or T are not those of this page"
         raise SceneError("top.protocol", scene.load_at(float(t)), "N", "none", reason)
     drive = scene.d * u_drv0 + scene.drive(float(t))
-    return Contact(ContactProblem(scene), u_x, drive, mode != OPEN)
+    return Contact(ContactProblem(scene), u_x, drive, np.where(mode == OPEN, OPEN, STUCK))
 
 
 def _speeds(record: Record, G: np.ndarray, Gamma: np.ndarray) -> np.ndarray:

@@ -1,8 +1,11 @@
-"""Contact on the condensed interface: a table of all unknowns, whose columns are exchanged.
+"""The contact solver: contact states on the condensed interface, by pivots of a table.
 
 `ContactProblem` holds the condensed slider of one scene. A `Contact` gives u_x, f, u_z and F_T as
 affine functions of the held u_x and of the driver, in a table whose columns are exchanged when a
 block is released or held. That is a rank-one change: following an event costs microseconds each.
+
+`Contact.exchange` lets the block that violates a condition most go to another state, until all
+conditions are met. Loading, events, growing slip and static states differ in the conditions alone.
 
 Source: tables with exchanged columns are the pivots of linear complementarity (R. W. Cottle, J.-S.
 Pang, R. E. Stone, The Linear Complementarity Problem, 1992).
@@ -20,15 +23,15 @@ from scipy.linalg.lapack import dposv
 from pyfric.core import OPEN, STUCK
 from pyfric.scene import FRICTIONLESS, of
 from pyfric.statics.condensation import condense
-from pyfric.statics.contact import CONTACT_TOL, ROUNDING, Interface, Unmet, Values, with_free
+from pyfric.statics.contact import States, Unmet, Values, rounding, with_free
 from pyfric.statics.memory import Memory
 from pyfric.statics.rest import EquilibriumError, check_rests
 from pyfric.statics.uniqueness import definiteness, is_definite
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
-    from pyfric.scene import Scene
+    from pyfric.scene import Law, Scene
 
 __all__ = ["Contact", "ContactProblem", "Route", "Static"]
 
@@ -38,6 +41,9 @@ LEAST = 1e-6
 """A block with less load than this many F_N/N_x does not stick."""
 BASES = 64
 """Tables with all blocks held that are kept, one for each set of open blocks."""
+CHANGES = 10
+"""Most exchanges for one state of rest, over N_x: a cap, where 1.5 are needed. In their second half
+the first block that violates a condition changes, not the worst one, which ends cycles."""
 
 
 class Route(NamedTuple):
@@ -95,6 +101,17 @@ class ContactProblem:
         other._look(np.eye(4, 2))
         return other
 
+    def corrected(self, now: Values, drive: float) -> ContactProblem:
+        """Return the problem with loads under which a state of rest needs the forces it has.
+
+        Without that it is linear about u = 0.
+        """
+        other, v = copy.copy(self), np.concatenate([now.u_x, now.u_z])
+        other._loads, other._bases = self._loads.copy(), Memory(BASES)
+        needed = self.slider.S @ v - self._loads @ [drive, 1.0]
+        other._loads[:, 1] += needed - np.concatenate([now.f, now.p])
+        return other
+
     def base(self, closed: np.ndarray) -> np.ndarray:
         """Return the table with all u_x held: rows u_x, f, u_z, F_T; columns u_x, drive, 1."""
         return self._bases.get(closed.tobytes(), lambda: self._base(closed))
@@ -119,25 +136,16 @@ class ContactProblem:
         table[-1, N_x:] += self._F_T
         return table
 
-    def applied(self) -> Contact:
-        """Return the state to which F_N alone leads, without the driver; blocks may have slipped.
-
-        Raises:
-            EquilibriumError: there is none.
-        """
-        home = np.zeros(self.scene.N_x)
-        contact = Contact(self.undriven(), home, 0.0, home == 0, driven=False)
-        contact.load(home)
-        return contact
-
     def loaded(self) -> Contact:
         """Return the loaded state, with all blocks held that are not open, and F_T = 0.
 
         Raises:
             EquilibriumError: the scene has no loaded equilibrium.
         """
-        applied = self.applied()
-        contact = Contact(self, applied.values().u_x, 0.0, applied.closed)
+        home = np.zeros(self.scene.N_x)
+        applied = Contact(self.undriven(), home, 0.0, home, driven=False)
+        now, mode = applied.load(home), np.where(applied.closed, STUCK, OPEN)
+        contact = Contact(self, now.u_x, 0.0, mode)
         contact.drive = -contact.values().F_T / contact.rates().F_T
         return contact
 
@@ -155,46 +163,23 @@ class ContactProblem:
         load: tuple[float, float] | None = None,
     ) -> Static:
         """Return the equilibrium with the interface held: see `pyfric.StaticSolver.solve`."""
-        contact = self.held(u_x_bottom, self.drive_0 + drive, free, load)
-        now = contact.values()
+        problem = self if load is None else self.along(Route(0.0, 1.0, load))
+        mode = with_free(self.scene, np.ones_like(free), free)
+        u_x = np.where(free, 0.0, u_x_bottom)
+        contact = Contact(problem, u_x, self.drive_0 + drive, mode, law=FRICTIONLESS)
+        now = contact.hold_at(u_x, free)
         return Static(now.F_T, -self.scene.d * now.f, now.p)
 
-    def held(
-        self,
-        u_x: np.ndarray,
-        drive: float,
-        free: np.ndarray,
-        load: tuple[float, float] | None = None,
-    ) -> Contact:
-        """Return the state of rest with blocks held at u_x except where free (no friction).
 
-        Args:
-            u_x: where blocks are held, shape (N_x,), in m; not used where free.
-            drive: position of the driver, in m.
-            free: blocks without friction, shape (N_x,), bool.
-            load: F_N and T, in N; None means those at t = 0.
-
-        Raises:
-            EquilibriumError: the contact states do not settle, or nothing carries the slider.
-        """
-        problem = self if load is None else self.along(Route(0.0, 1.0, load))
-        u_x = np.where(free, 0.0, u_x)
-        contact = Contact(problem, u_x, drive, np.ones(len(u_x), dtype=bool))
-        contact.law = FRICTIONLESS
-        contact.enter(slice(None), with_free(self.scene, contact.closed, free))
-        contact.renew()
-        contact.hold_at(u_x, free)
-        return contact
-
-
-class Contact(Interface):
-    """Contact states of all blocks, and the table that goes with them; see `Interface`.
+class Contact(States):
+    """Contact states of all blocks, and the table that goes with them; see `States`.
 
     Args:
         problem: the condensed slider.
-        u_x: where closed blocks are held, shape (N_x,), in m.
+        u_x: where stuck blocks are held, shape (N_x,), in m.
         drive: position of the driver, in m.
-        closed: blocks that touch the foundation, shape (N_x,), bool; the others are open.
+        mode: contact states, shape (N_x,).
+        law: the friction law; None means the scene's.
         driven: whether the driver's spring holds the slider.
 
     Attributes:
@@ -207,21 +192,18 @@ class Contact(Interface):
         problem: ContactProblem,
         u_x: np.ndarray,
         drive: float,
-        closed: np.ndarray,
+        mode: np.ndarray,
         *,
+        law: Law | None = None,
         driven: bool = True,
     ) -> None:
         scene = problem.scene
-        super().__init__(scene, np.where(closed, STUCK, OPEN), scene.law, driven=driven)
+        super().__init__(scene, mode, law or scene.law, driven=driven)
         self.problem, self.K, self.least = problem, scene.driver.K, LEAST * problem.unit
         self.way, self._now = 1, None
+        self._lifts = np.zeros(self.N_x, dtype=int)
         self.column = np.concatenate([u_x, [drive, 1.0]])
         self.renew()
-
-    @property
-    def tol(self) -> float:
-        """Violations of conditions below it are rounding, in N."""
-        return self._tol
 
     @property
     def drive(self) -> float:
@@ -236,6 +218,67 @@ class Contact(Interface):
         """Go on along another route, from s (m) on, where the same is outside as here."""
         self.problem, self.drive = problem, s
         self.renew()
+
+    # --- states of rest --------------------------------------------------------------------------
+
+    def exchange(self, unmet: Callable[[Values], Unmet | None]) -> Iterator[Values]:
+        """Change contact states until all conditions are met; yield the values before each change.
+
+        Blocks whose violations differ by rounding change together: symmetric scenes stay so.
+
+        Args:
+            unmet: returns what is not met, None where all is.
+
+        Raises:
+            EquilibriumError: the states do not settle, or no block carries the slider.
+        """
+        most = CHANGES * self.N_x
+        for n in range(most):
+            now = self.values()
+            found = unmet(now)
+            if found is None:
+                return
+            worst = found.by >= max(found.by.max() - found.least, found.least)
+            which = np.flatnonzero(worst if n < most // 2 else found.by > found.least)
+            which = which if n < most // 2 else which[:1]
+            self._lifts[which] += found.mode[which] == OPEN
+            self.put(which, found.mode[which], found.u_x[which])
+            yield now
+        raise EquilibriumError("contact states do not settle", np.nan, self.tol, most)
+
+    def hold_at(self, u_x: np.ndarray, free: np.ndarray) -> Values:
+        """Find the state in which blocks are held at u_x (m) wherever they touch.
+
+        Free blocks have no friction; a block that lifts off a second time is one from then on.
+        """
+        self._lifts = np.where(free, 2, 0)
+        for _ in self.exchange(
+            lambda now: self.misplaced(now, np.where(self._lifts > 1, 1, STUCK), u_x)
+        ):
+            pass
+        return self.values()
+
+    def load(self, home: np.ndarray) -> Values:
+        """Find the state to which proportional loading leads; see `States.loaded`."""
+        for _ in self.exchange(lambda now: self.loaded(now, home)):
+            pass
+        return self.values()
+
+    def follow(self, home: np.ndarray) -> Iterator[Values]:
+        """Change contact states as an event does; yield the values before each change.
+
+        Each state follows the one before: blocks land where they are, and stick where the last
+        release found them, at home (m) to begin with.
+        """
+
+        def unmet(now: Values) -> Unmet | None:
+            nonlocal home
+            found = self.misplaced(now, STUCK, now.u_x) or self.turned(now, home)
+            if found is None:
+                home, found = now.u_x, self.overloaded(now, now.u_x)
+            return found
+
+        return self.exchange(unmet)
 
     # --- the path of the driver ------------------------------------------------------------------
 
@@ -333,6 +376,11 @@ class Contact(Interface):
 
     # --- pivots ----------------------------------------------------------------------------------
 
+    def change(self, i: int, mode: int, u_x: float | None = None) -> None:
+        """Put one block into another state, where it is or at u_x (m)."""
+        at = self.values().u_x[i] if u_x is None else u_x
+        self.put(np.array([i]), np.array([mode]), np.array([at]))
+
     def put(self, which: np.ndarray, mode: np.ndarray, u_x: np.ndarray) -> None:
         """Put blocks into states, each of shape (n,); those that stick are held at u_x (m)."""
         opens = (self.mode[which] == OPEN) | (mode == OPEN)
@@ -379,7 +427,7 @@ class Contact(Interface):
         largest = max(
             self.k * np.abs(self.column[:N_x]).max(), min(self.k, self.K) * abs(self.drive)
         )
-        self._tol = CONTACT_TOL * self.unit + ROUNDING * float(largest)
+        self.tol = rounding(self.scene, float(largest))
         self.table, self._now = self.problem.base(self.closed).copy(), None
         table = self.table
         self.free = ~self.stuck

@@ -317,7 +317,7 @@ class Creep:
         return change
 
     def _step(self, now: Point) -> float:
-        """Return how far to go: a part of d_c, or just beyond the next change if all is straight."""
+        """Return how far to go: a part of d_c, or just past the next change if all is straight."""
         N_x, table = self.N_x, self.problem.base(self.closed)
         v = table[:, :N_x] @ now.rate + table[:, N_x]
         f, u_z = v[N_x : 2 * N_x], v[2 * N_x : 3 * N_x]

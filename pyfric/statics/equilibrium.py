@@ -19,8 +19,9 @@ with the largest |f| - mu_s p, one at a time (equal ones together), to solve aga
 again blocks that moved along their friction force. In finite geometry the same conditions are
 imposed at full load.
 
-Where the contact states that a search begins with are wrong, it goes on from those of the condensed
-slider, which finds them by pivots, in linear geometry; Newton's method then exchanges what is left.
+The contact solver (`complementarity`) knows the slider condensed in linear geometry. Where contact
+states are wrong it is asked for others; in finite geometry, with loads that make up for the
+difference. Newton's method, on all blocks, finds the state of rest that goes with them.
 
 A chain does not slip while it is loaded: its scene is refused if it would. It keeps p_i, and blocks
 without friction stay closed.
@@ -32,158 +33,44 @@ from __future__ import annotations
 
 import functools
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pyfric.core import STUCK
 from pyfric.scene import FRICTIONLESS, Geometry, as_scene, check_geometry
-from pyfric.statics.complementarity import Contact, ContactProblem
-from pyfric.statics.contact import CONTACT_TOL, Interface, Unmet, Values, with_free
+from pyfric.statics.complementarity import Contact, ContactProblem, Route
+from pyfric.statics.contact import States, Unmet, Values, rounding, with_free
 from pyfric.statics.rest import Equilibrium, EquilibriumError, as_prescribed, check_rests
 from pyfric.statics.system import System
 from pyfric.statics.uniqueness import LIMIT, definiteness
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from scipy.sparse.linalg import SuperLU
 
-    from pyfric.scene import Law, Scene, SceneLike
+    from pyfric.scene import Scene, SceneLike
     from pyfric.statics.banded import BandedCholesky
 
-__all__ = ["Lattice", "StaticSolver", "loaded_state", "solve_static"]
+__all__ = ["StaticSolver", "loaded_state", "solve_static"]
 
 MAX_NEWTON = 60
 """Largest number of Newton steps for one contact set."""
 ACCEPTED = 1e-9
 """Largest accepted residual force, in units of F_N/N_x, where rounding forbids a smaller one."""
+CORRECTIONS = 10
+"""Most times that the contact solver is asked for one state of rest: a cap, where 2 are needed."""
 
 
-class Lattice(Interface):
-    """Contact states of all blocks, and the whole lattice at rest in them, by Newton's method.
+class _Found(NamedTuple):
+    """Coordinates at rest in some contact states, and what the iteration came to."""
 
-    Factors are those of the system's reference state (a chord iteration); where it converges
-    slowly, the tangent is renewed.
-
-    Args:
-        system: the slider.
-        q: coordinates to begin with, shape (n_q,).
-        mode: contact states to begin with, shape (N_x,).
-        u_x: where blocks are held, shape (N_x,), in m.
-        drive: displacement of the driver since t = 0, in m; None means that there is no driver.
-        law: the friction law.
-        guess: returns contact states to go on with where the first ones are wrong.
-        enough: residual force at which Newton's method may end, in N.
-        near: factors of a tangent nearby, by contact states as bytes.
-    """
-
-    def __init__(
-        self,
-        system: System,
-        q: np.ndarray,
-        mode: np.ndarray,
-        u_x: np.ndarray,
-        drive: float | None,
-        law: Law,
-        guess: Callable[[], np.ndarray],
-        *,
-        enough: float = 0.0,
-        near: dict[bytes, BandedCholesky | SuperLU] | None = None,
-    ) -> None:
-        super().__init__(system.scene, mode, law, driven=drive is not None)
-        self.system, self.q, self.given, self.drive = system, q.copy(), u_x.copy(), drive
-        self._guess, self._enough, self._near = guess, enough, near or {}
-        self.steps, self._values = 0, None
-
-    @property
-    def tol(self) -> float:
-        """Violations of conditions below it are rounding, in N."""
-        return CONTACT_TOL * self.unit + 16 * self.system.rounding(self.q)
-
-    def put(self, which: np.ndarray, mode: np.ndarray, u_x: np.ndarray) -> None:
-        """Put blocks into states, each of shape (n,); those that stick are held at u_x (m)."""
-        self.enter(which, mode)
-        self.given[which], self._values = u_x, None
-
-    def exchange(self, unmet: Callable[[Values], Unmet | None]) -> Iterator[Values]:
-        """Change contact states until all conditions are met; see `Interface.exchange`."""
-        if unmet(self.values()) is not None:
-            self.put(slice(None), self._guess(), self.given)
-            self._lifts[self.slip != 0] = 2
-        return super().exchange(unmet)
-
-    def values(self) -> Values:
-        """Return the interface at rest in these contact states."""
-        if self._values is None:
-            held, N_x = self.stuck, self.N_x
-            self.q[:N_x][held] = self.given[held]
-            self._newton()
-            u_x, u_z = self.q[:N_x], self.q[N_x : 2 * N_x]
-            f = np.where(held, -self.forces[:N_x], self.slip * (self.law.slide(self.k_f) * u_z))
-            p = np.where(self.closed, -self.k_f * u_z, 0.0)
-            self._values = Values(u_x, f, u_z, p, self.F_T)
-        return self._values
-
-    def _newton(self) -> None:
-        """Find q with forces (N) on the coordinates that vanish where they are not held.
-
-        The iteration ends at the level of rounding, or, below `ACCEPTED`, where a renewed tangent
-        does not help. Linear geometry takes one step and a refinement.
-        """
-        system, q, drive = self.system, self.q, self.drive
-        unknown = system.unknown(self.mode)
-        how = {"driven": self.driven, "friction": -self.law.slide(self.k_f) * self.slip}
-        factor = self._near.get(self.mode.tobytes()) or system.factor(self.mode, **how)
-        if unknown[-1] - unknown[0] == len(unknown) - 1:  # as a slice it takes less time
-            unknown = slice(unknown[0], unknown[-1] + 1)
-        arm, limit = system.arm[unknown], ACCEPTED * self.unit
-        renewed, best, least, previous = False, None, np.inf, np.inf
-        for step in range(MAX_NEWTON + 1):  # noqa: B007 (returned after the loop)
-            with np.errstate(all="ignore"):
-                forces, F_T = system.forces(q, self, drive)
-                force = forces[unknown]
-                residual = float(np.max(np.abs(force / arm)))
-            if not np.isfinite(residual):
-                break
-            rounding = system.rounding(q)
-            if residual < least:
-                best, least = (q, forces, F_T), residual
-            if residual <= max(rounding / 4, self._enough):
-                break
-            if residual > 0.5 * previous:
-                if least <= 16 * rounding or (renewed and least <= limit):
-                    break
-                factor, renewed = system.factor_at(q, self.mode, **how), True
-            previous = residual
-            q = q.copy()
-            q[unknown] += factor.solve(force)
-        limit = max(limit, self._enough, 16 * system.rounding(best[0] if best else q))
-        if not least <= limit:
-            raise EquilibriumError("Newton's method does not converge", least, limit, step)
-        self.q, self.forces, self.F_T = best
-        self.residual, self.steps = least, self.steps + step
-        if self.driven and system.geometry == "finite" and system.largest_turn(self.q) > 1:
-            raise EquilibriumError("the slider turns over", least, limit, self.steps)
-
-    def result(self) -> Equilibrium:
-        """Return the state of rest."""
-        scene, now, system = self.scene, self.values(), self.system
-        u, rod = system.displacements(self.q)
-        return Equilibrium(
-            u=u,
-            rod=rod,
-            F_T=now.F_T,
-            f=now.f,
-            tau=-scene.d * now.f,
-            p=np.maximum(now.p, 0.0),
-            open=~self.closed,
-            slipped=(self.slip != 0) & (not self.driven),
-            drive=0.0 if self.drive is None else self.drive,
-            u_drv0=system.u_drv0 if self.driven else float(u[scene.j_h, 0, scene.i_h]),
-            residual=self.residual,
-            iterations=self.steps,
-        )
+    q: np.ndarray
+    forces: np.ndarray  # on the coordinates, without friction of stuck blocks, N
+    F_T: float
+    residual: float  # N
+    steps: int
 
 
 class StaticSolver(System):
@@ -226,11 +113,6 @@ class StaticSolver(System):
 
     def __repr__(self) -> str:
         return f"StaticSolver of {self.scene.name or 'a scene'}, {self.geometry} geometry"
-
-    @functools.cached_property
-    def _problem(self) -> ContactProblem:
-        """The condensed slider."""
-        return ContactProblem(self.scene)
 
     def solve(
         self,
@@ -285,31 +167,163 @@ class StaticSolver(System):
         if not loose.all():  # the slider as a whole may be far from where it began
             q += np.mean((given - begin.u[0, 0])[~loose]) * self.translation()
 
-        def condensed() -> np.ndarray:
-            at = drive + scene.d * self.u_drv0
-            return self._problem.held(given, at, loose, self._loads).mode
-
         near = {} if factor is None else {with_free(scene, ~loose, loose).tobytes(): factor}
-        mode = with_free(scene, ~begin.open, loose)
-        how = {"enough": enough, "near": near}
-        lattice = Lattice(self, q, mode, given, drive, FRICTIONLESS, condensed, **how)
-        lattice.hold_at(given, loose)
-        return lattice.result()
+        states = States(scene, with_free(scene, ~begin.open, loose), FRICTIONLESS)
+
+        def settle(contact: Contact) -> None:
+            contact.hold_at(given, loose | (contact.slip != 0))
+
+        def unmet(now: Values) -> Unmet | None:
+            return states.misplaced(now, STUCK, given)
+
+        return self._rest(q, states, given, drive, unmet, settle, enough, near)
 
     def _load_slider(self) -> Equilibrium:
         """Return the loaded state: the bottom row held, or slipped where it has to."""
         scene, home = self.scene, np.zeros(self.scene.N_x)
+        states = States(scene, home, scene.law, driven=False)
 
-        def condensed() -> np.ndarray:
-            contact = self._problem.applied()
+        def settle(contact: Contact) -> None:
+            contact.load(home)
             _warn_if_ambiguous(contact)
-            return contact.mode
 
-        mode, q = np.full(scene.N_x, STUCK), np.zeros(len(self.arm))
-        lattice = Lattice(self, q, mode, home, None, scene.law, condensed)
-        if scene.N_z > 1:
-            lattice.load(home)
-        return lattice.result()
+        def unmet(now: Values) -> Unmet | None:
+            return states.loaded(now, home) if scene.N_z > 1 else None
+
+        return self._rest(np.zeros(len(self.arm)), states, home, None, unmet, settle)
+
+    # --- Newton's method, and the contact solver -------------------------------------------------
+
+    @functools.cached_property
+    def _problem(self) -> ContactProblem:
+        """The condensed slider."""
+        return ContactProblem(self.scene)
+
+    def _rest(
+        self,
+        q: np.ndarray,
+        states: States,
+        given: np.ndarray,
+        drive: float | None,
+        unmet: Callable[[Values], Unmet | None],
+        settle: Callable[[Contact], None],
+        enough: float = 0.0,
+        near: dict[bytes, BandedCholesky | SuperLU] | None = None,
+    ) -> Equilibrium:
+        """Return the state of rest in contact states that meet their conditions.
+
+        Newton's method finds it for given states. Where they are wrong, the contact solver finds
+        others, in linear geometry about that state; in linear geometry these are right.
+
+        Args:
+            q: coordinates to begin with, shape (n_q,).
+            states: contact states to begin with, which change.
+            given: where blocks are held, shape (N_x,), in m.
+            drive: displacement of the driver since t = 0, in m; None means that there is no driver.
+            unmet: says which conditions are not met.
+            settle: lets the contact solver meet them.
+            enough: residual force at which Newton's method may end, in N.
+            near: factors of a tangent nearby, by contact states.
+        """
+        scene, N_x, steps = self.scene, self.scene.N_x, 0
+        for _ in range(CORRECTIONS):
+            q[:N_x][states.stuck] = given[states.stuck]
+            found = self._newton(q, states, drive, enough, (near or {}).get(states.mode.tobytes()))
+            q, steps = found.q.copy(), steps + found.steps
+            states.tol = rounding(scene, self.largest(q))
+            f = states.slip * (states.law.slide(scene.k_f) * q[N_x : 2 * N_x])
+            f = np.where(states.stuck, -found.forces[:N_x], f)
+            p = np.where(states.closed, -scene.k_f * q[N_x : 2 * N_x], 0.0)
+            now = Values(q[:N_x], f, q[N_x : 2 * N_x], p, found.F_T)
+            if unmet(now) is None:
+                return self._result(found, states, now, drive, steps)
+            contact = self._contact(states, now, given, drive)
+            settle(contact)
+            states.enter(slice(None), contact.mode)
+        what = "contact states do not settle"
+        raise EquilibriumError(what, found.residual, states.tol, steps)
+
+    def _contact(
+        self, states: States, now: Values, given: np.ndarray, drive: float | None
+    ) -> Contact:
+        """Return the same states on the condensed slider, corrected for the forces it has here."""
+        at, problem = 0.0, self._problem
+        if self._loads is not None:
+            problem = problem.along(Route(0.0, 1.0, self._loads))
+        if drive is None:
+            problem = problem.undriven()
+        else:
+            at = drive + self.scene.d * self.u_drv0
+        law, driven = states.law, states.driven
+        problem = problem.corrected(now, at)
+        return Contact(problem, given, at, states.mode, law=law, driven=driven)
+
+    def _newton(
+        self,
+        q: np.ndarray,
+        states: States,
+        drive: float | None,
+        enough: float,
+        factor: BandedCholesky | SuperLU | None,
+    ) -> _Found:
+        """Return the state of rest for one set of contact states.
+
+        The factor is that of the reference state (a chord iteration), renewed where it converges
+        slowly. The iteration ends at the level of rounding, or, below `ACCEPTED`, where a renewed
+        tangent does not help. Linear geometry takes one step and a refinement.
+        """
+        unknown, unit = self.unknown(states.mode), self.scene.F_N / self.scene.N_x
+        if unknown[-1] - unknown[0] == len(unknown) - 1:  # as a slice it takes less time
+            unknown = slice(unknown[0], unknown[-1] + 1)
+        how = {"driven": states.driven}
+        how["friction"] = -states.law.slide(self.scene.k_f) * states.slip
+        factor = factor or self.factor(states.mode, **how)
+        arm, limit, renewed = self.arm[unknown], ACCEPTED * unit, False
+        best, least, previous = None, np.inf, np.inf
+        for step in range(MAX_NEWTON + 1):  # noqa: B007 (returned after the loop)
+            with np.errstate(all="ignore"):
+                forces, F_T = self.forces(q, states, drive)
+                force = forces[unknown]
+                residual = float(np.max(np.abs(force / arm)))
+            if not np.isfinite(residual):
+                break
+            rounded = 2.0**-52 * self.largest(q)
+            if residual < least:
+                best, least = (q, forces, F_T), residual
+            if residual <= max(rounded / 4, enough):
+                break
+            if residual > 0.5 * previous:
+                if least <= 16 * rounded or (renewed and least <= limit):
+                    break
+                factor, renewed = self.factor_at(q, states.mode, **how), True
+            previous = residual
+            q = q.copy()
+            q[unknown] += factor.solve(force)
+        limit = max(limit, enough, 16 * 2.0**-52 * self.largest(best[0] if best else q))
+        if not least <= limit:
+            raise EquilibriumError("Newton's method does not converge", least, limit, step)
+        if drive is not None and self.geometry == "finite" and self.largest_turn(best[0]) > 1:
+            raise EquilibriumError("the slider turns over", least, limit, step)
+        return _Found(*best, least, step)
+
+    def _result(
+        self, found: _Found, states: States, now: Values, drive: float | None, steps: int
+    ) -> Equilibrium:
+        scene, (u, rod) = self.scene, self.displacements(found.q)
+        return Equilibrium(
+            u=u,
+            rod=rod,
+            F_T=now.F_T,
+            f=now.f,
+            tau=-scene.d * now.f,
+            p=np.maximum(now.p, 0.0),
+            open=~states.closed,
+            slipped=(states.slip != 0) & (drive is None),
+            drive=0.0 if drive is None else drive,
+            u_drv0=float(u[scene.j_h, 0, scene.i_h]) if drive is None else self.u_drv0,
+            residual=found.residual,
+            iterations=steps,
+        )
 
 
 def _warn_if_ambiguous(contact: Contact) -> None:

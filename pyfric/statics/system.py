@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from pyfric.scene import Geometry, Scene
-    from pyfric.statics.contact import Interface
+    from pyfric.statics.contact import States
 
 __all__ = ["System"]
 
@@ -104,9 +104,12 @@ class System:
         u[:, 0] = 1.0
         return self.coordinates(u, np.array([1.0, 0.0, 0.0]))
 
-    def rounding(self, q: np.ndarray) -> float:
-        """Return the size of rounding errors in forces at q, in N."""
-        return 2.0**-52 * self._stiffest * float(np.max(np.abs(q * self.arm)))
+    def largest(self, q: np.ndarray) -> float:
+        """Return the largest stiffness times the largest displacement at q, in N.
+
+        Rounding errors of forces are as many times 2^-52 as operations follow each other.
+        """
+        return self._stiffest * float(np.max(np.abs(q * self.arm)))
 
     # --- forces ----------------------------------------------------------------------------------
 
@@ -129,7 +132,7 @@ class System:
         return self.scene.driver.K * self.scene.d * self.driven_row
 
     def forces(
-        self, q: np.ndarray, contact: Interface, drive: float | None
+        self, q: np.ndarray, contact: States, drive: float | None
     ) -> tuple[np.ndarray, float]:
         """Return the forces on the coordinates, without friction of stuck blocks, and F_T, in N.
 

@@ -136,23 +136,22 @@ class ContactProblem:
         table[-1, N_x:] += self._F_T
         return table
 
+    @functools.cached_property
+    def _loaded(self) -> tuple[np.ndarray, float, np.ndarray]:
+        """Where blocks are once F_N is applied, where the driver is at F_T = 0, contact states."""
+        home = np.zeros(self.scene.N_x)
+        applied = Contact(self.undriven(), home, 0.0, home, driven=False)
+        u_x, mode = applied.load(home).u_x, np.where(applied.closed, STUCK, OPEN)
+        contact = Contact(self, u_x, 0.0, mode)
+        return u_x, -contact.values().F_T / contact.rates().F_T, mode
+
     def loaded(self) -> Contact:
         """Return the loaded state, with all blocks held that are not open, and F_T = 0.
 
         Raises:
             EquilibriumError: the scene has no loaded equilibrium.
         """
-        home = np.zeros(self.scene.N_x)
-        applied = Contact(self.undriven(), home, 0.0, home, driven=False)
-        now, mode = applied.load(home), np.where(applied.closed, STUCK, OPEN)
-        contact = Contact(self, now.u_x, 0.0, mode)
-        contact.drive = -contact.values().F_T / contact.rates().F_T
-        return contact
-
-    @functools.cached_property
-    def drive_0(self) -> float:
-        """Position of the driver in the loaded state, in m."""
-        return self.loaded().drive
+        return Contact(self, *self._loaded)
 
     def solve(
         self,
@@ -166,7 +165,7 @@ class ContactProblem:
         problem = self if load is None else self.along(Route(0.0, 1.0, load))
         mode = with_free(self.scene, np.ones_like(free), free)
         u_x = np.where(free, 0.0, u_x_bottom)
-        contact = Contact(problem, u_x, self.drive_0 + drive, mode, law=FRICTIONLESS)
+        contact = Contact(problem, u_x, self._loaded[1] + drive, mode, law=FRICTIONLESS)
         now = contact.hold_at(u_x, free)
         return Static(now.F_T, -self.scene.d * now.f, now.p)
 
@@ -259,8 +258,8 @@ class Contact(States):
         return self.values()
 
     def load(self, home: np.ndarray) -> Values:
-        """Find the state to which proportional loading leads; see `States.loaded`."""
-        for _ in self.exchange(lambda now: self.loaded(now, home)):
+        """Find the state to which proportional loading leads; see `States.unmet_in_loading`."""
+        for _ in self.exchange(lambda now: self.unmet_in_loading(now, home)):
             pass
         return self.values()
 
@@ -331,12 +330,11 @@ class Contact(States):
 
         def unmet(now: Values) -> Unmet | None:
             rate, slip = self.rates(), self.slip
-            rounding = 1e3 * self.tol
             back = -slip * rate.u_x * self.k
-            at = self.stuck & (self.law.margin(now.p, now.f) <= rounding)
-            way = np.sign(np.where(np.abs(now.f) > rounding, now.f, rate.f))
+            at = self.stuck & (self.law.margin(now.p, now.f) <= self.tol)
+            way = np.sign(np.where(np.abs(now.f) > self.tol, now.f, rate.f))
             over = np.where(at, way * rate.f - self.law.hold(rate.p), 0.0)
-            worst, small = np.maximum(back, over), 100 * self.small_rate(rate)
+            worst, small = np.maximum(back, over), self.small_rate(rate)
             mode = np.where(slip != 0, STUCK, -way).astype(np.int8)
             return Unmet(worst, small, mode, now.u_x) if worst.max() > small else None
 

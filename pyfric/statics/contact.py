@@ -113,7 +113,7 @@ class States:
             by[i], mode[i] = worst, STUCK
         return Unmet(by, self.tol, mode, home)
 
-    def loaded(self, now: Values, home: np.ndarray) -> Unmet | None:
+    def unmet_in_loading(self, now: Values, home: np.ndarray) -> Unmet | None:
         """What proportional loading does not leave, of which all that counts is where it ends.
 
         A block that slips at all does so from the first newton on, in one direction from home (m),

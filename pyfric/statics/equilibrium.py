@@ -188,7 +188,7 @@ class StaticSolver(System):
             _warn_if_ambiguous(contact)
 
         def unmet(now: Values) -> Unmet | None:
-            return states.loaded(now, home) if scene.N_z > 1 else None
+            return states.unmet_in_loading(now, home) if scene.N_z > 1 else None
 
         return self._rest(np.zeros(len(self.arm)), states, home, None, unmet, settle)
 

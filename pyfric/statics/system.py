@@ -51,7 +51,6 @@ class System:
     def __init__(self, scene: Scene, geometry: Geometry) -> None:
         self.scene, self.geometry, self.u_drv0 = scene, geometry, 0.0
         self._lattice, self._T = bonds(scene), coordinates(scene)
-        self._assembly = Assembly(self._lattice, self._T)
         self._springs = functools.partial(spring_forces, self._lattice)
         if geometry == "finite":
             self._springs = core.bond_forces(scene, geometry)
@@ -158,6 +157,10 @@ class System:
     def bond_tangents(self, q: np.ndarray) -> np.ndarray:
         """Return the stiffnesses xx, xz and zz of each bond at q, shape (3, n_bonds), in N/m."""
         return spring_tangents(self._lattice, self._T @ q, self.geometry)
+
+    @functools.cached_property
+    def _assembly(self) -> Assembly:
+        return Assembly(self._lattice, self._T)
 
     @functools.cached_property
     def _gather(self) -> sp.csr_array:

@@ -1,0 +1,27 @@
+"""What takes long is made once, and no more is kept than there is room for."""
+
+from pyfric.statics import Memory
+
+
+def test_what_is_kept_is_made_once():
+    memory, made = Memory(2), []
+
+    def get(key):
+        return memory.get(key, lambda: made.append(key) or key.upper())
+
+    assert [get(key) for key in "abab"] == list("ABAB")
+    assert made == list("ab")
+    get("c")  # the longest unused goes: a
+    assert len(memory) == 2
+    get("b")
+    assert made == list("abc")
+    get("a")
+    assert made == list("abca")
+    memory.clear()
+    assert len(memory) == 0
+
+
+def test_there_is_room_before_something_new_is_made():
+    memory = Memory(1)
+    memory.get(1, object)
+    assert memory.get(2, lambda: len(memory)) == 0

@@ -15,13 +15,11 @@ from tolerances import CURVE, FORCE, FORCE_FINITE, FORCE_STRAINED, REPRODUCED
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN
-from pyfric.engines import hybrid, ringdown
+from pyfric.engines import hybrid, modes
 from pyfric.record import Record
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
 from pyfric.statics import (
     EquilibriumError,
-    StaticSolver,
-    equilibrium,
     loaded_state,
     solve_static,
 )
@@ -112,59 +110,6 @@ def test_linear_geometry_is_full_dynamics(name):
     check_counts(b)
     assert b.counts["steps"] < 0.5 * a.counts["steps"]
     assert b.counts["jumps"] > 0
-
-
-@pytest.mark.parametrize("name", ["rod, high driver", "free, light edge", "free, top driver"])
-def test_the_way_of_large_lattices_is_full_dynamics(name, monkeypatch):
-    """Blocks opened by corrections of low rank, states taken from the last ones."""
-    monkeypatch.setattr("pyfric.engines.fine.FINE", 10)
-    for module in (equilibrium, hybrid, ringdown):
-        monkeypatch.setattr(module, "LARGE", 10)
-    opened, moved = [], []
-    correct, move = ringdown._Opened, ringdown.Frozen._moved
-
-    def counted(*args):
-        opened.append(args)
-        return correct(*args)
-
-    def watched(*args):
-        q = move(*args)
-        moved.append(q is not None)
-        return q
-
-    monkeypatch.setattr(ringdown, "_Opened", counted)
-    monkeypatch.setattr(ringdown.Frozen, "_moved", watched)
-    scene, t_end = SCENES[name]
-    a, b = both(scene, t_end, "linear")
-    check_same_events(a, b, FORCE)
-    check_same_curve(a, b, CURVE)
-    assert b.counts["steps"] < 0.5 * a.counts["steps"]
-    assert any(moved)
-    assert opened or not (b.switches["new"] == OPEN).any()
-    if name == "free, light edge":
-        assert opened
-
-
-@pytest.mark.parametrize("scene", [rod(h=0.0125), free()], ids=["rod", "free"])
-def test_free_blocks_that_touch_need_no_factorisation_of_a_large_lattice(scene, monkeypatch):
-    """Blocks that are open in motion and touch at rest: against the whole solve."""
-    monkeypatch.setattr("pyfric.engines.fine.FINE", 10)
-    for module in (equilibrium, hybrid, ringdown):
-        monkeypatch.setattr(module, "LARGE", 10)
-    known = StaticSolver(scene, "linear")
-    u_x, drive = np.zeros(scene.N_x), 0.6 * scene.F_N / scene.driver.K
-    masks = [(scene.n_of_i == 1) | (scene.n_of_i == n) for n in (3, 5)]
-    expected = [known.solve(u_x, drive, free=free) for free in masks]
-    monkeypatch.setattr(known, "solve", None)
-    statics = hybrid._Statics(known, 1e-7)
-    for free, one in zip(masks, expected, strict=True):
-        found = statics.solve(u_x, drive, free=free)
-        assert (one.open != free).any()
-        for name in ("f", "tau", "p"):
-            there = getattr(one, name)
-            atol = 1e-10 * scene.F_N / scene.N_x
-            np.testing.assert_allclose(getattr(found, name), there, rtol=0, atol=atol)
-        assert found.F_T == pytest.approx(one.F_T, abs=1e-11 * scene.F_N)
 
 
 @pytest.mark.parametrize(
@@ -467,7 +412,7 @@ def test_where_no_modes_are_found_the_remainder_holds_all(monkeypatch):
 
     scene = free()
     a = step(scene, 0.02, geometry="linear")
-    monkeypatch.setattr(ringdown, "eigs", fail)
+    monkeypatch.setattr(modes, "eigsh", fail)
     b = jump(scene, 0.02, geometry="linear")
     assert len(a.events) > 0
     check_same_events(a, b, 10 * FORCE)

@@ -16,7 +16,7 @@ from pyfric.engines.integration import integrate
 from pyfric.engines.options import CURVE_POINTS, Options, kept
 from pyfric.engines.pauses import pause_notes
 from pyfric.engines.stretches import check_straight
-from pyfric.engines.verification import FURTHER, TANGENTS, TIGHTER, Made, verified
+from pyfric.engines.verification import FURTHER, TIGHTER, Made, verified
 from pyfric.record import Record
 from pyfric.scene import (
     SceneError,
@@ -51,7 +51,7 @@ def tighter(engine: type[Run], times: int) -> type[Run]:
     if not (times and issubclass(engine, HybridRun)):
         return engine
     share = TIGHTER * FURTHER ** (times - 1)
-    criteria = {"remainder": share * engine.remainder, "strained": TANGENTS * engine.strained}
+    criteria = {"accuracy": share * engine.accuracy}
     return type("Tighter", (engine,), criteria)
 
 

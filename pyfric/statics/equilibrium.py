@@ -319,6 +319,21 @@ class StaticSolver:
             other._load[self._top] = scene.d * T / scene.N_x
         return other
 
+    def tangent_matrix(self, stuck: np.ndarray, at: np.ndarray) -> sp.csr_array:
+        """Return the tangent stiffness at a state with foundation and driver, (n_q, n_q), N/m."""
+        return self._supported(self._bond_stiffness(at), stuck, driven=True)
+
+    def forces(self, q: np.ndarray, stuck: np.ndarray, drive: float) -> np.ndarray:
+        """Return the forces on the coordinates, without friction, shape (n_q,), in N.
+
+        Args:
+            q: coordinates, shape (n_q,), in m.
+            stuck: blocks on the foundation, shape (N_x,), bool; the others are open.
+            drive: displacement of the driver since t = 0, in m.
+        """
+        contact = _Contact(stuck, stuck, np.zeros(len(stuck), dtype=np.int8))
+        return self._forces(q, contact, drive)[0]
+
     def bond_tangents(self, q: np.ndarray) -> np.ndarray:
         """Return the stiffnesses xx, xz and zz of each bond at q, shape (3, n_bonds), in N/m."""
         return spring_tangents(self._lattice, self._spread(q), self.geometry)

@@ -1,0 +1,340 @@
+"""A jump: one step of an adaptive integrator, from an event to just before the next one.
+
+While no contact state changes, the slider follows its quasi-static path, behind which it lags, and
+rings about it (`modes`). With s the time since the jump began, b the forces on the coordinates,
+which are straight or parabolic over s between two corners of a protocol, and K the tangent,
+
+    q(s) = q_0 + q_1 s + q_2 s^2/2 + l_0 + l_1 s + w(s) ,
+    K q_1 = b' ,   K q_2 = b'' ,   K l_1 = -C q_2 ,   K l_0 = -C (q_1 + l_1) - M q_2 .
+
+That is exact in linear geometry, but for what the modes truncate. In finite geometry it is a
+prediction. What it leaves of the equation of motion where the jump lands,
+
+    D = forces(q) - C q' - M q'' ,
+
+moves the slider by K^-1 D. The path is bent so that it passes there, until that moves the gap
+functions by less than the accuracy. The jump ends just before gap functions, less the bound of the
+truncated part, reach zero.
+
+The estimate of the error of a jump is what K^-1 D does to the gap functions at landing, and what the
+truncated part still does to them there.
+
+Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), for
+control of the defect.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pyfric.engines.crossing import first_crossing
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pyfric.engines.modes import Linearised, Motion
+    from pyfric.scene import Scene
+    from pyfric.statics import StaticSolver
+
+__all__ = ["Jump", "Landing", "Outside", "Path", "Stale", "TRY", "Wait", "path_from", "rest"]
+
+TRY = 16
+"""Steps that take about as long as a try: no jump is shorter, and no wait for the next one."""
+LONGEST = 2**30
+"""Longest wait, in steps: the core takes no more in one call."""
+ROUNDS = 8
+"""Most corrections of one path; each gains more digits than the one before."""
+CONTRACTION = 0.1
+"""Chord iterations that gain less than this factor need a tangent nearer to the state."""
+
+
+class Outside:
+    """What acts on the slider from a time on, up to the next corner of a protocol.
+
+    Args:
+        solver: static states of the scene in its geometry.
+        t: time, in s; s counts from here.
+        after: a time on the piece of the protocol that is meant, in s.
+    """
+
+    def __init__(self, solver: StaticSolver, t: float, after: float | None = None) -> None:
+        self.solver, self.t = solver, t
+        scene = solver.scene
+        V, F_N, T = (scene.piece(what, t if after is None else after) for what in ("V", "F_N", "T"))
+        self.drive, self.V, self.a = V.integral_at(t), V.at(t), V.slope
+        self.load = None if scene.load_at(t) is None else (F_N.at(t), T.at(t))
+        self.gain = (F_N.slope, T.slope)
+
+    @classmethod
+    def still(
+        cls, solver: StaticSolver, drive: float, load: tuple[float, float] | None
+    ) -> Outside:
+        """Return what acts while the driver stays at `drive` (m) under F_N and T (N)."""
+        found = cls(solver, 0.0)
+        found.drive, found.load, found.V, found.a = drive, load, 0.0, 0.0
+        return found
+
+    @property
+    def steady(self) -> bool:
+        """Whether forces change at one rate."""
+        return self.a == 0
+
+    def rates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return b' (N/s) and b'' (N/s^2), shape (n_q,)."""
+        more = self.solver.under(self.gain).load if any(self.gain) else 0.0
+        return self.V * self.solver.push + more, self.a * self.solver.push
+
+    def drive_at(self, s: float | np.ndarray) -> float | np.ndarray:
+        """Return the position of the driver at s (s), in m."""
+        return self.drive + s * (self.V + (0.5 * s) * self.a)
+
+    def load_at(self, s: float) -> tuple[float, float] | None:
+        """Return F_N and T at s (s), in N; None where they never change."""
+        if self.load is None:
+            return None
+        return self.load[0] + s * self.gain[0], self.load[1] + s * self.gain[1]
+
+
+class Path(NamedTuple):
+    """The quasi-static path of the slider with its lag, as polynomials in s.
+
+    Attributes:
+        q: value, rate and bend of the coordinates, lag included, shape (3, n_q).
+        gaps: of the gap functions, shape (3, n_c), in N.
+    """
+
+    q: np.ndarray
+    gaps: np.ndarray
+
+    def coordinates(self, s: float) -> np.ndarray:
+        """Return q at s (s), shape (n_q,), in m."""
+        return self.q[0] + s * (self.q[1] + (0.5 * s) * self.q[2])
+
+    def gaps_at(self, s: float) -> np.ndarray:
+        """Return the gap functions at s (s), shape (n_c,), in N."""
+        return self.gaps[0] + s * (self.gaps[1] + (0.5 * s) * self.gaps[2])
+
+    def bent(self, shift: np.ndarray, gaps: np.ndarray, s: float) -> Path:
+        """Return the path with the same start that has moved by shift (m) and gaps (N) at s (s)."""
+        q, of_gaps = self.q.copy(), self.gaps.copy()
+        q[2] += 2 / s**2 * shift
+        of_gaps[2] += 2 / s**2 * gaps
+        return Path(q, of_gaps)
+
+
+class Landing(NamedTuple):
+    """Where a jump ends: after n steps, coordinates (m), their rates (m/s), gap functions (N).
+
+    `u_h` returns u_x of the driven block, in m, at times s (s), shape (m,); `error` is the estimate
+    of the error of contact forces, in N.
+    """
+
+    n: int
+    q: np.ndarray
+    v: np.ndarray
+    gaps: np.ndarray
+    u_h: Callable[[np.ndarray], np.ndarray]
+    error: float
+
+
+class Wait(NamedTuple):
+    """No jump now: steps until the next try."""
+
+    steps: int
+
+
+class Stale(NamedTuple):
+    """No jump with this linearisation; with one no better, steps until the next try."""
+
+    steps: int
+
+
+def rest(
+    system: Linearised, outside: Outside, q: np.ndarray, enough: float
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the static state at fixed contact states, and the forces that act there.
+
+    Args:
+        system: the slider at these contact states.
+        outside: what acts on it.
+        q: where the search starts, with the blocks that stick in their places, shape (n_q,), in m.
+        enough: error of gap functions, in N.
+
+    Returns:
+        q (m) and forces (N), shape (n_q,); None where the iteration does not converge fast.
+    """
+    share = 0.0 if system.solver.geometry == "linear" else 1.0  # of the error, that a round leaves
+    before = math.inf
+    for _ in range(ROUNDS):
+        force = system.forces(q, outside.drive, outside.load)
+        left = force.copy()
+        left[system.held] = 0.0
+        shift = system.answer(left)
+        change = system.K @ shift
+        error = float(np.abs(system.gaps_of(shift, -change)).max())
+        q, force = q + shift, force - change
+        if math.isfinite(before):
+            share = error / before
+        if not share <= 1.0:
+            return None
+        if error * share <= enough:
+            return q, force
+        before = error
+    return None
+
+
+def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.ndarray) -> Path:
+    """Return the path from a static state q (m) with forces (N) on it, both of shape (n_q,)."""
+    b_1, b_2 = outside.rates()
+    steady, plain = outside.steady, not any(outside.gain)
+    stiffer = system.stiffer(q)
+    q_1 = outside.V * system.drift if plain else system.answer(b_1)
+    if stiffer is not None:
+        q_1 = system.refined(q_1, b_1, stiffer)
+    zero = np.zeros_like(q)
+    q_2 = zero if steady else outside.a * system.drift
+    l_1 = zero if steady else outside.a * system.lag
+    pull = -(system.C @ (q_1 + l_1) + system.M * q_2)
+    l_0 = outside.V * system.lag if steady and plain else system.answer(pull)
+    if stiffer is not None:
+        l_0 = system.refined(l_0, pull, stiffer)
+    of_q = [forces, b_1 - system.restoring(q_1, stiffer), b_2 - system.restoring(q_2, stiffer)]
+    drag = [-(system.C @ (q_1 + l_1)), -(system.C @ q_2), zero]
+    lags = [l_0, l_1, zero]
+    gaps = [
+        system.gaps_of(x, f) + system.gaps_of(l, d - system.restoring(l, stiffer))
+        for x, f, l, d in zip((q, q_1, q_2), of_q, lags, drag, strict=True)
+    ]
+    return Path(np.array([q + l_0, q_1 + l_1, q_2]), np.array(gaps))
+
+
+class Jump:
+    """A jump that begins now.
+
+    Args:
+        system: the slider at its contact states.
+        outside: what acts on it.
+        path: its quasi-static path.
+        motion: how it deviates from that.
+        dt: step, in s.
+        accuracy: largest estimated error of contact forces, in N.
+        age: time since each block stuck, shape (N_x,), in s.
+    """
+
+    def __init__(
+        self,
+        system: Linearised,
+        outside: Outside,
+        path: Path,
+        motion: Motion,
+        *,
+        dt: float,
+        accuracy: float,
+        age: np.ndarray,
+    ) -> None:
+        self.system, self.outside, self.path, self.motion = system, outside, path, motion
+        self.dt, self.accuracy, self.age = dt, accuracy, age
+        self.growth, self.modal = system.growth, system.gaps * motion.a
+        self.bound = system.bound * math.sqrt(motion.energy)
+
+    def land(self, most: int) -> Landing | Wait | Stale:
+        """Return where the jump lands after at most so many steps, or how long to wait for it."""
+        finite = self.system.solver.geometry == "finite"
+        for round_ in range(ROUNDS):
+            n = self._longest(most)
+            if isinstance(n, Wait):
+                return n
+            s = n * self.dt
+            left = float(np.abs(self.motion.gaps).max()) * math.exp(-self.system.decay * s)
+            if left > self.accuracy:
+                return self._wait(left / self.accuracy, self.motion.decay)
+            alive = self._alive(s)
+            if finite and not round_ and alive.size:
+                self._follow_tangent(alive, s)
+            q, v, gaps, shift = self._landed(s)
+            wrong = gaps - self._gaps(s)
+            error = float(np.abs(wrong).max())
+            if error <= self.accuracy and (gaps > 0).all():
+                bent = self._bent(s) if finite and alive.size else 0.0
+                if bent > self.accuracy:
+                    slowest = float(-self.growth[alive].real.max())
+                    return Stale(self._wait(bent / self.accuracy, slowest).steps)
+                return Landing(n, q, v, gaps, self._u_h, left + error + bent)
+            self.path = self.path.bent(shift, wrong, s)
+        return Wait(TRY)
+
+    def _longest(self, most: int) -> int | Wait:
+        """Return the number of steps to just before a gap function may reach zero."""
+        *polynomial, waves = self.system.strengthened(self.age, *self.path.gaps, self.modal)
+        now = polynomial[0] + waves.sum(axis=1).real
+        with np.errstate(divide="ignore", invalid="ignore"):
+            loud = float(np.max(np.where(now > 0, self.bound / now, np.inf)))
+        if loud >= 1:
+            return self._wait(loud, self.motion.decay)
+        waves = np.column_stack([waves, -self.bound])
+        rates = np.append(self.growth, -self.system.decay)
+        c, slope, bend = polynomial
+        s = first_crossing(c, slope, waves, rates, most * self.dt, self.dt, bend)
+        n = min(math.floor(s / self.dt), most)
+        return Wait(max(n + 1, TRY)) if n < min(most, TRY) else n
+
+    def _wait(self, times: float, decay: float) -> Wait:
+        """Return when a motion that decays at a rate (1/s) is so many times smaller."""
+        steps = math.log(times) / (decay * self.dt) if decay > 0 and times < math.inf else 0.0
+        return Wait(math.ceil(min(max(steps, TRY), LONGEST)))
+
+    def _alive(self, s: float) -> np.ndarray:
+        """Return the indices of modes that move a gap function by the accuracy at s (s)."""
+        level = np.abs(self.modal).max(axis=0, initial=0.0) * np.exp(self.growth.real * s)
+        return np.flatnonzero(level > 0.1 * self.accuracy)
+
+    def _follow_tangent(self, alive: np.ndarray, s: float) -> None:
+        """Let modes follow the mean tangent of the path up to s (s)."""
+        system = self.system
+        ends = (system.stiffer(self.path.coordinates(one)) for one in (0.0, s))
+        self.growth = system.growth_at(sum(ends) / 2, alive)
+
+    def _bent(self, s: float) -> float:
+        """Return what the modes leave of the equation of motion, as it moves the gap functions.
+
+        Tangents change along the path, and large motions are not linear. What that leaves halfway
+        and at s (s) excites modes, which decay until s, in N.
+        """
+        found = 0.0
+        for then in (0.5 * s, s):
+            system, outside = self.system, self.outside
+            q, there = self.path.coordinates(then), (outside.drive_at(then), outside.load_at(then))
+            w, w_v, w_a = system.deviation(self.motion.a, self.growth, then)
+            gain = system.forces(q + w, *there) - system.forces(q, *there)
+            left = gain - system.C @ w_v - system.M * w_a
+            left[system.held] = 0.0
+            a = system.amplitudes(system.answer(left), np.zeros_like(left))
+            decay = np.exp(self.growth.real * (s - then))
+            found = max(found, float((np.abs(system.gaps * a) @ decay).max()))
+        return found
+
+    def _landed(self, s: float) -> tuple[np.ndarray, ...]:
+        """Return q, q' and gap functions at s (s), corrected by the defect, and its shift."""
+        system, path = self.system, self.path
+        w, w_v, w_a = system.deviation(self.motion.a, self.growth, s)
+        q, v = path.coordinates(s) + w, path.q[1] + s * path.q[2] + w_v
+        outside = self.outside.drive_at(s), self.outside.load_at(s)
+        forces = system.forces(q, *outside) - system.C @ v
+        left = forces - system.M * (path.q[2] + w_a)
+        left[system.held] = 0.0
+        shift = system.answer(left)
+        q = q + shift
+        return q, v, system.gaps_of(q, forces - system.K @ shift), shift
+
+    def _gaps(self, s: float) -> np.ndarray:
+        """Return the predicted gap functions at s (s), shape (n_c,), in N."""
+        return self.path.gaps_at(s) + (self.modal @ np.exp(self.growth * s)).real
+
+    def _u_h(self, s: np.ndarray) -> np.ndarray:
+        """Return u_x of the driven block at times s (s), shape (n,), in m."""
+        value, rate, bend = self.path.q @ self.system.solver.driven_row
+        waves = (self.system.u_h * self.motion.a) @ np.exp(np.outer(self.growth, s))
+        return value + s * (rate + (0.5 * s) * bend) + waves.real

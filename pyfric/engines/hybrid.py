@@ -21,7 +21,7 @@ from pyfric import core
 from pyfric.core import OPEN, STUCK
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run, just_after, last_step
-from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, path_from, rest
+from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.modes import Linearised
 from pyfric.statics import EquilibriumError
 
@@ -60,7 +60,7 @@ class RestStates:
         self._systems: dict[bytes, Linearised] = {}
         self._last: dict[bytes, tuple[bytes, float, np.ndarray]] = {}
         self.renewed = 0
-        self._found: dict[tuple[Any, ...], Static | Equilibrium] = {}
+        self._paths: dict[tuple[Any, ...], list[tuple[Outside, float, np.ndarray]]] = {}
 
     def system(self, stuck: np.ndarray) -> Linearised:
         """Return the slider linearised at these contact states."""
@@ -109,12 +109,29 @@ class RestStates:
         load: tuple[float, float] | None = None,
     ) -> Static | Equilibrium:
         """Return the static state, for the catalogue."""
-        key = u_x[~free].tobytes(), free.tobytes(), drive, load
-        if key not in self._found:
-            self._found[key] = self._rest(u_x, drive, free, load) or self.known.solve(
-                u_x, drive, free=free, load=load
-            )
-        return self._found[key]
+        found = self._on_path(u_x, drive, free, load)
+        return found or self._rest(u_x, drive, free, load) or self.known.solve(
+            u_x, drive, free=free, load=load
+        )
+
+    def follow(self, u_x: np.ndarray, system: Linearised, landing: Landing, dt: float) -> None:
+        """Remember the path of a jump: static states nearby are read off it."""
+        outside, s = landing.jump.outside, landing.n * dt
+        if outside.steady and outside.V and not any(outside.gain):
+            key = u_x[system.stuck].tobytes(), system.stuck.tobytes(), outside.load
+            self._paths.setdefault(key, []).append((outside, s, landing.jump.path.still))
+
+    def _on_path(
+        self, u_x: np.ndarray, drive: float, free: np.ndarray, load: tuple[float, float] | None
+    ) -> Static | None:
+        """Return the static state if a path leads there, or ends as near as it is long."""
+        for outside, length, still in self._paths.get((u_x[~free].tobytes(), (~free).tobytes(), load), ()):
+            s = (drive - outside.drive) / outside.V
+            if -0.1 * length <= s <= 1.1 * length:
+                N_x = len(u_x)
+                found = at(still, s)
+                return self._static(drive, free, found[:N_x], found[N_x:-1], found[-1])
+        return None
 
     def _rest(
         self, u_x: np.ndarray, drive: float, free: np.ndarray, load: tuple[float, float] | None
@@ -124,12 +141,19 @@ class RestStates:
         found = outside and self.at(u_x, ~free, outside, self.enough)
         if found is None:
             return None
-        (q, forces), scene, known = found, self.known.scene, self.known
-        u_z = q[scene.N_x : 2 * scene.N_x]
+        (q, forces), N_x = found, len(u_x)
+        u_h = float(self.known.driven_row @ q)
+        return self._static(drive, free, q[N_x : 2 * N_x], -forces[:N_x][~free], u_h)
+
+    def _static(
+        self, drive: float, free: np.ndarray, u_z: np.ndarray, f: np.ndarray, u_h: float
+    ) -> Static | None:
+        """Return a state of rest, None if contact would not keep the open blocks."""
+        scene, tau = self.known.scene, np.zeros(len(u_z))
         if (np.where(free, u_z, -u_z) < 0).any():
             return None
-        tau = np.where(free, 0.0, scene.d * forces[: scene.N_x])
-        F_T = scene.driver_force(drive, float(known.driven_row @ q), known.u_drv0)
+        tau[~free] = -scene.d * f
+        F_T = scene.driver_force(drive, u_h, self.known.u_drv0)
         return Static(F_T, tau, np.where(free, 0.0, -scene.k_f * u_z))
 
 
@@ -278,7 +302,8 @@ class HybridRun(Run):
         path = path_from(system, outside, *start)
         q = known.coordinates(state.y[:, :2], state.rod[:3])
         v = known.coordinates(state.y[:, 2:], state.rod[3:])
-        motion = system.split(q - path.q[0], v - path.q[1])
+        behind, slower = path.q[0] + path.lag[0], path.q[1] + path.lag[1]
+        motion = system.split(q - behind, v - slower)
         accuracy, age = self.accuracy * self.scene.F_N, state.t - state.t_0
         how = {"dt": state.dt, "accuracy": accuracy, "age": age}
         return Jump(system, outside, path, motion, **how).land(most)
@@ -292,7 +317,7 @@ class HybridRun(Run):
     def _sample_jump(self, landing: Landing, outside: Outside) -> None:
         """Add the points of the loading curve in a jump."""
         (t, s), scene = self._samples(landing.n), self.scene
-        stretch = outside.drive_at(s) - scene.d * (landing.u_h(s) - self.state.u_drv0)
+        stretch = outside.drive_at(s) - scene.d * (landing.jump.u_h(s) - self.state.u_drv0)
         self.rows += np.column_stack([t, scene.driver.K * stretch]).tolist()
 
     def _land(self, landing: Landing, system: Linearised, outside: Outside) -> None:
@@ -300,6 +325,7 @@ class HybridRun(Run):
         state, n = self.state, len(system.held)
         u_x = state.y[0, 0].copy()
         self.solver.keep(u_x, system.stuck, outside.drive_at(landing.n * state.dt), landing.q)
+        self.solver.follow(u_x, system, landing, state.dt)
         self._put(landing.q, landing.v, u_x, landing.n)
         state.margin[:] = 0.0
         state.margin[system.held] = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])

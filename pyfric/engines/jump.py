@@ -31,17 +31,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.engines.crossing import first_crossing
+from pyfric.engines.modes import Ringing
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from pyfric.engines.modes import Linearised, Motion
     from pyfric.scene import Scene
     from pyfric.statics import StaticSolver
 
-__all__ = ["Jump", "Landing", "Outside", "Path", "Stale", "TRY", "Wait", "path_from", "rest"]
+__all__ = ["Jump", "Landing", "Outside", "Path", "Stale", "TRY", "Wait", "at", "path_from", "rest"]
 
-TRY = 16
+TRY = 12
 """Steps that take about as long as a try: no jump is shorter, and no wait for the next one."""
 LONGEST = 2**30
 """Longest wait, in steps: the core takes no more in one call."""
@@ -99,45 +98,66 @@ class Outside:
 
 
 class Path(NamedTuple):
-    """The quasi-static path of the slider with its lag, as polynomials in s.
+    """The quasi-static path of the slider, and how far it lags behind, as polynomials in s.
+
+    Each is given by its value, rate and bend at s = 0.
 
     Attributes:
-        q: value, rate and bend of the coordinates, lag included, shape (3, n_q).
-        gaps: of the gap functions, shape (3, n_c), in N.
+        q: coordinates at rest, shape (3, n_q).
+        lag: of the coordinates, shape (3, n_q).
+        gaps: gap functions, lag included, shape (3, n_c), in N.
+        still: at rest, u_z of the bottom blocks, friction force on those that stick, u_x of the
+            driven block, shape (3, N_x + n_stuck + 1).
     """
 
     q: np.ndarray
+    lag: np.ndarray
     gaps: np.ndarray
+    still: np.ndarray
 
-    def coordinates(self, s: float) -> np.ndarray:
-        """Return q at s (s), shape (n_q,), in m."""
-        return self.q[0] + s * (self.q[1] + (0.5 * s) * self.q[2])
-
-    def gaps_at(self, s: float) -> np.ndarray:
-        """Return the gap functions at s (s), shape (n_c,), in N."""
-        return self.gaps[0] + s * (self.gaps[1] + (0.5 * s) * self.gaps[2])
-
-    def bent(self, shift: np.ndarray, gaps: np.ndarray, s: float) -> Path:
+    def bent(self, system: Linearised, shift: np.ndarray, gaps: np.ndarray, s: float) -> Path:
         """Return the path with the same start that has moved by shift (m) and gaps (N) at s (s)."""
-        q, of_gaps = self.q.copy(), self.gaps.copy()
+        q, of_gaps, still = self.q.copy(), self.gaps.copy(), self.still.copy()
+        n = len(system.held)
+        f = (gaps[:n] - gaps[n : 2 * n]) / 2
         q[2] += 2 / s**2 * shift
         of_gaps[2] += 2 / s**2 * gaps
-        return Path(q, of_gaps)
+        still[2] += 2 / s**2 * system.bottom(shift, f)
+        return Path(q, self.lag, of_gaps, still)
+
+    def remember(self, system: Linearised, outside: Outside) -> None:
+        """Let the next path begin with the bend of this one."""
+        if outside.steady and outside.V and not any(outside.gain):
+            parts = self.q, self.gaps, self.still
+            system.bend = [part[2] / outside.V**2 for part in parts]
+
+    def as_before(self, system: Linearised, outside: Outside) -> Path:
+        """Return the path with the bend of the last one, where only the driver moves."""
+        if system.bend is None or not outside.steady or any(outside.gain):
+            return self
+        q, gaps, still = self.q.copy(), self.gaps.copy(), self.still.copy()
+        for part, bend in zip((q, gaps, still), system.bend, strict=True):
+            part[2] += outside.V**2 * bend
+        return Path(q, self.lag, gaps, still)
+
+
+def at(polynomial: np.ndarray, s: float) -> np.ndarray:
+    """Return a polynomial of `Path` at s (s)."""
+    return polynomial[0] + s * (polynomial[1] + (0.5 * s) * polynomial[2])
 
 
 class Landing(NamedTuple):
     """Where a jump ends: after n steps, coordinates (m), their rates (m/s), gap functions (N).
 
-    `u_h` returns u_x of the driven block, in m, at times s (s), shape (m,); `error` is the estimate
-    of the error of contact forces, in N.
+    `error` is the estimate of the error of contact forces, in N; `jump` led there.
     """
 
     n: int
     q: np.ndarray
     v: np.ndarray
     gaps: np.ndarray
-    u_h: Callable[[np.ndarray], np.ndarray]
     error: float
+    jump: Jump
 
 
 class Wait(NamedTuple):
@@ -166,7 +186,6 @@ def rest(
     Returns:
         q (m) and forces (N), shape (n_q,); None where the iteration does not converge fast.
     """
-    share = 0.0 if system.solver.geometry == "linear" else 1.0  # of the error, that a round leaves
     before = math.inf
     for _ in range(ROUNDS):
         force = system.forces(q, outside.drive, outside.load)
@@ -177,10 +196,11 @@ def rest(
         error = float(np.abs(system.gaps_of(shift, -change)).max())
         q, force = q + shift, force - change
         if math.isfinite(before):
-            share = error / before
-        if not share <= 1.0:
+            system.contraction = error / before if before > 0 else 0.0
+        if not system.contraction <= 1.0:
+            system.contraction = 1.0
             return None
-        if error * share <= enough:
+        if error * system.contraction <= enough:
             return q, force
         before = error
     return None
@@ -188,27 +208,33 @@ def rest(
 
 def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.ndarray) -> Path:
     """Return the path from a static state q (m) with forces (N) on it, both of shape (n_q,)."""
+    stiffer, zero = system.stiffer(q), np.zeros_like(q)
+
+    def answer(force: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what a force makes of the slider, from a guess x, and the force that is left."""
+        if stiffer is not None:
+            x = x + system.answer(force - system.restoring(x, stiffer))
+        return x, force - system.restoring(x, stiffer)
+
     b_1, b_2 = outside.rates()
     steady, plain = outside.steady, not any(outside.gain)
-    stiffer = system.stiffer(q)
-    q_1 = outside.V * system.drift if plain else system.answer(b_1)
-    if stiffer is not None:
-        q_1 = system.refined(q_1, b_1, stiffer)
-    zero = np.zeros_like(q)
-    q_2 = zero if steady else outside.a * system.drift
-    l_1 = zero if steady else outside.a * system.lag
-    pull = -(system.C @ (q_1 + l_1) + system.M * q_2)
-    l_0 = outside.V * system.lag if steady and plain else system.answer(pull)
-    if stiffer is not None:
-        l_0 = system.refined(l_0, pull, stiffer)
-    of_q = [forces, b_1 - system.restoring(q_1, stiffer), b_2 - system.restoring(q_2, stiffer)]
-    drag = [-(system.C @ (q_1 + l_1)), -(system.C @ q_2), zero]
-    lags = [l_0, l_1, zero]
-    gaps = [
-        system.gaps_of(x, f) + system.gaps_of(l, d - system.restoring(l, stiffer))
-        for x, f, l, d in zip((q, q_1, q_2), of_q, lags, drag, strict=True)
-    ]
-    return Path(np.array([q + l_0, q_1 + l_1, q_2]), np.array(gaps))
+    q_1, left_1 = answer(b_1, outside.V * system.drift if plain else system.answer(b_1))
+    q_2, left_2, l_1 = zero, zero, zero
+    if not steady:
+        q_2, left_2 = answer(b_2, outside.a * system.drift)
+        l_1 = outside.a * system.lag
+    drag = -(system.C @ (q_1 + l_1))
+    pull = drag - system.M * q_2
+    l_0, left_0 = answer(pull, outside.V * system.lag if steady and plain else system.answer(pull))
+    bottom = zip((q, q_1, q_2), (forces, left_1, left_2), strict=True)
+    gaps = np.array([system.gaps_of(x, f) for x, f in bottom])
+    gaps[0] += system.gaps_of(l_0, left_0 + drag - pull)
+    if not steady:
+        gaps[1] += system.gaps_of(l_1, -(system.C @ q_2) - system.restoring(l_1, stiffer))
+    f = (-one[system.held] for one in (forces, left_1, left_2))
+    still = [system.bottom(x, one) for x, one in zip((q, q_1, q_2), f, strict=True)]
+    path = Path(np.array([q, q_1, q_2]), np.array([l_0, l_1, zero]), gaps, np.array(still))
+    return path.as_before(system, outside)
 
 
 class Jump:
@@ -237,7 +263,7 @@ class Jump:
     ) -> None:
         self.system, self.outside, self.path, self.motion = system, outside, path, motion
         self.dt, self.accuracy, self.age = dt, accuracy, age
-        self.growth, self.modal = system.growth, system.gaps * motion.a
+        self.ringing = Ringing(system, motion.a)
         self.bound = system.bound * math.sqrt(motion.energy)
 
     def land(self, most: int) -> Landing | Wait | Stale:
@@ -248,34 +274,38 @@ class Jump:
             if isinstance(n, Wait):
                 return n
             s = n * self.dt
-            left = float(np.abs(self.motion.gaps).max()) * math.exp(-self.system.decay * s)
+            left = float(np.abs(self.motion.gaps).max()) * math.exp(-self.system.fade * s)
             if left > self.accuracy:
                 return self._wait(left / self.accuracy, self.motion.decay)
-            alive = self._alive(s)
+            alive = np.flatnonzero(self.ringing.levels(s) > self.accuracy)
             if finite and not round_ and alive.size:
-                self._follow_tangent(alive, s)
+                ends = (self.system.stiffer(at(self.path.q, one)) for one in (0.0, s))
+                self.ringing.follow(*ends, s, alive)
             q, v, gaps, shift = self._landed(s)
             wrong = gaps - self._gaps(s)
             error = float(np.abs(wrong).max())
+            self.path = self.path.bent(self.system, shift, wrong, s)
+            (gaps,) = self.system.strengthened(self.age, gaps)
             if error <= self.accuracy and (gaps > 0).all():
-                bent = self._bent(s) if finite and alive.size else 0.0
-                if bent > self.accuracy:
-                    slowest = float(-self.growth[alive].real.max())
-                    return Stale(self._wait(bent / self.accuracy, slowest).steps)
-                return Landing(n, q, v, gaps, self._u_h, left + error + bent)
-            self.path = self.path.bent(shift, wrong, s)
+                defect = self._defect(s) if finite and alive.size else 0.0
+                if defect > self.accuracy:
+                    slowest = float(-self.ringing.growth[alive].real.max())
+                    return Stale(self._wait(defect / self.accuracy, slowest).steps)
+                self.path.remember(self.system, self.outside)
+                return Landing(n, q, v, gaps, left + error + defect, self)
         return Wait(TRY)
 
     def _longest(self, most: int) -> int | Wait:
         """Return the number of steps to just before a gap function may reach zero."""
-        *polynomial, waves = self.system.strengthened(self.age, *self.path.gaps, self.modal)
+        ringing = self.ringing
+        *polynomial, waves = self.system.strengthened(self.age, *self.path.gaps, ringing.gaps)
         now = polynomial[0] + waves.sum(axis=1).real
         with np.errstate(divide="ignore", invalid="ignore"):
             loud = float(np.max(np.where(now > 0, self.bound / now, np.inf)))
         if loud >= 1:
             return self._wait(loud, self.motion.decay)
         waves = np.column_stack([waves, -self.bound])
-        rates = np.append(self.growth, -self.system.decay)
+        rates = np.append(ringing.growth, -self.system.decay)
         c, slope, bend = polynomial
         s = first_crossing(c, slope, waves, rates, most * self.dt, self.dt, bend)
         n = min(math.floor(s / self.dt), most)
@@ -286,41 +316,29 @@ class Jump:
         steps = math.log(times) / (decay * self.dt) if decay > 0 and times < math.inf else 0.0
         return Wait(math.ceil(min(max(steps, TRY), LONGEST)))
 
-    def _alive(self, s: float) -> np.ndarray:
-        """Return the indices of modes that move a gap function by the accuracy at s (s)."""
-        level = np.abs(self.modal).max(axis=0, initial=0.0) * np.exp(self.growth.real * s)
-        return np.flatnonzero(level > 0.1 * self.accuracy)
-
-    def _follow_tangent(self, alive: np.ndarray, s: float) -> None:
-        """Let modes follow the mean tangent of the path up to s (s)."""
-        system = self.system
-        ends = (system.stiffer(self.path.coordinates(one)) for one in (0.0, s))
-        self.growth = system.growth_at(sum(ends) / 2, alive)
-
-    def _bent(self, s: float) -> float:
+    def _defect(self, s: float) -> float:
         """Return what the modes leave of the equation of motion, as it moves the gap functions.
 
-        Tangents change along the path, and large motions are not linear. What that leaves halfway
-        and at s (s) excites modes, which decay until s, in N.
+        In finite geometry tangents change along the path, and large motions are not linear. What
+        that leaves at the start and halfway excites modes, which decay until s (s), in N.
         """
-        found = 0.0
-        for then in (0.5 * s, s):
-            system, outside = self.system, self.outside
-            q, there = self.path.coordinates(then), (outside.drive_at(then), outside.load_at(then))
-            w, w_v, w_a = system.deviation(self.motion.a, self.growth, then)
+        system, outside, found = self.system, self.outside, 0.0
+        for then in (0.0, 0.5 * s):
+            q, there = at(self.path.q, then), (outside.drive_at(then), outside.load_at(then))
+            w, w_v, w_a = system.deviation(*self.ringing.at(then))
             gain = system.forces(q + w, *there) - system.forces(q, *there)
             left = gain - system.C @ w_v - system.M * w_a
             left[system.held] = 0.0
-            a = system.amplitudes(system.answer(left), np.zeros_like(left))
-            decay = np.exp(self.growth.real * (s - then))
-            found = max(found, float((np.abs(system.gaps * a) @ decay).max()))
+            excited = Ringing(system, system.excited(system.answer(left)))
+            found = max(found, float((np.abs(excited.gaps) @ np.exp(excited.growth.real * (s - then))).max()))
         return found
 
     def _landed(self, s: float) -> tuple[np.ndarray, ...]:
         """Return q, q' and gap functions at s (s), corrected by the defect, and its shift."""
         system, path = self.system, self.path
-        w, w_v, w_a = system.deviation(self.motion.a, self.growth, s)
-        q, v = path.coordinates(s) + w, path.q[1] + s * path.q[2] + w_v
+        w, w_v, w_a = system.deviation(*self.ringing.at(s))
+        q = at(path.q, s) + at(path.lag, s) + w
+        v = path.q[1] + path.lag[1] + s * path.q[2] + w_v
         outside = self.outside.drive_at(s), self.outside.load_at(s)
         forces = system.forces(q, *outside) - system.C @ v
         left = forces - system.M * (path.q[2] + w_a)
@@ -331,10 +349,11 @@ class Jump:
 
     def _gaps(self, s: float) -> np.ndarray:
         """Return the predicted gap functions at s (s), shape (n_c,), in N."""
-        return self.path.gaps_at(s) + (self.modal @ np.exp(self.growth * s)).real
+        a, _ = self.ringing.at(s)
+        return at(self.path.gaps, s) + (self.system.gaps @ a).real
 
-    def _u_h(self, s: np.ndarray) -> np.ndarray:
+    def u_h(self, s: np.ndarray) -> np.ndarray:
         """Return u_x of the driven block at times s (s), shape (n,), in m."""
-        value, rate, bend = self.path.q @ self.system.solver.driven_row
-        waves = (self.system.u_h * self.motion.a) @ np.exp(np.outer(self.growth, s))
-        return value + s * (rate + (0.5 * s) * bend) + waves.real
+        path = self.path.still[:, -1] + self.path.lag @ self.system.solver.driven_row
+        waves = (self.system.u_h * self.ringing.a) @ np.exp(np.outer(self.ringing.growth, s))
+        return at(path, s) + waves.real

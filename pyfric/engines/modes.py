@@ -51,9 +51,9 @@ from pyfric.statics import damping, mass
 if TYPE_CHECKING:
     from pyfric.statics import StaticSolver
 
-__all__ = ["Linearised", "Motion", "orthonormal"]
+__all__ = ["Linearised", "Motion", "Ringing", "orthonormal"]
 
-N_MODES = 20
+N_MODES = 40
 """Undamped modes in the space."""
 INDEPENDENT = 1e-10
 """Shapes that add less than this share of inertia to the space are rounding."""
@@ -100,6 +100,8 @@ class Linearised:
         u_h: u_x of the driven block in these modes, shape (n,), complex, in m.
         bound: largest change of the gap functions by a truncated part of 1 J, (n_c,), in N.
         decay: rate at which the truncated part decays at least, in 1/s.
+        fade: rate at which it is expected to decay, in 1/s.
+        contraction: share of an error that a chord iteration leaves, as seen last.
 
     Raises:
         EquilibriumError: all blocks are open.
@@ -118,13 +120,16 @@ class Linearised:
         self.k_f = np.broadcast_to(scene.k_f, scene.N_x)
         self.K, self._factor, self.free = solver.tangent(stuck, at)
         self.M, self.C, self.n_q = mass(scene), damping(scene), self.K.shape[0]
+        self.contraction, self.bend = 0.0, None
         if solver.geometry == "finite":
+            self.contraction = 1.0
             loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
             self._bonds = solver.bond_tangents(loaded if at is None else at)
         cut = self._find_space()
         self._find_modes()
         self.growth = self.stepped(self.rates)
         self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), cut)
+        self.fade = self._fade(cut)
         self._find_bound()
 
     def at(self, q: np.ndarray) -> Linearised:
@@ -150,7 +155,7 @@ class Linearised:
         driven, M_matrix = self.drift[free], sp.diags_array(M).tocsc()
         K, squares, shapes = self.K[free][:, free], np.zeros(1), driven[:, None]
         with contextlib.suppress(ArpackError):  # no modes: all else is truncated
-            how = {"sigma": 0, "OPinv": inverse, "v0": driven, "tol": 1e-6}
+            how = {"sigma": 0, "OPinv": inverse, "v0": driven, "tol": 1e-8}
             squares, modes = eigsh(K, count, M_matrix, **how)
             shapes = np.column_stack([modes, driven])
         if scene.eta > 0:
@@ -164,8 +169,9 @@ class Linearised:
     def _find_modes(self) -> None:
         """Find the eigenpairs of the reduced system, and how they move contact and driver."""
         B, N_x, solver = self.B, len(self.stuck), self.solver
+        self._works: dict[int, np.ndarray] = {}
         KB, CB, r = self.K @ B, self.C @ B, B.shape[1]
-        self._MB, self._CB = self.M[:, None] * B, B.T @ CB
+        self._CB = B.T @ CB
         zero, one = np.zeros((r, r)), np.eye(r)
         rates, x = np.linalg.eig(np.block([[zero, one], [-(B.T @ KB), -self._CB]]))
         self._to_modes = scipy.linalg.lu_factor(x) if r else None
@@ -176,6 +182,17 @@ class Linearised:
         f = KB[self.held] @ self.x + (CB[self.held] @ self.x) * self.rates
         self.gaps = self.gap_functions(B[N_x : 2 * N_x] @ self.x, f)
         self.u_h = (solver.driven_row @ B) @ self.x
+
+    def _fade(self, cut: float) -> float:
+        """Return the rate at which motion beyond a frequency is expected to decay, in 1/s.
+
+        Viscosity damps modes in proportion to omega^2, here as it does the least damped one.
+        """
+        waves = self.rates[self.rates.imag > 0]
+        if not len(waves):
+            return self.decay
+        least = float(np.min(-waves.real / np.abs(waves) ** 2))
+        return min(max(least * cut**2, self.decay), cut)
 
     def _find_bound(self) -> None:
         """Find how far a truncated part of 1 J can move each gap function.
@@ -203,24 +220,28 @@ class Linearised:
         growth.real = np.minimum(growth.real, 0.0)
         return growth
 
-    def growth_at(self, stiffer: np.ndarray, which: np.ndarray) -> np.ndarray:
-        """Return `growth`, of some modes to first order where bonds are stiffer.
+    def rates_at(self, stiffer: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """Return `rates`, of some modes to first order where bonds are stiffer.
 
         Args:
             stiffer: what stiffnesses of bonds gain, shape (3, n_bonds), in N/m.
             which: indices of the modes, shape (m,).
         """
-        if not which.size:
-            return self.growth
-        x, rates = self.x[:, which], self.rates.copy()
-        phi, N = self.B @ x, stiffer.shape[1]
-        du = np.vstack(self.solver.elongations(np.hstack([phi.real, phi.imag])))
-        du_x, du_z = (one[:, : len(which)] + 1j * one[:, len(which) :] for one in (du[:N], du[N:]))
-        xx, xz, zz = stiffer
-        work = xx @ du_x**2 + 2 * (xz @ (du_x * du_z)) + zz @ du_z**2
-        norm = np.sum(x * (self._CB @ x), axis=0) + 2 * rates[which] * np.sum(x * x, axis=0)
-        rates[which] -= work / norm
-        return self.stepped(rates)
+        rates = self.rates.copy()
+        for k in which:
+            rates[k] -= np.sum(stiffer * self._work(int(k)))
+        return rates
+
+    def _work(self, k: int) -> np.ndarray:
+        """Return the change of -rates[k] with the stiffnesses of bonds, shape (3, n_bonds)."""
+        if k not in self._works:
+            x = self.x[:, k]
+            phi, n = self.B @ x, self._bonds.shape[1]
+            du = np.concatenate(self.solver.elongations(np.column_stack([phi.real, phi.imag])))
+            du_x, du_z = (du[part, 0] + 1j * du[part, 1] for part in (slice(n), slice(n, None)))
+            norm = x @ (self._CB @ x) + 2 * self.rates[k] * (x @ x)
+            self._works[k] = np.array([du_x**2, 2 * du_x * du_z, du_z**2]) / norm
+        return self._works[k]
 
     def moved(self, blocks: np.ndarray) -> np.ndarray:
         """Return the static shapes, (n_q, n), where each of n blocks that stick is moved by 1."""
@@ -295,6 +316,11 @@ class Linearised:
         N_x = len(self.stuck)
         return self.gap_functions(q[N_x : 2 * N_x], -forces[self.held])
 
+    def bottom(self, x: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """Return u_z of the bottom blocks, f, and u_x of the driven block of coordinates x."""
+        N_x = len(self.stuck)
+        return np.concatenate([x[N_x : 2 * N_x], f, [self.solver.driven_row @ x]])
+
     def strengthened(self, age: np.ndarray, *rows: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return gap functions, or parts of them, of blocks that have been stuck for `age`.
 
@@ -316,28 +342,73 @@ class Linearised:
             found.append(np.concatenate([row[:n] + more, row[n : 2 * n] + more, row[2 * n :]]))
         return tuple(found)
 
-    def amplitudes(self, w: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Return the amplitudes of modes in a deviation w (m) with rate v (m/s), shape (n,)."""
+    def amplitudes(self, y: np.ndarray) -> np.ndarray:
+        """Return the amplitudes of modes, shape (n,), where B'M w and B'M v are y, (2, r)."""
         if self._to_modes is None:
             return np.zeros(0, complex)
-        both = np.concatenate([w @ self._MB, v @ self._MB]).astype(complex)
-        return scipy.linalg.lu_solve(self._to_modes, both)[self._one_of_pair]
+        return scipy.linalg.lu_solve(self._to_modes, y.ravel().astype(complex))[self._one_of_pair]
+
+    def excited(self, w: np.ndarray) -> np.ndarray:
+        """Return the amplitudes of modes in a deviation w (m) at rest, shape (n,)."""
+        return self.amplitudes(np.array([(self.M * w) @ self.B, np.zeros(self.B.shape[1])]))
 
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and truncated part."""
-        a = self.amplitudes(w, v)
-        w, v = w - self.B @ (w @ self._MB), v - self.B @ (v @ self._MB)
+        both = np.array([w, v])
+        y = (both * self.M) @ self.B
+        w, v = both - y @ self.B.T
         force, drag, momentum = self.K @ w, self.C @ v, self.M * v
         twice_kinetic = float(v @ momentum)
         energy = 0.5 * (twice_kinetic + float(w @ force))
         decay = float(v @ drag) / (2 * twice_kinetic) if twice_kinetic > 0 else 0.0
         gaps = self.gaps_of(w, -(force + drag))
-        return Motion(a, max(energy, 0.0), gaps, max(decay, self.decay))
+        return Motion(self.amplitudes(y), max(energy, 0.0), gaps, max(decay, self.decay))
 
     def deviation(
-        self, a: np.ndarray, growth: np.ndarray, s: float
+        self, a: np.ndarray, rates: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return w (m), w' (m/s) and w'' (m/s^2) of modes a time s (s) later, shape (n_q,)."""
-        later = a * np.exp(growth * s)
-        y = np.array([later, later * self.rates, later * self.rates**2]) @ self.x.T
+        """Return w (m), w' (m/s) and w'' (m/s^2), shape (n_q,), of modes with these rates (1/s)."""
+        y = np.array([a, a * rates, a * rates**2]) @ self.x.T
         return tuple(y.real @ self.B.T)
+
+
+class Ringing:
+    """Modes over a time s, with rates that change along the path in finite geometry.
+
+    Each goes on with a sqrt(lambda(0)/lambda(s)) exp(int_0^s lambda), lambda straight over s (the
+    WKB approximation).
+
+    Args:
+        system: the slider at its contact states.
+        a: amplitudes at s = 0, shape (n,).
+
+    Attributes:
+        growth: mean rates of the amplitudes, shape (n,), in 1/s.
+        gaps: gap functions of the modes at s = 0, shape (n_c, n), complex, in N.
+    """
+
+    def __init__(self, system: Linearised, a: np.ndarray) -> None:
+        self.system, self.a, self.gaps = system, a, system.gaps * a
+        self.rates, self.change, self.growth = system.rates, 0.0, system.growth
+
+    def follow(self, begin: np.ndarray, end: np.ndarray, s: float, which: np.ndarray) -> None:
+        """Let some modes follow tangents that change up to s (s).
+
+        Args:
+            begin, end: what stiffnesses of bonds gain, shape (3, n_bonds), in N/m.
+            s: time, in s.
+            which: indices of the modes, shape (m,).
+        """
+        self.rates, last = (self.system.rates_at(one, which) for one in (begin, end))
+        self.change = (last - self.rates) / s
+        self.growth = self.system.stepped((self.rates + last) / 2)
+
+    def at(self, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return amplitudes and rates (1/s) at s (s), shape (n,)."""
+        rates = self.rates + s * self.change
+        grown = np.exp(self.system.stepped((self.rates + rates) / 2) * s)
+        return self.a * np.sqrt(self.rates / rates) * grown, rates
+
+    def levels(self, s: float) -> np.ndarray:
+        """Return how far each mode moves a gap function at s (s), shape (n,), in N."""
+        return np.abs(self.gaps).max(axis=0, initial=0.0) * np.exp(self.growth.real * s)

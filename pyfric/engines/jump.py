@@ -67,15 +67,6 @@ class Outside:
         self.load = None if scene.load_at(t) is None else (F_N.at(t), T.at(t))
         self.gain = (F_N.slope, T.slope)
 
-    @classmethod
-    def still(
-        cls, solver: StaticSolver, drive: float, load: tuple[float, float] | None
-    ) -> Outside:
-        """Return what acts while the driver stays at `drive` (m) under F_N and T (N)."""
-        found = cls(solver, 0.0)
-        found.drive, found.load, found.V, found.a = drive, load, 0.0, 0.0
-        return found
-
     @property
     def steady(self) -> bool:
         """Whether forces change at one rate."""
@@ -274,7 +265,7 @@ class Jump:
             if isinstance(n, Wait):
                 return n
             s = n * self.dt
-            left = float(np.abs(self.motion.gaps).max()) * math.exp(-self.system.fade * s)
+            left = self._left(s)
             if left > self.accuracy:
                 return self._wait(left / self.accuracy, self.motion.decay)
             alive = np.flatnonzero(self.ringing.levels(s) > self.accuracy)
@@ -283,11 +274,13 @@ class Jump:
                 self.ringing.follow(*ends, s, alive)
             q, v, gaps, shift = self._landed(s)
             wrong = gaps - self._gaps(s)
-            error = float(np.abs(wrong).max())
-            self.path = self.path.bent(self.system, shift, wrong, s)
+            error = 0.0
+            if finite:
+                error = float(np.abs(wrong).max())
+                self.path = self.path.bent(self.system, shift, wrong, s)
             (gaps,) = self.system.strengthened(self.age, gaps)
             if error <= self.accuracy and (gaps > 0).all():
-                defect = self._defect(s) if finite and alive.size else 0.0
+                defect = self._defect(s) if alive.size else 0.0
                 if defect > self.accuracy:
                     slowest = float(-self.ringing.growth[alive].real.max())
                     return Stale(self._wait(defect / self.accuracy, slowest).steps)
@@ -311,6 +304,17 @@ class Jump:
         n = min(math.floor(s / self.dt), most)
         return Wait(max(n + 1, TRY)) if n < min(most, TRY) else n
 
+    def _left(self, s: float) -> float:
+        """Return what the truncated part is expected to do to the gap functions at s (s), in N.
+
+        Its rates of decay go up from `fade`. Where their mean, weighed with energy, is `decay` now,
+        and the energy falls off as exp(-rate/(decay - fade)), amplitudes fall as
+        exp(-fade s)/sqrt(1 + 2 (decay - fade) s).
+        """
+        fade = self.system.fade
+        spread = 1 + 2 * max(self.motion.decay - fade, 0.0) * s
+        return float(np.abs(self.motion.gaps).max()) * math.exp(-fade * s) / math.sqrt(spread)
+
     def _wait(self, times: float, decay: float) -> Wait:
         """Return when a motion that decays at a rate (1/s) is so many times smaller."""
         steps = math.log(times) / (decay * self.dt) if decay > 0 and times < math.inf else 0.0
@@ -320,10 +324,10 @@ class Jump:
         """Return what the modes leave of the equation of motion, as it moves the gap functions.
 
         In finite geometry tangents change along the path, and large motions are not linear. What
-        that leaves at the start and halfway excites modes, which decay until s (s), in N.
+        that leaves at a quarter and at half of it excites modes, which decay until s (s), in N.
         """
         system, outside, found = self.system, self.outside, 0.0
-        for then in (0.0, 0.5 * s):
+        for then in (0.25 * s, 0.5 * s):
             q, there = at(self.path.q, then), (outside.drive_at(then), outside.load_at(then))
             w, w_v, w_a = system.deviation(*self.ringing.at(then))
             gain = system.forces(q + w, *there) - system.forces(q, *there)

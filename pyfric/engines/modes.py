@@ -55,6 +55,8 @@ __all__ = ["Linearised", "Motion", "Ringing", "orthonormal"]
 
 N_MODES = 40
 """Undamped modes in the space."""
+SLOW = 6
+"""Of these, the slowest, motion lasts until a jump lands: their shapes are found to second order."""
 INDEPENDENT = 1e-10
 """Shapes that add less than this share of inertia to the space are rounding."""
 
@@ -92,6 +94,7 @@ class Linearised:
         dt: step of RK4 that the ring-down follows, in s; None means exact time.
         at: coordinates of the state whose tangent is taken, shape (n_q,); None means the loaded
             one.
+        modes: number of undamped modes in the space.
 
     Attributes:
         rates: eigenvalues of the damped modes, one of each conjugate pair, shape (n,), in 1/s.
@@ -99,6 +102,7 @@ class Linearised:
         gaps: gap functions of modes of amplitude 1, shape (n_c, n), complex, in N.
         u_h: u_x of the driven block in these modes, shape (n,), complex, in m.
         bound: largest change of the gap functions by a truncated part of 1 J, (n_c,), in N.
+        cut: frequency up to which the space holds all undamped modes, in 1/s.
         decay: rate at which the truncated part decays at least, in 1/s.
         fade: rate at which it is expected to decay, in 1/s.
         contraction: share of an error that a chord iteration leaves, as seen last.
@@ -113,6 +117,7 @@ class Linearised:
         stuck: np.ndarray,
         dt: float | None = None,
         at: np.ndarray | None = None,
+        modes: int = N_MODES,
     ) -> None:
         scene = solver.scene
         self.solver, self.stuck, self.dt = solver, stuck, dt
@@ -125,7 +130,7 @@ class Linearised:
             self.contraction = 1.0
             loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
             self._bonds = solver.bond_tangents(loaded if at is None else at)
-        cut = self._find_space()
+        self.cut = cut = self._find_space(modes)
         self._find_modes()
         self.growth = self.stepped(self.rates)
         self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), cut)
@@ -143,11 +148,11 @@ class Linearised:
 
     # --- the space and its modes -----------------------------------------------------------------
 
-    def _find_space(self) -> float:
+    def _find_space(self, modes: int) -> float:
         """Find the shapes B, shape (n_q, r); return the largest frequency among them, in 1/s."""
         free, M, scene = self.free, self.M[self.free], self.solver.scene
         # Stuck blocks of a chain can only move vertically, which nothing makes them do.
-        count = min(N_MODES, len(free) // 2) if scene.N_z > 1 else 0
+        count = min(modes, len(free) // 2) if scene.N_z > 1 else 0
         if not count:
             self.B = np.zeros((self.n_q, 0))
             return 0.0
@@ -159,8 +164,11 @@ class Linearised:
             squares, modes = eigsh(K, count, M_matrix, **how)
             shapes = np.column_stack([modes, driven])
         if scene.eta > 0:
-            viscous = self._factor.solve(self.C[free][:, free] @ shapes)
-            shapes = np.hstack([shapes, viscous])
+            C = self.C[free][:, free]
+            viscous = self._factor.solve(C @ shapes)
+            slow = viscous[:, :SLOW]
+            more = self._factor.solve(np.hstack([M[:, None] * slow, C @ slow]))
+            shapes = np.hstack([shapes, viscous, more])
         shapes = orthonormal(shapes, M)
         self.B = np.zeros((self.n_q, shapes.shape[1]))
         self.B[free] = shapes
@@ -178,6 +186,8 @@ class Linearised:
         self._one_of_pair = np.flatnonzero(rates.imag >= 0)
         rates, x = rates[self._one_of_pair], x[:r, self._one_of_pair]
         self.rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
+        self._norm = np.sum(x * (self._CB @ x), axis=0) + 2 * self.rates * np.sum(x * x, axis=0)
+        self._pulled = x / self._norm
         self.x = x * np.where(rates.imag > 0, 2.0, 1.0)
         f = KB[self.held] @ self.x + (CB[self.held] @ self.x) * self.rates
         self.gaps = self.gap_functions(B[N_x : 2 * N_x] @ self.x, f)
@@ -235,12 +245,11 @@ class Linearised:
     def _work(self, k: int) -> np.ndarray:
         """Return the change of -rates[k] with the stiffnesses of bonds, shape (3, n_bonds)."""
         if k not in self._works:
-            x = self.x[:, k]
+            x = self._pulled[:, k] * self._norm[k]
             phi, n = self.B @ x, self._bonds.shape[1]
             du = np.concatenate(self.solver.elongations(np.column_stack([phi.real, phi.imag])))
             du_x, du_z = (du[part, 0] + 1j * du[part, 1] for part in (slice(n), slice(n, None)))
-            norm = x @ (self._CB @ x) + 2 * self.rates[k] * (x @ x)
-            self._works[k] = np.array([du_x**2, 2 * du_x * du_z, du_z**2]) / norm
+            self._works[k] = np.array([du_x**2, 2 * du_x * du_z, du_z**2]) / self._norm[k]
         return self._works[k]
 
     def moved(self, blocks: np.ndarray) -> np.ndarray:
@@ -353,7 +362,11 @@ class Linearised:
         return self.amplitudes(np.array([(self.M * w) @ self.B, np.zeros(self.B.shape[1])]))
 
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
-        """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and truncated part."""
+        """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and truncated part.
+
+        Viscosity couples both: with M w, M v and K w of the truncated part orthogonal to B, the
+        amplitude of a mode phi is that in B plus phi.C w/(phi.C phi + 2 lambda phi.M phi).
+        """
         both = np.array([w, v])
         y = (both * self.M) @ self.B
         w, v = both - y @ self.B.T
@@ -362,7 +375,8 @@ class Linearised:
         energy = 0.5 * (twice_kinetic + float(w @ force))
         decay = float(v @ drag) / (2 * twice_kinetic) if twice_kinetic > 0 else 0.0
         gaps = self.gaps_of(w, -(force + drag))
-        return Motion(self.amplitudes(y), max(energy, 0.0), gaps, max(decay, self.decay))
+        a = self.amplitudes(y) + (self.C @ w @ self.B) @ self._pulled
+        return Motion(a, max(energy, 0.0), gaps, max(decay, self.decay))
 
     def deviation(
         self, a: np.ndarray, rates: np.ndarray

@@ -30,9 +30,11 @@ if TYPE_CHECKING:
 
 __all__ = ["HybridRun"]
 
-AMPLIFIED = 200.0
+AMPLIFIED = 500.0
 """Events amplify what jumps leave: forces of later events are off by this many times the largest
 estimate of a jump, or less. Fitted on the off-box scenes: 1 to 200."""
+BEYOND = 0.1
+"""Static states are read off the path of a jump up to this share of its length beyond its ends."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
 KEPT = 8
@@ -114,7 +116,7 @@ class RestStates:
         outside, s = landing.jump.outside, landing.n * dt
         if outside.steady and outside.V and not any(outside.gain):
             key = u_x[system.stuck].tobytes(), system.stuck.tobytes(), outside.load
-            self._paths.setdefault(key, []).append((outside, s, landing.jump.path.still))
+            self._paths.setdefault(key, []).append((outside, s, landing.still))
 
     def _on_path(
         self, u_x: np.ndarray, drive: float, free: np.ndarray, load: tuple[float, float] | None
@@ -122,7 +124,7 @@ class RestStates:
         """Return the static state if a path leads there, or ends as near as it is long."""
         for outside, length, still in self._paths.get((u_x[~free].tobytes(), (~free).tobytes(), load), ()):
             s = (drive - outside.drive) / outside.V
-            if -0.1 * length <= s <= 1.1 * length:
+            if -BEYOND * length <= s <= (1 + BEYOND) * length:
                 N_x = len(u_x)
                 found = at(still, s)
                 return self._static(drive, free, found[:N_x], found[N_x:-1], found[-1])
@@ -299,7 +301,7 @@ class HybridRun(Run):
     def _sample_jump(self, landing: Landing, outside: Outside) -> None:
         """Add the points of the loading curve in a jump."""
         (t, s), scene = self._samples(landing.n), self.scene
-        stretch = outside.drive_at(s) - scene.d * (landing.jump.u_h(s) - self.state.u_drv0)
+        stretch = outside.drive_at(s) - scene.d * (landing.jump.u_h(landing.still, s) - self.state.u_drv0)
         self.rows += np.column_stack([t, scene.driver.K * stretch]).tolist()
 
     def _land(self, landing: Landing, system: Linearised, outside: Outside) -> None:

@@ -97,8 +97,8 @@ class Path(NamedTuple):
         q: coordinates at rest, shape (3, n_q).
         lag: of the coordinates, shape (3, n_q).
         gaps: gap functions, lag included, shape (3, n_c), in N.
-        still: at rest, u_z of the bottom blocks, friction force on those that stick, u_x of the
-            driven block, shape (3, N_x + n_stuck + 1).
+        still: value and rate at rest of u_z of the bottom blocks, of the friction force on those
+            that stick, and of u_x of the driven block, shape (2, N_x + n_stuck + 1).
     """
 
     q: np.ndarray
@@ -106,30 +106,26 @@ class Path(NamedTuple):
     gaps: np.ndarray
     still: np.ndarray
 
-    def bent(self, system: Linearised, shift: np.ndarray, gaps: np.ndarray, s: float) -> Path:
+    def bent(self, shift: np.ndarray, gaps: np.ndarray, s: float) -> Path:
         """Return the path with the same start that has moved by shift (m) and gaps (N) at s (s)."""
-        q, of_gaps, still = self.q.copy(), self.gaps.copy(), self.still.copy()
-        n = len(system.held)
-        f = (gaps[:n] - gaps[n : 2 * n]) / 2
+        q, of_gaps = self.q.copy(), self.gaps.copy()
         q[2] += 2 / s**2 * shift
         of_gaps[2] += 2 / s**2 * gaps
-        still[2] += 2 / s**2 * system.bottom(shift, f)
-        return Path(q, self.lag, of_gaps, still)
+        return self._replace(q=q, gaps=of_gaps)
 
     def remember(self, system: Linearised, outside: Outside) -> None:
         """Let the next path begin with the bend of this one."""
         if outside.steady and outside.V and not any(outside.gain):
-            parts = self.q, self.gaps, self.still
-            system.bend = [part[2] / outside.V**2 for part in parts]
+            system.bend = [part[2] / outside.V**2 for part in (self.q, self.gaps)]
 
     def as_before(self, system: Linearised, outside: Outside) -> Path:
         """Return the path with the bend of the last one, where only the driver moves."""
         if system.bend is None or not outside.steady or any(outside.gain):
             return self
-        q, gaps, still = self.q.copy(), self.gaps.copy(), self.still.copy()
-        for part, bend in zip((q, gaps, still), system.bend, strict=True):
+        q, gaps = self.q.copy(), self.gaps.copy()
+        for part, bend in zip((q, gaps), system.bend, strict=True):
             part[2] += outside.V**2 * bend
-        return Path(q, self.lag, gaps, still)
+        return self._replace(q=q, gaps=gaps)
 
 
 def at(polynomial: np.ndarray, s: float) -> np.ndarray:
@@ -140,7 +136,8 @@ def at(polynomial: np.ndarray, s: float) -> np.ndarray:
 class Landing(NamedTuple):
     """Where a jump ends: after n steps, coordinates (m), their rates (m/s), gap functions (N).
 
-    `error` is the estimate of the error of contact forces, in N; `jump` led there.
+    `error` is the estimate of the error of contact forces, in N; `jump` led there, along static
+    states `still`: as in `Path`, with the bend.
     """
 
     n: int
@@ -149,6 +146,7 @@ class Landing(NamedTuple):
     gaps: np.ndarray
     error: float
     jump: Jump
+    still: np.ndarray
 
 
 class Wait(NamedTuple):
@@ -222,8 +220,7 @@ def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.nd
     gaps[0] += system.gaps_of(l_0, left_0 + drag - pull)
     if not steady:
         gaps[1] += system.gaps_of(l_1, -(system.C @ q_2) - system.restoring(l_1, stiffer))
-    f = (-one[system.held] for one in (forces, left_1, left_2))
-    still = [system.bottom(x, one) for x, one in zip((q, q_1, q_2), f, strict=True)]
+    still = [system.bottom(x, -f[system.held]) for x, f in ((q, forces), (q_1, left_1))]
     path = Path(np.array([q, q_1, q_2]), np.array([l_0, l_1, zero]), gaps, np.array(still))
     return path.as_before(system, outside)
 
@@ -276,8 +273,8 @@ class Jump:
             wrong = gaps - self._gaps(s)
             error = 0.0
             if finite:
-                error = float(np.abs(wrong).max())
-                self.path = self.path.bent(self.system, shift, wrong, s)
+                error = float(np.abs(wrong).max()) * self.system.contraction
+                self.path = self.path.bent(shift, wrong, s)
             (gaps,) = self.system.strengthened(self.age, gaps)
             if error <= self.accuracy and (gaps > 0).all():
                 defect = self._defect(s) if alive.size else 0.0
@@ -285,7 +282,7 @@ class Jump:
                     slowest = float(-self.ringing.growth[alive].real.max())
                     return Stale(self._wait(defect / self.accuracy, slowest).steps)
                 self.path.remember(self.system, self.outside)
-                return Landing(n, q, v, gaps, left + error + defect, self)
+                return Landing(n, q, v, gaps, left + error + defect, self, self._still(s))
         return Wait(TRY)
 
     def _longest(self, most: int) -> int | Wait:
@@ -356,8 +353,19 @@ class Jump:
         a, _ = self.ringing.at(s)
         return at(self.path.gaps, s) + (self.system.gaps @ a).real
 
-    def u_h(self, s: np.ndarray) -> np.ndarray:
+    def _still(self, s: float) -> np.ndarray:
+        """Return value, rate and bend of `Path.still`, which pass through the static state at s."""
+        system, q = self.system, at(self.path.q, s)
+        forces = system.forces(q, self.outside.drive_at(s), self.outside.load_at(s))
+        left = forces.copy()
+        left[system.held] = 0.0
+        shift = system.answer(left)
+        forces -= system.K @ shift
+        end, (value, rate) = system.bottom(q + shift, -forces[system.held]), self.path.still
+        return np.array([value, rate, 2 / s**2 * (end - value - s * rate)])
+
+    def u_h(self, still: np.ndarray, s: np.ndarray) -> np.ndarray:
         """Return u_x of the driven block at times s (s), shape (n,), in m."""
-        path = self.path.still[:, -1] + self.path.lag @ self.system.solver.driven_row
+        path = still[:, -1] + self.path.lag @ self.system.solver.driven_row
         waves = (self.system.u_h * self.ringing.a) @ np.exp(np.outer(self.ringing.growth, s))
         return at(path, s) + waves.real

@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 
 import pyfric
-from pyfric.engines import creeping
 from pyfric.engines.creeping import Creeping
 from pyfric.scene import setup1
 from pyfric.scene.laws import Ageing
@@ -23,13 +22,8 @@ def run(scene, t_end, fidelity, **how):
     return pyfric.simulate(scene, t_end, fidelity=fidelity, **how)
 
 
-def test_stable_slip_is_full_dynamics(monkeypatch):
-    """Stable slip for 4 ms, an event, stable slip once more, of two parts of the interface.
-
-    Jumps go further than by default, up to speeds at which viscosity and inertia count.
-    """
-    monkeypatch.setattr(creeping, "LEFT", 0.01)
-    monkeypatch.setattr(creeping, "HURRY", 0.5)
+def test_stable_slip_is_full_dynamics():
+    """Stable slip for 4 ms, an event, stable slip once more, of two parts of the interface."""
     scene, t_end = rod(side="right"), 0.048
     a = run(scene, t_end, "dynamic", budget=False)
     b = run(scene, t_end, "hybrid")

@@ -15,12 +15,11 @@ from tolerances import CURVE, FORCE, FORCE_FINITE, FORCE_STRAINED, REPRODUCED
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN
-from pyfric.engines import hybrid, ringdown
+from pyfric.engines import hybrid, modes
 from pyfric.record import Record
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
 from pyfric.statics import (
     EquilibriumError,
-    StaticSolver,
     loaded_state,
     solve_static,
 )
@@ -113,59 +112,6 @@ def test_linear_geometry_is_full_dynamics(name):
     assert b.counts["jumps"] > 0
 
 
-@pytest.mark.parametrize("name", ["rod, high driver", "free, light edge", "free, top driver"])
-def test_the_way_of_large_lattices_is_full_dynamics(name, monkeypatch):
-    """Blocks opened by corrections of low rank, states taken from the last ones."""
-    monkeypatch.setattr("pyfric.engines.fine.FINE", 10)
-    for module in (hybrid, ringdown):
-        monkeypatch.setattr(module, "LARGE", 10)
-    opened, moved = [], []
-    correct, move = ringdown._Opened, ringdown.Frozen._moved
-
-    def counted(*args):
-        opened.append(args)
-        return correct(*args)
-
-    def watched(*args):
-        q = move(*args)
-        moved.append(q is not None)
-        return q
-
-    monkeypatch.setattr(ringdown, "_Opened", counted)
-    monkeypatch.setattr(ringdown.Frozen, "_moved", watched)
-    scene, t_end = SCENES[name]
-    a, b = both(scene, t_end, "linear")
-    check_same_events(a, b, FORCE)
-    check_same_curve(a, b, CURVE)
-    assert b.counts["steps"] < 0.5 * a.counts["steps"]
-    assert any(moved)
-    assert opened or not (b.switches["new"] == OPEN).any()
-    if name == "free, light edge":
-        assert opened
-
-
-@pytest.mark.parametrize("scene", [rod(h=0.0125), free()], ids=["rod", "free"])
-def test_free_blocks_that_touch_need_no_factorisation_of_a_large_lattice(scene, monkeypatch):
-    """Blocks that are open in motion and touch at rest: against the whole solve."""
-    monkeypatch.setattr("pyfric.engines.fine.FINE", 10)
-    for module in (hybrid, ringdown):
-        monkeypatch.setattr(module, "LARGE", 10)
-    known = StaticSolver(scene, "linear")
-    u_x, drive = np.zeros(scene.N_x), 0.6 * scene.F_N / scene.driver.K
-    masks = [(scene.n_of_i == 1) | (scene.n_of_i == n) for n in (3, 5)]
-    expected = [known.solve(u_x, drive, free=free) for free in masks]
-    monkeypatch.setattr(known, "solve", None)
-    statics = hybrid._Statics(known, 1e-7)
-    for free, one in zip(masks, expected, strict=True):
-        found = statics.solve(u_x, drive, free=free)
-        assert (one.open != free).any()
-        for name in ("f", "tau", "p"):
-            there = getattr(one, name)
-            atol = 1e-10 * scene.F_N / scene.N_x
-            np.testing.assert_allclose(getattr(found, name), there, rtol=0, atol=atol)
-        assert found.F_T == pytest.approx(one.F_T, abs=1e-11 * scene.F_N)
-
-
 @pytest.mark.parametrize(
     ("scene", "t_end"),
     [
@@ -187,7 +133,7 @@ def test_finite_geometry_is_full_dynamics(scene, t_end):
 
 def test_a_stiff_driver_in_finite_geometry_is_full_dynamics():
     """A step of the driver is 1e-2 F_N/K here; every switch is the same."""
-    a, b = both(rod(K=1e9, h=0.0125), 0.02, "finite")
+    a, b = both(rod(K=1e9, h=0.0125), 0.02, "finite", accuracy=1e-4)
     assert b.counts["jumps"] > 10
     assert len(a.switches["t"]) > 60
     for name in ("block", "old", "new"):
@@ -196,12 +142,14 @@ def test_a_stiff_driver_in_finite_geometry_is_full_dynamics():
 
 
 def test_large_strains_are_full_dynamics():
-    """A strain of 0.13 changes the tangent; with that of the loaded state 2e-4 F_N are lost."""
-    a, b = both(rod(F_N=12e3, V=0.06), 0.05, "finite")
-    assert b.counts["jumps"] > 10
+    """At a strain of 0.13 jumps are rare, but where a tenth of a percent of F_N is enough."""
+    scene = rod(F_N=12e3, V=0.06)
+    a, b = both(scene, 0.05, "finite")
     assert len(a.events) >= 5
-    check_same_events(a, b, FORCE_STRAINED)
-    assert any("strains reach about 0.13, above 0.1" in note for note in b.notes)
+    check_same_events(a, b, FORCE_FINITE)
+    b = jump(scene, 0.05, geometry="finite", accuracy=1e-3, sample=0.05 / 400)
+    assert b.counts["jumps"] > 10
+    check_same_events(a, b, 1e-3)
 
 
 def test_a_jump_in_finite_geometry_lands_where_steps_do():
@@ -213,29 +161,10 @@ def test_a_jump_in_finite_geometry_lands_where_steps_do():
     np.testing.assert_allclose(b[:, 2:], a[:, 2:], rtol=0, atol=1e-8 * unit / np.sqrt(m))
 
 
-def test_jumps_in_finite_geometry_land_in_fresh_static_states(monkeypatch):
-    """Also where the last search ends a few steps beside the state that was found for it."""
-    scene, land, apart, moved = rod(V=5e-5), hybrid.HybridRun._land, [], []
-
-    def watched(run, q, quiet, a, n):
-        state, known = run.state, run.solver.known
-        t = state.t0 + (state.step + n) * state.dt
-        drive, free = scene.drive(t), state.mode == OPEN
-        fresh = known.solve(state.y[0, 0], drive, free=free, enough=1e-10 * scene.F_N / scene.N_x)
-        apart.append(np.abs(q - known.coordinates(fresh.u, fresh.rod)).max())
-        moved.append(abs(drive - scene.drive(quiet.t)))
-        land(run, q, quiet, a, n)
-
-    monkeypatch.setattr(hybrid.HybridRun, "_land", watched)
-    jump(scene, 1.6, geometry="finite")
-    assert max(moved) > 1e-6 * scene.F_N / scene.driver.K
-    assert max(apart) < 1e-8 * scene.F_N / scene.slider.k
-
-
 def test_static_forces_of_fast_runs_are_those_of_fresh_solves():
     """20 steps move the driver by 0.03 F_N/K: tangents of the loaded state miss 1e-6 F_N there."""
     scene = rod(V=0.1)
-    record = jump(scene, 0.01, geometry="finite")
+    record = jump(scene, 0.01, geometry="finite", accuracy=1e-4)
     assert record.counts["jumps"] > 0
     event = record.events.iloc[0]
     row, drive = event["quiet_start"], scene.driver.V * event["t_start"]
@@ -466,7 +395,7 @@ def test_where_no_modes_are_found_the_remainder_holds_all(monkeypatch):
 
     scene = free()
     a = step(scene, 0.02, geometry="linear")
-    monkeypatch.setattr(ringdown, "eigs", fail)
+    monkeypatch.setattr(modes, "eigsh", fail)
     b = jump(scene, 0.02, geometry="linear")
     assert len(a.events) > 0
     check_same_events(a, b, 10 * FORCE)

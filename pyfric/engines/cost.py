@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dpbtrf
 
-from pyfric.engines.fine import is_fine
 from pyfric.engines.options import step_size
-from pyfric.engines.ringdown import remainder_decay
+from pyfric.engines.modes import N_MODES
 from pyfric.scene import SceneError, default_geometry
 from pyfric.statics import stability_limit
 
@@ -136,11 +135,21 @@ def evaluations_of_events(
     auto = step_size(scene)
     ringing = STEPS_EVENT * auto
     if scene.N_z > 1 and scene.eta > 0:
-        times = FINE_RING if is_fine(scene, geometry) else RING
-        ringing = times / remainder_decay(scene, geometry)
+        ringing = RING / _truncated_decay(scene)
     lasts = events * ringing + front_blocks * STEPS_BLOCK * auto
     steps = min(steps, lasts / dt) + front_blocks * STEPS_SWITCH
     return 4.0 * steps * scene.N_x * scene.N_z
+
+
+def _truncated_decay(scene: Scene) -> float:
+    """Return roughly the rate at which motions faster than the modes kept decay, in 1/s.
+
+    Below omega there are L H omega^2 (1/c_s^2 + 1/c_l^2)/(4 pi) modes, c_l^2 = 3 c_s^2 (Weyl's law).
+    """
+    slider = scene.slider
+    c_s2 = slider.l**2 * slider.k / (2 * scene.m)
+    omega2 = 3 * math.pi * N_MODES * c_s2 / (slider.L * slider.H)
+    return omega2 * scene.eta / (4 * slider.k)
 
 
 def coarser_step(scene: Scene, dt: float) -> float:
@@ -244,8 +253,6 @@ def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:
     kept = 8.0 * n * band
     seconds = FACTORS[fidelity] * kept / 8 * band / FLOPS
     solutions = SOLUTIONS[fidelity]
-    if fidelity == "hybrid" and is_fine(scene, geometry):
-        solutions = FINE_SOLUTIONS
     seconds += solutions * 2 * kept / BYTES + UNKNOWN * n
     factors = FACTORS[fidelity] + (geometry == "finite")
     return SetUp(seconds * pace(), factors * kept + 1e3 * n)

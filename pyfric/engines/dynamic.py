@@ -102,7 +102,7 @@ class Run:
     """A run of full dynamics under way: the state, and what has been logged so far."""
 
     name = "dynamic"
-    keeps_budget = True
+    keeps_budget, jumps = True, False
     steppers: tuple[str, ...] = tuple(core.STEPPERS)
 
     def __init__(

@@ -50,6 +50,8 @@ RTOL = 1e-6
 """Default of rtol, the largest error of an adaptive sub-step. On a short front, with dt = "auto"
 and located switching, rupture times are then right to 2e-11 s for 1.3 times the work of
 rtol = 1e-3, where sub-steps are as long as dt and times right to 7e-9 s."""
+ACCURACY = 1e-6
+"""Default of accuracy."""
 LONGEST_LOCATED = 30.0
 """Longest step of the adaptive stepper with located switching, over the stability limit of RK4."""
 CURVE_POINTS = 5000
@@ -82,6 +84,7 @@ NUMBERS: Mapping[str, tuple[str, dict[str, float]]] = {
     "dt": ("s", {"gt": 0.0}),
     "sample": ("s", {"gt": 0.0}),
     "t_gap": ("s", {"ge": 0.0}),
+    "accuracy": ("F_N", {"ge": 1e-9, "le": 1.0}),
     "checkpoint_every": ("s", {"gt": 0.0}),
 }
 """Option -> unit and range."""
@@ -123,6 +126,8 @@ class Options:
             F_N/(N_x s), in velocities over F_N/(N_x sqrt(s m)), s the largest of k, k_f and k_top;
             None means 1e-6.
         dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
+        accuracy: of forces of events, over F_N, that jumps of the hybrid engine keep; None means 1e-6,
+            or a tenth of the tolerance with a plan.
         budget: keep the energy budget (adds its columns to the curve); full dynamics only. None
             means yes for fidelity = "dynamic".
         sample: time between two points of the loading curve, in s; None means 5000 points.
@@ -146,6 +151,7 @@ class Options:
     switching: Switching | None = None
     rtol: float | None = None
     dt: float | Literal["auto"] = "auto"
+    accuracy: float | None = None
     budget: bool | None = None
     sample: float | None = None
     t_gap: float | None = None
@@ -228,6 +234,7 @@ class Options:
             ("switching", (None,)),
             ("dt", ("auto",)),
             ("budget", (None, False)),
+            ("accuracy", (None,)),
         ):
             value = getattr(self, name)
             if value not in without:
@@ -249,6 +256,8 @@ class Options:
             known = " or ".join(map(repr, engine.steppers))
             allowed = f"{known} with fidelity = {engine.name!r}"
             raise SceneError("stepper", self.stepper, "", allowed)
+        if self.accuracy is not None and not engine.jumps:
+            raise SceneError("accuracy", self.accuracy, "F_N", "None, or fidelity = 'hybrid'")
         if self.budget and not engine.keeps_budget:
             allowed = "False, or fidelity = 'dynamic', which follows all motion"
             raise SceneError("budget", self.budget, "", allowed)
@@ -272,6 +281,7 @@ class Options:
             threads=core.useful_threads(scene.N_x * scene.N_z, self.threads and int(self.threads)),
             variant=core.VARIANT,
             budget=engine.keeps_budget if self.budget is None else bool(self.budget),
+            accuracy=(self.accuracy or ACCURACY) if engine.jumps else None,
         )
 
 
@@ -279,7 +289,7 @@ def kept(method: Method) -> dict[str, Any]:
     """Return the options with which a run goes on that was made like this."""
     same: dict[str, Any] = {"geometry": method.geometry, "t_gap": method.t_gap, "method": None}
     if method.dt is not None:
-        names = ("stepper", "switching", "rtol", "dt", "budget")
+        names = ("stepper", "switching", "rtol", "dt", "budget", "accuracy")
         same |= {name: getattr(method, name) for name in names}
         same["sample"] = method.sample * method.dt
     return same

@@ -15,7 +15,7 @@ import numpy as np
 from pyfric.core import OPEN
 from pyfric.engines.guard import largest_load
 from pyfric.engines.quasistatic import QuasistaticRun
-from pyfric.engines.ringdown import Frozen
+from pyfric.engines.modes import Linearised
 from pyfric.record import build_catalogue
 from pyfric.scene import FIELDS
 from pyfric.statics import EquilibriumError, StaticSolver
@@ -132,7 +132,7 @@ def decay_times(scene: Scene) -> DecayTimes:
     if scene.eta == 0:
         return DecayTimes(math.inf, math.inf)
     scene = coarser(scene)
-    frozen = Frozen(StaticSolver(scene, "linear"), np.ones(scene.N_x, dtype=bool))
+    frozen = Linearised(StaticSolver(scene, "linear"), np.ones(scene.N_x, dtype=bool))
     slow = float(np.min(-frozen.rates.real, initial=frozen.decay or np.inf))
     times = [1 / rate if rate > 0 else math.inf for rate in (slow, float(frozen.decay))]
     return DecayTimes(*times)

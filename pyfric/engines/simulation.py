@@ -13,10 +13,10 @@ from pyfric.engines.cost import check_memory
 from pyfric.engines.dynamic import Run, RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
-from pyfric.engines.options import CURVE_POINTS, Options, kept
+from pyfric.engines.options import ACCURACY, CURVE_POINTS, Options, kept
 from pyfric.engines.pauses import pause_notes
 from pyfric.engines.stretches import check_straight
-from pyfric.engines.verification import FURTHER, TANGENTS, TIGHTER, Made, verified
+from pyfric.engines.verification import FURTHER, TIGHTER, Made, verified
 from pyfric.record import Record
 from pyfric.scene import (
     SceneError,
@@ -40,19 +40,6 @@ __all__ = ["simulate"]
 
 ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
 """The engines with time steps."""
-
-
-@functools.cache
-def tighter(engine: type[Run], times: int) -> type[Run]:
-    """Return an engine whose jumps neglect less: a hundredth, and a tenth of that each more time.
-
-    Their modes are those of nearer states.
-    """
-    if not (times and issubclass(engine, HybridRun)):
-        return engine
-    share = TIGHTER * FURTHER ** (times - 1)
-    criteria = {"remainder": share * engine.remainder, "strained": TANGENTS * engine.strained}
-    return type("Tighter", (engine,), criteria)
 
 
 @one_thread_if_small
@@ -178,8 +165,10 @@ def _run(
         note = planner.long_note(scene, t_end - begin, *how_made)
         if note and progress in (None, True) and sys.stderr is not None:
             print(note, file=sys.stderr, flush=True)
-        engine = tighter(ENGINES[options.fidelity], tight)
-        record = integrate(engine, scene, t_end, options, **how)
+        if tight and options.fidelity == "hybrid":
+            accuracy = max((options.accuracy or ACCURACY) * TIGHTER * FURTHER ** (tight - 1), 1e-9)
+            options = dataclasses.replace(options, accuracy=accuracy)
+        record = integrate(ENGINES[options.fidelity], scene, t_end, options, **how)
         return _with_notes(record, *pause_notes(record), *([note] if note else []))
     options.check_static()
     check_straight(scene)

@@ -94,7 +94,7 @@ class Method:
     ``rtol`` is the largest error of an adaptive sub-step, None for other steppers. ``dt`` (s) is
     None for engines without a fixed step; ``sample`` is the number of steps between
     two points of the curve; ``t_gap`` (s) is the longest pause inside an event; ``budget`` says
-    whether the energy budget was kept.
+    whether the energy budget was kept; ``accuracy`` (over F_N) is that of jumps, None without them.
     """
 
     engine: str
@@ -108,6 +108,7 @@ class Method:
     threads: int = 1
     variant: str = ""
     budget: bool = False
+    accuracy: float | None = None
 
     def __str__(self) -> str:
         """Engine, geometry, stepper, step and where contacts switch, in words."""

@@ -4,7 +4,7 @@ from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.blas import one_thread, one_thread_if_small
 from pyfric.statics.complementarity import Contact, ContactProblem, Route
 from pyfric.statics.condensation import LARGE
-from pyfric.statics.contact import Values
+from pyfric.statics.contact import States, Values
 from pyfric.statics.creep import Change, Creep, Point, creeps
 from pyfric.statics.equilibrium import StaticSolver, loaded_state, solve_static
 from pyfric.statics.lattice import bonds, spring_stiffness
@@ -27,6 +27,7 @@ __all__ = [
     "Memory",
     "Point",
     "Route",
+    "States",
     "StaticSolver",
     "Values",
     "bonds",

@@ -36,6 +36,11 @@ class Memory(Generic[T]):
             self._kept[key] = make()
         return self._kept[key]
 
+    def put(self, key: Hashable, value: T) -> T:
+        """Keep a value for a key in place of what was kept, and return it."""
+        self._kept.pop(key, None)
+        return self.get(key, lambda: value)
+
     def clear(self) -> None:
         """Forget all."""
         self._kept.clear()

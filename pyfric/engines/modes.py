@@ -1,0 +1,431 @@
+"""The slider at fixed contact states, linearised: slow motion in closed form, a bound for the rest.
+
+While no contact state changes, the deviation w of the slider from its quasi-static path is that of
+a damped linear oscillator, with u_x held of the blocks that stick and all else free,
+
+    M w'' + C w' + K w = 0 .
+
+Slow motion is followed in a space B of few shapes: the slowest undamped modes,
+K phi = omega^2 M phi, by shift-invert Lanczos; the static shape of the driver; and what viscosity
+adds to each of them, K^-1 C phi. With B'M B = 1 and w = B y (Galerkin's method),
+
+    y'' + (B'C B) y' + (B'K B) y = 0 ,    y = Re sum_k a_k x_k exp(lambda_k s) ,
+
+one x_k of each pair of conjugate eigenvectors, twice as long.
+
+The truncated part w - B y keeps the rest of the energy, E, which cannot grow. By the inequality of
+Cauchy and Schwarz it bounds what the truncated part does to the contact at any later time. It also
+decays: a mode of frequency omega with at least half of its elastic energy in the bonds has
+-Re lambda >= eta omega^2/(4 k), because the viscosity of a bond resists all of the relative motion
+and its spring only a part; omega is that of the fastest undamped mode in B, or more. The slower one
+of two overdamped modes decays at its own |lambda|.
+
+Contact is watched through gap functions in N, all positive while no state changes: mu_s p + f and
+mu_s p - f of blocks that stick, k_f u_z of open ones.
+
+A step of RK4 multiplies a mode by R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24, z = lambda dt, and keeps
+the quasi-static path, so that the ring-down of a run with steps dt is that of the rates log(R)/dt.
+
+In finite geometry K is the tangent at one state, the loaded one at first. Rates follow the tangent
+of the present to first order, delta lambda = -phi.delta K phi/(phi.C phi + 2 lambda phi.M phi).
+
+Source: B. N. Parlett, The Symmetric Eigenvalue Problem (1998), Lanczos and Rayleigh-Ritz methods.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import functools
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
+
+from pyfric.core import OPEN, STUCK
+from pyfric.scene import FRICTIONLESS, of
+from pyfric.statics import States, damping, mass
+
+if TYPE_CHECKING:
+    from pyfric.statics import StaticSolver
+
+__all__ = ["Linearised", "Motion", "Ringing", "orthonormal"]
+
+N_MODES = 40
+"""Undamped modes in the space."""
+SLOW = 6
+"""Of these, the slowest, motion lasts until a jump lands: their shapes are found to second order."""
+INDEPENDENT = 1e-10
+"""Shapes that add less than this share of inertia to the space are rounding."""
+
+
+def orthonormal(shapes: np.ndarray, M: np.ndarray) -> np.ndarray:
+    """Return shapes with B'M B = 1 that span the same space, (n, r); M is diagonal, (n,), in kg."""
+    shapes = shapes / np.sqrt(np.sum(shapes * (M[:, None] * shapes), axis=0))
+    inertia, axes = np.linalg.eigh(shapes.T @ (M[:, None] * shapes))
+    independent = inertia > INDEPENDENT * inertia[-1]
+    return shapes @ (axes[:, independent] / np.sqrt(inertia[independent]))
+
+
+class Motion(NamedTuple):
+    """A deviation from the quasi-static path, split.
+
+    Attributes:
+        a: amplitudes of the damped modes, shape (n,), complex.
+        energy: of the truncated part, in J.
+        gaps: what the truncated part now does to the gap functions, shape (n_c,), in N.
+        decay: rate at which the amplitude of the truncated part now decays, in 1/s.
+    """
+
+    a: np.ndarray
+    energy: float
+    gaps: np.ndarray
+    decay: float
+
+
+class Linearised:
+    """The slider with the blocks held that stick, all others open.
+
+    Args:
+        solver: static states of the scene in its geometry.
+        stuck: blocks that stick, shape (N_x,), bool; all others are open.
+        dt: step of RK4 that the ring-down follows, in s; None means exact time.
+        at: coordinates of the state whose tangent is taken, shape (n_q,); None means the loaded
+            one.
+        modes: number of undamped modes in the space.
+
+    Attributes:
+        rates: eigenvalues of the damped modes, one of each conjugate pair, shape (n,), in 1/s.
+        growth: rates of their amplitudes: `rates`, or what RK4 makes of them, shape (n,), in 1/s.
+        gaps: gap functions of modes of amplitude 1, shape (n_c, n), complex, in N.
+        u_h: u_x of the driven block in these modes, shape (n,), complex, in m.
+        bound: largest change of the gap functions by a truncated part of 1 J, (n_c,), in N.
+        cut: frequency up to which the space holds all undamped modes, in 1/s.
+        decay: rate at which the truncated part decays at least, in 1/s.
+        fade: rate at which it is expected to decay, in 1/s.
+        contraction: share of an error that a chord iteration leaves, as seen last.
+
+    Raises:
+        EquilibriumError: all blocks are open.
+    """
+
+    def __init__(
+        self,
+        solver: StaticSolver,
+        stuck: np.ndarray,
+        dt: float | None = None,
+        at: np.ndarray | None = None,
+        modes: int = N_MODES,
+    ) -> None:
+        scene = solver.scene
+        self.solver, self.stuck, self.dt = solver, stuck, dt
+        self.held, self.open, self.law = np.flatnonzero(stuck), np.flatnonzero(~stuck), scene.law
+        self.k_f = np.broadcast_to(scene.k_f, scene.N_x)
+        mode = np.where(stuck, STUCK, OPEN).astype(np.int8)
+        self._contact = States(scene, mode, FRICTIONLESS)
+        self.K, self._factor, self.free = solver.tangent(stuck, at)
+        self.M, self.C, self.n_q = mass(scene), damping(scene), self.K.shape[0]
+        self.contraction, self.bend = 0.0, None
+        if solver.geometry == "finite":
+            self.contraction = 1.0
+            loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
+            self._bonds = solver.bond_tangents(loaded if at is None else at)
+        self.cut = cut = self._find_space(modes)
+        self._find_modes()
+        self.growth = self.stepped(self.rates)
+        self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), cut)
+        self.fade = self._fade(cut)
+        self._find_bound()
+
+    def at(self, q: np.ndarray) -> Linearised:
+        """Return the same with the tangent of a state q, and its modes in the same space."""
+        found = copy.copy(self)
+        found._bonds = self.solver.bond_tangents(q)
+        found.K = self.solver.stiffness(found._bonds, self._contact.mode, driven=True)
+        found._find_modes()
+        found.growth = found.stepped(found.rates)
+        return found
+
+    # --- the space and its modes -----------------------------------------------------------------
+
+    def _find_space(self, modes: int) -> float:
+        """Find the shapes B, shape (n_q, r); return the largest frequency among them, in 1/s."""
+        free, M, scene = self.free, self.M[self.free], self.solver.scene
+        # Stuck blocks of a chain can only move vertically, which nothing makes them do.
+        count = min(modes, len(free) // 2) if scene.N_z > 1 else 0
+        if not count:
+            self.B = np.zeros((self.n_q, 0))
+            return 0.0
+        inverse = LinearOperator((len(free), len(free)), self._factor.solve, dtype=float)
+        driven, M_matrix = self.drift[free], sp.diags_array(M).tocsc()
+        K, squares, shapes = self.K[free][:, free], np.zeros(1), driven[:, None]
+        with contextlib.suppress(ArpackError):  # no modes: all else is truncated
+            how = {"sigma": 0, "OPinv": inverse, "v0": driven, "tol": 1e-8}
+            squares, modes = eigsh(K, count, M_matrix, **how)
+            shapes = np.column_stack([modes, driven])
+        if scene.eta > 0:
+            C = self.C[free][:, free]
+            viscous = self._factor.solve(C @ shapes)
+            slow = viscous[:, :SLOW]
+            more = self._factor.solve(np.hstack([M[:, None] * slow, C @ slow]))
+            shapes = np.hstack([shapes, viscous, more])
+        shapes = orthonormal(shapes, M)
+        self.B = np.zeros((self.n_q, shapes.shape[1]))
+        self.B[free] = shapes
+        return math.sqrt(squares.max())
+
+    def _find_modes(self) -> None:
+        """Find the eigenpairs of the reduced system, and how they move contact and driver."""
+        B, N_x, solver = self.B, len(self.stuck), self.solver
+        self._works: dict[int, np.ndarray] = {}
+        KB, CB, r = self.K @ B, self.C @ B, B.shape[1]
+        self._CB = B.T @ CB
+        zero, one = np.zeros((r, r)), np.eye(r)
+        rates, x = np.linalg.eig(np.block([[zero, one], [-(B.T @ KB), -self._CB]]))
+        self._to_modes = scipy.linalg.lu_factor(x) if r else None
+        self._one_of_pair = np.flatnonzero(rates.imag >= 0)
+        rates, x = rates[self._one_of_pair], x[:r, self._one_of_pair]
+        self.rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
+        self._norm = np.sum(x * (self._CB @ x), axis=0) + 2 * self.rates * np.sum(x * x, axis=0)
+        self._pulled = x / self._norm
+        self.x = x * np.where(rates.imag > 0, 2.0, 1.0)
+        f = KB[self.held] @ self.x + (CB[self.held] @ self.x) * self.rates
+        self.gaps = self.gap_functions(B[N_x : 2 * N_x] @ self.x, f)
+        self.u_h = (solver.driven_row @ B) @ self.x
+
+    def _fade(self, cut: float) -> float:
+        """Return the rate at which motion beyond a frequency is expected to decay, in 1/s.
+
+        Viscosity damps modes in proportion to omega^2, here as it does the least damped one.
+        """
+        waves = self.rates[self.rates.imag > 0]
+        if not len(waves):
+            return self.decay
+        least = float(np.min(-waves.real / np.abs(waves) ** 2))
+        return min(max(least * cut**2, self.decay), cut)
+
+    def _find_bound(self) -> None:
+        """Find how far a truncated part of 1 J can move each gap function.
+
+        A force K_i w is at most sqrt(2 E K_ii); bonds between held blocks carry nothing.
+        """
+        held, free, law = self.held, self.free, self.law
+        C = self.C[held][:, free]
+        stiff = of(law.hold(1.0) ** 2 * self.k_f, held) + self.K[held][:, held].sum(axis=1)
+        stiff = stiff + C.multiply(C) @ (1 / self.M[free])
+        lifted = [self.k_f[i] ** 2 * self._compliance(i + len(self.stuck)) for i in self.open]
+        self.bound = np.sqrt(2 * np.concatenate([stiff, stiff, lifted]))
+
+    def _compliance(self, at: int) -> float:
+        """Return how far a coordinate moves under a unit force on it, in m/N."""
+        force = (self.free == at).astype(float)
+        return float(force @ self._factor.solve(force))
+
+    def stepped(self, rates: np.ndarray) -> np.ndarray:
+        """Return the rates of amplitudes that RK4 makes of rates, 1/s."""
+        if self.dt is None:
+            return rates
+        z = rates * self.dt
+        growth = np.log(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) / self.dt
+        growth.real = np.minimum(growth.real, 0.0)
+        return growth
+
+    def rates_at(self, stiffer: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """Return `rates`, of some modes to first order where bonds are stiffer.
+
+        Args:
+            stiffer: what stiffnesses of bonds gain, shape (3, n_bonds), in N/m.
+            which: indices of the modes, shape (m,).
+        """
+        rates = self.rates.copy()
+        for k in which:
+            rates[k] -= np.sum(stiffer * self._work(int(k)))
+        return rates
+
+    def _work(self, k: int) -> np.ndarray:
+        """Return the change of -rates[k] with the stiffnesses of bonds, shape (3, n_bonds)."""
+        if k not in self._works:
+            x = self._pulled[:, k] * self._norm[k]
+            phi, n = self.B @ x, self._bonds.shape[1]
+            du = np.concatenate(self.solver.elongations(np.column_stack([phi.real, phi.imag])))
+            du_x, du_z = (du[part, 0] + 1j * du[part, 1] for part in (slice(n), slice(n, None)))
+            self._works[k] = np.array([du_x**2, 2 * du_x * du_z, du_z**2]) / self._norm[k]
+        return self._works[k]
+
+    def moved(self, blocks: np.ndarray) -> np.ndarray:
+        """Return the static shapes, (n_q, n), where each of n blocks that stick is moved by 1."""
+        q = np.zeros((self.n_q, len(blocks)))
+        q[blocks, np.arange(len(blocks))] = 1.0
+        return q + self.answer(-(self.K @ q))
+
+    # --- statics ---------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def drift(self) -> np.ndarray:
+        """dq/d(drive) of the static state, shape (n_q,)."""
+        return self.answer(self.solver.push)
+
+    @functools.cached_property
+    def lag(self) -> np.ndarray:
+        """How far the slider lags behind its static state for each m/s of the driver, (n_q,), s."""
+        return self.answer(-(self.C @ self.drift))
+
+    def forces(
+        self, q: np.ndarray, drive: float, load: tuple[float, float] | None = None
+    ) -> np.ndarray:
+        """Return the forces on the coordinates, without friction, shape (n_q,), in N.
+
+        Args:
+            q: coordinates, shape (n_q,), in m.
+            drive: displacement of the driver since t = 0, in m.
+            load: F_N and T, in N; None means those at t = 0.
+        """
+        solver = self.solver.under(load)
+        if solver.geometry == "finite":
+            return solver.forces(q, self._contact, drive)[0]
+        pushed = drive + solver.scene.d * solver.u_drv0
+        return solver.load + pushed * solver.push - self.K @ q
+
+    def answer(self, force: np.ndarray) -> np.ndarray:
+        """Return the displacements, shape (n_q,), that forces on all coordinates make."""
+        found = np.zeros(force.shape)
+        found[self.free] = self._factor.solve(force[self.free])
+        return found
+
+    def stiffer(self, q: np.ndarray) -> np.ndarray | None:
+        """Return what bonds gain up to a state q, (3, n_bonds), in N/m; None in linear geometry."""
+        if self.solver.geometry == "linear":
+            return None
+        return self.solver.bond_tangents(q) - self._bonds
+
+    def refined(self, x: np.ndarray, force: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
+        """Return the answer x to a force, once corrected for what bonds are stiffer."""
+        return x + self.answer(force - self.restoring(x, stiffer))
+
+    def restoring(self, x: np.ndarray, stiffer: np.ndarray | None) -> np.ndarray:
+        """Return K x, shape (n_q,), with what bonds are stiffer."""
+        return self.K @ x if stiffer is None else self.K @ x + self.solver.stiffened(x, stiffer)
+
+    # --- gap functions and motion ----------------------------------------------------------------
+
+    def gap_functions(self, u_z: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """Return gap functions, or how they change, as they are linear, shape (n_c, ...), in N.
+
+        Args:
+            u_z: of the bottom blocks, shape (N_x, ...), in m.
+            f: friction force on the blocks that stick, shape (n_stuck, ...), in N.
+        """
+        p = -(self.k_f[self.held] * u_z[self.held].T).T
+        strength = (np.broadcast_to(of(self.law.hold(1.0), self.held), len(p)) * p.T).T
+        lifted = (self.k_f[self.open] * u_z[self.open].T).T
+        return np.concatenate([strength + f, strength - f, lifted])
+
+    def gaps_of(self, q: np.ndarray, forces: np.ndarray) -> np.ndarray:
+        """Return the gap functions at q where `forces` act on the coordinates, (n_q,)."""
+        N_x = len(self.stuck)
+        return self.gap_functions(q[N_x : 2 * N_x], -forces[self.held])
+
+    def bottom(self, x: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """Return u_z of the bottom blocks, f, and u_x of the driven block of coordinates x."""
+        N_x = len(self.stuck)
+        return np.concatenate([x[N_x : 2 * N_x], f, [self.solver.driven_row @ x]])
+
+    def strengthened(self, age: np.ndarray, *rows: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return gap functions, or parts of them, of blocks that have been stuck for `age`.
+
+        Blocks only grow stronger: what the law says now bounds what it says later from below. Both
+        gap functions of a block are mu_s p +- f, so that their sum gives p.
+
+        Args:
+            age: time since each block stuck, shape (N_x,), in s.
+            rows: gap functions of the law at age 0, shape (n_c, ...).
+        """
+        if self.law.tables.hold is None:
+            return rows
+        n, law = len(self.held), self.law.at(self.stuck)
+        young = np.broadcast_to(law.hold(1.0), n)
+        gain = law.hold(1.0, age[self.stuck]) - young
+        share, found = np.divide(gain, 2 * young, out=np.zeros(n), where=young > 0), []
+        for row in rows:
+            more = (share * (row[:n] + row[n : 2 * n]).T).T
+            found.append(np.concatenate([row[:n] + more, row[n : 2 * n] + more, row[2 * n :]]))
+        return tuple(found)
+
+    def amplitudes(self, y: np.ndarray) -> np.ndarray:
+        """Return the amplitudes of modes, shape (n,), where B'M w and B'M v are y, (2, r)."""
+        if self._to_modes is None:
+            return np.zeros(0, complex)
+        return scipy.linalg.lu_solve(self._to_modes, y.ravel().astype(complex))[self._one_of_pair]
+
+    def excited(self, w: np.ndarray) -> np.ndarray:
+        """Return the amplitudes of modes in a deviation w (m) at rest, shape (n,)."""
+        return self.amplitudes(np.array([(self.M * w) @ self.B, np.zeros(self.B.shape[1])]))
+
+    def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
+        """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and truncated part.
+
+        Viscosity couples both: with M w, M v and K w of the truncated part orthogonal to B, the
+        amplitude of a mode phi is that in B plus phi.C w/(phi.C phi + 2 lambda phi.M phi).
+        """
+        both = np.array([w, v])
+        y = (both * self.M) @ self.B
+        w, v = both - y @ self.B.T
+        force, drag, momentum = self.K @ w, self.C @ v, self.M * v
+        twice_kinetic = float(v @ momentum)
+        energy = 0.5 * (twice_kinetic + float(w @ force))
+        decay = float(v @ drag) / (2 * twice_kinetic) if twice_kinetic > 0 else 0.0
+        gaps = self.gaps_of(w, -(force + drag))
+        a = self.amplitudes(y) + (self.C @ w @ self.B) @ self._pulled
+        return Motion(a, max(energy, 0.0), gaps, max(decay, self.decay))
+
+    def deviation(
+        self, a: np.ndarray, rates: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return w (m), w' (m/s) and w'' (m/s^2), shape (n_q,), of modes with these rates (1/s)."""
+        y = np.array([a, a * rates, a * rates**2]) @ self.x.T
+        return tuple(y.real @ self.B.T)
+
+
+class Ringing:
+    """Modes over a time s, with rates that change along the path in finite geometry.
+
+    Each goes on with a sqrt(lambda(0)/lambda(s)) exp(int_0^s lambda), lambda straight over s (the
+    WKB approximation).
+
+    Args:
+        system: the slider at its contact states.
+        a: amplitudes at s = 0, shape (n,).
+
+    Attributes:
+        growth: mean rates of the amplitudes, shape (n,), in 1/s.
+        gaps: gap functions of the modes at s = 0, shape (n_c, n), complex, in N.
+    """
+
+    def __init__(self, system: Linearised, a: np.ndarray) -> None:
+        self.system, self.a, self.gaps = system, a, system.gaps * a
+        self.rates, self.change, self.growth = system.rates, 0.0, system.growth
+
+    def follow(self, begin: np.ndarray, end: np.ndarray, s: float, which: np.ndarray) -> None:
+        """Let some modes follow tangents that change up to s (s).
+
+        Args:
+            begin, end: what stiffnesses of bonds gain, shape (3, n_bonds), in N/m.
+            s: time, in s.
+            which: indices of the modes, shape (m,).
+        """
+        self.rates, last = (self.system.rates_at(one, which) for one in (begin, end))
+        self.change = (last - self.rates) / s
+        self.growth = self.system.stepped((self.rates + last) / 2)
+
+    def at(self, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return amplitudes and rates (1/s) at s (s), shape (n,)."""
+        rates = self.rates + s * self.change
+        grown = np.exp(self.system.stepped((self.rates + rates) / 2) * s)
+        return self.a * np.sqrt(self.rates / rates) * grown, rates
+
+    def levels(self, s: float) -> np.ndarray:
+        """Return how far each mode moves a gap function at s (s), shape (n,), in N."""
+        return np.abs(self.gaps).max(axis=0, initial=0.0) * np.exp(self.growth.real * s)

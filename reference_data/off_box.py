@@ -254,7 +254,11 @@ def ladder(known: Reference) -> pd.DataFrame:
 
 def ladders() -> pd.DataFrame:
     """Return those of all scenes, in linear geometry, which is the engine's."""
-    found = {name: ladder(load(f"{name}_{case.geometries[0]}")) for name, case in CASES.items()}
+    found = {
+        name: ladder(load(f"{name}_{case.geometries[0]}"))
+        for name, case in CASES.items()
+        if not case.scene.interface.d_c
+    }
     return pd.concat(found, names=["scene", "event"]).reset_index()
 
 

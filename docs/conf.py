@@ -31,7 +31,7 @@ suppress_warnings = ["config.cache"]
 nitpicky = False
 
 # Pages are Markdown, with the paper's letters as they are; tables of reference_data are included.
-myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
+myst_enable_extensions = ["dollarmath", "colon_fence", "deflist", "substitution"]
 myst_heading_anchors = 3
 smartquotes = False  # it would turn --json into a dash
 
@@ -41,6 +41,19 @@ autodoc_typehints_format = "short"
 autosummary_generate = True
 napoleon_numpy_docstring = False
 napoleon_use_rtype = False
+
+
+def held():
+    """Return what a record holds as a table."""
+    lines = ["| group | name | dimensions | unit | meaning |", "|---|---|---|---|---|"]
+    for group in pyfric.record.GROUPS:
+        for one in pyfric.record.held_in(group).values():
+            cells = group, f"`{one.name}`", ", ".join(one.dims), one.unit, one.meaning
+            lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+myst_substitutions = {"held": held()}
 
 
 def pictures(block, block_vars, gallery_conf):

@@ -11,4 +11,5 @@ continuum.
 import pyfric
 
 record = pyfric.simulate("fig1", t_end=0.8, want="front_speed", geometry="linear", progress=False)
-figure = pyfric.figures.fig4a(record, number=11)
+event = int(pyfric.analysis.precursors(record)["event"].iloc[10])
+figure = pyfric.figures.fig4a(record, event)

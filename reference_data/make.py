@@ -10,12 +10,12 @@ the most accurate of the methods that can be afforded (`pyfric chart`). Each set
     events.csv       all events: times (s), forces (N), extents; every digit
     curve.csv        F_T (N) over t (s), about every 2 ms; every digit
     stresses.csv     tau and p (N) at first slip and last stick of the main events, 10 digits;
-                     event -1 is the loaded slider
+                     event 0 is the loaded slider
     fronts.csv       fronts of the main events: rupture times (s), front speed v_c (m/s), tau/p just
                      before the event; every digit
     provenance.toml  the scene, how it was run and with what
 
-Blocks n count from 1 at the trailing edge, events are rows of events.csv, from 0.
+Blocks n count from 1 at the trailing edge, events from 1.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def tables(record: pyfric.Record) -> dict[str, pd.DataFrame]:
     """Return the tables of a set."""
     main = np.flatnonzero(record.events["is_main"])
     n = np.asarray(record.scene.n_of_i)
-    stresses = {"event": np.repeat([-1, *main], len(n)), "n": np.tile(n, len(main) + 1)}
+    stresses = {"event": np.repeat([0, *main + 1], len(n)), "n": np.tile(n, len(main) + 1)}
     for name, first in (
         ("tau_before", record.tau_initial),
         ("p_before", record.p_initial),
@@ -111,9 +111,9 @@ def tables(record: pyfric.Record) -> dict[str, pd.DataFrame]:
     v_c = pyfric.front_speed(times, record.scene.slider.l, record.scene.d)
     with np.errstate(divide="ignore", invalid="ignore"):  # an open block has no tau/p
         ratio = record.tau_before[main] / record.p_before[main]
-    fronts = {"event": main[row], "n": n[i]}
+    fronts = {"event": main[row] + 1, "n": n[i]}
     fronts |= {"t": times[row, i], "v_c": v_c[row, i], "tau_over_p": ratio[row, i]}
-    events = record.events[list(EVENTS)].rename_axis("event").reset_index()
+    events = record.events[list(EVENTS)].reset_index()
     return {
         "events": events,
         "curve": record.curve,

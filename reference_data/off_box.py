@@ -169,7 +169,10 @@ def apart(a: dict[str, pd.DataFrame], b: dict[str, pd.DataFrame], F_N: float) ->
     off = (second[[*EXTENT, "n_front"]] - first[[*EXTENT, "n_front"]]).abs().to_numpy()
     since = [
         tables["fronts"].set_index(["event", "n"])["t"]
-        - tables["events"]["t_start"].reindex(tables["fronts"]["event"]).to_numpy()
+        - tables["events"]
+        .set_index("event")["t_start"]
+        .reindex(tables["fronts"]["event"])
+        .to_numpy()
         for tables in (a, b)
     ]
     ruptures = pd.concat(since, axis=1, keys=["a", "b"])

@@ -228,6 +228,23 @@ def tpv3(out: Path | None, overwrite: bool, tell: Tell, quick: bool) -> None:
 
 
 @main.command(section="Physics")
+@file_option("--out", metavar="FILE", help="Write the table as CSV.")
+@overwrite_option
+@telling
+def viscosity(out: Path | None, overwrite: bool, tell: Tell) -> None:
+    """Slow cracks down by dashpots, beside fracture mechanics (five minutes).
+
+    Beside --out, a CSV file, goes its provenance.
+    """
+    check_table(out, overwrite)
+    import cracks
+
+    frame = cracks.viscosity(say=tell.step)
+    save_table(frame, out, f"{RUN} viscosity", "%.6g")
+    tell.table(frame, lambda table: table.to_string(index=False))
+
+
+@main.command(section="Physics")
 @figure_out_option
 @telling
 def resolution(out: Path, tell: Tell) -> None:

@@ -13,19 +13,28 @@ import pandas as pd
 
 from pyfric import theory
 from pyfric.engines import simulate, step_size
-from pyfric.record import Record
+from pyfric.record import Record, viscous_error
 from pyfric.scene import Walls, slab, write
 from pyfric.statics import loaded_state
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from pyfric.scene import Scene
 
-__all__ = ["FROM", "TO", "Crack", "crack", "kept_crack", "viscous"]
+__all__ = ["FROM", "TO", "Crack", "crack", "kept_crack", "viscosity", "viscous"]
 
 WINDOW = 250.0
 """Speeds of a crack are means over twice this length, m."""
 FROM, TO = 3e3, 12e3
 """Half lengths of a crack at which speeds are compared, m."""
+VISCOSITIES: tuple[tuple[float, float, Literal["along", "full"]], ...] = (
+    *((6.0, eta2, "full") for eta2 in (1.0, 0.1, 0.01, 1e-3, 1e-4)),
+    *((blocks, eta2, "full") for blocks in (3.0, 4.0, 8.0) for eta2 in (0.1, 0.01)),
+    *((blocks, eta2, "along") for blocks in (4.0, 6.0, 8.0) for eta2 in (0.1, 0.01)),
+    (6.0, 1e-3, "along"),
+)
+"""Blocks in X_c0, eta^2/(k m) and dashpots of the cracks of `viscosity`."""
 ROCK = theory.Material(c_P=3464 * math.sqrt(3), c_S=3464.0, rho=2670.0)
 """The material of the cracks: lambda = mu."""
 
@@ -125,6 +134,28 @@ def crack(which: Crack, **options: Any) -> tuple[pd.DataFrame, Record]:
     late, early = (np.interp(a + d, at[known], t[known]) for d in (WINDOW, -WINDOW))
     v = 2 * WINDOW / (late - early)
     return pd.DataFrame({"a": a, "v": v, "v_theory": which.speed(a)}), record
+
+
+def viscosity(
+    cases: Sequence[tuple[float, float, Literal["along", "full"]]] = VISCOSITIES,
+    say: Callable[[str], None] = lambda _: None,
+) -> pd.DataFrame:
+    """Return by how much dashpots change the speed of a crack, beside fracture mechanics.
+
+    Returns:
+        One row for each crack: blocks in X_c0, eta2, dashpots; mean and worst of v/v_theory - 1
+        from `FROM` to `TO`; formula, what `pyfric.record.viscous_error` says.
+    """
+    rows = []
+    for blocks, eta2, dashpots in cases:
+        say(f"crack with {viscous(blocks, eta2, dashpots)}")
+        which = Crack(blocks=blocks, eta2=eta2, dashpots=dashpots)
+        table, _ = crack(which)
+        off = table["v"] / table["v_theory"] - 1
+        row = {"blocks": blocks, "eta2": eta2, "dashpots": dashpots, "mean": off.mean()}
+        row |= {"worst": off[off.abs().idxmax()]}
+        rows.append(row | {"formula": -viscous_error(which.scene(), blocks)})
+    return pd.DataFrame(rows)
 
 
 def kept_crack(path: Path, which: Crack) -> pd.DataFrame:

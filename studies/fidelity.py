@@ -18,8 +18,8 @@ import pandas as pd
 import peers
 from bench import RIVAL, time_peer
 
-from pyfric.checks.pairing import agreement
 from pyfric.engines import prediction_curve, simulate
+from pyfric.record import differences
 from pyfric.scene import at_once, preset
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def fidelity(*, progress: bool = False) -> pd.DataFrame:
     Returns:
         Columns: scene, engine, geometry, switching, seconds, times_yardstick, times_dynamic, steps,
         block_evaluations, per_switch, events, missing, start, arrest, blocks (see
-        `pyfric.checks.pairing.Agreement`). times_yardstick is NaN where LAMMPS is not installed;
+        `agreement`). times_yardstick is NaN where LAMMPS is not installed;
         per_switch is what `steps_per_switch` returns.
     """
 
@@ -117,6 +117,23 @@ def fidelity(*, progress: bool = False) -> pd.DataFrame:
     frame = pd.DataFrame(rows)
     frame.attrs["yardstick"] = yardstick
     return frame
+
+
+def agreement(record: Record, reference: Record) -> dict[str, float]:
+    """Return the largest differences of main events.
+
+    Their number; how many only one of the two has; start and arrest forces, over F_N; blocks of
+    L_p.
+    """
+    found = differences(record, reference)
+    most, alone = found.events[["start", "arrest", "length"]].max(), found.events["other"] == 0
+    return {
+        "events": found.errors()["events"],
+        "missing": int(alone.sum()),
+        "start": most["start"],
+        "arrest": most["arrest"],
+        "blocks": round(most["length"] * record.scene.N_x),
+    }
 
 
 def steps_per_switch(record: Record) -> float:

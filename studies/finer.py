@@ -44,15 +44,16 @@ def tractions(record: Record, event: int, x: np.ndarray) -> tuple[np.ndarray, np
 
     Args:
         record: a run.
-        event: row in ``record.events``.
+        event: its number, from 1.
         x: positions from the middle of the slider, shape (n,), in m.
 
     Returns:
         f/p, shape (n,), and whether the interface is open there, shape (n,), bool.
     """
-    scene, p = record.scene, record.p_before[event]
+    scene, row = record.scene, record.row(event)
+    p = record.p_before[row]
     closed = p > 0
-    ratio = -scene.d * record.tau_before[event][closed] / p[closed]
+    ratio = -scene.d * record.tau_before[row][closed] / p[closed]
     here = np.rint((x - scene.x[0]) / scene.slider.l).astype(int)
     open_ = ~closed[np.clip(here, 0, scene.N_x - 1)]
     return np.interp(x, scene.x[closed], ratio), open_
@@ -63,7 +64,7 @@ def refined(record: Record, event: int, scene: Scene) -> State:
 
     Args:
         record: a run on a coarser lattice.
-        event: row in ``record.events``.
+        event: its number, from 1.
         scene: the same scene with a smaller l.
 
     Raises:
@@ -73,7 +74,7 @@ def refined(record: Record, event: int, scene: Scene) -> State:
     if not np.allclose(scene.x[[0, -1]], record.scene.x[[0, -1]], rtol=1e-9, atol=0):
         allowed = f"{record.scene.slider.L:g} m, as in the record"
         raise SceneError("slider.L", scene.slider.L, "m", allowed)
-    t = float(record.events["t_start"].iloc[event])
+    t = float(record.events["t_start"].loc[event])
     ratio, open_ = tractions(record, event, scene.x)
     most = (1 - BELOW) * scene.law.hold(1.0)
     solver = StaticSolver(scene)

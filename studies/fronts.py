@@ -131,7 +131,7 @@ def _begun(path: Path, coarse: Record, event: int, scene: Scene) -> Record:
     if path.is_file() and (record := Record.load(path)).scene == scene:
         return record
     before: Any = refined(coarse, event, scene)
-    t_end, dt = float(coarse.events["t_stop"].iloc[event]), before.dt
+    t_end, dt = float(coarse.events["t_stop"].loc[event]), before.dt
     how: dict[str, Any] = {"fidelity": "hybrid", "geometry": "linear", "switching": "located"}
     for _ in range(8):
         t_end += AFTER
@@ -167,21 +167,21 @@ def _begun_runs(
             sources = {event: (whole, event) for event in events}
         else:
             continue
-        for event, (coarse, row) in sources.items():
-            about = coarse.events.iloc[row]
+        for event, (coarse, own) in sources.items():
+            about = coarse.events.loc[own]
             plan = planned(scene, about["t_stop"] - about["t_start"] + AFTER, None)
             say(
                 f"{name}, l = {l * 1e3:g} mm, from event {event} at {2e3 * l:g} mm: planned "
                 f"{plan[0]:.2g} block evaluations, {plan[1] / 60:.2g} min of one core"
             )
             path = runs / f"{name}_{l * 1e3:g}_{D_C * 1e6:g}_from_{event}.nc"
-            found[l, event], plans[l, event] = _begun(path, coarse, row, scene), plan
+            found[l, event], plans[l, event] = _begun(path, coarse, own, scene), plan
     return found, plans
 
 
 def _widest(record: Record) -> int:
     """Return the event with the longest front."""
-    return int(record.events["n_front"].argmax())
+    return int(record.events["n_front"].idxmax())
 
 
 def _lengths(records: dict[tuple[float, float], Record], runs: Path) -> pd.DataFrame:
@@ -313,14 +313,14 @@ def _cost(run: str, expected: tuple[float, float], record: Record) -> dict[str, 
 
 
 def _main(record: Record) -> np.ndarray:
-    """Return the finished precursors and larger events, shape (n,)."""
-    return np.flatnonzero(record.events["is_main"] & record.events["finished"])
+    """Return the numbers of the finished precursors and larger events, shape (n,)."""
+    events = record.events
+    return events.index[events["is_main"] & events["finished"]].to_numpy()
 
 
 def _late(record: Record) -> int:
     """Return the main event that is nearest to half the slider's length."""
-    main = _main(record)
-    return int(main[np.abs(record.events["L_p_over_L"].to_numpy()[main] - LATE).argmin()])
+    return int((record.events["L_p_over_L"].loc[_main(record)] - LATE).abs().idxmin())
 
 
 def _speeds_of(record: Record) -> pd.DataFrame:

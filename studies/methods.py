@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 __all__ = ["QUESTIONS", "event_points", "figure", "orders", "table"]
 
-EVENT, BEFORE, AFTER = 10, 20e-6, 300e-6
+EVENT, BEFORE, AFTER = 11, 20e-6, 300e-6
 """The main precursor, counted from 0, and the times before and after its first slip, s."""
 SHARES = (2.0, 0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125)
 """Steps over the stability limit; the first one must be refused."""
@@ -130,7 +130,7 @@ def event_points(
     Args:
         say: told what is running.
         scene: None means the Fig. 1 scene.
-        event: the main event, counted from 0.
+        event: which main event, counted from 1.
         methods: lines of the chart.
         reference_shares: steps of the reference over the limit, the last one of which counts.
         repeats: runs of each point that are timed.
@@ -191,11 +191,11 @@ def _before_event(scene: Scene, event: int, geometry: Geometry) -> tuple[State, 
     """Return the state `BEFORE` a main event, and the time `AFTER` its start (s)."""
     options = {"fidelity": "hybrid", "geometry": geometry, "progress": False, "threads": 1}
     plan, t_end = None, 0.0
-    while plan is None or plan.events["is_main"].sum() <= event:
+    while plan is None or plan.events["is_main"].sum() < event:
         t_end += 0.1 * scene.F_N / (scene.driver.K * scene.driver.V)
         plan = simulate(scene, t_end, initial=plan, **options)
     main = plan.events[plan.events["is_main"]]
-    t_start = float(main["t_start"].iloc[event])
+    t_start = float(main["t_start"].iloc[event - 1])
     record = simulate(scene, t_start - BEFORE, **options)
     return record.final_state, t_start + AFTER
 

@@ -157,9 +157,11 @@ def judged(made: Record, truth: Record, expected: float) -> dict[str, Any]:
     row: dict[str, Any] = {"events": len(apart.events), "trusted": len(trusted.events)}
     row |= {"covered": own.covered, "by": "; ".join(own.by)}
     row |= {"expected": expected, "measured": own.measured(), "real": real.measured()}
-    row |= {"until": own.until, "said": made.errors is None or not own.holds}
-    row |= {"beyond_tolerance": not real.holds}
-    row |= {"beyond_measured": real.measured() > max(own.measured(), ROUNDING)}
+    row |= {"until": own.until, "said": not own.holds}
+    row |= {"beyond_tolerance": real.holds is False}
+    row |= {"not_measured": own.measured() is None}
+    both = None not in (own.measured(), real.measured())
+    row |= {"beyond_measured": both and real.measured() > max(own.measured(), ROUNDING)}
     for name in QUANTITIES:
         row |= {f"measured_{name}": getattr(own, name), f"real_{name}": getattr(real, name)}
     return row
@@ -244,9 +246,8 @@ def stored(name: str, folder: Path, tolerance: float = 0.05) -> dict[str, Any]:
         known.events["is_main"] & (known.events["t_start"] <= known.whole["t_start"])
     ]
     mine = events[events["is_main"]]
-    cost = np.abs(np.subtract.outer(main["F_T_start"].to_numpy(), mine["F_T_start"].to_numpy()))
     off = []
-    for i, j in zip(*paired(cost), strict=True):
+    for i, j in zip(*paired(main, mine, known.scene), strict=True):
         a = known.fronts[known.fronts["event"] == main.index[i]].set_index("n")["v_c"]
         b = ours[ours["event"] == mine.index[j]].set_index("n")["v_c"]
         either = pd.concat([a, b], axis=1, keys=["a", "b"]).dropna(how="all")

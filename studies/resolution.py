@@ -111,7 +111,7 @@ def _events(record: Record) -> pd.DataFrame:
     table = events.iloc[main]
     return pd.DataFrame(
         {
-            "event": main,
+            "event": table.index,
             "force_start": table["F_T_start"].to_numpy() / F_N,
             "force_arrest": table["F_T_arrest"].to_numpy() / F_N,
             "L_p_over_L": table["L_p_over_L"].to_numpy(),

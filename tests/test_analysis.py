@@ -8,8 +8,17 @@ import pytest
 
 import pyfric
 from pyfric import SceneError
-from pyfric.record import QUIET_COLUMNS, SWITCH_COLUMNS, Method, Record, analysis
-from pyfric.record.catalogue import EVENT_COLUMNS
+from pyfric.record import (
+    QUIET_COLUMNS,
+    SWITCH_COLUMNS,
+    Method,
+    Record,
+    analysis,
+    front_speed,
+    held_in,
+    zone_at_rest,
+    zone_moving,
+)
 from pyfric.scene import setup1
 
 F_N, N, L_BLOCK = 1000.0, 11, 2.5e-3
@@ -30,9 +39,16 @@ EVENTS = (
 T_START = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
 
 
-def made_up(side="left", mu_s=MU_S, events=EVENTS, speed=500.0):
+def nothing(group, rows):
+    """Return the columns of a table, all zero."""
+    known = held_in(group).items()
+    return {name: np.zeros(rows, held.dtype) for name, held in known if held.required}
+
+
+def made_up(side="left", mu_s=MU_S, events=EVENTS, speed=500.0, d_c=0.0):
     """Event e ruptures blocks 1 ... reached at `speed`; block n has tau/p = 0.5 + n/100 before."""
-    scene = setup1(L=(N - 1) * L_BLOCK, H=5e-3, h=2.5e-3, F_N=F_N, mu_s=mu_s, mu_k=MU_K, side=side)
+    size = {"L": (N - 1) * L_BLOCK, "H": 5e-3, "h": 2.5e-3}
+    scene = setup1(**size, F_N=F_N, mu_s=mu_s, mu_k=MU_K, side=side, d_c=d_c)
     column = np.argsort(scene.n_of_i)  # column of block n = 1 ... N
     count = len(events)
     n = np.arange(1, N + 1)
@@ -50,7 +66,7 @@ def made_up(side="left", mu_s=MU_S, events=EVENTS, speed=500.0):
     p_before[:, 2] = 0.0  # block 3 is open
     tau_before = p_before * (0.5 + n / 100)
     p_after = np.where(inside, 0.75 * p, p) * np.where(finished, 1.0, np.nan)[:, None]
-    table = dict.fromkeys(EVENT_COLUMNS, np.zeros(count)) | {
+    table = nothing("events", count) | {
         "t_start": T_START[:count],
         "t_stop": T_START[:count] + 1e-3,
         "F_T_start": F_start,
@@ -61,6 +77,19 @@ def made_up(side="left", mu_s=MU_S, events=EVENTS, speed=500.0):
         "is_precursor": (reached > 0) & (reached < N),
         "is_main": blocks >= 4,
     }
+    by_block = {
+        "region": inside.astype(np.int8),
+        "rupture_times": times,
+        "tau_before": tau_before,
+        "p_before": p_before,
+        "tau_after": MU_K * p_after,
+        "p_after": p_after,
+    }
+    arrays = {name: by_column(rows) for name, rows in by_block.items()}
+    speeds = front_speed(arrays["rupture_times"], L_BLOCK, scene.d)
+    at_rest = zone_at_rest(scene, arrays["p_before"])
+    at_rest[np.isnan(arrays["rupture_times"])] = np.nan
+    moving = zone_moving(scene, arrays["p_before"], speeds)
     t = np.linspace(0, 8, 801)
     quiet = {
         k: np.zeros((0, N) if k in ("u_x", "mode") else 0, v) for k, v in QUIET_COLUMNS.items()
@@ -70,13 +99,8 @@ def made_up(side="left", mu_s=MU_S, events=EVENTS, speed=500.0):
         method=Method(engine="made up", geometry="linear"),
         curve=pd.DataFrame({"t": t, "F_T": 50.0 * t}),
         events=pd.DataFrame(table),
-        episodes=pd.DataFrame(),
-        region=by_column(inside.astype(np.int8)),
-        rupture_times=by_column(times),
-        tau_before=by_column(tau_before),
-        p_before=by_column(p_before),
-        tau_after=by_column(MU_K * p_after),
-        p_after=by_column(p_after),
+        episodes=pd.DataFrame(nothing("episodes", 0)),
+        arrays=arrays | {"X_c0_over_l": at_rest, "X_c_over_l": moving},
         tau_initial=by_column(UNIT * (n - 6.0)),
         p_initial=by_column(p),
         quiet=quiet,
@@ -94,21 +118,21 @@ def record(request):
 
 def test_precursors_are_finished_main_events_short_of_the_whole(record):
     table = analysis.precursors(record)
-    assert table["event"].tolist() == [0, 3, 5]
+    assert table["event"].tolist() == [1, 4, 6]
     assert table["force_start"].tolist() == [0.1, 0.3, 0.35]
     assert table["force_arrest"].tolist() == [0.09, 0.28, 0.34]
-    assert set(EVENT_COLUMNS) < set(table)
-    assert analysis.system_size_events(record)["event"].tolist() == [4, 6]
+    assert set(record.events) < set(table)
+    assert analysis.system_size_events(record)["event"].tolist() == [5, 7]
 
 
 def test_lengths_are_those_of_the_first_loading(record):
     table = analysis.precursor_lengths(record)
     assert list(table) == ["event", "force", "L_p_over_L"]
-    assert table["event"].tolist() == [0, 3]
+    assert table["event"].tolist() == [1, 4]
     assert table["force"].tolist() == [0.09, 0.28]
     assert table["L_p_over_L"].tolist() == [5 / N, 8 / N]
     cut = analysis.precursor_lengths(made_up(events=EVENTS[:2]))
-    assert cut["event"].tolist() == [0]
+    assert cut["event"].tolist() == [1]
 
 
 # --- stresses ------------------------------------------------------------------------------------
@@ -127,13 +151,13 @@ def test_profile_of_the_loaded_slider(record):
 
 def test_profile_before_and_after_an_event(record):
     n = np.arange(1, N + 1)
-    before = analysis.stress_profile(record, 3)
+    before = analysis.stress_profile(record, 4)
     shut = n != 3
     np.testing.assert_allclose(before["tau_over_p"][shut], 0.5 + n[shut] / 100, rtol=1e-14)
     np.testing.assert_allclose(before["scaled"][shut], n[shut] / 25, rtol=1e-12)
     assert before["p_over_p_initial"].tolist() == np.where(shut, 1.0, 0.0).tolist()
     assert before[["tau_over_p", "scaled"]][~shut].isna().all(axis=None)
-    after = analysis.stress_profile(record, 3, "after")
+    after = analysis.stress_profile(record, 4, "after")
     np.testing.assert_allclose(after["scaled"], 0.0, atol=1e-14)
     np.testing.assert_allclose(after["p_over_p_initial"], np.where(n <= 8, 0.75, 1.0), rtol=1e-14)
     np.testing.assert_array_equal(after["region"], n <= 8)
@@ -148,12 +172,13 @@ def test_equal_coefficients_leave_no_scaled_prestress():
 @pytest.mark.parametrize(
     ("arguments", "field"),
     [
-        ((8,), "event"),
+        ((9,), "event"),
+        ((0,), "event"),
         ((-1,), "event"),
         ((1.0,), "event"),
         ((True,), "event"),
-        ((0, "during"), "when"),
-        ((7, "after"), "event"),  # not finished
+        ((1, "during"), "when"),
+        ((8, "after"), "event"),  # not finished
     ],
 )
 def test_states_that_do_not_exist_are_refused(arguments, field):
@@ -167,7 +192,7 @@ def test_states_that_do_not_exist_are_refused(arguments, field):
 
 
 def test_front_has_the_speed_it_was_made_with(record):
-    table = analysis.front(record, np.int64(3))
+    table = analysis.front(record, np.int64(4))
     assert table["n"].tolist() == list(range(1, 9))
     assert table["v_c"].isna().tolist() == [True, True, False, False, False, False, True, True]
     np.testing.assert_allclose(table["v_c"][2:6], 500.0, rtol=1e-9)
@@ -178,10 +203,10 @@ def test_front_has_the_speed_it_was_made_with(record):
 
 def test_fronts_are_those_of_all_finished_main_events(record):
     table = analysis.fronts(record)
-    assert table["event"].unique().tolist() == [0, 3, 4, 5, 6]
+    assert table["event"].unique().tolist() == [1, 4, 5, 6, 7]
     pd.testing.assert_frame_equal(
-        table[table["event"] == 4].drop(columns="event").reset_index(drop=True),
-        analysis.front(record, 4),
+        table[table["event"] == 5].drop(columns="event").reset_index(drop=True),
+        analysis.front(record, 5),
     )
     none = analysis.fronts(made_up(events=EVENTS[1:2]))
     assert list(none) == list(table)

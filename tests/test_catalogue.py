@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pyfric.record import build_catalogue, front_speed
-from pyfric.record.catalogue import EVENT_COLUMNS
 from pyfric.record.episodes import LogError, build_episodes
+from pyfric.record.held import found_arrays, held_in
 from pyfric.record.rupture import count_not_increasing, default_link_time, rupture_front
 from pyfric.scene import setup1
 from pyfric.scene.friction import Law
@@ -204,7 +204,8 @@ def test_corner_episodes_do_not_start_join_or_end_events():
     assert list(catalogue.events["t_start"]) == [1 * MS, 3.3 * MS]
     assert list(catalogue.events["t_stop"]) == [2 * MS, 4 * MS]
     assert list(catalogue.events["n_episodes"]) == [1, 1]
-    assert list(catalogue.episodes["event"]) == [-1, 0, -1, 1, -1]
+    assert list(catalogue.episodes["event"]) == [0, 1, 0, 2, 0]
+    assert list(catalogue.events.index) == [1, 2]
 
 
 def test_first_last_distinct_blocks_and_episode_count():
@@ -232,7 +233,7 @@ def test_unfinished_event():
     last = catalogue.events.iloc[1]
     assert np.isnan([last["t_stop"], last["duration"], last["F_T_arrest_inst"]]).all()
     assert last["quiet_stop"] == -1
-    assert catalogue.region[1].tolist() == [1, 1, 2, 0, 0, 0, 0, 2]  # open when the log ends
+    assert catalogue["region"][1].tolist() == [1, 1, 2, 0, 0, 0, 0, 2]  # open when the log ends
     assert last["L_p_over_L"] == 3 / 8
 
 
@@ -265,7 +266,7 @@ def test_open_and_corner_blocks_fill_the_gap(how):
     if how == "corner slip":
         run.slip(2, 1.5 * MS, 1.6 * MS, corner=True)
     catalogue = run.catalogue()
-    assert catalogue.region[0].tolist() == [1, 1, 2, 1, 0, 0, 0, 0]
+    assert catalogue["region"][0].tolist() == [1, 1, 2, 1, 0, 0, 0, 0]
     row = catalogue.events.iloc[0]
     assert row["L_p_over_L"] == 4 / 8
     assert row["n_blocks"] == 3
@@ -280,7 +281,7 @@ def test_block_open_only_during_the_event_does_not_count():
 def test_corner_slip_outside_the_event_does_not_count():
     run = Run().slip(1, 1 * MS, 2 * MS)
     run.slip(0, 0.8 * MS, 0.9 * MS, corner=True).slip(0, 2.1 * MS, 2.2 * MS, corner=True)
-    assert run.catalogue().region[0].tolist() == [0, 1, 0, 0, 0, 0, 0, 0]
+    assert run.catalogue()["region"][0].tolist() == [0, 1, 0, 0, 0, 0, 0, 0]
 
 
 def test_one_long_corner_slip_counts_in_every_event_it_overlaps():
@@ -336,8 +337,8 @@ def test_driver_on_the_right_gives_the_mirror_image():
     a = left.catalogue(make_scene(d=1), link_time=0.2 * MS)
     b = right.catalogue(make_scene(d=-1), link_time=0.2 * MS)
     assert a.events.equals(b.events)
-    assert np.array_equal(a.region, b.region[:, ::-1])
-    assert np.array_equal(a.rupture_times, b.rupture_times[:, ::-1], equal_nan=True)
+    assert np.array_equal(a["region"], b["region"][:, ::-1])
+    assert np.array_equal(a["rupture_times"], b["rupture_times"][:, ::-1], equal_nan=True)
     assert a.events["L_p_over_L"].item() == 6 / 8
     assert list(b.episodes["n"]) == list(a.episodes["n"])
     assert list(b.episodes["i"]) == [7 - i for i in a.episodes["i"]]
@@ -353,8 +354,8 @@ def test_front_holds_the_first_slip_not_a_later_one():
         run.slip(i, (1.6 + 0.01 * i) * MS, 1.9 * MS)
     catalogue = run.catalogue()
     expected = (1 + 0.01 * np.arange(8)) * MS
-    np.testing.assert_array_equal(catalogue.rupture_times[0], expected)
-    v_c = front_speed(catalogue.rupture_times[0], 2.5e-3)
+    np.testing.assert_array_equal(catalogue["rupture_times"][0], expected)
+    v_c = front_speed(catalogue["rupture_times"][0], 2.5e-3)
     np.testing.assert_allclose(v_c[2:-2], 250.0)
     assert np.isnan(v_c[[0, 1, -2, -1]]).all()
 
@@ -375,7 +376,7 @@ def test_merged_event_gives_the_longer_front_and_no_slow_speed():
         run.slip(i, (1.9 + 0.002 * i) * MS, 2.2 * MS)
     catalogue = run.catalogue(make_scene(12))
     assert len(catalogue.events) == 1
-    t = catalogue.rupture_times[0]
+    t = catalogue["rupture_times"][0]
     assert np.isnan(t[:3]).all()
     np.testing.assert_array_equal(t[3:], (1.9 + 0.002 * np.arange(3, 12)) * MS)
     v_c = front_speed(t, 2.5e-3)
@@ -428,7 +429,7 @@ def test_front_speed_is_nan_where_times_do_not_strictly_increase():
     for i in range(9):
         run.slip(i, 1 * MS + t[i], 2 * MS)
     catalogue = run.catalogue(make_scene(9))
-    v_c = front_speed(catalogue.rupture_times, 2.5e-3)[0]
+    v_c = front_speed(catalogue["rupture_times"], 2.5e-3)[0]
     assert np.isfinite(v_c).tolist() == [False] * 2 + [True] * 2 + [False] * 5
     assert catalogue.events["n_front"].item() == 9
     assert catalogue.events["n_not_increasing"].item() == 3
@@ -453,17 +454,16 @@ def test_static_states_hold_the_interface_of_first_slip_and_last_stick():
     run = Run(opened=[6]).slip(0, 1 * MS, 2 * MS, u_x=3e-6).slip(1, 1.5 * MS, 2.5 * MS, u_x=4e-6)
     run.set(2.2 * MS, 7, OPEN)
     run.slip(0, 8 * MS, u_x=0.0)
-    catalogue = run.catalogue(solver=Solver())
-    static, events = catalogue.static, catalogue.events
-    np.testing.assert_allclose(static.F_T_start, [1e-6, 8e-6], rtol=1e-15)
-    assert static.F_T_arrest[0] == 2.5 * MS * 1e-3
-    assert np.isnan(static.F_T_arrest[1])
-    assert events["F_T_start"].to_list() == static.F_T_start.tolist()
-    assert static.tau_before.shape == (2, 8)
-    assert static.tau_after[0].tolist() == [3e-6, 4e-6, 0, 0, 0, 0, 0, 0]
-    assert static.p_before[0].tolist() == [0, 0, 0, 0, 0, 0, 1, 0]
-    assert static.p_after[0].tolist() == [0, 0, 0, 0, 0, 0, 1, 1]
-    assert np.isnan(static.tau_after[1]).all()
+    found = run.catalogue(solver=Solver())
+    np.testing.assert_allclose(found["F_T_start"], [1e-6, 8e-6], rtol=1e-15)
+    assert found["F_T_arrest"][0] == 2.5 * MS * 1e-3
+    assert np.isnan(found["F_T_arrest"][1])
+    assert found.events["F_T_start"].to_list() == found["F_T_start"].tolist()
+    assert found["tau_before"].shape == (2, 8)
+    assert found["tau_after"][0].tolist() == [3e-6, 4e-6, 0, 0, 0, 0, 0, 0]
+    assert found["p_before"][0].tolist() == [0, 0, 0, 0, 0, 0, 1, 0]
+    assert found["p_after"][0].tolist() == [0, 0, 0, 0, 0, 0, 1, 1]
+    assert np.isnan(found["tau_after"][1]).all()
 
 
 @pytest.mark.parametrize(("side", "d"), [("left", 1), ("right", -1)])
@@ -477,22 +477,18 @@ def test_static_states_are_in_balance(side, d):
     for n in range(5):
         i = n if d == 1 else scene.N_x - 1 - n
         run.slip(i, 50 * MS, 50.1 * MS, new=new, u_x=d * 2e-6)
-    catalogue = run.catalogue(scene, solver=equilibrium.StaticSolver(scene, "linear"))
-    static = catalogue.static
-    for tau, p, F_T in (
-        (static.tau_before, static.p_before, static.F_T_start),
-        (static.tau_after, static.p_after, static.F_T_arrest),
-    ):
-        np.testing.assert_allclose(tau.sum(axis=1), F_T, rtol=1e-8)
-        np.testing.assert_allclose(p.sum(axis=1), scene.F_N, rtol=1e-8)
-    assert 0 < static.F_T_arrest[0] < static.F_T_start[0]
+    found = run.catalogue(scene, solver=equilibrium.StaticSolver(scene, "linear"))
+    for when, force in (("before", "F_T_start"), ("after", "F_T_arrest")):
+        np.testing.assert_allclose(found[f"tau_{when}"].sum(axis=1), found[force], rtol=1e-8)
+        np.testing.assert_allclose(found[f"p_{when}"].sum(axis=1), scene.F_N, rtol=1e-8)
+    assert 0 < found["F_T_arrest"][0] < found["F_T_start"][0]
 
 
 def test_without_a_solver_static_values_are_nan():
     catalogue = Run().slip(0, 1 * MS, 2 * MS).catalogue()
     assert np.isnan(catalogue.events["F_T_start"]).all()
-    assert np.isnan(catalogue.static.p_after).all()
-    assert catalogue.static.p_after.shape == (1, 8)
+    assert np.isnan(catalogue["p_after"]).all()
+    assert catalogue["p_after"].shape == (1, 8)
 
 
 # --- sizes ---------------------------------------------------------------------------------------
@@ -502,11 +498,12 @@ def test_no_events_gives_empty_tables_of_the_same_types():
     empty = Run().catalogue(solver=Solver())
     full = Run().slip(0, 1 * MS, 2 * MS).catalogue(solver=Solver())
     assert len(empty.episodes) == len(empty.events) == 0
-    assert tuple(empty.events.columns) == EVENT_COLUMNS
+    columns = [name for name, held in held_in("events").items() if held.required]
+    assert list(empty.events.columns) == columns
     assert empty.events.dtypes.equals(full.events.dtypes)
     assert empty.episodes.dtypes.equals(full.episodes.dtypes)
-    assert empty.region.shape == empty.rupture_times.shape == (0, 8)
-    assert empty.static.tau_before.shape == (0, 8)
+    assert {array.shape for array in empty.arrays.values()} == {(0, 8)}
+    assert list(empty.arrays) == list(found_arrays())
 
 
 def test_only_corner_episodes_gives_no_events():
@@ -587,4 +584,4 @@ def test_a_static_state_that_is_not_found_is_nan_and_said():
         catalogue = run.catalogue(solver=Solver())
     assert catalogue.events["F_T_start"].iloc[0] == 1.0
     assert np.isnan(catalogue.events["F_T_arrest"].iloc[0])
-    assert np.isnan(catalogue.static.tau_after).all()
+    assert np.isnan(catalogue["tau_after"]).all()

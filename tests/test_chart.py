@@ -51,9 +51,8 @@ def test_errors_are_what_was_changed():
     one, F_N = record(), small().F_N
     events = one.events.assign(F_T_start=one.events["F_T_start"] + 0.01 * F_N)
     times = one.rupture_times * 0.5
-    changed = dataclasses.replace(
-        one, events=events, rupture_times=times, tau_after=one.tau_after + 0.1 * F_N / 15
-    )
+    tau_after = one.tau_after + 0.1 * F_N / 15
+    changed = one.replace(events=events, rupture_times=times, tau_after=tau_after)
     found = chart.errors(changed, one)
     assert found["precursors"] == pytest.approx(0.01)
     assert found["stress"] == pytest.approx(0.1 / np.sqrt(2))

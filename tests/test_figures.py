@@ -4,6 +4,7 @@ import dataclasses
 import io
 import subprocess
 import sys
+from unittest import mock
 
 import matplotlib
 import numpy as np
@@ -19,6 +20,7 @@ from pyfric.figures.fronts import wave_speeds
 from pyfric.figures.loading import CURVE_BINS, envelope
 from pyfric.figures.strip import event_frames, frame_times
 from pyfric.figures.style import scene_text
+from pyfric.paper import reproduction
 from pyfric.record import (
     QUIET_COLUMNS,
     SWITCH_COLUMNS,
@@ -345,8 +347,8 @@ def test_slopes_of_the_load_are_three_curves():
 
 
 def test_profiles_about_a_precursor(run):
-    fig = figures.fig3a(run, 4)
     event = int(analysis.precursor_lengths(run)["event"][3])
+    fig = figures.fig3a(run, event)
     table = fig.tables["profiles"].set_index("state")
     for state, when in (("before", "before"), ("after", "after")):
         expected = analysis.stress_profile(run, event, when)
@@ -363,35 +365,54 @@ def test_profiles_about_a_precursor(run):
     slipped = table.loc["after"]["region"].to_numpy() == 1
     inner = np.flatnonzero(slipped)[:-1]
     np.testing.assert_allclose(table.loc["after", "tau_over_p"].iloc[inner], 0.45, atol=0.05)
-    assert "main precursor 4" in fig.caption
+    assert f"before and after event {event} " in fig.caption
     inside_and_readable(fig)
 
 
-@pytest.mark.parametrize("number", [0, 99])
 @pytest.mark.parametrize("figure", [figures.fig3a, figures.fig4a])
-def test_a_precursor_that_is_not_there_is_refused(run, figure, number):
-    with pytest.raises(pyfric.SceneError, match=r"number = .*1 to 8, the main precursors"):
-        figure(run, number)
+def test_figures_of_one_event_show_the_longest_precursor_by_default(run, short, figure):
+    lengths = analysis.precursor_lengths(run)
+    longest = int(lengths["event"][lengths["L_p_over_L"].argmax()])
+    assert f"event {longest} " in figure(run).caption
+    for event in (0, len(run.events) + 1):
+        with pytest.raises(pyfric.SceneError, match=r"event = .*an event of the record, 1 to"):
+            figure(run, event)
+    none = run.replace(events=run.events.assign(is_precursor=False))
+    with pytest.raises(pyfric.SceneError, match="raise t_end"):
+        figure(none)
+
+
+def test_the_paper_s_event_is_counted_where_the_paper_counts_it(run):
+    """The eleventh main precursor of the first loading, whatever its number in the record."""
+    assert {one.precursor for one in figures.FIGURES.values()} == {None, 11}
+    with pytest.raises(pyfric.SceneError, match=r"main precursors = 8: too few.*at least 11"):
+        reproduction._event("fig4a", run)
+    again = figures.FIGURES["fig4a"]._replace(precursor=6)
+    with mock.patch.dict(figures.FIGURES, fig4a=again):
+        event = analysis.precursor_lengths(run)["event"][5]
+        assert reproduction._event("fig4a", run) == {"event": event}
+    assert reproduction._event("fig1b", run) == {}
 
 
 def test_normal_forces_after_precursors_and_sliding(run, short):
     fig = figures.fig3b(run)
     before, after = fig.tables["precursors"], fig.tables["sliding"]
-    assert list(before["number"].unique()) == [2, 4, 6, 8]
-    assert after["number"].nunique() == len(analysis.system_size_events(run)) >= 3
+    precursors = analysis.precursor_lengths(run)["event"]
+    assert list(before["event"].unique()) == list(precursors[[1, 3, 5, 7]])
+    assert after["event"].nunique() == len(analysis.system_size_events(run)) >= 3
     top, bottom = fig.axes
     assert sum(len(line.get_xdata()) == 29 for line in top.get_lines()) == 4
     assert (
         sum(len(line.get_xdata()) == 29 for line in bottom.get_lines())
-        == after["number"].nunique() + 1
+        == after["event"].nunique() + 1
     )
-    last = before[before["number"] == 8]
+    last = before[before["event"] == precursors[7]]
     inside = (last["n"] > run.scene.j_h + 2) & (last["n"] < round(0.97 * 29))
     lowest = [
         table["p_over_p_initial"][
             (table["n"] > 4) & (table["n"] < round(table["L_p_over_L"].iloc[0] * 29))
         ].min()
-        for _, table in before.groupby("number")
+        for _, table in before.groupby("event")
     ]
     assert inside.any()
     assert f"up to {1 - min(lowest):.0%}" in fig.caption
@@ -401,8 +422,8 @@ def test_normal_forces_after_precursors_and_sliding(run, short):
 
 
 def test_front_speed_and_prestress_of_one_event(run):
-    fig = figures.fig4a(run, 6)
     event = int(analysis.precursor_lengths(run)["event"][5])
+    fig = figures.fig4a(run, event)
     pd.testing.assert_frame_equal(fig.tables["front"], analysis.front(run, event))
     top = fig.axes[0]
     speeds = [line.get_ydata()[0] for line in top.get_lines() if len(line.get_xdata()) == 2]
@@ -483,7 +504,7 @@ def test_frames_run_the_event_again(run, switching):
     if switching == "located":
         run = simulated(run.scene, 0.08, switching=switching)
     event = int(analysis.precursor_lengths(run)["event"][5])
-    row, times = run.events.iloc[event], run.rupture_times[event]
+    row, times = run.events.loc[event], run.rupture_times[run.row(event)]
     ruptured = np.sort(times[np.isfinite(times)])
     frames = event_frames(run, event, [*ruptured, row["t_stop"] + 1e-5])
     dt = run.method.dt
@@ -574,8 +595,8 @@ def test_an_mp4_is_one(run, tmp_path):
 def test_strip_refuses_what_it_cannot_show(run):
     ladder = pyfric.simulate(run.scene, 0.05, fidelity="quasistatic", progress=False)
     with pytest.raises(pyfric.SceneError, match="hybrid or the dynamic engine"):
-        figures.event_strip(ladder, 0)
-    for event in (-1, len(run.events), 1.0, True):
+        figures.event_strip(ladder, 1)
+    for event in (-1, 0, len(run.events) + 1, 1.0, True):
         with pytest.raises(pyfric.SceneError, match="event = "):
             figures.event_strip(run, event)
     with pytest.raises(pyfric.SceneError, match="times"):
@@ -584,4 +605,4 @@ def test_strip_refuses_what_it_cannot_show(run):
     late = pyfric.simulate(run.scene, 0.05, fidelity="hybrid", initial=other, progress=False)
     assert len(late.events)
     with pytest.raises(pyfric.SceneError, match="from the loaded slider"):
-        figures.event_strip(late, len(late.events) - 1)
+        figures.event_strip(late, len(late.events))

@@ -27,7 +27,7 @@ def coarse(request):
 def event_of(record):
     """The largest event with an open edge."""
     lifted = (record.p_before == 0).any(axis=1) & record.events["finished"]
-    return int(np.where(lifted, record.events["n_front"], -1).argmax())
+    return 1 + int(np.where(lifted, record.events["n_front"], -1).argmax())
 
 
 def equilibrium(record, event, on):
@@ -38,38 +38,38 @@ def equilibrium(record, event, on):
 
 def test_the_same_lattice_gives_the_state_and_the_event_back(coarse):
     event, on = event_of(coarse), coarse.scene
-    assert event >= 0
+    assert event >= 1
     state, rest = equilibrium(coarse, event, on)
     unit = on.F_N / on.N_x
-    np.testing.assert_array_equal(rest.p == 0, coarse.p_before[event] == 0)
-    np.testing.assert_allclose(rest.p, coarse.p_before[event], rtol=0, atol=1e-6 * unit)
-    np.testing.assert_allclose(rest.tau, coarse.tau_before[event], rtol=0, atol=1e-6 * unit)
+    np.testing.assert_array_equal(rest.p == 0, coarse.p_before[event - 1] == 0)
+    np.testing.assert_allclose(rest.p, coarse.p_before[event - 1], rtol=0, atol=1e-6 * unit)
+    np.testing.assert_allclose(rest.tau, coarse.tau_before[event - 1], rtol=0, atol=1e-6 * unit)
     assert state.margin.min() >= 0
-    t_end = coarse.events["t_stop"].iloc[event] + 1e-3
+    t_end = coarse.events["t_stop"].loc[event] + 1e-3
     again = pyfric.simulate(on, t_end, initial=state, dt=state.dt, **HOW)
     for name in ("first_block", "last_block", "n_front", "L_p_over_L"):
-        assert again.events[name].iloc[0] == coarse.events[name].iloc[event], name
-    one, two = analysis.front(coarse, event), analysis.front(again, 0)
+        assert again.events[name].iloc[0] == coarse.events[name].loc[event], name
+    one, two = analysis.front(coarse, event), analysis.front(again, 1)
     np.testing.assert_allclose(two["v_c"], one["v_c"], rtol=0.005)
-    start = coarse.events["t_start"].iloc[event]
+    start = coarse.events["t_start"].loc[event]
     assert again.events["t_start"].iloc[0] == pytest.approx(start, abs=3e-6)
 
 
 def test_half_the_lattice_constant_has_the_same_tractions(coarse):
     event, on = event_of(coarse), scene(1.25e-3, side=coarse.scene.driver.side)
     _, rest = equilibrium(coarse, event, on)
-    assert rest.F_T == pytest.approx(coarse.events["F_T_start"].iloc[event], rel=0.01)
+    assert rest.F_T == pytest.approx(coarse.events["F_T_start"].loc[event], rel=0.01)
     assert rest.p.sum() == pytest.approx(on.F_N)
-    both = (rest.p[::2] > 0) & (coarse.p_before[event] > 0)
+    both = (rest.p[::2] > 0) & (coarse.p_before[event - 1] > 0)
     assert both.sum() == 28
-    ratio = coarse.tau_before[event][both] / coarse.p_before[event][both]
+    ratio = coarse.tau_before[event - 1][both] / coarse.p_before[event - 1][both]
     np.testing.assert_allclose(rest.tau[::2][both] / rest.p[::2][both], ratio, atol=1e-8)
     between = tractions(coarse, event, on.x[1::2])[0]
     known, open_ = tractions(coarse, event, on.x[::2])
     np.testing.assert_allclose(between, (known[:-1] + known[1:]) / 2)
-    np.testing.assert_array_equal(open_, coarse.p_before[event] == 0)
+    np.testing.assert_array_equal(open_, coarse.p_before[event - 1] == 0)
 
 
 def test_another_slider_is_refused(coarse):
     with pytest.raises(pyfric.SceneError, match=r"L = .*as in the record"):
-        refined(coarse, 0, scene(L=0.08))
+        refined(coarse, 1, scene(L=0.08))

@@ -22,7 +22,7 @@ def test_a_crack_follows_fracture_mechanics():
     assert (table["v"] < which.material.c_R).all()
     assert (np.abs(late["v"] / late["v_theory"] - 1) < 0.01).all()
     assert record.events["share_X_c0"].iloc[0] == 0
-    assert any("set by the lattice" in note for note in record.notes)
+    assert any("100 % of blocks have X_c0/l below 6" in note for note in record.notes)
 
 
 def test_half_the_lattice_constant_is_planned_at_eight_times():

@@ -1,9 +1,11 @@
 """Measured errors: records that differ by what is known, closed forms, refinement, files."""
 
 import dataclasses
+import json
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 from helpers import small_rod
@@ -24,8 +26,9 @@ from pyfric.engines.verification import (
     stretch,
     verified,
 )
-from pyfric.record import Errors, Record, differences, statistics
-from pyfric.scene import chain, preset, setup1
+from pyfric.record import Errors, Record, differences, not_verified, statistics, summary
+from pyfric.record.errors import UNITS
+from pyfric.scene import chain, preset, setup1, slab
 from pyfric.statics import stability_limit
 
 
@@ -34,12 +37,24 @@ def ladder():
     return pyfric.simulate(small_rod(), 1.5, fidelity="quasistatic")
 
 
-def changed(record, row, **by):
+def changed(record, event, **by):
     """Return the record with numbers added to one event."""
     events = record.events
     for name, value in by.items():
-        events.loc[row, name] += value
-    return dataclasses.replace(record, events=events)
+        events.loc[event, name] += value
+    return record.replace(events=events)
+
+
+def main_events(record):
+    """Return the numbers of the main events."""
+    return record.events.index[record.events["is_main"]]
+
+
+def without(record, events):
+    """Return the record without some events, which are counted anew."""
+    kept = ~record.events.index.isin(events)
+    arrays = {name: array[kept] for name, array in record.arrays.items()}
+    return record.replace(events=record.events[kept], arrays=arrays)
 
 
 # --- comparisons ---------------------------------------------------------------------------------
@@ -49,15 +64,21 @@ def test_a_record_does_not_differ_from_itself(ladder):
     found = differences(ladder, ladder).errors()
     assert found["events"] == ladder.events["is_main"].sum() > 5
     assert [found[name] for name in ("start", "arrest", "length", "stress")] == [0, 0, 0, 0]
+    assert found["rupture"] is None  # the ladder has no motion
+    names = ("start", "arrest", "length", "stress")
+    assert found["compared"] == dict.fromkeys(names, found["events"])
+    table = differences(ladder, ladder).events
+    assert (table["event"] == table["other"]).all()
+    assert set(table["event"]) == set(main_events(ladder))
 
 
 def test_known_differences_are_found(ladder):
-    main, F_N = np.flatnonzero(ladder.events["is_main"]), ladder.scene.F_N
+    main, F_N = main_events(ladder), ladder.scene.F_N
     other = changed(ladder, main[2], F_T_start=0.01 * F_N, L_p_over_L=0.1)
     other = changed(other, main[4], F_T_arrest=-0.02 * F_N)
     tau = other.tau_after.copy()
-    tau[main[1]] += 0.03 * F_N / ladder.scene.N_x
-    found = differences(ladder, dataclasses.replace(other, tau_after=tau))
+    tau[main[1] - 1] += 0.03 * F_N / ladder.scene.N_x
+    found = differences(ladder, other.replace(tau_after=tau))
     errors = found.errors()
     assert errors["start"] == pytest.approx(0.01)
     assert errors["arrest"] == pytest.approx(0.02)
@@ -77,8 +98,7 @@ def test_front_speeds_are_relative_and_lost_ones_count(ladder):
     front = np.full(times.shape, np.nan)
     front[e, ladder.scene.n_of_i - 1] = 1e-6 * np.arange(ladder.scene.N_x)
     one, slow, none = (
-        dataclasses.replace(ladder, rupture_times=t)
-        for t in (front, 1.05 * front, np.full(times.shape, np.nan))
+        ladder.replace(rupture_times=t) for t in (front, 1.05 * front, np.full(times.shape, np.nan))
     )
     found = differences(slow, one).errors()
     assert found["speed_median"] == pytest.approx(1 - 1 / 1.05)
@@ -89,7 +109,7 @@ def test_front_speeds_are_relative_and_lost_ones_count(ladder):
 
 def test_an_event_after_the_end_is_compared_with_the_force_there(ladder):
     """A run that ends just before its last event is not a run without it."""
-    main = np.flatnonzero(ladder.events["is_main"])
+    main = main_events(ladder)
     t = float(ladder.events["t_start"][main[-1]])
     short = pyfric.simulate(ladder.scene, t - 1e-6, fidelity="quasistatic")
     assert differences(short, ladder).errors()["start"] < 1e-6
@@ -99,28 +119,22 @@ def test_an_event_after_the_end_is_compared_with_the_force_there(ladder):
 
 def test_an_event_begun_while_the_last_one_goes_on_is_part_of_it(ladder):
     """Two runs of which one sees a pause inside its last event: nothing to compare."""
-    main = np.flatnonzero(ladder.events["is_main"])
-    events = ladder.events
-    events.loc[main[-2] + 1 :, "F_T_start"] = np.nan
-    without = dataclasses.replace(ladder, events=events)
-    assert differences(ladder, without).errors()["start"] > 1e-3
+    main = main_events(ladder)
+    fewer = without(ladder, range(main[-2] + 1, len(ladder.events) + 1))
+    assert differences(ladder, fewer).errors()["start"] > 1e-3
+    events = fewer.events
     events.loc[main[-2], "finished"] = False
-    joined = dataclasses.replace(without, events=events)
-    assert differences(ladder, joined).errors()["start"] == 0
+    assert differences(ladder, fewer.replace(events=events)).errors()["start"] == 0
 
 
 @pytest.mark.parametrize("parts", [False, True])
 def test_an_event_that_goes_on_is_compared_by_its_force(ladder, parts):
     """Two runs that part inside their last event, which a pause may part in one of them."""
-    last, F_N = np.flatnonzero(ladder.events["is_main"])[-2:], ladder.scene.F_N
-    events = ladder.events
-    events.loc[last, "t_stop"], events.loc[last, "finished"] = np.nan, False
-    events.loc[last[0] + 1 :, "F_T_start"] = np.nan
-    on = dataclasses.replace(ladder, events=events)
+    last, F_N = main_events(ladder)[-2:], ladder.scene.F_N
+    one = on = going_on(without(ladder, range(last[0] + 1, len(ladder.events) + 1)), last[0])
     if parts:
-        events = ladder.events
-        events.loc[last[1], "t_stop"], events.loc[last[1], "finished"] = np.nan, False
-    one = dataclasses.replace(ladder, events=events)
+        one = going_on(ladder, last[1])
+    events = ladder.events
     t, force = (ladder.curve[name].to_numpy() for name in ("t", "F_T"))
     between = 0.5 * (t[1:] + t[:-1])
     other = dataclasses.replace(on, curve=resampled(on, between, np.interp(between, t, force)))
@@ -130,9 +144,41 @@ def test_an_event_that_goes_on_is_compared_by_its_force(ladder, parts):
     assert 0.08 < differences(one, other).errors()["arrest"] <= 0.1
 
 
+def going_on(record, event):
+    """Return the record with an event that goes on at its end."""
+    events = record.events
+    events.loc[event, "t_stop"], events.loc[event, "finished"] = np.nan, False
+    return record.replace(events=events)
+
+
 def resampled(record, t, force):
     """Return the loading curve with other samples."""
     return record.curve.iloc[: len(t)].assign(t=t, F_T=force)
+
+
+def test_runs_without_slip_are_compared_by_their_loading_curves(ladder):
+    t = float(ladder.events["t_start"].iloc[0])
+    one = pyfric.simulate(ladder.scene, 0.9 * t, fidelity="quasistatic")
+    assert not len(one.events)
+    off = one.curve.assign(F_T=one.curve["F_T"] * 1.5)
+    found = differences(one, one.replace(curve=off)).errors()
+    assert found["arrest"] == pytest.approx(0, abs=1e-12)  # two samples, with anything between
+    fine = resampled_at(one, np.linspace(0, one.curve["t"].iloc[-1], 100))
+    off = fine.replace(curve=fine.curve.assign(F_T=fine.curve["F_T"] * 1.5))
+    found = differences(fine, off).errors()
+    assert found["events"] == 0
+    assert found["start"] is None
+    assert found["arrest"] == pytest.approx(0.5 * fine.curve["F_T"].max() / one.scene.F_N, rel=0.1)
+    assert (
+        Errors(want="precursors", tolerance=0.1, **differences(fine, fine).errors()).holds is True
+    )
+
+
+def resampled_at(record, t):
+    """Return a record whose loading curve has samples at these times, s."""
+    known = record.curve
+    force = np.interp(t, known["t"], known["F_T"])
+    return record.replace(curve=pd.DataFrame({"t": t, "F_T": force}))
 
 
 def test_statistics_of_what_follows(ladder):
@@ -307,11 +353,116 @@ def test_the_coarser_step_is_stable():
 
 def test_beyond_the_tolerance_is_said():
     errors = Errors(want="precursors", tolerance=0.01, expected=0.001, start=0.02, arrest=0.001)
-    assert not errors.holds
+    assert errors.holds is False
     assert errors.measured() == 0.02
     assert "BEYOND 0.01" in str(errors)
-    assert Errors.from_json(errors.to_json()) == errors
+    assert "(expected 0.001)" in str(errors)
     assert 0 < PERTURBATION < 1e-6
+
+
+# --- measured, bounded, or not measured ----------------------------------------------------------
+
+
+def test_what_was_not_measured_is_never_zero(ladder, tmp_path):
+    """None in numbers, text, JSON and on the page, as plain as a broken promise."""
+    for want in ("precursors", "stress", "front_speed", None):
+        errors = Errors(want=want, tolerance=0.01)
+        assert errors.measured() is None
+        assert errors.holds is None
+        assert {errors.state(name) for name in UNITS} == {"not measured"}
+        assert "NOT MEASURED, nothing was compared" in str(errors)
+        record = ladder.replace(errors=errors)
+        found = summary(record, [])["errors"]
+        assert (found["measured"], found["holds"], found["start"]) == (None, None, None)
+        assert '"holds": null' in json.dumps(found)
+        assert "NOT MEASURED" in record.summary()
+        assert "NOT MEASURED" in record.to_html(tmp_path / "page.html").read_text()
+        assert Record.load(record.save(tmp_path / "a.nc")).errors == errors
+
+
+def test_the_number_that_was_wanted_has_to_be_known():
+    forces = {"tolerance": 0.01, "start": 0.001, "arrest": 0.002}
+    assert Errors(want="precursors", **forces).measured() == 0.002
+    assert Errors(want="stress", **forces).holds is None
+    assert Errors(want="stress", **forces, stress=0.003).measured() == 0.003
+    assert Errors(want="front_speed", **forces).holds is None
+    assert Errors(want="front_speed", **forces, speed_95=0.1).holds is False
+    assert Errors(want="precursors", tolerance=0.01, rupture=0.004).measured() == 0.004
+    assert Errors(want="front_speed", tolerance=0.01, rupture=0.004).measured() is None
+    assert Errors(**forces | {"tolerance": None}).holds is None
+
+
+def test_a_bound_names_its_formula():
+    errors = Errors(want="precursors", tolerance=0.1, arrest=0.01, events=3, covered=0.5)
+    errors = errors.bounded("what ladders leave out", start=0.05)
+    assert [errors.state(name) for name in ("start", "arrest", "length")] == [
+        "bounded", "measured", "not measured",
+    ]  # fmt: skip
+    assert errors.holds is True
+    said = str(errors)
+    assert "measured errors (3 main events, to 0.5 s): arrest 0.01 F_N\n" in said
+    assert "bounded: start 0.05 F_N by what ladders leave out" in said
+    assert "length, stress, rupture, speed_median, speed_95, speed_worst not measured" in said
+
+
+def test_a_record_that_nothing_was_compared_with_says_so(ladder):
+    record = ladder.replace(errors=None)
+    (note,) = not_verified(record)
+    assert "nothing was compared" in note
+    assert not_verified(record.replace(errors=Errors())) == ()
+    assert "errors not measured: nothing was compared" in record.summary()
+    assert summary(record, [])["errors"]["holds"] is None
+
+
+def test_fronts_of_an_event_that_goes_on_are_compared_as_far_as_both_have_come(ladder):
+    """One run is some blocks further; where both have been, its times are 3 % longer."""
+    N_x, event, short = ladder.scene.N_x, main_events(ladder)[-1], 4
+    ladder = without(ladder, range(event + 1, len(ladder.events) + 1))
+    times = np.full(ladder.region.shape, np.nan)
+    times[event - 1, ladder.scene.n_of_i - 1] = 1e-6 * np.arange(N_x)
+    ahead = going_on(ladder, event).replace(rupture_times=1.03 * times)
+    behind = times.copy()
+    behind[event - 1, ladder.scene.n_of_i > N_x - short] = np.nan
+    behind = going_on(ladder, event).replace(rupture_times=behind)
+    found = differences(ahead, behind).errors()
+    assert found["speed_worst"] == pytest.approx(1 - 1 / 1.03)
+    assert found["compared"]["speed_worst"] == N_x - short - 4
+    off = np.std(np.linspace(0, 1, N_x - short))
+    assert found["rupture"] == pytest.approx(0.03 * off)
+    nowhere = going_on(ladder, event).replace(rupture_times=np.full(times.shape, np.nan))
+    nothing = Errors(want="front_speed", tolerance=0.05, **differences(ahead, nowhere).errors())
+    assert (nothing.speed_95, nothing.holds) == (None, None)
+
+
+def prescribed(**changes):
+    """Return a run of a prescribed interface whose front goes on to the end."""
+    p = [100.0] * 30
+    tau = [69.0 if n else 71.0 for n in range(30)]
+    scene = slab(p=p, tau=tau, L=29 * 2.5e-3, H=0.01, l=2.5e-3, **changes)
+    return pyfric.simulate(scene, 4e-5, fidelity="dynamic", progress=False, dt=2e-7)
+
+
+def test_a_prescribed_interface_is_compared_by_its_rupture_times():
+    run = prescribed()
+    assert np.isnan(run.events["F_T_start"]).all()
+    assert not run.events["finished"].any()
+    times = run.rupture_times[0]
+    assert np.isfinite(times).sum() > 10
+    found = differences(run, run).errors()
+    assert (found["start"], found["arrest"], found["stress"], found["length"]) == (None,) * 4
+    assert found["rupture"] == found["speed_95"] == 0
+    for want in ("precursors", "front_speed"):
+        assert Errors(want=want, tolerance=0.01, **found).holds is True
+    known = np.isfinite(times)
+    late = run.replace(rupture_times=run.rupture_times + 1e-6)
+    span = np.ptp(times[known])
+    errors = Errors(want="precursors", tolerance=0.01, **differences(late, run).errors())
+    assert errors.measured() == pytest.approx(1e-6 / span)
+    assert errors.holds is False
+    assert differences(late, run).parted(0.5e-6 / span) == run.events["t_start"].loc[1]
+    assert differences(late, run).parted(2e-6 / span) is None
+    lost = differences(run, without(run, [1])).errors()  # it never ruptures
+    assert lost["rupture"] == pytest.approx(run.curve["t"].iloc[-1] / span)
 
 
 # --- refinement, with runs whose errors are known ------------------------------------------------
@@ -329,7 +480,7 @@ class Known:
         self.ladder, self.step, self.bonds, self.chaos = ladder, step, bonds, chaos
         self.noise, self.asked, self.jumps, self.turn = noise, [], jumps, turn
         self.dt_0 = pyfric.step_size(ladder.scene)
-        self.main = np.flatnonzero(ladder.events["is_main"])
+        self.main = main_events(ladder)
 
     def run(self, scene, t_end, options, tight=0):
         how = {"engine": "hybrid", "geometry": options.geometry, "dt": options.dt}
@@ -427,9 +578,12 @@ def test_chaos_is_said(ladder):
 
 
 def test_what_no_refinement_helps_is_said(ladder):
+    """Nothing that could be trusted is left to compare."""
     record = Known(ladder, step=1e4).verified("sample")
     assert record.errors.until is not None
-    assert "finer steps give other ones" in record.notes[-1]
+    assert "finer steps give other ones" in record.notes[-2]
+    assert record.errors.holds is None
+    assert "NOT MEASURED" in record.notes[-1]
 
 
 @pytest.mark.parametrize(("step", "runs"), [(1e-7, 2), (1e-4, 4)])

@@ -26,7 +26,7 @@ def event():
     )
     points = methods.event_points(
         scene=preset("fig1", l=5e-3),
-        event=5,
+        event=6,
         methods=lines,
         reference_shares=(0.125, 0.0625, 0.03125),
         repeats=1,

@@ -26,11 +26,11 @@ def ladder():
     [(0.004, 0.005, False, False), (0.006, 0.005, False, True), (0.02, 0.03, True, False)],
 )
 def test_a_promise_is_judged_by_the_real_error(ladder, real, measured, broken, dishonest):
-    main, F_N = np.flatnonzero(ladder.events["is_main"]), ladder.scene.F_N
+    main, F_N = ladder.events.index[ladder.events["is_main"]], ladder.scene.F_N
     events = ladder.events
     events.loc[main[3], "F_T_start"] += real * F_N
     truth = dataclasses.replace(ladder, events=events)
-    own = Errors(want="stress", tolerance=0.01, start=measured)
+    own = Errors(want="stress", tolerance=0.01, start=measured, stress=0.0)
     row = plans.judged(dataclasses.replace(ladder, errors=own), truth, 1e-3)
     assert row["real"] == pytest.approx(real)
     assert (row["beyond_tolerance"], row["beyond_measured"]) == (broken, dishonest)
@@ -39,6 +39,9 @@ def test_a_promise_is_judged_by_the_real_error(ladder, real, measured, broken, d
     row = plans.judged(dataclasses.replace(ladder, errors=late), truth, 1e-3)
     assert not row["beyond_tolerance"]
     assert row["trusted"] < row["events"]
+    none = Errors(want="stress", tolerance=0.01, start=measured)
+    row = plans.judged(dataclasses.replace(ladder, errors=none), truth, 1e-3)
+    assert (row["not_measured"], row["said"], row["beyond_measured"]) == (True, True, False)
 
 
 @pytest.mark.slow
@@ -48,7 +51,7 @@ def test_promises_hold_where_jumps_decide_the_order_of_events(seed, n, low):
     row = plans.trial(*plans.drawn(seed, n, (low, 2.0 if low == 0.1 else 0.33)))
     assert not row["beyond_tolerance"]
     assert not row["beyond_measured"]
-    assert row["trusted"] >= 8
+    assert row["trusted"] >= 4
 
 
 def test_the_table_counts():

@@ -343,7 +343,7 @@ def test_the_ladder_follows_loads_as_dynamics_does(kind):
     events = ladder.events[ladder.events["t_start"] > T]
     assert len(events) > 2
     F_N, shear = np.array([scene.load_at(t) for t in events["t_start"]]).T
-    p, tau = (one[events.index].sum(axis=1) for one in (ladder.p_before, ladder.tau_before))
+    p, tau = (one[events.index - 1].sum(axis=1) for one in (ladder.p_before, ladder.tau_before))
     np.testing.assert_allclose(p, F_N, rtol=1e-12)
     np.testing.assert_allclose(tau, events["F_T_start"] + shear, rtol=0, atol=1e-11 * scene.F_N)
 

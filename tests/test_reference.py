@@ -65,12 +65,12 @@ def test_reference_is_whole_and_of_the_preset(name, geometry):
     assert about["switching"] == "located"
     assert about["dt"] == pyfric.step_size(known.scene)
     assert about["t_end"] >= known.whole["t_stop"] + 0.02
-    main = np.flatnonzero(known.events["is_main"])
+    main = known.events.index[known.events["is_main"]]
     N_x = known.scene.N_x
-    np.testing.assert_array_equal(known.stresses["event"], np.repeat([-1, *main], N_x))
+    np.testing.assert_array_equal(known.stresses["event"], np.repeat([0, *main], N_x))
     assert set(known.fronts["event"]) <= set(main)
     assert known.events[["F_T_start", "F_T_arrest"]].notna().all(axis=None)
-    loaded = known.stresses[known.stresses["event"] == -1]
+    loaded = known.stresses[known.stresses["event"] == 0]
     assert loaded["p_before"].sum() == pytest.approx(known.scene.F_N, rel=1e-9)
 
 
@@ -142,11 +142,11 @@ def test_switching_at_step_ends(name, geometry):
     assert_all(regression.compare(reference(name, geometry), made, STEP_END))
 
 
-@pytest.mark.parametrize(("name", "event"), [("fig1", 3), ("run1", 6)])
-def test_full_dynamics_of_one_event(name, event):
+@pytest.mark.parametrize(("name", "main"), [("fig1", 3), ("run1", 6)])
+def test_full_dynamics_of_one_event(name, main):
     known = reference(name, "linear")
-    row = known.events.index[known.events["is_main"]][event - 1]
-    made = regression.dynamic(known, row)
+    event = known.events.index[known.events["is_main"]][main - 1]
+    made = regression.dynamic(known, event)
     assert made.method.engine == "dynamic"
     assert_all(regression.compare(known, made, DYNAMIC["linear"]))
 

@@ -13,6 +13,7 @@ from test_page import Page
 import pyfric
 from pyfric.cli import main
 from pyfric.figures import record_page, view
+from pyfric.record import held_in
 
 
 @pytest.fixture(scope="module")
@@ -46,23 +47,31 @@ def test_it_stands_alone(record, text, tmp_path):
 def test_it_holds_what_the_record_does(record, text):
     words, data = " ".join(Page(text).texts), embedded(text)
     assert len(record.events) > 5
-    assert [one["row"] for one in data["events"]] == list(range(len(record.events)))
-    assert data["details"].keys() == {str(row) for row in range(len(record.events))}
+    assert [one["event"] for one in data["events"]] == list(record.events.index)
+    assert data["details"].keys() == set(map(str, record.events.index))
     F_N, order = record.scene.F_N, np.argsort(record.scene.n_of_i)
-    for one, (row, event) in zip(data["events"], record.events.iterrows(), strict=True):
-        assert f'href="#event-{row}"' in text
+    for one, (number, event) in zip(data["events"], record.events.iterrows(), strict=True):
+        assert f'href="#event-{number}"' in text
         assert one["t"] == pytest.approx(event["t_start"], rel=1e-8)
         assert one["start"] == pytest.approx(event["F_T_start"] / F_N, rel=1e-5)
-        detail, unit = data["details"][str(row)], F_N / record.scene.N_x
+        detail, unit = data["details"][str(number)], F_N / record.scene.N_x
         known = [np.nan if v is None else v for v in detail["tau_after"]]
-        assert known == pytest.approx(record.tau_after[row][order] / unit, rel=1e-3, nan_ok=True)
-        slips = record.episodes[record.episodes["event"] == row]
+        expected = record.tau_after[number - 1][order] / unit
+        assert known == pytest.approx(expected, rel=1e-3, nan_ok=True)
+        columns = [np.nan if v is None else v for v in detail["columns"]]
+        assert columns == pytest.approx(event.to_numpy(float), rel=1e-5, nan_ok=True)
+        slips = record.episodes[record.episodes["event"] == number]
         assert sum(one[3] for one in detail["slips"]) == pytest.approx(
             slips["slip"].sum() * record.scene.d * 1e9, rel=1e-4
         )
     for said in (*record.notes, *record.versions.values(), str(record.method)[1:]):
         assert said in words
-    assert "No errors were measured." in words
+    assert "errors not measured: nothing was compared" in words
+    for name in record.events:
+        assert f'<th scope="row">{name}</th>' in text
+    for group in ("curve", "events", "episodes", "interface", "quiet", "switches"):
+        for held in held_in(group).values():
+            assert held.meaning in words
 
 
 def test_drawings_have_words(text):
@@ -78,7 +87,7 @@ def test_a_page_never_grows_beyond_its_size(record, text, monkeypatch):
     shorter = record_page(record)
     assert len(shorter.encode()) <= view.LARGEST
     kept = {int(row) for row in embedded(shorter)["details"]}
-    left = set(range(len(record.events))) - kept
+    left = set(record.events.index) - kept
     assert left
     assert f"Of {len(left)} events, those of the fewest blocks" in shorter
     blocks = record.events["n_blocks"]
@@ -120,21 +129,21 @@ def test_in_a_browser(record, page):
     def shown():
         return int(re.match(r"Event (\d+):", page.js(said)).group(1))
 
-    assert shown() == record.events["n_blocks"].argmax()
+    assert shown() == record.events["n_blocks"].idxmax()
     box = "JSON.stringify(document.getElementById('map').getBoundingClientRect())"
-    box, row = json.loads(page.js(box)), int(np.flatnonzero(record.events["is_main"])[0])
+    box, row = json.loads(page.js(box)), int(record.events["is_main"].idxmax())
     span = record.curve["t"].iloc[-1]
     at = 62 + 825 * record.events["t_start"][row] / span
     page.click(box["x"] + at * box["width"] / 900, box["y"] + 300 * box["height"] / 470)
     assert abs(record.events["t_start"][shown()] - record.events["t_start"][row]) < 0.02 * span
     assert page.js("document.activeElement.id") == "map"  # it has the keys now
     page.press("Home")
-    assert shown() == 0
+    assert shown() == 1
     page.press("ArrowRight")
     page.press("ArrowRight")
-    assert shown() == 2
+    assert shown() == 3
     page.press("End")
-    assert shown() == len(record.events) - 1
+    assert shown() == len(record.events)
     assert page.js("document.getElementById('next').disabled")
     page.press("PageUp")
     assert record.events["is_main"][shown()]
@@ -144,10 +153,10 @@ def test_in_a_browser(record, page):
     before = shown()
     page.press("Enter", "\r")
     assert shown() == before - 1
-    page.js("location.hash = '#event-1'")
+    page.js("location.hash = '#event-2'")
     page.js("new Promise((done) => setTimeout(done, 50))")
-    assert shown() == 1
-    slips = (record.episodes["event"] == 1).sum()
+    assert shown() == 2
+    slips = (record.episodes["event"] == 2).sum()
     assert page.js("document.querySelectorAll('#xt rect').length") >= slips
     assert page.js("document.querySelectorAll('#stress path.line').length") == 8
     told = {one["method"] for one in page.events}

@@ -24,10 +24,9 @@ import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 
-from pyfric.checks.pairing import paired
 from pyfric.engines import RunError, simulate
 from pyfric.figures import DataFigure
-from pyfric.record import front_speed
+from pyfric.record import front_speed, paired
 from pyfric.scene import Scene, SceneError, at_once, preset, setup1
 from pyfric.statics import stability_limit
 
@@ -237,14 +236,10 @@ def _row(record: Record, seconds: float, share: float | None) -> dict[str, Any]:
 def errors(record: Record, truth: Record) -> dict[str, Any]:
     """Return the errors of `WANTS`, and how many events were compared and are missing.
 
-    Main events from the trailing edge are paired in order, by their lengths where one run has more.
+    Main events from the trailing edge are paired, those that differ least where one run has more.
     """
     rows = [_rows(one) for one in (record, truth)]
-    last = [
-        one.events["last_block"].to_numpy(float)[row]
-        for one, row in zip((record, truth), rows, strict=True)
-    ]
-    i, j = paired(np.abs(np.subtract.outer(*last)))
+    i, j = paired(record.events.iloc[rows[0]], truth.events.iloc[rows[1]], truth.scene)
     a, b = rows[0][i], rows[1][j]
     found = {"events": len(i), "missing": abs(len(rows[0]) - len(rows[1]))}
     if not len(i):

@@ -20,11 +20,13 @@ NO_INERTIA = "no inertia: nothing overshoots, and steps are a little shorter"
 
 
 class Ladder(NamedTuple):
-    """Main precursors from the trailing edge: lengths in blocks, forces over F_N."""
+    """Main precursors from the trailing edge: lengths in blocks, forces over F_N; their table."""
 
     length: np.ndarray
     start: np.ndarray
     arrest: np.ndarray
+    events: pd.DataFrame
+    scene: Scene
 
     @classmethod
     def of(cls, events: pd.DataFrame, scene: Scene) -> Ladder:
@@ -36,7 +38,7 @@ class Ladder(NamedTuple):
         main = events[events["is_main"] & events["at_trailing_edge"]]
         main = main[(main["last_block"] == scene.N_x).cumsum() == 0]
         forces = main[["F_T_start", "F_T_arrest"]].to_numpy().T / scene.F_N
-        return cls(main["last_block"].to_numpy(), *forces)
+        return cls(main["last_block"].to_numpy(), *forces, main, scene)
 
 
 def ladder_event_by_event(
@@ -52,8 +54,7 @@ def ladder_event_by_event(
     """
     if len(b.length) < len(a.length):
         return [Check("ladder: precursors that are missing", math.nan, 0, "", NO_INERTIA)]
-    length = np.abs(np.subtract.outer(a.length, b.length)) / 2
-    _, k = paired(np.maximum(length, np.abs(np.subtract.outer(a.start, b.start)) / LADDER))
+    _, k = paired(a.events, b.events, a.scene)
     off = np.abs(b.length[k] - a.length)
     return [
         Check("ladder: precursors more", abs(len(b.length) - len(a.length)), 1, "", NO_INERTIA),

@@ -60,7 +60,7 @@ BEFORE, AFTER = 2e-4, 5e-3
 
 
 class Reference(NamedTuple):
-    """One stored set; `whole` is its first system-size event."""
+    """One stored set, events counted from 1; `whole` is its first system-size event."""
 
     name: str
     scene: Scene
@@ -82,7 +82,7 @@ def load(name: str, folder: str | os.PathLike[str] = INSTALLED) -> Reference:
     here = Path(folder) / name
     about = tomllib.loads((here / "provenance.toml").read_text(encoding="utf-8"))
     tables = {table: pd.read_csv(here / f"{table}.csv") for table in TABLES}
-    events = tables["events"]
+    events = tables["events"] = tables["events"].set_index("event")
     whole = events[events["is_main"] & (events["L_p_over_L"] == 1)].iloc[0]
     return Reference(name, Scene.from_toml(about["scene"]), about, **tables, whole=whole)
 
@@ -105,13 +105,13 @@ def hybrid(
     )
 
 
-def dynamic(known: Reference, row: int) -> Record:
+def dynamic(known: Reference, event: int) -> Record:
     """Return full dynamics of one event of a set, from a hybrid state shortly before it."""
-    event = known.events.loc[row]
-    before = hybrid(known, event["t_start"] - BEFORE)
+    about = known.events.loc[event]
+    before = hybrid(known, about["t_start"] - BEFORE)
     return simulate(
         known.scene,
-        event["t_stop"] + AFTER,
+        about["t_stop"] + AFTER,
         fidelity="dynamic",
         geometry=known.about["geometry"],
         switching="located",
@@ -186,20 +186,20 @@ def stresses(known: Reference, made: Record, within: Tolerances) -> list[Check]:
     law = known.scene.law.mean
     errors: dict[str, list[float]] = {"before": [], "after": []}
     behind = []
-    for row, other in _main(known, made, within):
-        table = known.stresses[known.stresses["event"] == row].sort_values("n")
+    for event, other in _main(known, made, within):
+        table = known.stresses[known.stresses["event"] == event].sort_values("n")
+        row, about = made.row(other), known.events.loc[event]
         for when, found in errors.items():
             for name in (f"tau_{when}", f"p_{when}"):
-                error = getattr(made, name)[other][order] - table[name].to_numpy()
+                error = made.arrays[name][row][order] - table[name].to_numpy()
                 found.append(rms(error) / unit)
         n, p = table["n"].to_numpy(), table["p_after"].to_numpy()
-        event = known.events.loc[row]
-        slid = (n >= event["first_block"]) & (n < event["last_block"]) & (p > LEAST * unit)
+        slid = (n >= about["first_block"]) & (n < about["last_block"]) & (p > LEAST * unit)
         scaled = [
             rms(law.scaled(tau[slid] / p[slid]))
             for tau, p in (
                 (table["tau_after"].to_numpy(), p),
-                (made.tau_after[other][order], made.p_after[other][order]),
+                (made.tau_after[row][order], made.p_after[row][order]),
             )
         ]
         behind.append(scaled[1] - scaled[0])
@@ -225,11 +225,11 @@ def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Che
     """
     table, ours, theirs = fronts(made), [], []
     times, alone, ratios = [], [], []
-    for row, other in _main(known, made, within):
-        a = known.fronts[known.fronts["event"] == row].set_index("n")
+    for event, other in _main(known, made, within):
+        a = known.fronts[known.fronts["event"] == event].set_index("n")
         b = table[table["event"] == other].set_index("n")
         both = a.add_suffix("_a").join(b.add_suffix("_b"), how="inner")
-        since = known.events.loc[row, "t_start"], made.events.loc[other, "t_start"]
+        since = known.events.loc[event, "t_start"], made.events.loc[other, "t_start"]
         times.append((both["t_b"] - since[1]) - (both["t_a"] - since[0]))
         alone.append(len(a) + len(b) - 2 * len(both))
         ratios.append(np.log(both["v_c_b"] / both["v_c_a"]).dropna())
@@ -278,10 +278,10 @@ def _events(
 
 
 def _main(known: Reference, made: Record, within: Tolerances) -> list[tuple[int, int]]:
-    """Rows of main events in the set, and of the same events in the run."""
+    """Main events in the set, and the same events in the run, by their numbers."""
     a, b = _events(known, made, within)
     pairs = zip(a.index, b.index, strict=False)
-    return [(row, other) for row, other in pairs if known.events.loc[row, "is_main"]]
+    return [(event, other) for event, other in pairs if known.events.loc[event, "is_main"]]
 
 
 def _still(known: Reference, t: np.ndarray) -> np.ndarray:

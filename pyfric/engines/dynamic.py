@@ -28,9 +28,7 @@ from pyfric.record import (
     Record,
     budget_error,
     build_catalogue,
-    front_speed,
     versions,
-    zone_at_rest,
     zone_notes,
 )
 from pyfric.statics import EquilibriumError, StaticSolver, stability_limit
@@ -175,14 +173,6 @@ class Run:
             f"{law.mean.d_c * 1e6:.3g} um, which takes dt <= {1 / growth:.3g} s; it acts like "
             "weakening at once",
         )
-
-    def _front_notes(self, catalogue: Catalogue) -> tuple[str, ...]:
-        """Return what to know about the speeds of fronts in main events."""
-        scene, times = self.scene, catalogue.rupture_times
-        main = catalogue.events["is_main"].to_numpy(dtype=bool)
-        known = np.isfinite(front_speed(times, scene.slider.l, scene.d)) & main[:, None]
-        blocks = zone_at_rest(scene, catalogue.static.p_before)[known]
-        return zone_notes(scene, self.name, blocks)
 
     def columns(self) -> list[str]:
         """Names of the columns of the curve."""
@@ -436,7 +426,7 @@ class Run:
         here = len(self.rows)
         if self.rows[-1][0] != state.t:
             self.sample()
-        curve, notes = self.curve(), self.notes() + self._front_notes(catalogue)
+        curve, notes = self.curve(), self.notes() + zone_notes(scene, self.name, catalogue)
         del self.rows[here:]
         timings = self.timings | {"catalogue": time.perf_counter() - start}
         if self.before is not None:

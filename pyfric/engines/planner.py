@@ -34,7 +34,7 @@ from pyfric.engines.options import Fidelity, Options, Want, step_size
 from pyfric.engines.quasistatic import beyond_ladder
 from pyfric.engines.scout import decay_times, interval, most_open, scouted
 from pyfric.engines.stretches import bends
-from pyfric.record import RESOLVED, zone_at_rest
+from pyfric.record import RESOLVED, zone_of_scene
 from pyfric.scene import Geometry, at_once, check_number, default_geometry
 from pyfric.statics import creeps, one_thread_if_small, stability_limit
 
@@ -222,8 +222,7 @@ def _on_lattice(chosen: Plan, scene: Scene) -> Plan:
     """
     if chosen.want != "front_speed":
         return chosen
-    p = scene.p_prescribed if scene.prescribed else np.full(scene.N_x, scene.F_N / scene.N_x)
-    blocks = float(np.min(zone_at_rest(scene, p)))
+    blocks = zone_of_scene(scene)
     need = RESOLVED * max(1.0, RESOLVED_ERROR / chosen.tolerance)
     if not blocks < need:
         return chosen

@@ -152,9 +152,8 @@ def _errors(found: Differences, made: Made, factor: float, by: str) -> Errors:
 
 
 def _with(record: Record, errors: Errors, notes: list[str]) -> Record:
-    if not errors.holds:
-        beyond = f"measured error {errors.measured():.2g} for {errors.want}"
-        notes = [*notes, f"does not hold: {beyond}, tolerance {errors.tolerance:g}"]
+    if errors.verdict and not errors.holds:
+        notes = [*notes, errors.verdict]
     return dataclasses.replace(record, errors=errors, notes=(*record.notes, *notes))
 
 
@@ -198,7 +197,7 @@ def _ladder(record: Record, mode: str | None, made: Made) -> Record | None:
         known = {name: getattr(errors, name) for name in ("start", "arrest")}
         known = {name: max(value or 0.0, least) for name, value in known.items()}
         errors = dataclasses.replace(errors, **known)
-    if made.refines and not errors.holds:
+    if made.refines and errors.holds is False:
         return None
     return _with(record, errors, [])
 
@@ -221,7 +220,7 @@ class _Stepped:
         if mode == "full":
             self._perturb()
         refined, errors = 0, self.errors()
-        while not errors.holds and not self.vain and made.refines and self.other.done:
+        while errors.holds is False and not self.vain and made.refines and self.other.done:
             if self.other.method.dt > self.record.method.dt:
                 self._finer(2)
             elif refined and self.perturbed is None:
@@ -233,7 +232,7 @@ class _Stepped:
             errors = self.errors()
         if self.vain and made.refines:
             self.notes.append(VAIN)
-        elif made.refines and not errors.holds:
+        elif made.refines and errors.holds is False:
             parted = self._parted(self.other, self.factor)
             if parted is not None:
                 self.until, self.perturbed = parted, self.other
@@ -248,7 +247,7 @@ class _Stepped:
         factor = max(self.factor, COARSER) if found.turned else self.factor
         errors, left = _errors(found, self.made, factor, _words(self.other)), self._left()
         jumps = Errors(want=errors.want, tolerance=errors.tolerance, **left)
-        self.vain = errors.holds and not jumps.holds
+        self.vain = bool(errors.holds) and jumps.holds is False
         known = {name: getattr(errors, name) for name in left}
         more = {name: one + left[name] for name, one in known.items() if one is not None}
         return dataclasses.replace(errors, **more)

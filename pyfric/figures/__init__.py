@@ -13,7 +13,7 @@ from pyfric.figures.loading import fig1b, figure_caption, slip_segments
 from pyfric.figures.registry import FIGURES, PaperFigure
 from pyfric.figures.sketch import sketch
 from pyfric.figures.spacetime import space_time
-from pyfric.figures.stresses import fig3a, fig3b, main_precursor
+from pyfric.figures.stresses import fig3a, fig3b
 from pyfric.figures.strip import event_movie, event_strip, has_ffmpeg
 from pyfric.figures.style import DataFigure, save_figure
 from pyfric.figures.templates import template as template
@@ -34,7 +34,6 @@ __all__ = [
     "fig4b",
     "figure_caption",
     "has_ffmpeg",
-    "main_precursor",
     "record_page",
     "save_figure",
     "sketch",

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from pyfric import core
 from pyfric.engines import simulate
 from pyfric.scene import SceneError
@@ -33,7 +31,7 @@ class Again:
 
         Args:
             record: a run of the hybrid or the dynamic engine; its geometry and stepper are kept.
-            event: row in ``record.events``.
+            event: its number, from 1.
 
         Raises:
             SceneError: no such event, another engine, a stepper that the hybrid engine lacks, or a
@@ -43,7 +41,7 @@ class Again:
         scene, method = record.scene, record.method
         if record.curve["t"].iloc[0] != 0.0:
             raise another_start()
-        begin = max(0.0, record.events["t_start"].iloc[event] - LEAD * method.dt)
+        begin = max(0.0, record.events["t_start"].loc[event] - LEAD * method.dt)
         self.steps = {"stepper": method.stepper, "switching": method.switching}
         if method.rtol is not None:
             self.steps["rtol"] = method.rtol
@@ -78,7 +76,4 @@ def check_event(record: Record, event: int) -> None:
     if record.method.engine not in ("hybrid", "dynamic"):
         allowed = "a run of the hybrid or the dynamic engine"
         raise SceneError("record", record.method.engine, "", allowed, "it has no motion")
-    count = len(record.events)
-    whole = isinstance(event, int | np.integer) and not isinstance(event, bool)
-    if not (whole and 0 <= event < count):
-        raise SceneError("event", event, "", f"a row of record.events, 0 to {count - 1}")
+    record.row(event)

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from pyfric.figures.registry import figure
-from pyfric.figures.stresses import main_precursor
+from pyfric.figures.stresses import longest_precursor
 from pyfric.figures.style import (
     BLUE,
     BODY,
@@ -45,8 +45,8 @@ def wave_speeds(scene: Scene) -> tuple[float, float]:
     return math.sqrt(1.5) * unit, math.sqrt(0.5) * unit
 
 
-@figure("Fig. 4(a): front speed and prestress in one precursor", runs="fig4a")
-def fig4a(record: Record, number: int = 11) -> DataFigure:
+@figure("Fig. 4(a): front speed and prestress in one precursor", runs="fig4a", precursor=11)
+def fig4a(record: Record, event: int | None = None) -> DataFigure:
     """Fig. 4(a) of the paper: front speed and prestress along the interface in one precursor.
 
     Top: v_c, averaged over five blocks, with the wave speeds of the lattice. Bottom: tau/p of the
@@ -54,14 +54,14 @@ def fig4a(record: Record, number: int = 11) -> DataFigure:
 
     Args:
         record: a run with the small steps of want = "front_speed".
-        number: which main precursor of the first loading, from 1.
+        event: its number, from 1; None means the longest precursor of the first loading.
 
     Raises:
-        SceneError: there are fewer.
+        SceneError: there is no such event.
     """
-    event = main_precursor(record, number)
+    event = longest_precursor(record) if event is None else event
     table = front(record, event)
-    friction, row = record.scene.law.mean, record.events.iloc[event]
+    friction, row = record.scene.law.mean, record.events.loc[event]
     fig, (top, bottom) = panels(3.4, sharex=True, ratios=(1.2, 1))
     _speeds(top, record.scene)
     top.plot(table["x_over_L"], table["v_c"], color=BLUE, lw=0.9, marker="o", ms=2.8)
@@ -79,8 +79,8 @@ def fig4a(record: Record, number: int = 11) -> DataFigure:
     known = table["v_c"].dropna()
     between = int(table["v_c"].isna().sum()) - 4
     what = (
-        f"Speed of the rupture front (a) and tau/p just before it (b), main precursor {number} of "
-        f"the first loading (L_p/L = {row['L_p_over_L']:.3g}, {len(known)} points; no speed at "
+        f"Speed of the rupture front (a) and tau/p just before it (b), event {event} "
+        f"(L_p/L = {row['L_p_over_L']:.3g}, {len(known)} points; no speed at "
         f"the two blocks at each end and at {max(between, 0)} more, whose five times do not "
         f"increase); after Fig. 4(a) of {PAPER}. Dashed: long waves of the lattice, and mu_s, mu_k."
     )

@@ -95,7 +95,7 @@ def fig1b(record: Record, path: str | os.PathLike[str] | None = None) -> DataFig
 def slip_segments(record: Record) -> pd.DataFrame:
     """Slipped regions as straight pieces: one row per event and run of neighbouring blocks.
 
-    Columns: event (row of ``record.events``); t_s, time of first slip, s; kind, "whole" (reaches
+    Columns: event (its number, from 1); t_s, time of first slip, s; kind, "whole" (reaches
     over the whole interface), "partial" (main event) or "micro"; slipped, False for blocks that
     only made corner slips or were open at the end; first_block, last_block, numbers from the
     trailing edge; x_from, x_to, x/L from the trailing edge.
@@ -108,14 +108,14 @@ def slip_segments(record: Record) -> pd.DataFrame:
     last = np.append(first[1:], region.size)[: first.size] - 1
     kept = region.ravel()[first] > 0
     first, last = first[kept], last[kept]
-    event = first // scene.N_x
+    row = first // scene.N_x
     n_first, n_last = first % scene.N_x + 1, last % scene.N_x + 1
 
     return pd.DataFrame(
         {
-            "event": event,
-            "t_s": events["t_start"].to_numpy()[event],
-            "kind": event_kinds(record)[event],
+            "event": row + 1,
+            "t_s": events["t_start"].to_numpy()[row],
+            "kind": event_kinds(record)[row],
             "slipped": region.ravel()[first] == 1,
             "first_block": n_first,
             "last_block": n_last,

@@ -20,22 +20,25 @@ class PaperFigure(NamedTuple):
         title: its title.
         runs: name of what it is drawn from, a key of `pyfric.paper.RUNS`.
         draw: function of a record where that is one run, of a list of records where it is several.
+        precursor: which main precursor of the first loading the paper shows, counted from 1; None
+            for figures that are not of one event.
     """
 
     title: str
     runs: str
     draw: Callable[..., DataFigure]
+    precursor: int | None = None
 
 
 FIGURES: dict[str, PaperFigure] = {}
 """Name -> figure, in the order of the modules; `sorted` gives the paper's."""
 
 
-def figure(title: str, *, runs: str) -> Callable[[Draw], Draw]:
+def figure(title: str, *, runs: str, precursor: int | None = None) -> Callable[[Draw], Draw]:
     """Enter the function below as a figure of the paper, under its own name."""
 
     def enter(draw: Draw) -> Draw:
-        FIGURES[draw.__name__] = PaperFigure(title, runs, draw)
+        FIGURES[draw.__name__] = PaperFigure(title, runs, draw, precursor)
         return draw
 
     return enter

@@ -60,8 +60,8 @@ def sketch(scene: SceneLike) -> DataFigure:
     Fields of the interface that vary are drawn below it, from their least to their largest value.
 
     Returns:
-        The figure. Its table "columns" has what acts on each column: n, x_mm, load_N and shear_N,
-        and the fields that vary, in SI units.
+        The figure. Its table "columns" has what acts on each column: n, x_mm from the trailing
+        edge, load_N and shear_N, and the fields that vary, in SI units.
     """
     scene = as_scene(scene)
     slider = scene.slider
@@ -93,8 +93,8 @@ def sketch(scene: SceneLike) -> DataFigure:
         far = L + 4 * unit if scene.d > 0 else -4 * unit
         _length(axes, (far, 0), (far, H), f"$H$ = {H:g} mm", scene.d * unit)
 
-    n = scene.n_of_i
-    columns = {"n": n, "x_mm": scene.x * 1e3, "load_N": scene.load, "shear_N": scene.shear}
+    n, x_mm = scene.n_of_i, (scene.n_of_i - 1) * slider.l * 1e3
+    columns = {"n": n, "x_mm": x_mm, "load_N": scene.load, "shear_N": scene.shear}
     fields = {name: scene.field(name) for name in scene.varied}
     fig.tables = {"columns": pd.DataFrame(columns | fields)}
     thin = f" Every {_ordinal(q)} block in both directions and the driven row are drawn."

@@ -60,7 +60,7 @@ def space_time(record: Record, event: int) -> DataFigure:
 
     Args:
         record: a run of the hybrid or the dynamic engine, from the loaded slider on.
-        event: row in ``record.events``.
+        event: its number, from 1.
 
     Returns:
         The figure, with the tables "slip_rate" (n, x_over_L, t_s, v_m_per_s), "lines" (name,
@@ -132,7 +132,7 @@ def theory_times(record: Record, event: int) -> pd.DataFrame:
     table = table[table["x_over_L"] >= x_0]
     if scene.N_z == 1:
         name, v = "exact", _chain_speeds(scene, table["scaled"].to_numpy())
-    elif scene.law.weakens and record.events["at_trailing_edge"].iloc[event]:
+    elif scene.law.weakens and record.events["at_trailing_edge"].loc[event]:
         grown = energy_release(record, event).set_index("n")
         name, v = "LEFM", grown["v"].reindex(table["n"]).to_numpy()
     else:
@@ -170,7 +170,7 @@ def _origin(record: Record, event: int) -> tuple[float, float]:
     """Return x/L and t where the front starts to run: its first slip, slow creep left out."""
     table = front(record, event)
     if table.empty:
-        row = record.events.iloc[event]
+        row = record.events.loc[event]
         return float(row["x_nucleation"] / record.scene.slider.L), float(row["t_start"])
     first = int(table["t"].argmin())
     least = SLOW * next(iter(speeds(record.scene).values()))
@@ -182,7 +182,7 @@ def _origin(record: Record, event: int) -> tuple[float, float]:
 
 def _window(record: Record, event: int) -> tuple[float, float]:
     """Return the times between which the event is shown, s."""
-    times, row = record.rupture_times[event], record.events.iloc[event]
+    times, row = record.rupture_times[record.row(event)], record.events.loc[event]
     known = times[np.isfinite(times)]
     begin = known.min() if known.size else row["t_start"]
     span = known.max() - begin if known.size > 1 else row["duration"]
@@ -268,7 +268,7 @@ def _lines(axes: Axes, lines: pd.DataFrame, t_0: float, scale: float) -> None:
 
 
 def _caption(record: Record, event: int, lines: pd.DataFrame) -> str:
-    row = record.events.iloc[event]
+    row = record.events.loc[event]
     named = lines.drop_duplicates("name")
     waves = ", ".join(
         f"{name} = {speed:.4g} m/s"
@@ -276,7 +276,7 @@ def _caption(record: Record, event: int, lines: pd.DataFrame) -> str:
         if name not in ("exact", "LEFM")
     )
     what = (
-        f"Slip rate of event {event} of the catalogue (first slip at t = {row['t_start']:.6g} s, "
+        f"Slip rate of event {event} (first slip at t = {row['t_start']:.6g} s, "
         f"L_p/L = {row['L_p_over_L']:.3g}), run again with full dynamics from a state just before "
         f"it. Lines from where the front starts to run: {waves}."
     )

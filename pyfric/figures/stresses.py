@@ -33,34 +33,34 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Law
 
-EVENT = """\
-The event is the one whose front is in Fig. 4(a), so that both figures belong together: which \
-precursor Fig. 3(a) of the paper shows is not known here."""
 STATES = {"initial": (GREY, ":", 1.2), "before": (BLUE, "--", 1.0), "after": (VERMILION, "-", 1.0)}
 """State -> colour, line style, line width (pt)."""
 
 
-@figure("Fig. 3(a): stresses before and after a precursor", runs="fig1")
-def fig3a(record: Record, number: int = 11) -> DataFigure:
+@figure(
+    "Fig. 3(a): stresses before and after the precursor of Fig. 4(a)", runs="fig1", precursor=11
+)
+def fig3a(record: Record, event: int | None = None) -> DataFigure:
     """Fig. 3(a) of the paper: p and tau along the interface, at F_T = 0 and about one precursor.
 
     Top: p over F_N/N_x. Bottom: tau, with the thresholds mu_s p before and mu_k p after the event.
+    Which precursor the paper shows is not known: for its run, that of Fig. 4(a) is taken.
 
     Args:
         record: the run.
-        number: which main precursor of the first loading, from 1.
+        event: its number, from 1; None means the longest precursor of the first loading.
 
     Raises:
-        SceneError: there are fewer.
+        SceneError: there is no such event.
     """
-    event = main_precursor(record, number)
+    event = longest_precursor(record) if event is None else event
     states = {
         "initial": stress_profile(record),
         "before": stress_profile(record, event, "before"),
         "after": stress_profile(record, event, "after"),
     }
     order = np.argsort(record.scene.n_of_i)
-    friction, row = record.scene.law.at(order), record.events.iloc[event]
+    friction, row = record.scene.law.at(order), record.events.loc[event]
 
     fig, (top, bottom) = panels(3.6, (1, 1.35), sharex=True)
     for state, table in states.items():
@@ -81,12 +81,11 @@ def fig3a(record: Record, number: int = 11) -> DataFigure:
     fig.tables = {"profiles": pd.concat(tables, ignore_index=True)}
     what = (
         "Normal force p (a) and friction force tau (b) on each block over F_N/N_x, static states: "
-        f"at F_T = 0, and before and after main precursor {number} of the first loading "
+        f"at F_T = 0, and before and after event {event} "
         f"(L_p/L = {row['L_p_over_L']:.3g}); after Fig. 3(a) of {PAPER}. Thin lines: the "
         "thresholds mu_s p before and mu_k p after the event. Positive tau resists the drive."
     )
-    why = [EVENT] if number == 11 else []
-    fig.caption = " ".join([what, *why, scene_text(record.scene), engine_text(record)])
+    fig.caption = " ".join([what, scene_text(record.scene), engine_text(record)])
     return fig
 
 
@@ -118,30 +117,29 @@ def fig3b(record: Record) -> DataFigure:
         "sliding": pd.concat(after, ignore_index=True),
     }
     drop, spread = _drop(record, profiles), _spread(after[1:])
-    numbers = joined(str(table["number"].iloc[0]) for table in profiles)
+    events = joined(str(table["event"].iloc[0]) for table in profiles)
     what = (
-        "(a) Normal force p over that of the same block at F_T = 0, after main precursors "
-        f"{numbers} of the first loading; dots: their last blocks. Between x = h + l and the tip "
-        f"it falls by up to {drop:.0%}. (b) p over F_N/N_x after the {len(after)} events over the "
-        f"whole interface; {spread}after Fig. 3(b) of {PAPER} and its inset."
+        "(a) Normal force p over that of the same block at F_T = 0, after every second main "
+        f"precursor of the first loading (events {events}); dots: their last blocks. "
+        f"Between x = h + l and the tip it falls by up to {drop:.0%}. (b) p over F_N/N_x after the "
+        f"{len(after)} events over the whole interface; {spread}after Fig. 3(b) of {PAPER} and "
+        "its inset."
     )
     fig.caption = " ".join([what, scene_text(record.scene), engine_text(record)])
     return fig
 
 
-def main_precursor(record: Record, number: int) -> int:
-    """Return the event that is main precursor `number` (from 1) of the first loading.
+def longest_precursor(record: Record) -> int:
+    """Return the longest main precursor of the first loading, the first one of equals.
 
     Raises:
-        SceneError: there are fewer.
+        SceneError: there is none.
     """
-    found = precursor_lengths(record)["event"]
-    if not 1 <= number <= len(found):
-        allowed = f"1 to {len(found)}, the main precursors of this run"
-        if not len(found):
-            allowed = "nothing: this run has no main precursors"
-        raise SceneError("number", number, "", allowed, "no such precursor")
-    return int(found.iloc[number - 1])
+    found = precursor_lengths(record)
+    if found.empty:
+        t, allowed = float(record.curve["t"].iloc[-1]), "a run with main precursors"
+        raise SceneError("record", t, "s", allowed, "it ended before one: raise t_end")
+    return int(found["event"][found["L_p_over_L"].idxmax()])
 
 
 # --- parts ---------------------------------------------------------------------------------------
@@ -197,13 +195,13 @@ def _after_precursors(axes: Axes, record: Record, chosen: pd.DataFrame) -> list[
     """Draw p over the initial p after each precursor; return the profiles."""
     colours = mpl.colormaps["viridis_r"](np.linspace(0.1, 1, len(chosen)))
     profiles = []
-    for (number, one), colour in zip(chosen.iterrows(), colours, strict=True):
+    for (_, one), colour in zip(chosen.iterrows(), colours, strict=True):
         event = int(one["event"])
         table = stress_profile(record, event, "after")
         tip = round(one["L_p_over_L"] * len(table)) - 1
         axes.plot(table["x_over_L"], table["p_over_p_initial"], color=colour, lw=0.9)
         axes.plot(table["x_over_L"][tip], table["p_over_p_initial"][tip], "o", color=colour, ms=3)
-        profiles.append(table.assign(number=number + 1, event=event, L_p_over_L=one["L_p_over_L"]))
+        profiles.append(table.assign(event=event, L_p_over_L=one["L_p_over_L"]))
     axes.axhline(1, color="0.6", lw=0.5, zorder=0)
     handles = [
         Line2D([], [], color=colour, lw=1.2, marker="o", ms=3, label=f"{length:.2f}")
@@ -222,7 +220,7 @@ def _after_sliding(axes: Axes, record: Record, events: list[int]) -> list[pd.Dat
         width = 1.3 if n == 0 else 0.8
         look = {"color": BLACK if n == 0 else BLUE, "ls": "--" if n == 0 else "-"}
         axes.plot(table["x_over_L"], table["p"], lw=width, **look)
-        after.append(table.assign(event=event, number=n + 1))
+        after.append(table.assign(event=event))
     first = stress_profile(record)
     axes.plot(first["x_over_L"], first["p"], color=GREY, lw=1.2, ls=":")
     handles = [Line2D([], [], color=GREY, lw=1.2, ls=":", label=r"initial")]
@@ -238,7 +236,7 @@ def _after_sliding(axes: Axes, record: Record, events: list[int]) -> list[pd.Dat
 def _tip(record: Record, event: int) -> float:
     """x/L of the last block of an event."""
     N_x = record.scene.N_x
-    return (record.events["L_p_over_L"].iloc[event] * N_x - 1) / (N_x - 1)
+    return (record.events["L_p_over_L"].loc[event] * N_x - 1) / (N_x - 1)
 
 
 def _drop(record: Record, profiles: list[pd.DataFrame]) -> float:

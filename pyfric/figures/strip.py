@@ -81,7 +81,7 @@ def frame_times(record: Record, event: int, moments: Sequence[float] = MOMENTS) 
     Where no front is resolved, the duration of the event stands for that time.
     """
     check_event(record, event)
-    row, times = record.events.iloc[event], record.rupture_times[event]
+    row, times = record.events.loc[event], record.rupture_times[record.row(event)]
     last = np.nanmax(times) if np.isfinite(times).any() else math.nan
     span = last - row["t_start"]
     if not span > 0:
@@ -96,7 +96,7 @@ def event_frames(record: Record, event: int, times: Sequence[float]) -> list[Fra
 
     Args:
         record: a run of the hybrid or the dynamic engine; its geometry and stepper are kept.
-        event: row in ``record.events``.
+        event: its number, from 1.
         times: increasing times in s, from the first slip of the event on; each is taken at the
             next step end.
 
@@ -106,7 +106,7 @@ def event_frames(record: Record, event: int, times: Sequence[float]) -> list[Fra
     """
     check_event(record, event)
     scene, method = record.scene, record.method
-    t_start = record.events["t_start"].iloc[event]
+    t_start = record.events["t_start"].loc[event]
     times = np.asarray(times, dtype=float)
     if not (times.size and np.all(np.diff(times) >= 0) and times[0] >= t_start - method.dt):
         allowed = f"increasing times in s from {t_start:.6g} on"
@@ -129,14 +129,14 @@ def event_strip(record: Record, event: int, moments: Sequence[float] = MOMENTS) 
 
     Args:
         record: a run of the hybrid or the dynamic engine.
-        event: row in ``record.events``.
+        event: its number, from 1.
         moments: times of the frames, from the first slip on, over the time that the front takes.
 
     Raises:
         SceneError: see `event_frames`.
     """
     frames = event_frames(record, event, frame_times(record, event, moments))
-    t_start, most = record.events["t_start"].iloc[event], _largest(frames)
+    t_start, most = record.events["t_start"].loc[event], _largest(frames)
     fig, drawn = _panels(record.scene, len(frames), most)
     for one, frame in zip(drawn, frames, strict=True):
         one.show(frame, t_start)
@@ -170,7 +170,7 @@ def event_movie(
     """
     writer = _writer(Path(path), fps)
     frames = event_frames(record, event, frame_times(record, event, np.linspace(*moments, count)))
-    t_start = record.events["t_start"].iloc[event]
+    t_start = record.events["t_start"].loc[event]
     fig, (panels,) = _panels(record.scene, 1, _largest(frames))
     named = f"{record.scene.name or 'scene'}, event {event}: first slip at $t$ = {t_start:.6g} s"
     fig.suptitle(named, fontsize=SMALL)
@@ -403,9 +403,9 @@ def _tables(frames: Sequence[Frame], t_start: float) -> dict[str, pd.DataFrame]:
 
 
 def _caption(record: Record, event: int, most: float) -> str:
-    row = record.events.iloc[event]
+    row = record.events.loc[event]
     what = (
-        f"Event {event} of the catalogue (first slip at t = {row['t_start']:.6g} s, "
+        f"Event {event} (first slip at t = {row['t_start']:.6g} s, "
         f"L_p/L = {row['L_p_over_L']:.3g}, {row['n_blocks']} blocks), run again with full dynamics "
         "from a state just before it. Above: velocity of the blocks along the drive, colours up to "
         f"{most:.3g} m/s. Below: tau/p at the same instants; dots are blocks that slip, crosses "

@@ -86,7 +86,7 @@ const shown = (value, digits, unit = "") => (value === null ? "not known" : valu
 
 function words(one) {
   const kind = { whole: "slip over the whole interface", partial: "partial slip", micro: "micro-slip" }[one.kind];
-  return `Event ${one.row}: ${kind}, first slip at ${one.t.toFixed(6)} s, ${one.blocks} of ${data.N_x} blocks, ` +
+  return `Event ${one.event}: ${kind}, first slip at ${one.t.toFixed(6)} s, ${one.blocks} of ${data.N_x} blocks, ` +
     `L_p/L = ${shown(one.L_p, 3)}, F_T/F_N ${shown(one.start, 4)} before and ${shown(one.arrest, 4)} after, ` +
     `duration ${one.duration === null ? "not known" : (one.duration * 1e3).toPrecision(4) + " ms"}, ` +
     `starts at x/L = ${shown(one.x_0, 3)}.`;
@@ -153,17 +153,19 @@ function drawStresses(detail) {
 }
 
 function drawEvent() {
-  const detail = data.details[events[chosen].row];
+  const detail = data.details[events[chosen].event];
   const missing = nothing("The page holds no drawings of this event: it would be larger than 2 MB.");
   get("xt").innerHTML = detail ? drawSlips(detail) : missing;
   get("stress").innerHTML = detail ? drawStresses(detail) : missing;
+  const known = (value) => (value === null ? "not known" : value);
+  document.querySelectorAll("#columns .value").forEach((cell, i) => { cell.textContent = detail ? known(detail.columns[i]) : ""; });
 }
 
 function choose(index) {
   if (!events.length) return;
   chosen = Math.min(Math.max(index, 0), events.length - 1);
   const one = events[chosen], text = words(one);
-  get("event-title").textContent = `Event ${one.row}`;
+  get("event-title").textContent = `Event ${one.event}`;
   get("said").textContent = text;
   get("choice").value = chosen;
   get("previous").disabled = chosen === 0;
@@ -198,7 +200,7 @@ const MOVES = {
 
 function asked() {
   const found = /^#event-(\d+)$/.exec(location.hash);
-  const index = found ? events.findIndex((one) => one.row === +found[1]) : -1;
+  const index = found ? events.findIndex((one) => one.event === +found[1]) : -1;
   if (index < 0) return false;
   choose(index);
   get("event-title").focus();

@@ -15,7 +15,7 @@ import numpy as np
 
 from pyfric.figures.loading import CURVE_BINS, KINDS, envelope, event_kinds, slip_segments
 from pyfric.figures.templates import template
-from pyfric.record import MAIN_EVENT_BLOCKS, summary
+from pyfric.record import GROUPS, MAIN_EVENT_BLOCKS, held_in, summary
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,6 +50,8 @@ def record_page(record: Record) -> str:
         "kinds": {kind: (label, colour) for kind, (label, colour, *_) in KINDS.items()},
         "micro_blocks": MAIN_EVENT_BLOCKS,
         "left_out": len(record.events) - len(kept),
+        "columns": [held_in("events")[name] for name in record.events],
+        "holds": [one for group in GROUPS for one in held_in(group).values()],
     }
     data = {"events": rows, "details": {}} | _overview(record, kept)
     render = template(__file__, "view.html").render
@@ -64,9 +66,9 @@ def _json(values: Any) -> str:
 
 
 def _kept(record: Record) -> np.ndarray:
-    """Rows of the events on the page."""
+    """Numbers of the events on the page."""
     order = np.argsort(-record.events["n_blocks"].to_numpy(), kind="stable")
-    return np.sort(order[:MOST_EVENTS])
+    return np.sort(order[:MOST_EVENTS]) + 1
 
 
 def _overview(record: Record, kept: np.ndarray) -> dict[str, Any]:
@@ -93,11 +95,11 @@ def _overview(record: Record, kept: np.ndarray) -> dict[str, Any]:
 
 def _event_rows(record: Record, kept: np.ndarray) -> list[dict[str, Any]]:
     """What the page says of each event, in order of time."""
-    events, F_N = record.events.iloc[kept], record.scene.F_N
-    kinds = event_kinds(record)[kept]
+    events, F_N = record.events.loc[kept], record.scene.F_N
+    kinds = event_kinds(record)[kept - 1]
     return [
         {
-            "row": int(row),
+            "event": int(event),
             "kind": str(kind),
             "kind_name": KIND_NAMES[kind],
             "t": _number(one["t_start"], 9),
@@ -109,17 +111,18 @@ def _event_rows(record: Record, kept: np.ndarray) -> list[dict[str, Any]]:
             "x_0": _number(one["x_nucleation"] / record.scene.slider.L, 4),
             "share": _number(one["share_X_c0"], 3),
         }
-        for row, kind, (_, one) in zip(kept, kinds, events.iterrows(), strict=True)
+        for kind, (event, one) in zip(kinds, events.iterrows(), strict=True)
     ]
 
 
 def _details(record: Record, kept: np.ndarray, room: int) -> dict[str, Any]:
     """Stresses and slip of the events, largest first, as many as there is room for (bytes)."""
-    episodes = {event: rows for event, rows in record.episodes.groupby("event") if event >= 0}
-    largest_first = kept[np.argsort(-record.events["n_blocks"].to_numpy()[kept], kind="stable")]
+    episodes = {event: rows for event, rows in record.episodes.groupby("event") if event}
+    largest_first = kept[np.argsort(-record.events["n_blocks"].to_numpy()[kept - 1], kind="stable")]
     details = {}
     for event in map(int, largest_first):
         one = _stresses(record, event) | {"slips": _slips(record, event, episodes.get(event))}
+        one["columns"] = _rounded(record.events.loc[event].astype(float))
         room -= len(_json(one)) + len(str(event)) + 4
         if room < 0:
             break
@@ -131,7 +134,7 @@ def _stresses(record: Record, event: int) -> dict[str, Any]:
     """Static tau and p over F_N/N_x from the trailing edge on."""
     order, unit = np.argsort(record.scene.n_of_i), record.scene.F_N / record.scene.N_x
     return {
-        name: _rounded(getattr(record, name)[event][order] / unit, 4)
+        name: _rounded(record.arrays[name][event - 1][order] / unit, 4)
         for name in ("tau_before", "p_before", "tau_after", "p_after")
     }
 
@@ -140,7 +143,7 @@ def _slips(record: Record, event: int, episodes: pd.DataFrame | None) -> list[li
     """Episodes: block, begin and end in us from the first slip, and slip along the drive in nm."""
     if episodes is None:
         return []
-    t_0 = record.events["t_start"].iloc[event]
+    t_0 = record.events["t_start"].loc[event]
     columns = (
         episodes["n"].to_numpy(float),
         np.round((episodes["t_start"] - t_0).to_numpy() * 1e6, 2),

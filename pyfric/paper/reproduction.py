@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from pyfric.figures import FIGURES, event_movie, has_ffmpeg, main_precursor, save_figure
+from pyfric.figures import FIGURES, event_movie, has_ffmpeg, save_figure
 from pyfric.paper.page import FILM_TEXT, FILMS, write_index
 from pyfric.paper.runs import FIG2B, RUNS
-from pyfric.scene import unknown, write
+from pyfric.record import precursor_lengths
+from pyfric.scene import SceneError, unknown, write
 from pyfric.sweeps import Job, each, run_all, side_by_side
 
 if TYPE_CHECKING:
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["reproduce", "runs_table"]
 
 
-FILMED, NUMBER = "fig3a", 11
-"""The figure whose event is filmed, and which main precursor that is."""
+FILMED = "fig3a"
+"""The figure whose event is filmed."""
 
 
 LONG = frozenset(FIG2B)
@@ -88,18 +89,33 @@ def _drawn(
     name: str, jobs: Sequence[Job], records: Sequence[Record], one: bool, out: Path
 ) -> list[Path]:
     """Draw a figure of one record, or of all, and write its files."""
-    fig = FIGURES[name].draw(records[0] if one else records)
+    fig = FIGURES[name].draw(records[0] if one else records, **_event(name, records[0]))
     fig.tables["runs"] = runs_table(jobs, records)
     return save_figure(fig, out / name)
 
 
+def _event(name: str, record: Record) -> dict[str, int]:
+    """Return the event that a figure of the paper shows, as a keyword; nothing for all others.
+
+    Raises:
+        SceneError: the record has fewer main precursors.
+    """
+    number, found = FIGURES[name].precursor, precursor_lengths(record)["event"]
+    if number is None:
+        return {}
+    if len(found) < number:
+        allowed = f"at least {number} up to the first event over the whole interface"
+        raise SceneError("main precursors", len(found), "", allowed, "too few: raise t_end")
+    return {"event": int(found.iloc[number - 1])}
+
+
 def _film(record: Record, out: Path) -> list[Path]:
     """Write the film of the event of Fig. 3(a), MP4 where that can be made, and its caption."""
-    event = main_precursor(record, NUMBER)
+    (event,) = _event(FILMED, record).values()
     path = event_movie(record, event, out / FILMS[0 if has_ffmpeg() else 1])
-    row, method = record.events.iloc[event], record.method
+    row, method = record.events.loc[event], record.method
     text = (
-        f"Main precursor {NUMBER} of the run of Fig. 1, the event of Figs. 3(a) and 4(a), first "
+        f"Event {event} of the run of Fig. 1, that of Figs. 3(a) and 4(a), first "
         f"slip at t = {row['t_start']:.6g} s, L_p/L = {row['L_p_over_L']:.3g}, again with full "
         "dynamics from a state just before it. Above: velocity along the drive; below: tau/p, "
         f"dots: blocks that slip. The run: {method}."

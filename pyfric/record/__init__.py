@@ -11,6 +11,7 @@ from pyfric.record.analysis import (
     front,
     fronts,
     griffith_length,
+    mean_force,
     precursor_lengths,
     stress_profile,
     system_size_events,
@@ -22,15 +23,27 @@ from pyfric.record.catalogue import (
     build_catalogue,
     count_main,
 )
-from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
-from pyfric.record.errors import Errors, differences, paired, statistics
-from pyfric.record.record import Method, Record, RecordError
+from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS, LogError
+from pyfric.record.errors import Differences, Errors, differences, not_verified, statistics
+from pyfric.record.held import GROUPS, Held, RecordError, block_array, event_column, held_in
+from pyfric.record.method import Method
+from pyfric.record.pairing import paired
+from pyfric.record.record import Record
 from pyfric.record.report import numbered, summary, text
 from pyfric.record.rupture import front_speed
 from pyfric.record.software import provenance, versions
-from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving, zone_notes
+from pyfric.record.zones import (
+    RESOLVED,
+    can_rupture,
+    viscous_error,
+    zone_at_rest,
+    zone_moving,
+    zone_notes,
+    zone_of_scene,
+)
 
 __all__ = [
+    "GROUPS",
     "MAIN_EVENT_BLOCKS",
     "PER_BIN",
     "QUIET_COLUMNS",
@@ -39,22 +52,31 @@ __all__ = [
     "T_GAP",
     "Catalogue",
     "Collapse",
+    "Differences",
     "Errors",
+    "Held",
+    "LogError",
     "Method",
     "Record",
     "RecordError",
     "analysis",
+    "block_array",
     "budget_error",
     "budget_left",
     "build_catalogue",
+    "can_rupture",
     "collapse_spread",
     "count_main",
     "differences",
     "energy_release",
+    "event_column",
     "front",
     "front_speed",
     "fronts",
     "griffith_length",
+    "held_in",
+    "mean_force",
+    "not_verified",
     "numbered",
     "paired",
     "precursor_lengths",
@@ -65,7 +87,9 @@ __all__ = [
     "system_size_events",
     "text",
     "versions",
+    "viscous_error",
     "zone_at_rest",
     "zone_moving",
     "zone_notes",
+    "zone_of_scene",
 ]

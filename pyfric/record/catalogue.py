@@ -1,6 +1,6 @@
-"""From the log of contact switches to slip episodes, events and fronts.
+"""From the log of contact switches to events and what is known of each.
 
-Every engine writes the same two logs and this module alone turns them into a catalogue, so that
+Every engine writes the same two logs and this room alone turns them into a catalogue, so that
 engines are compared on one set of definitions:
 
 event
@@ -14,91 +14,165 @@ slipped region of an event
 front of an event
     See `pyfric.record.rupture`.
 
-Arrays over blocks run from left to right (index i). Block *numbers* n run from 1 at the trailing
-edge, the driven side. Times are in s, lengths in m, forces in N.
+Each column of the table of events, and each array over events and blocks, is one function of a
+`Catalogue`, which may ask it for others by name; unit and meaning stand in its decorator.
+
+Arrays over blocks run from left to right. Block *numbers* n run from 1 at the trailing edge, the
+driven side, and events are counted from 1. Times are in s, lengths in m, forces in N.
 """
 
 from __future__ import annotations
 
+import functools
+import math
 import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import pandas as pd
 
-from pyfric.record.episodes import (
-    OPEN,
-    SWITCH_COLUMNS,
-    build_episodes,
-    columns_of,
-    quiet_columns,
-)
+from pyfric.core import OPEN
+from pyfric.record.episodes import SWITCH_COLUMNS, build_episodes, columns_of, quiet_columns
+from pyfric.record.held import block_array, event_column, found_arrays, held_in, table
+from pyfric.record.nucleation import nucleation_lengths
 from pyfric.record.rupture import (
     count_not_increasing,
     default_link_time,
     first_slips,
+    front_speed,
     rupture_front,
-    shares,
 )
+from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving
 from pyfric.statics import EquilibriumError
 
 if TYPE_CHECKING:
+    from pyfric.record.record import Record
     from pyfric.scene import Scene
 
-__all__ = [
-    "EVENT_COLUMNS",
-    "MAIN_EVENT_BLOCKS",
-    "T_GAP",
-    "Catalogue",
-    "StaticValues",
-    "build_catalogue",
-    "static_values",
-]
+__all__ = ["MAIN_EVENT_BLOCKS", "T_GAP", "Catalogue", "build_catalogue", "count_main"]
 
 T_GAP = 1e-3
-"""Default longest pause inside an event, s."""
+"""Default longest pause inside an event, s: a definition."""
 
 MAIN_EVENT_BLOCKS = 4
-"""Fewest distinct blocks that slip in a main event."""
+"""Fewest distinct blocks that slip in a main event: a definition."""
 
 
 class _Solver(Protocol):
     def solve(self, u_x_bottom: np.ndarray, drive: float, **how: Any) -> Any: ...
 
 
-@dataclass(frozen=True, kw_only=True)
-class StaticValues:
-    """Static equilibria at the first slip and the last stick of every event.
-
-    ``F_T_start`` and ``F_T_arrest`` have shape (n_events,), N; the stresses have shape
-    (n_events, N_x), N, blocks from left to right. Rows are NaN where the log holds no such state
-    (an unfinished event has no arrest).
-    """
-
-    F_T_start: np.ndarray
-    F_T_arrest: np.ndarray
-    tau_before: np.ndarray
-    p_before: np.ndarray
-    tau_after: np.ndarray
-    p_after: np.ndarray
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class Catalogue:
-    """Episodes, events and what belongs to each event.
+    """What slipped in a run: episodes, events, and arrays over events and blocks.
 
-    ``episodes`` and ``events`` are data frames (columns: `build_episodes`, `build_catalogue`).
-    ``region`` (n_events, N_x) int8 is the slipped region, ``rupture_times`` (n_events, N_x) the
-    rupture time of each block of the front, s, NaN elsewhere. ``static`` holds the static stresses.
+    ``catalogue["t_stop"]`` is the column of events, or the array, of that name.
+
+    Attributes:
+        events: a data frame, one row for each event, counted from 1.
+        arrays: arrays over events and blocks by name, shape (n_events, N_x), blocks from the left.
+        episodes: a data frame, with the event of each.
+        scene: the scene.
+        quiet, switches: the logs, as dicts of arrays.
+        t_gap: longest pause inside an event, s.
+        t_end: time of the end of the run, s; inf if that is not known.
+        solver: finds static states; None leaves them NaN.
+        link_time: longest time from block to block of a front, s.
     """
 
+    scene: Scene
     episodes: pd.DataFrame
-    events: pd.DataFrame
-    region: np.ndarray
-    rupture_times: np.ndarray
-    static: StaticValues
+    quiet: Mapping[str, np.ndarray]
+    switches: Mapping[str, np.ndarray]
+    t_gap: float
+    t_end: float
+    solver: _Solver | None
+    link_time: float
+    _found: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        names = [name for name, one in held_in("events").items() if one.find and not one.late]
+        self.events = table("events", pd.DataFrame({name: self[name] for name in names}))
+        self.arrays = {name: self[name] for name in found_arrays()}
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self._found:
+            held = (held_in("events") | found_arrays())[name]
+            self._found[name] = held.checked(held.find(self))
+        return self._found[name]
+
+    @functools.cached_property
+    def joined(self) -> dict[str, np.ndarray]:
+        """Columns of the episodes that are part of events, and `row`, that of the event, from 0."""
+        of_event = self.episodes[self.episodes["event"] > 0]
+        columns = {name: of_event[name].to_numpy() for name in of_event}
+        return columns | {"row": columns["event"] - 1}
+
+    @functools.cached_property
+    def first(self) -> np.ndarray:
+        """(n_events,) first row of each event in `joined`."""
+        return np.flatnonzero(np.diff(self.joined["row"], prepend=-1))
+
+    def of_each(self, function: np.ufunc, name: str) -> np.ndarray:
+        """Return the least or largest of a column of the episodes in each event."""
+        return function.reduceat(self.joined[name], self.first)
+
+    @functools.cached_property
+    def reached(self) -> np.ndarray:
+        """(n_events,) number of consecutive blocks from block 1 on that slipped or are open."""
+        region = self["region"][:, np.argsort(self.scene.n_of_i)]
+        return np.logical_and.accumulate(region > 0, axis=1).sum(axis=1)
+
+    @functools.cached_property
+    def front_speed(self) -> np.ndarray:
+        """(n_events, N_x) speed of the front at each block, m/s."""
+        return front_speed(self["rupture_times"], self.scene.slider.l, self.scene.d)
+
+    def force(self, rows: np.ndarray) -> np.ndarray:
+        """Return the forces in rows of the quiet log, in N; NaN where there is none (-1)."""
+        return np.append(self.quiet["F_T"], np.nan)[rows]
+
+    @functools.cached_property
+    def static(self) -> dict[str, dict[str, np.ndarray]]:
+        """F_T, tau and p (N) of the static states at the "start" and the "stop" of events.
+
+        The bottom row is held at the u_x of the quiet log, open blocks are free, and the driver
+        stands where it is then: without ring-down and drift, whichever engine wrote the log.
+        """
+        scene, failed, found = self.scene, [], {}
+        for at in ("start", "stop"):
+            rows, times = self[f"quiet_{at}"], self[f"t_{at}"]
+            tau = np.full((len(rows), scene.N_x), np.nan)
+            found[at] = {"F_T": np.full(len(rows), np.nan), "tau": tau, "p": tau.copy()}
+            for e in np.flatnonzero(rows >= 0) if self.solver else ():
+                t, u_x, mode = times[e], self.quiet["u_x"][rows[e]], self.quiet["mode"][rows[e]]
+                load = scene.load_at(t)
+                how = {} if load is None else {"load": load}
+                try:
+                    rest = self.solver.solve(u_x, scene.drive(t), free=mode == OPEN, **how)
+                except EquilibriumError as error:
+                    failed.append(f"t = {t:.6g} s: {error}")
+                    continue
+                for name, values in found[at].items():
+                    values[e] = getattr(rest, name)
+        if failed:
+            what = f"{len(failed)} static states of events were not found and are NaN"
+            warnings.warn(f"{what}, the first at {failed[0]}", RuntimeWarning, stacklevel=2)
+        return found
+
+    def quiet_rows(self, kind: int, steps: np.ndarray) -> np.ndarray:
+        """Return rows of the quiet log with this kind and step, -1 where there is none."""
+        rows = np.flatnonzero(self.quiet["kind"] == kind)
+        if rows.size == 0:
+            return np.full(steps.shape, -1, dtype=np.int64)
+        have = self.quiet["step"][rows]
+        if kind > 0:
+            at = np.minimum(np.searchsorted(have, steps, side="left"), rows.size - 1)
+        else:
+            at = np.maximum(np.searchsorted(have, steps, side="right") - 1, 0)
+        return np.where(have[at] == steps, rows[at], -1)
 
 
 def build_catalogue(
@@ -130,285 +204,279 @@ def build_catalogue(
     solver
         A `StaticSolver` for the static forces and stresses; without it they are NaN.
     link_time
-        Largest difference of first slips of neighbouring blocks in one front, s. Default:
+        Longest time between first slips of neighbouring blocks in one front, s. Default:
         `default_link_time`.
 
     Returns
     -------
     Catalogue
-        The ``events`` columns are t_start, t_stop (NaN if slip goes on at the end of the log) and
-        duration, s; F_T_start and F_T_arrest, of the static equilibria, and F_T_start_inst and
-        F_T_arrest_inst, instantaneous, N; first_block, last_block and nucleation_block, numbers
-        from the trailing edge of blocks in non-corner episodes; x_nucleation, m from the trailing
-        edge; L_p_over_L; n_blocks, distinct blocks in non-corner episodes; n_episodes; n_front,
-        blocks in the front; n_not_increasing, blocks of the front whose five rupture times exist
-        but do not increase (`front_speed` is NaN there); share_X_c0 and share_X_c, how many of the
-        front's blocks have at least six blocks in their cohesive zone at rest, and at the speed
-        of the front (of those that have one; not at c_R or above), NaN where there are none or no
-        static state (see `zones`); finished; is_precursor (0 < L_p < L);
-        is_main (n_blocks >= 4); at_trailing_edge (nucleation at x <= h + l); quiet_start and
-        quiet_stop, rows of the quiet log at first slip and last stick, -1 where there is none.
-        A record adds nucleation_length, m, where friction weakens with slip alone: the length of
-        `pyfric.analysis.nucleations`, NaN where that has none.
+        Its columns and arrays are the functions of this module; columns.csv of `Record.to_csv`
+        lists them with unit and meaning. A record adds nucleation_length, m, where friction weakens
+        with slip alone: the length of `pyfric.analysis.nucleations`.
 
     Raises
     ------
     LogError
         If a log lacks a column, is inconsistent, or does not fit the scene.
+
+    Warns
+    -----
+    RuntimeWarning
+        Static states were not found.
     """
     if not t_gap >= 0:
         raise ValueError(f"t_gap = {t_gap!r} s: must be at least 0")
     switches = columns_of(switches, SWITCH_COLUMNS, "switch log")
-    quiet = quiet_columns(quiet, scene.N_x)
-    n_of_i = np.asarray(scene.n_of_i, dtype=np.int64)
-
-    episodes = build_episodes(switches, n_of_i, t_begin=t_begin)
+    episodes = build_episodes(switches, scene.n_of_i, t_begin=t_begin)
     episodes["event"] = _event_numbers(episodes, t_gap)
-    joined = episodes[episodes["event"].to_numpy() >= 0]
-    events = _event_table(joined, quiet, t_gap, t_end)
-    region = _slipped_region(episodes, events, switches, quiet, scene.N_x)
-    if link_time is None:
-        link_time = default_link_time(scene)
-    times = rupture_front(first_slips(joined, len(events), n_of_i), n_of_i, link_time)
-    static = static_values(events, quiet, solver, scene.drive, scene.load_at)
-
-    in_order = np.argsort(n_of_i)
-    reached = np.logical_and.accumulate(region[:, in_order] > 0, axis=1).sum(axis=1)
-    events["F_T_start"] = static.F_T_start
-    events["F_T_arrest"] = static.F_T_arrest
-    events["L_p_over_L"] = reached / scene.N_x
-    events["x_nucleation"] = (events["nucleation_block"] - 1) * float(scene.slider.l)
-    events["n_front"] = np.isfinite(times).sum(axis=1)
-    events["n_not_increasing"] = count_not_increasing(times, scene.d)
-    events["share_X_c0"], events["share_X_c"] = shares(scene, times, static.p_before)
-    events["is_precursor"] = (reached > 0) & (reached < scene.N_x)
-    events["is_main"] = events["n_blocks"] >= MAIN_EVENT_BLOCKS
-    # x <= h + l on the lattice: exact in block numbers
-    events["at_trailing_edge"] = events["nucleation_block"] - 1 <= scene.j_h + 1
     return Catalogue(
+        scene=scene,
         episodes=episodes,
-        events=events[list(EVENT_COLUMNS)],
-        region=region,
-        rupture_times=times,
-        static=static,
+        quiet=quiet_columns(quiet, scene.N_x),
+        switches=switches,
+        t_gap=t_gap,
+        t_end=math.inf if t_end is None else t_end,
+        solver=solver,
+        link_time=default_link_time(scene) if link_time is None else link_time,
     )
-
-
-EVENT_COLUMNS = (
-    "t_start",
-    "t_stop",
-    "duration",
-    "F_T_start",
-    "F_T_arrest",
-    "F_T_start_inst",
-    "F_T_arrest_inst",
-    "first_block",
-    "last_block",
-    "L_p_over_L",
-    "n_blocks",
-    "nucleation_block",
-    "x_nucleation",
-    "n_episodes",
-    "n_front",
-    "n_not_increasing",
-    "share_X_c0",
-    "share_X_c",
-    "finished",
-    "is_precursor",
-    "is_main",
-    "at_trailing_edge",
-    "quiet_start",
-    "quiet_stop",
-)
-"""Columns of the event table, in order."""
-
-
-def static_values(
-    events: pd.DataFrame,
-    quiet: Mapping[str, np.ndarray] | np.ndarray,
-    solver: _Solver | None,
-    drive: Callable[[float], float],
-    load_at: Callable[[float], tuple[float, float] | None] = lambda _: None,
-) -> StaticValues:
-    """Static equilibria at the first slip and the last stick of every event.
-
-    The bottom row is held at the u_x of the quiet log, open blocks are free, and the driver stands
-    where it is then. The results are free of ring-down and drift, whichever engine wrote the log.
-
-    Parameters
-    ----------
-    events
-        Event table with t_start, t_stop, quiet_start and quiet_stop.
-    quiet
-        The quiet log (`QUIET_COLUMNS`).
-    solver
-        ``solver.solve(u_x_bottom, drive, free=mask)`` returns an object with F_T (N) and tau and p
-        ((N_x,), N). None leaves every value NaN, and so does an `EquilibriumError`, with a warning.
-    drive
-        Displacement of the driver, m, at a time, s.
-    load_at
-        F_N and T, N, at a time, s, which `solver.solve` then takes as `load`; None where both are
-        those at t = 0.
-    """
-    u_x, mode = np.asarray(quiet["u_x"]), np.asarray(quiet["mode"])
-    values, failed = {}, []
-    for side, row_name, t_name in (
-        ("start", "quiet_start", "t_start"),
-        ("stop", "quiet_stop", "t_stop"),
-    ):
-        rows, t = events[row_name].to_numpy(), events[t_name].to_numpy()
-        F_T = np.full(len(events), np.nan)
-        tau = np.full((len(events), u_x.shape[1]), np.nan)
-        p = tau.copy()
-        if solver is not None:
-            for e in np.flatnonzero(rows >= 0):
-                row = rows[e]
-                load = load_at(t[e])
-                how = {} if load is None else {"load": load}
-                try:
-                    rest = solver.solve(u_x[row], drive(t[e]), free=mode[row] == OPEN, **how)
-                except EquilibriumError as error:
-                    failed.append((t[e], error))
-                    continue
-                F_T[e], tau[e], p[e] = rest.F_T, rest.tau, rest.p
-        values[side] = F_T, tau, p
-    if failed:
-        t_first, error = failed[0]
-        warnings.warn(
-            f"{len(failed)} static states of events were not found and are NaN, the first at "
-            f"t = {t_first:.6g} s: {error}",
-            RuntimeWarning,
-            stacklevel=2,
-        )
-    (F_T_start, tau_before, p_before), (F_T_arrest, tau_after, p_after) = values.values()
-    return StaticValues(
-        F_T_start=F_T_start,
-        F_T_arrest=F_T_arrest,
-        tau_before=tau_before,
-        p_before=p_before,
-        tau_after=tau_after,
-        p_after=p_after,
-    )
-
-
-# --- events --------------------------------------------------------------------------------------
 
 
 def _event_numbers(episodes: pd.DataFrame, t_gap: float) -> np.ndarray:
-    """(n_episodes,) number of the event each episode belongs to, -1 for corner episodes."""
+    """(n_episodes,) number of the event each episode belongs to, from 1; 0 for corner episodes."""
     joins = ~episodes["corner"].to_numpy()
     start = episodes["t_start"].to_numpy()[joins]
     stop = episodes["t_stop"].to_numpy()[joins]
     end_of_all = np.maximum.accumulate(np.where(np.isnan(stop), np.inf, stop))
-    splits = start[1:] - end_of_all[:-1] > t_gap
-    event = np.full(len(episodes), -1, dtype=np.int64)
-    event[joins] = np.concatenate([np.zeros(min(start.size, 1), np.int64), np.cumsum(splits)])
+    begins = np.ones(start.size, dtype=bool)
+    begins[1:] = start[1:] - end_of_all[:-1] > t_gap
+    event = np.zeros(len(episodes), dtype=np.int64)
+    event[joins] = np.cumsum(begins)
     return event
-
-
-def _distinct_blocks(event: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """(n_events,) how many different blocks slip in each event, of an event and block per row."""
-    blocks = max(n.max(initial=0), 1)
-    return np.bincount(np.unique(event * blocks + n - 1) // blocks)
 
 
 def count_main(episodes: pd.DataFrame, t_gap: float) -> int:
     """Return how many main events the episodes of a run make with a longest pause, in s."""
     event = _event_numbers(episodes, t_gap)
-    joins = event >= 0
-    blocks = _distinct_blocks(event[joins], episodes["n"].to_numpy()[joins])
+    blocks = _distinct_blocks(event[event > 0] - 1, episodes["n"].to_numpy()[event > 0])
     return int((blocks >= MAIN_EVENT_BLOCKS).sum())
 
 
-def _event_table(
-    joined: pd.DataFrame, quiet: dict[str, np.ndarray], t_gap: float, t_end: float | None
-) -> pd.DataFrame:
-    """Everything about the events that needs only their own episodes (in order of time)."""
-    event, n = joined["event"].to_numpy(), joined["n"].to_numpy()
-    first = np.flatnonzero(np.diff(event, prepend=-1))
-    t_stop = np.maximum.reduceat(joined["t_stop"].to_numpy(), first)  # NaN while one slips
-    stopped = np.isfinite(t_stop)
-    step_start = joined["step_start"].to_numpy()[first]
-    step_stop = np.maximum.reduceat(joined["step_stop"].to_numpy(), first)
-    step_stop = np.where(stopped, step_stop, -1)
-    quiet_start = _quiet_rows(quiet, +1, step_start)
-    quiet_stop = _quiet_rows(quiet, -1, step_stop)
-    t_start = joined["t_start"].to_numpy()[first]
-    F_T = np.append(quiet["F_T"], np.nan)  # row -1: no such state
-    finished = stopped if t_end is None else stopped & (t_end - t_stop > t_gap)
-    table = {
-        "t_start": t_start,
-        "t_stop": t_stop,
-        "duration": t_stop - t_start,
-        "F_T_start_inst": F_T[quiet_start],
-        "F_T_arrest_inst": F_T[quiet_stop],
-        "first_block": np.minimum.reduceat(n, first),
-        "last_block": np.maximum.reduceat(n, first),
-        "n_blocks": _distinct_blocks(event, n),
-        "nucleation_block": n[first],
-        "n_episodes": np.bincount(event, minlength=first.size),
-        "finished": finished,
-        "quiet_start": quiet_start,
-        "quiet_stop": quiet_stop,
-    }
-    return pd.DataFrame(table)
+def _distinct_blocks(row: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """(n_events,) how many different blocks slip in each event, of a row and block per episode."""
+    blocks = max(n.max(initial=0), 1)
+    return np.bincount(np.unique(row * blocks + n - 1) // blocks)
 
 
-def _quiet_rows(quiet: dict[str, np.ndarray], kind: int, steps: np.ndarray) -> np.ndarray:
-    """Row of the quiet log with this kind and step, -1 where there is none."""
-    rows = np.flatnonzero(quiet["kind"] == kind)
-    if rows.size == 0:
-        return np.full(steps.shape, -1, dtype=np.int64)
-    have = quiet["step"][rows]
-    if kind > 0:
-        at = np.minimum(np.searchsorted(have, steps, side="left"), rows.size - 1)
-    else:
-        at = np.maximum(np.searchsorted(have, steps, side="right") - 1, 0)
-    return np.where(have[at] == steps, rows[at], -1)
+# --- columns of the table of events --------------------------------------------------------------
 
 
-def _slipped_region(
-    episodes: pd.DataFrame,
-    events: pd.DataFrame,
-    switches: dict[str, np.ndarray],
-    quiet: dict[str, np.ndarray],
-    N_x: int,
-) -> np.ndarray:
-    """(n_events, N_x) int8: 1 slipped, 2 corner slip or open at the end, 0 neither."""
-    region = np.zeros((len(events), N_x), dtype=np.int8)
-    if len(events) == 0:
-        return region
-    event, column = episodes["event"].to_numpy(), episodes["i"].to_numpy()
+@event_column("s", "time of the first slip")
+def t_start(of: Catalogue) -> np.ndarray:
+    return of.joined["t_start"][of.first]
 
-    corner = episodes[event < 0]
-    t_stop = _or_inf(events["t_stop"])
-    low = np.searchsorted(t_stop, corner["t_start"].to_numpy(), side="left")
-    high = np.searchsorted(events["t_start"].to_numpy(), _or_inf(corner["t_stop"]), side="right")
+
+@event_column("s", "time of the last stick, NaN if slip goes on at the end of the log")
+def t_stop(of: Catalogue) -> np.ndarray:
+    return of.of_each(np.maximum, "t_stop")
+
+
+@event_column("s", "time from first slip to last stick")
+def duration(of: Catalogue) -> np.ndarray:
+    return of["t_stop"] - of["t_start"]
+
+
+@event_column("N", "tangential force of the static equilibrium at first slip")
+def F_T_start(of: Catalogue) -> np.ndarray:
+    return of.static["start"]["F_T"]
+
+
+@event_column("N", "tangential force of the static equilibrium at last stick")
+def F_T_arrest(of: Catalogue) -> np.ndarray:
+    return of.static["stop"]["F_T"]
+
+
+@event_column("N", "instantaneous tangential force at first slip")
+def F_T_start_inst(of: Catalogue) -> np.ndarray:
+    return of.force(of["quiet_start"])
+
+
+@event_column("N", "instantaneous tangential force at last stick")
+def F_T_arrest_inst(of: Catalogue) -> np.ndarray:
+    return of.force(of["quiet_stop"])
+
+
+@event_column("1", "lowest number of a block that slipped, 1 at the trailing edge", int)
+def first_block(of: Catalogue) -> np.ndarray:
+    return of.of_each(np.minimum, "n")
+
+
+@event_column("1", "highest number of a block that slipped, 1 at the trailing edge", int)
+def last_block(of: Catalogue) -> np.ndarray:
+    return of.of_each(np.maximum, "n")
+
+
+@event_column("1", "length slipped or open from the trailing edge, in blocks over N_x")
+def L_p_over_L(of: Catalogue) -> np.ndarray:
+    return of.reached / of.scene.N_x
+
+
+@event_column("1", "number of distinct blocks that slipped", int)
+def n_blocks(of: Catalogue) -> np.ndarray:
+    return _distinct_blocks(of.joined["row"], of.joined["n"])
+
+
+@event_column("1", "number of the block that slipped first, 1 at the trailing edge", int)
+def nucleation_block(of: Catalogue) -> np.ndarray:
+    return of.joined["n"][of.first]
+
+
+@event_column("m", "distance of the first slip from the trailing edge")
+def x_nucleation(of: Catalogue) -> np.ndarray:
+    return (of["nucleation_block"] - 1) * float(of.scene.slider.l)
+
+
+@event_column("1", "number of slip episodes", int)
+def n_episodes(of: Catalogue) -> np.ndarray:
+    return np.bincount(of.joined["row"], minlength=of.first.size)
+
+
+@event_column("1", "number of blocks in the front", int)
+def n_front(of: Catalogue) -> np.ndarray:
+    return np.isfinite(of["rupture_times"]).sum(axis=1)
+
+
+@event_column("1", "blocks of the front without speed: their five times do not increase", int)
+def n_not_increasing(of: Catalogue) -> np.ndarray:
+    return count_not_increasing(of["rupture_times"], of.scene.d)
+
+
+@event_column("1", f"share of the front's blocks with X_c0 >= {RESOLVED} l, zone at rest")
+def share_X_c0(of: Catalogue) -> np.ndarray:
+    return _share_resolved(of["X_c0_over_l"], np.isfinite(of["X_c0_over_l"]))
+
+
+@event_column(
+    "1", f"share of the front's blocks with X_c(v) >= {RESOLVED} l, of those with a speed"
+)
+def share_X_c(of: Catalogue) -> np.ndarray:
+    with_speed = np.isfinite(of.front_speed) & np.isfinite(of["X_c0_over_l"])
+    return _share_resolved(of["X_c_over_l"], with_speed)
+
+
+@event_column("1", "slip has stopped and no later episode can join", bool)
+def finished(of: Catalogue) -> np.ndarray:
+    return np.isfinite(of["t_stop"]) & (of.t_end - of["t_stop"] > of.t_gap)
+
+
+@event_column("1", "0 < L_p < L", bool)
+def is_precursor(of: Catalogue) -> np.ndarray:
+    return (of.reached > 0) & (of.reached < of.scene.N_x)
+
+
+@event_column("1", f"at least {MAIN_EVENT_BLOCKS} blocks slipped", bool)
+def is_main(of: Catalogue) -> np.ndarray:
+    return of["n_blocks"] >= MAIN_EVENT_BLOCKS
+
+
+@event_column("1", "first slip at x <= h + l from the trailing edge", bool)
+def at_trailing_edge(of: Catalogue) -> np.ndarray:
+    return of["nucleation_block"] - 1 <= of.scene.j_h + 1  # exact in block numbers
+
+
+@event_column("1", "row of the quiet log at first slip, -1 for none", int)
+def quiet_start(of: Catalogue) -> np.ndarray:
+    return of.quiet_rows(+1, of.joined["step_start"][of.first])
+
+
+@event_column("1", "row of the quiet log at last stick, -1 for none", int)
+def quiet_stop(of: Catalogue) -> np.ndarray:
+    steps = np.where(np.isfinite(of["t_stop"]), of.of_each(np.maximum, "step_stop"), -1)
+    return of.quiet_rows(-1, steps)
+
+
+@event_column("m", "length at which stable slip loses stability, by static states",
+              required=False, late=True)  # fmt: skip
+def nucleation_length(record: Record) -> np.ndarray | None:
+    return nucleation_lengths(record)
+
+
+def _share_resolved(blocks: np.ndarray, of: np.ndarray) -> np.ndarray:
+    """(n_events,) share of some blocks that have `RESOLVED` blocks in a zone; NaN of none."""
+    enough, nan = (blocks >= RESOLVED) & of, np.full(len(blocks), np.nan)
+    return np.divide(enough.sum(axis=1), of.sum(axis=1), out=nan, where=of.any(axis=1))
+
+
+# --- arrays over events and blocks ---------------------------------------------------------------
+
+
+@block_array("1", "1 slipped in the event, 2 corner slip or open at its end, 0 neither", np.int8)
+def region(of: Catalogue) -> np.ndarray:
+    """Corner slip counts where it overlaps the event; a block that also slipped is 1."""
+    found = np.zeros((of.first.size, of.scene.N_x), dtype=np.int8)
+    if len(found) == 0:
+        return found
+    begin, end = of["t_start"], _or_inf(of["t_stop"])
+    corner = of.episodes[of.episodes["event"] == 0]
+    low = np.searchsorted(end, corner["t_start"].to_numpy(), side="left")
+    high = np.searchsorted(begin, _or_inf(corner["t_stop"].to_numpy()), side="right")
     overlaps = np.maximum(high - low, 0)  # a corner episode may overlap several events
     within = np.arange(overlaps.sum()) - np.repeat(np.cumsum(overlaps) - overlaps, overlaps)
-    region[np.repeat(low, overlaps) + within, np.repeat(corner["i"].to_numpy(), overlaps)] = 2
+    found[np.repeat(low, overlaps) + within, np.repeat(corner["i"].to_numpy(), overlaps)] = 2
 
-    row = events["quiet_stop"].to_numpy()
-    known = row >= 0
-    open_at_end = np.zeros(region.shape, dtype=bool)
-    open_at_end[known] = quiet["mode"][row[known]] == OPEN
-    if np.isinf(t_stop[-1]):  # only the last event can be unfinished: it ends with the log
-        open_at_end[-1] = _last_modes(switches, quiet, N_x) == OPEN
-    region[open_at_end] = 2
-    region[event[event >= 0], column[event >= 0]] = 1
-    return region
+    known = of["quiet_stop"] >= 0
+    open_at_end = np.zeros(found.shape, dtype=bool)
+    open_at_end[known] = of.quiet["mode"][of["quiet_stop"][known]] == OPEN
+    if np.isinf(end[-1]):  # only the last event can be unfinished: it ends with the log
+        open_at_end[-1] = _last_modes(of) == OPEN
+    found[open_at_end] = 2
+    found[of.joined["row"], of.joined["i"]] = 1
+    return found
 
 
-def _last_modes(
-    switches: dict[str, np.ndarray], quiet: dict[str, np.ndarray], N_x: int
-) -> np.ndarray:
+@block_array("s", "rupture time of the blocks in the front")
+def rupture_times(of: Catalogue) -> np.ndarray:
+    first = first_slips(of.joined, of.first.size, of.scene.N_x)
+    return rupture_front(first, of.scene.n_of_i, of.link_time)
+
+
+@block_array("1", "blocks in the cohesive zone of the front, at rest")
+def X_c0_over_l(of: Catalogue) -> np.ndarray:
+    inside = np.isfinite(of["rupture_times"])
+    return np.where(inside, zone_at_rest(of.scene, of["p_before"]), np.nan)
+
+
+@block_array("1", "blocks in the cohesive zone at the speed of the front, below c_R")
+def X_c_over_l(of: Catalogue) -> np.ndarray:
+    return zone_moving(of.scene, of["p_before"], of.front_speed)
+
+
+@block_array("N", "friction force in the static state at first slip")
+def tau_before(of: Catalogue) -> np.ndarray:
+    return of.static["start"]["tau"]
+
+
+@block_array("N", "contact force in the static state at first slip")
+def p_before(of: Catalogue) -> np.ndarray:
+    return of.static["start"]["p"]
+
+
+@block_array("N", "friction force in the static state at last stick")
+def tau_after(of: Catalogue) -> np.ndarray:
+    return of.static["stop"]["tau"]
+
+
+@block_array("N", "contact force in the static state at last stick")
+def p_after(of: Catalogue) -> np.ndarray:
+    return of.static["stop"]["p"]
+
+
+def _last_modes(of: Catalogue) -> np.ndarray:
     """(N_x,) contact modes at the end of the logs."""
-    modes = quiet["mode"][-1].copy() if quiet["t"].size else np.zeros(N_x, dtype=np.int32)
-    blocks, at = np.unique(switches["block"][::-1], return_index=True)
-    modes[blocks] = switches["new"][::-1][at]
+    modes = of.quiet["mode"][-1].copy() if len(of.quiet["t"]) else np.zeros(of.scene.N_x, int)
+    blocks, at = np.unique(of.switches["block"][::-1], return_index=True)
+    modes[blocks] = of.switches["new"][::-1][at]
     return modes
 
 
-def _or_inf(column: pd.Series) -> np.ndarray:
-    values = column.to_numpy()
+def _or_inf(values: np.ndarray) -> np.ndarray:
     return np.where(np.isnan(values), np.inf, values)

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pyfric.record.held import held_in
+
 __all__ = [
-    "OPEN",
     "QUIET_COLUMNS",
     "SWITCH_COLUMNS",
     "LogError",
@@ -25,30 +26,10 @@ __all__ = [
     "quiet_columns",
 ]
 
-OPEN = 2
-
-
-SWITCH_COLUMNS = {
-    "step": np.int64,
-    "block": np.int64,
-    "old": np.int32,
-    "new": np.int32,
-    "corner": np.bool_,
-    "t": np.float64,
-    "u_x": np.float64,
-    "p": np.float64,
-}
+SWITCH_COLUMNS = {name: held.dtype for name, held in held_in("switches").items()}
 """Columns of the switch log: one row per change of a block's contact mode, in order of time."""
 
-
-QUIET_COLUMNS = {
-    "step": np.int64,
-    "t": np.float64,
-    "kind": np.int32,
-    "F_T": np.float64,
-    "u_x": np.float64,
-    "mode": np.int32,
-}
+QUIET_COLUMNS = {name: held.dtype for name, held in held_in("quiet").items()}
 """Columns of the quiet log: one row whenever the number of slipping non-corner blocks leaves 0
 (kind +1) or returns to 0 (kind -1). ``u_x`` and ``mode`` have a second axis of N_x blocks."""
 
@@ -74,11 +55,9 @@ def build_episodes(
     Returns
     -------
     DataFrame
-        Columns: n, block number from the trailing edge; i, column from the left, 0-based; t_start,
-        t_stop, s; step_start, step_stop, the time steps (-1: before or after the log); u_x_start,
-        u_x_stop and slip, their difference, m; direction, +1 (to the right) or -1, at the start;
-        reversals, changes of direction; corner; p_start, N. Of an unfinished episode t_stop,
-        u_x_stop and slip are NaN; of one that began before the log u_x_start, slip and p_start.
+        The columns of the group "episodes" (`pyfric.record.held`) but event. Of an unfinished
+        episode t_stop, u_x_stop and slip are NaN; of one that began before the log u_x_start, slip
+        and p_start.
 
     Raises
     ------

@@ -1,10 +1,15 @@
 """Measured errors of a run: two records of one scene, compared event by event.
 
 Each main event of either record (each event, where there are no main ones) is paired with an event
-of the other one, in order, at the least total cost (`paired`). An event that the other run would
-have had after its end is compared with the force that this one reached; one that begins while the
-last event of the other run goes on to the end is part of that: a pause near `t_gap` parts them.
-Where an event goes on in one of the runs, the forces on the way are compared in place of arrests.
+of the other one (`pairing`). An event that the other run would have had after its end is compared
+with the force that this one reached; one that begins while the last event of the other run goes on
+to the end is part of that: a pause near `t_gap` parts them. What goes on in one of the runs is
+compared as far as both know it: forces on the way in place of arrests, front speeds where both runs
+know the five rupture times of a block. A prescribed interface has no forces: its rupture times are
+compared. Where nothing slips in either run, their loading curves are.
+
+Each number of `Errors` is measured, bounded, or not measured. What was not measured is None, which
+is never taken for 0: where nothing was compared, nothing is promised.
 
 What is local stays with its event: lengths, front speeds, arrest. Start forces hang on the stresses
 that all earlier events left.
@@ -15,23 +20,41 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from pyfric.record.rupture import front_speed
+from pyfric.record.analysis import mean_force
+from pyfric.record.pairing import event_distances, in_order, pace
+from pyfric.record.rupture import five_known, front_speed
 
 if TYPE_CHECKING:
     from pyfric.record.record import Record
 
-__all__ = ["Differences", "Errors", "differences", "paired", "statistics"]
+__all__ = ["Differences", "Errors", "differences", "not_verified", "statistics"]
 
-BLOCK = 0.1
-"""Weight of a difference of blocks over N_x beside one of forces over F_N, where events are paired.
-"""
-LOST = 1.0
-"""Relative error of a front speed that only one of two runs has."""
+NOTHING = "not measured: nothing was compared"
+SAME = 0.5
+"""Events that share fewer than half of their blocks are not taken for one another, if one of them
+may be one that the other run has after its end: a definition."""
+UNITS = {
+    "start": "F_N",
+    "arrest": "F_N",
+    "length": "L",
+    "stress": "F_N/N_x",
+    "rupture": "of the front's time",
+    "speed_median": "of front speeds",
+    "speed_95": "of front speeds",
+    "speed_worst": "of front speeds",
+}
+"""Numbers of `Errors` and their units, as they are said."""
+BY_EVENT = ("start", "arrest", "length", "stress", "rupture")
+"""Those of which there is one for each pair of events."""
+FORCES = ("start", "arrest")
+PROMISED = {"stress": (*FORCES, "stress"), "front_speed": ("speed_95",)}
+"""What is wanted -> the numbers that its tolerance bounds, the last of which has to be known;
+`FORCES` for all else, of which one has to be, or else the rupture times."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,13 +62,17 @@ class Errors:
     """What a run may be off by, measured by runs that leave out less, or more, than it does.
 
     Forces are over F_N and of main events, lengths over L, stresses over F_N/N_x (root mean square
-    over the interface), front speeds relative. Each is the largest one, but for the median and the
-    95th percentile of front speeds. None stands for what there was nothing of. `arrest` holds also
-    what forces of events that go on to the end are apart.
+    over the interface), rupture times (root mean square over a front) over the time that the front
+    takes, front speeds relative. Each is the largest one, but for the median and the 95th
+    percentile of front speeds. `arrest` holds also how far apart forces are on the way: in events
+    that go on to the end, and where nothing slips. None means that nothing was compared: such a
+    number is not measured.
 
     Attributes:
         want, tolerance, expected: of the plan; None where there was none.
-        start, arrest, length, stress, speed_median, speed_95, speed_worst: measured errors.
+        start, arrest, length, stress, rupture, speed_median, speed_95, speed_worst: the errors.
+        bounds: numbers that are bounded and not measured: name to the formula.
+        compared: name to how many events, or blocks of fronts, were compared for it.
         events: main events that were compared.
         covered: time up to which they were, s.
         until: time from which on single events cannot be trusted, s; None if there is no such time.
@@ -60,71 +87,101 @@ class Errors:
     arrest: float | None = None
     length: float | None = None
     stress: float | None = None
+    rupture: float | None = None
     speed_median: float | None = None
     speed_95: float | None = None
     speed_worst: float | None = None
+    bounds: Mapping[str, str] = field(default_factory=dict)
+    compared: Mapping[str, int] = field(default_factory=dict)
     events: int = 0
     covered: float = 0.0
     until: float | None = None
     statistics: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     by: tuple[str, ...] = ()
 
-    def measured(self, want: str | None = None) -> float:
-        """Return the error that a tolerance bounds: what is wanted decides (`PROMISED`)."""
-        names = PROMISED.get(want or self.want or "", FORCES)
-        return max(
-            (value for name in names if (value := getattr(self, name)) is not None), default=0.0
-        )
+    __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}  # of files
+
+    def state(self, name: str) -> Literal["measured", "bounded", "not measured"]:
+        """Return how a number is known, such as "start"."""
+        if getattr(self, name) is None:
+            return "not measured"
+        return "bounded" if name in self.bounds else "measured"
+
+    def bounded(self, formula: str, **values: float) -> Errors:
+        """Return the errors with numbers that a formula bounds."""
+        bounds = {**self.bounds, **dict.fromkeys(values, formula)}
+        return dataclasses.replace(self, bounds=bounds, **values)
+
+    def measured(self, want: str | None = None) -> float | None:
+        """Return the error that a tolerance bounds, None where it was not measured.
+
+        What is wanted decides which numbers that are: `PROMISED`. Where forces are not known, as on
+        a prescribed interface, it is that of rupture times.
+        """
+        names = PROMISED.get(want or self.want or "")
+        if names is not None and getattr(self, names[-1]) is None:
+            return None
+        known = [getattr(self, name) for name in names or FORCES]
+        known = [value for value in known if value is not None]
+        return max(known) if known else self.rupture
 
     @property
-    def holds(self) -> bool:
-        """Whether the measured error is within the tolerance."""
-        return self.tolerance is None or self.measured() <= self.tolerance
+    def holds(self) -> bool | None:
+        """Whether the measured error is within the tolerance.
+
+        None where it was not measured, or where there is no tolerance.
+        """
+        error = self.measured()
+        return None if error is None or self.tolerance is None else error <= self.tolerance
+
+    @property
+    def verdict(self) -> str:
+        """What `holds` says, in words; empty where there is no tolerance."""
+        if self.tolerance is None:
+            return ""
+        if self.holds is None:
+            return f"for {self.want} within {self.tolerance:g}: NOT MEASURED, nothing was compared"
+        said = "within" if self.holds else "does not hold, BEYOND"
+        return f"for {self.want}: measured {self.measured():.2g}, {said} {self.tolerance:g}"
 
     def __str__(self) -> str:
-        def number(value: float | None) -> str:
-            return "-" if value is None else f"{value:.2g}"
-
-        forces = f"start {number(self.start)}, arrest {number(self.arrest)}"
-        speeds = " / ".join(map(number, (self.speed_median, self.speed_95, self.speed_worst)))
-        lines = [
-            f"measured errors ({self.events} main events, to {self.covered:.6g} s): {forces} F_N, "
-            f"length {number(self.length)} L, stress {number(self.stress)} F_N/N_x, front speed "
-            f"{speeds} (median / 95 % / worst)"
-        ]
-        if self.expected is not None:
-            verdict = "within" if self.holds else "BEYOND"
-            lines.append(
-                f"for {self.want}: expected {self.expected:.2g}, measured {self.measured():.2g}, "
-                f"{verdict} {self.tolerance:g}"
-            )
+        said: dict[str, list[str]] = {"measured": [], "bounded": [], "not measured": []}
+        for name, unit in UNITS.items():
+            value, how = getattr(self, name), self.state(name)
+            over = f" over {self.compared[name]}" if name in self.compared else ""
+            by = f" by {self.bounds[name]}" if how == "bounded" else over
+            said[how].append(name if value is None else f"{name} {value:.2g} {unit}{by}")
+        lines, events = [], f"{self.events} main events, to {self.covered:.6g} s"
+        if said["measured"]:
+            lines.append(f"measured errors ({events}): {', '.join(said['measured'])}")
+        if said["bounded"]:
+            lines.append(f"bounded: {', '.join(said['bounded'])}")
+        if said["not measured"]:
+            lines.append(f"{', '.join(said['not measured'])} {NOTHING}")
+        if self.verdict:
+            expected = "" if self.expected is None else f" (expected {self.expected:.2g})"
+            lines.append(self.verdict + expected)
         if self.until is not None:
             lines.append(f"single events cannot be trusted from {self.until:.6g} s on")
             lines += [f"  {k}: {v:.4g} +- {e:.2g}" for k, (v, e) in self.statistics.items()]
         return "\n".join([*lines, *(f"by {one}" for one in self.by)])
 
-    def to_json(self) -> dict[str, Any]:
-        """Return what a file keeps."""
-        return dataclasses.asdict(self) | {"statistics": dict(self.statistics)}
 
-    @classmethod
-    def from_json(cls, values: Mapping[str, Any]) -> Errors:
-        """Return what a file kept."""
-        pairs = {name: (float(a), float(b)) for name, (a, b) in values["statistics"].items()}
-        return cls(**dict(values) | {"statistics": pairs, "by": tuple(values["by"])})
-
-
-FORCES = ("start", "arrest")
-PROMISED = {"stress": (*FORCES, "stress"), "front_speed": ("speed_95",)}
-"""What is wanted -> the errors that its tolerance bounds; `FORCES` for all else."""
+def not_verified(record: Record) -> tuple[str, ...]:
+    """Return the note of a record that was compared with nothing."""
+    if record.errors is not None:
+        return ()
+    return (f"errors {NOTHING} with this run; plans measure them, and so does verify = 'sample'",)
 
 
 class Differences(NamedTuple):
     """How far apart two runs are: one row for each pair of events, one for each front speed.
 
     Attributes:
-        events: t_start (s), start, arrest, length, stress; NaN where there is nothing to compare.
-        speeds: t_start of the event (s) and error.
+        events: event of one run and of the other (0 for none), t_start (s), and the differences
+            `BY_EVENT`; NaN where there is nothing to compare. `own` is False for main events of the
+            other run alone.
+        speeds: event, t_start (s) and error.
         covered: time up to which both runs go, s.
     """
 
@@ -148,114 +205,161 @@ class Differences(NamedTuple):
             by_event = self.speeds.groupby("t_start")["error"].quantile(0.95)
             off = by_event.index[by_event > tolerance]
         else:
-            names = list(PROMISED.get(want or "", FORCES))
-            off = self.events.loc[(self.events[names] > tolerance).any(axis=1), "t_start"]
+            names = PROMISED.get(want or "", FORCES)
+            if self.events[list(FORCES)].isna().all(axis=None):
+                names = ("rupture",)
+            off = self.events.loc[(self.events[list(names)] > tolerance).any(axis=1), "t_start"]
         return float(off.min()) if len(off) else None
 
     def errors(self, factor: float = 1.0) -> dict[str, Any]:
         """Return the differences as fields of `Errors`, times a factor."""
-        found: dict[str, Any] = {}
-        for name in ("start", "arrest", "length", "stress"):
-            found[name] = _of(self.events[name], np.max, factor)
-        speeds = self.speeds["error"]
-        found["speed_median"] = _of(speeds, np.median, factor)
-        found["speed_95"] = _of(speeds, lambda one: np.quantile(one, 0.95), factor)
-        found["speed_worst"] = _of(speeds, np.max, factor)
-        return found | {"events": int(self.events["own"].sum()), "covered": self.covered}
-
-
-def _of(values: pd.Series, number: Any, factor: float) -> float | None:
-    values = values.dropna().to_numpy()
-    return float(factor * number(values)) if len(values) else None
+        values = {name: self.events[name].dropna().to_numpy() for name in BY_EVENT}
+        speeds, found = self.speeds["error"].to_numpy(), {}
+        for name, some in values.items():
+            found[name] = float(factor * some.max()) if some.size else None
+        for name, share in (("speed_median", 0.5), ("speed_95", 0.95), ("speed_worst", 1.0)):
+            found[name] = float(factor * np.quantile(speeds, share)) if speeds.size else None
+            values[name] = speeds
+        compared = {name: len(some) for name, some in values.items() if len(some)}
+        events = int((self.events["own"] & (self.events["event"] > 0)).sum())
+        return found | {"compared": compared, "events": events, "covered": self.covered}
 
 
 def differences(record: Record, other: Record) -> Differences:
     """Return how far two runs of a scene are apart, up to where the shorter one ends."""
     covered = min(float(one.curve["t"].iloc[-1]) for one in (record, other))
-    own, speeds = _rows(record, other, covered)
-    its, _ = _rows(other, record, covered)
-    events = pd.concat([own.assign(own=True), its.assign(own=False)], ignore_index=True)
+    own, speeds = _Pairs(record, other, covered).rows()
+    others, _ = _Pairs(other, record, covered).rows()
+    others = others.rename(columns={"event": "other", "other": "event"})
+    if not len(own) and not len(others) and record.scene.driver.K:
+        begin = float(record.curve["t"].iloc[0])
+        off = _apart(record, other, begin, covered) / record.scene.F_N
+        row = {"event": 0, "other": 0, "t_start": begin, "arrest": off}
+        own = pd.DataFrame([dict.fromkeys(own, np.nan) | row])
+    both = pd.concat([own.assign(own=True), others.assign(own=False)], ignore_index=True)
+    once = {"t_start": "first", **dict.fromkeys(BY_EVENT, "max"), "own": "max"}
+    events = both.groupby(["event", "other"], sort=False).agg(once).reset_index()
     return Differences(events, speeds, covered)
 
 
-def _rows(a: Record, b: Record, covered: float) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return differences of the main events of a from events of b, and of their front speeds."""
-    scene, F_N, N_x = a.scene, a.scene.F_N, a.scene.N_x
-    some = a.events["is_main"].any() or b.events["is_main"].any()
-    ours = a.events[(a.events["is_main"] | (not some)) & _known(a, covered)]
-    theirs = b.events[_known(b, covered)]
-    later = _later(b, covered)
-    rate = scene.driver.K * scene.driver.V / F_N
-    cost = np.abs(np.subtract.outer(_column(ours, "F_T_start"), _column(theirs, "F_T_start"))) / F_N
-    cost += rate * np.abs(np.subtract.outer(_column(ours, "t_start"), _column(theirs, "t_start")))
-    for name in ("first_block", "last_block"):
-        apart = np.abs(np.subtract.outer(_column(ours, name), _column(theirs, name)))
-        cost += BLOCK / N_x * apart
-    never = np.abs(_column(ours, "F_T_start") - later) / F_N
-    never += rate * np.abs(covered - _column(ours, "t_start"))
-    cost = np.hstack([cost, np.repeat(never[:, None], len(ours), axis=1)])
-    i, j = paired(cost)
-    rows, speeds = [], []
-    for e, k in zip(ours.index[i], j, strict=True):
-        row, v = _pair(a, b, e, theirs.index[k]) if k < len(theirs) else _no_pair(a, b, e, later)
-        rows.append(row)
-        speeds.append(pd.DataFrame({"t_start": row["t_start"], "error": v}))
-    names = ["t_start", "start", "arrest", "length", "stress"]
-    empty = pd.DataFrame({"t_start": np.zeros(0), "error": np.zeros(0)})
-    table = pd.DataFrame(rows, columns=names, dtype=float)
-    return table, pd.concat(speeds, ignore_index=True) if speeds else empty
+class _Pairs:
+    """Main events of a run a, each with its partner among the events of another one, b."""
 
+    def __init__(self, a: Record, b: Record, covered: float) -> None:
+        self.a, self.b, self.covered = a, b, covered
+        self.events, self.partners = a.events, b.events
+        any_main = self.events["is_main"].any() or self.partners["is_main"].any()
+        ours = self.events[self.events["is_main"] | (not any_main)]
+        self.ours = ours[ours["t_start"] <= covered]
+        self.theirs = self.partners[self.partners["t_start"] <= covered]
+        self.force = float(np.interp(covered, b.curve["t"], b.curve["F_T"]))
 
-def _known(record: Record, covered: float) -> pd.Series:
-    events = record.events
-    return np.isfinite(events["F_T_start"]) & (events["t_start"] <= covered)
+    def rows(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Return differences of events, and of their front speeds."""
+        rows, speeds = [], []
+        for e, k in self._chosen():
+            row, off = self._pair(e, k) if k else self._alone(e)
+            about = {"event": e, "other": k, "t_start": float(self.events.loc[e, "t_start"])}
+            rows.append(about | dict.fromkeys(BY_EVENT, np.nan) | row)
+            speeds.append(pd.DataFrame({"event": e, "t_start": about["t_start"], "error": off}))
+        table = pd.DataFrame(rows, columns=["event", "other", "t_start", *BY_EVENT], dtype=float)
+        nothing = pd.DataFrame({name: np.zeros(0) for name in ("event", "t_start", "error")})
+        return table, pd.concat(speeds, ignore_index=True) if speeds else nothing
 
+    def _chosen(self) -> list[tuple[int, int]]:
+        """Return events of a and their partners in b, 0 for one that b may have after its end."""
+        cost = event_distances(self.ours, self.theirs, self.a.scene, self.covered)
+        late = (self.covered - self.ours["t_start"].to_numpy()) * pace(self.a.scene, self.covered)
+        off = np.abs(self.ours["F_T_start"].to_numpy() - self.force) / self.a.scene.F_N
+        never = SAME + late + np.nan_to_num(off)
+        i, j = in_order(np.hstack([cost, np.repeat(never[:, None], len(never), axis=1)]))
+        partners = [*self.theirs.index, *[0] * len(never)]
+        return [(int(e), int(partners[k])) for e, k in zip(self.ours.index[i], j, strict=True)]
 
-def _column(events: pd.DataFrame, name: str) -> np.ndarray:
-    return events[name].to_numpy(dtype=float)
+    def _pair(self, e: int, k: int) -> tuple[dict[str, float], np.ndarray]:
+        """Return the differences of event e of a from event k of b, and those of front speeds."""
+        one, two = self.events.loc[e], self.partners.loc[k]
+        ended = bool(one["finished"] and two["finished"])
+        F_N, start = self.a.scene.F_N, one["F_T_start"] - two["F_T_start"]
+        arrest = one["F_T_arrest"] - two["F_T_arrest"] if ended else self._going_on(one, two)
+        row = {
+            "start": abs(start) / F_N,
+            "arrest": abs(arrest) / F_N if np.isfinite(start) else np.nan,
+            "length": abs(one["L_p_over_L"] - two["L_p_over_L"]) if ended else np.nan,
+            "stress": self._stress(e, k, ended),
+            "rupture": self._rupture(e, k, forces=bool(np.isfinite(start))),
+        }
+        return row, self._speeds(e, k, ended)
 
+    def _alone(self, e: int) -> tuple[dict[str, float], np.ndarray]:
+        """Return what is known of an event that b has not had yet, or has in another one."""
+        a, b, one, F_N = self.a, self.b, self.events.loc[e], self.a.scene.F_N
+        if (~self.partners["finished"] & (self.partners["t_start"] < one["t_start"])).any():
+            end = one["t_stop"] if one["finished"] else a.curve["t"].iloc[-1]
+            known = np.isfinite(one["F_T_start"])
+            off = _apart(a, b, one["t_start"], end) if known else np.nan
+            return {"arrest": off / F_N}, np.zeros(0)
+        if np.isfinite(one["F_T_start"]):
+            return {"start": abs(one["F_T_start"] - self.force) / F_N}, np.zeros(0)
+        times = a.rupture_times[e - 1]
+        span = np.ptp(times[np.isfinite(times)]) if np.isfinite(times).any() else 0.0
+        late = self.covered - one["t_start"]
+        return {"rupture": late / span if span > 0 else np.nan}, np.zeros(0)
 
-def _later(record: Record, covered: float) -> float:
-    """Return the force of a run at a time, in N."""
-    return float(np.interp(covered, record.curve["t"], record.curve["F_T"]))
+    def _going_on(self, one: pd.Series, two: pd.Series) -> float:
+        """Return how far forces are apart in an event that goes on in one of two runs, in N.
 
+        NaN where both have come to rest, too late to know whether they go on.
+        """
+        if not (one["finished"] or two["finished"] or np.isnan(one["t_stop"] + two["t_stop"])):
+            return np.nan
+        ends = (
+            event["t_stop"] if event["finished"] else run.curve["t"].iloc[-1]
+            for run, event in ((self.a, one), (self.b, two))
+        )
+        begin, other = one["t_start"], two["t_start"]
+        lasts = min(end - start for end, start in zip(ends, (begin, other), strict=True))
+        return _apart(self.a, self.b, begin, begin + lasts, other - begin)
 
-def _pair(a: Record, b: Record, e: int, k: int) -> tuple[dict[str, float], np.ndarray]:
-    """Return the differences of event e of a from event k of b, and those of front speeds."""
-    scene, one, two = a.scene, a.events.loc[e], b.events.loc[k]
-    F_N, N_x = scene.F_N, scene.N_x
-    ended = bool(one["finished"] and two["finished"])
-    arrest = one["F_T_arrest"] - two["F_T_arrest"] if ended else _going_on(a, b, one, two)
-    row = {
-        "t_start": float(one["t_start"]),
-        "start": abs(one["F_T_start"] - two["F_T_start"]) / F_N,
-        "arrest": abs(arrest) / F_N,
-        "length": abs(one["L_p_over_L"] - two["L_p_over_L"]) if ended else np.nan,
-        "stress": np.nan,
-    }
-    moments = ("before", "after") if ended else ("before",)
-    off = [
-        getattr(a, f"{name}_{when}")[e] - getattr(b, f"{name}_{when}")[k]
-        for when in moments
-        for name in ("tau", "p")
-    ]
-    row["stress"] = max(float(np.sqrt(np.mean(one**2))) for one in off) * N_x / F_N
-    return row, _speeds(a, b, e, k) if ended else np.zeros(0)
+    def _of_both(self, name: str, e: int, k: int) -> tuple[np.ndarray, np.ndarray]:
+        return self.a.arrays[name][e - 1], self.b.arrays[name][k - 1]
 
+    def _stress(self, e: int, k: int, ended: bool) -> float:
+        """Return the largest root mean square of differences of tau and p, over F_N/N_x."""
+        moments = ("before", "after") if ended else ("before",)
+        names = [f"{name}_{when}" for when in moments for name in ("tau", "p")]
+        off = [np.sqrt(np.mean(np.subtract(*self._of_both(name, e, k)) ** 2)) for name in names]
+        return float(np.fmax.reduce(off)) * self.a.scene.N_x / self.a.scene.F_N
 
-def _going_on(a: Record, b: Record, one: pd.Series, two: pd.Series) -> float:
-    """Return how far forces are apart in an event that goes on in one of two runs, in N.
+    def _rupture(self, e: int, k: int, *, forces: bool) -> float:
+        """Return the root mean square of differences of rupture times, over the front's time.
 
-    NaN where both have come to rest, too late to know whether they go on.
-    """
-    if not (one["finished"] or two["finished"] or np.isnan(one["t_stop"] + two["t_stop"])):
-        return np.nan
-    ends = (
-        e["t_stop"] if e["finished"] else r.curve["t"].iloc[-1] for r, e in ((a, one), (b, two))
-    )
-    begin, other = one["t_start"], two["t_start"]
-    lasts = min(end - start for end, start in zip(ends, (begin, other), strict=True))
-    return _apart(a, b, begin, begin + lasts, other - begin)
+        The front may be earlier or later as a whole, which start forces tell; without forces it may
+        not.
+        """
+        t, other = self._of_both("rupture_times", e, k)
+        both = np.isfinite(t) & np.isfinite(other)
+        if not both.any() or not min(np.ptp(t[both]), np.ptp(other[both])) > 0:
+            return np.nan
+        off = (t - other)[both]
+        off -= off.mean() if forces else 0.0
+        return float(np.sqrt(np.mean(off**2)) / np.ptp(other[both]))
+
+    def _speeds(self, e: int, k: int, ended: bool) -> np.ndarray:
+        """Return relative differences of front speeds, |v - w| over the larger one.
+
+        They are of the blocks whose five rupture times both runs have; where the event has ended in
+        both, also of those that one front alone has passed. A speed that only one has counts as 1,
+        the limit of the difference.
+        """
+        times, scene = self._of_both("rupture_times", e, k), self.a.scene
+        v, w = (front_speed(t, scene.slider.l, scene.d) for t in times)
+        compared = np.isfinite(v) | np.isfinite(w)
+        if not ended:
+            compared &= five_known(times[0]) & five_known(times[1])
+        v, w = v[compared], w[compared]
+        off = np.abs(v - w) / np.maximum(v, w)
+        return np.where(np.isfinite(off), off, 1.0)
 
 
 def _apart(a: Record, b: Record, begin: float, end: float, later: float = 0.0) -> float:
@@ -278,27 +382,6 @@ def _range(record: Record, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return near.min(axis=1), near.max(axis=1)
 
 
-def _speeds(a: Record, b: Record, e: int, k: int) -> np.ndarray:
-    """Return relative differences of front speeds at the blocks that have one in either run."""
-    l, d = a.scene.slider.l, a.scene.d
-    v, w = (front_speed(one.rupture_times[n], l, d) for one, n in ((a, e), (b, k)))
-    either = np.isfinite(v) | np.isfinite(w)
-    off = np.abs(v[either] / w[either] - 1)
-    return np.where(np.isfinite(off), off, LOST)
-
-
-def _no_pair(a: Record, b: Record, e: int, later: float) -> tuple[dict[str, float], np.ndarray]:
-    """Return what is known of an event that the other run has not had yet, or has in another."""
-    one, F_N = a.events.loc[e], a.scene.F_N
-    row = {"t_start": float(one["t_start"])} | dict.fromkeys(("length", "stress"), np.nan)
-    if (~b.events["finished"] & (b.events["t_start"] < one["t_start"])).any():
-        end = one["t_stop"] if one["finished"] else a.curve["t"].iloc[-1]
-        part = {"start": np.nan, "arrest": _apart(a, b, one["t_start"], end) / F_N}
-        return row | part, np.zeros(0)
-    start = abs(one["F_T_start"] - later) / F_N
-    return row | {"start": start, "arrest": np.nan}, np.zeros(0)
-
-
 def statistics(record: Record, other: Record, t: float) -> dict[str, tuple[float, float]]:
     """Return numbers of the events after a time (s) together, each with its difference."""
     covered = min(float(one.curve["t"].iloc[-1]) for one in (record, other))
@@ -309,9 +392,7 @@ def statistics(record: Record, other: Record, t: float) -> dict[str, tuple[float
 def _together(record: Record, t: float, covered: float) -> dict[str, float]:
     F_N, events = record.scene.F_N, record.events
     late = events[events["is_main"] & (events["t_start"] >= t) & (events["t_start"] <= covered)]
-    when = np.linspace(t, covered, 1001)
-    force = np.interp(when, record.curve["t"], record.curve["F_T"])
-    found = {"mean F_T/F_N": float(force.mean() / F_N), "main events": float(len(late))}
+    found = {"mean F_T/F_N": mean_force(record, t, covered) / F_N, "main events": float(len(late))}
     for name, column, unit in (
         ("mean start/F_N", "F_T_start", F_N),
         ("mean arrest/F_N", "F_T_arrest", F_N),
@@ -321,22 +402,3 @@ def _together(record: Record, t: float, covered: float) -> dict[str, float]:
         if len(values):
             found[name] = float(values.mean() / unit)
     return found
-
-
-def paired(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and columns of pairs, in order, that cover the shorter side at least total cost.
-
-    An event of four blocks in one engine may have three in the other, where it is no main event.
-    """
-    n, m = cost.shape
-    if n > m:
-        return paired(cost.T)[::-1]
-    least = np.full((n + 1, m + 1), np.inf)  # of the first rows, among the first columns
-    least[0] = 0.0
-    for i in range(n):
-        least[i + 1, 1:] = np.minimum.accumulate(least[i, :-1] + cost[i])
-    chosen, j = np.zeros(n, dtype=int), m
-    for i in range(n - 1, -1, -1):
-        j = int(np.argmin(least[i, :j] + cost[i, :j]))
-        chosen[i] = j
-    return np.arange(n), chosen

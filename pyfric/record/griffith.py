@@ -33,13 +33,17 @@ if TYPE_CHECKING:
 
 __all__ = ["energy_release", "griffith_length"]
 
+SPEEDS = 2001
+"""Speeds up to c_R between which g_II is taken as straight: a root is off by less than c_R/2000
+(rounding)."""
+
 
 def energy_release(record: Record, event: int) -> pd.DataFrame:
     """Return the energy release along the interface; see the module.
 
     Args:
         record: the run.
-        event: row in ``record.events``; it is not checked.
+        event: its number, from 1.
 
     Returns:
         One row per block: n; x_over_L; G and Gamma of the block, in J (over l B in J/m^2), NaN
@@ -47,7 +51,7 @@ def energy_release(record: Record, event: int) -> pd.DataFrame:
         G is smaller, NaN for a chain.
 
     Raises:
-        SceneError: the record holds no state just before the event.
+        SceneError: no such event, or the record holds no state just before it.
     """
     contact, scene = _before(record, event), record.scene
     law, order = scene.law, np.argsort(scene.n_of_i)
@@ -85,16 +89,17 @@ def griffith_length(table: pd.DataFrame) -> float:
 
 def _before(record: Record, event: int) -> Contact:
     """Return the interface just before an event, held; open blocks are free."""
-    scene, row = record.scene, int(record.events["quiet_start"].iloc[event])
+    scene, of_event = record.scene, record.row(event)
+    row = int(record.events["quiet_start"].loc[event])
     if row < 0:
         allowed = "an event before which all blocks are stuck"
         raise SceneError("event", event, "", allowed, "the record holds no state before it")
     u_x, mode = (record.quiet[name][row] for name in ("u_x", "mode"))
     u_drv0 = getattr(record.final_state, "u_drv0", None)
     u_drv0 = loaded_state(scene).u_drv0 if u_drv0 is None else u_drv0
-    times = record.rupture_times[event]
+    times = record.rupture_times[of_event]
     known = times[np.isfinite(times)]
-    t = known.max() if known.size else record.events["t_start"].iloc[event]
+    t = known.max() if known.size else record.events["t_start"].loc[event]
     if scene.load_at(0.0) is not None:
         reason = "static states under a changing F_N or T are not those of this page"
         raise SceneError("top.protocol", scene.load_at(float(t)), "N", "none", reason)
@@ -108,7 +113,7 @@ def _speeds(record: Record, G: np.ndarray, Gamma: np.ndarray) -> np.ndarray:
     if scene.N_z == 1:
         return np.full(G.shape, np.nan)
     material = Material.of_lattice(scene.slider.k, scene.m, scene.slider.l, 1.0)
-    v = np.linspace(0, material.c_R, 2001)
+    v = np.linspace(0, material.c_R, SPEEDS)
     with np.errstate(divide="ignore", invalid="ignore"):
         need = np.where(G > 0, Gamma / G, np.where(np.isnan(G), np.nan, np.inf))
     return np.interp(-need, -g_II(material, v), v, left=0.0)

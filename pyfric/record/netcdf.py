@@ -1,6 +1,7 @@
 """netCDF 4 files in memory: HDF5 with a scale for each dimension.
 
-xarray takes seven times as long to write one.
+xarray takes seven times as long to write one. What is read may come from anywhere: only numbers
+that lie in the file itself are taken, and no link, plugin or other file is followed.
 """
 
 from __future__ import annotations
@@ -17,9 +18,13 @@ Variable = tuple[tuple[str, ...], np.ndarray, dict[str, str]]
 """Dimensions, values and attributes."""
 
 COMPRESSED_FROM = 4096
-"""Arrays of at least this many elements are compressed (without loss)."""
-NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable. {:10d}"
-"""Name, by the format, of the scale of a dimension that no variable is named after."""
+"""Arrays of at least this many elements are compressed (without loss): one page of memory of bytes,
+below which a chunk and its index take more room than they spare."""
+DEFLATE = 1032
+"""Most by which deflate makes anything smaller (zlib): what says it is more is none of ours."""
+NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable."
+"""Name, by the format, of the scale of a dimension that no variable is named after; its size is
+written behind it."""
 
 
 def file_image(variables: Mapping[str, Variable], attributes: Mapping[str, Any]) -> bytes:
@@ -34,13 +39,13 @@ def file_image(variables: Mapping[str, Variable], attributes: Mapping[str, Any])
     image = io.BytesIO()
     with h5py.File(image, "w", track_order=True) as file:
         file.attrs.update(attributes)
-        made = {name: _made(file, name, *one) for name, one in variables.items()}
+        made = {name: _made(file, name, *rest) for name, (_, *rest) in variables.items()}
         for number, (dim, size) in enumerate(sizes.items()):
             if dim in variables:
                 made[dim].make_scale(dim)
             else:
                 made[dim] = file.create_dataset(dim, (size,), ">f4")
-                made[dim].make_scale(NO_VARIABLE.format(size))
+                made[dim].make_scale(f"{NO_VARIABLE} {size:10d}")
             made[dim].attrs["_Netcdf4Dimid"] = np.int32(number)
         for name, (dims, _, _) in variables.items():
             for axis, dim in enumerate(dims):
@@ -49,31 +54,57 @@ def file_image(variables: Mapping[str, Variable], attributes: Mapping[str, Any])
     return image.getvalue()
 
 
-def _made(file: Any, name: str, _: Any, values: np.ndarray, attributes: dict[str, str]) -> Any:
-    import h5py
-
-    values, kind = np.asarray(values), None
-    if values.dtype.kind == "U":
-        values, kind = values.astype(object), h5py.string_dtype()
-    elif values.dtype.kind == "b":
+def _made(file: Any, name: str, values: np.ndarray, attributes: dict[str, str]) -> Any:
+    values = np.asarray(values)
+    if values.dtype.kind == "b":
         values, attributes = values.astype(np.int8), {**attributes, "dtype": "bool"}
-    small = values.size < COMPRESSED_FROM or kind is not None
-    how = {} if small else {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-    made = file.create_dataset(name, data=values, dtype=kind, track_order=True, **how)
+    packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+    how = packed if values.size >= COMPRESSED_FROM else {}
+    made = file.create_dataset(name, data=values, track_order=True, **how)
     made.attrs.update(attributes)
     return made
 
 
 def read_image(content: memoryview) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Return the attributes and the values of all variables of a netCDF 4 file."""
+    """Return the attributes and the values of all variables of a netCDF 4 file.
+
+    Raises:
+        ValueError: a variable does not hold numbers that lie in the file itself; it says which.
+        OSError: it is no HDF5 file.
+    """
     import h5py
 
     with h5py.File(h5py.h5f.open_file_image(bytes(content))) as file:
-        values = {}
-        for name, variable in file.items():
-            text = h5py.check_string_dtype(variable.dtype)
-            values[name] = np.array(variable.asstr()[()], np.str_) if text else variable[()]
-            if variable.attrs.get("dtype") == "bool":
-                values[name] = values[name].astype(bool)
-        numbers = (np.ndarray, np.generic)
-        return {k: v.item() if isinstance(v, numbers) else v for k, v in file.attrs.items()}, values
+        numbers, values = (np.ndarray, np.generic), {}
+        attributes = {
+            name: value.item() if isinstance(value, numbers) and value.size == 1 else value
+            for name, value in file.attrs.items()
+        }
+        for name in file:
+            if not isinstance(file.get(name, getlink=True), h5py.HardLink):
+                raise ValueError(f"{name} is a link")
+            variable = file[name]
+            if not isinstance(variable, h5py.Dataset):
+                raise ValueError(f"{name} is no variable")
+            label = variable.attrs.get("NAME", b"")
+            if not (isinstance(label, bytes) and label.startswith(NO_VARIABLE.encode())):
+                values[name] = _numbers(name, variable)
+        return attributes, values
+
+
+def _numbers(name: str, variable: Any) -> np.ndarray:
+    """Return the values of a variable that are numbers and lie in this file."""
+    import h5py
+
+    how, kind = variable.id.get_create_plist(), variable.dtype.kind
+    if kind not in "biuf":
+        raise ValueError(f"{name} holds no numbers ({variable.dtype})")
+    if how.get_layout() == h5py.h5d.VIRTUAL or how.get_external_count():
+        raise ValueError(f"{name} lies in another file")
+    known = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE)
+    if any(how.get_filter(n)[0] not in known for n in range(how.get_nfilters())):
+        raise ValueError(f"{name} is packed in a way that records are not")
+    if variable.nbytes > DEFLATE * variable.id.get_storage_size():
+        raise ValueError(f"{name} is larger than what the file holds of it")
+    values = variable[()]
+    return values.astype(bool) if variable.attrs.get("dtype") == "bool" else values

@@ -54,9 +54,9 @@ def nucleations(record: Record) -> pd.DataFrame:
     u_drv0 = getattr(record.final_state, "u_drv0", None)
     begin = scene.d * (loaded_state(scene).u_drv0 if u_drv0 is None else u_drv0)
     rows = []
-    for event, row in enumerate(record.events["quiet_start"]):
+    for event, row in record.events["quiet_start"].items():
         if row >= 0:
-            t = float(record.events["t_start"].iloc[event])
+            t = float(record.events["t_start"].loc[event])
             rows.append({"event": event} | _nucleation(problem, record, int(row), begin, t))
     names = ["event", "t", "F_T", "first_block", "last_block", "n_blocks", "length"]
     return pd.DataFrame(rows, columns=names)
@@ -74,7 +74,7 @@ def nucleation_lengths(record: Record) -> np.ndarray | None:
     lengths = np.full(len(record.events), np.nan)
     if len(lengths):
         table = nucleations(record)
-        lengths[table["event"].to_numpy(dtype=int)] = table["length"]
+        lengths[table["event"].to_numpy(dtype=int) - 1] = table["length"]
     return lengths
 
 
@@ -110,4 +110,5 @@ def _nucleation(
 
 
 ROUNDING = 1e-9
-"""An event is followed from this share of its time before its first slip."""
+"""An event is followed from this share of the driver's way before its first slip (rounding: the way
+is known to 1e-16 of itself, and what follows from it to a hundred thousand times that)."""

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from pyfric.record.errors import NOTHING
 
 if TYPE_CHECKING:
     from pyfric.record.errors import Errors
@@ -13,6 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["numbered", "summary", "text"]
 
 MAIN_COLUMNS = (
+    "event",
     "t_start",
     "t_stop",
     "L_p_over_L",
@@ -28,7 +33,7 @@ METHOD = ("engine", "geometry", "stepper", "switching", "rtol", "dt", "threads",
 def summary(record: Record, files: list[Path]) -> dict[str, Any]:
     """Return what `pyfric run` reports; None stands for numbers that are not known."""
     events, F_N = record.events, record.scene.F_N
-    main = events[events["is_main"]]
+    main = events[events["is_main"]].reset_index()
     for name in ("F_T_start", "F_T_arrest"):
         main = main.assign(**{f"{name}_over_F_N": main[name] / F_N})
     last = record.curve.iloc[-1]
@@ -51,13 +56,19 @@ def summary(record: Record, files: list[Path]) -> dict[str, Any]:
         | {"words": str(record.method)},
         "counts": dict(record.counts),
         "notes": list(record.notes),
-        "errors": None if record.errors is None else _errors(record.errors),
+        "errors": _errors(record.errors),
         "files": [str(path) for path in files],
     }
 
 
-def _errors(errors: Errors) -> dict[str, Any]:
-    return errors.to_json() | {"measured": errors.measured(), "text": str(errors)}
+def _errors(errors: Errors | None) -> dict[str, Any]:
+    """Return measured errors and what they come to; None stands for what was not measured."""
+    if errors is None:
+        return {"measured": None, "holds": None, "text": f"errors {NOTHING}"}
+    known = {one.name: getattr(errors, one.name) for one in dataclasses.fields(errors)}
+    plain = {name: dict(v) if isinstance(v, Mapping) else v for name, v in known.items()}
+    verdict = {"measured": errors.measured(), "holds": errors.holds, "text": str(errors)}
+    return plain | verdict
 
 
 def _plain(value: Any) -> Any:
@@ -68,6 +79,10 @@ def _plain(value: Any) -> Any:
 def numbered(n: int, name: str) -> str:
     """Return a number of things that are called by name."""
     return f"{n} {name}{'s' if n != 1 else ''}"
+
+
+def _number(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
 
 
 def text(summary: dict[str, Any]) -> str:
@@ -82,13 +97,18 @@ def text(summary: dict[str, Any]) -> str:
         f"{numbered(events['micro'], 'micro-slip')}",
     ]
     if summary["main_events"]:
-        lines += ["", f"{'t (s)':>10}  {'L_p/L':>6}  {'F_T/F_N':>8}  {'blocks':>6}"]
+        lines += ["", f"event  {'t (s)':>10}  {'L_p/L':>6}  {'F_T/F_N':>8}  {'blocks':>6}"]
     for event in summary["main_events"]:
-        force = event["F_T_start_over_F_N"]
-        lines.append(
-            f"{event['t_start']:>10.6f}  {event['L_p_over_L']:>6.3f}  "
-            f"{'-' if force is None else f'{force:.4f}':>8}  {event['n_blocks']:>6}"
+        numbers = (
+            _number(event[name], form).rjust(width)
+            for name, form, width in (
+                ("t_start", ".6f", 10),
+                ("L_p_over_L", ".3f", 6),
+                ("F_T_start_over_F_N", ".4f", 8),
+                ("n_blocks", "d", 6),
+            )
         )
+        lines.append("  ".join([f"{event['event']:>5}", *numbers]))
     if summary["main_events"]:
         lines.append("")
     lines.append(
@@ -101,7 +121,6 @@ def text(summary: dict[str, Any]) -> str:
     lines.append(f"time taken: {took}")
     if per_step is not None:
         lines.append(f"per block and step: {per_step * 1e9:.1f} ns")
-    if summary["errors"] is not None:
-        lines.append(summary["errors"]["text"])
+    lines.append(summary["errors"]["text"])
     lines += [f"note: {note}" for note in summary["notes"]]
     return "\n".join([*lines, *(f"written: {path}" for path in summary["files"])])

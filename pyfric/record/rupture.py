@@ -15,33 +15,33 @@ Arrays over blocks run from left to right, times are in s, speeds in m/s.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving
-
 if TYPE_CHECKING:
-    import pandas as pd
-
     from pyfric.scene import Scene
 
 __all__ = [
     "count_not_increasing",
     "default_link_time",
     "first_slips",
+    "five_known",
     "front_speed",
     "rupture_front",
-    "shares",
 ]
 
-LINK_LENGTHS = 40.0
-"""Default ``link_time`` in units of l/c_s."""
+AVERAGED = 4
+"""Blocks that a front passes in the time of which its speed is the average, as in the paper."""
+SLOWEST = 0.1
+"""Speed of a front over c_s after one pause of the longest link: twice 0.05, where slow fronts
+begin (a definition)."""
 
 
 def default_link_time(scene: Scene) -> float:
-    """Default ``link_time`` of a front, s: 40 l/c_s = 40 sqrt(2 m/k)."""
-    return LINK_LENGTHS * float(np.sqrt(2 * scene.m / scene.slider.k))
+    """Default ``link_time`` of a front, s: 4 l/(0.1 c_s) = 40 sqrt(2 m/k)."""
+    return AVERAGED / SLOWEST * float(np.sqrt(2 * scene.m / scene.slider.k))
 
 
 def rupture_front(first_slips: np.ndarray, n_of_i: np.ndarray, link_time: float) -> np.ndarray:
@@ -108,43 +108,44 @@ def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
     np.float64(1000.0)
     """
     t = np.asarray(rupture_times, dtype=float)[..., ::d]
-    v_c = np.full(t.shape, np.nan)
-    if t.shape[-1] >= 5:
-        increasing = _five(np.diff(t, axis=-1) > 0, 4)
-        span = t[..., 4:] - t[..., :-4]
-        v_c[..., 2:-2] = np.divide(4 * l, span, out=np.full(span.shape, np.nan), where=increasing)
+    v_c, half = np.full(t.shape, np.nan), AVERAGED // 2
+    if t.shape[-1] > AVERAGED:
+        increasing = _all_of(np.diff(t, axis=-1) > 0, AVERAGED)
+        span = t[..., AVERAGED:] - t[..., :-AVERAGED]
+        nan = np.full(span.shape, np.nan)
+        v_c[..., half:-half] = np.divide(AVERAGED * l, span, out=nan, where=increasing)
     return v_c[..., ::d]
 
 
-def first_slips(joined: pd.DataFrame, n_events: int, n_of_i: np.ndarray) -> np.ndarray:
-    """(n_events, N_x) start of the first slip of each block in each event, s, NaN where none."""
-    t = np.full(n_events * n_of_i.size, np.nan)
-    key = joined["event"].to_numpy() * n_of_i.size + joined["i"].to_numpy()
-    key, first = np.unique(key, return_index=True)
-    t[key] = joined["t_start"].to_numpy()[first]
-    return t.reshape(n_events, n_of_i.size)
+def first_slips(joined: Mapping[str, np.ndarray], n_events: int, N_x: int) -> np.ndarray:
+    """(n_events, N_x) start of the first slip of each block in each event, s, NaN where none.
+
+    Args:
+        joined: columns of episodes that are part of events, in order of time: row of the event
+            (from 0), i, t_start.
+        n_events: number of events.
+        N_x: number of columns.
+    """
+    t = np.full(n_events * N_x, np.nan)
+    at, first = np.unique(joined["row"] * N_x + joined["i"], return_index=True)
+    t[at] = joined["t_start"][first]
+    return t.reshape(n_events, N_x)
 
 
-def _five(steps: np.ndarray, width: int) -> np.ndarray:
+def _all_of(steps: np.ndarray, width: int) -> np.ndarray:
     """True where ``width`` consecutive entries along the last axis are all True."""
     return np.lib.stride_tricks.sliding_window_view(steps, width, axis=-1).all(axis=-1)
 
 
+def five_known(rupture_times: np.ndarray) -> np.ndarray:
+    """(..., N_x) whether the times are known at a block and at the two on either side of it."""
+    known, half = np.zeros(rupture_times.shape, dtype=bool), AVERAGED // 2
+    if rupture_times.shape[-1] > AVERAGED:
+        known[..., half:-half] = _all_of(np.isfinite(rupture_times), AVERAGED + 1)
+    return known
+
+
 def count_not_increasing(rupture_times: np.ndarray, d: int) -> np.ndarray:
     """(n_events,) blocks with five rupture times that do not strictly increase."""
-    if rupture_times.shape[1] < 5:
-        return np.zeros(rupture_times.shape[0], dtype=np.int64)
-    five_exist = _five(np.isfinite(rupture_times), 5).sum(axis=1)
-    return five_exist - np.isfinite(front_speed(rupture_times, 1.0, d)).sum(axis=1)
-
-
-def shares(scene: Scene, times: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n_events,) shares of each front's blocks with `RESOLVED` blocks in X_c0, and in X_c(v)."""
-    v, inside = front_speed(times, scene.slider.l, scene.d), np.isfinite(times)
-    at_rest = np.where(inside, zone_at_rest(scene, p), np.nan)
-    known = np.isfinite(at_rest), np.isfinite(at_rest) & np.isfinite(v)
-    enough = at_rest >= RESOLVED, zone_moving(scene, p, v) >= RESOLVED
-    return tuple(
-        np.divide(e.sum(axis=1), k.sum(axis=1), out=np.full(len(p), np.nan), where=k.any(axis=1))
-        for e, k in zip(enough, known, strict=True)
-    )
+    with_speed = np.isfinite(front_speed(rupture_times, 1.0, d))
+    return five_known(rupture_times).sum(axis=1) - with_speed.sum(axis=1)

@@ -470,25 +470,28 @@ class Scene:
 
     @classmethod
     def from_toml(
-        cls, source: str | os.PathLike[str], *, draws: Mapping[str, Any] | None = None
+        cls,
+        source: str | os.PathLike[str],
+        *,
+        draws: Mapping[str, Any] | None = None,
+        files: bool = True,
     ) -> Self:
         """Return the scene in a TOML file or text.
 
         Args:
-            source: path of a file, or the TOML text itself. A string with a line break is
-                taken as text, any other one as a path.
+            source: path of a file, or the text itself: a string with a line break is taken as text.
             draws: see `Scene`.
+            files: whether a friction law may name files, which are read.
 
-        Quantities are text with a unit, such as "5 mm"; any unit of the right dimension will
-        do. Pure numbers (mu_s, mu_k, theta) are bare numbers. A table `[top]` has
-        kind = "rod", "distributed" or "prescribed"; in the last one, p and tau may be lists.
+        Quantities are text with a unit that fits, such as "5 mm"; mu_s, mu_k and theta are bare
+        numbers. `[top]` has kind = "rod", "distributed" or "prescribed" (p and tau may be lists).
 
         Raises:
             SceneError: the file cannot be read, is not TOML or larger than 1 MiB, or anything in
                 it is missing, unknown, without or with a wrong unit, or out of range. All problems
                 found are listed.
         """
-        found, errors = toml.read(source)
+        found, errors = toml.read(source, files=files)
         if not errors:
             return cls(**found, draws=draws)
         name = found["name"]

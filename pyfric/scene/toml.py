@@ -106,8 +106,14 @@ def _table(part: Any, *, several: bool) -> dict[str, Any]:
     return table
 
 
-def read(source: str | os.PathLike[str]) -> tuple[dict[str, Any], list[SceneError]]:
+def read(
+    source: str | os.PathLike[str], *, files: bool = True
+) -> tuple[dict[str, Any], list[SceneError]]:
     """Return what a scene file or text holds, by the fields of a scene, and what is wrong in it.
+
+    Args:
+        source: the path of a file, or a text with a line break.
+        files: whether a friction law may name files.
 
     Raises:
         SceneError: it cannot be read, is too large or not TOML.
@@ -122,7 +128,8 @@ def read(source: str | os.PathLike[str]) -> tuple[dict[str, Any], list[SceneErro
         if section == "walls" and section not in document:
             continue
         try:
-            found[section] = _part_from(section, document.get(section), _folder(source))
+            folder = _folder(source) if files else None
+            found[section] = _part_from(section, document.get(section), folder)
         except SceneError as error:
             errors.append(error)
     return found, errors
@@ -172,8 +179,8 @@ def _folder(source: str | os.PathLike[str]) -> Path:
     return Path() if isinstance(source, str) and "\n" in source else Path(source).parent
 
 
-def _part_from(section: str, table: Any, folder: Path) -> Any:
-    """Return the part that a table of a scene file in `folder` describes."""
+def _part_from(section: str, table: Any, folder: Path | None) -> Any:
+    """Return the part that a table describes, from files in `folder` where it names some."""
     if not isinstance(table, dict):
         reason = "missing" if table is None else "not a table"
         raise SceneError(section, table, "", f"a table [{section}]", reason)

@@ -91,15 +91,18 @@ def claims(
     tell.result(claims.table(found), lambda: "\n".join(told))
 
 
-@main.command(section="Look")
-@click.argument("source", metavar="SCENE|RECORD", type=SceneName())
-@click.option(
+event_option = click.option(
     "--event",
     type=click.IntRange(1),
     required=True,
     metavar="N",
-    help="Main event (at least 4 blocks), counted from 1.",
+    help="Number of the event, from 1, as `pyfric info` and tables have it.",
 )
+
+
+@main.command(section="Look")
+@click.argument("source", metavar="SCENE|RECORD", type=SceneName())
+@event_option
 @click.option(
     "--t-end", type=Seconds(), default=1.0, help="Time of the end of a scene's run. [default: 1 s]"
 )
@@ -133,24 +136,16 @@ def movie(
     check_out(stem, overwrite, ends=(*figure_ends("interface", "field"), *films), reads=[source])
     if mp4 and not figures.has_ffmpeg():
         raise click.UsageError("--mp4 needs ffmpeg, or the extra movies; take --gif.")
-    record, row = _main_event(source, event, t_end, changes, tell)
-    files = figures.save_figure(figures.event_strip(record, row), stem)
+    record = _run_of(source, event, t_end, changes, tell)
+    files = figures.save_figure(figures.event_strip(record, event), stem)
     for end in films:
-        files.append(figures.event_movie(record, row, stem.with_name(stem.name + end)))
+        files.append(figures.event_movie(record, event, stem.with_name(stem.name + end)))
     tell.files(files)
 
 
 @main.command(section="Look")
 @click.argument("source", metavar="SCENE|RECORD", type=SceneName())
-@click.option(
-    "--event",
-    type=click.IntRange(1),
-    metavar="N",
-    help="Main event (at least 4 blocks), counted from 1.",
-)
-@click.option(
-    "--row", type=click.IntRange(0), metavar="N", help="Any event: its row in the table of events."
-)
+@event_option
 @click.option(
     "--t-end", type=Seconds(), default=1.0, help="Time of the end of a scene's run. [default: 1 s]"
 )
@@ -160,8 +155,7 @@ def movie(
 @telling
 def spacetime(
     source: str,
-    event: int | None,
-    row: int | None,
+    event: int,
     t_end: float,
     changes: tuple[str, ...],
     out: Path | None,
@@ -176,49 +170,26 @@ def spacetime(
     """
     from pyfric import figures
 
-    if (event is None) == (row is None):
-        raise click.UsageError("one of --event and --row is needed.")
-    stem = out or Path(f"spacetime_{row if event is None else event}")
+    stem = out or Path(f"spacetime_{event}")
     stem = stem.with_suffix("") if stem.suffix == ".png" else stem
     ends = figure_ends("slip_rate", "lines", "front")
     check_out(stem, overwrite, ends=ends, reads=[source])
-    if event is None:
-        record = _run_of(source, t_end, changes, tell)
-    else:
-        record, row = _main_event(source, event, t_end, changes, tell)
-    tell.files(figures.save_figure(figures.space_time(record, row), stem))
+    record = _run_of(source, event, t_end, changes, tell)
+    tell.files(figures.save_figure(figures.space_time(record, event), stem))
 
 
-def _main_event(
+def _run_of(
     source: str,
     event: int,
     t_end: float,
     changes: tuple[str, ...],
     tell: Tell,
-) -> tuple[Record, int]:
-    """Return a record and the row of its main event with this number, from 1."""
-    import numpy as np
-
-    import pyfric
-
-    record = _run_of(source, t_end, changes, tell)
-    main_events = np.flatnonzero(record.events["is_main"])
-    if event > len(main_events):
-        t = record.curve["t"].iloc[-1]
-        allowed = f"1 to {len(main_events)}, the main events up to t = {t:.4g} s"
-        if not len(main_events):
-            allowed = f"nothing: there is no main event up to t = {t:.4g} s; run on"
-        raise pyfric.SceneError("event", event, "", allowed, "no such event")
-    return record, int(main_events[event - 1])
-
-
-def _run_of(
-    source: str,
-    t_end: float,
-    changes: tuple[str, ...],
-    tell: Tell,
 ) -> Record:
-    """Return the record in a file, or that of a scene; say by which method it was made."""
+    """Return the record in a file, or that of a scene; say by which method it was made.
+
+    Raises:
+        SceneError: it has no such event.
+    """
     import pyfric
 
     if source.lower().endswith(".nc"):
@@ -229,6 +200,7 @@ def _run_of(
         scene = scene_of(source, changes)
         record = pyfric.simulate(scene, t_end, fidelity="hybrid", progress=tell.progress)
         stop_unless_complete(record, "")
+    record.row(event)
     if not tell.quiet:
         click.echo(f"{record.method}; the event again with full dynamics", err=True)
     return record

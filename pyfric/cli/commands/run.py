@@ -47,7 +47,9 @@ if TYPE_CHECKING:
 HERE = "\0"  # value of --resume without a file
 DRAWN = figure_ends("curve", "slip")
 """Ends of the names of the files of --figure."""
-TABLES = ("curve.csv", "events.csv", "episodes.csv", "stresses.csv", "columns.csv")
+TABLES = tuple(
+    f"{name}.csv" for name in ("curve", "events", "episodes", "interface", "stresses", "columns")
+)
 """Files of --csv."""
 
 

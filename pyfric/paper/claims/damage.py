@@ -58,7 +58,7 @@ def with_stress(function: Callable[[Record, np.ndarray, np.ndarray], np.ndarray]
 
     def changed(record: Record) -> Record:
         new = function(record, record.tau_after, record.p_after)
-        return dataclasses.replace(record, tau_after=new)
+        return record.replace(tau_after=new)
 
     return changed
 
@@ -112,32 +112,32 @@ def mirrored(record: Record) -> Record:
     arrays = {name: getattr(record, name)[..., ::-1] for name in (*STATES, *INITIAL)}
     arrays["rupture_times"] = record.rupture_times[:, ::-1]
     arrays["events"] = record.events.assign(at_trailing_edge=~record.events["at_trailing_edge"])
-    return dataclasses.replace(record, **arrays)
+    return record.replace(**arrays)
 
 
 def before_for_after(record: Record) -> Record:
     """Stresses after events are those before them."""
     arrays = {"tau_after": record.tau_before, "p_after": record.p_before}
-    return dataclasses.replace(record, **arrays)
+    return record.replace(**arrays)
 
 
 def loaded_for_initial(record: Record) -> Record:
     """Stresses at F_T = 0 are those before the first event."""
     arrays = {"tau_initial": record.tau_before[0], "p_initial": record.p_before[0]}
-    return dataclasses.replace(record, **arrays)
+    return record.replace(**arrays)
 
 
 def p_unchanged(record: Record) -> Record:
     """After events, p is what it was at F_T = 0."""
     p = np.broadcast_to(record.p_initial, record.p_after.shape)
-    return dataclasses.replace(record, p_after=np.array(p))
+    return record.replace(p_after=np.array(p))
 
 
 def p_shuffled(record: Record) -> Record:
     """After each event, p over its initial value is shuffled along the interface."""
     rng = np.random.default_rng(0)
     ratio = record.p_after / record.p_initial
-    return dataclasses.replace(record, p_after=rng.permuted(ratio, axis=1) * record.p_initial)
+    return record.replace(p_after=rng.permuted(ratio, axis=1) * record.p_initial)
 
 
 def fronts_shuffled(record: Record) -> Record:
@@ -164,7 +164,7 @@ def scaled_prestress(record: Record) -> Record:
         where=record.p_before > 0,
         out=np.zeros_like(record.p_before),
     )
-    return dataclasses.replace(record, tau_before=law.scaled(ratio) * record.p_before)
+    return record.replace(tau_before=law.scaled(ratio) * record.p_before)
 
 
 def _with_intervals(record: Record, change: Callable[[np.ndarray], np.ndarray]) -> Record:
@@ -174,7 +174,7 @@ def _with_intervals(record: Record, change: Callable[[np.ndarray], np.ndarray]) 
         if len(known) > 1:
             intervals = change(np.diff(one[known]))
             one[known[1:]] = one[known[0]] + np.cumsum(intervals)
-    return dataclasses.replace(record, rupture_times=times)
+    return record.replace(rupture_times=times)
 
 
 def friction(**changes: float) -> Change:

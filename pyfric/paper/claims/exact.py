@@ -95,9 +95,7 @@ def _check_elasticity(runs: Runs, stiffness: Callable[..., Any] = spring_stiffne
 def _weighed_down(record: Record) -> Record:
     """One block carries a ten-millionth of F_N more, and as much friction less."""
     share = 1e-7 * record.scene.F_N * np.eye(record.scene.N_x)[0]
-    return dataclasses.replace(
-        record, p_before=record.p_before + share, tau_before=record.tau_before - share
-    )
+    return record.replace(p_before=record.p_before + share, tau_before=record.tau_before - share)
 
 
 @row(

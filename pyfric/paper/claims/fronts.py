@@ -118,7 +118,7 @@ def _claim_13(runs: Runs) -> list[Claim]:
     table = _points(runs)
     paper, fig1 = table[table["run"] != "fig4a"], table[table["run"] == "fig4a"]
     whole = runs["fig4a"].events["L_p_over_L"] >= 1
-    fig1 = fig1[fig1["event"] <= int(np.argmax(whole))] if whole.any() else fig1
+    fig1 = fig1[fig1["event"] <= whole.idxmax()] if whole.any() else fig1
     eleven = analysis.precursors(runs["fig4a"])["event"].iloc[:11]
     first = fig1[fig1["event"] <= eleven.max()]
     pairs, one = explained(paper, "tau_over_p", "pair"), explained(paper, "tau_over_p")

@@ -44,7 +44,7 @@ def forces_apart(table: pd.DataFrame, reference: pd.DataFrame) -> np.ndarray:
 
 def reach(record: Record, event: int) -> int:
     """L_p in blocks."""
-    return round(record.events["L_p_over_L"].iloc[event] * record.scene.N_x)
+    return round(record.events["L_p_over_L"].loc[event] * record.scene.N_x)
 
 
 def corner(record: Record) -> int:
@@ -57,7 +57,7 @@ def left_behind(record: Record, events: Iterable[int] | None = None) -> pd.DataF
 
     Args:
         record: the run.
-        events: rows of its events; None means the precursors of the first loading.
+        events: numbers of its events; None means the precursors of the first loading.
 
     Returns:
         Rows of `analysis.stress_profile`; ``inner`` says whether x > h + l.

@@ -34,7 +34,7 @@ ROWS: dict[str, Row] = {}
 def _decay_length(record: Record) -> float:
     """Distance over which loading's tau falls to 1/e behind its peak, over h."""
     scene = record.scene
-    rise = analysis.stress_profile(record, 0)["tau"] - analysis.stress_profile(record)["tau"]
+    rise = analysis.stress_profile(record, 1)["tau"] - analysis.stress_profile(record)["tau"]
     rise = rise.to_numpy() / rise.max()
     peak = int(rise.argmax())
     i = peak + int(np.argmax(rise[peak:] < 1 / np.e))
@@ -315,7 +315,7 @@ def _largest(record: Record) -> float:
     sliding = analysis.system_size_events(record)["event"]
     if not len(sliding):
         return np.nan
-    return float(record.events["F_T_start"].iloc[: sliding.iloc[0] + 1].max() / record.scene.F_N)
+    return float(record.events["F_T_start"].loc[: sliding.iloc[0]].max() / record.scene.F_N)
 
 
 @row(

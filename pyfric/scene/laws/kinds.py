@@ -61,7 +61,7 @@ class FrictionLaw:
     _allowed: ClassVar[dict[str, str]] = {}
 
     @classmethod
-    def read_files(cls, table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    def read_files(cls, table: dict[str, Any], folder: Path | None) -> dict[str, Any]:
         """Return the table [interface.law] of a scene file in `folder`, with what files hold."""
         return table
 

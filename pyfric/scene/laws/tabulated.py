@@ -88,8 +88,12 @@ class TabulatedLaw(FrictionLaw):
         return cls(**lists)
 
     @classmethod
-    def read_files(cls, table: dict[str, Any], folder: Path) -> dict[str, Any]:
-        """Return the table of a scene file with lists in place of the CSV files that it names."""
+    def read_files(cls, table: dict[str, Any], folder: Path | None) -> dict[str, Any]:
+        """Return the table of a scene file with lists in place of the CSV files that it names.
+
+        Raises:
+            SceneError: a file is none, or is named where there is no folder to look in.
+        """
         rest = dict(table)
         for name in PAIRS:
             source = rest.pop(name, None)
@@ -98,6 +102,9 @@ class TabulatedLaw(FrictionLaw):
             if not isinstance(source, str):
                 allowed = "the path of a CSV file, from the scene file on"
                 raise SceneError(f"interface.law.{name}", source, "", allowed, "not text")
+            if folder is None:
+                allowed = "lists of numbers: this text names no files"
+                raise SceneError(f"interface.law.{name}", source, "", allowed, "a file")
             if twice := [column for column in PAIRS[name] if column in rest]:
                 allowed = f"either {name}, or {' and '.join(PAIRS[name])}"
                 raise SceneError(f"interface.law.{twice[0]}", rest[twice[0]], "", allowed, "twice")

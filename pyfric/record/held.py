@@ -1,0 +1,249 @@
+"""What a record holds: one table, from which file, Dataset, DataTree, CSV and page follow.
+
+Each quantity has a group, a name, dimensions, a type, a unit and a meaning. Columns of events and
+arrays over blocks enter the table where they are found (`pyfric.record.events`), by the decorators
+`event_column` and `block_array`; all others stand here.
+
+x is the distance from the trailing edge, the driven side, and events are counted from 1. Arrays run
+over blocks from left to right, whichever side is driven.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+__all__ = [
+    "GROUPS",
+    "Held",
+    "RecordError",
+    "block_array",
+    "checked",
+    "event_column",
+    "found_arrays",
+    "held_in",
+    "table",
+]
+
+Find = Callable[[Any], Any]
+Enter = Callable[[Find], Find]
+
+
+class RecordError(ValueError):
+    """A file is not a record that this version can read, or a record does not fit together."""
+
+
+class Held(NamedTuple):
+    """One quantity that a record holds.
+
+    Attributes:
+        group: one of `GROUPS`.
+        name: its name in the group.
+        dims: names of its dimensions.
+        dtype: type of its values.
+        unit, meaning: for whoever reads them.
+        required: False for what some records do not have.
+        find: what finds it, for columns of events and arrays over events and blocks.
+        late: whether that takes a whole `Record`.
+    """
+
+    group: str
+    name: str
+    dims: tuple[str, ...]
+    dtype: np.dtype
+    unit: str
+    meaning: str
+    required: bool = True
+    find: Find | None = None
+    late: bool = False
+
+    @property
+    def variable(self) -> str:
+        """Name of the variable of a file."""
+        return self.name if self.name in self.dims else GROUPS[self.group] + self.name
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Attributes of the variable of a file."""
+        return {"units": self.unit, "long_name": self.meaning}
+
+    def checked(self, values: Any) -> np.ndarray:
+        """Return values with the type that they have in a record.
+
+        Raises:
+            RecordError: they are of another kind, or have another number of dimensions.
+        """
+        array, where = np.asarray(values), f"record: {self.group}.{self.name}"
+        if array.ndim != len(self.dims):
+            raise RecordError(f"{where} has {array.ndim} dimensions, needs {len(self.dims)}")
+        if array.dtype.kind not in "biuf" or not np.can_cast(array.dtype, self.dtype):
+            raise RecordError(f"{where} holds {array.dtype}, needs {self.dtype}")
+        return array.astype(self.dtype, copy=False)
+
+
+GROUPS = {
+    "curve": "",
+    "events": "event_",
+    "episodes": "episode_",
+    "interface": "",
+    "quiet": "quiet_",
+    "switches": "switch_",
+    "final_state": "final_",
+}
+"""Group of a tree -> what the names of its variables begin with in a file."""
+_held: dict[tuple[str, str], Held] = {}
+
+
+def held_in(group: str) -> dict[str, Held]:
+    """Return what a group holds, by name, in the order of tables and files."""
+    return {name: held for (where, name), held in _held.items() if where == group}
+
+
+def found_arrays() -> dict[str, Held]:
+    """Return the arrays over events and blocks, by name."""
+    return {name: held for name, held in held_in("interface").items() if held.find}
+
+
+def event_column(unit: str, meaning: str, dtype: type = float, **how: bool) -> Enter:
+    """Enter the function below as a column of the table of events, under its own name.
+
+    It takes a `Catalogue` and returns one value for each event. With late = True it takes the
+    `Record` that holds all else; with required = False it may return None, for no such column.
+    """
+    return lambda find: _found("events", ("event",), dtype, unit, meaning, find, **how)
+
+
+def block_array(unit: str, meaning: str, dtype: type = float) -> Enter:
+    """Enter the function below as an array over events and blocks, under its own name.
+
+    It takes a `Catalogue` and returns an array of shape (n_events, N_x), blocks from left to right.
+    It is an attribute of every record.
+    """
+    return lambda find: _found("interface", ("event", "x"), dtype, unit, meaning, find)
+
+
+def _found(
+    group: str, dims: tuple[str, ...], dtype: type, unit: str, meaning: str, find: Find, **how: bool
+) -> Find:
+    _enter(Held(group, find.__name__, dims, np.dtype(dtype), unit, meaning, find=find, **how))
+    return find
+
+
+def checked(
+    group: str,
+    values: Mapping[str, Any] | pd.DataFrame,
+    sizes: dict[str, int],
+    names: Iterable[str] | None = None,
+) -> dict[str, np.ndarray]:
+    """Return what a group holds, in order and with the types that it has in records.
+
+    Args:
+        group: one of `GROUPS`.
+        values: arrays by name.
+        sizes: sizes of dimensions; those that are not known yet are added.
+        names: what is expected; None is the whole group.
+
+    Raises:
+        RecordError: something is missing, unknown, or of another type or size; it names what.
+    """
+    known = held_in(group)
+    known = known if names is None else {name: known[name] for name in names}
+    for name in values:
+        if name not in known:
+            raise RecordError(f"record: no record holds {group}.{name}")
+    found = {}
+    for name, held in known.items():
+        if name in values:
+            found[name] = held.checked(values[name])
+            for dim, size in zip(held.dims, found[name].shape, strict=True):
+                if sizes.setdefault(dim, size) != size:
+                    reason = f"has shape {found[name].shape}, needs {sizes[dim]} along {dim}"
+                    raise RecordError(f"record: {group}.{name} {reason}")
+        elif held.required:
+            raise RecordError(f"record: {group}.{name} is missing")
+    return found
+
+
+def table(group: str, columns: Mapping[str, Any] | pd.DataFrame) -> pd.DataFrame:
+    """Return a group as a table; events are counted from 1.
+
+    Raises:
+        RecordError: see `checked`.
+    """
+    frame = pd.DataFrame(checked(group, columns, {}))
+    if group == "events":
+        frame.index = pd.RangeIndex(1, len(frame) + 1, name="event")
+    return frame
+
+
+def _enter(held: Held) -> None:
+    if (held.group, held.name) in _held:
+        raise ValueError(f"{held.group}.{held.name} is held already")
+    _held[held.group, held.name] = held
+
+
+TABLE = """
+curve     t       t                   f8 s   time
+curve     t       F_T                 f8 N   tangential force of the driver
+curve     t       kinetic_blocks?     f8 J   kinetic energy of the blocks
+curve     t       kinetic_rod?        f8 J   kinetic energy of the rod
+curve     t       elastic_bonds?      f8 J   elastic energy of the bonds
+curve     t       elastic_foundation? f8 J   elastic energy of the foundation
+curve     t       elastic_mattress?   f8 J   elastic energy of the mattress, in a chain of k_top
+curve     t       elastic_driver?     f8 J   elastic energy of the driver's spring
+curve     t       work_driver?        f8 J   work of the driver's motion
+curve     t       work_load?          f8 J   work of the forces on the top
+curve     t       dissipated_bonds?   f8 J   heat of the dashpots of the bonds
+curve     t       friction_heat?      f8 J   heat of friction
+curve     t       switching_loss?     f8 J   kinetic energy removed where a switch stops a block
+curve     t       weakening_heat?     f8 J   heat of friction above mu_k p
+curve     t       viscous_heat?       f8 J   heat of the viscosity of slip
+curve     t       drive?              f8 m   displacement of the driver
+curve     t       L_p_over_L?         f8 1   length slipped or open from the trailing edge, over L
+episodes  episode n                   i8 1   number of the block, 1 at the trailing edge
+episodes  episode i                   i8 1   column of the block, 0 at the left
+episodes  episode t_start             f8 s   time at the start
+episodes  episode t_stop              f8 s   time at the end, NaN while slip goes on
+episodes  episode step_start          i8 1   time step at the start, -1 for before the log
+episodes  episode step_stop           i8 1   time step at the end, -1 while slip goes on
+episodes  episode u_x_start           f8 m   tangential displacement at the start
+episodes  episode u_x_stop            f8 m   tangential displacement at the end
+episodes  episode slip                f8 m   displacement meanwhile, positive to the right
+episodes  episode direction           i4 1   direction of slip at the start, +1 to the right
+episodes  episode reversals           i8 1   changes of direction
+episodes  episode corner              ?  1   starts with almost no contact force: in no event
+episodes  episode p_start             f8 N   contact force at the start
+episodes  episode event               i8 1   number of the event, 0 for none
+interface event   event               i8 1   number of the event, from 1
+interface x       x                   f8 m   distance from the trailing edge along the interface
+interface x       n                   i8 1   number of the block, 1 at the trailing edge
+interface x       drawn_mu_s?         f8 1   static friction coefficient as drawn
+interface x       drawn_mu_k?         f8 1   kinetic friction coefficient as drawn
+interface x       drawn_d_c?          f8 m   slip over which friction weakens, as drawn
+interface x       drawn_alpha?        f8 N_s/m viscosity of slip as drawn
+interface x       drawn_k_f?          f8 N/m stiffness of the foundation as drawn
+interface x       tau_initial         f8 N   friction force at t = 0
+interface x       p_initial           f8 N   contact force at t = 0
+quiet     quiet   step                i8 1   time step
+quiet     quiet   t                   f8 s   time
+quiet     quiet   kind                i4 1   +1 slip begins, -1 slip ends, corner slip left out
+quiet     quiet   F_T                 f8 N   tangential force of the driver
+quiet     quiet,x u_x                 f8 m   tangential displacement of the bottom row
+quiet     quiet,x mode                i4 1   contact: 0 stuck, +1/-1 slips right/left, 2 open
+switches  switch  step                i8 1   time step
+switches  switch  block               i8 1   column of the block, 0 at the left
+switches  switch  old                 i4 1   contact before: 0 stuck, +1/-1 slips, 2 open
+switches  switch  new                 i4 1   contact after
+switches  switch  corner              ?  1   the slip is a corner episode
+switches  switch  t                   f8 s   time
+switches  switch  u_x                 f8 m   tangential displacement
+switches  switch  p                   f8 N   contact force
+"""
+"""Group, dimensions, name (with "?" if some records lack it), type, unit and meaning."""
+for _row in TABLE.strip().splitlines():
+    _group, _dims, _name, _dtype, _unit, _meaning = _row.split(maxsplit=5)
+    _where = _group, _name.rstrip("?"), tuple(_dims.split(",")), np.dtype(_dtype)
+    _enter(Held(*_where, _unit.replace("_", " "), _meaning, required=_name[-1] != "?"))

@@ -1,0 +1,282 @@
+"""A record as file, Dataset, DataTree and tables of text, all from one table (`held`).
+
+A file is netCDF 4 and opens with any netCDF reader; `xarray.open_dataset` shows every variable with
+its unit and meaning. Its attributes:
+
+``pyfric_schema``
+    Version of this layout. A file with another one is refused.
+``scene``
+    The scene as TOML text. It is parsed, and names no file that would be opened.
+``status``
+    "complete", "interrupted", "failed: reason", or "ended ..." where an engine had no way on.
+``method``, ``versions``, ``timings``, ``counts``, ``notes``, ``errors``
+    JSON.
+
+Variables of the curve and of the interface carry their plain names, those of the other groups begin
+with ``event_``, ``episode_``, ``quiet_``, ``switch_`` and ``final_``. Numbers are stored as they
+are in memory, so that a loaded record equals the saved one bit for bit. The last line of the file
+is the SHA-256 of all before it, which readers of netCDF do not see.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import pydantic
+
+from pyfric.core import State, StateError
+from pyfric.record.errors import Errors
+from pyfric.record.held import GROUPS, Held, RecordError, checked, found_arrays, held_in
+from pyfric.record.method import Method
+from pyfric.scene import Scene, SceneError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from pyfric.record.netcdf import Variable
+    from pyfric.record.record import Record
+
+__all__ = ["SCHEMA", "attributes", "csv_tables", "dataset", "datatree", "fields", "grouped"]
+
+SCHEMA = 7
+"""Version of the file layout that this module writes and reads."""
+DRAWN = "drawn_"
+"""Begins the names of fields of the interface as they were drawn, on x."""
+SHOWN = ("curve", "events", "interface")
+"""Groups of a Dataset: what happened, without the logs that it was found from."""
+PLAIN = ("curve", "events", "episodes", "quiet", "switches")
+"""Groups that are fields of a record."""
+CSV = {
+    ("curve", ("t",)): "curve",
+    ("events", ("event",)): "events",
+    ("episodes", ("episode",)): "episodes",
+    ("interface", ("x",)): "interface",
+    ("interface", ("event", "x")): "stresses",
+}
+"""Group and dimensions -> the CSV file that holds them."""
+COUNTED = {name: held_in("interface")[name] for name in ("event", "n")}
+"""What rows of events, and of stresses, are counted by."""
+TEXTS = {
+    "method": Method,
+    "versions": dict[str, str],
+    "timings": dict[str, float],
+    "counts": dict[str, int | float],
+    "notes": tuple[str, ...],
+    "errors": Errors | None,
+}
+"""Attributes that are JSON -> what they hold."""
+
+
+def held_by(record: Record) -> Iterator[tuple[Held, np.ndarray]]:
+    """Yield all that a record holds, in the order of files."""
+    scene = record.scene
+    coordinates = {
+        "event": record.events.index,
+        "x": (scene.n_of_i - 1) * scene.slider.l,
+        "n": scene.n_of_i,
+        "tau_initial": record.tau_initial,
+        "p_initial": record.p_initial,
+    }
+    drawn = {DRAWN + name: np.array(v)[scene.n_of_i - 1] for name, v in scene.drawn.items()}
+    groups: dict[str, Mapping[str, Any]] = {
+        "curve": record.curve,
+        "events": record.events,
+        "episodes": record.episodes,
+        "interface": coordinates | drawn | record.arrays,
+        "quiet": record.quiet,
+        "switches": record.switches,
+    }
+    for group, values in groups.items():
+        for name, held in held_in(group).items():
+            if name in values:
+                yield held, np.asarray(values[name])
+    state = record.final_state
+    for name, value in ({} if state is None else state.values()).items():
+        yield _of_state(name, np.asarray(value)), np.asarray(value)
+
+
+def _of_state(name: str, values: np.ndarray) -> Held:
+    """Return what is said of a part of the final state, which `State` describes."""
+    dims = tuple(f"final_{name}_{axis}" for axis in range(values.ndim))
+    return Held("final_state", name, dims, values.dtype, "SI", f"{name} of the final state")
+
+
+# --- out -----------------------------------------------------------------------------------------
+
+
+def attributes(record: Record) -> dict[str, Any]:
+    """Return the attributes of a file."""
+    texts = {name: json.dumps(getattr(record, name), default=_plain) for name in TEXTS}
+    same = {"scene": record.scene.to_toml(), "status": record.status}
+    return {**_titles(record), "pyfric_schema": SCHEMA, **same, **texts}
+
+
+def _titles(record: Record) -> dict[str, str]:
+    title = f"pyfric record: {record.scene.name or 'unnamed scene'}"
+    return {"title": title, "Conventions": "CF-1.11"}
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON can hold of dataclasses and mappings."""
+    return vars(value) if dataclasses.is_dataclass(value) else dict(value)
+
+
+def variables(record: Record) -> dict[str, Variable]:
+    """Return the variables of a file, by name."""
+    found = {}
+    for held, values in held_by(record):
+        beside = {"coordinates": "n"} if "x" in held.dims and held.name != "n" else {}
+        found[held.variable] = held.dims, values, held.labels | beside
+    return found
+
+
+def dataset(record: Record) -> xr.Dataset:
+    """Return curve, events and interface as a Dataset; see `Record.to_xarray`."""
+    import xarray as xr  # slow to import
+
+    shown = {
+        held.variable: (held.dims, values, held.labels)
+        for held, values in held_by(record)
+        if held.group in SHOWN
+    }
+    coordinates = {name: shown.pop(name) for name in ("t", "event", "x", "n")}
+    about = {
+        **_titles(record),
+        "scene": record.scene.to_toml(),
+        "method": str(record.method),
+        "status": record.status,
+        "notes": "\n".join(record.notes),
+        "pyfric": record.versions.get("pyfric", ""),
+    }
+    return xr.Dataset(shown, coordinates, about)
+
+
+def datatree(record: Record) -> xr.DataTree:
+    """Return all of a record as a DataTree; see `Record.to_datatree`."""
+    import xarray as xr  # slow to import
+
+    groups: dict[str, dict[str, Any]] = {group: {} for group in GROUPS}
+    for held, values in held_by(record):
+        groups[held.group][held.name] = held.dims, values, held.labels
+    root = xr.Dataset(attrs=attributes(record))
+    return xr.DataTree.from_dict({"/": root} | {k: xr.Dataset(v) for k, v in groups.items()})
+
+
+def csv_tables(record: Record) -> dict[str, pd.DataFrame]:
+    """Return the tables of `Record.to_csv` by name; columns.csv says what all others hold."""
+    tables: dict[str, dict[str, np.ndarray]] = {name: {} for name in CSV.values()}
+    meanings = []
+    for held, values in held_by(record):
+        if (name := CSV.get((held.group, held.dims))) is not None:
+            tables[name][held.name] = values.ravel()
+            meanings.append((name, held.name, held.unit, held.meaning))
+    events, blocks = record.events.index, record.scene.n_of_i
+    rows = {"events": events, "stresses": pd.MultiIndex.from_product([events, blocks])}
+    frames = {name: pd.DataFrame(columns) for name, columns in tables.items()}
+    for name, index in rows.items():
+        names = [*COUNTED][: index.nlevels]
+        frames[name] = frames[name].set_index(index.set_names(names)).reset_index()
+        meanings += [(name, one, COUNTED[one].unit, COUNTED[one].meaning) for one in names]
+    columns = pd.DataFrame(meanings, columns=["table", "column", "unit", "meaning"])
+    return frames | {"columns": columns}
+
+
+# --- in ------------------------------------------------------------------------------------------
+
+
+def grouped(values: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
+    """Return the variables of a file by group and name.
+
+    Raises:
+        RecordError: no record holds a variable of that name.
+    """
+    known = {held.variable: held for group in GROUPS for held in held_in(group).values()}
+    groups: dict[str, dict[str, np.ndarray]] = {group: {} for group in GROUPS}
+    for variable, array in values.items():
+        if variable in known:
+            groups[known[variable].group][known[variable].name] = array
+        elif variable.startswith(GROUPS["final_state"]):
+            groups["final_state"][variable.removeprefix(GROUPS["final_state"])] = array
+        else:
+            raise RecordError(f"{variable}: no record holds a variable of this name")
+    return groups
+
+
+def fields(
+    attributes: Mapping[str, Any], groups: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Return the fields of a record from the attributes and groups of a file or tree.
+
+    Raises:
+        RecordError: a text, the scene or the state is damaged; it names the field.
+        KeyError: a group is missing.
+    """
+    sizes: dict[str, int] = {}
+    interface = checked("interface", groups["interface"], sizes)
+    known = {name: _text(attributes, name) for name in ("scene", "status", *TEXTS)}
+    scene = _scene(known["scene"], interface)
+    return {
+        "scene": scene,
+        "status": known["status"],
+        **{name: _from_json(name, known[name]) for name in TEXTS},
+        **{name: checked(name, groups[name], sizes) for name in PLAIN},
+        "arrays": {name: interface[name] for name in found_arrays()},
+        **{name: interface[name] for name in ("tau_initial", "p_initial")},
+        "final_state": _state(groups["final_state"], scene),
+    }
+
+
+def _text(attributes: Mapping[str, Any], name: str) -> str:
+    if not isinstance(attributes.get(name), str):
+        reason = "is not text" if name in attributes else "is missing"
+        raise RecordError(f"attribute {name} {reason}")
+    return attributes[name]
+
+
+@functools.cache
+def _adapter(name: str) -> pydantic.TypeAdapter[Any]:
+    return pydantic.TypeAdapter(TEXTS[name])
+
+
+def _from_json(name: str, text: str) -> Any:
+    try:
+        return _adapter(name).validate_json(text, strict=True)
+    except pydantic.ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        where = ".".join([name, *map(str, first["loc"])])
+        raise RecordError(f"attribute {where}: {first['msg']}") from None
+
+
+def _scene(text: str, interface: Mapping[str, np.ndarray]) -> Scene:
+    """Return the scene of a file, whose fields are not drawn again."""
+    first = np.argsort(interface["n"])  # from the trailing edge on
+    drawn = {k.removeprefix(DRAWN): v[first] for k, v in interface.items() if k.startswith(DRAWN)}
+    try:
+        scene = Scene.from_toml(f"{text}\n", draws=drawn, files=False)
+    except SceneError as error:
+        raise RecordError(f"attribute scene: {error}") from None
+    if not np.array_equal(interface["n"], scene.n_of_i):
+        raise RecordError("n does not number the blocks of the scene from the trailing edge")
+    return scene
+
+
+def _state(values: Mapping[str, np.ndarray], scene: Scene) -> State | None:
+    """Return the final state."""
+    if not values:
+        return None
+    plain = {name: v.item() if v.ndim == 0 else v for name, v in values.items()}
+    try:
+        state = State.of(plain)
+        state.check(scene.N_x, scene.N_z)
+    except (StateError, TypeError, ValueError, AttributeError, LookupError) as error:
+        raise RecordError(f"final_state: {error}") from None
+    if state.memory.dtype != scene.law.memory:
+        names = ", ".join(scene.law.memory.names or ())
+        raise RecordError(f"final_state holds other numbers of blocks than its law, {names}")
+    return state

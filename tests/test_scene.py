@@ -33,7 +33,7 @@ from pyfric.scene import (
     setup2,
 )
 from pyfric.scene.parts import MAX_BLOCKS
-from pyfric.scene.presets import run1, run4
+from pyfric.scene.presets import settings as names_of
 from pyfric.scene.toml import MAX_FILE
 from pyfric.scene.units import LARGEST, SMALLEST
 from pyfric.statics import loaded_state
@@ -135,12 +135,12 @@ def test_setup2_has_the_values_of_the_paper(name, theta):
 
 
 def test_wave_speeds_of_the_paper_follow_at_both_lengths():
-    for scene in (setup1(), run4()):
+    for scene in (setup1(), preset("run4")):
         c = scene.slider.l * math.sqrt(scene.slider.k / scene.m)
         # The lattice has one row and column more than L/l and H/l, hence the few per cent.
         assert math.sqrt(1.5) * c == pytest.approx(1677, rel=0.04)
         assert math.sqrt(0.5) * c == pytest.approx(968, rel=0.04)
-    assert run4(M=0.0756).slider.M == 0.0756
+    assert preset("run4", M=0.0756).slider.M == 0.0756
 
 
 def test_changing_l_keeps_k_and_the_mass():
@@ -181,7 +181,7 @@ def test_given_eta_and_k_f_are_used():
 
 
 def test_scenes_are_immutable_hashable_and_copied_exactly():
-    scene = run1()
+    scene = preset("run1")
     with pytest.raises(AttributeError):
         scene.name = "x"
     with pytest.raises(AttributeError):
@@ -189,7 +189,7 @@ def test_scenes_are_immutable_hashable_and_copied_exactly():
     assert hash(scene) == hash(copy.deepcopy(scene))
     assert pickle.loads(pickle.dumps(scene)) == scene
     with pytest.raises(TypeError):
-        PRESETS["mine"] = run1
+        PRESETS["mine"] = PRESETS["run1"]
 
 
 def test_numpy_and_integer_scalars_become_plain_floats():
@@ -231,7 +231,9 @@ awkward = st.floats(1e-3, 1e3, allow_nan=False)
     V=awkward | st.just(0.0),
     mu=st.tuples(st.floats(0.0, 1e20), st.floats(0.0, 1.0)),
     side=st.sampled_from(["left", "right"]),
-    name=st.text(st.characters(exclude_categories=["Cs"]), max_size=200),
+    name=st.text(
+        st.characters(codec="utf-8", categories=["L", "M", "N", "P", "S", "Zs"]), max_size=200
+    ),
     data=st.data(),
 )
 def test_every_scene_round_trips_exactly(
@@ -459,7 +461,7 @@ def test_theta_outside_its_range(theta):
         ('"rod"', '"rods"', "top.kind", "rods", "", "did you mean 'rod'?"),
         ('"rod"', "1", "top.kind", 1, "", "not text"),
         ('kind = "rod"', "", "top.kind", None, "", "missing"),
-        ('"good"', "5", "name", 5, "", "string"),
+        ('"good"', "5", "name", 5, "", "not text"),
     ],
 )
 def test_refused_texts(old, new, field, value, unit, reason):
@@ -503,7 +505,7 @@ def test_parts_of_the_wrong_type():
     assert (error.field, error.allowed) == ("interface", "an Interface")
     error = refused(lambda: dataclasses.replace(good, top=good.driver))
     assert (error.field, error.allowed) == ("top", "a Rod, a DistributedLoad or a PrescribedLoad")
-    assert refused(lambda: Slider(Length=1.0)).flat()[-1].reason.endswith("did you mean 'L'?")
+    assert refused(lambda: Slider(Length=1.0)).flat()[0].reason.endswith("did you mean 'L'?")
     assert refused(lambda: Scene(good.slider)).field
     for name in ("\ud800", "x" * 201):
         assert refused(lambda name=name: dataclasses.replace(good, name=name)).field == "name"
@@ -514,7 +516,7 @@ def test_unknown_presets():
     assert (error.field, error.value) == ("preset", "run5")
     assert "run4" in error.allowed
     assert "did you mean 'mu_s'?" in str(refused(lambda: preset("run1", mus=0.5)))
-    assert preset("run1", h=7.5e-3) == run1(h=7.5e-3)
+    assert preset("run1", h=7.5e-3) == setup1(mu_s=0.5, mu_k=0.2, h=7.5e-3, name="run1")
     assert preset("fig1", name="x").name == "x"
     for other in (None, 1, [], b"fig1"):
         assert "run4" in refused(lambda other=other: preset(other)).allowed
@@ -526,7 +528,7 @@ def test_words_that_are_not_alike_are_no_hint():
     assert (error.field, error.reason) == ("top.theta", "unknown")
     assert "did you mean" not in str(refused(lambda: preset("???")))
     error = refused(lambda: preset("fig1", theta=0.5))  # which is no eta either
-    assert (error.field, error.reason) == ("theta", "unknown here, known to setup2")
+    assert (error.field, error.reason) == ("theta", "unknown here, a field of DistributedLoad")
 
 
 def test_a_number_without_unit_is_shown_as_it_stands():
@@ -730,7 +732,7 @@ def test_random_quantities(text):
 @settings(max_examples=200)
 @given(
     st.dictionaries(
-        st.sampled_from(list(setup1.__kwdefaults__)),
+        st.sampled_from(names_of("setup1")),
         st.floats() | st.integers() | st.fractions() | st.text(max_size=5) | st.none()
         | st.complex_numbers() | st.binary(max_size=3) | st.booleans()
         | st.builds(np.float32, st.floats(width=32)) | st.lists(st.floats(), max_size=2)

@@ -1,7 +1,9 @@
 """What is simulated: parts, scenes, presets, units, geometry."""
 
 from pyfric.scene import laws
+from pyfric.scene.change import field_names, full_name
 from pyfric.scene.checked import quantities
+from pyfric.scene.errors import SceneError, nearest, unknown
 from pyfric.scene.files import (
     check_writable,
     clean_drafts,
@@ -31,7 +33,6 @@ from pyfric.scene.presets import (
     names_file,
     paper_step,
     preset,
-    run3,
     settings,
     setup1,
     setup2,
@@ -51,14 +52,7 @@ from pyfric.scene.signals import (
     saved_first,
 )
 from pyfric.scene.spread import Spread
-from pyfric.scene.units import (
-    SceneError,
-    check_number,
-    nearest,
-    parse_quantity,
-    range_text,
-    unknown,
-)
+from pyfric.scene.units import check_number, parse_quantity, range_text
 from pyfric.scene.version import __version__
 
 __all__ = [
@@ -94,7 +88,9 @@ __all__ = [
     "commanded",
     "default_geometry",
     "drafts",
+    "field_names",
     "forget",
+    "full_name",
     "held_back",
     "laws",
     "legs",
@@ -108,7 +104,6 @@ __all__ = [
     "quantities",
     "raise_if_asked",
     "range_text",
-    "run3",
     "saved_first",
     "sealed",
     "settings",

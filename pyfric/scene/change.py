@@ -1,45 +1,96 @@
-"""A scene with other values: names of fields, with or without their part, and quantities."""
+"""Names of the fields of a scene, and the scene with other values."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from pyfric.scene.units import SceneError, unknown
+from pyfric.scene.errors import SceneError, unknown
+from pyfric.scene.parts import DistributedLoad, PrescribedLoad, Rod
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pyfric.scene.scene import Scene
 
-__all__ = ["changed"]
+__all__ = ["PARTS", "changed", "field_names", "full_name"]
 
 PARTS = ("slider", "top", "driver", "interface", "walls")
 
 
-def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
-    """Return the scene with these values; see `Scene.replace`."""
-    whole = {one.name for one in dataclasses.fields(scene)}
-    new: dict[str, Any] = {name: value for name, value in changes.items() if name in whole}
-    inside: dict[str, dict[str, Any]] = {}
-    for name, value in changes.items():
-        if name not in whole:
-            part, field = _place(scene, name, value)
-            inside.setdefault(part, {})[field] = value
-    for part, values in inside.items():
-        new[part] = dataclasses.replace(new.get(part, getattr(scene, part)), **values)
-    return dataclasses.replace(scene, **new)
+def field_names(parts: Any) -> list[str]:
+    """Return the dotted names of all fields of a scene, those of its parts before those inside.
+
+    Args:
+        parts: a scene, or a mapping of `PARTS`.
+    """
+    level = parts if isinstance(parts, Mapping) else {p: getattr(parts, p) for p in PARTS}
+    names: list[str] = []
+    while level:  # parts, then what they hold, such as a law or a `Spread`
+        level = {
+            f"{name}.{field.name}": getattr(part, field.name)
+            for name, part in level.items()
+            if dataclasses.is_dataclass(part) and not isinstance(part, type)
+            for field in dataclasses.fields(part)
+        }
+        names += level
+    return names
 
 
-def _place(scene: Scene, name: str, value: Any) -> tuple[str, str]:
-    """Return the part and the field that a name such as "h" or "driver.h" stands for."""
-    fields = {p: [one.name for one in dataclasses.fields(getattr(scene, p))] for p in PARTS}
-    dotted = {f"{part}.{one}": (part, one) for part in PARTS for one in fields[part]}
-    found = [place for key, place in dotted.items() if name in (key, place[1])]
+def full_name(parts: Any, name: str, value: Any = None) -> str:
+    """Return the dotted name that the end of one, such as "h" or "law.B", stands for.
+
+    Args:
+        parts: see `field_names`.
+        name: a dotted name, or its end; a field of a part goes before what lies inside fields.
+        value: what it is to become, for the error.
+
+    Raises:
+        SceneError: no field has this name, or several have.
+    """
+    names = field_names(parts)
+    found = [full for full in names if f".{full}".endswith(f".{name}")]
+    found = [full for full in found if full.count(".") == found[0].count(".")]
     if len(found) == 1:
         return found[0]
     if found:
-        parts = " or ".join(f"{part}.{field}" for part, field in found)
-        raise SceneError(name, value, "", parts, "is in several parts")
-    known = dict.fromkeys([*dotted, *(field for _, field in dotted.values())])
-    raise unknown(name, value, name, known)
+        raise SceneError(name, value, "", " or ".join(found), "is in several parts")
+    ends = dict.fromkeys([*names, *(full.partition(".")[2] for full in names)])
+    for top in (Rod, DistributedLoad, PrescribedLoad):  # a word that is not spelled wrong
+        if name.removeprefix("top.") in {field.name for field in dataclasses.fields(top)}:
+            reason = f"unknown here, a field of {top.__name__}"
+            raise SceneError(name, value, "", f"one of {', '.join(ends)}", reason)
+    raise unknown(name, value, name, ends)
+
+
+def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
+    """Return the scene with these values; see `Scene.replace`."""
+    whole = {field.name for field in dataclasses.fields(scene)}
+    parts = {part: changes.get(part, getattr(scene, part)) for part in PARTS}
+    inside: dict[str, Any] = {}
+    for name, value in changes.items():
+        if name not in whole:
+            *path, last = full_name(parts, name, value).split(".")
+            place = inside
+            for step in path:
+                place = place.setdefault(step, _Inside())
+                if not isinstance(place, _Inside):
+                    raise SceneError(name, value, "", "one of both", "given as a whole, too")
+            place[last] = value
+    for part, values in inside.items():
+        parts[part] = _with(parts[part], values)
+    given = {name: value for name, value in changes.items() if name in whole}
+    return dataclasses.replace(scene, **given | parts)
+
+
+class _Inside(dict[str, Any]):
+    """New values of fields of a part."""
+
+
+def _with(part: Any, values: Mapping[str, Any]) -> Any:
+    return dataclasses.replace(
+        part,
+        **{
+            name: _with(getattr(part, name), value) if isinstance(value, _Inside) else value
+            for name, value in values.items()
+        },
+    )

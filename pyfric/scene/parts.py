@@ -8,14 +8,13 @@ from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-import pydantic
 
-from pyfric.scene.checked import NotNegative, Positive, Quantity, part
-from pyfric.scene.laws import FrictionLaw, Means, Tables, check_tables
+from pyfric.scene.checked import NotNegative, OneOf, Positive, Quantity, part
+from pyfric.scene.errors import SceneError
+from pyfric.scene.laws import KINDS, FrictionLaw, Means, Tables, check_tables
 from pyfric.scene.laws.weakening import LinearWeakening
-from pyfric.scene.protocol import Corners, Course
+from pyfric.scene.protocol import Corners, Protocol
 from pyfric.scene.spread import Spread
-from pyfric.scene.units import SceneError
 
 __all__ = [
     "CHAIN_NOTE",
@@ -28,6 +27,7 @@ __all__ = [
     "PrescribedLoad",
     "Rod",
     "Slider",
+    "Top",
     "Walls",
     "steps_in",
 ]
@@ -43,6 +43,7 @@ FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f")
 Field = float | tuple[float, ...] | Spread
 """A number, a number for each block from the trailing edge on, or random ones."""
 _field = {"listed": True, "drawn": Spread, "note": FIELD_NOTE}
+_law = OneOf(FrictionLaw, kinds=KINDS, allowed="a friction law, such as pyfric.laws.Ageing")
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
 
 
@@ -82,7 +83,6 @@ class Slider:
     dashpots: Literal["full", "along"] = "full"
 
     _section: ClassVar[str] = "slider"
-    _allowed: ClassVar[dict[str, str]] = {"dashpots": "'full' or 'along'"}
 
     def __post_init__(self) -> None:
         errors = []
@@ -116,8 +116,17 @@ class Slider:
         return self.M / (self.N_x * self.N_z)
 
 
+class Top:
+    """A top boundary; as it stands, without rod, springs, shear forces and protocols."""
+
+    mass = mattress = k_top = T = 0.0
+    protocol = T_protocol = ()
+
+    _section: ClassVar[str] = "top"
+
+
 @part
-class Rod:
+class Rod(Top):
     """Top boundary of setup 1: the top row is glued to a rigid rod that can tilt.
 
     Args:
@@ -137,15 +146,13 @@ class Rod:
     F_N: Annotated[float, Positive("N")]
     mass: Annotated[float, NotNegative("kg")] = 0.0756
     mattress: Annotated[float, NotNegative("N/m")] = 0.4e6
-    protocol: Annotated[Corners, Course("N", gt=0.0)] = ()
+    protocol: Annotated[Corners, Protocol("N", gt=0.0)] = ()
 
     kind: ClassVar[str] = "rod"
-    _section: ClassVar[str] = "top"
-    _allowed: ClassVar[dict[str, str]] = {}
 
 
 @part
-class DistributedLoad:
+class DistributedLoad(Top):
     """Top boundary of setup 2: a free top row under vertical forces.
 
     The block with number n from the trailing edge carries
@@ -169,16 +176,14 @@ class DistributedLoad:
     F_N: Annotated[float, Positive("N")]
     theta: Annotated[float, Quantity("", ge=-1.0, le=1.0)] = 0.0
     T: Annotated[float, Quantity("N")] = 0.0
-    protocol: Annotated[Corners, Course("N", gt=0.0)] = ()
-    T_protocol: Annotated[Corners, Course("N")] = ()
+    protocol: Annotated[Corners, Protocol("N", gt=0.0)] = ()
+    T_protocol: Annotated[Corners, Protocol("N")] = ()
 
     kind: ClassVar[str] = "distributed"
-    _section: ClassVar[str] = "top"
-    _allowed: ClassVar[dict[str, str]] = {}
 
 
 @part
-class PrescribedLoad:
+class PrescribedLoad(Top):
     """A prescribed interface: the forces on its blocks.
 
     Sequences have N_x numbers, from the trailing edge on; they become tuples. A block of the bottom
@@ -211,8 +216,6 @@ class PrescribedLoad:
     k_top: Annotated[float, NotNegative("N/m")] = 0.0
 
     kind: ClassVar[str] = "prescribed"
-    _section: ClassVar[str] = "top"
-    _allowed: ClassVar[dict[str, str]] = {}
 
 
 @part
@@ -242,11 +245,6 @@ class Walls:
     top: Literal["free", "held", "mirrored", "absorbing"] = "free"
 
     _section: ClassVar[str] = "walls"
-    _allowed: ClassVar[dict[str, str]] = {
-        "left": "'free', 'mirrored' or 'absorbing'",
-        "right": "'free', 'mirrored' or 'absorbing'",
-        "top": "'free', 'held', 'mirrored' or 'absorbing'",
-    }
 
 
 @part
@@ -275,10 +273,9 @@ class Driver:
     V: Annotated[float, NotNegative("m/s")]
     h: Annotated[float, NotNegative("m", note=", a multiple of l up to H")]
     side: Literal["left", "right"] = "left"
-    protocol: Annotated[Corners, Course("m/s")] = ()
+    protocol: Annotated[Corners, Protocol("m/s")] = ()
 
     _section: ClassVar[str] = "driver"
-    _allowed: ClassVar[dict[str, str]] = {"side": "'left' or 'right'"}
 
     @property
     def fastest(self) -> float:
@@ -320,10 +317,9 @@ class Interface:
     k_f: Annotated[Field | None, Positive("N/m", optional=True, **_field)] = None
     d_c: Annotated[Field, NotNegative("m", **_field)] = 0.0
     alpha: Annotated[Field, NotNegative("N s/m", **_field)] = 0.0
-    law: pydantic.InstanceOf[FrictionLaw] = LinearWeakening()
+    law: Annotated[FrictionLaw, _law] = LinearWeakening()
 
     _section: ClassVar[str] = "interface"
-    _allowed: ClassVar[dict[str, str]] = {"law": "a friction law, such as pyfric.laws.Ageing"}
 
     def __post_init__(self) -> None:
         numbers = isinstance(self.mu_k, float) and isinstance(self.mu_s, float)

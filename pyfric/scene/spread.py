@@ -4,8 +4,8 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from pyfric.scene.checked import NotNegative, part
-from pyfric.scene.units import SceneError
+from pyfric.scene.checked import NotNegative, Whole, part
+from pyfric.scene.errors import SceneError
 
 __all__ = ["Spread"]
 
@@ -42,18 +42,12 @@ class Spread:
     range: Annotated[float | None, NotNegative("", optional=True)] = None
     distribution: Literal["normal", "uniform"] | None = None
     correlation_length: Annotated[float, NotNegative("m")] = 0.0
-    seed: int = 0
+    seed: Annotated[int, Whole(2**64 - 1)] = 0
 
     _section: ClassVar[str] = "spread"
-    _allowed: ClassVar[dict[str, str]] = {
-        "distribution": "'normal' or 'uniform'",
-        "seed": "a whole number from 0 to 2^64 - 1",
-    }
     in_unit: ClassVar[tuple[str, ...]] = ("mean", "std", "range")
 
     def __post_init__(self) -> None:
-        if not 0 <= self.seed < 2**64:
-            raise SceneError("spread.seed", self.seed, "", self._allowed["seed"])
         if (self.std is None) == (self.range is None):
             raise SceneError("spread.std", self.std, "", "either std or range", "one is needed")
         asked = "normal" if self.range is None else "uniform"

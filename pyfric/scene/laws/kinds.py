@@ -12,13 +12,12 @@ friction, each as a `Table`:
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
+from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.table import Table
-from pyfric.scene.units import SceneError
 
 __all__ = ["KINDS", "UNITS", "FrictionLaw", "Means", "Tables", "check_tables", "law"]
 
@@ -58,12 +57,6 @@ class FrictionLaw:
     kind: ClassVar[str]
     example: ClassVar[dict[str, Any]] = {}
     _section: ClassVar[str] = "interface.law"
-    _allowed: ClassVar[dict[str, str]] = {}
-
-    @classmethod
-    def read_files(cls, table: dict[str, Any], folder: Path) -> dict[str, Any]:
-        """Return the table [interface.law] of a scene file in `folder`, with what files hold."""
-        return table
 
     def hold(self, of: Means) -> Table | None:
         """Return what mu_s gains over the time since the block stuck (s)."""

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from pyfric.scene.units import SceneError, check_number, parse_quantity
+from pyfric.scene.errors import SceneError
+from pyfric.scene.units import check_number, parse_quantity
 
 __all__ = ["MAX_KNOTS", "Table", "from_csv", "sampled"]
 

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
 from pyfric.scene.checked import NotNegative, part
+from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.kinds import UNITS, FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table, from_csv, sampled
-from pyfric.scene.units import SceneError
 
 __all__ = ["TabulatedLaw"]
 
@@ -88,7 +88,7 @@ class TabulatedLaw(FrictionLaw):
         return cls(**lists)
 
     @classmethod
-    def read_files(cls, table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    def from_file(cls, table: dict[str, Any], folder: Path) -> dict[str, Any]:
         """Return the table of a scene file with lists in place of the CSV files that it names."""
         rest = dict(table)
         for name in PAIRS:

@@ -20,7 +20,7 @@ from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.units import check_number, in_si, parse_quantity, range_text
 
 __all__ = ["Annotation", "Name", "NotNegative", "OneOf", "Positive", "Quantity", "Whole", "Written",
-           "annotations", "from_table", "part", "quantities", "table"]  # fmt: skip
+           "annotations", "from_entries", "from_table", "part", "quantities", "table"]  # fmt: skip
 
 MAX_LISTED = 10_000
 """Largest number of blocks whose forces can be listed one by one."""
@@ -243,13 +243,18 @@ def from_table(cls: type, entries: Mapping[str, Any], folder: Path, **more: Any)
     """Return the part that a table of a scene file in a folder describes.
 
     Args:
-        cls: its class, which may replace entries first: `cls.from_file(entries, folder)`.
+        cls: its class, which may read tables itself: `cls.from_file(entries, folder)`.
         entries: the table.
         folder: where the file is.
         more: arguments that the table cannot give.
     """
     if hasattr(cls, "from_file"):
-        entries = cls.from_file(entries, folder)
+        return cls.from_file(entries, folder)
+    return from_entries(cls, entries, folder, **more)
+
+
+def from_entries(cls: type, entries: Mapping[str, Any], folder: Path, **more: Any) -> Any:
+    """Return the part with these fields, as they stand in a scene file; see `from_table`."""
     marks = annotations(cls)
     values = {n: Written(v, folder) if n in marks else v for n, v in entries.items()}
     return cls(**values, **more)

@@ -10,6 +10,7 @@ import re
 import secrets
 import shutil
 import socket
+import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +18,16 @@ from pathlib import Path
 
 from pyfric.scene.signals import held_back
 
-__all__ = ["check_writable", "clean_drafts", "drafts", "sealed", "unsealed", "write", "written"]
+__all__ = [
+    "check_writable",
+    "clean_drafts",
+    "drafts",
+    "read_at_most",
+    "sealed",
+    "unsealed",
+    "write",
+    "written",
+]
 
 MARK = b"\npyfric sha256 "
 SEAL_LENGTH = len(MARK) + 64 + 1
@@ -60,6 +70,21 @@ def write(path: str | os.PathLike[str], content: bytes) -> Path:
     with written(path) as draft:
         draft.write_bytes(content)
     return Path(path)
+
+
+def read_at_most(path: str | os.PathLike[str], size: int) -> bytes:
+    """Return what a regular file begins with, at most so many bytes; a pipe is not waited for.
+
+    Raises:
+        OSError: it cannot be read, or is no regular file.
+        ValueError: no path.
+    """
+    with open(
+        path, "rb", opener=lambda name, flags: os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+    ) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "Not a regular file", os.fspath(path))
+        return file.read(size)
 
 
 def check_writable(path: str | os.PathLike[str], size: int = 0) -> None:

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 
-from pyfric.scene.checked import NotNegative, OneOf, Positive, Quantity, part
+from pyfric.scene.checked import NotNegative, OneOf, Positive, Quantity, part, quantities
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws import KINDS, FrictionLaw, Means, Tables, check_tables
 from pyfric.scene.laws.weakening import LinearWeakening
@@ -288,8 +288,9 @@ class Interface:
     """The frictional interface under the bottom row.
 
     Args:
-        mu_s: static friction coefficient, >= 0.
-        mu_k: kinetic friction coefficient, 0 <= mu_k <= mu_s.
+        mu_s: static friction coefficient, >= 0; where it is None, a law that is a table of mu gives
+            it: its first mu.
+        mu_k: kinetic friction coefficient, 0 <= mu_k <= mu_s; likewise, the last mu.
         k_f: stiffness of the elastic foundation per block, N/m, > 0; None means k.
         d_c: slip over which friction weakens, m, >= 0; 0 is Amontons-Coulomb friction.
         alpha: viscosity of slip, N s/m, >= 0: a slipping block also resists with alpha v.
@@ -312,8 +313,8 @@ class Interface:
     Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
     """
 
-    mu_s: Annotated[Field, NotNegative("", **_field)]
-    mu_k: Annotated[Field, NotNegative("", **_field)]
+    mu_s: Annotated[Field, NotNegative("", optional=True, **_field)] = None  # until it is taken
+    mu_k: Annotated[Field, NotNegative("", optional=True, **_field)] = None
     k_f: Annotated[Field | None, Positive("N/m", optional=True, **_field)] = None
     d_c: Annotated[Field, NotNegative("m", **_field)] = 0.0
     alpha: Annotated[Field, NotNegative("N s/m", **_field)] = 0.0
@@ -322,6 +323,15 @@ class Interface:
     _section: ClassVar[str] = "interface"
 
     def __post_init__(self) -> None:
+        missing, ends = [], self.law.ends() or (None, None)
+        for name, end in zip(("mu_s", "mu_k"), ends, strict=True):
+            if getattr(self, name) is None and end is None:
+                allowed = quantities(Interface)[name].allowed
+                missing.append(SceneError(f"interface.{name}", None, "", allowed, "missing"))
+            elif getattr(self, name) is None:
+                object.__setattr__(self, name, end)
+        if missing:
+            raise SceneError.joined(missing)
         numbers = isinstance(self.mu_k, float) and isinstance(self.mu_s, float)
         if numbers and self.mu_k > self.mu_s:  # the scene compares fields, block by block
             allowed = f"0 <= mu_k <= mu_s = {self.mu_s!r}"

@@ -73,8 +73,8 @@ class Fields(TypedDict, total=False):
     V: Number
     h: Number
     side: Literal["left", "right"]
-    mu_s: Field
-    mu_k: Field
+    mu_s: Field | None
+    mu_k: Field | None
     k_f: Field | None
     d_c: Field
     alpha: Field

@@ -47,6 +47,7 @@ import tomli_w
 
 from pyfric.scene.checked import table
 from pyfric.scene.errors import SceneError
+from pyfric.scene.files import read_at_most
 
 __all__ = ["MAX_FILE", "read", "text"]
 
@@ -86,8 +87,7 @@ def read(source: str | os.PathLike[str]) -> tuple[dict[str, Any], Path]:
 def _content(path: str | os.PathLike[str]) -> bytes:
     """Return what a file holds, up to one byte more than is accepted."""
     try:
-        with open(path, "rb") as file:
-            return file.read(MAX_FILE + 1)
+        return read_at_most(path, MAX_FILE + 1)
     except (OSError, ValueError) as error:
         reason = f"cannot be read ({getattr(error, 'strerror', None) or error})"
         raise SceneError("scene", str(path), "", "a readable scene file", reason) from None

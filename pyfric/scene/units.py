@@ -9,7 +9,8 @@ from typing import Any
 
 from pyfric.scene.errors import NO_UNIT, SceneError, show
 
-__all__ = ["LARGEST", "SMALLEST", "check_number", "in_si", "parse_quantity", "range_text"]
+__all__ = ["LARGEST", "SMALLEST", "check_number", "in_si", "parse_quantity", "range_text",
+           "with_prefix"]  # fmt: skip
 
 SMALLEST = 1e-30
 """Smallest non-zero magnitude accepted (SI); smaller values would let products underflow."""
@@ -164,6 +165,17 @@ def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> f
         return float(Fraction(match["number"]) * factor)
     except OverflowError:
         return math.copysign(math.inf, number)
+
+
+PREFIXES = {0: "", -1: "m", -2: "u", -3: "n", 1: "k", 2: "M", 3: "G"}
+"""Power of 1000 -> prefix of a unit."""
+
+
+def with_prefix(value: float, unit: str) -> str:
+    """Return a value in SI with four digits and a prefix of its unit, such as "8 um"."""
+    power = math.floor(math.log10(abs(float(f"{value:.4g}"))) / 3) if value else 0
+    power = min(max(power, -3), 3)
+    return f"{float(f'{value:.4g}') / 1000.0**power:.4g} {PREFIXES[power]}{unit}"
 
 
 @lru_cache(maxsize=1)

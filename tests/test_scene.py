@@ -21,18 +21,24 @@ from pyfric.scene import (
     DistributedLoad,
     Driver,
     Interface,
+    PrescribedLoad,
     Rod,
     Scene,
     SceneError,
     Slider,
+    Spread,
+    Walls,
     as_scene,
     check_number,
+    full_name,
+    laws,
     parse_quantity,
     preset,
     setup1,
     setup2,
 )
 from pyfric.scene.parts import MAX_BLOCKS
+from pyfric.scene.presets import Fields
 from pyfric.scene.presets import settings as names_of
 from pyfric.scene.toml import MAX_FILE
 from pyfric.scene.units import LARGEST, SMALLEST
@@ -520,6 +526,77 @@ def test_unknown_presets():
     assert preset("fig1", name="x").name == "x"
     for other in (None, 1, [], b"fig1"):
         assert "run4" in refused(lambda other=other: preset(other)).allowed
+
+
+def test_a_field_has_one_name_everywhere():
+    """With its part or without; inside fields, too."""
+    scene = preset(
+        "fig1", mu_s=Spread(mean=0.7, std=0.01, seed=1), law=laws.Ageing(B=0.01, t_c=1e-3)
+    )
+    for other in (
+        scene.replace(mu_k=0.4),
+        scene.replace({"interface.mu_k": 0.4}),
+        scene.replace(interface=dataclasses.replace(scene.interface, mu_k=0.4)),
+        preset(
+            "fig1", {"interface.mu_k": 0.4, "law": scene.interface.law}, mu_s=scene.interface.mu_s
+        ),
+    ):
+        assert other.interface.mu_k == 0.4
+        assert other == scene.replace(mu_k=0.4)
+    assert scene.replace(seed=2).interface.mu_s == Spread(mean=0.7, std=0.01, seed=2)
+    assert scene.replace({"mu_s.seed": 2, "law.B": 0.02}).interface.law.B == 0.02
+    assert scene.replace({"mu_s.seed": 2}) == scene.replace({"interface.mu_s.seed": 2}) != scene
+    assert full_name(scene, "t_c") == "interface.law.t_c"
+    assert scene.replace(
+        interface=dataclasses.replace(scene.interface, d_c=1e-6), h=7.5e-3
+    ).driver.h
+    for name, text in (
+        ("protocol", "top.protocol or driver.protocol"),
+        ("law.C", "unknown"),
+        ("slider.h", "unknown"),
+        ("p", "a field of PrescribedLoad"),
+    ):
+        assert text in str(refused(lambda name=name: scene.replace({name: 1.0})))
+    both = {"law": laws.Ageing(B=0.1, t_c=1.0), "law.B": 0.2}
+    assert "as a whole, too" in str(refused(lambda: scene.replace(both)))
+
+
+def test_fields_may_stand_outside_the_tables_of_a_file():
+    short = 'mu_k = 0.4\n"driver.V" = "1 mm/s"\nmattress = "0 N/m"\nname = "good"\n'
+    bare = GOOD.replace("mu_k = 0.45\n", "").replace('V = "0.7875 mm/s"\n', "")
+    bare = bare.replace('mattress = "0.4 MN/m"\n', "").replace('name = "good"\n', "")
+    assert Scene.from_toml(short + bare) == setup1(mu_k=0.4, V=1e-3, mattress=0.0, name="good")
+    for entry, field, reason in (
+        ("mu_s = 0.6", "interface.mu_s", "given twice"),
+        ("protocol = []", "protocol", "several parts"),
+        ("theta = 0.5", "theta", "unknown"),
+        ('mu_k = "0.4"', "interface.mu_k", "not str"),
+        ('"top.h" = "5 mm"', "top.h", "unknown"),
+    ):
+        error = refused(f"{entry}\n{GOOD.replace('mu_k = 0.45', '') if 'mu_k' in entry else GOOD}")
+        assert (error.field, reason in error.reason) == (field, True)
+
+
+def test_editors_are_told_every_name():
+    parts = Slider, Rod, DistributedLoad, PrescribedLoad, Walls, Driver, Interface
+    ends = [field.name for part in parts for field in dataclasses.fields(part)]
+    tops = {field.name for part in parts[1:4] for field in dataclasses.fields(part)}
+    others = [f.name for part in (*parts[:1], *parts[4:]) for f in dataclasses.fields(part)]
+    alone = {name for name in ends if others.count(name) + (name in tops) == 1}
+    whole = {field.name for field in dataclasses.fields(Scene)}
+    assert set(Fields.__annotations__) == alone | whole
+
+
+@pytest.mark.parametrize(
+    "sign", ["\0", "\n", "\x1b", "\x85", "\u2028", "\u202e", "\u2066", "\u200f"]
+)
+def test_names_are_a_line_that_reads_as_it_stands(sign):
+    error = refused(lambda: preset("fig1", name=f"a{sign}b"))
+    assert (error.field, error.unit) == ("name", "")
+    assert sign not in str(error)
+    text = preset("fig1").to_toml().replace('"fig1"', tomli_w.dumps({"n": f"a{sign}b"})[4:-1])
+    assert refused(text).field == "name"
+    assert preset("fig1", name="\u0633\u0644\u0627\u0645 \u03b1\u200d\u6469").name
 
 
 def test_words_that_are_not_alike_are_no_hint():

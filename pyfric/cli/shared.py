@@ -154,41 +154,21 @@ def number(field: str, text: str, unit: str, **limits: float | None) -> float:
     return check_number(field, number, unit, **limits)
 
 
-def _units() -> dict[str, str]:
-    """Return the SI units of all numbers in a scene, by the names that the presets use."""
-    import typing
-
-    from pyfric.scene import DistributedLoad, Driver, Interface, PrescribedLoad, Rod, Slider
-
-    return {
-        name: mark.unit
-        for part in (Slider, Rod, DistributedLoad, PrescribedLoad, Driver, Interface)
-        for name, hint in typing.get_type_hints(part, include_extras=True).items()
-        for mark in getattr(hint, "__metadata__", ())
-        if hasattr(mark, "unit")
-    }
-
-
 def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
-    """Return the preset of this name, or the scene in this file.
+    """Return the preset of this name, or the scene in this file, with what --set changes.
 
     Raises:
-        SceneError: no such preset or file, or a value is refused.
+        SceneError: no such preset or file, or a name or value is refused.
     """
-    import pyfric
-    from pyfric.scene import as_scene, names_file
+    from pyfric.scene import as_scene, spoken
 
-    if not changes:
-        return as_scene(name)
-    if names_file(name):
-        raise click.UsageError(f"--set changes presets; {name} is a file: change it there.")
-    units, values = _units(), {}
+    values = {}
     for change in changes:
         key, equals, text = (part.strip() for part in change.partition("="))
         if not (key and equals):
             raise click.UsageError(f"--set {change}: write KEY=VALUE, such as 'h=7.5 mm'.")
-        values[key] = number(key, text, units[key]) if key in units else text
-    return pyfric.preset(name, **values)
+        values[key] = text if key == "name" else spoken(text)
+    return as_scene(name, values)
 
 
 def record_of(path: str) -> Record:
@@ -297,8 +277,8 @@ set_option = click.option(
     metavar="KEY=VALUE",
     multiple=True,
     shell_complete=_keys,
-    help="Change a value of a preset, such as 'h=7.5 mm' or mu_k=0.4; repeatable. "
-    "Keys are the arguments of pyfric.setup1, setup2 or chain; numbers without unit are SI.",
+    help="Change a value of SCENE, such as 'h=7.5 mm' or interface.mu_k=0.4; repeatable. Keys are "
+    "names of fields in its TOML, with their part where they need it; numbers without unit are SI.",
 )
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 quiet_option = click.option("--quiet", is_flag=True, help="Print nothing but errors.")

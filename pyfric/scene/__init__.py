@@ -1,7 +1,7 @@
 """What is simulated: parts, scenes, presets, units, geometry."""
 
 from pyfric.scene import laws
-from pyfric.scene.change import field_names, full_name
+from pyfric.scene.change import field_names, full_name, spoken
 from pyfric.scene.checked import quantities
 from pyfric.scene.errors import SceneError, nearest, unknown
 from pyfric.scene.files import (
@@ -111,6 +111,7 @@ __all__ = [
     "setup2",
     "slab",
     "slipped",
+    "spoken",
     "unknown",
     "unsealed",
     "write",

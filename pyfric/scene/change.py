@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import tomllib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from pyfric.scene.parts import DistributedLoad, PrescribedLoad, Rod
 if TYPE_CHECKING:
     from pyfric.scene.scene import Scene
 
-__all__ = ["PARTS", "changed", "field_names", "full_name"]
+__all__ = ["PARTS", "changed", "field_names", "full_name", "spoken"]
 
 PARTS = ("slider", "top", "driver", "interface", "walls")
 
@@ -80,6 +81,18 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
         parts[part] = _with(parts[part], values)
     given = {name: value for name, value in changes.items() if name in whole}
     return dataclasses.replace(scene, **given | parts)
+
+
+def spoken(text: str) -> Any:
+    """Return a value from a line of text, such as that of `--set`.
+
+    It is what TOML makes of it (a number in SI, a list, a table such as {mean = 0.7, std = 0.02}),
+    or the text itself, such as "7.5 mm" or "left".
+    """
+    try:
+        return tomllib.loads(f"value = {text}").get("value", text)
+    except (ValueError, RecursionError):
+        return text
 
 
 class _Inside(dict[str, Any]):

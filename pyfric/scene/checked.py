@@ -82,8 +82,10 @@ class Quantity(Annotation):
         value = value.value if written else in_si("", value, self.unit, allowed=self.allowed)
         if value is None and self.optional:
             return None
-        if self.drawn is not None and isinstance(value, dict if written else self.drawn):
-            return self._drawn(value) if written else value
+        if self.drawn is not None and isinstance(value, self.drawn):
+            return value
+        if self.drawn is not None and isinstance(value, Mapping):
+            return self._drawn(value, written)
         several = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim)
         if self.listed and several:
             return self._each([Written(v) for v in value] if written else value)
@@ -110,12 +112,14 @@ class Quantity(Annotation):
             for name, mark in annotations(self.drawn).items()
         }
 
-    def _drawn(self, values: Mapping[str, Any]) -> Any:
-        """Return what a table of a scene file describes."""
+    def _drawn(self, values: Mapping[str, Any], written: bool) -> Any:
+        """Return what a table describes, which may stand in a scene file."""
         try:
-            marks = self._of_drawn()
-            checked = {n: marks[n].check(Written(v)) for n, v in values.items() if n in marks}
-            return self.drawn(**values | checked)
+            found = dict(values)
+            for name, mark in self._of_drawn().items():
+                if name in values:
+                    found[name] = mark.check(Written(found[name]) if written else found[name])
+            return self.drawn(**found)
         except SceneError as error:
             raise error.at("") from None
 
@@ -209,6 +213,12 @@ class OneOf(Annotation):
         entries = dict(value.value)
         cls = self._asked(entries.pop("kind", None)) if self.kinds else self.classes[0]
         return from_table(cls, entries, value.folder)
+
+    def fields(self, kind: Any) -> list[str]:
+        """Return the names of the fields of a kind, none where it is unknown."""
+        cls = self.kinds.get(kind) if isinstance(kind, str) else None
+        cls = cls if self.kinds else self.classes[0]
+        return [field.name for field in dataclasses.fields(cls)] if cls else []
 
     def _asked(self, kind: Any) -> type:
         """Return the class of a kind."""

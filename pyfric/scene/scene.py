@@ -385,4 +385,4 @@ class Scene:
         if "draws" in entries:
             raise unknown("draws", entries["draws"], "draws", annotations(cls))
         needed = dict.fromkeys(("slider", "top", "driver", "interface"))
-        return from_table(cls, needed | entries, folder, draws=draws)
+        return from_table(cls, needed | toml.placed(cls, entries), folder, draws=draws)

@@ -33,6 +33,7 @@
     t_c = "1 ms"
 
 A law of kind "table" takes lists or CSV files: slide = "friction.csv", from the scene's folder on.
+A field may also stand outside the tables, as V = "1 mm/s" or, in quotes, "driver.V" = "1 mm/s".
 Pure numbers are bare; lengths, forces and so on are text with any unit that fits. What may vary
 along the interface is a number, a list, or a table, such as
 mu_s = {mean = 0.7, std = 0.02, correlation_length = "10 mm", seed = 1}.
@@ -45,11 +46,11 @@ from typing import Any
 
 import tomli_w
 
-from pyfric.scene.checked import table
+from pyfric.scene.checked import OneOf, annotations, table
 from pyfric.scene.errors import SceneError
 from pyfric.scene.files import read_at_most
 
-__all__ = ["MAX_FILE", "read", "text"]
+__all__ = ["MAX_FILE", "placed", "read", "text"]
 
 MAX_FILE = 1_048_576
 """Largest scene file accepted, in bytes; two lists of `checked.MAX_LISTED` forces fit."""
@@ -58,6 +59,37 @@ MAX_FILE = 1_048_576
 def text(scene: Any) -> str:
     """Return a scene as TOML."""
     return tomli_w.dumps(table(scene))
+
+
+def placed(scene: type, entries: dict[str, Any]) -> dict[str, Any]:
+    """Return a document whose fields outside tables, by name, are in the tables of their parts.
+
+    Raises:
+        SceneError: a field is in several parts, or given twice.
+    """
+    parts = {n: mark for n, mark in annotations(scene).items() if isinstance(mark, OneOf)}
+    tables = {part: entries.get(part, {}) for part in parts}
+    if not all(isinstance(found, dict) for found in tables.values()):
+        return entries  # which is refused
+    tables = {part: dict(found) for part, found in tables.items()}
+    rest = {}
+    for name, value in entries.items():
+        part, _, field = name.rpartition(".")
+        owners = [
+            owner
+            for owner, mark in parts.items()
+            if part in ("", owner) and field in mark.fields(tables[owner].get("kind"))
+        ]
+        if name in annotations(scene) or not owners:
+            rest[name] = value
+        elif len(owners) > 1:
+            several = " or ".join(f"{owner}.{field}" for owner in owners)
+            raise SceneError(name, value, "", several, "is in several parts")
+        elif field in tables[owners[0]]:
+            raise SceneError(f"{owners[0]}.{field}", value, "", "one of both", "given twice")
+        else:
+            tables[owners[0]][field] = value
+    return rest | {part: found for part, found in tables.items() if found or part in entries}
 
 
 def read(source: str | os.PathLike[str]) -> tuple[dict[str, Any], Path]:

@@ -558,7 +558,9 @@ def test_a_field_has_one_name_everywhere():
     ):
         assert text in str(refused(lambda name=name: scene.replace({name: 1.0})))
     both = {"law": laws.Ageing(B=0.1, t_c=1.0), "law.B": 0.2}
-    assert "as a whole, too" in str(refused(lambda: scene.replace(both)))
+    assert scene.replace(both).interface.law == laws.Ageing(B=0.2, t_c=1.0)
+    error = refused(lambda: scene.replace({"mu_s": 0.7, "mu_s.seed": 2}))
+    assert "mu_s is 0.7, which has no seed" in error.reason
 
 
 def test_fields_may_stand_outside_the_tables_of_a_file():

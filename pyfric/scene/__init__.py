@@ -1,8 +1,8 @@
 """What is simulated: parts, scenes, presets, units, geometry."""
 
 from pyfric.scene import laws
-from pyfric.scene.change import field_names, full_name, spoken
-from pyfric.scene.checked import quantities
+from pyfric.scene.change import full_name, read_value, scene_fields, spoken
+from pyfric.scene.checked import Quantity, quantities
 from pyfric.scene.errors import SceneError, nearest, unknown
 from pyfric.scene.files import (
     check_writable,
@@ -52,6 +52,7 @@ from pyfric.scene.signals import (
     saved_first,
 )
 from pyfric.scene.spread import Spread
+from pyfric.scene.toml import parsed
 from pyfric.scene.units import check_number, parse_quantity, range_text
 from pyfric.scene.version import __version__
 
@@ -67,6 +68,7 @@ __all__ = [
     "Leg",
     "Piece",
     "PrescribedLoad",
+    "Quantity",
     "Rod",
     "Scene",
     "SceneError",
@@ -88,7 +90,6 @@ __all__ = [
     "commanded",
     "default_geometry",
     "drafts",
-    "field_names",
     "forget",
     "full_name",
     "held_back",
@@ -100,11 +101,14 @@ __all__ = [
     "of",
     "paper_step",
     "parse_quantity",
+    "parsed",
     "preset",
     "quantities",
     "raise_if_asked",
     "range_text",
+    "read_value",
     "saved_first",
+    "scene_fields",
     "sealed",
     "settings",
     "setup1",

@@ -28,10 +28,10 @@ MAX_LISTED = 10_000
 
 @dataclasses.dataclass(frozen=True)
 class Written:
-    """A value as it stands in a scene file in a folder."""
+    """A value as it stands in a scene file; it may name files in `folder`, or None."""
 
     value: Any
-    folder: Path = Path()
+    folder: Path | None = None
 
 
 class Annotation:
@@ -105,7 +105,7 @@ class Quantity(Annotation):
                 raise SceneError("", error.value, self.unit, error.allowed, reason) from None
         return tuple(numbers)
 
-    def _of_drawn(self) -> dict[str, Annotation]:
+    def of_drawn(self) -> dict[str, Annotation]:
         """Return the annotations of what is drawn: some of its numbers have the unit of this."""
         return {
             name: dataclasses.replace(mark, unit=self.unit) if name in self.drawn.in_unit else mark
@@ -116,7 +116,7 @@ class Quantity(Annotation):
         """Return what a table describes, which may stand in a scene file."""
         try:
             found = dict(values)
-            for name, mark in self._of_drawn().items():
+            for name, mark in self.of_drawn().items():
                 if name in values:
                     found[name] = mark.check(Written(found[name]) if written else found[name])
             return self.drawn(**found)
@@ -125,7 +125,7 @@ class Quantity(Annotation):
 
     def written(self, value: Any) -> Any:
         if self.drawn is not None and isinstance(value, self.drawn):
-            return table(value, self._of_drawn())
+            return table(value, self.of_drawn())
         if isinstance(value, tuple):
             return [self.written(v) for v in value]
         return f"{value!r} {self.unit}" if self.unit else value
@@ -249,13 +249,13 @@ def quantities(cls: type) -> dict[str, Quantity]:
     return {n: mark for n, mark in annotations(cls).items() if isinstance(mark, Quantity)}
 
 
-def from_table(cls: type, entries: Mapping[str, Any], folder: Path, **more: Any) -> Any:
+def from_table(cls: type, entries: Mapping[str, Any], folder: Path | None, **more: Any) -> Any:
     """Return the part that a table of a scene file in a folder describes.
 
     Args:
         cls: its class, which may read tables itself: `cls.from_file(entries, folder)`.
         entries: the table.
-        folder: where the file is.
+        folder: where the file is; None: it may name no other files.
         more: arguments that the table cannot give.
     """
     if hasattr(cls, "from_file"):
@@ -263,7 +263,7 @@ def from_table(cls: type, entries: Mapping[str, Any], folder: Path, **more: Any)
     return from_entries(cls, entries, folder, **more)
 
 
-def from_entries(cls: type, entries: Mapping[str, Any], folder: Path, **more: Any) -> Any:
+def from_entries(cls: type, entries: Mapping[str, Any], folder: Path | None, **more: Any) -> Any:
     """Return the part with these fields, as they stand in a scene file; see `from_table`."""
     marks = annotations(cls)
     values = {n: Written(v, folder) if n in marks else v for n, v in entries.items()}

@@ -20,6 +20,7 @@ __all__ = [
     "CHAIN_NOTE",
     "FIELDS",
     "MAX_BLOCKS",
+    "PARTS",
     "DistributedLoad",
     "Driver",
     "Field",
@@ -363,3 +364,13 @@ def _mean(field: Field) -> float:
     if isinstance(field, Spread):
         return field.mean
     return 0.0 if field == () else float(np.mean(field))
+
+
+PARTS = {
+    "slider": OneOf(Slider),
+    "top": OneOf(Rod, DistributedLoad, PrescribedLoad),
+    "driver": OneOf(Driver),
+    "interface": OneOf(Interface),
+    "walls": OneOf(Walls),
+}
+"""Parts of a scene, and what each may be."""

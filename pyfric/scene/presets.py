@@ -10,10 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 
-from pyfric.scene.change import PARTS, changed, field_names, full_name
+from pyfric.scene.change import changed, full_name, scene_fields
 from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.laws import FrictionLaw
 from pyfric.scene.parts import (
+    PARTS,
     DistributedLoad,
     Driver,
     Interface,
@@ -131,15 +132,14 @@ def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
         given: names of fields to values.
         rules: what follows from the slider where it is not given, or None: part_field to a rule.
     """
-    of_scene = {field.name for field in dataclasses.fields(base)}
     parts = {part: given.get(part, getattr(base, part)) for part in PARTS}
-    given = {n if n in of_scene else full_name(parts, n, v): v for n, v in given.items()}
+    given = {full_name(parts, n, v): v for n, v in given.items()}
     named = {name.replace("_", ".", 1): rule for name, rule in rules.items()}
     given = {n: v for n, v in given.items() if n not in named or v is not None}
-    whole = {n: rule for n, rule in named.items() if n.partition(".")[0] not in given}
+    named = {n: rule for n, rule in named.items() if n.partition(".")[0] not in given}
     size = {n.partition(".")[2]: v for n, v in given.items() if n.startswith("slider.")}
     slider = dataclasses.replace(parts["slider"], **size)
-    return changed(base, {n: rule(slider) for n, rule in whole.items()} | given)
+    return changed(base, {n: rule(slider) for n, rule in named.items()} | given)
 
 
 def setup1(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
@@ -369,13 +369,10 @@ def preset(name: str, changes: Changes = None, /, **fields: Unpack[Fields]) -> S
 
 def settings(name: str) -> list[str]:
     """Return the names of the fields of a preset, each without its part where it needs none."""
-    parts = [full for full in field_names(PRESETS[name]()) if full.count(".") == 1]
-    ends = [full.partition(".")[2] for full in parts]
-    short = [
-        end if ends.count(end) == 1 and end != "top" else full
-        for full, end in zip(parts, ends, strict=True)
-    ]
-    return [*short, "name"]
+    names = [full for full in scene_fields(PRESETS[name]()) if full.count(".") == 1]
+    ends = {full: full.partition(".")[2] for full in names}
+    taken = [*PARTS, *ends.values()]
+    return [*(end if taken.count(end) == 1 else full for full, end in ends.items()), "name"]
 
 
 SceneLike = Scene | str | os.PathLike[str]

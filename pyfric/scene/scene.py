@@ -19,13 +19,14 @@ import numpy as np
 from pyfric.display import html
 from pyfric.scene import toml
 from pyfric.scene.change import changed
-from pyfric.scene.checked import Name, OneOf, annotations, from_table, part
+from pyfric.scene.checked import Name, annotations, from_table, part
 from pyfric.scene.consistency import check
 from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.files import write
 from pyfric.scene.friction import Law
 from pyfric.scene.parts import (
     FIELDS,
+    PARTS,
     DistributedLoad,
     Driver,
     Interface,
@@ -40,7 +41,6 @@ from pyfric.scene.text import scene_text
 
 __all__ = ["Scene"]
 
-_TOP = OneOf(Rod, DistributedLoad, PrescribedLoad)
 MAX_NAME = 200
 """Largest number of characters in the name of a scene."""
 
@@ -71,14 +71,12 @@ class Scene:
     Source: PRL 107, 074301 (2011).
     """
 
-    slider: Annotated[Slider, OneOf(Slider)]
-    top: Annotated[
-        Rod | DistributedLoad | PrescribedLoad, OneOf(Rod, DistributedLoad, PrescribedLoad)
-    ]
-    driver: Annotated[Driver, OneOf(Driver)]
-    interface: Annotated[Interface, OneOf(Interface)]
+    slider: Annotated[Slider, PARTS["slider"]]
+    top: Annotated[Rod | DistributedLoad | PrescribedLoad, PARTS["top"]]
+    driver: Annotated[Driver, PARTS["driver"]]
+    interface: Annotated[Interface, PARTS["interface"]]
     name: Annotated[str, Name(MAX_NAME)] = ""
-    walls: Annotated[Walls, OneOf(Walls)] = Walls()
+    walls: Annotated[Walls, PARTS["walls"]] = Walls()
     draws: InitVar[Mapping[str, Any] | None] = None
 
     _section: ClassVar[str] = ""
@@ -363,26 +361,30 @@ class Scene:
 
     @classmethod
     def from_toml(
-        cls, source: str | os.PathLike[str], *, draws: Mapping[str, Any] | None = None
+        cls,
+        source: str | os.PathLike[str],
+        *,
+        draws: Mapping[str, Any] | None = None,
+        files: bool = True,
     ) -> Self:
         """Return the scene in a TOML file or text.
 
         Args:
-            source: path of a file, or the TOML text itself. A string with a line break is
-                taken as text, any other one as a path.
+            source: path of a file, or the text itself: a string with a line break is taken as text.
             draws: see `Scene`.
+            files: whether a friction law may name files, which are read.
 
-        Quantities are text with a unit, such as "5 mm"; any unit of the right dimension will
-        do. Pure numbers (mu_s, mu_k, theta) are bare numbers. A table `[top]` has
-        kind = "rod", "distributed" or "prescribed"; in the last one, p and tau may be lists.
+        Quantities are text with a unit that fits, such as "5 mm"; mu_s, mu_k and theta are bare
+        numbers. `[top]` has kind = "rod", "distributed" or "prescribed" (p and tau may be lists).
 
         Raises:
             SceneError: the file cannot be read, is not TOML or larger than 1 MiB, or anything in
                 it is missing, unknown, without or with a wrong unit, or out of range. All problems
                 found are listed.
         """
-        entries, folder = toml.read(source)
+        entries = toml.parsed(source)
         if "draws" in entries:
             raise unknown("draws", entries["draws"], "draws", annotations(cls))
-        needed = dict.fromkeys(("slider", "top", "driver", "interface"))
-        return from_table(cls, needed | toml.placed(cls, entries), folder, draws=draws)
+        entries = dict.fromkeys(("slider", "top", "driver", "interface")) | toml.placed(entries)
+        folder = toml.folder_of(source) if files else None
+        return from_table(cls, entries, folder, draws=draws)

@@ -46,11 +46,12 @@ from typing import Any
 
 import tomli_w
 
-from pyfric.scene.checked import OneOf, annotations, table
+from pyfric.scene.checked import table
 from pyfric.scene.errors import SceneError
 from pyfric.scene.files import read_at_most
+from pyfric.scene.parts import PARTS
 
-__all__ = ["MAX_FILE", "placed", "read", "text"]
+__all__ = ["MAX_FILE", "folder_of", "parsed", "placed", "text"]
 
 MAX_FILE = 1_048_576
 """Largest scene file accepted, in bytes; two lists of `checked.MAX_LISTED` forces fit."""
@@ -61,26 +62,64 @@ def text(scene: Any) -> str:
     return tomli_w.dumps(table(scene))
 
 
-def placed(scene: type, entries: dict[str, Any]) -> dict[str, Any]:
-    """Return a document whose fields outside tables, by name, are in the tables of their parts.
+def parsed(source: str | os.PathLike[str], what: str = "scene") -> dict[str, Any]:
+    """Return the TOML document in a file, or in a text of several lines.
+
+    Args:
+        source: the path of a file, or the text.
+        what: what it holds, for errors.
+
+    Raises:
+        SceneError: it cannot be read, is too large or not TOML.
+    """
+    if not isinstance(source, str | os.PathLike):
+        raise SceneError(what, source, "", f"the path of a {what} file, or its text")
+    if _is_text(source):
+        name, data = None, source.encode("utf-8", "replace")
+    else:
+        name = str(source)
+        try:
+            data = read_at_most(source, MAX_FILE + 1)
+        except (OSError, ValueError) as error:
+            reason = f"cannot be read ({getattr(error, 'strerror', None) or error})"
+            raise SceneError(what, name, "", f"a readable {what} file", reason) from None
+    if len(data) > MAX_FILE:
+        raise SceneError(what, name, "", f"at most {MAX_FILE} bytes of TOML", "too large")
+    try:
+        return tomllib.loads(data.decode("utf-8-sig"))  # some editors put a mark in front
+    except RecursionError:
+        raise SceneError(what, name, "", "a TOML document", "nested too deeply") from None
+    except ValueError as error:
+        raise SceneError(what, name, "", "a TOML document", f"not TOML ({error})") from None
+
+
+def folder_of(source: str | os.PathLike[str]) -> Path:
+    """Return the folder from which a scene file names others; that of text is the current one."""
+    return Path() if _is_text(source) else Path(source).parent
+
+
+def _is_text(source: str | os.PathLike[str]) -> bool:
+    return isinstance(source, str) and "\n" in source
+
+
+def placed(entries: dict[str, Any]) -> dict[str, Any]:
+    """Return a document whose fields outside tables are in the tables of their parts.
 
     Raises:
         SceneError: a field is in several parts, or given twice.
     """
-    parts = {n: mark for n, mark in annotations(scene).items() if isinstance(mark, OneOf)}
-    tables = {part: entries.get(part, {}) for part in parts}
+    tables = {part: entries.get(part, {}) for part in PARTS}
     if not all(isinstance(found, dict) for found in tables.values()):
         return entries  # which is refused
-    tables = {part: dict(found) for part, found in tables.items()}
-    rest = {}
+    tables, rest = {part: dict(found) for part, found in tables.items()}, {}
     for name, value in entries.items():
         part, _, field = name.rpartition(".")
         owners = [
             owner
-            for owner, mark in parts.items()
+            for owner, mark in PARTS.items()
             if part in ("", owner) and field in mark.fields(tables[owner].get("kind"))
         ]
-        if name in annotations(scene) or not owners:
+        if name in PARTS or not owners:
             rest[name] = value
         elif len(owners) > 1:
             several = " or ".join(f"{owner}.{field}" for owner in owners)
@@ -90,36 +129,3 @@ def placed(scene: type, entries: dict[str, Any]) -> dict[str, Any]:
         else:
             tables[owners[0]][field] = value
     return rest | {part: found for part, found in tables.items() if found or part in entries}
-
-
-def read(source: str | os.PathLike[str]) -> tuple[dict[str, Any], Path]:
-    """Return the TOML document in a file or text, and the folder from which it names other files.
-
-    That of text, which is told from a path by a line break, is the current one.
-
-    Raises:
-        SceneError: it cannot be read, is too large or not TOML.
-    """
-    if not isinstance(source, str | os.PathLike):
-        raise SceneError("scene", source, "", "the path of a scene file, or its text")
-    if isinstance(source, str) and "\n" in source:
-        name, folder, data = None, Path(), source.encode("utf-8", "replace")
-    else:
-        name, folder, data = str(source), Path(source).parent, _content(source)
-    if len(data) > MAX_FILE:
-        raise SceneError("scene", name, "", f"at most {MAX_FILE} bytes of TOML", "too large")
-    try:
-        return tomllib.loads(data.decode("utf-8-sig")), folder  # some editors put a mark in front
-    except RecursionError:
-        raise SceneError("scene", name, "", "a TOML document", "nested too deeply") from None
-    except ValueError as error:
-        raise SceneError("scene", name, "", "a TOML document", f"not TOML ({error})") from None
-
-
-def _content(path: str | os.PathLike[str]) -> bytes:
-    """Return what a file holds, up to one byte more than is accepted."""
-    try:
-        return read_at_most(path, MAX_FILE + 1)
-    except (OSError, ValueError) as error:
-        reason = f"cannot be read ({getattr(error, 'strerror', None) or error})"
-        raise SceneError("scene", str(path), "", "a readable scene file", reason) from None

@@ -1,6 +1,6 @@
 """A law of one's own: tables from lists, files or functions."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
@@ -99,13 +99,20 @@ class TabulatedLaw(FrictionLaw):
         return cls._made({name: _made(name, source) for name, source in tables.items()}, {})
 
     @classmethod
-    def from_file(cls, entries: dict[str, Any], folder: Path) -> Self:
-        """Return the law of a table of a scene file, which may name CSV files."""
+    def from_file(cls, entries: Mapping[str, Any], folder: Path | None) -> Self:
+        """Return the law of a table of a scene file, which may name CSV files in its folder.
+
+        Raises:
+            SceneError: a file is none, or is named where there is no folder to look in.
+        """
         rest, tables = dict(entries), {}
         for name, columns in COLUMNS.items():
             if name not in rest:
                 continue
             source, field = rest.pop(name), f"interface.law.{name}"
+            if folder is None:
+                allowed = "lists of numbers: this text names no files"
+                raise SceneError(field, source, "", allowed, "a file")
             if twice := [column for column in columns if column in rest]:
                 allowed = f"either {name}, or {' and '.join(columns)}"
                 raise SceneError(f"interface.law.{twice[0]}", rest[twice[0]], "", allowed, "twice")
@@ -128,7 +135,7 @@ class TabulatedLaw(FrictionLaw):
         lists = {}
         for name, table in tables.items():
             lists |= zip(COLUMNS[name], (table.x, table.y), strict=True)
-        made = from_entries(cls, entries, Path(), **lists)
+        made = from_entries(cls, entries, None, **lists)
         made._places.update({name: table.places for name, table in tables.items()})
         return made
 

@@ -42,10 +42,12 @@ if TYPE_CHECKING:
         front_speed,
     )
     from pyfric.scene import (
+        MATERIALS,
         PRESETS,
         DistributedLoad,
         Driver,
         Interface,
+        Material,
         PrescribedLoad,
         Rod,
         Scene,
@@ -72,6 +74,7 @@ if TYPE_CHECKING:
     from pyfric.sweeps import Job, JobError, Span, Sweep, boundary, label_map, run_all
 
 __all__ = [
+    "MATERIALS",
     "PRESETS",
     "Assumption",
     "DistributedLoad",
@@ -81,6 +84,7 @@ __all__ = [
     "Interface",
     "Job",
     "JobError",
+    "Material",
     "Method",
     "Options",
     "Plan",

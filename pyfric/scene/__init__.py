@@ -15,6 +15,7 @@ from pyfric.scene.files import (
 )
 from pyfric.scene.friction import FRICTIONLESS, Law, clock, of, slipped
 from pyfric.scene.geometry import Geometry, check_geometry, default_geometry
+from pyfric.scene.materials import MATERIALS, Material
 from pyfric.scene.parts import (
     FIELDS,
     DistributedLoad,
@@ -59,6 +60,7 @@ from pyfric.scene.version import __version__
 __all__ = [
     "FIELDS",
     "FRICTIONLESS",
+    "MATERIALS",
     "PRESETS",
     "DistributedLoad",
     "Driver",
@@ -66,6 +68,7 @@ __all__ = [
     "Interface",
     "Law",
     "Leg",
+    "Material",
     "Piece",
     "PrescribedLoad",
     "Quantity",

@@ -209,7 +209,7 @@ class OneOf(Annotation):
             raise SceneError("", value, "", self.allowed, reason)
         if not isinstance(value.value, dict):
             reason = "missing" if value.value is None else "not a table"
-            raise SceneError("", value.value, "", f"a table [{self.section}]", reason)
+            raise SceneError(self.section, value.value, "", f"a table [{self.section}]", reason)
         entries = dict(value.value)
         cls = self._asked(entries.pop("kind", None)) if self.kinds else self.classes[0]
         return from_table(cls, entries, value.folder)

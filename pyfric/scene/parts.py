@@ -5,14 +5,26 @@ Symbols and boundaries are those of PRL 107, 074301 (2011).
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal, Self
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from pyfric.scene.checked import NotNegative, OneOf, Positive, Quantity, part, quantities
+from pyfric.scene.checked import (
+    NotNegative,
+    OneOf,
+    Positive,
+    Quantity,
+    Written,
+    annotations,
+    from_entries,
+    part,
+    quantities,
+)
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws import KINDS, FrictionLaw, Means, Tables, check_tables
 from pyfric.scene.laws.weakening import LinearWeakening
+from pyfric.scene.materials import Material
 from pyfric.scene.protocol import Corners, Protocol
 from pyfric.scene.spread import Spread
 
@@ -64,7 +76,9 @@ class Slider:
         l: lattice constant, m; N_x N_z may not exceed `MAX_BLOCKS`.
         k: stiffness of the nearest-neighbour springs, N/m (3 B E / 4; it does not depend on l).
         M: mass, kg.
-        eta: viscosity of every bond, N s/m, >= 0; None means sqrt(0.1 k m).
+        eta: viscosity of every bond, N s/m, >= 0, which stays where l changes; None means
+            sqrt(damping k m), which falls with l.
+        damping: eta^2/(k m) where eta is None, >= 0; None means 0.1, as in the paper.
         dashpots: "full", as in the paper: a bond's dashpot resists the full relative velocity of
             its blocks, also where they turn around each other; "along": along the bond only, which
             leaves rotation free.
@@ -81,12 +95,71 @@ class Slider:
     k: Annotated[float, Positive("N/m")]
     M: Annotated[float, Positive("kg")]
     eta: Annotated[float | None, NotNegative("N s/m", optional=True)] = None
+    damping: Annotated[float | None, NotNegative("", optional=True)] = None
     dashpots: Literal["full", "along"] = "full"
 
     _section: ClassVar[str] = "slider"
 
+    @classmethod
+    def of_material(
+        cls,
+        name: str = "",
+        /,
+        *,
+        width: float | str,
+        E: float | str | None = None,
+        density: float | str | None = None,
+        viscosity: float | str | None = None,
+        **fields: Any,
+    ) -> Self:
+        """Return a slab of a material: k = 3 B E/4 and M = rho B L H; see `Material`.
+
+        Blocks at the edges are whole ones, so that M/(N_x N_z) is less than rho B l^2: waves are
+        faster than in the material by sqrt((1 + l/L)(1 + l/H)).
+
+        Args:
+            name: a key of `pyfric.MATERIALS`, for what is not given.
+            width, E, density, viscosity: see `Material`.
+            **fields: L, H, l and other fields of the slider but k and M.
+
+        Raises:
+            SceneError: a value is missing, unknown, of the wrong type or out of range.
+
+        >>> slab = {"L": "140 mm", "H": "75 mm", "l": "2.5 mm"}
+        >>> pyfric.Slider.of_material(E="3 GPa", width="6 mm", density=1200.0, **slab).k
+        13500000.0
+        """
+        values = {"E": E, "density": density, "viscosity": viscosity}
+        return cls._of(Material(name=name, width=width, **values), fields)
+
+    @classmethod
+    def _of(cls, material: Material, fields: Mapping[str, Any]) -> Self:
+        for name in ("k", "M", *(("eta",) if material.viscosity is not None else ())):
+            if name in fields:
+                reason = "given by the material"
+                value = getattr(fields[name], "value", fields[name])
+                raise SceneError(f"slider.{name}", value, "", "one of both", reason)
+        eta = {} if material.eta is None else {"eta": material.eta}
+        slab = cls(k=material.k, M=1.0, **eta, **fields)
+        if not slab.H:
+            raise SceneError("slider.H", slab.H, "m", "> 0 m", "a slab has a height")
+        M = material.density * material.width * slab.L * slab.H
+        return dataclasses.replace(slab, M=M)
+
+    @classmethod
+    def from_file(cls, entries: Mapping[str, Any], folder: Path | None) -> Self:
+        """Return the slider of a table of a scene file, which may say of which material it is."""
+        if "material" not in entries:
+            return from_entries(cls, entries, folder)
+        material = OneOf(Material).check(Written(entries["material"]))
+        marks = annotations(cls)
+        rest = {n: Written(v) if n in marks else v for n, v in entries.items() if n != "material"}
+        return cls._of(material, rest)
+
     def __post_init__(self) -> None:
         errors = []
+        if self.eta is not None and self.damping is not None:
+            raise SceneError("slider.damping", self.damping, "", "None", "eta is given, too")
         blocks = (round(self.L / self.l) + 1) * (round(self.H / self.l) + 1)
         if blocks > MAX_BLOCKS:
             allowed = f"a length in m that gives at most {MAX_BLOCKS} blocks"

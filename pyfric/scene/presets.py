@@ -60,6 +60,7 @@ class Fields(TypedDict, total=False):
     k: Number
     M: Number | None
     eta: Number | None
+    damping: float | None
     dashpots: Literal["full", "along"]
     F_N: Number
     mass: Number

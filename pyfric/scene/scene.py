@@ -119,8 +119,9 @@ class Scene:
     @property
     def eta(self) -> float:
         """Viscosity of every bond in N s/m; sqrt(0.1 k m) unless the slider sets it."""
-        given = self.slider.eta
-        return math.sqrt(0.1 * self.slider.k * self.m) if given is None else given
+        given, damping = self.slider.eta, self.slider.damping
+        damping = 0.1 if damping is None else damping
+        return math.sqrt(damping * self.slider.k * self.m) if given is None else given
 
     @functools.cached_property
     def k_f(self) -> float | np.ndarray:

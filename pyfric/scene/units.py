@@ -25,6 +25,9 @@ EXAMPLES = {
     "m/s": "0.7875 mm/s",
     "N s/m": "1.5 N s/m",
     "s": "0.2 us",
+    "Pa": "3 GPa",
+    "kg/m^3": "1200 kg/m^3",
+    "Pa s": "4 kPa s",
 }
 """SI unit -> a quantity to show in messages."""
 

@@ -33,6 +33,7 @@ from pyfric.record import (
     zone_at_rest,
     zone_notes,
 )
+from pyfric.scene import law_notes
 from pyfric.statics import EquilibriumError, StaticSolver, stability_limit
 
 if TYPE_CHECKING:
@@ -152,7 +153,6 @@ class Run:
     def notes(self) -> tuple[str, ...]:
         """Return what a reader of the record has to know."""
         scene, dt = self.scene, self.method.dt
-        law = scene.law
         notes = ()
         if self.method.geometry == "linear":
             F_T = max(abs(row[1]) for row in self.rows)
@@ -164,17 +164,8 @@ class Run:
                 f"(limit {OPEN_BUDGET:g}): steps of {dt:.3g} s damp fast motion; take a smaller "
                 + ("rtol" if self.method.rtol else "dt"),
             )
-        if not law.weakens and law.tables.speed is None:
-            return notes
-        growth = law.growth(scene.F_N / scene.N_x, scene.m_interface)
-        if dt * growth <= 1:
-            return notes
-        return (
-            *notes,
-            f"{self.name}: steps of {dt:.3g} s do not resolve weakening over d_c = "
-            f"{law.mean.d_c * 1e6:.3g} um, which takes dt <= {1 / growth:.3g} s; it acts like "
-            "weakening at once",
-        )
+        told = law_notes(scene, self.state.t, dt)
+        return (*notes, *(f"{self.name}: {note}" for note in told))
 
     def _front_notes(self, catalogue: Catalogue) -> tuple[str, ...]:
         """Return what to know about the speeds of fronts in main events."""

@@ -16,6 +16,7 @@ from pyfric.scene.files import (
 from pyfric.scene.friction import FRICTIONLESS, Law, clock, of, slipped
 from pyfric.scene.geometry import Geometry, check_geometry, default_geometry
 from pyfric.scene.materials import MATERIALS, Material
+from pyfric.scene.notes import law_notes
 from pyfric.scene.parts import (
     FIELDS,
     DistributedLoad,
@@ -34,6 +35,7 @@ from pyfric.scene.presets import (
     names_file,
     paper_step,
     preset,
+    presets,
     settings,
     setup1,
     setup2,
@@ -96,6 +98,7 @@ __all__ = [
     "forget",
     "full_name",
     "held_back",
+    "law_notes",
     "laws",
     "legs",
     "names_file",
@@ -106,6 +109,7 @@ __all__ = [
     "parse_quantity",
     "parsed",
     "preset",
+    "presets",
     "quantities",
     "raise_if_asked",
     "range_text",

@@ -37,6 +37,7 @@ __all__ = [
     "names_file",
     "paper_step",
     "preset",
+    "presets",
     "settings",
     "setup1",
     "setup2",
@@ -366,6 +367,11 @@ def preset(name: str, changes: Changes = None, /, **fields: Unpack[Fields]) -> S
     if not isinstance(name, str) or name not in PRESETS:
         raise unknown("preset", name, name if isinstance(name, str) else "", PRESETS)
     return PRESETS[name](changes, **fields)
+
+
+def presets() -> dict[str, str]:
+    """Return the names that `preset` knows, and what each scene is."""
+    return {name: scene.about for name, scene in PRESETS.items()}
 
 
 def settings(name: str) -> list[str]:

@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from pyfric.display import html
+from pyfric.display import drawing, html
 from pyfric.scene import toml
 from pyfric.scene.change import changed
 from pyfric.scene.checked import Name, annotations, from_table, part
@@ -328,6 +328,10 @@ class Scene:
 
     def _repr_html_(self) -> str:
         return html(self)
+
+    def plot(self) -> Any:
+        """Return a sketch of the scene, to scale, as `pyfric.figures.sketch` draws it."""
+        return drawing(self)
 
     def replace(self, changes: Mapping[str, Any] | None = None, /, **keywords: Any) -> Self:
         """Return the scene with other values; all checks are repeated.

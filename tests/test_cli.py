@@ -116,6 +116,23 @@ def test_presets(name):
     assert pyfric.Scene.from_toml(pyf("scene", name).stdout) == pyfric.preset(name)
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "fig1", "--t-end", "1e-5", "--out"),
+        ("scene", "fig1", "--out"),
+        ("scene", "fig1", "--overwrite", "--out"),
+        ("draw", "fig1", "--out"),
+        ("reproduce", "--out"),
+    ],
+)
+def test_outputs_that_are_links_to_themselves_are_refused(tmp_path, words):
+    for name in ("loop", "loop.nc", "loop.png"):
+        (tmp_path / name).symlink_to(tmp_path / name)
+    name = "loop.nc" if words[0] == "run" else "loop"
+    assert refused(pyf(*words, tmp_path / name), "--out", "symbolic links")
+
+
 def test_a_preset_wins_over_a_file_of_its_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("fig1", "own"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import errno
 import functools
 import json
 import os
@@ -211,6 +212,7 @@ def check_out(
     read = [Path(one) for one in reads if one is not None and Path(one).exists()]
     for end in ends:
         path = out.with_name(out.name + end)
+        _check_links(path, option)
         if path.is_dir():
             raise click.UsageError(f"{option} {path}: this is a folder.")
         if path.exists() and not path.is_file():
@@ -230,6 +232,7 @@ def check_apart(**outputs: Iterable[Path]) -> None:
     of: dict[Path, str] = {}
     for option, paths in outputs.items():
         for path in paths:
+            _check_links(path, f"--{option}")
             other = of.setdefault(path.resolve(), option)
             if other != option:
                 raise click.UsageError(f"--{option} {path}: --{other} writes the same file.")
@@ -243,12 +246,22 @@ def check_folder(out: Path | None, option: str = "--out") -> None:
     """
     if out is None:
         return
+    _check_links(out, option)
     if not out.is_dir():
         _check_parent(out, option)
         if out.exists():
             raise click.UsageError(f"{option} {out}: this is a file, not a folder.")
     elif not _writable(out):
         raise click.UsageError(f"{option} {out}: the folder is not writable.")
+
+
+def _check_links(path: Path, option: str) -> None:
+    """Refuse a link that leads nowhere, because it leads to itself."""
+    try:
+        path.stat()
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise click.UsageError(f"{option} {path}: {error.strerror}.") from None
 
 
 def _check_parent(out: Path, option: str) -> None:

@@ -80,11 +80,11 @@ def _check_prescribed(scene: Scene) -> None:
     if scene.prescribed:  # blocks that carry more than mu_s p slip from t = 0 on
         return
     p, tau = np.atleast_1d(scene.top.p), np.atleast_1d(scene.top.tau)
-    most, tau = np.broadcast_arrays(scene.law.hold(p), tau)
-    margin = most - np.abs(tau)
+    strength, tau = np.broadcast_arrays(scene.law.hold(p), tau)
+    margin = strength - np.abs(tau)
     if (margin < 0).any():
         i = int(np.argmax(margin < 0))
-        allowed = f"|tau| <= mu_s p = {float(most[i])!r} N"
+        allowed = f"|tau| <= mu_s p = {float(strength[i])!r} N"
         reason = f"block {i + 1} from the trailing edge would slip"
         raise SceneError("top.tau", float(tau[i]), "N", allowed, reason)
 
@@ -120,5 +120,5 @@ def _check_surface(scene: Scene) -> None:
         reason = "a prescribed interface has no foundation"
         raise SceneError("interface.k_f", scene.interface.k_f, "N/m", "None", reason)
     if scene.walls.top == "held" and scene.j_h == scene.N_z - 1:
-        h, most = scene.driver.h, (scene.N_z - 2) * scene.slider.l
-        raise SceneError("driver.h", h, "m", f"at most {most!r} m", "the top row is held")
+        h, highest = scene.driver.h, (scene.N_z - 2) * scene.slider.l
+        raise SceneError("driver.h", h, "m", f"at most {highest!r} m", "the top row is held")

@@ -79,9 +79,11 @@ def read_at_most(path: str | os.PathLike[str], size: int) -> bytes:
         OSError: it cannot be read, or is no regular file.
         ValueError: no path.
     """
-    with open(
-        path, "rb", opener=lambda name, flags: os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
-    ) as file:
+
+    def at_once(name: str, flags: int) -> int:
+        return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+
+    with open(path, "rb", opener=at_once) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise OSError(errno.EINVAL, "Not a regular file", os.fspath(path))
         return file.read(size)
@@ -108,6 +110,8 @@ def check_writable(path: str | os.PathLike[str], size: int = 0) -> None:
 
 
 def _check_regular(target: Path) -> None:
+    if target.is_symlink():  # after all links were followed
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if target.exists() and not target.is_file():

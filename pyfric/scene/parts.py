@@ -167,8 +167,8 @@ class Slider:
         for name, length, least, note in (("L", self.L, 2, ""), ("H", self.H, 0, CHAIN_NOTE)):
             steps = steps_in(length, self.l)
             if steps is None or steps < least:
-                few = least or 1
-                allowed = f"a multiple of l = {self.l!r} m, >= {few} l = {few * self.l!r} m{note}"
+                n = least or 1
+                allowed = f"a multiple of l = {self.l!r} m, >= {n} l = {n * self.l!r} m{note}"
                 reason = "too small" if steps is not None else "not a multiple of l"
                 errors.append(SceneError(f"slider.{name}", length, "m", allowed, reason))
         if errors:

@@ -54,9 +54,9 @@ def pieces(first: float, corners: Corners) -> list[Piece]:
     return [*found, Piece(t, value, 0.0, integral)]
 
 
-def piece_at(course: Sequence[Piece], t: float) -> Piece:
+def piece_at(path: Sequence[Piece], t: float) -> Piece:
     """Return the piece that time t (s) lies in; at a corner the one that begins there."""
-    return course[max(bisect.bisect_right([one.t for one in course], t) - 1, 0)]
+    return path[max(bisect.bisect_right([piece.t for piece in path], t) - 1, 0)]
 
 
 class Leg(NamedTuple):

@@ -154,7 +154,7 @@ class Scene:
     @property
     def drawn(self) -> dict[str, tuple[float, ...]]:
         """What was drawn for fields that are a `Spread`, from the trailing edge on."""
-        spreads = [one for one in FIELDS if isinstance(getattr(self.interface, one), Spread)]
+        spreads = [name for name in FIELDS if isinstance(getattr(self.interface, name), Spread)]
         return {name: self._draw(name) for name in spreads}
 
     @property

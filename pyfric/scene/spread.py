@@ -63,13 +63,13 @@ class Spread:
         if self.range is not None:
             return self.mean + self.range * (2 * self._uniform(n) - 1)
         over = max(1, round(self.correlation_length / l))
-        one = np.zeros(n + over - 1)
-        for each in self._uniform(SUMMED * len(one)).reshape(SUMMED, -1):
-            one += each
-        one -= SUMMED / 2
+        normal = np.zeros(n + over - 1)
+        for each in self._uniform(SUMMED * len(normal)).reshape(SUMMED, -1):
+            normal += each
+        normal -= SUMMED / 2
         total = np.zeros(n)
         for first in range(over):
-            total += one[first : first + n]
+            total += normal[first : first + n]
         return self.mean + (self.std / np.sqrt(float(over))) * total
 
     def _uniform(self, n: int) -> np.ndarray:

@@ -157,9 +157,9 @@ def _lines(path: str | os.PathLike[str], name: str) -> _Lines:
     try:
         content = read_at_most(path, MAX_BYTES + 1)
         text = content.decode("utf-8-sig")
-        filled = [(n, one) for n, one in enumerate(map(str.strip, text.splitlines()), 1) if one]
-        rows = _cells((n, one) for n, one in filled if one[0] != "#")
-        comments = _cells((n, one.lstrip("# ")) for n, one in filled if one[0] == "#")
+        lines = [(n, t) for n, t in enumerate(map(str.strip, text.splitlines()), 1) if t]
+        rows = _cells((n, t) for n, t in lines if t[0] != "#")
+        comments = _cells((n, t.lstrip("# ")) for n, t in lines if t[0] == "#")
     except (OSError, ValueError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or "no text in UTF-8"
         raise SceneError(name, os.fspath(path), "", allowed, reason) from None

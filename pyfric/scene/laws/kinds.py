@@ -76,9 +76,9 @@ class FrictionLaw:
 
     def text(self) -> str:
         """Return the law in a line, wherever it is shown."""
-        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
-        told = (f"{name}={_short(one)}" for name, one in values.items() if one is not None)
-        return f"{type(self).__name__}({', '.join(told)})"
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        shown = (f"{name}={_short(x)}" for name, x in values.items() if x is not None)
+        return f"{type(self).__name__}({', '.join(shown)})"
 
     def tables(self, of: Means) -> Tables:
         """Return the tables of an interface with these means."""

@@ -141,13 +141,13 @@ class TabulatedLaw(FrictionLaw):
 
     def text(self) -> str:
         """Return what the tables hold: "slip 0 to 3 um, 4 knots, mu 0.700 to 0.450"."""
-        said = []
+        parts = []
         for name, (x, y) in COLUMNS.items():
             if (table := self._table(name)) is not None:
                 end = with_prefix(table.x[-1], getattr(IN_UNITS, name))
                 ends = f"{y} {table.y[0]:.3f} to {table.y[-1]:.3f}".replace("_", " ")
-                said.append(f"{x} 0 to {end}, {len(table.x)} knots, {ends}".replace("_", " "))
-        return f"TabulatedLaw({'; '.join(said)})"
+                parts.append(f"{x} 0 to {end}, {len(table.x)} knots, {ends}".replace("_", " "))
+        return f"TabulatedLaw({'; '.join(parts)})"
 
     def ends(self) -> tuple[float, float] | None:
         """Return the first and the last mu of the table over slip."""

@@ -42,10 +42,12 @@ if TYPE_CHECKING:
         front_speed,
     )
     from pyfric.scene import (
+        MATERIALS,
         PRESETS,
         DistributedLoad,
         Driver,
         Interface,
+        Material,
         PrescribedLoad,
         Rod,
         Scene,
@@ -57,6 +59,7 @@ if TYPE_CHECKING:
         chain,
         laws,
         preset,
+        presets,
         setup1,
         setup2,
         slab,
@@ -72,6 +75,7 @@ if TYPE_CHECKING:
     from pyfric.sweeps import Job, JobError, Span, Sweep, boundary, label_map, run_all
 
 __all__ = [
+    "MATERIALS",
     "PRESETS",
     "Assumption",
     "DistributedLoad",
@@ -81,6 +85,7 @@ __all__ = [
     "Interface",
     "Job",
     "JobError",
+    "Material",
     "Method",
     "Options",
     "Plan",
@@ -114,6 +119,7 @@ __all__ = [
     "plan",
     "prediction_curve",
     "preset",
+    "presets",
     "run_all",
     "setup1",
     "setup2",

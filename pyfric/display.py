@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["Painter", "html", "page", "paint_with"]
+__all__ = ["Painter", "drawing", "html", "page", "paint_with"]
 
 
 class Painter(NamedTuple):
@@ -37,10 +37,15 @@ def paint_with(painter: Painter) -> None:
     _painters[:] = [painter]
 
 
+def drawing(shown: Any) -> Any:
+    """Return the figure of an object, None for what has no drawing."""
+    return _painters[0].figure(shown)
+
+
 def html(shown: Any) -> str:
     """Return the text of an object as HTML, below its drawing where there is one."""
     text = f'<pre style="white-space: pre-wrap">{markup.escape(str(shown))}</pre>'
-    figure = _painters[0].figure(shown)
+    figure = drawing(shown)
     return text if figure is None else _image(figure) + text
 
 

@@ -21,6 +21,7 @@ import pyfric
 from pyfric.cli import main
 from pyfric.engines.options import CHOICES
 from pyfric.figures import sketch
+from pyfric.scene import settings as scene_settings
 
 MANY = int(os.environ.get("PYFRIC_BROKEN", "0"))
 """Examples in all; 0 means the few, always the same, of the suite."""
@@ -47,7 +48,7 @@ SMALL = {
     "setup2": {"L": 0.004, "H": 0.002},
     "chain": {"L": 0.02},
 }
-KEYS = sorted({key for name in SMALL for key in pyfric.PRESETS[name].__kwdefaults__})
+KEYS = sorted({key for name in SMALL for key in scene_settings(name)})
 ODD = [
     *(None, True, False, "", "x", "auto", "5 mm", "a\0b", b"x", (), [], {}, [1.0], {"a": 1}),
     *(object(), print, 1j, Decimal("nan"), Decimal(1), Fraction(1, 3), range(3), 10**400, -1, 0),
@@ -102,8 +103,8 @@ def tried(call):
 
 
 def small(name, changes):
-    known = pyfric.PRESETS[name].__kwdefaults__
-    return pyfric.preset(name, **SMALL[name] | {k: v for k, v in changes.items() if k in known})
+    known = scene_settings(name)
+    return pyfric.preset(name, SMALL[name] | {k: v for k, v in changes.items() if k in known})
 
 
 @some

@@ -23,6 +23,7 @@ from pyfric.figures import fig1b
 from pyfric.record import Record
 from pyfric.scene import PrescribedLoad, Scene, SceneError, Slider, chain, preset, setup2
 from pyfric.scene.checked import MAX_LISTED
+from pyfric.scene.presets import settings as names_of
 from pyfric.statics import StaticSolver, loaded_state, stability_limit, stiffness
 from pyfric.statics.operators import operators
 from pyfric.statics.stability import radius
@@ -197,7 +198,7 @@ forces = (
 @settings(max_examples=100)
 @given(
     st.dictionaries(
-        st.sampled_from(list(chain.__kwdefaults__)),
+        st.sampled_from(names_of("chain")),
         forces | st.builds(np.array, st.lists(st.floats(0.1, 70), min_size=13, max_size=13)),
         min_size=1,
         max_size=3,

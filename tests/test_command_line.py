@@ -3,6 +3,7 @@
 import io
 import json
 import sys
+import warnings
 
 import click
 import pytest
@@ -11,6 +12,7 @@ from click.testing import CliRunner
 from helpers import STUDIES
 
 from pyfric.cli import main
+from pyfric.cli.app import Commands
 from pyfric.cli.shared import Tell
 from pyfric.scene import PRESETS
 
@@ -100,3 +102,19 @@ def test_progress_is_for_those_who_look_on(monkeypatch):
     assert Tell(quiet=False, as_json=False).progress
     assert not Tell(quiet=True, as_json=False).progress
     assert not Tell(quiet=False, as_json=True).progress
+
+
+def test_a_warning_is_one_line_and_said_once():
+    @click.group(cls=Commands)
+    def group():
+        pass
+
+    @group.command()
+    def minutes():
+        for _ in range(3):
+            warnings.warn("not written", RuntimeWarning, stacklevel=2)
+        warnings.warn("not unique", RuntimeWarning, stacklevel=2)
+
+    with warnings.catch_warnings(action="always"):
+        said = CliRunner().invoke(group, ["minutes"]).stderr
+    assert said == "Warning: not written\nWarning: not unique\n"

@@ -93,8 +93,8 @@ def test_values_with_units():
 
 def test_laws_with_long_tables_are_a_line():
     law = pyfric.laws.TabulatedLaw.of(hold=(lambda a: 0.02 * math.log10(1 + a / 1e-3), 10.0))
-    lists = "contact_time=<52 values, 0 to 10>, gain=<52 values, 0 to 0.08>"
-    assert repr(law) == f"TabulatedLaw({lists})"
+    held = "contact time 0 to 10 s, 52 knots, gain 0.000 to 0.080"
+    assert repr(law) == f"TabulatedLaw({held})"
     scene = preset("fig1").replace(law=law)
     assert repr(scene).splitlines()[-1].endswith(f"law = {law!r}")
     assert "hold=<table of 52 knots up to 10>, slide=None" in repr(scene.law)
@@ -177,3 +177,10 @@ def test_dir_is_complete():
     assert {*pyfric.__all__, *pyfric.ROOMS} <= set(dir(pyfric))
     for name in pyfric.__all__:
         assert getattr(pyfric, name) is not None
+
+
+def test_a_scene_plots_itself_and_presets_are_listed():
+    scene = preset("fig1")
+    assert scene.plot().caption == pyfric.figures.sketch(scene).caption
+    assert list(pyfric.presets()) == list(pyfric.PRESETS)
+    assert all(pyfric.presets().values())

@@ -305,28 +305,3 @@ def test_scene_files_name_tables_and_records_hold_them(tmp_path, monkeypatch):
     assert here.scene == scene
     on = pyfric.simulate(scene, 2e-4, initial=here, progress=False)
     assert on.status == "complete"
-
-
-@pytest.mark.parametrize(
-    ("content", "table", "value", "texts"),
-    [
-        ("slip (um), mu\n0, 0.7\n1, x\n", "slide", "x", ["row 3, column 2 (mu): not a number"]),
-        ("slip (s), mu\n0, 0.7\n", "slide", "slip (s)", ["row 1, column 1 (slip)", "a unit of m"]),
-        ("0, 0.7\n2, 0.6\n2, 0.5\n", "slide", 2.0, ["row 3, column 1: out of order", "than 2.0 m"]),
-        ("1, 0.7\n2, 0.6\n", "slide", 1.0, ["row 1, column 1: tables start at 0"]),
-        ("0, 0.7\n2, -0.6\n", "slide", "-0.6", ["row 2, column 2: too small", "number >= 0"]),
-        ("0, 0\n\n2, inf\n", "hold", "inf", ["row 3, column 2: not a finite number"]),
-        ("0, 0, 0\n", "hold", "0,0,0", ["row 1: 3", "two columns"]),
-        ("t (ms), gain\n", "hold", 0, ["2 to 1000 rows"]),
-        ("0, 0\n" * 300_000, "hold", None, ["too large"]),
-    ],
-)
-def test_bad_tables_in_files_are_refused(tmp_path, content, table, value, texts):
-    file = csv_scene(tmp_path, content, table=table)
-    with pytest.raises(SceneError) as caught:
-        pyfric.Scene.from_toml(file)
-    assert caught.value.field == f"interface.law.{table}"
-    path = str(tmp_path / "laws" / "friction.csv")
-    assert caught.value.value == (path if value is None else value)
-    for text in (path, *texts):
-        assert text in str(caught.value)

@@ -53,7 +53,7 @@ def test_files_hold_corners_with_units():
         (((1.0, 1.0),) * 3, ["corner 3: a third one at this time"]),
         (((1.0, 1.0, 1.0),), ["corner 1: not a pair"]),
         (7.0, ["not a list of pairs"]),
-        (((1.0, 1.0),) * 1001, ["at most 1000 pairs"]),
+        (((1.0, 1.0),) * 1001, ["more than 1000"]),
     ],
 )
 def test_refused_protocols(protocol, texts):

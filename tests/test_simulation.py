@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import threadpoolctl
-from helpers import same_run
+from helpers import bits, same_run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import REPRODUCED
@@ -538,3 +538,12 @@ def test_steps_and_jumps_use_one_thread_of_blas(monkeypatch):
         integration.integrate(Looking, scene, 0.0, options, progress=False)
     assert found
     assert set(found) == {1}
+
+
+def test_numpy_settings_of_the_caller_change_nothing():
+    """Motions that have died down underflow."""
+    runs = []
+    for wanted in ("ignore", "raise"):
+        with np.errstate(all=wanted):
+            runs.append(simulate("fig1", "0.12 s", fidelity="hybrid", progress=False))
+    assert bits(runs[0].final_state) == bits(runs[1].final_state)

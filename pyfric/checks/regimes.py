@@ -29,7 +29,7 @@ import pandas as pd
 from pyfric.core import OPEN
 from pyfric.engines import RunError, folded, prediction_curve, simulate
 from pyfric.record import budget_error
-from pyfric.scene import Scene, SceneError, at_once, chain, run3, setup1, setup2
+from pyfric.scene import Scene, SceneError, at_once, chain, setup1, setup2
 from pyfric.statics import StaticSolver, stability_limit
 
 __all__ = ["REGIMES", "Behaviour", "Observed", "Regime", "observe", "report"]
@@ -83,7 +83,7 @@ def _scene(setup: Callable[..., Scene], small: dict[str, float], **changes: floa
 
 
 rod, free = partial(_scene, setup1, ROD), partial(_scene, setup2, FREE)
-links, cascade = partial(_scene, chain, LINKS), partial(_scene, run3, {})
+links, cascade = partial(_scene, chain, LINKS), partial(_scene, setup1, {}, h=7.5e-3)
 
 
 def _changes(scene: partial[Scene]) -> str:

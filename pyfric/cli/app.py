@@ -8,6 +8,7 @@ is read, and adds its own to `main`.
 from __future__ import annotations
 
 import errno
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,7 +16,7 @@ import click
 from pyfric.cli.shared import Exit, signalled, stop
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
 __all__ = ["Commands", "main"]
 
@@ -85,7 +86,9 @@ class Commands(_Whole, click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            return super().invoke(ctx)
+            with warnings.catch_warnings():
+                warnings.showwarning = _once()
+                return super().invoke(ctx)
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except Exception as error:
@@ -93,6 +96,18 @@ class Commands(_Whole, click.Group):
             if code is None:
                 raise
             stop(code, f"Error: {str(error) or 'out of memory'}")
+
+
+def _once() -> Callable[..., None]:
+    """Return what shows a warning as one line on stderr, the same text once."""
+    shown = set()
+
+    def show(message: Warning | str, *where: Any) -> None:
+        if str(message) not in shown:
+            shown.add(str(message))
+            click.echo(f"Warning: {message}", err=True)
+
+    return show
 
 
 def _code(error: Exception) -> Exit | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import errno
 import functools
 import json
 import os
@@ -154,41 +155,21 @@ def number(field: str, text: str, unit: str, **limits: float | None) -> float:
     return check_number(field, number, unit, **limits)
 
 
-def _units() -> dict[str, str]:
-    """Return the SI units of all numbers in a scene, by the names that the presets use."""
-    import typing
-
-    from pyfric.scene import DistributedLoad, Driver, Interface, PrescribedLoad, Rod, Slider
-
-    return {
-        name: mark.unit
-        for part in (Slider, Rod, DistributedLoad, PrescribedLoad, Driver, Interface)
-        for name, hint in typing.get_type_hints(part, include_extras=True).items()
-        for mark in getattr(hint, "__metadata__", ())
-        if hasattr(mark, "unit")
-    }
-
-
 def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
-    """Return the preset of this name, or the scene in this file.
+    """Return the preset of this name, or the scene in this file, with what --set changes.
 
     Raises:
-        SceneError: no such preset or file, or a value is refused.
+        SceneError: no such preset or file, or a name or value is refused.
     """
-    import pyfric
-    from pyfric.scene import as_scene, names_file
+    from pyfric.scene import as_scene, spoken
 
-    if not changes:
-        return as_scene(name)
-    if names_file(name):
-        raise click.UsageError(f"--set changes presets; {name} is a file: change it there.")
-    units, values = _units(), {}
+    values = {}
     for change in changes:
         key, equals, text = (part.strip() for part in change.partition("="))
         if not (key and equals):
             raise click.UsageError(f"--set {change}: write KEY=VALUE, such as 'h=7.5 mm'.")
-        values[key] = number(key, text, units[key]) if key in units else text
-    return pyfric.preset(name, **values)
+        values[key] = text if key == "name" else spoken(text)
+    return as_scene(name, values)
 
 
 def record_of(path: str) -> Record:
@@ -231,6 +212,7 @@ def check_out(
     read = [Path(one) for one in reads if one is not None and Path(one).exists()]
     for end in ends:
         path = out.with_name(out.name + end)
+        _check_links(path, option)
         if path.is_dir():
             raise click.UsageError(f"{option} {path}: this is a folder.")
         if path.exists() and not path.is_file():
@@ -250,6 +232,7 @@ def check_apart(**outputs: Iterable[Path]) -> None:
     of: dict[Path, str] = {}
     for option, paths in outputs.items():
         for path in paths:
+            _check_links(path, f"--{option}")
             other = of.setdefault(path.resolve(), option)
             if other != option:
                 raise click.UsageError(f"--{option} {path}: --{other} writes the same file.")
@@ -263,12 +246,22 @@ def check_folder(out: Path | None, option: str = "--out") -> None:
     """
     if out is None:
         return
+    _check_links(out, option)
     if not out.is_dir():
         _check_parent(out, option)
         if out.exists():
             raise click.UsageError(f"{option} {out}: this is a file, not a folder.")
     elif not _writable(out):
         raise click.UsageError(f"{option} {out}: the folder is not writable.")
+
+
+def _check_links(path: Path, option: str) -> None:
+    """Refuse a link that leads nowhere, because it leads to itself."""
+    try:
+        path.stat()
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise click.UsageError(f"{option} {path}: {error.strerror}.") from None
 
 
 def _check_parent(out: Path, option: str) -> None:
@@ -297,8 +290,8 @@ set_option = click.option(
     metavar="KEY=VALUE",
     multiple=True,
     shell_complete=_keys,
-    help="Change a value of a preset, such as 'h=7.5 mm' or mu_k=0.4; repeatable. "
-    "Keys are the arguments of pyfric.setup1, setup2 or chain; numbers without unit are SI.",
+    help="Change a value of SCENE, such as 'h=7.5 mm' or interface.mu_k=0.4; repeatable. Keys are "
+    "names of fields in its TOML, with their part where they need it; numbers without unit are SI.",
 )
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 quiet_option = click.option("--quiet", is_flag=True, help="Print nothing but errors.")

@@ -31,6 +31,7 @@ from pyfric.record import (
     versions,
     zone_notes,
 )
+from pyfric.scene import law_notes
 from pyfric.statics import EquilibriumError, StaticSolver, stability_limit
 
 if TYPE_CHECKING:
@@ -150,7 +151,6 @@ class Run:
     def notes(self) -> tuple[str, ...]:
         """Return what a reader of the record has to know."""
         scene, dt = self.scene, self.method.dt
-        law = scene.law
         notes = ()
         if self.method.geometry == "linear":
             F_T = max(abs(row[1]) for row in self.rows)
@@ -162,17 +162,8 @@ class Run:
                 f"(limit {OPEN_BUDGET:g}): steps of {dt:.3g} s damp fast motion; take a smaller "
                 + ("rtol" if self.method.rtol else "dt"),
             )
-        if not law.weakens and law.tables.speed is None:
-            return notes
-        growth = law.growth(scene.F_N / scene.N_x, scene.m_interface)
-        if dt * growth <= 1:
-            return notes
-        return (
-            *notes,
-            f"{self.name}: steps of {dt:.3g} s do not resolve weakening over d_c = "
-            f"{law.mean.d_c * 1e6:.3g} um, which takes dt <= {1 / growth:.3g} s; it acts like "
-            "weakening at once",
-        )
+        told = law_notes(scene, self.state.t, dt)
+        return (*notes, *(f"{self.name}: {note}" for note in told))
 
     def columns(self) -> list[str]:
         """Names of the columns of the curve."""

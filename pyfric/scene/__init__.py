@@ -1,7 +1,9 @@
 """What is simulated: parts, scenes, presets, units, geometry."""
 
 from pyfric.scene import laws
-from pyfric.scene.checked import quantities
+from pyfric.scene.change import full_name, read_value, scene_fields, spoken
+from pyfric.scene.checked import Quantity, quantities
+from pyfric.scene.errors import SceneError, nearest, unknown
 from pyfric.scene.files import (
     check_writable,
     clean_drafts,
@@ -13,6 +15,8 @@ from pyfric.scene.files import (
 )
 from pyfric.scene.friction import FRICTIONLESS, Law, clock, of, slipped
 from pyfric.scene.geometry import Geometry, check_geometry, default_geometry
+from pyfric.scene.materials import MATERIALS, Material
+from pyfric.scene.notes import law_notes
 from pyfric.scene.parts import (
     FIELDS,
     DistributedLoad,
@@ -31,7 +35,7 @@ from pyfric.scene.presets import (
     names_file,
     paper_step,
     preset,
-    run3,
+    presets,
     settings,
     setup1,
     setup2,
@@ -51,19 +55,14 @@ from pyfric.scene.signals import (
     saved_first,
 )
 from pyfric.scene.spread import Spread
-from pyfric.scene.units import (
-    SceneError,
-    check_number,
-    nearest,
-    parse_quantity,
-    range_text,
-    unknown,
-)
+from pyfric.scene.toml import parsed
+from pyfric.scene.units import check_number, parse_quantity, range_text
 from pyfric.scene.version import __version__
 
 __all__ = [
     "FIELDS",
     "FRICTIONLESS",
+    "MATERIALS",
     "PRESETS",
     "DistributedLoad",
     "Driver",
@@ -71,8 +70,10 @@ __all__ = [
     "Interface",
     "Law",
     "Leg",
+    "Material",
     "Piece",
     "PrescribedLoad",
+    "Quantity",
     "Rod",
     "Scene",
     "SceneError",
@@ -95,7 +96,9 @@ __all__ = [
     "default_geometry",
     "drafts",
     "forget",
+    "full_name",
     "held_back",
+    "law_notes",
     "laws",
     "legs",
     "names_file",
@@ -104,18 +107,22 @@ __all__ = [
     "of",
     "paper_step",
     "parse_quantity",
+    "parsed",
     "preset",
+    "presets",
     "quantities",
     "raise_if_asked",
     "range_text",
-    "run3",
+    "read_value",
     "saved_first",
+    "scene_fields",
     "sealed",
     "settings",
     "setup1",
     "setup2",
     "slab",
     "slipped",
+    "spoken",
     "unknown",
     "unsealed",
     "write",

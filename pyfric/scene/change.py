@@ -1,45 +1,134 @@
-"""A scene with other values: names of fields, with or without their part, and quantities."""
+"""Names of the fields of a scene, what each takes, and the scene with other values."""
 
 from __future__ import annotations
 
 import dataclasses
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pyfric.scene.units import SceneError, unknown
+from pyfric.scene.checked import Quantity, Written, annotations
+from pyfric.scene.errors import SceneError, unknown
+from pyfric.scene.parts import PARTS, DistributedLoad, PrescribedLoad, Rod
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pyfric.scene.scene import Scene
 
-__all__ = ["changed"]
+    Parts = Scene | Mapping[str, Any]
 
-PARTS = ("slider", "top", "driver", "interface", "walls")
+__all__ = ["changed", "full_name", "read_value", "scene_fields", "spoken"]
+
+
+def scene_fields(scene: Parts) -> dict[str, Quantity | None]:
+    """Return the names of all that a scene can have otherwise, as in a scene file.
+
+    Such as "name", "top", "driver.h", "interface.mu_s.seed" where mu_s is a `Spread`, and
+    "interface.law.t_c". Those of numbers come with their `Quantity`.
+
+    Args:
+        scene: a scene, or its parts by their names.
+    """
+    parts = scene if isinstance(scene, Mapping) else {name: getattr(scene, name) for name in PARTS}
+    found: dict[str, Quantity | None] = {"name": None}
+    for name, part in parts.items():
+        found |= {name: None} | _inside(part, name, annotations(type(part)))
+    return found
+
+
+def _inside(owner: Any, prefix: str, marks: Mapping[str, Any]) -> dict[str, Quantity | None]:
+    """Return the fields of a part, and of what is in it; `marks` are their annotations."""
+    found: dict[str, Quantity | None] = {}
+    if not dataclasses.is_dataclass(owner) or isinstance(owner, type):
+        return found
+    for field in dataclasses.fields(owner):
+        name, value, mark = (
+            f"{prefix}.{field.name}",
+            getattr(owner, field.name),
+            marks.get(field.name),
+        )
+        found[name] = mark if isinstance(mark, Quantity) else None
+        drawn = isinstance(mark, Quantity) and mark.drawn is not None
+        found |= _inside(value, name, mark.of_drawn() if drawn else annotations(type(value)))
+    return found
+
+
+def full_name(scene: Parts, name: str, value: Any = None) -> str:
+    """Return the name of a field with its part: "driver.h" for "h", "interface.law.B" for "law.B".
+
+    Args:
+        scene: a scene, or its parts by their names.
+        name: a dotted name, or its end; a part goes before a field, a field before what it holds.
+        value: what it is to become, for the error.
+
+    Raises:
+        SceneError: no field has this name, or several have.
+    """
+    known = scene_fields(scene)
+    found = [full for full in known if f".{full}".endswith(f".{name}")]
+    depth = min((full.count(".") for full in found), default=0)
+    found = [full for full in found if full.count(".") == depth]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise SceneError(name, value, "", " or ".join(found), "is in several parts")
+    ends = list(dict.fromkeys([*known, *(full.partition(".")[2] or full for full in known)]))
+    for top in (Rod, DistributedLoad, PrescribedLoad):  # a word that is not spelled wrong
+        if name.removeprefix("top.") in {field.name for field in dataclasses.fields(top)}:
+            reason = f"unknown here, a field of {top.__name__}"
+            raise SceneError(name, value, "", f"one of {', '.join(ends)}", reason)
+    raise unknown(name, value, name, ends)
 
 
 def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     """Return the scene with these values; see `Scene.replace`."""
-    whole = {one.name for one in dataclasses.fields(scene)}
-    new: dict[str, Any] = {name: value for name, value in changes.items() if name in whole}
-    inside: dict[str, dict[str, Any]] = {}
-    for name, value in changes.items():
-        if name not in whole:
-            part, field = _place(scene, name, value)
-            inside.setdefault(part, {})[field] = value
-    for part, values in inside.items():
-        new[part] = dataclasses.replace(new.get(part, getattr(scene, part)), **values)
-    return dataclasses.replace(scene, **new)
+    parts = {name: changes.get(name, getattr(scene, name)) for name in PARTS}
+    names = {full_name(parts, name, value): value for name, value in changes.items()}
+    return _with(scene, {tuple(name.split(".")): value for name, value in names.items()})
 
 
-def _place(scene: Scene, name: str, value: Any) -> tuple[str, str]:
-    """Return the part and the field that a name such as "h" or "driver.h" stands for."""
-    fields = {p: [one.name for one in dataclasses.fields(getattr(scene, p))] for p in PARTS}
-    dotted = {f"{part}.{one}": (part, one) for part in PARTS for one in fields[part]}
-    found = [place for key, place in dotted.items() if name in (key, place[1])]
-    if len(found) == 1:
-        return found[0]
-    if found:
-        parts = " or ".join(f"{part}.{field}" for part, field in found)
-        raise SceneError(name, value, "", parts, "is in several parts")
-    known = dict.fromkeys([*dotted, *(field for _, field in dotted.values())])
-    raise unknown(name, value, name, known)
+def _with(owner: Any, changes: Mapping[tuple[str, ...], Any]) -> Any:
+    """Return a part with other values, all of which are set before they are checked."""
+    new = {path[0]: value for path, value in changes.items() if len(path) == 1}
+    for name in dict.fromkeys(path[0] for path in changes if len(path) > 1):
+        inside = {path[1:]: v for path, v in changes.items() if path[0] == name and path[1:]}
+        inner = new.get(name, getattr(owner, name))
+        if not dataclasses.is_dataclass(inner):
+            field, value = next(iter(inside.items()))
+            reason = f"{name} is {inner!r}, which has no {'.'.join(field)}"
+            raise SceneError(".".join((name, *field)), value, "", f"a field of {name}", reason)
+        new[name] = _with(inner, inside)
+    return dataclasses.replace(owner, **new)
+
+
+def read_value(name: str, value: Any, mark: Quantity | None, folder: Path) -> Any:
+    """Return what stands in a scene file in `folder` for a field, as the scene has it.
+
+    Args:
+        name: dotted name of the field.
+        value: what stands there; of a part or a friction law, its table.
+        mark: the `Quantity` of the field, None for what is no number.
+        folder: where files lie that the value names.
+
+    Raises:
+        SceneError: the value is refused.
+    """
+    part, _, field = name.partition(".")
+    of_part = annotations(PARTS[part].classes[0]) if part in PARTS else {}
+    mark = PARTS.get(name) or mark or of_part.get(field)
+    try:
+        return value if mark is None else mark.check(Written(value, folder))
+    except SceneError as error:
+        raise (error if error.field else error.at(name)) from None
+
+
+def spoken(text: str) -> Any:
+    """Return a value from a line of text, such as that of `--set`.
+
+    It is what TOML makes of it (a number in SI, a list, a table such as {mean = 0.7, std = 0.02}),
+    or the text itself, such as "7.5 mm" or "left".
+    """
+    try:
+        return tomllib.loads(f"value = {text}").get("value", text)
+    except (ValueError, RecursionError):
+        return text

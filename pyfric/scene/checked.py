@@ -1,25 +1,26 @@
-"""Parts that check themselves: frozen dataclasses whose refusals are `SceneError`."""
+"""Parts that check themselves: frozen dataclasses whose refusals are `SceneError`.
+
+The annotation of a field says what it takes: a `Quantity`, a part (`OneOf`), and so on. Values come
+from Python, or from a scene file (`Written`): there quantities are text with a unit, parts tables.
+"""
 
 import dataclasses
 import functools
 import typing
-from collections.abc import Sequence
+import unicodedata
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pydantic
-from pydantic_core import core_schema
+from pydantic_core import ArgsKwargs, core_schema
 
-from pyfric.scene.units import (
-    SceneError,
-    check_number,
-    in_si,
-    parse_quantity,
-    range_text,
-    unknown,
-)
+from pyfric.scene.errors import SceneError, unknown
+from pyfric.scene.units import check_number, in_si, parse_quantity, range_text
 
-__all__ = ["NotNegative", "Positive", "Quantity", "Written", "names", "part", "quantities"]
+__all__ = ["Annotation", "Name", "NotNegative", "OneOf", "Positive", "Quantity", "Whole", "Written",
+           "annotations", "from_entries", "from_table", "part", "quantities", "table"]  # fmt: skip
 
 MAX_LISTED = 10_000
 """Largest number of blocks whose forces can be listed one by one."""
@@ -27,14 +28,37 @@ MAX_LISTED = 10_000
 
 @dataclasses.dataclass(frozen=True)
 class Written:
-    """A value as it stands in a scene file, where quantities are text with a unit."""
+    """A value as it stands in a scene file; it may name files in `folder`, or None."""
 
     value: Any
+    folder: Path | None = None
+
+
+class Annotation:
+    """What a field takes; `allowed` says so in words."""
+
+    unit: str = ""
+    allowed: str = ""
+
+    def check(self, value: Any) -> Any:
+        """Return what a value given in Python, or `Written` in a file, stands for.
+
+        Raises:
+            SceneError: it is refused; without the name of the field.
+        """
+        raise NotImplementedError
+
+    def written(self, value: Any) -> Any:
+        """Return a value as it stands in a scene file."""
+        return value
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.check)
 
 
 @dataclasses.dataclass(frozen=True)
-class Quantity:
-    """Annotation of a number: its SI unit and limits; also its validator."""
+class Quantity(Annotation):
+    """A number: its SI unit and limits."""
 
     unit: str = ""
     gt: float | None = None
@@ -53,90 +77,235 @@ class Quantity:
     def allowed(self) -> str:
         return range_text(self.unit, **self._limits) + self.note
 
-    def check(self, value: Any) -> float | tuple[float, ...] | None:
+    def check(self, value: Any) -> Any:
+        written = isinstance(value, Written)
+        value = value.value if written else in_si("", value, self.unit, allowed=self.allowed)
         if value is None and self.optional:
             return None
-        written = isinstance(value, Written)
-        if written:
-            value = value.value
         if self.drawn is not None and isinstance(value, self.drawn):
             return value
-        if self.drawn is not None and written and isinstance(value, dict):
-            return self._drawn(value)
-        if not written:
-            value = in_si("", value, self.unit, allowed=self.allowed)
+        if self.drawn is not None and isinstance(value, Mapping):
+            return self._drawn(value, written)
         several = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim)
         if self.listed and several:
-            return self._each([Written(one) for one in value] if written else value)
+            return self._each([Written(v) for v in value] if written else value)
         if written and self.unit:
             value = parse_quantity("", value, self.unit, allowed=self.allowed)
-        try:
-            return check_number("", value, self.unit, **self._limits)
-        except SceneError as error:
-            allowed = error.allowed + self.note
-            raise SceneError("", error.value, self.unit, allowed, error.reason) from None
-
-    def _drawn(self, table: dict[str, Any]) -> Any:
-        """Return what a table of a scene file describes; some of its numbers have this unit."""
-        marks = quantities(self.drawn)
-        values = dict(table)
-        for key in set(table) & set(marks):
-            here = key in self.drawn.in_unit and self.unit
-            one = dataclasses.replace(marks[key], unit=self.unit) if here else marks[key]
-            try:
-                values[key] = one.check(Written(table[key]))
-            except SceneError as error:
-                raise error.at(key) from None
-        return self.drawn(**values)
+        return check_number("", value, self.unit, **self._limits, note=self.note)
 
     def _each(self, values: Sequence[Any]) -> tuple[float, ...]:
         if len(values) > MAX_LISTED:
             raise SceneError("", values, "", f"at most {MAX_LISTED} numbers", "too many")
-        found, one = [], dataclasses.replace(self, listed=False, drawn=None, note="")
+        numbers, number = [], dataclasses.replace(self, listed=False, drawn=None, note="")
         for n, value in enumerate(values, 1):
             try:
-                found.append(one.check(value))
+                numbers.append(number.check(value))
             except SceneError as error:
                 reason = f"block {n}: {error.reason}"
                 raise SceneError("", error.value, self.unit, error.allowed, reason) from None
-        return tuple(found)
+        return tuple(numbers)
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.check)
+    def of_drawn(self) -> dict[str, Annotation]:
+        """Return the annotations of what is drawn: some of its numbers have the unit of this."""
+        return {
+            name: dataclasses.replace(mark, unit=self.unit) if name in self.drawn.in_unit else mark
+            for name, mark in annotations(self.drawn).items()
+        }
+
+    def _drawn(self, values: Mapping[str, Any], written: bool) -> Any:
+        """Return what a table describes, which may stand in a scene file."""
+        try:
+            found = dict(values)
+            for name, mark in self.of_drawn().items():
+                if name in values:
+                    found[name] = mark.check(Written(found[name]) if written else found[name])
+            return self.drawn(**found)
+        except SceneError as error:
+            raise error.at("") from None
+
+    def written(self, value: Any) -> Any:
+        if self.drawn is not None and isinstance(value, self.drawn):
+            return table(value, self.of_drawn())
+        if isinstance(value, tuple):
+            return [self.written(v) for v in value]
+        return f"{value!r} {self.unit}" if self.unit else value
 
 
-def quantities(cls: type) -> dict[str, Quantity]:
-    """Return the `Quantity` of each numeric field of a part."""
+@dataclasses.dataclass(frozen=True)
+class Whole(Annotation):
+    """A whole number from 0 up to a largest one."""
+
+    largest: int
+
+    @property
+    def allowed(self) -> str:
+        return f"a whole number from 0 to {self.largest}"
+
+    def check(self, value: Any) -> int:
+        value = value.value if isinstance(value, Written) else value
+        whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+        if not whole or not 0 <= value <= self.largest:
+            raise SceneError("", value, "", self.allowed, "" if whole else "not a whole number")
+        return int(value)
+
+
+@dataclasses.dataclass(frozen=True)
+class Name(Annotation):
+    """A line of text: no control characters, and none that change the order of what is read."""
+
+    longest: int
+
+    @property
+    def allowed(self) -> str:
+        return f"text of at most {self.longest} characters"
+
+    def check(self, value: Any) -> str:
+        value = value.value if isinstance(value, Written) else value
+        if not isinstance(value, str):
+            raise SceneError("", value, "", self.allowed, f"not text, but {type(value).__name__}")
+        if len(value) > self.longest:
+            raise SceneError("", value, "", self.allowed, "too long")
+        for n, sign in enumerate(value, 1):
+            order = sign in ORDERING or unicodedata.bidirectional(sign) in DIRECTIONS
+            if order or unicodedata.category(sign) in ("Cc", "Cs", "Zl", "Zp"):
+                what = "changes the order of the text" if order else "is no letter, mark or space"
+                reason = f"character {n} (U+{ord(sign):04X}) {what}"
+                raise SceneError("", ascii(value), "", self.allowed, reason)
+        return value
+
+
+DIRECTIONS = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
+ORDERING = "\u061c\u200e\u200f"
+"""Marks that change the order in which text is shown."""
+
+Positive = functools.partial(Quantity, gt=0.0)
+NotNegative = functools.partial(Quantity, ge=0.0)
+
+
+class OneOf(Annotation):
+    """A part of one of several classes, which the entry `kind` tells apart in a scene file.
+
+    Args:
+        classes: the classes, or one that all of them are derived from.
+        kinds: kinds to classes; None means those of the classes that have one.
+        allowed: says what is allowed in Python.
+    """
+
+    def __init__(
+        self, *classes: type, kinds: Mapping[str, type] | None = None, allowed: str = ""
+    ) -> None:
+        self.classes, self.section = classes, classes[0]._section
+        self.kinds = {c.kind: c for c in classes if hasattr(c, "kind")} if kinds is None else kinds
+        names = [c.__name__ for c in classes]
+        names = [f"an {name}" if name[0] in "AEIOU" else f"a {name}" for name in names]
+        listed = ", ".join(names[:-1]) + " or " * (len(names) > 1) + names[-1]
+        self.allowed = allowed or listed
+
+    def check(self, value: Any) -> Any:
+        if isinstance(value, self.classes):
+            return value
+        if not isinstance(value, Written):
+            reason = f"{type(value).__name__} is something else"
+            raise SceneError("", value, "", self.allowed, reason)
+        if not isinstance(value.value, dict):
+            reason = "missing" if value.value is None else "not a table"
+            raise SceneError(self.section, value.value, "", f"a table [{self.section}]", reason)
+        entries = dict(value.value)
+        cls = self._asked(entries.pop("kind", None)) if self.kinds else self.classes[0]
+        return from_table(cls, entries, value.folder)
+
+    def fields(self, kind: Any) -> list[str]:
+        """Return the names of the fields of a kind, none where it is unknown."""
+        cls = self.kinds.get(kind) if isinstance(kind, str) else None
+        cls = cls if self.kinds else self.classes[0]
+        return [field.name for field in dataclasses.fields(cls)] if cls else []
+
+    def _asked(self, kind: Any) -> type:
+        """Return the class of a kind."""
+        if isinstance(kind, str) and kind in self.kinds:
+            return self.kinds[kind]
+        field, allowed = f"{self.section}.kind", " or ".join(map(repr, self.kinds))
+        if isinstance(kind, str):
+            raise unknown(field, kind, kind, self.kinds)
+        raise SceneError(field, kind, "", allowed, "missing" if kind is None else "not text")
+
+    def written(self, value: Any) -> Any:
+        return table(value)
+
+
+@functools.cache
+def annotations(cls: type) -> dict[str, Annotation]:
+    """Return the annotation of each field of a part that has one."""
     return {
         name: mark
         for name, hint in typing.get_type_hints(cls, include_extras=True).items()
         for mark in getattr(hint, "__metadata__", ())
-        if isinstance(mark, Quantity)
+        if isinstance(mark, Annotation)
     }
 
 
-def names(cls: type) -> list[str]:
-    return [field.name for field in dataclasses.fields(cls)]
+def quantities(cls: type) -> dict[str, Quantity]:
+    """Return the `Quantity` of each numeric field of a part."""
+    return {n: mark for n, mark in annotations(cls).items() if isinstance(mark, Quantity)}
 
 
-def translated(cls: type, error: pydantic.ValidationError) -> SceneError:
+def from_table(cls: type, entries: Mapping[str, Any], folder: Path | None, **more: Any) -> Any:
+    """Return the part that a table of a scene file in a folder describes.
+
+    Args:
+        cls: its class, which may read tables itself: `cls.from_file(entries, folder)`.
+        entries: the table.
+        folder: where the file is; None: it may name no other files.
+        more: arguments that the table cannot give.
+    """
+    if hasattr(cls, "from_file"):
+        return cls.from_file(entries, folder)
+    return from_entries(cls, entries, folder, **more)
+
+
+def from_entries(cls: type, entries: Mapping[str, Any], folder: Path | None, **more: Any) -> Any:
+    """Return the part with these fields, as they stand in a scene file; see `from_table`."""
+    marks = annotations(cls)
+    values = {n: Written(v, folder) if n in marks else v for n, v in entries.items()}
+    return cls(**values, **more)
+
+
+def table(part: Any, marks: Mapping[str, Annotation] | None = None) -> dict[str, Any]:
+    """Return a part as a table of a scene file, without what is empty, or a part by default."""
+    marks = annotations(type(part)) if marks is None else marks
+    found = {"kind": part.kind} if hasattr(part, "kind") else {}
+    for field in dataclasses.fields(part):
+        name, value = field.name, getattr(part, field.name)
+        default = dataclasses.is_dataclass(value) and value == field.default
+        if not (default or value in (None, (), "")):
+            found[name] = marks[name].written(value) if name in marks else value
+    return found
+
+
+UNEXPECTED = "unexpected_keyword_argument"
+
+
+def _translated(cls: type, error: pydantic.ValidationError) -> SceneError:
     """Return the `SceneError` that says what a pydantic error says."""
     prefix = f"{cls._section}." if cls._section else ""
-    marks, found = quantities(cls), {}
-    for line in error.errors(include_url=False):
+    names, found = [field.name for field in dataclasses.fields(cls)], {}
+    lines = error.errors(include_url=False)
+    lines.sort(key=lambda line: line["type"] != UNEXPECTED)  # a name spelled wrong goes first
+    for line in lines:
         key = str(line["loc"][0]) if line["loc"] else ""
-        cause = line.get("ctx", {}).get("error")
+        details = line.get("ctx", {})
+        cause = details.get("error")
         if isinstance(cause, SceneError):
-            one = cause.at(prefix + key) if key else cause
-        elif line["type"] == "unexpected_keyword_argument":
-            one = unknown(prefix + key, line["input"], key, names(cls))
+            refusal = cause if cause.field else cause.at(prefix + key)
+        elif line["type"] == UNEXPECTED:
+            refusal = unknown(prefix + key, line["input"], key, names)
         else:
-            mark = marks.get(key, Quantity())
-            allowed = mark.allowed if key in marks else cls._allowed.get(key, "keyword arguments")
+            mark = annotations(cls).get(key, Annotation())
             missing = line["type"] == "missing"
             value, reason = (None, "missing") if missing else (line["input"], line["msg"])
-            one = SceneError(prefix + key, value, mark.unit, allowed, reason)
-        found.setdefault(key, one)
+            allowed = mark.allowed or details.get("expected", "keyword arguments")
+            refusal = SceneError(prefix + key, value, mark.unit, allowed, reason)
+        found.setdefault(key, refusal)
     return SceneError.joined(found.values())
 
 
@@ -145,18 +314,14 @@ def part(cls: type) -> type:
     """Make a frozen keyword-only pydantic dataclass whose refusals are `SceneError`."""
     config = pydantic.ConfigDict(extra="forbid", strict=True)
     cls = pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=config)(cls)
-    checked = cls.__init__
 
-    @functools.wraps(checked)
-    def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
+    @functools.wraps(cls.__init__)
+    def __init__(self: Any, /, *args: Any, **kwargs: Any) -> None:
         try:
-            checked(self, *args, **kwargs)
+            given = ArgsKwargs(args, kwargs)
+            cls.__pydantic_validator__.validate_python(given, self_instance=self)
         except pydantic.ValidationError as error:
-            raise translated(cls, error) from None
+            raise _translated(cls, error) from None
 
     cls.__init__ = __init__
     return cls
-
-
-Positive = functools.partial(Quantity, gt=0.0)
-NotNegative = functools.partial(Quantity, ge=0.0)

@@ -10,6 +10,7 @@ import re
 import secrets
 import shutil
 import socket
+import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +18,16 @@ from pathlib import Path
 
 from pyfric.scene.signals import held_back
 
-__all__ = ["check_writable", "clean_drafts", "drafts", "sealed", "unsealed", "write", "written"]
+__all__ = [
+    "check_writable",
+    "clean_drafts",
+    "drafts",
+    "read_at_most",
+    "sealed",
+    "unsealed",
+    "write",
+    "written",
+]
 
 MARK = b"\npyfric sha256 "
 SEAL_LENGTH = len(MARK) + 64 + 1
@@ -62,6 +72,23 @@ def write(path: str | os.PathLike[str], content: bytes) -> Path:
     return Path(path)
 
 
+def read_at_most(path: str | os.PathLike[str], size: int) -> bytes:
+    """Return what a regular file begins with, at most so many bytes; a pipe is not waited for.
+
+    Raises:
+        OSError: it cannot be read, or is no regular file.
+        ValueError: no path.
+    """
+
+    def at_once(name: str, flags: int) -> int:
+        return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+
+    with open(path, "rb", opener=at_once) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "Not a regular file", os.fspath(path))
+        return file.read(size)
+
+
 def check_writable(path: str | os.PathLike[str], size: int = 0) -> None:
     """Try whether a file of this size, in bytes, can be written; leave nothing behind.
 
@@ -83,6 +110,8 @@ def check_writable(path: str | os.PathLike[str], size: int = 0) -> None:
 
 
 def _check_regular(target: Path) -> None:
+    if target.is_symlink():  # after all links were followed
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if target.exists() and not target.is_file():

@@ -63,10 +63,38 @@ class Law:
 
         Factors of speed and age, and alpha, are left out.
         """
-        left = self.tables.slide
-        if left is None or (np.ndim(slip) == 0 and slip == math.inf):
+        if self.tables.slide is None or (np.ndim(slip) == 0 and slip == math.inf):
             return self.mu_k * p
-        return (self.mu_k + self.drop * left(np.divide(slip, self.d_c))) * p
+        return self.weakening(slip)[0] * p
+
+    def piece(self, slip: Any) -> np.ndarray:
+        """Return on which straight piece of mu(s) blocks are that have slipped by `slip` (m).
+
+        It is the number of the last knot at or before the slip, from 0.
+        """
+        return self.tables.slide.piece(self._in_units_of_d_c(slip))
+
+    def weakening(self, slip: Any, piece: Any = None) -> tuple[Any, Any]:
+        """Return mu of blocks that have slipped by `slip` (m), and dmu/ds (1/m).
+
+        Args:
+            slip: path since the last stick, m, a number or one for each column.
+            piece: the straight pieces to stay on, from `piece`; None means those of the slip.
+        """
+        x, table = self._in_units_of_d_c(slip), self.tables.slide
+        left, slope = table.on(table.piece(x) if piece is None else piece, x)
+        rate = np.divide(self.drop * slope, self.d_c, out=np.zeros(x.shape), where=slope != 0)
+        return self.mu_k + self.drop * left, rate
+
+    def next_knot(self, piece: np.ndarray) -> np.ndarray:
+        """Return the slip (m) at which straight pieces end; inf for the last one."""
+        ends = np.append(self.tables.slide.x[1:], math.inf)[piece]
+        return ends * np.where(np.equal(self.d_c, 0), 1.0, self.d_c)
+
+    def _in_units_of_d_c(self, slip: Any) -> np.ndarray:
+        """Return slip/d_c; where d_c = 0 friction has fallen at once: inf."""
+        slip, d_c = np.broadcast_arrays(np.asarray(slip, float), self.d_c)
+        return np.divide(slip, d_c, out=np.full(slip.shape, math.inf), where=d_c > 0)
 
     def at(self, which: Any) -> Law:
         """Return the law of some columns."""

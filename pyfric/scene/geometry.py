@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, get_args
 
-from pyfric.scene.units import SceneError
+from pyfric.scene.errors import SceneError
 
 if TYPE_CHECKING:
     from pyfric.scene.scene import Scene

@@ -5,22 +5,34 @@ Symbols and boundaries are those of PRL 107, 074301 (2011).
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal, Self
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-import pydantic
 
-from pyfric.scene.checked import NotNegative, Positive, Quantity, part
-from pyfric.scene.laws import FrictionLaw, Means, Tables, check_tables
+from pyfric.scene.checked import (
+    NotNegative,
+    OneOf,
+    Positive,
+    Quantity,
+    Written,
+    annotations,
+    from_entries,
+    part,
+    quantities,
+)
+from pyfric.scene.errors import SceneError
+from pyfric.scene.laws import KINDS, FrictionLaw, Means, Tables, check_tables
 from pyfric.scene.laws.weakening import LinearWeakening
-from pyfric.scene.protocol import Corners, Course
+from pyfric.scene.materials import Material
+from pyfric.scene.protocol import Corners, Protocol
 from pyfric.scene.spread import Spread
-from pyfric.scene.units import SceneError
 
 __all__ = [
     "CHAIN_NOTE",
     "FIELDS",
     "MAX_BLOCKS",
+    "PARTS",
     "DistributedLoad",
     "Driver",
     "Field",
@@ -28,6 +40,7 @@ __all__ = [
     "PrescribedLoad",
     "Rod",
     "Slider",
+    "Top",
     "Walls",
     "steps_in",
 ]
@@ -43,6 +56,7 @@ FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f")
 Field = float | tuple[float, ...] | Spread
 """A number, a number for each block from the trailing edge on, or random ones."""
 _field = {"listed": True, "drawn": Spread, "note": FIELD_NOTE}
+_law = OneOf(FrictionLaw, kinds=KINDS, allowed="a friction law, such as pyfric.laws.Ageing")
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
 
 
@@ -62,7 +76,9 @@ class Slider:
         l: lattice constant, m; N_x N_z may not exceed `MAX_BLOCKS`.
         k: stiffness of the nearest-neighbour springs, N/m (3 B E / 4; it does not depend on l).
         M: mass, kg.
-        eta: viscosity of every bond, N s/m, >= 0; None means sqrt(0.1 k m).
+        eta: viscosity of every bond, N s/m, >= 0, which stays where l changes; None means
+            sqrt(damping k m), which falls with l.
+        damping: eta^2/(k m) where eta is None, >= 0; None means 0.1, as in the paper.
         dashpots: "full", as in the paper: a bond's dashpot resists the full relative velocity of
             its blocks, also where they turn around each other; "along": along the bond only, which
             leaves rotation free.
@@ -79,13 +95,71 @@ class Slider:
     k: Annotated[float, Positive("N/m")]
     M: Annotated[float, Positive("kg")]
     eta: Annotated[float | None, NotNegative("N s/m", optional=True)] = None
+    damping: Annotated[float | None, NotNegative("", optional=True)] = None
     dashpots: Literal["full", "along"] = "full"
 
     _section: ClassVar[str] = "slider"
-    _allowed: ClassVar[dict[str, str]] = {"dashpots": "'full' or 'along'"}
+
+    @classmethod
+    def of_material(
+        cls,
+        name: str = "",
+        /,
+        *,
+        width: float | str,
+        E: float | str | None = None,
+        density: float | str | None = None,
+        viscosity: float | str | None = None,
+        **fields: Any,
+    ) -> Self:
+        """Return a slab of a material: k = 3 B E/4 and M = rho B L H; see `Material`.
+
+        Blocks at the edges are whole ones, so that M/(N_x N_z) is less than rho B l^2: waves are
+        faster than in the material by sqrt((1 + l/L)(1 + l/H)).
+
+        Args:
+            name: a key of `pyfric.MATERIALS`, for what is not given.
+            width, E, density, viscosity: see `Material`.
+            **fields: L, H, l and other fields of the slider but k and M.
+
+        Raises:
+            SceneError: a value is missing, unknown, of the wrong type or out of range.
+
+        >>> slab = {"L": "140 mm", "H": "75 mm", "l": "2.5 mm"}
+        >>> pyfric.Slider.of_material(E="3 GPa", width="6 mm", density=1200.0, **slab).k
+        13500000.0
+        """
+        values = {"E": E, "density": density, "viscosity": viscosity}
+        return cls._of(Material(name=name, width=width, **values), fields)
+
+    @classmethod
+    def _of(cls, material: Material, fields: Mapping[str, Any]) -> Self:
+        for name in ("k", "M", *(("eta",) if material.viscosity is not None else ())):
+            if name in fields:
+                reason = "given by the material"
+                value = getattr(fields[name], "value", fields[name])
+                raise SceneError(f"slider.{name}", value, "", "one of both", reason)
+        eta = {} if material.eta is None else {"eta": material.eta}
+        slab = cls(k=material.k, M=1.0, **eta, **fields)
+        if not slab.H:
+            raise SceneError("slider.H", slab.H, "m", "> 0 m", "a slab has a height")
+        M = material.density * material.width * slab.L * slab.H
+        return dataclasses.replace(slab, M=M)
+
+    @classmethod
+    def from_file(cls, entries: Mapping[str, Any], folder: Path | None) -> Self:
+        """Return the slider of a table of a scene file, which may say of which material it is."""
+        if "material" not in entries:
+            return from_entries(cls, entries, folder)
+        material = OneOf(Material).check(Written(entries["material"]))
+        marks = annotations(cls)
+        rest = {n: Written(v) if n in marks else v for n, v in entries.items() if n != "material"}
+        return cls._of(material, rest)
 
     def __post_init__(self) -> None:
         errors = []
+        if self.eta is not None and self.damping is not None:
+            raise SceneError("slider.damping", self.damping, "", "None", "eta is given, too")
         blocks = (round(self.L / self.l) + 1) * (round(self.H / self.l) + 1)
         if blocks > MAX_BLOCKS:
             allowed = f"a length in m that gives at most {MAX_BLOCKS} blocks"
@@ -93,8 +167,8 @@ class Slider:
         for name, length, least, note in (("L", self.L, 2, ""), ("H", self.H, 0, CHAIN_NOTE)):
             steps = steps_in(length, self.l)
             if steps is None or steps < least:
-                few = least or 1
-                allowed = f"a multiple of l = {self.l!r} m, >= {few} l = {few * self.l!r} m{note}"
+                n = least or 1
+                allowed = f"a multiple of l = {self.l!r} m, >= {n} l = {n * self.l!r} m{note}"
                 reason = "too small" if steps is not None else "not a multiple of l"
                 errors.append(SceneError(f"slider.{name}", length, "m", allowed, reason))
         if errors:
@@ -116,8 +190,17 @@ class Slider:
         return self.M / (self.N_x * self.N_z)
 
 
+class Top:
+    """A top boundary; as it stands, without rod, springs, shear forces and protocols."""
+
+    mass = mattress = k_top = T = 0.0
+    protocol = T_protocol = ()
+
+    _section: ClassVar[str] = "top"
+
+
 @part
-class Rod:
+class Rod(Top):
     """Top boundary of setup 1: the top row is glued to a rigid rod that can tilt.
 
     Args:
@@ -137,15 +220,13 @@ class Rod:
     F_N: Annotated[float, Positive("N")]
     mass: Annotated[float, NotNegative("kg")] = 0.0756
     mattress: Annotated[float, NotNegative("N/m")] = 0.4e6
-    protocol: Annotated[Corners, Course("N", gt=0.0)] = ()
+    protocol: Annotated[Corners, Protocol("N", gt=0.0)] = ()
 
     kind: ClassVar[str] = "rod"
-    _section: ClassVar[str] = "top"
-    _allowed: ClassVar[dict[str, str]] = {}
 
 
 @part
-class DistributedLoad:
+class DistributedLoad(Top):
     """Top boundary of setup 2: a free top row under vertical forces.
 
     The block with number n from the trailing edge carries
@@ -169,16 +250,14 @@ class DistributedLoad:
     F_N: Annotated[float, Positive("N")]
     theta: Annotated[float, Quantity("", ge=-1.0, le=1.0)] = 0.0
     T: Annotated[float, Quantity("N")] = 0.0
-    protocol: Annotated[Corners, Course("N", gt=0.0)] = ()
-    T_protocol: Annotated[Corners, Course("N")] = ()
+    protocol: Annotated[Corners, Protocol("N", gt=0.0)] = ()
+    T_protocol: Annotated[Corners, Protocol("N")] = ()
 
     kind: ClassVar[str] = "distributed"
-    _section: ClassVar[str] = "top"
-    _allowed: ClassVar[dict[str, str]] = {}
 
 
 @part
-class PrescribedLoad:
+class PrescribedLoad(Top):
     """A prescribed interface: the forces on its blocks.
 
     Sequences have N_x numbers, from the trailing edge on; they become tuples. A block of the bottom
@@ -211,8 +290,6 @@ class PrescribedLoad:
     k_top: Annotated[float, NotNegative("N/m")] = 0.0
 
     kind: ClassVar[str] = "prescribed"
-    _section: ClassVar[str] = "top"
-    _allowed: ClassVar[dict[str, str]] = {}
 
 
 @part
@@ -242,11 +319,6 @@ class Walls:
     top: Literal["free", "held", "mirrored", "absorbing"] = "free"
 
     _section: ClassVar[str] = "walls"
-    _allowed: ClassVar[dict[str, str]] = {
-        "left": "'free', 'mirrored' or 'absorbing'",
-        "right": "'free', 'mirrored' or 'absorbing'",
-        "top": "'free', 'held', 'mirrored' or 'absorbing'",
-    }
 
 
 @part
@@ -275,10 +347,9 @@ class Driver:
     V: Annotated[float, NotNegative("m/s")]
     h: Annotated[float, NotNegative("m", note=", a multiple of l up to H")]
     side: Literal["left", "right"] = "left"
-    protocol: Annotated[Corners, Course("m/s")] = ()
+    protocol: Annotated[Corners, Protocol("m/s")] = ()
 
     _section: ClassVar[str] = "driver"
-    _allowed: ClassVar[dict[str, str]] = {"side": "'left' or 'right'"}
 
     @property
     def fastest(self) -> float:
@@ -291,8 +362,9 @@ class Interface:
     """The frictional interface under the bottom row.
 
     Args:
-        mu_s: static friction coefficient, >= 0.
-        mu_k: kinetic friction coefficient, 0 <= mu_k <= mu_s.
+        mu_s: static friction coefficient, >= 0; where it is None, a law that is a table of mu gives
+            it: its first mu.
+        mu_k: kinetic friction coefficient, 0 <= mu_k <= mu_s; likewise, the last mu.
         k_f: stiffness of the elastic foundation per block, N/m, > 0; None means k.
         d_c: slip over which friction weakens, m, >= 0; 0 is Amontons-Coulomb friction.
         alpha: viscosity of slip, N s/m, >= 0: a slipping block also resists with alpha v.
@@ -315,17 +387,25 @@ class Interface:
     Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
     """
 
-    mu_s: Annotated[Field, NotNegative("", **_field)]
-    mu_k: Annotated[Field, NotNegative("", **_field)]
+    mu_s: Annotated[Field, NotNegative("", optional=True, **_field)] = None  # until it is taken
+    mu_k: Annotated[Field, NotNegative("", optional=True, **_field)] = None
     k_f: Annotated[Field | None, Positive("N/m", optional=True, **_field)] = None
     d_c: Annotated[Field, NotNegative("m", **_field)] = 0.0
     alpha: Annotated[Field, NotNegative("N s/m", **_field)] = 0.0
-    law: pydantic.InstanceOf[FrictionLaw] = LinearWeakening()
+    law: Annotated[FrictionLaw, _law] = LinearWeakening()
 
     _section: ClassVar[str] = "interface"
-    _allowed: ClassVar[dict[str, str]] = {"law": "a friction law, such as pyfric.laws.Ageing"}
 
     def __post_init__(self) -> None:
+        missing, ends = [], self.law.ends() or (None, None)
+        for name, end in zip(("mu_s", "mu_k"), ends, strict=True):
+            if getattr(self, name) is None and end is None:
+                allowed = quantities(Interface)[name].allowed
+                missing.append(SceneError(f"interface.{name}", None, "", allowed, "missing"))
+            elif getattr(self, name) is None:
+                object.__setattr__(self, name, end)
+        if missing:
+            raise SceneError.joined(missing)
         numbers = isinstance(self.mu_k, float) and isinstance(self.mu_s, float)
         if numbers and self.mu_k > self.mu_s:  # the scene compares fields, block by block
             allowed = f"0 <= mu_k <= mu_s = {self.mu_s!r}"
@@ -357,3 +437,13 @@ def _mean(field: Field) -> float:
     if isinstance(field, Spread):
         return field.mean
     return 0.0 if field == () else float(np.mean(field))
+
+
+PARTS = {
+    "slider": OneOf(Slider),
+    "top": OneOf(Rod, DistributedLoad, PrescribedLoad),
+    "driver": OneOf(Driver),
+    "interface": OneOf(Interface),
+    "walls": OneOf(Walls),
+}
+"""Parts of a scene, and what each may be."""

@@ -1,15 +1,20 @@
-"""The paper's scenes, a chain, and a slab on a prescribed interface.
+"""The paper's scenes, a chain, a slab on a prescribed interface, and a benchmark; by name.
 
 Source: PRL 107, 074301 (2011).
 """
 
+import dataclasses
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 
+from pyfric.scene.change import changed, full_name, scene_fields
+from pyfric.scene.errors import SceneError, unknown
+from pyfric.scene.laws import FrictionLaw
 from pyfric.scene.parts import (
+    PARTS,
     DistributedLoad,
     Driver,
     Interface,
@@ -19,173 +24,196 @@ from pyfric.scene.parts import (
     Walls,
 )
 from pyfric.scene.scene import Scene
-from pyfric.scene.units import SceneError, check_quantity, unknown
+from pyfric.scene.spread import Spread
+from pyfric.scene.units import check_number
 
 __all__ = [
     "PRESETS",
+    "Fields",
+    "Preset",
     "SceneLike",
     "as_scene",
     "chain",
-    "fig1",
     "names_file",
     "paper_step",
     "preset",
-    "run1",
-    "run2",
-    "run3",
-    "run4",
+    "presets",
     "settings",
     "setup1",
     "setup2",
-    "setup2_minus",
-    "setup2_plus",
     "slab",
     "tpv3",
 ]
 
+Number = float | str
+"""A number in SI units, text with a unit such as "5 mm", or a quantity of a library of units."""
+Numbers = Number | Sequence[Number]
+Field = Numbers | Spread
+Corners = Sequence[tuple[Number, Number]]
 
-def setup1(
-    *,
-    L: float = 0.14,
-    h: float = 5e-3,
-    F_N: float = 3500.0,
-    mu_s: float = 0.7,
-    mu_k: float = 0.45,
-    M: float | None = None,
-    l: float = 2.5e-3,
-    H: float = 0.075,
-    k: float = 13.5e6,
-    K: float = 4e6,
-    V: float = 0.7875e-3,
-    side: Literal["left", "right"] = "left",
-    mass: float = 0.0756,
-    mattress: float = 0.4e6,
-    eta: float | None = None,
-    k_f: float | None = None,
-    d_c: float = 0.0,
-    name: str = "setup1",
-) -> Scene:
-    """Return setup 1 of the paper: the top row glued to a rigid rod.
 
-    Arguments are the fields of the parts, in SI units. Where l is changed, k stays
-    (k = 3 B E / 4 does not depend on l) and the block mass follows from M / (N_x N_z).
+class Fields(TypedDict, total=False):
+    """Fields of a scene whose names need no part: values of `preset`, `setup1` and so on."""
 
-    M = None means 0.54 kg/m times L: 75.6 g at L = 140 mm, 108 g at L = 200 mm. The paper's
+    L: Number
+    H: Number
+    l: Number
+    k: Number
+    M: Number | None
+    eta: Number | None
+    damping: float | None
+    dashpots: Literal["full", "along"]
+    F_N: Number
+    mass: Number
+    mattress: Number
+    theta: float
+    T: Number
+    T_protocol: Corners
+    p: Numbers
+    tau: Numbers
+    k_top: Number
+    K: Number
+    V: Number
+    h: Number
+    side: Literal["left", "right"]
+    mu_s: Field | None
+    mu_k: Field | None
+    k_f: Field | None
+    d_c: Field
+    alpha: Field
+    law: FrictionLaw
+    left: Literal["free", "mirrored", "absorbing"]
+    right: Literal["free", "mirrored", "absorbing"]
+    slider: Slider
+    top: Rod | DistributedLoad | PrescribedLoad
+    driver: Driver
+    interface: Interface
+    walls: Walls
+    name: str
+
+
+Changes = Mapping[str, Any] | None
+"""Names of fields, with their part where they need it ("driver.protocol"), to values."""
+Rule = Callable[[Slider], float]
+"""How a value follows from the slider."""
+
+_PAPER = Interface(mu_s=0.7, mu_k=0.45)
+_SETUP1 = Scene(
+    slider=Slider(L=0.14, H=0.075, l=2.5e-3, k=13.5e6, M=0.0756),
+    top=Rod(F_N=3500.0),
+    driver=Driver(K=4e6, V=0.7875e-3, h=5e-3),
+    interface=_PAPER,
+    name="setup1",
+)
+_SETUP2 = Scene(
+    slider=Slider(L=0.1, H=0.02, l=1e-3, k=9.375e6, M=0.012),
+    top=DistributedLoad(F_N=400.0),
+    driver=Driver(K=0.8e6, V=0.45e-3, h=2e-3),
+    interface=_PAPER,
+    name="setup2",
+)
+_CHAIN = Scene(
+    slider=Slider(L=0.14, H=0.0, l=2.5e-3, k=5.4e8, M=0.0756),
+    top=PrescribedLoad(p=3500.0 / 57),
+    driver=Driver(K=4e6, V=0.7875e-3, h=0.0),
+    interface=_PAPER,
+    name="chain",
+)
+
+
+def _mass(slider: Slider) -> float:
+    """Return the mass at the density of the paper's setup 1, 0.54 kg/m, in kg."""
+    return 0.0756 * (slider.L / 0.14)
+
+
+def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
+    """Return a scene with other values.
+
+    Args:
+        base: the scene.
+        given: names of fields to values.
+        rules: what follows from the slider where it is not given, or None: part_field to a rule.
+    """
+    parts = {part: given.get(part, getattr(base, part)) for part in PARTS}
+    given = {full_name(parts, n, v): v for n, v in given.items()}
+    named = {name.replace("_", ".", 1): rule for name, rule in rules.items()}
+    given = {n: v for n, v in given.items() if n not in named or v is not None}
+    named = {n: rule for n, rule in named.items() if n.partition(".")[0] not in given}
+    size = {n.partition(".")[2]: v for n, v in given.items() if n.startswith("slider.")}
+    slider = dataclasses.replace(parts["slider"], **size)
+    return changed(base, {n: rule(slider) for n, rule in named.items()} | given)
+
+
+def setup1(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
+    """Return setup 1 of the paper, its top row glued to a rigid rod, with changes.
+
+    L = 140 mm, H = 75 mm, l = 2.5 mm, k = 13.5 MN/m, M = 75.6 g, F_N = 3500 N, K = 4 MN/m,
+    V = 0.7875 mm/s, h = 5 mm, mu_s = 0.7, mu_k = 0.45. Where l is changed, k stays (k = 3 B E / 4
+    does not depend on l) and the block mass follows from M / (N_x N_z).
+
+    Where L is changed and M is not, M is 0.54 kg/m times L: 108 g at L = 200 mm. The paper's
     caption gives 75.6 g; only at L = 140 mm does this lead to its wave speeds (1677 and
     968 m/s), so the density is kept. Pass M=0.0756 for the literal mass at every L.
 
+    Args:
+        changes: names of fields to values, as in `Scene.replace`.
+        **fields: the same, for names without a dot.
+
     Raises:
-        SceneError: a value is of the wrong type or out of range.
+        SceneError: a name is unknown or in several parts, or a value is refused.
 
     Source: PRL 107, 074301 (2011), Fig. 1 and its caption.
     """
-    if M is None:
-        M = 0.0756 * (check_quantity("slider.L", L, "m", gt=0.0) / 0.14)  # 0.54 kg/m
-    return Scene(
-        slider=Slider(L=L, H=H, l=l, k=k, M=M, eta=eta),
-        top=Rod(F_N=F_N, mass=mass, mattress=mattress),
-        driver=Driver(K=K, V=V, h=h, side=side),
-        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f, d_c=d_c),
-        name=name,
-    )
+    return _made(_SETUP1, {**(changes or {}), **fields}, slider_M=_mass)
 
 
-def setup2(
-    *,
-    theta: float = 0.0,
-    h: float = 2e-3,
-    F_N: float = 400.0,
-    mu_s: float = 0.7,
-    mu_k: float = 0.45,
-    L: float = 0.1,
-    H: float = 0.02,
-    l: float = 1e-3,
-    k: float = 9.375e6,
-    M: float = 0.012,
-    K: float = 0.8e6,
-    V: float = 0.45e-3,
-    side: Literal["left", "right"] = "left",
-    eta: float | None = None,
-    k_f: float | None = None,
-    d_c: float = 0.0,
-    name: str = "setup2",
-) -> Scene:
-    """Return setup 2 of the paper: a free top row under a distributed load with slope theta.
+def setup2(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
+    """Return setup 2 of the paper: a free top row under a distributed load of slope theta.
 
-    Arguments are the fields of the parts, in SI units; theta in [-1, 1] (the paper uses 0.833,
-    0 and -0.833). Where l is changed, k stays and the block mass follows from M / (N_x N_z).
+    L = 100 mm, H = 20 mm, l = 1 mm, k = 9.375 MN/m, M = 12 g, F_N = 400 N, theta = 0 (the paper has
+    0.833, 0 and -0.833), K = 0.8 MN/m, V = 0.45 mm/s, h = 2 mm, mu_s = 0.7, mu_k = 0.45. Where l is
+    changed, k and M stay.
+
+    Args:
+        changes: names of fields to values, as in `Scene.replace`.
+        **fields: the same, for names without a dot.
 
     Raises:
-        SceneError: a value is of the wrong type or out of range.
+        SceneError: a name is unknown or in several parts, or a value is refused.
 
     Source: PRL 107, 074301 (2011), setup 2.
     """
-    return Scene(
-        slider=Slider(L=L, H=H, l=l, k=k, M=M, eta=eta),
-        top=DistributedLoad(F_N=F_N, theta=theta),
-        driver=Driver(K=K, V=V, h=h, side=side),
-        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f, d_c=d_c),
-        name=name,
-    )
+    return _made(_SETUP2, {**(changes or {}), **fields})
 
 
-def chain(
-    *,
-    p: float | Sequence[float] | None = None,
-    tau: float | Sequence[float] = 0.0,
-    k_top: float = 0.0,
-    mu_s: float = 0.7,
-    mu_k: float = 0.45,
-    L: float = 0.14,
-    l: float = 2.5e-3,
-    k: float | None = None,
-    M: float | None = None,
-    K: float = 4e6,
-    V: float = 0.7875e-3,
-    side: Literal["left", "right"] = "left",
-    eta: float | None = None,
-    k_f: float | None = None,
-    d_c: float = 0.0,
-    name: str = "chain",
-) -> Scene:
+def chain(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     """Return a chain (N_z = 1): by default setup 1 of the paper, lumped into one row.
 
-    Arguments are the fields of the parts, in SI units; p and tau are numbers or sequences of N_x
-    numbers from the trailing edge on. Each block stands for a column of setup 1:
+    Each block stands for a column of setup 1. What is not given follows from the others:
 
-    - p = None means 3500 N / N_x, the normal force of setup 1, spread evenly;
-    - k = None means E B H / l = 1.35 MN / l, 540 MN/m at l = 2.5 mm, so that a uniform stretch
-      takes the same force; E B = 4 k/3 with k = 13.5 MN/m, H = 75 mm;
-    - M = None means 0.54 kg/m times L, as in `setup1`.
+    - p is 3500 N / N_x, the normal force of setup 1, spread evenly;
+    - k is E B H / l = 1.35 MN / l, 540 MN/m at l = 2.5 mm, so that a uniform stretch takes the same
+      force; E B = 4 k/3 with k = 13.5 MN/m, H = 75 mm;
+    - M is 0.54 kg/m times L, as in `setup1`.
 
     Waves then travel at l sqrt(k/m) = 1595 m/s, the speed of long waves in a rod, sqrt(E/rho).
     Driver and friction are those of setup 1; tau = 0 and k_top = 0 leave a plain chain.
 
+    Args:
+        changes: names of fields to values, as in `Scene.replace`.
+        **fields: the same, for names without a dot.
+
     Raises:
-        SceneError: a value is of the wrong type or out of range.
+        SceneError: a name is unknown or in several parts, or a value is refused.
 
     Source: PRL 107, 074301 (2011), setup 1.
     """
-    L = check_quantity("slider.L", L, "m", gt=0.0)
-    l = check_quantity("slider.l", l, "m", gt=0.0)
-    slider = Slider(
-        L=L,
-        H=0.0,
-        l=l,
-        k=1.35e6 / l if k is None else k,
-        M=0.0756 * (L / 0.14) if M is None else M,  # 0.54 kg/m
-        eta=eta,
-    )
-    return Scene(
-        slider=slider,
-        top=PrescribedLoad(p=3500.0 / slider.N_x if p is None else p, tau=tau, k_top=k_top),
-        driver=Driver(K=K, V=V, h=0.0, side=side),
-        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f, d_c=d_c),
-        name=name,
-    )
+    given = {**(changes or {}), **fields}
+    rules: dict[str, Rule] = {"slider_k": lambda slider: 1.35e6 / slider.l, "slider_M": _mass}
+    return _made(_CHAIN, given, **rules, top_p=lambda slider: 3500.0 / slider.N_x)
 
 
-Profile = float | Sequence[float] | Callable[[float], float]
+Profile = Numbers | Callable[[float], float]
 """Forces along an interface: one number, a list, or a function of x."""
 
 
@@ -193,183 +221,140 @@ def slab(
     *,
     p: Profile,
     tau: Profile = 0.0,
-    L: float,
-    H: float,
-    l: float,
-    k: float = 13.5e6,
-    M: float | None = None,
-    mu_s: float = 0.7,
-    mu_k: float = 0.45,
-    K: float = 0.0,
-    V: float = 0.0,
-    h: float | None = None,
-    side: Literal["left", "right"] = "left",
-    walls: Walls | None = None,
-    eta: float | None = None,
-    dashpots: Literal["full", "along"] = "full",
-    k_f: None = None,
-    d_c: float = 0.0,
-    name: str = "slab",
+    L: Number,
+    H: Number,
+    l: Number,
+    **fields: Unpack[Fields],
 ) -> Scene:
     """Return a slab on a prescribed interface: p(x) and tau(x) are given, in linear geometry.
 
-    Arguments are the fields of the parts, in SI units, with these differences:
-
-    - p and tau are numbers, lists of N_x numbers from the trailing edge on, or functions of x, the
-      distance (m) of a block from the first one at the trailing edge, or from the plane of the
-      mirror where that side is mirrored; they return N;
-    - M = None means the mass per area of `setup1`, 6.845 kg/m^2 times (L + l) (H + l); M/(N_x N_z)
-      is the mass of each block but those of the bottom row, which are half blocks;
-    - K = 0 leaves the driver out; h = None means l;
-    - walls = None means that sides and top are free.
+    Args:
+        p, tau: numbers, lists of N_x numbers from the trailing edge on, or functions of x, the
+            distance (m) of a block from the first one at the trailing edge, or from the plane of
+            the mirror where that side is mirrored; they return N.
+        L, H, l: of the `Slider`, m.
+        **fields: other fields of a scene. Those of the interface are the paper's; k is that of
+            `setup1`, M its mass per area, 6.845 kg/m^2 times (L + l) (H + l); M/(N_x N_z) is the
+            mass of each block but those of the bottom row, which are half blocks. There is no
+            driver unless K is given, and its h is l. Sides and top are free.
 
     Raises:
-        SceneError: a value is of the wrong type or out of range.
+        SceneError: a name is unknown or in several parts, or a value is refused.
     """
-    L, H, l = (
-        check_quantity(f"slider.{n}", v, "m", gt=0.0) for n, v in zip("LHl", (L, H, l), strict=True)
-    )
-    walls = Walls() if walls is None else walls
-    if M is None:
-        M = 0.0756 / (0.1425 * 0.0775) * (L + l) * (H + l)
-    slider = Slider(L=L, H=H, l=l, k=k, M=M, eta=eta, dashpots=dashpots)
-    begin = l / 2 if isinstance(walls, Walls) and getattr(walls, side, "") == "mirrored" else 0.0
-    x = [begin + l * i for i in range(slider.N_x)]
-    return Scene(
+    slider = Slider(L=L, H=H, l=l, k=13.5e6, M=1.0)
+    base = Scene(
         slider=slider,
-        top=PrescribedLoad(
-            p=[p(one) for one in x] if callable(p) else p,
-            tau=[tau(one) for one in x] if callable(tau) else tau,
-        ),
-        driver=Driver(K=K, V=V, h=l if h is None else h, side=side),
-        interface=Interface(mu_s=mu_s, mu_k=mu_k, k_f=k_f, d_c=d_c),
-        name=name,
-        walls=walls,
+        top=PrescribedLoad(p=1.0),
+        driver=Driver(K=0.0, V=0.0, h=slider.l),
+        interface=_PAPER,
+        name="slab",
     )
+    per_area = 0.0756 / (0.1425 * 0.0775)
+    base = _made(base, fields, slider_M=lambda s: per_area * (s.L + s.l) * (s.H + s.l))
+    begin = base.slider.l / 2 if getattr(base.walls, base.driver.side) == "mirrored" else 0.0
+    x = [begin + base.slider.l * i for i in range(base.N_x)]
+    forces = {"p": p, "tau": tau}
+    return base.replace({n: [*map(f, x)] if callable(f) else f for n, f in forces.items()})
 
 
-def tpv3(
-    *,
-    l: float = 100.0,
-    L: float = 18e3,
-    H: float = 12e3,
-    eta: float | None = None,
-    dashpots: Literal["full", "along"] = "along",
-    d_c: float = 0.2,
-    name: str = "tpv3",
-) -> Scene:
+def tpv3(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     """Return the benchmark TPV3 of earthquake rupture in two dimensions, in plane, 1 m thick.
 
     One quarter of it: a half space, since p stays what it is by symmetry, and x > 0 of the shear
     crack that starts from the middle. Slip is half of that between two bodies, and so is d_c. The
     blocks beyond the fault's end at 15 km carry ten times p, which no front overcomes.
 
+    l = 100 m, which divides 1.5 km; L = 18 km and H = 12 km, rounded to whole blocks; top and right
+    side absorb. eta is sqrt(0.001 k m) where it is not given, a tenth of the usual one, and its
+    dashpots are "along" the bonds: "full" ones resist rotation and delay fronts. d_c = 0.2 m.
+
     Args:
-        l: lattice constant, m; it divides 1.5 km.
-        L, H: size, m, rounded to whole blocks; top and right side absorb.
-        eta: viscosity of the bonds, N s/m; None means sqrt(0.001 k m), a tenth of the usual one.
-        dashpots: "along" the bonds only, or "full", which resists rotation and delays fronts.
-        d_c: slip over which friction weakens, m.
+        changes: names of fields to values, as in `Scene.replace`.
+        **fields: the same, for names without a dot.
 
     Raises:
-        SceneError: a value is of the wrong type or out of range.
+        SceneError: a name is unknown or in several parts, or a value is refused.
 
     Source: R. A. Harris et al., Seismol. Res. Lett. 80, 119 (2009), and the SCEC benchmarks.
     """
-    l = check_quantity("slider.l", l, "m", gt=0.0, le=1500.0)
-    blocks = [
-        round(check_quantity(f"slider.{n}", v, "m", ge=2 * l) / l) for n, v in (("L", L), ("H", H))
-    ]
+    given = {"l": 100.0, "L": 18e3, "H": 12e3}
+    given |= {n.removeprefix("slider."): v for n, v in {**(changes or {}), **fields}.items()}
+    l = check_number("slider.l", given.pop("l"), "m", gt=0.0, le=1500.0)
+    N_x, N_z = (
+        round(check_number(f"slider.{n}", given.pop(n), "m", ge=2 * l) / l) for n in ("L", "H")
+    )
     rho, c_S, p = 2670.0, 3464.0, 120e6 * l
     k, m = 2 * rho * c_S**2, rho * l**2
-    return slab(
+    base = slab(
         p=lambda x: p if x < 15e3 else 10 * p,
         tau=lambda x: (81.6e6 if x < 1.5e3 else 70e6) * l,
-        L=(blocks[0] - 1) * l,
-        H=(blocks[1] - 1) * l,
+        L=(N_x - 1) * l,
+        H=(N_z - 1) * l,
         l=l,
         k=k,
-        M=m * blocks[0] * blocks[1],
+        M=m * N_x * N_z,
         mu_s=0.677,
         mu_k=0.525,
-        eta=math.sqrt(0.001 * k * m) if eta is None else eta,
-        dashpots=dashpots,
-        d_c=d_c,
+        eta=math.sqrt(0.001 * k * m),
+        dashpots="along",
+        d_c=0.2,
         walls=Walls(left="mirrored", right="absorbing", top="absorbing"),
-        name=name,
+        name="tpv3",
     )
+    return base.replace({n: v for n, v in given.items() if not (n == "eta" and v is None)})
 
 
-def fig1(**changes: Any) -> Scene:
-    """Return the scene of Figs 1, 3 and 4(a): setup 1 as it stands.
+class Preset(NamedTuple):
+    """A named scene: a setup, what is changed in it, and what it is."""
 
-    Keyword arguments replace those of `setup1`, here and in the other named scenes.
-    """
-    return setup1(**{"name": "fig1"} | changes)
+    setup: Callable[..., Scene]
+    values: Mapping[str, Any]
+    about: str
 
-
-def run1(**changes: Any) -> Scene:
-    """Return run 1 of Fig. 4(b): setup 1 with mu_s = 0.5, mu_k = 0.2."""
-    return setup1(**{"mu_s": 0.5, "mu_k": 0.2, "name": "run1"} | changes)
-
-
-def run2(**changes: Any) -> Scene:
-    """Return run 2 of Fig. 4(b): setup 1 with mu_s = 0.55, mu_k = 0.3."""
-    return setup1(**{"mu_s": 0.55, "mu_k": 0.3, "name": "run2"} | changes)
+    def __call__(self, changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
+        """Return the scene with changes; see `preset`."""
+        return self.setup({**self.values, **(changes or {}), **fields})
 
 
-def run3(**changes: Any) -> Scene:
-    """Return run 3 of Fig. 4(b): setup 1 with h = 7.5 mm."""
-    return setup1(**{"h": 7.5e-3, "name": "run3"} | changes)
-
-
-def run4(**changes: Any) -> Scene:
-    """Return run 4 of Fig. 4(b): setup 1 with L = 200 mm, F_N = 2700 N, h = 10 mm.
-
-    The mass is 108 g (constant density); M=0.0756 gives the literal value of the caption.
-    """
-    return setup1(**{"L": 0.2, "F_N": 2700.0, "h": 10e-3, "name": "run4"} | changes)
-
-
-def setup2_plus(**changes: Any) -> Scene:
-    """Return setup 2 with theta = 0.833: little load on the trailing edge."""
-    return setup2(**{"theta": 0.833, "name": "setup2+"} | changes)
-
-
-def setup2_minus(**changes: Any) -> Scene:
-    """Return setup 2 with theta = -0.833: much load on the trailing edge."""
-    return setup2(**{"theta": -0.833, "name": "setup2-"} | changes)
-
-
-PRESETS: MappingProxyType[str, Callable[..., Scene]] = MappingProxyType(
+PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
     {
-        "fig1": fig1,
-        "run1": run1,
-        "run2": run2,
-        "run3": run3,
-        "run4": run4,
-        "setup1": setup1,
-        "setup2": setup2,
-        "setup2+": setup2_plus,
-        "setup2-": setup2_minus,
-        "chain": chain,
-        "tpv3": tpv3,
+        name: Preset(setup, {"name": name} | values, about)
+        for name, setup, values, about in (
+            ("fig1", setup1, {}, "Figs 1, 3 and 4(a) of the paper: setup 1 as it stands"),
+            ("run1", setup1, {"mu_s": 0.5, "mu_k": 0.2}, "run 1 of Fig. 4(b)"),
+            ("run2", setup1, {"mu_s": 0.55, "mu_k": 0.3}, "run 2 of Fig. 4(b)"),
+            ("run3", setup1, {"h": 7.5e-3}, "run 3 of Fig. 4(b): pushed at 7.5 mm"),
+            (
+                "run4",
+                setup1,
+                {"L": 0.2, "F_N": 2700.0, "h": 10e-3},
+                "run 4 of Fig. 4(b): 200 mm long, of 108 g; M=0.0756 is the caption's mass",
+            ),
+            ("setup1", setup1, {}, "a slider under a rod"),
+            ("setup2", setup2, {}, "a slider under a distributed load"),
+            ("setup2+", setup2, {"theta": 0.833}, "little load on the trailing edge"),
+            ("setup2-", setup2, {"theta": -0.833}, "much load on the trailing edge"),
+            ("chain", chain, {}, "setup 1 lumped into one row"),
+            ("tpv3", tpv3, {}, "a benchmark of earthquake rupture"),
+        )
     }
 )
-"""The paper's scenes, `chain` and `tpv3` by name; functions take the arguments of their setup."""
+"""The paper's scenes, `chain` and `tpv3` by name; functions that take changes, as `preset` does."""
 
 
-def preset(name: str, /, **changes: Any) -> Scene:
+def preset(name: str, changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     """Return the named scene, with changes.
 
     Args:
         name: a key of `PRESETS`.
-        changes: keyword arguments of `setup1`, `setup2`, `chain` or `tpv3`: numbers in SI units,
-            text with a unit such as "5 mm", or quantities of a library of units, such as pint.
+        changes: names of fields to values, as in `Scene.replace`: "driver.h", or "h" where one part
+            alone has it; a part as a whole. A value is a number in SI units, text with a unit such
+            as "5 mm", or a quantity of a library of units, such as pint.
+        **fields: the same, for names without a dot.
 
     Raises:
-        SceneError: an unknown name or keyword (the nearest known one is given, or which setups
-            know it), or a value that is refused.
+        SceneError: an unknown name (the nearest known one is given), a name in several parts, or a
+            value that is refused.
 
     >>> scene = pyfric.preset("fig1", h="7.5 mm")
     >>> scene.N_x, scene.N_z, scene.driver.h
@@ -377,26 +362,24 @@ def preset(name: str, /, **changes: Any) -> Scene:
     >>> pyfric.preset("fig1", h=-1.0)
     Traceback (most recent call last):
     ...
-    pyfric.scene.units.SceneError: driver.h = -1.0 m: ...
+    pyfric.scene.errors.SceneError: driver.h = -1.0 m: ...
     """
     if not isinstance(name, str) or name not in PRESETS:
         raise unknown("preset", name, name if isinstance(name, str) else "", PRESETS)
-    known = settings(name)
-    for key, value in changes.items():
-        if key not in known:
-            others = [one for one in (setup1, setup2, chain) if key in one.__kwdefaults__]
-            if others:  # and so no word that is spelled wrong
-                reason = f"unknown here, known to {' and '.join(o.__name__ for o in others)}"
-                raise SceneError(key, value, "", f"one of {', '.join(known)}", reason)
-            raise unknown(key, value, key, known)
-    return PRESETS[name](**changes)
+    return PRESETS[name](changes, **fields)
+
+
+def presets() -> dict[str, str]:
+    """Return the names that `preset` knows, and what each scene is."""
+    return {name: scene.about for name, scene in PRESETS.items()}
 
 
 def settings(name: str) -> list[str]:
-    """Return the keyword arguments that a preset takes."""
-    setups = {"chain": chain, "tpv3": tpv3}
-    setup = setups.get(name, setup2 if name.startswith("setup2") else setup1)
-    return list(setup.__kwdefaults__)
+    """Return the names of the fields of a preset, each without its part where it needs none."""
+    names = [full for full in scene_fields(PRESETS[name]()) if full.count(".") == 1]
+    ends = {full: full.partition(".")[2] for full in names}
+    taken = [*PARTS, *ends.values()]
+    return [*(end if taken.count(end) == 1 else full for full, end in ends.items()), "name"]
 
 
 SceneLike = Scene | str | os.PathLike[str]
@@ -411,19 +394,21 @@ def paper_step(scene: Scene) -> float | None:
     return {Rod: 0.2e-6, DistributedLoad: 0.09e-6}.get(type(scene.top))
 
 
-def as_scene(scene: SceneLike) -> Scene:
-    """Return the scene itself, the preset of this name, or the scene in this file.
+def as_scene(scene: SceneLike, changes: Changes = None) -> Scene:
+    """Return the scene itself, the preset of this name, or the scene in this file, with changes.
 
     Raises:
-        SceneError: no scene, no such preset or file, or a file that holds none.
+        SceneError: no scene, no such preset or file, a file that holds none, or a change that is
+            refused.
     """
-    if isinstance(scene, Scene):
-        return scene
     if isinstance(scene, str) and not names_file(scene):
-        return preset(scene)
+        return preset(scene, changes)
     if isinstance(scene, str | os.PathLike):
-        return Scene.from_toml(scene)
-    raise SceneError("scene", scene, "", f"a Scene, a scene file, or one of {', '.join(PRESETS)}")
+        scene = Scene.from_toml(scene)
+    if not isinstance(scene, Scene):
+        allowed = f"a Scene, a scene file, or one of {', '.join(PRESETS)}"
+        raise SceneError("scene", scene, "", allowed)
+    return scene.replace(changes) if changes else scene
 
 
 def names_file(name: str) -> bool:

@@ -15,9 +15,9 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from pyfric.scene.checked import Quantity, Written
-from pyfric.scene.units import SceneError
+from pyfric.scene.errors import SceneError
 
-__all__ = ["Course", "Leg", "Piece", "legs", "piece_at", "pieces"]
+__all__ = ["Corners", "Leg", "Piece", "Protocol", "legs", "piece_at", "pieces"]
 
 MAX_CORNERS = 1000
 """Most corners of one protocol."""
@@ -54,9 +54,9 @@ def pieces(first: float, corners: Corners) -> list[Piece]:
     return [*found, Piece(t, value, 0.0, integral)]
 
 
-def piece_at(course: Sequence[Piece], t: float) -> Piece:
+def piece_at(path: Sequence[Piece], t: float) -> Piece:
     """Return the piece that time t (s) lies in; at a corner the one that begins there."""
-    return course[max(bisect.bisect_right([one.t for one in course], t) - 1, 0)]
+    return path[max(bisect.bisect_right([piece.t for piece in path], t) - 1, 0)]
 
 
 class Leg(NamedTuple):
@@ -93,53 +93,54 @@ def legs(course: Sequence[Piece], t_end: float) -> list[Leg]:
         for a, b in itertools.pairwise([piece.t, *([turn] if piece.t < turn < last else []), last]):
             value = piece.value if math.isinf(b) else piece.at(0.5 * (a + b))
             way = int(math.copysign(1, value)) if value else 0
-            to = (
-                piece.integral_at(b)
-                if math.isfinite(b)
-                else way * math.inf
-                if way
-                else piece.integral
-            )
+            last_value = way * math.inf if way else piece.integral  # of a piece without an end
+            to = piece.integral_at(b) if math.isfinite(b) else last_value
             found.append(Leg(a, b, piece.integral_at(a), to, way, piece.at(a), piece.slope))
     return found
 
 
 @dataclasses.dataclass(frozen=True)
-class Course(Quantity):
+class Protocol(Quantity):
     """Annotation of the corners of a protocol: pairs of a time in s and a value in `unit`."""
 
     @property
+    def _numbers(self) -> tuple[Quantity, Quantity]:
+        return Quantity("s", ge=0.0), Quantity(self.unit, **self._limits)
+
+    @property
     def allowed(self) -> str:
-        one = Quantity(self.unit, self.gt, self.ge, self.le)
-        return f"pairs of a time >= 0 s, in order, and {one.allowed}"
+        return f"pairs of a time >= 0 s, in order, and {self._numbers[1].allowed}"
 
     def check(self, value: Any) -> Corners:
         written = isinstance(value, Written)
-        value = value.value if written else value
-        if not isinstance(value, list | tuple) or len(value) > MAX_CORNERS:
-            reason = f"at most {MAX_CORNERS} pairs" if isinstance(value, list | tuple) else ""
-            raise SceneError("", value, self.unit, self.allowed, reason or "not a list of pairs")
-        time, size = Quantity("s", ge=0.0), Quantity(self.unit, self.gt, self.ge, self.le)
-        found: list[tuple[float, float]] = []
-        for n, pair in enumerate(value, 1):
-            if not isinstance(pair, list | tuple) or len(pair) != 2:
-                raise SceneError("", pair, self.unit, self.allowed, f"corner {n}: not a pair")
+        pairs = value.value if written else value
+        if not isinstance(pairs, list | tuple) or len(pairs) > MAX_CORNERS:
+            reason = f"not a list of pairs, or more than {MAX_CORNERS}"
+            raise SceneError("", pairs, self.unit, self.allowed, reason)
+        corners: list[tuple[float, float]] = []
+        for n, pair in enumerate(pairs, 1):
             try:
-                both = [
-                    mark.check(Written(x) if written else x)
-                    for mark, x in zip((time, size), pair, strict=True)
-                ]
+                corners.append(self._corner(pair, written, corners))
             except SceneError as error:
                 reason = f"corner {n}: {error.reason}"
                 raise SceneError("", error.value, error.unit, error.allowed, reason) from None
-            t = both[0]
-            if found and t < found[-1][0]:
-                allowed = f">= {found[-1][0]!r} s, the time of corner {n - 1}"
-                raise SceneError("", t, "s", allowed, f"corner {n}: out of order")
-            if len(found) > 1 and t == found[-2][0]:
-                raise SceneError("", t, "s", "at most two", f"corner {n}: a third one at this time")
-            found.append((t, both[1]))
-        return tuple(found)
+        return tuple(corners)
+
+    def _corner(self, pair: Any, written: bool, before: Sequence[tuple[float, float]]) -> Any:
+        """Return a corner that may follow others."""
+        if not isinstance(pair, list | tuple) or len(pair) != 2:
+            raise SceneError("", pair, self.unit, self.allowed, "not a pair")
+        t, value = (
+            number.check(Written(x) if written else x)
+            for number, x in zip(self._numbers, pair, strict=True)
+        )
+        if before and t < before[-1][0]:
+            allowed = f">= {before[-1][0]!r} s, the time of corner {len(before)}"
+            raise SceneError("", t, "s", allowed, "out of order")
+        if len(before) > 1 and t == before[-2][0]:
+            raise SceneError("", t, "s", "at most two", "a third one at this time")
+        return t, value
 
     def written(self, value: Corners) -> Any:
-        return [[f"{t!r} s", f"{size!r} {self.unit}"] for t, size in value]
+        time, size = self._numbers
+        return [[time.written(t), size.written(y)] for t, y in value]

@@ -12,19 +12,21 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import InitVar
-from typing import Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from pyfric.display import html
+from pyfric.display import drawing, html
 from pyfric.scene import toml
 from pyfric.scene.change import changed
-from pyfric.scene.checked import part, quantities
+from pyfric.scene.checked import Name, annotations, from_table, part
+from pyfric.scene.consistency import check
+from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.files import write
 from pyfric.scene.friction import Law
 from pyfric.scene.parts import (
-    CHAIN_NOTE,
     FIELDS,
+    PARTS,
     DistributedLoad,
     Driver,
     Interface,
@@ -32,12 +34,10 @@ from pyfric.scene.parts import (
     Rod,
     Slider,
     Walls,
-    steps_in,
 )
 from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import scene_text
-from pyfric.scene.units import SceneError
 
 __all__ = ["Scene"]
 
@@ -71,125 +71,30 @@ class Scene:
     Source: PRL 107, 074301 (2011).
     """
 
-    slider: Slider
-    top: Rod | DistributedLoad | PrescribedLoad
-    driver: Driver
-    interface: Interface
-    name: str = ""
-    walls: Walls = Walls()
+    slider: Annotated[Slider, PARTS["slider"]]
+    top: Annotated[Rod | DistributedLoad | PrescribedLoad, PARTS["top"]]
+    driver: Annotated[Driver, PARTS["driver"]]
+    interface: Annotated[Interface, PARTS["interface"]]
+    name: Annotated[str, Name(MAX_NAME)] = ""
+    walls: Annotated[Walls, PARTS["walls"]] = Walls()
     draws: InitVar[Mapping[str, Any] | None] = None
 
     _section: ClassVar[str] = ""
-    _allowed: ClassVar[dict[str, str]] = {
-        "slider": "a Slider",
-        "top": "a Rod, a DistributedLoad or a PrescribedLoad",
-        "driver": "a Driver",
-        "interface": "an Interface",
-        "name": f"text of at most {MAX_NAME} characters",
-        "walls": "Walls",
-    }
 
     def __post_init__(self, draws: Mapping[str, Any] | None) -> None:
         object.__setattr__(self, "_draws", {})
-        self._know(draws or {})
-        encodable = self.name.encode("utf-8", "replace").decode() == self.name
-        if len(self.name) > MAX_NAME or not encodable:
-            allowed = self._allowed["name"]
-            raise SceneError("name", self.name, "", allowed, "too long or not UTF-8")
-        self._check_fields()
-        if isinstance(self.top, PrescribedLoad):
-            self._check_prescribed()
-        if isinstance(self.top, PrescribedLoad) and self.N_z == 1:
-            return
-        h, l, H = self.driver.h, self.slider.l, self.slider.H
-        if self.N_z == 1:
-            allowed = f"a multiple of l = {l!r} m, >= l{CHAIN_NOTE}"
-            reason = f"too small where top.kind = {self.top.kind!r}"
-            raise SceneError("slider.H", H, "m", allowed, reason)
-        steps = steps_in(h, l)
-        if steps is None or not 1 <= steps < self.slider.N_z:
-            allowed = f"a multiple of l = {l!r} m, from l to H = {H!r} m"
-            reason = "not on a row" if steps is None else "not on a row that can be driven"
-            raise SceneError("driver.h", h, "m", allowed, reason)
-        self._check_walls()
+        self._take_over(draws or {})
+        check(self)
 
-    def _know(self, draws: Mapping[str, Any]) -> None:
-        """Take over draws of fields."""
+    def _take_over(self, draws: Mapping[str, Any]) -> None:
+        """Take over what had been drawn for fields."""
         for name, values in draws.items():
-            known = np.asarray(values, dtype=float)
-            drawn = isinstance(getattr(self.interface, name, None), Spread)
-            if not (drawn and known.shape == (self.N_x,) and np.isfinite(known).all()):
+            drawn = np.asarray(values, dtype=float)
+            spread = isinstance(getattr(self.interface, name, None), Spread)
+            if not (spread and drawn.shape == (self.N_x,) and np.isfinite(drawn).all()):
                 allowed = f"{self.N_x} finite numbers for a field that is a Spread"
                 raise SceneError(f"draws.{name}", values, "", allowed)
-            self._draws[name] = tuple(known.tolist())
-
-    def _check_fields(self) -> None:
-        """Check the fields of the interface block by block, from the trailing edge on."""
-        marks = quantities(Interface)
-        for name, mark in marks.items():
-            given = getattr(self.interface, name)
-            if isinstance(given, tuple) and len(given) != self.N_x:
-                allowed = f"{mark.allowed}: here {self.N_x}"
-                reason = f"{len(given)} numbers"
-                raise SceneError(f"interface.{name}", given, mark.unit, allowed, reason)
-            field = self.field(name)
-            low = (field < 0) | ((field == 0) & (mark.gt is not None))
-            if isinstance(given, Spread) and low.any():
-                n = int(self.n_of_i[np.argmax(low)])
-                reason = f"the spread reaches this at block {n} from the trailing edge"
-                value = float(field[low][0])
-                raise SceneError(f"interface.{name}", value, mark.unit, mark.allowed, reason)
-        mu_s, mu_k = self.field("mu_s"), self.field("mu_k")
-        above = mu_k > mu_s
-        if above.any():
-            i = int(np.argmax(above))
-            allowed = f"0 <= mu_k <= mu_s = {float(mu_s[i])!r} there"
-            reason = f"mu_k exceeds mu_s at block {self.n_of_i[i]} from the trailing edge"
-            raise SceneError("interface.mu_k", float(mu_k[i]), "", allowed, reason)
-
-    def _check_walls(self) -> None:
-        """Refuse what only a prescribed interface in two dimensions has, or does not have."""
-        if not self.prescribed:
-            for side in ("left", "right", "top"):
-                if (beyond := getattr(self.walls, side)) != "free":
-                    reason = "walls need top.kind = 'prescribed' and at least two rows"
-                    raise SceneError(f"walls.{side}", beyond, "", "'free'", reason)
-            if self.driver.K == 0:
-                reason = "only a prescribed interface in two dimensions goes without a driver"
-                raise SceneError("driver.K", 0.0, "N/m", "> 0 N/m", reason)
-            return
-        if self.top.k_top:
-            reason = "a chain has springs to a rigid top; here walls.top = 'held'"
-            raise SceneError("top.k_top", self.top.k_top, "N/m", "0 N/m", reason)
-        if self.interface.k_f is not None:
-            reason = "a prescribed interface has no foundation"
-            raise SceneError("interface.k_f", self.interface.k_f, "N/m", "None", reason)
-        if self.walls.top == "held" and self.j_h == self.N_z - 1:
-            h, most = self.driver.h, (self.N_z - 2) * self.slider.l
-            raise SceneError("driver.h", h, "m", f"at most {most!r} m", "the top row is held")
-
-    def _check_prescribed(self) -> None:
-        top = self.top
-        if self.N_z == 1:
-            self._check_walls()
-            if self.driver.h:
-                reason = "a chain is driven at its only row"
-                raise SceneError("driver.h", self.driver.h, "m", "0 m", reason)
-        for name in ("p", "tau"):
-            value = getattr(top, name)
-            if isinstance(value, tuple) and len(value) != self.N_x:
-                allowed = f"one number in N, or {self.N_x} of them, one for each block"
-                raise SceneError(f"top.{name}", value, "N", allowed, f"{len(value)} numbers")
-        if self.prescribed:  # blocks that carry more than mu_s p slip from t = 0 on
-            return
-        p, tau = np.atleast_1d(top.p), np.atleast_1d(top.tau)
-        most, tau = np.broadcast_arrays(self.law.hold(p), tau)
-        margin = most - np.abs(tau)
-        if (margin < 0).any():
-            i = int(np.argmax(margin < 0))
-            allowed = f"|tau| <= mu_s p = {float(most[i])!r} N"
-            reason = f"block {i + 1} from the trailing edge would slip"
-            raise SceneError("top.tau", float(tau[i]), "N", allowed, reason)
+            self._draws[name] = tuple(drawn.tolist())
 
     @property
     def N_x(self) -> int:
@@ -214,8 +119,9 @@ class Scene:
     @property
     def eta(self) -> float:
         """Viscosity of every bond in N s/m; sqrt(0.1 k m) unless the slider sets it."""
-        given = self.slider.eta
-        return math.sqrt(0.1 * self.slider.k * self.m) if given is None else given
+        given, damping = self.slider.eta, self.slider.damping
+        damping = 0.1 if damping is None else damping
+        return math.sqrt(damping * self.slider.k * self.m) if given is None else given
 
     @functools.cached_property
     def k_f(self) -> float | np.ndarray:
@@ -248,7 +154,7 @@ class Scene:
     @property
     def drawn(self) -> dict[str, tuple[float, ...]]:
         """What was drawn for fields that are a `Spread`, from the trailing edge on."""
-        spreads = [one for one in FIELDS if isinstance(getattr(self.interface, one), Spread)]
+        spreads = [name for name in FIELDS if isinstance(getattr(self.interface, name), Spread)]
         return {name: self._draw(name) for name in spreads}
 
     @property
@@ -299,40 +205,30 @@ class Scene:
     @functools.cached_property
     def corners(self) -> tuple[float, ...]:
         """Times at which a protocol has a corner, in s, in order."""
-        lists = [self.driver.protocol, getattr(self.top, "protocol", ())]
-        lists.append(getattr(self.top, "T_protocol", ()))
+        lists = self.driver.protocol, self.top.protocol, self.top.T_protocol
         return tuple(sorted({t for corners in lists for t, _ in corners if t > 0}))
 
-    @property
-    def follows_protocol(self) -> bool:
-        """True if speed, normal force or shear force change with time."""
-        top = self.top
-        both = getattr(top, "protocol", ()), getattr(top, "T_protocol", ())
-        return bool(self.driver.protocol or any(both))
-
     @functools.cached_property
-    def _courses(self) -> dict[str, list[Piece]]:
-        top = self.top
+    def _pieces(self) -> dict[str, list[Piece]]:
         return {
             "V": pieces(self.driver.V, self.driver.protocol),
-            "F_N": pieces(self.F_N, getattr(top, "protocol", ())),
-            "T": pieces(getattr(top, "T", 0.0), getattr(top, "T_protocol", ())),
+            "F_N": pieces(self.F_N, self.top.protocol),
+            "T": pieces(self.top.T, self.top.T_protocol),
         }
 
     def piece(self, what: Literal["V", "F_N", "T"], t: float) -> Piece:
         """Return the piece of a protocol that begins at or before t (s): V, F_N or T."""
-        return piece_at(self._courses[what], t)
+        return piece_at(self._pieces[what], t)
 
     def load_at(self, t: float) -> tuple[float, float] | None:
         """Return F_N and T (N) at t (s), None where a protocol changes neither."""
-        top = self.top
-        if not (getattr(top, "protocol", ()) or getattr(top, "T_protocol", ())):
+        if not (self.top.protocol or self.top.T_protocol):
             return None
         return self.piece("F_N", t).at(t), self.piece("T", t).at(t)
 
     def legs(self, t_end: float) -> list[Leg]:
         """Return the stretches of time up to t_end (s) in which the driver moves one way."""
-        return legs(self._courses["V"], t_end)
+        return legs(self._pieces["V"], t_end)
 
     def drive(self, t: float) -> float:
         """Return the displacement of the driver at t (s) since t = 0, in m: V t where V stays."""
@@ -378,11 +274,8 @@ class Scene:
 
         d tau_i for a `PrescribedLoad`, d T/N_x for a `DistributedLoad`.
         """
-        if isinstance(self.top, DistributedLoad) and self.top.T:
-            return np.full(self.N_x, self.d * self.top.T / self.N_x)
-        if not isinstance(self.top, PrescribedLoad):
-            return np.zeros(self.N_x)
-        return self.d * self._by_column(self.top.tau) + 0.0  # no -0.0
+        tau = self.top.tau if isinstance(self.top, PrescribedLoad) else self.top.T / self.N_x
+        return self.d * self._by_column(tau) + 0.0  # no -0.0
 
     @property
     def j_shear(self) -> int:
@@ -413,7 +306,7 @@ class Scene:
     @property
     def k_top(self) -> float:
         """Stiffness that holds each top block of a chain at u_x = 0, its place at t = 0, in N/m."""
-        return self.top.k_top if isinstance(self.top, PrescribedLoad) else 0.0
+        return self.top.k_top
 
     @property
     def rigid(self) -> bool:
@@ -423,18 +316,22 @@ class Scene:
     @property
     def M_rod(self) -> float:
         """Mass of the rod in kg; 0 without a rod."""
-        return self.top.mass if isinstance(self.top, Rod) else 0.0
+        return self.top.mass
 
     @property
     def kappa(self) -> float:
         """Torque of the mattress per tilt, mattress L^2 / 12, in N m; 0 without a rod."""
-        return self.top.mattress * self.slider.L**2 / 12 if isinstance(self.top, Rod) else 0.0
+        return self.top.mattress * self.slider.L**2 / 12
 
     def __repr__(self) -> str:
         return scene_text(self)
 
     def _repr_html_(self) -> str:
         return html(self)
+
+    def plot(self) -> Any:
+        """Return a sketch of the scene, to scale, as `pyfric.figures.sketch` draws it."""
+        return drawing(self)
 
     def replace(self, changes: Mapping[str, Any] | None = None, /, **keywords: Any) -> Self:
         """Return the scene with other values; all checks are repeated.
@@ -462,8 +359,7 @@ class Scene:
         Raises:
             OSError: the file cannot be written; an existing file is then unchanged.
         """
-        parts = self.slider, self.top, self.driver, self.interface, self.walls
-        text = toml.text(self.name, [part for part in parts if part != Walls()])
+        text = toml.text(self)
         if path is not None:
             write(path, text.encode())
         return text
@@ -491,10 +387,9 @@ class Scene:
                 it is missing, unknown, without or with a wrong unit, or out of range. All problems
                 found are listed.
         """
-        found, errors = toml.read(source, files=files)
-        if not errors:
-            return cls(**found, draws=draws)
-        name = found["name"]
-        if not isinstance(name, str):
-            errors.append(SceneError("name", name, "", cls._allowed["name"], "not text"))
-        raise SceneError.joined(errors)
+        entries = toml.parsed(source)
+        if "draws" in entries:
+            raise unknown("draws", entries["draws"], "draws", annotations(cls))
+        entries = dict.fromkeys(("slider", "top", "driver", "interface")) | toml.placed(entries)
+        folder = toml.folder_of(source) if files else None
+        return from_table(cls, entries, folder, draws=draws)

@@ -4,8 +4,8 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from pyfric.scene.checked import NotNegative, part
-from pyfric.scene.units import SceneError
+from pyfric.scene.checked import NotNegative, Whole, part
+from pyfric.scene.errors import SceneError
 
 __all__ = ["Spread"]
 
@@ -42,18 +42,12 @@ class Spread:
     range: Annotated[float | None, NotNegative("", optional=True)] = None
     distribution: Literal["normal", "uniform"] | None = None
     correlation_length: Annotated[float, NotNegative("m")] = 0.0
-    seed: int = 0
+    seed: Annotated[int, Whole(2**64 - 1)] = 0
 
     _section: ClassVar[str] = "spread"
-    _allowed: ClassVar[dict[str, str]] = {
-        "distribution": "'normal' or 'uniform'",
-        "seed": "a whole number from 0 to 2^64 - 1",
-    }
     in_unit: ClassVar[tuple[str, ...]] = ("mean", "std", "range")
 
     def __post_init__(self) -> None:
-        if not 0 <= self.seed < 2**64:
-            raise SceneError("spread.seed", self.seed, "", self._allowed["seed"])
         if (self.std is None) == (self.range is None):
             raise SceneError("spread.std", self.std, "", "either std or range", "one is needed")
         asked = "normal" if self.range is None else "uniform"
@@ -69,13 +63,13 @@ class Spread:
         if self.range is not None:
             return self.mean + self.range * (2 * self._uniform(n) - 1)
         over = max(1, round(self.correlation_length / l))
-        one = np.zeros(n + over - 1)
-        for each in self._uniform(SUMMED * len(one)).reshape(SUMMED, -1):
-            one += each
-        one -= SUMMED / 2
+        normal = np.zeros(n + over - 1)
+        for each in self._uniform(SUMMED * len(normal)).reshape(SUMMED, -1):
+            normal += each
+        normal -= SUMMED / 2
         total = np.zeros(n)
         for first in range(over):
-            total += one[first : first + n]
+            total += normal[first : first + n]
         return self.mean + (self.std / np.sqrt(float(over))) * total
 
     def _uniform(self, n: int) -> np.ndarray:

@@ -18,14 +18,14 @@ def scene_text(scene: Scene) -> str:
     lines = [f"Scene {scene.name or 'without a name'}: {scene.N_x} x {scene.N_z} blocks"]
     for name in ("slider", "top", "driver", "interface"):
         part = getattr(scene, name)
-        units = {key: one.unit for key, one in quantities(type(part)).items()}
-        values = {one.name: getattr(part, one.name) for one in dataclasses.fields(part)}
-        told = [
+        units = {key: mark.unit for key, mark in quantities(type(part)).items()}
+        values = {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
+        entries = [
             f"{key} = {_short(value)} {units.get(key, '')}".rstrip()
             for key, value in values.items()
             if value is not None and value != ()
         ]
-        lines.append(f"  {type(part).__name__}: {', '.join(told)}")
+        lines.append(f"  {type(part).__name__}: {', '.join(entries)}")
     return "\n".join(lines)
 
 

@@ -194,7 +194,7 @@ def _run_of(
 
     if source.lower().endswith(".nc"):
         if changes:
-            raise click.UsageError(f"--set changes presets; {source} is a record.")
+            raise click.UsageError(f"--set changes scenes; {source} is a record.")
         record = record_of(source)
     else:
         scene = scene_of(source, changes)

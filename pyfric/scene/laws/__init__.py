@@ -3,11 +3,12 @@
 import importlib
 from typing import TYPE_CHECKING
 
+from pyfric.scene.laws.columns import Measured, from_csv
 from pyfric.scene.laws.kinds import KINDS, FrictionLaw, Means, Tables, check_tables, law
-from pyfric.scene.laws.table import Table, from_csv, sampled
+from pyfric.scene.laws.table import Table, sampled
 
 if TYPE_CHECKING:  # for those who read types; what is imported is read from MODULES
-    from pyfric.scene.laws.ageing import Ageing as Ageing
+    from pyfric.scene.laws.healing import Ageing as Ageing
     from pyfric.scene.laws.healing import ExponentialHealing as ExponentialHealing
     from pyfric.scene.laws.speed import SpeedDependent as SpeedDependent
     from pyfric.scene.laws.tabulated import TabulatedLaw as TabulatedLaw
@@ -16,7 +17,6 @@ if TYPE_CHECKING:  # for those who read types; what is imported is read from MOD
 
 MODULES = (
     "weakening",
-    "ageing",
     "healing",
     "speed",
     "tabulated",
@@ -30,6 +30,7 @@ for _name in MODULES:
 __all__ = [
     "KINDS",
     "FrictionLaw",
+    "Measured",
     "Means",
     "Table",
     "Tables",

@@ -12,13 +12,12 @@ friction, each as a `Table`:
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
+from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.table import Table
-from pyfric.scene.units import SceneError
 
 __all__ = ["KINDS", "UNITS", "FrictionLaw", "Means", "Tables", "check_tables", "law"]
 
@@ -58,12 +57,6 @@ class FrictionLaw:
     kind: ClassVar[str]
     example: ClassVar[dict[str, Any]] = {}
     _section: ClassVar[str] = "interface.law"
-    _allowed: ClassVar[dict[str, str]] = {}
-
-    @classmethod
-    def read_files(cls, table: dict[str, Any], folder: Path | None) -> dict[str, Any]:
-        """Return the table [interface.law] of a scene file in `folder`, with what files hold."""
-        return table
 
     def hold(self, of: Means) -> Table | None:
         """Return what mu_s gains over the time since the block stuck (s)."""
@@ -78,12 +71,14 @@ class FrictionLaw:
     def age(self, of: Means) -> Table | None:
         """Return the factor of mu over the time since slip began (s)."""
 
-    def __repr__(self) -> str:
+    def ends(self) -> tuple[float, float] | None:
+        """Return the first and the last mu of a law that has its own; None for others."""
+
+    def text(self) -> str:
+        """Return the law in a line, wherever it is shown."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        set_values = (
-            f"{name}={_short(value)}" for name, value in values.items() if value is not None
-        )
-        return f"{type(self).__name__}({', '.join(set_values)})"
+        shown = (f"{name}={_short(x)}" for name, x in values.items() if x is not None)
+        return f"{type(self).__name__}({', '.join(shown)})"
 
     def tables(self, of: Means) -> Tables:
         """Return the tables of an interface with these means."""
@@ -100,7 +95,7 @@ def _short(value: Any) -> str:
 def law(kind: Kind) -> Kind:
     """Add a kind to the registry, by its attribute `kind`."""
     KINDS[kind.kind] = kind
-    kind.__repr__ = FrictionLaw.__repr__
+    kind.__repr__ = kind.text
     return kind
 
 
@@ -120,16 +115,15 @@ def check_tables(tables: Tables) -> None:
     for name, table in tables._asdict().items():
         if table is None:
             continue
-        field, unit = f"interface.law.{name}", getattr(UNITS, name)
-        y = np.array(table.checked(field, unit).y)
-        if y.min() < 0:
-            n = int(np.argmin(y))
-            raise SceneError(field, float(y[n]), "", "at least 0", f"knot {n + 1}: negative")
-        if name == "hold" and (y[0] or (np.diff(y) < 0).any()):
-            n = int(np.argmax(np.diff(y) < 0)) + 1 if not y[0] else 0
-            allowed = "a gain that starts at 0 and does not fall"
-            raise SceneError(field, float(y[n]), "", allowed, f"knot {n + 1}: no gain of mu_s")
-        at_rest = {"slide": y.max(), "speed": y[0], "age": y.max()}.get(name, 0.0)
-        if at_rest > 1:
-            allowed = "at most 1 where a block comes to rest, which bears no more than mu_s p"
-            raise SceneError(field, float(at_rest), "", allowed, "too large")
+        y = np.array(table.checked(f"interface.law.{name}", getattr(UNITS, name)).y)
+        falls = np.append(y[:1] != 0, np.diff(y) < 0) & (name == "hold")
+        at_rest = (y > 1) & ((name in ("slide", "age")) | ((name == "speed") & (y == y[0])))
+        for wrong, allowed, reason in (
+            (y < 0, "at least 0", "negative"),
+            (falls, "a gain that starts at 0 and does not fall", "no gain of mu_s"),
+            (at_rest, "at most 1 where a block comes to rest, which bears mu_s p", "too large"),
+        ):
+            if wrong.any():
+                n = int(np.argmax(wrong))
+                reason = f"{table.place(n)}: {reason}"
+                raise SceneError(f"interface.law.{name}", float(y[n]), "", allowed, reason)

@@ -2,38 +2,66 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from pyfric.scene.units import SceneError, check_number, parse_quantity
+from pyfric.scene.errors import SceneError
+from pyfric.scene.units import check_number
 
-__all__ = ["MAX_KNOTS", "Table", "from_csv", "sampled"]
+__all__ = ["MAX_KNOTS", "Table", "sampled"]
 
 MAX_KNOTS = 1000
 """Most knots of a table."""
-MAX_BYTES = 1_048_576
-"""Largest CSV file that is read."""
 CLOSE = 1e-3
 """How close `sampled` follows a function, over its range."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """Knots x, which increase from 0, and the values y there."""
+    """Knots x, which increase from 0, and the values y there.
+
+    `places` says where each knot is written, such as "friction.csv, row 3", for messages.
+    """
 
     x: tuple[float, ...]
     y: tuple[float, ...]
+    places: tuple[str, ...] = field(default=(), compare=False)
 
     def __repr__(self) -> str:
         return f"<table of {len(self.x)} knots up to {self.x[-1]:.4g}>"
 
+    def place(self, n: int) -> str:
+        """Return where knot n (from 0) is written."""
+        return self.places[n] if self.places else f"knot {n + 1}"
+
     def __call__(self, x: Any) -> Any:
         """Return the values at x, any shape."""
-        return np.interp(x, self.x, self.y)
+        return self.on(self.piece(x), x)[0]
+
+    @functools.cached_property
+    def _arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The knots, the values, and the slopes behind the knots."""
+        return np.array(self.x), np.array(self.y), np.append(self.slopes, 0.0)
+
+    def piece(self, x: Any) -> Any:
+        """Return the number of the last knot at or before x, from 0, any shape."""
+        return np.maximum(np.searchsorted(self._arrays[0], x, side="right") - 1, 0)
+
+    def on(self, piece: Any, x: Any) -> tuple[Any, Any]:
+        """Return the values at x of straight pieces that go on beyond their ends, and their slopes.
+
+        Args:
+            piece: the numbers of their first knots; nothing changes beyond the last one.
+            x: any shape.
+        """
+        knots, values, slopes = self._arrays
+        slope = slopes[piece]
+        beyond = np.where(slope == 0, 0.0, np.subtract(x, knots[piece]))  # x may be inf
+        return values[piece] + slope * beyond, slope
 
     @property
     def slopes(self) -> np.ndarray:
@@ -45,29 +73,34 @@ class Table:
         """Integral over all knots."""
         return float(np.trapezoid(self.y, self.x))
 
-    def checked(self, field: str, unit: str) -> Table:
+    def checked(self, name: str, unit: str) -> Table:
         """Return the table if its knots are in order, and its values finite.
+
+        Args:
+            name: that of the field, for the error.
+            unit: of the knots.
 
         Raises:
             SceneError: they are not.
         """
         if len(self.x) != len(self.y) or not 2 <= len(self.x) <= MAX_KNOTS:
             allowed = f"2 to {MAX_KNOTS} knots, each with one value"
-            raise SceneError(field, [len(self.x), len(self.y)], "", allowed, "lengths do not fit")
-        for n, (x, y) in enumerate(zip(self.x, self.y, strict=True), 1):
+            raise SceneError(name, [len(self.x), len(self.y)], "", allowed, "lengths do not fit")
+        for n, (x, y) in enumerate(zip(self.x, self.y, strict=True)):
             try:
-                check_number(field, x, unit, ge=0.0)
-                check_number(field, y, "")
+                check_number(name, x, unit, ge=0.0)
+                check_number(name, y, "")
             except SceneError as error:
-                reason = f"knot {n}: {error.reason}"
-                raise SceneError(field, error.value, unit, error.allowed, reason) from None
+                reason = f"{self.place(n)}: {error.reason}"
+                raise SceneError(name, error.value, error.unit, error.allowed, reason) from None
         if self.x[0] != 0:
-            raise SceneError(field, self.x[0], unit, f"0 {unit}", "knot 1: tables start at 0")
-        falls = np.flatnonzero(np.diff(self.x) <= 0)
-        if falls.size:
-            n = int(falls[0]) + 1
-            allowed = f"more than {self.x[n - 1]!r} {unit}: laws do not jump"
-            raise SceneError(field, self.x[n], unit, allowed, f"knot {n + 1}: not beyond the last")
+            reason = f"{self.place(0)}: tables start at 0"
+            raise SceneError(name, self.x[0], unit, f"0 {unit}".strip(), reason)
+        if (np.diff(self.x) <= 0).any():
+            n = int(np.argmax(np.diff(self.x) <= 0)) + 1
+            allowed = f"more than {self.x[n - 1]!r} {unit}".strip() + ": laws do not jump"
+            reason = f"{self.place(n)}: not beyond the one before"
+            raise SceneError(name, self.x[n], unit, allowed, reason)
         return self
 
 
@@ -109,96 +142,3 @@ def sampled(function: Callable[[float], float], end: float, *, close: float = CL
             x.append(b)
             y.append(y_b)
     return Table(tuple(x), tuple(y))
-
-
-def from_csv(path: str | Path, field: str = "interface.law", unit: str = "") -> Table:
-    """Return the table in a CSV file of two columns.
-
-    Empty lines and lines that start with # are left out. The first line may have the names of the
-    columns, with units in parentheses: "slip (um), mu". Without units numbers are in SI units.
-
-    Args:
-        path: the file, in UTF-8.
-        field: name of the table, for messages.
-        unit: SI unit of the first column; the second one has none.
-
-    Raises:
-        SceneError: the file cannot be read or is too large, has other columns or too many rows, or
-            a value is no number, negative or out of order; with file, row, column and value.
-    """
-    lines = _lines(path, field)
-    names, written = _header(path, lines, field, unit)
-    rows: list[list[float]] = []
-    for n, cells in lines:
-        if len(cells) != 2:
-            raise _refused(field, ",".join(cells), "two columns", path, f"row {n}: {len(cells)}")
-        row = []
-        for name, cell, given, si in zip(names, cells, written, (unit, ""), strict=True):
-            where = f"row {n}, column {name}"
-            try:
-                number = parse_quantity(field, f"{cell} {given}", si) if given else float(cell)
-                row.append(check_number(field, number, si, ge=0.0))
-            except ValueError as error:
-                allowed, reason = (
-                    getattr(error, "allowed", "a number"),
-                    getattr(error, "reason", ""),
-                )
-                where += f": {reason}" if reason else ": not a number"
-                raise _refused(field, cell, allowed, path, where) from None
-        if row[0] <= rows[-1][0] if rows else row[0] != 0:
-            allowed = f"more than {rows[-1][0]!r} {unit}" if rows else f"0 {unit}"
-            where = f"row {n}, column {names[0]}: {'out of order' if rows else 'tables start at 0'}"
-            raise _refused(field, row[0], allowed.strip(), path, where)
-        rows.append(row)
-    if not 2 <= len(rows) <= MAX_KNOTS:
-        raise _refused(field, len(rows), f"2 to {MAX_KNOTS} rows of numbers", path, "rows")
-    x, y = zip(*rows, strict=True)
-    return Table(x, y)
-
-
-def _refused(field: str, value: Any, allowed: str, path: str | Path, where: str) -> SceneError:
-    return SceneError(field, value, "", allowed, f"{path}, {where}")
-
-
-def _lines(path: str | Path, field: str) -> list[tuple[int, list[str]]]:
-    """Return the number of each line that says something, and its cells."""
-    allowed = f"a CSV file with two columns of numbers, of at most {MAX_BYTES} bytes"
-    try:
-        with open(path, "rb") as file:
-            content = file.read(MAX_BYTES + 1)
-        text = content.decode("utf-8-sig")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise SceneError(field, str(path), "", allowed, reason) from None
-    if len(content) > MAX_BYTES:
-        raise SceneError(field, str(path), "", allowed, "too large")
-    lines = enumerate(map(str.strip, text.splitlines()), 1)
-    return [(n, [*map(str.strip, line.split(","))]) for n, line in lines if line and line[0] != "#"]
-
-
-def _header(
-    path: str | Path, lines: list[tuple[int, list[str]]], field: str, unit: str
-) -> tuple[tuple[str, str], tuple[str, str]]:
-    """Return the names of the columns, and their units if any; a line of them is taken away."""
-    names, units = ["1", "2"], ["", ""]
-    if not lines or any(map(_is_number, lines[0][1])):
-        return (names[0], names[1]), (units[0], units[1])
-    n, cells = lines.pop(0)
-    for c, (cell, si) in enumerate(zip(cells[:2], (unit, ""), strict=False)):
-        name, _, written = cell.partition("(")
-        names[c], units[c] = f"{c + 1} ({name.strip()})", written.rstrip(") ")
-        if units[c]:
-            try:
-                parse_quantity(field, f"1 {units[c]}", si)
-            except SceneError as error:
-                where = f"row {n}, column {names[c]}: {error.reason}"
-                raise _refused(field, cell, f"a unit of {si or '1'}", path, where) from None
-    return (names[0], names[1]), (units[0], units[1])
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True

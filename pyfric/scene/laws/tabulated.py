@@ -1,31 +1,30 @@
 """A law of one's own: tables from lists, files or functions."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
-from pyfric.scene.checked import NotNegative, part
+from pyfric.scene.checked import NotNegative, from_entries, part
+from pyfric.scene.errors import SceneError
+from pyfric.scene.laws.columns import Measured, from_csv
 from pyfric.scene.laws.kinds import UNITS, FrictionLaw, Means, law
-from pyfric.scene.laws.table import Table, from_csv, sampled
-from pyfric.scene.units import SceneError
+from pyfric.scene.laws.table import Table, sampled
+from pyfric.scene.units import with_prefix
 
 __all__ = ["TabulatedLaw"]
 
-PAIRS = {
-    "hold": ("contact_time", "gain"),
+COLUMNS = {
     "slide": ("slip", "mu"),
+    "hold": ("contact_time", "gain"),
     "speed": ("v", "speed_factor"),
     "age": ("age_time", "age_factor"),
 }
 """Table -> the two lists that make it."""
-FILE_UNITS = UNITS._replace(slide="m")
-"""Units of the first columns of files."""
+IN_UNITS = UNITS._replace(slide="m")
+"""SI units of the first lists."""
 
-
-def _read(name: str, path: Path) -> Table:
-    return from_csv(path, f"interface.law.{name}", getattr(FILE_UNITS, name))
-
-
+Source = str | Path | Measured | tuple[Callable[[float], float], float]
+"""A CSV file, a measured curve, or a function of a number and the end of its table."""
 Seconds = Annotated[tuple[float, ...] | None, NotNegative("s", listed=True, optional=True)]
 Numbers = Annotated[tuple[float, ...] | None, NotNegative("", listed=True, optional=True)]
 
@@ -43,7 +42,9 @@ class TabulatedLaw(FrictionLaw):
         v, speed_factor: factor of mu over the speed, m/s.
         age_time, age_factor: factor of mu over the time since slip began, s.
 
-    Tables start at 0. Those that are left out change nothing.
+    Tables start at 0. Those that are left out change nothing. In a scene file slide, hold, speed
+    and age are names of CSV files, from its folder on, see `from_csv`; slide may be a measured
+    curve: {measured = "curve.csv", knots = 30}, see `Measured`.
     """
 
     slip: Annotated[tuple[float, ...] | None, NotNegative("m", listed=True, optional=True)] = None
@@ -67,60 +68,94 @@ class TabulatedLaw(FrictionLaw):
         "age_factor": (1.0, 0.6, 0.9),
     }
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_places", {})  # where the knots of a table are written
+        for name, (x, y) in COLUMNS.items():
+            given = [column for column in (x, y) if getattr(self, column) is not None]
+            if len(given) == 1:
+                missing = y if given == [x] else x
+                raise SceneError(
+                    f"interface.law.{missing}", None, "", "a list of numbers", "missing"
+                )
+            if given:
+                self._table(name).checked(f"interface.law.{x}", getattr(IN_UNITS, name))
+
     @classmethod
-    def of(cls, **tables: str | Path | tuple[Callable[[float], float], float]) -> Self:
+    def of(cls, **tables: Source) -> Self:
         """Return a law whose tables are made from files or functions.
 
         Args:
             tables: hold, slide, speed or age: the path of a CSV file of two columns, see
-                `from_csv`, or a function of a number and the end of its table.
+                `from_csv`; a function of a number, with the end of its table; or, for slide, a
+                `Measured` curve.
 
         Raises:
             SceneError: an unknown table, a file that is none, a function that is no law.
         """
-        lists: dict[str, Any] = {}
-        for name, source in tables.items():
-            if name not in PAIRS:
-                raise SceneError(name, source, "", f"one of {', '.join(PAIRS)}", "unknown")
-            file = isinstance(source, str | Path)
-            table = _read(name, Path(source)) if file else sampled(*source)
-            lists |= zip(PAIRS[name], (table.x, table.y), strict=True)
-        return cls(**lists)
+        for name in tables:
+            if name not in COLUMNS:
+                allowed = f"one of {', '.join(COLUMNS)}"
+                raise SceneError(name, tables[name], "", allowed, "unknown")
+        return cls._made({name: _made(name, source) for name, source in tables.items()}, {})
 
     @classmethod
-    def read_files(cls, table: dict[str, Any], folder: Path | None) -> dict[str, Any]:
-        """Return the table of a scene file with lists in place of the CSV files that it names.
+    def from_file(cls, entries: Mapping[str, Any], folder: Path | None) -> Self:
+        """Return the law of a table of a scene file, which may name CSV files in its folder.
 
         Raises:
             SceneError: a file is none, or is named where there is no folder to look in.
         """
-        rest = dict(table)
-        for name in PAIRS:
-            source = rest.pop(name, None)
-            if source is None:
+        rest, tables = dict(entries), {}
+        for name, columns in COLUMNS.items():
+            if name not in rest:
                 continue
-            if not isinstance(source, str):
-                allowed = "the path of a CSV file, from the scene file on"
-                raise SceneError(f"interface.law.{name}", source, "", allowed, "not text")
+            source, field = rest.pop(name), f"interface.law.{name}"
             if folder is None:
                 allowed = "lists of numbers: this text names no files"
-                raise SceneError(f"interface.law.{name}", source, "", allowed, "a file")
-            if twice := [column for column in PAIRS[name] if column in rest]:
-                allowed = f"either {name}, or {' and '.join(PAIRS[name])}"
+                raise SceneError(field, source, "", allowed, "a file")
+            if twice := [column for column in columns if column in rest]:
+                allowed = f"either {name}, or {' and '.join(columns)}"
                 raise SceneError(f"interface.law.{twice[0]}", rest[twice[0]], "", allowed, "twice")
-            read, unit = _read(name, folder / source), getattr(FILE_UNITS, name)
-            x = [f"{x!r} {unit}" for x in read.x]
-            rest |= zip(PAIRS[name], (x, list(read.y)), strict=True)
-        return rest
+            measured = isinstance(source, dict) and {"measured"} <= {*source} <= {
+                "measured",
+                "knots",
+            }
+            path = source["measured"] if measured else source
+            if not isinstance(path, str):
+                allowed = "the path of a CSV file, from the scene file on, or {measured = path}"
+                raise SceneError(field, source, "", allowed, "no path")
+            knots = {"knots": source["knots"]} if measured and "knots" in source else {}
+            read = Measured(path=folder / path, **knots) if measured else folder / path
+            tables[name] = _made(name, read)
+        return cls._made(tables, rest)
+
+    @classmethod
+    def _made(cls, tables: dict[str, Table], entries: dict[str, Any]) -> Self:
+        """Return the law of these tables, and entries of a scene file."""
+        lists = {}
+        for name, table in tables.items():
+            lists |= zip(COLUMNS[name], (table.x, table.y), strict=True)
+        made = from_entries(cls, entries, None, **lists)
+        made._places.update({name: table.places for name, table in tables.items()})
+        return made
+
+    def text(self) -> str:
+        """Return what the tables hold: "slip 0 to 3 um, 4 knots, mu 0.700 to 0.450"."""
+        parts = []
+        for name, (x, y) in COLUMNS.items():
+            if (table := self._table(name)) is not None:
+                end = with_prefix(table.x[-1], getattr(IN_UNITS, name))
+                ends = f"{y} {table.y[0]:.3f} to {table.y[-1]:.3f}".replace("_", " ")
+                parts.append(f"{x} 0 to {end}, {len(table.x)} knots, {ends}".replace("_", " "))
+        return f"TabulatedLaw({'; '.join(parts)})"
+
+    def ends(self) -> tuple[float, float] | None:
+        """Return the first and the last mu of the table over slip."""
+        return None if self.mu is None else (self.mu[0], self.mu[-1])
 
     def _table(self, name: str) -> Table | None:
-        x, y = (getattr(self, column) for column in PAIRS[name])
-        if x is None and y is None:
-            return None
-        if x is None or y is None:
-            missing = PAIRS[name][x is not None]
-            raise SceneError(f"interface.law.{missing}", None, "", "a list of numbers", "missing")
-        return Table(x, y)
+        x, y = (getattr(self, column) for column in COLUMNS[name])
+        return None if x is None else Table(x, y, self._places.get(name, ()))
 
     def hold(self, of: Means) -> Table | None:
         """Return the gain of mu_s."""
@@ -131,12 +166,20 @@ class TabulatedLaw(FrictionLaw):
         table = self._table("slide")
         if table is None:
             return super().slide(of)
+        if table.y[-1] != of.mu_k:
+            last = f"{table.y[-1]!r}, at {table.place(len(table.y) - 1)}"
+            allowed = f"the last mu of the table, {last}; or none: it is taken from there"
+            raise SceneError("interface.mu_k", of.mu_k, "", allowed, "the table ends elsewhere")
+        n = max(range(len(table.y)), key=table.y.__getitem__)
         drop = of.mu_s - of.mu_k
-        if not drop > 0 or table.y[-1] != of.mu_k:
-            allowed = f"mu_k = {of.mu_k!r}, the end of the table, and less than mu_s = {of.mu_s!r}"
-            raise SceneError("interface.law.mu", table.y[-1], "", allowed, "another end")
+        if not drop > 0 or table.y[n] > of.mu_s:
+            slip = with_prefix(table.x[n], "m")
+            reason = f"mu too large, or too small to weaken: slip {slip}, {table.place(n)}"
+            allowed = f"at most mu_s = {of.mu_s!r}, which is more than mu_k = {of.mu_k!r}"
+            raise SceneError("interface.law.mu", table.y[n], "", allowed, reason)
         unit = of.d_c or 1.0
-        return Table(tuple(x / unit for x in table.x), tuple((y - of.mu_k) / drop for y in table.y))
+        x = tuple(slip / unit for slip in table.x)
+        return Table(x, tuple((mu - of.mu_k) / drop for mu in table.y), table.places)
 
     def speed(self, of: Means) -> Table | None:
         """Return the factor of the speed."""
@@ -145,3 +188,15 @@ class TabulatedLaw(FrictionLaw):
     def age(self, of: Means) -> Table | None:
         """Return the factor of the time since slip began."""
         return self._table("age")
+
+
+def _made(name: str, source: Source) -> Table:
+    """Return the table that a source holds."""
+    field, unit = f"interface.law.{name}", getattr(IN_UNITS, name)
+    if isinstance(source, Measured):
+        if name != "slide":
+            raise SceneError(field, source, "", "a file or a function", "measured mu is slide")
+        return source.table(field, unit)
+    if isinstance(source, str | Path):
+        return from_csv(source, field, unit)
+    return sampled(*source)

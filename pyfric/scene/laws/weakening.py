@@ -5,9 +5,9 @@ import math
 from typing import ClassVar
 
 from pyfric.scene.checked import part
+from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.kinds import FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table, sampled
-from pyfric.scene.units import SceneError
 
 __all__ = ["ExponentialWeakening", "LinearWeakening"]
 

@@ -1,0 +1,124 @@
+"""What the parts of a scene have to agree on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pyfric.scene.checked import quantities
+from pyfric.scene.errors import SceneError
+from pyfric.scene.parts import CHAIN_NOTE, Interface, PrescribedLoad, steps_in
+from pyfric.scene.spread import Spread
+
+if TYPE_CHECKING:
+    from pyfric.scene.scene import Scene
+
+__all__ = ["check"]
+
+
+def check(scene: Scene) -> None:
+    """Check what no part of a scene can check alone.
+
+    Raises:
+        SceneError: see `Scene`.
+    """
+    _check_fields(scene)
+    if isinstance(scene.top, PrescribedLoad):
+        _check_prescribed(scene)
+    if scene.N_z == 1:
+        _check_chain(scene)
+        return
+    _check_height(scene)
+    if scene.prescribed:
+        _check_surface(scene)
+    else:
+        _check_free(scene)
+
+
+def _check_fields(scene: Scene) -> None:
+    """Check the fields of the interface block by block, from the trailing edge on."""
+    for name, mark in quantities(Interface).items():
+        given = getattr(scene.interface, name)
+        if isinstance(given, tuple) and len(given) != scene.N_x:
+            allowed = f"{mark.allowed}: here {scene.N_x}"
+            raise SceneError(
+                f"interface.{name}", given, mark.unit, allowed, f"{len(given)} numbers"
+            )
+        field = scene.field(name)
+        low = (field < 0) | ((field == 0) & (mark.gt is not None))
+        if isinstance(given, Spread) and low.any():
+            n, value = int(scene.n_of_i[np.argmax(low)]), float(field[low][0])
+            reason = f"the spread reaches this at block {n} from the trailing edge"
+            raise SceneError(f"interface.{name}", value, mark.unit, mark.allowed, reason)
+    mu_s, mu_k = scene.field("mu_s"), scene.field("mu_k")
+    above = mu_k > mu_s
+    if above.any():
+        i = int(np.argmax(above))
+        allowed = f"0 <= mu_k <= mu_s = {float(mu_s[i])!r} there"
+        reason = f"mu_k exceeds mu_s at block {scene.n_of_i[i]} from the trailing edge"
+        raise SceneError("interface.mu_k", float(mu_k[i]), "", allowed, reason)
+
+
+def _check_height(scene: Scene) -> None:
+    """Check that the driven block is on a row above the bottom one."""
+    h, l, H = scene.driver.h, scene.slider.l, scene.slider.H
+    steps = steps_in(h, l)
+    if steps is None or not 1 <= steps < scene.N_z:
+        allowed = f"a multiple of l = {l!r} m, from l to H = {H!r} m"
+        reason = "not on a row" if steps is None else "not on a row that can be driven"
+        raise SceneError("driver.h", h, "m", allowed, reason)
+
+
+def _check_prescribed(scene: Scene) -> None:
+    """Check that prescribed forces fit the blocks; those of a chain must not let it slip."""
+    for name in ("p", "tau"):
+        value = getattr(scene.top, name)
+        if isinstance(value, tuple) and len(value) != scene.N_x:
+            allowed = f"one number in N, or {scene.N_x} of them, one for each block"
+            raise SceneError(f"top.{name}", value, "N", allowed, f"{len(value)} numbers")
+    if scene.prescribed:  # blocks that carry more than mu_s p slip from t = 0 on
+        return
+    p, tau = np.atleast_1d(scene.top.p), np.atleast_1d(scene.top.tau)
+    strength, tau = np.broadcast_arrays(scene.law.hold(p), tau)
+    margin = strength - np.abs(tau)
+    if (margin < 0).any():
+        i = int(np.argmax(margin < 0))
+        allowed = f"|tau| <= mu_s p = {float(strength[i])!r} N"
+        reason = f"block {i + 1} from the trailing edge would slip"
+        raise SceneError("top.tau", float(tau[i]), "N", allowed, reason)
+
+
+def _check_chain(scene: Scene) -> None:
+    if not isinstance(scene.top, PrescribedLoad):
+        allowed = f"a multiple of l = {scene.slider.l!r} m, >= l{CHAIN_NOTE}"
+        reason = f"too small where top.kind = {scene.top.kind!r}"
+        raise SceneError("slider.H", scene.slider.H, "m", allowed, reason)
+    _check_free(scene)
+    if scene.driver.h:
+        reason = "a chain is driven at its only row"
+        raise SceneError("driver.h", scene.driver.h, "m", "0 m", reason)
+
+
+def _check_free(scene: Scene) -> None:
+    """Refuse what only a prescribed interface in two dimensions has."""
+    for side in ("left", "right", "top"):
+        if (beyond := getattr(scene.walls, side)) != "free":
+            reason = "walls need top.kind = 'prescribed' and at least two rows"
+            raise SceneError(f"walls.{side}", beyond, "", "'free'", reason)
+    if scene.driver.K == 0:
+        reason = "only a prescribed interface in two dimensions goes without a driver"
+        raise SceneError("driver.K", 0.0, "N/m", "> 0 N/m", reason)
+
+
+def _check_surface(scene: Scene) -> None:
+    """Refuse what a prescribed interface in two dimensions does not have."""
+    if scene.top.k_top:
+        reason = "a chain has springs to a rigid top; here walls.top = 'held'"
+        raise SceneError("top.k_top", scene.top.k_top, "N/m", "0 N/m", reason)
+    if scene.interface.k_f is not None:
+        reason = "a prescribed interface has no foundation"
+        raise SceneError("interface.k_f", scene.interface.k_f, "N/m", "None", reason)
+    if scene.walls.top == "held" and scene.j_h == scene.N_z - 1:
+        h, highest = scene.driver.h, (scene.N_z - 2) * scene.slider.l
+        raise SceneError("driver.h", h, "m", f"at most {highest!r} m", "the top row is held")

@@ -1,0 +1,126 @@
+"""The one error of every input: what was given, what is wrong with it, and what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+import pickle
+import reprlib
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+__all__ = ["NO_UNIT", "SceneError", "nearest", "show", "unknown"]
+
+NO_UNIT = "missing unit"
+LIKE = 0.6
+"""Words at least so alike, on a scale up to 1, may be meant for one another."""
+
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = 100
+
+
+class _Text(str):
+    """The text of a value that cannot be pickled."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+class SceneError(ValueError):
+    """An input is refused before anything starts.
+
+    Attributes:
+        field: dotted name of the input, such as ``"slider.l"``.
+        value: what was given; ``None`` where it is missing.
+        unit: SI unit of the input; ``""`` where it has none.
+        allowed: what would be accepted, as text.
+        reason: what is wrong with the value, as text (may be empty).
+        others: further ``SceneError`` found at the same time.
+
+    The message has one line for this problem and one for each of ``others``.
+    """
+
+    def __init__(
+        self,
+        field: str,
+        value: Any,
+        unit: str = "",
+        allowed: str = "",
+        reason: str = "",
+        others: Iterable[SceneError] = (),
+    ) -> None:
+        self.field = field
+        self.value = value
+        self.unit = unit
+        self.allowed = allowed
+        self.reason = reason
+        self.others = tuple(others)
+        super().__init__(field, value, unit, allowed, reason, self.others)
+
+    def __str__(self) -> str:
+        name = self.field or "value"
+        head = name if self.value is None else f"{name} = {show(self.value)}"
+        bare = self.reason.startswith(NO_UNIT)
+        if self.unit and isinstance(self.value, float) and not bare:
+            head += f" {self.unit}"
+        text = f"{head}: {self.reason or 'not allowed'}; allowed: {self.allowed}"
+        return "\n".join([text, *map(str, self.others)])
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({str(self)!r})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        field, value, *rest = self.args
+        try:
+            pickle.dumps(value)
+        except Exception:  # whatever a user passed, the error reaches the other process
+            value = _Text(show(value))
+        return type(self), (field, value, *rest), vars(self) | {"value": value}
+
+    def at(self, field: str) -> SceneError:
+        """Return the same error under another dotted name."""
+        return type(self)(field, *self.args[1:])
+
+    def flat(self) -> list[SceneError]:
+        """Return this problem and all others, each as an error of its own."""
+        return [type(self)(*self.args[:-1]), *(e for other in self.others for e in other.flat())]
+
+    @classmethod
+    def joined(cls, errors: Iterable[SceneError]) -> SceneError:
+        """Return one error that lists all `errors` (at least one); attributes from the first."""
+        first, *others = [each for error in errors for each in error.flat()]
+        return cls(*first.args[:-1], others)
+
+
+def show(value: Any) -> str:
+    """Return a short text for any value, however large or deep it is."""
+    try:
+        return repr(float(value)) if isinstance(value, np.floating) else _SHORT.repr(value)
+    except ValueError:  # integers with thousands of digits have no decimal text
+        return f"<a very large {type(value).__name__}>"
+
+
+def nearest(key: str, known: Iterable[str]) -> str:
+    """Return the entry of `known` that is spelled most like `key`, ``""`` if none is alike."""
+    folded = key[:64].casefold()
+
+    def likeness(name: str) -> tuple[float, float]:
+        other = name.casefold()
+        ratio = difflib.SequenceMatcher(None, folded, other).ratio()
+        if folded and (folded.startswith(other) or other.startswith(folded)):
+            ratio = max(ratio, LIKE)  # "Length" means L
+        return ratio, difflib.SequenceMatcher(None, key[:64], name).ratio()
+
+    best = max(known, key=likeness, default="")
+    return best if likeness(best)[0] >= LIKE else ""
+
+
+def unknown(field: str, value: Any, key: str, known: Iterable[str]) -> SceneError:
+    """Return the error for a `key` that is not one of `known`, with the nearest known one."""
+    known = list(known)
+    guess = nearest(key, known)
+    hint = f", did you mean {guess!r}?" if guess else ""
+    return SceneError(field, value, "", f"one of {', '.join(known)}", f"unknown{hint}")

@@ -1,0 +1,267 @@
+"""Two columns of numbers in a CSV file, with their units, as a table; measured curves.
+
+No message holds what a file says but numbers, and heads of columns above numbers: the path may be
+wrong, and be that of another file.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pyfric.scene.errors import SceneError
+from pyfric.scene.files import read_at_most
+from pyfric.scene.laws.table import MAX_KNOTS, Table
+from pyfric.scene.units import check_number, parse_quantity
+
+__all__ = ["Measured", "from_csv"]
+
+MAX_BYTES = 1_048_576
+"""Largest CSV file that is read."""
+NO_UNIT = ("", "-", "–", "1")
+"""What stands in the place of a unit where there is none."""
+PASSES = 4
+"""Times that knots are made even along the curve that they give."""
+_BRACKETS = re.compile(r"[(\[<](?P<unit>[^()\[\]<>]*)[)\]>]\s*$")
+_BETWEEN = re.compile(r"(?P<slash>\s*/\s*)|\s*[:|=]\s*|[\s_]+(?:in[\s_]+)?")
+_MARKUP = re.compile(r"\\(?:mathrm|text|rm|[,;! ])|[${}]")
+_WORD = re.compile(r"[A-Za-zµμ]+")
+
+
+class _Line(NamedTuple):
+    """A line of a file: its number, from 1, and its cells."""
+
+    n: int
+    cells: list[str]
+
+
+class _Lines(NamedTuple):
+    """What a file holds: its comments, the heads of its two columns if any, its rows of numbers."""
+
+    comments: list[_Line]
+    heads: _Line | None
+    rows: list[_Line]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """A measured curve of mu over slip, which is noisy.
+
+    Its table is the curve without a rise, straight between some knots, that is closest to the rows
+    in least squares. Unlike an envelope it keeps the mean, and so the fracture energy. Knots are
+    even along the curve: slip and loss of mu, each over all of its own, grow by the same in sum.
+    Slip counts from its least value. An interface without mu_s and mu_k takes both from the ends.
+
+    Args:
+        path: a CSV file of two columns, see `from_csv`; rows may be in any order.
+        knots: number of knots, from 2 on; at most that of different slips.
+    """
+
+    path: str | os.PathLike[str]
+    knots: int = 20
+
+    def __post_init__(self) -> None:
+        whole = isinstance(self.knots, int) and not isinstance(self.knots, bool)
+        if not whole or not 2 <= self.knots <= MAX_KNOTS:
+            raise SceneError("knots", self.knots, "", f"a whole number from 2 to {MAX_KNOTS}")
+
+    def table(self, name: str, unit: str) -> Table:
+        """Return the table.
+
+        Args:
+            name: that of the field, for errors.
+            unit: SI unit of the slip.
+
+        Raises:
+            SceneError: see `from_csv`; or mu does not fall.
+        """
+        read = _read(self.path, name, unit)
+        slip = np.array(read.x) - min(read.x)
+        n = min(self.knots, len(np.unique(slip)))
+        knots = np.linspace(0.0, slip.max(), n)
+        for _ in range(PASSES):
+            mu = _falling(knots, slip, np.array(read.y))
+            if n < 2 or not mu[-1] < mu[0]:
+                raise _refused(name, None, "mu that falls with slip", self.path, "it does not fall")
+            along = knots / knots[-1] + (mu[0] - mu) / (mu[0] - mu[-1])
+            last, knots = knots, np.interp(np.linspace(0.0, along[-1], n), along, knots)
+        places = tuple(f"{os.fspath(self.path)}, knot {k}" for k in range(1, n + 1))
+        return Table(tuple(last.tolist()), tuple(mu.tolist()), places).checked(name, unit)
+
+
+def _falling(knots: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the values >= 0 at knots, none above the one before, that are closest to y at x."""
+    from scipy.optimize import nnls  # slow to import
+
+    shares = np.array([np.interp(x, knots, unit) for unit in np.eye(len(knots))]).T
+    sums = np.triu(np.ones((len(knots), len(knots))))  # a value is the sum of the falls behind it
+    return sums @ nnls(shares @ sums, y)[0]
+
+
+def from_csv(path: str | os.PathLike[str], name: str = "interface.law", unit: str = "") -> Table:
+    """Return the table in a CSV file of two columns.
+
+    Empty lines and lines that start with # are left out. The first line, or a line with # above
+    the numbers, may name the columns with their units: "slip (um),mu", "slip [um],mu",
+    "slip/um,mu", "slip_um,mu" or "um,-". Without units numbers are in SI units. Columns are apart
+    by commas, semicolons or tabs.
+
+    Args:
+        path: the file, in UTF-8.
+        name: that of the field, for errors.
+        unit: SI unit of the first column; the second one has none.
+
+    Raises:
+        SceneError: the file cannot be read, is no regular file or too large, has other columns or
+            too many rows, names a unit in another way, or a value is no number, negative or out of
+            order; with file, row and column.
+    """
+    table = _read(path, name, unit, ge=0.0)
+    if not 2 <= len(table.x) <= MAX_KNOTS:
+        allowed = f"2 to {MAX_KNOTS} rows of numbers, or a curve said to be measured"
+        raise _refused(name, len(table.x), allowed, path, "rows")
+    return table.checked(name, unit)
+
+
+def _read(path: str | os.PathLike[str], name: str, unit: str, ge: float | None = None) -> Table:
+    """Return the rows of a file in SI units, as they stand there; slip is at least `ge`."""
+    lines = _lines(path, name)
+    columns = ((unit, ge), ("", 0.0))
+    try:
+        written = _units(lines, unit)
+    except ValueError as error:
+        allowed = f'heads such as "name ({unit})", "name/{unit}" or "name_{unit}"'
+        raise _refused(name, None, allowed, path, str(error)) from None
+    numbers: tuple[list[float], list[float]] = ([], [])
+    for n, cells in lines.rows:
+        for c, (cell, given, (si, least)) in enumerate(zip(cells, written, columns, strict=True)):
+            try:
+                number = parse_quantity(name, f"{cell} {given}", si) if given else float(cell)
+                numbers[c].append(check_number(name, number, si, ge=least))
+            except SceneError as error:
+                where = f"row {n}, column {c + 1}: {error.reason}"
+                raise _refused(name, error.value, error.allowed, path, where) from None
+    places = tuple(f"{os.fspath(path)}, row {n}" for n, _ in lines.rows)
+    return Table(tuple(numbers[0]), tuple(numbers[1]), places)
+
+
+def _lines(path: str | os.PathLike[str], name: str) -> _Lines:
+    """Return the lines of a file of which all but comments and heads are two numbers."""
+    allowed = f"a CSV file with two columns of numbers, of at most {MAX_BYTES} bytes"
+    try:
+        content = read_at_most(path, MAX_BYTES + 1)
+        text = content.decode("utf-8-sig")
+        lines = [(n, t) for n, t in enumerate(map(str.strip, text.splitlines()), 1) if t]
+        rows = _cells((n, t) for n, t in lines if t[0] != "#")
+        comments = _cells((n, t.lstrip("# ")) for n, t in lines if t[0] == "#")
+    except (OSError, ValueError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or "no text in UTF-8"
+        raise SceneError(name, os.fspath(path), "", allowed, reason) from None
+    if len(content) > MAX_BYTES:
+        raise SceneError(name, os.fspath(path), "", allowed, "too large")
+    named = bool(rows) and len(rows[0].cells) == 2 and not any(map(_is_number, rows[0].cells))
+    heads = rows.pop(0) if named else None
+    for n, cells in rows:
+        if len(cells) != 2:
+            raise _refused(name, None, "two columns", path, f"row {n}: {len(cells)} columns")
+        for c, cell in enumerate(cells, 1):
+            if not _is_number(cell):
+                raise _refused(name, None, "a number", path, f"row {n}, column {c}: not a number")
+    if not rows:
+        raise _refused(name, 0, f"2 to {MAX_KNOTS} rows of numbers", path, "rows")
+    return _Lines(comments, heads, rows)
+
+
+def _cells(lines: Iterable[tuple[int, str]]) -> list[_Line]:
+    """Return the cells of each line, which commas, semicolons or tabs set apart."""
+    return [
+        _Line(n, [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))])
+        for n, line in lines
+        for delimiter in [max(",;\t", key=line.count)]
+    ]
+
+
+def _units(lines: _Lines, si: str) -> tuple[str, str]:
+    """Return the units that the heads of the two columns name, "" for SI units.
+
+    Raises:
+        ValueError: a head, or a comment where no head says it, names one in another way.
+    """
+    heads = lines.heads
+    for n, cells in lines.comments:  # as numpy.savetxt writes heads
+        if heads is None and n == lines.rows[0].n - 1 and len(cells) == 2:
+            heads = _Line(n, cells) if not re.search(r"\d", "".join(cells)) else None
+    found = ["", ""]
+    for c, (cell, unit) in enumerate(zip(heads.cells, (si, ""), strict=True) if heads else ()):
+        try:
+            found[c] = _unit_in(cell, unit)
+        except ValueError as error:
+            raise ValueError(f"row {heads.n}, column {c + 1}, {cell!r}: {error}") from None
+    for n, cells in lines.comments if not found[0] else ():
+        if word := _unit_among(" ".join(cells), si):
+            raise ValueError(f"row {n}: a comment names {word}, and no head of a column a unit")
+    return found[0], found[1]
+
+
+def _unit_in(head: str, si: str) -> str:
+    """Return the unit that the head of a column names, "" if it names none.
+
+    Raises:
+        ValueError: it names one that is not understood.
+    """
+    head = _MARKUP.sub("", head.replace("\\mu", "µ")).strip()
+    brackets = _BRACKETS.search(head)
+    if brackets or head in NO_UNIT:
+        unit = brackets["unit"].strip() if brackets else head
+        if unit == "" or (unit in NO_UNIT and not si):
+            return ""
+        if _fits(unit, si):
+            return unit
+        raise ValueError(f"{unit!r} is no unit of {si or 'a number without one'}")
+    for between in [None, *_BETWEEN.finditer(head)]:
+        unit = head if between is None else head[between.end() :]
+        plain = len(unit) > 1 or unit == si or (between is not None and between["slash"])
+        if plain and unit != "in" and _fits(unit, si):  # t_h may be a time of hold
+            return unit
+    if si and "/" in head:
+        raise ValueError(f"what follows / is no unit of {si}")
+    if word := _unit_among(head, si):
+        raise ValueError(f"{word!r} is a unit, but not where it is looked for")
+    return ""
+
+
+def _unit_among(text: str, si: str) -> str:
+    """Return a word of a text that is a unit of a column, or part of one; "" if none is."""
+    for word in _WORD.findall(text) if si else ():
+        if word != "in" and (_fits(word, si) or (si == "m/s" and _fits(word, "m"))):
+            return word
+    return ""
+
+
+def _fits(unit: str, si: str) -> bool:
+    """Whether a text is a unit that converts to an SI unit; per cent where there is none."""
+    if not si:
+        return unit in ("%", "percent")
+    try:
+        parse_quantity("", f"1 {unit}", si)
+    except SceneError:
+        return False
+    return True
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _refused(name: str, value: Any, allowed: str, path: Any, where: str) -> SceneError:
+    return SceneError(name, value, "", allowed, f"{os.fspath(path)}, {where}")

@@ -1,0 +1,107 @@
+"""From a material to a slider: stiffness, mass and viscosity of a slab."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Annotated, ClassVar, NamedTuple
+
+from pyfric.scene.checked import Name, NotNegative, Positive, part
+from pyfric.scene.errors import SceneError, unknown
+
+__all__ = ["MATERIALS", "POISSON", "Known", "Material"]
+
+POISSON = 1 / 3
+"""Poisson's ratio of the lattice in plane stress, whatever the material's."""
+
+
+class Known(NamedTuple):
+    """What a source says about a material; None where it says nothing.
+
+    Attributes:
+        E: Young's modulus, Pa.
+        density: kg/m^3.
+        poisson: Poisson's ratio, which the lattice does not take: it has 1/3.
+        source: where this stands.
+    """
+
+    E: float
+    density: float | None
+    poisson: float | None
+    source: str
+
+
+MATERIALS: Mapping[str, Known] = MappingProxyType(
+    {
+        "PMMA": Known(3.3e9, 1190.0, None, "PTEROFLAT XT acrylic sheets, technical data sheet "
+                      "(Politem): tensile modulus by ISO 527-2, density by ISO 1183"),
+        "glass": Known(70e9, 2500.0, 0.2, "EN 572-1, basic soda-lime silicate glass"),
+        "borosilicate glass": Known(64e9, 2230.0, 0.2, "BOROFLOAT 33, mechanical properties "
+                                    "(Schott)"),
+        "steel": Known(210e9, 7850.0, 0.3, "EN 1993-1-1, 3.2.6; density: EN 1991-1-1, table A.4"),
+        "natural rubber": Known(1.5e6, 950.0, None, "MatWeb, Natural Rubber, Vulcanized: three "
+                                "times the shear modulus of 0.5 MPa; density uncompounded"),
+        "PDMS 10:1": Known(2.0e6, None, None, "Z. Wang, A. A. Volinsky, N. D. Gallant, J. Appl. "
+                           "Polym. Sci. 131, 41050 (2014): 20 MPa over the ratio of base to curing "
+                           "agent, in compression"),
+        "gelatine 20:1": Known(4.34e3, None, None, "J. E. Bonavia et al., arXiv:2512.20502 (2025): "
+                               "instantaneous, in compression, 20 parts of water to 1 of powder"),
+    }
+)  # fmt: skip
+"""Materials by name, each with its source."""
+
+
+@part
+class Material:
+    """An elastic, viscous solid and the width of a slab of it, from which a `Slider` follows.
+
+    The lattice is that of plane stress with Poisson's ratio 1/3, which is fixed: k = 3 B E/4, a
+    shear modulus of 3 E/8, and waves at sqrt(9 E/(8 rho)) and sqrt(3 E/(8 rho)). Solids that hardly
+    change their volume (rubber, gels) have a ratio near 1/2 and a shear modulus of E/3: there E
+    is that of pulling a strip, or 8/3 of the shear modulus where shear matters, and the pressure
+    waves are not the material's.
+
+    Args:
+        width: B, of the slab, m.
+        name: a key of `MATERIALS`, for what is not given; "" for none.
+        E: Young's modulus, Pa.
+        density: rho, kg/m^3.
+        viscosity: bulk viscosity, Pa s. The force per volume is viscosity times the Laplacian of
+            the velocity, and waves of wave number q decay at viscosity q^2/(2 rho). It stays where
+            l changes, as eta = B viscosity/3 for each bond does. None means the paper's
+            eta = sqrt(0.1 k m), which falls with l: a viscosity of 0.82 l sqrt(E rho), which damps
+            waves of a few blocks whatever l is.
+
+    Raises:
+        SceneError: a value is missing, unknown, of the wrong type or out of range.
+
+    Source: PRL 107, 074301 (2011), model section, for k and eta.
+    """
+
+    width: Annotated[float, Positive("m")]
+    name: Annotated[str, Name(40)] = ""
+    E: Annotated[float, Positive("Pa", optional=True)] = None  # until it is taken
+    density: Annotated[float, Positive("kg/m^3", optional=True)] = None
+    viscosity: Annotated[float | None, NotNegative("Pa s", optional=True)] = None
+
+    _section: ClassVar[str] = "slider.material"
+
+    def __post_init__(self) -> None:
+        if self.name and self.name not in MATERIALS:
+            raise unknown("slider.material.name", self.name, self.name, MATERIALS)
+        for field, unit in (("E", "Pa"), ("density", "kg/m^3")):
+            if getattr(self, field) is None:
+                known = getattr(MATERIALS.get(self.name), field, None)
+                if known is None:
+                    reason = f"not known of {self.name}" if self.name else "missing"
+                    allowed = f"a finite number > 0 {unit}"
+                    raise SceneError(f"slider.material.{field}", None, unit, allowed, reason)
+                object.__setattr__(self, field, known)
+
+    @property
+    def k(self) -> float:
+        """Stiffness of the nearest-neighbour springs, 3 B E/4, in N/m."""
+        return 0.75 * (self.width * self.E)
+
+    @property
+    def eta(self) -> float | None:
+        """Viscosity of each bond, B viscosity/3, in N s/m; None for that of the paper."""
+        return None if self.viscosity is None else self.width * self.viscosity / 3

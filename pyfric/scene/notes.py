@@ -1,0 +1,56 @@
+"""What to know about a friction law on a scene: what a run does not reach or does not resolve."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pyfric.scene.parts import PrescribedLoad
+from pyfric.scene.units import with_prefix
+
+if TYPE_CHECKING:
+    from pyfric.scene.scene import Scene
+
+__all__ = ["law_notes"]
+
+LEFT = 0.01
+"""Friction has fallen where no more than this share of mu_s - mu_k is left."""
+
+
+def law_notes(scene: Scene, t_end: float, dt: float | None = None) -> tuple[str, ...]:
+    """Return notes on the law of a scene.
+
+    Args:
+        scene: the scene.
+        t_end: until when the driver moves, s.
+        dt: step, s; None for an engine that makes none.
+
+    Where a table of mu falls with slip to beyond where the driver goes, mu_k is not reached; where
+    it falls over more than a block, slip may have been given in another unit. Steps resolve
+    weakening if dt times the rate at which it lets a block run away (`Law.growth`) is below 1.
+    """
+    law, notes, slip = scene.law, [], 0.0
+    if law.weakens:
+        table = law.tables.slide
+        fallen = np.append(np.flatnonzero(np.array(table.y) > LEFT) + 1, 0).max()
+        slip, l = table.x[min(fallen, len(table.x) - 1)] * float(np.max(law.d_c)), scene.slider.l
+        path = max(abs(x) for leg in scene.legs(t_end) for x in (leg.first, leg.last))
+        falls = f"friction falls until a slip of {with_prefix(slip, 'm')}"
+        driven = scene.driver.K and not isinstance(scene.top, PrescribedLoad)
+        table_of_mu = scene.interface.law.ends() is not None
+        if table_of_mu and driven and slip > path > 0:
+            far = with_prefix(path, "m")
+            notes.append(f"{falls}, beyond the {far} that the driver goes: mu_k is not reached")
+        elif table_of_mu and slip > l:
+            notes.append(f"{falls}, more than a block, l = {with_prefix(l, 'm')}")
+    growth = law.growth(scene.F_N / scene.N_x, scene.m_interface)
+    if dt is not None and (law.weakens or law.tables.speed is not None) and dt * growth > 1:
+        steepness = law.steepness(scene.F_N / scene.N_x)
+        by_slip = law.weakens and steepness > 0.25 * growth**2 * scene.m_interface
+        over = f"over {with_prefix(slip, 'm')} of slip" if by_slip else "with speed"
+        notes.append(
+            f"steps of {dt:.3g} s do not resolve weakening {over}, which takes "
+            f"dt <= {1 / growth:.3g} s; it acts like weakening at once"
+        )
+    return tuple(notes)

@@ -28,7 +28,8 @@ from pyfric.checks.pairing import paired
 from pyfric.engines import RunError, simulate
 from pyfric.figures import DataFigure
 from pyfric.record import front_speed
-from pyfric.scene import Scene, SceneError, at_once, preset, setup1
+from pyfric.scene import Scene, SceneError, preset, setup1
+from pyfric.signals import at_once
 from pyfric.statics import stability_limit
 
 if TYPE_CHECKING:

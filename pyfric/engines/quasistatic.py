@@ -40,7 +40,8 @@ from pyfric.record import (
     build_catalogue,
     versions,
 )
-from pyfric.scene import SceneError, answered, at_once, check_number
+from pyfric.scene import SceneError, check_number
+from pyfric.signals import answered, at_once
 from pyfric.statics import (
     LEAST_DEFINITENESS,
     Contact,

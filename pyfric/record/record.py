@@ -48,7 +48,8 @@ from pyfric.record.nucleation import nucleation_lengths
 from pyfric.record.report import summary, text
 from pyfric.record.rupture import front_speed
 from pyfric.record.zones import zone_at_rest, zone_moving
-from pyfric.scene import Scene, held_back, sealed, unsealed, write
+from pyfric.scene import Scene, sealed, unsealed, write
+from pyfric.signals import held_back
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -1,7 +1,8 @@
 """What is simulated: parts, scenes, presets, units, geometry."""
 
 from pyfric.scene import laws
-from pyfric.scene.checked import quantities
+from pyfric.scene.change import full_name, scene_fields
+from pyfric.scene.checked import Quantity, quantities
 from pyfric.scene.files import (
     check_writable,
     clean_drafts,
@@ -39,18 +40,8 @@ from pyfric.scene.presets import (
 )
 from pyfric.scene.protocol import Leg, Piece, legs
 from pyfric.scene.scene import Scene
-from pyfric.scene.signals import (
-    answered,
-    asked_to_stop,
-    at_once,
-    commanded,
-    forget,
-    held_back,
-    nothing_to_save,
-    raise_if_asked,
-    saved_first,
-)
 from pyfric.scene.spread import Spread
+from pyfric.scene.toml import parsed, read_value
 from pyfric.scene.units import (
     SceneError,
     check_number,
@@ -73,6 +64,7 @@ __all__ = [
     "Leg",
     "Piece",
     "PrescribedLoad",
+    "Quantity",
     "Rod",
     "Scene",
     "SceneError",
@@ -81,35 +73,30 @@ __all__ = [
     "Spread",
     "Walls",
     "__version__",
-    "answered",
     "as_scene",
-    "asked_to_stop",
-    "at_once",
     "chain",
     "check_geometry",
     "check_number",
     "check_writable",
     "clean_drafts",
     "clock",
-    "commanded",
     "default_geometry",
     "drafts",
-    "forget",
-    "held_back",
+    "full_name",
     "laws",
     "legs",
     "names_file",
     "nearest",
-    "nothing_to_save",
     "of",
     "paper_step",
     "parse_quantity",
+    "parsed",
     "preset",
     "quantities",
-    "raise_if_asked",
     "range_text",
+    "read_value",
     "run3",
-    "saved_first",
+    "scene_fields",
     "sealed",
     "settings",
     "setup1",

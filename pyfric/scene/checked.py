@@ -105,6 +105,7 @@ class Quantity:
         return core_schema.no_info_plain_validator_function(self.check)
 
 
+@functools.cache
 def quantities(cls: type) -> dict[str, Quantity]:
     """Return the `Quantity` of each numeric field of a part."""
     return {

@@ -47,7 +47,7 @@ from typing import Any
 
 import tomli_w
 
-from pyfric.scene.checked import Written, names, quantities
+from pyfric.scene.checked import Quantity, Written, names, quantities
 from pyfric.scene.laws import KINDS, FrictionLaw
 from pyfric.scene.parts import (
     DistributedLoad,
@@ -62,7 +62,7 @@ from pyfric.scene.protocol import Course
 from pyfric.scene.spread import Spread
 from pyfric.scene.units import SceneError, unknown
 
-__all__ = ["MAX_FILE", "read", "text"]
+__all__ = ["MAX_FILE", "parsed", "read", "read_value", "text"]
 
 MAX_FILE = 1_048_576
 """Largest scene file accepted, in bytes; two lists of `MAX_LISTED` forces fit."""
@@ -112,7 +112,7 @@ def read(source: str | os.PathLike[str]) -> tuple[dict[str, Any], list[SceneErro
     Raises:
         SceneError: it cannot be read, is too large or not TOML.
     """
-    document = _parsed(source)
+    document = parsed(source)
     known = ["name", *PARTS]
     errors = [
         unknown(key, value, key, known) for key, value in document.items() if key not in known
@@ -126,6 +126,28 @@ def read(source: str | os.PathLike[str]) -> tuple[dict[str, Any], list[SceneErro
         except SceneError as error:
             errors.append(error)
     return found, errors
+
+
+def read_value(name: str, value: Any, mark: Quantity | None, folder: Path) -> Any:
+    """Return what stands in a scene file in `folder` for a field, as the scene has it.
+
+    Args:
+        name: dotted name of the field.
+        value: what stands there: of a part or a friction law, its table.
+        mark: the `Quantity` of the field, None for what is no number.
+        folder: where files lie that the value names.
+
+    Raises:
+        SceneError: the value is refused.
+    """
+    if name in (*PARTS, f"interface.{LAW}"):
+        return _part_from(name, value, folder)
+    if mark is None:
+        return value
+    try:
+        return mark.check(Written(value))
+    except SceneError as error:
+        raise error.at(name) from None
 
 
 def _as_written(value: Any, unit: str) -> Any:
@@ -143,10 +165,18 @@ def _as_written(value: Any, unit: str) -> Any:
     return f"{value!r} {unit}" if unit else value
 
 
-def _parsed(source: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the TOML document in a file or text."""
+def parsed(source: str | os.PathLike[str], what: str = "scene") -> dict[str, Any]:
+    """Return the TOML document in a file, or in a text of several lines.
+
+    Args:
+        source: the file or text.
+        what: what it holds, for messages.
+
+    Raises:
+        SceneError: it cannot be read, is too large or not TOML.
+    """
     if not isinstance(source, str | os.PathLike):
-        raise SceneError("scene", source, "", "the path of a scene file, or its text")
+        raise SceneError(what, source, "", f"the path of a {what} file, or its text")
     if isinstance(source, str) and "\n" in source:
         name, data = None, source.encode("utf-8", "replace")
     else:
@@ -156,15 +186,15 @@ def _parsed(source: str | os.PathLike[str]) -> dict[str, Any]:
                 data = file.read(MAX_FILE + 1)
         except (OSError, ValueError) as error:
             reason = f"cannot be read ({getattr(error, 'strerror', None) or error})"
-            raise SceneError("scene", name, "", "a readable scene file", reason) from None
+            raise SceneError(what, name, "", f"a readable {what} file", reason) from None
     if len(data) > MAX_FILE:
-        raise SceneError("scene", name, "", f"at most {MAX_FILE} bytes of TOML", "too large")
+        raise SceneError(what, name, "", f"at most {MAX_FILE} bytes of TOML", "too large")
     try:
         return tomllib.loads(data.decode("utf-8-sig"))  # some editors put a mark in front
     except RecursionError:
-        raise SceneError("scene", name, "", "a TOML document", "nested too deeply") from None
+        raise SceneError(what, name, "", "a TOML document", "nested too deeply") from None
     except ValueError as error:
-        raise SceneError("scene", name, "", "a TOML document", f"not TOML ({error})") from None
+        raise SceneError(what, name, "", "a TOML document", f"not TOML ({error})") from None
 
 
 def _folder(source: str | os.PathLike[str]) -> Path:

@@ -7,8 +7,9 @@
     line = boundary(label, along=(-1.0, 1.0), over=[1e-3, 2e-3, 3e-3], scale="linear")
 
 A label costs a run, so runs are what counts. The first point of a line is found by bisection. Then
-the points before say where the line will be: a first run tells the side, a second one, as far away
-as the last prediction was off, brackets the line, and bisection does the rest.
+the points before say where the line will be: a first run tells the side, a second one, half as far
+away as the last prediction was off, or further ones, each twice as far as the one before, bracket
+the line, and bisection does the rest.
 """
 
 from __future__ import annotations
@@ -157,8 +158,8 @@ class _Line:
             low, high = (middle, high) if column(middle) == self.below else (low, middle)
         share = (low + high) / 2
         if guess is not None:
-            missed = max(abs(share - guess) / self.width, 1.0)
-            self.step = self.width * 2 ** math.ceil(math.log2(missed))
+            half = max(abs(share - guess) / 2 / self.width, 1.0)
+            self.step = self.width * 2 ** math.ceil(math.log2(half))
         self.points.append((x, share))
         ends = column.span.at(share), column.span.at(low), column.span.at(high)
         return column.over, *ends, column(low), column(high), column.runs

@@ -44,24 +44,21 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 import pandas as pd
-import scipy
 
 from pyfric.display import html
 from pyfric.engines import Options, expected_cost
 from pyfric.record import Record
 from pyfric.scene import Scene, SceneError, check_number, unknown
 from pyfric.sweeps.file import read_sweep
-from pyfric.sweeps.jobs import OPTIONS, Job, JobError
+from pyfric.sweeps.jobs import Job, JobError
 from pyfric.sweeps.results import FailedBefore, Results
 from pyfric.sweeps.runs import run_all
 from pyfric.sweeps.store import Cache, Store
-from pyfric.sweeps.varied import MAX_POINTS, Span, full_field, varied
+from pyfric.sweeps.varied import MAX_POINTS, Span, drawn, full_field, varied
 
 __all__ = ["Estimate", "Sweep"]
 
 Kind = Literal["grid", "list", "random", "sobol", "halton", "latin"]
-DRAWN: Mapping[str, str] = {"sobol": "Sobol", "halton": "Halton", "latin": "LatinHypercube"}
-"""Classes of `scipy.stats.qmc`, which is slow to import: first use imports it."""
 ASKED = 5
 """The cost of a sweep is that of so many of its points, on average."""
 
@@ -174,26 +171,15 @@ class Sweep:
     @functools.cached_property
     def rows(self) -> pd.DataFrame:
         """One row for each point: the values of its fields, in SI."""
-        if self.points == "grid":
-            rows = itertools.product(*self.over.values())
-        elif self.points == "list":
-            rows = zip(*self.over.values(), strict=True)
+        values = [*self.over.values()]
+        if self._drawn:
+            rows = drawn(values, self.points, self.n, self.seed)
+        elif self.points == "grid":
+            rows = itertools.product(*values)
         else:
-            spans = list(self.over.values())
-            rows = ([span.at(share) for span, share in zip(spans, shares, strict=True)]
-                    for shares in self._shares(len(spans)))  # fmt: skip
-        frame = pd.DataFrame([*map(list, rows)], columns=list(self.over), dtype=object)
+            rows = zip(*values, strict=True)
+        frame = pd.DataFrame([*map(list, rows)], columns=[*self.over], dtype=object)
         return frame.rename_axis("point")
-
-    def _shares(self, fields: int) -> np.ndarray:
-        """Return where in the ranges the points are that are drawn, shape (n, fields)."""
-        rng = np.random.default_rng(self.seed)
-        if self.points == "random":
-            return rng.random((self.n, fields))
-        drawn = getattr(scipy.stats.qmc, DRAWN[self.points])(fields, seed=rng)
-        if self.points == "sobol":  # in powers of two, which keeps its balance
-            return drawn.random_base2(max(self.n - 1, 0).bit_length())[: self.n]
-        return drawn.random(self.n)
 
     @functools.cached_property
     def jobs(self) -> tuple[Job | SceneError, ...]:
@@ -202,8 +188,8 @@ class Sweep:
 
     def _job(self, values: dict[str, Any]) -> Job | SceneError:
         t_end = values.pop("t_end", self.t_end)
-        options = {name: values.pop(f"options.{name}") for name in OPTIONS
-                   if f"options.{name}" in values}  # fmt: skip
+        names = [name for name in values if name.startswith("options.")]
+        options = {name.removeprefix("options."): values.pop(name) for name in names}
         try:
             options = dataclasses.replace(self.options, **options)
             return Job(scene=self.scene.replace(values), t_end=t_end, options=options)
@@ -251,12 +237,14 @@ class Sweep:
                 if limit is not None and value > limit:
                     allowed = f"at least {value:.2g}, which the sweep would take ({found})"
                     raise SceneError(f"limits.{name}", limit, "", allowed, "too little")
-        jobs = dict(enumerate(job for job in self.jobs))
-        runs = {n: job for n, job in jobs.items() if isinstance(job, Job)}
-        runs = dict(sorted(runs.items(), key=lambda run: -run[1].scene.N_x * run[1].scene.N_z))
-        records = run_all([*runs.values()], cache=cache, errors="return", **how)
-        found = jobs | dict(zip(runs, records, strict=True))
-        return Results(self, tuple(found.values()))
+        outcomes: list[Any] = [*self.jobs]
+        numbers = [n for n, job in enumerate(self.jobs) if isinstance(job, Job)]
+        numbers.sort(key=lambda n: -self.jobs[n].scene.N_x * self.jobs[n].scene.N_z)
+        jobs = [self.jobs[n] for n in numbers]
+        made = run_all(jobs, cache=cache, errors="return", **how)
+        for n, outcome in zip(numbers, made, strict=True):
+            outcomes[n] = outcome
+        return Results(self, tuple(outcomes))
 
     def mean(self, column: str, cache: Cache = True) -> pd.DataFrame:
         """Return the mean of a column over seeds of what is finished; see `Results.mean`."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
+import scipy
 
 from pyfric.engines import OPTION_UNITS
 from pyfric.scene import (
@@ -20,11 +22,13 @@ from pyfric.scene import (
 )
 from pyfric.sweeps.jobs import OPTIONS
 
-__all__ = ["MAX_POINTS", "Scale", "Span", "full_field", "varied"]
+__all__ = ["MAX_POINTS", "Scale", "Span", "drawn", "full_field", "varied"]
 
 MAX_POINTS = 1_000_000
 """Most points of a sweep."""
 Scale = Literal["linear", "log"]
+SEQUENCES = {"sobol": "Sobol", "halton": "Halton", "latin": "LatinHypercube"}
+"""Classes of `scipy.stats.qmc`, which is slow to import: first use imports it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +102,26 @@ class Span:
 def _short(value: float) -> float:
     """Return a number without the rounding of its last digits: 3 mm, not 3.0000000000000001 mm."""
     return float(f"{float(value):.12g}")
+
+
+def drawn(spans: Sequence[Span], kind: str, n: int, seed: int) -> list[list[float]]:
+    """Return n points with a value in each range.
+
+    Args:
+        spans: the ranges.
+        kind: "random", or a sequence that fills ranges evenly, a key of `SEQUENCES`.
+        n: number of points.
+        seed: of the generator behind both.
+    """
+    rng = np.random.default_rng(seed)
+    if kind == "random":
+        shares = rng.random((n, len(spans)))
+    else:
+        sequence = getattr(scipy.stats.qmc, SEQUENCES[kind])(len(spans), seed=rng)
+        # Sobol's points are balanced in powers of two.
+        even = kind == "sobol"
+        shares = sequence.random_base2((n - 1).bit_length())[:n] if even else sequence.random(n)
+    return [[span.at(share) for span, share in zip(spans, row, strict=True)] for row in shares]
 
 
 def varied(scene: Scene) -> dict[str, Quantity | None]:

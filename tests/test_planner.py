@@ -486,18 +486,6 @@ def test_more_memory_than_there_is_is_refused_with_both_numbers(monkeypatch):
         assert "GB are needed (1401 x 751 blocks" in str(refused.value)
 
 
-def test_a_container_may_have_less_memory(tmp_path, monkeypatch):
-    files = [tmp_path / "max", tmp_path / "current"]
-    monkeypatch.setattr(cost, "SOURCES", (" ".join(map(str, files)),))
-    whole = cost.available()
-    assert whole > 1e8
-    files[0].write_text("max\n")
-    files[1].write_text("1000\n")
-    assert cost.available() > 1e8
-    files[0].write_text("5000\n")
-    assert cost.available() == 4000
-
-
 def test_more_than_ten_minutes_is_said_with_the_cheaper_way(monkeypatch, capsys):
     monkeypatch.setattr(planner, "LONG", 1e-3)
     scene = small()

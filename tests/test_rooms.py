@@ -35,7 +35,7 @@ def trees():
 
 def test_the_door_opens_the_rooms_from_the_ground_up():
     """All but the highest, which itself comes in by the door."""
-    assert ["display", *pyfric.ROOMS, "cli"] == layers()
+    assert ["display", "signals", *pyfric.ROOMS, "cli"] == layers()
 
 
 def test_no_string_names_a_room_to_import():

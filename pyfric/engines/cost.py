@@ -9,12 +9,12 @@ from __future__ import annotations
 import functools
 import math
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dpbtrf
 
+from pyfric.core import available
 from pyfric.engines.options import step_size
 from pyfric.engines.modes import N_MODES
 from pyfric.scene import SceneError, default_geometry
@@ -30,7 +30,6 @@ __all__ = [
     "WORTH",
     "Beside",
     "SetUp",
-    "available",
     "beside",
     "beside_ladder",
     "check_memory",
@@ -85,11 +84,6 @@ FINE_SOLUTIONS = 30
 """The same for the hybrid engine where modes are those of `fine`."""
 FACTORS = {"hybrid": 2, "dynamic": 1}
 """Factorisations before the first step."""
-SOURCES = (
-    "/sys/fs/cgroup/memory.max /sys/fs/cgroup/memory.current",
-    "/sys/fs/cgroup/memory/memory.limit_in_bytes /sys/fs/cgroup/memory/memory.usage_in_bytes",
-)
-"""Files with the limit and the use of memory of a container."""
 
 
 class SetUp(NamedTuple):
@@ -268,26 +262,6 @@ def pace() -> float:
     dpbtrf(band, lower=1, overwrite_ab=1)
     seconds = time.thread_time() - start
     return float(np.clip(seconds * PACE / (n * width**2), 0.2, 10.0))
-
-
-def available() -> float:
-    """Return the memory that there is, in bytes: that of the machine, or less in a container.
-
-    Infinite where the system does not tell.
-    """
-    found = [np.inf]
-    for source in SOURCES:
-        try:
-            limit, used = (float(Path(one).read_text()) for one in source.split())
-        except (OSError, ValueError):  # no container, or "max"
-            continue
-        found.append(limit - used)
-    try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    found += [1024.0 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable")]
-    return min(found)
 
 
 def check_memory(scene: Scene, fidelity: str, geometry: str) -> None:

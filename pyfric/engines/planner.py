@@ -35,7 +35,8 @@ from pyfric.engines.quasistatic import beyond_ladder
 from pyfric.engines.scout import decay_times, interval, most_open, scouted
 from pyfric.engines.stretches import bends
 from pyfric.record import RESOLVED, zone_of_scene
-from pyfric.scene import Geometry, at_once, check_number, default_geometry
+from pyfric.scene import Geometry, check_number, default_geometry
+from pyfric.signals import at_once
 from pyfric.statics import creeps, one_thread_if_small, stability_limit
 
 if TYPE_CHECKING:

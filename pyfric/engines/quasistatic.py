@@ -39,7 +39,8 @@ from pyfric.record import (
     build_catalogue,
     versions,
 )
-from pyfric.scene import SceneError, answered, check_number
+from pyfric.scene import SceneError, check_number
+from pyfric.signals import answered
 from pyfric.statics import (
     LEAST_DEFINITENESS,
     Contact,

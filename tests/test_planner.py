@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pyfric.engines.ringdown import N_VALUES
 from scipy import linalg
 
 import pyfric
@@ -16,7 +17,6 @@ from pyfric.core import OPEN
 from pyfric.engines import cost, decay_times, plan, planner, scout, simulate, step_size
 from pyfric.engines.planner import STRAIN, largest_strain
 from pyfric.engines.quasistatic import QuasistaticRun
-from pyfric.engines.ringdown import N_VALUES
 from pyfric.engines.scout import coarser
 from pyfric.record import build_catalogue
 from pyfric.scene import SceneError, chain, preset, setup1, setup2

@@ -3,10 +3,12 @@
 import dataclasses
 import json
 import math
+import tomllib
 
 import numpy as np
 import pandas as pd
 import pytest
+import tomli_w
 import xarray as xr
 from click.testing import CliRunner
 from helpers import refused, small
@@ -90,7 +92,8 @@ def test_anything_that_a_scene_has_may_vary():
         "h": ["5 mm", 7.5e-3, np.float64(5e-3)],
         "driver.protocol": [(), ((1e-3, 0.4),), ()],
     }
-    found = swept(points="list", over=over)
+    found = swept(points="list", over=over, t_end="1.2 ms")
+    assert found.t_end == 1.2e-3
     assert list(found.rows["driver.h"]) == [5e-3, 7.5e-3, 5e-3]
     names = ["interface.mu_s", "interface.law", "driver.side", "top", "driver.h", "driver.protocol"]
     assert list(found.over) == names
@@ -334,6 +337,14 @@ points = "list"
     assert scenes[0].driver.protocol == ((1e-3, 0.4),)
     assert scenes[1].interface.k_f == Spread(mean=2e6, std=1e5, seed=3)
     assert [job.options.tolerance for job in jobs] == [0.01, 0.02, 0.03]
+
+
+def test_a_scene_in_the_file_names_files_beside_it(file):
+    (file.parent / "mu.csv").write_text("slip (um), mu\n0, 0.7\n8, 0.45\n")
+    scene = tomllib.loads(small().to_toml())
+    scene["interface"]["law"] = {"kind": "table", "slide": "mu.csv"}
+    file.write_text(tomli_w.dumps({"scene": scene, "t_end": "1 ms", "over": {"h": ["5 mm"]}}))
+    assert Sweep.from_toml(file).scene.interface.law.slip == (0.0, 8e-6)
 
 
 @pytest.mark.parametrize(

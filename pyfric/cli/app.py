@@ -29,7 +29,7 @@ class _Whole:
 
 
 class _Command(_Whole, click.Command):
-    """A command that Ctrl-C and SIGTERM end; its section is where the list of commands has it."""
+    """A command that signals end; its section is where the list of commands has it."""
 
     def __init__(self, *given: Any, section: str = "", **more: Any) -> None:
         super().__init__(*given, **more)

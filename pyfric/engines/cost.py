@@ -15,8 +15,8 @@ import numpy as np
 from scipy.linalg.lapack import dpbtrf
 
 from pyfric.core import available
-from pyfric.engines.options import step_size
 from pyfric.engines.modes import N_MODES
+from pyfric.engines.options import step_size
 from pyfric.scene import SceneError, default_geometry
 from pyfric.statics import stability_limit
 
@@ -138,7 +138,8 @@ def evaluations_of_events(
 def _truncated_decay(scene: Scene) -> float:
     """Return roughly the rate at which motions faster than the modes kept decay, in 1/s.
 
-    Below omega there are L H omega^2 (1/c_s^2 + 1/c_l^2)/(4 pi) modes, c_l^2 = 3 c_s^2 (Weyl's law).
+    Below omega there are L H omega^2 (1/c_s^2 + 1/c_l^2)/(4 pi) modes (Weyl's law); here
+    c_l^2 = 3 c_s^2.
     """
     slider = scene.slider
     c_s2 = slider.l**2 * slider.k / (2 * scene.m)

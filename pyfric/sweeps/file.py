@@ -83,7 +83,7 @@ def _scene(given: Any, folder: Path) -> Scene:
     if isinstance(given, str):
         return preset(given) if given in PRESETS else Scene.from_toml(folder / given)
     if isinstance(given, dict):
-        return Scene.from_toml(tomli_w.dumps(given) + "\n")
+        return Scene.from_toml(tomli_w.dumps(given) + "\n", files=folder)
     raise SceneError("scene", given, "", "a preset, a scene file or a table [scene]")
 
 

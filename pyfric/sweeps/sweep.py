@@ -86,11 +86,11 @@ class Sweep:
 
     Args:
         scene: what is varied.
-        t_end: time of the end, s.
+        t_end: time of the end, in s or as "300 ms".
         over: names of fields, as in a scene file ("driver.h", or "h" where one part alone has it;
             "interface.mu_s.seed", "interface.law"), "t_end" or "options.tolerance" and so on, to
-            lists of values in SI or to a `Span`; or a DataFrame whose columns they are, and whose
-            rows are the points.
+            lists of values, in SI or as "5 mm", or to a `Span`; or a DataFrame whose columns they
+            are, and whose rows are the points.
         points: "grid", "list", "random", "sobol", "halton" or "latin"; see the module.
         n: number of points that are drawn.
         seed: of drawn points; the same seed gives the same points.

@@ -302,6 +302,27 @@ def test_every_signal_saves_the_run_and_gives_its_code(tmp_path, monkeypatch, nu
     assert [signal.getsignal(other) for other in SIGNALS] == before
 
 
+INSIDE = """
+import os, signal
+import pyfric
+from pyfric.cli import main
+pyfric.simulate = lambda *_, **__: exec("os.kill(os.getpid(), signal.SIGUSR1)")
+main(["run", "fig1", "--t-end", "1"])
+"""
+
+
+def test_a_signal_inside_a_text_that_is_executed_gives_its_code(tmp_path):
+    (tmp_path / "inside.py").write_text(INSIDE)
+    found = subprocess.run(
+        [sys.executable, "-m", "inside"],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (found.returncode, found.stderr) == (128 + signal.SIGUSR1, "interrupted\n")
+
+
 def test_a_hangup_that_nohup_ignores_stays_ignored():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:

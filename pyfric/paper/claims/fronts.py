@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from pyfric.engines import decay_times
+from pyfric.engines import relaxation_time
 from pyfric.paper.claims import damage as to
 from pyfric.paper.claims.claim import Claim, Row, Runs, damaged, replaced, row
 from pyfric.paper.claims.parts import force_step, forces_apart, growing
@@ -268,7 +268,7 @@ def _claim_15(runs: Runs) -> list[Claim]:
     waits = []
     for name in BY_ETA:
         interval = float(np.median(np.diff(analysis.precursors(runs[name])["t_start"])))
-        waits.append(f"{decay_times(runs[name].scene).slow / interval:.2f}")
+        waits.append(f"{relaxation_time(runs[name].scene) / interval:.2f}")
     count = {name: len(growing(runs[name])) for name in (BASE, *BY_ETA, *BY_K_F)}
     more = {name: abs(number - count[BASE]) for name, number in count.items()}
     return [

@@ -63,9 +63,9 @@ def signalled() -> int:
     """Return the exit code of a command that was asked to stop."""
     from pyfric.signals import asked_to_stop
 
-    # Where KeyboardInterrupt left a text that `exec` ran, as libraries do when they are imported,
+    # Where KeyboardInterrupt left a text that Python ran, as libraries do when they are imported,
     # `python -m` would end by SIGINT; the next text makes it forget.
-    exec("")
+    eval("0")
     return 128 + (asked_to_stop() or signal.SIGINT)
 
 

@@ -23,7 +23,16 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Geometry, Scene
 
-__all__ = ["POINTS", "SetUp", "check_memory", "full_work", "machine_speed", "set_up", "work", "work_so_far"]
+__all__ = [
+    "POINTS",
+    "SetUp",
+    "check_memory",
+    "full_work",
+    "machine_speed",
+    "set_up",
+    "work",
+    "work_so_far",
+]
 
 EVALUATION, BOTTOM, BLOCK = 0.5e-6, 8e-9, {"linear": 3.1e-9, "finite": 6.3e-9}
 """A force evaluation, of the slider, of each block of its bottom row, and of each block, in s."""

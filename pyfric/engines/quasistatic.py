@@ -28,9 +28,9 @@ import pandas as pd
 from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
 from pyfric.engines.dynamic import kept_notes
 from pyfric.engines.guard import strain_notes
-from pyfric.engines.relaxation import loading_notes
 from pyfric.engines.pauses import longest_pause
 from pyfric.engines.progress import Progress, run_bar
+from pyfric.engines.relaxation import loading_notes
 from pyfric.engines.stretches import Stretch, stretches
 from pyfric.record import (
     QUIET_COLUMNS,

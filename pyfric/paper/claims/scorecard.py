@@ -12,8 +12,9 @@ from pyfric.engines import jobs_bar
 from pyfric.paper.claims import exact, fronts, lengths, stresses
 from pyfric.paper.claims.claim import Claim, Runs
 from pyfric.paper.claims.runs import jobs
-from pyfric.scene import SceneError, at_once, nearest
-from pyfric.sweeps import each, run_all, side_by_side
+from pyfric.scene import SceneError, nearest
+from pyfric.signals import at_once
+from pyfric.sweeps import run_all, side_by_side
 
 __all__ = ["NUMBERS", "ROWS", "measure"]
 
@@ -52,10 +53,11 @@ def measure(
     every, total = [jobs()[name] for name in names], len(names) + len(rows)
     claims: list[Claim] = []
     with side_by_side(every, workers) as pool, jobs_bar(progress, total) as show:
-        found = run_all(every, workers, cache, lambda done, _: show(done, total), executor=pool)
+        counted = lambda done, _: show(done, total)  # noqa: E731
+        found = run_all(every, cache=cache, progress=counted, executor=pool)
         runs = dict(zip(names, found, strict=True))
-        calls = [(number, {name: runs[name] for name in rows[number].runs}) for number in rows]
-        measured = each(pool, _measured, calls)
+        needed = [{name: runs[name] for name in row.runs} for row in rows.values()]
+        measured = pool.map(_measured, rows, needed)
         for done, number in enumerate(rows, len(names)):
             show(done, total)
             parts = [part for one, part in wanted if one == number]

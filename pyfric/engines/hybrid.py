@@ -229,7 +229,7 @@ class HybridRun(Run):
         return min(last, last_step(state.t0, state.dt, corner) - 1)
 
     def jump(self, last: int) -> int:
-        """Go to the last step before a contact state can change; return the steps until the next."""
+        """Go to the last step before a contact state can change; return the steps to the next."""
         state, known = self.state, self.solver.known
         stuck, most = state.mode != OPEN, self._piece_ends(last) - state.step
         if most <= 0 or not stuck.any():

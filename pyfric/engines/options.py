@@ -28,7 +28,7 @@ from pyfric.scene import (
     paper_step,
     unknown,
 )
-from pyfric.statics import check_rests, stability_limit
+from pyfric.statics import check_rests, check_sticks, stability_limit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -245,6 +245,7 @@ class Options:
             check_geometry(self.geometry, scene)
         if engine.name != "dynamic":
             check_rests(scene)
+            check_sticks(scene)
         if self.stepper not in engine.steppers:
             known = " or ".join(map(repr, engine.steppers))
             allowed = f"{known} with fidelity = {engine.name!r}"

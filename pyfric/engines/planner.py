@@ -206,7 +206,7 @@ def plan(
     """
     tolerance = Options(want=want, tolerance=tolerance).tolerance
     t_end = check_number("t_end", t_end, "s", ge=0.0)
-    if scene.prescribed:
+    if scene.prescribed or not scene.law.rests:
         return _on_lattice(_all_of_it(scene, want, tolerance, t_end), scene)
     scout, times = scouted(scene, t_end), decay_times(scene)
     why_not, without_inertia = _ladder(scene, want, tolerance, t_end, scout, times)
@@ -248,6 +248,8 @@ def _all_of_it(scene: Scene, want: Want, tolerance: float, t_end: float) -> Plan
     evaluations = 4.0 * t_end / dt * scene.N_x * scene.N_z
     other = beside(scene, evaluations, 0, geometry, dt)
     what = "a prescribed interface in two dimensions has no static states"
+    if not scene.law.rests:
+        what = "junctions break and pin all the time, so that jumps over rests gain nothing"
     return Plan(
         want=want,
         tolerance=tolerance,
@@ -392,7 +394,7 @@ def long_note(
     if most + set_up(scene, fidelity, geometry).seconds <= LONG:
         return ""
     hint = "larger blocks take less: twice l, about a tenth of the time"
-    if scene.prescribed:
+    if scene.prescribed or not scene.law.rests:
         return f"{fidelity}: this run takes about {most / 60:.2g} minutes on one core; {hint}"
     scout = scouted(scene, length)
 

@@ -46,6 +46,7 @@ from pyfric.statics import (
     Contact,
     ContactProblem,
     EquilibriumError,
+    check_sticks,
     creeps,
     one_thread_if_small,
 )
@@ -376,6 +377,7 @@ def simulate(
     """
     if not isinstance(initial, Record | None):
         raise StateError(f"initial: the {engine} engine goes on from records only")
+    check_sticks(scene)
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     beyond = beyond_ladder(scene) if engine == "quasistatic" else None
     back = any(leg.way < 0 for leg in scene.legs(math.inf))

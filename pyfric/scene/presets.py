@@ -3,12 +3,14 @@
 Source: PRL 107, 074301 (2011).
 """
 
+import dataclasses
 import math
 import os
 from collections.abc import Callable, Sequence
 from types import MappingProxyType
 from typing import Any, Literal
 
+from pyfric.scene.laws.junctions import Junctions
 from pyfric.scene.parts import (
     DistributedLoad,
     Driver,
@@ -341,6 +343,30 @@ def setup2_minus(**changes: Any) -> Scene:
     return setup2(**{"theta": -0.833, "name": "setup2-"} | changes)
 
 
+SLOW_C, SLOW_N_S = 39.2e9, 100
+"""The constant in k_j = sqrt(C p/n_s) of the scene of slow fronts, N/m^2, and its junctions."""
+
+
+def slow(**changes: Any) -> Scene:
+    """Return setup 1 on an interface of junctions, whose fronts may slow down to 1 % of c_S.
+
+    Keyword arguments are those of `setup1` and `pyfric.laws.Junctions`. u_s = 1.17 um is that of
+    C = 39.2 GN/m^2 with 100 junctions a block; another n_s keeps it.
+
+    Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014).
+    """
+    own = {one.name for one in dataclasses.fields(Junctions)}
+    of_setup = {"F_N": 1920.0, "V": 0.4e-3, "mu_s": 0.4, "mu_k": 0.17, "name": "slow"}
+    scene = setup1(**of_setup | {k: v for k, v in changes.items() if k not in own})
+    if changes.get("k_f") is None:
+        scene = scene.replace(k_f=scene.slider.k / 2)
+    times = {"n_s": SLOW_N_S, "t_R": 2e-3, "t_R_std": 0.6e-3}
+    if "C" not in changes:
+        times["u_s"] = 0.4 * math.sqrt(1920.0 / 57 / (SLOW_N_S * SLOW_C))
+    law = Junctions(**times | {k: v for k, v in changes.items() if k in own})
+    return scene.replace({"interface.law": law})
+
+
 PRESETS: MappingProxyType[str, Callable[..., Scene]] = MappingProxyType(
     {
         "fig1": fig1,
@@ -354,6 +380,7 @@ PRESETS: MappingProxyType[str, Callable[..., Scene]] = MappingProxyType(
         "setup2-": setup2_minus,
         "chain": chain,
         "tpv3": tpv3,
+        "slow": slow,
     }
 )
 """The paper's scenes, `chain` and `tpv3` by name; functions take the arguments of their setup."""
@@ -396,7 +423,8 @@ def settings(name: str) -> list[str]:
     """Return the keyword arguments that a preset takes."""
     setups = {"chain": chain, "tpv3": tpv3}
     setup = setups.get(name, setup2 if name.startswith("setup2") else setup1)
-    return list(setup.__kwdefaults__)
+    own = [one.name for one in dataclasses.fields(Junctions)] if name == "slow" else []
+    return [*setup.__kwdefaults__, *own]
 
 
 SceneLike = Scene | str | os.PathLike[str]

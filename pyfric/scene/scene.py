@@ -22,6 +22,7 @@ from pyfric.scene.change import changed
 from pyfric.scene.checked import part, quantities
 from pyfric.scene.files import write
 from pyfric.scene.friction import Law
+from pyfric.scene.junctions import JunctionLaw
 from pyfric.scene.parts import (
     CHAIN_NOTE,
     FIELDS,
@@ -117,7 +118,8 @@ class Scene:
         """Take over draws of fields."""
         for name, values in draws.items():
             known = np.asarray(values, dtype=float)
-            drawn = isinstance(getattr(self.interface, name, None), Spread)
+            known_name = name in (*FIELDS, *self.interface.law.fields)
+            drawn = known_name and isinstance(self._given(name), Spread)
             if not (drawn and known.shape == (self.N_x,) and np.isfinite(known).all()):
                 allowed = f"{self.N_x} finite numbers for a field that is a Spread"
                 raise SceneError(f"draws.{name}", values, "", allowed)
@@ -125,9 +127,12 @@ class Scene:
 
     def _check_fields(self) -> None:
         """Check the fields of the interface block by block, from the trailing edge on."""
-        marks = quantities(Interface)
+        law = self.interface.law
+        marks = quantities(Interface) | {n: quantities(type(law))[n] for n in law.fields}
         for name, mark in marks.items():
-            given = getattr(self.interface, name)
+            given = self._given(name)
+            if given is None and name in law.fields:
+                continue
             if isinstance(given, tuple) and len(given) != self.N_x:
                 allowed = f"{mark.allowed}: here {self.N_x}"
                 reason = f"{len(given)} numbers"
@@ -146,6 +151,8 @@ class Scene:
             allowed = f"0 <= mu_k <= mu_s = {float(mu_s[i])!r} there"
             reason = f"mu_k exceeds mu_s at block {self.n_of_i[i]} from the trailing edge"
             raise SceneError("interface.mu_k", float(mu_k[i]), "", allowed, reason)
+        if not law.rests:
+            JunctionLaw.of(self)
 
     def _check_walls(self) -> None:
         """Refuse what only a prescribed interface in two dimensions has, or does not have."""
@@ -226,13 +233,15 @@ class Scene:
         """
         if self.prescribed:
             return 0.0
-        return self._as_given("k_f")
+        return self.given_field("k_f")
 
     @functools.cached_property
     def law(self) -> Law:
         """The friction law; its fields are numbers, or arrays of shape (N_x,), left to right."""
+        if not self.interface.law.rests:
+            return JunctionLaw.of(self)
         tables = self.interface.tables
-        mu_s, mu_k, d_c, alpha = map(self._as_given, ("mu_s", "mu_k", "d_c", "alpha"))
+        mu_s, mu_k, d_c, alpha = map(self.given_field, ("mu_s", "mu_k", "d_c", "alpha"))
         if tables.slide is not None and not np.any(d_c):
             d_c = 1.0  # the table is over slip in m
         return Law(mu_s, mu_k, d_c, alpha, tables)
@@ -241,24 +250,35 @@ class Scene:
         """Return a field of the interface, left to right, shape (N_x,).
 
         Args:
-            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m) or "k_f" (N/m).
+            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m) or "k_f" (N/m); or one of the friction
+                law's own.
         """
-        return np.broadcast_to(np.asarray(self._as_given(name), dtype=float), (self.N_x,))
+        return np.broadcast_to(np.asarray(self.given_field(name), dtype=float), (self.N_x,))
 
     @property
     def drawn(self) -> dict[str, tuple[float, ...]]:
         """What was drawn for fields that are a `Spread`, from the trailing edge on."""
-        spreads = [one for one in FIELDS if isinstance(getattr(self.interface, one), Spread)]
+        spreads = [one for one in self.fields if isinstance(self._given(one), Spread)]
         return {name: self._draw(name) for name in spreads}
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of what may vary along the interface."""
+        own = self.interface.law.fields
+        return (*FIELDS, *(name for name in own if self._given(name) is not None))
 
     @property
     def varied(self) -> tuple[str, ...]:
         """Names of the fields that vary along the interface."""
-        return tuple(name for name in FIELDS if np.ptp(self.field(name)) > 0)
+        return tuple(name for name in self.fields if np.ptp(self.field(name)) > 0)
 
-    def _as_given(self, name: str) -> float | np.ndarray:
+    def _given(self, name: str) -> Any:
+        """Return a field as the interface or its friction law says it."""
+        return getattr(self.interface if name in FIELDS else self.interface.law, name)
+
+    def given_field(self, name: str) -> float | np.ndarray:
         """Return a field as a number, or as an array from left to right."""
-        given = getattr(self.interface, name)
+        given = self._given(name)
         given = self.slider.k if given is None else given
         if isinstance(given, float):
             return given
@@ -269,7 +289,7 @@ class Scene:
     def _draw(self, name: str) -> tuple[float, ...]:
         """Return what was drawn for a field; it is drawn once."""
         if name not in self._draws:
-            values = getattr(self.interface, name).draw(self.N_x, self.slider.l)
+            values = self._given(name).draw(self.N_x, self.slider.l)
             self._draws[name] = tuple(values.tolist())
         return self._draws[name]
 

@@ -13,7 +13,7 @@ from pyfric.statics.operators import (
     spring_stiffness,
     stiffness,
 )
-from pyfric.statics.rest import Equilibrium, EquilibriumError, check_rests
+from pyfric.statics.rest import Equilibrium, EquilibriumError, check_rests, check_sticks
 from pyfric.statics.stability import stability_limit
 from pyfric.statics.uniqueness import LIMIT as LEAST_DEFINITENESS
 
@@ -34,6 +34,7 @@ __all__ = [
     "Values",
     "bonds",
     "check_rests",
+    "check_sticks",
     "creeps",
     "damping",
     "dispersion",

@@ -41,8 +41,9 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
 from pyfric import core
-from pyfric.scene import Geometry, as_scene, check_geometry
+from pyfric.scene import Geometry, PrescribedLoad, as_scene, check_geometry
 from pyfric.statics.banded import BandedCholesky, WithSpring
+from pyfric.statics.on_junctions import loaded_on_junctions
 from pyfric.statics.operators import (
     Assembly,
     bonds,
@@ -529,6 +530,8 @@ class StaticSolver:
     def _load_slider(self) -> Equilibrium:
         """Return the loaded state: the bottom row held, or slipped where it has to."""
         N_x = self.scene.N_x
+        if not (self.scene.law.rests or isinstance(self.scene.top, PrescribedLoad)):
+            return loaded_on_junctions(self.scene, self.geometry)
         everywhere = np.ones(N_x, dtype=bool)
         contact = _Contact(everywhere, everywhere, np.zeros(N_x, dtype=np.int8))
         found, steps = None, 0

@@ -169,13 +169,9 @@ class Run:
         """Names of the columns of the curve."""
         names = ["t", "F_T"]
         if self.method.budget:
-            names += [*core.ENERGIES, "work_driver", "work_load"]
-            names += ["dissipated_bonds", "friction_heat", "switching_loss"]
-        return names + (["weakening_heat", "viscous_heat"] if self._parts() else [])
-
-    def _parts(self) -> bool:
-        """Return whether the curve tells what of the friction heat is not that of mu_k."""
-        return self.method.budget and not self.scene.law.coulomb
+            names += [*core.energies(self.model, self.state, self.state.t)]
+            names += ["work_driver", "work_load", "dissipated_bonds", *self.scene.law.budget_names]
+        return names
 
     def curve(self) -> pd.DataFrame:
         """Return the loading curve so far."""
@@ -190,9 +186,8 @@ class Run:
         if self.method.budget:
             row += core.energies(self.model, state, state.t).values()
             row += state.work.tolist()
-            row += [math.fsum(part.tolist()) for part in (state.dissipated, state.heat, state.loss)]
-        if self._parts():
-            row += map(math.fsum, state.parts.tolist())
+            of_interface = scene.law.budget(state.heat, state.loss, state.parts)
+            row += [math.fsum(part.tolist()) for part in (state.dissipated, *of_interface)]
         self.rows.append(row)
 
     def advance(

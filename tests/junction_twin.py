@@ -10,7 +10,6 @@ import numpy as np
 import twin
 
 
-
 class Junctions:
     """Anchors of all junctions, and what becomes of them.
 

@@ -28,6 +28,7 @@ from pyfric.record import (
     Record,
     budget_error,
     build_catalogue,
+    held_in,
     versions,
     zone_notes,
 )
@@ -121,6 +122,7 @@ class Run:
         self.switches: list[Mapping[str, np.ndarray]] = []
         self.quiet: list[Mapping[str, np.ndarray]] = []
         self.rows: list[list[float]] = []
+        self.motion: list[dict[str, np.ndarray]] = []  # beside each row, where the law has any
         self.timings: dict[str, float] = {}
         self.events, self.last_slip = 0, -math.inf
         self.steps, self.seconds, self.rate = 0, 0.0, 0.0
@@ -134,6 +136,9 @@ class Run:
             self._add_logs(before.switches, before.quiet)
             between = state.step % method.sample != 0
             self.rows = before.curve.to_numpy().tolist()[: -1 if between else None]
+            kept = zip(*before.motion.values(), strict=True)
+            self.motion = [dict(zip(before.motion, one, strict=True)) for one in kept]
+            del self.motion[len(self.rows) :]
 
     def before_call(self, last: int) -> None:
         """Do what an engine does instead of making steps; step number last may be reached."""
@@ -189,6 +194,16 @@ class Run:
             of_interface = scene.law.budget(state.heat, state.loss, state.parts)
             row += [math.fsum(part.tolist()) for part in (state.dissipated, *of_interface)]
         self.rows.append(row)
+        if motion := scene.law.in_motion(state.memory):
+            f = core.evaluate(self.model, state, state.t).f
+            motion |= {"u_x": state.y[0, 0].copy(), "v_x": state.y[0, 2], "f": f}
+            types = held_in("motion")
+            self.motion.append({k: v.astype(types[k].dtype) for k, v in motion.items()})
+
+    def _motion(self) -> dict[str, np.ndarray]:
+        """Return the motion so far, arrays (points of the curve, N_x) by name."""
+        names = self.motion[0] if self.motion else ()
+        return {name: np.array([one[name] for one in self.motion]) for name in names}
 
     def advance(
         self,
@@ -373,6 +388,7 @@ class Run:
         """Go back to the last good state, and from there to a sound step, with all that is kept."""
         state, _, self.steps, self.evaluations, self.rows, self.switches, self.quiet = self.good
         self.state, every = state.copy(), self.method.sample
+        del self.motion[len(self.rows) :]
         while self.state.step < step:
             self._make(min(step, (self.state.step // every + 1) * every) - self.state.step)
             if self.state.step % every == 0:
@@ -413,7 +429,8 @@ class Run:
         if self.rows[-1][0] != state.t:
             self.sample()
         curve, notes = self.curve(), self.notes() + zone_notes(scene, self.name, catalogue)
-        del self.rows[here:]
+        motion = self._motion()
+        del self.rows[here:], self.motion[here:]
         timings = self.timings | {"catalogue": time.perf_counter() - start}
         if self.before is not None:
             timings = {k: v + self.before.timings.get(k, 0.0) for k, v in timings.items()}
@@ -429,6 +446,7 @@ class Run:
             p_initial=self.solver.known.loaded.p,
             quiet=quiet,
             switches=switches,
+            motion=motion,
             versions=versions(),
             timings=timings,
             counts=self.counts(),

@@ -89,6 +89,7 @@ GROUPS = {
     "events": "event_",
     "episodes": "episode_",
     "interface": "",
+    "motion": "motion_",
     "quiet": "quiet_",
     "switches": "switch_",
     "final_state": "final_",
@@ -233,6 +234,10 @@ interface x       drawn_t_R?          f8 s   mean time that junctions slip, as d
 interface x       drawn_t_R_std?      f8 s   its standard deviation, as drawn
 interface x       tau_initial         f8 N   friction force at t = 0
 interface x       p_initial           f8 N   contact force at t = 0
+motion    t,x     pinned?             f4 1   share of the junctions of a block that is pinned
+motion    t,x     u_x?                f8 m   tangential displacement of the bottom row
+motion    t,x     v_x?                f4 m/s tangential velocity of the bottom row
+motion    t,x     f?                  f4 N   friction force on the bottom row, positive to the right
 quiet     quiet   step                i8 1   time step
 quiet     quiet   t                   f8 s   time
 quiet     quiet   kind                i4 1   +1 slip begins, -1 slip ends, corner slip left out

@@ -111,6 +111,15 @@ class Law:
         """Whether a block can stick: its u_x then stays. Only full dynamics follows other laws."""
         return True
 
+    @property
+    def slowest(self) -> float:
+        """Longest mean time that the law itself gives contacts to change, in s."""
+        return 0.0
+
+    def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
+        """Return what the curve of a run holds of the memory of blocks, by name, (N_x,) each."""
+        return {}
+
     def begin(
         self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
     ) -> tuple[np.ndarray, np.ndarray]:

@@ -82,6 +82,10 @@ class JunctionLaw(Law):
         """Longest mean time that junctions slip, in s."""
         return float(np.max(self.t_R))
 
+    def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the share of pinned junctions."""
+        return {"pinned": memory["pinned"].mean(axis=1)}
+
     @functools.cached_property
     def thresholds(self) -> np.ndarray:
         """Thresholds of junctions over u_s, shape (N_x, n_s); (0, n_s) where all are 1."""

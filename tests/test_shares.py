@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyfric.paper.claims.shares import BINS, position_alone, shares, told
+from pyfric.paper.claims.shares import BINS, SCATTER, position_alone, shares, told
 
 
 def fronts(speed, count=24, blocks=40, noise=0.0):
@@ -43,20 +43,36 @@ def test_speed_that_follows_the_position_is_told_from_prestress():
     assert found.loc["high", "more"] < 0
 
 
-def test_speeds_that_know_the_position_alone():
+@pytest.mark.parametrize("scatter", SCATTER)
+def test_speeds_that_know_the_position_alone(scatter):
     points = fronts(lambda s, x: s - 0.3 * x, noise=0.05)
-    alone = position_alone(points)
-    found, null = (shares(one, "scaled").loc["value"] for one in (points, alone))
-    assert found["beyond"] > 0.8
+    alone = position_alone(points, scatter=scatter)
+    found = shares(points, "scaled")
+    null = shares(alone, "scaled").loc["value"]
+    assert found.loc["value", "beyond"] > 0.8
     assert null["beyond"] < 0.25
-    assert null["position"] == pytest.approx(found["position"], abs=0.05)
+    assert null["beyond"] < found.loc["low", "beyond"]
+    assert null["position"] == pytest.approx(found.loc["value", "position"], abs=0.05)
+    pd.testing.assert_frame_equal(alone, position_alone(points, scatter=scatter))
+
+
+def test_what_the_position_leaves_is_scattered_and_no_less():
+    points = fronts(lambda s, x: s - 0.3 * x, noise=0.05)
     bins = pd.qcut(points["place"], BINS, labels=False)
-    left = [
-        np.abs(np.log(one["v_c"]) - np.log(points["v_c"]).groupby(bins).transform("mean"))
-        for one in (points, alone)
-    ]
-    np.testing.assert_allclose(*left, atol=1e-12)  # each front keeps what it leaves, but for a sign
-    pd.testing.assert_frame_equal(alone, position_alone(points))
+    curve = np.log(points["v_c"]).groupby(bins).transform("mean")
+    left = {one: np.log(position_alone(points, scatter=one)["v_c"]) - curve for one in SCATTER}
+    before = np.log(points["v_c"]) - curve
+    np.testing.assert_allclose(np.sort(left["shuffled"]), np.sort(before), atol=1e-12)
+    signs = (left["signs"] / before).groupby(points["front"])
+    np.testing.assert_allclose(np.abs(signs.mean()), 1, atol=1e-9)  # one sign for each front
+    assert signs.mean().min() < 0 < signs.mean().max()
+
+
+def test_likeness_along_fronts_is_kept_by_signs_alone():
+    """So that they leave more room to chance, and set the limit."""
+    found = shares(fronts(lambda s, x: s - 0.3 * x, noise=0.05), "scaled")
+    assert found.loc["signs", "beyond"] > 2 * found.loc["shuffled", "beyond"]
+    assert found.loc["null"].equals(found.loc[list(SCATTER)].max())
 
 
 def test_shares_are_those_of_least_squares():
@@ -75,6 +91,8 @@ def test_shares_are_those_of_least_squares():
     assert value["position"] == pytest.approx(of_x, abs=1e-12)
     assert value["more"] == pytest.approx(of_s - of_x, abs=1e-12)
     assert value["beyond"] == pytest.approx((both - of_x) / (1 - of_x), abs=1e-10)
+    y = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+    assert value["after"] == pytest.approx(explained(s), abs=1e-12)
 
 
 def test_groups_have_curves_of_their_own():

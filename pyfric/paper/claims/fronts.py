@@ -12,10 +12,10 @@ import pandas as pd
 
 from pyfric.engines import decay_times
 from pyfric.paper.claims import damage as to
-from pyfric.paper.claims.claim import Claim, Damage, Runs, at_least, at_most, between, claim
+from pyfric.paper.claims.claim import Band, Claim, Damage, Runs, at_least, at_most, between, claim
 from pyfric.paper.claims.quantities import furthest, growing, listed
 from pyfric.paper.claims.runs import BASE, BY_ETA, BY_K_F, FRONTS, SPEEDS
-from pyfric.paper.claims.shares import DRAWS, position_alone, shares, told
+from pyfric.paper.claims.shares import DRAWS, SCATTER, position_alone, shares, told
 from pyfric.record import analysis
 from pyfric.scene import Scene, preset
 from pyfric.statics import dispersion
@@ -29,6 +29,7 @@ ABOUT = "about, read as to the nearest hundred, the paper's digits"
 OVER_FRONTS = "the interval of 95 % of a bootstrap over fronts"
 LEFT = "the share that {} explains of what the position along the front leaves"
 TENTH = f"a tenth: the paper has no number; the lower end of {OVER_FRONTS}"
+NEARER = f"1 is one curve, 0 is none; the lower end of {OVER_FRONTS} is nearer to 1"
 
 
 @claim("12", *SPEEDS)
@@ -65,12 +66,12 @@ def _front_of_fig4a(runs: Runs, speeds: Speeds = lambda points: points) -> Itera
         "12c",
         "following tau/p, not the position along the front alone",
         found.loc["low", "beyond"],
-        at_least(0.1, TENTH),
+        _above_position(found, "beyond", 0.1, TENTH),
         _described(found, "beyond", LEFT.format("tau/p"), points),
         _without_prestress(),
         "along the one front of the paper's Fig. 4(a) tau/p and position fall together, which "
         "cannot tell them apart: here are all fronts of its scene up to the first event over the "
-        "whole interface",
+        "whole interface, and the position alone explains more than tau/p",
     )
 
 
@@ -106,20 +107,31 @@ def _shuffled(points: pd.DataFrame) -> pd.DataFrame:
 
 def _without_prestress(by: str = "") -> list[Damage]:
     """What makes claims miss that prestress sets the speed."""
-    alone = partial(position_alone, by=by)
-    return [
-        to.given("v_c that knows the position along the front alone", speeds=alone),
-        to.given("v_c shuffled along each front", speeds=_shuffled),
+    what = "v_c that knows the position along the front alone, the rest "
+    words = {"signs": "with a random sign for each front", "shuffled": "shuffled"}
+    alone = [
+        to.given(what + words[one], speeds=partial(position_alone, by=by, scatter=one))
+        for one in SCATTER
     ]
+    return [*alone, to.given("v_c shuffled along each front", speeds=_shuffled)]
+
+
+def _above_position(found: pd.DataFrame, share: str, least: float, source: str) -> Band:
+    """The band of a share: from the least on, and above what the position alone reaches."""
+    null = math.ceil(100 * found.loc["null", share]) / 100
+    alone = f"and no less than the {null:.2f} of data that know the position along the front alone"
+    return at_least(max(least, null), f"{source}; {alone}")
 
 
 def _described(found: pd.DataFrame, share: str, what: str, points: pd.DataFrame) -> str:
+    shuffled, signs = found.loc[list(SCATTER), share]
     return (
         f"lower end of the interval of {what}: {told(found, share)}; the prestress explains "
         f"{told(found, 'prestress')} of the variance of ln v_c, the position along the front "
-        f"{told(found, 'position')}; where v_c knows the position alone, it is at most "
-        f"{found.loc['null', share]:.2f} in {DRAWS} draws; {len(points)} points, "
-        f"{points['front'].nunique()} fronts"
+        f"{told(found, 'position')}, the prestress {told(found, 'beyond')} of what that leaves, or "
+        f"{told(found, 'after')} of speeds less the curve of the position; where v_c knows the "
+        f"position alone, at most {signs:.2f}, with shuffled residuals {shuffled:.2f}, in 97.5 % "
+        f"of {DRAWS} draws; {len(points)} points, {points['front'].nunique()} fronts"
     )
 
 
@@ -128,13 +140,12 @@ def _collapse(
     runs: Runs, speeds: Speeds = lambda points: points, axis: str = "tau_over_p"
 ) -> Iterator[Claim]:
     points = speeds(pd.concat([_points(record) for record in runs.values()], ignore_index=True))
-    nearer = f"1 is one curve, 0 is none; the lower end of {OVER_FRONTS} is nearer to 1"
     pairs, scaled = shares(points, axis, "pair"), shares(points, "scaled")
     yield Claim(
         "13a",
         "v_c against tau/p is one curve per friction pair, for all events and geometries",
         pairs.loc["low", "prestress"],
-        at_least(0.5, nearer),
+        _above_position(pairs, "prestress", 0.5, NEARER),
         _described(pairs, "prestress", "the share that curves of tau/p by pair explain", points),
         _without_prestress("pair"),
     )
@@ -152,7 +163,7 @@ def _collapse(
         "13c",
         "against the scaled prestress, all fall on one curve",
         scaled.loc["low", "prestress"],
-        at_least(0.5, nearer),
+        _above_position(scaled, "prestress", 0.5, NEARER),
         _described(scaled, "prestress", "the share that one curve explains", points),
         _without_prestress(),
     )
@@ -160,9 +171,11 @@ def _collapse(
         "13d",
         "which says something that the position along the front does not",
         scaled.loc["low", "beyond"],
-        at_least(0.1, TENTH),
+        _above_position(scaled, "beyond", 0.1, TENTH),
         _described(scaled, "beyond", LEFT.format("the scaled prestress"), points),
         _without_prestress(),
+        "both curves fitted at once; of speeds less the curve of the position, which has taken "
+        "what both explain, the prestress explains less",
     )
     yield Claim(
         "13e",
@@ -170,7 +183,7 @@ def _collapse(
         scaled.loc["low", "more"],
         at_least(0, f"the lower end of {OVER_FRONTS} is not below 0"),
         _described(scaled, "more", "what it explains more than the position", points),
-        _without_prestress()[:1],
+        _without_prestress()[:-1],
         "one curve of the prestress is no better than one of the position; each explains part of "
         "what the other leaves",
     )

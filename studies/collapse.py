@@ -1,194 +1,102 @@
-"""Fig. 4(b) with weakening: the same fronts on two lattices, with much viscosity and with little.
+"""Fig. 4(b) with weakening: what prestress explains of front speeds, and what position alone does.
 
-The last precursors of runs 1 to 4 with d_c = 1 um are those of whole runs at l = 1.25 mm. On each
-lattice they begin from the tractions at the first slip (`finer`). Slip then grows stably, for up to
-50 ms, and the driver goes on: what the front meets is not what the first slip met. So the state
-just before the front breaks out is kept, and from it four runs of full dynamics begin: d_c = 1 um
-or 0, with the paper's viscosity or with eta^2 = 0.001 k m along the bonds, which `cracks` asks for.
-On one lattice all four have the same prestress, that of the kept state.
-
-How much of ln v_c the scaled prestress and the position along the front explain is measured as in
-claim 13 (`pyfric.paper.claims.shares`), with a bootstrap over fronts and beside data that know the
-position alone.
+The fronts are those that the study `fronts` keeps: runs 1 to 4, on several lattices, with the
+paper's viscosity, with d_c = 1 um and with Amontons-Coulomb friction. They are compared like for
+like, by the last precursors of each run, as many as were run on the finest lattice. Shares of the
+variance of ln v_c, bootstrap over fronts and data that know the position alone are those of claim
+13 (`pyfric.paper.claims.shares`).
 
 Source: PRL 107, 074301 (2011), Fig. 4.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import math
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
-from finer import refined
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from fronts import LAST
 
-from pyfric import core
-from pyfric.core import State
-from pyfric.engines import simulate, step_size
-from pyfric.figures import DataFigure
 from pyfric.paper.claims.shares import shares
-from pyfric.record import analysis, zone_at_rest
-from pyfric.scene import preset, write
-from pyfric.sweeps import Job, run_all
+from pyfric.record import RESOLVED
 
 if TYPE_CHECKING:
-    from pyfric.record import Record
-    from pyfric.scene import Scene
+    from collections.abc import Iterator
 
-__all__ = ["CASES", "Case", "figure", "study", "summary"]
+__all__ = ["collapse", "report"]
 
-ENDS = {"run1": 0.56, "run2": 0.63, "run3": 0.7, "run4": 0.77}
-"""Runs of Fig. 4(b) and their ends, s: seven tenths of the time to the first event over all."""
-SOURCE = 1.25e-3
-"""Lattice constant of the whole runs, m."""
-SPACINGS = (1.25e-3, 0.625e-3)
-"""Lattice constants on which their precursors are run again, m."""
-LAST = 4
-"""Precursors of each run, the last ones."""
-D_C = 1e-6
-"""Slip of weakening, m."""
-WAIT = 3e-3, 10
-"""Pieces in which a run goes on until its front breaks out, s, and how many at most."""
-FRONT_BLOCKS = 8
-"""Fewest blocks of a front."""
-BEFORE = 5e-5
-"""Time before the front at which the state is kept, s: a wave crosses a third of the slider."""
-LONG = 5e-4
-"""Time in which every front has passed, s."""
-RESOLVED = 6
-"""Blocks in the cohesive zone that resolve a front (`cracks`)."""
-HYBRID = {"fidelity": "hybrid", "geometry": "linear", "switching": "located"}
-QUIET = HYBRID | {"progress": False}
-DYNAMIC = QUIET | {"fidelity": "dynamic", "budget": False, "t_gap": 1.0}
+SHARES = {
+    "prestress": ("prestress", ["value", "low", "high", "null"]),
+    "position": ("position", ["value", "low", "high"]),
+    "beyond": ("prestress, of what position leaves", ["value", "low", "high", "null"]),
+}
+"""Column of `shares` -> what it is, and its rows."""
 
 
-class Case(NamedTuple):
-    """How a front is run: eta^2/(k m), what the dashpots resist, and d_c in m."""
-
-    eta2: float
-    dashpots: str
-    d_c: float
-
-    def __str__(self) -> str:
-        viscosity = "paper's viscosity" if self.dashpots == "full" else "little viscosity"
-        return f"d_c = {1e6 * self.d_c:g} um, {viscosity}"
-
-    def scene(self, name: str, l: float) -> Scene:
-        scene = preset(name, l=l, d_c=self.d_c)
-        eta = math.sqrt(self.eta2 * scene.slider.k * scene.m)
-        slider = dataclasses.replace(scene.slider, eta=eta, dashpots=self.dashpots)
-        return dataclasses.replace(scene, slider=slider)
-
-
-CASES = [Case(*how, d_c) for d_c in (D_C, 0.0) for how in ((0.1, "full"), (1e-3, "along"))]
-PAPER = CASES[0]
-
-
-def study(
-    folder: Path,
-    ends: dict[str, float] = ENDS,
-    spacings: Sequence[float] = SPACINGS,
-    last: int = LAST,
-    say: Callable[[str], None] = lambda _: None,
-) -> pd.DataFrame:
-    """Return the speeds of all fronts: run, event, l, eta2, dashpots, d_c and those of `_front`.
+def collapse(fronts: pd.DataFrame) -> pd.DataFrame:
+    """Return one row for each lattice and friction, and for all precursors or the last of each run.
 
     Args:
-        folder: where finished runs and fronts are kept; the next call goes on from them.
-        ends: run -> its end, s.
-        spacings: lattice constants, m.
-        last: precursors of each run.
-        say: told what is being run.
+        fronts: the table "fronts" of the study `fronts`; `begun` is 0 or the l of the coarser run.
+
+    Returns:
+        Columns: d_c and l (m); precursors, "all" or "last"; fronts and points, how many; X_c0 and
+        X_c, the shares of points with six blocks or more in the cohesive zone at rest, and at v_c,
+        where a front at or above c_R has none; then for each of `SHARES` its value, low, high (ends
+        of the 95 % interval) and null (the upper end of that of data that know the position alone).
     """
-    tables = []
-    for name, t_end in ends.items():
-        say(f"{name} at l = {1e3 * SOURCE:g} mm")
-        job = Job(scene=PAPER.scene(name, SOURCE), t_end=t_end, options=HYBRID)
-        (source,) = run_all([job], workers=1, cache=folder, progress=False)
-        whole = source.events["is_main"] & source.events["finished"]
-        for event in np.flatnonzero(whole)[-last:]:
-            for l in spacings:
-                path = folder / f"{name}_{event}_{1e3 * l:g}.csv"
-                if not path.is_file():
-                    say(f"{name}, event {event}, l = {1e3 * l:g} mm")
-                    table = _fronts(source, int(event), name, l)
-                    write(path, table.to_csv(index=False).encode())
-                tables.append(pd.read_csv(path).assign(run=name, event=event, l=l))
-    return pd.concat(tables, ignore_index=True)
+    return pd.DataFrame(_rows(_numbered(fronts[fronts["scene"] != "fig1"])))
 
 
-def _fronts(source: Record, event: int, name: str, l: float) -> pd.DataFrame:
-    """Return the fronts of all cases that begin from one event of a whole run."""
-    state = _before_the_front(source, event, PAPER.scene(name, l))
-    return pd.concat(
-        [_front(case.scene(name, l), state).assign(**case._asdict()) for case in CASES],
-        ignore_index=True,
-    )
+def _rows(points: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    known = points["v_c"].notna() & points["scaled"].notna()
+    for (d_c, l, _), table in points.groupby(["d_c", "l", "begun"], sort=False):
+        of_run = table.groupby("scene")["front"]
+        chosen = {"last": table["front"] > of_run.transform("max") - LAST}
+        if not chosen["last"].all():
+            chosen = {"all": table["front"] > 0} | chosen
+        for which, some in chosen.items():
+            part = table[some & known.loc[table.index]]
+            found = shares(part, "scaled")
+            row = {"d_c": d_c, "l": l, "precursors": which}
+            row |= {"fronts": part["front"].nunique(), "points": len(part)}
+            row |= {
+                name: float((part[f"{name}_over_l"] >= RESOLVED).mean()) for name in ("X_c0", "X_c")
+            }
+            for share, (_, ends) in SHARES.items():
+                row |= {f"{share}_{end}": found.loc[end, share] for end in ends}
+            yield row
 
 
-def _before_the_front(source: Record, event: int, scene: Scene) -> State:
-    """Return the state of a lattice just before the front of an event breaks out."""
-    begin = refined(source, event, scene)
-    run: Any = begin
-    piece, most = WAIT
-    for n in range(1, most + 1):
-        t_end = float(source.events["t_stop"].iloc[event]) + n * piece
-        run = simulate(scene, t_end, initial=run, dt=begin.dt, **QUIET)
-        if run.events["n_front"].max() >= FRONT_BLOCKS:
-            break
-    front = int(run.events["n_front"].argmax())
-    t_end = max(float(np.nanmin(run.rupture_times[front])) - BEFORE, begin.t + begin.dt)
-    return simulate(scene, t_end, initial=begin, dt=begin.dt, **QUIET).final_state
+def _numbered(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the fronts with their number, from 1 in order of time, and the place of each block."""
+    table = table.reset_index(drop=True)
+    about = table[["scene", "d_c", "l", "begun", "event"]]
+    # events that began from a coarser lattice are the first ones of their own runs
+    new = (about != about.shift()).any(axis=1) | (table["n"].diff() <= 0)
+    table = table.assign(front=new.cumsum())
+    n = table.groupby("front")["n"]
+    first, last = n.transform("min"), n.transform("max")
+    return table.assign(place=(table["n"] - first) / (last - first))
 
 
-def _front(scene: Scene, state: State) -> pd.DataFrame:
-    """Return the front that runs from a state on: columns of `analysis.front`, place.
-
-    tau_over_p and scaled are those of the state.
-    """
-    dt = step_size(scene)
-    record = simulate(scene, state.t + LONG, initial=state, dt=dt, **DYNAMIC)
-    table = analysis.front(record, int(record.events["n_front"].argmax()))
-    forces = core.evaluate(core.model(scene, "linear", state.u_drv0), state, state.t)
-    block = table["n"].to_numpy() - 1
-    p, f = forces.p[block], forces.f[block]
-    ratio = np.divide(-scene.d * f, p, out=np.full(p.shape, np.nan), where=p > 0)
-    place = (table["n"] - table["n"].min()) / np.ptp(table["n"])
-    return table.assign(
-        tau_over_p=ratio,
-        scaled=scene.law.mean.scaled(ratio),
-        X_c0_over_l=zone_at_rest(scene, forces.p)[block],
-        place=place,
-    )
+def report(table: pd.DataFrame) -> str:
+    """Return the table as text: shares of the variance of ln v_c, with their intervals."""
+    rows = {
+        "d_c (um)": [f"{1e6 * one:g}" for one in table["d_c"]],
+        "l (mm)": [f"{1e3 * one:g}" for one in table["l"]],
+        "precursors": table["precursors"],
+        "fronts": table["fronts"],
+        "6 or more in X_c0": [f"{one:.0%}" for one in table["X_c0"]],
+        "in X_c(v)": [f"{one:.0%}" for one in table["X_c"]],
+    }
+    for share, (what, ends) in SHARES.items():
+        values = table[[f"{share}_{end}" for end in ends]].itertuples(index=False)
+        rows[what] = [_interval(*one) for one in values]
+    text = pd.DataFrame(rows).to_string(index=False)
+    null = "upper end of that of data that know the position alone"
+    return f"{text}\n\n(95 % interval over fronts; {null})"
 
 
-# --- what it comes to ----------------------------------------------------------------------------
-
-
-def _points(table: pd.DataFrame) -> pd.DataFrame:
-    """The blocks that have a speed and a prestress."""
-    known = table["v_c"].notna() & table["scaled"].notna()
-    front = table["run"] + " " + table["event"].astype(str)
-    return table.assign(front=front)[known].reset_index(drop=True)
-
-
-def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the numbers of each case: what, case, value, and its interval where there is one."""
-    rows = []
-    for (d_c, eta2, l), part in _points(table).groupby(["d_c", "eta2", "l"], sort=False):
-        which = next(case for case in CASES if (case.d_c, case.eta2) == (d_c, eta2))
-        case, found = f"{which}, l = {1e3 * l:g} mm", shares(part, "scaled")
-        c_L = math.sqrt(1.5) * l * math.sqrt(preset("run1", l=l).slider.k / preset("run1", l=l).m)
-        rows += [
-            ("points", case, len(part), np.nan, np.nan),
-            ("fronts", case, part["front"].nunique(), np.nan, np.nan),
-            ("share of blocks with 6 or more in X_c0", case, (part["X_c0_over_l"] >= RESOLVED).mean(), np.nan, np.nan),
-            ("share of blocks with 6 or more in X_c(v)", case, (part["X_c_over_l"] >= RESOLVED).mean(), np.nan, np.nan),
-            ("share of v_c above c_L", case, (part["v_c"] > c_L).mean(), np.nan, np.nan),
-        ]
-    return pd.DataFrame(rows)
+def _interval(value: float, low: float, high: float, null: float | None = None) -> str:
+    alone = "" if null is None else f"; {null:.2f}"
+    return f"{value:.2f} ({low:.2f} to {high:.2f}{alone})"

@@ -44,7 +44,7 @@ def coarse_pictures():
 def coarse_curves(monkeypatch):
     """Loading curves of 500 points where a test asks for no time between them."""
     if options := sys.modules.get("pyfric.engines.options"):
-        monkeypatch.setattr(options, "CURVE_POINTS", 500)
+        monkeypatch.setattr(options, "POINTS", 500)
 
 
 def pytest_collection_modifyitems(items):

@@ -1,14 +1,13 @@
 """Plan and run."""
 
+from pyfric.engines.choice import Assumption, Plan, expected_cost, plan
 from pyfric.engines.dynamic import RunError
-from pyfric.engines.expected import expected_cost
 from pyfric.engines.guard import folded
 from pyfric.engines.options import OPTION_UNITS, Options, step_size
-from pyfric.engines.planner import Assumption, Plan, plan
 from pyfric.engines.prediction import prediction_curve
 from pyfric.engines.progress import Progress, jobs_bar
 from pyfric.engines.quasistatic import QuasistaticRun
-from pyfric.engines.scout import decay_times
+from pyfric.engines.relaxation import relaxation_time
 from pyfric.engines.simulation import simulate
 
 __all__ = [
@@ -19,12 +18,12 @@ __all__ = [
     "Progress",
     "QuasistaticRun",
     "RunError",
-    "decay_times",
     "expected_cost",
     "folded",
     "jobs_bar",
     "plan",
     "prediction_curve",
+    "relaxation_time",
     "simulate",
     "step_size",
 ]

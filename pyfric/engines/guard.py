@@ -38,10 +38,8 @@ __all__ = [
     "Guard",
     "Trouble",
     "folded",
-    "hurry_notes",
     "largest_load",
     "largest_strain",
-    "slow_decay",
     "strain_notes",
 ]
 
@@ -53,8 +51,6 @@ STRAIN_SHARE = 0.65
 """Largest strain of a bond, at the driven block, over F_T/(k l)."""
 LINEAR = 0.1
 """Beyond this strain, results of linear geometry carry a note."""
-HURRY = 0.05
-"""A ladder carries a note where the driver pushes on by more F_N than this during a ring-down."""
 
 
 class Trouble(NamedTuple):
@@ -203,40 +199,4 @@ def strain_notes(scene: Scene, engine: str, F_T: float, t_end: float) -> tuple[s
     return (
         f"{engine}: strains reach about {strain:.2g}, above {LINEAR:g}, where linear geometry, "
         f"which leaves out the rotation and the change of length of bonds, means little{instead}",
-    )
-
-
-def slow_decay(scene: Scene) -> float:
-    """Return the decay time of the slowest motion of a stuck lattice, in s, roughly.
-
-    It is taken as a shear wave across the height H, with the rod's mass on top,
-    omega^2 = c_s^2/(H^2 (M_rod/M + 4/pi^2)). Such waves decay at 3 eta omega^2/k, because three
-    bonds of each block damp them and only part of their stiffness acts.
-    """
-    slider = scene.slider
-    heavy = scene.M_rod / slider.M + 4 / math.pi**2
-    omega2 = slider.l**2 * slider.k / (2 * scene.m) / (slider.H**2 * heavy)
-    return slider.k / (3 * scene.eta * omega2) if scene.eta else math.inf
-
-
-def hurry(scene: Scene) -> float:
-    """Return by how much the driver pushes on while the slider rings down, over F_N, roughly.
-
-    Nothing moves in a chain whose blocks stick.
-    """
-    driver = scene.driver
-    if scene.N_z == 1 or driver.fastest == 0:
-        return 0.0
-    return driver.fastest * slow_decay(scene) / (1 / driver.K + 1 / scene.slider.k) / scene.F_N
-
-
-def hurry_notes(scene: Scene, engine: str) -> tuple[str, ...]:
-    """Return what to know where the driver does not wait for a slider to come to rest."""
-    share = hurry(scene)
-    if share <= HURRY:
-        return ()
-    return (
-        f"{engine}: while the slider rings down, in about {slow_decay(scene) * 1e3:.2g} ms, the "
-        f"driver pushes on by {share:.2g} F_N (limit {HURRY:g}): it does not come to rest between "
-        "events",
     )

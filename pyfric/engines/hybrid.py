@@ -61,20 +61,22 @@ class RestStates:
         self.known, self.dt = solver, dt
         self._systems: Memory[Linearised] = Memory(KEPT)
         self._last: dict[bytes, tuple[bytes, float, np.ndarray]] = {}
-        self.renewed = 0
+        self.bases = 0
         self._paths: dict[tuple[Any, ...], list[tuple[Outside, float, np.ndarray]]] = {}
 
     def system(self, stuck: np.ndarray) -> Linearised:
         """Return the slider linearised at these contact states."""
         return self._systems.get(
-            stuck.tobytes(), lambda: Linearised(self.known, stuck, self.dt)
+            stuck.tobytes(), lambda: self._linearised(stuck)
         )
+
+    def _linearised(self, stuck: np.ndarray) -> Linearised:
+        self.bases += 1
+        return Linearised(self.known, stuck, self.dt)
 
     def renew(self, stuck: np.ndarray, q: np.ndarray) -> Linearised:
         """Return the slider linearised at a state q, from now on."""
-        found = self._systems.put(stuck.tobytes(), self.system(stuck).at(q))
-        self.renewed += 1
-        return found
+        return self._systems.put(stuck.tobytes(), self.system(stuck).at(q))
 
     def at(
         self, u_x: np.ndarray, stuck: np.ndarray, outside: Outside, enough: float
@@ -151,7 +153,7 @@ class HybridRun(Run):
         self.log = core.Log(self.scene.N_x, quiet=quiet)
         self.accuracy = self.method.accuracy * self.scene.F_N / AMPLIFIED  # of one jump, N
         self.solver = RestStates(self.solver.known, self.method.dt)
-        self.jumped = self.spared = 0
+        self.jumped = self.spared = self.attempts = 0
         self.largest_error = 0.0
         self.slid, self.try_at, self.wait = True, self.state.step, TRY
         self._creepings: dict[float, Creeping] = {}
@@ -197,12 +199,14 @@ class HybridRun(Run):
             self.try_at = state.step + (self.slide(last) if slips else self.jump(last))
 
     def counts(self) -> dict[str, int]:
-        """Return steps, block evaluations, jumps and the steps they spared."""
+        """Return steps, block evaluations, jumps and the steps they spared, attempts, bases."""
         made = super().counts()
         old = self.before.counts if self.before else {}
         return made | {
             "jumps": self.jumped + old.get("jumps", 0),
             "steps_spared": self.spared + old.get("steps_spared", 0),
+            "attempts": self.attempts + old.get("attempts", 0),
+            "modal_bases": self.solver.bases + old.get("modal_bases", 0),
         }
 
     def notes(self) -> tuple[str, ...]:
@@ -231,6 +235,7 @@ class HybridRun(Run):
         stuck, most = state.mode != OPEN, self._piece_ends(last) - state.step
         if most <= 0 or not stuck.any():
             return TRY
+        self.attempts += 1
         outside = Outside(known, state.t, just_after(state))
         start = self.solver.at(state.y[0, 0], stuck, outside, self.accuracy)
         if start is None:
@@ -253,7 +258,7 @@ class HybridRun(Run):
         Return the steps to the next try, twice as many each time that fails.
         """
         state, most = self.state, self._piece_ends(last) - self.state.step
-        landing = None
+        landing, self.attempts = None, self.attempts + 1
         if most > 0:
             landing = self.creeping.land(
                 state, lambda: self.solver.system(state.mode != OPEN), state.step + most

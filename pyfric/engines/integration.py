@@ -34,8 +34,12 @@ def integrate(
     *,
     initial: State | Record | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
+    enough: Callable[[Run], bool] | None = None,
 ) -> Record:
-    """Integrate a scene with one of the engines that make time steps; see `pyfric.simulate`."""
+    """Integrate a scene with one of the engines that make time steps; see `pyfric.simulate`.
+
+    It ends, interrupted, where `enough` says so.
+    """
     before = initial if isinstance(initial, Record) else None
     if before is not None:
         initial = before.final_state
@@ -55,7 +59,7 @@ def integrate(
         run.timings["set-up"] = time.perf_counter() - start
         last = _last(scene, state, t_end)
         with answered() as stop:
-            run.advance(last, stop, show, options)
+            run.advance(last, lambda: stop() or (enough is not None and enough(run)), show, options)
             return run.record("complete" if state.step >= last else "interrupted")
 
 

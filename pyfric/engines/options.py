@@ -17,6 +17,7 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import STEPPERS, Switching
+from pyfric.engines.cost import POINTS
 from pyfric.engines.pauses import longest_pause
 from pyfric.record import Method
 from pyfric.scene import (
@@ -54,8 +55,6 @@ ACCURACY = 1e-6
 """Default of accuracy."""
 LONGEST_LOCATED = 30.0
 """Longest step of the adaptive stepper with located switching, over the stability limit of RK4."""
-CURVE_POINTS = 5000
-"""Points of the loading curve, unless `sample` says otherwise."""
 MAX_STEPS = 10**12
 """Most steps of one run."""
 MAX_THREADS = 4096
@@ -268,7 +267,7 @@ class Options:
         steps = (t_end - t_begin) / dt
         if steps > MAX_STEPS:
             raise SceneError("t_end", t_end, "s", f"at most {MAX_STEPS:g} steps of {dt:g} s")
-        every = steps / CURVE_POINTS if self.sample is None else self.sample / dt
+        every = steps / POINTS if self.sample is None else self.sample / dt
         return Method(
             engine=engine.name,
             geometry=self.geometry or default_geometry(scene),

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from pyfric.engines.guard import slow_decay
+from pyfric.engines.relaxation import relaxation_time
 from pyfric.record import count_main
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def longest_pause(scene: Scene) -> float:
     if driver.K * driver.fastest == 0:
         return _rounded(TRANSITS * transit)
     loading = DRIVER_SHARE * scene.F_N / (driver.K * driver.fastest)
-    ringing = RING_DOWN * slow_decay(scene) if scene.N_z > 1 else math.inf
+    ringing = RING_DOWN * relaxation_time(scene) if scene.N_z > 1 else math.inf
     longest = min(loading, ringing)
     return _rounded(max(longest, TRANSITS * transit))
 

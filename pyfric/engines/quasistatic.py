@@ -27,7 +27,8 @@ import pandas as pd
 
 from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
 from pyfric.engines.dynamic import kept_notes
-from pyfric.engines.guard import hurry_notes, strain_notes
+from pyfric.engines.guard import strain_notes
+from pyfric.engines.relaxation import loading_notes
 from pyfric.engines.pauses import longest_pause
 from pyfric.engines.progress import Progress, run_bar
 from pyfric.engines.stretches import Stretch, stretches
@@ -287,7 +288,7 @@ class QuasistaticRun:
         t_end, F_T = self.rows[-1][0], max(abs(F) for _, F in self.rows)
         warned = strain_notes(scene, engine, F_T, t_end)
         if engine == "quasistatic":  # V does not matter to a prediction
-            warned += hurry_notes(scene, engine)
+            warned += loading_notes(scene, engine)
         return Record.from_catalogue(
             catalogue,
             scene=scene,

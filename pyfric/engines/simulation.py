@@ -8,16 +8,17 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from pyfric.core import State, StateError
-from pyfric.engines import planner, quasistatic
-from pyfric.engines.cost import check_memory
+from pyfric.engines import quasistatic
+from pyfric.engines.choice import choose, long_note
+from pyfric.engines.cost import POINTS, check_memory
 from pyfric.engines.dynamic import Run, RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
-from pyfric.engines.options import ACCURACY, CURVE_POINTS, Options, kept
+from pyfric.engines.options import Options, kept
 from pyfric.engines.pauses import pause_notes
 from pyfric.engines.stretches import check_straight
-from pyfric.engines.verification import FURTHER, TIGHTER, Made, verified
-from pyfric.record import Record
+from pyfric.engines.verification import Specification, verified
+from pyfric.record import Record, not_verified
 from pyfric.scene import (
     SceneError,
     check_geometry,
@@ -32,7 +33,7 @@ from pyfric.statics import EquilibriumError, one_thread_if_small
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pyfric.engines.planner import Plan
+    from pyfric.engines.choice import Plan
     from pyfric.engines.progress import Progress
     from pyfric.scene import Scene, SceneLike
 
@@ -111,17 +112,18 @@ def simulate(
     if options.geometry is not None:
         check_geometry(options.geometry, scene)
     if options.checkpoint is not None:
-        numbers = 4 * scene.N_x * scene.N_z + 2 * CURVE_POINTS
+        numbers = 4 * scene.N_x * scene.N_z + 2 * POINTS
         check_writable(options.checkpoint, 8 * numbers)
     run = functools.partial(_run, initial=initial, progress=progress)
-    made = Made(scene=scene, t_begin=_begin(initial), t_end=t_end, options=options, run=run)
-    if options.fidelity != "auto":
-        record = run(scene, t_end, options)
-        if options.verify in (None, "none") or not record.done or isinstance(initial, Record):
-            return record
-        return verified(record, options.verify, made)
-    chosen = planner.plan(scene, options.want, options.tolerance, t_end=t_end)
-    return _planned(_with_options(chosen, scene, options, initial), made)
+    made = Specification(
+        scene=scene, t_begin=_begin(initial), t_end=t_end, options=options, run=run
+    )
+    if options.fidelity == "auto":
+        return _planned(made, initial)
+    record = run(scene, t_end, options)
+    if options.verify in (None, "none") or not record.done or isinstance(initial, Record):
+        return _with_notes(record, *not_verified(record))
+    return verified(record, options.verify, made)
 
 
 def _going_on(before: Record, scene: Scene, options: Options) -> Options:
@@ -153,22 +155,20 @@ def _run(
     *,
     initial: State | Record | None,
     progress: bool | Callable[[Progress], None] | None,
-    tight: int = 0,
+    enough: Callable[[Run], bool] | None = None,
 ) -> Record:
-    """Run one engine, with jumps that are `tighter` where it is to measure errors of another."""
+    """Run one engine; `enough` ends one with steps."""
     how: dict[str, Any] = {"initial": initial, "progress": progress}
     if options.fidelity in ENGINES:
         begin = _begin(initial)
         method = options.settled(scene, ENGINES[options.fidelity], begin, t_end)
         check_memory(scene, method.engine, method.geometry)
-        how_made = method.engine, method.geometry, method.dt
-        note = planner.long_note(scene, t_end - begin, *how_made)
+        note = ""
+        if method.engine == "dynamic":
+            note = long_note(scene, t_end - begin, method.geometry, method.dt)
         if note and progress in (None, True) and sys.stderr is not None:
             print(note, file=sys.stderr, flush=True)
-        if tight and options.fidelity == "hybrid":
-            accuracy = max((options.accuracy or ACCURACY) * TIGHTER * FURTHER ** (tight - 1), 1e-9)
-            options = dataclasses.replace(options, accuracy=accuracy)
-        record = integrate(ENGINES[options.fidelity], scene, t_end, options, **how)
+        record = integrate(ENGINES[options.fidelity], scene, t_end, options, enough=enough, **how)
         return _with_notes(record, *pause_notes(record), *([note] if note else []))
     options.check_static()
     check_straight(scene)
@@ -188,85 +188,73 @@ def _begin(initial: State | Record | None) -> float:
     return 0.0 if initial is None else initial.t
 
 
-def _with_options(chosen: Plan, scene: Scene, options: Options, initial: State | None) -> Plan:
-    """Return the plan at the level that has all the options that were given."""
-    stepped = options.budget or options.stepper != "rk4"
-    if chosen.fidelity == "quasistatic" and (
-        initial is not None
-        or stepped
-        or options.dt != "auto"
-        or options.geometry == "finite"
-        or options.switching is not None
-    ):
-        chosen = chosen.up(scene, [])
-    if stepped:
-        chosen = dataclasses.replace(chosen, fidelity="dynamic")
-    if options.geometry is not None:
-        chosen = dataclasses.replace(chosen, geometry=options.geometry)
-    return chosen
+def _planned(made: Specification, initial: State | None) -> Record:
+    """Run what is chosen and measure its errors; where a ladder is not enough, dynamics."""
+    options, scene = made.options, made.scene
+    plan = choose(scene, options, made.t_end - made.t_begin, ladder=initial is None)
+    notes = [_chosen(plan)]
+    if plan.fidelity == "quasistatic":
+        record, reason = _static(plan, made)
+        if not reason:
+            return _with_notes(record, *notes)
+        nothing_to_save()
+        plan = choose(scene, options, made.t_end - made.t_begin, ladder=False)
+        notes.append(f"quasistatic was not enough: {reason}; {_chosen(plan)}")
+    level = _resolved(options, plan)
+    try:
+        record = made.run(scene, made.t_end, level)
+    except RunError as error:
+        error.record = _with_notes(error.record, *notes)
+        raise
+    if record.done and options.verify != "none":
+        record = verified(record, options.verify, _as_planned(made, plan, level))
+    return _with_notes(record, *notes, *(not_verified(record) if record.done else ()))
 
 
-def _at_level(options: Options, chosen: Plan) -> Options:
-    """Return the options with what the plan says where they leave it open."""
-    if chosen.fidelity == "quasistatic":
-        free = {"geometry": None, "dt": "auto", "budget": None, "switching": None}
-        return dataclasses.replace(options, fidelity=chosen.fidelity, **free)
-    step = chosen.dt if options.dt == "auto" and options.stepper == "rk4" else options.dt
-    return dataclasses.replace(
-        options,
-        fidelity=chosen.fidelity,
-        geometry=chosen.geometry,
-        dt=step,
-        switching=options.switching or chosen.switching,
+def _chosen(plan: Plan) -> str:
+    """Return what was chosen, and why not less, as a note."""
+    rejected = f"; rejected: {'; '.join(plan.reasons)}" if plan.reasons else ""
+    return (
+        f"planned for {plan.want} within {plan.tolerance:g}: {plan.fidelity}, "
+        f"{plan.geometry} geometry{rejected}"
     )
 
 
-def _planned(chosen: Plan, made: Made) -> Record:
-    """Run a plan and measure its errors; where an assumption turns out wrong, move up one level."""
-    options, scene = made.options, made.scene
-    not_less = f"; not less: {'; '.join(chosen.reasons)}" if chosen.reasons else ""
-    notes = [
-        f"planned for {chosen.want} within {chosen.tolerance:g}: {chosen.fidelity}, "
-        f"{chosen.geometry} geometry{not_less}"
-    ]
-    while True:
-        level, record, reasons = _at_level(options, chosen), None, []
-        try:
-            record = made.run(scene, made.t_end, level)
-            failed = chosen.check(record) if record.done else []
-            reasons, higher = [str(one) for one in failed], None
-            if failed:
-                higher = chosen.up(scene, failed)
-        except EquilibriumError as error:
-            if chosen.fidelity != "quasistatic":
-                raise
-            higher, reasons = chosen.up(scene, []), [str(error)]
-        except RunError as error:
-            error.record = _with_notes(error.record, *notes)
-            raise
-        if higher is not None and options.geometry not in (None, higher.geometry):
-            higher = None
-        if higher is None and record.done and options.verify != "none":
-            found = verified(record, options.verify, _as_planned(made, chosen, level))
-            if found is None:
-                reasons, higher = ["errors measured by dynamics exceed the tolerance"], None
-                higher = chosen.up(scene, [])
-            else:
-                record = found
-        if higher is None:
-            notes += [f"does not hold: {reason}" for reason in reasons]
-            return _with_notes(record, *notes)
-        nothing_to_save()
-        before, chosen = chosen, higher
-        notes.append(
-            f"moved up from {before.fidelity}, {before.geometry} geometry, to {chosen.fidelity}, "
-            f"{chosen.geometry} geometry: {'; '.join(reasons)}"
-        )
+def _static(plan: Plan, made: Specification) -> tuple[Record | None, str]:
+    """Return the record of a quasi-static plan, and why it is not enough; "" where it is."""
+    level = _resolved(made.options, plan)
+    try:
+        record = made.run(made.scene, made.t_end, level)
+    except EquilibriumError as error:
+        return None, str(error)
+    if not record.done:
+        return record, ""
+    if failed := plan.check(record):
+        return None, "; ".join(map(str, failed))
+    if made.options.verify == "none":
+        return _with_notes(record, *not_verified(record)), ""
+    found = verified(record, made.options.verify, _as_planned(made, plan, level))
+    return found, "" if found else "errors measured by dynamics exceed the tolerance"
 
 
-def _as_planned(made: Made, chosen: Plan, level: Options) -> Made:
-    """Return how a level of a plan was made; what users settled stays."""
+def _resolved(options: Options, plan: Plan) -> Options:
+    """Return the options with what the plan says where they leave it open."""
+    if plan.fidelity == "quasistatic":
+        free = {"geometry": None, "dt": "auto", "budget": None, "switching": None}
+        return dataclasses.replace(options, fidelity="quasistatic", accuracy=None, **free)
+    return dataclasses.replace(
+        options,
+        fidelity=plan.fidelity,
+        geometry=plan.geometry,
+        dt=plan.dt,
+        accuracy=plan.accuracy,
+        switching=options.switching or plan.switching,
+    )
+
+
+def _as_planned(made: Specification, plan: Plan, level: Options) -> Specification:
+    """Return how a plan was run; what users settled stays."""
     asked = made.options
     free = asked.dt == "auto" and asked.stepper == "rk4"
-    promise = {"expected": chosen.error, "refines": free}
+    promise = {"expected": plan.error, "refines": free}
     return dataclasses.replace(made, options=level, geometry=asked.geometry, **promise)

@@ -38,6 +38,8 @@ NOTHING = "not measured: nothing was compared"
 SAME = 0.5
 """Events that share fewer than half of their blocks are not taken for one another, if one of them
 may be one that the other run has after its end: a definition."""
+COVERED = 1e-6
+"""Part of a run at its end that need not be compared: runs end at whole steps."""
 UNITS = {
     "start": "F_N",
     "arrest": "F_N",
@@ -74,7 +76,9 @@ class Errors:
         bounds: numbers that are bounded and not measured: name to the formula.
         compared: name to how many events, or blocks of fronts, were compared for it.
         events: main events that were compared.
-        covered: time up to which they were, s.
+        undetermined: events that two runs do not agree on; the errors are those of all others.
+        covered: time up to which they were compared, s.
+        t_end: time up to which the run goes, s; None means `covered`.
         until: time from which on single events cannot be trusted, s; None if there is no such time.
         statistics: what holds for the events after that, together: name to value and error.
         by: what the run was compared with.
@@ -94,7 +98,9 @@ class Errors:
     bounds: Mapping[str, str] = field(default_factory=dict)
     compared: Mapping[str, int] = field(default_factory=dict)
     events: int = 0
+    undetermined: tuple[int, ...] = ()
     covered: float = 0.0
+    t_end: float | None = None
     until: float | None = None
     statistics: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     by: tuple[str, ...] = ()
@@ -129,20 +135,38 @@ class Errors:
     def holds(self) -> bool | None:
         """Whether the measured error is within the tolerance.
 
-        None where it was not measured, or where there is no tolerance.
+        None where it was not measured, or not over the whole run, or where there is no tolerance.
         """
         error = self.measured()
-        return None if error is None or self.tolerance is None else error <= self.tolerance
+        if error is None or self.tolerance is None:
+            return None
+        if error > self.tolerance:
+            return False
+        return None if self.partly else True
+
+    @property
+    def partly(self) -> bool:
+        """Whether only a part of the run was compared."""
+        whole = self.t_end is None or self.covered >= self.t_end * (1 - COVERED)
+        return not whole and self.until is None
 
     @property
     def verdict(self) -> str:
         """What `holds` says, in words; empty where there is no tolerance."""
         if self.tolerance is None:
             return ""
-        if self.holds is None:
+        if self.measured() is None:
             return f"for {self.want} within {self.tolerance:g}: NOT MEASURED, nothing was compared"
-        said = "within" if self.holds else "does not hold, BEYOND"
-        return f"for {self.want}: measured {self.measured():.2g}, {said} {self.tolerance:g}"
+        said = "does not hold, BEYOND" if self.holds is False else "within"
+        text = f"for {self.want}: measured {self.measured():.2g}, {said} {self.tolerance:g}"
+        if self.holds is None:
+            text += f", up to {self.covered:.6g} s; NOT MEASURED from there to {self.t_end:.6g} s"
+        if self.until is not None:
+            text += f", up to {self.until:.6g} s"
+        if self.undetermined:
+            text += f", but for {len(self.undetermined)} events that are not determined: "
+            text += ", ".join(map(str, self.undetermined))
+        return text
 
     def __str__(self) -> str:
         said: dict[str, list[str]] = {"measured": [], "bounded": [], "not measured": []}
@@ -199,16 +223,25 @@ class Differences(NamedTuple):
         kept = (one[one["t_start"] < t] for one in (self.events, self.speeds))
         return Differences(*kept, min(self.covered, t))
 
+    def without(self, off: pd.DataFrame) -> Differences:
+        """Return the differences without some events, given as rows of `events`."""
+        events = self.events[~self.events.index.isin(off.index)]
+        speeds = self.speeds[~self.speeds["event"].isin(off["event"])]
+        return Differences(events, speeds, self.covered)
+
+    def beyond(self, tolerance: float, want: str | None = None) -> pd.DataFrame:
+        """Return the rows of `events` that are further apart than this."""
+        if want == "front_speed":
+            by_event = self.speeds.groupby("event")["error"].quantile(0.95)
+            return self.events[self.events["event"].isin(by_event.index[by_event > tolerance])]
+        names = PROMISED.get(want or "", FORCES)
+        if self.events[list(FORCES)].isna().all(axis=None):
+            names = ("rupture",)
+        return self.events[(self.events[list(names)] > tolerance).any(axis=1)]
+
     def parted(self, tolerance: float, want: str | None = None) -> float | None:
         """Return the start of the first event that is further apart than this, s."""
-        if want == "front_speed":
-            by_event = self.speeds.groupby("t_start")["error"].quantile(0.95)
-            off = by_event.index[by_event > tolerance]
-        else:
-            names = PROMISED.get(want or "", FORCES)
-            if self.events[list(FORCES)].isna().all(axis=None):
-                names = ("rupture",)
-            off = self.events.loc[(self.events[list(names)] > tolerance).any(axis=1), "t_start"]
+        off = self.beyond(tolerance, want)["t_start"]
         return float(off.min()) if len(off) else None
 
     def errors(self, factor: float = 1.0) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from pyfric.statics.memory import Memory
 from pyfric.statics.operators import damping, dispersion, mass, stiffness
 from pyfric.statics.rest import Equilibrium, EquilibriumError, check_rests
 from pyfric.statics.stability import stability_limit
+from pyfric.statics.system import System
 from pyfric.statics.uniqueness import LIMIT as LEAST_DEFINITENESS
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "Route",
     "States",
     "StaticSolver",
+    "System",
     "Values",
     "bonds",
     "check_rests",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from pyfric.engines import decay_times
+from pyfric.engines import relaxation_time
 from pyfric.paper.claims import damage as to
 from pyfric.paper.claims.claim import Band, Claim, Damage, Runs, at_least, at_most, between, claim
 from pyfric.paper.claims.quantities import furthest, growing, listed
@@ -218,7 +218,7 @@ def _viscosity_and_foundation(runs: Runs) -> Iterator[Claim]:
     waits = []
     for name in BY_ETA:
         interval = float(np.median(np.diff(analysis.precursors(runs[name])["t_start"])))
-        waits.append(f"{decay_times(runs[name].scene).slow / interval:.2f}")
+        waits.append(f"{relaxation_time(runs[name].scene) / interval:.2f}")
     for number, what, names, more in (
         (
             "15a",

@@ -1,0 +1,471 @@
+"""Which model is enough for a question: the cheapest one whose error keeps the tolerance.
+
+Full dynamics in finite geometry is the reference. What may be left out of it:
+
+engine        geometry   left out
+-----------   --------   --------------------------------------------
+quasistatic   linear     inertia, rotation of bonds
+hybrid        linear     rotation of bonds, the last of each ring-down
+hybrid        finite     the last of each ring-down
+dynamic       finite     nothing
+
+Full dynamics is taken where it is cheap, or cheaper. The quasi-static engine is taken where its
+assumptions hold, linear geometry where two static states say that its error is small, the hybrid
+engine where a pilot run says that it spares at least half of the work. Steps follow from the
+tolerance by the error of RK4, the accuracy of jumps is a share of the tolerance.
+
+All of that only chooses. `pyfric.engines.verification` measures the errors of the run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pyfric.display import html
+from pyfric.engines.cost import full_work, machine_speed, work
+from pyfric.engines.options import Fidelity, Options, Want, step_size
+from pyfric.engines.pilot import counted, interval, linear_error, most_open, pilot_run
+from pyfric.engines.quasistatic import beyond_ladder
+from pyfric.engines.relaxation import relaxation_time
+from pyfric.engines.stretches import bends
+from pyfric.engines.verification import CHEAP, LOOSEST, budget
+from pyfric.record import RESOLVED, zone_of_scene
+from pyfric.scene import Geometry, at_once, check_number, default_geometry
+from pyfric.statics import one_thread_if_small, stability_limit
+
+if TYPE_CHECKING:
+    from pyfric.core import Switching
+    from pyfric.engines.pilot import Pilot
+    from pyfric.record import Record
+    from pyfric.scene import Scene, SceneLike
+
+__all__ = ["Assumption", "Plan", "choose", "expected_cost", "long_note", "plan"]
+
+ERROR_QUASISTATIC = 0.05
+"""Largest difference of start forces between ladder and dynamics, event by event, over F_N, in the
+paper's scenes up to the first event over the whole interface (`reference_data/`)."""
+RING_SHARE = 0.25
+"""Longest relaxation time, over the time between main events, for the quasi-static engine."""
+OPEN_BLOCKS = 2
+"""More open blocks than this are a gap; small differences then decide the order of events."""
+PART = 0.25
+"""Share of the tolerance that is given to each of geometry, jumps and steps."""
+SPARES = 0.5
+"""The hybrid engine is taken where it takes at most this share of full dynamics."""
+PHASE = 1 / 120
+"""A step of RK4 is off by this times (omega dt)^5 in the phase of a motion of rate omega."""
+RESOLVED_ERROR = 0.05
+"""Relative error of front speeds with `RESOLVED` blocks in X_c0; taken to fall in proportion to l."""
+OVERDAMPED = 0.433
+"""Blocks oscillate below this eta over sqrt(k m): K_ii/(4 k) = 3/16 of the square, with K_ii = 3 k."""
+LONG = 600.0
+"""A run that takes longer is said to, before it starts, s."""
+MODELS = {
+    "quasistatic": "a sequence of static states; events by a rule without inertia",
+    "hybrid": "dynamics inside events, closed forms between them",
+    "dynamic": "dynamics throughout",
+}
+LEFT_OUT = {
+    "quasistatic": ["inertia, waves, ring-down"],
+    "hybrid": ["what ring-down leaves of fast modes"],
+    "dynamic": [],
+}
+
+
+class Assumption(NamedTuple):
+    """What a choice relies on: it holds while `value` is at most `limit`."""
+
+    name: str
+    value: float
+    limit: float
+    meaning: str
+
+    @property
+    def holds(self) -> bool:
+        return self.value <= self.limit
+
+    def __str__(self) -> str:
+        sign = "<=" if self.holds else "> "
+        return f"{self.name}: {self.value:.3g} {sign} {self.limit:.3g} ({self.meaning})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What will be modelled, and why that is enough.
+
+    Attributes:
+        want: what the run is made for.
+        tolerance: accepted error, over F_N (relative, for front speeds).
+        fidelity, geometry: the engine and its geometry.
+        switching, dt: where contacts switch; time step in s; None for the quasi-static engine.
+        accuracy: of jumps, over F_N; None where there are none.
+        assumptions: what the choice relies on; all of them hold.
+        reasons: why cheaper models were rejected.
+        error: expected error, as the tolerance.
+        work: expected work of the run, in s on the machine where its units were measured.
+        seconds: the same in s on one core of this machine, without verification.
+        price: most time that measuring errors takes, in s of this machine.
+        lattice: for front speeds, the lattice constant that the tolerance needs, and its price; ""
+            where this one is enough, and for other wants.
+    """
+
+    want: Want
+    tolerance: float
+    fidelity: Fidelity
+    geometry: Geometry
+    switching: Switching | None = None
+    dt: float | None = None
+    accuracy: float | None = None
+    assumptions: tuple[Assumption, ...] = ()
+    reasons: tuple[str, ...] = ()
+    error: float
+    work: float
+    seconds: float
+    price: float
+    lattice: str = ""
+
+    def __str__(self) -> str:
+        step = ""
+        if self.dt is not None:
+            step = f", dt = {self.dt * 1e6:.3g} us, {self.switching} switching"
+        left_out = list(LEFT_OUT[self.fidelity])
+        if any(one.name == LINEAR for one in self.assumptions) or self.fidelity == "quasistatic":
+            left_out += ["rotation of bonds"] * (self.geometry == "linear")
+        lines = [
+            f"for {self.want} within {self.tolerance:g}: {self.fidelity}, {self.geometry} geometry"
+            + step,
+            f"modelled: {MODELS[self.fidelity]}",
+            f"left out: {'; '.join(left_out) or 'nothing'}",
+            *(f"because {one}" for one in self.assumptions),
+            *(f"rejected: {reason}" for reason in self.reasons),
+            f"expected error: {self.error:.2g}",
+            f"expected time: about {self.seconds:.2g} s",
+            f"verification: at most {self.price:.2g} s more",
+            *([f"lattice: {self.lattice}"] if self.lattice else ()),
+        ]
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return html(self)
+
+    def check(self, record: Record) -> list[Assumption]:
+        """Return the assumptions that the record of a run does not bear out."""
+        if self.fidelity != "quasistatic":
+            return []
+        needs = _needs(record.scene, interval(record), most_open(record))
+        return [one for one in needs if not one.holds]
+
+
+@at_once()
+@one_thread_if_small
+def plan(
+    scene: SceneLike,
+    want: Want = "precursors",
+    tolerance: float = 0.01,
+    *,
+    t_end: float = 1.0,
+) -> Plan:
+    """Return which engine, geometry and step are enough for a question.
+
+    Args:
+        scene: the scene, the name of a preset, or the path of a scene file.
+        want: "loading_curve", "precursors", "stress", "front_speed" or "motion".
+        tolerance: accepted error over F_N; for front speeds relative.
+        t_end: time of the end of the run, in s.
+
+    Raises:
+        SceneError: an argument is refused.
+        EquilibriumError: the scene has no loaded state.
+
+    Source: see the module.
+    """
+    options = Options(want=want, tolerance=tolerance)
+    return choose(scene, options, check_number("t_end", t_end, "s", ge=0.0))
+
+
+def choose(scene: Scene, options: Options, t_end: float, *, ladder: bool = True) -> Plan:
+    """Return the plan that has all the options that were given.
+
+    Args:
+        scene: the scene.
+        options: those that are not open are kept.
+        t_end: length of the run, in s.
+        ladder: whether the quasi-static engine may be taken.
+    """
+    return _Choice(scene, options, t_end).plan(ladder)
+
+
+class _Choice:
+    """The parts of a choice for one scene and question."""
+
+    def __init__(self, scene: Scene, options: Options, t_end: float) -> None:
+        self.scene, self.options, self.t_end = scene, options, t_end
+        self.want, self.tolerance = options.want, options.tolerance
+        self.reasons: list[str] = []
+        self.stepped = bool(options.budget) or options.stepper != "rk4"
+        self.geometry: Geometry = options.geometry or default_geometry(scene)
+        self.dt, self.error = self._step()
+
+    def plan(self, ladder: bool) -> Plan:
+        """Return the plan."""
+        return self._on_lattice(self._model(ladder))
+
+    def _model(self, ladder: bool) -> Plan:
+        scene, full = self.scene, full_work(self.scene, self.geometry, self.dt, self.t_end)
+        if scene.prescribed and scene.N_z > 1:
+            return self._full("a prescribed interface in two dimensions has no static states")
+        if self.want == "motion":
+            return self._full("motion between events is wanted, which only full dynamics has")
+        if self.stepped:
+            return self._full("only full dynamics has these options")
+        if full <= CHEAP:
+            return self._full(f"full dynamics takes about {full * machine_speed():.2g} s")
+        pilot = pilot_run(scene, self.t_end)
+        if ladder and (found := self._ladder(pilot)) is not None:
+            return found
+        needs = self._linear(pilot)
+        return self._hybrid(pilot, needs)
+
+    def _made(self, **what: object) -> Plan:
+        seconds = what["work"] * machine_speed()
+        price = budget(what["work"]) * machine_speed() * (self.options.verify != "none")
+        return Plan(
+            want=self.want,
+            tolerance=self.tolerance,
+            reasons=tuple(self.reasons),
+            seconds=seconds,
+            price=price,
+            **what,
+        )
+
+    def _full(self, reason: str, needs: tuple[Assumption, ...] = ()) -> Plan:
+        """Return the plan of full dynamics."""
+        self.reasons.append(f"hybrid: {reason}")
+        return self._made(
+            fidelity="dynamic",
+            geometry=self.geometry,
+            switching=self.options.switching or "located",
+            dt=self.dt,
+            assumptions=(*needs, self._resolution()),
+            error=self.error,
+            work=full_work(self.scene, self.geometry, self.dt, self.t_end),
+        )
+
+    def _ladder(self, pilot: Pilot) -> Plan | None:
+        """Return the plan of the quasi-static engine, None if it is not enough."""
+        scene, options = self.scene, self.options
+        needs = _needs(scene, pilot.interval, pilot.open)
+        error = max(ERROR_QUASISTATIC, _drop(pilot))
+        reason = ""
+        if self.want == "front_speed":
+            reason = "it has no front speed"
+        elif beyond := beyond_ladder(scene):
+            reason = beyond.reason
+        elif bend := bends(scene):
+            reason = bend.reason
+        elif pilot.failed:
+            reason = pilot.failed
+        elif error > self.tolerance:
+            reason = f"expected error {error:.2g}"
+        elif failed := [one for one in needs if not one.holds]:
+            reason = str(failed[0])
+        elif options.dt != "auto" or options.geometry == "finite" or options.switching:
+            reason = "it has no steps and no finite geometry"
+        if reason:
+            self.reasons.append(f"quasistatic: {reason}")
+            return None
+        releases = pilot.weight() / max(pilot.far, 1e-12)
+        return self._made(
+            fidelity="quasistatic",
+            geometry="linear",
+            assumptions=needs,
+            error=error,
+            work=work(scene, "linear", {"releases": releases}) + 1e-3 * pilot.events,
+        )
+
+    def _linear(self, pilot: Pilot) -> tuple[Assumption, ...]:
+        """Take linear geometry where that is enough; return what it relies on."""
+        if self.options.geometry is not None or default_geometry(self.scene) == "linear":
+            return ()
+        error = linear_error(pilot)
+        if error is None:
+            self.reasons.append("linear geometry: its error could not be measured")
+            return ()
+        small = Assumption(LINEAR, error, PART * self.tolerance, "by static states, over F_N")
+        if not small.holds:
+            self.reasons.append(f"linear geometry: {small}")
+            return ()
+        self.geometry, self.error = "linear", self.error + error
+        return (small,)
+
+    def _hybrid(self, pilot: Pilot, needs: tuple[Assumption, ...]) -> Plan:
+        """Return the plan of the hybrid engine, or of full dynamics where that is no dearer."""
+        accuracy = self.options.accuracy or min(PART * self.tolerance, LOOSEST)
+        made = {"geometry": self.geometry, "dt": self.dt, "accuracy": accuracy}
+        full = full_work(self.scene, self.geometry, self.dt, self.t_end)
+        counts = counted(self.scene, self.t_end, dataclasses.replace(self.options, **made), pilot)
+        if counts > SPARES * full:
+            spares = "the slider hardly ever comes to rest, so that it spares too little"
+            return self._full(f"{spares} ({counts / full:.2g} of full dynamics)", needs)
+        return self._made(
+            fidelity="hybrid",
+            switching=self.options.switching or "located",
+            assumptions=(*needs, self._resolution()),
+            error=self.error + accuracy,
+            work=counts,
+            **made,
+        )
+
+    def _step(self) -> tuple[float, float]:
+        """Return the time step in s, and its expected error."""
+        scene, options = self.scene, self.options
+        auto = step_size(scene, options.dt, options.stepper)
+        error = step_error(scene, self.want, auto)
+        if options.dt != "auto" or options.stepper != "rk4" or error == 0:
+            return auto, error
+        dt = auto * (PART * self.tolerance / error) ** 0.25
+        if dt >= auto:
+            return auto, error
+        digit = 10.0 ** (math.floor(math.log10(dt)) - 1)
+        dt = float(f"{math.floor(dt / digit) * digit:.1e}")
+        return dt, error * (dt / auto) ** 4
+
+    def _resolution(self) -> Assumption:
+        limit = stability_limit(self.scene, self.options.stepper)[0]
+        meaning = f"{self.dt:.3g} s of {limit:.3g} s"
+        return Assumption("dt over the stability limit", self.dt / limit, 1.0, meaning)
+
+    def _on_lattice(self, chosen: Plan) -> Plan:
+        """Return the plan with what front speeds need of the lattice.
+
+        Half the lattice constant takes 8 times the time: 4 times the blocks, twice the steps.
+        """
+        scene = self.scene
+        if chosen.want != "front_speed":
+            return chosen
+        blocks = zone_of_scene(scene)
+        need = RESOLVED * max(1.0, RESOLVED_ERROR / chosen.tolerance)
+        if not blocks < need:
+            return chosen
+        what = f"X_c0/l = {blocks:.2g}, and front speeds within {chosen.tolerance:g} need {need:.2g}"
+        if blocks == 0:
+            text = f"{what}: no l resolves a front whose friction does not weaken over a length d_c"
+            return dataclasses.replace(chosen, lattice=text)
+        times = math.ceil(need / blocks)
+        seconds = chosen.seconds * times ** (2 if scene.N_z == 1 else 3)
+        text = (
+            f"{what}: l = {scene.slider.l / times * 1e3:.3g} mm, {times} times smaller, about "
+            f"{seconds:.2g} s"
+        )
+        return dataclasses.replace(chosen, lattice=text)
+
+
+LINEAR = "error of linear geometry"
+
+
+def _needs(scene: Scene, between: float, most: int) -> tuple[Assumption, ...]:
+    """Return what the quasi-static engine relies on.
+
+    Args:
+        scene: the scene.
+        between: time between main events, s.
+        most: blocks that are open at a time at most.
+    """
+    relaxes = relaxation_time(scene)
+    share = 0.0 if relaxes == 0 else math.inf
+    if between > 0 and math.isfinite(relaxes):
+        share = relaxes / between
+    lasts = f"{relaxes * 1e3:.3g} ms" if math.isfinite(relaxes) else "for ever"
+    within = f"{between * 1e3:.3g} ms" if math.isfinite(between) else "all of the run"
+    name = "relaxation time over time between main events"
+    ratio = scene.eta / math.sqrt(scene.slider.k * scene.m)
+    return (
+        Assumption(name, share, RING_SHARE, f"{lasts} in {within}"),
+        Assumption("open blocks", most, OPEN_BLOCKS, "no gap beyond the corner"),
+        Assumption("eta/sqrt(k m)", ratio, OVERDAMPED, "blocks are underdamped"),
+    )
+
+
+def _drop(pilot: Pilot) -> float:
+    """Return how far F_T falls in the ladder's events over the whole interface, over F_N.
+
+    Without viscosity a slider overshoots by as much as it fell, which the ladder leaves out.
+    """
+    if pilot.record is None:
+        return 0.0
+    events = pilot.record.events
+    whole = events[events["is_main"] & (events["n_blocks"] == pilot.record.scene.N_x)]
+    fall = (whole["F_T_start"] - whole["F_T_arrest"]).max()
+    return float(fall / pilot.record.scene.F_N) if fall > 0 else 0.0
+
+
+def step_error(scene: Scene, want: Want, dt: float) -> float:
+    """Return the expected error of located RK4 steps, as the tolerance of a plan.
+
+    A block that starts to slip excites its own motion, omega^2 = s/m with s the stiffness of what
+    holds it along the interface: in two dimensions 2 k (1/2) + 2 (k/2)(1/2) + k = 5 k/2 of its
+    bonds. It lasts 1/(eta omega^2/(2 k)). Its phase is then off by omega lasts (omega dt)^4/120: a
+    front speed by that share, F_T by that share of the drop (mu_s - mu_k) F_N/N_x of one block.
+
+    Args:
+        scene: the scene.
+        want: what is wanted.
+        dt: step, in s.
+    """
+    slider, law = scene.slider, scene.law
+    stiff = 2.5 * slider.k
+    if scene.N_z == 1:
+        stiff = 2 * slider.k + scene.k_top + scene.driver.K
+    omega2 = stiff / scene.m
+    lasts = 2 * slider.k / (scene.eta * omega2) if scene.eta else 1 / math.sqrt(omega2)
+    phase = PHASE * lasts * dt**4 * omega2**2.5
+    if want == "front_speed":
+        return phase
+    return phase * max(float(np.max(law.drop)), 1e-6) / scene.N_x
+
+
+# --- what a run will come to ---------------------------------------------------------------------
+
+
+def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, float]:
+    """Return the expected time of a run to t_end (s) in s, and the size of its record in bytes."""
+    if how.fidelity == "auto":
+        found = choose(scene, how, t_end)
+        return found.seconds + found.price, 1e5 + _events_size(scene, t_end)
+    geometry = how.geometry or default_geometry(scene)
+    dt, size = step_size(scene, how.dt, how.stepper), 1e5 + _events_size(scene, t_end)
+    made = full_work(scene, geometry, dt, t_end)
+    if how.fidelity in ("quasistatic", "equilibrium"):
+        pilot = pilot_run(scene, t_end)
+        releases = pilot.weight() / max(pilot.far, 1e-12)
+        made = work(scene, "linear", {"releases": releases}) + 1e-3 * pilot.events
+    elif how.fidelity == "hybrid" and made > CHEAP:
+        resolved = dataclasses.replace(how, geometry=geometry, dt=dt)
+        made = counted(scene, t_end, resolved, pilot_run(scene, t_end))
+    price = budget(made) if how.verify not in (None, "none") else 0.0
+    return (made + price) * machine_speed(), size
+
+
+def _events_size(scene: Scene, t_end: float) -> float:
+    """Return the size of the events of a record, in bytes."""
+    if scene.prescribed:
+        return 0.0
+    return 8.0 * pilot_run(scene, t_end).events * (9 * scene.N_x + 40)
+
+
+def long_note(scene: Scene, length: float, geometry: Geometry, dt: float) -> str:
+    """Return what to say before full dynamics of `length` s that takes long; "" if it does not."""
+    seconds = full_work(scene, geometry, dt, length) * machine_speed()
+    if seconds <= LONG:
+        return ""
+    hint = "larger blocks take less: twice l, about a tenth of the time"
+    if not scene.prescribed:
+        hint = f"fidelity = 'hybrid' often takes a small part of that; {hint}"
+    return f"dynamic: this run takes about {seconds / 60:.2g} minutes on one core; {hint}"

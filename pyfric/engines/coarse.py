@@ -1,0 +1,75 @@
+"""The same slider with larger blocks, for what need not be exact: pilot runs and relaxation times."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pyfric.scene import FIELDS
+
+if TYPE_CHECKING:
+    from pyfric.scene import Interface, Scene
+
+__all__ = ["BLOCKS", "COLUMNS", "coarser"]
+
+BLOCKS, COLUMNS = 5_000, 250
+"""Lattices with more blocks, or more along the interface, get larger blocks."""
+
+
+def coarser(scene: Scene) -> Scene:
+    """Return the scene with blocks so large that `BLOCKS` and `COLUMNS` suffice.
+
+    It keeps L, H, h and eta where there are blocks that fit; L and eta otherwise.
+    """
+    N_x, N_z = scene.N_x, scene.N_z
+    if N_x * N_z <= BLOCKS and N_x <= COLUMNS:
+        return scene
+    if N_z == 1:
+        return _coarser_chain(scene)
+    n = math.gcd(N_x - 1, N_z - 1, scene.j_h)
+    for q in range(2, n + 1):
+        n_x, n_z = (N_x - 1) // q, (N_z - 1) // q
+        few = (n_x + 1) * (n_z + 1) <= BLOCKS and n_x < COLUMNS
+        if n % q == 0 and few and n_x >= 2:
+            slider = dataclasses.replace(scene.slider, l=scene.slider.l * q, eta=scene.eta)
+            return dataclasses.replace(
+                scene, slider=slider, interface=_interface_on(scene, n_x + 1)
+            )
+    q = max((N_x - 1) / (COLUMNS - 1), math.sqrt(N_x * N_z / BLOCKS))
+    n_x = max(math.floor((N_x - 1) / q), 2)
+    while n_x > 2 and (n_x + 1) * (round(n_x * (N_z - 1) / (N_x - 1)) + 1) > BLOCKS:
+        n_x -= 1
+    l = scene.slider.L / n_x
+    n_z = max(round(scene.slider.H / l), 1)
+    j_h = min(max(round(scene.driver.h / l), 1), n_z)
+    slider = dataclasses.replace(scene.slider, l=l, H=l * n_z, eta=scene.eta)
+    driver = dataclasses.replace(scene.driver, h=l * j_h)
+    return dataclasses.replace(
+        scene, slider=slider, driver=driver, interface=_interface_on(scene, n_x + 1)
+    )
+
+
+def _coarser_chain(scene: Scene) -> Scene:
+    """Return the chain with fewer blocks: the same rod under the same forces per length."""
+    slider, top, N_x, N = scene.slider, scene.top, scene.N_x, COLUMNS
+    q, at = (N_x - 1) / (N - 1), np.linspace(0, N_x - 1, N)
+    p, tau = (
+        np.interp(at, np.arange(N_x), np.broadcast_to(value, N_x)) * (N_x / N)
+        for value in (top.p, top.tau)
+    )
+    interface = _interface_on(scene, N)
+    most = (1 - 1e-12) * np.asarray(interface.mu_s) * p
+    tau = np.clip(tau, -most, most)
+    top = dataclasses.replace(top, p=tuple(p), tau=tuple(tau), k_top=top.k_top * q)
+    slider = dataclasses.replace(slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q)
+    return dataclasses.replace(scene, slider=slider, top=top, interface=interface)
+
+
+def _interface_on(scene: Scene, N_x: int) -> Interface:
+    """Return the interface with its fields on another number of blocks."""
+    order = np.argsort(scene.n_of_i)
+    fields = {name: scene.field(name)[order] for name in FIELDS}
+    return scene.interface.on(N_x, fields)

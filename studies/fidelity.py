@@ -20,7 +20,8 @@ from bench import RIVAL, time_peer
 
 from pyfric.engines import prediction_curve, simulate
 from pyfric.record import differences
-from pyfric.scene import at_once, preset
+from pyfric.scene import preset
+from pyfric.signals import at_once
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -33,7 +33,8 @@ from finer import refined
 from pyfric.core import STEPPERS
 from pyfric.engines import simulate, step_size
 from pyfric.record import Record, analysis
-from pyfric.scene import at_once, preset, write
+from pyfric.scene import preset, write
+from pyfric.signals import at_once
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

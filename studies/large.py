@@ -13,7 +13,8 @@ from concurrent.futures import ProcessPoolExecutor
 import pandas as pd
 
 from pyfric.engines import simulate
-from pyfric.scene import at_once, preset
+from pyfric.scene import preset
+from pyfric.signals import at_once
 
 __all__ = ["large", "report"]
 

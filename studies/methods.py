@@ -26,7 +26,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pyfric.engines import RunError, simulate
 from pyfric.figures import DataFigure
 from pyfric.record import budget_left, front_speed
-from pyfric.scene import SceneError, at_once, preset
+from pyfric.scene import SceneError, preset
+from pyfric.signals import at_once
 from pyfric.statics import stability_limit
 
 if TYPE_CHECKING:

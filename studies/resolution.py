@@ -20,7 +20,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pyfric.engines import prediction_curve
 from pyfric.figures import DataFigure
 from pyfric.record import analysis
-from pyfric.scene import at_once, preset
+from pyfric.scene import preset
+from pyfric.signals import at_once
 from pyfric.sweeps import Job, run_all
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from pyfric.cli import main
 from pyfric.cli.commands.run import TABLES
 from pyfric.cli.shared import Exit, Tell
 from pyfric.figures import FIGURES
-from pyfric.sweeps import sweep
+from pyfric.sweeps import runs
 
 SMALL = ("--set", "L=20 mm", "--set", "H=12.5 mm", "--set", "V=500 mm/s")
 """Changes of fig1 that slip after 1.1 ms."""
@@ -626,12 +626,12 @@ def test_failed_reproduce(tmp_path):
 
 @pytest.mark.usefixtures("small_paper")
 def test_interrupted_reproduce(tmp_path, monkeypatch):
-    simulate = sweep.simulate
+    simulate = runs.simulate
 
     def stopped(*arguments, **options):
         return dataclasses.replace(simulate(*arguments, **options), status="interrupted")
 
-    monkeypatch.setattr(sweep, "simulate", stopped)
+    monkeypatch.setattr(runs, "simulate", stopped)
     result = pyf("reproduce", "fig1b", "--no-cache", "--out", tmp_path)
     assert result.exit_code == Exit.INTERRUPTED
     assert list(tmp_path.iterdir()) == []

@@ -11,7 +11,7 @@ import pyfric
 from pyfric.checks.verify import _OutOfTime
 from pyfric.record.episodes import LogError
 from pyfric.sweeps import results
-from pyfric.sweeps.sweep import _Stopped
+from pyfric.sweeps.runs import Unwanted
 
 
 def run_error():
@@ -22,7 +22,7 @@ def run_error():
 
 
 EXAMPLES = {
-    results.Before: lambda: results.Before("the motion is not finite"),
+    results.FailedBefore: lambda: results.FailedBefore("the motion is not finite"),
     pyfric.EquilibriumError: lambda: pyfric.EquilibriumError("no way", np.nan, 1e-9, 7),
     pyfric.JobError: lambda: pyfric.JobError(
         pyfric.Job(scene=pyfric.preset("fig1"), t_end=0.1), run_error()
@@ -35,7 +35,7 @@ EXAMPLES = {
     pyfric.StateError: lambda: pyfric.StateError("no state"),
     LogError: lambda: LogError("no log"),
     _OutOfTime: lambda: _OutOfTime("not made within 60 s"),
-    _Stopped: _Stopped,
+    Unwanted: Unwanted,
 }
 
 

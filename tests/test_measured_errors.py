@@ -12,23 +12,21 @@ from helpers import small_rod
 
 import pyfric
 from pyfric.cli import main
-from pyfric.engines import cost, verification
-from pyfric.engines.cost import CHEAP, FINEST, WORTH, beside, beside_ladder, coarser_step, work
-from pyfric.engines.guard import hurry
+from pyfric.engines.cost import full_work, work_so_far
 from pyfric.engines.verification import (
-    COARSER,
-    FAST,
-    FINER,
-    JUMPS,
+    DYNAMICS,
     PERTURBATION,
-    SPEEDS,
-    Made,
-    stretch,
+    RATIOS,
+    SAFETY,
+    STRICTER,
+    TURNED,
+    Specification,
+    budget,
     verified,
 )
 from pyfric.record import Errors, Record, differences, not_verified, statistics, summary
 from pyfric.record.errors import UNITS
-from pyfric.scene import chain, preset, setup1, slab
+from pyfric.scene import chain, setup1, slab
 from pyfric.statics import stability_limit
 
 
@@ -222,7 +220,7 @@ def test_the_measured_error_is_the_error_of_a_closed_form(share):
     event = record.events.iloc[0]
     error = abs(event["F_T_arrest"] - exact) / record.scene.F_N
     assert error > 1e-9
-    assert record.errors.arrest == pytest.approx(FINER * error, rel=0.1)
+    assert record.errors.arrest == pytest.approx(SAFETY * error, rel=0.1)
     sampled, _ = one_block(share, "sample")
     assert sampled.errors.arrest >= error
 
@@ -244,20 +242,6 @@ def test_a_plan_measures_its_errors(refined):
     assert refined.timings["verification"] > 0
 
 
-@pytest.mark.parametrize("share", [1.0, 0.1])
-def test_jumps_in_finite_geometry_leave_an_error_of_front_speeds(refined, share):
-    """Beside itself a run has just that error: in proportion where the driver is slow."""
-    driver = refined.scene.driver
-    driver = dataclasses.replace(driver, V=share * FAST / hurry(refined.scene) * driver.V)
-    scene = dataclasses.replace(refined.scene, driver=driver)
-    made = Made(scene=scene, t_begin=0.0, t_end=1.0, options=pyfric.Options(), run=None)
-    stepped = verification._Stepped(refined, made)
-    stepped.other, stepped.factor = refined, FINER
-    errors = stepped.errors()
-    for name, most in SPEEDS.items():
-        assert getattr(errors, name) == pytest.approx(share * most)
-
-
 def test_a_record_keeps_them(refined, tmp_path):
     path = refined.save(tmp_path / "a.nc")
     assert Record.load(path) == refined
@@ -273,82 +257,6 @@ def test_what_is_not_asked_for_is_not_measured():
         assert pyfric.simulate(scene, 2e-3, **how).errors is None
     with pytest.raises(pyfric.SceneError, match="verify"):
         pyfric.Options(verify="some")
-
-
-def test_the_price_is_at_most_the_cost_of_the_run_or_cheap():
-    for want, tolerance in (("precursors", 0.01), ("front_speed", 0.05), ("stress", 0.1)):
-        found = pyfric.plan(small_rod(), want, tolerance, t_end=0.7)
-        ready = cost.set_up(small_rod(), "hybrid", "finite").seconds
-        assert 0 < found.price <= max(found.seconds, CHEAP + ready)
-        assert 0 < found.share <= 1
-
-
-def test_what_is_compared_hangs_on_counts_and_not_on_the_clock(monkeypatch):
-    """The same shares on a machine that is ten times as slow."""
-    scene, shares = preset("fig1"), []
-    for pace in (1.0, 10.0):
-        monkeypatch.setattr(cost, "pace", lambda pace=pace: pace)
-        shares.append([pyfric.plan(scene, "stress", one, t_end=0.9).share for one in (0.1, 0.01)])
-    assert shares[0] == shares[1]
-    assert min(shares[0]) < 1
-
-
-def test_the_run_beside_is_finer_where_that_is_paid_for():
-    scene, dt = small_rod(), pyfric.step_size(small_rod())
-    cheap = beside(scene, 1e7, 0, "finite", dt)
-    assert (cheap.dt, cheap.share) == (dt / FINEST, 1)
-    dear = beside(scene, 2.5e7, 0, "finite", dt)
-    assert (dear.dt, dear.share) == (dt / 2, 1)
-    for geometry, least in (("finite", 1.0), ("linear", 0.9)):
-        for jumps in (0, 1e3):
-            long = beside(scene, 1e9, jumps, geometry, dt)
-            own = work(scene.N_x * scene.N_z, 1e9, jumps, geometry)
-            assert long.dt == coarser_step(scene, dt) > dt
-            assert long.seconds <= own
-            assert long.share >= (least if not jumps else 0.5)
-            assert 20 * long.share == round(20 * long.share)
-
-
-def test_dynamics_measures_jumps_that_spare_little():
-    """As long as it takes at most four times as long, and no longer than is paid for."""
-    scene, dt = small_rod(), pyfric.step_size(small_rod())
-    blocks, times = scene.N_x * scene.N_z, WORTH * 0.9
-    lasts = times * 1e6 * dt / (4 * blocks)  # that dynamics takes `times` as many evaluations
-    assert beside(scene, 1e6, 1e-9, "finite", dt, lasts=lasts).whole
-    assert not beside(scene, 1e6, 1e-9, "finite", dt, lasts=2 * lasts).whole
-    assert not beside(scene, 1e6, 0, "finite", dt, lasts=lasts).whole
-    dear = beside(scene, 1e9, 1e-9, "finite", dt, lasts=1e3 * lasts)
-    assert not dear.whole
-    assert dear.seconds <= work(blocks, 1e9, 1e-9, "finite")
-
-
-def test_a_ladder_is_compared_for_as_many_events_as_are_cheap():
-    scene = small_rod()
-    few, many = (beside_ladder(scene, n, 10 * n, pyfric.step_size(scene)) for n in (3, 3000))
-    assert few.share == 1
-    assert 0 < many.share < 0.2
-    assert max(few.seconds, many.seconds) <= CHEAP
-    assert 3000 * many.share == pytest.approx(round(3000 * many.share))
-    none = beside_ladder(preset("fig1", l=1.25e-3), 10, 1000, 1e-7)
-    assert (none.share, none.seconds) == (0, 0)
-
-
-def test_a_stretch_begins_at_the_start_and_ends_with_its_share_of_events(ladder):
-    made = Made(scene=ladder.scene, t_begin=0.0, t_end=1.5, options=pyfric.Options(), run=None)
-    starts = ladder.events["t_start"].to_numpy()
-    assert stretch(ladder, made, 1.0) == 1.5
-    assert (starts < stretch(ladder, made, 0.5)).sum() == len(starts) // 2
-    dynamic = dataclasses.replace(ladder.method, engine="dynamic")
-    assert stretch(dataclasses.replace(ladder, method=dynamic), made, 0.5) == 0.75
-
-
-def test_the_coarser_step_is_stable():
-    scene = small_rod()
-    limit = stability_limit(scene)[0]
-    for share in (0.01, 0.5, 0.7, 0.9, 1.0):
-        step = coarser_step(scene, share * limit)
-        assert step < limit
-        assert not 0.8 < step / (share * limit) < 1.25
 
 
 def test_beyond_the_tolerance_is_said():
@@ -465,51 +373,51 @@ def test_a_prescribed_interface_is_compared_by_its_rupture_times():
     assert lost["rupture"] == pytest.approx(run.curve["t"].iloc[-1] / span)
 
 
-# --- refinement, with runs whose errors are known ------------------------------------------------
+# --- verification, with runs whose errors are known ----------------------------------------------
 
 
 class Known:
-    """Runs off by `step` (dt/dt_0)^4 F_N, and by `bonds` F_N in linear geometry, in start forces.
+    """Runs off by `step` (dt/dt_0)^4 F_N, by `bonds` F_N in linear geometry, and by `jumps` times
+    their accuracy, in start forces.
 
-    From main event `chaos` on, a faster driver moves them by 0.3 F_N. Jumps leave `jumps[tight]`.
-    Steps of more than `turn` dt_0 take a wrong turn: one event is 0.1 L longer, the next one starts
-    at 0.005 F_N more.
+    From main event `chaos` on, steps move them by `noise` (dt/dt_0)^0.1. Steps of more than `turn`
+    dt_0 take a wrong turn: one event is 0.1 L longer, the next one starts at 0.005 F_N more.
     """
 
-    def __init__(self, ladder, step=0.0, bonds=0.0, chaos=None, noise=0.0, jumps=(), turn=np.inf):
+    def __init__(self, ladder, step=0.0, bonds=0.0, chaos=None, noise=0.0, jumps=0.0, turn=np.inf):
         self.ladder, self.step, self.bonds, self.chaos = ladder, step, bonds, chaos
         self.noise, self.asked, self.jumps, self.turn = noise, [], jumps, turn
         self.dt_0 = pyfric.step_size(ladder.scene)
-        self.main = main_events(ladder)
+        self.main, self.evaluations = main_events(ladder), 10**8
 
-    def run(self, scene, t_end, options, tight=0):
-        how = {"engine": "hybrid", "geometry": options.geometry, "dt": options.dt}
+    def run(self, scene, t_end, options, enough=None):
+        how = {"engine": options.fidelity, "geometry": options.geometry, "dt": options.dt}
+        how |= {"accuracy": options.accuracy, "sample": 10**6}
         method = dataclasses.replace(
             self.ladder.method, **how, stepper="rk4", switching="located", variant=""
         )
-        off = self.step * (options.dt / self.dt_0) ** 4
-        off += self.bonds * (options.geometry == "linear")
-        off += sum(self.jumps[tight : tight + 1])
+        share = options.dt / self.dt_0
+        off = self.step * share**4 + self.bonds * (options.geometry == "linear")
+        off += self.jumps * (options.accuracy or 0.0)
         events = self.ladder.events
         events.loc[self.main, "F_T_start"] += off * scene.F_N
-        if options.dt > self.turn * self.dt_0:
+        if share > self.turn:
             events.loc[self.main[2], "L_p_over_L"] += 0.1
             events.loc[self.main[3], "F_T_start"] += 0.005 * scene.F_N
         if self.chaos is not None:
-            late = self.main[self.chaos :]
-            fast = scene.driver.V != self.ladder.scene.driver.V
-            apart = 0.3 * fast + self.noise * (options.dt / self.dt_0) ** 0.1
-            events.loc[late, "F_T_start"] += apart * scene.F_N
-        self.asked.append((options.geometry, options.dt / self.dt_0, tight))
-        counts = {"block_evaluations": 10**10, "jumps": 0}
+            events.loc[self.main[self.chaos :], "F_T_start"] += self.noise * share**0.1 * scene.F_N
+        self.asked.append((options.geometry, share, options.accuracy))
+        made = round(self.evaluations / share)
+        blocks = scene.N_x * scene.N_z
+        counts = {"block_evaluations": made, "steps": made // (4 * blocks), "attempts": 0}
         return dataclasses.replace(self.ladder, method=method, events=events, counts=counts)
 
     def verified(self, mode, tolerance=0.01, geometry="finite"):
         options = pyfric.Options(
-            fidelity="hybrid", geometry=geometry, dt=self.dt_0, tolerance=tolerance
+            fidelity="hybrid", geometry=geometry, dt=self.dt_0, tolerance=tolerance, accuracy=1e-4
         )
         scene = self.ladder.scene
-        made = Made(
+        made = Specification(
             scene=scene, t_begin=0.0, t_end=1.5, options=options, run=self.run, refines=True
         )
         return verified(self.run(scene, 1.5, options), mode, made)
@@ -517,81 +425,150 @@ class Known:
 
 def test_a_small_error_takes_one_more_run(ladder):
     known = Known(ladder, step=1e-4)
-    for mode in ("sample", None):  # 1e10 evaluations are not cheap
-        known.asked.clear()
-        errors = known.verified(mode).errors
-        assert len(known.asked) == 2
-        ratio = known.asked[1][1]
-        assert errors.start == pytest.approx(COARSER * 1e-4 * (ratio**4 - 1) + JUMPS)
+    errors = known.verified(None).errors
+    (_, share, accuracy) = known.asked[-1]
+    assert len(known.asked) == 2
+    assert (share, accuracy) == (1 / 2, 1e-4 * STRICTER)  # twice the work, and half a second
+    assert errors.start == pytest.approx(SAFETY * 1e-4)
     full = known.verified("full").errors
-    assert full.start == pytest.approx(FINER * 1e-4 + JUMPS)
-    assert all(tight for _, _, tight in known.asked[1:2])
+    assert full.start == pytest.approx(SAFETY * 1e-4)
+    assert known.asked[3][1] == 1 / RATIOS[0]
 
 
-def test_steps_are_cut_until_the_error_is_within_the_tolerance(ladder):
-    known = Known(ladder, step=0.01)
-    record = known.verified("sample")
-    assert [share for _, share, _ in known.asked[2:]] == [1 / 2, 1 / 8]
+def test_the_reference_is_the_best_that_is_paid_for(ladder):
+    """The largest ratio of steps; full dynamics, where that is paid for, rather than jumps."""
+    scene, dt = ladder.scene, pyfric.step_size(ladder.scene)
+    full, seen = full_work(scene, "finite", dt, 1.5), []
+    for evaluations in (10**5, 10**8, 10**9):
+        known = Known(ladder, step=1e-6)
+        known.evaluations = evaluations
+        record = known.verified(None)
+        (_, share, accuracy) = known.asked[1]
+        own = work_so_far(record)
+        made = full / share if accuracy is None else own / share
+        assert made <= budget(own) * 1.01
+        seen.append((share, accuracy is None))
+    assert seen[0] == (1 / 4, False)  # a quarter of the step is cheap
+    assert seen[-1][1]  # dynamics spares nothing there
+    assert seen[1] == (1 / 2, False)
+
+
+def test_a_run_that_is_too_far_off_gives_way_to_its_reference(ladder):
+    known = Known(ladder, step=0.007)
+    record = known.verified(None)
+    assert [share for _, share, _ in known.asked] == [1, 1 / 2]
     assert record.method.dt == known.dt_0 / 2
-    assert record.errors.start == pytest.approx(FINER * 0.01 / 16 + JUMPS)
+    better = max(2**-4 / (1 - 2**-4), STRICTER / (1 - STRICTER))
+    assert record.errors.start == pytest.approx(SAFETY * better * 0.007 * (1 - 2**-4))
+    assert record.errors.start >= 0.007 * 2**-4
     assert record.errors.holds
     assert any("refined to hybrid, finite geometry" in note for note in record.notes)
 
 
-def test_a_wrong_turn_that_half_the_step_takes_too_is_found(ladder):
+def test_a_wrong_turn_has_no_order(ladder):
     """Events of other lengths are no errors of some order in the step."""
-    record = Known(ladder, step=0.01, turn=1 / 6).verified("sample", tolerance=0.02)
-    assert record.method.dt == pyfric.step_size(ladder.scene) / 2
-    off = 0.005 + 0.01 * (2**-4 - (2 * FINEST) ** -4)
-    assert record.errors.start == pytest.approx(COARSER * off + JUMPS)
+    record = Known(ladder, turn=1.0 - 1e-9).verified(None, tolerance=0.02)
+    assert record.errors.start == pytest.approx(TURNED * 0.005)
 
 
-def test_a_refined_run_is_compared_with_stricter_jumps_than_its_own(ladder):
-    known = Known(ladder, jumps=(0.3, 0.1))  # the same for all steps
-    record = known.verified("sample")
-    assert [tight for _, _, tight in known.asked] == [0, 1, 1, 2, 1, 3]  # the last 1: perturbed
-    assert record.errors.start == pytest.approx(JUMPS)
-    np.testing.assert_array_equal(record.events["F_T_start"], ladder.events["F_T_start"])
-
-
-def test_linear_geometry_is_left_first(ladder):
+def test_linear_geometry_gives_way(ladder):
     known = Known(ladder, bonds=0.05)
-    record = known.verified("sample", geometry="linear")
-    assert [geometry for geometry, _, _ in known.asked] == ["linear", *(3 * ["finite"])]
-    assert [share for _, share, _ in known.asked[2:]] == [1 / 2, 1.0]
+    record = known.verified(None, geometry="linear")
     assert record.method.geometry == "finite"
-    assert record.errors.start == pytest.approx(JUMPS)
+    assert [geometry for geometry, _, _ in known.asked] == ["linear", "finite", "finite"]
+    assert known.asked[-1][1:] == known.asked[0][1:]
+    assert record.errors.start < 1e-12
 
 
-def test_chaos_is_said(ladder):
-    """Runs that differ however small the step, as those with another driver do."""
-    known = Known(ladder, chaos=4, noise=0.5)
-    record = known.verified("sample")
+def test_jumps_are_compared_with_stricter_ones(ladder):
+    record = Known(ladder, jumps=10.0).verified(None)
+    assert record.errors.start == pytest.approx(SAFETY * 10 * 1e-4 * (1 - STRICTER) / (1 - 2**-4))
+
+
+def test_a_few_events_that_are_not_determined_are_named(ladder):
+    """One of many that every step changes; all others are measured."""
+    known = Known(ladder, step=1e-6)
+    plain, event = known.run, known.main[3]
+
+    def run(scene, t_end, options, enough=None):
+        record = plain(scene, t_end, options)
+        events = record.events
+        events.loc[event, "F_T_arrest"] += 0.2 * (options.dt / known.dt_0) ** 0.5 * scene.F_N
+        return record.replace(events=events)
+
+    known.run = run
+    record = known.verified(None)
+    assert record.errors.undetermined == (event,)
+    assert record.errors.holds
+    assert record.errors.arrest < 1e-9
+    assert f"but for 1 events that are not determined: {event}" in str(record.errors)
+
+
+def test_from_when_on_single_events_cannot_be_trusted_is_said(ladder):
+    """Runs that differ however small the step."""
+    known = Known(ladder, chaos=4, noise=5.0)
+    record = known.verified(None)
     at = float(ladder.events["t_start"][known.main[4]])
     ends = ladder.events["t_stop"].to_numpy()
     assert record.errors.until == ends[ends < at].max()  # it may begin earlier in another run
-    assert record.errors.start == pytest.approx(JUMPS)
-    assert record.errors.statistics["mean start/F_N"][1] == pytest.approx(0.3)
+    assert record.errors.start < 1e-12
+    assert record.errors.statistics["main events"][1] == 0
     assert any("single events cannot be trusted" in note for note in record.notes)
-    calm = Known(ladder, step=1e-4, chaos=4).verified("sample")
-    assert calm.errors.until is None  # nobody asked: steps nearly twice as long agree
+    assert Known(ladder, step=1e-4, chaos=4).verified(None).errors.until is None
 
 
 def test_what_no_refinement_helps_is_said(ladder):
     """Nothing that could be trusted is left to compare."""
-    record = Known(ladder, step=1e4).verified("sample")
-    assert record.errors.until is not None
-    assert "finer steps give other ones" in record.notes[-2]
+    record = Known(ladder, step=1e4).verified(None)
     assert record.errors.holds is None
     assert "NOT MEASURED" in record.notes[-1]
 
 
-@pytest.mark.parametrize(("step", "runs"), [(1e-7, 2), (1e-4, 4)])
-def test_steps_are_not_cut_for_what_jumps_leave(ladder, step, runs):
-    """It is the same for all steps; but errors of steps that are too large are cut."""
-    known = Known(ladder, step=step)
-    record = known.verified("sample", tolerance=JUMPS / 2)
-    assert len(known.asked) == runs
-    assert not record.errors.holds
-    assert record.errors.start < 1.5 * JUMPS
-    assert record.notes[-2] == verification.VAIN
+def test_a_part_that_was_not_compared_is_said(ladder):
+    """A reference run that ends where its budget does."""
+    known = Known(ladder, step=1e-6)
+    plain = known.run
+
+    def run(scene, t_end, options, enough=None):
+        record = plain(scene, t_end, options)
+        if enough is None:
+            return record
+        short = record.curve["t"] <= 0.7
+        return record.replace(curve=record.curve[short].reset_index(drop=True), status="interrupted")
+
+    known.run = run
+    record = known.verified(None)
+    assert record.errors.measured() < 1e-5
+    assert record.errors.holds is None
+    assert record.errors.covered < 0.71
+    assert "NOT MEASURED from there to 1.5 s" in record.notes[-1]
+
+
+def test_a_reference_run_ends_where_its_budget_does():
+    """However much more it takes than was counted."""
+    scene = small_rod()
+    ended = []
+
+    def run(scene, t_end, options, enough=None):
+        record = pyfric.simulate(scene, t_end, options, progress=False)
+        ended.append(enough)
+        return record
+
+    how = pyfric.Options(fidelity="hybrid", geometry="finite", accuracy=1e-4)
+    made = Specification(scene=scene, t_begin=0.0, t_end=1e-3, options=how, run=run)
+    record = verified(run(scene, 1e-3, how), None, made)
+    (_, enough) = ended
+    most = dataclasses.replace(record, counts={"block_evaluations": 10**12, "steps": 10**9})
+    assert enough(most)
+    assert not enough(record)
+
+
+def test_a_ladder_is_compared_with_dynamics():
+    scene = small_rod()
+    record = pyfric.simulate(scene, 0.7, tolerance=0.1, progress=False)
+    assert record.method.engine == "quasistatic"
+    (by,) = record.errors.by
+    assert by.startswith("dynamics (hybrid, finite geometry")
+    other = pyfric.simulate(scene, 0.7, fidelity="hybrid", progress=False)
+    found = differences(record, other).before(record.errors.covered).errors(DYNAMICS)
+    assert record.errors.start == pytest.approx(found["start"], rel=0.05)

@@ -1,16 +1,12 @@
 """The longest pause inside an event: the paper's scenes, three times of a scene, and the note."""
 
-import numpy as np
 import pytest
 from helpers import scaled
 
 import pyfric
-from pyfric.engines.guard import slow_decay
 from pyfric.engines.pauses import longest_pause, pause_notes
-from pyfric.engines.ringdown import Frozen
 from pyfric.record import build_catalogue
 from pyfric.scene import PRESETS, preset, setup1, setup2
-from pyfric.statics import StaticSolver
 
 
 def test_the_papers_scenes_keep_a_millisecond():
@@ -34,13 +30,6 @@ def test_three_times_of_a_scene(scene, expected):
     assert longest_pause(scene) == expected
     if not scene.prescribed:
         assert longest_pause(scaled(scene, 2.0)) == expected
-
-
-@pytest.mark.parametrize("scene", [setup1(), setup1(H=0.03), setup1(eta=0.3), setup2(L=0.02)])
-def test_the_slowest_decay_is_that_of_the_slowest_mode(scene):
-    """It is meant roughly; the modes say 0.98 to 1.33 times as long here."""
-    modes = Frozen(StaticSolver(scene, "linear"), np.ones(scene.N_x, dtype=bool))
-    assert 1 / -modes.rates.real.max() == pytest.approx(slow_decay(scene), rel=0.35)
 
 
 @pytest.fixture(scope="module")

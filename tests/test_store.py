@@ -6,8 +6,8 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 import time
-import warnings
 
 import pytest
 from click.testing import CliRunner
@@ -16,9 +16,20 @@ from helpers import small
 
 import pyfric
 from pyfric.cli import main
-from pyfric.sweeps import Job, run_all, store, sweep
+from pyfric.scene import SceneError
+from pyfric.sweeps import Job, Store, run_all, runs, store
+from pyfric.sweeps.store import CACHE_VARIABLE, DAY, LOCK
 
 KEYS = ["0" * 40, "1" * 40, "a" * 40]
+
+
+class Unwanted(Exception):
+    pass
+
+
+@pytest.fixture(autouse=True)
+def _fresh_log():
+    store.log.cache_clear()
 
 
 @pytest.fixture(scope="module")
@@ -34,21 +45,21 @@ def file(record, tmp_path_factory):
 @pytest.fixture
 def folder(tmp_path, file, monkeypatch):
     """A store with three runs, used 1, 2 and 3 days ago, and files that are not its own."""
-    monkeypatch.setenv(store.CACHE_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     for age, key in enumerate(KEYS, 1):
         shutil.copyfile(file, tmp_path / f"{key}.nc")
-        used = time.time() - age * store.DAY
+        used = time.time() - age * DAY
         os.utime(tmp_path / f"{key}.nc", (used, used))
     for name in ("mine.nc", "notes.txt"):
         (tmp_path / name).write_text("mine")
         os.utime(tmp_path / name, (0, 0))
     (tmp_path / ".pyfric-elsewhere-1-0123abcd.tmp").touch()
     os.utime(tmp_path / ".pyfric-elsewhere-1-0123abcd.tmp", (0, 0))
-    return tmp_path
+    return Store(tmp_path)
 
 
-def keys(folder):
-    return [entry.path.stem for entry in store.entries(folder)]
+def keys(store):
+    return [entry.path.stem for entry in store.entries()]
 
 
 def damage(path):
@@ -63,46 +74,44 @@ def pyf(*arguments):
     return CliRunner().invoke(main, ["cache", *arguments])
 
 
+def job():
+    return Job(scene=small(), t_end=1e-5, options={"fidelity": "dynamic"})
+
+
+# --- runs ----------------------------------------------------------------------------------------
+
+
 def test_a_run_is_found_again(folder, record):
-    found = store.kept(folder, KEYS[2], record.scene)
-    assert found == record
+    assert folder.load(KEYS[2], record.scene) == record
     assert keys(folder)[0] == KEYS[2]  # used just now
-    assert store.kept(folder, "b" * 40, record.scene) is None
-    assert store.kept(folder, KEYS[0], small(F_N=3000.0)) is None
+    assert folder.load("b" * 40, record.scene) is None
+    assert folder.load(KEYS[0], small(F_N=3000.0)) is None
     renamed = dataclasses.replace(record.scene, name="another")
-    assert store.kept(folder, KEYS[0], renamed) == record
+    assert folder.load(KEYS[0], renamed) == record
 
 
-def test_every_damage_is_noticed_with_a_warning(folder, record):
-    path = folder / f"{KEYS[0]}.nc"
+def test_every_damage_is_noticed_with_a_line(folder, record, caplog):
+    class Noticed(Exception):
+        pass
 
     def load(path):
-        found = store.kept(folder, path.stem, record.scene)
+        caplog.clear()
+        store.log.cache_clear()
+        found = folder.load(path.stem, record.scene)
         assert found is None or found == record
+        if "made again" in caplog.text:
+            raise Noticed
         return found
 
-    with warnings.catch_warnings(action="error"):
-        kinds = {"flips": 100, "pages": 20, "cuts": 20}
-        assert not unnoticed(path, load, RuntimeWarning, seed=5, **kinds)
+    kinds = {"flips": 100, "pages": 20, "cuts": 20}
+    assert not unnoticed(folder.folder / f"{KEYS[0]}.nc", load, Noticed, seed=5, **kinds)
 
 
-def test_damaged_runs_are_made_again(tmp_path):
-    job = Job(scene=small(), t_end=1e-5, options={"fidelity": "dynamic"})
-    (first,) = run_all([job], cache=tmp_path)
-    path = tmp_path / f"{job.key}.nc"
-    damage(path)
-    with pytest.warns(RuntimeWarning, match=rf"made again: {path}: damaged"):
-        (again,) = run_all([job], cache=tmp_path)
-    assert store.check(store.entries(tmp_path)[0]) == again
-    assert first.final_state == again.final_state
-
-
-def test_a_run_that_cannot_be_kept_is_not_lost(tmp_path):
+def test_a_run_that_cannot_be_kept_is_not_lost(tmp_path, caplog):
     (tmp_path / "file").touch()
-    job = Job(scene=small(), t_end=1e-5, options={"fidelity": "dynamic"})
-    with pytest.warns(RuntimeWarning, match=r"not kept: .*file"):
-        (found,) = run_all([job], cache=tmp_path / "file")
-    assert found.status == "complete"
+    found = run_all([job(), dataclasses.replace(job(), t_end=2e-5)], 1, cache=tmp_path / "file")
+    assert [made.status for made in found] == ["complete"] * 2
+    assert caplog.text.count("finished runs are not kept in") == 1  # said once
 
 
 def test_a_read_only_store_is_used(folder, record, monkeypatch):
@@ -110,93 +119,197 @@ def test_a_read_only_store_is_used(folder, record, monkeypatch):
         raise PermissionError
 
     monkeypatch.setattr(os, "utime", refuse)
-    assert store.kept(folder, KEYS[0], record.scene) == record
+    assert folder.load(KEYS[0], record.scene) == record
 
 
-def test_cache_folder_follows_the_environment(monkeypatch, tmp_path):
-    monkeypatch.setenv(store.CACHE_VARIABLE, str(tmp_path / "mine"))
-    run_all([Job(scene=small(), t_end=1e-5, options={"fidelity": "dynamic"})])
-    assert len(store.entries(tmp_path / "mine")) == 1
-    monkeypatch.delenv(store.CACHE_VARIABLE)
-    assert store.cache_folder().name == "pyfric"
+def test_what_names_a_store(monkeypatch, tmp_path):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "mine"))
+    assert Store.at(True) == Store(tmp_path / "mine")
+    monkeypatch.delenv(CACHE_VARIABLE)
+    assert (Store.at(True).folder.name, Store.at(True).own) == ("pyfric", True)
+    assert Store.at("runs") == Store.at(tmp_path.__class__("runs"))
+    for none in (None, False):
+        assert Store.at(none).prune(0) == ([], 0)
+        assert Store.at(none).load(KEYS[0], small()) is None
+    with pytest.raises(SceneError, match="cache"):
+        Store.at(3)
+
+
+# --- locks ---------------------------------------------------------------------------------------
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from pyfric.sweeps import Store
+
+with Store(Path(sys.argv[1])).reserved(sys.argv[2], "a run", lambda: None) as locked:
+    print(locked, flush=True)
+    time.sleep(1000)
+"""
+
+
+def look():
+    pass
+
+
+@pytest.fixture
+def holder(tmp_path):
+    """Another process that holds a run."""
+    call = [sys.executable, "-P", "-c", HOLD, str(tmp_path), KEYS[0]]
+    process = subprocess.Popen(call, stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "True\n"
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def test_who_is_waited_for_is_said_and_a_lock_dies_with_its_owner(tmp_path, holder, caplog):
+    shared, waits = Store(tmp_path), []
+
+    def look():
+        waits.append(1)
+        if caplog.text:
+            holder.kill()
+
+    shared.prune(older_than=0.0)
+    assert shared.lock_file(KEYS[0]).exists()  # somebody holds it
+    with shared.reserved(KEYS[0], "this run", look) as locked:
+        assert locked
+        assert len(waits) > 10
+    assert f"waiting for process {holder.pid} of " in caplog.text
+    assert caplog.text.count("which makes this run") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_waiting_ends_where_the_run_is_not_wanted(tmp_path, holder):
+    def look():
+        raise Unwanted
+
+    with pytest.raises(Unwanted), Store(tmp_path).reserved(KEYS[0], "a run", look):
+        pass
+    assert Store(tmp_path).lock_file(KEYS[0]).exists()
+
+
+@pytest.mark.parametrize("age", [-3600.0, 0.0, 3600.0])
+def test_a_file_that_nobody_holds_blocks_nothing_whatever_its_date(tmp_path, age):
+    """Of a killed process, of a machine whose clock is ahead."""
+    shared = Store(tmp_path)
+    for key in KEYS[:2]:
+        shared.lock_file(key).write_text("process 1 of elsewhere")
+        os.utime(shared.lock_file(key), (time.time() - age,) * 2)
+    with shared.reserved(KEYS[0], "a run", look) as locked:
+        assert locked
+    assert [path.name for path in tmp_path.iterdir()] == [f".{KEYS[1]}{LOCK}"]
+    shared.prune()
+    assert not list(tmp_path.iterdir())
+
+
+def test_where_no_file_can_be_locked_the_run_is_ours(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    shared = Store(tmp_path)
+    shared.lock_file(KEYS[1]).symlink_to(shared.lock_file(KEYS[1]))
+    for place, key in ((Store(tmp_path / "file"), KEYS[0]), (shared, KEYS[1]), (Store(None), "")):
+        with place.reserved(key, "a run", look) as locked:
+            assert not locked
+
+
+def test_a_full_disk_leaves_no_lock(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(store.Path, "write_text", full)
+    with Store(tmp_path).reserved(KEYS[0], "a run", look) as locked:
+        assert locked
+    assert not list(tmp_path.iterdir())
+
+
+def test_many_threads_hold_one_after_another(tmp_path):
+    inside, most = [], []
+
+    def use():
+        with Store(tmp_path).reserved(KEYS[0], "a run", look):
+            inside.append(1)
+            most.append(len(inside))
+            time.sleep(0.002)
+            inside.pop()
+
+    threads = [threading.Thread(target=use) for _ in range(12)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert most == [1] * 12
+    assert not list(tmp_path.iterdir())
 
 
 # --- what goes -----------------------------------------------------------------------------------
 
 
 def test_records_used_least_recently_go(folder):
-    one = store.entries(folder)[0].size
-    gone, drafts = store.prune(folder, most=2 * one)
+    size = folder.entries()[0].size
+    gone, drafts = folder.prune(most=2 * size)
     assert [entry.path.stem for entry in gone] == [KEYS[2]]
     assert drafts == 1
     assert keys(folder) == KEYS[:2]
-    assert (folder / "mine.nc").exists()
-    assert not list(folder.glob(".*"))
+    assert (folder.folder / "mine.nc").exists()
+    assert not list(folder.folder.glob(".*"))
 
 
 def test_old_notes_of_failures_go(tmp_path):
-    for key, age in (("old", 40 * store.DAY), ("new", 0.0)):
-        store.note_failure(tmp_path, key, "why")
-        os.utime(tmp_path / f".{key}{store.FAILED}", (time.time() - age, time.time() - age))
-    store.prune(tmp_path)
-    assert store.failed_before(tmp_path, "old") == "why"
-    store.prune(tmp_path, most=10**9)
-    assert store.failed_before(tmp_path, "old") == ""
-    assert store.failed_before(tmp_path, "new") == "why"
+    notes = Store(tmp_path)
+    for key, age in ((KEYS[0], 40 * DAY), (KEYS[1], 0.0)):
+        notes.note_failure(key, "why")
+        os.utime(tmp_path / f"{key}{store.FAILED}", (time.time() - age,) * 2)
+    notes.prune()
+    assert [notes.failure(key) for key in KEYS] == ["", "why", ""]
+    assert notes.entries() == []
 
 
-def test_a_sweep_prunes_its_own_folder_alone(folder, monkeypatch):
-    one = store.entries(folder)[0].size
-    monkeypatch.setattr(sweep, "MAX_BYTES", int(2.2 * one))
-    job = Job(scene=small(), t_end=1e-5, options={"fidelity": "dynamic"})
-    run_all([job], cache=folder)
-    assert keys(folder) == [job.key, *KEYS]  # the user named this folder
-    (folder / f"{job.key}.nc").unlink()
-    monkeypatch.setattr(sweep, "cache_folder", lambda: folder)
-    monkeypatch.setenv(store.CACHE_VARIABLE, str(folder))
-    run_all([job])
-    assert keys(folder) == [job.key, *KEYS]
-    (folder / f"{job.key}.nc").unlink()
-    monkeypatch.delenv(store.CACHE_VARIABLE)
-    run_all([job])
-    assert keys(folder) == [job.key, KEYS[0]]
+def test_a_sweep_trims_its_own_folder_alone(folder, monkeypatch):
+    size = folder.entries()[0].size
+    monkeypatch.setattr(runs, "MAX_BYTES", int(2.2 * size))
+    new = job()
+    for cache in (folder.folder, True):  # the user named this folder
+        run_all([new], cache=cache)
+        assert keys(folder) == [new.key, *KEYS]
+        (folder.folder / f"{new.key}.nc").unlink()
+    monkeypatch.delenv(CACHE_VARIABLE)
+    monkeypatch.setattr(store, "user_cache_path", lambda *_, **__: folder.folder)
+    run_all([new])
+    assert keys(folder) == [new.key, KEYS[0]]
 
 
 def test_old_and_damaged_runs_go(folder):
-    damage(folder / f"{KEYS[0]}.nc")
-    store.prune(folder, older_than=2.5)
+    damage(folder.folder / f"{KEYS[0]}.nc")
+    folder.prune(older_than=2.5)
     assert keys(folder) == KEYS[:2]
-    store.prune(folder, damaged=True)
+    folder.prune(damaged=True)
     assert keys(folder) == [KEYS[1]]
-    store.prune(folder)
+    folder.prune()
     assert keys(folder) == [KEYS[1]]
 
 
-def test_a_run_that_is_used_meanwhile_stays(folder, monkeypatch):
-    listed = store.entries(folder)
+def test_a_run_that_is_used_meanwhile_stays(folder):
+    listed = folder.entries()
     os.utime(listed[2].path)
-    monkeypatch.setattr(store, "entries", lambda _: listed)
-    gone, _ = store.prune(folder, older_than=0.5)
-    assert [entry.path.stem for entry in gone] == KEYS[:2]
-    monkeypatch.undo()
+    assert [entry.delete() for entry in listed] == [True, True, False]
     assert keys(folder) == [KEYS[2]]
 
 
 USE = """
-import sys, warnings
+import sys
 from pathlib import Path
 import pyfric
-from pyfric.sweeps import store
+from pyfric.sweeps import Store
 
-warnings.simplefilter("error")
-folder, key = Path(sys.argv[1]), sys.argv[2]
+store, key = Store(Path(sys.argv[1])), sys.argv[2]
 made = pyfric.Record.load(sys.argv[3])
 for n in range(3):
-    store.keep(folder, key, made)
-    found = store.kept(folder, key, made.scene)
+    store.save(key, made)
+    found = store.load(key, made.scene)
     assert found is None or found == made
     if n % 2 == 0:
-        store.prune(folder, most=0)
+        store.prune(most=0)
 """
 
 
@@ -223,12 +336,12 @@ def test_list_and_size(folder, record):
     found = json.loads(pyf("size", "--json").stdout)
     assert found["runs"] == 3
     assert found["bytes"] == sum(row["bytes"] for row in listed)
-    assert f"{folder}: 3 runs" in pyf("size").stdout
+    assert f"{folder.folder}: 3 runs" in pyf("size").stdout
 
 
 def test_check_finds_damage_and_prune_removes_it(folder):
     assert pyf("check").exit_code == 0
-    damage(folder / f"{KEYS[1]}.nc")
+    damage(folder.folder / f"{KEYS[1]}.nc")
     found = pyf("check")
     assert found.exit_code == 1
     assert f"{KEYS[1][:12]} " in found.stdout
@@ -241,7 +354,7 @@ def test_check_finds_damage_and_prune_removes_it(folder):
 
 
 def test_a_store_that_is_not_there_is_empty(monkeypatch, tmp_path):
-    monkeypatch.setenv(store.CACHE_VARIABLE, str(tmp_path / "none"))
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "none"))
     for command in ("list", "check", "size", "prune"):
         assert pyf(command).exit_code == 0
     assert not (tmp_path / "none").exists()

@@ -1,300 +1,458 @@
-"""Runs side by side give what `simulate` gives, are kept by content, and stop when told to."""
+"""Sweeps: what may vary, points, limits, results and means over seeds, files, and the command."""
 
-import contextlib
 import dataclasses
-import os
-import shutil
-import signal
-import subprocess
-import sys
-import time
+import json
+import math
+import tomllib
 
+import numpy as np
+import pandas as pd
 import pytest
-from helpers import same_run, small
+import tomli_w
+import xarray as xr
+from click.testing import CliRunner
+from helpers import refused, small
+from hypothesis import given
+from hypothesis import strategies as st
 
-import pyfric
-from pyfric.sweeps import Job, JobError, run_all, sweep
+from pyfric.cli import main
+from pyfric.engines import Options, RunError, simulate
+from pyfric.record import Record, analysis
+from pyfric.scene import SceneError, Spread, laws
+from pyfric.sweeps import Job, Span, Sweep, runs, sweep
 
-OPTIONS = {"fidelity": "hybrid", "geometry": "linear"}
-
-
-def job(t_end=1.2e-3, options=OPTIONS, **changes):
-    return Job(scene=small(**changes), t_end=t_end, options=options)
-
-
-@pytest.fixture
-def count(monkeypatch):
-    """Number of runs that were made in this process."""
-    made = []
-    simulate = sweep.simulate
-    monkeypatch.setattr(sweep, "simulate", lambda *a, **k: made.append(a) or simulate(*a, **k))
-    return made
+OPTIONS = Options(fidelity="quasistatic")
+RANDOM = small().replace({"interface.mu_s": Spread(mean=0.7, std=0.02)})
 
 
-def test_finished_runs_are_used_again(tmp_path, count):
-    (first,) = run_all([job()], cache=tmp_path)
-    (again,) = run_all([job()], cache=tmp_path)
-    assert first == again
-    assert len(count) == 1
-    run_all([job()], cache=False)
-    assert len(count) == 2
+def swept(**changes):
+    rest = {"over": {"interface.mu_k": [0.3, 0.4]}, "options": OPTIONS} | changes
+    return Sweep(**{"scene": small(), "t_end": 1.2e-3} | rest)
 
 
-def test_equal_jobs_run_once_and_keep_their_names(count, tmp_path):
-    jobs = [job(name="one"), job(name="two"), job(name="one")]
-    found = run_all(jobs, cache=tmp_path, progress=False)
-    assert len(count) == 1
-    assert [one.scene.name for one in found] == ["one", "two", "one"]
+FILE = """
+scene = "scene.toml"
+t_end = "1.2 ms"
 
+[over]
+mu_k = [0.3, 0.4]
+driver.h = { from = "2.5 mm", to = "7.5 mm", step = "2.5 mm" }
 
-def test_key_holds_all_that_determines_a_run(monkeypatch):
-    different = [
-        job(),
-        job(t_end=1.3e-3),
-        job(mu_k=0.45 + 1e-16 + 1e-15),
-        job(eta=1.0),
-        job(side="right"),
-        job(options={}),
-        job(options=OPTIONS | {"t_gap": 2e-3}),
-        job(options=OPTIONS | {"rtol": 1e-5, "stepper": "adaptive"}),
-    ]
-    assert len({one.key for one in different}) == len(different)
-    assert job(name="a").key == job(name="b").key
-    assert job(options=pyfric.Options(**OPTIONS)).key == job().key
-    before = job().key
-    monkeypatch.setattr(sweep, "code_version", lambda: "another code")
-    assert job().key != before
-
-
-def test_code_version_follows_the_installed_files(monkeypatch, tmp_path):
-    def version():
-        sweep.code_version.cache_clear()
-        return sweep.code_version()
-
-    real = version()
-    monkeypatch.setattr(sweep, "__file__", str(tmp_path / "sweeps" / "sweep.py"))
-    for room in (*sweep.ROOMS, "sweeps", "figures", "paper", "checks", "cli"):
-        (tmp_path / room).mkdir()
-        (tmp_path / room / "a.py").write_text("a")
-    one = version()
-    for room in ("sweeps", "figures", "paper", "checks", "cli"):  # a caption voids no stored run
-        (tmp_path / room / "a.py").write_text("b")
-        assert version() == one
-    for room in sweep.ROOMS:
-        before = version()
-        (tmp_path / room / "a.py").write_text("b")
-        assert version() != before
-    two = version()
-    (tmp_path / "_core_v2.so").write_bytes(b"c")
-    three = version()
-    monkeypatch.setattr(sweep.scipy, "__version__", "0.0")
-    assert len({real, one, two, three, version()}) == 5
-    monkeypatch.undo()
-    assert version() == real
-
-
-def test_damaged_and_foreign_files_are_made_again(tmp_path, count):
-    (first,) = run_all([job()], cache=tmp_path)
-    (path,) = tmp_path.glob("*.nc")
-    path.write_bytes(path.read_bytes()[:1000])
-    with pytest.warns(RuntimeWarning, match="made again"):
-        (again,) = run_all([job()], cache=tmp_path)
-    assert len(count) == 2
-    assert same_run(first, again)
-    assert pyfric.Record.load(path) == again
-    dataclasses.replace(first, status="interrupted").save(path)
-    run_all([job()], cache=tmp_path)
-    dataclasses.replace(first, scene=small(F_N=3000.0)).save(path)
-    run_all([job()], cache=tmp_path)
-    assert len(count) == 4
-
-
-def test_only_complete_runs_are_kept(tmp_path, monkeypatch):
-    simulate = sweep.simulate
-    monkeypatch.setattr(
-        sweep,
-        "simulate",
-        lambda *a, **k: dataclasses.replace(simulate(*a, **k), status="interrupted"),
-    )
-    with pytest.raises(KeyboardInterrupt):
-        run_all([job()], cache=tmp_path)
-    assert not list(tmp_path.iterdir())
-
-
-def test_runs_whose_trailing_edge_lifts_count_as_long():
-    weights = [Job(scene=name, t_end=0.7).weight for name in ("setup2+", "setup2", "setup2-")]
-    assert weights[0] > 5 * weights[1] > 5 * weights[2] > 0
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_error_names_its_job_and_others_are_kept(tmp_path, workers):
-    bad = job(options=OPTIONS | {"dt": 1.0}, name="too coarse")
-    good, endless = job(t_end=1e-5), job(t_end=1e3, options={"fidelity": "dynamic"})
-    with pytest.raises(JobError, match=r"too coarse to t = 0.0012 s.*dt = 1\.0.*unstable") as error:
-        run_all([good, bad, endless][: workers + 1], workers=workers, cache=tmp_path)
-    assert error.value.job == bad
-    assert isinstance(error.value.error, pyfric.SceneError)
-    run_all([good], cache=tmp_path)
-    assert (tmp_path / f"{good.key}.nc").exists()
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_records_and_errors_come_back_in_order(tmp_path, workers):
-    """In this process and in others: what `simulate` gives, and an error in place of its record."""
-    coarse = job(options=OPTIONS | {"dt": 1.0}, name="too coarse")
-    dense = {"fidelity": "dynamic", "dt": 2e-6, "stepper": "rk4", "budget": False}
-    heavy = job(t_end=2e-5, options=dense, F_N=9e6, name="folds")
-    good = job(h=5e-3, options=OPTIONS | {"sample": 1e-5})
-    jobs = [coarse, good, heavy, dataclasses.replace(coarse, scene=small(name="again"))]
-    shown = []
-    how = {"progress": lambda *now: shown.append(now), "errors": "return"}
-    with sweep.side_by_side(jobs, workers) as pool:
-        assert (pool is None) == (workers == 1)
-        found = run_all(jobs, 1, tmp_path, executor=pool, **how)
-        assert list(sweep.each(pool, divmod, [(7, 2), (9, 4)])) == [(3, 1), (2, 1)]
-    assert shown == [(0, 3), (1, 3), (2, 3), (3, 3)]
-    assert [type(one) for one in found] == [JobError, pyfric.Record, JobError, JobError]
-    assert [one.job for one in found if isinstance(one, JobError)] == [jobs[0], *jobs[2:]]
-    assert "unstable" in str(found[0])
-    assert isinstance(found[2].error, pyfric.SceneError | pyfric.RunError)
-    assert str(found[3]).startswith("again to t")
-    alone = pyfric.simulate(good.scene, good.t_end, good.options, threads=1, progress=False)
-    assert same_run(found[1], alone)
-    assert found[1].timings["processor"] > 0
-    assert len(found[1].events)
-
-
-@pytest.mark.parametrize(
-    ("make", "text"),
-    [
-        (lambda: job(t_end=-1.0), "t_end"),
-        (lambda: job(options={"thread": 1}), "options.thread"),
-        (lambda: job(options={"threads": 2}), "options.threads"),
-        (lambda: job(options={"initial": None}), "options.initial"),
-        (lambda: job(options={"dt": [1.0]}), "dt"),
-        (lambda: job(options=pyfric.Options(threads=2)), "options.threads"),
-        (lambda: job(options=3), "options"),
-        (lambda: Job(scene="fig", t_end=1.0), "preset"),
-        (lambda: run_all(["fig1"]), "jobs"),
-        (lambda: run_all([job()], workers=0), "workers"),
-        (lambda: run_all([job()], workers=True), "workers"),
-        (lambda: run_all([job()], errors="ignore"), "errors"),
-    ],
-)
-def test_bad_input_is_refused(make, text):
-    with pytest.raises(pyfric.SceneError, match=text):
-        make()
-
-
-def test_no_jobs_give_no_records():
-    assert run_all([]) == []
-
-
-# --- processes -----------------------------------------------------------------------------------
-
-SCRIPT = """
-import os
-import sys
-from pyfric import Job, run_all, setup1
-from pyfric.sweeps import sweep
-
-def tiny(h):
-    return setup1(L=0.02, H=0.0125, V=0.5, h=h)
-
-def noted(scene, t_end, *arguments, **options):
-    print(f"running {os.getpid()}\\n", end="", flush=True)  # in one piece, buffered or not
-    return simulate(scene, t_end, *arguments, **options)
-
-simulate, sweep.simulate = sweep.simulate, noted  # in the workers too, which read this file
-
-if __name__ == "__main__":
-    endless = [
-        Job(scene=tiny(h), t_end=1e3, options={"fidelity": "dynamic"}) for h in (5e-3, 7.5e-3)
-    ]
-    short = [Job(scene=tiny(h), t_end=1e-5, options=endless[0].options) for h in (2.5e-3, 10e-3)]
-    run_all(short[:1], cache=sys.argv[1])
-    for found in run_all([*endless, *short], 2, sys.argv[1], errors=sys.argv[2]):
-        print("found", found.status if hasattr(found, "status") else found, flush=True)
+[options]
+fidelity = "quasistatic"
 """
 
 
 @pytest.fixture
-def sweeping(tmp_path):
-    """Start the script and wait until its workers run; it gives the script and their ids."""
-    started = []
-
-    def start(errors):
-        script = tmp_path / "script.py"
-        script.write_text(SCRIPT)
-        script = subprocess.Popen(
-            [sys.executable, "-P", str(script), str(tmp_path / "kept"), errors],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
-        started.append(script)
-        in_script, *workers = (int(script.stdout.readline().split()[1]) for _ in range(3))
-        assert in_script == script.pid
-        return script, workers
-
-    yield start
-    for script in started:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(script.pid, signal.SIGKILL)
-        script.communicate()
+def file(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYFRIC_CACHE", str(tmp_path / "cache"))
+    small().to_toml(tmp_path / "scene.toml")
+    path = tmp_path / "sweep.toml"
+    path.write_text(FILE)
+    return path
 
 
-def alive(group):
-    """Processes of a group that still run (those that nobody has waited for do not)."""
-    listed = subprocess.run(["ps", "-eo", "pgid=,stat="], capture_output=True, text=True).stdout
-    pairs = [line.split() for line in listed.splitlines()]
-    return sum(pgid == str(group) and not stat.startswith("Z") for pgid, stat in pairs)
+def command(*arguments):
+    return CliRunner().invoke(main, ["sweep", *map(str, arguments)])
 
 
-def seconds_until_dead(group):
-    begin = time.monotonic()
-    while alive(group):
-        assert time.monotonic() - begin < 30
-        time.sleep(0.05)
-    return time.monotonic() - begin
+# --- points --------------------------------------------------------------------------------------
 
 
-needs_ps = pytest.mark.skipif(shutil.which("ps") is None, reason="needs ps and signals")
+def test_a_grid_takes_all_combinations():
+    found = swept(over={"driver.h": [2.5e-3, 5e-3], "t_end": [1e-3, 2e-3, 3e-3]})
+    expected = [(h, t) for h in (2.5e-3, 5e-3) for t in (1e-3, 2e-3, 3e-3)]
+    assert list(found.rows.itertuples(index=False, name=None)) == expected
+    assert [(job.scene.driver.h, job.t_end) for job in found.jobs] == expected
 
 
-@needs_ps
-def test_ctrl_c_stops_all_workers_and_keeps_what_is_finished(tmp_path, sweeping):
-    """Where it reaches the script alone; test_sweep_file: all processes of a terminal."""
-    script, _ = sweeping("return")
-    os.kill(script.pid, signal.SIGINT)
-    _, errors = script.communicate(timeout=30)
-    assert script.returncode != 0
-    assert errors.count("Traceback") == 1
-    assert "KeyboardInterrupt" in errors
-    assert seconds_until_dead(script.pid) < 2
-    assert len(list((tmp_path / "kept").glob("*.nc"))) == 1
+def test_a_list_goes_through_all_fields_at_once_and_so_do_the_rows_of_a_frame():
+    over = {"slider.L": [0.02, 0.04], "slider.l": [2.5e-3, 5e-3], "options.t_gap": [1e-3, 2e-3]}
+    scene = small(H=0.01, h=5e-3)
+    found = swept(points="list", over=over, scene=scene)
+    jobs = [(job.scene.slider.L, job.scene.slider.l, job.options.t_gap) for job in found.jobs]
+    assert jobs == [(0.02, 2.5e-3, 1e-3), (0.04, 5e-3, 2e-3)]
+    assert all(job.options.fidelity == "quasistatic" for job in found.jobs)
+    assert swept(over=pd.DataFrame(over), scene=scene).jobs == found.jobs
+    with pytest.raises(SceneError, match="as many values"):
+        swept(points="list", over={"driver.h": [5e-3], "t_end": [1.0, 2.0]})
 
 
-@needs_ps
-def test_workers_end_with_their_parent(tmp_path, sweeping):
-    script, _ = sweeping("return")
-    script.kill()
-    _, errors = script.communicate(timeout=30)  # the workers hold the other ends
-    assert seconds_until_dead(script.pid) < 5
-    assert errors == ""
-    assert len(list((tmp_path / "kept").glob("*.nc"))) == 1
+def test_anything_that_a_scene_has_may_vary():
+    """Seeds, random fields, lists, laws, sides: as in a scene file, or as objects; with units."""
+    over = {
+        "interface.mu_s": [Spread(mean=0.7, std=0.01), 0.8, (0.7,) * 9],
+        "interface.law": [
+            laws.Ageing(B=0.01, t_c=1e-3),
+            laws.LinearWeakening(),
+            laws.Ageing(B=0.02, t_c=1e-3),
+        ],
+        "side": ["left", "right", "left"],
+        "top": [small().top, small("free").top, small().top],
+        "h": ["5 mm", 7.5e-3, np.float64(5e-3)],
+        "driver.protocol": [(), ((1e-3, 0.4),), ()],
+    }
+    found = swept(points="list", over=over, t_end="1.2 ms")
+    assert found.t_end == 1.2e-3
+    assert list(found.rows["driver.h"]) == [5e-3, 7.5e-3, 5e-3]
+    names = ["interface.mu_s", "interface.law", "driver.side", "top", "driver.h", "driver.protocol"]
+    assert list(found.over) == names
+    for job, (_, row) in zip(found.jobs, found.rows.iterrows(), strict=True):
+        assert isinstance(job, Job), job
+        for name in names:
+            part, _, field = name.partition(".")
+            value = getattr(job.scene, part)
+            assert (getattr(value, field) if field else value) == row[name]
 
 
-@needs_ps
-def test_a_worker_that_dies_takes_only_its_job_along(sweeping):
-    script, workers = sweeping("return")
-    for worker in workers:
-        os.kill(worker, signal.SIGKILL)
-    shown, errors = script.communicate(timeout=60)
-    assert script.returncode == 0, errors
-    found = [line for line in shown.splitlines() if line.startswith("found")]
-    assert all("ended by itself (exit code -9" in line for line in found[:2])
-    assert found[2:] == ["found complete"] * 2
-    assert errors == ""
-    assert seconds_until_dead(script.pid) < 2
+def test_what_is_inside_a_field_may_vary():
+    scene = RANDOM.replace({"interface.law": laws.Ageing(B=0.01, t_c=1e-3)})
+    over = {"interface.mu_s.seed": np.arange(3), "interface.law.t_c": ["1 ms", 2e-3]}
+    jobs = swept(scene=scene, over=over).jobs
+    found = [(job.scene.interface.mu_s.seed, job.scene.interface.law.t_c) for job in jobs]
+    assert found == [(seed, t_c) for seed in range(3) for t_c in (1e-3, 2e-3)]
+    assert len({job.key for job in jobs}) == 6
+    whole = {"interface.mu_s": [Spread(mean=0.6, std=0.01), 0.7], "interface.mu_s.seed": [4, 4]}
+    first, second = swept(scene=scene, over=whole, points="list").jobs
+    assert first.scene.interface.mu_s == Spread(mean=0.6, std=0.01, seed=4)
+    assert "which has no seed" in str(second)
+
+
+@pytest.mark.parametrize("kind", ["random", "sobol", "halton", "latin"])
+def test_drawn_points_follow_their_seed_and_ranges(kind):
+    over = {
+        "driver.K": Span(start=1e5, stop=1e7, scale="log"),
+        "driver.h": Span(start=2.5e-3, stop=1e-2, step=2.5e-3),
+    }
+    found = swept(points=kind, n=100, seed=3, over=over)
+    rows = found.rows
+    assert len(rows) == 100
+    assert rows.equals(dataclasses.replace(found).rows)
+    assert not rows.equals(dataclasses.replace(found, seed=4).rows)
+    assert rows["driver.K"].between(1e5, 1e7).all()
+    assert 0.3 < (rows["driver.K"] < 1e6).mean() < 0.7  # even in the logarithm
+    assert set(rows["driver.h"]) == {2.5e-3, 5e-3, 7.5e-3, 1e-2}
+    assert all(isinstance(job, Job) for job in found.jobs)
+    if kind != "random":  # fills better than chance
+        assert np.diff(np.sort(np.log10(rows["driver.K"].astype(float)))).max() < 3 * 2 / 100
+
+
+def test_ranges():
+    assert Span(start=1.0, stop=100.0, n=3, scale="log").values("x") == [1.0, 10.0, 100.0]
+    assert Span(start=2e-3, stop=1e-2, step=2e-3).values("x") == [2e-3, 4e-3, 6e-3, 8e-3, 1e-2]
+    whole = Span(start=1, stop=4, step=1).values("x")
+    assert whole == [1, 2, 3, 4]
+    assert {type(number) for number in whole} == {int}
+
+
+@given(st.sampled_from(["linear", "log"]), st.floats(1e-9, 1e9), st.floats(1.001, 1e9))
+def test_a_share_of_a_range_is_where_its_value_is(scale, start, ratio):
+    span = Span(start=start, stop=start * ratio, scale=scale)
+    for share in (0.0, 0.3, 1.0):
+        assert span.share(span.at(share)) == pytest.approx(share, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("text", "changes"),
+    [
+        ("did you mean 'interface.mu_k'", {"over": {"interface.muk": [0.3]}}),
+        ("each field once", {"over": {"interface.mu_k": [0.3], "mu_k": [0.3]}}),
+        ("in several parts", {"over": {"protocol": [()]}}),
+        ("interface.mu_s.seed: unknown|unknown", {"over": {"interface.mu_s.seed": [1]}}),
+        ("over", {"over": {}}),
+        ("over.driver.h", {"over": {"driver.h": []}}),
+        ("over.driver.h", {"over": {"driver.h": "5 mm"}}),
+        ("over.driver.h", {"over": {"driver.h": 5e-3}}),
+        ("how many", {"over": {"driver.h": Span(start=1.0, stop=2.0)}}),
+        ("a range", {"points": "sobol", "n": 8}),
+        ("n", {"points": "random", "over": {"driver.h": Span(start=1.0, stop=2.0)}}),
+        ("points", {"points": "cube"}),
+        ("limits.max_GB", {"max_GB": 0.0}),
+        ("at most", {"over": {"driver.h": Span(start=0.0, stop=1.0, step=1e-9)}}),
+        ("at most", {"over": dict.fromkeys(("h", "K", "V"), Span(start=1.0, stop=2.0, n=1000))}),
+    ],
+)
+def test_bad_sweeps_are_refused(text, changes):
+    with pytest.raises(SceneError, match=text):
+        swept(**changes)
+
+
+@pytest.mark.parametrize(
+    ("field", "changes"),
+    [
+        ("start", {"start": 2.0}),
+        ("start", {"start": 0.0, "scale": "log"}),
+        ("start", {"start": "1 mm"}),
+        ("scale", {"scale": "cubic"}),
+        ("step", {"step": 0.0}),
+        ("n", {"n": 1}),
+        ("n", {"n": 2.0}),
+    ],
+)
+def test_bad_ranges_are_refused(field, changes):
+    refused(lambda: Span(**{"start": 1.0, "stop": 2.0} | changes), field)
+
+
+# --- runs ----------------------------------------------------------------------------------------
+
+
+def test_results_are_those_of_simulate_with_units(tmp_path):
+    found = swept(over={"interface.mu_k": [0.3, 0.4], "driver.h": [2.5e-3, 5e-3]}).run(
+        tmp_path, workers=1, progress=False
+    )
+    assert found.done
+    table, axes = found.table, found.to_xarray()
+    record = simulate(small(mu_k=0.4, h=2.5e-3), 1.2e-3, OPTIONS, progress=False)
+    (row,) = table.query("`interface.mu_k` == 0.4 and `driver.h` == 0.0025").to_dict("records")
+    assert row["n_events"] == len(record.events) > 0
+    assert row["F_max"] == record.curve["F_T"].max()
+    assert row["n_precursors"] == len(analysis.precursor_lengths(record))
+    assert (row["status"], row["engine"]) == ("complete", "quasistatic, linear")
+    at = axes.sel({"interface.mu_k": 0.4, "driver.h": 2.5e-3})
+    assert float(at["F_max"]) == row["F_max"]
+    assert axes["F_max"].shape == (2, 2)
+    assert axes["F_max"].attrs["units"] == "N"
+    assert axes["driver.h"].attrs["units"] == "m"
+
+
+def test_failed_and_refused_points_are_named_and_the_others_run(tmp_path, monkeypatch):
+    run = runs.simulate
+
+    def failing(scene, *arguments, **options):
+        if scene.interface.mu_k == 0.35:
+            raise RunError("the lattice folds", run(scene, 1e-5, OPTIONS))
+        return run(scene, *arguments, **options)
+
+    monkeypatch.setattr(runs, "simulate", failing)
+    found = swept(over={"interface.mu_k": [0.3, 0.35, 0.9, 0.4]}).run(tmp_path, workers=1)
+    assert list(found.table["status"]) == ["complete", "failed", "refused", "complete"]
+    assert "the lattice folds" in found.failed["reason"][1]
+    assert "mu_k" in found.failed["reason"][2]
+    assert not found.done
+    assert math.isnan(found.table["F_max"][1])
+    later = found.sweep.status(tmp_path)
+    assert list(later.table["status"]) == list(found.table["status"])
+    assert list(later.failed["reason"]) == list(found.failed["reason"])
+    assert found.sweep.estimate(tmp_path)[:3] == (4, 1, 2)
+    monkeypatch.undo()
+    assert list(found.sweep.run(tmp_path, workers=1).failed["status"]) == ["refused"]
+    assert {path.suffix for path in tmp_path.iterdir()} == {".nc"}
+
+
+def test_a_sweep_goes_on_where_it_stopped_with_large_lattices_first(tmp_path, monkeypatch):
+    made, run = [], runs.simulate
+    monkeypatch.setattr(runs, "simulate", lambda *a, **k: made.append(a[0]) or run(*a, **k))
+    swept().run(tmp_path, workers=1)
+    longer = swept(over={"interface.mu_k": [0.3, 0.35, 0.4]})
+    assert list(longer.status(tmp_path).table["status"]) == ["complete", "waiting", "complete"]
+    longer.run(tmp_path, workers=1)
+    assert len(made) == 3
+    lengths = swept(over={"slider.L": [0.02, 0.04, 0.03]}).run(tmp_path, workers=1)
+    assert [scene.slider.L for scene in made[3:]] == [0.04, 0.03, 0.02]
+    assert [record.scene.slider.L for record in lengths.outcomes] == [0.02, 0.04, 0.03]
+
+
+def test_means_over_seeds_have_standard_errors(tmp_path):
+    what = swept(scene=RANDOM, over={"mu_k": [0.3, 0.4], "interface.mu_s.seed": range(4)})
+    assert what.mean("F_first", tmp_path)["n"].to_list() == [0, 0]
+    found = what.run(tmp_path, workers=1)
+    mean, table = found.mean("F_first"), found.table
+    assert mean.columns.to_list() == ["interface.mu_k", "mean", "standard_error", "n"]
+    for mu_k, rows in table.groupby("interface.mu_k"):
+        values = rows["F_first"].to_numpy()
+        (row,) = mean[mean["interface.mu_k"] == mu_k].itertuples(index=False)
+        assert row.mean == pytest.approx(np.sum(values) / 4)
+        error = np.sqrt(np.sum((values - values.mean()) ** 2) / 3 / 4)
+        assert row.standard_error == pytest.approx(error)
+        assert error > 0
+        assert row.n == 4
+    assert what.mean("F_first", tmp_path).equals(mean)
+    both = found.mean("F_first", over=["interface.mu_k", "interface.mu_s.seed"])
+    assert both["mean"].item() == pytest.approx(table["F_first"].mean())
+    assert both["n"].item() == 8
+    refused(lambda: found.mean("F_frist"), "column", "did you mean 'F_first'")
+    refused(lambda: found.mean("F_first", over=["seed"]), "over")
+    refused(lambda: swept().status(tmp_path).mean("F_first"), "over", "no field is a seed")
+
+
+def test_limits_refuse_before_anything_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep, "run_all", None)
+    for limit in ({"max_hours": 1e-9}, {"max_GB": 1e-9}):
+        with pytest.raises(SceneError, match=next(iter(limit))):
+            swept(**limit).run(tmp_path)
+
+
+def test_the_estimate_is_that_of_what_is_left(tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep, "expected_cost", lambda scene, t_end, _: (3600 * t_end, 1e9))
+    what = swept(over={"interface.mu_k": [0.3, 0.35, 0.9, 0.4]})
+    found = what.estimate(tmp_path)
+    assert found[:3] == (4, 1, 0)
+    assert (found.hours, found.GB) == pytest.approx((3 * 1.2e-3, 3.0))
+    what.run(tmp_path, workers=1)
+    assert what.estimate(tmp_path) == (4, 1, 3, 0.0, 0.0)
+
+
+def test_the_size_of_a_sweep_is_about_right(tmp_path):
+    what = swept(scene=small("free"), over={"interface.mu_k": [0.3, 0.35, 0.4]}, t_end=4e-3)
+    before = what.estimate(tmp_path)
+    what.run(tmp_path, workers=1)
+    size = sum(path.stat().st_size for path in tmp_path.glob("*.nc")) / 1e9
+    assert size / 5 < before.GB < size * 5
+
+
+# --- files and the command -----------------------------------------------------------------------
+
+
+def test_a_file_says_the_same(file):
+    what = Sweep.from_toml(file)
+    assert what.scene == small()
+    assert list(what.rows.itertuples(index=False, name=None)) == [
+        (mu, h) for mu in (0.3, 0.4) for h in (2.5e-3, 5e-3, 7.5e-3)
+    ]
+    file.write_text('scene = "fig1"\nt_end = "1 s"\n[over]\noptions.dt = ["auto", "0.2 us"]')
+    assert [job.options.dt for job in Sweep.from_toml(file).jobs] == ["auto", 2e-7]
+
+
+def test_a_file_varies_anything_that_a_scene_file_has(file):
+    (file.parent / "mu.csv").write_text("slip (um), mu\n0, 0.7\n8, 0.45\n")
+    RANDOM.to_toml(file.parent / "scene.toml")
+    file.write_text("""
+scene = "scene.toml"
+t_end = "1.2 ms"
+points = "list"
+[over]
+"interface.mu_s.seed" = { from = 7, to = 9, step = 1 }
+"interface.mu_s.std" = [0.01, 0.02, 0.03]
+"interface.law" = [{ kind = "table", slide = "mu.csv" }, { kind = "linear" }, { kind = "linear" }]
+"driver.protocol" = [[["1 ms", "0.4 m/s"]], [], []]
+"interface.k_f" = ["1 MN/m", { mean = "2 MN/m", std = "0.1 MN/m", seed = 3 }, "1 MN/m"]
+"options.tolerance" = [0.01, 0.02, 0.03]
+""")
+    jobs = Sweep.from_toml(file).jobs
+    assert all(isinstance(job, Job) for job in jobs), jobs
+    scenes = [job.scene for job in jobs]
+    drawn = [(scene.interface.mu_s.seed, scene.interface.mu_s.std) for scene in scenes]
+    assert drawn == [(7, 0.01), (8, 0.02), (9, 0.03)]
+    assert scenes[0].interface.law.slip == (0.0, 8e-6)
+    assert scenes[0].driver.protocol == ((1e-3, 0.4),)
+    assert scenes[1].interface.k_f == Spread(mean=2e6, std=1e5, seed=3)
+    assert [job.options.tolerance for job in jobs] == [0.01, 0.02, 0.03]
+
+
+def test_a_scene_in_the_file_names_files_beside_it(file):
+    (file.parent / "mu.csv").write_text("slip (um), mu\n0, 0.7\n8, 0.45\n")
+    scene = tomllib.loads(small().to_toml())
+    scene["interface"]["law"] = {"kind": "table", "slide": "mu.csv"}
+    file.write_text(tomli_w.dumps({"scene": scene, "t_end": "1 ms", "over": {"h": ["5 mm"]}}))
+    assert Sweep.from_toml(file).scene.interface.law.slip == (0.0, 8e-6)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ('"2.5 mm", to', "2.5, to", "missing unit"),
+        ("0.3, 0.4", '"a"', "a number is needed"),
+        ("[options]", "[option]", "did you mean 'options'"),
+        ("fidelity", "fidelty", "fidelty"),
+        ("step =", "stepp =", "did you mean 'step'"),
+        ('"1.2 ms"', "1.2", "missing unit"),
+        ("scene.toml", "nothing.toml", "cannot be read"),
+        ("[over]", "[over", "not TOML"),
+        ('t_end = "1.2 ms"', "", "t_end: missing"),
+        ("[options]", "[limits]\nmax_hour = 1\n[options]", "did you mean 'max_hours'"),
+    ],
+)
+def test_mistakes_in_a_file_are_refused(file, old, new, text):
+    file.write_text(FILE.replace(old, new))
+    found = command(file)
+    assert found.exit_code == 2, found.output
+    assert text in found.output
+
+
+NAMES = """
+scene t_end points n over options limits mu_k driver.h top
+interface.law options.dt from to step kind
+"""
+KEYS = st.sampled_from(NAMES.split())
+VALUES = st.recursive(
+    st.one_of(
+        st.booleans(),
+        st.integers(-3, 10**30),
+        st.floats(),
+        st.sampled_from(["fig1", "1 ms", "2.5 mm", "grid", "sobol", "auto", "", "table", "-1 N"]),
+    ),
+    lambda inside: st.lists(inside, max_size=3) | st.dictionaries(KEYS, inside, max_size=3),
+    max_leaves=8,
+)
+GOOD = {"scene": "fig1", "t_end": "1 ms", "over": {"mu_k": [0.3]}}
+
+
+@given(st.dictionaries(KEYS, VALUES, max_size=4), st.dictionaries(KEYS, VALUES, max_size=3))
+def test_any_document_is_a_sweep_or_refused(tmp_path_factory, document, over):
+    tomli_w = pytest.importorskip("tomli_w")
+    path = tmp_path_factory.getbasetemp() / "any.toml"
+    path.write_text(tomli_w.dumps(GOOD | document | ({"over": over} if over else {})))
+    try:
+        found = Sweep.from_toml(path)
+    except SceneError as error:
+        assert str(error)
+    else:
+        assert len(found.over)
+
+
+def test_the_command_runs_and_goes_on(file, tmp_path):
+    dry = json.loads(command(file, "--dry-run", "--json").stdout)
+    assert (dry["points"], dry["finished"], dry["failed"]) == (6, 0, {})
+    assert not list(tmp_path.glob("cache/*.nc"))
+    assert json.loads(command(file, "--status", "--json").stdout)["status"] == {"waiting": 6}
+    out = tmp_path / "out"
+    found = command(file, "--out", out, "--workers", 1)
+    assert found.exit_code == 0, found.output
+    assert "6 complete" in found.stdout
+    table = pd.read_csv(out / "sweep.csv")
+    assert list(table["status"]) == 6 * ["complete"]
+    assert pd.read_parquet(out / "sweep.parquet")["F_max"].to_list() == table["F_max"].to_list()
+    with xr.open_dataset(out / "sweep.nc") as axes:
+        assert axes["n_events"].shape == (2, 3)
+    assert all((tmp_path / "cache" / f"{key}.nc").exists() for key in table["key"])
+    assert "6 finished" in command(file, "--dry-run").stdout
+    assert command(file, "--out", out, "--workers", 1).exit_code == 0  # the same folder again
+
+
+def test_the_command_names_what_is_refused_and_ends_with_2_if_all_is(file):
+    file.write_text(FILE.replace("0.3, 0.4", "0.3, 0.9"))
+    dry = command(file, "--dry-run")
+    assert dry.exit_code == 0, dry.output
+    assert dry.stderr.count("mu_k exceeds mu_s") == 3
+    assert len(json.loads(command(file, "--dry-run", "--json").stdout)["failed"]) == 3
+    found = command(file, "--workers", 1)
+    assert found.exit_code == 1
+    assert found.stderr.count("refused") == 3
+    assert "interface.mu_k = 0.9" in found.stderr
+    file.write_text(FILE.replace("0.3, 0.4", "0.8, -0.9"))
+    for words in (["--dry-run"], ["--status"], ["--workers", "1"]):
+        found = command(file, *words)
+        assert found.exit_code == 2
+        assert found.stderr.count("refused: interface.mu_k") == 6
+
+
+def test_objects_are_saved_as_text(tmp_path):
+    over = {"interface.law": [laws.LinearWeakening(), laws.Ageing(B=0.01, t_c=1e-3)], "mu_k": [0.4]}
+    found = swept(over=over).status(tmp_path)
+    found.save(tmp_path / "out")
+    table = pd.read_csv(tmp_path / "out" / "sweep.csv", index_col="point")
+    assert "Ageing(B=0.01" in table["interface.law"][1]
+    assert pd.read_parquet(tmp_path / "out" / "sweep.parquet").shape == table.shape
+    assert all(outcome is None for outcome in found.outcomes)
+
+
+def test_ctrl_c_ends_the_command_with_its_code(file, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sweep, "run_all", interrupted)
+    assert command(file).exit_code == 130
+
+
+def test_outcomes_are_records(tmp_path):
+    assert all(isinstance(record, Record) for record in swept().run(tmp_path, workers=1).outcomes)

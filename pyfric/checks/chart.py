@@ -27,7 +27,8 @@ from matplotlib.lines import Line2D
 from pyfric.engines import RunError, simulate
 from pyfric.figures import DataFigure
 from pyfric.record import front_speed, paired
-from pyfric.scene import Scene, SceneError, at_once, preset, setup1
+from pyfric.scene import Scene, SceneError, preset, setup1
+from pyfric.signals import at_once
 from pyfric.statics import stability_limit
 
 if TYPE_CHECKING:

@@ -29,7 +29,8 @@ import pandas as pd
 from pyfric.core import OPEN
 from pyfric.engines import RunError, folded, prediction_curve, simulate
 from pyfric.record import budget_error
-from pyfric.scene import Scene, SceneError, at_once, chain, setup1, setup2
+from pyfric.scene import Scene, SceneError, chain, setup1, setup2
+from pyfric.signals import at_once
 from pyfric.statics import StaticSolver, stability_limit
 
 __all__ = ["REGIMES", "Behaviour", "Observed", "Regime", "observe", "report"]

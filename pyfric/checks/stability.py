@@ -23,7 +23,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pyfric import core
 from pyfric.core import OPEN
 from pyfric.figures import DataFigure
-from pyfric.scene import at_once, setup1
+from pyfric.scene import setup1
+from pyfric.signals import at_once
 from pyfric.statics import loaded_state, stability_limit
 
 if TYPE_CHECKING:

@@ -27,7 +27,8 @@ from pyfric.checks import ladder, regression, tolerances, tpv3
 from pyfric.checks.check import Check
 from pyfric.engines import simulate, step_size
 from pyfric.paper.claims import CLAIMS
-from pyfric.scene import at_once, chain, laws, preset, setup1
+from pyfric.scene import chain, laws, preset, setup1
+from pyfric.signals import at_once
 from pyfric.statics import loaded_state
 
 __all__ = ["Group", "report", "table", "verify"]

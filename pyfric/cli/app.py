@@ -1,8 +1,8 @@
 """Command line: runs, scenes, figures, claims and timings.
 
 Every command ends with a code of `Exit`; refusals and failures are one message on stderr, without
-a traceback. SIGTERM acts as Ctrl-C does. Commands are in `pyfric.cli.commands`: every module there
-is read, and adds its own to `main`.
+a traceback. SIGTERM and other signals act as Ctrl-C does. Commands are in `pyfric.cli.commands`:
+every module there is read, and adds its own to `main`.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ class _Whole:
 
 
 class _Command(_Whole, click.Command):
-    """A command that Ctrl-C and SIGTERM end; its section is where the list of commands has it."""
+    """A command that signals end; its section is where the list of commands has it."""
 
     def __init__(self, *given: Any, section: str = "", **more: Any) -> None:
         super().__init__(*given, **more)
         self.section = section
 
     def invoke(self, ctx: click.Context) -> Any:
-        from pyfric.scene import asked_to_stop, commanded
+        from pyfric.signals import asked_to_stop, commanded
 
         with commanded():
             try:

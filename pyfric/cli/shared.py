@@ -27,13 +27,12 @@ if TYPE_CHECKING:
 
 
 class Exit(enum.IntEnum):
-    """Exit codes."""
+    """Exit codes; a command that signal n ended has the code 128 + n."""
 
     COMPLETE = 0
     FAILED = 1
     BAD_INPUT = 2
-    INTERRUPTED = 130
-    TERMINATED = 143
+    INTERRUPTED = 128 + signal.SIGINT
 
 
 EXIT_CODES = """\b
@@ -42,7 +41,7 @@ Exit codes:
     1  the run failed; what was done is in --out
     2  bad input; nothing was started
   130  interrupted by Ctrl-C; what was done is in --out
-  143  the same by SIGTERM
+128+n  the same by another signal: 143 SIGTERM, 129 SIGHUP, 138 SIGUSR1
 """
 SHORT_EXIT_CODES = """\b
 Exit codes:
@@ -50,21 +49,24 @@ Exit codes:
     1  a run failed or a file could not be written
     2  bad input; nothing was started
   130  interrupted by Ctrl-C; finished runs are kept
-  143  the same by SIGTERM
+128+n  the same by another signal: 143 SIGTERM, 129 SIGHUP, 138 SIGUSR1
 """
 
 
-def stop(code: Exit, message: str = "") -> NoReturn:
+def stop(code: int, message: str = "") -> NoReturn:
     if message:
         click.echo(message, err=True)
     raise click.exceptions.Exit(int(code))
 
 
-def signalled() -> Exit:
+def signalled() -> int:
     """Return the exit code of a command that was asked to stop."""
-    from pyfric.scene import asked_to_stop
+    from pyfric.signals import asked_to_stop
 
-    return Exit.TERMINATED if asked_to_stop() == signal.SIGTERM else Exit.INTERRUPTED
+    # Where KeyboardInterrupt left a text that Python ran, as libraries do when they are imported,
+    # `python -m` would end by SIGINT; the next text makes it forget.
+    eval("0")
+    return 128 + (asked_to_stop() or signal.SIGINT)
 
 
 def stop_unless_complete(record: Record, hint: str) -> None:

@@ -12,6 +12,7 @@ from pyfric.core.builds import (
 )
 from pyfric.core.calls import ENERGIES, advance, bond_forces, energies, evaluate
 from pyfric.core.log import Log, Switching, room_of_step
+from pyfric.core.memory import available
 from pyfric.core.packing import CORNER_SHARE, Constants, Counts, Model, model, springs
 from pyfric.core.state import OPEN, STUCK, State, StateError
 from pyfric.core.status import Status
@@ -37,6 +38,7 @@ __all__ = [
     "Switching",
     "additions",
     "advance",
+    "available",
     "bond_forces",
     "build_info",
     "energies",

@@ -35,7 +35,8 @@ from pyfric.engines.relaxation import relaxation_time
 from pyfric.engines.stretches import bends
 from pyfric.engines.verification import CHEAP, LOOSEST, budget
 from pyfric.record import RESOLVED, zone_of_scene
-from pyfric.scene import Geometry, at_once, check_number, default_geometry
+from pyfric.scene import Geometry, check_number, default_geometry
+from pyfric.signals import at_once
 from pyfric.statics import one_thread_if_small, stability_limit
 
 if TYPE_CHECKING:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import functools
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dpbtrf
 
+from pyfric.core import available
 from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
@@ -23,7 +23,16 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Geometry, Scene
 
-__all__ = ["POINTS", "SetUp", "available", "check_memory", "full_work", "machine_speed", "set_up", "work", "work_so_far"]
+__all__ = [
+    "POINTS",
+    "SetUp",
+    "check_memory",
+    "full_work",
+    "machine_speed",
+    "set_up",
+    "work",
+    "work_so_far",
+]
 
 EVALUATION, BOTTOM, BLOCK = 0.5e-6, 8e-9, {"linear": 3.1e-9, "finite": 6.3e-9}
 """A force evaluation, of the slider, of each block of its bottom row, and of each block, in s."""
@@ -47,11 +56,6 @@ SOLUTIONS = 84
 REFERENCE, PACE = (250, 3000), 25e9
 """Half width and length of a band, and the operations per second of its factorisation on the
 machine on which the units were measured."""
-SOURCES = (
-    "/sys/fs/cgroup/memory.max /sys/fs/cgroup/memory.current",
-    "/sys/fs/cgroup/memory/memory.limit_in_bytes /sys/fs/cgroup/memory/memory.usage_in_bytes",
-)
-"""Files with the limit and the use of memory of a container."""
 
 
 class SetUp(NamedTuple):
@@ -116,26 +120,6 @@ def machine_speed() -> float:
     dpbtrf(band, lower=1, overwrite_ab=1)
     seconds = time.thread_time() - start
     return float(np.clip(seconds * PACE / (n * width**2), 0.2, 10.0))
-
-
-def available() -> float:
-    """Return the memory that there is, in bytes: that of the machine, or less in a container.
-
-    Infinite where the system does not tell.
-    """
-    found = [np.inf]
-    for source in SOURCES:
-        try:
-            limit, used = (float(Path(one).read_text()) for one in source.split())
-        except (OSError, ValueError):  # no container, or "max"
-            continue
-        found.append(limit - used)
-    try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    found += [1024.0 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable")]
-    return min(found)
 
 
 def check_memory(scene: Scene, fidelity: str, geometry: str) -> None:

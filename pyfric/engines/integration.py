@@ -11,7 +11,8 @@ from pyfric.engines.dynamic import ON_GRID, last_step
 from pyfric.engines.guard import folded, largest_strain
 from pyfric.engines.progress import Progress, run_bar
 from pyfric.record import Record
-from pyfric.scene import SceneError, answered, check_number
+from pyfric.scene import SceneError, check_number
+from pyfric.signals import answered
 from pyfric.statics import EquilibriumError, StaticSolver, one_thread
 
 if TYPE_CHECKING:

@@ -21,6 +21,7 @@ from pyfric.engines.cost import RUN, full_work, set_up, work_so_far
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
+from pyfric.engines.options import MAX_STEPS
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.record import build_catalogue
 from pyfric.scene import SceneError
@@ -44,8 +45,9 @@ MOST_EVENTS = 1e4
 """More events than this are left to dynamics, which need not look at each."""
 PART = 0.05
 """Part of a run, by events, that the hybrid pilot run makes."""
-DEAR = 0.1
-"""It ends, too, where it has taken this share of what full dynamics of the whole run takes."""
+DEAR, LONGEST = 0.1, 5.0
+"""It ends, too, where it has taken this share of what full dynamics of the whole run takes, or so
+much work, in s."""
 
 
 class Pilot(NamedTuple):
@@ -181,10 +183,11 @@ def counted(scene: Scene, t_end: float, options: Options, pilot: Pilot) -> float
         return pilot.share(t, t_end)
 
     def enough(run: Run) -> bool:
-        return work_so_far(run) > DEAR * full or share(run.state.t) >= PART
+        return work_so_far(run) > min(DEAR * full, LONGEST) or share(run.state.t) >= PART
 
     try:
-        record = integrate(HybridRun, scene, t_end, plain, progress=False, enough=enough)
+        last = min(t_end, MAX_STEPS * dt)
+        record = integrate(HybridRun, scene, last, plain, progress=False, enough=enough)
     except (RunError, EquilibriumError):
         return full
     part = share(float(record.curve["t"].iloc[-1]))

@@ -15,7 +15,8 @@ import numpy as np
 
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.stretches import check_straight
-from pyfric.scene import at_once, check_number
+from pyfric.scene import check_number
+from pyfric.signals import at_once
 from pyfric.statics import LEAST_DEFINITENESS, one_thread_if_small
 
 if TYPE_CHECKING:

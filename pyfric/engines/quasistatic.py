@@ -28,9 +28,9 @@ import pandas as pd
 from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
 from pyfric.engines.dynamic import kept_notes
 from pyfric.engines.guard import strain_notes
-from pyfric.engines.relaxation import loading_notes
 from pyfric.engines.pauses import longest_pause
 from pyfric.engines.progress import Progress, run_bar
+from pyfric.engines.relaxation import loading_notes
 from pyfric.engines.stretches import Stretch, stretches
 from pyfric.record import (
     QUIET_COLUMNS,
@@ -40,7 +40,8 @@ from pyfric.record import (
     build_catalogue,
     versions,
 )
-from pyfric.scene import SceneError, answered, check_number
+from pyfric.scene import SceneError, check_number
+from pyfric.signals import answered
 from pyfric.statics import (
     LEAST_DEFINITENESS,
     Contact,

@@ -19,15 +19,8 @@ from pyfric.engines.pauses import pause_notes
 from pyfric.engines.stretches import check_straight
 from pyfric.engines.verification import Specification, verified
 from pyfric.record import Record, not_verified
-from pyfric.scene import (
-    SceneError,
-    check_geometry,
-    check_number,
-    check_writable,
-    forget,
-    nothing_to_save,
-    raise_if_asked,
-)
+from pyfric.scene import SceneError, check_geometry, check_number, check_writable
+from pyfric.signals import forget, nothing_to_save, raise_if_asked
 from pyfric.statics import EquilibriumError, one_thread_if_small
 
 if TYPE_CHECKING:

@@ -6,8 +6,9 @@ twice the work of the run and half a second. Errors of order p in the step are t
 1/(1 - r^-p) of the difference; `SAFETY` times that is reported. Where an event ends at another
 block, the difference has no order; `TURNED` times it is reported.
 
-A planned run whose error exceeds its tolerance gives way to its reference run, whose error the same
-difference bounds, and that is compared with a finer one as long as the budget lasts. Where then
+A planned run in linear geometry whose error exceeds its tolerance is made again in finite geometry.
+One in finite geometry gives way to its reference run, whose error the same difference bounds, and
+that is compared with a finer one as long as the budget lasts. Where then
 a few of many events are still off, they are named, and all others are measured. Otherwise
 single events cannot be trusted from the first one on that is off; those that follow are compared by
 their statistics.
@@ -182,6 +183,12 @@ class _Verification:
         errors = self._measured(found, reference, 1 / (1 - self._shrink(ratio)))
         while self._beyond(errors) and made.refines and self.mode != "full" and reference.done:
             off, better = errors.measured(), self._shrink(ratio)
+            if self.record.method.geometry != reference.method.geometry:
+                self.record = self._reference({"geometry": self.geometry})
+                self.notes.append(f"refined to {_words(self.record)}: measured error {off:.2g}")
+                found = differences(self.record, reference)
+                errors = self._measured(found, reference, 1 / (1 - self._shrink(ratio)))
+                continue
             better = max(better / (1 - better), STRICTER / (1 - STRICTER))
             self.notes.append(f"refined to {_words(reference)}: measured error {off:.2g}")
             coarse, self.record = self.record, reference
@@ -246,10 +253,10 @@ class _Verification:
     def _counted(self, how: dict[str, Any]) -> float:
         """Return the work of a reference run, in s."""
         made, method, counts = self.made, self.record.method, dict(self.record.counts)
-        if how["fidelity"] == "dynamic":
+        if how.get("fidelity") == "dynamic":
             return full_work(made.scene, self.geometry, how["dt"], made.t_end - made.t_begin)
         for name in ("block_evaluations", "steps"):
-            counts[name] = counts[name] * method.dt / how["dt"]
+            counts[name] = counts[name] * method.dt / how.get("dt", method.dt)
         counts["calls"] = counts["steps"] / max(method.sample, 1)
         return work(made.scene, self.geometry, counts)
 
@@ -259,7 +266,7 @@ class _Verification:
     def _reference(self, how: dict[str, Any]) -> Record:
         """Make a reference run, which ends where it takes much more than was counted."""
         made = self.made
-        most = GRACE * min(self._counted(how), self.left)
+        most = GRACE * max(min(self._counted(how), self.left), CHEAP)
         if self.mode == "full":
             most = math.inf
 

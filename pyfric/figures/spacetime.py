@@ -22,7 +22,7 @@ from pyfric.figures.style import (
     style,
 )
 from pyfric.record import energy_release, front
-from pyfric.scene import at_once
+from pyfric.signals import at_once
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -36,7 +36,8 @@ from pyfric.figures.style import (
     mark,
     style,
 )
-from pyfric.scene import SceneError, at_once, written
+from pyfric.scene import SceneError, written
+from pyfric.signals import at_once
 
 if TYPE_CHECKING:
     from pyfric.record import Record

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from pyfric.paper.page import FILM_TEXT, FILMS, write_index
 from pyfric.paper.runs import FIG2B, RUNS
 from pyfric.record import precursor_lengths
 from pyfric.scene import SceneError, unknown, write
-from pyfric.sweeps import Job, each, run_all, side_by_side
+from pyfric.sweeps import Job, run_all, side_by_side
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -68,7 +68,7 @@ def reproduce(
     every = list(dict.fromkeys(job for name in names for job in jobs[name]))
     every.sort(key=lambda job: job not in LONG)  # begun last they would be waited for
     with side_by_side(every, workers) as pool:
-        made = run_all(every, workers, cache, progress, executor=pool)
+        made = run_all(every, cache=cache, progress=progress, executor=pool)
         records = dict(zip(every, made, strict=True))
         calls = []
         for name in names:
@@ -77,11 +77,12 @@ def reproduce(
             if name == FILMED and film:  # it takes longest
                 calls.insert(0, (_film, mine[0], out))
             calls.append((_drawn, name, jobs[name], mine, one, out))
-        paths = [path for paths in each(pool, _done, calls) for path in paths]
+        paths = [path for paths in pool.map(_done, calls) for path in paths]
     return [*paths, write_index(out)]
 
 
-def _done(function: Callable[..., list[Path]], *arguments: Any) -> list[Path]:
+def _done(call: tuple[Any, ...]) -> list[Path]:
+    function, *arguments = call
     return function(*arguments)
 
 

@@ -22,7 +22,8 @@ from pyfric.record.held import RecordError, checked, found_arrays, held_in, tabl
 from pyfric.record.method import Method
 from pyfric.record.netcdf import file_image, read_image
 from pyfric.record.report import summary, text
-from pyfric.scene import Scene, SceneError, held_back, sealed, unsealed, write
+from pyfric.scene import Scene, SceneError, sealed, unsealed, write
+from pyfric.signals import held_back
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -43,17 +43,6 @@ from pyfric.scene.presets import (
 )
 from pyfric.scene.protocol import Leg, Piece, legs
 from pyfric.scene.scene import Scene
-from pyfric.scene.signals import (
-    answered,
-    asked_to_stop,
-    at_once,
-    commanded,
-    forget,
-    held_back,
-    nothing_to_save,
-    raise_if_asked,
-    saved_first,
-)
 from pyfric.scene.spread import Spread
 from pyfric.scene.toml import parsed
 from pyfric.scene.units import check_number, parse_quantity, range_text
@@ -82,28 +71,21 @@ __all__ = [
     "Spread",
     "Walls",
     "__version__",
-    "answered",
     "as_scene",
-    "asked_to_stop",
-    "at_once",
     "chain",
     "check_geometry",
     "check_number",
     "check_writable",
     "clean_drafts",
     "clock",
-    "commanded",
     "default_geometry",
     "drafts",
-    "forget",
     "full_name",
-    "held_back",
     "law_notes",
     "laws",
     "legs",
     "names_file",
     "nearest",
-    "nothing_to_save",
     "of",
     "paper_step",
     "parse_quantity",
@@ -111,10 +93,8 @@ __all__ = [
     "preset",
     "presets",
     "quantities",
-    "raise_if_asked",
     "range_text",
     "read_value",
-    "saved_first",
     "scene_fields",
     "sealed",
     "settings",

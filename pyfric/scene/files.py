@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from pyfric.scene.signals import held_back
+from pyfric.signals import held_back
 
 __all__ = [
     "check_writable",

@@ -12,6 +12,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import InitVar
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -370,14 +371,15 @@ class Scene:
         source: str | os.PathLike[str],
         *,
         draws: Mapping[str, Any] | None = None,
-        files: bool = True,
+        files: bool | Path = True,
     ) -> Self:
         """Return the scene in a TOML file or text.
 
         Args:
             source: path of a file, or the text itself: a string with a line break is taken as text.
             draws: see `Scene`.
-            files: whether a friction law may name files, which are read.
+            files: whether a friction law may name files, which are read: from the folder of the
+                source (that of text is the current one), or from another folder.
 
         Quantities are text with a unit that fits, such as "5 mm"; mu_s, mu_k and theta are bare
         numbers. `[top]` has kind = "rod", "distributed" or "prescribed" (p and tau may be lists).
@@ -391,5 +393,5 @@ class Scene:
         if "draws" in entries:
             raise unknown("draws", entries["draws"], "draws", annotations(cls))
         entries = dict.fromkeys(("slider", "top", "driver", "interface")) | toml.placed(entries)
-        folder = toml.folder_of(source) if files else None
+        folder = toml.folder_of(source) if files is True else files or None
         return from_table(cls, entries, folder, draws=draws)

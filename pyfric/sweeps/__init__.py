@@ -1,23 +1,25 @@
 """Many runs: points, executors, the store of finished runs, lines where a label changes."""
 
-from pyfric.sweeps import store
 from pyfric.sweeps.boundaries import boundary, label_map
-from pyfric.sweeps.points import Estimate, Sweep
+from pyfric.sweeps.jobs import Job, JobError
 from pyfric.sweeps.results import Results
-from pyfric.sweeps.sweep import Job, JobError, each, run_all, side_by_side
+from pyfric.sweeps.runs import run_all, side_by_side
+from pyfric.sweeps.store import MAX_BYTES, Entry, Store
+from pyfric.sweeps.sweep import Estimate, Sweep
 from pyfric.sweeps.varied import Span
 
 __all__ = [
+    "MAX_BYTES",
+    "Entry",
     "Estimate",
     "Job",
     "JobError",
     "Results",
     "Span",
+    "Store",
     "Sweep",
     "boundary",
-    "each",
     "label_map",
     "run_all",
     "side_by_side",
-    "store",
 ]

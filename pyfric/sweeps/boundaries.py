@@ -6,61 +6,45 @@
 
     line = boundary(label, along=(-1.0, 1.0), over=[1e-3, 2e-3, 3e-3], scale="linear")
 
-A label costs a run, so runs are what counts. The first point of a line is found by bisection of the
-whole range. The next ones are warm: the points before say where the line will be; a first run tells
-the side, a second one, further on, brackets the line, and bisection does the rest.
+A label costs a run, so runs are what counts. The first point of a line is found by bisection. Then
+the points before say where the line will be: a first run tells the side, a second one, half as far
+away as the last prediction was off, or further ones, each twice as far as the one before, bracket
+the line, and bisection does the rest.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Sequence
-from typing import Any, Literal
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
 
-from pyfric.scene import SceneError, at_once, check_number
+from pyfric.scene import SceneError, check_number
+from pyfric.signals import at_once
+from pyfric.sweeps.varied import Scale, Span
 
 __all__ = ["boundary", "label_map"]
 
 Label = Callable[[float, float], Hashable]
-Scale = Literal["log", "linear"]
 
-DEGREES = 4
-"""Predictions are polynomials of degree 0 to 3 through the last points."""
-NEAR, FAR = 2.0, 8.0
-"""First step across the line, over the tolerance: 3 runs in all where the prediction was off by
-less than the first, 5 where it was off by less than the second. Further steps double."""
+POINTS = 3
+"""Predictions are parabolas through the last points."""
+FIRST = 16.0
+"""First step across the line from the second point on, over the width of the last bracket."""
 FAINT = 1e-3
 """Weight of a cell whose corners have one label, over that of one where labels differ."""
 
 
-class _Range:
-    """A range of a parameter; s runs from 0 to 1 over it, evenly in its scale."""
-
-    def __init__(self, name: str, ends: Sequence[float], scale: str) -> None:
-        if scale not in ("log", "linear"):
-            raise SceneError("scale", scale, "", "'log' or 'linear'")
-        allowed = "two numbers, the lower one first"
-        if not isinstance(ends, Sequence) or isinstance(ends, str) or len(ends) != 2:
-            raise SceneError(name, ends, "", allowed)
-        least = 0.0 if scale == "log" else None
-        self.low, self.high = (check_number(name, value, "", gt=least) for value in ends)
-        if not self.low < self.high:
-            raise SceneError(name, ends, "", allowed)
-        self.log = scale == "log"
-
-    @property
-    def decades(self) -> float:
-        return math.log10(self.high / self.low)
-
-    def value(self, s: float) -> float:
-        if s in (0.0, 1.0):
-            return self.high if s else self.low
-        if self.log:
-            return self.low * 10 ** (s * self.decades)
-        return self.low + s * (self.high - self.low)
+def _span(name: str, ends: Sequence[float], scale: Scale) -> Span:
+    """Return the range of a parameter."""
+    if not isinstance(ends, Sequence) or isinstance(ends, str) or len(ends) != 2:
+        raise SceneError(name, ends, "", "two numbers, the lower one first")
+    try:
+        return Span(start=ends[0], stop=ends[1], scale=scale)
+    except SceneError as error:
+        raise error.at(f"{name}.{error.field}") from None
 
 
 @at_once()
@@ -70,7 +54,9 @@ def boundary(
     over: Sequence[float] | np.ndarray,
     *,
     scale: Scale = "log",
+    over_scale: Scale = "linear",
     tolerance: float = 1e-3,
+    known: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
     """Follow a line on which a label changes.
 
@@ -84,116 +70,120 @@ def boundary(
         along: ends of the range that is searched, the lower one first.
         over: values at which the line is wanted, rising or falling: neighbours help each other.
         scale: of the range: "log" or "linear".
-        tolerance: width of the last bracket: in decades, or over the length of a linear range.
+        over_scale: in which the line is smooth over `over`: "log" or "linear".
+        tolerance: largest error of the line: in decades, or over the length of a linear range.
+        known: labels that need no run, columns ``along``, ``over`` and ``label``, such as those of
+            a map: they bracket the line where their `over` is wanted.
 
     Returns:
-        One row for each value of `over`: ``over``; ``along``, the middle of the bracket, in the
-        scale, and its ends ``low`` and ``high``, NaN where both ends of the range have one label;
-        ``below`` and ``above``, the labels at the ends of the bracket; ``runs``, how often f was
-        called; ``warm``, whether two or more neighbours said where to look.
+        One row for each value of `over`: ``over``; ``along``, the middle of the last bracket, in
+        the scale, and its ends ``low`` and ``high``, NaN where both ends of the range have one
+        label; ``below`` and ``above``, the labels at the ends of the bracket; ``runs``, how often f
+        was called.
 
     Raises:
         SceneError: an argument is refused; f has not been called.
     """
-    within = _Range("along", along, scale)
-    tolerance = check_number("tolerance", tolerance, "", gt=0.0, lt=1.0)
-    values = [check_number("over", value, "") for value in over]
+    span = _span("along", along, scale)
+    tolerance = check_number("tolerance", tolerance, "", gt=0.0, lt=0.5)
+    if over_scale not in get_args(Scale):
+        raise SceneError("over_scale", over_scale, "", "'linear' or 'log'")
+    if known is not None and not {"along", "over", "label"} <= set(known):
+        raise SceneError("known", list(known), "", "columns along, over and label")
+    least = 0.0 if over_scale == "log" else None
+    values = [check_number("over", value, "", gt=least) for value in over]
     steps = np.diff(values)
     if not ((steps > 0).all() or (steps < 0).all()):
         raise SceneError("over", over, "", "rising or falling values")
-    line = _Line(f, within, tolerance / within.decades if within.log else tolerance)
-    return pd.DataFrame([line.point(value) for value in values], columns=_Line.columns)
+    line = _Line(2 * tolerance / (math.log10(span.stop / span.start) if scale == "log" else 1.0))
+    rows = []
+    for value in values:
+        column = _Column(f, span, value, known)
+        rows.append(line.point(column, math.log(value) if over_scale == "log" else value))
+    return pd.DataFrame(rows, columns=_Line.columns)
+
+
+class _Column:
+    """Labels at a value over, by the share of the range along."""
+
+    def __init__(self, f: Label, span: Span, over: float, known: pd.DataFrame | None) -> None:
+        self.f, self.span, self.over, self.runs = f, span, over, 0
+        self.labels: dict[float, Hashable] = {}
+        if known is not None:
+            rows = known[np.isclose(known["over"], over, rtol=1e-9, atol=0.0)]
+            shares = map(span.share, rows["along"])
+            pairs = zip(shares, rows["label"], strict=True)
+            self.labels = {share: label for share, label in sorted(pairs) if 0 <= share <= 1}
+
+    def __call__(self, share: float) -> Hashable:
+        if share not in self.labels:
+            self.labels[share] = self.f(self.span.at(share), self.over)
+            self.runs += 1
+        return self.labels[share]
+
+    def ends(self, below: Hashable) -> tuple[float, float]:
+        """Return between which shares the label stops being the one below, as far as known."""
+        high = min((share for share in self.labels if self.labels[share] != below), default=1.0)
+        return max((share for share in self.labels if share < high), default=0.0), high
 
 
 class _Line:
-    """A line so far."""
+    """A line so far; widths are shares of the range."""
 
-    columns = ("over", "along", "low", "high", "below", "above", "runs", "warm")
+    columns = ("over", "along", "low", "high", "below", "above", "runs")
 
-    def __init__(self, f: Label, within: _Range, width: float) -> None:
-        self.f, self.within, self.width = f, within, width
-        self.known: list[tuple[float, float]] = []  # over, s
+    def __init__(self, width: float) -> None:
+        self.width, self.step = width, FIRST * width
+        self.points: list[tuple[float, float]] = []  # over in its scale, share
         self.below: Hashable = None
-        self.step = FAR
 
-    def point(self, over: float) -> tuple[Any, ...]:
-        """Return the row of the next value."""
-        labels: dict[float, Hashable] = {}
-
-        def is_below(s: float) -> bool:
-            if s not in labels:
-                labels[s] = self.f(self.within.value(s), over)
-            return labels[s] == self.below
-
-        neighbours, bracket, guess = len(self.known), None, math.nan
-        if neighbours:
-            guess = min(max(self._predicted(over), 0.0), 1.0)
-            bracket = self._across(guess, is_below)
+    def point(self, column: _Column, x: float) -> tuple[Any, ...]:
+        """Return the row of the next value, x in its scale."""
+        guess, bracket = None, None
+        if self.points:
+            low, high = column.ends(self.below)
+            guess = min(max(_extended(self.points[-POINTS:], x), low), high)
+            bracket = self._across(column, guess, low, high)
         if bracket is None:
-            self.known, neighbours, bracket = [], 0, (0.0, 1.0)
-            is_below(0.0)
-            self.below = labels[0.0]
-            if is_below(1.0):
+            self.points.clear()
+            self.step = FIRST * self.width
+            guess, self.below = None, column(min(column.labels, default=0.0))
+            bracket = column.ends(self.below)
+            if column(bracket[1]) == self.below:
                 none = (math.nan, math.nan, math.nan)
-                return over, *none, self.below, self.below, len(labels), False
-        low, high = self._bisected(*bracket, is_below)
-        s, value = (low + high) / 2, self.within.value
-        self.step = NEAR if abs(s - guess) < NEAR * self.width else FAR
-        self.known = [*self.known, (over, s)][-DEGREES - 2 :]
-        ends = value(s), value(low), value(high)
-        return over, *ends, labels[low], labels[high], len(labels), neighbours > 1
-
-    def _predicted(self, over: float) -> float:
-        """Return where the line should be, by the degree that was best for the last two points.
-
-        The next higher one is tried where none of them was good.
-        """
-        most = len(self.known) - 1
-        misses = [self._miss(points) for points in range(1, min(most, DEGREES) + 1)]
-        points = 1 + int(np.argmin(misses)) if misses else 1
-        if most == 1 or (misses and points == len(misses) and min(misses) > self.width):
-            points += 1
-        return _extended(self.known[-min(points, DEGREES) :], over)
-
-    def _miss(self, points: int) -> float:
-        """Return how far predictions from so many points were off, but no less than the width."""
-        known = self.known
-        tried = [n for n in (len(known) - 1, len(known) - 2) if n >= points]
-        return max(
-            self.width,
-            *(abs(_extended(known[n - points : n], known[n][0]) - known[n][1]) for n in tried),
-        )
-
-    def _across(
-        self, guess: float, is_below: Callable[[float], bool]
-    ) -> tuple[float, float] | None:
-        """Return a bracket that is found from a guess; None where the range ends before it."""
-        side = is_below(guess)
-        step = (self.step if side else -self.step) * self.width
-        before = guess
-        while 0.0 < before < 1.0 or before == guess:
-            here = min(max(before + step, 0.0), 1.0)
-            if here == before:
-                break
-            if is_below(here) != side:
-                return min(before, here), max(before, here)
-            before, step = here, 2 * step
-        return None
-
-    def _bisected(
-        self, low: float, high: float, is_below: Callable[[float], bool]
-    ) -> tuple[float, float]:
+                return column.over, *none, self.below, self.below, column.runs
+        low, high = bracket
         while high - low > (1 + 1e-9) * self.width:
             middle = (low + high) / 2
-            low, high = (middle, high) if is_below(middle) else (low, middle)
-        return low, high
+            low, high = (middle, high) if column(middle) == self.below else (low, middle)
+        share = (low + high) / 2
+        if guess is not None:
+            half = max(abs(share - guess) / 2 / self.width, 1.0)
+            self.step = self.width * 2 ** math.ceil(math.log2(half))
+        self.points.append((x, share))
+        ends = column.span.at(share), column.span.at(low), column.span.at(high)
+        return column.over, *ends, column(low), column(high), column.runs
+
+    def _across(
+        self, column: _Column, guess: float, low: float, high: float
+    ) -> tuple[float, float] | None:
+        """Return a bracket that is found from a guess; None where the range ends before it."""
+        side = column(guess) == self.below
+        share, step = guess, self.step if side else -self.step
+        while True:
+            before, share = share, min(max(share + step, low), high)
+            if share == before:
+                return None
+            if (column(share) == self.below) != side:
+                return min(before, share), max(before, share)
+            step *= 2
 
 
-def _extended(points: Sequence[tuple[float, float]], over: float) -> float:
-    """Return the polynomial through all points, at another value (Lagrange's formula)."""
+def _extended(points: Sequence[tuple[float, float]], x: float) -> float:
+    """Return the polynomial through all points, at another x (Lagrange's formula)."""
     return sum(
-        s * math.prod((over - other) / (at - other) for other, _ in points if other != at)
-        for at, s in points
+        share * math.prod((x - other) / (at - other) for other, _ in points if other != at)
+        for at, share in points
     )
 
 
@@ -227,9 +217,7 @@ def label_map(
         SceneError: an argument is refused; f has not been called.
         ImportError: `adaptive` is not installed.
     """
-    ranges = [
-        _Range(name, ends, scale) for name, ends, scale in zip("xy", (x, y), scales, strict=True)
-    ]
+    spans = [_span(*given) for given in zip("xy", (x, y), scales, strict=True)]
     if isinstance(runs, bool) or not (isinstance(runs, int) and runs >= 4):
         raise SceneError("runs", runs, "", "a whole number >= 4")
     import adaptive
@@ -238,9 +226,9 @@ def label_map(
     numbers: dict[Hashable, int] = {}
 
     def number(at: tuple[float, float]) -> float:
-        here = [one.value(float(s)) for one, s in zip(ranges, at, strict=True)]
-        label = f(*here)
-        rows.append((*here, label))
+        point = [span.at(float(share)) for span, share in zip(spans, at, strict=True)]
+        label = f(*point)
+        rows.append((*point, label))
         return float(numbers.setdefault(label, len(numbers)))
 
     def weight(simplex: np.ndarray, values: Sequence[float], _: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,21 +13,21 @@ import numpy as np
 import pandas as pd
 
 from pyfric.record import Record, analysis
-from pyfric.scene import SceneError, written
-from pyfric.sweeps.sweep import Job, JobError
-from pyfric.sweeps.varied import units
+from pyfric.scene import SceneError, unknown, written
+from pyfric.sweeps.jobs import Job, JobError
+from pyfric.sweeps.varied import varied
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pyfric.sweeps.points import Sweep
+    from pyfric.sweeps.sweep import Sweep
 
-__all__ = ["MEASURED", "Before", "Results"]
+__all__ = ["MEASURED", "FailedBefore", "Results"]
 
 MEASURED = {
-    "events": ("1", "number of events"),
-    "main_events": ("1", "number of events of at least 4 blocks"),
-    "precursors": ("1", "number of precursors before the first system-size event"),
+    "n_events": ("1", "number of events"),
+    "n_main_events": ("1", "number of events of at least 4 blocks"),
+    "n_precursors": ("1", "number of precursors before the first system-size event"),
     "F_first": ("N", "static force at which the first main event starts"),
     "F_max": ("N", "largest force of the loading curve"),
     "L_p_max": ("1", "longest precursor before the first system-size event, over L"),
@@ -36,7 +37,7 @@ MEASURED = {
 """Column -> unit and meaning."""
 
 
-class Before(Exception):
+class FailedBefore(Exception):
     """Why a run failed the last time, in its words."""
 
 
@@ -55,14 +56,14 @@ class Results:
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row for each point: its fields, status, reason, key, engine, and `MEASURED`."""
-        rows = []
-        jobs = self.sweep.jobs()
-        for values, job, one in zip(self.sweep.at(), jobs, self.outcomes, strict=True):
-            row = dict(values) | _said(one)
-            row["key"] = job.key if isinstance(job, Job) else ""
-            rows.append(row | _measured(one if isinstance(one, Record) else None))
-        return pd.DataFrame(rows).rename_axis("point")
+        """One row for each point: its fields, status, reason, engine, key, and `MEASURED`."""
+        keys = [job.key if isinstance(job, Job) else "" for job in self.sweep.jobs]
+        rows = [
+            {**_status(outcome), "key": key, **_measured(outcome)}
+            for outcome, key in zip(self.outcomes, keys, strict=True)
+        ]
+        table = pd.DataFrame(rows, index=self.sweep.rows.index)
+        return pd.concat([self.sweep.rows.infer_objects(), table], axis=1)
 
     @property
     def failed(self) -> pd.DataFrame:
@@ -73,21 +74,52 @@ class Results:
     @property
     def done(self) -> bool:
         """Whether all points are complete."""
-        return all(isinstance(one, Record) for one in self.outcomes)
+        return all(isinstance(outcome, Record) for outcome in self.outcomes)
+
+    def mean(self, column: str, over: Sequence[str] | None = None) -> pd.DataFrame:
+        """Return the mean of a column of `MEASURED` over finished points that differ in seeds only.
+
+        Args:
+            column: the column; where it is not known at a point (NaN), that point does not count.
+            over: fields over which the mean is taken; None means all that end in ".seed".
+
+        Returns:
+            One row for each set of values of the other fields, which are its first columns; then
+            ``mean``, its ``standard_error``, the standard deviation of the column (n - 1) over
+            sqrt(n), NaN for one point, and ``n``, the number of points.
+
+        Raises:
+            SceneError: there is no such column or field, or nothing to take a mean over.
+        """
+        fields = list(self.sweep.over)
+        if column not in MEASURED:
+            raise unknown("column", column, str(column), MEASURED)
+        over = [name for name in fields if name.endswith(".seed")] if over is None else list(over)
+        for name in over:
+            if name not in fields:
+                raise unknown("over", name, str(name), fields)
+        if not over:
+            raise SceneError("over", None, "", f"some of {', '.join(fields)}", "no field is a seed")
+        table, kept = self.table, [name for name in fields if name not in over]
+        groups = table.groupby(kept or np.zeros(len(table)), sort=False, dropna=False)[column]
+        found = groups.agg(["mean", "sem", "count"]).set_axis(
+            ["mean", "standard_error", "n"], axis=1
+        )
+        return found.reset_index(drop=not kept)
 
     def to_xarray(self) -> xr.Dataset:
         """The table as a dataset with units: on the axes of a grid, or else on "point"."""
         import xarray as xr  # slow to import
 
         table, names = self.table, list(self.sweep.over)
-        unit_of = units(self.sweep.scene)
+        marks = varied(self.sweep.scene)
         if self.sweep.points == "grid":
-            dims, axes = names, self.sweep._values()
-            coordinates = {name: (name, axes[name]) for name in names}
+            dims, axes = names, self.sweep.over
+            coordinates = {name: (name, _plain(pd.Series(axes[name]))) for name in names}
             shape = tuple(len(axes[name]) for name in names)
         else:
             dims, shape = ["point"], (len(table),)
-            coordinates = {name: ("point", table[name].to_numpy()) for name in names}
+            coordinates = {name: ("point", _plain(table[name])) for name in names}
         data = {
             name: (dims, _plain(column).reshape(shape))
             for name, column in table.items()
@@ -95,7 +127,7 @@ class Results:
         }
         dataset = xr.Dataset(data, coordinates, {"title": "pyfric sweep"})
         for name in names:
-            dataset[name].attrs["units"] = unit_of[name] or "1"
+            dataset[name].attrs["units"] = (marks[name] and marks[name].unit) or "1"
         for name, (unit, meaning) in MEASURED.items():
             dataset[name].attrs.update(units=unit, long_name=meaning)
         return dataset
@@ -118,42 +150,44 @@ class Results:
         except ImportError:
             return paths
         paths.append(folder / "sweep.parquet")
+        plain = {name: _plain(column) for name, column in self.table.items()}
         with written(paths[2]) as draft:
-            self.table.to_parquet(draft)
+            pd.DataFrame(plain, index=self.table.index).to_parquet(draft)
         return paths
 
 
 def _plain(column: pd.Series) -> np.ndarray:
-    values = column.to_numpy()
-    return values if values.dtype.kind in "fi" else np.array([str(one) for one in values])
+    """Return a column as numbers, or as text."""
+    values = column.infer_objects().to_numpy()
+    return values if values.dtype.kind in "fi" else np.array([str(value) for value in values])
 
 
-def _said(one: Any) -> dict[str, str]:
+def _status(outcome: Any) -> dict[str, str]:
     """Return status and reason of an outcome, and the engine of a record."""
-    if isinstance(one, Record):
-        engine = f"{one.method.engine}, {one.method.geometry}"
-        return {"status": one.status, "reason": "", "engine": engine}
-    if one is None:
+    if isinstance(outcome, Record):
+        engine = f"{outcome.method.engine}, {outcome.method.geometry}"
+        return {"status": outcome.status, "reason": "", "engine": engine}
+    if outcome is None:
         return {"status": "waiting", "reason": "", "engine": ""}
-    if isinstance(one, JobError):
-        before = isinstance(one.error, Before)
-        reason = str(one.error) if before else f"{type(one.error).__name__}: {one.error}"
-        return {"status": "failed", "reason": reason, "engine": ""}
-    return {"status": "refused", "reason": str(one), "engine": ""}
+    if isinstance(outcome, JobError):
+        before = isinstance(outcome.error, FailedBefore)
+        kind = "" if before else f"{type(outcome.error).__name__}: "
+        return {"status": "failed", "reason": f"{kind}{outcome.error}", "engine": ""}
+    return {"status": "refused", "reason": str(outcome), "engine": ""}
 
 
-def _measured(record: Record | None) -> dict[str, float]:
-    if record is None:
+def _measured(outcome: Any) -> dict[str, float]:
+    if not isinstance(outcome, Record):
         return dict.fromkeys(MEASURED, math.nan)
-    main = record.events[record.events["is_main"]]
-    lengths, sliding = analysis.precursor_lengths(record), analysis.system_size_events(record)
+    main = outcome.events[outcome.events["is_main"]]
+    lengths, sliding = analysis.precursor_lengths(outcome), analysis.system_size_events(outcome)
     return {
-        "events": float(len(record.events)),
-        "main_events": float(len(main)),
-        "precursors": float(len(lengths)),
+        "n_events": float(len(outcome.events)),
+        "n_main_events": float(len(main)),
+        "n_precursors": float(len(lengths)),
         "F_first": float(main["F_T_start"].iloc[0]) if len(main) else math.nan,
-        "F_max": float(record.curve["F_T"].max()),
+        "F_max": float(outcome.curve["F_T"].max()),
         "L_p_max": float(lengths["L_p_over_L"].max()),
         "t_slide": float(sliding["t_start"].iloc[0]) if len(sliding) else math.nan,
-        "seconds": float(record.timings.get("processor", math.nan)),
+        "seconds": float(outcome.timings.get("processor", math.nan)),
     }

@@ -1,43 +1,35 @@
 """The store of finished runs: record files in one folder, named by the hash of what was run.
 
 Records are kept in the folder that `PYFRIC_CACHE` names, or else in the user's cache folder. Files
-come and go whole, and carry the hash of their content, so that any number of processes and machines
-may use one folder without locks.
+come and go whole, and carry the hash of their content. Processes and machines may share a folder:
+who makes a run holds a lock on a file beside the place of its record, which the system releases
+when its holder ends, however it ends. Where a lock cannot be had or is lost, a run is made twice,
+with the same result.
 """
 
 from __future__ import annotations
 
-import contextlib
-import dataclasses
+import functools
+import logging
 import os
 import re
+import socket
 import time
-import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 from platformdirs import user_cache_path
 
 from pyfric.record import Record, RecordError
-from pyfric.scene import clean_drafts, write
+from pyfric.scene import Scene, SceneError, clean_drafts, write
 
 if TYPE_CHECKING:
-    from pyfric.scene import Scene
+    from filelock import BaseFileLock
 
-__all__ = [
-    "CACHE_VARIABLE",
-    "MAX_BYTES",
-    "Entry",
-    "cache_folder",
-    "check",
-    "entries",
-    "failed_before",
-    "keep",
-    "kept",
-    "note_failure",
-    "own",
-    "prune",
-]
+__all__ = ["CACHE_VARIABLE", "MAX_BYTES", "Cache", "Entry", "Store"]
 
 CACHE_VARIABLE = "PYFRIC_CACHE"
 """Environment variable that names another folder for finished runs."""
@@ -45,142 +37,230 @@ MAX_BYTES = 2**30
 """Most bytes of finished runs in pyfric's own folder; those that users name are not trimmed."""
 FAILED = ".failed"
 """End of the name of a note why a run failed."""
-NAME = re.compile(r"[0-9a-f]{40}\.nc")
+FORGET = 30.0
+"""Age at which such a note goes, in days."""
+LOCK = ".running"
+"""End of the name of a file that whoever makes a run has locked."""
+NAME = re.compile(r"[0-9a-f]{40}\.\w+")
 DAY = 86400.0
+POLL = 0.05
+"""Time between two tries to lock a file, s."""
+SILENCE = 1.0
+"""Time after which a line says who is waited for, s."""
+
+Cache = bool | str | os.PathLike[str] | None
+"""A store: True for pyfric's own, a path for another folder, False or None for none."""
+
+log = functools.cache(logging.getLogger("pyfric").warning)
+"""Write a line to the log, once."""
 
 
 class Entry(NamedTuple):
-    """A file of the store: its path, size in bytes, time of its last use, and which file it is."""
+    """A file of the store: its path, size in bytes, and time of its last use."""
 
     path: Path
     size: int
     used: float
-    file: int
 
     @property
     def age(self) -> float:
         """Time since its last use, in days."""
         return (time.time() - self.used) / DAY
 
+    def read(self) -> Record | str:
+        """Return the record, or what is wrong with its file."""
+        try:
+            return Record.load(self.path)
+        except (OSError, RecordError) as error:
+            return str(error)
 
-def cache_folder() -> Path:
-    """Return the folder in which finished runs are kept; it need not exist."""
-    given = os.environ.get(CACHE_VARIABLE)
-    return Path(given) if given else user_cache_path("pyfric", appauthor=False)
+    def delete(self) -> bool:
+        """Delete the file unless another process used or replaced it meanwhile."""
+        try:
+            if self.path.stat().st_mtime != self.used:
+                return False
+            self.path.unlink()
+        except OSError:
+            return False
+        return True
 
 
-def kept(folder: Path, key: str, scene: Scene) -> Record | None:
-    """Return the finished run of a scene; None where there is none.
+@dataclass(frozen=True)
+class Store:
+    """Finished runs in a folder.
 
-    A file that is damaged or cannot be read is as good as none, with a warning.
+    Attributes:
+        folder: where they are; it need not exist. None: nothing is kept.
+        own: whether it is pyfric's own, and not one that the user named.
     """
-    path = folder / f"{key}.nc"
-    try:
-        record = Record.load(path)
-    except FileNotFoundError:
-        return None
-    except (OSError, RecordError) as error:
-        warnings.warn(f"a finished run is made again: {error}", RuntimeWarning, stacklevel=2)
-        return None
-    with contextlib.suppress(OSError):  # the folder may be read-only
-        os.utime(path)  # used just now
-    same = dataclasses.replace(record.scene, name=scene.name) == scene
-    return record if same and record.done else None
 
+    folder: Path | None
+    own: bool = False
 
-def keep(folder: Path, key: str, record: Record) -> None:
-    """Keep a finished run; where that fails, warn and go on."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        record.save(folder / f"{key}.nc")
-        (folder / f".{key}{FAILED}").unlink(missing_ok=True)
-    except OSError as error:
-        warnings.warn(f"a finished run is not kept: {error}", RuntimeWarning, stacklevel=2)
+    @classmethod
+    def at(cls, cache: Cache) -> Self:
+        """Return the store that an argument `cache` names.
 
+        Raises:
+            SceneError: it names none.
+        """
+        if cache is None or cache is False:
+            return cls(None)
+        if cache is True:
+            given = os.environ.get(CACHE_VARIABLE)
+            if not given:
+                return cls(user_cache_path("pyfric", appauthor=False), own=True)
+            cache = given
+        if not isinstance(cache, str | os.PathLike):
+            raise SceneError("cache", cache, "", "True, False, None, or the path of a folder")
+        return cls(Path(cache))
 
-def own(cache: bool | str | os.PathLike[str]) -> bool:
-    """Whether finished runs go to pyfric's own folder, and not to one that the user named."""
-    return cache is True and not os.environ.get(CACHE_VARIABLE)
+    # --- runs ------------------------------------------------------------------------------------
 
+    def load(self, key: str, scene: Scene) -> Record | None:
+        """Return the finished run of a scene; None where there is none.
 
-def note_failure(folder: Path, key: str, reason: str) -> None:
-    """Note why a run failed, until it is complete; where that fails, go on."""
-    with contextlib.suppress(OSError):
-        folder.mkdir(parents=True, exist_ok=True)
-        write(folder / f".{key}{FAILED}", reason.encode())
+        A file that is damaged or cannot be read is as good as none, with a line in the log.
+        """
+        if self.folder is None:
+            return None
+        path = self.folder / f"{key}.nc"
+        try:
+            record = Record.load(path)
+        except FileNotFoundError:
+            return None
+        except (OSError, RecordError) as error:
+            log(f"a finished run is made again: {error}")
+            return None
+        with suppress(OSError):  # the folder may be read-only
+            os.utime(path)  # used just now
+        same = replace(record.scene, name=scene.name) == scene
+        return record if same and record.done else None
 
+    def save(self, key: str, record: Record) -> None:
+        """Keep a finished run; where that fails, go on, with a line in the log."""
+        if self.folder is None:
+            return
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            record.save(self.folder / f"{key}.nc")
+            (self.folder / f"{key}{FAILED}").unlink(missing_ok=True)
+        except OSError as error:
+            log(f"finished runs are not kept in {self.folder}: {error.strerror or error}")
 
-def failed_before(folder: Path, key: str) -> str:
-    """Return why a run failed the last time, or ""."""
-    with contextlib.suppress(OSError):
-        return (folder / f".{key}{FAILED}").read_text(encoding="utf-8")
-    return ""
+    def note_failure(self, key: str, reason: str) -> None:
+        """Note why a run failed, until it is complete; where that fails, go on."""
+        if self.folder is not None:
+            with suppress(OSError):
+                self.folder.mkdir(parents=True, exist_ok=True)
+                write(self.folder / f"{key}{FAILED}", reason.encode())
 
+    def failure(self, key: str) -> str:
+        """Return why a run failed the last time, or ""."""
+        if self.folder is not None:
+            with suppress(OSError):
+                return (self.folder / f"{key}{FAILED}").read_text(encoding="utf-8")
+        return ""
 
-def entries(folder: Path) -> list[Entry]:
-    """Return the files of the store, those used last first; other files are not its own."""
-    found = []
-    for path in folder.glob("*.nc"):
-        with contextlib.suppress(OSError):  # another process was faster
-            if NAME.fullmatch(path.name):
-                stat = path.stat()
-                found.append(Entry(path, stat.st_size, stat.st_mtime, stat.st_ino))
-    return sorted(found, key=lambda one: -one.used)
+    # --- locks -----------------------------------------------------------------------------------
 
+    def lock_file(self, key: str) -> Path:
+        """Return the file that who makes a run holds."""
+        return (self.folder or Path()) / f".{key}{LOCK}"
 
-def check(entry: Entry) -> Record | str:
-    """Return the record, or what is wrong with its file."""
-    try:
-        return Record.load(entry.path)
-    except (OSError, RecordError) as error:
-        return str(error)
+    @contextmanager
+    def reserved(self, key: str, what: str, look: Callable[[], None]) -> Iterator[bool]:
+        """Hold a run in the block, after whoever makes it now; give whether its file is locked.
 
+        Args:
+            key: of the run.
+            what: what it is, for the line that says who is waited for.
+            look: called again and again while waiting; what it raises ends that.
+        """
+        lock = None if self.folder is None else self._locked(key, what, look)
+        try:
+            yield lock is not None
+        finally:
+            if lock is not None:
+                with suppress(OSError):
+                    self.lock_file(key).unlink()
+                lock.release()
 
-def prune(
-    folder: Path,
-    most: int | None = None,
-    older_than: float | None = None,
-    damaged: bool = False,
-) -> tuple[list[Entry], int]:
-    """Delete drafts left behind, and runs that are not wanted any more.
+    def _locked(self, key: str, what: str, look: Callable[[], None]) -> BaseFileLock | None:
+        """Return the lock of a run; None in a folder that takes no files, or no locks."""
+        from filelock import FileLock, Timeout  # slow to import
 
-    A file that another process uses or replaces meanwhile stays.
+        path, begin = self.lock_file(key), time.monotonic()
+        lock = FileLock(path, timeout=POLL, fallback_to_soft=False)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            while not lock.is_locked:
+                with suppress(Timeout):
+                    lock.acquire()
+                    break
+                look()
+                if time.monotonic() - begin > SILENCE:
+                    log(f"waiting for {_holder(path)}, which makes {what}")
+        except OSError:
+            return None
+        with suppress(OSError):  # the disk may be full
+            path.write_text(f"process {os.getpid()} of {socket.gethostname()}")
+        return lock
 
-    Args:
-        folder: the store.
-        most: delete those used least recently until the others fit into so many bytes.
-        older_than: delete those not used for so many days.
-        damaged: delete files that are damaged, or records of another version.
+    def clear(self) -> None:
+        """Delete the files of locks that nobody holds."""
+        for path in self.folder.glob(f".*{LOCK}") if self.folder else ():
+            from filelock import FileLock
 
-    Returns:
-        What was deleted, and the number of drafts.
-    """
-    gone, size = [], 0
-    for entry in entries(folder):
-        unwanted = older_than is not None and entry.age > older_than
-        unwanted = unwanted or (damaged and isinstance(check(entry), str))
-        size += 0 if unwanted else entry.size
-        if (unwanted or (most is not None and size > most)) and _delete(entry):
-            gone.append(entry)
-    if most is not None or older_than is not None:
-        _forget_failures(folder, 30.0 if older_than is None else older_than)
-    return gone, clean_drafts(folder)
-
-
-def _forget_failures(folder: Path, days: float) -> None:
-    for path in folder.glob(f".*{FAILED}"):
-        with contextlib.suppress(OSError):
-            if time.time() - path.stat().st_mtime > days * DAY:
+            with suppress(OSError), FileLock(path, timeout=0, fallback_to_soft=False):
                 path.unlink()
 
+    # --- what goes -------------------------------------------------------------------------------
 
-def _delete(entry: Entry) -> bool:
-    """Delete a file unless it was used or replaced since it was listed."""
-    try:
-        now = entry.path.stat()
-        if (now.st_ino, now.st_mtime) != (entry.file, entry.used):
-            return False
-        entry.path.unlink()
-    except OSError:
-        return False
-    return True
+    def entries(self, end: str = ".nc") -> list[Entry]:
+        """Return the files of the store with this end of their names, those used last first.
+
+        Files with other names are not its own.
+        """
+        found = []
+        for path in self.folder.glob(f"*{end}") if self.folder else ():
+            with suppress(OSError):  # another process was faster
+                if NAME.fullmatch(path.name):
+                    stat = path.stat()
+                    found.append(Entry(path, stat.st_size, stat.st_mtime))
+        return sorted(found, key=lambda entry: -entry.used)
+
+    def prune(
+        self, most: int | None = None, older_than: float | None = None, damaged: bool = False
+    ) -> tuple[list[Entry], int]:
+        """Delete what killed processes left behind, and runs that are not wanted any more.
+
+        Args:
+            most: delete those used least recently until the others fit into so many bytes.
+            older_than: delete those not used for so many days.
+            damaged: delete files that are damaged, or records of another version.
+
+        Returns:
+            What was deleted, and the number of unfinished files.
+        """
+        if self.folder is None:
+            return [], 0
+        gone, size = [], 0
+        for entry in self.entries():
+            unwanted = older_than is not None and entry.age > older_than
+            unwanted = unwanted or (damaged and isinstance(entry.read(), str))
+            size += 0 if unwanted else entry.size
+            if (unwanted or (most is not None and size > most)) and entry.delete():
+                gone.append(entry)
+        for entry in self.entries(FAILED):
+            if entry.age > (FORGET if older_than is None else older_than):
+                entry.delete()
+        self.clear()
+        return gone, clean_drafts(self.folder)
+
+
+def _holder(path: Path) -> str:
+    """Return who holds a lock."""
+    with suppress(OSError):
+        return path.read_text() or "another process"
+    return "another process"

@@ -1,383 +1,281 @@
-"""Many runs: independent scenes side by side, and finished runs kept by content.
+"""A sweep: one scene, and the points at which some of its fields or options are varied.
 
-    jobs = [Job(scene=preset("fig1", h=h), t_end=0.9) for h in (2.5e-3, 5e-3, 10e-3)]
-    records = run_all(jobs)
+    sweep = Sweep.from_toml("sweep.toml")
+    print(sweep.estimate())
+    results = sweep.run()
+    results.table            # one row for each point
+    results.to_xarray()      # the same with units, on the axes of a grid
+    results.mean("n_precursors")  # over seeds, with standard errors
 
-A complete run is kept as a record file whose name is a hash of all that determines it: the scene
-(its name aside), the time of the end, the options of `pyfric.simulate` and the code itself; see
-`pyfric.sweeps.store`. In pyfric's own folder, but not in one that the user names, the
-records that were used least recently go when it outgrows `MAX_BYTES`. Why a run failed is noted.
-Processes and machines may share the folder: who makes a run reserves it there.
+The file is TOML, and quantities carry their units::
+
+    scene = "setup2"         # a preset, a scene file beside this one, or a table [scene]
+    t_end = "1.2 s"
+    points = "grid"          # or list, random, sobol, halton, latin
+
+    [over]                   # anything that a scene has
+    "top.theta" = [-0.5, 0, 0.5]
+    "driver.h" = { from = "2 mm", to = "10 mm", step = "2 mm" }
+    "interface.mu_s" = [0.7, { mean = 0.7, std = 0.02, seed = 1 }]
+
+    [options]                # those of `pyfric.simulate`
+    fidelity = "quasistatic"
+
+    [limits]
+    max_hours = 1
+    max_GB = 2
+
+A grid takes all combinations, a list the first values of all fields, then the second ones, and so
+on. The others draw `n` points from ranges, with a `seed`; `scale = "log"` makes a range even in its
+logarithm, and `step` keeps to multiples of a step.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-import hashlib
-import json
+import itertools
+import math
 import os
-import secrets
-import sys
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError, Executor
-from contextlib import closing, contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
-import scipy
+import pandas as pd
 
-from pyfric import core
-from pyfric.engines import Options, jobs_bar, simulate
+from pyfric.display import html
+from pyfric.engines import Options, expected_cost
 from pyfric.record import Record
-from pyfric.scene import (
-    Scene,
-    SceneError,
-    __version__,
-    as_scene,
-    at_once,
-    check_number,
-    saved_first,
-    unknown,
-)
-from pyfric.sweeps.reservation import clear, give_up, given_up, reserved
-from pyfric.sweeps.store import MAX_BYTES, cache_folder, keep, kept, note_failure, own, prune
-from pyfric.sweeps.workers import Workers, stopping
+from pyfric.scene import Scene, SceneError, check_number, unknown
+from pyfric.sweeps.file import read_sweep
+from pyfric.sweeps.jobs import Job, JobError
+from pyfric.sweeps.results import FailedBefore, Results
+from pyfric.sweeps.runs import run_all
+from pyfric.sweeps.store import Cache, Store
+from pyfric.sweeps.varied import MAX_POINTS, Span, drawn, full_field, varied
 
-__all__ = ["Job", "JobError", "each", "run_all", "side_by_side"]
+__all__ = ["Estimate", "Sweep"]
 
-T = TypeVar("T")
-
-POLL = 0.05
-"""Time between two looks at the runs of others, s."""
-MOST_LOST = 10
-"""An executor is given a job that it lost again at most so often."""
-ELSEWHERE = ("threads", "checkpoint", "checkpoint_every")
-"""Options that do not change what a run gives; jobs leave them to `run_all`."""
-OPTIONS = [one.name for one in dataclasses.fields(Options) if one.name not in ELSEWHERE]
-"""Options that a job may have."""
-ROOMS = ("scene", "theory", "core", "statics", "record", "engines")
-"""Rooms whose code determines what a run gives."""
+Kind = Literal["grid", "list", "random", "sobol", "halton", "latin"]
+ASKED = 5
+"""The cost of a sweep is that of so many of its points, on average."""
 
 
-class JobError(RuntimeError):
-    """A run failed.
+class Estimate(NamedTuple):
+    """What a sweep comes to: points, those refused and finished, and what the others take."""
 
-    Attributes:
-        job: its job.
-        error: what went wrong; a `RunError` has the record until then.
-    """
-
-    def __init__(self, job: Job, error: Exception) -> None:
-        super().__init__(job, error)
-        self.job, self.error = job, error
+    points: int
+    refused: int
+    finished: int
+    hours: float
+    GB: float
 
     def __str__(self) -> str:
-        return f"{self.job}: {type(self.error).__name__}: {self.error}"
+        left = self.points - self.refused - self.finished
+        return (
+            f"{self.points} points: {self.finished} finished, {self.refused} refused, {left} to "
+            f"run; about {self.hours:.2g} h of processor time and {self.GB:.2g} GB"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
-    """One run: what `pyfric.simulate` is called with.
+class Sweep:
+    """One scene at many points.
 
     Args:
-        scene: what is simulated: a scene, the name of a preset, or the path of a scene file, which
-            is read once, here.
-        t_end: time of the end, in s.
-        options: an `Options`, or a mapping of names among `OPTIONS` to values, which becomes one.
+        scene: what is varied.
+        t_end: time of the end, in s or as "300 ms".
+        over: names of fields, as in a scene file ("driver.h", or "h" where one part alone has it;
+            "interface.mu_s.seed", "interface.law"), "t_end" or "options.tolerance" and so on, to
+            lists of values, in SI or as "5 mm", or to a `Span`; or a DataFrame whose columns they
+            are, and whose rows are the points.
+        points: "grid", "list", "random", "sobol", "halton" or "latin"; see the module.
+        n: number of points that are drawn.
+        seed: of drawn points; the same seed gives the same points.
+        options: those of all runs; a mapping becomes `Options`.
+        max_hours, max_GB: a sweep whose estimate is beyond is refused; None means no limit.
 
     Raises:
-        SceneError: a value is refused, or an option is unknown.
+        SceneError: an argument is refused.
     """
 
     scene: Scene
     t_end: float
+    over: Mapping[str, Iterable[Any] | Span] | pd.DataFrame
+    points: Kind = "grid"
+    n: int | None = None
+    seed: int = 0
     options: Options = field(default_factory=Options)
+    max_hours: float | None = None
+    max_GB: float | None = None
 
     def __repr__(self) -> str:
-        return f"Job: {self}"
+        fields = ", ".join(self.over)
+        name = self.scene.name or "a scene"
+        return f"Sweep of {name} over {fields}: {self.points}, t_end = {self.t_end:g} s"
+
+    def _repr_html_(self) -> str:
+        return html(self)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "scene", as_scene(self.scene))
-        object.__setattr__(self, "t_end", check_number("t_end", self.t_end, "s", ge=0.0))
-        options = self.options
-        if isinstance(options, Mapping):
-            for name, value in options.items():
-                if name not in OPTIONS:
-                    raise unknown(f"options.{name}", value, str(name), OPTIONS)
-            options = Options(**options)
-            object.__setattr__(self, "options", options)
-        if not isinstance(options, Options):
-            raise SceneError("options", options, "", "Options, or a mapping")
-        options.check_sample(self.t_end)
-        for name in options.given().keys() & ELSEWHERE:
-            raise unknown(f"options.{name}", getattr(options, name), name, OPTIONS)
+        first = Job(scene=self.scene, t_end=self.t_end, options=self.options)
+        for name in ("scene", "t_end", "options"):
+            object.__setattr__(self, name, getattr(first, name))
+        if isinstance(self.over, pd.DataFrame):
+            object.__setattr__(self, "points", "list")
+        if self.points not in get_args(Kind):
+            raise unknown("points", self.points, str(self.points), get_args(Kind))
+        object.__setattr__(self, "over", self._listed())
+        for name in ("max_hours", "max_GB"):
+            if getattr(self, name) is not None:
+                check_number(f"limits.{name}", getattr(self, name), "", gt=0.0)
+        for name, least in (("n", 1), ("seed", 0)):
+            value = getattr(self, name)
+            whole = isinstance(value, int) and not isinstance(value, bool)
+            if (name != "n" or self._drawn) and not (whole and least <= value <= MAX_POINTS):
+                raise SceneError(name, value, "", f"a whole number, {least} … {MAX_POINTS}")
+        lengths = [] if self._drawn else [len(values) for values in self.over.values()]
+        if self.points == "list" and len(set(lengths)) > 1:
+            raise SceneError("over", lengths, "", "as many values of each field in a list")
+        if math.prod(lengths if self.points == "grid" else lengths[:1]) > MAX_POINTS:
+            raise SceneError("over", lengths, "", f"at most {MAX_POINTS} points")
 
     @property
-    def key(self) -> str:
-        """Hash of all that determines the record: scene, end, options, code."""
-        scene = dataclasses.replace(self.scene, name="").to_toml()
-        options = {name: getattr(self.options, name) for name in OPTIONS}
-        content = json.dumps([scene, self.t_end, options, code_version()], sort_keys=True)
-        return hashlib.sha256(content.encode()).hexdigest()[:40]
+    def _drawn(self) -> bool:
+        return self.points not in ("grid", "list")
 
-    @property
-    def weight(self) -> float:
-        """Rough measure of the work, to start long runs first.
+    def _listed(self) -> dict[str, list[Any] | Span]:
+        """Return the fields by their full names, with lists of values, or ranges to draw from."""
+        marks, listed = varied(self.scene), {}
+        for given, values in dict(self.over).items():
+            name = full_field(self.scene, given, values)
+            if name in listed:
+                raise SceneError(f"over.{given}", values, "", "each field once")
+            if isinstance(values, Span):
+                listed[name] = values if self._drawn else values.values(f"over.{name}")
+                continue
+            if self._drawn:
+                allowed = f"a range, because points are {self.points}"
+                raise SceneError(f"over.{name}", values, "", allowed)
+            if isinstance(values, str | Mapping) or not isinstance(values, Iterable):
+                raise SceneError(f"over.{name}", values, "", "a list of values, or a range")
+            listed[name] = [_as_in_scene(value, marks.get(name)) for value in values]
+            if not listed[name]:
+                raise SceneError(f"over.{name}", values, "", "at least one value")
+        if not listed:
+            raise SceneError("over", self.over, "", "at least one field with its values")
+        return listed
 
-        Blocks times rise of the force; more where little load on the trailing edge lets it lift.
+    @functools.cached_property
+    def rows(self) -> pd.DataFrame:
+        """One row for each point: the values of its fields, in SI."""
+        values = [*self.over.values()]
+        if self._drawn:
+            rows = drawn(values, self.points, self.n, self.seed)
+        elif self.points == "grid":
+            rows = itertools.product(*values)
+        else:
+            rows = zip(*values, strict=True)
+        frame = pd.DataFrame([*map(list, rows)], columns=[*self.over], dtype=object)
+        return frame.rename_axis("point")
+
+    @functools.cached_property
+    def jobs(self) -> tuple[Job | SceneError, ...]:
+        """The job of each point, or why it is refused."""
+        return tuple(map(self._job, self.rows.to_dict("records")))
+
+    def _job(self, values: dict[str, Any]) -> Job | SceneError:
+        t_end = values.pop("t_end", self.t_end)
+        names = [name for name in values if name.startswith("options.")]
+        options = {name.removeprefix("options."): values.pop(name) for name in names}
+        try:
+            options = dataclasses.replace(self.options, **options)
+            return Job(scene=self.scene.replace(values), t_end=t_end, options=options)
+        except SceneError as error:
+            return error
+
+    # --- running ---------------------------------------------------------------------------------
+
+    def estimate(self, cache: Cache = True) -> Estimate:
+        """Return what the sweep comes to, by the expected cost of a few of its points."""
+        outcomes = self.status(cache).outcomes
+        finished = sum(isinstance(outcome, Record) for outcome in outcomes)
+        refused = sum(isinstance(outcome, SceneError) for outcome in outcomes)
+        pairs = zip(self.jobs, outcomes, strict=True)
+        left = [job for job, found in pairs if not isinstance(found, Record | SceneError)]
+        asked = left[:: math.ceil(len(left) / ASKED) or 1]
+        costs = [expected_cost(job.scene, job.t_end, job.options) for job in asked]
+        seconds, size = np.mean(costs, axis=0) * len(left) if left else (0.0, 0.0)
+        return Estimate(len(outcomes), refused, finished, seconds / 3600, size / 1e9)
+
+    def status(self, cache: Cache = True) -> Results:
+        """Return the results so far; points that have not been run are "waiting".
+
+        Points that failed are "failed", with the reason; `run` tries them again.
         """
-        scene, options = self.scene, self.options
-        rise = scene.driver.K * scene.driver.V * self.t_end / scene.F_N
-        factor = {"dynamic": 100.0, "quasistatic": 0.1}.get(options.fidelity, 1.0)
-        factor *= 5.0 if options.geometry == "finite" else 1.0
-        factor /= max(1.0 - getattr(scene.top, "theta", 0.0), 0.1)
-        return factor * scene.N_x * scene.N_z * rise
+        store = Store.at(cache)
+        found = (job if isinstance(job, SceneError) else _found(store, job) for job in self.jobs)
+        return Results(self, tuple(found))
 
-    def __str__(self) -> str:
-        options = "".join(f", {name} = {value}" for name, value in self.options.given().items())
-        return f"{self.scene.name or 'scene'} to t = {self.t_end:g} s{options}"
+    def run(self, cache: Cache = True, **how: Any) -> Results:
+        """Run all points that are not finished, those with many blocks first.
 
+        Args:
+            cache: as in `run_all`.
+            **how: workers, progress and executor of `run_all`.
 
-@functools.cache
-def code_version() -> str:
-    """Return a hash of what computes a run: `ROOMS`, the compiled core, NumPy and SciPy."""
-    versions = (__version__, np.__version__, scipy.__version__)  # static states go through LAPACK
-    found = hashlib.sha256(" ".join(versions).encode())
-    here = Path(__file__).parents[1]
-    for path in sorted(here.rglob("*")):
-        inside = path.relative_to(here).parts
-        if path.suffix in (".so", ".pyd") or (path.suffix == ".py" and inside[0] in ROOMS):
-            name = path.relative_to(here).as_posix().encode()
-            found.update(name + b"\0" + hashlib.sha256(path.read_bytes()).digest())
-    return found.hexdigest()
+        Raises:
+            SceneError: an argument is refused, or the estimate is beyond a limit.
+            KeyboardInterrupt: after Ctrl-C; finished runs are kept, and the next call goes on.
+        """
+        if self.max_hours is not None or self.max_GB is not None:
+            found = self.estimate(cache)
+            for name, value in (("max_hours", found.hours), ("max_GB", found.GB)):
+                limit = getattr(self, name)
+                if limit is not None and value > limit:
+                    allowed = f"at least {value:.2g}, which the sweep would take ({found})"
+                    raise SceneError(f"limits.{name}", limit, "", allowed, "too little")
+        outcomes: list[Any] = [*self.jobs]
+        numbers = [n for n, job in enumerate(self.jobs) if isinstance(job, Job)]
+        numbers.sort(key=lambda n: -self.jobs[n].scene.N_x * self.jobs[n].scene.N_z)
+        jobs = [self.jobs[n] for n in numbers]
+        made = run_all(jobs, cache=cache, errors="return", **how)
+        for n, outcome in zip(numbers, made, strict=True):
+            outcomes[n] = outcome
+        return Results(self, tuple(outcomes))
 
+    def mean(self, column: str, cache: Cache = True) -> pd.DataFrame:
+        """Return the mean of a column over seeds of what is finished; see `Results.mean`."""
+        return self.status(cache).mean(column)
 
-@at_once()
-def run_all(
-    jobs: Sequence[Job],
-    workers: int | None = None,
-    cache: bool | str | os.PathLike[str] = True,
-    progress: bool | Callable[[int, int], None] | None = None,
-    errors: Literal["raise", "return"] = "raise",
-    executor: Any = None,
-) -> list[Record] | list[Record | JobError]:
-    """Run jobs side by side, each on one thread of a process of its own; longest first.
+    # --- files -----------------------------------------------------------------------------------
 
-    Worker processes are spawned: a script that is run as a file needs its calls below
-    ``if __name__ == "__main__":``. Ctrl-C stops all workers; what was finished stays in the cache.
+    @classmethod
+    def from_toml(cls, path: str | os.PathLike[str]) -> Self:
+        """Return the sweep that a file describes.
 
-    Args:
-        jobs: what to run. Equal jobs are run once.
-        workers: most runs at a time; None means one for each processor. With 1, or one job, all is
-            done in this process.
-        cache: True reuses and keeps finished runs in `cache_folder()`, False does neither; a path
-            names another folder.
-        progress: True for a bar on stderr, a function of (number done, number of all), False for
-            nothing; None shows the bar where stderr is a terminal.
-        errors: "raise" stops at the first run that fails; "return" goes on, and gives its
-            `JobError` in the place of its record.
-        executor: what makes the runs, in place of `workers`: anything whose `submit(function,
-            *arguments)` gives a future with `done()`, `result()` and `cancel()`, such as those of
-            `concurrent.futures`, a `distributed.Client` or a `submitit.AutoExecutor`. It stays
-            open. The folder of `cache` has to be the same one on all its machines; through it, runs
-            learn that they are no longer wanted. With cache = False those under way go on.
-
-    Returns:
-        The records, in the order of the jobs. `timings["processor"]` is the processor time of the
-        run and its plan, in s.
-
-    Raises:
-        SceneError: an argument is refused; nothing has been done.
-        JobError: a run failed, or its process ended; with errors = "raise". The others are
-            stopped; those that were complete are in the cache.
-        KeyboardInterrupt: after Ctrl-C.
-    """
-    jobs = list(jobs)
-    for job in jobs:
-        if not isinstance(job, Job):
-            raise SceneError("jobs", job, "", "a list of Job")
-    workers = _count(workers)
-    if errors not in ("raise", "return"):
-        raise SceneError("errors", errors, "", "'raise' or 'return'")
-    if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise SceneError("executor", executor, "", "an object with submit, or None")
-    folder = None
-    if cache is not False:
-        folder = cache_folder() if cache is True else Path(cache)
-
-    by_key = {job.key: job for job in jobs}
-    found: dict[str, Record | JobError | None]
-    found = {key: folder and kept(folder, key, job.scene) for key, job in by_key.items()}
-    todo = {key: job for key, job in by_key.items() if found[key] is None}
-    todo = dict(sorted(todo.items(), key=lambda item: -item[1].weight))
-    with jobs_bar(progress, len(by_key)) as show:
-        done = len(by_key) - len(todo)
-        show(done, len(by_key))
-        with closing(_outcomes(todo, min(workers, len(todo)), folder, executor)) as outcomes:
-            for key, made in outcomes:
-                if isinstance(made, Exception):
-                    if folder is not None:
-                        note_failure(folder, key, f"{type(made).__name__}: {made}")
-                    if errors == "raise":
-                        raise JobError(todo[key], made) from made
-                    made = JobError(todo[key], made)
-                elif not made.done:
-                    raise KeyboardInterrupt
-                found[key] = made
-                done += 1
-                show(done, len(by_key))
-    if folder is not None and todo:
-        clear(folder)
-        prune(folder, MAX_BYTES if own(cache) else None)
-    return [_belonging(found[job.key], job) for job in jobs]
+        Raises:
+            SceneError: it cannot be read, or a value is refused.
+        """
+        return cls(**read_sweep(Path(path)))
 
 
-def _count(workers: int | None) -> int:
-    if workers is None:
-        return core.processors()
-    if isinstance(workers, bool) or not (isinstance(workers, int) and workers >= 1):
-        raise SceneError("workers", workers, "", "a whole number >= 1, or None")
-    return workers
+def _as_in_scene(value: Any, mark: Any) -> Any:
+    """Return a value as the scene will have it; what it refuses is left to the point."""
+    value = value.item() if isinstance(value, np.generic) else value
+    if mark is not None:
+        try:
+            return mark.check(value)
+        except SceneError:
+            pass
+    return value
 
 
-@contextmanager
-def side_by_side(jobs: Sequence[Job], workers: int | None) -> Iterator[Workers | None]:
-    """Give an executor for jobs and for what is done with their records, stopped at the end.
-
-    None stands for this process, where `run_all` would make the runs in it.
-    """
-    count = min(_count(workers), len({job.key for job in jobs}))
-    if count <= 1:
-        yield None
-        return
-    with Workers(count) as pool:
-        yield pool
-
-
-def each(pool: Executor | None, function: Callable[..., T], calls: Sequence[tuple]) -> Iterator[T]:
-    """Yield what a function gives for each tuple of arguments, made side by side, in order."""
-    if pool is None:
-        yield from (function(*call) for call in calls)
-        return
-    futures = [pool.submit(function, *call) for call in calls]
-    yield from (future.result() for future in futures)
-
-
-def _belonging(found: Record | JobError, job: Job) -> Record | JobError:
-    """Return what was found for a job, under the name of its own scene."""
-    if isinstance(found, JobError):
-        return JobError(job, found.error)
-    return dataclasses.replace(found, scene=job.scene)
-
-
-# --- running -------------------------------------------------------------------------------------
-
-
-def _outcomes(
-    todo: Mapping[str, Job], workers: int, folder: Path | None, executor: Any
-) -> Iterator[tuple[str, Record | Exception]]:
-    """Yield key and record, or what went wrong, of each job as it ends."""
-    if executor is not None:
-        own_ones = isinstance(executor, Workers)  # who made them stops them
-        yield from _ended(todo, folder, executor, "" if own_ones else secrets.token_hex(20))
-    elif workers <= 1:
-        for key, job in todo.items():
-            try:
-                yield key, _made(job, folder, key)
-            except Exception as error:
-                yield key, error
-    else:
-        with Workers(workers) as pool:
-            yield from _ended(todo, folder, pool, "")
-
-
-def _ended(
-    todo: Mapping[str, Job], folder: Path | None, executor: Any, sweep: str
-) -> Iterator[tuple[str, Record | Exception]]:
-    """Yield key and record, or what went wrong, of each job that an executor is given.
-
-    It is asked now and then, because not every one calls back. What it lost is given to it again.
-    `sweep` is the name by which runs in the processes of others learn that they are not wanted.
-    """
-    futures = {key: executor.submit(_made, job, folder, key, sweep) for key, job in todo.items()}
-    lost = dict.fromkeys(futures, 0)
-    try:
-        while futures:
-            ended = [key for key, future in futures.items() if future.done()]
-            for key in ended:
-                made = _result(futures.pop(key))
-                if isinstance(made, CancelledError) and lost[key] < MOST_LOST:
-                    lost[key] += 1
-                    futures[key] = executor.submit(_made, todo[key], folder, key, sweep)
-                else:
-                    yield key, made
-            if not ended:
-                time.sleep(POLL)
-    finally:
-        for future in futures.values():
-            future.cancel()
-        if sweep and futures and folder is not None:
-            give_up(folder, sweep, lambda: all(future.done() for future in futures.values()))
-
-
-def _result(future: Any) -> Record | Exception:
-    try:
-        return future.result()
-    except Exception as error:
-        return error
-
-
-class _Stopped(Exception):
-    """Nobody wants this run any more."""
-
-
-@contextmanager
-def _without_locks_of_dask() -> Iterator[None]:
-    """Let xarray write into memory in a worker of dask as elsewhere.
-
-    It would ask dask's scheduler for a lock, whose name is that of the file.
-    """
-    if "dask" not in sys.modules:
-        yield
-        return
-    with sys.modules["dask"].config.set(scheduler="synchronous"):
-        yield
-
-
-@_without_locks_of_dask()
-def _made(job: Job, folder: Path | None, key: str, sweep: str = "") -> Record:
-    """Return the record of a job from the folder, or make it and keep it there.
-
-    Who finds that another process or machine makes it just now, waits for it. What the sweep of
-    this name gave up is not made.
-    """
-
-    def look(_: Any = None) -> None:
-        if stopping() or (sweep and folder is not None and given_up(folder, sweep)):
-            raise _Stopped
-
-    look()
-    while folder is not None:
-        with reserved(folder, key) as ours:
-            record = kept(folder, key, job.scene)
-            if record is None and ours:
-                with saved_first():
-                    record = _simulated(job, look)
-                    if record.done:
-                        keep(folder, key, record)
-        if record is not None:
-            return record
-        time.sleep(POLL)
-        look()
-    return _simulated(job, look)
-
-
-def _simulated(job: Job, look: Callable[[Any], None]) -> Record:
-    start = time.process_time()
-    record = simulate(job.scene, job.t_end, job.options, threads=1, progress=look)
-    timings = {**record.timings, "processor": time.process_time() - start}
-    return dataclasses.replace(record, timings=timings)
+def _found(store: Store, job: Job) -> Record | JobError | None:
+    """Return the finished record of a job, or why it failed, or None."""
+    record = store.load(job.key, job.scene)
+    if record is None and (reason := store.failure(job.key)):
+        return JobError(job, FailedBefore(reason))
+    return record

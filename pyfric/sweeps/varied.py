@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
+import scipy
 
-from pyfric.engines import OPTION_UNITS, Options
-from pyfric.scene import Scene, SceneError, quantities
-from pyfric.sweeps.sweep import ELSEWHERE
+from pyfric.engines import OPTION_UNITS
+from pyfric.scene import (
+    Quantity,
+    Scene,
+    SceneError,
+    check_number,
+    full_name,
+    scene_fields,
+    unknown,
+)
+from pyfric.sweeps.jobs import OPTIONS
 
-__all__ = ["MOST_POINTS", "PARTS", "Span", "units"]
+__all__ = ["MAX_POINTS", "Scale", "Span", "drawn", "full_field", "varied"]
 
-PARTS = ("slider", "top", "driver", "interface")
-
-
-MOST_POINTS = 1_000_000
+MAX_POINTS = 1_000_000
+"""Most points of a sweep."""
+Scale = Literal["linear", "log"]
+SEQUENCES = {"sobol": "Sobol", "halton": "Halton", "latin": "LatinHypercube"}
+"""Classes of `scipy.stats.qmc`, which is slow to import: first use imports it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,31 +36,57 @@ class Span:
     """A range of a number: n values in a grid or list, or where points are drawn.
 
     Args:
-        start, stop: its ends, in SI.
-        n: number of values in a grid or list, ends included.
+        start, stop: its ends, in SI, the lower one first.
+        n: number of values in a grid or list, ends included, at least 2.
         step: distance of the values; drawn ones are rounded to it.
         scale: "linear" or "log".
+
+    Raises:
+        SceneError: a value is refused.
     """
 
     start: float
     stop: float
     n: int | None = None
     step: float | None = None
-    scale: Literal["linear", "log"] = "linear"
+    scale: Scale = "linear"
+
+    def __post_init__(self) -> None:
+        if self.scale not in get_args(Scale):
+            raise SceneError("scale", self.scale, "", "'linear' or 'log'")
+        least = 0.0 if self.scale == "log" else None
+        for name in ("start", "stop"):
+            check_number(name, getattr(self, name), "", gt=least)
+        if not self.start < self.stop:
+            raise SceneError("start", self.start, "", f"below {self.stop!r}, the upper end")
+        if self.step is not None:
+            check_number("step", self.step, "", gt=0.0)
+        whole = isinstance(self.n, int) and not isinstance(self.n, bool)
+        if self.n is not None and not (whole and 2 <= self.n <= MAX_POINTS):
+            raise SceneError("n", self.n, "", f"a whole number, 2 … {MAX_POINTS}")
 
     def values(self, name: str) -> list[float]:
-        """Return the values in a grid or list."""
+        """Return the values in a grid or list, whole ones if ends and step are whole.
+
+        Raises:
+            SceneError: there are too many, or neither n nor step says how many; it has this name.
+        """
         if self.step is not None:
             count = math.floor((self.stop - self.start) / self.step * (1 + 1e-12)) + 1
-        elif self.n is not None:
-            count = self.n
-        else:
-            raise SceneError(name, None, "", "a range with n or step", "how many values?")
-        if count > MOST_POINTS:
-            raise SceneError(name, count, "", f"at most {MOST_POINTS} values")
-        if self.step is not None:
+            if count > MAX_POINTS:
+                raise SceneError(name, count, "", f"at most {MAX_POINTS} values")
+            if all(isinstance(number, int) for number in (self.start, self.stop, self.step)):
+                return list(range(self.start, self.stop + 1, self.step))
             return [_short(self.start + i * self.step) for i in range(count)]
-        return [self.at(share) for share in np.linspace(0.0, 1.0, count)]
+        if self.n is None:
+            raise SceneError(name, None, "", "a range with n or step", "how many values?")
+        return [self.at(share) for share in np.linspace(0.0, 1.0, self.n)]
+
+    def share(self, value: float) -> float:
+        """Return at which share of the range a value is; the inverse of `at` without a step."""
+        if self.scale == "log":
+            return math.log(value / self.start) / math.log(self.stop / self.start)
+        return (value - self.start) / (self.stop - self.start)
 
     def at(self, share: float) -> float:
         """Return the value at a share of the range, 0 to 1."""
@@ -68,15 +104,45 @@ def _short(value: float) -> float:
     return float(f"{float(value):.12g}")
 
 
-def units(scene: Scene) -> dict[str, str | None]:
-    """Return the fields that may vary, with their SI units; None for those that are no numbers."""
-    found: dict[str, str | None] = {"t_end": "s"}
-    for name in PARTS:
-        part = getattr(scene, name)
-        marks = quantities(type(part))
-        for one in dataclasses.fields(part):
-            found[f"{name}.{one.name}"] = marks[one.name].unit if one.name in marks else None
-    for one in dataclasses.fields(Options):
-        if one.name not in ELSEWHERE:
-            found[f"options.{one.name}"] = OPTION_UNITS.get(one.name)
-    return found
+def drawn(spans: Sequence[Span], kind: str, n: int, seed: int) -> list[list[float]]:
+    """Return n points with a value in each range.
+
+    Args:
+        spans: the ranges.
+        kind: "random", or a sequence that fills ranges evenly, a key of `SEQUENCES`.
+        n: number of points.
+        seed: of the generator behind both.
+    """
+    rng = np.random.default_rng(seed)
+    if kind == "random":
+        shares = rng.random((n, len(spans)))
+    else:
+        sequence = getattr(scipy.stats.qmc, SEQUENCES[kind])(len(spans), seed=rng)
+        # Sobol's points are balanced in powers of two.
+        even = kind == "sobol"
+        shares = sequence.random_base2((n - 1).bit_length())[:n] if even else sequence.random(n)
+    return [[span.at(share) for span, share in zip(spans, row, strict=True)] for row in shares]
+
+
+def varied(scene: Scene) -> dict[str, Quantity | None]:
+    """Return the names of all that may vary; those of numbers come with their `Quantity`."""
+    numbers = {name: Quantity(unit) for name, unit in OPTION_UNITS.items()}
+    options = {f"options.{name}": numbers.get(name) for name in OPTIONS}
+    return {"t_end": Quantity("s", ge=0.0)} | scene_fields(scene) | options
+
+
+def full_field(scene: Scene, name: str, values: Any) -> str:
+    """Return the full name of what varies.
+
+    Raises:
+        SceneError: there is no such field, or it is in several parts.
+    """
+    known = varied(scene)
+    if name in known:
+        return name
+    try:
+        return full_name(scene, name)
+    except SceneError as error:
+        if error.reason.startswith("unknown"):
+            raise unknown(f"over.{name}", values, name, known) from None
+        raise error.at(f"over.{name}") from None

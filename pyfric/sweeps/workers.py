@@ -1,35 +1,37 @@
 """Processes that work for this one: one that dies takes only its job along, and all end with it.
 
-Every worker is a spawned process at the end of a pipe of its own, and knows the end of one pipe of
-which only this process holds the beginning. When that closes, because work is to stop or because
-this process is gone, however it went, a worker stops what it does or ends in the middle.
+Each worker is a `ProcessPoolExecutor` of one spawned process, so that it is known which job a
+process took along. It never sees the signals that end a command: it inherits a mask that blocks
+them. It holds one end of a pipe whose other end only this process has. When that closes, because
+work is to stop or because this process is gone, however it went, the worker ends too.
 """
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import queue
 import signal
 import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.context import SpawnContext
+from multiprocessing.process import BaseProcess
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from threadpoolctl import threadpool_limits
 
-from pyfric.scene import held_back
+from pyfric.signals import SIGNALS, held_back
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-__all__ = ["Workers", "stopping"]
+__all__ = ["InThisProcess", "Workers", "stopping"]
 
 GRACE = 1.5
 """Time in which a worker that is to stop can do so by itself, s."""
 
-_spawn = multiprocessing.get_context("spawn")
 _stop = threading.Event()
 
 
@@ -39,140 +41,87 @@ def stopping() -> bool:
 
 
 class Workers(Executor):
-    """Worker processes of one thread each, which never see Ctrl-C and SIGTERM.
+    """Worker processes of one thread each. A job whose process dies raises ChildProcessError.
 
-    At the end of a with block they are stopped. A job whose process dies raises ChildProcessError.
+    `shutdown`, and so the end of a with block, stops them.
     """
 
     def __init__(self, count: int) -> None:
-        self._stop, self._beginning = _spawn.Pipe(duplex=False)
-        self._lanes = [_Lane(self._stop) for _ in range(count)]
-        with _signals_blocked():
-            for lane in self._lanes:
-                lane.start()
-        self._free: queue.SimpleQueue[_Lane] = queue.SimpleQueue()
-        for lane in self._lanes:
-            self._free.put(lane)
-        self._threads = ThreadPoolExecutor(count, "pyfric", _block_signals)
+        self._hears, self._speaks = SpawnContext().Pipe(duplex=False)
+        self._workers: list[_Worker] = []
+        self._of_thread = threading.local()
+        self._threads = ThreadPoolExecutor(count, "pyfric")
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future:
         return self._threads.submit(self._run, function, args, kwargs)
 
-    def _run(self, *call: Any) -> Any:
-        lane = self._free.get()
+    def _run(self, function: Callable[..., Any], args: Any, kwargs: Any) -> Any:
+        """Call a function in the worker of this thread."""
+        if not hasattr(self._of_thread, "worker"):
+            self._of_thread.worker = _Worker(self._hears)
+            self._workers.append(self._of_thread.worker)
+        worker = self._of_thread.worker
         try:
-            return lane.run(call)
-        finally:
-            self._free.put(lane)
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the workers when they have done what they were given."""
-        self._threads.shutdown(cancel_futures=cancel_futures)
-        for lane in self._lanes:
-            lane.end()
-        self._beginning.close()
-        self._stop.close()
+            return worker.pool.submit(function, *args, **kwargs).result()
+        except BrokenProcessPool:
+            del self._of_thread.worker
+            worker.pool.shutdown()
+            raise ChildProcessError(
+                f"a worker process ended by itself (exit code {worker.processes[-1].exitcode}: out "
+                'of memory, or a script without if __name__ == "__main__":)'
+            ) from None
 
     @held_back()
-    def __exit__(self, *_: Any) -> None:
-        self._beginning.close()
-        killer = threading.Timer(GRACE, lambda: [lane.kill() for lane in self._lanes])
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
+        self._speaks.close()
+        killer = threading.Timer(2 * GRACE, lambda: [worker.kill() for worker in self._workers])
         killer.start()
-        self.shutdown(cancel_futures=True)
+        self._threads.shutdown(cancel_futures=True)
+        for worker in self._workers:
+            worker.pool.shutdown()
         killer.cancel()
+        self._hears.close()
 
 
-class _Lane:
-    """One worker process at a time, and this end of its pipe."""
+class _Worker(SpawnContext):
+    """A pool of one process, and the context that makes its processes, which it remembers."""
 
-    def __init__(self, stop: Connection) -> None:
-        self.stop, self.process = stop, None
+    def __init__(self, hears: Connection) -> None:
+        self.processes: list[BaseProcess] = []
+        self.pool = ProcessPoolExecutor(1, self, _begin, (hears,))
+        # In this thread, which starts the process; its tracker of resources has just been started,
+        # after which Python unblocks SIGINT and SIGTERM.
+        signal.pthread_sigmask(signal.SIG_BLOCK, set(SIGNALS) - {signal.SIGXCPU})
 
-    def start(self) -> None:
-        self.pipe, far = _spawn.Pipe()
-        self.process = _spawn.Process(target=_serve, args=(far, self.stop))
-        self.process.start()
-        far.close()
-
-    def run(self, call: tuple[Any, ...]) -> Any:
-        """Return what a call gives in the process, or raise what it raises there."""
-        if self.process is None:
-            self.start()
-        try:
-            self.pipe.send(call)
-            value, error = self.pipe.recv()
-        except (EOFError, ConnectionError):
-            self.end()
-            raise ChildProcessError(
-                f"a worker process ended by itself (exit code {self.code}: out of memory, or a "
-                'script without if __name__ == "__main__":)'
-            ) from None
-        if error is not None:
-            raise error
-        return value
-
-    def end(self) -> None:
-        """Wait for the process, which ends when its pipe does."""
-        if self.process is not None:
-            self.pipe.close()
-            self.process.join()
-            self.code = self.process.exitcode
-            self.process.close()
-            self.process = None
+    def Process(self, *args: Any, **kwargs: Any) -> BaseProcess:
+        process = super().Process(*args, **kwargs)
+        self.processes.append(process)
+        return process
 
     def kill(self) -> None:
-        with suppress(AttributeError, ValueError):  # it has just ended
-            self.process.kill()
+        for process in self.processes:
+            process.kill()
 
 
-def _serve(jobs: Connection, stop: Connection) -> None:
-    """Do one call after another, in a worker process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+class InThisProcess(Executor):
+    """Makes each call where its result is asked for."""
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any:
+        def result(timeout: float | None = None) -> Any:
+            return function(*args, **kwargs)
+
+        return SimpleNamespace(result=result, done=lambda: True, cancel=lambda: True)
+
+
+def _begin(hears: Connection) -> None:
+    """Prepare a worker process."""
     threadpool_limits(1)
-    busy = threading.Lock()
-    threading.Thread(target=_leave, args=(stop, busy), daemon=True).start()
-    while True:
-        try:
-            function, args, kwargs = jobs.recv()
-        except EOFError:
-            return
-        with busy:
-            try:
-                answer = function(*args, **kwargs), None
-            except Exception as error:
-                answer = None, error
-            try:
-                jobs.send(answer)
-            except OSError:  # nobody is there any more
-                return
-            except Exception as error:
-                jobs.send((None, RuntimeError(f"the answer cannot be pickled: {error}")))
+    threading.Thread(target=_leave, args=(hears,), daemon=True).start()
 
 
-def _leave(stop: Connection, busy: threading.Lock) -> None:
-    """End this process when it is to stop: at once if it is idle, or else after a while."""
-    stop.poll(None)
+def _leave(hears: Connection) -> None:
+    """End this process a while after it is to stop."""
+    hears.poll(None)
     _stop.set()
-    busy.acquire(timeout=GRACE)
-    os._exit(0)
-
-
-def _block_signals() -> None:
-    """Let Ctrl-C and SIGTERM pass this thread, and processes that it starts."""
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-
-
-@contextmanager
-def _signals_blocked() -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM wait until the end of the block."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
-    _block_signals()
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    time.sleep(GRACE)
+    os._exit(1)

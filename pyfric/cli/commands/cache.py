@@ -11,7 +11,7 @@ from pyfric.cli.app import main
 from pyfric.cli.shared import Exit, json_option, print_json, stop
 
 if TYPE_CHECKING:
-    from pyfric.sweeps.store import Entry
+    from pyfric.sweeps import Entry, Store
 
 MB = 10**6
 
@@ -49,10 +49,8 @@ def check(as_json: bool) -> None:
 @json_option
 def size(as_json: bool) -> None:
     """Show the folder, the number of runs and their size."""
-    from pyfric.sweeps import store
-
-    found = _entries()
-    folder, size = store.cache_folder(), sum(entry.size for entry in found)
+    store, found = _store(), _entries()
+    folder, size = store.folder, sum(entry.size for entry in found)
     if as_json:
         print_json({"folder": str(folder), "runs": len(found), "bytes": size})
     else:
@@ -68,10 +66,8 @@ def size(as_json: bool) -> None:
 @json_option
 def prune(older_than: float | None, most: float | None, damaged: bool, as_json: bool) -> None:
     """Delete what killed processes left behind, and the runs named by the options."""
-    from pyfric.sweeps import store
-
     most = None if most is None else int(most * MB)
-    gone, drafts = store.prune(store.cache_folder(), most, older_than, damaged)
+    gone, drafts = _store().prune(most, older_than, damaged)
     size = sum(entry.size for entry in gone)
     if as_json:
         print_json({"runs": len(gone), "bytes": size, "drafts": drafts})
@@ -79,18 +75,20 @@ def prune(older_than: float | None, most: float | None, damaged: bool, as_json: 
         click.echo(f"deleted: {len(gone)} runs, {size / MB:.1f} MB; {drafts} unfinished files")
 
 
-def _entries() -> list[Entry]:
-    from pyfric.sweeps import store
+def _store() -> Store:
+    from pyfric.sweeps import Store
 
-    return store.entries(store.cache_folder())
+    return Store.at(True)
+
+
+def _entries() -> list[Entry]:
+    return _store().entries()
 
 
 def _row(entry: Entry) -> dict[str, Any]:
     """Return what there is to say about a file."""
-    from pyfric.sweeps import store
-
     row: dict[str, Any] = {"key": entry.path.stem, "bytes": entry.size, "used": entry.used}
-    found = store.check(entry)
+    found = entry.read()
     if isinstance(found, str):
         return row | {"problem": found}
     return row | {

@@ -156,7 +156,7 @@ def run(
     Figure and CSV are written when the run is complete. `pyfric scene` shows a scene as TOML. The
     result is printed also if the run fails or stops.
     """
-    from pyfric.scene import asked_to_stop
+    from pyfric.signals import asked_to_stop
 
     what = scene_of(scene, changes)
     if resume == HERE:
@@ -193,7 +193,7 @@ def _run(
     how: dict[str, Any],
 ) -> tuple[Record, list[Path]]:
     """Return the record and its file; once the run has ended, Ctrl-C does not prevent the save."""
-    from pyfric.scene import saved_first
+    from pyfric.signals import saved_first
 
     files: list[Path] = []
     try:
@@ -225,9 +225,9 @@ def _saved(record: Record, out: Path) -> Path:
     try:
         return record.save(out)
     except OSError as error:
-        from pyfric.sweeps import store
+        from pyfric.sweeps import Store
 
-        for find in (tempfile.gettempdir, store.cache_folder):  # the first one tries to write
+        for find in (tempfile.gettempdir, lambda: Store.at(True).folder):  # the first one writes
             with contextlib.suppress(OSError):
                 folder = Path(find())
                 folder.mkdir(parents=True, exist_ok=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -19,10 +20,17 @@ from pyfric.cli.shared import (
     workers_option,
 )
 
+if TYPE_CHECKING:
+    from pyfric.sweeps import Estimate
+
 
 @main.command(section="Simulate", epilog=SHORT_EXIT_CODES)
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--dry-run", is_flag=True, help="Say how many runs, what they cost, and run nothing.")
+@click.option(
+    "--dry-run",
+    is_flag=True,
+    help="Say how many runs, what they cost, why points are refused, and run nothing.",
+)
 @click.option(
     "--status", is_flag=True, help="Say which points are finished or failed, and run nothing."
 )
@@ -45,36 +53,45 @@ def sweep(
     with more points, the same command goes on. Points that fail are named with their reason.
     """
     from pyfric.sweeps import Sweep
-    from pyfric.sweeps.store import MAX_BYTES, own
 
     if dry_run and status:
         raise click.UsageError("--dry-run and --status exclude each other.")
     check_folder(out)
     what, cache = Sweep.from_toml(file), not no_cache
+    if dry_run or status:
+        results = what.status(cache)
+    else:
+        results = what.run(cache, workers=workers, progress=tell.progress)
+    table, failed = results.table, results.failed
+    if dry_run:
+        failed = failed[failed["status"] == "refused"]
+    reasons = {int(n): reason for n, reason in failed["reason"].items()}
     if dry_run:
         found = what.estimate(cache)
-        text = str(found)
-        if own(cache) and found.GB > MAX_BYTES / 1e9:
-            most = f"{MAX_BYTES / 1e9:.2g} GB"
-            text += f"\nOnly {most} of finished runs are kept: name a folder in PYFRIC_CACHE."
-        tell.result(found._asdict(), lambda: text)
-        return
-    how = {"workers": workers, "progress": tell.progress}
-    results = what.status(cache) if status else what.run(cache, **how)
-    files = [] if out is None else results.save(out)
-    table = results.table
-    counts = table["status"].value_counts().to_dict()
-    failed = {int(n): row for n, row in results.failed.iterrows()}
-    reasons = {n: row["reason"] for n, row in failed.items()}
-    names = [str(path) for path in files]
-    said = ", ".join(f"{count} {name}" for name, count in counts.items())
-    found = {"status": counts, "failed": reasons, "files": names}
-    tell.result(found, lambda: "\n".join([said, *names]))
-    for n, row in failed.items():
-        where = ", ".join(
-            f"{name} = {row[name]:g}" if isinstance(row[name], float) else f"{name} = {row[name]}"
-            for name in what.over
-        )
+        lines, result = [str(found), *_too_large(found, cache)], found._asdict()
+    else:
+        counts = table["status"].value_counts().to_dict()
+        names = [] if out is None else [str(path) for path in results.save(out)]
+        lines = [", ".join(f"{count} {name}" for name, count in counts.items()), *names]
+        result = {"status": counts, "files": names}
+    tell.result(result | {"failed": reasons}, lambda: "\n".join(lines))
+    for n, row in failed.iterrows():
+        where = ", ".join(f"{name} = {_short(row[name])}" for name in what.over)
         click.echo(f"point {n} ({where}) {row['status']}: {row['reason']}", err=True)
-    if failed and not status:
+    if (table["status"] == "refused").all():
+        stop(Exit.BAD_INPUT, "Error: all points are refused")
+    if len(failed) and not (dry_run or status):
         stop(Exit.FAILED)
+
+
+def _too_large(found: Estimate, cache: bool) -> list[str]:
+    from pyfric.sweeps import MAX_BYTES, Store
+
+    if not Store.at(cache).own or found.GB <= MAX_BYTES / 1e9:
+        return []
+    most = f"{MAX_BYTES / 1e9:.2g} GB"
+    return [f"Only {most} of finished runs are kept: name a folder in PYFRIC_CACHE."]
+
+
+def _short(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

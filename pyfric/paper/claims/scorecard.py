@@ -12,8 +12,9 @@ from pyfric.engines import jobs_bar
 from pyfric.paper.claims import exact, fronts, lengths, stresses  # noqa: F401 they enter claims
 from pyfric.paper.claims.claim import CLAIMS, Claim, Runs
 from pyfric.paper.claims.runs import jobs
-from pyfric.scene import SceneError, at_once, nearest
-from pyfric.sweeps import each, run_all, side_by_side
+from pyfric.scene import SceneError, nearest
+from pyfric.signals import at_once
+from pyfric.sweeps import run_all, side_by_side
 
 __all__ = ["NUMBERS", "measure"]
 
@@ -50,10 +51,11 @@ def measure(
     every, total = [jobs()[name] for name in names], len(names) + len(chosen)
     claims: list[Claim] = []
     with side_by_side(every, workers) as pool, jobs_bar(progress, total) as show:
-        found = run_all(every, workers, cache, lambda done, _: show(done, total), executor=pool)
+        counted = lambda done, _: show(done, total)  # noqa: E731
+        found = run_all(every, cache=cache, progress=counted, executor=pool)
         runs = dict(zip(names, found, strict=True))
-        calls = [(one, {name: runs[name] for name in CLAIMS[one].runs}) for one in chosen]
-        measured = each(pool, _measured, calls)
+        needed = [{name: runs[name] for name in CLAIMS[number].runs} for number in chosen]
+        measured = pool.map(_measured, chosen, needed)
         for done, number in enumerate(chosen, len(names)):
             show(done, total)
             parts = {part for one, part in wanted if one == number}

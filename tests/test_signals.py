@@ -1,12 +1,15 @@
-"""Ctrl-C: commands stop and say so, runs keep what they have, loops end, files are whole."""
+"""Signals: commands stop and say so, runs keep what they have, loops end, files are whole."""
 
 import contextlib
+import fcntl
 import os
 import resource
 import selectors
 import signal
 import subprocess
 import sys
+import termios
+import threading
 from pathlib import Path
 
 import pytest
@@ -15,8 +18,16 @@ from helpers import WATCHED, small
 
 import pyfric
 from pyfric.cli import main
-from pyfric.scene import at_once, held_back, nothing_to_save, saved_first, written
-from pyfric.sweeps import sweep
+from pyfric.scene import written
+from pyfric.signals import (
+    SIGNALS,
+    at_once,
+    commanded,
+    held_back,
+    nothing_to_save,
+    saved_first,
+)
+from pyfric.sweeps import runs
 
 LONG = {"fidelity": "dynamic", "geometry": "linear", "threads": 1}
 
@@ -140,7 +151,7 @@ def then_press(simulate):
 
 
 def test_a_finished_point_is_kept_whatever_is_pressed(tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep, "simulate", then_press(sweep.simulate))
+    monkeypatch.setattr(runs, "simulate", then_press(runs.simulate))
     job = pyfric.Job(scene=small(), t_end=1e-5, options={"fidelity": "dynamic"})
     with pytest.raises(KeyboardInterrupt):
         pyfric.run_all([job], workers=1, cache=tmp_path, progress=False)
@@ -164,6 +175,22 @@ def test_what_a_run_gives_is_saved_first_unless_it_is_of_no_use():
         done(nothing_to_save)
     assert passed == [()]
     nothing_to_save()
+
+
+def test_outside_the_main_thread_nothing_is_heard():
+    done = []
+
+    def use():
+        with at_once(), saved_first(), held_back(), commanded():
+            nothing_to_save()
+            done.append(pyfric.simulate(small(), 1e-5, progress=False).status)
+
+    before = signal.getsignal(signal.SIGINT)
+    thread = threading.Thread(target=use)
+    thread.start()
+    thread.join()
+    assert done == ["complete"]
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 # --- commands ------------------------------------------------------------------------------------
@@ -248,6 +275,86 @@ def test_a_run_is_saved_before_figures_are_imported(tmp_path, monkeypatch):
     result = CliRunner().invoke(main, [*command, "--out", str(out), "--figure", str(picture)])
     assert isinstance(result.exception, ImportError)
     assert pyfric.Record.load(out).status == "complete"
+
+
+SMALL = ["run", "fig1", "--set", "L=0.02", "--set", "H=0.0125", "--set", "V=0.5"]
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_every_signal_saves_the_run_and_gives_its_code(tmp_path, monkeypatch, number):
+    simulate, out = pyfric.simulate, tmp_path / "a.nc"
+
+    def signalled(*arguments, progress, **options):
+        return simulate(*arguments, progress=lambda _: os.kill(os.getpid(), number), **options)
+
+    monkeypatch.setattr(pyfric, "simulate", signalled)
+    before = [signal.getsignal(other) for other in SIGNALS]
+    command = [*SMALL, "--fidelity", "dynamic", "--sample", "10 us", "--out", str(out)]
+    result = CliRunner().invoke(main, [*command, "--t-end", "100"])
+    assert result.exit_code == 128 + number
+    assert "--resume" in result.stderr
+    record = pyfric.Record.load(out)
+    assert record.status == "interrupted"
+    monkeypatch.undo()
+    t_end = str(record.final_state.t + 1e-5)
+    assert CliRunner().invoke(main, [*command, "--t-end", t_end, "--resume"]).exit_code == 0
+    assert pyfric.Record.load(out).status == "complete"
+    assert [signal.getsignal(other) for other in SIGNALS] == before
+
+
+INSIDE = """
+import os, signal
+import pyfric
+from pyfric.cli import main
+pyfric.simulate = lambda *_, **__: exec("os.kill(os.getpid(), signal.SIGUSR1)")
+main(["run", "fig1", "--t-end", "1"])
+"""
+
+
+def test_a_signal_inside_a_text_that_is_executed_gives_its_code(tmp_path):
+    (tmp_path / "inside.py").write_text(INSIDE)
+    found = subprocess.run(
+        [sys.executable, "-m", "inside"],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (found.returncode, found.stderr) == (128 + signal.SIGUSR1, "interrupted\n")
+
+
+def test_a_hangup_that_nohup_ignores_stays_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with commanded():
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+            assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_a_terminal_that_closes_leaves_a_record_that_continues(tmp_path):
+    """Its end sends SIGHUP, and then nothing can be written to it."""
+    out, (ours, theirs) = tmp_path / "a.nc", os.openpty()
+    termios.tcsetwinsize(theirs, (24, 120))
+    command = [*SMALL, "--fidelity", "dynamic", "--t-end", "100", "--out", str(out)]
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-c", "from pyfric.cli import start; start()", *command],
+        **dict.fromkeys(("stdin", "stdout", "stderr"), theirs),
+        start_new_session=True,
+        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+    )
+    os.close(theirs)
+    try:
+        shown = b""
+        while b"events" not in shown:
+            shown += os.read(ours, 4096)
+        os.close(ours)
+        assert process.wait(60) == 128 + signal.SIGHUP
+    finally:
+        process.kill()
+        process.wait()
+    assert pyfric.Record.load(out).status == "interrupted"
 
 
 def test_a_run_at_its_end_is_saved_whatever_is_pressed(tmp_path, monkeypatch):

@@ -1,0 +1,236 @@
+"""Signals that ask to stop: a run ends with what it has, a file is written whole, all else stops.
+
+A run closes its record and gives it back (`answered`); what the same script or cell asks for next
+raises KeyboardInterrupt (`raise_if_asked`). While a file is written Ctrl-C waits (`held_back`), and
+from the end of a run to the end of its save where both are in one block (`saved_first`).
+In a command all `SIGNALS` act as Ctrl-C does, those after the first are absorbed, and where a
+library keeps the interpreter waiting the process ends, unless it has something to save
+(`commanded`). Python hears signals in its main thread: in others nothing here does anything.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+__all__ = [
+    "SIGNALS",
+    "answered",
+    "asked_to_stop",
+    "at_once",
+    "commanded",
+    "forget",
+    "held_back",
+    "nothing_to_save",
+    "raise_if_asked",
+    "saved_first",
+]
+
+SIGNALS = (
+    *(signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT),
+    *(signal.SIGUSR1, signal.SIGXCPU),
+)
+"""Signals that ask a command to stop."""
+PATIENCE = 1.0
+"""Time that a command has to stop by itself, s."""
+
+
+class _State(threading.local):
+    """What is under way in a thread, and what asked it to stop."""
+
+    number = 0  # the first signal
+    answered = False  # by a run that ended with what it has
+    held = 0  # reasons for which signals wait
+    saving: int | None = None  # how many there were before a block that saves what its runs give
+    at_once = 0  # blocks in which runs do not answer
+    command = False
+    terminals: tuple[int, ...] = ()
+    script: FrameType | None = None  # the script or cell whose next call raises
+
+
+_now = _State()
+
+
+@contextmanager
+def answered() -> Iterator[Callable[[], bool]]:
+    """Give a function that says whether to stop: the block then ends by itself with what it has."""
+    if _now.at_once:
+        yield lambda: False
+        _now.held += _now.saving is not None
+        return
+    with held_back():
+        try:
+            yield lambda: _now.number > 0
+        finally:
+            _now.held += _now.saving is not None
+            if _now.number:
+                _now.answered, _now.script = True, _script()
+
+
+@contextmanager
+def held_back() -> Iterator[None]:
+    """Let Ctrl-C wait until the end of the block."""
+    with _listening():
+        _now.held += 1
+        try:
+            yield
+        finally:
+            _now.held -= 1
+
+
+@contextmanager
+def saved_first() -> Iterator[None]:
+    """Let Ctrl-C wait from the end of a run in the block until the end of the block."""
+    if _now.saving is not None:
+        yield
+        return
+    with _listening():
+        _now.saving = _now.held
+        try:
+            yield
+        finally:
+            _now.held, _now.saving = _now.saving, None
+
+
+def nothing_to_save() -> None:
+    """Let Ctrl-C act again, and at once if it was pressed: what just ended is of no use."""
+    if _now.saving is not None and _now.held > _now.saving:
+        _now.held = _now.saving
+        if _now.number:
+            raise KeyboardInterrupt
+
+
+@contextmanager
+def at_once() -> Iterator[None]:
+    """Let Ctrl-C raise KeyboardInterrupt in all runs of the block: no part of them is of use."""
+    raise_if_asked()
+    _now.at_once += 1
+    try:
+        yield
+    finally:
+        _now.at_once -= 1
+
+
+def raise_if_asked() -> None:
+    """Raise KeyboardInterrupt if Ctrl-C ended a run that this script or cell called before."""
+    script, _now.script = _now.script, None
+    if script is not None and script is _script():
+        raise KeyboardInterrupt
+
+
+def forget() -> None:
+    """Forget that Ctrl-C ended a run: the user goes on with it."""
+    _now.script = None
+
+
+def asked_to_stop() -> int:
+    """Return the signal that asked this command to stop, or 0."""
+    return _now.number
+
+
+@contextmanager
+def commanded() -> Iterator[None]:
+    """Let `SIGNALS` end a command, but no SIGHUP that nohup ignores."""
+    if _elsewhere():
+        yield
+        return
+    ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    taken = set(SIGNALS) - ({signal.SIGHUP} if ignored else set())
+    before = {number: signal.signal(number, _handle) for number in taken}
+    vars(_now).clear()
+    _now.command, _now.terminals = True, tuple(filter(os.isatty, (1, 2)))
+    ear, mouth = socket.socketpair()
+    mouth.setblocking(False)
+    wakeup = signal.set_wakeup_fd(mouth.fileno(), warn_on_full_buffer=False)
+    ended = threading.Event()
+    threading.Thread(target=_end_if_unheard, args=(ear, ended, vars(_now)), daemon=True).start()
+    try:
+        yield
+    finally:
+        ended.set()
+        signal.set_wakeup_fd(wakeup)
+        mouth.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        vars(_now).clear()
+
+
+def _handle(number: int, frame: FrameType | None) -> None:
+    first, _now.number = not _now.number, _now.number or number
+    if number == signal.SIGHUP:
+        _leave_terminal()
+    if _now.held or _now.answered:
+        _say("saving, please wait")
+    elif first or not _now.command:
+        raise KeyboardInterrupt
+    else:
+        _say("stopping, please wait")
+
+
+@contextmanager
+def _listening() -> Iterator[None]:
+    """Hear Ctrl-C in the block; after it, answer what waited there and nobody answered."""
+    if _elsewhere():
+        yield
+        return
+    before = signal.getsignal(signal.SIGINT)
+    outermost = before is not _handle
+    if outermost:
+        signal.signal(signal.SIGINT, _handle)
+    asked = _now.number
+    try:
+        yield
+        waited = _now.number and not (asked or _now.held or _now.answered)
+    finally:
+        if outermost:
+            signal.signal(signal.SIGINT, before)
+            _now.number, _now.answered = 0, False
+    if waited and _now.command:
+        raise KeyboardInterrupt
+    if waited:
+        signal.raise_signal(signal.SIGINT)
+
+
+def _end_if_unheard(ear: socket.socket, ended: threading.Event, main: dict[str, int]) -> None:
+    """End the process when a signal was not heard for too long, and nothing is saved."""
+    with ear:
+        while (told := ear.recv(1)) and told[0] not in SIGNALS:
+            pass
+        begin = time.monotonic()
+        while told and not ended.wait(0.05):
+            if main.get("held") or main.get("answered"):
+                begin = time.monotonic()
+            if time.monotonic() - begin > PATIENCE:
+                _say("interrupted")
+                os._exit(128 + told[0])
+
+
+def _leave_terminal() -> None:
+    """Write nothing more to a terminal that is gone: that would fail."""
+    for stream in _now.terminals:
+        if not os.isatty(stream):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+
+
+def _script() -> FrameType | None:
+    """Return the frame of the script, cell or input that this call comes from."""
+    frame = sys._getframe()
+    while frame is not None and frame.f_code.co_name != "<module>":
+        frame = frame.f_back
+    return frame
+
+
+def _say(text: str) -> None:
+    with suppress(OSError):
+        os.write(2, f"{text}\n".encode())
+
+
+def _elsewhere() -> bool:
+    return threading.current_thread() is not threading.main_thread()

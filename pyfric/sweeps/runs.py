@@ -1,0 +1,212 @@
+"""Many runs: independent scenes side by side, and finished runs kept by content.
+
+    jobs = [Job(scene=preset("fig1", h=h), t_end=0.9) for h in (2.5e-3, 5e-3, 10e-3)]
+    records = run_all(jobs)
+
+A complete run is kept as a record file whose name is a hash of all that determines it: the scene
+(its name aside), the time of the end, the options of `pyfric.simulate` and the code itself; see
+`pyfric.sweeps.store`. In pyfric's own folder, but not in one that the user names, the records that
+were used least recently go when it outgrows `MAX_BYTES`. Why a run failed is noted. Processes and
+machines may share the folder.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import secrets
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
+from contextlib import closing
+from typing import Any, Literal
+
+from pyfric import core
+from pyfric.engines import jobs_bar, simulate
+from pyfric.record import Record
+from pyfric.scene import SceneError
+from pyfric.signals import at_once, saved_first
+from pyfric.sweeps.jobs import Job, JobError
+from pyfric.sweeps.store import MAX_BYTES, Cache, Store
+from pyfric.sweeps.workers import InThisProcess, Workers, stopping
+
+__all__ = ["run_all", "side_by_side"]
+
+POLL = 0.05
+"""Time between two looks at runs elsewhere, s."""
+MAX_LOSSES = 10
+"""An executor is given a job that it lost again at most so often."""
+
+
+@at_once()
+def run_all(
+    jobs: Sequence[Job],
+    workers: int | None = None,
+    cache: Cache = True,
+    progress: bool | Callable[[int, int], None] | None = None,
+    errors: Literal["raise", "return"] = "raise",
+    executor: Any = None,
+) -> list[Record] | list[Record | JobError]:
+    """Run jobs side by side, in their order, each on one thread of a process of its own.
+
+    Worker processes are spawned: a script that is run as a file needs its calls below
+    ``if __name__ == "__main__":``. Ctrl-C stops all workers; what was finished stays in the cache.
+
+    Args:
+        jobs: what to run, at best long ones first. Equal jobs are run once.
+        workers: most runs at a time; None means one for each processor. With 1, or one job, all is
+            done in this process.
+        cache: True reuses and keeps finished runs in the user's cache folder, or where PYFRIC_CACHE
+            says; a path names another folder; False or None does neither.
+        progress: True for a bar on stderr, a function of (number done, number of all), False for
+            nothing; None shows the bar where stderr is a terminal.
+        errors: "raise" stops at the first run that fails; "return" goes on, and gives its
+            `JobError` in the place of its record.
+        executor: what makes the runs, in place of `workers`: anything whose `submit(function,
+            *arguments)` gives a future with `done()`, `result()` and `cancel()`, such as those of
+            `concurrent.futures`, a `distributed.Client` or a `submitit.AutoExecutor`. It stays
+            open. The folder of `cache` has to be the same one on all its machines; through it, runs
+            learn that they are no longer wanted. Without it those under way go on.
+
+    Returns:
+        The records, in the order of the jobs. `timings["processor"]` is the processor time of the
+        run and its plan, in s.
+
+    Raises:
+        SceneError: an argument is refused; nothing has been done.
+        JobError: a run failed, or its process ended; with errors = "raise". The others are
+            stopped; those that were complete are in the cache.
+        KeyboardInterrupt: after Ctrl-C.
+    """
+    jobs = list(jobs)
+    for job in jobs:
+        if not isinstance(job, Job):
+            raise SceneError("jobs", job, "", "a list of Job")
+    if errors not in ("raise", "return"):
+        raise SceneError("errors", errors, "", "'raise' or 'return'")
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise SceneError("executor", executor, "", "an object with submit, or None")
+    store, count = Store.at(cache), _count(workers)
+    by_key = {job.key: job for job in jobs}
+    found: dict[str, Any] = {key: store.load(key, job.scene) for key, job in by_key.items()}
+    todo = {key: job for key, job in by_key.items() if found[key] is None}
+    with jobs_bar(progress, len(by_key)) as show:
+        done = len(by_key) - len(todo)
+        show(done, len(by_key))
+        with closing(_outcomes(todo, min(count, len(todo)), store, executor)) as outcomes:
+            for key, made in outcomes:
+                if isinstance(made, Exception):
+                    store.note_failure(key, f"{type(made).__name__}: {made}")
+                    if errors == "raise":
+                        raise JobError(todo[key], made) from made
+                elif not made.done:
+                    raise KeyboardInterrupt
+                found[key] = made
+                done += 1
+                show(done, len(by_key))
+    if todo:
+        store.prune(MAX_BYTES if store.own else None)
+    return [_belonging(found[job.key], job) for job in jobs]
+
+
+def side_by_side(jobs: Sequence[Job], workers: int | None) -> Workers | InThisProcess:
+    """Return an executor for jobs and for what is done with their records."""
+    count = min(_count(workers), len({job.key for job in jobs}))
+    return Workers(count) if count > 1 else InThisProcess()
+
+
+def _count(workers: int | None) -> int:
+    if workers is None:
+        return core.processors()
+    if isinstance(workers, bool) or not (isinstance(workers, int) and workers >= 1):
+        raise SceneError("workers", workers, "", "a whole number >= 1, or None")
+    return workers
+
+
+def _belonging(found: Record | Exception, job: Job) -> Record | JobError:
+    """Return what was found for a job, under the name of its own scene."""
+    if isinstance(found, Exception):
+        return JobError(job, found)
+    return dataclasses.replace(found, scene=job.scene)
+
+
+# --- running -------------------------------------------------------------------------------------
+
+Outcomes = Iterator[tuple[str, Record | Exception]]
+"""Key and record, or what went wrong, of each job as it ends."""
+
+
+def _outcomes(todo: Mapping[str, Job], count: int, store: Store, executor: Any) -> Outcomes:
+    if executor is None:
+        with Workers(count) if count > 1 else InThisProcess() as pool:
+            yield from _ended(todo, store, pool, "")
+    elif isinstance(executor, Workers | InThisProcess):  # who made them stops them
+        yield from _ended(todo, store, executor, "")
+    else:
+        wanted = secrets.token_hex(20)
+        with store.reserved(wanted, "", lambda: None) as locked:
+            yield from _ended(todo, store, executor, wanted if locked else "")
+
+
+def _ended(todo: Mapping[str, Job], store: Store, executor: Any, wanted: str) -> Outcomes:
+    """Yield what becomes of jobs that an executor is given.
+
+    It is asked now and then, because not every one calls back. What it lost is given to it again.
+    """
+    futures = {key: executor.submit(_made, job, store, key, wanted) for key, job in todo.items()}
+    losses = dict.fromkeys(futures, 0)
+    try:
+        while futures:
+            ended = [key for key, future in futures.items() if future.done()]
+            for key in ended:
+                made = _result(futures.pop(key))
+                if isinstance(made, CancelledError) and losses[key] < MAX_LOSSES:
+                    losses[key] += 1
+                    futures[key] = executor.submit(_made, todo[key], store, key, wanted)
+                else:
+                    yield key, made
+            if not ended:
+                time.sleep(POLL)
+    finally:
+        for future in futures.values():
+            future.cancel()
+
+
+def _result(future: Any) -> Record | Exception:
+    try:
+        return future.result()
+    except Exception as error:
+        return error
+
+
+class Unwanted(Exception):
+    """Nobody wants this run any more."""
+
+
+def _made(job: Job, store: Store, key: str, wanted: str) -> Record:
+    """Return the record of a job from the store, or make it and keep it there.
+
+    Args:
+        job, store, key: the job, and where its record is kept by which key.
+        wanted: key of a lock file that is there as long as the run is wanted; "" means always.
+    """
+
+    def look(_: Any = None) -> None:
+        if stopping() or (wanted and not store.lock_file(wanted).exists()):
+            raise Unwanted
+
+    look()
+    with store.reserved(key, str(job), look):
+        record = store.load(key, job.scene)
+        if record is None:
+            with saved_first():
+                record = _simulated(job, look)
+                if record.done:
+                    store.save(key, record)
+    return record
+
+
+def _simulated(job: Job, look: Callable[[Any], None]) -> Record:
+    start = time.process_time()
+    record = simulate(job.scene, job.t_end, job.options, threads=1, progress=look)
+    timings = {**record.timings, "processor": time.process_time() - start}
+    return dataclasses.replace(record, timings=timings)

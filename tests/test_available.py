@@ -1,0 +1,57 @@
+"""The memory that there is: of the machine, of its container, of the process."""
+
+import pytest
+from helpers import run_python
+
+from pyfric.core import memory
+
+
+def test_a_container_may_have_less_memory(tmp_path, monkeypatch):
+    files = [tmp_path / "max", tmp_path / "current"]
+    monkeypatch.setattr(memory, "CONTAINERS", (files,))
+    assert memory.available() > 1e8
+    files[0].write_text("max\n")
+    files[1].write_text("1000\n")
+    assert memory.available() > 1e8
+    files[0].write_text("5000\n")
+    assert memory.available() == 4000
+    files[1].write_text("6000\n")
+    assert memory.available() == 0
+
+
+LIMITED = """
+import resource
+from pyfric.core import available
+whole = available()
+pages = open("/proc/self/statm").read().split()
+for limited, column in ((resource.RLIMIT_AS, 0), (resource.RLIMIT_DATA, 5)):
+    size = int(pages[column]) * resource.getpagesize()
+    resource.setrlimit(limited, (size + 200_000_000, resource.RLIM_INFINITY))
+    print(available() / 1e6)
+    resource.setrlimit(limited, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+assert available() > 0.5 * whole
+"""
+
+
+def test_limits_of_the_process_count():
+    found = run_python(LIMITED)
+    assert found.returncode == 0, found.stderr
+    assert [float(line) for line in found.stdout.split()] == pytest.approx([200, 200], abs=20)
+
+
+REFUSED = """
+import resource
+import pyfric.engines
+pages = open("/proc/self/statm").read().split()
+size = int(pages[0]) * resource.getpagesize() + 300_000_000
+resource.setrlimit(resource.RLIMIT_AS, (size, size))
+try:
+    pyfric.simulate(pyfric.preset("fig1", l=0.1e-3), 0.1, fidelity="dynamic", progress=False)
+except pyfric.SceneError as error:
+    print(error.field, "GB are needed" in str(error))
+"""
+
+
+def test_a_run_beyond_the_limit_of_the_process_is_refused():
+    found = run_python(REFUSED)
+    assert found.stdout == "slider.l True\n", found.stderr

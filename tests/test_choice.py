@@ -1,0 +1,334 @@
+"""What is chosen, and why: every number a plan states, and every model that it rejects."""
+
+import dataclasses
+import math
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import pyfric
+from pyfric.engines import choice, plan, relaxation_time, simulate, step_size
+from pyfric.engines.choice import LINEAR, PART, RING_SHARE, SPARES, step_error
+from pyfric.engines.cost import full_work, machine_speed, work_so_far
+from pyfric.engines.pilot import counted, interval, linear_error, pilot_run
+from pyfric.engines.verification import CHEAP, budget
+from pyfric.scene import SceneError, chain, preset, setup1, setup2
+from pyfric.statics import stability_limit
+
+WANTS = ("loading_curve", "precursors", "stress", "front_speed", "motion")
+RELAXES = "relaxation time over time between main events"
+
+
+def small(**changes):
+    """A scene with 10 main events in its first 1.5 s."""
+    return setup1(**{"L": 0.03, "H": 0.015} | changes)
+
+
+def value(found, name):
+    (one,) = [one for one in found.assumptions if one.name == name]
+    assert one.holds
+    return one.value
+
+
+def rejected(level, found):
+    return " ".join(reason for reason in found.reasons if reason.startswith(level))
+
+
+# --- models --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "expected"),
+    [
+        (0.1, ("quasistatic", "linear")),
+        (0.04, ("hybrid", "linear")),
+        (0.01, ("hybrid", "finite")),
+        (1e-4, ("hybrid", "finite")),
+    ],
+)
+def test_models_of_the_fig1_scene(tolerance, expected):
+    found = plan(preset("fig1"), "loading_curve", tolerance, t_end=0.9)
+    assert (found.fidelity, found.geometry) == expected
+    assert found.error <= tolerance
+    assert all(one.holds for one in found.assumptions)
+    if found.fidelity == "hybrid":
+        assert found.accuracy == PART * tolerance or found.accuracy == 1e-3
+        assert found.switching == "located"
+
+
+def test_what_is_wanted():
+    scene = small()
+    how = {want: plan(scene, want, 0.1, t_end=0.7) for want in WANTS}
+    for want in ("loading_curve", "precursors", "stress"):
+        assert how[want].fidelity == "quasistatic"
+    front, motion = how["front_speed"], how["motion"]
+    assert (front.fidelity, motion.fidelity) == ("hybrid", "dynamic")
+    assert "quasistatic: it has no front speed" in front.reasons
+    assert "motion between events" in rejected("hybrid", motion)
+    assert motion.geometry == "finite"
+
+
+def test_full_dynamics_is_taken_where_it_is_cheap():
+    found = plan(small(), tolerance=0.1, t_end=2e-3)
+    assert (found.fidelity, found.geometry) == ("dynamic", "finite")
+    assert found.work == full_work(small(), "finite", found.dt, 2e-3) < CHEAP
+    assert "full dynamics takes about" in rejected("hybrid", found)
+
+
+def test_steps_follow_from_the_order_of_rk4():
+    scene = small()
+    found = {tol: plan(scene, "motion", tol, t_end=0.7) for tol in (1e-2, 1e-3, 1e-5, 1e-9)}
+    auto, error = step_size(scene), step_error(scene, "motion", step_size(scene))
+    assert found[1e-2].dt == auto
+    for tolerance in (1e-5, 1e-9):  # rounded down to two digits
+        steps = (error / (PART * tolerance)) ** 0.25
+        assert 0.9 * auto / steps < found[tolerance].dt <= auto / steps
+    speeds = [plan(scene, "front_speed", tol, t_end=1e-3).dt for tol in (1e-3, 1e-3 / 16)]
+    assert speeds[1] == pytest.approx(speeds[0] / 2, rel=0.1)
+
+
+@settings(max_examples=20)
+@given(
+    want=st.sampled_from(WANTS),
+    tolerance=st.floats(1e-6, 1.0),
+    t_end=st.sampled_from([0.0, 1e-30, 1e30]) | st.floats(1e-9, 5.0),
+)
+def test_any_question(want, tolerance, t_end):
+    scene = setup2(L=0.012, H=0.004)
+    found = plan(scene, want, tolerance, t_end=t_end)
+    assert all(one.holds for one in found.assumptions)
+    assert 0 <= found.error <= tolerance
+    assert np.isfinite([found.work, found.seconds, found.price]).all()
+    if found.dt is not None:
+        assert 0 < found.dt <= step_size(scene)
+    assert "nan" not in str(found)
+    if found.fidelity == "dynamic":
+        assert rejected("hybrid", found)
+    if found.fidelity == "hybrid":
+        assert rejected("quasistatic", found)
+
+
+numbers = st.floats() | st.integers() | st.none() | st.booleans() | st.text(max_size=3)
+
+
+@settings(max_examples=60)
+@given(
+    st.sampled_from(["want", "tolerance", "t_end"]), numbers | st.lists(st.integers(), max_size=2)
+)
+def test_refused_questions(name, given_value):
+    real = isinstance(given_value, int | float) and not isinstance(given_value, bool)
+    if name == "tolerance" and real and 1e-30 <= given_value <= 1:
+        return
+    if name == "t_end" and real and (given_value == 0 or 1e-30 <= given_value <= 1e30):
+        return
+    arguments = {"want": "precursors", "tolerance": 0.1, "t_end": 0.0} | {name: given_value}
+    with pytest.raises(SceneError) as refusal:
+        plan(small(), **arguments)
+    assert refusal.value.field == name
+    allowed = {"want": "'front_speed'", "tolerance": "> 0 and <= 1", "t_end": ">= 0 s"}
+    assert allowed[name] in str(refusal.value)
+
+
+# --- the quasi-static engine ---------------------------------------------------------------------
+
+
+def test_quasistatic_statements():
+    scene, t_end = small(), 1.5
+    found = plan(scene, tolerance=0.1, t_end=t_end)
+    record = simulate(scene, t_end, fidelity="quasistatic")
+    assert found.fidelity == "quasistatic"
+    assert value(found, RELAXES) == pytest.approx(relaxation_time(scene) / interval(record))
+    assert value(found, "open blocks") == 0
+    assert value(found, "eta/sqrt(k m)") == pytest.approx(math.sqrt(0.1))
+    events = record.events
+    whole = events[events["is_main"] & (events["n_blocks"] == scene.N_x)]
+    drop = (whole["F_T_start"] - whole["F_T_arrest"]).max() / scene.F_N
+    assert drop > choice.ERROR_QUASISTATIC
+    assert found.error == pytest.approx(drop)
+    assert found.check(record) == []
+    slow = record.replace(scene=small(eta=1e-3))  # the same events of a slider that rings on
+    assert [one.name for one in found.check(slow)] == [RELAXES]
+
+
+def test_high_speed():
+    """The plan rejects models as V shortens the time between events below the relaxation time."""
+    for V in (0.02, 0.1):
+        found = plan(small(V=V), tolerance=0.1, t_end=1.6 / V * 1e-3)
+        assert RELAXES in rejected("quasistatic", found) or found.fidelity == "dynamic"
+    slow = plan(small(V=1e-3), tolerance=0.1, t_end=0.8)
+    assert value(slow, RELAXES) < RING_SHARE
+
+
+def test_open_blocks():
+    found = plan(setup2(theta=0.833), tolerance=0.2, t_end=0.5)
+    assert found.fidelity == "hybrid"
+    assert "open blocks: " in rejected("quasistatic", found)
+
+
+def test_little_viscosity():
+    found = plan(small(eta=0.0), tolerance=0.1, t_end=1.5)
+    assert found.fidelity == "dynamic"
+    assert RELAXES in rejected("quasistatic", found)
+    assert "spares too little" in rejected("hybrid", found)
+
+
+def test_too_much_viscosity():
+    found = plan(small(eta=40.0), tolerance=0.1, t_end=1.5)
+    assert "eta/sqrt(k m): 0.816 >  0.433" in rejected("quasistatic", found)
+
+
+def test_options_that_a_model_lacks_rule_it_out():
+    scene = small()
+    for name, given_value in (("dt", 1e-6), ("geometry", "finite"), ("switching", "step_end")):
+        options = pyfric.Options(tolerance=0.1, **{name: given_value})
+        found = choice.choose(scene, options, 0.7)
+        assert found.fidelity == "hybrid"
+        assert getattr(found, name) == given_value
+    stepped = choice.choose(scene, pyfric.Options(tolerance=0.1, stepper="verlet"), 0.7)
+    assert stepped.fidelity == "dynamic"
+
+
+# --- geometry ------------------------------------------------------------------------------------
+
+
+def test_geometry_is_chosen_by_static_states_in_both():
+    """Similar scenes in linear geometry: the weaker load bends less, in proportion."""
+    errors = []
+    for F_N in (350.0, 3500.0):
+        scene = small(F_N=F_N, V=0.7875e-3 * F_N / 3500)
+        errors.append(linear_error(pilot_run(scene, 0.7)))
+    assert errors[1] == pytest.approx(10 * errors[0], rel=0.1)
+    for tolerance, geometry in ((3.9 * errors[1], "finite"), (4.1 * errors[1], "linear")):
+        found = plan(small(), "front_speed", tolerance, t_end=0.7)
+        assert found.geometry == geometry
+        if geometry == "linear":
+            assert value(found, LINEAR) == errors[1]
+
+
+def test_the_error_of_linear_geometry_is_that_of_runs():
+    """Of start forces, within a factor of 3, in the scene where a strain said 100 times as much."""
+    scene, t_end = preset("fig1", F_N=350.0), 0.09
+    predicted = linear_error(pilot_run(scene, t_end))
+    how = {"fidelity": "hybrid", "progress": False}
+    a, b = (simulate(scene, t_end, geometry=one, **how) for one in ("linear", "finite"))
+    real = pyfric.record.differences(a, b).errors()["start"]
+    assert predicted < 1.5 * real
+    assert real < 15 * predicted
+
+
+# --- price ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("scene", "t_end", "tolerance"),
+    [(preset("fig1"), 0.45, 0.01), (setup2(), 0.5, 0.05), (small(), 1.5, 0.01)],
+)
+def test_work_is_counted(scene, t_end, tolerance):
+    """Over the first twentieth of the run, within a factor of two of what the run counts."""
+    found = plan(scene, "front_speed", tolerance, t_end=t_end)
+    how = {name: getattr(found, name) for name in ("fidelity", "geometry", "dt", "accuracy")}
+    record = simulate(scene, t_end, progress=False, **how)
+    assert 1 / 2 < found.work / work_so_far(record) < 2
+    assert found.seconds == pytest.approx(found.work * machine_speed())
+    assert found.price == pytest.approx(budget(found.work) * machine_speed())
+
+
+def test_work_of_dynamics():
+    scene = small()
+    found = plan(scene, "motion", t_end=2e-3)
+    how = {"fidelity": "dynamic", "dt": found.dt, "budget": False, "sample": 2e-3 / 500}
+    record = simulate(scene, 2e-3, progress=False, **how)
+    made = full_work(scene, "finite", found.dt, 2e-3, points=500) - full_work(scene, "finite", 1, 0)
+    assert work_so_far(record) == pytest.approx(made, rel=0.1)
+
+
+def test_a_pilot_run_that_spares_nothing_ends_early():
+    scene = small(eta=1e-4)
+    options = pyfric.Options(geometry="linear", dt=step_size(scene))
+    start = time.process_time()
+    made = counted(scene, 1.5, options, pilot_run(scene, 1.5))
+    assert made > SPARES * full_work(scene, "linear", options.dt, 1.5)
+    assert time.process_time() - start < 5
+
+
+def test_choices_do_not_depend_on_the_machine(monkeypatch):
+    found = []
+    for speed in (1.0, 10.0):
+        monkeypatch.setattr(choice, "machine_speed", lambda speed=speed: speed)
+        found.append(plan(small(), t_end=1.5))
+    assert found[1].seconds == pytest.approx(10 * found[0].seconds)
+    same = {"seconds": 0.0, "price": 0.0}
+    assert dataclasses.replace(found[0], **same) == dataclasses.replace(found[1], **same)
+
+
+def test_more_than_ten_minutes_is_said_with_the_cheaper_way(monkeypatch, capsys):
+    monkeypatch.setattr(choice, "LONG", 1e-3)
+    scene = small()
+    record = simulate(scene, 1e-3, fidelity="dynamic", geometry="finite", progress=False)
+    assert any("minutes on one core; fidelity = 'hybrid' often" in one for one in record.notes)
+    assert capsys.readouterr().err == ""
+    record = simulate(scene, 1e-3, fidelity="dynamic", geometry="linear")
+    assert "larger blocks take less" in capsys.readouterr().err
+    monkeypatch.setattr(choice, "LONG", 600.0)
+    notes = simulate(scene, 1e-4, fidelity="dynamic", progress=False).notes
+    assert not any("minutes" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [setup1(l=0.25e-3), setup2(L=0.1009, H=0.0199, l=1e-4, h=7e-4), chain(L=1.0, l=1e-4)],
+    ids=["fits", "primes", "chain"],
+)
+def test_choosing_is_quick_on_large_lattices(scene):
+    start = time.process_time()
+    found = plan(scene, "motion", t_end=0.5)
+    assert time.process_time() - start < 20
+    assert found.dt <= stability_limit(scene)[0]
+
+
+# --- numbers -------------------------------------------------------------------------------------
+
+
+def test_errors_of_steps_are_those_of_one_block():
+    """Phase of RK4: per step (omega dt)^5/120; the force of one block; a radian, undamped."""
+    scene = chain(L=0.03, eta=0.0, k_top=3e6, mu_s=0.6, mu_k=0.4)
+    omega = math.sqrt((2 * scene.slider.k + 3e6 + scene.driver.K) / scene.m)
+    dt, z = 0.3 / omega, 0.3j
+    grown = 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24
+    phase = abs(np.angle(grown) - 0.3) / 0.3
+    assert step_error(scene, "front_speed", dt) == pytest.approx(phase, rel=0.1)
+    assert step_error(scene, "stress", dt) == pytest.approx(0.2 * phase / scene.N_x, rel=0.1)
+    damped = dataclasses.replace(scene, slider=dataclasses.replace(scene.slider, eta=1e5))
+    assert step_error(damped, "stress", dt) < 0.1 * phase
+
+
+# --- text ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "want", "left_out"),
+    [
+        (0.1, "stress", "inertia, waves, ring-down; rotation of bonds"),
+        (0.1, "front_speed", "what ring-down leaves of fast modes; rotation of bonds"),
+        (0.01, "stress", "what ring-down leaves of fast modes"),
+        (0.01, "motion", "nothing"),
+    ],
+)
+def test_text(tolerance, want, left_out):
+    found = plan(small(), want, tolerance, t_end=0.7)
+    lines = str(found).splitlines()
+    assert lines[0].startswith(f"for {want} within {tolerance:g}: {found.fidelity}, ")
+    assert f"left out: {left_out}" in lines
+    for one in found.assumptions:
+        assert f"because {one}" in lines
+    for reason in found.reasons:
+        assert f"rejected: {reason}" in lines
+    assert f"expected error: {found.error:.2g}" in lines
+    assert f"verification: at most {found.price:.2g} s more" in lines
+
+
+def test_a_chain_has_no_rotation_to_leave_out():
+    assert "rotation" not in str(plan(chain(), "front_speed", tolerance=0.1, t_end=0.1))

@@ -1,0 +1,60 @@
+"""The relaxation time of the stuck slider: against its full spectrum."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+from scipy import linalg
+
+import pyfric
+from pyfric.engines.relaxation import loading_while_relaxing, relaxation_time
+from pyfric.scene import chain, preset, setup1, setup2, slab
+from pyfric.statics import StaticSolver, damping, mass
+
+
+def small(**changes):
+    return setup1(**{"L": 0.03, "H": 0.015} | changes)
+
+
+def spectrum(scene):
+    """Return all eigenvalues of the stuck slider from dense matrices."""
+    K, _, free = StaticSolver(scene, "linear").tangent(np.ones(scene.N_x, dtype=bool))
+    K, C = K[free][:, free].toarray(), damping(scene)[free][:, free].toarray()
+    M, n = mass(scene)[free], len(free)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K / M[:, None], -C / M[:, None]]])
+    return linalg.eigvals(A)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [small(), small(eta=1e-3), setup2(L=0.012, H=0.004), small(k_f=13.5e6 / 20), small(k_f=4e8)],
+    ids=["rod", "little viscosity", "free", "soft foundation", "stiff foundation"],
+)
+def test_the_relaxation_time_is_that_of_the_full_spectrum(scene):
+    slowest = np.min(-spectrum(scene).real)
+    assert 1 / relaxation_time(scene) == pytest.approx(slowest, rel=1e-3)
+
+
+def test_relaxation_without_viscosity_or_motion():
+    assert relaxation_time(small(eta=0.0)) == math.inf
+    assert relaxation_time(chain()) == relaxation_time(chain(eta=0.0)) == 0.0
+    held = slab(p=[100.0] * 9, tau=[0.0] * 9, L=0.02, H=0.01, l=2.5e-3)
+    assert relaxation_time(held) == math.inf
+
+
+@pytest.mark.parametrize("eta", [1e-6, 1e-3])
+def test_hardly_damped_modes_are_found_quickly(eta):
+    start = time.process_time()
+    slow = relaxation_time(preset("fig1", eta=eta))
+    assert time.process_time() - start < 10
+    assert slow * eta == pytest.approx(relaxation_time(preset("fig1", eta=0.1)) * 0.1, rel=0.01)
+
+
+def test_a_fast_driver_is_noted():
+    slow, fast = small(V=1e-4), small(V=0.05)
+    ratio = loading_while_relaxing(fast) / loading_while_relaxing(slow)
+    assert ratio == pytest.approx(500)
+    for scene, noted in ((slow, False), (fast, True)):
+        record = pyfric.simulate(scene, 1e-3, fidelity="quasistatic")
+        assert any("does not come to rest" in note for note in record.notes) == noted

@@ -1,0 +1,139 @@
+"""Worker processes: one that dies takes only its job along, and all end with the script."""
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from in_workers import described, failing, unpicklable
+
+from pyfric.signals import SIGNALS
+from pyfric.sweeps.workers import InThisProcess, Workers
+
+pytestmark = pytest.mark.skipif(shutil.which("ps") is None, reason="needs ps")
+
+SCRIPT = """
+import os
+import sys
+from pyfric import Job, run_all, setup1
+from pyfric.sweeps import runs
+
+def tiny(h):
+    return setup1(L=0.02, H=0.0125, V=0.5, h=h)
+
+def noted(scene, t_end, *arguments, **options):
+    print(f"running {os.getpid()}\\n", end="", flush=True)  # in one piece, buffered or not
+    return simulate(scene, t_end, *arguments, **options)
+
+simulate, runs.simulate = runs.simulate, noted  # in the workers too, which read this file
+
+if __name__ == "__main__":
+    endless = [
+        Job(scene=tiny(h), t_end=1e3, options={"fidelity": "dynamic"}) for h in (5e-3, 7.5e-3)
+    ]
+    short = [Job(scene=tiny(h), t_end=1e-5, options=endless[0].options) for h in (2.5e-3, 10e-3)]
+    run_all(short[:1], cache=sys.argv[1])
+    for found in run_all([*endless, *short], 2, sys.argv[1], errors="return"):
+        print("found", found.status if hasattr(found, "status") else found, flush=True)
+"""
+
+
+@pytest.fixture
+def sweeping(tmp_path):
+    """The script, which has kept one run and makes two that do not end, and its workers' ids."""
+    path = tmp_path / "script.py"
+    path.write_text(SCRIPT)
+    script = subprocess.Popen(
+        [sys.executable, "-P", str(path), str(tmp_path / "kept")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        in_script, *workers = (int(script.stdout.readline().split()[1]) for _ in range(3))
+        assert in_script == script.pid
+        yield script, workers
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(script.pid, signal.SIGKILL)
+        script.communicate()
+
+
+def alive(group):
+    """Processes of a group that still run (those that nobody has waited for do not)."""
+    listed = subprocess.run(["ps", "-eo", "pgid=,stat="], capture_output=True, text=True).stdout
+    pairs = [line.split() for line in listed.splitlines()]
+    return sum(pgid == str(group) and not stat.startswith("Z") for pgid, stat in pairs)
+
+
+def seconds_until_dead(group):
+    begin = time.monotonic()
+    while alive(group):
+        assert time.monotonic() - begin < 30
+        time.sleep(0.05)
+    return time.monotonic() - begin
+
+
+def test_ctrl_c_in_a_terminal_stops_all_and_keeps_what_is_finished(tmp_path, sweeping):
+    """It reaches all processes; workers leave it to the script."""
+    script, _ = sweeping
+    os.killpg(script.pid, signal.SIGINT)
+    _, errors = script.communicate(timeout=30)
+    assert script.returncode != 0
+    assert errors.count("Traceback") == 1
+    assert "KeyboardInterrupt" in errors
+    assert seconds_until_dead(script.pid) < 2
+    assert len(list((tmp_path / "kept").glob("*.nc"))) == 1
+
+
+def test_workers_end_with_a_script_that_is_killed(tmp_path, sweeping):
+    script, _ = sweeping
+    script.kill()
+    _, errors = script.communicate(timeout=30)  # the workers hold the other ends
+    assert seconds_until_dead(script.pid) < 5
+    assert not errors or "leaked semaphore objects to clean up" in errors  # and they are
+    assert len(list((tmp_path / "kept").glob("*.nc"))) == 1
+
+
+def test_a_worker_that_dies_takes_only_its_job_along(sweeping):
+    script, workers = sweeping
+    for worker in workers:
+        os.kill(worker, signal.SIGKILL)
+    shown, errors = script.communicate(timeout=60)
+    assert script.returncode == 0, errors
+    found = [line for line in shown.splitlines() if line.startswith("found")]
+    assert all("ended by itself (exit code -9" in line for line in found[:2])
+    assert found[2:] == ["found complete"] * 2
+    assert errors == ""
+    assert seconds_until_dead(script.pid) < 2
+
+
+# --- in this process -----------------------------------------------------------------------------
+
+
+def test_workers_have_one_thread_of_blas_and_hear_no_signals():
+    with Workers(1) as pool:
+        process, threads, blocked = pool.submit(described).result()
+        assert process != os.getpid()
+        assert threads == {1}
+        assert set(SIGNALS) - blocked == {signal.SIGXCPU}
+        for call, error in ((failing, OSError), (unpicklable, TypeError)):
+            with pytest.raises(error):
+                pool.submit(call).result()
+        assert pool.submit(described).result()[0] == process  # errors end no worker
+    assert signal.pthread_sigmask(signal.SIG_BLOCK, ()) == set()
+
+
+def test_in_this_process_a_call_is_made_where_its_result_is_asked_for():
+    made = []
+    with InThisProcess() as pool:
+        future = pool.submit(made.append, 1)
+        assert (made, future.done()) == ([], True)
+        future.result()
+        assert made == [1]
+        assert list(pool.map(divmod, [7, 9], [2, 4])) == [(3, 1), (2, 1)]

@@ -163,7 +163,7 @@ def test_a_jump_in_finite_geometry_lands_where_steps_do():
 
 
 def test_static_forces_of_fast_runs_are_those_of_fresh_solves():
-    """20 steps move the driver by 0.03 F_N/K; the path of a jump is as exact as the jump is asked."""
+    """20 steps move the driver by 0.03 F_N/K; paths are as exact as jumps are asked."""
     scene = rod(V=0.1)
     record = jump(scene, 0.01, geometry="finite", accuracy=1e-3)
     assert record.counts["jumps"] > 0

@@ -534,7 +534,8 @@ def test_a_part_that_was_not_compared_is_said(ladder):
         if enough is None:
             return record
         short = record.curve["t"] <= 0.7
-        return record.replace(curve=record.curve[short].reset_index(drop=True), status="interrupted")
+        curve = record.curve[short].reset_index(drop=True)
+        return record.replace(curve=curve, status="interrupted")
 
     known.run = run
     record = known.verified(None)

@@ -86,7 +86,8 @@ def make_state(scene, seed=4):
     memory["s_0"], memory["t_0"] = rng.standard_normal(scene.N_x), -0.0
     return State(
         y=rng.standard_normal((scene.N_z, 4, scene.N_x)), rod=np.full(6, -0.0), mode=whole,
-        corner=whole % 2, margin=zeros, memory=memory, loss=zeros, dissipated=np.zeros(scene.N_z), heat=zeros,
+        corner=whole % 2, margin=zeros, memory=memory, loss=zeros, heat=zeros,
+        dissipated=np.zeros(scene.N_z),
         work=np.zeros(2), step=2**60 + 1, t0=0.1 + 0.2, dt=1 / 3, u_drv0=-1e-310,
     )  # fmt: skip
 

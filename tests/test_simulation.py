@@ -14,7 +14,7 @@ from tolerances import REPRODUCED
 
 import pyfric
 from pyfric.core import State, StateError
-from pyfric.engines import RunError, integration, planner, quasistatic, simulation, step_size
+from pyfric.engines import RunError, choice, integration, quasistatic, simulation, step_size
 from pyfric.record import Record, budget_error
 from pyfric.scene import SceneError, chain, setup1, setup2
 from pyfric.statics import EquilibriumError
@@ -30,19 +30,24 @@ def small(**changes):
     return setup1(**{"L": 0.03, "H": 0.015, "V": 7.875e-3} | changes)
 
 
+def slow(**changes):
+    """A scene of which full dynamics is not cheap, up to its first main events."""
+    return setup1(**{"L": 0.03, "H": 0.015} | changes)
+
+
 @pytest.fixture
-def calm(monkeypatch):
-    """The scout sees nothing that speaks against a level."""
-    scout = planner.scouted
+def sure(monkeypatch):
+    """The pilot run sees nothing that speaks against the quasi-static engine."""
+    pilot = choice.pilot_run
 
     def sees(scene, t_end):
-        return scout(scene, t_end)._replace(interval=np.inf, open=0, F_max=0.0, failed="")
+        return pilot(scene, t_end)._replace(interval=np.inf, open=0, failed="")
 
-    monkeypatch.setattr(planner, "scouted", sees)
+    monkeypatch.setattr(choice, "pilot_run", sees)
 
 
-def moved(record):
-    return [note for note in record.notes if note.startswith("moved up")]
+def gave_way(record):
+    return [note for note in record.notes if note.startswith("quasistatic was not enough")]
 
 
 def same_events(one, other, *, force, rows=None):
@@ -57,64 +62,61 @@ def same_events(one, other, *, force, rows=None):
 # --- levels --------------------------------------------------------------------------------------
 
 
-def test_auto_runs_what_the_plan_says():
-    for tolerance in (0.12, 0.01):  # the ladder is off by 0.085 in stresses
-        found = pyfric.plan(small(), "stress", tolerance, t_end=0.065)
-        record = simulate(small(), 0.065, want="stress", tolerance=tolerance)
-        method = record.method
-        assert (method.engine, method.geometry) == (found.fidelity, found.geometry)
-        assert method.dt == found.dt
-        text = f"planned for stress within {tolerance:g}: {found.fidelity}, {found.geometry}"
-        not_less = f"; not less: {'; '.join(found.reasons)}" if found.reasons else ""
-        assert record.notes == (f"{text} geometry{not_less}",)
-        assert not method.budget
+@pytest.mark.parametrize(
+    ("scene", "t_end", "tolerance"),
+    [(slow(), 0.7, 0.1), (slow(), 0.7, 0.01), (small(), 1e-3, 0.01)],
+)
+def test_auto_runs_what_the_plan_says(scene, t_end, tolerance):
+    found = pyfric.plan(scene, "stress", tolerance, t_end=t_end)
+    record = simulate(scene, t_end, want="stress", tolerance=tolerance)
+    method = record.method
+    assert (method.engine, method.geometry) == (found.fidelity, found.geometry)
+    assert (method.dt, method.accuracy) == (found.dt, found.accuracy)
+    text = f"planned for stress within {tolerance:g}: {found.fidelity}, {found.geometry}"
+    rejected = f"; rejected: {'; '.join(found.reasons)}" if found.reasons else ""
+    assert f"{text} geometry{rejected}" in record.notes
+    assert any("errors not measured" in note for note in record.notes)
+    assert not method.budget
 
 
 @pytest.mark.parametrize("fidelity", ["quasistatic", "hybrid", "dynamic"])
 def test_a_named_engine_has_no_plan(fidelity, monkeypatch):
-    monkeypatch.setattr(planner, "plan", None)
+    monkeypatch.setattr(simulation, "choose", None)
     record = simulate(small(), 1e-3, fidelity=fidelity)
     assert record.method.engine == fidelity
     assert record.method.geometry == ("linear" if fidelity == "quasistatic" else "finite")
     assert record.method.budget == (fidelity == "dynamic")
-    assert record.notes == ()
+    (note,) = record.notes
+    assert note.startswith("errors not measured: nothing was compared")
 
 
 @pytest.mark.parametrize(
     ("options", "engine"),
     [
-        ({}, "quasistatic"),
-        ({"geometry": "linear"}, "quasistatic"),
-        ({"budget": False}, "quasistatic"),
-        ({"threads": 1, "sample": 1e-4}, "quasistatic"),
+        ({}, "dynamic"),
+        ({"geometry": "linear"}, "dynamic"),
+        ({"threads": 1, "sample": 1e-4}, "dynamic"),
         ({"budget": True}, "dynamic"),
-        ({"dt": 1e-6}, "hybrid"),
-        ({"dt": 1e-6, "budget": True}, "dynamic"),
-        ({"geometry": "finite"}, "hybrid"),
-        ({"geometry": "finite", "budget": True}, "dynamic"),
-        ({"initial": State}, "hybrid"),
+        ({"dt": 1e-6}, "dynamic"),
+        ({"initial": State}, "dynamic"),
     ],
     ids=str,
 )
-def test_options_override_levels(options, engine):
+def test_options_of_a_plan_are_kept(options, engine):
     scene = small()
     if options.get("initial") is State:
         options = {"initial": simulate(scene, 1e-4, fidelity="dynamic").final_state}
     method = simulate(scene, 5e-4, tolerance=0.1, **options).method
     assert method.engine == engine
-    assert method.geometry == options.get("geometry", "linear")
+    assert method.geometry == options.get("geometry", "finite")
     assert method.budget == bool(options.get("budget"))
-    if engine != "quasistatic":
-        assert method.dt == options.get("dt", step_size(scene))
+    assert method.dt == options.get("dt", step_size(scene))
 
 
-def test_options_override_finer_levels():
-    for options, engine, geometry in (
-        ({"geometry": "linear"}, "hybrid", "linear"),
-        ({"budget": True}, "dynamic", "finite"),
-    ):
-        method = simulate(small(), 5e-4, tolerance=0.01, **options).method
-        assert (method.engine, method.geometry) == (engine, geometry)
+def test_a_state_to_go_on_from_rules_out_the_ladder():
+    state = simulate(slow(), 1e-3, fidelity="dynamic", geometry="linear").final_state
+    record = simulate(slow(), 0.7, tolerance=0.1, initial=state, geometry="linear")
+    assert record.method.engine == "hybrid"
 
 
 def test_step_and_switching_of_the_plan():
@@ -185,14 +187,10 @@ def test_a_ladder_that_does_not_settle(monkeypatch):
         raise EquilibriumError("the event at t = 1 s does not settle", np.nan, 0.0, 1)
 
     monkeypatch.setattr(quasistatic, "simulate", fails)
-    record = simulate(small(), 0.07, tolerance=0.1)
-    assert (record.method.engine, record.method.geometry) == ("hybrid", "linear")
-    (note,) = moved(record)
-    assert note.startswith("moved up from quasistatic, linear geometry, to hybrid, linear geometry")
+    record = simulate(slow(), 0.7, tolerance=0.1)
+    assert record.method.engine == "hybrid"
+    (note,) = gave_way(record)
     assert "does not settle" in note
-    monkeypatch.undo()
-    same_events(record, simulate(small(), 0.07, fidelity="hybrid"), force=0.02, rows=4)
-    monkeypatch.setattr(quasistatic, "simulate", fails)
     with pytest.raises(EquilibriumError):
         simulate(small(), 0.07, fidelity="quasistatic")
 
@@ -201,8 +199,7 @@ def test_a_ladder_that_does_not_settle(monkeypatch):
 def test_creep(make):
     """With mu_s = mu_k slip grows continuously; dynamics follow it with the same force."""
     scene = make(mu_s=0.1, mu_k=0.1, V=0.02)
-    creep = simulate(scene, 0.015, tolerance=0.5)
-    assert creep.method.engine == "quasistatic"
+    creep = simulate(scene, 0.015, fidelity="quasistatic")
     dynamic = simulate(scene, 0.015, fidelity="dynamic", geometry="linear", budget=False)
     F_T = np.interp(dynamic.curve["t"], creep.curve["t"], creep.curve["F_T"])
     assert np.abs(F_T - dynamic.curve["F_T"]).max() < 0.01 * scene.F_N
@@ -213,55 +210,31 @@ def test_a_ladder_that_does_not_get_on(monkeypatch):
     monkeypatch.setattr(quasistatic, "IDLE", -1)
     with pytest.raises(EquilibriumError, match="without end"):
         simulate(small(), 0.07, fidelity="quasistatic")
-    found = pyfric.plan(small(), tolerance=0.1, t_end=0.07)
+    choice.pilot_run.cache_clear()
+    found = pyfric.plan(slow(), tolerance=0.1, t_end=0.71)
     assert found.fidelity == "hybrid"
     assert any("without end" in reason for reason in found.reasons)
 
 
-def test_a_planned_gap():
-    record = simulate(GAPING, T_GAPING, tolerance=0.1)
-    assert (record.method.engine, moved(record)) == ("hybrid", [])
-
-
-@pytest.mark.usefixtures("calm")
-def test_a_gap_that_was_not_planned():
+@pytest.mark.usefixtures("sure")
+def test_a_gap_that_was_not_foreseen():
     record = simulate(GAPING, T_GAPING, tolerance=0.1)
     assert record.method.engine == "hybrid"
-    (note,) = moved(record)
+    (note,) = gave_way(record)
     assert "open blocks: " in note
 
 
-@pytest.mark.usefixtures("calm")
-def test_high_speed_that_was_not_planned():
-    record = simulate(small(V=0.05), 0.03, tolerance=0.1)
-    assert record.method.engine == "hybrid"
-    (note,) = moved(record)
-    assert "slowest decay over time between main events" in note
-
-
-@pytest.mark.usefixtures("calm")
-def test_strains_that_were_not_planned():
-    scene = small(F_N=14e3, V=0.1)
-    record = simulate(scene, 0.02, tolerance=0.1)
-    assert (record.method.engine, record.method.geometry) == ("hybrid", "finite")
-    assert "largest strain: " in moved(record)[0]
-    record = simulate(scene, 0.02, tolerance=0.08)
-    assert (record.method.engine, record.method.geometry) == ("hybrid", "finite")
-    (note,) = moved(record)
-    assert note.startswith("moved up from hybrid, linear geometry, to hybrid, finite geometry")
-
-
-@pytest.mark.usefixtures("calm")
-def test_what_was_asked_for_stays_and_the_record_says_so():
-    record = simulate(small(F_N=14e3, V=0.1), 0.02, tolerance=0.08, geometry="linear")
-    assert (record.method.engine, record.method.geometry) == ("hybrid", "linear")
-    assert record.notes[-1].startswith("does not hold: largest strain: ")
+@pytest.mark.usefixtures("sure")
+def test_high_speed_that_was_not_foreseen():
+    record = simulate(small(V=0.02), 0.3, tolerance=0.1)
+    assert record.method.engine in ("hybrid", "dynamic")
+    (note,) = gave_way(record)
+    assert "relaxation time over time between main events" in note
 
 
 def test_a_slider_that_never_rests():
     """Without viscosity the plan takes dynamics, and the hybrid engine becomes it."""
     scene, t_end = small(eta=0.0, V=0.02), 0.05
-    assert pyfric.plan(scene, t_end=1.5).fidelity == "dynamic"
     hybrid, dynamic = (
         simulate(scene, t_end, fidelity=name, geometry="linear", switching="step_end", t_gap=2e-4)
         for name in ("hybrid", "dynamic")
@@ -419,7 +392,7 @@ def test_a_hybrid_run_in_two_halves(t_half, tmp_path):
 def test_a_hybrid_run_in_two_halves_in_finite_geometry(t_half, tmp_path):
     """Jumps follow tangents there: the same events, to a share of the error of jumps."""
     whole, split = in_two(t_half, "finite", tmp_path)
-    same_events(split, whole, force=planner.ERROR_JUMPS)
+    same_events(split, whole, force=1e-6)
     dt = whole.method.dt
     np.testing.assert_allclose(split.events["t_start"], whole.events["t_start"], atol=2 * dt)
 

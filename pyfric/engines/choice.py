@@ -61,9 +61,9 @@ SPARES = 0.5
 PHASE = 1 / 120
 """A step of RK4 is off by this times (omega dt)^5 in the phase of a motion of rate omega."""
 RESOLVED_ERROR = 0.05
-"""Relative error of front speeds with `RESOLVED` blocks in X_c0; taken to fall in proportion to l."""
-OVERDAMPED = 0.433
-"""Blocks oscillate below this eta over sqrt(k m): K_ii/(4 k) = 3/16 of the square, with K_ii = 3 k."""
+"""Relative error of front speeds with `RESOLVED` blocks in X_c0; it falls in proportion to l."""
+OVERDAMPED = math.sqrt(3) / 4
+"""Blocks oscillate below this eta over sqrt(k m): 8 eta < 2 sqrt(3 k m), by their eight bonds."""
 LONG = 600.0
 """A run that takes longer is said to, before it starts, s."""
 MODELS = {
@@ -355,7 +355,8 @@ class _Choice:
         need = RESOLVED * max(1.0, RESOLVED_ERROR / chosen.tolerance)
         if not blocks < need:
             return chosen
-        what = f"X_c0/l = {blocks:.2g}, and front speeds within {chosen.tolerance:g} need {need:.2g}"
+        within = f"front speeds within {chosen.tolerance:g}"
+        what = f"X_c0/l = {blocks:.2g}, and {within} need {need:.2g}"
         if blocks == 0:
             text = f"{what}: no l resolves a front whose friction does not weaken over a length d_c"
             return dataclasses.replace(chosen, lattice=text)
@@ -411,9 +412,10 @@ def step_error(scene: Scene, want: Want, dt: float) -> float:
     """Return the expected error of located RK4 steps, as the tolerance of a plan.
 
     A block that starts to slip excites its own motion, omega^2 = s/m with s the stiffness of what
-    holds it along the interface: in two dimensions 2 k (1/2) + 2 (k/2)(1/2) + k = 5 k/2 of its
-    bonds. It lasts 1/(eta omega^2/(2 k)). Its phase is then off by omega lasts (omega dt)^4/120: a
-    front speed by that share, F_T by that share of the drop (mu_s - mu_k) F_N/N_x of one block.
+    holds it along the interface: in two dimensions 2 k + 2 (k/2)/2 = 5 k/2, by two bonds along it
+    and two diagonal ones. It lasts 1/(eta omega^2/(2 k)). Its phase is then off by
+    omega lasts (omega dt)^4/120: a front speed by that share, F_T by that share of the drop
+    (mu_s - mu_k) F_N/N_x of one block.
 
     Args:
         scene: the scene.

@@ -1,4 +1,4 @@
-"""The same slider with larger blocks, for what need not be exact: pilot runs and relaxation times."""
+"""The same slider with larger blocks, for what need not be exact: pilot runs, relaxation times."""
 
 from __future__ import annotations
 

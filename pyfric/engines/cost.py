@@ -86,7 +86,9 @@ def work_so_far(run: Run | Record) -> float:
     return work(run.scene, method.geometry, {**counts, "calls": calls})
 
 
-def full_work(scene: Scene, geometry: Geometry, dt: float, lasts: float, points: int = POINTS) -> float:
+def full_work(
+    scene: Scene, geometry: Geometry, dt: float, lasts: float, points: int = POINTS
+) -> float:
     """Return the work of full dynamics with steps dt over a time, both in s."""
     steps = lasts / dt
     evaluations = 4.0 * steps * scene.N_x * scene.N_z

@@ -119,7 +119,7 @@ class Creeping:
         if begin is None or creep.wrong(begin, self.fastest) is not None:
             return None
         space = self._space(held(), np.flatnonzero(way))
-        system, modes = space.system, _Modes(self.scene, space, creep, begin)
+        modes = _Modes(self.scene, space, creep, begin)
         a, left = self._motion(state, modes, begin)
         if math.sqrt(2 * self.scene.slider.k * left) > self.force:
             return None

@@ -66,9 +66,7 @@ class RestStates:
 
     def system(self, stuck: np.ndarray) -> Linearised:
         """Return the slider linearised at these contact states."""
-        return self._systems.get(
-            stuck.tobytes(), lambda: self._linearised(stuck)
-        )
+        return self._systems.get(stuck.tobytes(), lambda: self._linearised(stuck))
 
     def _linearised(self, stuck: np.ndarray) -> Linearised:
         self.bases += 1
@@ -120,7 +118,8 @@ class RestStates:
         self, u_x: np.ndarray, drive: float, free: np.ndarray, load: tuple[float, float] | None
     ) -> Static | None:
         """Return the static state if a path leads there, or ends as near as it is long."""
-        for outside, length, still in self._paths.get((u_x[~free].tobytes(), (~free).tobytes(), load), ()):
+        key = u_x[~free].tobytes(), (~free).tobytes(), load
+        for outside, length, still in self._paths.get(key, ()):
             s = (drive - outside.drive) / outside.V
             if -BEYOND * length <= s <= (1 + BEYOND) * length:
                 N_x = len(u_x)
@@ -230,7 +229,7 @@ class HybridRun(Run):
         return min(last, last_step(state.t0, state.dt, corner) - 1)
 
     def jump(self, last: int) -> int:
-        """Go to the last step before a contact state can change; return the steps to the next try."""
+        """Go to the last step before a contact state can change; return the steps to the next."""
         state, known = self.state, self.solver.known
         stuck, most = state.mode != OPEN, self._piece_ends(last) - state.step
         if most <= 0 or not stuck.any():
@@ -271,9 +270,7 @@ class HybridRun(Run):
         self.rows += np.column_stack([t, landing.F_T(s)]).tolist()
         point = landing.point
         self._put(landing.q, landing.v, point.u_x, landing.n)
-        state.margin[:] = np.where(
-            state.mode == OPEN, 0.0, self.scene.law.margin(point.p, point.f)
-        )
+        state.margin[:] = np.where(state.mode == OPEN, 0.0, self.scene.law.margin(point.p, point.f))
         return TRY
 
     def _landing(
@@ -302,7 +299,8 @@ class HybridRun(Run):
     def _sample_jump(self, landing: Landing, outside: Outside) -> None:
         """Add the points of the loading curve in a jump."""
         (t, s), scene = self._samples(landing.n), self.scene
-        stretch = outside.drive_at(s) - scene.d * (landing.jump.u_h(landing.still, s) - self.state.u_drv0)
+        moved = landing.jump.u_h(landing.still, s) - self.state.u_drv0
+        stretch = outside.drive_at(s) - scene.d * moved
         self.rows += np.column_stack([t, scene.driver.K * stretch]).tolist()
 
     def _land(self, landing: Landing, system: Linearised, outside: Outside) -> None:

@@ -16,8 +16,8 @@ moves the slider by K^-1 D. The path is bent so that it passes there, until that
 functions by less than the accuracy. The jump ends just before gap functions, less the bound of the
 truncated part, reach zero.
 
-The estimate of the error of a jump is what K^-1 D does to the gap functions at landing, and what the
-truncated part still does to them there.
+The estimate of the error of a jump is what K^-1 D does to the gap functions at landing, and what
+the truncated part still does to them there.
 
 Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), for
 control of the defect.
@@ -35,10 +35,9 @@ from pyfric.engines.modes import Ringing
 
 if TYPE_CHECKING:
     from pyfric.engines.modes import Linearised, Motion
-    from pyfric.scene import Scene
     from pyfric.statics import StaticSolver
 
-__all__ = ["Jump", "Landing", "Outside", "Path", "Stale", "TRY", "Wait", "at", "path_from", "rest"]
+__all__ = ["TRY", "Jump", "Landing", "Outside", "Path", "Stale", "Wait", "at", "path_from", "rest"]
 
 TRY = 12
 """Steps that take about as long as a try: no jump is shorter, and no wait for the next one."""
@@ -331,7 +330,8 @@ class Jump:
             left = gain - system.C @ w_v - system.M * w_a
             left[system.held] = 0.0
             excited = Ringing(system, system.excited(system.answer(left)))
-            found = max(found, float((np.abs(excited.gaps) @ np.exp(excited.growth.real * (s - then))).max()))
+            left = np.abs(excited.gaps) @ np.exp(excited.growth.real * (s - then))
+            found = max(found, float(left.max()))
         return found
 
     def _landed(self, s: float) -> tuple[np.ndarray, ...]:

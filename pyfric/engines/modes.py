@@ -57,7 +57,7 @@ __all__ = ["Linearised", "Motion", "Ringing", "orthonormal"]
 N_MODES = 40
 """Undamped modes in the space."""
 SLOW = 6
-"""Of these, the slowest, motion lasts until a jump lands: their shapes are found to second order."""
+"""Of these, the slowest, motion lasts until a jump lands: their shapes are of second order."""
 INDEPENDENT = 1e-10
 """Shapes that add less than this share of inertia to the space are rounding."""
 

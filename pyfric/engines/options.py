@@ -125,8 +125,8 @@ class Options:
             F_N/(N_x s), in velocities over F_N/(N_x sqrt(s m)), s the largest of k, k_f and k_top;
             None means 1e-6.
         dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
-        accuracy: of forces of events, over F_N, that jumps of the hybrid engine keep; None means 1e-6,
-            or a tenth of the tolerance with a plan.
+        accuracy: of forces of events, over F_N, that jumps of the hybrid engine keep; None means
+            1e-6, or a quarter of the tolerance with a plan.
         budget: keep the energy budget (adds its columns to the curve); full dynamics only. None
             means yes for fidelity = "dynamic".
         sample: time between two points of the loading curve, in s; None means 5000 points.

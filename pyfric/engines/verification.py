@@ -237,9 +237,7 @@ class _Verification:
         levels = [one for one in levels if one is not None]
         return next((one for one in levels if self._affordable(one[0])), levels[-1])
 
-    def _at(
-        self, record: Record, engine: str, ratio: float
-    ) -> tuple[dict[str, Any], float] | None:
+    def _at(self, record: Record, engine: str, ratio: float) -> tuple[dict[str, Any], float] | None:
         """Return the options of a reference run, and the ratio; None if it leaves out more."""
         method = record.method
         if engine == "hybrid" and method.engine == "dynamic":

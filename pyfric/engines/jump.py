@@ -319,11 +319,13 @@ class Jump:
     def _defect(self, s: float) -> float:
         """Return what the modes leave of the equation of motion, as it moves the gap functions.
 
-        In finite geometry tangents change along the path, and large motions are not linear. What
-        that leaves at a quarter and at half of it excites modes, which decay until s (s), in N.
+        What that is at a quarter of the path excites modes, which decay until s (s), in N. In
+        finite geometry tangents change along the path, and large motions are not linear: there it
+        is looked at half-way, too.
         """
         system, outside, found = self.system, self.outside, 0.0
-        for then in (0.25 * s, 0.5 * s):
+        finite = system.solver.geometry == "finite"
+        for then in (0.25 * s, 0.5 * s)[: 1 + finite]:
             q, there = at(self.path.q, then), (outside.drive_at(then), outside.load_at(then))
             w, w_v, w_a = system.deviation(*self.ringing.at(then))
             gain = system.forces(q + w, *there) - system.forces(q, *there)

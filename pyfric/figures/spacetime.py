@@ -7,21 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pyfric import theory
 from pyfric.figures.again import Again, another_start, check_event
 from pyfric.figures.style import (
     BLACK,
-    BODY,
     COLUMN_WIDTH,
     GREEN,
     PURPLE,
-    SMALL,
     DataFigure,
-    engine_text,
+    caption,
+    colour_bar,
     legend,
-    scene_text,
     style,
 )
 from pyfric.record import energy_release, front
@@ -177,9 +174,12 @@ def _chain_speeds(scene: Scene, scaled: np.ndarray) -> np.ndarray:
 
 
 def _origin(record: Record, event: int) -> tuple[float, float]:
-    """Return x/L and t where the front starts to run: its first slip, slow creep left out."""
+    """Return x/L and t where the front starts to run: its first slip, slow creep left out.
+
+    On junctions fronts may be slow: it is where the event starts.
+    """
     table = front(record, event)
-    if table.empty:
+    if table.empty or record.motion:
         row = record.events.loc[event]
         return float(row["x_nucleation"] / record.scene.slider.L), float(row["t_start"])
     first = int(table["t"].argmin())
@@ -194,7 +194,7 @@ def _window(record: Record, event: int) -> tuple[float, float]:
     """Return the times between which the event is shown, s."""
     times, row = record.rupture_times[record.row(event)], record.events.loc[event]
     known = times[np.isfinite(times)]
-    begin = known.min() if known.size else row["t_start"]
+    begin = known.min() if known.size and not record.motion else row["t_start"]
     span = known.max() - begin if known.size > 1 else row["duration"]
     span = np.fmax(span, SHORTEST * record.method.dt)  # a duration may be unknown
     return max(begin - BEFORE * span, 0.0), begin + (1 + AFTER) * span
@@ -236,8 +236,7 @@ def _drawn(
 ) -> DataFigure:
     N_x, (_, t_0) = record.scene.N_x, _origin(record, event)
     scale, unit = (1e6, r"$\mu$s") if t[-1] - t[0] < 2e-3 else (1e3, "ms")
-    fig = DataFigure(figsize=(1.25 * COLUMN_WIDTH, 3.3), layout="constrained")
-    FigureCanvasAgg(fig)
+    fig = DataFigure(figsize=(1.25 * COLUMN_WIDTH, 3.3))
     axes = fig.subplots()
     style(axes)
     half = 0.5 / (N_x - 1)
@@ -256,20 +255,17 @@ def _drawn(
     at = (table["t"] - t_0) * scale
     axes.plot(table["x_over_L"], at, color=BLACK, ms=3, label="rupture times", **look)
     far = max(AROUND * np.ptp(table["x_over_L"]), LEAST * 2 * half) if len(table) else 1.0
+    far = 1.0 if record.motion else far
     axes.set_xlim(
         max(table["x_over_L"].min() - far, 0.0) - half,
         min(table["x_over_L"].max() + far, 1.0) + half,
     )
     axes.set_ylim(below, above)
-    axes.set_xlabel(r"position $x/L$ from the trailing edge", fontsize=BODY)
-    axes.set_ylabel(f"time from the start of the front ({unit})", fontsize=BODY)
+    axes.set_xlabel(r"position $x/L$ from the trailing edge")
+    axes.set_ylabel(f"time from the start of the front ({unit})")
     legend(fig, loc="outside upper center", ncols=5)
-    beyond = "neither" if record.motion else "both"
-    bar = fig.colorbar(image, ax=axes, extend=beyond, pad=0.01, aspect=30)
-    bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2)
-    bar.outline.set_linewidth(0.6)
     meaning = "share of pinned junctions" if record.motion else "slip rate along the drive (m/s)"
-    bar.set_label(meaning, fontsize=BODY)
+    colour_bar(fig, image, axes, meaning)
     return fig
 
 
@@ -317,4 +313,4 @@ def _caption(record: Record, event: int, lines: pd.DataFrame) -> str:
             f" {100 * row['share_X_c0']:.0f} % of the front's blocks have six or more blocks in "
             "their cohesive zone: the lattice sets its speed."
         )
-    return " ".join([what, scene_text(record.scene), engine_text(record)])
+    return caption(record, what)

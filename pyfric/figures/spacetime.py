@@ -57,8 +57,9 @@ def space_time(record: Record, event: int) -> DataFigure:
     The event is run again with full dynamics. On junctions the colour is the share of them that is
     pinned, at the times of the record's curve: `sample` says how close these are.
 
-    Lines begin where and when the front starts to run: c_R (dash-dotted), c_S (dotted) and c_L (dashed), in a chain c alone; black: the rupture
-    times of the record; purple: theory (`theory_times`).
+    Lines begin where and when the front starts to run: c_R (dash-dotted), c_S (dotted) and c_L
+    (dashed), in a chain c alone; black: the rupture times of the record; purple: theory
+    (`theory_times`).
 
     Args:
         record: a run of the hybrid or the dynamic engine, from the loaded slider on.
@@ -264,8 +265,10 @@ def _drawn(
     axes.set_xlabel(r"position $x/L$ from the trailing edge")
     axes.set_ylabel(f"time from the start of the front ({unit})")
     legend(fig, loc="outside upper center", ncols=5)
-    meaning = "share of pinned junctions" if record.motion else "slip rate along the drive (m/s)"
-    colour_bar(fig, image, axes, meaning)
+    if record.motion:
+        colour_bar(fig, image, axes, "share of pinned junctions", extend="neither")
+    else:
+        colour_bar(fig, image, axes, "slip rate along the drive (m/s)")
     return fig
 
 

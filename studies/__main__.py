@@ -355,7 +355,6 @@ def slow(out: Path, runs: Path | None, cases: tuple[str, ...], tell: Tell) -> No
     if unknown := [name for name in cases if name not in slow.CASES]:
         raise click.BadParameter(f"{unknown[0]!r}; known are {', '.join(slow.CASES)}")
     records = slow.study(folder, cases or tuple(slow.CASES), say=tell.step)
-    tell.text(slow.report(records))
     save_figure(slow.figure(records), out / "slow", f"{RUN} slow", tell)
 
 

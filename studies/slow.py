@@ -1,7 +1,7 @@
-"""Slow fronts on an interface of junctions: where, how slow, how long, and what makes them go away.
+"""Slow fronts on an interface of junctions: where, how slow, how long, and what ends them.
 
-The preset `slow` to 1.6 s in linear geometry: three seeds; beside the first one half the step, times
-t_R without spread, 25 and 400 junctions a block at the same u_s, and t_R of 0.5 and 8 ms.
+The preset `slow` to 1.6 s in linear geometry: three seeds; beside the first one half the step,
+times t_R without spread, 25 and 400 junctions a block at the same u_s, and t_R of 0.5 and 8 ms.
 
 passage     of a front over block i from the trailing edge: when all blocks up to i have ruptured,
             the largest of their first rupture times in the event. A block that ruptures ahead of
@@ -227,6 +227,7 @@ def figure(records: Mapping[str, Record]) -> DataFigure:
     best = found[found["between"]] if found["between"].any() else found
     fig = figures.space_time(record, int(best["event"].iloc[0]))
     fig.tables |= tables(records)
+    fig.caption += f"\n\n{report(records)}"
     return fig
 
 

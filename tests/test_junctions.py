@@ -11,6 +11,7 @@ from scipy.interpolate import BSpline
 
 import pyfric
 from pyfric import core
+from pyfric.figures import space_time
 from pyfric.record.analysis import budget_error
 from pyfric.scene import chain, setup1, setup2
 from pyfric.scene.laws import Junctions
@@ -374,5 +375,52 @@ def test_records_go_on_and_say_what_ruptured(tmp_path):
     half.save(tmp_path / "half.nc")
     again = pyfric.simulate(scene, 3e-4, initial=pyfric.Record.load(tmp_path / "half.nc"), **how)
     assert bits(again.final_state) == bits(whole.final_state)
+    assert all(np.array_equal(again.motion[name], values) for name, values in whole.motion.items())
     assert (whole.events["n_blocks"] > 1).any()
     assert same_run(whole, pyfric.simulate(scene, 3e-4, **how))
+
+
+@pytest.fixture(scope="module")
+def ruptured():
+    """A run with a rupture of the whole interface."""
+    how = {"fidelity": "dynamic", "verify": "none", "sample": 4e-7, "t_gap": 2e-5, "dt": 2e-7}
+    return pyfric.simulate(small("rod", side="right"), 3e-4, **how)
+
+
+def test_motion_is_that_of_the_state(ruptured):
+    """At each point of the curve; the last one is the final state."""
+    motion, state = ruptured.motion, ruptured.final_state
+    assert {name: values.shape for name, values in motion.items()} == dict.fromkeys(
+        ("pinned", "u_x", "v_x", "f"), (len(ruptured.curve), ruptured.scene.N_x)
+    )
+    np.testing.assert_array_equal(motion["u_x"][-1], state.y[0, 0])
+    np.testing.assert_allclose(motion["pinned"][-1], state.pinned.mean(axis=1), rtol=1e-7)
+    assert ruptured.to_xarray()["motion_pinned"].dims == ("t", "x")
+
+
+def test_blocks_are_ruptured_while_few_junctions_are_pinned(ruptured):
+    """Episodes begin where the share falls below 30 %, and end where it is back."""
+    t, pinned = ruptured.curve["t"].to_numpy(), ruptured.motion["pinned"]
+    ended = ruptured.episodes[ruptured.episodes["t_stop"].notna()]
+    assert len(ended) > 2
+    for row in ended.itertuples():
+        inside = (t > row.t_start + 2e-6) & (t < row.t_stop - 2e-6)
+        assert (pinned[inside, row.i] < 0.3).all()
+    for i in range(ruptured.scene.N_x):
+        low = t[(pinned[:, i] < 0.29) & (ruptured.motion["f"][:, i] != 0)]  # in contact
+        own = ruptured.episodes[ruptured.episodes["i"] == i]
+        ends = own["t_stop"].fillna(np.inf).to_numpy()
+        inside = (low[:, None] >= own["t_start"].to_numpy() - 2e-6) & (low[:, None] <= ends + 2e-6)
+        assert inside.any(axis=1).all()
+
+
+def test_picture_shows_the_share_of_pinned_junctions(ruptured):
+    event = int(ruptured.events["n_blocks"].idxmax())
+    fig = space_time(ruptured, event)
+    shares = fig.tables["pinned"]["share"].to_numpy().reshape(-1, ruptured.scene.N_x)
+    at = np.isin(ruptured.curve["t"], fig.tables["pinned"]["t_s"].unique())
+    np.testing.assert_array_equal(shares, ruptured.motion["pinned"][at][:, ::-1])
+    assert "pinned junctions" in fig.caption
+    few = pyfric.simulate(ruptured.scene, 3e-4, fidelity="dynamic", sample=1e-4, t_gap=2e-5)
+    event = int(few.events["n_blocks"].idxmax())
+    refused(lambda: space_time(few, event), "sample", "too few points")

@@ -255,7 +255,7 @@ class Jump:
 
     def land(self, most: int) -> Landing | Wait | Stale:
         """Return where the jump lands after at most so many steps, or how long to wait for it."""
-        finite = self.system.solver.geometry == "finite"
+        finite, known = self.system.solver.geometry == "finite", False
         for round_ in range(ROUNDS):
             n = self._longest(most)
             if isinstance(n, Wait):
@@ -272,15 +272,17 @@ class Jump:
             wrong = gaps - self._gaps(s)
             error = 0.0
             if finite:
-                error = float(np.abs(wrong).max()) * self.system.contraction
+                missed = float(np.abs(wrong).max())
+                error, known = missed * self.system.contraction, known or missed > self.accuracy
                 self.path = self.path.bent(shift, wrong, s)
             (gaps,) = self.system.strengthened(self.age, gaps)
             if error <= self.accuracy and (gaps > 0).all():
-                defect = self._defect(s) if alive.size else 0.0
+                defect = self._defect(s) if finite and alive.size else 0.0
                 if defect > self.accuracy:
                     slowest = float(-self.ringing.growth[alive].real.max())
                     return Stale(self._wait(defect / self.accuracy, slowest).steps)
-                self.path.remember(self.system, self.outside)
+                if known:  # else the bend is of the size of what it may be off by
+                    self.path.remember(self.system, self.outside)
                 return Landing(n, q, v, gaps, left + error + defect, self, self._still(s))
         return Wait(TRY)
 
@@ -319,13 +321,11 @@ class Jump:
     def _defect(self, s: float) -> float:
         """Return what the modes leave of the equation of motion, as it moves the gap functions.
 
-        What that is at a quarter of the path excites modes, which decay until s (s), in N. In
-        finite geometry tangents change along the path, and large motions are not linear: there it
-        is looked at half-way, too.
+        In finite geometry tangents change along the path, and large motions are not linear. What
+        that leaves at a quarter and at half of it excites modes, which decay until s (s), in N.
         """
         system, outside, found = self.system, self.outside, 0.0
-        finite = system.solver.geometry == "finite"
-        for then in (0.25 * s, 0.5 * s)[: 1 + finite]:
+        for then in (0.25 * s, 0.5 * s):
             q, there = at(self.path.q, then), (outside.drive_at(then), outside.load_at(then))
             w, w_v, w_a = system.deviation(*self.ringing.at(then))
             gain = system.forces(q + w, *there) - system.forces(q, *there)

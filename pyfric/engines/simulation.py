@@ -18,7 +18,7 @@ from pyfric.engines.options import Options, kept
 from pyfric.engines.pauses import pause_notes
 from pyfric.engines.stretches import check_straight
 from pyfric.engines.verification import Specification, verified
-from pyfric.record import Record, not_verified
+from pyfric.record import Record
 from pyfric.scene import SceneError, check_geometry, check_number, check_writable
 from pyfric.signals import forget, nothing_to_save, raise_if_asked
 from pyfric.statics import EquilibriumError, one_thread_if_small
@@ -115,7 +115,7 @@ def simulate(
         return _planned(made, initial)
     record = run(scene, t_end, options)
     if options.verify in (None, "none") or not record.done or isinstance(initial, Record):
-        return _with_notes(record, *not_verified(record))
+        return record
     return verified(record, options.verify, made)
 
 
@@ -171,7 +171,8 @@ def _run(
 
 
 def _with_notes(record: Record, *notes: str) -> Record:
-    return dataclasses.replace(record, notes=(*record.notes, *notes)) if notes else record
+    new = [note for note in notes if note not in record.notes]
+    return dataclasses.replace(record, notes=(*record.notes, *new)) if new else record
 
 
 def _begin(initial: State | Record | None) -> float:
@@ -201,7 +202,7 @@ def _planned(made: Specification, initial: State | None) -> Record:
         raise
     if record.done and options.verify != "none":
         record = verified(record, options.verify, _as_planned(made, plan, level))
-    return _with_notes(record, *notes, *(not_verified(record) if record.done else ()))
+    return _with_notes(record, *notes)
 
 
 def _chosen(plan: Plan) -> str:
@@ -225,7 +226,7 @@ def _static(plan: Plan, made: Specification) -> tuple[Record | None, str]:
     if failed := plan.check(record):
         return None, "; ".join(map(str, failed))
     if made.options.verify == "none":
-        return _with_notes(record, *not_verified(record)), ""
+        return record, ""
     found = verified(record, made.options.verify, _as_planned(made, plan, level))
     return found, "" if found else "errors measured by dynamics exceed the tolerance"
 
@@ -237,6 +238,7 @@ def _resolved(options: Options, plan: Plan) -> Options:
         return dataclasses.replace(options, fidelity="quasistatic", accuracy=None, **free)
     return dataclasses.replace(
         options,
+        budget=bool(options.budget),
         fidelity=plan.fidelity,
         geometry=plan.geometry,
         dt=plan.dt,

@@ -25,11 +25,10 @@ module pyfric_junctions
   public :: forces, powers, stored_energy, settle, next_break, next_release, drag_limits, drag_functions
 
   !> What is saved of each junction: anchor [m], 1 pinned or 0 slipping, when it pins or did [s], how often it broke.
-  integer, parameter :: ANCHOR = 1, PINNED = 2, RELEASE = 3, BREAKS = 4, N_PARTS = 4
+  integer, parameter :: ANCHOR = 1, PINNED = 2, RELEASE = 3, BREAKS = 4, N_PARTS = 4, N_SUMS = 8
   !> What follows from it. Of pinned junctions: their number; sum, mean, squares about it, least and greatest of their
   !> anchors. Of slipping ones: when the first pins; their number. Then come anchors and numbers of the slipping ones.
   integer, parameter :: COUNT = 1, TOTAL = 2, CENTRE = 3, SQUARES = 4, LEAST = 5, GREATEST = 6, EARLIEST = 7, LOOSE = 8
-  integer, parameter :: N_SUMS = 8
   !> Stretches this close to u_d are there, over u_d: rounding of displacements.
   real(dp), parameter :: AT_LIMIT = 1e-9_dp
 
@@ -58,7 +57,7 @@ contains
     numbers = N_PARTS*n
   end function n_saved
 
-  !> And with what follows from them: sums, and the numbers and anchors of slipping junctions.
+  !> And with what follows from them: sums, numbers and anchors of slipping junctions.
   elemental function n_whole(n) result(numbers)
     integer, intent(in) :: n
     integer :: numbers

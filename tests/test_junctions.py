@@ -12,6 +12,7 @@ from scipy.interpolate import BSpline
 import pyfric
 from pyfric import core
 from pyfric.figures import space_time
+from pyfric.figures.strip import event_frames
 from pyfric.record.analysis import budget_error
 from pyfric.scene import chain, setup1, setup2
 from pyfric.scene.laws import Junctions
@@ -114,6 +115,42 @@ def test_wider_thresholds_lower_the_first_peak(how):
         found = Dragged(0.0, n_s=4000, **spread).slide(1e-3, 8.0)
         ratios.append(found.max() / found[-3 * Dragged.STEPS // 10 :].mean())
     assert 2 > ratios[0] > ratios[1] > ratios[2] > 1
+
+
+def mean_field(moves, cells, pins):
+    """Return F/p after each step of the mean field: pinned measure over stretches, slipping by age.
+
+    Args:
+        moves: for each step whether the block moves by u_s/cells, or rests.
+        cells: of stretches up to u_s.
+        pins: share of slipping junctions that pin so many steps after their break, from 0 on.
+    """
+    pinned, slipping, found = np.zeros(cells + 1), 0.0, []
+    pinned[0], due = 1.0, np.zeros(len(moves) + len(pins))
+    for step, moved in enumerate(moves):
+        if moved:
+            broken, pinned[1:], pinned[0] = pinned[-1], pinned[:-1].copy(), 0.0
+            due[step : step + len(pins)] += broken * pins
+            slipping += broken
+        slipping -= due[step]
+        pinned[0] += due[step]
+        found.append(MU_S * (pinned @ np.arange(cells + 1)) / cells + MU_D * slipping)
+    return np.array(found)
+
+
+def test_slides_and_holds_are_those_of_the_mean_field():
+    """1e4 junctions, in slides and holds that no closed form covers."""
+    t_R, cells, v = 1e-3, 200, 1e-3
+    dt, block = U_S / v / cells, Dragged(t_R, 0.3e-3, n_s=3334)
+    x = (np.arange(801) * dt - t_R) / 0.3e-3 + 6
+    pins = np.diff(irwin_hall(1)(np.clip(x, 0, 12)), prepend=0.0)
+    moves, found = [], []
+    for speed, n in ((v, 500), (0.0, 150), (v, 330), (0.0, 40), (v, 700)):
+        moves += [speed > 0] * n
+        found.append(block.move(speed, n, dt))
+    exact = mean_field(moves, cells, pins)
+    assert np.ptp(exact[500:]) > 0.05
+    np.testing.assert_allclose(np.concatenate(found), exact, atol=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -424,3 +461,13 @@ def test_picture_shows_the_share_of_pinned_junctions(ruptured):
     few = pyfric.simulate(ruptured.scene, 3e-4, fidelity="dynamic", sample=1e-4, t_gap=2e-5)
     event = int(few.events["n_blocks"].idxmax())
     refused(lambda: space_time(few, event), "sample", "too few points")
+
+
+def test_strips_and_films_run_the_event_again(ruptured):
+    """On junctions from the start, with the same bits."""
+    event = int(ruptured.events["n_blocks"].idxmax())
+    (frame,) = event_frames(ruptured, event, [2.9e-4])
+    at = int(np.abs(ruptured.curve["t"] - frame.t).argmin())
+    assert ruptured.curve["t"].iloc[at] == pytest.approx(frame.t, abs=4e-7)
+    f = -ruptured.scene.d * ruptured.motion["f"][at][::-1]
+    np.testing.assert_allclose(frame.tau, f, atol=0.02 * np.abs(f).max())

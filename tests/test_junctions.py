@@ -206,20 +206,17 @@ def begin(scene, geometry, dt):
     return loaded_state(scene, geometry).state(scene, dt)
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_lattice_is_that_of_the_twin(side, geometry):
-    """Anchors, breaks, times of release, and motion, through ruptures."""
-    scene, dt, n = small(side=side), 3e-7, 400
-    state = begin(scene, geometry, dt)
+def follows_twin(scene, geometry, state, n):
+    """Make n steps beside the twin, compare all, and return the contact states after each step."""
+    dt = state.dt
     of = dataclasses.replace(scene.interface.law, C=float(scene.law.C), u_s=None)
     twin = Twin(of, 0.6, 0.2, scene.n_of_i, np.zeros(scene.N_x))
     np.testing.assert_allclose(state.anchor, twin.anchor, atol=1e-18)
-    y = state.y.copy()
+    y, modes = state.y.copy(), []
     for step in range(n):
         y = rk4_step(scene, geometry, step * dt, y, twin, state.u_drv0, dt)
-    advance(scene, geometry, state, n, budget=False)
-    assert twin.breaks.max() >= 2  # some pinned and broke again
+        advance(scene, geometry, state, 1, budget=False)
+        modes.append(state.mode.copy())
     np.testing.assert_array_equal(state.breaks, twin.breaks)
     np.testing.assert_array_equal(state.pinned == 1, twin.pinned)
     np.testing.assert_allclose(state.release, twin.release, rtol=0, atol=1e-15)
@@ -229,6 +226,29 @@ def test_lattice_is_that_of_the_twin(side, geometry):
     stored = core.energies(core.model(scene, geometry, state.u_drv0), state, state.t)
     p = scene.k_f * -np.minimum(y[0, 1], 0)
     assert stored["elastic_junctions"] == pytest.approx(twin.energy(y[0, 0], p), rel=1e-9)
+    return np.array(modes)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_lattice_is_that_of_the_twin(side, geometry):
+    """Anchors, breaks, times of release, and motion, through ruptures."""
+    scene = small(side=side)
+    state = begin(scene, geometry, 3e-7)
+    follows_twin(scene, geometry, state, 400)
+    assert state.breaks.max() >= 2  # some pinned and broke again
+
+
+def test_shaken_lattice_is_that_of_the_twin():
+    """Blocks turn back, lift off and touch again."""
+    scene = small(V=0.0, F_N=100.0)
+    state = begin(scene, "linear", 3e-7)
+    state.y[:, 2:] = 0.8 * np.random.default_rng(5).standard_normal(state.y[:, 2:].shape)
+    modes = follows_twin(scene, "linear", state, 500)
+    opened = modes == core.OPEN
+    assert (opened[1:] & ~opened[:-1]).sum() > 2
+    assert (opened[:-1] & ~opened[1:]).sum() > 2
+    assert state.breaks.max() >= 1
 
 
 def test_times_of_slip_are_drawn_by_counter():

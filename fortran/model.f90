@@ -31,7 +31,8 @@ module pyfric_model
     integer(ip) :: along    !! 1: dashpots act along the bonds only, 0: on the full relative velocity
     integer(ip) :: n_memory !! numbers that are saved of what the friction law remembers of each block
     integer(ip) :: n_junctions !! junctions of each block, 0 for none
-    integer(ip) :: seed(2)  !! of them, two words of 32 bits, the lowest first
+    integer(ip) :: seed_low !! of them: the lower 32 bits
+    integer(ip) :: seed_high !! and the upper ones
     integer(ip) :: n_hold   !! knots of the friction law's tables
     integer(ip) :: n_slide
     integer(ip) :: n_speed
@@ -160,8 +161,9 @@ contains
     s%shear = numbers(2*nx + 1:3*nx)
     s%k_f = numbers(3*nx + 1:4*nx)
     last = (ROWS + N_FIELDS)*nx
-    s%law = new_law(nx, n%n_memory, n%n_junctions, n%seed, s%d < 0.0_dp, ruptured, [n%n_hold, n%n_slide, n%n_speed, n%n_age], &
-                    numbers(last + 1:), reshape(numbers(ROWS*nx + 1:last), [nx, N_FIELDS]))
+    s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%d < 0.0_dp, ruptured, &
+                    [n%n_hold, n%n_slide, n%n_speed, n%n_age], numbers(last + 1:), &
+                    reshape(numbers(ROWS*nx + 1:last), [nx, N_FIELDS]))
   end subroutine take_rows
 
   pure subroutine take_constants(c, s)

@@ -356,6 +356,7 @@ def slow(out: Path, runs: Path | None, cases: tuple[str, ...], tell: Tell) -> No
         raise click.BadParameter(f"{unknown[0]!r}; known are {', '.join(slow.CASES)}")
     records = slow.study(folder, cases or tuple(slow.CASES), say=tell.step)
     save_figure(slow.figure(records), out / "slow", f"{RUN} slow", tell)
+    save_figure(slow.speed_figure(records), out / "speeds", f"{RUN} slow", tell)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pyfric import figures, theory
 from pyfric.engines import step_size
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
 
 __all__ = ["CASES", "c_S", "figure", "jobs", "longest_stretch", "passages", "report", "ruptures",
-           "slip_speeds", "speeds", "study", "tables"]  # fmt: skip
+           "slip_speeds", "speed_figure", "speeds", "study", "tables"]  # fmt: skip
 
 T_END = 1.6
 """Time of the end of each run, s."""
@@ -155,18 +156,23 @@ def ruptures(record: Record) -> pd.DataFrame:
 
 
 def slip_speeds(record: Record) -> pd.DataFrame:
-    """Return front speed and slip speed (m/s) of blocks in events that rupture all of them."""
+    """Return front speed, slip speed (m/s) and prestress of blocks in events that rupture all.
+
+    Columns: event, n, front, slip, and tau_over_p in the static state before the event.
+    """
     scene, t = record.scene, record.curve["t"].to_numpy()
     order, rows = np.argsort(scene.n_of_i), []
     u = scene.d * record.motion["u_x"][:, order]
     for event in ruptures(record)["event"]:
-        passed = passages(record, event)
+        passed, row = passages(record, event), record.row(event)
+        ratio = (record.tau_before[row] / record.p_before[row])[order]
         for i, v in enumerate(speeds(passed, scene.slider.l)):
             end = passed[i] + SLIPS
             if np.isfinite(v) and end <= t[-1]:
                 slip = np.diff(np.interp([passed[i], end], t, u[:, i]))[0]
-                rows.append({"event": event, "n": i + 1, "front": v, "slip": slip / SLIPS})
-    return pd.DataFrame(rows, columns=["event", "n", "front", "slip"])
+                found = {"event": event, "n": i + 1, "front": v, "slip": slip / SLIPS}
+                rows.append(found | {"tau_over_p": ratio[i]})
+    return pd.DataFrame(rows, columns=["event", "n", "front", "slip", "tau_over_p"])
 
 
 def power_law(table: pd.DataFrame) -> tuple[float, float]:
@@ -228,6 +234,30 @@ def figure(records: Mapping[str, Record]) -> DataFigure:
     fig = figures.space_time(record, int(best["event"].iloc[0]))
     fig.tables |= tables(records)
     fig.caption += f"\n\n{report(records)}"
+    return fig
+
+
+def speed_figure(records: Mapping[str, Record]) -> DataFigure:
+    """Return front speeds over prestress, and slip speeds over front speeds, of the first run."""
+    name, record = next(iter(records.items()))
+    found, wave = slip_speeds(record), c_S(record)
+    exponent, r2 = power_law(found)
+    fig = figures.DataFigure(figsize=(7.2, 3.0), layout="constrained")
+    FigureCanvasAgg(fig)
+    left, right = fig.subplots(1, 2)
+    look = {"c": (found["n"] - 1) / (record.scene.N_x - 1), "s": 5, "cmap": "viridis"}
+    left.scatter(found["tau_over_p"], found["front"] / wave, **look)
+    left.set(xlabel=r"$\tau/p$ before the event", ylabel="$v_c/c_S$", yscale="log")
+    image = right.scatter(found["front"], found["slip"], **look)
+    right.set(xlabel="front speed (m/s)", ylabel="slip speed (m/s)", xscale="log", yscale="log")
+    left.axhline(SLOW, color="grey", lw=0.8)
+    fig.colorbar(image, ax=right, label="$x/L$ from the trailing edge")
+    fig.tables = {"speeds": found}
+    fig.caption = (
+        f"Blocks of events that rupture all of them, {name}. (a) Front speed over the prestress "
+        f"of the static state before the event; line: {SLOW:g} c_S. (b) Slip speed in the first "
+        f"{1e3 * SLIPS:g} ms over front speed: exponent {exponent:.2f}, r^2 {r2:.2f}."
+    )
     return fig
 
 

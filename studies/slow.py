@@ -255,7 +255,8 @@ def speed_figure(records: Mapping[str, Record]) -> DataFigure:
     fig.tables = {"speeds": found}
     fig.caption = (
         f"Blocks of events that rupture all of them, {name}. (a) Front speed over the prestress "
-        f"of the static state before the event; line: {SLOW:g} c_S. (b) Slip speed in the first "
+        f"of the static state before the event; line: {SLOW:g} c_S; speeds beyond c_P are those of "
+        "blocks that the front has passed at nearly one time. (b) Slip speed in the first "
         f"{1e3 * SLIPS:g} ms over front speed: exponent {exponent:.2f}, r^2 {r2:.2f}."
     )
     return fig

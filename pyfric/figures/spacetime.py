@@ -311,7 +311,7 @@ def _caption(record: Record, event: int, lines: pd.DataFrame) -> str:
         what += " Purple: the exact speed of steady fronts at the local prestress."
     if (named["name"] == "LEFM").any():
         what += " Purple: fracture mechanics, g_II(v) G = Gamma, with G of static states."
-    if row["share_X_c0"] < 1:
+    if row["share_X_c0"] < 1 and not record.motion:
         what += (
             f" {100 * row['share_X_c0']:.0f} % of the front's blocks have six or more blocks in "
             "their cohesive zone: the lattice sets its speed."

@@ -236,8 +236,8 @@ def slab(
         **fields: other fields of a scene. Those of the interface are the paper's; k is that of
             `setup1`, M its mass per area, 6.845 kg/m^2 times (L + l) (H + l); M/(N_x N_z) is the
             mass of each block but those of the bottom row, which are half blocks. There is no
-            driver unless K is given, and its h is l. Sides and top are free. eta is sqrt(0.001 k m) where
-        it is not given, a tenth of that of the paper's setups, and dashpots are "along" the bonds:
+            driver unless K is given, and its h is l. Sides and top are free. eta is sqrt(0.001 k m)
+        where it is not given, a tenth of the paper's, and dashpots are "along" the bonds:
         stronger ones, and "full" ones, which resist rotation, delay fronts.
 
     Raises:

@@ -7,11 +7,11 @@ twice the work of the run and half a second. Errors of order p in the step are t
 block, the difference has no order; `TURNED` times it is reported.
 
 A planned run in linear geometry whose error exceeds its tolerance is made again in finite geometry.
-One in finite geometry gives way to its reference run, whose error the same difference bounds, and
-that is compared with a finer one as long as the budget lasts. Where then
-a few of many events are still off, they are named, and all others are measured. Otherwise
-single events cannot be trusted from the first one on that is off; those that follow are compared by
-their statistics.
+One in finite geometry gives way to its reference run, whose error the same difference bounds. Where
+that is still too large, the reference run is compared with one of twice its step, and with a finer
+one as long as the budget lasts. Where then a few of many events are off, they are named, and all
+others are measured. Otherwise single events cannot be trusted from the first one on that is off;
+those that follow are compared by their statistics.
 
 A reference run that would take more than its budget ends there. What it does not cover is not
 measured.
@@ -55,6 +55,9 @@ LOOSEST = 1e-3
 """Largest accuracy that is asked of jumps, over F_N."""
 LADDER = 0.01
 """Accuracy of jumps of dynamics beside a quasi-static run, over the tolerance."""
+BETWEEN = 2.0
+"""The step of a run between two others over the finer one: a run that parts from the first one is
+compared with it, too."""
 STRICTER = 0.1
 """Accuracy of jumps of a reference run over that of the run."""
 FEW = 0.1
@@ -194,6 +197,8 @@ class _Verification:
             coarse, self.record = self.record, reference
             found = differences(self.record, coarse)
             errors = self._measured(found, coarse, better)
+            if self._beyond(errors) and ratio >= BETWEEN**2:
+                errors = self._between(coarse)
             level, ratio = self._level(self.record)
             if not (self._beyond(errors) and self._affordable(level)):
                 break
@@ -225,6 +230,14 @@ class _Verification:
     def _scaled(self, found: Differences) -> Errors:
         factor = max(SAFETY * self.factor, TURNED) if found.turned else SAFETY * self.factor
         return _errors(found, self.made, factor, _words(self.other))
+
+    def _between(self, coarse: Record) -> Errors:
+        """Compare the run with one whose step is between its own and that of the first run."""
+        method, shrink = self.record.method, self._shrink(BETWEEN)
+        how = {"fidelity": method.engine, "dt": BETWEEN * method.dt, "geometry": method.geometry}
+        other = self._reference(how | {"accuracy": coarse.method.accuracy})
+        better = max(shrink / (1 - shrink), STRICTER / (1 - STRICTER))
+        return self._measured(differences(self.record, other), other, better)
 
     # --- reference runs --------------------------------------------------------------------------
 

@@ -127,7 +127,8 @@ class Errors:
         a prescribed interface, it is that of rupture times.
         """
         names = PROMISED.get(want or self.want or "")
-        if names is not None and getattr(self, names[-1]) is None:
+        known = [getattr(self, name) is not None for name in names or ()]
+        if names is not None and not known[-1] and (any(known) or names[-1] not in BY_EVENT):
             return None
         known = [getattr(self, name) for name in names or FORCES]
         known = [value for value in known if value is not None]

@@ -468,6 +468,18 @@ def test_a_wrong_turn_has_no_order(ladder):
     assert record.errors.start == pytest.approx(TURNED * 0.005)
 
 
+def test_a_run_that_parts_from_a_coarser_one_is_compared_with_one_between(ladder):
+    """Only the first run takes the wrong turn."""
+    known = Known(ladder, step=1e-6, turn=1.0 - 1e-9)
+    known.evaluations = 10**5
+    record = known.verified(None)
+    assert [share for _, share, _ in known.asked] == [1, 1 / 4, 1 / 2]
+    assert record.method.dt == known.dt_0 / 4
+    assert record.errors.holds
+    assert record.errors.start < 1e-6
+    assert record.errors.until is None
+
+
 def test_linear_geometry_gives_way(ladder):
     known = Known(ladder, bonds=0.05)
     record = known.verified(None, geometry="linear")

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import pyfric
-from pyfric import SceneError
+from pyfric import SceneError, core
 from pyfric.record import (
     QUIET_COLUMNS,
     SWITCH_COLUMNS,
@@ -245,7 +245,7 @@ def test_kinetic_friction_is_the_mean_of_the_whole_curve(record):
 
 def test_every_energy_counts_in_the_budget():
     """What came in is stored or lost, 1 J of each kind at first and other amounts at the end."""
-    stored, came = analysis.ENERGIES, ("work_driver", "work_load")
+    stored, came = core.ENERGIES, ("work_driver", "work_load")
     lost = ("dissipated_bonds", "friction_heat", "switching_loss")
     end = {name: 1.0 + 0.5**n for n, name in enumerate((*stored, *lost))}
     end["work_load"] = 0.25

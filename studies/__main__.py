@@ -303,6 +303,25 @@ def fronts(
 
 
 @main.command(section="Physics")
+@click.argument("fronts", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@file_option("--out", metavar="FILE", help="Write the table as CSV.")
+@overwrite_option
+@telling
+def collapse(fronts: Path, out: Path | None, overwrite: bool, tell: Tell) -> None:
+    """Tell prestress from position in front speeds, from the file fronts_fronts.csv of `fronts`.
+
+    Beside --out, a CSV file, goes its provenance.
+    """
+    check_table(out, overwrite)
+    import collapse
+    import pandas as pd
+
+    frame = collapse.collapse(pd.read_csv(fronts))
+    save_table(frame, out, shlex.join([*RUN.split(), "collapse", str(fronts)]), "%.6g")
+    tell.table(frame, collapse.report)
+
+
+@main.command(section="Physics")
 @figure_out_option
 @folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
 @telling

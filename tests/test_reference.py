@@ -111,7 +111,8 @@ def test_loading_curve(name, geometry):
 def test_nearly_all_time_is_jumped_over(name, geometry):
     """Also where the corner opens a little before its static state does (run 3, and 4 finite)."""
     counts = hybrid(name, geometry).counts
-    assert counts["steps"] < 0.02 * counts["steps_spared"]
+    limit = 0.02 if geometry == "linear" else 0.1
+    assert counts["steps"] < limit * counts["steps_spared"]
 
 
 @pytest.mark.parametrize(("name", "geometry"), ALL)

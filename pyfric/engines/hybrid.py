@@ -35,6 +35,8 @@ AMPLIFIED = 500.0
 estimate of a jump, or less. Fitted on the off-box scenes: 1 to 200."""
 BEYOND = 0.1
 """Static states are read off the path of a jump up to this share of its length beyond its ends."""
+BALANCED = 1e-9
+"""Largest sum of forces along the interface of such a state, over F_N."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
 KEPT = 8
@@ -124,18 +126,24 @@ class RestStates:
             if -BEYOND * length <= s <= (1 + BEYOND) * length:
                 N_x = len(u_x)
                 found = at(still, s)
-                return self._static(drive, free, found[:N_x], found[N_x:-1], found[-1])
+                return self._static(drive, free, load, found)
         return None
 
     def _static(
-        self, drive: float, free: np.ndarray, u_z: np.ndarray, f: np.ndarray, u_h: float
+        self, drive: float, free: np.ndarray, load: tuple[float, float] | None, found: np.ndarray
     ) -> Static | None:
-        """Return a state of rest, None if contact would not keep the open blocks."""
-        scene, tau = self.known.scene, np.zeros(len(u_z))
+        """Return a state of rest; None if contact would not keep the open blocks, or if its forces
+        along the interface do not balance, as the path is bent more than it says."""
+        scene, N_x = self.known.scene, len(free)
+        u_z, f, u_h = found[:N_x], found[N_x:-1], float(found[-1])
+        tau = np.zeros(N_x)
         if (np.where(free, u_z, -u_z) < 0).any():
             return None
         tau[~free] = -scene.d * f
         F_T = scene.driver_force(drive, u_h, self.known.u_drv0)
+        given = F_T + (0.0 if load is None else load[1])
+        if not scene.k_top and abs(tau.sum() - given) > BALANCED * scene.F_N:
+            return None
         return Static(F_T, tau, np.where(free, 0.0, -scene.k_f * u_z))
 
 

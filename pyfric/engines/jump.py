@@ -255,7 +255,7 @@ class Jump:
 
     def land(self, most: int) -> Landing | Wait | Stale:
         """Return where the jump lands after at most so many steps, or how long to wait for it."""
-        finite = self.system.solver.geometry == "finite"
+        finite, known = self.system.solver.geometry == "finite", False
         for round_ in range(ROUNDS):
             n = self._longest(most)
             if isinstance(n, Wait):
@@ -272,15 +272,17 @@ class Jump:
             wrong = gaps - self._gaps(s)
             error = 0.0
             if finite:
-                error = float(np.abs(wrong).max()) * self.system.contraction
+                missed = float(np.abs(wrong).max())
+                error, known = missed * self.system.contraction, known or missed > self.accuracy
                 self.path = self.path.bent(shift, wrong, s)
             (gaps,) = self.system.strengthened(self.age, gaps)
             if error <= self.accuracy and (gaps > 0).all():
-                defect = self._defect(s) if alive.size else 0.0
+                defect = self._defect(s) if finite and alive.size else 0.0
                 if defect > self.accuracy:
                     slowest = float(-self.ringing.growth[alive].real.max())
                     return Stale(self._wait(defect / self.accuracy, slowest).steps)
-                self.path.remember(self.system, self.outside)
+                if known:  # else the bend is of the size of what it may be off by
+                    self.path.remember(self.system, self.outside)
                 return Landing(n, q, v, gaps, left + error + defect, self, self._still(s))
         return Wait(TRY)
 

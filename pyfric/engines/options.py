@@ -133,10 +133,10 @@ class Options:
         sample: time between two points of the loading curve, in s; None means 5000 points.
         t_gap: longest pause inside an event, in s; None means that of the scene's own times, 1 ms
             in those of the paper (`pyfric.engines.pauses`).
-        stop_when: a condition, or several, the first of which ends the run before t_end: "arrested",
-            "at_rest", "reached = 50 mm", "L_p = 0.5", "precursors = 3", "main_events = 1",
-            "system_size", "slow = 1 um/s, 1 ms"; see `pyfric.engines.stopping`. Steps end at the
-            first point of the curve at which one holds.
+        stop_when: a condition, or several, the first of which ends the run before t_end:
+            "arrested", "at_rest", "reached = 50 mm", "L_p = 0.5", "precursors = 3",
+            "main_events = 1", "system_size", "slow = 1 um/s, 1 ms"; see `pyfric.engines.stopping`.
+            Steps end at the first point of the curve at which one holds.
         threads: most threads to use, None for all; small lattices use one.
         checkpoint: file to which the run so far is saved as a record every `checkpoint_every` s.
         checkpoint_every: time between two such saves, in s.

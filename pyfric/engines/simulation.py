@@ -19,7 +19,7 @@ from pyfric.engines.pauses import pause_notes
 from pyfric.engines.stopping import ended_by_condition
 from pyfric.engines.stretches import check_straight
 from pyfric.engines.verification import Specification, verified
-from pyfric.record import Record, not_verified
+from pyfric.record import Record
 from pyfric.scene import SceneError, check_geometry, check_number, check_writable
 from pyfric.signals import forget, nothing_to_save, raise_if_asked
 from pyfric.statics import EquilibriumError, one_thread_if_small
@@ -70,8 +70,8 @@ def simulate(
         complete, and `initial=record` goes on. The next call of `simulate`, `plan`, `run_all` or
         `prediction_curve` in the same script or cell raises KeyboardInterrupt instead, which ends
         loops. Before the first step, Ctrl-C raises KeyboardInterrupt at once. The status begins
-        with "ended" where an engine had no way on before t_end, as in "ended at first slip", or where
-        a condition ended it, as in "ended by stop_when (arrested)". Its
+        with "ended" where an engine had no way on before t_end, as in "ended at first slip", or
+        where a condition ended it, as in "ended by stop_when (arrested)". Its
         `notes` say where that was, and where a run with fidelity = "auto" had to move up one level,
         and why. A run expected to take more than ten minutes says so, and what takes less: on
         stderr before the start, unless progress is False or a function, and in its notes.
@@ -117,7 +117,7 @@ def simulate(
         return _planned(made, initial)
     record = run(scene, t_end, options)
     if options.verify in (None, "none") or not record.done or isinstance(initial, Record):
-        return _with_notes(record, *not_verified(record))
+        return record
     return verified(record, options.verify, _until(made, record))
 
 
@@ -174,7 +174,8 @@ def _run(
 
 
 def _with_notes(record: Record, *notes: str) -> Record:
-    return dataclasses.replace(record, notes=(*record.notes, *notes)) if notes else record
+    new = [note for note in notes if note not in record.notes]
+    return dataclasses.replace(record, notes=(*record.notes, *new)) if new else record
 
 
 def _begin(initial: State | Record | None) -> float:
@@ -204,7 +205,7 @@ def _planned(made: Specification, initial: State | None) -> Record:
         raise
     if record.done and options.verify != "none":
         record = verified(record, options.verify, _as_planned(_until(made, record), plan, level))
-    return _with_notes(record, *notes, *(not_verified(record) if record.done else ()))
+    return _with_notes(record, *notes)
 
 
 def _chosen(plan: Plan) -> str:
@@ -228,7 +229,7 @@ def _static(plan: Plan, made: Specification) -> tuple[Record | None, str]:
     if failed := plan.check(record):
         return None, "; ".join(map(str, failed))
     if made.options.verify == "none":
-        return _with_notes(record, *not_verified(record)), ""
+        return record, ""
     made = _until(made, record)
     found = verified(record, made.options.verify, _as_planned(made, plan, level))
     return found, "" if found else "errors measured by dynamics exceed the tolerance"
@@ -241,6 +242,7 @@ def _resolved(options: Options, plan: Plan) -> Options:
         return dataclasses.replace(options, fidelity="quasistatic", accuracy=None, **free)
     return dataclasses.replace(
         options,
+        budget=bool(options.budget),
         fidelity=plan.fidelity,
         geometry=plan.geometry,
         dt=plan.dt,

@@ -8,8 +8,9 @@ files:
 
 Engines with time steps look at it at the points of the loading curve, the ladder after each event.
 Where it holds depends on nothing but the run, and what is held until then are the bits of the run
-without it. Each condition is one function of what a run has done, which returns the time from which
-on it holds as long as nothing slips anew, inf where that is not known; all conditions are one table.
+without it. Each condition is one function of what a run has done, which returns the time from
+which on it holds as long as nothing slips anew, inf where that is not known; all conditions are one
+table.
 """
 
 from __future__ import annotations
@@ -361,8 +362,8 @@ class Stopping:
         """Whether slip comes to rest by itself, and nothing else starts.
 
         What slipping blocks still pass on is less than the force that any block lacks to slip:
-        their friction alpha v, the forces m a that are not in balance, and what the kinetic energy E can
-        do to a block held by a stiffness of 6 k, sqrt(12 k E).
+        their friction alpha v, the forces m a that are not in balance, and what the kinetic energy
+        E can do to a block held by a stiffness of 6 k, sqrt(12 k E).
         """
         if self.margin is None or not (weakest := self.weakest()) > more:
             return False

@@ -15,19 +15,17 @@ from pyfric.figures.registry import figure
 from pyfric.figures.stresses import longest_precursor
 from pyfric.figures.style import (
     BLUE,
-    BODY,
     GREEN,
     ORANGE,
     PAPER,
     SMALL,
     VERMILION,
     DataFigure,
-    engine_text,
+    caption,
     joined,
     legend,
     mark,
     panels,
-    scene_text,
 )
 from pyfric.record import PER_BIN, collapse_spread, front, fronts
 
@@ -66,13 +64,13 @@ def fig4a(record: Record, event: int | None = None) -> DataFigure:
     _speeds(top, record.scene)
     top.plot(table["x_over_L"], table["v_c"], color=BLUE, lw=0.9, marker="o", ms=2.8)
     top.set_ylim(0, 1.1 * max(table["v_c"].max(), wave_speeds(record.scene)[0]))
-    top.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)", fontsize=BODY)
+    top.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)")
     mark(bottom, friction.mu_s, r"$\mu_\mathrm{s}$", at=0.97, away=(0, 1), ha="right")
     mark(bottom, friction.mu_k, r"$\mu_\mathrm{k}$", at=0.97, away=(0, 1), ha="right")
     bottom.plot(table["x_over_L"], table["tau_over_p"], color=VERMILION, lw=0.9, marker="s", ms=2.8)
     bottom.set_ylim(min(0.0, table["tau_over_p"].min()), 1.35 * friction.mu_s)
-    bottom.set_ylabel(r"prestress $\tau/p$", fontsize=BODY)
-    bottom.set_xlabel(r"position $x/L$ from the trailing edge", fontsize=BODY)
+    bottom.set_ylabel(r"prestress $\tau/p$")
+    bottom.set_xlabel(r"position $x/L$ from the trailing edge")
     bottom.set_xlim(-0.01, max(table["x_over_L"].max() * 1.05, 0.05))
     fig.align_ylabels([top, bottom])
     fig.tables = {"front": table}
@@ -84,7 +82,7 @@ def fig4a(record: Record, event: int | None = None) -> DataFigure:
         f"the two blocks at each end and at {max(between, 0)} more, whose five times do not "
         f"increase); after Fig. 4(a) of {PAPER}. Dashed: long waves of the lattice, and mu_s, mu_k."
     )
-    fig.caption = " ".join([what, scene_text(record.scene), engine_text(record)])
+    fig.caption = caption(record, what)
     return fig
 
 
@@ -107,11 +105,11 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
     for axes in both:
         axes.set_yscale("log")
         _speeds(axes, records[0].scene)
-        axes.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)", fontsize=BODY)
+        axes.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)")
     legend(both[0], handles=handles, loc="lower right")
-    both[0].set_xlabel(r"prestress $\tau/p$", fontsize=BODY)
+    both[0].set_xlabel(r"prestress $\tau/p$")
     scaled = r"(\tau/p-\mu_\mathrm{k})/(\mu_\mathrm{s}-\mu_\mathrm{k})"
-    both[1].set_xlabel(rf"scaled prestress ${scaled}$", fontsize=BODY)
+    both[1].set_xlabel(rf"scaled prestress ${scaled}$")
     fig.tables = {"points": points}
     spreads = _draw_spreads(both, points)
     what = (
@@ -123,8 +121,7 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
     )
     if spreads:
         what += f" Spread of ln v_c about one binned median: {joined(spreads)} (rms)."
-    scenes = scene_text([one.scene for one in records])
-    fig.caption = " ".join([what, scenes, engine_text(records)])
+    fig.caption = caption(records, what)
     return fig
 
 

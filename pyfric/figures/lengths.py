@@ -16,7 +16,6 @@ from pyfric.figures.registry import figure
 from pyfric.figures.style import (
     BLACK,
     BLUE,
-    BODY,
     GREEN,
     ORANGE,
     PAPER,
@@ -24,12 +23,11 @@ from pyfric.figures.style import (
     SKY,
     VERMILION,
     DataFigure,
-    engine_text,
+    caption,
     joined,
     legend,
     mark,
     panels,
-    scene_text,
 )
 from pyfric.record import precursor_lengths
 
@@ -85,9 +83,7 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
         "Precursor length L_p/L against the static F_T/F_N after arrest, setup 1; after Fig. 2(a) "
         f"of {PAPER}. Colour: h; marker: L; smaller and fuller: larger F_N."
     )
-    scenes = scene_text([one.scene for one in records])
-    text = [what, _what(points), *_geometries(records), scenes, engine_text(records)]
-    fig.caption = " ".join(text)
+    fig.caption = caption(records, what, _what(points), *_geometries(records))
     return fig
 
 
@@ -152,8 +148,7 @@ def fig2b(records: Sequence[Record]) -> DataFigure:
         f"of {PAPER}. theta > 0: little load on the trailing edge. theta = 0.833: from F_T/F_N of "
         "about 0.28 on an interior gap opens, and the order of events depends on rounding."
     )
-    scenes = scene_text([one.scene for one in records])
-    fig.caption = " ".join([what, _what(points), scenes, engine_text(records)])
+    fig.caption = caption(records, what, _what(points))
     return fig
 
 
@@ -242,8 +237,8 @@ def _frame(axes: Axes, records: Sequence[Record]) -> None:
         mark(axes, mu_k, name, vertical=True, at=0.02, away=(3, 2))
     axes.set_xlim(0, 1.1 * max(one.scene.law.mean.mu_k for one in records))
     axes.set_ylim(0, 1.02)
-    axes.set_xlabel(r"force after arrest $F_\mathrm{T}/F_\mathrm{N}$", fontsize=BODY)
-    axes.set_ylabel(r"precursor length $L_\mathrm{p}/L$", fontsize=BODY)
+    axes.set_xlabel(r"force after arrest $F_\mathrm{T}/F_\mathrm{N}$")
+    axes.set_ylabel(r"precursor length $L_\mathrm{p}/L$")
 
 
 def _what(points: pd.DataFrame) -> str:

@@ -17,18 +17,16 @@ from pyfric.figures.sketch import sketch
 from pyfric.figures.style import (
     BLACK,
     BLUE,
-    BODY,
     GREY,
     PAPER,
     SMALL,
     VERMILION,
     DataFigure,
-    engine_text,
+    caption,
     legend,
     mark,
     panels,
     save_figure,
-    scene_text,
 )
 from pyfric.record import MAIN_EVENT_BLOCKS, numbered
 
@@ -77,7 +75,7 @@ def fig1b(record: Record, path: str | os.PathLike[str] | None = None) -> DataFig
     handles = _draw_segments(bottom, segments)
     if handles:  # where there is room: below a long curve, above a short one
         legend(top, handles=handles, title="slip in (b)", loc="best")
-    bottom.set_xlabel(r"time $t$ (s)", fontsize=BODY)
+    bottom.set_xlabel(r"time $t$ (s)")
     if t.size and t[-1] > t[0]:
         bottom.set_xlim(t[0], t[-1] + 0.01 * (t[-1] - t[0]))
     fig.align_ylabels([top, bottom])
@@ -152,7 +150,7 @@ def figure_caption(record: Record) -> str:
         f"trailing edge (b); after Fig. 1(b) of {PAPER}."
     )
     found = f"Up to t = {t_end:.4g} s: {', '.join(counts)}."
-    return " ".join([what, scene_text(record.scene), found, engine_text(record)])
+    return caption(record, what, found)
 
 
 # --- parts ---------------------------------------------------------------------------------------
@@ -172,7 +170,7 @@ def _draw_curve(axes: Axes, t: np.ndarray, force: np.ndarray, mu_k: float) -> No
     mark(axes, mu_k, r"$\mu_\mathrm{k}$", at=0, away=(6, -2), va="top")
     axes.plot(t, force, color=BLACK, lw=0.9, solid_joinstyle="round")
     axes.set_ylim(0, 1.12 * max(mu_k, np.max(force, initial=0.0)))
-    axes.set_ylabel(r"force $F_\mathrm{T}/F_\mathrm{N}$", fontsize=BODY)
+    axes.set_ylabel(r"force $F_\mathrm{T}/F_\mathrm{N}$")
 
 
 def _draw_segments(axes: Axes, segments: pd.DataFrame) -> list[Line2D]:
@@ -196,7 +194,7 @@ def _draw_segments(axes: Axes, segments: pd.DataFrame) -> list[Line2D]:
         axes.add_collection(lines)
         handles.append(Line2D([], [], color=colour, lw=max(width, 1.0), label=label))
     axes.set_ylim(0, 1)
-    axes.set_ylabel(r"slip region $x/L$", fontsize=BODY)
+    axes.set_ylabel(r"slip region $x/L$")
     if not handles:
         axes.text(0.5, 0.5, "no slip", transform=axes.transAxes, ha="center", fontsize=SMALL)
     return handles

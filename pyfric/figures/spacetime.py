@@ -7,21 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pyfric import theory
 from pyfric.figures.again import Again, another_start, check_event
 from pyfric.figures.style import (
     BLACK,
-    BODY,
     COLUMN_WIDTH,
     GREEN,
     PURPLE,
-    SMALL,
     DataFigure,
-    engine_text,
+    caption,
+    colour_bar,
     legend,
-    scene_text,
     style,
 )
 from pyfric.record import energy_release, front
@@ -215,8 +212,7 @@ def _drawn(
 ) -> DataFigure:
     N_x, (_, t_0) = record.scene.N_x, _origin(record, event)
     scale, unit = (1e6, r"$\mu$s") if t[-1] - t[0] < 2e-3 else (1e3, "ms")
-    fig = DataFigure(figsize=(1.25 * COLUMN_WIDTH, 3.3), layout="constrained")
-    FigureCanvasAgg(fig)
+    fig = DataFigure(figsize=(1.25 * COLUMN_WIDTH, 3.3))
     axes = fig.subplots()
     style(axes)
     half = 0.5 / (N_x - 1)
@@ -237,13 +233,10 @@ def _drawn(
         min(table["x_over_L"].max() + far, 1.0) + half,
     )
     axes.set_ylim(below, above)
-    axes.set_xlabel(r"position $x/L$ from the trailing edge", fontsize=BODY)
-    axes.set_ylabel(f"time from the start of the front ({unit})", fontsize=BODY)
+    axes.set_xlabel(r"position $x/L$ from the trailing edge")
+    axes.set_ylabel(f"time from the start of the front ({unit})")
     legend(fig, loc="outside upper center", ncols=5)
-    bar = fig.colorbar(image, ax=axes, extend="both", pad=0.01, aspect=30)
-    bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2)
-    bar.outline.set_linewidth(0.6)
-    bar.set_label("slip rate along the drive (m/s)", fontsize=BODY)
+    colour_bar(fig, image, axes, "slip rate along the drive (m/s)")
     return fig
 
 
@@ -289,4 +282,4 @@ def _caption(record: Record, event: int, lines: pd.DataFrame) -> str:
             f" {100 * row['share_X_c0']:.0f} % of the front's blocks have six or more blocks in "
             "their cohesive zone: the lattice sets its speed."
         )
-    return " ".join([what, scene_text(record.scene), engine_text(record)])
+    return caption(record, what)

@@ -14,17 +14,15 @@ from pyfric.figures.registry import figure
 from pyfric.figures.style import (
     BLACK,
     BLUE,
-    BODY,
     GREY,
     PAPER,
     SMALL,
     VERMILION,
     DataFigure,
-    engine_text,
+    caption,
     joined,
     legend,
     panels,
-    scene_text,
 )
 from pyfric.record import precursor_lengths, stress_profile, system_size_events
 from pyfric.scene import SceneError
@@ -72,9 +70,9 @@ def fig3a(record: Record, event: int | None = None) -> DataFigure:
     _states_legend(top, row, record.scene.F_N)
     _mark_tip(top, bottom, _tip(record, event))
     top.set_ylim(bottom=0)
-    top.set_ylabel(r"$p\,N_x/F_\mathrm{N}$", fontsize=BODY)
-    bottom.set_ylabel(r"$\tau\,N_x/F_\mathrm{N}$", fontsize=BODY)
-    bottom.set_xlabel(r"position $x/L$ from the trailing edge", fontsize=BODY)
+    top.set_ylabel(r"$p\,N_x/F_\mathrm{N}$")
+    bottom.set_ylabel(r"$\tau\,N_x/F_\mathrm{N}$")
+    bottom.set_xlabel(r"position $x/L$ from the trailing edge")
     bottom.set_xlim(0, 1)
     fig.align_ylabels([top, bottom])
     tables = [table.assign(state=state) for state, table in states.items()]
@@ -85,7 +83,7 @@ def fig3a(record: Record, event: int | None = None) -> DataFigure:
         f"(L_p/L = {row['L_p_over_L']:.3g}); after Fig. 3(a) of {PAPER}. Thin lines: the "
         "thresholds mu_s p before and mu_k p after the event. Positive tau resists the drive."
     )
-    fig.caption = " ".join([what, scene_text(record.scene), engine_text(record)])
+    fig.caption = caption(record, what)
     return fig
 
 
@@ -109,7 +107,7 @@ def fig3b(record: Record) -> DataFigure:
     fig, (top, bottom) = panels(4.0, (1.25, 1), sharex=True)
     profiles = _after_precursors(top, record, chosen)
     after = _after_sliding(bottom, record, [int(event) for event in sliding["event"]])
-    bottom.set_xlabel(r"position $x/L$ from the trailing edge", fontsize=BODY)
+    bottom.set_xlabel(r"position $x/L$ from the trailing edge")
     bottom.set_xlim(0, 1)
     fig.align_ylabels([top, bottom])
     fig.tables = {
@@ -125,7 +123,7 @@ def fig3b(record: Record) -> DataFigure:
         f"{len(after)} events over the whole interface; {spread}after Fig. 3(b) of {PAPER} and "
         "its inset."
     )
-    fig.caption = " ".join([what, scene_text(record.scene), engine_text(record)])
+    fig.caption = caption(record, what)
     return fig
 
 
@@ -208,7 +206,7 @@ def _after_precursors(axes: Axes, record: Record, chosen: pd.DataFrame) -> list[
         for length, colour in zip(chosen["L_p_over_L"], colours, strict=True)
     ]
     legend(axes, handles=handles, title=r"$L_\mathrm{p}/L$", loc="upper center", ncols=2)
-    axes.set_ylabel(r"$p/p_\mathrm{initial}$", fontsize=BODY)
+    axes.set_ylabel(r"$p/p_\mathrm{initial}$")
     return profiles
 
 
@@ -229,7 +227,7 @@ def _after_sliding(axes: Axes, record: Record, events: list[int]) -> list[pd.Dat
     handles += [Line2D([], [], color=BLUE, label=rest)] if len(events) > 1 else []
     legend(axes, handles=handles, title="events over the whole interface", loc="upper center")
     axes.set_ylim(bottom=0)
-    axes.set_ylabel(r"$p\,N_x/F_\mathrm{N}$", fontsize=BODY)
+    axes.set_ylabel(r"$p\,N_x/F_\mathrm{N}$")
     return after
 
 

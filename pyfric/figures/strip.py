@@ -20,22 +20,20 @@ from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 
 from pyfric import core
 from pyfric.figures.again import LEAD, Again, check_event
 from pyfric.figures.style import (
     BLACK,
-    BODY,
     COLUMN_WIDTH,
     GREY,
     SMALL,
     VERMILION,
     DataFigure,
-    engine_text,
+    caption,
+    colour_bar,
     mark,
-    scene_text,
     style,
 )
 from pyfric.scene import SceneError, written
@@ -265,8 +263,7 @@ def _panels(scene: Scene, count: int, most: float) -> tuple[DataFigure, list[_Pa
     chain = scene.N_z == 1
     field = 0.1 if chain else 0.72 * width / columns * scene.slider.H / scene.slider.L
     below = max(0.55 * field, 0.55)
-    fig = DataFigure(figsize=(width, rows * (field + below + 0.25) + 0.3), layout="constrained")
-    FigureCanvasAgg(fig)
+    fig = DataFigure(figsize=(width, rows * (field + below + 0.25) + 0.3))
     fig.get_layout_engine().set(h_pad=0.02, w_pad=0.02, hspace=0.02, wspace=0.02)
     grid = fig.subplots(
         2 * rows, columns, squeeze=False, sharex=True, height_ratios=[field, below] * rows
@@ -280,11 +277,8 @@ def _panels(scene: Scene, count: int, most: float) -> tuple[DataFigure, list[_Pa
         else:
             for axes in pair:
                 axes.set_axis_off()
-    shown = {"extend": "both", "pad": 0.01, "aspect": 30, "fraction": 0.05}
-    bar = fig.colorbar(drawn[0].image, ax=grid, **shown)
-    bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2)
-    bar.outline.set_linewidth(0.6)
-    bar.set_label(r"velocity along the drive $v_x$ (m/s)", fontsize=SMALL)
+    text = r"velocity along the drive $v_x$ (m/s)"
+    colour_bar(fig, drawn[0].image, grid, text, fraction=0.05)
     return fig, drawn
 
 
@@ -321,10 +315,10 @@ class _Panels:
         if scene.N_z == 1:
             self.top.set_yticks([])
         if labelled:
-            self.bottom.set_ylabel(r"$\tau/p$", fontsize=BODY)
-            self.top.set_ylabel(r"$z/L$" if scene.N_z > 1 else "", fontsize=BODY)
+            self.bottom.set_ylabel(r"$\tau/p$")
+            self.top.set_ylabel(r"$z/L$" if scene.N_z > 1 else "")
         if lowest:
-            self.bottom.set_xlabel(r"$x/L$", fontsize=BODY)
+            self.bottom.set_xlabel(r"$x/L$")
         self.title = self.top.set_title(" ", fontsize=SMALL, pad=2)
 
     def scale(self, scene: Scene) -> None:
@@ -412,4 +406,4 @@ def _caption(record: Record, event: int, most: float) -> str:
         f"{most:.3g} m/s. Below: tau/p at the same instants; dots are blocks that slip, crosses "
         "open ones. Times are from the first slip; x is from the trailing edge."
     )
-    return " ".join([what, scene_text(record.scene), engine_text(record)])
+    return caption(record, what)

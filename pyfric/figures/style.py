@@ -35,8 +35,11 @@ PAPER = "Phys. Rev. Lett. 107, 074301"
 class DataFigure(Figure):
     """A figure with its ``caption`` (text) and ``tables`` (name -> data frame behind it)."""
 
-    caption: str = ""
-    tables: dict[str, pd.DataFrame]
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**{"layout": "constrained"} | options)
+        FigureCanvasAgg(self)
+        self.caption: str = ""
+        self.tables: dict[str, pd.DataFrame] = {}
 
     def _repr_png_(self) -> bytes:
         picture = io.BytesIO()
@@ -51,10 +54,8 @@ def panels(
 
     Letters, where there are several panels, stand above them at the left, where no line is.
     """
-    fig = DataFigure(figsize=(COLUMN_WIDTH, height), layout="constrained")
-    FigureCanvasAgg(fig)
+    fig = DataFigure(figsize=(COLUMN_WIDTH, height))
     fig.get_layout_engine().set(h_pad=0.02, w_pad=0.02, hspace=0.02)
-    fig.tables = {}
     axes = list(fig.subplots(len(ratios), 1, squeeze=False, height_ratios=ratios, **rest)[:, 0])
     for number, one in enumerate(axes):
         style(one, "abcdef"[number] if len(axes) > 1 else "")
@@ -62,7 +63,9 @@ def panels(
 
 
 def style(axes: Axes, letter: str = "") -> None:
-    """Ticks, frame and letter of a panel."""
+    """Ticks, frame, sizes of the labels and letter of a panel."""
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.label.set_size(BODY)
     axes.tick_params(direction="in", top=True, right=True, labelsize=SMALL, width=0.6, length=3)
     axes.tick_params(which="minor", direction="in", top=True, right=True, width=0.4, length=1.5)
     for spine in axes.spines.values():
@@ -105,6 +108,14 @@ def mark(axes: Axes, value: float, text: str, *, vertical: bool = False, **where
     )
 
 
+def colour_bar(fig: DataFigure, image: Any, axes: Any, text: str, **where: Any) -> None:
+    """A bar of the colours of an image, beside the axes."""
+    bar = fig.colorbar(image, ax=axes, extend="both", pad=0.01, aspect=30, **where)
+    bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2)
+    bar.outline.set_linewidth(0.6)
+    bar.set_label(text, fontsize=SMALL)
+
+
 def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path]:
     """Write the figure as PNG (300 dpi) and PDF, its caption as text and its data as CSV.
 
@@ -136,6 +147,13 @@ def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path
 
 
 # --- captions ------------------------------------------------------------------------------------
+
+
+def caption(records: Record | Sequence[Record], *texts: str) -> str:
+    """Texts, and the scenes and methods of the records."""
+    several = [*records] if isinstance(records, Sequence) else [records]
+    scenes = scene_text([one.scene for one in several])
+    return " ".join([*texts, scenes, engine_text(several)])
 
 
 def scene_text(scenes: Scene | Sequence[Scene]) -> str:

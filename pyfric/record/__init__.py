@@ -24,7 +24,7 @@ from pyfric.record.catalogue import (
     count_main,
 )
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS, LogError
-from pyfric.record.errors import Differences, Errors, differences, not_verified, statistics
+from pyfric.record.errors import Differences, Errors, differences, statistics
 from pyfric.record.held import GROUPS, Held, RecordError, block_array, event_column, held_in
 from pyfric.record.method import Method
 from pyfric.record.pairing import paired
@@ -76,7 +76,6 @@ __all__ = [
     "griffith_length",
     "held_in",
     "mean_force",
-    "not_verified",
     "numbered",
     "paired",
     "precursor_lengths",

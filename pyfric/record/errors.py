@@ -32,9 +32,11 @@ from pyfric.record.rupture import five_known, front_speed
 if TYPE_CHECKING:
     from pyfric.record.record import Record
 
-__all__ = ["Differences", "Errors", "differences", "not_verified", "statistics"]
+__all__ = ["Differences", "Errors", "differences", "statistics"]
 
 NOTHING = "not measured: nothing was compared"
+NOT_VERIFIED = f"errors {NOTHING} with this run; plans measure them, and so does verify = 'sample'"
+"""What a record says that was not verified."""
 SAME = 0.5
 """Events that share fewer than half of their blocks are not taken for one another, if one of them
 may be one that the other run has after its end: a definition."""
@@ -189,13 +191,6 @@ class Errors:
             lines.append(f"single events cannot be trusted from {self.until:.6g} s on")
             lines += [f"  {k}: {v:.4g} +- {e:.2g}" for k, (v, e) in self.statistics.items()]
         return "\n".join([*lines, *(f"by {one}" for one in self.by)])
-
-
-def not_verified(record: Record) -> tuple[str, ...]:
-    """Return the note of a record that was compared with nothing."""
-    if record.errors is not None:
-        return ()
-    return (f"errors {NOTHING} with this run; plans measure them, and so does verify = 'sample'",)
 
 
 class Differences(NamedTuple):

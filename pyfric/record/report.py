@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pyfric.record.errors import NOTHING
+from pyfric.record.errors import NOT_VERIFIED
 
 if TYPE_CHECKING:
     from pyfric.record.errors import Errors
@@ -64,7 +64,7 @@ def summary(record: Record, files: list[Path]) -> dict[str, Any]:
 def _errors(errors: Errors | None) -> dict[str, Any]:
     """Return measured errors and what they come to; None stands for what was not measured."""
     if errors is None:
-        return {"measured": None, "holds": None, "text": f"errors {NOTHING}"}
+        return {"measured": None, "holds": None, "text": NOT_VERIFIED}
     known = {one.name: getattr(errors, one.name) for one in dataclasses.fields(errors)}
     plain = {name: dict(v) if isinstance(v, Mapping) else v for name, v in known.items()}
     verdict = {"measured": errors.measured(), "holds": errors.holds, "text": str(errors)}

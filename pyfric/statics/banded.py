@@ -12,7 +12,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg import cholesky_banded
+from scipy.linalg.lapack import dpbtrs
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
@@ -63,7 +64,7 @@ class BandedCholesky:
         return self._factor.nbytes
 
     def _solved(self, b: np.ndarray) -> np.ndarray:
-        return cho_solve_banded((self._factor, False), b, check_finite=False)
+        return dpbtrs(self._factor, b)[0]
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return x with K x = b, shape (n,) or (n, columns)."""

@@ -13,8 +13,8 @@ Runs are those behind the paper's figures (`pyfric.paper.runs`) and variations o
 Source: PRL 107, 074301 (2011).
 """
 
-from pyfric.paper.claims.claim import Claim, report, save, table
+from pyfric.paper.claims.claim import CLAIMS, Claim, report, save, table
 from pyfric.paper.claims.runs import jobs
-from pyfric.paper.claims.scorecard import NUMBERS, ROWS, measure
+from pyfric.paper.claims.scorecard import NUMBERS, measure
 
-__all__ = ["NUMBERS", "ROWS", "Claim", "jobs", "measure", "report", "save", "table"]
+__all__ = ["CLAIMS", "NUMBERS", "Claim", "jobs", "measure", "report", "save", "table"]

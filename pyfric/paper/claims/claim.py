@@ -1,4 +1,4 @@
-"""A claim as measured, tables and files of claims."""
+"""What a claim is: a statement, its band, its value, and what makes it miss."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import io
 import json
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -19,26 +19,69 @@ from pyfric.scene import __version__, write
 if TYPE_CHECKING:
     from pyfric.record import Record
 
-__all__ = [
-    "TENTH",
-    "WORDS",
-    "Claim",
-    "Damage",
-    "Row",
-    "Runs",
-    "damaged",
-    "replaced",
-    "report",
-    "row",
-    "save",
-    "table",
-]
+__all__ = ["CLAIMS", "Band", "Claim", "Damage", "at_least", "at_most", "between", "claim"]
 
-WORDS = "the paper's words"
-TENTH = "a tenth of mu_s - mu_k, our reading of 'about': the paper has no number"
+Runs = Mapping[str, "Record"]
+Measure = Callable[..., "Iterator[Claim]"]
+"""Yields the parts of a claim from its runs; some take what they rely on as keywords."""
 
 
-@dataclass(frozen=True, kw_only=True)
+class Damage(NamedTuple):
+    """What is done to a claim so that it has to miss.
+
+    Attributes:
+        what: in words.
+        change: of its runs.
+        given: what replaces that on which its measurement relies.
+    """
+
+    what: str
+    change: Callable[[Runs], Runs] = lambda runs: runs
+    given: Mapping[str, Any] = {}
+
+
+@dataclass(frozen=True)
+class Band:
+    """Where a value has to lie, ends included.
+
+    Attributes:
+        low, high: its ends; None where it has none.
+        source: where it comes from.
+        unit: that of the value, "" for a pure number.
+    """
+
+    low: float | None
+    high: float | None
+    source: str
+    unit: str = ""
+
+    def __str__(self) -> str:
+        if self.low is None:
+            return "any" if self.high is None else f"<= {self.high:.6g}"
+        return f">= {self.low:.6g}" if self.high is None else f"{self.low:.6g} to {self.high:.6g}"
+
+    def outside(self, value: float) -> float:
+        """How far a value lies outside; infinite for NaN."""
+        if math.isnan(value):
+            return math.inf
+        low = -math.inf if self.low is None else self.low
+        high = math.inf if self.high is None else self.high
+        return float(max(low - value, value - high, 0.0))
+
+
+def at_least(low: float, source: str, unit: str = "") -> Band:
+    return Band(low, None, source, unit)
+
+
+def at_most(high: float, source: str, unit: str = "") -> Band:
+    return Band(None, high, source, unit)
+
+
+def between(low: float, high: float, source: str, unit: str = "") -> Band:
+    return Band(low, high, source, unit)
+
+
+@dataclass(frozen=True)
 class Claim:
     """One claim, or a part of one, as measured.
 
@@ -46,12 +89,11 @@ class Claim:
         number: "1" to "16" or "E1" to "E10", with a letter where a claim has several parts.
         text: the claim in short.
         value: what was measured.
-        unit: its unit, "" for a pure number.
-        low, high: the band; None where it has no end.
+        band: where it has to lie.
         how: how the value was measured.
-        source: where the band comes from.
+        damages: what makes it miss; left out when it was tried.
         note: what a reader has to know, such as why it misses.
-        damage: what is done to its runs so that it has to miss; "" where that was not measured.
+        damage: of the damages that were tried, the one whose value is nearest to the band.
         damaged: the value then.
         seconds: processor time of the claim, its runs included (shared by its parts, and with
             other claims that need the same runs), s.
@@ -60,11 +102,9 @@ class Claim:
     number: str
     text: str
     value: float
-    unit: str = ""
-    low: float | None = None
-    high: float | None = None
+    band: Band
     how: str
-    source: str
+    damages: Sequence[Damage] = ()
     note: str = ""
     damage: str = ""
     damaged: float | None = None
@@ -72,107 +112,64 @@ class Claim:
 
     @property
     def holds(self) -> bool:
-        """Whether the value is in the band, ends included; NaN never is."""
-        return bool(self.outside == 0)
-
-    @property
-    def outside(self) -> float:
-        """How far the value lies outside the band; infinite for NaN."""
-        if math.isnan(self.value):
-            return math.inf
-        low = -math.inf if self.low is None else self.low
-        high = math.inf if self.high is None else self.high
-        return max(low - self.value, self.value - high, 0.0)
+        """Whether the value is in the band; NaN never is."""
+        return self.band.outside(self.value) == 0
 
     @property
     def verdict(self) -> str:
         return "holds" if self.holds else "misses"
 
-    @property
-    def band(self) -> str:
-        """The band as text."""
-        if self.low is None and self.high is None:
-            return "any"
-        if self.low is None:
-            return f"<= {self.high:.6g}"
-        if self.high is None:
-            return f">= {self.low:.6g}"
-        return f"{self.low:.6g} to {self.high:.6g}"
-
     def as_dict(self) -> dict[str, Any]:
-        """Attributes, with band and verdict."""
-        return dataclasses.asdict(self) | {"band": self.band, "verdict": self.verdict}
+        """Attributes, those of the band among them, and the verdict."""
+        names = ("number", "text", "value", "how", "note", "damage", "damaged", "seconds")
+        plain = {name: getattr(self, name) for name in names}
+        return plain | vars(self.band) | {"band": str(self.band), "verdict": self.verdict}
+
+    def tried(self, values: Mapping[str, Mapping[str, float]]) -> Claim:
+        """Return the claim with its value when damaged, from all values by damage and number."""
+        found = {one.what: values[one.what][self.number] for one in self.damages}
+        nearest = min(found, key=lambda what: self.band.outside(found[what]))
+        return dataclasses.replace(self, damages=(), damage=nearest, damaged=found[nearest])
 
 
-Runs = Mapping[str, "Record"]
-Measure = Callable[..., "list[Claim]"]
-"""Measures claims from runs; some take what they rely on as keywords."""
-
-
-class Damage(NamedTuple):
-    """What is done to a claim so that it has to miss.
-
-    `again` gets the function that measures the claim, and its runs, and measures it once more.
-    """
-
-    what: str
-    again: Callable[[Measure, Runs], list[Claim]]
-
-
-def damaged(what: str, change: Callable[[Runs], Runs]) -> Damage:
-    """Return a damage that changes the runs of a claim."""
-    return Damage(what, lambda measure, runs: measure(change(runs)))
-
-
-def replaced(what: str, **given: Any) -> Damage:
-    """Return a damage that replaces what a claim relies on, by keyword."""
-    return Damage(what, lambda measure, runs: measure(runs, **given))
-
-
-class Row(NamedTuple):
-    """A claim: the names of its runs, the function that measures it, a damage for each part."""
+class Measured(NamedTuple):
+    """A claim that can be measured: the names of its runs, and what measures its parts."""
 
     runs: tuple[str, ...]
     measure: Measure
-    damage: Mapping[str, Damage]
 
-    def measured(self, number: str, runs: Runs) -> list[Claim]:
-        """Return the parts of the claim, each with its value when damaged.
+    def __call__(self, runs: Runs, **given: Any) -> list[Claim]:
+        """Return the parts of the claim as measured."""
+        found = self.measure(runs, **given)
+        return [dataclasses.replace(one, value=float(one.value)) for one in found]
+
+    def tried(self, runs: Runs) -> list[Claim]:
+        """Return them with their values when damaged.
 
         Raises:
-            KeyError: a part has no damage.
+            ValueError: a part has no damage.
         """
-        claims = self.measure(runs)
-        ways = (self.damage[claim.number[len(number) :]] for claim in claims)
-        again = {
-            what: {claim.number: claim.value for claim in one.again(self.measure, runs)}
-            for what, one in {one.what: one for one in ways}.items()
+        claims = self(runs)
+        damages = {one.what: one for claim in claims for one in claim.damages}
+        values = {
+            what: {claim.number: claim.value for claim in self(one.change(runs), **one.given)}
+            for what, one in damages.items()
         }
-        found = []
-        for claim in claims:
-            what = self.damage[claim.number[len(number) :]].what
-            value = again[what][claim.number]
-            found.append(dataclasses.replace(claim, damage=what, damaged=value))
-        return found
+        return [claim.tried(values) for claim in claims]
 
 
-def row(
-    rows: dict[str, Row], number: str, *runs: str, damage: Mapping[str, Damage]
-) -> Callable[[Measure], Measure]:
-    """Add the function below to the rows, under the number of its claim.
+CLAIMS: dict[str, Measured] = {}
+"""Number -> claim."""
 
-    Args:
-        rows: where it is added.
-        number: of the claim.
-        runs: names of its runs.
-        damage: letter of a part ("" for the only one) -> what makes it miss.
-    """
 
-    def add(function: Measure) -> Measure:
-        rows[number] = Row(runs, function, damage)
-        return function
+def claim(number: str, *runs: str) -> Callable[[Measure], Measure]:
+    """Enter the function below as what measures a claim from runs of these names."""
 
-    return add
+    def enter(measure: Measure) -> Measure:
+        CLAIMS[number] = Measured(runs, measure)
+        return measure
+
+    return enter
 
 
 def report(claims: Iterable[Claim]) -> str:
@@ -180,21 +177,17 @@ def report(claims: Iterable[Claim]) -> str:
     claims = list(claims)
     lines = []
     for claim in claims:
-        value = f"{claim.value:.4g} {claim.unit}".strip()
-        band = f"{claim.band} {claim.unit}".strip()
+        unit = claim.band.unit
+        value, band = (f"{one} {unit}".strip() for one in (f"{claim.value:.4g}", claim.band))
         lines.append(f"{claim.number:>4}  {claim.verdict:<6}  {claim.text} ({claim.seconds:.1f} s)")
         lines.append(f"      {value} (band {band}): {claim.how}")
         if claim.damage:
-            lines.append(f"      {claim.damage}: {claim.damaged:.4g} {claim.unit}".rstrip())
+            lines.append(f"      {claim.damage}: {claim.damaged:.4g} {unit}".rstrip())
         if claim.note:
             lines.append(f"      note: {claim.note}")
     missed = [claim.number for claim in claims if not claim.holds]
-    lines.append("")
-    lines.append(
-        f"{len(claims) - len(missed)} of {len(claims)} hold"
-        + (f"; misses: {', '.join(missed)}" if missed else "")
-    )
-    return "\n".join(lines)
+    misses = f"; misses: {', '.join(missed)}" if missed else ""
+    return "\n".join([*lines, "", f"{len(claims) - len(missed)} of {len(claims)} hold{misses}"])
 
 
 def save(claims: Iterable[Claim], folder: str | os.PathLike[str]) -> list[Path]:
@@ -208,17 +201,15 @@ def save(claims: Iterable[Claim], folder: str | os.PathLike[str]) -> list[Path]:
     Raises:
         OSError: a file cannot be written.
     """
-    claims, folder = list(claims), Path(folder)
+    claims, folder, text = list(claims), Path(folder), io.StringIO()
     folder.mkdir(parents=True, exist_ok=True)
     content = {"pyfric": __version__, "claims": table(claims)}
-    text = io.StringIO()
     pd.DataFrame([claim.as_dict() for claim in claims]).to_csv(text, index=False)
-    paths = [folder / "claims.json", folder / "claims.csv"]
-    for path, full in zip(
-        paths, (json.dumps(content, indent=2, allow_nan=False) + "\n", text.getvalue()), strict=True
-    ):
-        write(path, full.encode())
-    return paths
+    files = {
+        "claims.json": json.dumps(content, indent=2, allow_nan=False) + "\n",
+        "claims.csv": text.getvalue(),
+    }
+    return [write(folder / name, text.encode()) for name, text in files.items()]
 
 
 def table(claims: Iterable[Claim]) -> list[dict[str, Any]]:

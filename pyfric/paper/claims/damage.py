@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pyfric.paper.claims.claim import Runs
+from pyfric.paper.claims.claim import Damage, Runs
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -19,8 +19,8 @@ INITIAL = ("tau_initial", "p_initial")
 Change = Callable[["Record"], "Record"]
 
 
-def each(change: Change, names: Iterable[str] = ()) -> Callable[[Runs], Runs]:
-    """Return a change of runs: that of every record, or of those named."""
+def each(what: str, change: Change, names: Iterable[str] = ()) -> Damage:
+    """Return a damage: a change of every record, or of those named."""
     chosen = set(names)
 
     def changed(runs: Runs) -> Runs:
@@ -28,12 +28,17 @@ def each(change: Change, names: Iterable[str] = ()) -> Callable[[Runs], Runs]:
             name: change(one) if not chosen or name in chosen else one for name, one in runs.items()
         }
 
-    return changed
+    return Damage(what, changed)
 
 
-def exchanged(pairs: dict[str, str]) -> Callable[[Runs], Runs]:
-    """Return a change of runs: under each name, the run of another one."""
-    return lambda runs: {**runs, **{name: runs[other] for name, other in pairs.items()}}
+def exchanged(what: str, pairs: Mapping[str, str]) -> Damage:
+    """Return a damage: under each name, the run of another one."""
+    return Damage(what, lambda runs: {**runs, **{a: runs[b] for a, b in pairs.items()}})
+
+
+def given(what: str, **instead: Any) -> Damage:
+    """Return a damage: other keywords of what measures the claim."""
+    return Damage(what, given=instead)
 
 
 def with_events(record: Record, **columns: Any) -> Record:
@@ -140,11 +145,6 @@ def p_shuffled(record: Record) -> Record:
     return record.replace(p_after=rng.permuted(ratio, axis=1) * record.p_initial)
 
 
-def fronts_shuffled(record: Record) -> Record:
-    """The times from block to block are shuffled along each front, which starts where it did."""
-    return _with_intervals(record, np.random.default_rng(0).permutation)
-
-
 def fronts_backwards(record: Record) -> Record:
     """The times from block to block are in reverse order along each front."""
     return _with_intervals(record, lambda intervals: intervals[::-1])
@@ -153,18 +153,6 @@ def fronts_backwards(record: Record) -> Record:
 def fronts_slower(factor: float) -> Change:
     """Return a change of a record: all fronts take so many times as long."""
     return lambda record: _with_intervals(record, lambda intervals: factor * intervals)
-
-
-def scaled_prestress(record: Record) -> Record:
-    """tau before events is such that tau/p is the scaled prestress."""
-    law = record.scene.law
-    ratio = np.divide(
-        record.tau_before,
-        record.p_before,
-        where=record.p_before > 0,
-        out=np.zeros_like(record.p_before),
-    )
-    return record.replace(tau_before=law.scaled(ratio) * record.p_before)
 
 
 def _with_intervals(record: Record, change: Callable[[np.ndarray], np.ndarray]) -> Record:

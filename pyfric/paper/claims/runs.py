@@ -15,13 +15,16 @@ T_END = 1.02
 """End of variations of the Fig. 1 scene, s: just after it slides as a whole."""
 ELEVENTH = 0.75
 """Just after the 11th main precursor, s."""
-MU_S = (0.5, 0.6, 0.8, 0.9)
-D_C = (0.0, 0.5e-6, 1e-6, 2e-6, 5e-6, 10e-6)
-ETA = (0.15, 0.22, 0.42)  # over sqrt(k m); 0.316 is the default
-K_F = (1.5, 3.0, 1000.0)  # over k
+BY_MU_S = {f"mu_s {mu_s:g}": mu_s for mu_s in (0.5, 0.6, 0.8, 0.9)}
+BY_D_C = {f"d_c {d_c * 1e6:g}": d_c for d_c in (0.0, 0.5e-6, 1e-6, 2e-6, 5e-6, 10e-6)}
+BY_ETA = {f"eta {share:g}": share for share in (0.15, 0.22, 0.42)}
+"""In sqrt(k m); 0.316 is the default."""
+BY_K_F = {f"k_f {share:g}": share for share in (1.5, 3.0, 1000.0)}
+"""In k."""
+BY_V = {f"V {share:g}": share for share in (0.5, 2.0)}
+"""In V."""
 MATTRESS = {"mattress on each": "0.4 MN/m on each top block", "mattress rigid": "rigid"}
 """Run -> what it is; in the others the mattress has 0.4 MN/m in all."""
-SPEEDS_V = (0.5, 2.0)  # over V
 H_2A = (2.5, 5.0, 7.5, 10.0, 12.5, 15.0)  # mm
 
 
@@ -64,21 +67,18 @@ def jobs() -> dict[str, Job]:
     F_N = 2700.0
     job = Job(scene=preset("fig1", F_N=F_N), t_end=0.95 * F_N / 3500, options=FINITE)
     found["140/5/2700 finite"] = job
-    found |= {f"mu_s {mu_s:g}": fig(mu_s=mu_s) for mu_s in MU_S}
-    found |= {f"d_c {d_c * 1e6:g}": fig(0.92 if d_c < 5e-6 else 0.5, d_c=d_c) for d_c in D_C}
-    found |= {f"eta {share:g}": fig(0.92, eta=share * unit) for share in ETA}
-    for share in K_F:
-        found[f"k_f {share:g}"] = fig(0.92, k_f=share * fig1.slider.k)
+    found |= {name: fig(mu_s=mu_s) for name, mu_s in BY_MU_S.items()}
+    found |= {name: fig(0.92 if d_c < 5e-6 else 0.5, d_c=d_c) for name, d_c in BY_D_C.items()}
+    found |= {name: fig(0.92, eta=share * unit) for name, share in BY_ETA.items()}
+    found |= {name: fig(0.92, k_f=share * fig1.slider.k) for name, share in BY_K_F.items()}
+    found |= {name: fig(T_END / share, V=share * fig1.driver.V) for name, share in BY_V.items()}
     each, rigid = fig1.N_x * fig1.top.mattress, 1e6 * fig1.top.mattress
-    found["mattress on each"] = fig(mattress=each)
-    found["mattress rigid"] = fig(mattress=rigid)
+    found |= dict(zip(MATTRESS, (fig(mattress=each), fig(mattress=rigid)), strict=True))
     N_x, N_z = fig1.N_x, fig1.N_z
     heavy = preset("fig1", M=fig1.slider.M * N_x * N_z / ((N_x - 1) * (N_z - 1)))
     paper_steps = {"fidelity": "hybrid", "geometry": "finite", "switching": "step_end", "dt": 2e-7}
     found["fig4a paper"] = Job(scene=fig1, t_end=ELEVENTH, options=paper_steps)
     found["fig4a heavy"] = Job(scene=heavy, t_end=ELEVENTH, options=paper.FIG1.options)
     found["fig4a paper heavy"] = Job(scene=heavy, t_end=ELEVENTH, options=paper_steps)
-    V = fig1.driver.V
-    found |= {f"V {share:g}": fig(T_END / share, V=share * V) for share in SPEEDS_V}
     found["chain"] = Job(scene=preset("chain"), t_end=0.55, options={"fidelity": "hybrid"})
     return found

@@ -1,0 +1,148 @@
+"""What several claims measure: lengths over forces, and what precursors leave behind."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from pyfric.engines import prediction_curve
+from pyfric.record import analysis
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+# --- lengths over forces -------------------------------------------------------------------------
+
+
+def growing(record: Record) -> pd.DataFrame:
+    """Precursors of the first loading that reach further than all before."""
+    table = analysis.precursor_lengths(record)
+    before = table["L_p_over_L"].cummax().shift(fill_value=0.0)
+    return table[table["L_p_over_L"] > before].reset_index(drop=True)
+
+
+def short(table: pd.DataFrame) -> pd.DataFrame:
+    """The precursors below half the length."""
+    return table[table["L_p_over_L"] < 0.5]
+
+
+def force_step(table: pd.DataFrame) -> float:
+    """Mean step of the force between precursors, over F_N; NaN with fewer than two."""
+    force = table["force"].to_numpy()
+    return float((force[-1] - force[0]) / (len(force) - 1)) if len(force) > 1 else np.nan
+
+
+def force_at(table: pd.DataFrame, lengths: Iterable[float]) -> np.ndarray:
+    """Force at given L_p/L, between precursors by interpolation; NaN outside."""
+    L_p, force = table["L_p_over_L"].to_numpy(), table["force"].to_numpy()
+    return np.interp(list(lengths), L_p, force, left=np.nan, right=np.nan)
+
+
+def furthest(tables: Iterable[pd.DataFrame], base: pd.DataFrame) -> tuple[float, list[float]]:
+    """Largest distance in force from a base at equal length, over its mean step; each over F_N."""
+    apart = [_distance(table, base) for table in tables]
+    return float(np.max(apart)) / force_step(base), apart
+
+
+def _distance(table: pd.DataFrame, base: pd.DataFrame) -> float:
+    """Largest distance in force at equal length; NaN without common lengths."""
+    apart = np.abs(table["force"] - force_at(base, table["L_p_over_L"])).dropna()
+    return float(apart.max())
+
+
+def straight(table: pd.DataFrame, N_x: int) -> float:
+    """RMS distance in blocks of the lengths from a straight line over the force."""
+    force, L_p = table["force"].to_numpy(), table["L_p_over_L"].to_numpy()
+    return rms(L_p - np.polyval(np.polyfit(force, L_p, 1), force)) * N_x
+
+
+def prediction_error(record: Record) -> np.ndarray:
+    """Force after each precursor minus that at which its last block slips with mu_s = mu_k."""
+    curve = _prediction(record.scene)
+    L_p, F_T = curve["L_p_over_L"].to_numpy(), curve["F_T"].to_numpy() / record.scene.F_N
+    table = growing(record)
+    at = np.searchsorted(L_p, table["L_p_over_L"].to_numpy() - 0.5 / record.scene.N_x)
+    return table["force"].to_numpy()[at < L_p.size] - F_T[at[at < L_p.size]]
+
+
+@functools.lru_cache(maxsize=128)
+def _prediction(scene: Scene) -> pd.DataFrame:
+    """The prediction curve of a scene, computed once."""
+    return prediction_curve(scene).curve
+
+
+# --- what precursors leave behind ----------------------------------------------------------------
+
+
+def reach(record: Record, event: int) -> int:
+    """L_p in blocks."""
+    return round(record.events["L_p_over_L"].loc[event] * record.scene.N_x)
+
+
+def corner(record: Record) -> int:
+    """Number of blocks at x <= h + l."""
+    return record.scene.j_h + 2
+
+
+def left_behind(record: Record, events: Iterable[int] | None = None) -> pd.DataFrame:
+    """What precursors leave on their slipped, closed blocks, tip block excluded.
+
+    Args:
+        record: the run.
+        events: numbers of its events; None means the precursors of the first loading.
+
+    Returns:
+        Rows of `analysis.stress_profile`; ``inner`` says whether x > h + l.
+    """
+    events = analysis.precursor_lengths(record)["event"] if events is None else events
+    tables = []
+    for event in events:
+        table = analysis.stress_profile(record, event, "after")
+        slipped = (table["region"] == 1) & (table["p"] > 0)
+        tables.append(table[slipped & (table["n"] < reach(record, event))])
+    if not tables:
+        return analysis.stress_profile(record)[:0].assign(inner=False)
+    table = pd.concat(tables, ignore_index=True)
+    return table.assign(inner=table["n"] > corner(record))
+
+
+def size(left: pd.DataFrame) -> float:
+    """RMS of the scaled prestress that is left behind; NaN where there are no blocks."""
+    return rms(left["scaled"]) if len(left) else np.nan
+
+
+def weighted(left: pd.DataFrame) -> str:
+    """The same without the corner and weighted by force, in words."""
+    if left.empty:
+        return "no such blocks left behind"
+    inner = size(left[left["inner"]])
+    by_p = np.sqrt(np.average(np.square(left["scaled"]), weights=left["p"]))
+    return f"without the blocks at x <= h + l {inner:.3f}, weighted by p {by_p:.3f}"
+
+
+# --- numbers -------------------------------------------------------------------------------------
+
+
+def rms(x: Iterable[float]) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(np.asarray(x)))))
+
+
+def exponent(x: Iterable[float], y: Iterable[float]) -> float:
+    """Slope of ln y over ln x."""
+    return float(np.polyfit(np.log(list(x)), np.log(list(y)), 1)[0])
+
+
+def off_line(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Distance of y from a straight line over x, fitted to relative distances."""
+    return y - np.polyval(np.polyfit(x, y, 1, w=1 / y), x)
+
+
+def listed(numbers: dict[str, float], digits: str = ".3f") -> str:
+    """Numbers by name, in a sentence."""
+    return ", ".join(f"{name}: {value:{digits}}" for name, value in numbers.items())

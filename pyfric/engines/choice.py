@@ -233,6 +233,8 @@ class _Choice:
         scene, full = self.scene, full_work(self.scene, self.geometry, self.dt, self.t_end)
         if scene.prescribed and scene.N_z > 1:
             return self._full("a prescribed interface in two dimensions has no static states")
+        if not scene.has_rests:
+            return self._full("a push, or no driver, has full dynamics only")
         if self.want == "motion":
             return self._full("motion between events is wanted, which only full dynamics has")
         if self.stepped:
@@ -470,7 +472,7 @@ def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, floa
 
 def _events_size(scene: Scene, t_end: float) -> float:
     """Return the size of the events of a record, in bytes."""
-    if scene.prescribed:
+    if not scene.has_rests:
         return 0.0
     return 8.0 * pilot_run(scene, t_end).events * (9 * scene.N_x + 40)
 

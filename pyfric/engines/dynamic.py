@@ -425,7 +425,7 @@ class Run:
             t_gap=self.method.t_gap,
             t_begin=self.t_begin,
             t_end=self.state.t,
-            solver=None if self.scene.prescribed else self.solver,
+            solver=self.solver if self.scene.has_rests else None,
         )
         return catalogue, switches, quiet
 

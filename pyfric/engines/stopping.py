@@ -24,7 +24,7 @@ import numpy as np
 
 from pyfric.core import OPEN
 from pyfric.engines.pauses import pause_of_waves
-from pyfric.record import build_catalogue
+from pyfric.record import build_catalogue, creeps_to_rest
 from pyfric.scene import SceneError, check_number, parse_quantity, unknown
 
 if TYPE_CHECKING:
@@ -222,7 +222,7 @@ def force_to_come(scene: Scene, t: float, t_end: float) -> float:
     """
     later = [one for one in scene.corners if t < one < t_end]
     ramp = any(scene.piece(what, t).slope for what in ("F_N", "T"))
-    if scene.load_at(t) is not None and (later or ramp):
+    if (scene.load_at(t) is not None or scene.top.push) and (later or ramp):
         return math.inf
     ways = [scene.drive(one) - scene.drive(t) for one in (*later, t_end)]
     return scene.driver.K * max(map(abs, ways))
@@ -272,7 +272,7 @@ class Stopping:
         self.region = np.zeros(scene.N_x, dtype=bool)
         self.mode = np.zeros(scene.N_x, dtype=np.int32)
         self.t_fast: dict[float, float] = {}
-        self.margin: np.ndarray | None = None
+        self.state: State | None = None
         self.forces: Callable[[], Forces] | None = None
         self._logs: list[tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]]] = []
         self._known: tuple[int, pd.DataFrame | None] = (-1, None)
@@ -307,10 +307,9 @@ class Stopping:
 
     def look_at(self, state: State, forces: Callable[[], Forces]) -> None:
         """Take over a state in motion; `forces` evaluates it."""
-        self.t, self.mode, self.margin, self.forces = state.t, state.mode, state.margin, forces
+        self.t, self.mode, self.state, self.forces = state.t, state.mode, state, forces
         slips = np.abs(state.mode) == 1
         self.speed = float(np.abs(state.y[0, 2, slips]).max(initial=0.0))
-        self.state = state
 
     # --- what conditions ask ---------------------------------------------------------------------
 
@@ -354,29 +353,15 @@ class Stopping:
 
     def weakest(self) -> float:
         """Return the least force that some block in contact lacks to slip, N."""
-        if self.margin is None:
+        if self.state is None:
             return -math.inf
-        return float(self.margin[self.mode != OPEN].min(initial=math.inf))
+        return float(self.state.margin[self.mode != OPEN].min(initial=math.inf))
 
     def creeps(self, more: float) -> bool:
-        """Whether slip comes to rest by itself, and nothing else starts.
-
-        What slipping blocks still pass on is less than the force that any block lacks to slip:
-        their friction alpha v, the forces m a that are not in balance, and what the kinetic energy
-        E can do to a block held by a stiffness of 6 k, sqrt(12 k E).
-        """
-        if self.margin is None or not (weakest := self.weakest()) > more:
+        """Whether slip comes to rest by itself, although the driver adds a force (N)."""
+        if self.state is None or not more < self.weakest():
             return False
-        v, slips = np.abs(self.state.y[0, 2]), np.abs(self.mode) == 1
-        alpha = np.broadcast_to(self.scene.law.alpha, v.shape)
-        held = float(alpha[slips] @ v[slips])
-        if not held + more < weakest:
-            return False
-        scene, masses = self.scene, np.full(self.scene.N_z, self.scene.m)
-        masses[0] = scene.m_interface
-        E = float((masses @ (self.state.y[:, 2:] ** 2).sum(axis=(1, 2))) / 2)
-        loose = float(masses @ np.abs(self.forces().a).sum(axis=(1, 2)))
-        return held + loose + math.sqrt(12 * scene.slider.k * E) + more < weakest
+        return creeps_to_rest(self.scene, self.state, lambda: self.forces().a, more)
 
     # --- the end ---------------------------------------------------------------------------------
 

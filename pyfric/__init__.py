@@ -116,6 +116,7 @@ __all__ = [
     "label_map",
     "laws",
     "loaded_state",
+    "phase_diagram",
     "plan",
     "prediction_curve",
     "preset",

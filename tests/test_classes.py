@@ -147,7 +147,7 @@ def test_a_phase_diagram_of_the_chain(tmp_path):
     values |= {"label": {"pace": lambda record: record.rupture_class().pace}}
     found = phase_diagram(**values, cache=tmp_path, workers=1, progress=False)
     assert len(found.table) == 10
-    assert set(found.table["pace"]) == {"", "sub-Rayleigh", "supershear"}
+    assert set(found.table["pace"]) == {"", "slow", "sub-Rayleigh", "supershear"}
     lines = found.lines
     assert lines["runs"].max() <= 7
     fast = lines[lines["value"] == "supershear"]

@@ -53,13 +53,14 @@ def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
     _speeds(axes, diagram)
     for symbol, (value, rows) in zip(SYMBOLS, table.groupby(label), strict=False):
         axes.plot(rows[x], rows[y], symbol, ms=2, color=GREY, mfc="none", mew=0.5, label=value)
-    for _, line in diagram.lines.dropna().groupby(["label", "value"]):
+    for _, line in diagram.lines.dropna().groupby(["label", "below", "above"]):
         axes.plot(line[x], line[y], "-", color=BLACK, lw=1)
     if (x, y) == ("alpha", "tau_bar"):
         _theory(axes, table[x].min(), table[x].max())
     for name, set_scale in ((x, axes.set_xscale), (y, axes.set_yscale)):
         if _even_in_log(np.unique(table[name])):
             set_scale("log")
+    axes.set_ylim(*_edges(np.unique(table[y]))[[0, -1]])
     axes.set_xlabel(NAMES.get(x, x))
     axes.set_ylabel(NAMES.get(y, y))
     legend(axes, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)

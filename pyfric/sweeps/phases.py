@@ -66,9 +66,9 @@ class PhaseDiagram:
         x, y: names of the fields.
         table: a row for each point: the fields, the labels, ``speed`` of the front (m/s),
             ``speed_over_c`` with c = l sqrt(k/m), ``reached`` (blocks), ``status``.
-        lines: where labels change along y: the name of the ``label`` and the ``value`` that it
-            begins or stops to have there, the first time from below; the fields, y as the middle
-            of its last bracket; its ends ``low`` and ``high``; ``runs``, how many that took.
+        lines: where labels change along y: the name of the ``label``, and what it is ``below`` and
+            ``above``; the fields, y as the middle of its last bracket; its ends ``low`` and
+            ``high``; ``runs``, how many that took.
     """
 
     x: str
@@ -184,12 +184,12 @@ def phase_diagram(
         return record
 
     found = [
-        _line(run, table, (x_name, y_name), name, of, value, tolerance)
+        _line(run, table, (x_name, y_name), (name, of), pair, tolerance)
         for name, of in (labels.items() if lines else ())
-        for value in sorted(set(table[name]), key=str)
+        for pair in sorted(set(_changes(table, x_name, y_name, name)["pair"]), key=str)
     ]
-    columns = ["label", "value", x_name, y_name, "low", "high", "runs"]
-    joined = pd.concat([pd.DataFrame(columns=columns), *filter(len, found)], ignore_index=True)
+    columns = ["label", "below", "above", x_name, y_name, "low", "high", "runs"]
+    joined = pd.concat([pd.DataFrame(columns=columns), *found], ignore_index=True)
     return PhaseDiagram(x_name, y_name, table, joined[columns].infer_objects())
 
 
@@ -235,35 +235,52 @@ def _front(record: Record) -> dict[str, Any]:
     } | status
 
 
+def _changes(table: pd.DataFrame, x: str, y: str, name: str) -> pd.DataFrame:
+    """Return where a label of neighbours along y differs: x, low, high, and the pair of labels."""
+    rows = table.sort_values([x, y])
+    above = rows.shift(-1)
+    differs = (rows[x] == above[x]) & (rows[name] != above[name])
+    pairs = list(zip(rows[name], above[name], strict=True))
+    found = pd.DataFrame({"x": rows[x], "low": rows[y], "high": above[y]}).assign(pair=pairs)
+    return found[differs]
+
+
 def _line(
     run: Callable[[float, float], Record],
     table: pd.DataFrame,
     fields: tuple[str, str],
-    name: str,
-    of: Callable[[Record], Hashable],
-    value: Hashable,
+    label: tuple[str, Callable[[Record], Hashable]],
+    pair: tuple[Hashable, Hashable],
     tolerance: float,
 ) -> pd.DataFrame:
-    """Return the line on which a label begins or stops to have a value, the first one along y."""
-    x, y = fields
+    """Return the line on which a label changes along y, between neighbours with these two.
+
+    Where there is a third label between them, the line is where the lower one ends.
+    """
+    (x, y), (name, of) = fields, label
     xs, ys = np.unique(table[x]), np.unique(table[y])
-    scales = [_scale(values) for values in (xs, ys)]
-    inside = table[name] == value
-    known = pd.DataFrame({"over": table[x], "along": table[y], "label": inside})
-    crossed = known.groupby("over")["label"].nunique() > 1  # elsewhere there is no line
-    over = [one for one in xs if crossed[one]]
-    if not over:
-        return pd.DataFrame()
+    changes = _changes(table, x, y, name)
+    changes = changes[[one == pair for one in changes["pair"]]].drop_duplicates("x")
+    seen: dict[tuple[float, float], Hashable] = {}
+
+    def is_below(b: float, a: float) -> bool:
+        seen[b, a] = of(run(b, a))
+        return bool(seen[b, a] == pair[0])
+
+    ends = [changes.assign(along=changes[end], label=end == "low") for end in ("low", "high")]
     line = boundary(
-        lambda b, a: bool(of(run(b, a)) == value),
+        is_below,
         along=(ys[0], ys[-1]),
-        over=over,
-        scale=scales[1],
-        over_scale=scales[0],
+        over=list(changes["x"]),
+        scale=_scale(ys),
+        over_scale=_scale(xs),
         tolerance=tolerance,
-        known=known,
+        known=pd.concat(ends).rename(columns={"x": "over"}),
     )
-    return line.rename(columns={"over": x, "along": y}).assign(label=name, value=value)
+    points = zip(line["high"], line["over"], strict=True)
+    above = [seen.get(point, pair[1]) for point in points]
+    line = line.assign(label=name, below=[pair[0]] * len(line), above=above)
+    return line.rename(columns={"over": x, "along": y})
 
 
 def _scale(values: np.ndarray) -> Scale:

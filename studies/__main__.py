@@ -154,6 +154,7 @@ def methods(out: Path, tell: Tell) -> None:
     metavar="LOW HIGH",
     help="Draw eta from these shares of the default.",
 )
+@click.option("--wide", is_flag=True, help="Draw from far more kinds of scenes.")
 @click.option(
     "--verify",
     type=click.Choice(["sample", "full"]),
@@ -174,6 +175,7 @@ def plans(
     first: int,
     seed: int,
     viscosity: tuple[float, float],
+    wide: bool,
     verify: str | None,
     out: Path | None,
     overwrite: bool,
@@ -198,6 +200,7 @@ def plans(
         out.unlink(missing_ok=True)
     numbers = range(first, first + trials)
     how = {"progress": tell.progress, "verify": verify, "viscosity": viscosity}
+    how |= {"wide": wide}
     rows = plans.run(out, numbers, seed, **how)
     tell.table(plans.table(rows), lambda table: table.to_string(index=False))
 

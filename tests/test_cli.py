@@ -351,7 +351,7 @@ def test_fidelity(fidelity, tmp_path):
     assert result.exit_code == Exit.COMPLETE, result.output
     assert f"{fidelity} engine" in result.stdout
     assert ("dt = " in result.stdout) == (fidelity == "hybrid")
-    too_fast = "note: quasistatic: while the slider rings down"
+    too_fast = "note: quasistatic: while the slider relaxes"
     assert (too_fast in result.stdout) == (fidelity == "quasistatic")
     record = pyfric.Record.load(out)
     assert same_run(record, simulate(tiny(), 1.2e-3, fidelity=fidelity), versions={})
@@ -362,11 +362,11 @@ def test_fidelity(fidelity, tmp_path):
 
 
 def test_auto_says_what_it_took():
-    slow = ("--set", "V=10 mm/s")
-    result = run(*slow, "--want", "stress", "--tolerance", "0.1", "--json", t_end="60 ms")
+    slow = ("--set", "V=0.5 mm/s")
+    result = run(*slow, "--want", "stress", "--tolerance", "0.1", "--json", t_end="1.2 s")
     summary = json.loads(result.stdout)
     assert summary["method"]["engine"] == "quasistatic"
-    assert summary["notes"] == ["planned for stress within 0.1: quasistatic, linear geometry"]
+    assert "planned for stress within 0.1: quasistatic, linear geometry" in summary["notes"]
     assert summary["counts"]["block_evaluations"] == 0
     text = run("--want", "motion").stdout
     assert "note: planned for motion within 0.01: dynamic, finite geometry" in text
@@ -418,10 +418,10 @@ def test_plan():
         assert result.exit_code == Exit.COMPLETE
         lines = result.stdout.splitlines()
         assert lines[:-2] == str(found).splitlines()[:-2]  # the last two hold measured times
-        assert lines[-2].startswith("expected cost: ")
+        assert lines[-2].startswith("expected time: ")
         assert lines[-1].startswith("verification: ")
         told = json.loads(pyf(*arguments, "--tolerance", tolerance, "--json").stdout)
-        for name in ("want", "tolerance", "fidelity", "geometry", "dt", "error", "evaluations"):
+        for name in ("want", "tolerance", "fidelity", "geometry", "dt", "error", "work"):
             assert told[name] == getattr(found, name)
         assert told["reasons"] == list(found.reasons)
         for one, row in zip(found.assumptions, told["assumptions"], strict=True):
@@ -433,11 +433,13 @@ def test_plan_of_a_file_and_of_odd_scenes(tmp_path):
     tiny(eta=0.0).to_toml(tmp_path / "own.toml")
     told = json.loads(pyf("plan", tmp_path / "own.toml", "--json").stdout)
     assert told["fidelity"] == "dynamic"
-    assert any("no decay in" in reason for reason in told["reasons"])
+    assert any("hybrid: " in reason for reason in told["reasons"])
     for change in ("V=0", "mu_k=0", "side=right", "K=1"):
         result = pyf("plan", "fig1", *SMALL, "--set", change, "--tolerance", "0.5", "--json")
         assert result.exit_code == Exit.COMPLETE, result.output
-    assert json.loads(pyf("plan", "chain", "--t-end", "0", "--json").stdout)["fidelity"] == "hybrid"
+    assert (
+        json.loads(pyf("plan", "chain", "--t-end", "0", "--json").stdout)["fidelity"] == "dynamic"
+    )
 
 
 @pytest.mark.parametrize(

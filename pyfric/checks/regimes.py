@@ -162,7 +162,9 @@ def _same(
     """Events of the hybrid engine, one by one, against full dynamics."""
     how = {"geometry": "linear"}
     a = _run(scene(), t_end, fidelity="dynamic", budget=False, **how)
-    b = _run(scene(), t_end, fidelity="hybrid", **how)
+    # Slip that weakens grows before it ruptures, and with it what jumps leave.
+    weakens = {"accuracy": 1e-8} if scene().law.weakens else {}
+    b = _run(scene(), t_end, fidelity="hybrid", **weakens, **how)
     quantity, n = "force of events, hybrid - dynamic, over F_N", len(a.events)
     text = f"{n} events, dt = {a.method.dt:g} s"
     names = ("first_block", "last_block", "nucleation_block", "n_episodes")
@@ -329,7 +331,7 @@ REGIMES: tuple[Regime, ...] = (
     Regime(
         "V too high for the ladder", partial(rod, V=1.0), "warning",
         "the notes give the driver's push during a ring-down",
-        partial(_noted, note="rings down", fidelity="quasistatic"),
+        partial(_noted, note="does not come to rest", fidelity="quasistatic"),
     ),
     Regime(
         "load that folds the lattice", partial(rod, F_N=4e5), "refusal",

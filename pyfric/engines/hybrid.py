@@ -124,7 +124,6 @@ class RestStates:
         for outside, length, still in self._paths.get(key, ()):
             s = (drive - outside.drive) / outside.V
             if -BEYOND * length <= s <= (1 + BEYOND) * length:
-                N_x = len(u_x)
                 found = at(still, s)
                 return self._static(drive, free, load, found)
         return None

@@ -57,8 +57,7 @@ def simulate(
             `Record` of the same scene goes on where it stopped, and the result holds the whole run.
             Its engine, geometry, stepper, switching, step, rtol, budget, sampling and t_gap are
             kept, and those options are not used. Full dynamics goes on with the same bits; the
-            hybrid engine finds the same events, at forces that agree to 1e-10 F_N in linear
-            geometry and to 1e-6 in finite geometry.
+            hybrid engine finds the same events, at forces that agree to its accuracy.
         progress: True for a bar on stderr, a function that is called about ten times per second,
             False for nothing; None shows the bar where stderr is a terminal.
         **keywords: single options, in place of those in `options`: fidelity, method, want,

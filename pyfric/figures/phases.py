@@ -53,7 +53,7 @@ def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
     _speeds(axes, diagram)
     for symbol, (value, rows) in zip(SYMBOLS, table.groupby(label), strict=False):
         axes.plot(rows[x], rows[y], symbol, ms=2, color=GREY, mfc="none", mew=0.5, label=value)
-    for _, line in diagram.lines.dropna().groupby(["label", "below", "above"]):
+    for _, line in diagram.lines.sort_values(x).groupby(["label", "below", "above"]):
         axes.plot(line[x], line[y], "-", color=BLACK, lw=1)
     if (x, y) == ("alpha", "tau_bar"):
         _theory(axes, table[x].min(), table[x].max())

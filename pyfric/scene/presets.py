@@ -236,12 +236,14 @@ def slab(
         **fields: other fields of a scene. Those of the interface are the paper's; k is that of
             `setup1`, M its mass per area, 6.845 kg/m^2 times (L + l) (H + l); M/(N_x N_z) is the
             mass of each block but those of the bottom row, which are half blocks. There is no
-            driver unless K is given, and its h is l. Sides and top are free.
+            driver unless K is given, and its h is l. Sides and top are free. eta is sqrt(0.001 k m)
+        where it is not given, a tenth of the paper's, and dashpots are "along" the bonds:
+        stronger ones, and "full" ones, which resist rotation, delay fronts.
 
     Raises:
         SceneError: a name is unknown or in several parts, or a value is refused.
     """
-    slider = Slider(L=L, H=H, l=l, k=13.5e6, M=1.0)
+    slider = Slider(L=L, H=H, l=l, k=13.5e6, M=1.0, dashpots="along")
     base = Scene(
         slider=slider,
         top=PrescribedLoad(p=1.0),
@@ -251,6 +253,8 @@ def slab(
     )
     per_area = 0.0756 / (0.1425 * 0.0775)
     base = _made(base, fields, slider_M=lambda s: per_area * (s.L + s.l) * (s.H + s.l))
+    if base.slider.eta is None and base.slider.damping is None:
+        base = base.replace({"slider.eta": math.sqrt(0.001 * base.slider.k * base.m)})
     begin = base.slider.l / 2 if getattr(base.walls, base.driver.side) == "mirrored" else 0.0
     x = [begin + base.slider.l * i for i in range(base.N_x)]
     forces = {"p": p, "tau": tau}
@@ -265,8 +269,7 @@ def tpv3(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     blocks beyond the fault's end at 15 km carry ten times p, which no front overcomes.
 
     l = 100 m, which divides 1.5 km; L = 18 km and H = 12 km, rounded to whole blocks; top and right
-    side absorb. eta is sqrt(0.001 k m) where it is not given, a tenth of the usual one, and its
-    dashpots are "along" the bonds: "full" ones resist rotation and delay fronts. d_c = 0.2 m.
+    side absorb. eta and dashpots are those of `slab`. d_c = 0.2 m.
 
     Args:
         changes: names of fields to values, as in `Scene.replace`.
@@ -295,8 +298,6 @@ def tpv3(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
         M=m * N_x * N_z,
         mu_s=0.677,
         mu_k=0.525,
-        eta=math.sqrt(0.001 * k * m),
-        dashpots="along",
         d_c=0.2,
         walls=Walls(left="mirrored", right="absorbing", top="absorbing"),
         name="tpv3",

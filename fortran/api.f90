@@ -5,7 +5,8 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
                    n_threads, keep_budget, max_switch, max_quiet, step, sub, y, rod, mode, corner, margin, loss, memory, &
                    dissipated, heat, parts, work, n_log, switch_i, switch_r, quiet_i, quiet_r, tried, block, t_block, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
-  use pyfric_model, only: new_model
+  use pyfric_model, only: model_t, new_model
+  use pyfric_law, only: whole_memory
   use pyfric_rows, only: budget_t
   use pyfric_contact, only: contact_t
   use pyfric_log, only: log_t, new_log
@@ -53,18 +54,20 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   integer(c_int), intent(out) :: block                       !! where status is not done: block from 1, 0 for none
   real(c_double), intent(out) :: t_block                     !! and the time [s]
   integer(c_int), intent(out) :: status                      !! see pyfric_status
+  type(model_t) :: model
   type(contact_t) :: contact
   type(budget_t) :: budget
   type(log_t) :: log
   type(method_t) :: method
   type(run_t) :: run
 
-  contact = contact_t(mode, corner, margin, loss, memory)
+  model = new_model(counts, numbers)
+  contact = contact_t(mode, corner, margin, loss, whole_memory(model%law, nx, memory))
   budget = budget_t(dissipated, heat, parts(:, 1), parts(:, 2), work)
   log = new_log(nx, max_switch, max_quiet)
   method = method_t(new_table(stages, table), located == 1, rtol, t0, dt, n_steps, n_threads, keep_budget == 1)
   run = run_t(step(1), sub(1))
-  call advance_steps(new_model(counts, numbers), method, run, y, rod, contact, budget, log)
+  call advance_steps(model, method, run, y, rod, contact, budget, log)
   step = run%step
   sub = run%sub
   tried = run%tried
@@ -75,7 +78,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   corner = contact%corner
   margin = contact%margin
   loss = contact%loss
-  memory = contact%memory
+  memory = contact%memory(:n_memory, :)
   dissipated = budget%dissipated
   heat = budget%heat
   parts(:, 1) = budget%above
@@ -92,7 +95,8 @@ end subroutine advance
 subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n_times, y, rod, mode, memory, &
                     a, a_rod, f, p, f_t, dissipated, heat, work)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
-  use pyfric_model, only: new_model
+  use pyfric_model, only: model_t, new_model
+  use pyfric_law, only: whole_memory
   use pyfric_rows, only: budget_t
   use pyfric_evaluation, only: all_forces
   implicit none
@@ -118,13 +122,15 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   real(c_double), intent(out) :: dissipated(nz)              !! power in the bonds of each row [W]
   real(c_double), intent(out) :: heat(nx)                    !! friction power [W]
   real(c_double), intent(out) :: work(2)                     !! power of driver and of the forces on the top [W]
+  type(model_t) :: model
   type(budget_t) :: power
 
+  model = new_model(counts, numbers)
   dissipated = 0
   heat = 0
   work = 0
   power = budget_t(dissipated, heat, heat, heat, work)
-  call all_forces(new_model(counts, numbers), t, n_times, y, rod, mode, memory, &
+  call all_forces(model, t, n_times, y, rod, mode, whole_memory(model%law, nx, memory), &
                   a, a_rod, f, p, f_t, power)
   dissipated = power%dissipated
   heat = power%heat
@@ -132,13 +138,15 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
 end subroutine evaluate
 
 !> Energies of a state.
-subroutine energy(nx, nz, n_counts, n_numbers, counts, numbers, t, y, rod, e)
+subroutine energy(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, y, rod, memory, e)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
-  use pyfric_model, only: new_model
+  use pyfric_model, only: model_t, new_model
+  use pyfric_law, only: whole_memory
   use pyfric_energy, only: energies
   implicit none
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
+  integer(c_int), intent(in) :: n_memory                     !! numbers that the law remembers of each block
   integer(c_int), intent(in) :: n_counts                     !! length of counts
   integer(c_int), intent(in) :: n_numbers                    !! length of numbers
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
@@ -146,9 +154,12 @@ subroutine energy(nx, nz, n_counts, n_numbers, counts, numbers, t, y, rod, e)
   real(c_double), intent(in) :: t                            !! time [s]
   real(c_double), intent(in) :: y(nx, 4, nz)                 !! u_x, u_z [m], v_x, v_z [m/s]
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
-  real(c_double), intent(out) :: e(6)                        !! see pyfric_energy [J]
+  real(c_double), intent(in) :: memory(n_memory, nx)         !! see pyfric_law
+  real(c_double), intent(out) :: e(7)                        !! see pyfric_energy [J]
+  type(model_t) :: model
 
-  e = energies(new_model(counts, numbers), t, y, rod)
+  model = new_model(counts, numbers)
+  e = energies(model, t, y, rod, whole_memory(model%law, nx, memory))
 end subroutine energy
 
 !> Random numbers in [0, 1) by counter.

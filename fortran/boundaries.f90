@@ -5,7 +5,7 @@ module pyfric_boundaries
   use pyfric_model, only: model_t, close_state, reflected, ABSORBING
   implicit none (type, external)
   private
-  public :: driver_speed, load_share, foundation, driver_force, rod_acceleration, rod_to_row, mirror_sum
+  public :: driver_speed, load_share, foundation, foundation_rate, driver_force, rod_acceleration, rod_to_row, mirror_sum
   public :: absorb, absorbed, reflected_row
 
 contains
@@ -25,6 +25,21 @@ contains
       p(i) = s%k_f(i)*max(-u_z(s%at(i)), 0.0_dp)
     end do
   end subroutine foundation
+
+  !> Rate of p_i, -k_f,i v_z where u_z < 0, else 0; 0 where p is prescribed [N/s].
+  pure subroutine foundation_rate(s, u_z, v_z, p_rate)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
+    real(dp), intent(in) :: v_z(LB:s%n + LANES)  !! bottom row [m/s]
+    real(dp), intent(out) :: p_rate(s%nx)        !! left to right
+    integer :: i
+
+    p_rate = 0.0_dp
+    if (s%prescribed) return
+    do i = 1, s%nx
+      if (u_z(s%at(i)) < 0.0_dp) p_rate(i) = -s%k_f(i)*v_z(s%at(i))
+    end do
+  end subroutine foundation_rate
 
   !> Speed of the driver in this piece of its protocol [m/s].
   elemental function driver_speed(s, t) result(v)

@@ -4,7 +4,7 @@ module pyfric_contact
   use pyfric_layout, only: UX, UZ, VX, LB, LANES
   use pyfric_model, only: model_t, close_state
   use pyfric_boundaries, only: foundation, driver_force
-  use pyfric_law, only: stop_reversed, next_states, remember, STUCK
+  use pyfric_law, only: stop_reversed, next_states, settle_junctions, remember, STUCK
   use pyfric_log, only: log_t, log_switch, log_quiet
   use pyfric_rows, only: row_t, other_forces
   implicit none (type, external)
@@ -15,8 +15,9 @@ module pyfric_contact
   type :: contact_t
     integer(ip), allocatable :: mode(:)    !! contact states
     integer(ip), allocatable :: corner(:)  !! 1: the block's slip began with p < p_corner
-    real(dp), allocatable :: margin(:)     !! what a stuck block could bear besides, at the last step's end [N]
-    real(dp), allocatable :: loss(:)       !! kinetic energy removed by switching [J]
+    real(dp), allocatable :: margin(:)     !! what a stuck block could bear besides, at the last step's end [N]; on
+                                           !! junctions: how many may break before it is ruptured
+    real(dp), allocatable :: loss(:)       !! kinetic energy removed by switching; heat of breaks and pinning [J]
     real(dp), allocatable :: memory(:, :)  !! the law's, see pyfric_law
   end type contact_t
 
@@ -24,11 +25,12 @@ contains
 
   !> New contact states at the end of step number `step`, at time t. Releases are timed inside the step, where
   !> the margin crosses zero on a straight line; the state itself switches at the step's end.
-  subroutine switch_contacts(s, step, t, dt, y, contact, log, w)
+  subroutine switch_contacts(s, step, t, dt, soon, y, contact, log, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                    !! steps made
     real(dp), intent(in) :: t                       !! time [s]
     real(dp), intent(in) :: dt                      !! step [s]
+    real(dp), intent(in) :: soon                    !! junctions pin whose time comes so soon [s]
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz)  !! v_x of the bottom row may be set to zero
     type(contact_t), intent(inout) :: contact
     type(log_t), intent(inout) :: log
@@ -38,9 +40,15 @@ contains
     logical :: was_active
     integer :: i
 
-    call stop_blocks(s, y(LB, 1, 1), contact, w)
-    call other_forces(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), w, fx)
-    call next_states(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, fx, w%p, y(LB, VX, 1), new, margin)
+    if (s%law%rests) then
+      call stop_blocks(s, y(LB, 1, 1), contact, w)
+      call other_forces(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), w, fx)
+      call next_states(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, fx, w%p, y(LB, VX, 1), new, margin)
+    else
+      call foundation(s, y(LB, UZ, 1), w%p)
+      call settle_junctions(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, soon, y(LB, UX, 1), y(LB, VX, 1), w%p, new, &
+                            margin, contact%loss)
+    end if
     was_active = active(contact)
     do i = 1, s%nx
       if (new(i) /= contact%mode(i)) then
@@ -99,7 +107,7 @@ contains
       t_switch = t + dt*(margin/(contact%margin(i) - margin))
     end if
     contact%mode(i) = new
-    call remember(old, new, t, u_x, contact%memory(:, i))
+    if (s%law%rests) call remember(old, new, t, u_x, contact%memory(:, i))
     if (abs(old) /= 1) contact%corner(i) = merge(1_ip, 0_ip, p < s%p_corner)
     call log_switch(log, i, old, new, contact%corner(i), step, t_switch, u_x, p)
   end subroutine switch_block

@@ -4,20 +4,22 @@ module pyfric_energy
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t
   use pyfric_bond_energy, only: bond_energy
-  use pyfric_boundaries, only: driver_force
+  use pyfric_boundaries, only: driver_force, foundation
+  use pyfric_law, only: interface_energy
   implicit none (type, external)
   private
   public :: energies
 
 contains
 
-  !> Kinetic (blocks, rod) and elastic (bonds, foundation, mattress or k_top, driver spring) energies [J].
-  pure function energies(s, t, y, rod) result(e)
+  !> Kinetic (blocks, rod) and elastic (bonds, foundation, mattress or k_top, driver spring, junctions) energies [J].
+  pure function energies(s, t, y, rod, memory) result(e)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                  !! time [s]
     real(dp), intent(in) :: y(s%nx, 4, s%nz)   !! state
     real(dp), intent(in) :: rod(6)             !! rod
-    real(dp) :: e(6)
+    real(dp), intent(in) :: memory(s%law%n_memory, s%nx) !! see pyfric_law
+    real(dp) :: e(7), p(s%nx), bottom(LB:s%n + LANES, 4)
     integer :: j
 
     e = 0.0_dp
@@ -37,6 +39,10 @@ contains
       e(5) = 0.5_dp*s%k_top*sum(y(:, UX, s%nz)**2)
     end if
     if (s%k_drv > 0.0_dp) e(6) = 0.5_dp*driver_force(s, t, y(s%i_h, UX, s%j_h))**2/s%k_drv
+    if (s%law%rests) return
+    bottom = row(1)
+    call foundation(s, bottom(LB, UZ), p)
+    e(7) = interface_energy(s%law, s%nx, memory, y(:, UX, 1), p)
 
   contains
 

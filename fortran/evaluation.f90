@@ -60,7 +60,7 @@ contains
         call row_forces(s, j, t, q(LB, 1, below), q(LB, 1, j), q(LB, 1, above), mode, memory, work(LB, CARRY), work(LB, BONDS), &
                         work(LB, FX), work(LB, FZ), w)
         if (.not. keep) cycle
-        call row_powers(s, j, t, 1.0_dp, mode, q(LB, 1, j), q(LB, 1, above), rod(5), w, power)
+        call row_powers(s, j, t, 1.0_dp, mode, memory, q(LB, 1, j), q(LB, 1, above), rod(5), w, power)
         a(:, 1, j) = work(s%at(:s%nx), FX)/s%m
         a(:, 2, j) = work(s%at(:s%nx), FZ)/s%m
         if (j == s%nz .and. s%rigid) then

@@ -7,37 +7,38 @@
 !>     stuck      |f| <= (mu_s + hold(a)) p
 !>     slipping   f = -(+-1) (mu_k + (mu_s - mu_k) slide(s/d_c)) speed(|v|) age(a) p - alpha v
 !>
-!> A law without tables is Amontons-Coulomb: hold = slide = 0, speed = age = 1.
+!> A law without tables is Amontons-Coulomb: hold = slide = 0, speed = age = 1. Where blocks stand on junctions
+!> (pyfric_junctions) none comes to rest: f follows from displacements and memory alone.
 module pyfric_law
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES
+  use pyfric_curve, only: curve_t, new_curve, cell, at_x
+  use pyfric_junctions, only: junctions_t, new_junctions, n_whole, prepare, forces, powers, stored_energy, settle, &
+                              next_break, next_release, drag_limits, drag_functions
   implicit none (type, external)
   private
-  public :: law_t, new_law, friction_force, friction_powers, event_functions, knot_functions, last_knots, time_to_knot
-  public :: stop_reversed, next_states, remember
-  public :: STUCK, OPEN_GAP, N_TABLES, N_FIELDS, N_CONTACT, N_KNOT
+  public :: law_t, new_law, whole_memory, friction_force, friction_powers, interface_energy
+  public :: event_functions, knot_functions, last_knots, time_to_knot
+  public :: stop_reversed, next_states, settle_junctions, remember
+  public :: STUCK, OPEN_GAP, N_TABLES, N_FIELDS, N_CONTACT, N_KNOT, N_MARK
 
-  !> Contact states; slipping blocks carry the sign of their motion, +1 or -1.
+  !> Contact states; slipping blocks carry the sign of their motion, +1 or -1. On junctions a block is stuck while enough
+  !> of them are pinned; where it ruptures, the sign is that of its velocity then.
   integer(ip), parameter :: STUCK = 0, OPEN_GAP = 2
   !> Tables, and fields of N_x numbers, in the order in which Python passes them.
-  integer, parameter :: N_TABLES = 4, N_FIELDS = 4
-  !> Event functions of a contact state; distances to the next knot of slip and to those of speed.
-  integer, parameter :: N_CONTACT = 2, N_KNOT = 3
+  integer, parameter :: N_TABLES = 4, N_FIELDS = 5
+  !> Event functions of a contact state; those of knots, and what is marked of knots at the start of a sub-step.
+  integer, parameter :: N_CONTACT = 2, N_KNOT = 3, N_MARK = 4
   !> What the law remembers of a block: s_0, see `slip_of` [m]; time at which it stuck or began to slip [s].
   integer, parameter :: SLIP = 1, SINCE = 2
 
-  !> A function that is straight between knots and constant beyond them.
-  type :: curve_t
-    integer :: n                    !! knots, 0 for none
-    real(dp), allocatable :: x(:)
-    real(dp), allocatable :: y(:)
-    real(dp), allocatable :: slope(:)
-  end type curve_t
-
   type :: law_t
     integer :: n_memory                !! numbers that it remembers of each block
+    logical :: rests                   !! blocks come to rest; else they stand on junctions
+    integer :: per_block = 1           !! junctions of a block; 1 where it comes to rest
     logical :: simple                  !! no tables and no viscosity
     logical :: kinked                  !! friction has corners over slip or speed
+    type(junctions_t), private :: junctions
     real(dp), allocatable :: mu_s(:)   !! static friction coefficient [-]
     real(dp), allocatable :: mu_k(:)   !! kinetic friction coefficient [-]
     real(dp), allocatable :: d_c(:)    !! unit of slip of the table, 0 for at once [m]
@@ -50,10 +51,15 @@ module pyfric_law
 
 contains
 
-  !> The law from its tables, one after another: x and y of each knot; then mu_s, mu_k, d_c, alpha of each block.
-  pure function new_law(nx, n_memory, n_knots, knots, fields) result(law)
+  !> The law from its tables, one after another: x and y of each knot; and mu_s, mu_k, d_c, alpha, 0 of each block. On
+  !> junctions: quantiles of t_R in the first table, thresholds after all; and mu_s, mu_d, C, t_R and its spread.
+  pure function new_law(nx, n_memory, n_junctions, seed, from_right, share, n_knots, knots, fields) result(law)
     integer, intent(in) :: nx                  !! blocks
-    integer(ip), intent(in) :: n_memory        !! numbers that it remembers of each block
+    integer(ip), intent(in) :: n_memory        !! numbers that are saved of each block
+    integer(ip), intent(in) :: n_junctions     !! of each block, 0 for none
+    integer(ip), intent(in) :: seed(2)         !! of junctions, two words of 32 bits
+    logical, intent(in) :: from_right          !! blocks are counted from the right
+    real(dp), intent(in) :: share              !! of pinned junctions, below which a block is ruptured
     integer(ip), intent(in) :: n_knots(N_TABLES)
     real(dp), intent(in) :: knots(:)
     real(dp), intent(in) :: fields(nx, N_FIELDS)
@@ -75,54 +81,29 @@ contains
     law%n_memory = n_memory
     law%kinked = law%slide%n > 0 .or. law%speed%n > 0
     law%simple = all(n_knots == 0) .and. all(law%alpha <= 0.0_dp)
+    law%rests = n_junctions == 0
+    if (law%rests) return
+    law%per_block = n_junctions
+    law%n_memory = n_whole(n_junctions)
+    law%simple = .false.
+    law%kinked = .true.
+    law%junctions = new_junctions(nx, n_junctions, seed, from_right, share, law%hold, fields, knots(at(N_TABLES) + 1:))
   end function new_law
 
-  pure function new_curve(n, xy) result(curve)
-    integer(ip), intent(in) :: n
-    real(dp), intent(in) :: xy(2, n)
-    type(curve_t) :: curve
-    integer :: c
+  !> What is saved of the memory, and what follows from it.
+  pure function whole_memory(law, nx, saved) result(memory)
+    type(law_t), intent(in) :: law
+    integer, intent(in) :: nx               !! blocks
+    real(dp), intent(in) :: saved(:, :)     !! numbers of each block
+    real(dp) :: memory(law%n_memory, nx)
+    integer :: i
 
-    curve%n = n
-    allocate (curve%x, source=xy(1, :))
-    allocate (curve%y, source=xy(2, :))
-    allocate (curve%slope, source=[((xy(2, c + 1) - xy(2, c))/(xy(1, c + 1) - xy(1, c)), c=1, n - 1)])
-  end function new_curve
-
-  !> The last knot that is not beyond x, by bisection; 0 where all are.
-  pure elemental function cell(curve, x) result(c)
-    type(curve_t), intent(in) :: curve
-    real(dp), intent(in) :: x
-    integer :: c, next, middle
-
-    c = 0
-    next = curve%n + 1
-    do while (next - c > 1)
-      middle = (c + next)/2
-      if (x >= curve%x(middle)) then
-        c = middle
-      else
-        next = middle
-      end if
+    memory(:size(saved, 1), :) = saved
+    if (law%rests) return
+    do i = 1, nx
+      call prepare(law%junctions%n, memory(1, i))
     end do
-  end function cell
-
-  !> The curve at x; needs a knot.
-  pure elemental function at_x(curve, x) result(y)
-    type(curve_t), intent(in) :: curve
-    real(dp), intent(in) :: x
-    real(dp) :: y
-    integer :: c
-
-    c = cell(curve, x)
-    if (c == 0) then
-      y = curve%y(1)
-    else if (c == curve%n) then
-      y = curve%y(c)
-    else
-      y = curve%y(c) + curve%slope(c)*(x - curve%x(c))
-    end if
-  end function at_x
+  end function whole_memory
 
   !> Stuck: f balances all other horizontal forces. Slipping: mu p against the motion, and -alpha v. Open: none.
   pure subroutine friction_force(law, nx, n, at, mode, memory, t, u_x, v_x, other, p, f)
@@ -141,6 +122,10 @@ contains
     real(dp) :: mu
     integer :: i
 
+    if (.not. law%rests) then
+      call forces(law%junctions, nx, n, at, memory, u_x, p, f)
+      return
+    end if
     do i = 1, nx
       select case (mode(i))
       case (STUCK)
@@ -178,21 +163,29 @@ contains
     if (law%age%n > 0) mu = mu*at_x(law%age, age)
   end function sliding
 
-  !> What of the friction power goes into what is above mu_k p, and into alpha.
-  pure subroutine friction_powers(law, nx, n, at, mode, v_x, p, f, above, viscous)
+  !> What of the friction power goes into what is above mu_k p, and into alpha. On junctions: the heat of dragging, and the
+  !> work of the stiffness.
+  pure subroutine friction_powers(law, nx, n, at, mode, memory, u_x, v_x, p, p_rate, f, above, viscous)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
     integer, intent(in) :: at(n)                 !! element of each block in a row
     integer(ip), intent(in) :: mode(nx)          !! contact states
+    real(dp), intent(in) :: memory(law%n_memory, nx)
+    real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    real(dp), intent(in) :: p_rate(nx)           !! its rate [N/s]
     real(dp), intent(in) :: f(nx)                !! friction force on the blocks, along +x [N]
     real(dp), intent(out) :: above(nx)           !! [W]
     real(dp), intent(out) :: viscous(nx)         !! [W]
     real(dp) :: v
     integer :: i
 
+    if (.not. law%rests) then
+      call powers(law%junctions, nx, n, at, memory, u_x, v_x, p, p_rate, above, viscous)
+      return
+    end if
     above = 0.0_dp
     viscous = 0.0_dp
     do i = 1, nx
@@ -202,6 +195,19 @@ contains
       above(i) = -(f(i) + law%alpha(i)*v + real(mode(i), dp)*(law%mu_k(i)*p(i)))*v
     end do
   end subroutine friction_powers
+
+  !> What the interface stores, in junctions [J].
+  pure function interface_energy(law, nx, memory, u_x, p) result(energy)
+    type(law_t), intent(in) :: law
+    integer, intent(in) :: nx            !! blocks
+    real(dp), intent(in) :: memory(law%n_memory, nx)
+    real(dp), intent(in) :: u_x(nx)      !! displacements, left to right [m]
+    real(dp), intent(in) :: p(nx)        !! foundation force [N]
+    real(dp) :: energy
+
+    energy = 0.0_dp
+    if (.not. law%rests) energy = stored_energy(law%junctions, nx, memory, u_x, p)
+  end function interface_energy
 
   !> What a stuck block bears [N]; one that has just stopped is stuck for no time.
   pure function static_strength(law, i, mode, t_stuck, t, p) result(strength)
@@ -246,8 +252,8 @@ contains
   end subroutine remember
 
   !> What stays positive while a contact state lasts. Stuck: its strength less |f|; slipping: the velocity along the slip;
-  !> both: the depth. Open: the height, twice.
-  pure subroutine event_functions(law, nx, n, at, mode, memory, t, other, p, u_z, v_x, g, margin)
+  !> on junctions: how far the next one is from its break; all: the depth. Open: the height, twice.
+  pure subroutine event_functions(law, nx, n, at, mode, memory, t, other, p, u_x, u_z, v_x, g, margin)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
@@ -257,12 +263,21 @@ contains
     real(dp), intent(in) :: t                    !! time [s]
     real(dp), intent(in) :: other(LB:n + LANES)  !! all other horizontal forces, as a row [N]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: u_z(LB:n + LANES)    !! heights, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
-    real(dp), intent(out) :: g(N_CONTACT, nx)     !! of friction [N] or [m/s], of the gap [m]
+    real(dp), intent(out) :: g(N_CONTACT, nx)    !! of friction [N] or [m/s], of junctions and of the gap [m]
     real(dp), intent(out) :: margin(nx)          !! of friction if the block were stuck [N]
     integer :: i
 
+    if (.not. law%rests) then
+      margin = 0.0_dp
+      do i = 1, nx
+        g(:, i) = u_z(at(i))
+        if (mode(i) /= OPEN_GAP) g(:, i) = [next_break(law%junctions, i, u_x(at(i)), p(i), memory(1, i)), -u_z(at(i))]
+      end do
+      return
+    end if
     do i = 1, nx
       margin(i) = static_strength(law, i, mode(i), memory(SINCE, i), t, p(i)) - abs(other(at(i)))
       g(2, i) = -u_z(at(i))
@@ -277,8 +292,8 @@ contains
     end do
   end subroutine event_functions
 
-  !> The knots that slip and speed of each block have last passed, 0 for none.
-  pure subroutine last_knots(law, nx, n, at, mode, memory, u_x, v_x, passed)
+  !> The knots that slip and speed of each block have last passed, 0 for none; on junctions what is said of dragged ones.
+  pure subroutine last_knots(law, nx, n, at, mode, memory, u_x, v_x, p, p_rate, marks)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
@@ -287,46 +302,56 @@ contains
     real(dp), intent(in) :: memory(law%n_memory, nx)
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
-    integer, intent(out) :: passed(2, nx)
-    integer :: i
+    real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    real(dp), intent(in) :: p_rate(nx)           !! its rate [N/s]
+    real(dp), intent(out) :: marks(N_MARK, nx)
+    integer :: i, e
 
     do i = 1, nx
-      passed(:, i) = 0
-      if (law%d_c(i) > 0.0_dp) passed(1, i) = cell(law%slide, slip_of(mode(i), memory(SLIP, i), u_x(at(i)))/law%d_c(i))
-      passed(2, i) = cell(law%speed, abs(v_x(at(i))))
+      e = at(i)
+      if (.not. law%rests) then
+        marks(:, i) = drag_limits(law%junctions, i, u_x(e), v_x(e), p(i), p_rate(i), memory(1, i))
+        cycle
+      end if
+      marks(:, i) = 0.0_dp
+      if (law%d_c(i) > 0.0_dp) marks(1, i) = cell(law%slide, slip_of(mode(i), memory(SLIP, i), u_x(e))/law%d_c(i))
+      marks(2, i) = cell(law%speed, abs(v_x(e)))
     end do
   end subroutine last_knots
 
-  !> Distances of slipping blocks to the next knot of slip [m], and to the next and last ones of speed [m/s]: steps end
-  !> there, because a stepper keeps its order only where forces are smooth.
-  pure subroutine knot_functions(law, nx, n, at, mode, memory, passed, u_x, v_x, g)
+  !> Distances of slipping blocks to the next knot of slip [m], and to the next and last ones of speed [m/s]; on junctions
+  !> `drag_functions`. Steps end there, because a stepper keeps its order only where forces are smooth.
+  pure subroutine knot_functions(law, nx, n, at, mode, memory, marks, u_x, v_x, p, p_rate, g)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
     integer, intent(in) :: at(n)                 !! element of each block in a row
     integer(ip), intent(in) :: mode(nx)          !! contact states
     real(dp), intent(in) :: memory(law%n_memory, nx)
-    integer, intent(in) :: passed(2, nx)         !! at the start of the step
+    real(dp), intent(in) :: marks(N_MARK, nx)    !! of `last_knots` at the start of the step
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
+    real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    real(dp), intent(in) :: p_rate(nx)           !! its rate [N/s]
     real(dp), intent(out) :: g(N_KNOT, nx)
     real(dp) :: v
     integer :: i, c
 
     g = 1.0_dp
     do i = 1, nx
-      if (abs(mode(i)) /= 1) cycle
-      c = passed(1, i)
+      if (.not. law%rests) g(:, i) = drag_functions(law%junctions, i, u_x(at(i)), v_x(at(i)), p(i), p_rate(i), marks(:, i))
+      if (abs(mode(i)) /= 1 .or. .not. law%rests) cycle
+      c = int(marks(1, i))
       if (law%d_c(i) > 0.0_dp .and. c < law%slide%n) g(1, i) = law%slide%x(c + 1)*law%d_c(i) &
         - slip_of(mode(i), memory(SLIP, i), u_x(at(i)))
       v = real(mode(i), dp)*v_x(at(i))
-      c = passed(2, i)
+      c = int(marks(2, i))
       if (c < law%speed%n) g(2, i) = law%speed%x(c + 1) - v
       if (c > 1) g(3, i) = v - law%speed%x(c)
     end do
   end subroutine knot_functions
 
-  !> Time to the next knot of age of any slipping block, from time t on [s].
+  !> Time to the next knot of age of any slipping block, from time t on; or to the next junction that pins [s].
   pure function time_to_knot(law, nx, mode, memory, t) result(shortest)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -337,6 +362,7 @@ contains
     integer :: i, c
 
     shortest = huge(shortest)
+    if (.not. law%rests) shortest = next_release(law%junctions, nx, mode /= OPEN_GAP, memory) - t
     if (law%age%n == 0) return
     do i = 1, nx
       c = cell(law%age, t - memory(SINCE, i))
@@ -381,6 +407,39 @@ contains
       new(i) = next_state(strength, other(at(i)), p(i), mode(i), v_x(at(i)))
     end do
   end subroutine next_states
+
+  !> The contact states of blocks on junctions after a step: ruptured ones slip.
+  pure subroutine settle_junctions(law, nx, n, at, mode, memory, t, soon, u_x, v_x, p, new, margin, loss)
+    type(law_t), intent(in) :: law
+    integer, intent(in) :: nx                    !! blocks
+    integer, intent(in) :: n                     !! padded length of a row
+    integer, intent(in) :: at(n)                 !! element of each block in a row
+    integer(ip), intent(in) :: mode(nx)          !! contact states
+    real(dp), intent(inout) :: memory(law%n_memory, nx)
+    real(dp), intent(in) :: t                    !! time [s]
+    real(dp), intent(in) :: soon                 !! junctions pin whose time comes so soon [s]
+    real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
+    real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
+    real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    integer(ip), intent(out) :: new(nx)          !! contact states after
+    real(dp), intent(out) :: margin(nx)          !! pinned junctions that may break before the block is ruptured
+    real(dp), intent(inout) :: loss(nx)          !! heat of breaks and of pinning so far [J]
+    real(dp) :: along
+    integer :: i
+
+    call settle(law%junctions, nx, n, at, t, soon, u_x, p, memory, margin, loss)
+    along = merge(-1.0_dp, 1.0_dp, law%junctions%from_right)
+    do i = 1, nx
+      if (p(i) <= 0.0_dp) then
+        new(i) = OPEN_GAP
+      else if (margin(i) >= 0.0_dp) then
+        new(i) = STUCK
+      else
+        new(i) = mode(i)
+        if (abs(mode(i)) /= 1) new(i) = int(merge(along, -along, along*v_x(at(i)) >= 0.0_dp), ip)
+      end if
+    end do
+  end subroutine settle_junctions
 
   !> The paper's rule for one block. A block at rest sticks up to its strength; beyond, it slips
   !> where the other forces pull it. A block that lands slips along its velocity.

@@ -12,8 +12,8 @@ module pyfric_location
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, close_state
-  use pyfric_boundaries, only: foundation
-  use pyfric_law, only: event_functions, knot_functions, last_knots, time_to_knot, N_CONTACT, N_KNOT
+  use pyfric_boundaries, only: foundation, foundation_rate
+  use pyfric_law, only: event_functions, knot_functions, last_knots, time_to_knot, N_CONTACT, N_KNOT, N_MARK
   use pyfric_rows, only: row_t, other_forces, budget_t
   use pyfric_contact, only: contact_t, switch_contacts
   use pyfric_log, only: log_t, has_room
@@ -26,7 +26,7 @@ module pyfric_location
   real(dp), parameter :: SHORTEST_SUBSTEP = 2.0_dp**(-30) !! shortest adaptive sub-step, over dt
   real(dp), parameter :: DIP_LENGTH = 2.0_dp**(-4)        !! dips are looked for in sub-steps longer than this, over dt
   real(dp), parameter :: DIP_DEPTH = 2.0_dp**(-20)        !! they must be deeper than this share of the values at the ends
-  real(dp), parameter :: KNOT_WIDTH = 2.0_dp**(-20)       !! knots of age closer than this are passed, over dt
+  real(dp), parameter :: KNOT_WIDTH = 2.0_dp**(-20)       !! knots of age and times of pinning so close are there, over dt
   integer, parameter :: MAX_QUIET = 64            !! most quiet transitions that one step may log
   integer, parameter :: ADAPT_ORDER = 4           !! the error of an adaptive sub-step goes with this power of its length
   integer, parameter :: WHOLE = 0, CUT = 1, SEARCH = 2
@@ -55,18 +55,18 @@ module pyfric_location
     real(dp), allocatable :: g_b(:, :)  !! at b
     real(dp), allocatable :: g(:, :)    !! at the end of the sub-step that was tried
     real(dp), allocatable :: margin(:)  !! what a block could bear besides there, if it were stuck [N]
-    integer, allocatable :: knots(:, :) !! knots passed at the start of the sub-step
+    real(dp), allocatable :: marks(:, :) !! what the law marks at the start of the sub-step, such as knots passed
     type(budget_t) :: works             !! works at the start of the sub-step
   end type step_control_t
 
 contains
 
-  !> Most times in one step at which contacts may switch.
-  elemental function max_instants(nx) result(n)
-    integer, intent(in) :: nx
+  !> Most times in one step at which contacts may switch: twice for each block, or for each junction of each.
+  pure function max_instants(s) result(n)
+    type(model_t), intent(in) :: s
     integer :: n
 
-    n = 100 + 2*nx
+    n = 100 + 2*s%nx*s%law%per_block
   end function max_instants
 
   !> Most switches that one step may log.
@@ -95,20 +95,25 @@ contains
     control%longest = longest
     n = N_CONTACT + merge(N_KNOT, 0, s%law%kinked)
     allocate (control%g_0(n, s%nx), control%g_a(n, s%nx), control%g_b(n, s%nx), control%g(n, s%nx))
-    allocate (control%margin(s%nx), control%knots(2, s%nx))
-    call mark_knots(s, y(LB, 1, 1), contact, control)
-    call evaluate_events(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), contact, control%knots, w, control%g_0, control%margin)
+    allocate (control%margin(s%nx), control%marks(N_MARK, s%nx))
+    call mark_knots(s, y(LB, 1, 1), contact, w, control)
+    call evaluate_events(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), contact, control%marks, w, control%g_0, control%margin)
     call plan_substep(s, t, dt, contact, budget, control)
   end subroutine new_control
 
-  !> The knots that slip and speed of each block have passed.
-  pure subroutine mark_knots(s, q, contact, control)
+  !> What the law marks at the start of a sub-step.
+  pure subroutine mark_knots(s, q, contact, w, control)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! bottom row
     type(contact_t), intent(in) :: contact
+    type(row_t), intent(inout) :: w                !! p is set [N]
     type(step_control_t), intent(inout) :: control
+    real(dp) :: p_rate(s%nx)
 
-    if (s%law%kinked) call last_knots(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, q(LB, UX), q(LB, VX), control%knots)
+    if (.not. s%law%kinked) return
+    call foundation(s, q(LB, UZ), w%p)
+    call foundation_rate(s, q(LB, UZ), q(LB, VZ), p_rate)
+    call last_knots(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, q(LB, UX), q(LB, VX), w%p, p_rate, control%marks)
   end subroutine mark_knots
 
   !> Plans the next sub-step: as long as the error allows, to the end of the step or a knot of age at most.
@@ -178,14 +183,14 @@ contains
     if (control%phase == WHOLE .and. err*2.0_dp**(ADAPT_ORDER + 1) < 1.0_dp) then
       control%longest = max(control%longest, min(2.0_dp*control%length, dt))
     end if
-    if (control%crossed) then
-      call switch_at_event(s, step, control%t, new, contact, log, w, control, status)
+    if (control%located .and. (control%crossed .or. .not. s%law%rests)) then
+      call switch_at_event(s, step, control%t, KNOT_WIDTH*dt, new, contact, log, w, control, status)
       if (status /= DONE) return
     else if (control%finished .and. .not. control%located) then
-      call switch_contacts(s, step + 1.0_dp, control%t, dt, new, contact, log, w)
+      call switch_contacts(s, step + 1.0_dp, control%t, dt, 0.0_dp, new, contact, log, w)
     end if
     if (control%located) then
-      contact%margin = control%margin
+      if (s%law%rests) contact%margin = control%margin
       control%g_0 = control%g
     end if
     control%start = control%start + control%length
@@ -219,7 +224,7 @@ contains
       return
     end if
     if (.not. control%located) return
-    call evaluate_events(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, control%knots, w, control%g, control%margin)
+    call evaluate_events(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, control%marks, w, control%g, control%margin)
     crossed = any(control%g < 0.0_dp)
     if (crossed .or. control%phase == SEARCH) call narrow_search(dt, crossed, control)
     if (control%accepted) call check_dips(s, t, dt, old, new, contact, w, control)
@@ -276,7 +281,7 @@ contains
     do j = 1, min(2, s%nz)
       call midpoint(s, control%length, old(LB, 1, j), new(LB, 1, j), mid(LB, 1, j))
     end do
-    call evaluate_events(s, t - 0.5_dp*control%length, mid(LB, 1, 1), mid(LB, 1, min(2, s%nz)), contact, control%knots, w, g_mid, &
+    call evaluate_events(s, t - 0.5_dp*control%length, mid(LB, 1, 1), mid(LB, 1, min(2, s%nz)), contact, control%marks, w, g_mid, &
                      margin_mid)
     x = minval(lowest_point(control%g_0, g_mid, control%g))
     if (x >= 1.0_dp) return
@@ -285,11 +290,13 @@ contains
     control%length = x*control%length
   end subroutine check_dips
 
-  !> Switches contacts at the end of a sub-step that an event function has ended, if it was not a knot's.
-  subroutine switch_at_event(s, step, t, new, contact, log, w, control, status)
+  !> Switches contacts at the end of a sub-step that an event function has ended, if it was not a knot's. Anchors of
+  !> junctions are taken along at the end of each sub-step.
+  subroutine switch_at_event(s, step, t, soon, new, contact, log, w, control, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
     real(dp), intent(in) :: t                              !! time [s]
+    real(dp), intent(in) :: soon                           !! junctions pin whose time comes so soon [s]
     real(dp), intent(inout) :: new(LB:s%n + LANES, 4, s%nz) !! state; v_x of blocks that stop is set to zero
     type(contact_t), intent(inout) :: contact
     type(log_t), intent(inout) :: log
@@ -300,14 +307,16 @@ contains
     if (any(control%g(:N_CONTACT, :) < 0.0_dp)) then
       control%n_instants = control%n_instants + 1
       control%block = findloc(any(control%g(:N_CONTACT, :) < 0.0_dp, dim=1), .true., dim=1)
-      if (control%n_instants > max_instants(s%nx) .or. .not. has_room(log, s%nx, 1)) then
+      if (control%n_instants > max_instants(s) .or. .not. has_room(log, s%nx, 1)) then
         status = ENDLESS
         return
       end if
-      call switch_contacts(s, step + 1.0_dp, t, 0.0_dp, new, contact, log, w)
     end if
-    call mark_knots(s, new(LB, 1, 1), contact, control)
-    call evaluate_events(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, control%knots, w, control%g, control%margin)
+    if (any(control%g(:N_CONTACT, :) < 0.0_dp) .or. .not. s%law%rests) then
+      call switch_contacts(s, step + 1.0_dp, t, 0.0_dp, soon, new, contact, log, w)
+    end if
+    call mark_knots(s, new(LB, 1, 1), contact, w, control)
+    call evaluate_events(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, control%marks, w, control%g, control%margin)
   end subroutine switch_at_event
 
   !> Smallest root of the straight lines from g_a at 0 to g_b at 1, over those that end below zero.
@@ -348,26 +357,27 @@ contains
   end function lowest_point
 
   !> Event functions of the bottom blocks, and what they could bear besides if they were stuck.
-  subroutine evaluate_events(s, t, q, up, contact, knots, w, g, margin)
+  subroutine evaluate_events(s, t, q, up, contact, marks, w, g, margin)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                           !! time [s]
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)        !! bottom row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)       !! the row above
     type(contact_t), intent(in) :: contact
-    integer, intent(in) :: knots(2, s%nx)               !! knots passed at the start of the sub-step
+    real(dp), intent(in) :: marks(N_MARK, s%nx)         !! of the law at the start of the sub-step
     type(row_t), intent(inout) :: w
     real(dp), intent(out) :: g(:, :)                    !! [N] or [m/s], [m], knots [m] and [m/s]
     real(dp), intent(out) :: margin(s%nx)               !! [N]
-    real(dp) :: fx(LB:s%n + LANES)
+    real(dp) :: fx(LB:s%n + LANES), p_rate(s%nx)
 
     call foundation(s, q(LB, UZ), w%p)
-    call other_forces(s, t, q, up, w, fx)
-    call event_functions(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, fx, w%p, q(LB, UZ), q(LB, VX), &
+    if (s%law%rests) call other_forces(s, t, q, up, w, fx)
+    call event_functions(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, fx, w%p, q(LB, UX), q(LB, UZ), q(LB, VX), &
                          g(:N_CONTACT, :), margin)
     if (s%prescribed) g(2, :) = w%p  ! no gap opens
     if (s%law%kinked) then
-      call knot_functions(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, knots, q(LB, UX), q(LB, VX), &
-                        g(N_CONTACT + 1:, :))
+      call foundation_rate(s, q(LB, UZ), q(LB, VZ), p_rate)
+      call knot_functions(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, marks, q(LB, UX), q(LB, VX), w%p, p_rate, &
+                          g(N_CONTACT + 1:, :))
     end if
   end subroutine evaluate_events
 

@@ -3,7 +3,7 @@ module pyfric_model
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES, UX, UZ, VX, VZ, padded, elements
   use pyfric_bonds, only: BONDS, N_BOND
-  use pyfric_law, only: law_t, new_law, N_TABLES, N_FIELDS
+  use pyfric_law, only: law_t, new_law, N_FIELDS
   implicit none (type, external)
   private
   public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, reflected
@@ -29,7 +29,10 @@ module pyfric_model
     integer(ip) :: right    !! the right side
     integer(ip) :: top      !! the top, which can also be HELD
     integer(ip) :: along    !! 1: dashpots act along the bonds only, 0: on the full relative velocity
-    integer(ip) :: n_memory !! numbers that the friction law remembers of each block
+    integer(ip) :: n_memory !! numbers that are saved of what the friction law remembers of each block
+    integer(ip) :: n_junctions !! junctions of each block, 0 for none
+    integer(ip) :: seed_low !! of them: the lower 32 bits
+    integer(ip) :: seed_high !! and the upper ones
     integer(ip) :: n_hold   !! knots of the friction law's tables
     integer(ip) :: n_slide
     integer(ip) :: n_speed
@@ -59,6 +62,7 @@ module pyfric_model
     real(dp) :: a_drv       !! its acceleration [m/s2]
     real(dp) :: load_rate   !! rate of F_N over F_N at t_seg [1/s]
     real(dp) :: shear_rate  !! rate of the force on each block of a free top row, along +x [N/s]
+    real(dp) :: ruptured    !! share of pinned junctions below which a block is ruptured
   end type constants_t
 
   type :: model_t
@@ -137,15 +141,16 @@ contains
     first = storage_size(c)/storage_size(s%l)
     c = transfer(numbers(:first), c)
     call take_constants(c, s)
-    call take_rows(numbers(first + 1:), n%n_memory, [n%n_hold, n%n_slide, n%n_speed, n%n_age], s)
+    call take_rows(numbers(first + 1:), n, c%ruptured, s)
     s%sheared = s%k_top > 0.0_dp .or. abs(s%shear_rate) > 0.0_dp .or. any(abs(s%shear) > 0.0_dp)
   end function new_model
 
-  !> Rows of N_x numbers: x [m], load and shear [N], k_f [N/m], the fields of the law; then the knots of its tables.
-  pure subroutine take_rows(numbers, n_memory, n_knots, s)
+  !> Rows of N_x numbers: x [m], load and shear [N], k_f [N/m], the fields of the law; then the knots of its tables, and
+  !> thresholds of junctions.
+  pure subroutine take_rows(numbers, n, ruptured, s)
     real(dp), intent(in) :: numbers(:)
-    integer(ip), intent(in) :: n_memory
-    integer(ip), intent(in) :: n_knots(N_TABLES)
+    type(counts_t), intent(in) :: n
+    real(dp), intent(in) :: ruptured  !! share of pinned junctions
     type(model_t), intent(inout) :: s
     integer, parameter :: ROWS = 4
     integer :: nx, last
@@ -156,7 +161,9 @@ contains
     s%shear = numbers(2*nx + 1:3*nx)
     s%k_f = numbers(3*nx + 1:4*nx)
     last = (ROWS + N_FIELDS)*nx
-    s%law = new_law(nx, n_memory, n_knots, numbers(last + 1:), reshape(numbers(ROWS*nx + 1:last), [nx, N_FIELDS]))
+    s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%d < 0.0_dp, ruptured, &
+                    [n%n_hold, n%n_slide, n%n_speed, n%n_age], numbers(last + 1:), &
+                    reshape(numbers(ROWS*nx + 1:last), [nx, N_FIELDS]))
   end subroutine take_rows
 
   pure subroutine take_constants(c, s)

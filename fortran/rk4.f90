@@ -79,7 +79,7 @@ contains
       call row_forces(s, j, t + NODE(stage)*sub, dn, row, up, mode, memory, carry(LB, 1, stage), b, fx, fz, w)
       if (j < low) return
       if (keep_budget .and. j >= j0 .and. j <= j1) then
-        call row_powers(s, j, t + NODE(stage)*sub, sub/6.0_dp*WEIGHT(stage), mode, row, up, rods(5, stage), w, &
+        call row_powers(s, j, t + NODE(stage)*sub, sub/6.0_dp*WEIGHT(stage), mode, memory, row, up, rods(5, stage), w, &
                         budget)
       end if
       if (j < s%nz .or. .not. s%rigid) then

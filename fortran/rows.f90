@@ -7,7 +7,8 @@ module pyfric_rows
   use pyfric_lattice, only: around_t, gather_forces, halve_bonds
   use pyfric_finite, only: forces_finite
   use pyfric_bond_energy, only: bond_power
-  use pyfric_boundaries, only: foundation, driver_force, driver_speed, load_share, mirror_sum, absorb, absorbed, reflected_row
+  use pyfric_boundaries, only: foundation, foundation_rate, driver_force, driver_speed, load_share, mirror_sum, absorb, absorbed, &
+                               reflected_row
   use pyfric_law, only: friction_force, friction_powers
   implicit none (type, external)
   private
@@ -25,8 +26,8 @@ module pyfric_rows
   type :: budget_t
     real(dp), allocatable :: dissipated(:)  !! in the bonds that start in each row
     real(dp), allocatable :: heat(:)        !! by friction under each bottom block
-    real(dp), allocatable :: above(:)       !! of it by what is above the kinetic strength
-    real(dp), allocatable :: viscous(:)     !! of it by alpha
+    real(dp), allocatable :: above(:)       !! of it by what is above the kinetic strength; on junctions that of dragging
+    real(dp), allocatable :: viscous(:)     !! of it by alpha; on junctions the work of their stiffness
     real(dp) :: work(2)                     !! of the driver, of the forces on the top
   end type budget_t
 
@@ -168,12 +169,13 @@ contains
   end subroutine row_forces
 
   !> Adds c times the powers that row j owns to the budget; row_forces has just been called.
-  pure subroutine row_powers(s, j, t, c, mode, q, up, v_rod, w, budget)
+  pure subroutine row_powers(s, j, t, c, mode, memory, q, up, v_rod, w, budget)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                !! row
     real(dp), intent(in) :: t               !! time [s]
     real(dp), intent(in) :: c               !! weight of this evaluation [s]
     integer(ip), intent(in) :: mode(s%nx)   !! contact states
+    real(dp), intent(in) :: memory(s%law%n_memory, s%nx) !! see pyfric_law
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)      !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)     !! the row above
     real(dp), intent(in) :: v_rod           !! Z' of the rod [m/s]
@@ -183,7 +185,7 @@ contains
     budget%dissipated(j) = budget%dissipated(j) + c*bond_power(s, j, q, up)
     if (s%prescribed) budget%dissipated(j) = budget%dissipated(j) + c*absorbed(s, j, q)
     if (j == 1) budget%heat = budget%heat - c*(w%f*q(s%at(:s%nx), VX))
-    if (j == 1 .and. .not. s%law%simple) call parts_of_heat(s, c, mode, q, w, budget)
+    if (j == 1 .and. .not. s%law%simple) call parts_of_heat(s, c, mode, memory, q, w, budget)
     if (j == s%j_h) budget%work(1) = budget%work(1) + c*(w%f_t*driver_speed(s, t))
     if (s%rigid) then
       if (j == s%nz) budget%work(2) = budget%work(2) - c*(s%f_n*load_share(s, t)*v_rod)
@@ -198,16 +200,18 @@ contains
   end subroutine row_powers
 
   !> Adds what of the friction heat is not that of its end value. Its arrays are made where they are needed only: that takes time.
-  pure subroutine parts_of_heat(s, c, mode, q, w, budget)
+  pure subroutine parts_of_heat(s, c, mode, memory, q, w, budget)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: c               !! weight of this evaluation [s]
     integer(ip), intent(in) :: mode(s%nx)   !! contact states
+    real(dp), intent(in) :: memory(s%law%n_memory, s%nx) !! see pyfric_law
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)      !! the bottom row
     type(row_t), intent(in) :: w
     type(budget_t), intent(inout) :: budget
-    real(dp) :: above(s%nx), viscous(s%nx)
+    real(dp) :: above(s%nx), viscous(s%nx), p_rate(s%nx)
 
-    call friction_powers(s%law, s%nx, s%n, s%at, mode, q(LB, VX), w%p, w%f, above, viscous)
+    call foundation_rate(s, q(LB, UZ), q(LB, VZ), p_rate)
+    call friction_powers(s%law, s%nx, s%n, s%at, mode, memory, q(LB, UX), q(LB, VX), w%p, p_rate, w%f, above, viscous)
     budget%above = budget%above + c*above
     budget%viscous = budget%viscous + c*viscous
   end subroutine parts_of_heat

@@ -252,7 +252,7 @@ contains
     run%tried = run%tried + merge(1.0_dp, run%tested_share, run%control%accepted)
     next = run%step + 1.0_dp
     if (run%no_substeps) then
-      call switch_contacts(s, next, method%t0 + next*method%dt, method%dt, new, contact, log, run%bottom_row)
+      call switch_contacts(s, next, method%t0 + next*method%dt, method%dt, 0.0_dp, new, contact, log, run%bottom_row)
     else
       call complete_substep(s, run%step, method%dt, run%error, new, contact, budget, log, run%bottom_row, run%control, run%status)
       run%sub = run%control%length

@@ -111,8 +111,8 @@ contains
         call row_forces(s, j, t_stage, y_stage(LB, 1, below), y_stage(LB, 1, j), y_stage(LB, 1, above), mode, memory, &
                         work(LB, CARRY), work(LB, BONDS), f(LB, 1, j, stage), f(LB, 2, j, stage), w)
         if (keep_budget) then
-          call row_powers(s, j, t_stage, sub*table%b(stage), mode, y_stage(LB, 1, j), y_stage(LB, 1, above), rod_stage(5), w, &
-                          budget)
+          call row_powers(s, j, t_stage, sub*table%b(stage), mode, memory, y_stage(LB, 1, j), y_stage(LB, 1, above), &
+                          rod_stage(5), w, budget)
         end if
         if (j == s%nz .and. s%rigid) then
           rod_a(:, stage) = rod_acceleration(s, t_stage, rod_stage(3), f(LB, 1, j, stage), f(LB, 2, j, stage))

@@ -341,5 +341,26 @@ def disorder(out: Path, runs: Path | None, tell: Tell) -> None:
     save_figure(figure, out / "disorder", f"{RUN} disorder", tell)
 
 
+@main.command(section="Physics")
+@figure_out_option
+@folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
+@click.option("--case", "cases", multiple=True, help="Only this case; may be repeated.")
+@telling
+def slow(out: Path, runs: Path | None, cases: tuple[str, ...], tell: Tell) -> None:
+    """Slow fronts on junctions: seeds, half the step, no spread, n_s, t_R (20 minutes).
+
+    Runs are kept in --runs; the next call goes on where this one was stopped.
+    """
+    folder = out / "runs" if runs is None else runs
+    check_folder(out)
+    import slow
+
+    if unknown := [name for name in cases if name not in slow.CASES]:
+        raise click.BadParameter(f"{unknown[0]!r}; known are {', '.join(slow.CASES)}")
+    records = slow.study(folder, cases or tuple(slow.CASES), say=tell.step)
+    save_figure(slow.figure(records), out / "slow", f"{RUN} slow", tell)
+    save_figure(slow.speed_figure(records), out / "speeds", f"{RUN} slow", tell)
+
+
 if __name__ == "__main__":
     main(prog_name="studies")

@@ -33,6 +33,8 @@ ENERGIES = (
     "elastic_driver",
 )
 """Order of the energies that leave the core. In a chain, "elastic_mattress" is that of k_top."""
+JUNCTIONS = "elastic_junctions"
+"""One more, where blocks stand on junctions."""
 
 
 def advance(
@@ -191,9 +193,14 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
 def energies(model: Model, state: State, t: float) -> dict[str, float]:
     """Return the energies of a state at time t (s), in J, by the names of `ENERGIES`.
 
+    On junctions there is one more, "elastic_junctions".
+
     Raises:
         ValueError: arrays do not fit the model.
     """
-    state.check(model.N_x)
-    values = _core.energy(*model, t, state.y.T, state.rod)
-    return dict(zip(ENERGIES, values.tolist(), strict=True))
+    state.check(model.N_x, n_memory=model.n_memory)
+    values = _core.energy(*model, t, state.y.T, state.rod, state.numbers.T)
+    found = dict(zip((*ENERGIES, JUNCTIONS), values.tolist(), strict=True))
+    if not model.on_junctions:
+        del found[JUNCTIONS]
+    return found

@@ -34,6 +34,9 @@ class Counts(NamedTuple):
     top: int
     along: int
     n_memory: int
+    n_junctions: int = 0
+    seed_low: int = 0
+    seed_high: int = 0
     n_hold: int = 0
     n_slide: int = 0
     n_speed: int = 0
@@ -67,6 +70,7 @@ class Constants(NamedTuple):
     a_drv: float
     load_rate: float
     shear_rate: float
+    ruptured: float = 0.0
 
 
 class Model(NamedTuple):
@@ -74,9 +78,9 @@ class Model(NamedTuple):
 
     Attributes:
         counts: `Counts`, int32.
-        numbers: `Constants`; x (m), load (p where it is prescribed), shear (N), k_f (N/m), mu_s,
-            mu_k, d_c (m), alpha (N s/m), of N_x numbers each; x and y of each knot of the friction
-            law's tables.
+        numbers: `Constants`; x (m), load (p where it is prescribed), shear (N), k_f (N/m) and the
+            five fields of the friction law, of N_x numbers each; x and y of each knot of its
+            tables; thresholds of junctions.
     """
 
     counts: np.ndarray
@@ -90,6 +94,11 @@ class Model(NamedTuple):
     def n_memory(self) -> int:
         """Numbers that the law remembers of each block."""
         return int(self.counts[Counts._fields.index("n_memory")])
+
+    @property
+    def on_junctions(self) -> bool:
+        """Whether blocks stand on junctions."""
+        return bool(self.counts[Counts._fields.index("n_junctions")])
 
 
 def _packed(counts: Counts, constants: Constants, *rows: np.ndarray) -> Model:
@@ -158,6 +167,12 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float, t: float = 0.0) -> Mo
     shear = scene.shear_at(t) + scene.d * (T.at(begin) - getattr(scene.top, "T", 0.0)) / scene.N_x
     rows, n_knots, knots = _interface(scene)
     counts = _counts(scene, geometry)._replace(**n_knots)
+    if not scene.law.rests:
+        kind = scene.law.kind
+        words = np.array([kind.seed % 2**32, kind.seed >> 32], np.uint32).view(np.int32)
+        counts = counts._replace(n_junctions=kind.n_s, seed_low=words[0], seed_high=words[1])
+        constants = constants._replace(ruptured=kind.ruptured)
+        knots = [*knots, scene.law.thresholds.ravel()]
     packed = _packed(counts, constants, scene.x, load, shear, *rows, *knots)
     if not np.isfinite(packed.numbers).all():
         raise ValueError(f"constants of the scene are not finite: {constants}")
@@ -167,9 +182,9 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float, t: float = 0.0) -> Mo
 def _interface(scene: Scene) -> tuple[list[np.ndarray], dict[str, int], list[np.ndarray]]:
     """Return the fields of the interface, the numbers of knots of its law, and the knots."""
     law, N_x = scene.law, scene.N_x
-    fields = (scene.k_f, law.mu_s, law.mu_k, law.d_c, law.alpha)
+    fields = (scene.k_f, *law.core_fields)
     rows = [np.broadcast_to(np.asarray(field, dtype=float), (N_x,)) for field in fields]
-    tables = {name: table for name, table in law.tables._asdict().items() if table is not None}
+    tables = {name: table for name, table in law.core_tables._asdict().items() if table is not None}
     n_knots = {f"n_{name}": len(table.x) for name, table in tables.items()}
     return rows, n_knots, [np.column_stack([table.x, table.y]).ravel() for table in tables.values()]
 
@@ -193,4 +208,4 @@ def springs(
         m=scene.m if m is None else m,
     )
     counts = _counts(scene, geometry)._replace(rigid=0, prescribed=0, left=0, right=0, top=0)
-    return _packed(counts, constants, scene.x, np.zeros(7 * scene.N_x))
+    return _packed(counts, constants, scene.x, np.zeros(8 * scene.N_x))

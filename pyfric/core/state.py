@@ -46,10 +46,12 @@ class State:
         mode: contact of the bottom blocks, shape (N_x,), int32: 0 stuck, +1 or -1 slips to that
             side, 2 open.
         corner: 1 where the present or last slip is a corner episode, shape (N_x,), int32.
-        margin: mu_s p - |f other than friction| at the last step, shape (N_x,), in N.
+        margin: mu_s p - |f other than friction| at the last step, shape (N_x,), in N; on junctions:
+            how many may break before the block is ruptured.
         memory: what the friction law remembers of each bottom block, by the names that the law
             gives, shape (N_x,), a structured array of numbers; `state.s_0` is `memory["s_0"]`.
-        loss: kinetic energy removed where a switch stopped a block, shape (N_x,), in J.
+        loss: kinetic energy removed where a switch stopped a block, shape (N_x,), in J; on
+            junctions: heat of breaks and of pinning.
         dissipated: heat of the bonds that start in each row, shape (N_z,), in J.
         heat: friction heat under each block, shape (N_x,), in J.
         work: of the driver and of the forces on the top (load, shear), shape (2,), in J.
@@ -58,13 +60,14 @@ class State:
         dt: time step, in s.
         u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m.
         parts: what of `heat` went into friction above mu_k p, and what into alpha, shape (2, N_x),
-            in J. None means 0.
+            in J; on junctions: heat of dragging, and work of their stiffness. None means 0.
         sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 for dt.
 
     Laws given by tables remember two numbers of each bottom block: s_0, its slip since it last
     stuck, less mode u_x while it slips, in m (see `slip`; an open block keeps what it had slipped,
     and moving without contact is not slip), and t_0, the time at which it stuck, or began to slip
-    after a stick, in s.
+    after a stick, in s. A law of junctions remembers of each, shape (N_x, n_s): anchor (m), pinned
+    (1 or 0), release (s), the time at which it pins or did, and breaks, how often it broke.
     """
 
     y: np.ndarray
@@ -228,7 +231,7 @@ class State:
                 raise StateError(f"state.{name}: holds values that are not finite")
         if not np.isin(self.mode, (STUCK, 1, -1, OPEN)).all():
             raise StateError(f"state.mode: {self.mode}, allowed: 0, 1, -1, 2")
-        if (self.y[0, 2, self.mode == STUCK] != 0).any():
+        if scene.law.rests and (self.y[0, 2, self.mode == STUCK] != 0).any():
             raise StateError("state: a stuck block moves")
         if scene.rigid:
             X, Z, phi = self.rod[:3]

@@ -28,7 +28,7 @@ import numpy as np
 
 from pyfric.display import html
 from pyfric.engines.cost import full_work, machine_speed, work
-from pyfric.engines.options import Fidelity, Options, Want, step_size
+from pyfric.engines.options import Fidelity, Options, Want, default_switching, step_size
 from pyfric.engines.pilot import (
     counted,
     expected_end,
@@ -44,7 +44,7 @@ from pyfric.engines.verification import CHEAP, LOOSEST, budget
 from pyfric.record import RESOLVED, zone_of_scene
 from pyfric.scene import Geometry, check_number, default_geometry
 from pyfric.signals import at_once
-from pyfric.statics import one_thread_if_small, stability_limit
+from pyfric.statics import NO_RESTS, one_thread_if_small, stability_limit
 
 if TYPE_CHECKING:
     from pyfric.core import Switching
@@ -233,6 +233,9 @@ class _Choice:
         scene, full = self.scene, full_work(self.scene, self.geometry, self.dt, self.t_end)
         if scene.prescribed and scene.N_z > 1:
             return self._full("a prescribed interface in two dimensions has no static states")
+        if not scene.law.rests:
+            self.reasons.append(f"quasistatic: {NO_RESTS}")
+            return self._full(NO_RESTS)
         if not scene.has_rests:
             return self._full("a push, or no driver, has full dynamics only")
         if self.want == "motion":
@@ -265,7 +268,7 @@ class _Choice:
         return self._made(
             fidelity="dynamic",
             geometry=self.geometry,
-            switching=self.options.switching or "located",
+            switching=self.options.switching or default_switching(self.scene),
             dt=self.dt,
             assumptions=(*needs, self._resolution()),
             error=self.error,
@@ -362,7 +365,7 @@ class _Choice:
         Half the lattice constant takes 8 times the time: 4 times the blocks, twice the steps.
         """
         scene = self.scene
-        if chosen.want != "front_speed":
+        if chosen.want != "front_speed" or not scene.law.rests:
             return chosen
         blocks = zone_of_scene(scene)
         need = RESOLVED * max(1.0, RESOLVED_ERROR / chosen.tolerance)
@@ -472,7 +475,7 @@ def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, floa
 
 def _events_size(scene: Scene, t_end: float) -> float:
     """Return the size of the events of a record, in bytes."""
-    if not scene.has_rests:
+    if not (scene.has_rests and scene.law.rests):
         return 0.0
     return 8.0 * pilot_run(scene, t_end).events * (9 * scene.N_x + 40)
 
@@ -483,6 +486,6 @@ def long_note(scene: Scene, length: float, geometry: Geometry, dt: float) -> str
     if seconds <= LONG:
         return ""
     hint = "larger blocks take less: twice l, about a tenth of the time"
-    if not scene.prescribed:
+    if scene.law.rests and not scene.prescribed:
         hint = f"fidelity = 'hybrid' often takes a small part of that; {hint}"
     return f"dynamic: this run takes about {seconds / 60:.2g} minutes on one core; {hint}"

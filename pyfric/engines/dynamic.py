@@ -29,6 +29,7 @@ from pyfric.record import (
     Record,
     budget_error,
     build_catalogue,
+    held_in,
     versions,
     zone_notes,
 )
@@ -125,6 +126,7 @@ class Run:
         self.switches: list[Mapping[str, np.ndarray]] = []
         self.quiet: list[Mapping[str, np.ndarray]] = []
         self.rows: list[list[float]] = []
+        self.motion: list[dict[str, np.ndarray]] = []  # beside each row, where the law has any
         self.timings: dict[str, float] = {}
         self.events, self.last_slip = 0, -math.inf
         self.steps, self.seconds, self.rate = 0, 0.0, 0.0
@@ -138,6 +140,9 @@ class Run:
             self._add_logs(before.switches, before.quiet)
             between = state.step % method.sample != 0
             self.rows = before.curve.to_numpy().tolist()[: -1 if between else None]
+            kept = zip(*before.motion.values(), strict=True)
+            self.motion = [dict(zip(before.motion, one, strict=True)) for one in kept]
+            del self.motion[len(self.rows) :]
 
     def before_call(self, last: int) -> None:
         """Do what an engine does instead of making steps; step number last may be reached."""
@@ -173,13 +178,9 @@ class Run:
         """Names of the columns of the curve."""
         names = ["t", "F_T"]
         if self.method.budget:
-            names += [*core.ENERGIES, "work_driver", "work_load"]
-            names += ["dissipated_bonds", "friction_heat", "switching_loss"]
-        return names + (["weakening_heat", "viscous_heat"] if self._parts() else [])
-
-    def _parts(self) -> bool:
-        """Return whether the curve tells what of the friction heat is not that of mu_k."""
-        return self.method.budget and not self.scene.law.coulomb
+            names += [*core.energies(self.model, self.state, self.state.t)]
+            names += ["work_driver", "work_load", "dissipated_bonds", *self.scene.law.budget_names]
+        return names
 
     def curve(self) -> pd.DataFrame:
         """Return the loading curve so far."""
@@ -194,10 +195,19 @@ class Run:
         if self.method.budget:
             row += core.energies(self.model, state, state.t).values()
             row += state.work.tolist()
-            row += [math.fsum(part.tolist()) for part in (state.dissipated, state.heat, state.loss)]
-        if self._parts():
-            row += map(math.fsum, state.parts.tolist())
+            of_interface = scene.law.budget(state.heat, state.loss, state.parts)
+            row += [math.fsum(part.tolist()) for part in (state.dissipated, *of_interface)]
         self.rows.append(row)
+        if motion := scene.law.in_motion(state.memory):
+            f = core.evaluate(self.model, state, state.t).f
+            motion |= {"u_x": state.y[0, 0].copy(), "v_x": state.y[0, 2], "f": f}
+            types = held_in("motion")
+            self.motion.append({k: v.astype(types[k].dtype) for k, v in motion.items()})
+
+    def _motion(self) -> dict[str, np.ndarray]:
+        """Return the motion so far, arrays (points of the curve, N_x) by name."""
+        names = self.motion[0] if self.motion else ()
+        return {name: np.array([one[name] for one in self.motion]) for name in names}
 
     def advance(
         self,
@@ -398,6 +408,7 @@ class Run:
         """Go back to the last good state, and from there to a sound step, with all that is kept."""
         state, _, self.steps, self.evaluations, self.rows, self.switches, self.quiet = self.good
         self.state, every = state.copy(), self.method.sample
+        del self.motion[len(self.rows) :]
         while self.state.step < step:
             self._make(min(step, (self.state.step // every + 1) * every) - self.state.step)
             if self.state.step % every == 0:
@@ -438,7 +449,8 @@ class Run:
         if self.rows[-1][0] != state.t:
             self.sample()
         curve, notes = self.curve(), self.notes() + zone_notes(scene, self.name, catalogue)
-        del self.rows[here:]
+        motion = self._motion()
+        del self.rows[here:], self.motion[here:]
         timings = self.timings | {"catalogue": time.perf_counter() - start}
         if self.before is not None:
             timings = {k: v + self.before.timings.get(k, 0.0) for k, v in timings.items()}
@@ -454,6 +466,7 @@ class Run:
             p_initial=self.solver.known.loaded.p,
             quiet=quiet,
             switches=switches,
+            motion=motion,
             versions=versions(),
             timings=timings,
             counts=self.counts(),

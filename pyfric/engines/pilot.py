@@ -118,7 +118,8 @@ def pilot_run(scene: Scene, t_end: float) -> Pilot:
 
 def expected_end(scene: Scene, t_end: float, stop_when: tuple[str, ...] | None) -> float:
     """Return when a run to t_end (s) ends, as the pilot run meets its conditions, in s."""
-    record = pilot_run(scene, t_end).record if stop_when and scene.has_rests else None
+    static = scene.has_rests and scene.law.rests
+    record = pilot_run(scene, t_end).record if stop_when and static else None
     if record is None:
         return t_end
     seen = stopping_of(stop_when, record.scene, longest_pause(scene), None, t_end)

@@ -48,6 +48,7 @@ from pyfric.statics import (
     Contact,
     ContactProblem,
     EquilibriumError,
+    check_sticks,
 )
 
 if TYPE_CHECKING:
@@ -370,6 +371,7 @@ def simulate(
     """
     if not isinstance(initial, Record | None):
         raise StateError(f"initial: the {engine} engine goes on from records only")
+    check_sticks(scene)
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     beyond = beyond_ladder(scene) if engine == "quasistatic" else None
     if beyond:

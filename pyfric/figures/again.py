@@ -16,11 +16,13 @@ if TYPE_CHECKING:
 __all__ = ["LEAD", "Again", "check_event"]
 
 LEAD = 20
-"""Steps between the state that the hybrid engine gives and the event."""
+"""Steps between the state that a run up to it gives and the event."""
 
 
 class Again:
     """An event run again, from a state shortly before it, which the hybrid engine gives.
+
+    On junctions full dynamics gives it, which takes as long as the run up to there did.
 
     Attributes:
         model, state: of the core; the state changes with `to`.
@@ -46,7 +48,8 @@ class Again:
         if method.rtol is not None:
             self.steps["rtol"] = method.rtol
         how = {"geometry": method.geometry, "dt": method.dt, "progress": False}
-        again = simulate(scene, begin, fidelity="hybrid", **how, **self.steps)
+        engine = "hybrid" if scene.law.rests else "dynamic"
+        again = simulate(scene, begin, fidelity=engine, **how, **self.steps)
         self.state: State = again.final_state
         before = record.events["t_stop"] < begin
         same = record.final_state.u_drv0 == self.state.u_drv0 and len(again.events) == before.sum()

@@ -1,4 +1,4 @@
-"""One event over space and time: slip rate, with wave speeds and theory as lines."""
+"""One event over space and time: slip rate, or share of pinned junctions, with lines."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from pyfric.figures.style import (
     style,
 )
 from pyfric.record import energy_release, front
+from pyfric.scene import SceneError
 from pyfric.signals import at_once
 
 if TYPE_CHECKING:
@@ -43,6 +44,8 @@ SLOW = 0.1
 """In the first third of a front, steps from block to block below this share of c_R are creep."""
 ROUNDED = 1e-6
 """A scaled prestress that is 1 but for rounding."""
+INSTANTS = 20
+"""Fewest instants of a picture that the record itself holds."""
 SHORTEST = 4
 """Fewest steps that a front is taken to need."""
 
@@ -51,9 +54,12 @@ SHORTEST = 4
 def space_time(record: Record, event: int) -> DataFigure:
     """Draw the slip rate along the interface over time, with wave speeds and theory as lines.
 
-    The event is run again with full dynamics. Lines begin where and when the front starts to
-    run: c_R (dash-dotted), c_S (dotted) and c_L (dashed), in a chain c alone; black: the rupture
-    times of the record; purple: theory (`theory_times`).
+    The event is run again with full dynamics. On junctions the colour is the share of them that is
+    pinned, at the times of the record's curve: `sample` says how close these are.
+
+    Lines begin where and when the front starts to run: c_R (dash-dotted), c_S (dotted) and c_L
+    (dashed), in a chain c alone; black: the rupture times of the record; purple: theory
+    (`theory_times`).
 
     Args:
         record: a run of the hybrid or the dynamic engine, from the loaded slider on.
@@ -61,16 +67,20 @@ def space_time(record: Record, event: int) -> DataFigure:
 
     Returns:
         The figure, with the tables "slip_rate" (n, x_over_L, t_s, v_m_per_s), "lines" (name,
-        speed_m_per_s, x_over_L, t_s) and "front".
+        speed_m_per_s, x_over_L, t_s) and "front". On junctions the first one is "pinned" (n,
+        x_over_L, t_s, share).
 
     Raises:
-        SceneError: no such event, another engine, or a run that cannot be made again.
+        SceneError: no such event, another engine, a run that cannot be made again, or too few
+            points of the curve.
     """
     check_event(record, event)
-    again = Again(record, event)
-    t, v = _slip_rates(record, again, _window(record, event))
-    if not v.any():
-        raise another_start()
+    if record.motion:
+        t, v = _pinned_shares(record, _window(record, event))
+    else:
+        t, v = _slip_rates(record, Again(record, event), _window(record, event))
+        if not v.any():
+            raise another_start()
     lines = pd.concat([wave_lines(record, event), theory_times(record, event)], ignore_index=True)
     fig = _drawn(record, event, t, v, lines)
     N_x, n = record.scene.N_x, np.arange(1, record.scene.N_x + 1)
@@ -78,9 +88,10 @@ def space_time(record: Record, event: int) -> DataFigure:
         "n": np.tile(n, len(t)),
         "x_over_L": np.tile((n - 1) / (N_x - 1), len(t)),
         "t_s": np.repeat(t, N_x),
-        "v_m_per_s": v.ravel(),
+        "share" if record.motion else "v_m_per_s": v.ravel(),
     }
-    fig.tables = {"slip_rate": pd.DataFrame(rates), "lines": lines, "front": front(record, event)}
+    name = "pinned" if record.motion else "slip_rate"
+    fig.tables = {name: pd.DataFrame(rates), "lines": lines, "front": front(record, event)}
     fig.caption = _caption(record, event, lines)
     return fig
 
@@ -164,9 +175,12 @@ def _chain_speeds(scene: Scene, scaled: np.ndarray) -> np.ndarray:
 
 
 def _origin(record: Record, event: int) -> tuple[float, float]:
-    """Return x/L and t where the front starts to run: its first slip, slow creep left out."""
+    """Return x/L and t where the front starts to run: its first slip, slow creep left out.
+
+    On junctions fronts may be slow: it is where the event starts.
+    """
     table = front(record, event)
-    if table.empty:
+    if table.empty or record.motion:
         row = record.events.loc[event]
         return float(row["x_nucleation"] / record.scene.slider.L), float(row["t_start"])
     first = int(table["t"].argmin())
@@ -181,7 +195,7 @@ def _window(record: Record, event: int) -> tuple[float, float]:
     """Return the times between which the event is shown, s."""
     times, row = record.rupture_times[record.row(event)], record.events.loc[event]
     known = times[np.isfinite(times)]
-    begin = known.min() if known.size else row["t_start"]
+    begin = known.min() if known.size and not record.motion else row["t_start"]
     span = known.max() - begin if known.size > 1 else row["duration"]
     span = np.fmax(span, SHORTEST * record.method.dt)  # a duration may be unknown
     return max(begin - BEFORE * span, 0.0), begin + (1 + AFTER) * span
@@ -207,6 +221,17 @@ def _slip_rates(
     return np.array(times), np.array(rates)
 
 
+def _pinned_shares(record: Record, window: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return times (s) and shares of pinned junctions from the trailing edge, (times, N_x)."""
+    t = record.curve["t"].to_numpy()
+    shown = (t >= window[0]) & (t <= window[1])
+    if shown.sum() < INSTANTS:
+        sample, length = record.method.sample * record.method.dt, window[1] - window[0]
+        allowed = f"at most {length / INSTANTS:.2g} s to show this event"
+        raise SceneError("sample", sample, "s", allowed, "the record has too few points there")
+    return t[shown], record.motion["pinned"][shown][:, np.argsort(record.scene.n_of_i)]
+
+
 def _drawn(
     record: Record, event: int, t: np.ndarray, v: np.ndarray, lines: pd.DataFrame
 ) -> DataFigure:
@@ -218,9 +243,12 @@ def _drawn(
     half = 0.5 / (N_x - 1)
     below, above = (t[0] - t_0) * scale, (t[-1] - t_0) * scale
     most = float(np.quantile(np.abs(v[np.abs(v) > 0]), 0.99)) if v.any() else 1e-12
+    look = {"cmap": "RdBu_r", "vmin": -most, "vmax": most}
+    if record.motion:
+        look = {"cmap": "viridis", "vmin": 0, "vmax": 1}
     image = axes.imshow(
         v, extent=(-half, 1 + half, below, above), origin="lower", aspect="auto",
-        cmap="RdBu_r", vmin=-most, vmax=most, interpolation="nearest",
+        interpolation="nearest", **look,
     )  # fmt: skip
     _lines(axes, lines, t_0, scale)
     table = front(record, event)
@@ -228,6 +256,7 @@ def _drawn(
     at = (table["t"] - t_0) * scale
     axes.plot(table["x_over_L"], at, color=BLACK, ms=3, label="rupture times", **look)
     far = max(AROUND * np.ptp(table["x_over_L"]), LEAST * 2 * half) if len(table) else 1.0
+    far = 1.0 if record.motion else far
     axes.set_xlim(
         max(table["x_over_L"].min() - far, 0.0) - half,
         min(table["x_over_L"].max() + far, 1.0) + half,
@@ -236,7 +265,10 @@ def _drawn(
     axes.set_xlabel(r"position $x/L$ from the trailing edge")
     axes.set_ylabel(f"time from the start of the front ({unit})")
     legend(fig, loc="outside upper center", ncols=5)
-    colour_bar(fig, image, axes, "slip rate along the drive (m/s)")
+    if record.motion:
+        colour_bar(fig, image, axes, "share of pinned junctions", extend="neither")
+    else:
+        colour_bar(fig, image, axes, "slip rate along the drive (m/s)")
     return fig
 
 
@@ -268,16 +300,18 @@ def _caption(record: Record, event: int, lines: pd.DataFrame) -> str:
         for name, speed in zip(named["name"], named["speed_m_per_s"], strict=True)
         if name not in ("exact", "LEFM")
     )
+    shown = "Share of pinned junctions in" if record.motion else "Slip rate of"
+    again = ", run again with full dynamics from a state just before it" * (not record.motion)
     what = (
-        f"Slip rate of event {event} (first slip at t = {row['t_start']:.6g} s, "
-        f"L_p/L = {row['L_p_over_L']:.3g}), run again with full dynamics from a state just before "
-        f"it. Lines from where the front starts to run: {waves}."
+        f"{shown} event {event} (first slip at t = {row['t_start']:.6g} s, "
+        f"L_p/L = {row['L_p_over_L']:.3g}){again}. Lines from where the front starts to run: "
+        f"{waves}."
     )
     if (named["name"] == "exact").any():
         what += " Purple: the exact speed of steady fronts at the local prestress."
     if (named["name"] == "LEFM").any():
         what += " Purple: fracture mechanics, g_II(v) G = Gamma, with G of static states."
-    if row["share_X_c0"] < 1:
+    if row["share_X_c0"] < 1 and not record.motion:
         what += (
             f" {100 * row['share_X_c0']:.0f} % of the front's blocks have six or more blocks in "
             "their cohesive zone: the lattice sets its speed."

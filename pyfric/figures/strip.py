@@ -1,7 +1,7 @@
 """One event as pictures: the velocity field of the slider with the interface below it.
 
 The event is run again with full dynamics from a state shortly before it, which the hybrid engine
-gives.
+gives, or on junctions full dynamics.
 """
 
 from __future__ import annotations

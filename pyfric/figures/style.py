@@ -108,9 +108,11 @@ def mark(axes: Axes, value: float, text: str, *, vertical: bool = False, **where
     )
 
 
-def colour_bar(fig: DataFigure, image: Any, axes: Any, text: str, **where: Any) -> None:
+def colour_bar(
+    fig: DataFigure, image: Any, axes: Any, text: str, extend: str = "both", **where: Any
+) -> None:
     """A bar of the colours of an image, beside the axes."""
-    bar = fig.colorbar(image, ax=axes, extend="both", pad=0.01, aspect=30, **where)
+    bar = fig.colorbar(image, ax=axes, extend=extend, pad=0.01, aspect=30, **where)
     bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2)
     bar.outline.set_linewidth(0.6)
     bar.set_label(text, fontsize=SMALL)

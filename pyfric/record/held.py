@@ -89,6 +89,7 @@ GROUPS = {
     "events": "event_",
     "episodes": "episode_",
     "interface": "",
+    "motion": "motion_",
     "quiet": "quiet_",
     "switches": "switch_",
     "final_state": "final_",
@@ -194,6 +195,7 @@ curve     t       elastic_bonds?      f8 J   elastic energy of the bonds
 curve     t       elastic_foundation? f8 J   elastic energy of the foundation
 curve     t       elastic_mattress?   f8 J   elastic energy of the mattress, in a chain of k_top
 curve     t       elastic_driver?     f8 J   elastic energy of the driver's spring
+curve     t       elastic_junctions?  f8 J   elastic energy of the junctions of the interface
 curve     t       work_driver?        f8 J   work of the driver's motion
 curve     t       work_load?          f8 J   work of the forces on the top
 curve     t       dissipated_bonds?   f8 J   heat of the dashpots of the bonds
@@ -201,6 +203,7 @@ curve     t       friction_heat?      f8 J   heat of friction
 curve     t       switching_loss?     f8 J   kinetic energy removed where a switch stops a block
 curve     t       weakening_heat?     f8 J   heat of friction above mu_k p
 curve     t       viscous_heat?       f8 J   heat of the viscosity of slip
+curve     t       stiffness_work?     f8 J   work of the stiffness of junctions, which follows p
 curve     t       drive?              f8 m   displacement of the driver
 curve     t       L_p_over_L?         f8 1   length slipped or open from the trailing edge, over L
 episodes  episode n                   i8 1   number of the block, 1 at the trailing edge
@@ -225,8 +228,16 @@ interface x       drawn_mu_k?         f8 1   kinetic friction coefficient as dra
 interface x       drawn_d_c?          f8 m   slip over which friction weakens, as drawn
 interface x       drawn_alpha?        f8 N_s/m viscosity of slip as drawn
 interface x       drawn_k_f?          f8 N/m stiffness of the foundation as drawn
+interface x       drawn_u_s?          f8 m   stretch at which junctions break, as drawn
+interface x       drawn_C?            f8 N/m2 constant of the stiffness of junctions, as drawn
+interface x       drawn_t_R?          f8 s   mean time that junctions slip, as drawn
+interface x       drawn_t_R_std?      f8 s   its standard deviation, as drawn
 interface x       tau_initial         f8 N   friction force at t = 0
 interface x       p_initial           f8 N   contact force at t = 0
+motion    t,x     pinned?             f4 1   share of the junctions of a block that is pinned
+motion    t,x     u_x?                f8 m   tangential displacement of the bottom row
+motion    t,x     v_x?                f4 m/s tangential velocity of the bottom row
+motion    t,x     f?                  f4 N   friction force on the bottom row, positive to the right
 quiet     quiet   step                i8 1   time step
 quiet     quiet   t                   f8 s   time
 quiet     quiet   kind                i4 1   +1 slip begins, -1 slip ends, corner slip left out

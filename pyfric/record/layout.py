@@ -48,9 +48,9 @@ SCHEMA = 7
 """Version of the file layout that this module writes and reads."""
 DRAWN = "drawn_"
 """Begins the names of fields of the interface as they were drawn, on x."""
-SHOWN = ("curve", "events", "interface")
+SHOWN = ("curve", "events", "interface", "motion")
 """Groups of a Dataset: what happened, without the logs that it was found from."""
-PLAIN = ("curve", "events", "episodes", "quiet", "switches")
+PLAIN = ("curve", "events", "episodes", "motion", "quiet", "switches")
 """Groups that are fields of a record."""
 CSV = {
     ("curve", ("t",)): "curve",
@@ -89,6 +89,7 @@ def held_by(record: Record) -> Iterator[tuple[Held, np.ndarray]]:
         "events": record.events,
         "episodes": record.episodes,
         "interface": coordinates | drawn | record.arrays,
+        "motion": record.motion,
         "quiet": record.quiet,
         "switches": record.switches,
     }

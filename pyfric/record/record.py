@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["Record"]
 
 TABLES = ("curve", "events", "episodes")
-LOGS = ("quiet", "switches")
+LOGS = ("quiet", "switches", "motion")
 EDGES = ("tau_initial", "p_initial")
 
 
@@ -88,6 +88,9 @@ class Record:
     quiet, switches
         The logs as dicts of arrays (`QUIET_COLUMNS`, `SWITCH_COLUMNS` of `catalogue`); what
         the catalogue was made from, and what it is made from again when the run goes on.
+    motion
+        What blocks do at the times of the curve, on junctions: pinned, the share of junctions that
+        is, u_x (m), v_x (m/s) and f (N), shape (points of the curve, N_x); else empty.
     versions, timings
         Names to version texts, and names to seconds.
     counts
@@ -118,6 +121,7 @@ class Record:
     p_initial: np.ndarray
     quiet: Mapping[str, np.ndarray]
     switches: Mapping[str, np.ndarray]
+    motion: Mapping[str, np.ndarray] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     timings: Mapping[str, float] = field(default_factory=dict)
     counts: Mapping[str, int] = field(default_factory=dict)
@@ -128,6 +132,7 @@ class Record:
 
     def __post_init__(self) -> None:
         sizes = {"x": self.scene.N_x, "event": len(self.__dict__["_events"])}
+        sizes["t"] = len(self.__dict__["_curve"])
         edges = {name: getattr(self, name) for name in EDGES}
         frozen: dict[str, Any] = _read_only(checked("interface", edges, sizes, EDGES))
         arrays = checked("interface", self.arrays, sizes, found_arrays())

@@ -8,7 +8,8 @@ show up as a very slow front.
 
 The default ``link_time`` is 40 l/c_s with c_s = l sqrt(k/(2 m)), the shear speed of the lattice.
 One pause of that length makes v_c = 4 l/(40 l/c_s) = 0.1 c_s, so one pause cannot by itself pass
-for a slow front (v_c < 0.05 c_s), while a steady front is followed down to 0.025 c_s.
+for a slow front (v_c < 0.05 c_s), while a steady front is followed down to 0.025 c_s. On junctions
+fronts wait for those that slip: there it is the mean time t_R of that, if that is longer.
 
 Arrays over blocks run from left to right, times are in s, speeds in m/s.
 """
@@ -40,8 +41,9 @@ begin (a definition)."""
 
 
 def default_link_time(scene: Scene) -> float:
-    """Default ``link_time`` of a front, s: 4 l/(0.1 c_s) = 40 sqrt(2 m/k)."""
-    return AVERAGED / SLOWEST * float(np.sqrt(2 * scene.m / scene.slider.k))
+    """Default ``link_time`` of a front, s: 4 l/(0.1 c_s) = 40 sqrt(2 m/k), or the law's own."""
+    of_waves = AVERAGED / SLOWEST * float(np.sqrt(2 * scene.m / scene.slider.k))
+    return max(of_waves, scene.law.slowest)
 
 
 def rupture_front(first_slips: np.ndarray, n_of_i: np.ndarray, link_time: float) -> np.ndarray:

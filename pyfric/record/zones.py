@@ -150,7 +150,7 @@ def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ..
     fast = np.isfinite(speeds) & main[:, None]
     blocks = catalogue.arrays["X_c0_over_l"][fast]
     blocks = blocks[np.isfinite(blocks)]
-    if not blocks.size:
+    if not blocks.size or not scene.law.rests:  # on junctions there is no cohesive zone
         return ()
     if not scene.law.weakens:
         return (f"{engine}: front speeds are set by the lattice (d_c = 0)",)

@@ -39,8 +39,10 @@ def check(scene: Scene) -> None:
 
 def _check_fields(scene: Scene) -> None:
     """Check the fields of the interface block by block, from the trailing edge on."""
-    for name, mark in quantities(Interface).items():
-        given = getattr(scene.interface, name)
+    law = scene.interface.law
+    marks = quantities(Interface) | {n: quantities(type(law))[n] for n in law.fields}
+    for name in scene.fields:
+        mark, given = marks[name], getattr(law if name in law.fields else scene.interface, name)
         if isinstance(given, tuple) and len(given) != scene.N_x:
             allowed = f"{mark.allowed}: here {scene.N_x}"
             raise SceneError(

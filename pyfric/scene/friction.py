@@ -106,11 +106,55 @@ class Law:
         """Names and shapes of what the law remembers of a block, all of them numbers."""
         return CLOCKS
 
-    def memory_at(self, t: float, N_x: int) -> np.ndarray:
-        """Return the memory of N_x blocks that stick or slip since t (s), shape (N_x,)."""
-        memory = np.zeros(N_x, self.memory)
+    @property
+    def rests(self) -> bool:
+        """Whether a block can stick: its u_x then stays. Only full dynamics follows other laws."""
+        return True
+
+    @property
+    def slowest(self) -> float:
+        """Longest mean time that the law itself gives contacts to change, in s."""
+        return 0.0
+
+    def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
+        """Return what the curve of a run holds of the memory of blocks, by name, (N_x,) each."""
+        return {}
+
+    def begin(
+        self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return margins (`State.margin`) and memory of blocks at rest since t (s).
+
+        Args:
+            t: time, in s.
+            u_x: displacements, shape (N_x,), in m.
+            p: normal forces, shape (N_x,), in N.
+            f: friction forces on the blocks, along +x, shape (N_x,), in N.
+            d: direction of driving.
+        """
+        memory = np.zeros(len(p), self.memory)
         memory["t_0"] = t
-        return memory
+        return self.margin(p, f), memory
+
+    @property
+    def core_fields(self) -> tuple[Any, ...]:
+        """The fields that the core takes, numbers or one for each column."""
+        return self.mu_s, self.mu_k, self.d_c, self.alpha, 0.0
+
+    @property
+    def core_tables(self) -> Tables:
+        """The tables that the core takes."""
+        return self.tables
+
+    @property
+    def budget_names(self) -> tuple[str, ...]:
+        """Names of what `budget` returns."""
+        parts = () if self.coulomb else ("weakening_heat", "viscous_heat")
+        return "friction_heat", "switching_loss", *parts
+
+    def budget(self, heat: Any, loss: Any, parts: Any) -> list[Any]:
+        """Return what the interface adds to an energy budget, of what the core keeps (`State`)."""
+        return [heat, loss, *([] if self.coulomb else parts)]
 
     @property
     def drop(self) -> Any:

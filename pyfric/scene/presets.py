@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 from pyfric.scene.change import changed, full_name, scene_fields
 from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.laws import FrictionLaw
+from pyfric.scene.laws.junctions import Junctions
 from pyfric.scene.parts import (
     PARTS,
     DistributedLoad,
@@ -42,6 +43,7 @@ __all__ = [
     "setup1",
     "setup2",
     "slab",
+    "slow",
     "tpv3",
 ]
 
@@ -113,6 +115,20 @@ _SETUP2 = Scene(
     interface=_PAPER,
     name="setup2",
 )
+_SLOW = Scene(
+    slider=Slider(L=0.14, H=0.075, l=2.5e-3, k=13.5e6, M=0.0756),
+    top=Rod(F_N=1920.0),
+    driver=Driver(K=4e6, V=0.4e-3, h=5e-3),
+    interface=Interface(
+        mu_s=0.4,
+        mu_k=0.17,
+        k_f=6.75e6,
+        law=Junctions(
+            n_s=100, u_s=0.4 * math.sqrt(1920.0 / 57 / (100 * 39.2e9)), t_R=2e-3, t_R_std=0.6e-3
+        ),
+    ),
+    name="slow",
+)
 _CHAIN = Scene(
     slider=Slider(L=0.14, H=0.0, l=2.5e-3, k=5.4e8, M=0.0756),
     top=PrescribedLoad(p=3500.0 / 57),
@@ -166,6 +182,28 @@ def setup1(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     Source: PRL 107, 074301 (2011), Fig. 1 and its caption.
     """
     return _made(_SETUP1, {**(changes or {}), **fields}, slider_M=_mass)
+
+
+def slow(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
+    """Return setup 1 on an interface of junctions, whose fronts may slow down to 1 % of c_S.
+
+    L = 140 mm, H = 75 mm, l = 2.5 mm, k = 13.5 MN/m, M = 75.6 g, F_N = 1920 N, K = 4 MN/m,
+    V = 0.4 mm/s, h = 5 mm, mu_s = 0.4, mu_k = 0.17, and k_f = k/2 where it is not given. Each block
+    stands on 100 junctions with u_s = 1.17 um, that of C = 39.2 GN/m^2, which slip for 2 ms with a
+    standard deviation of 0.6 ms: `pyfric.laws.Junctions`, whose n_s, u_s, t_R and so on are fields
+    too. Another n_s keeps u_s.
+
+    Args:
+        changes: names of fields to values, as in `Scene.replace`.
+        **fields: the same, for names without a dot.
+
+    Raises:
+        SceneError: a name is unknown or in several parts, or a value is refused.
+
+    Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014).
+    """
+    given = {**(changes or {}), **fields}
+    return _made(_SLOW, given, slider_M=_mass, interface_k_f=lambda slider: slider.k / 2)
 
 
 def setup2(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
@@ -337,11 +375,12 @@ PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
             ("setup2+", setup2, {"theta": 0.833}, "little load on the trailing edge"),
             ("setup2-", setup2, {"theta": -0.833}, "much load on the trailing edge"),
             ("chain", chain, {}, "setup 1 lumped into one row"),
+            ("slow", slow, {}, "setup 1 on junctions that break and pin again: slow fronts"),
             ("tpv3", tpv3, {}, "a benchmark of earthquake rupture"),
         )
     }
 )
-"""The paper's scenes, `chain` and `tpv3` by name; functions that take changes, as `preset` does."""
+"""The paper's scenes, `slow`, `chain` and `tpv3` by name: functions that take changes."""
 
 
 def preset(name: str, changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:

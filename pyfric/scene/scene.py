@@ -25,6 +25,7 @@ from pyfric.scene.consistency import check
 from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.files import write
 from pyfric.scene.friction import Law
+from pyfric.scene.junctions import JunctionLaw
 from pyfric.scene.parts import (
     FIELDS,
     PARTS,
@@ -92,7 +93,8 @@ class Scene:
         """Take over what had been drawn for fields."""
         for name, values in draws.items():
             drawn = np.asarray(values, dtype=float)
-            spread = isinstance(getattr(self.interface, name, None), Spread)
+            field = name in (*FIELDS, *self.interface.law.fields)
+            spread = field and isinstance(self._given(name), Spread)
             if not (spread and drawn.shape == (self.N_x,) and np.isfinite(drawn).all()):
                 allowed = f"{self.N_x} finite numbers for a field that is a Spread"
                 raise SceneError(f"draws.{name}", values, "", allowed)
@@ -134,13 +136,15 @@ class Scene:
         """
         if self.prescribed:
             return 0.0
-        return self._as_given("k_f")
+        return self.given_field("k_f")
 
     @functools.cached_property
     def law(self) -> Law:
         """The friction law; its fields are numbers, or arrays of shape (N_x,), left to right."""
+        if not self.interface.law.rests:
+            return JunctionLaw.of(self)
         tables = self.interface.tables
-        mu_s, mu_k, d_c, alpha = map(self._as_given, ("mu_s", "mu_k", "d_c", "alpha"))
+        mu_s, mu_k, d_c, alpha = map(self.given_field, ("mu_s", "mu_k", "d_c", "alpha"))
         if tables.slide is not None and not np.any(d_c):
             d_c = 1.0  # the table is over slip in m
         return Law(mu_s, mu_k, d_c, alpha, tables)
@@ -149,24 +153,35 @@ class Scene:
         """Return a field of the interface, left to right, shape (N_x,).
 
         Args:
-            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m) or "k_f" (N/m).
+            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m) or "k_f" (N/m); or one of the friction
+                law's own.
         """
-        return np.broadcast_to(np.asarray(self._as_given(name), dtype=float), (self.N_x,))
+        return np.broadcast_to(np.asarray(self.given_field(name), dtype=float), (self.N_x,))
 
     @property
     def drawn(self) -> dict[str, tuple[float, ...]]:
         """What was drawn for fields that are a `Spread`, from the trailing edge on."""
-        spreads = [name for name in FIELDS if isinstance(getattr(self.interface, name), Spread)]
+        spreads = [name for name in self.fields if isinstance(self._given(name), Spread)]
         return {name: self._draw(name) for name in spreads}
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of what may vary along the interface."""
+        own = self.interface.law.fields
+        return (*FIELDS, *(name for name in own if self._given(name) is not None))
 
     @property
     def varied(self) -> tuple[str, ...]:
         """Names of the fields that vary along the interface."""
-        return tuple(name for name in FIELDS if np.ptp(self.field(name)) > 0)
+        return tuple(name for name in self.fields if np.ptp(self.field(name)) > 0)
 
-    def _as_given(self, name: str) -> float | np.ndarray:
+    def _given(self, name: str) -> Any:
+        """Return a field as the interface or its friction law says it."""
+        return getattr(self.interface if name in FIELDS else self.interface.law, name)
+
+    def given_field(self, name: str) -> float | np.ndarray:
         """Return a field as a number, or as an array from left to right."""
-        given = getattr(self.interface, name)
+        given = self._given(name)
         given = self.slider.k if given is None else given
         if isinstance(given, float):
             return given
@@ -177,7 +192,7 @@ class Scene:
     def _draw(self, name: str) -> tuple[float, ...]:
         """Return what was drawn for a field; it is drawn once."""
         if name not in self._draws:
-            values = getattr(self.interface, name).draw(self.N_x, self.slider.l)
+            values = self._given(name).draw(self.N_x, self.slider.l)
             self._draws[name] = tuple(values.tolist())
         return self._draws[name]
 
@@ -299,7 +314,7 @@ class Scene:
 
     @property
     def has_rests(self) -> bool:
-        """True if static states under its driver are known, and not its start alone."""
+        """True if its driver leads to static states other than the start, whatever its law."""
         return not (self.prescribed or self.top.push or self.driver.K == 0)
 
     @property

@@ -10,7 +10,13 @@ from pyfric.statics.equilibrium import StaticSolver, loaded_state, solve_static
 from pyfric.statics.lattice import bonds, spring_stiffness
 from pyfric.statics.memory import Memory
 from pyfric.statics.operators import damping, dispersion, mass, stiffness
-from pyfric.statics.rest import Equilibrium, EquilibriumError, check_rests
+from pyfric.statics.rest import (
+    NO_RESTS,
+    Equilibrium,
+    EquilibriumError,
+    check_rests,
+    check_sticks,
+)
 from pyfric.statics.stability import stability_limit
 from pyfric.statics.system import System
 from pyfric.statics.uniqueness import LIMIT as LEAST_DEFINITENESS
@@ -18,6 +24,7 @@ from pyfric.statics.uniqueness import LIMIT as LEAST_DEFINITENESS
 __all__ = [
     "LARGE",
     "LEAST_DEFINITENESS",
+    "NO_RESTS",
     "BandedCholesky",
     "Change",
     "Contact",
@@ -34,6 +41,7 @@ __all__ = [
     "Values",
     "bonds",
     "check_rests",
+    "check_sticks",
     "creeps",
     "damping",
     "dispersion",

@@ -38,9 +38,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.core import STUCK
-from pyfric.scene import FRICTIONLESS, Geometry, as_scene, check_geometry
+from pyfric.scene import FRICTIONLESS, Geometry, PrescribedLoad, as_scene, check_geometry
 from pyfric.statics.complementarity import Contact, ContactProblem, Route
 from pyfric.statics.contact import States, Unmet, Values, rounding, with_free
+from pyfric.statics.on_junctions import loaded_on_junctions
 from pyfric.statics.rest import Equilibrium, EquilibriumError, as_prescribed, check_rests
 from pyfric.statics.system import System
 from pyfric.statics.uniqueness import LIMIT, definiteness
@@ -181,6 +182,8 @@ class StaticSolver(System):
     def _load_slider(self) -> Equilibrium:
         """Return the loaded state: the bottom row held, or slipped where it has to."""
         scene, home = self.scene, np.zeros(self.scene.N_x)
+        if not (scene.law.rests or isinstance(scene.top, PrescribedLoad)):
+            return loaded_on_junctions(scene, self.geometry)
         states = States(scene, home, scene.law, driven=False)
 
         def settle(contact: Contact) -> None:

@@ -13,7 +13,17 @@ from pyfric.scene import SceneError
 if TYPE_CHECKING:
     from pyfric.scene import Scene
 
-__all__ = ["Equilibrium", "EquilibriumError", "as_prescribed", "check_rests"]
+__all__ = [
+    "NO_RESTS",
+    "Equilibrium",
+    "EquilibriumError",
+    "as_prescribed",
+    "check_rests",
+    "check_sticks",
+]
+
+NO_RESTS = "junctions break and pin all the time under load: no jump over a rest gains anything"
+"""Why only full dynamics follows junctions."""
 
 
 class EquilibriumError(RuntimeError):
@@ -102,13 +112,14 @@ class Equilibrium:
             rod[:3] = self.rod
             y[-1, 0] = rod[0]
             y[-1, 1] = rod[1] + rod[2] * scene.x
+        margin, memory = scene.law.begin(float(t0), y[0, 0], self.p, self.f, scene.d)
         return State(
             y=y,
             rod=rod,
             mode=np.where(self.open, OPEN, STUCK).astype(np.int32),
             corner=np.zeros(N_x, dtype=np.int32),
-            margin=scene.law.margin(self.p, self.f),
-            memory=scene.law.memory_at(float(t0), N_x),
+            margin=margin,
+            memory=memory,
             loss=np.zeros(N_x),
             dissipated=np.zeros(N_z),
             heat=np.zeros(N_x),
@@ -136,6 +147,14 @@ def check_rests(scene: Scene) -> None:
     if scene.driver.K == 0:
         reason = "a chain without a driver has full dynamics only"
         raise SceneError("driver.K", 0.0, "N/m", "> 0 N/m, for static states", reason)
+
+
+def check_sticks(scene: Scene) -> None:
+    """Raise SceneError for a scene whose blocks do not come to rest between events."""
+    if not scene.law.rests:
+        kind = scene.interface.law.kind
+        allowed = "fidelity = 'dynamic' (or 'auto', which chooses it), or another friction law"
+        raise SceneError("interface.law", kind, "", allowed, NO_RESTS)
 
 
 def as_prescribed(scene: Scene) -> Equilibrium:

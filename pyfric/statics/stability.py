@@ -91,7 +91,8 @@ def _bulk_limit(scene: Scene, stepper: Stepper) -> tuple[float, complex, np.ndar
     """
     grounds, drags = [(0.0, 0.0)], [0.0]
     if scene.N_z == 1:
-        grounds = [(scene.k_top, float(np.max(scene.k_f))), (scene.k_top, 0.0)]
+        hold = scene.k_top + _on_springs(scene)
+        grounds = [(hold, float(np.max(scene.k_f))), (hold, 0.0)]
         drags = sorted({0.0, float(np.max(scene.law.alpha)) / scene.m})
     found = (_waves_limit(scene, ground, drag, stepper) for ground in grounds for drag in drags)
     return min(found, key=lambda one: one[0])
@@ -175,10 +176,11 @@ def _reduced(scene: Scene) -> Scene:
     )
 
 
-def _matrices(scene: Scene) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _matrices(scene: Scene, on: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield M^-1/2 K M^-1/2 and M^-1/2 C M^-1/2, in units of k/m and sqrt(k/m).
 
-    Bottom row closed or open, its u_x free or held; free, with its viscosity alpha and without.
+    Bottom row closed or open, its u_x free, held, or on springs `on` (N/m); free, with its
+    viscosity alpha and without.
     """
     unit = np.sqrt(scene.slider.k / scene.m)
     M, K_closed, C = operators(scene)
@@ -190,20 +192,36 @@ def _matrices(scene: Scene) -> Iterator[tuple[np.ndarray, np.ndarray]]:
             stiff = K.toarray()[first:, first:] / (scale * unit**2)
             damped = C.toarray()[first:, first:] / (scale * unit)
             yield stiff, damped
+            if first == 0 and on:
+                springs = np.zeros(len(M))
+                springs[: scene.N_x] = on / M[: scene.N_x] / unit**2
+                yield stiff + np.diag(springs), damped
             if first == 0 and np.any(scene.law.alpha):
                 drag = np.zeros(len(M))
                 drag[: scene.N_x] = scene.law.alpha / M[: scene.N_x] / unit
                 yield stiff, damped + np.diag(drag)
 
 
-def _small_limit(scene: Scene, stepper: Stepper, enough: float) -> tuple[float, complex]:
+def _on_springs(scene: Scene) -> float:
+    """Return the stiffness of junctions under a block (N/m), 0 for none: under twice the mean load.
+
+    Torque and friction make p vary along the interface, by less than that until a side lifts off.
+    """
+    if scene.law.rests:
+        return 0.0
+    loads = [scene.F_N, *(F_N for _, F_N in getattr(scene.top, "protocol", ()))]
+    p = max(2 * max(loads) / scene.N_x, float(scene.p_prescribed.max()))
+    return float(np.max(scene.law.stiffness(p)))
+
+
+def _small_limit(scene: Scene, stepper: Stepper, enough: float, on: float) -> tuple[float, complex]:
     """Return the limit of a small lattice in s and the eigenvalue (1/s) that sets it.
 
-    A limit above `enough` (s) need not be exact.
+    A limit above `enough` (s) need not be exact; bottom blocks may stand on springs `on` (N/m).
     """
     unit = np.sqrt(scene.slider.k / scene.m)
     best, eigenvalue = np.inf, 0j
-    for K, C in _matrices(scene):
+    for K, C in _matrices(scene, on):
         n = len(K)
         if stepper.growth is not None:
             A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
@@ -266,8 +284,8 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
 
     The limit is local, so it is the smaller one of two: plane waves of the infinite lattice, and
     all modes of a lattice of at most 8 x 5 blocks with the boundaries of the scene (foundation,
-    driver, rod; bottom row closed or open, held or free). A scene of at most that size is computed
-    exactly, without the plane waves.
+    driver, rod; bottom row closed or open, held, free or on junctions). A scene of at most that
+    size is computed exactly, without the plane waves.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
@@ -296,7 +314,8 @@ def _limit(scene: Scene, stepper: str) -> tuple[float, Mapping[str, Any]]:
     table, small = STEPPERS[stepper], _reduced(scene)
     exact = small is scene
     dt_bulk, bulk, ql = _bulk_limit(scene, table)
-    dt_boundary, boundary = _small_limit(small, table, np.inf if exact else dt_bulk)
+    enough = np.inf if exact else dt_bulk
+    dt_boundary, boundary = _small_limit(small, table, enough, _on_springs(scene))
     set_inside = dt_bulk < dt_boundary and not exact
     info = {
         "dt_bulk": dt_bulk,

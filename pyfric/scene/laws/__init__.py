@@ -10,6 +10,7 @@ from pyfric.scene.laws.table import Table, sampled
 if TYPE_CHECKING:  # for those who read types; what is imported is read from MODULES
     from pyfric.scene.laws.healing import Ageing as Ageing
     from pyfric.scene.laws.healing import ExponentialHealing as ExponentialHealing
+    from pyfric.scene.laws.junctions import Junctions as Junctions
     from pyfric.scene.laws.speed import SpeedDependent as SpeedDependent
     from pyfric.scene.laws.tabulated import TabulatedLaw as TabulatedLaw
     from pyfric.scene.laws.weakening import ExponentialWeakening as ExponentialWeakening
@@ -20,6 +21,7 @@ MODULES = (
     "healing",
     "speed",
     "tabulated",
+    "junctions",
 )
 """Modules with the kinds of laws; a new one takes a line here."""
 

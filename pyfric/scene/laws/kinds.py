@@ -51,10 +51,14 @@ class FrictionLaw:
 
     Attributes:
         kind: its name in scene files.
+        rests: whether a block can stick.
+        fields: names of its parameters that are fields: a number, a list or a `Spread`.
         example: values of its parameters, with mu_k = 0.45; the tests run every kind with them.
     """
 
     kind: ClassVar[str]
+    rests: ClassVar[bool] = True
+    fields: ClassVar[tuple[str, ...]] = ()
     example: ClassVar[dict[str, Any]] = {}
     _section: ClassVar[str] = "interface.law"
 

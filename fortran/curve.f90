@@ -1,0 +1,64 @@
+!> Functions that are straight between knots: what Python tabulates once, so that no transcendental call enters a step.
+module pyfric_curve
+  use pyfric_kinds, only: dp, ip
+  implicit none (type, external)
+  private
+  public :: curve_t, new_curve, cell, at_x
+
+  !> A function that is straight between knots and constant beyond them.
+  type :: curve_t
+    integer :: n                    !! knots, 0 for none
+    real(dp), allocatable :: x(:)
+    real(dp), allocatable :: y(:)
+    real(dp), allocatable :: slope(:)
+  end type curve_t
+
+contains
+
+  pure function new_curve(n, xy) result(curve)
+    integer(ip), intent(in) :: n
+    real(dp), intent(in) :: xy(2, n)
+    type(curve_t) :: curve
+    integer :: c
+
+    curve%n = n
+    allocate (curve%x, source=xy(1, :))
+    allocate (curve%y, source=xy(2, :))
+    allocate (curve%slope, source=[((xy(2, c + 1) - xy(2, c))/(xy(1, c + 1) - xy(1, c)), c=1, n - 1)])
+  end function new_curve
+
+  !> The last knot that is not beyond x, by bisection; 0 where all are.
+  pure elemental function cell(curve, x) result(c)
+    type(curve_t), intent(in) :: curve
+    real(dp), intent(in) :: x
+    integer :: c, next, middle
+
+    c = 0
+    next = curve%n + 1
+    do while (next - c > 1)
+      middle = (c + next)/2
+      if (x >= curve%x(middle)) then
+        c = middle
+      else
+        next = middle
+      end if
+    end do
+  end function cell
+
+  !> The curve at x; needs a knot.
+  pure elemental function at_x(curve, x) result(y)
+    type(curve_t), intent(in) :: curve
+    real(dp), intent(in) :: x
+    real(dp) :: y
+    integer :: c
+
+    c = cell(curve, x)
+    if (c == 0) then
+      y = curve%y(1)
+    else if (c == curve%n) then
+      y = curve%y(c)
+    else
+      y = curve%y(c) + curve%slope(c)*(x - curve%x(c))
+    end if
+  end function at_x
+end module pyfric_curve

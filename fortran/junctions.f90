@@ -1,0 +1,500 @@
+!> A friction law whose memory is long: junctions that break, slip for a while, and pin again.
+!>
+!> Each block has n_s junctions. Junction j has an anchor a_j, a stretch d_j = u_x - a_j, and bears -k_j d_j. All have the
+!> same share p/n_s of the block's normal force:
+!>
+!>     k_j = sqrt(C p/n_s),   break at |d_j| > theta_j u_s,  u_s = mu_s k_j/C,   slip level u_d = mu_d k_j/C
+!>
+!>     pinned     the anchor rests
+!>     slipping   the anchor is dragged so that |d_j| <= u_d; a time t_R after the break it pins at u_x, without force
+!>     open       p = 0: all slip, and pin at u_x when contact returns
+!>
+!> Stages of a step read anchors, and take slipping ones along as far as u_d asks; only the end of a step, or of a sub-step,
+!> writes them. Of pinned junctions a stage needs their number and the sum of their anchors, which is made anew, in the
+!> order of junctions, when one breaks or pins: no bit hangs on how the block came there. Source: J. Trømborg et al., PNAS
+!> 111, 8764 (2014); that p is the present one, and what slipping junctions do when motion reverses, is a choice.
+module pyfric_junctions
+  use, intrinsic :: iso_fortran_env, only: int64
+  use pyfric_kinds, only: dp, ip
+  use pyfric_layout, only: LB, LANES
+  use pyfric_curve, only: curve_t, at_x
+  use pyfric_random, only: uniforms
+  implicit none (type, external)
+  private
+  public :: junctions_t, new_junctions, n_saved, n_whole, prepare
+  public :: forces, powers, stored_energy, settle, next_break, next_release, drag_limits, drag_functions
+
+  !> What is saved of each junction: anchor [m], 1 pinned or 0 slipping, when it pins or did [s], how often it broke.
+  integer, parameter :: ANCHOR = 1, PINNED = 2, RELEASE = 3, BREAKS = 4, N_PARTS = 4, N_SUMS = 8
+  !> What follows from it. Of pinned junctions: their number; sum, mean, squares about it, least and greatest of their
+  !> anchors. Of slipping ones: when the first pins; their number. Then come anchors and numbers of the slipping ones.
+  integer, parameter :: COUNT = 1, TOTAL = 2, CENTRE = 3, SQUARES = 4, LEAST = 5, GREATEST = 6, EARLIEST = 7, LOOSE = 8
+  !> Stretches this close to u_d are there, over u_d: rounding of displacements.
+  real(dp), parameter :: AT_LIMIT = 1e-9_dp
+
+  type :: junctions_t
+    integer :: n = 0                       !! junctions of a block
+    real(dp) :: fewest                     !! a block with fewer pinned ones is ruptured
+    integer(int64) :: seed                 !! of the times that junctions slip
+    logical :: from_right                  !! blocks are counted from the right side, which is driven
+    type(curve_t) :: quantiles             !! of t_R over its mean; no knots: a normal distribution
+    real(dp), allocatable :: mu_s(:)       !! coefficient at which a junction breaks [-]
+    real(dp), allocatable :: mu_d(:)       !! and that of one that slips [-]
+    real(dp), allocatable :: c(:)          !! C [N/m2]
+    real(dp), allocatable :: t_r(:)        !! mean of t_R [s]
+    real(dp), allocatable :: t_r_std(:)    !! its standard deviation; 0: always the mean [s]
+    real(dp), allocatable :: theta(:, :)   !! thresholds of the junctions of each block over u_s
+    real(dp) :: weakest                    !! the least of them
+  end type junctions_t
+
+contains
+
+  !> Numbers that are saved of a block with n junctions.
+  elemental function n_saved(n) result(numbers)
+    integer, intent(in) :: n
+    integer :: numbers
+
+    numbers = N_PARTS*n
+  end function n_saved
+
+  !> And with what follows from them: sums, numbers and anchors of slipping junctions.
+  elemental function n_whole(n) result(numbers)
+    integer, intent(in) :: n
+    integer :: numbers
+
+    numbers = n_saved(n) + N_SUMS + 2*n
+  end function n_whole
+
+  pure function new_junctions(nx, n, seed, from_right, share, quantiles, fields, theta) result(of)
+    integer, intent(in) :: nx              !! blocks
+    integer, intent(in) :: n               !! junctions of a block
+    integer(ip), intent(in) :: seed(2)     !! two words of 32 bits, the lowest first
+    logical, intent(in) :: from_right
+    real(dp), intent(in) :: share          !! of pinned junctions, below which a block is ruptured
+    type(curve_t), intent(in) :: quantiles
+    real(dp), intent(in) :: fields(nx, 5)  !! mu_s, mu_d, C, t_R, its standard deviation
+    real(dp), intent(in) :: theta(:)       !! thresholds, junction by junction; none: all 1
+    type(junctions_t) :: of
+
+    of%n = n
+    of%fewest = share*n
+    of%seed = ior(iand(int(seed(1), int64), int(z'FFFFFFFF', int64)), shiftl(int(seed(2), int64), 32))
+    of%from_right = from_right
+    of%quantiles = quantiles
+    of%mu_s = fields(:, 1)
+    of%mu_d = fields(:, 2)
+    of%c = fields(:, 3)
+    of%t_r = fields(:, 4)
+    of%t_r_std = fields(:, 5)
+    allocate (of%theta(n, nx), source=1.0_dp)
+    if (size(theta) > 0) of%theta = reshape(theta, [n, nx])
+    of%weakest = minval(of%theta)
+  end function new_junctions
+
+  !> k_j [N/m].
+  pure elemental function stiffness(of, i, p) result(k)
+    type(junctions_t), intent(in) :: of
+    integer, intent(in) :: i        !! block
+    real(dp), intent(in) :: p       !! its normal force [N]
+    real(dp) :: k
+
+    k = sqrt(of%c(i)*p/of%n)
+  end function stiffness
+
+  !> x within -limit ... limit; odd in x to the last bit.
+  pure elemental function within(limit, x) result(y)
+    real(dp), intent(in) :: limit
+    real(dp), intent(in) :: x
+    real(dp) :: y
+
+    y = max(-limit, min(limit, x))
+  end function within
+
+  !> The whole memory of a block whose saved part is set.
+  pure subroutine prepare(n, memory)
+    integer, intent(in) :: n
+    real(dp), intent(inout) :: memory(n_whole(n))
+    integer :: s
+
+    s = n_saved(n)
+    call summarise(n, memory(:s), memory(s + 1:s + N_SUMS), memory(s + N_SUMS + 1:s + N_SUMS + n), memory(s + N_SUMS + n + 1:))
+  end subroutine prepare
+
+  !> Sums over the pinned junctions, in their order; the slipping ones one after another.
+  pure subroutine summarise(n, saved, sums, loose_anchors, loose_numbers)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: saved(n, N_PARTS)
+    real(dp), intent(out) :: sums(N_SUMS)
+    real(dp), intent(inout) :: loose_anchors(n)   !! [m]
+    real(dp), intent(inout) :: loose_numbers(n)
+    integer :: j, m
+
+    sums = 0.0_dp
+    sums(LEAST) = huge(1.0_dp)
+    sums(GREATEST) = -huge(1.0_dp)
+    sums(EARLIEST) = huge(1.0_dp)
+    m = 0
+    do j = 1, n
+      if (saved(j, PINNED) > 0.0_dp) then
+        sums(COUNT) = sums(COUNT) + 1.0_dp
+        sums(TOTAL) = sums(TOTAL) + saved(j, ANCHOR)
+        sums(LEAST) = min(sums(LEAST), saved(j, ANCHOR))
+        sums(GREATEST) = max(sums(GREATEST), saved(j, ANCHOR))
+      else
+        m = m + 1
+        loose_anchors(m) = saved(j, ANCHOR)
+        loose_numbers(m) = j
+        sums(EARLIEST) = min(sums(EARLIEST), saved(j, RELEASE))
+      end if
+    end do
+    sums(LOOSE) = m
+    if (m == n) return
+    sums(CENTRE) = sums(TOTAL)/sums(COUNT)
+    do j = 1, n
+      if (saved(j, PINNED) > 0.0_dp) sums(SQUARES) = sums(SQUARES) + (saved(j, ANCHOR) - sums(CENTRE))**2
+    end do
+  end subroutine summarise
+
+  !> f = -k_j (sum of the stretches): of pinned junctions n u_x - sum a_j; of slipping ones each within u_d.
+  pure subroutine forces(of, nx, n, at, memory, u_x, p, f)
+    type(junctions_t), intent(in) :: of
+    integer, intent(in) :: nx                    !! blocks
+    integer, intent(in) :: n                     !! padded length of a row
+    integer, intent(in) :: at(n)                 !! element of each block in a row
+    real(dp), intent(in) :: memory(n_whole(of%n), nx)
+    real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
+    real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    real(dp), intent(out) :: f(nx)               !! force on the blocks, along +x [N]
+    real(dp) :: k, u, stretch
+    integer :: i, s, m
+
+    s = n_saved(of%n)
+    do i = 1, nx
+      u = u_x(at(i))
+      k = stiffness(of, i, p(i))
+      stretch = memory(s + COUNT, i)*u - memory(s + TOTAL, i)
+      m = int(memory(s + LOOSE, i))
+      if (m > 0) stretch = stretch + slipping_stretch(m, u, of%mu_d(i)*k/of%c(i), memory(s + N_SUMS + 1, i))
+      f(i) = -k*stretch
+    end do
+  end subroutine forces
+
+  !> Sum of the stretches of m slipping junctions, in as many sums as a vector has lanes.
+  pure function slipping_stretch(m, u, u_d, anchors) result(total)
+    integer, intent(in) :: m
+    real(dp), intent(in) :: u           !! displacement of the block [m]
+    real(dp), intent(in) :: u_d         !! slip level [m]
+    real(dp), intent(in) :: anchors(m)  !! [m]
+    real(dp) :: total, lanes_of(LANES)
+    integer :: j, l, whole
+
+    lanes_of = 0.0_dp
+    whole = m - mod(m, LANES)
+    do j = 0, whole - 1, LANES
+      do l = 1, LANES
+        lanes_of(l) = lanes_of(l) + within(u_d, u - anchors(j + l))
+      end do
+    end do
+    do l = 1, m - whole
+      lanes_of(l) = lanes_of(l) + within(u_d, u - anchors(whole + l))
+    end do
+    total = (lanes_of(1) + lanes_of(2)) + (lanes_of(3) + lanes_of(4))
+  end function slipping_stretch
+
+  !> Heat of dragging, k_j u_d (+-v_x - du_d/dt) of each anchor that moves; work of the stiffness, dk_j/dt d_j^2/2 of each.
+  pure subroutine powers(of, nx, n, at, memory, u_x, v_x, p, p_rate, dragging, stiffening)
+    type(junctions_t), intent(in) :: of
+    integer, intent(in) :: nx                    !! blocks
+    integer, intent(in) :: n                     !! padded length of a row
+    integer, intent(in) :: at(n)                 !! element of each block in a row
+    real(dp), intent(in) :: memory(n_whole(of%n), nx)
+    real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
+    real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
+    real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    real(dp), intent(in) :: p_rate(nx)           !! its rate [N/s]
+    real(dp), intent(out) :: dragging(nx)        !! [W]
+    real(dp), intent(out) :: stiffening(nx)      !! [W]
+    real(dp) :: k, u_d, growth, d, heat
+    integer :: i, j, s
+
+    dragging = 0.0_dp
+    stiffening = 0.0_dp
+    s = n_saved(of%n)
+    do i = 1, nx
+      if (p(i) <= 0.0_dp) cycle
+      k = stiffness(of, i, p(i))
+      u_d = of%mu_d(i)*k/of%c(i)
+      growth = p_rate(i)/(2.0_dp*p(i))   ! of k_j and of u_d [1/s]
+      heat = 0.0_dp
+      do j = 1, int(memory(s + LOOSE, i))
+        d = u_x(at(i)) - memory(s + N_SUMS + j, i)
+        heat = heat + anchor_speed(d, u_d, v_x(at(i)), growth*u_d)
+      end do
+      dragging(i) = k*u_d*heat
+      stiffening(i) = 0.5_dp*growth*k*squares_of(of%n, u_x(at(i)), u_d, memory(:, i))
+    end do
+  end subroutine powers
+
+  !> How fast an anchor is dragged, along the stretch: beyond u_d; and at it, where the stretch would grow beyond.
+  pure elemental function anchor_speed(d, u_d, v, u_d_rate) result(speed)
+    real(dp), intent(in) :: d           !! stretch by the anchor as the step found it [m]
+    real(dp), intent(in) :: u_d         !! slip level [m]
+    real(dp), intent(in) :: v           !! velocity of the block [m/s]
+    real(dp), intent(in) :: u_d_rate    !! [m/s]
+    real(dp) :: speed
+
+    speed = 0.0_dp
+    if (abs(d) < u_d*(1.0_dp - AT_LIMIT)) return
+    speed = sign(1.0_dp, d)*v - u_d_rate
+    if (abs(d) <= u_d*(1.0_dp + AT_LIMIT)) speed = max(speed, 0.0_dp)
+  end function anchor_speed
+
+  !> Sum of the squares of all stretches of a block [m2].
+  pure function squares_of(n, u, u_d, memory) result(total)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: u           !! displacement of the block [m]
+    real(dp), intent(in) :: u_d         !! slip level [m]
+    real(dp), intent(in) :: memory(n_whole(n))
+    real(dp) :: total
+    integer :: j, s
+
+    s = n_saved(n)
+    total = memory(s + SQUARES) + memory(s + COUNT)*(u - memory(s + CENTRE))**2
+    do j = 1, int(memory(s + LOOSE))
+      total = total + within(u_d, u - memory(s + N_SUMS + j))**2
+    end do
+  end function squares_of
+
+  !> Sum of k_j d_j^2/2 over all junctions of all blocks [J].
+  pure function stored_energy(of, nx, memory, u_x, p) result(energy)
+    type(junctions_t), intent(in) :: of
+    integer, intent(in) :: nx                !! blocks
+    real(dp), intent(in) :: memory(n_whole(of%n), nx)
+    real(dp), intent(in) :: u_x(nx)          !! displacements, left to right [m]
+    real(dp), intent(in) :: p(nx)            !! foundation force [N]
+    real(dp) :: energy, k
+    integer :: i
+
+    energy = 0.0_dp
+    do i = 1, nx
+      k = stiffness(of, i, p(i))
+      energy = energy + 0.5_dp*k*squares_of(of%n, u_x(i), of%mu_d(i)*k/of%c(i), memory(:, i))
+    end do
+  end function stored_energy
+
+  !> The end of a step or sub-step: anchors of slipping junctions are taken along, others break, and those pin whose time
+  !> has come. Then how many more are pinned than a block needs that is not ruptured.
+  pure subroutine settle(of, nx, n, at, t, soon, u_x, p, memory, excess, loss)
+    type(junctions_t), intent(in) :: of
+    integer, intent(in) :: nx                    !! blocks
+    integer, intent(in) :: n                     !! padded length of a row
+    integer, intent(in) :: at(n)                 !! element of each block in a row
+    real(dp), intent(in) :: t                    !! time [s]
+    real(dp), intent(in) :: soon                 !! junctions pin whose time comes so soon [s]
+    real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
+    real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    real(dp), intent(inout) :: memory(n_whole(of%n), nx)
+    real(dp), intent(out) :: excess(nx)          !! [-]
+    real(dp), intent(inout) :: loss(nx)          !! heat of breaks and of pinning so far [J]
+    real(dp) :: k, u, stretch
+    logical :: changed
+    integer :: i, s
+
+    s = n_saved(of%n)
+    do i = 1, nx
+      u = u_x(at(i))
+      k = stiffness(of, i, p(i))
+      changed = .false.
+      if (memory(s + LOOSE, i) > 0.0_dp) call drag(of%n, u, of%mu_d(i)*k/of%c(i), memory(1, i))
+      if (p(i) > 0.0_dp) then
+        stretch = max(u - memory(s + LEAST, i), memory(s + GREATEST, i) - u)
+        if (stretch > of%weakest*(of%mu_s(i)*k/of%c(i))) call break_stretched(of, i, t, u, k, memory(1, i), loss(i), changed)
+        if (changed .or. memory(s + EARLIEST, i) <= t + soon) call pin_due(of%n, t + soon, u, k, memory(1, i), loss(i), changed)
+      else if (memory(s + COUNT, i) > 0.0_dp) then
+        call let_go(of%n, t, u, memory(1, i))
+        changed = .true.
+      end if
+      if (changed) call prepare(of%n, memory(1, i))
+      excess(i) = memory(s + COUNT, i) - of%fewest
+    end do
+  end subroutine settle
+
+  !> Anchors of slipping junctions follow the block, no further than u_d behind it.
+  pure subroutine drag(n, u, u_d, memory)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: u           !! displacement of the block [m]
+    real(dp), intent(in) :: u_d         !! slip level [m]
+    real(dp), intent(inout) :: memory(n_whole(n))
+    integer :: c, first, last
+
+    first = n_saved(n) + N_SUMS + 1
+    last = first - 1 + int(memory(n_saved(n) + LOOSE))
+    do c = first, last
+      memory(c) = u - within(u_d, u - memory(c))
+    end do
+    do c = first, last
+      memory(int(memory(c + n))) = memory(c)
+    end do
+  end subroutine drag
+
+  !> Pinned junctions break that are stretched too far; their force drops to the slip level, and they slip for a time.
+  pure subroutine break_stretched(of, i, t, u, k, memory, loss, changed)
+    type(junctions_t), intent(in) :: of
+    integer, intent(in) :: i            !! block
+    real(dp), intent(in) :: t           !! time [s]
+    real(dp), intent(in) :: u           !! displacement of the block [m]
+    real(dp), intent(in) :: k           !! k_j [N/m]
+    real(dp), intent(inout) :: memory(of%n, N_PARTS)
+    real(dp), intent(inout) :: loss     !! [J]
+    logical, intent(inout) :: changed
+    real(dp) :: u_s, d, after
+    integer :: j
+
+    u_s = of%mu_s(i)*k/of%c(i)
+    do j = 1, of%n
+      d = u - memory(j, ANCHOR)
+      if (memory(j, PINNED) <= 0.0_dp .or. abs(d) <= of%theta(j, i)*u_s) cycle
+      after = within(of%mu_d(i)*k/of%c(i), d)
+      memory(j, ANCHOR) = u - after
+      memory(j, PINNED) = 0.0_dp
+      memory(j, BREAKS) = memory(j, BREAKS) + 1.0_dp
+      memory(j, RELEASE) = t + time_of_slip(of, i, j, int(memory(j, BREAKS), int64))
+      loss = loss + 0.5_dp*k*(d**2 - after**2)
+      changed = .true.
+    end do
+  end subroutine break_stretched
+
+  !> Slipping junctions pin whose time has come: they lose their force.
+  pure subroutine pin_due(n, t, u, k, memory, loss, changed)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: t           !! time [s]
+    real(dp), intent(in) :: u           !! displacement of the block [m]
+    real(dp), intent(in) :: k           !! k_j [N/m]
+    real(dp), intent(inout) :: memory(n, N_PARTS)
+    real(dp), intent(inout) :: loss     !! [J]
+    logical, intent(inout) :: changed
+    integer :: j
+
+    do j = 1, n
+      if (memory(j, PINNED) > 0.0_dp .or. memory(j, RELEASE) > t) cycle
+      loss = loss + 0.5_dp*k*(u - memory(j, ANCHOR))**2
+      memory(j, ANCHOR) = u
+      memory(j, PINNED) = 1.0_dp
+      changed = .true.
+    end do
+  end subroutine pin_due
+
+  !> The block opens: all junctions slip, and pin as soon as it touches again.
+  pure subroutine let_go(n, t, u, memory)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: t           !! time [s]
+    real(dp), intent(in) :: u           !! displacement of the block [m]
+    real(dp), intent(inout) :: memory(n, N_PARTS)
+
+    memory(:, ANCHOR) = u
+    memory(:, PINNED) = 0.0_dp
+    memory(:, RELEASE) = t
+  end subroutine let_go
+
+  !> How long junction j of block i slips after its break number n: mean + std (sum of 12 uniform numbers - 6), at least 0;
+  !> or the mean times the quantile of a uniform number. They are drawn by counter; blocks count from the driven side.
+  pure function time_of_slip(of, i, j, n) result(t_r)
+    type(junctions_t), intent(in) :: of
+    integer, intent(in) :: i
+    integer, intent(in) :: j
+    integer(int64), intent(in) :: n
+    real(dp) :: t_r, u(12), total
+    integer(int64) :: counter(4)
+    integer :: a
+
+    t_r = of%t_r(i)
+    if (of%t_r_std(i) <= 0.0_dp) return
+    counter = [0_int64, int(merge(size(of%c) + 1 - i, i, of%from_right), int64), int(j, int64), n]
+    u = uniforms([of%seed, 0_int64], counter, 12)
+    if (of%quantiles%n > 0) then
+      t_r = t_r*at_x(of%quantiles, u(1))
+      return
+    end if
+    total = 0.0_dp
+    do a = 1, 12
+      total = total + u(a)
+    end do
+    t_r = max(t_r + of%t_r_std(i)*(total - 6.0_dp), 0.0_dp)
+  end function time_of_slip
+
+  !> By how much a block may be displaced before a junction breaks [m]; huge where none is pinned.
+  pure function next_break(of, i, u, p, memory) result(room)
+    type(junctions_t), intent(in) :: of
+    integer, intent(in) :: i            !! block
+    real(dp), intent(in) :: u           !! its displacement [m]
+    real(dp), intent(in) :: p           !! its normal force [N]
+    real(dp), intent(in) :: memory(of%n, N_PARTS)
+    real(dp) :: room, u_s
+    integer :: j
+
+    u_s = of%mu_s(i)*stiffness(of, i, p)/of%c(i)
+    room = huge(room)
+    do j = 1, of%n
+      if (memory(j, PINNED) > 0.0_dp) room = min(room, of%theta(j, i)*u_s - abs(u - memory(j, ANCHOR)))
+    end do
+  end function next_break
+
+  !> When the next junction of any block in contact pins [s]; huge where none slips.
+  pure function next_release(of, nx, in_contact, memory) result(t)
+    type(junctions_t), intent(in) :: of
+    integer, intent(in) :: nx               !! blocks
+    logical, intent(in) :: in_contact(nx)
+    real(dp), intent(in) :: memory(n_whole(of%n), nx)
+    real(dp) :: t
+
+    t = minval(memory(n_saved(of%n) + EARLIEST, :), mask=in_contact)
+  end function next_release
+
+  !> Which slipping junctions of a block are dragged, up or down (1 or 0); least and greatest anchor of the others [m].
+  pure function drag_limits(of, i, u, v, p, p_rate, memory) result(marks)
+    type(junctions_t), intent(in) :: of
+    integer, intent(in) :: i            !! block
+    real(dp), intent(in) :: u           !! its displacement [m]
+    real(dp), intent(in) :: v           !! its velocity [m/s]
+    real(dp), intent(in) :: p           !! its normal force [N]
+    real(dp), intent(in) :: p_rate      !! its rate [N/s]
+    real(dp), intent(in) :: memory(n_whole(of%n))
+    real(dp) :: marks(4), u_d, a
+    integer :: j, s
+
+    marks = [0.0_dp, 0.0_dp, huge(1.0_dp), -huge(1.0_dp)]
+    if (p <= 0.0_dp) return
+    s = n_saved(of%n)
+    u_d = of%mu_d(i)*stiffness(of, i, p)/of%c(i)
+    do j = 1, int(memory(s + LOOSE))
+      a = memory(s + N_SUMS + j)
+      if (anchor_speed(u - a, u_d, v, u_d*(p_rate/(2.0_dp*p))) > 0.0_dp) then
+        marks(merge(1, 2, u > a)) = 1.0_dp
+      else
+        marks(3) = min(marks(3), a)
+        marks(4) = max(marks(4), a)
+      end if
+    end do
+  end function drag_limits
+
+  !> What stays positive while the same junctions are dragged: the speeds of their anchors, up and down; how far the
+  !> others are from u_d.
+  pure function drag_functions(of, i, u, v, p, p_rate, marks) result(g)
+    type(junctions_t), intent(in) :: of
+    integer, intent(in) :: i            !! block
+    real(dp), intent(in) :: u           !! its displacement [m]
+    real(dp), intent(in) :: v           !! its velocity [m/s]
+    real(dp), intent(in) :: p           !! its normal force [N]
+    real(dp), intent(in) :: p_rate      !! its rate [N/s]
+    real(dp), intent(in) :: marks(4)    !! see drag_limits
+    real(dp) :: g(3), u_d, u_d_rate
+
+    g = 1.0_dp
+    if (p <= 0.0_dp) return
+    u_d = of%mu_d(i)*stiffness(of, i, p)/of%c(i)
+    u_d_rate = u_d*(p_rate/(2.0_dp*p))
+    if (marks(1) > 0.0_dp) g(1) = v - u_d_rate
+    if (marks(2) > 0.0_dp) g(2) = -v - u_d_rate
+    if (marks(4) >= marks(3)) g(3) = min(marks(3) + u_d - u, u - marks(4) + u_d)
+  end function drag_functions
+end module pyfric_junctions

@@ -1,0 +1,158 @@
+"""The friction law of an interface of junctions, as Python sees it; the core moves them.
+
+A block on junctions is no block at rest: it stands on springs, whose anchors are what the law
+remembers. `begin` says where they are at the start, and refuses where one would break.
+
+Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014).
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pyfric.scene.errors import SceneError
+from pyfric.scene.friction import Law
+from pyfric.scene.laws import Tables
+
+if TYPE_CHECKING:
+    from pyfric.scene.laws.junctions import Junctions
+    from pyfric.scene.scene import Scene
+
+__all__ = ["JunctionLaw"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JunctionLaw(Law):
+    """Strength, stiffness and memory of blocks on junctions.
+
+    Attributes:
+        kind: what the interface says of them.
+        C: the constant in k_j = sqrt(C p/n_s), N/m^2; a number, or one for each column.
+        t_R, t_R_std: mean time that a junction slips, and its standard deviation, s; likewise.
+        numbers: of the blocks from the trailing edge, from 1 on, shape (N_x,).
+    """
+
+    kind: Junctions
+    C: Any
+    t_R: Any
+    t_R_std: Any
+    numbers: Any
+
+    @classmethod
+    def of(cls, scene: Scene) -> JunctionLaw:
+        """Return the law of a scene whose interface is one of junctions.
+
+        Raises:
+            SceneError: the interface has mu_s = 0 or a viscosity.
+        """
+        kind = scene.interface.law
+        mu_s, mu_k, alpha = map(scene.given_field, ("mu_s", "mu_k", "alpha"))
+        for name, value, allowed in (("alpha", alpha, 0.0), ("mu_s", mu_s, None)):
+            wrong = np.any(value) if allowed == 0.0 else not np.all(value)
+            if wrong:
+                said = "0 N s/m" if allowed == 0.0 else "> 0"
+                reason = "an interface of junctions"
+                raise SceneError(f"interface.{name}", float(np.max(value)), "", said, reason)
+        t_R, t_R_std = scene.given_field("t_R"), scene.given_field("t_R_std")
+        if kind.u_s is None:
+            C = scene.given_field("C")
+        else:
+            C = mu_s**2 * (scene.F_N / scene.N_x) / (kind.n_s * scene.given_field("u_s") ** 2)
+        more = {"kind": kind, "C": C, "t_R": t_R, "t_R_std": t_R_std, "numbers": scene.n_of_i}
+        return cls(mu_s, mu_k, **more)
+
+    @property
+    def rests(self) -> bool:
+        return False
+
+    def stiffness(self, p: Any) -> Any:
+        """Return the stiffness of blocks with all junctions pinned, n_s k_j, in N/m."""
+        return np.sqrt(self.kind.n_s * self.C * p)
+
+    def u_s(self, p: Any) -> Any:
+        """Return the stretch at which junctions break under a load p (N), in m."""
+        return self.mu_s * np.sqrt(p / (self.kind.n_s * self.C))
+
+    @property
+    def slowest(self) -> float:
+        """Longest mean time that junctions slip, in s."""
+        return float(np.max(self.t_R))
+
+    def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the share of pinned junctions."""
+        return {"pinned": memory["pinned"].mean(axis=1)}
+
+    @functools.cached_property
+    def thresholds(self) -> np.ndarray:
+        """Thresholds of junctions over u_s, shape (N_x, n_s); (0, n_s) where all are 1."""
+        return self.kind.thresholds(self.numbers)
+
+    @property
+    def memory(self) -> np.dtype:
+        each = (self.kind.n_s,)
+        return np.dtype([(name, float, each) for name in ("anchor", "pinned", "release", "breaks")])
+
+    def begin(
+        self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return margins and memory of blocks whose junctions bear f, all pinned.
+
+        Their mean stretch is what f asks for; about it they are spread evenly.
+
+        Args:
+            t: time, in s.
+            u_x: displacements, shape (N_x,), in m.
+            p: normal forces, shape (N_x,), in N; where there is none, all junctions slip.
+            f: friction forces on the blocks, along +x, shape (N_x,), in N.
+            d: direction of driving.
+
+        Raises:
+            SceneError: a junction would break.
+        """
+        n, u_s = self.kind.n_s, self.u_s(p)
+        closed = p > 0
+        whole = np.where(closed, self.stiffness(p), 1.0)
+        even = (2 * np.arange(1, n + 1) - n - 1) / n
+        stretch = (-f / whole)[:, None] + d * self.kind.stretch * u_s[:, None] * even
+        theta = self.thresholds if len(self.thresholds) else np.ones((1, n))
+        over = np.abs(stretch) - theta * u_s[:, None]
+        worst = int(np.argmax(np.where(closed, over.max(axis=1), -np.inf)))
+        if closed.any() and over[worst].max() > 0:
+            reached = float(np.abs(stretch[worst]).max() / u_s[worst])
+            reason = (
+                f"junctions of block {self.numbers[worst]} from the trailing edge would break "
+                "at the start"
+            )
+            allowed = "stretches below the thresholds: less stretch, a larger mu_s or u_s"
+            raise SceneError("interface.law", reached, "u_s", allowed, reason)
+        memory = np.zeros(len(p), self.memory)
+        memory["anchor"] = np.where(closed[:, None], u_x[:, None] - stretch, u_x[:, None])
+        memory["pinned"] = closed[:, None]
+        memory["release"] = t
+        return n * (closed - self.kind.ruptured), memory
+
+    @property
+    def core_fields(self) -> tuple[Any, ...]:
+        return self.mu_s, self.mu_k, self.C, self.t_R, self.t_R_std
+
+    @property
+    def core_tables(self) -> Tables:
+        mean = float(np.mean(self.t_R))
+        cv = float(np.mean(self.t_R_std)) / mean if mean else 0.0
+        return Tables(hold=self.kind.quantiles_of_t_R(cv))
+
+    @property
+    def coulomb(self) -> bool:
+        return False
+
+    @property
+    def budget_names(self) -> tuple[str, ...]:
+        return "friction_heat", "switching_loss", "stiffness_work"
+
+    def budget(self, heat: Any, loss: Any, parts: Any) -> list[Any]:
+        """Return the heat of dragging, that of breaks and pinning, the work of the stiffness."""
+        return [parts[0], loss, parts[1]]

@@ -1,0 +1,160 @@
+"""Interfaces of junctions that break, slip for a while, and pin again."""
+
+import functools
+import math
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+
+from pyfric.scene.checked import NotNegative, Positive, Quantity, Whole, part
+from pyfric.scene.errors import SceneError
+from pyfric.scene.laws.kinds import FrictionLaw, Means, law
+from pyfric.scene.laws.table import Table
+from pyfric.scene.spread import Spread
+
+__all__ = ["Junctions"]
+
+MOST = 1_000_000
+"""Most junctions of a block."""
+PARTS = 512
+"""Parts of equal probability into which the knots of a table of quantiles cut a distribution."""
+TAIL = 1e-6
+"""Probability beyond the ends of such a table, whose last part is cut in halves down to it."""
+
+Field = float | tuple[float, ...] | Spread
+_field: dict[str, Any] = {"listed": True, "drawn": Spread, "note": ", or a list, or a Spread"}
+
+
+@law
+@part
+class Junctions(FrictionLaw):
+    """Each block stands on n_s junctions, which all carry the same share of its normal force p.
+
+    A pinned junction is a spring of stiffness k_j = sqrt(C p/n_s) to its anchor. Stretched beyond
+    u_s = mu_s sqrt(p/(n_s C)) it breaks: it then slips, and carries at most mu_k p/n_s, for a time
+    t_R, after which it pins without force where the block is. Without contact all slip, and pin
+    where the block touches again. A block is ruptured while fewer than a share of its junctions is
+    pinned; episodes, events and fronts follow from that, and the sign of such slip is that of the
+    block's velocity when it ruptured.
+
+    With C fixed, u_s falls as 1/sqrt(n_s), and with it the physics: another n_s is another
+    interface. So u_s is what is set, at the mean load p = F_N/N_x, and C = mu_s^2 p/(n_s u_s^2)
+    follows. Where F_N changes with time or p varies along the interface, C stays.
+
+    Args:
+        n_s: junctions of each block, >= 2.
+        u_s: stretch at which a junction breaks under the mean load at t = 0, m, > 0; or else
+        C: the constant in k_j = sqrt(C p/n_s), N/m^2, > 0.
+        t_R: mean time that a junction slips, s, >= 0.
+        t_R_std: its standard deviation, s, >= 0; 0 for a fixed time, which needs no random numbers.
+        t_R_distribution: "normal", cut at 0, or "gamma", whose shape is that of the means of t_R
+            and t_R_std.
+        threshold_std: standard deviation of the thresholds of junctions, over their mean u_s, >= 0.
+        threshold_distribution: "weibull", or "uniform" up to a std of 1/sqrt(3).
+        stretch: half width over u_s of stretches that are spread evenly at the start, in [0, 1].
+        ruptured: share of pinned junctions below which a block is ruptured, in (0, 1].
+        seed: of the random numbers, a whole number from 0 to 2^64 - 1.
+
+    u_s, C, t_R and t_R_std are fields, as mu_s and mu_k are. Junctions start pinned where they were
+    before F_N was applied; on a prescribed interface, stretched by what the given shear asks for.
+
+    t_R after break n of junction j of block i, all counted from 1 and blocks from the trailing
+    edge, is t_R + t_R_std (sum of 12 uniform numbers - 6), those of Philox 4x64-10 that follow the
+    counter (0, i, j, n) under the key (seed, 0); "gamma" takes the first of them.
+
+    Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014); that p is the present one,
+    and what junctions do when motion reverses, is a choice. Thresholds: Z. Farkas, S. R. Dahmen,
+    D. E. Wolf, J. Stat. Mech. P06015 (2005).
+    """
+
+    n_s: Annotated[int, Whole(MOST)] = 100
+    u_s: Annotated[Field | None, Positive("m", optional=True, **_field)] = None
+    C: Annotated[Field | None, Positive("N/m^2", optional=True, **_field)] = None
+    t_R: Annotated[Field, NotNegative("s", **_field)] = 2e-3
+    t_R_std: Annotated[Field, NotNegative("s", **_field)] = 0.0
+    t_R_distribution: Literal["normal", "gamma"] = "normal"
+    threshold_std: Annotated[float, NotNegative("")] = 0.0
+    threshold_distribution: Literal["weibull", "uniform"] = "weibull"
+    stretch: Annotated[float, Quantity("", ge=0.0, le=1.0)] = 0.0
+    ruptured: Annotated[float, Quantity("", gt=0.0, le=1.0)] = 0.3
+    seed: Annotated[int, Whole(2**64 - 1)] = 0
+
+    kind: ClassVar[str] = "junctions"
+    rests: ClassVar[bool] = False
+    fields: ClassVar[tuple[str, ...]] = ("u_s", "C", "t_R", "t_R_std")
+    example: ClassVar[dict[str, Any]] = {"n_s": 20, "u_s": 1e-6, "t_R": 5e-5, "t_R_std": 1e-5}
+
+    def __post_init__(self) -> None:
+        if self.n_s < 2:
+            allowed = f"a whole number from 2 to {MOST}"
+            raise SceneError(f"{self._section}.n_s", self.n_s, "", allowed)
+        if (self.u_s is None) == (self.C is None):
+            reason = "both are given" if self.C is not None else "neither is given"
+            raise SceneError(f"{self._section}.u_s", self.u_s, "m", "either u_s or C", reason)
+        if self.threshold_distribution == "uniform" and self.threshold_std > 1 / math.sqrt(3):
+            allowed = "at most 1/sqrt(3) with a uniform distribution: thresholds are positive"
+            raise SceneError(f"{self._section}.threshold_std", self.threshold_std, "", allowed)
+
+    def tables(self, of: Means) -> Any:
+        """Return the tables of an interface, which says nothing by tables."""
+        if of.d_c:
+            reason = "junctions say how friction falls"
+            raise SceneError("interface.d_c", of.d_c, "m", f"0 m with {self.kind}", reason)
+        return super().tables(of._replace(d_c=0.0))
+
+    def quantiles_of_t_R(self, cv: float) -> Table | None:
+        """Return the quantiles of t_R over its mean, for std over mean cv; None where it is normal.
+
+        Between knots they are straight; they are scaled so that their mean is 1.
+        """
+        if self.t_R_distribution == "normal" or cv == 0:
+            return None
+        from scipy.special import gammaincinv  # slow to import
+
+        shape = 1 / cv**2
+        return _of_mean_1(lambda u: gammaincinv(shape, u) / shape)
+
+    def thresholds(self, numbers: np.ndarray) -> np.ndarray:
+        """Return the thresholds of junctions over u_s, shape (N_x, n_s); empty where all are 1.
+
+        Args:
+            numbers: of the blocks from the trailing edge, from 1 on, shape (N_x,).
+
+        Those of block i are the quantiles of the numbers that follow the counter (0, i, 0, 0)
+        under the key (seed, 1).
+        """
+        if self.threshold_std == 0:
+            return np.zeros((0, self.n_s))
+        key = np.array([self.seed, 1], dtype=np.uint64)
+        raw = (
+            np.random.Philox(key=key, counter=np.array([0, i, 0, 0], dtype=np.uint64)).random_raw(
+                self.n_s
+            )
+            for i in numbers
+        )
+        u = np.array([(one >> np.uint64(11)).astype(float) * 2.0**-53 for one in raw])
+        if self.threshold_distribution == "uniform":
+            return 1 + self.threshold_std * math.sqrt(3) * (2 * u - 1)
+        return _weibull(self.threshold_std)(u)
+
+
+@functools.cache
+def _weibull(cv: float) -> Table:
+    """Return the quantiles of Weibull's distribution with mean 1 and standard deviation cv."""
+    low, high = 0.05, 200.0  # moduli with cv = 1e15 and 0.006
+    for _ in range(200):
+        m = math.sqrt(low * high)
+        wide = math.lgamma(1 + 2 / m) - 2 * math.lgamma(1 + 1 / m) > math.log1p(cv**2)
+        low, high = (m, high) if wide else (low, m)
+    return _of_mean_1(lambda u: (-np.log1p(-u)) ** (1 / m))
+
+
+def _of_mean_1(quantile: Any) -> Table:
+    """Return a table of quantiles over probability, scaled to a mean of 1; at both ends refined."""
+    halves = 2.0 ** -np.arange(1, 1 - math.log2(TAIL * PARTS))
+    inner = np.arange(1, PARTS) / PARTS
+    u = np.concatenate([[0.0], np.sort(halves) / PARTS, inner, 1 - halves / PARTS])
+    y = np.asarray(quantile(u), float)
+    u, y = np.append(u, 1.0), np.append(y, y[-1])
+    mean = float(np.sum((y[1:] + y[:-1]) / 2 * np.diff(u)))
+    return Table(tuple(u.tolist()), tuple((y / mean).tolist()))

@@ -1,0 +1,272 @@
+"""Slow fronts on an interface of junctions: where, how slow, how long, and what ends them.
+
+The preset `slow` to 1.6 s in linear geometry: three seeds; beside the first one half the step,
+times t_R without spread, 25 and 400 junctions a block at the same u_s, and t_R of 0.5 and 8 ms.
+
+passage     of a front over block i from the trailing edge: when all blocks up to i have ruptured,
+            the largest of their first rupture times in the event. A block that ruptures ahead of
+            the front does not count before the front has come.
+speed       over five blocks: 4 l over the time between the passages two blocks before and after
+slow        3 % of c_S or less
+stretch     the longest run of at least five such blocks one after another, in an event that
+            ruptures all blocks; its speed is that over all of its blocks
+between     its neighbours are faster: the medians of speeds before and after it, of at least two
+            blocks each, are both at least 20 times its speed
+slip speed  of a block: its displacement in the 0.2 ms from its first rupture on, over that time
+
+Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014); PRE 92, 012408 (2015).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from pyfric import figures, theory
+from pyfric.engines import step_size
+from pyfric.scene import preset
+from pyfric.sweeps import Job, run_all
+
+if TYPE_CHECKING:
+    from pyfric.figures import DataFigure
+    from pyfric.record import Record
+
+__all__ = ["CASES", "c_S", "figure", "jobs", "longest_stretch", "passages", "report", "ruptures",
+           "slip_speeds", "speed_figure", "speeds", "study", "tables"]  # fmt: skip
+
+T_END = 1.6
+"""Time of the end of each run, s."""
+SAMPLE = 5e-5
+"""Time between points of the motion, s."""
+SLOW, RATIO, LEAST = 0.03, 20.0, 5
+"""Speed of slow fronts over c_S; how many times faster what is beside; fewest blocks."""
+AVERAGED = 4
+"""Blocks over which a speed is taken."""
+BESIDE = 2
+"""Fewest blocks with a speed before and after a stretch that is between fast ones."""
+SLIPS = 0.2e-3
+"""Time over which slip speeds are taken, s."""
+
+CASES: Mapping[str, Mapping[str, Any]] = {
+    "seed 0": {},
+    "seed 1": {"seed": 1},
+    "seed 2": {"seed": 2},
+    "half the step": {"dt": 0.5},
+    "no spread of t_R": {"t_R_std": 0.0},
+    "n_s = 400": {"n_s": 400},
+    "n_s = 25": {"n_s": 25},
+    "t_R = 0.5 ms": {"t_R": 0.5e-3, "t_R_std": 0.15e-3},
+    "t_R = 8 ms": {"t_R": 8e-3, "t_R_std": 2.4e-3},
+}
+"""Names of runs to changes of the law; dt is a share of the automatic step."""
+
+
+def jobs(cases: Sequence[str], t_end: float = T_END) -> list[Job]:
+    """Return the runs of these cases."""
+    found = []
+    for name in cases:
+        changes = dict(CASES[name])
+        share = changes.pop("dt", 1.0)
+        scene = preset("slow", {f"law.{field}": value for field, value in changes.items()})
+        how = {"fidelity": "dynamic", "geometry": "linear", "verify": "none", "sample": SAMPLE}
+        how |= {} if share == 1 else {"dt": share * step_size(scene)}
+        found.append(Job(scene=scene, t_end=t_end, options=how))
+    return found
+
+
+def study(
+    folder: Path,
+    cases: Sequence[str] = tuple(CASES),
+    say: Callable[[str], None] = lambda _: None,
+    t_end: float = T_END,
+) -> dict[str, Record]:
+    """Make the runs that the folder does not hold yet; return all by name."""
+    records = {}
+    for name, job in zip(cases, jobs(cases, t_end), strict=True):
+        say(name)
+        (records[name],) = run_all([job], workers=1, cache=folder, progress=False)
+    return records
+
+
+def c_S(record: Record) -> float:
+    """Return the speed of shear waves, m/s."""
+    slider = record.scene.slider
+    return theory.Material.of_lattice(slider.k, record.scene.m, slider.l, 1.0).c_S
+
+
+def passages(record: Record, event: int) -> np.ndarray:
+    """Return when the front passes each block, from the trailing edge on, (N_x,), s; NaN: never."""
+    of_event = record.episodes[record.episodes["event"] == event]
+    first = of_event.groupby("n")["t_start"].min()
+    times = first.reindex(np.arange(1, record.scene.N_x + 1)).to_numpy()
+    return np.maximum.accumulate(times)  # NaN from the first block on that does not rupture
+
+
+def speeds(t: np.ndarray, l: float) -> np.ndarray:
+    """Return front speeds from passages, (N_x,), m/s; NaN at two blocks from either end."""
+    v, half = np.full(len(t), np.nan), AVERAGED // 2
+    with np.errstate(divide="ignore"):
+        v[half:-half] = AVERAGED * l / (t[AVERAGED:] - t[:-AVERAGED])
+    return v
+
+
+def longest_stretch(v: np.ndarray, slow: float) -> tuple[int, int] | None:
+    """Return first and last block (from 0) of the longest slow stretch, None if it is too short."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], (v <= slow).astype(int), [0]])))
+    runs = edges.reshape(-1, 2)
+    if not len(runs):
+        return None
+    first, end = runs[np.argmax(np.diff(runs, axis=1)[:, 0])]
+    return (int(first), int(end) - 1) if end - first >= LEAST else None
+
+
+def ruptures(record: Record) -> pd.DataFrame:
+    """Return one row for each event that ruptures all blocks.
+
+    Columns: event; t_start (s); F_T_start and F_T_arrest over F_N; first and last block of its slow
+    stretch, from 1, and its speed over c_S; how many times faster the front is before and after it;
+    between: whether both are at least 20; NaN and False where there is none.
+    """
+    scene, rows = record.scene, []
+    whole = record.events[(record.events["n_blocks"] == scene.N_x) & record.events["is_main"]]
+    for event, row in whole.iterrows():
+        t = passages(record, event)
+        v = speeds(t, scene.slider.l)
+        found = {"event": event, "t_start": row["t_start"]}
+        found |= {name: row[name] / scene.F_N for name in ("F_T_start", "F_T_arrest")}
+        found |= dict.fromkeys(("first", "last", "speed", "before", "after"), np.nan)
+        stretch = longest_stretch(v, SLOW * c_S(record))
+        if stretch is not None:
+            first, last = stretch
+            speed = (last - first) * scene.slider.l / (t[last] - t[first])
+            found |= {"first": first + 1, "last": last + 1, "speed": speed / c_S(record)}
+            for name, part in (("before", v[:first]), ("after", v[last + 1 :])):
+                known = part[~np.isnan(part)]
+                found[name] = np.median(known) / speed if len(known) >= BESIDE else np.nan
+        found["between"] = bool(found["before"] >= RATIO and found["after"] >= RATIO)
+        rows.append(found)
+    names = ["event", "t_start", "F_T_start", "F_T_arrest", "first", "last", "speed", "before",
+             "after", "between"]  # fmt: skip
+    return pd.DataFrame(rows, columns=names)
+
+
+def slip_speeds(record: Record) -> pd.DataFrame:
+    """Return front speed, slip speed (m/s) and prestress of blocks in events that rupture all.
+
+    Columns: event, n, front, slip, and tau_over_p in the static state before the event.
+    """
+    scene, t = record.scene, record.curve["t"].to_numpy()
+    order, rows = np.argsort(scene.n_of_i), []
+    u = scene.d * record.motion["u_x"][:, order]
+    for event in ruptures(record)["event"]:
+        passed, row = passages(record, event), record.row(event)
+        ratio = (record.tau_before[row] / record.p_before[row])[order]
+        for i, v in enumerate(speeds(passed, scene.slider.l)):
+            end = passed[i] + SLIPS
+            if np.isfinite(v) and end <= t[-1]:
+                slip = np.diff(np.interp([passed[i], end], t, u[:, i]))[0]
+                found = {"event": event, "n": i + 1, "front": v, "slip": slip / SLIPS}
+                rows.append(found | {"tau_over_p": ratio[i]})
+    return pd.DataFrame(rows, columns=["event", "n", "front", "slip", "tau_over_p"])
+
+
+def power_law(table: pd.DataFrame) -> tuple[float, float]:
+    """Return exponent and r^2 of slip speed as a power of front speed; NaN for few blocks."""
+    known = table[(table["slip"] > 0) & (table["front"] > 0)]
+    if len(known) < 3:
+        return np.nan, np.nan
+    x, y = np.log(known["front"]), np.log(known["slip"])
+    return float(np.polyfit(x, y, 1)[0]), float(np.corrcoef(x, y)[0, 1] ** 2)
+
+
+def summary(record: Record) -> dict[str, float]:
+    """Return a row of the table of acceptance; medians over events."""
+    found, main = ruptures(record), record.events[record.events["is_main"]]
+    slow = found[found["speed"].notna()]
+    exponent, r2 = power_law(slip_speeds(record))
+    return {
+        "ruptures": len(found),
+        "slow": len(slow),
+        "between": int(found["between"].sum()),
+        "speed": slow["speed"].median(),
+        "least": slow["speed"].min(),
+        "blocks": (slow["last"] - slow["first"] + 1).median(),
+        "first": slow["first"].median(),
+        "before": slow["before"].median(),
+        "after": slow["after"].median(),
+        "arrested": int((main["n_blocks"] < record.scene.N_x).sum()),
+        "interval": found["t_start"].diff().median(),
+        "F_T_start": found["F_T_start"].median(),
+        "F_T_arrest": found["F_T_arrest"].median(),
+        "exponent": exponent,
+        "r2": r2,
+    }
+
+
+def tables(records: Mapping[str, Record]) -> dict[str, pd.DataFrame]:
+    """Return the table of acceptance, and the ruptures of all runs."""
+    rows = [{"case": name} | summary(record) for name, record in records.items()]
+    each = [ruptures(record).assign(case=name) for name, record in records.items()]
+    return {"acceptance": pd.DataFrame(rows), "ruptures": pd.concat(each, ignore_index=True)}
+
+
+def same_events(one: Record, other: Record) -> int:
+    """Return how many first main events agree: blocks within 1, forces within 1e-3 F_N."""
+    limit, same = 1e-3 * one.scene.F_N, 0
+    ours, theirs = (run.events[run.events["is_main"]].itertuples() for run in (one, other))
+    for a, b in zip(ours, theirs, strict=False):
+        if abs(a.n_blocks - b.n_blocks) > 1 or abs(a.F_T_start - b.F_T_start) > limit:
+            break
+        same += 1
+    return same
+
+
+def figure(records: Mapping[str, Record]) -> DataFigure:
+    """Return the first rupture of the first run with a slow stretch between fast ones, as x-t."""
+    record = next(iter(records.values()))
+    found = ruptures(record)
+    best = found[found["between"]] if found["between"].any() else found
+    fig = figures.space_time(record, int(best["event"].iloc[0]))
+    fig.tables |= tables(records)
+    fig.caption += f"\n\n{report(records)}"
+    return fig
+
+
+def speed_figure(records: Mapping[str, Record]) -> DataFigure:
+    """Return front speeds over prestress, and slip speeds over front speeds, of the first run."""
+    name, record = next(iter(records.items()))
+    found, wave = slip_speeds(record), c_S(record)
+    exponent, r2 = power_law(found)
+    fig = figures.DataFigure(figsize=(7.2, 3.0), layout="constrained")
+    FigureCanvasAgg(fig)
+    left, right = fig.subplots(1, 2)
+    look = {"c": (found["n"] - 1) / (record.scene.N_x - 1), "s": 5, "cmap": "viridis"}
+    left.scatter(found["tau_over_p"], found["front"] / wave, **look)
+    left.set(xlabel=r"$\tau/p$ before the event", ylabel="$v_c/c_S$", yscale="log")
+    image = right.scatter(found["front"], found["slip"], **look)
+    right.set(xlabel="front speed (m/s)", ylabel="slip speed (m/s)", xscale="log", yscale="log")
+    left.axhline(SLOW, color="grey", lw=0.8)
+    fig.colorbar(image, ax=right, label="$x/L$ from the trailing edge")
+    fig.tables = {"speeds": found}
+    fig.caption = (
+        f"Blocks of events that rupture all of them, {name}. (a) Front speed over the prestress "
+        f"of the static state before the event; line: {SLOW:g} c_S; speeds beyond c_P are those of "
+        "blocks that the front has passed at nearly one time. (b) Slip speed in the first "
+        f"{1e3 * SLIPS:g} ms over front speed: exponent {exponent:.2f}, r^2 {r2:.2f}."
+    )
+    return fig
+
+
+def report(records: Mapping[str, Record]) -> str:
+    """Return the table of acceptance in lines."""
+    rows = tables(records)["acceptance"]
+    lines = [rows.to_string(index=False, float_format=lambda x: f"{x:.3g}")]
+    if {"seed 0", "half the step"} <= set(records):
+        kept = same_events(records["seed 0"], records["half the step"])
+        lines.append(f"first main events that half the step keeps: {kept}")
+    return "\n".join(lines)

@@ -72,7 +72,16 @@ if TYPE_CHECKING:
         solve_static,
         stability_limit,
     )
-    from pyfric.sweeps import Job, JobError, Span, Sweep, boundary, label_map, run_all
+    from pyfric.sweeps import (
+        Job,
+        JobError,
+        Span,
+        Sweep,
+        boundary,
+        label_map,
+        phase_diagram,
+        run_all,
+    )
 
 __all__ = [
     "MATERIALS",
@@ -116,6 +125,7 @@ __all__ = [
     "label_map",
     "laws",
     "loaded_state",
+    "phase_diagram",
     "plan",
     "prediction_curve",
     "preset",

@@ -411,6 +411,53 @@ def test_slow_fronts_of_the_chain():
     np.testing.assert_allclose(theory.chain_prestress(v, 0.3, 0.1), tau_bar, rtol=1e-9)
 
 
+def test_fronts_down_to_1e_4_c():
+    """tau_bar is inverted, also where waves of v q of order one are averaged."""
+    for alpha, tau_bar in ((3.0, 0.02), (1.0, 1e-3), (10.0, 1.1e-3), (0.3, 3e-4)):
+        v = theory.chain_speed(tau_bar, alpha)
+        assert theory.chain.SLOWEST < v < 0.01
+        assert theory.chain_prestress(v, alpha) == pytest.approx(tau_bar, rel=1e-9)
+
+
+@pytest.mark.parametrize(("v", "alpha", "eta"), [(0.019, 1.0, 0.0), (0.03, 0.5, 0.3)])
+def test_averaged_periods_against_brute_force(v, alpha, eta):
+    assert alpha + 4 * eta > theory.chain._DAMPED * v
+    exact = by_brute_force(v, alpha, eta, n=4_000_000, Q=4000 * np.pi)
+    assert theory.chain_prestress(v, alpha, eta) == pytest.approx(exact, rel=1e-6)
+
+
+def overdamped_by_quadrature(w, periods):
+    """Gauss points in half periods, dense where sin(q/2) = 0; the tail 2/(w Q)."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    t = (1 + nodes) / 2
+    near, weights = np.pi * t**4, 2 * np.pi * t**3 * weights
+    begin = 2 * np.pi * np.arange(periods)[:, None]
+    q = np.stack([begin + near, begin + 2 * np.pi - near])
+    total = np.sum(np.arctan2(4 * np.sin(q / 2) ** 2, w * q) / q @ weights)
+    return np.exp(-(total + 2 / (w * 2 * np.pi * periods)) / np.pi)
+
+
+def test_overdamped_chain():
+    """tau_bar(w), and the limit of fast sliding blocks: 1 - tau_bar = 1/w + ..."""
+    w = np.array([0.1, 0.3, 1.0, 3.0])
+    found = theory.chain_prestress_overdamped(w)
+    exact = [overdamped_by_quadrature(one, 20_000) for one in w]
+    np.testing.assert_allclose(found, exact, rtol=1e-6)
+    np.testing.assert_allclose(found, [0.077133, 0.191729, 0.442898, 0.724601], atol=1e-6)
+    assert theory.chain_prestress_overdamped(0.01) == pytest.approx(0.0092094, abs=1e-7)
+    np.testing.assert_allclose(theory.chain_speed_overdamped(found, 2.0), w / 2, rtol=1e-9)
+    # it is the limit of the chain with inertia
+    error = [theory.chain_prestress(one / 10, 10.0) / theory.chain_prestress_overdamped(one) - 1
+             for one in w[:3]]  # fmt: skip
+    assert np.abs(error).max() < 5e-3
+    assert abs(error[0]) < 1e-4
+
+
+def test_the_line_where_fronts_reach_c():
+    line = [theory.chain_prestress(1.0, alpha) for alpha in (0.1, 0.3, 1.0, 3.0)]
+    np.testing.assert_allclose(line, [0.301837, 0.426534, 0.603682, 0.777259], atol=6e-7)
+
+
 # --- rigid ---------------------------------------------------------------------------------------
 
 
@@ -497,7 +544,10 @@ def test_pressure_balances_force_and_torque(drive):
         ("tau_0", lambda: theory.strength_excess(1.0, 0.0, 0.0)),
         ("tau_0", lambda: theory.strength_excess(1.0, [0.5, 1.1], 0.0)),
         ("v", lambda: theory.chain_prestress(1.0)),
-        ("v", lambda: theory.chain_prestress(0.001, 0.1)),
+        ("v", lambda: theory.chain_prestress(9e-5, 0.1)),
+        ("w", lambda: theory.chain_prestress_overdamped(0.0)),
+        ("alpha", lambda: theory.chain_speed_overdamped(0.1, 0.0)),
+        ("tau_bar", lambda: theory.chain_speed_overdamped(1e-12, 1.0)),
         ("eta", lambda: theory.chain_prestress(2.0, eta=-0.1)),
         ("alpha", lambda: theory.chain_speed(0.5, alpha=11.0)),
         ("tau_bar", lambda: theory.chain_speed(1.0)),

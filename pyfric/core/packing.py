@@ -137,7 +137,8 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float, t: float = 0.0) -> Mo
     slider, driver = scene.slider, scene.driver
     i_rod = scene.M_rod * slider.L**2 / 12
     V, F_N, T = (scene.piece(what, t) for what in ("V", "F_N", "T"))
-    begin = max(V.t, F_N.t, T.t)
+    begins = (one for one in scene.corners if scene.top.push and one <= t)
+    begin = max(V.t, F_N.t, T.t, *begins)
     now = F_N.at(begin)
     constants = Constants(
         l=slider.l,
@@ -163,7 +164,7 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float, t: float = 0.0) -> Mo
         shear_rate=scene.d * T.slope / scene.N_x,
     )
     load = scene.p_prescribed if scene.prescribed else scene.load * (now / scene.F_N)
-    shear = scene.shear + scene.d * (T.at(begin) - getattr(scene.top, "T", 0.0)) / scene.N_x
+    shear = scene.shear_at(t) + scene.d * (T.at(begin) - getattr(scene.top, "T", 0.0)) / scene.N_x
     rows, n_knots, knots = _interface(scene)
     counts = _counts(scene, geometry)._replace(**n_knots)
     if not scene.law.rests:

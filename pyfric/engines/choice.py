@@ -29,7 +29,14 @@ import numpy as np
 from pyfric.display import html
 from pyfric.engines.cost import full_work, machine_speed, work
 from pyfric.engines.options import Fidelity, Options, Want, default_switching, step_size
-from pyfric.engines.pilot import counted, interval, linear_error, most_open, pilot_run
+from pyfric.engines.pilot import (
+    counted,
+    expected_end,
+    interval,
+    linear_error,
+    most_open,
+    pilot_run,
+)
 from pyfric.engines.quasistatic import beyond_ladder
 from pyfric.engines.relaxation import relaxation_time
 from pyfric.engines.stretches import bends
@@ -172,6 +179,7 @@ def plan(
     tolerance: float = 0.01,
     *,
     t_end: float = 1.0,
+    stop_when: str | tuple[str, ...] | None = None,
 ) -> Plan:
     """Return which engine, geometry and step are enough for a question.
 
@@ -180,6 +188,7 @@ def plan(
         want: "loading_curve", "precursors", "stress", "front_speed" or "motion".
         tolerance: accepted error over F_N; for front speeds relative.
         t_end: time of the end of the run, in s.
+        stop_when: conditions that end it before; see `Options`.
 
     Raises:
         SceneError: an argument is refused.
@@ -187,7 +196,7 @@ def plan(
 
     Source: see the module.
     """
-    options = Options(want=want, tolerance=tolerance)
+    options = Options(want=want, tolerance=tolerance, stop_when=stop_when)
     return choose(scene, options, check_number("t_end", t_end, "s", ge=0.0))
 
 
@@ -213,6 +222,8 @@ class _Choice:
         self.stepped = bool(options.budget) or options.stepper != "rk4"
         self.geometry: Geometry = options.geometry or default_geometry(scene)
         self.dt, self.error = self._step()
+        if full_work(scene, self.geometry, self.dt, t_end) > CHEAP:
+            self.t_end = expected_end(scene, t_end, options.stop_when)
 
     def plan(self, ladder: bool) -> Plan:
         """Return the plan."""
@@ -225,6 +236,8 @@ class _Choice:
         if not scene.law.rests:
             self.reasons.append(f"quasistatic: {NO_RESTS}")
             return self._full(NO_RESTS)
+        if not scene.has_rests:
+            return self._full("a push, or no driver, has full dynamics only")
         if self.want == "motion":
             return self._full("motion between events is wanted, which only full dynamics has")
         if self.stepped:
@@ -446,6 +459,7 @@ def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, floa
         found = choose(scene, how, t_end)
         return found.seconds + found.price, 1e5 + _events_size(scene, t_end)
     geometry = how.geometry or default_geometry(scene)
+    t_end = expected_end(scene, t_end, how.stop_when)
     dt, size = step_size(scene, how.dt, how.stepper), 1e5 + _events_size(scene, t_end)
     made = full_work(scene, geometry, dt, t_end)
     if how.fidelity in ("quasistatic", "equilibrium"):
@@ -461,7 +475,7 @@ def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, floa
 
 def _events_size(scene: Scene, t_end: float) -> float:
     """Return the size of the events of a record, in bytes."""
-    if scene.prescribed or not scene.law.rests:
+    if not (scene.has_rests and scene.law.rests):
         return 0.0
     return 8.0 * pilot_run(scene, t_end).events * (9 * scene.N_x + 40)
 

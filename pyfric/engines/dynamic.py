@@ -9,6 +9,7 @@ Source: PRL 107, 074301 (2011).
 
 from __future__ import annotations
 
+import functools
 import math
 import os
 import time
@@ -37,6 +38,7 @@ from pyfric.statics import EquilibriumError, StaticSolver, stability_limit
 
 if TYPE_CHECKING:
     from pyfric.engines.options import Options
+    from pyfric.engines.stopping import Stopping
     from pyfric.record import Catalogue
     from pyfric.scene import Scene
     from pyfric.statics import Equilibrium
@@ -112,8 +114,10 @@ class Run:
         solver: StaticSolver,
         state: State,
         before: Record | None,
+        stopping: Stopping | None = None,
     ) -> None:
         self.scene, self.method, self.state = scene, method, state
+        self.stopping, self.ending = stopping, ""
         self.solver = _Remembering(solver)
         self.model = core.model(scene, method.geometry, state.u_drv0, just_after(state))
         self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
@@ -216,16 +220,17 @@ class Run:
         state, every = self.state, self.method.sample
         start = saved = shown = time.perf_counter()
         solve_at = start + STATIC_SECONDS
-        while state.step < last and not stop():
+        while state.step < last and not self.ending and not stop():
             self.before_call(last)
-            if state.step < last:
+            if state.step < last and not self.ending:
                 to_sample = every - state.step % every
                 in_time = max(1, int(CALL_SECONDS * self.rate)) if self.rate else 1
                 self.call(min(to_sample, in_time, last - state.step, self.call_length()))
                 if state.step % every == 0:
                     self.sample()
+                    self.ending = self.ended()
             now = time.perf_counter()
-            if now - shown > 0.1 or state.step >= last:
+            if now - shown > 0.1 or state.step >= last or self.ending:
                 shown = now
                 force = self.rows[-1][1] / self.scene.F_N
                 begin = self.rows[0][0]
@@ -242,6 +247,19 @@ class Run:
         if self.good is not None:
             self._look(due=True)
         self.timings["stepping"] = time.perf_counter() - start
+
+    def ended(self) -> str:
+        """Return the status of a run that one of its conditions ends now, "" where none does."""
+        if self.stopping is None:
+            return ""
+        self.look()
+        return self.stopping.status()
+
+    def look(self) -> None:
+        """Show the present to the conditions."""
+        state = self.state
+        forces = functools.partial(core.evaluate, self.model, state, state.t)
+        self.stopping.look_at(state, forces)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Save the run so far; where that fails, warn and go on."""
@@ -336,6 +354,8 @@ class Run:
     ) -> None:
         self.switches.append(switches)
         self.quiet.append(quiet)
+        if self.stopping is not None:
+            self.stopping.take(switches, quiet)
         for t, kind in zip(quiet["t"], quiet["kind"], strict=True):
             self.events += kind > 0 and t - self.last_slip > self.method.t_gap
             self.last_slip = t
@@ -416,7 +436,7 @@ class Run:
             t_gap=self.method.t_gap,
             t_begin=self.t_begin,
             t_end=self.state.t,
-            solver=None if self.scene.prescribed else self.solver,
+            solver=self.solver if self.scene.has_rests else None,
         )
         return catalogue, switches, quiet
 

@@ -255,8 +255,33 @@ class HybridRun(Run):
         if not isinstance(landing, Landing):
             return landing.steps
         self._sample_jump(landing, outside)
-        self._land(landing, system, outside)
+        n = self._ends_after(landing.n)
+        end = state.step + n
+        if n:
+            landing = self._landing(system, outside, start, n)
+        if isinstance(landing, Landing):
+            self._land(landing, system, outside)
+        while state.step < end:
+            self.call(end - state.step)
         return 1
+
+    def _ends_after(self, n: int) -> int:
+        """Return after how many of a jump's n steps a condition ends the run, 0 for none.
+
+        The curve is cut there.
+        """
+        if self.stopping is None:
+            return 0
+        self.look()
+        t, _ = self._samples(n)
+        due, text = self.stopping.due()
+        last = int(np.searchsorted(t, due))
+        if last == len(t):
+            return 0
+        del self.rows[len(self.rows) - len(t) + last + 1 :]
+        self.ending = self.stopping.named(text)
+        every = self.method.sample
+        return (self.state.step // every + 1 + last) * every - self.state.step
 
     def slide(self, last: int) -> int:
         """Go to the last step before a contact state changes while blocks slip stably.

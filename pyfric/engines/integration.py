@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from pyfric.engines.dynamic import ON_GRID, last_step
 from pyfric.engines.guard import folded, largest_strain
 from pyfric.engines.progress import Progress, run_bar
+from pyfric.engines.stopping import stopping_of
 from pyfric.record import Record
 from pyfric.scene import SceneError, check_number
 from pyfric.signals import answered
@@ -56,12 +57,14 @@ def integrate(
         solver = _loaded(scene, method.geometry, None if initial is None else initial.u_drv0)
         dt = method.dt
         state = solver.loaded.state(scene, dt) if initial is None else initial.with_dt(dt)
-        run = engine(scene, method, solver, state, before)
+        stopping = stopping_of(options.stop_when, scene, method.t_gap, before, t_end)
+        run = engine(scene, method, solver, state, before, stopping)
         run.timings["set-up"] = time.perf_counter() - start
         last = _last(scene, state, t_end)
         with answered() as stop:
             run.advance(last, lambda: stop() or (enough is not None and enough(run)), show, options)
-            return run.record("complete" if state.step >= last else "interrupted")
+            done = "complete" if run.state.step >= last else "interrupted"
+            return run.record(run.ending or done)
 
 
 def _last(scene: Scene, state: State, t_end: float) -> int:

@@ -19,6 +19,7 @@ from pyfric import core
 from pyfric.core import STEPPERS, Switching
 from pyfric.engines.cost import POINTS
 from pyfric.engines.pauses import longest_pause
+from pyfric.engines.stopping import parsed_conditions
 from pyfric.record import Method
 from pyfric.scene import (
     Geometry,
@@ -133,6 +134,10 @@ class Options:
         sample: time between two points of the loading curve, in s; None means 5000 points.
         t_gap: longest pause inside an event, in s; None means that of the scene's own times, 1 ms
             in those of the paper (`pyfric.engines.pauses`).
+        stop_when: a condition, or several, the first of which ends the run before t_end:
+            "arrested", "at_rest", "reached = 50 mm", "L_p = 0.5", "precursors = 3",
+            "main_events = 1", "system_size", "slow = 1 um/s, 1 ms"; see `pyfric.engines.stopping`.
+            Steps end at the first point of the curve at which one holds.
         threads: most threads to use, None for all; small lattices use one.
         checkpoint: file to which the run so far is saved as a record every `checkpoint_every` s.
         checkpoint_every: time between two such saves, in s.
@@ -155,6 +160,7 @@ class Options:
     budget: bool | None = None
     sample: float | None = None
     t_gap: float | None = None
+    stop_when: str | tuple[str, ...] | None = None
     threads: int | None = None
     checkpoint: str | os.PathLike[str] | None = None
     checkpoint_every: float = 60.0
@@ -178,6 +184,7 @@ class Options:
             self._check_paper()
         if not isinstance(self.budget, bool | np.bool | None):
             raise SceneError("budget", self.budget, "", "True, False or None")
+        object.__setattr__(self, "stop_when", parsed_conditions(self.stop_when))
         if self.threads is not None:
             whole = isinstance(self.threads, Integral) and not isinstance(self.threads, bool)
             if not (whole and 1 <= self.threads <= MAX_THREADS):

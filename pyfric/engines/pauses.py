@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["longest_pause", "pause_notes"]
+__all__ = ["longest_pause", "pause_notes", "pause_of_waves"]
 
 DRIVER_SHARE = 1.2e-3
 RING_DOWN = 4.0
@@ -37,14 +37,19 @@ def longest_pause(scene: Scene) -> float:
 
     Nothing rings down in a chain whose blocks stick, nor without viscosity.
     """
-    slider, driver = scene.slider, scene.driver
-    transit = slider.L / (slider.l * math.sqrt(slider.k / (2 * scene.m)))
+    driver, transits = scene.driver, pause_of_waves(scene)
     if driver.K * driver.fastest == 0:
-        return _rounded(TRANSITS * transit)
+        return _rounded(transits)
     loading = DRIVER_SHARE * scene.F_N / (driver.K * driver.fastest)
     ringing = RING_DOWN * relaxation_time(scene) if scene.N_z > 1 else math.inf
     longest = min(loading, ringing)
-    return _rounded(max(longest, TRANSITS * transit))
+    return _rounded(max(longest, transits))
+
+
+def pause_of_waves(scene: Scene) -> float:
+    """Return how long waves cross the interface before a pause counts as rest, in s."""
+    slider = scene.slider
+    return TRANSITS * slider.L / (slider.l * math.sqrt(slider.k / (2 * scene.m)))
 
 
 def _rounded(t: float) -> float:

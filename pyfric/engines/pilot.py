@@ -22,7 +22,9 @@ from pyfric.engines.dynamic import RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
 from pyfric.engines.options import MAX_STEPS
+from pyfric.engines.pauses import longest_pause
 from pyfric.engines.quasistatic import QuasistaticRun
+from pyfric.engines.stopping import stopping_of
 from pyfric.record import build_catalogue
 from pyfric.scene import SceneError
 from pyfric.statics import EquilibriumError, StaticSolver
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["Pilot", "counted", "interval", "linear_error", "most_open", "pilot_run"]
+__all__ = ["Pilot", "counted", "expected_end", "interval", "linear_error", "most_open", "pilot_run"]
 
 EVENTS, CHANGES = 300, 2e8
 """The quasi-static pilot run ends after so many events, or changes of contact state times N_x^2."""
@@ -112,6 +114,32 @@ def pilot_run(scene: Scene, t_end: float) -> Pilot:
         far=far,
         failed=f"about {run.events / far:.0e} events up to t_end" if many else "",
     )
+
+
+def expected_end(scene: Scene, t_end: float, stop_when: tuple[str, ...] | None) -> float:
+    """Return when a run to t_end (s) ends, as the pilot run meets its conditions, in s."""
+    static = scene.has_rests and scene.law.rests
+    record = pilot_run(scene, t_end).record if stop_when and static else None
+    if record is None:
+        return t_end
+    seen = stopping_of(stop_when, record.scene, longest_pause(scene), None, t_end)
+    quiet, switches, begin = record.quiet, record.switches, 0
+    ends = np.flatnonzero(quiet["kind"] < 0)
+    following = np.append(quiet["t"], math.inf)[ends + 1]
+    taken = np.searchsorted(switches["step"], quiet["step"][ends], side="right")
+    row = 0
+    for end, until, following_t in zip(ends + 1, taken, following, strict=True):
+        seen.take(_rows(switches, begin, until), _rows(quiet, row, end))
+        begin, row = until, end
+        seen.look(seen.t_rest, quiet["mode"][end - 1])
+        due, _ = seen.due()
+        if due < following_t:
+            return min(t_end, due)
+    return t_end
+
+
+def _rows(log: Mapping[str, np.ndarray], begin: int, end: int) -> dict[str, np.ndarray]:
+    return {name: values[begin:end] for name, values in log.items()}
 
 
 def interval(record: Record) -> float:

@@ -31,6 +31,7 @@ from pyfric.engines.guard import strain_notes
 from pyfric.engines.pauses import longest_pause
 from pyfric.engines.progress import Progress, run_bar
 from pyfric.engines.relaxation import loading_notes
+from pyfric.engines.stopping import stopping_of
 from pyfric.engines.stretches import Stretch, stretches
 from pyfric.record import (
     QUIET_COLUMNS,
@@ -53,6 +54,7 @@ from pyfric.statics import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pyfric.engines.stopping import Stopping
     from pyfric.scene import Scene
     from pyfric.statics import Values
 
@@ -78,6 +80,7 @@ class _Log:
         self.mode = np.zeros(scene.N_x, dtype=np.int32)
         self.corner = np.zeros(scene.N_x, dtype=bool)
         self.step, self.active = 0, False
+        self.told = (0, 0)  # rows of both logs that `new` has returned
 
     def set(self, contact: Contact, t: float, before: Values | None = None) -> None:
         """Log what differs from the last contact states; slip starts at the values before."""
@@ -100,6 +103,13 @@ class _Log:
             kind, mode, at = (-1, new, now) if was else (1, old, before)
             self.quiet.append((self.step, t, kind, at.F_T, at.u_x.copy(), mode))
         self.step += 1
+
+    def new(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Return the rows of both logs since the last call, as columns."""
+        (i, j), self.told = self.told, (len(self.switch), len(self.quiet))
+        return _columns(self.switch[i:], SWITCH_COLUMNS), _columns(
+            self.quiet[j:], QUIET_COLUMNS, self.scene.N_x
+        )
 
     def columns(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Return both logs as columns."""
@@ -129,9 +139,11 @@ class QuasistaticRun:
 
     name = "quasistatic"
 
-    def __init__(self, scene: Scene, t_gap: float | None = None) -> None:
+    def __init__(
+        self, scene: Scene, t_gap: float | None = None, stopping: Stopping | None = None
+    ) -> None:
         start = time.perf_counter()
-        self.scene = scene
+        self.scene, self.stopping = scene, stopping
         self.t_gap = longest_pause(scene) if t_gap is None else t_gap
         self.problem = ContactProblem(scene)
         self.contact = self.problem.loaded()
@@ -142,6 +154,7 @@ class QuasistaticRun:
         self.events = 0
         self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # what is done now
         self.ending = ""  # status of a run that ends before its time
+        self.t_quiet = -math.inf  # until when nothing is known to happen then
         self.notes: tuple[str, ...] = ()
         self.timings = {"set-up": time.perf_counter() - start}
         self.initial = self.contact.values()
@@ -201,6 +214,8 @@ class QuasistaticRun:
             if idle > IDLE:
                 text = f"at t = {self.t:.6g} s slip goes on without end, in events of no length"
                 raise EquilibriumError(text, np.nan, contact.tol, IDLE)
+            if self._ended(self.stretch.leg.time_at(drive - self.stretch.offset)):
+                return
             contact.drive = drive
             self.sample()
             if mode in (OPEN, STUCK):
@@ -233,7 +248,7 @@ class QuasistaticRun:
             self.events = sum(row[2] > 0 for row in self.log.quiet)
             self.sample()
             show(self.t, self.rows[-1][1], self.events)
-            if stop() or not contact.stuck.any():
+            if stop() or not contact.stuck.any() or self._ended(self.t):
                 return
             if not contact.definite():
                 self.ending = "ended where slip may not be unique"
@@ -251,6 +266,17 @@ class QuasistaticRun:
             contact.change(i, mode)
         what = "the growth of the slipping zone does not end"
         raise EquilibriumError(what, np.nan, contact.tol, GROWTH * self.scene.N_x)
+
+    def _ended(self, t: float) -> bool:
+        """Return whether a condition ends the run before anything happens at t (s)."""
+        if self.stopping is None or not self.rows:
+            return False
+        self.stopping.take(*self.log.new())
+        self.stopping.look(self.t, self.log.mode)
+        due, text = self.stopping.due()
+        if due <= t:
+            self.ending, self.t_quiet = self.stopping.named(text), max(due, self.t)
+        return bool(self.ending)
 
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
         """Let block i slip, and all that follows at this position of the driver."""
@@ -281,7 +307,7 @@ class QuasistaticRun:
             quiet,
             scene,
             t_gap=self.t_gap,
-            t_end=self.rows[-1][0],
+            t_end=max(self.rows[-1][0], self.t_quiet),
             solver=self.problem,
         )
         curve = pd.DataFrame(self.rows, columns=["t", "F_T"]).assign(**columns)
@@ -335,6 +361,7 @@ def simulate(
     *,
     initial: Record | None = None,
     t_gap: float | None = None,
+    stop_when: tuple[str, ...] | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> Record:
     """Follow a scene through static states to t_end (s); see `pyfric.simulate`.
@@ -350,7 +377,8 @@ def simulate(
     if beyond:
         allowed = f"{beyond.allowed}, or fidelity = 'hybrid' or 'dynamic'"
         raise SceneError(beyond.field, beyond.value, beyond.unit, allowed, beyond.reason)
-    run = ENGINES[engine](scene, t_gap)
+    gap = longest_pause(scene) if t_gap is None else t_gap
+    run = ENGINES[engine](scene, gap, stopping_of(stop_when, scene, gap, initial, t_end))
     with run_bar(progress, scene, 0.0, t_end) as bar, answered() as stop:
 
         def show(t: float, F_T: float, events: int) -> None:

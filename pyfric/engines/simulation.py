@@ -16,6 +16,7 @@ from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
 from pyfric.engines.options import Options, kept
 from pyfric.engines.pauses import pause_notes
+from pyfric.engines.stopping import ended_by_condition
 from pyfric.engines.stretches import check_straight
 from pyfric.engines.verification import Specification, verified
 from pyfric.record import Record
@@ -60,15 +61,16 @@ def simulate(
         progress: True for a bar on stderr, a function that is called about ten times per second,
             False for nothing; None shows the bar where stderr is a terminal.
         **keywords: single options, in place of those in `options`: fidelity, method, want,
-            tolerance, geometry, stepper, switching, rtol, dt, budget, sample, t_gap, threads,
-            checkpoint, checkpoint_every; see `Options`.
+            tolerance, geometry, stepper, switching, rtol, dt, budget, sample, t_gap, stop_when,
+            threads, checkpoint, checkpoint_every; see `Options`.
 
     Returns:
         The record. Its status is "interrupted" if Ctrl-C stopped the run: what was done is
         complete, and `initial=record` goes on. The next call of `simulate`, `plan`, `run_all` or
         `prediction_curve` in the same script or cell raises KeyboardInterrupt instead, which ends
         loops. Before the first step, Ctrl-C raises KeyboardInterrupt at once. The status begins
-        with "ended" where an engine had no way on before t_end, as in "ended at first slip". Its
+        with "ended" where an engine had no way on before t_end, as in "ended at first slip", or
+        where a condition ended it, as in "ended by stop_when (arrested)". Its
         `notes` say where that was, and where a run with fidelity = "auto" had to move up one level,
         and why. A run expected to take more than ten minutes says so, and what takes less: on
         stderr before the start, unless progress is False or a function, and in its notes.
@@ -115,7 +117,7 @@ def simulate(
     record = run(scene, t_end, options)
     if options.verify in (None, "none") or not record.done or isinstance(initial, Record):
         return record
-    return verified(record, options.verify, made)
+    return verified(record, options.verify, _until(made, record))
 
 
 def _going_on(before: Record, scene: Scene, options: Options) -> Options:
@@ -165,7 +167,8 @@ def _run(
     options.check_static()
     check_straight(scene)
     check_memory(scene, options.fidelity, "linear")
-    record = quasistatic.simulate(options.fidelity, scene, t_end, t_gap=options.t_gap, **how)
+    how |= {"t_gap": options.t_gap, "stop_when": options.stop_when}
+    record = quasistatic.simulate(options.fidelity, scene, t_end, **how)
     return _with_notes(record, *pause_notes(record))
 
 
@@ -200,7 +203,7 @@ def _planned(made: Specification, initial: State | None) -> Record:
         error.record = _with_notes(error.record, *notes)
         raise
     if record.done and options.verify != "none":
-        record = verified(record, options.verify, _as_planned(made, plan, level))
+        record = verified(record, options.verify, _as_planned(_until(made, record), plan, level))
     return _with_notes(record, *notes)
 
 
@@ -226,6 +229,7 @@ def _static(plan: Plan, made: Specification) -> tuple[Record | None, str]:
         return None, "; ".join(map(str, failed))
     if made.options.verify == "none":
         return record, ""
+    made = _until(made, record)
     found = verified(record, made.options.verify, _as_planned(made, plan, level))
     return found, "" if found else "errors measured by dynamics exceed the tolerance"
 
@@ -244,6 +248,12 @@ def _resolved(options: Options, plan: Plan) -> Options:
         accuracy=plan.accuracy,
         switching=options.switching or plan.switching,
     )
+
+
+def _until(made: Specification, record: Record) -> Specification:
+    """Return how a run was made, up to where a condition ended it."""
+    t = min(made.t_end, _begin(record)) if ended_by_condition(record) else made.t_end
+    return dataclasses.replace(made, t_end=t)
 
 
 def _as_planned(made: Specification, plan: Plan, level: Options) -> Specification:

@@ -10,6 +10,7 @@ from pyfric.figures.drawing import drawing as drawing
 from pyfric.figures.fronts import fig4a, fig4b
 from pyfric.figures.lengths import fig2a, fig2b
 from pyfric.figures.loading import fig1b, figure_caption, slip_segments
+from pyfric.figures.phases import phase_map
 from pyfric.figures.registry import FIGURES, PaperFigure
 from pyfric.figures.sketch import sketch
 from pyfric.figures.spacetime import space_time
@@ -34,6 +35,7 @@ __all__ = [
     "fig4b",
     "figure_caption",
     "has_ffmpeg",
+    "phase_map",
     "record_page",
     "save_figure",
     "sketch",

@@ -23,6 +23,7 @@ from pyfric.record.catalogue import (
     build_catalogue,
     count_main,
 )
+from pyfric.record.classes import RuptureClass, creeps_to_rest, rupture_class
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS, LogError
 from pyfric.record.errors import Differences, Errors, differences, statistics
 from pyfric.record.held import GROUPS, Held, RecordError, block_array, event_column, held_in
@@ -59,6 +60,7 @@ __all__ = [
     "Method",
     "Record",
     "RecordError",
+    "RuptureClass",
     "analysis",
     "block_array",
     "budget_error",
@@ -67,6 +69,7 @@ __all__ = [
     "can_rupture",
     "collapse_spread",
     "count_main",
+    "creeps_to_rest",
     "differences",
     "energy_release",
     "event_column",
@@ -80,6 +83,7 @@ __all__ = [
     "paired",
     "precursor_lengths",
     "provenance",
+    "rupture_class",
     "statistics",
     "stress_profile",
     "summary",

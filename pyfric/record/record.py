@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pyfric.record.catalogue import Catalogue
+    from pyfric.record.classes import RuptureClass
 
 __all__ = ["Record"]
 
@@ -175,6 +176,20 @@ class Record:
         if not 1 <= event <= count:
             raise SceneError("event", int(event), "", allowed, "no such event")
         return int(event) - 1
+
+    def rupture_class(self, event: int | None = None, slow: float = 0.1) -> RuptureClass:
+        """Return the class of the rupture of an event; see `pyfric.record.classes`.
+
+        Args:
+            event: its number in `events`; None means the one in which most blocks slip.
+            slow: pace below which a front is slow, over c in a chain, over c_R in two dimensions.
+
+        Raises:
+            SceneError: there is no such event.
+        """
+        from pyfric.record.classes import rupture_class
+
+        return rupture_class(self, event, slow)
 
     @classmethod
     def from_catalogue(cls, catalogue: Catalogue, **rest: Any) -> Self:

@@ -9,6 +9,7 @@ import numpy as np
 from pyfric.scene.checked import quantities
 from pyfric.scene.errors import SceneError
 from pyfric.scene.parts import CHAIN_NOTE, Interface, PrescribedLoad, steps_in
+from pyfric.scene.push import forces
 from pyfric.scene.spread import Spread
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ def _check_prescribed(scene: Scene) -> None:
         if isinstance(value, tuple) and len(value) != scene.N_x:
             allowed = f"one number in N, or {scene.N_x} of them, one for each block"
             raise SceneError(f"top.{name}", value, "N", allowed, f"{len(value)} numbers")
+    _check_push(scene)
     if scene.prescribed:  # blocks that carry more than mu_s p slip from t = 0 on
         return
     p, tau = np.atleast_1d(scene.top.p), np.atleast_1d(scene.top.tau)
@@ -89,6 +91,23 @@ def _check_prescribed(scene: Scene) -> None:
         allowed = f"|tau| <= mu_s p = {float(strength[i])!r} N"
         reason = f"block {i + 1} from the trailing edge would slip"
         raise SceneError("top.tau", float(tau[i]), "N", allowed, reason)
+
+
+def _check_push(scene: Scene) -> None:
+    """Check that pushes are on blocks, and that each lets its block slip."""
+    p = np.broadcast_to(np.atleast_1d(scene.top.p), (scene.N_x,))
+    strength = np.broadcast_to(scene.law.hold(p), p.shape)
+    tau = np.broadcast_to(np.atleast_1d(scene.top.tau), p.shape)
+    for one in scene.top.push:
+        if not 1 <= one.block <= scene.N_x:
+            allowed = f"blocks 1 to {scene.N_x}"
+            raise SceneError("top.push", one.block, "", allowed, "outside the interface")
+        at = one.block - 1
+        total = tau[at] + forces(scene.top.push, scene.N_x, one.begin)[at]
+        if abs(total) <= strength[at]:
+            more = float(strength[at] - tau[at])
+            allowed = f"more than {more!r} N along the driving on block {one.block}"
+            raise SceneError("top.push", one.force, "N", allowed, "does not let it slip")
 
 
 def _check_chain(scene: Scene) -> None:
@@ -108,8 +127,8 @@ def _check_free(scene: Scene) -> None:
         if (beyond := getattr(scene.walls, side)) != "free":
             reason = "walls need top.kind = 'prescribed' and at least two rows"
             raise SceneError(f"walls.{side}", beyond, "", "'free'", reason)
-    if scene.driver.K == 0:
-        reason = "only a prescribed interface in two dimensions goes without a driver"
+    if scene.driver.K == 0 and scene.N_z > 1:
+        reason = "only a prescribed interface, or a chain, goes without a driver"
         raise SceneError("driver.K", 0.0, "N/m", "> 0 N/m", reason)
 
 

@@ -26,6 +26,7 @@ from pyfric.scene.laws import KINDS, FrictionLaw, Means, Tables, check_tables
 from pyfric.scene.laws.weakening import LinearWeakening
 from pyfric.scene.materials import Material
 from pyfric.scene.protocol import Corners, Protocol
+from pyfric.scene.push import Pushed, Pushes
 from pyfric.scene.spread import Spread
 
 __all__ = [
@@ -194,7 +195,7 @@ class Top:
     """A top boundary; as it stands, without rod, springs, shear forces and protocols."""
 
     mass = mattress = k_top = T = 0.0
-    protocol = T_protocol = ()
+    protocol = T_protocol = push = ()
 
     _section: ClassVar[str] = "top"
 
@@ -277,6 +278,9 @@ class PrescribedLoad(Top):
         tau: friction force on each block at t = 0, N, positive against driving,
             |tau_i| <= mu_s p_i in a chain; one number or a sequence of N_x.
         k_top: shear stiffness between each block of a chain and a rigid top, N/m, >= 0.
+        push: further forces along the driving that start slip: each a block's number, a force in N,
+            and where wanted when it begins and ends, in s: ((1, 0.2),) for ever, ((1, 0.2, 0.0,
+            1e-3),) for 1 ms. Together with tau they have to exceed what friction holds.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
@@ -288,6 +292,7 @@ class PrescribedLoad(Top):
     p: Annotated[float | tuple[float, ...], Positive("N", listed=True, note=LIST_NOTE)]
     tau: Annotated[float | tuple[float, ...], Quantity("N", listed=True, note=LIST_NOTE)] = 0.0
     k_top: Annotated[float, NotNegative("N/m")] = 0.0
+    push: Annotated[Pushed, Pushes()] = ()
 
     kind: ClassVar[str] = "prescribed"
 

@@ -74,6 +74,7 @@ class Fields(TypedDict, total=False):
     p: Numbers
     tau: Numbers
     k_top: Number
+    push: Any
     K: Number
     V: Number
     h: Number

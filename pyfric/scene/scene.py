@@ -38,6 +38,7 @@ from pyfric.scene.parts import (
     Walls,
 )
 from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
+from pyfric.scene.push import forces
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import scene_text
 
@@ -222,7 +223,9 @@ class Scene:
     def corners(self) -> tuple[float, ...]:
         """Times at which a protocol has a corner, in s, in order."""
         lists = self.driver.protocol, self.top.protocol, self.top.T_protocol
-        return tuple(sorted({t for corners in lists for t, _ in corners if t > 0}))
+        times = {t for corners in lists for t, _ in corners}
+        times |= {t for push in self.top.push for t in (push.begin, push.end)}
+        return tuple(sorted(t for t in times if 0 < t < math.inf))
 
     @functools.cached_property
     def _pieces(self) -> dict[str, list[Piece]]:
@@ -293,6 +296,12 @@ class Scene:
         tau = self.top.tau if isinstance(self.top, PrescribedLoad) else self.top.T / self.N_x
         return self.d * self._by_column(tau) + 0.0  # no -0.0
 
+    def shear_at(self, t: float) -> np.ndarray:
+        """Return `shear` at t (s) with what pushes blocks then; F_T and T aside."""
+        if not self.top.push:
+            return self.shear
+        return self.shear + self.d * self._by_column(tuple(forces(self.top.push, self.N_x, t)))
+
     @property
     def j_shear(self) -> int:
         """Row on which `shear` acts, counted from 0 at the bottom."""
@@ -302,6 +311,11 @@ class Scene:
     def prescribed(self) -> bool:
         """True if the interface is prescribed in two dimensions: p is given, no foundation."""
         return isinstance(self.top, PrescribedLoad) and self.N_z > 1
+
+    @property
+    def has_rests(self) -> bool:
+        """True if its driver leads to static states other than the start, whatever its law."""
+        return not (self.prescribed or self.top.push or self.driver.K == 0)
 
     @property
     def p_prescribed(self) -> np.ndarray:

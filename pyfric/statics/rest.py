@@ -141,6 +141,12 @@ def check_rests(scene: Scene) -> None:
         allowed = "'rod' or 'distributed', or a chain, for static states"
         reason = "a prescribed interface in two dimensions has full dynamics only"
         raise SceneError("top.kind", "prescribed", "", allowed, reason)
+    if scene.top.push:
+        reason = "a chain that is pushed has full dynamics only"
+        raise SceneError("top.push", scene.top.push, "N", "none, for static states", reason)
+    if scene.driver.K == 0:
+        reason = "a chain without a driver has full dynamics only"
+        raise SceneError("driver.K", 0.0, "N/m", "> 0 N/m, for static states", reason)
 
 
 def check_sticks(scene: Scene) -> None:

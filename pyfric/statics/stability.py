@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from types import MappingProxyType
@@ -301,7 +302,10 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
     """
     if not isinstance(stepper, str) or stepper not in STEPPERS:
         raise SceneError("stepper", stepper, "", " or ".join(map(repr, STEPPERS)))
-    return _limit(as_scene(scene), stepper)
+    scene = as_scene(scene)
+    if isinstance(scene.top, PrescribedLoad):  # scenes that differ in shear forces share a limit
+        scene = dataclasses.replace(scene, top=dataclasses.replace(scene.top, tau=0.0, push=()))
+    return _limit(scene, stepper)
 
 
 @functools.lru_cache(maxsize=64)

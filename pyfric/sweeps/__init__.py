@@ -2,6 +2,7 @@
 
 from pyfric.sweeps.boundaries import boundary, label_map
 from pyfric.sweeps.jobs import Job, JobError
+from pyfric.sweeps.phases import PhaseDiagram, chain_job, phase_diagram
 from pyfric.sweeps.results import Results
 from pyfric.sweeps.runs import run_all, side_by_side
 from pyfric.sweeps.store import MAX_BYTES, Entry, Store
@@ -14,12 +15,15 @@ __all__ = [
     "Estimate",
     "Job",
     "JobError",
+    "PhaseDiagram",
     "Results",
     "Span",
     "Store",
     "Sweep",
     "boundary",
+    "chain_job",
     "label_map",
+    "phase_diagram",
     "run_all",
     "side_by_side",
 ]

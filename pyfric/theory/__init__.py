@@ -2,8 +2,10 @@
 
 from pyfric.theory.chain import (
     chain_prestress,
+    chain_prestress_overdamped,
     chain_speed,
     chain_speed_critical,
+    chain_speed_overdamped,
     chain_speed_undamped,
 )
 from pyfric.theory.cracks import (
@@ -43,8 +45,10 @@ __all__ = [
     "alpha_d",
     "alpha_s",
     "chain_prestress",
+    "chain_prestress_overdamped",
     "chain_speed",
     "chain_speed_critical",
+    "chain_speed_overdamped",
     "chain_speed_undamped",
     "cohesive_zone",
     "crack_length",

@@ -18,8 +18,14 @@ For alpha = 0 and eta = 1, kappa = (1 - A(q)/(i v q))(1 - A(-q)/(i v q)) with A 
 factor without zeros in its half plane, as |A| <= |q| there: tau_bar = 1 - 1/v. For
 alpha = eta = 0 the argument vanishes: tau_bar = sqrt(1 - 1/v^2).
 
-tau_bar rises with v in all cases tried, so that its inverse is unique. The formulas give speeds
-only; whether a steady front exists must be seen in a run.
+tau_bar rises with v in all cases tried, so that its inverse is unique. Where sliding is overdamped,
+v << alpha, inertia drops out and tau_bar depends on w = alpha v alone:
+
+    tau_bar = exp(-(1/pi) integral_0^inf arg[1 + 4 i sin^2(q/2)/(w q)] dq/q).
+
+All formulas take for granted that a steady front exists, and that blocks behind it go on sliding.
+Whether one does must be seen in a run: chains with little viscosity and little prestress arrest,
+or alternate between arrest and propagation (`Record.rupture_class`), although a speed exists.
 
 Source: derived here (Wiener-Hopf), after L. I. Slepyan, Models and Phenomena in Fracture Mechanics
 (2002).
@@ -28,7 +34,7 @@ Source: derived here (Wiener-Hopf), after L. I. Slepyan, Models and Phenomena in
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
@@ -36,22 +42,32 @@ import scipy
 from pyfric.theory.inputs import checked, checked_array, refusal
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from numpy.typing import ArrayLike
 
 __all__ = [
     "chain_prestress",
+    "chain_prestress_overdamped",
     "chain_speed",
     "chain_speed_critical",
+    "chain_speed_overdamped",
     "chain_speed_undamped",
 ]
 
-SLOWEST, FASTEST = 0.01, 1e4
+SLOWEST, FASTEST = 1e-4, 1e4
 """Range of front speeds, in c."""
 LARGEST_VISCOSITY = 10.0
 """Largest alpha and eta accepted, in sqrt(k m)."""
 
+SLOWEST_OVERDAMPED, FASTEST_OVERDAMPED = 1e-8, 1e4
+"""Range of w = alpha v, in c sqrt(k m)."""
+
 _FAR = 200.0  # v q from which the tail is expanded, for eta, alpha <= 1
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
+_PERIODS = 64  # of q, integrated one by one before those beyond are averaged
+_DAMPED = 50.0  # (alpha + 4 eta)/v from which waves with v q of order one leave exp(-25) or less
+_HARMONICS = np.arange(1.0, 4001.0)
 
 
 def chain_prestress(v: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.ndarray:
@@ -86,6 +102,39 @@ def chain_speed(tau_bar: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.
     alpha, eta = _viscosities(alpha, eta)
     tau_bar = checked_array("tau_bar", tau_bar, gt=0, lt=1)
     return np.reshape([_speed(one, alpha, eta) for one in tau_bar.flat], tau_bar.shape)[()]
+
+
+def chain_prestress_overdamped(w: ArrayLike) -> np.ndarray:
+    """Return tau_bar of a steady front where inertia is negligible, eta = 0; see the module.
+
+    Args:
+        w: alpha v in c sqrt(k m), any shape, `SLOWEST_OVERDAMPED` to `FASTEST_OVERDAMPED`.
+
+    Raises:
+        ValueError: a value is out of range.
+    """
+    limits = {"ge": SLOWEST_OVERDAMPED, "le": FASTEST_OVERDAMPED}
+    w = checked_array("w", w, "c sqrt(k m)", **limits)
+    return np.reshape([_overdamped(one) for one in w.flat], w.shape)[()]
+
+
+def chain_speed_overdamped(tau_bar: ArrayLike, alpha: float) -> np.ndarray:
+    """Return v = w(tau_bar)/alpha, in c: slow fronts; see `chain_prestress_overdamped`.
+
+    Args:
+        tau_bar: scaled prestress, between 0 and 1, any shape.
+        alpha: absolute viscosity in sqrt(k m), > 0. The limit is that of v << alpha: at
+            v = 0.1 alpha the true speed differs by about 1 %.
+
+    Raises:
+        ValueError: a value is out of range.
+    """
+    tau_bar = checked_array("tau_bar", tau_bar, gt=0, lt=1)
+    alpha = checked("alpha", alpha, "sqrt(k m)", gt=0)
+    limits = (SLOWEST_OVERDAMPED, FASTEST_OVERDAMPED, f"w = alpha v of {SLOWEST_OVERDAMPED:g} to "
+              f"{FASTEST_OVERDAMPED:g}")  # fmt: skip
+    w = [_inverse(_overdamped, one, *limits) for one in tau_bar.flat]
+    return np.reshape(w, tau_bar.shape)[()] / alpha
 
 
 def chain_speed_undamped(tau_bar: ArrayLike) -> np.ndarray:
@@ -130,18 +179,14 @@ def _arg_over_q(q: ArrayLike, v: float, alpha: float, eta: float) -> np.ndarray:
 def _prestress(v: float, alpha: float, eta: float) -> float:
     if alpha == eta == 0:
         return np.sqrt(1 - 1 / v**2)
+    if (alpha + 4 * eta) > _DAMPED * v:
+        return _damped(v, alpha, eta)
     period = 2 * np.pi
     near = int(np.ceil(4 * max(1, eta) / (v * period)))  # zeros of kappa can lie close to these q
     far = max(near, 6, int(np.ceil(_FAR * max(1, alpha, eta) / (v * period))))
     # For small alpha, arg is a step of width alpha/v about q = alpha/v: a panel for each decade.
     ends = np.append(0.0, 10.0 ** np.arange(np.floor(np.log10(min(alpha / v, 1.0) or 1.0)), 1))
-    ends = [*ends, *(period * np.arange(1, near + 1))]
-    total = 0.0
-    for low, high in itertools.pairwise(ends):
-        part, *_ = scipy.integrate.quad(
-            _arg_over_q, low, high, (v, alpha, eta), epsabs=1e-11, limit=1000, full_output=1
-        )
-        total += part
+    total = _panels([*ends, *(period * np.arange(1, near + 1))], v, alpha, eta)
     q = period * (np.arange(near, far)[:, None] + (1 + _NODES) / 2)
     total += np.pi * np.sum(_arg_over_q(q, v, alpha, eta) @ _WEIGHTS)
     # Beyond Q, a multiple of 2 pi, arg = 4 sin^2(q/2) eta/(v q) + terms of mean b/(v q)^3.
@@ -152,19 +197,80 @@ def _prestress(v: float, alpha: float, eta: float) -> float:
     return factor * np.exp(-total / np.pi)
 
 
+def _panels(ends: Sequence[float], *kernel: float, of: Callable[..., Any] = _arg_over_q) -> float:
+    """Return the integral of arg kappa / q over panels of q between these ends."""
+    how = {"epsabs": 1e-11, "limit": 1000, "full_output": 1}
+    return sum(scipy.integrate.quad(of, *one, kernel, **how)[0] for one in itertools.pairwise(ends))
+
+
+def _damped(v: float, alpha: float, eta: float) -> float:
+    """tau_bar where viscosity damps all waves that the front makes, alpha + 4 eta >> v."""
+
+    def W(u: complex) -> complex:
+        return (1 - 1j * eta * u) / (u * (u + 1j * alpha))
+
+    def dW(u: complex) -> complex:
+        return -(1j * eta + W(u) * (2 * u + 1j * alpha)) / (u * (u + 1j * alpha))
+
+    ends = 2 * np.pi * np.arange(_PERIODS + 1.0)
+    return np.exp(-(_panels(ends, v, alpha, eta) + _beyond(W, dW, v)) / np.pi)
+
+
+def _overdamped(w: float) -> float:
+    """tau_bar(w): as `_damped`, with W = 1/(i u), u = w q."""
+    ends = 2 * np.pi * np.arange(_PERIODS + 1.0)
+    near = _panels(ends, w, of=lambda q, w: np.arctan2(4 * np.sin(q / 2) ** 2, w * q) / q)
+    return np.exp(-(near + _beyond(lambda u: -1j / u, lambda u: 1j / u**2, w)) / np.pi)
+
+
+def _beyond(W: Callable[[float], complex], dW: Callable[[float], complex], v: float) -> float:
+    """Return the integral of arg kappa / q from `_PERIODS` periods of q on, to 1e-10.
+
+    kappa = 1 - 4 sin^2(q/2) W(u), u = v q, is C (1 - r exp(i q))(1 - r exp(-i q)) with
+    C = ((1 + z)/2)^2, r = (z - 1)/(z + 1), z = sqrt(1 - 4 W). Its mean over a period is arg C;
+    what swings about it leaves 2 v^2 d/du [Im Li_3(r)/u] at the begin, and terms of v^4.
+    """
+    begin = 2 * np.pi * _PERIODS * v
+
+    def mean(x: float) -> float:
+        return 2 * np.angle(1 + np.sqrt(1 - 4 * W(np.exp(x))))
+
+    end = max(np.log(begin), 0.0) + 30.0  # arg C falls as 1/u at least
+    corner = np.log(2.0)
+    ends = sorted({np.log(begin), end, *([corner] if np.log(begin) < corner else [])})
+    how = {"epsabs": 1e-12, "limit": 1000}
+    total = sum(scipy.integrate.quad(mean, *one, **how)[0] for one in itertools.pairwise(ends))
+    z = np.sqrt(1 - 4 * W(begin))
+    r, k = (z - 1) / (z + 1), _HARMONICS
+    slope = -4 * dW(begin) / z / (z + 1) ** 2  # dr/du
+    swing = np.sum(r**k * (slope / (r * k**2 * begin) - 1 / (k**3 * begin**2))).imag
+    return total + 2 * v**2 * swing
+
+
 def _speed(tau_bar: float, alpha: float, eta: float) -> float:
+    def prestress(v: float) -> float:
+        return _prestress(v, alpha, eta) if alpha or v > 1 else 0.0
+
+    least = SLOWEST if alpha else 1.0
+    return _inverse(prestress, tau_bar, least, FASTEST, f"a front of {least:g} c to {FASTEST:g} c")
+
+
+def _inverse(
+    of: Callable[[float], float], tau_bar: float, slowest: float, fastest: float, what: str
+) -> float:
+    """Return v with of(v) = tau_bar, or raise ValueError if it is not in the range."""
+
     def excess(v: float) -> float:
-        return (_prestress(v, alpha, eta) if alpha or v > 1 else 0.0) - tau_bar
+        return of(v) - tau_bar
 
     low, high = 1.0, 2.0
-    while excess(high) < 0 and high < FASTEST:
-        low, high = high, min(2 * high, FASTEST)
-    while alpha and excess(low) > 0 and low > SLOWEST:
-        low, high = max(low / 2, SLOWEST), low
+    while excess(high) < 0 and high < fastest:
+        low, high = high, min(2 * high, fastest)
+    while excess(low) > 0 and low > slowest:
+        low, high = max(low / 2, slowest), low
     at_low, at_high = excess(low), excess(high)
     if at_low > 0 or at_high < 0:
         limit = tau_bar + (at_low if at_low > 0 else at_high)
         sign = ">=" if at_low > 0 else "<="
-        reason = f"a front of {SLOWEST:g} c to {FASTEST:g} c"
-        raise refusal("tau_bar", float(tau_bar), "", f"a number {sign} {limit:.9g}, for {reason}")
-    return scipy.optimize.brentq(excess, low, high, xtol=1e-12, rtol=1e-11)
+        raise refusal("tau_bar", float(tau_bar), "", f"a number {sign} {limit:.9g}, for {what}")
+    return scipy.optimize.brentq(excess, low, high, xtol=1e-15, rtol=1e-11)

@@ -118,6 +118,14 @@ def _steppers() -> list[str]:
     help="Longest pause inside an event. [default: by the scene's times; the paper's: 1 ms]",
 )
 @click.option(
+    "--stop-when",
+    multiple=True,
+    metavar="CONDITION",
+    help="End the run before that: 'arrested', 'at_rest', 'reached = 50 mm', 'L_p = 0.5', "
+    "'precursors = 3', 'main_events = 1', 'system_size', 'slow = 1 um/s, 1 ms'. Given several "
+    "times, the first one that holds.",
+)
+@click.option(
     "--threads", type=click.IntRange(1, 4096), help="Most threads to use. [default: all that pay]"
 )
 @click.option(

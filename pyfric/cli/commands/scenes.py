@@ -61,15 +61,22 @@ def draw(
 @set_option
 @want_option
 @tolerance_option
+@click.option("--stop-when", multiple=True, metavar="CONDITION", help="As in pyfric run.")
 @telling
 def plan(
-    scene: str, t_end: float, changes: tuple[str, ...], want: str, tolerance: float, tell: Tell
+    scene: str,
+    t_end: float,
+    changes: tuple[str, ...],
+    want: str,
+    tolerance: float,
+    stop_when: tuple[str, ...],
+    tell: Tell,
 ) -> None:
     """Say which model of SCENE is enough for a question, why, and what it will cost."""
     import dataclasses
 
     import pyfric
 
-    found = pyfric.plan(scene_of(scene, changes), want, tolerance, t_end=t_end)
+    found = pyfric.plan(scene_of(scene, changes), want, tolerance, t_end=t_end, stop_when=stop_when)
     listed = [one._asdict() | {"holds": one.holds} for one in found.assumptions]
     tell.result(dataclasses.asdict(found) | {"assumptions": listed}, lambda: str(found))

@@ -1,0 +1,84 @@
+"""`pyfric phase-diagram`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pyfric.cli.app import main
+from pyfric.cli.shared import (
+    SHORT_EXIT_CODES,
+    SceneName,
+    Seconds,
+    Tell,
+    check_folder,
+    figure_out_option,
+    no_cache_option,
+    save_figure,
+    scene_of,
+    set_option,
+    telling,
+    workers_option,
+)
+
+
+@main.command("phase-diagram", section="Simulate", epilog=SHORT_EXIT_CODES)
+@click.argument("scene", type=SceneName(), required=False)
+@set_option
+@click.option("--x", metavar="FIELD=FROM:TO:N[:log]", help="A field, and its values, in SI.")
+@click.option("--y", metavar="FIELD=FROM:TO:N[:log]", help="The other one.")
+@click.option("--t-end", type=Seconds(), help="Time of the end of the runs of SCENE.")
+@click.option("--stop-when", multiple=True, metavar="CONDITION", help="As in pyfric run.")
+@click.option("--lines/--no-lines", default=True, help="Find where labels change. [default: yes]")
+@figure_out_option
+@workers_option
+@no_cache_option
+@telling
+def phase_diagram(
+    scene: str | None,
+    changes: tuple[str, ...],
+    x: str | None,
+    y: str | None,
+    t_end: float | None,
+    stop_when: tuple[str, ...],
+    lines: bool,
+    out: Path,
+    workers: int | None,
+    no_cache: bool,
+    tell: Tell,
+) -> None:
+    """Map what becomes of SCENE over two fields: speed, kind and pace of its largest rupture.
+
+    Without SCENE: the chain of Thogersen et al. (2019), over alpha/sqrt(k m) and tau_bar. DIR gets
+    phases.png, phases.pdf and the points and lines as CSV. Finished runs are kept: the same command
+    goes on.
+    """
+    import pyfric
+    from pyfric import figures
+
+    check_folder(out)
+    how: dict[str, Any] = {"lines": lines, "cache": not no_cache, "workers": workers}
+    if scene is not None:
+        how |= {"t_end": t_end, "options": {"stop_when": stop_when}}
+    what = None if scene is None else scene_of(scene, changes)
+    axes = {side: given and _axis(side, given) for side, given in (("x", x), ("y", y))}
+    found = pyfric.phase_diagram(what, **axes, progress=tell.progress, **how)
+    save_figure(figures.phase_map(found), out / "phases", "pyfric phase-diagram", tell)
+
+
+def _axis(side: str, given: str) -> tuple[str, list[float]]:
+    """Return the name of a field and its values, from the text of an option."""
+    from pyfric.scene import SceneError
+    from pyfric.sweeps import Span
+
+    name, _, values = given.partition("=")
+    parts = values.split(":")
+    try:
+        start, stop, n = float(parts[0]), float(parts[1]), int(parts[2])
+        scale = parts[3] if len(parts) == 4 else "linear"
+    except (ValueError, IndexError):
+        allowed = "FIELD=FROM:TO:N, or FIELD=FROM:TO:N:log, numbers in SI"
+        raise SceneError(side, given, "", allowed, "not such a range") from None
+    return name.strip(), Span(start=start, stop=stop, n=n, scale=scale).values(name)

@@ -1,0 +1,381 @@
+"""Runs that stop when their question is answered: the conditions of `stop_when`.
+
+A condition is text, "name" or "name = values", the same in Python, on the command line and in sweep
+files:
+
+    pyfric.simulate("fig1", 2.0, stop_when="precursors = 3")
+    pyfric.simulate(scene, 1.0, stop_when=["arrested", "reached = 50 mm"])
+
+Engines with time steps look at it at the points of the loading curve, the ladder after each event.
+Where it holds depends on nothing but the run, and what is held until then are the bits of the run
+without it. Each condition is one function of what a run has done, which returns the time from
+which on it holds as long as nothing slips anew, inf where that is not known; all conditions are one
+table.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pyfric.core import OPEN
+from pyfric.engines.pauses import pause_of_waves
+from pyfric.record import build_catalogue, creeps_to_rest
+from pyfric.scene import SceneError, check_number, parse_quantity, unknown
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pyfric.core import Forces, State
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+__all__ = ["CONDITIONS", "Stopping", "ended_by_condition", "parsed_conditions", "stopping_of"]
+
+ENDED = "ended by stop_when ("
+"""The status of a run that a condition ended begins so."""
+
+
+class Value(NamedTuple):
+    """A number that a condition takes: its unit, limits and default."""
+
+    unit: str
+    limits: Mapping[str, float]
+    default: float | None = None
+
+
+class Kind(NamedTuple):
+    """A condition: the values that it takes, and when it holds."""
+
+    takes: tuple[Value, ...]
+    due: Callable[..., float]
+
+    @property
+    def meaning(self) -> str:
+        return self.due.__doc__ or ""
+
+
+CONDITIONS: dict[str, Kind] = {}
+"""Name -> condition."""
+
+
+def condition(*takes: Value) -> Callable[[Callable[..., float]], Callable[..., float]]:
+    """Enter the function below as a condition, under its own name."""
+
+    def enter(due: Callable[..., float]) -> Callable[..., float]:
+        CONDITIONS[due.__name__] = Kind(takes, due)
+        return due
+
+    return enter
+
+
+COUNT = Value("", {"ge": 1.0}, 1.0)
+
+
+@condition()
+def arrested(seen: Stopping) -> float:
+    """Slip has begun, and creeps to rest, or nothing has slipped for t_gap.
+
+    For three transits of a wave in a chain, where nothing moves while nothing slips.
+    """
+    if not np.isfinite(seen.first).any():
+        return math.inf
+    if seen.slips:
+        return seen.t if seen.creeps(0.0) else math.inf
+    return seen.rested()
+
+
+@condition()
+def at_rest(seen: Stopping) -> float:
+    """Nothing can slip any more: as arrested, and the driver's way to t_end starts no block."""
+    more = seen.to_come()
+    if not more < seen.weakest():
+        return math.inf
+    if seen.slips:
+        return seen.t if seen.creeps(more) else math.inf
+    return seen.rested()
+
+
+@condition(Value("m", {"ge": 0.0}))
+def reached(seen: Stopping, x: float) -> float:
+    """The block at x from the trailing edge, or the next one beyond, has slipped."""
+    n = math.ceil(x / seen.scene.slider.l * (1 - 1e-12)) + 1
+    return float(seen.first[seen.scene.n_of_i == n][0]) if n <= seen.scene.N_x else math.inf
+
+
+@condition(Value("", {"gt": 0.0, "le": 1.0}))
+def L_p(seen: Stopping, share: float) -> float:
+    """An event has slipped this share of the interface from the trailing edge on: L_p/L."""
+    touched = (seen.region | (seen.mode == OPEN))[np.argsort(seen.scene.n_of_i)]
+    length = np.logical_and.accumulate(touched).sum()
+    return seen.t if seen.region.any() and length >= share * seen.scene.N_x else math.inf
+
+
+@condition(COUNT)
+def precursors(seen: Stopping, n: float) -> float:
+    """The n-th precursor has ended: a main event with 0 < L_p < L."""
+    return seen.ended("is_precursor", n)
+
+
+@condition(COUNT)
+def main_events(seen: Stopping, n: float) -> float:
+    """The n-th main event has ended: at least four blocks slipped."""
+    return seen.ended("is_main", n)
+
+
+@condition(COUNT)
+def system_size(seen: Stopping, n: float) -> float:
+    """The n-th main event over the whole interface has ended, L_p = L."""
+    return seen.ended("L_p_over_L", n)
+
+
+@condition(Value("m/s", {"gt": 0.0}), Value("s", {"ge": 0.0}))
+def slow(seen: Stopping, v: float, lasting: float) -> float:
+    """Slip has begun, and for a time no block has begun to slip, or been faster than v.
+
+    Speeds are those at the points of the curve.
+    """
+    if seen.speed > v:
+        seen.t_fast[v] = seen.t
+    if not np.isfinite(seen.first).any():
+        return math.inf
+    return max(seen.t_fast.get(v, seen.since), seen.t_switch) + lasting
+
+
+def _names() -> str:
+    shown = []
+    for name, kind in CONDITIONS.items():
+        values = ", ".join(f"1 {one.unit}".strip() for one in kind.takes)
+        shown.append(f"'{name} = {values}'" if values else repr(name))
+    return ", ".join(shown)
+
+
+class Condition(NamedTuple):
+    """A condition with its values, and the text as which it was given."""
+
+    text: str
+    due: Callable[[Stopping], float]
+
+
+@functools.lru_cache(maxsize=64)
+def _parsed(text: str) -> Condition:
+    name, _, values = (part.strip() for part in text.partition("="))
+    if name not in CONDITIONS:
+        refused = unknown("stop_when", text, name, CONDITIONS)
+        raise SceneError("stop_when", text, "", _names(), refused.reason)
+    takes = CONDITIONS[name].takes
+    given = [one.strip() for one in values.split(",")] if values else []
+    given += [one.default for one in takes[len(given) :] if one.default is not None]
+    if len(given) != len(takes):
+        reason = f"{name} takes {len(takes)} numbers"
+        raise SceneError("stop_when", text, "", _names(), reason)
+    pairs = zip(given, takes, strict=True)
+    numbers = [_number(text, value, one.unit, one.limits) for value, one in pairs]
+    return Condition(text, functools.partial(_due, name, tuple(numbers)))
+
+
+def _due(name: str, numbers: tuple[float, ...], seen: Stopping) -> float:
+    return CONDITIONS[name].due(seen, *numbers)
+
+
+def _number(text: str, value: str | float, unit: str, limits: Mapping[str, float]) -> float:
+    """Return a number of a condition, in SI: it may carry a unit."""
+    try:
+        number: Any = float(value)
+    except ValueError:
+        if not unit:
+            reason = f"{value!r} is no number"
+            raise SceneError("stop_when", text, "", _names(), reason) from None
+        number = parse_quantity("stop_when", value, unit)
+    return check_number("stop_when", number, unit, **limits)
+
+
+def parsed_conditions(given: Any) -> tuple[str, ...] | None:
+    """Return conditions as a tuple of texts, None where there is none.
+
+    Raises:
+        SceneError: one is unknown, or a value is refused.
+    """
+    texts = (given,) if isinstance(given, str) else given
+    if texts is None:
+        return None
+    if not (isinstance(texts, list | tuple) and all(isinstance(one, str) for one in texts)):
+        raise SceneError("stop_when", given, "", f"text, or a list of texts: {_names()}")
+    for text in texts:
+        _parsed(text)
+    return tuple(texts) or None
+
+
+def ended_by_condition(record: Record) -> bool:
+    """Whether a condition of `stop_when` ended a run."""
+    return record.status.startswith(ENDED)
+
+
+def force_to_come(scene: Scene, t: float, t_end: float) -> float:
+    """Return by how much the driver changes its force between t and t_end (s) at most, in N.
+
+    It is inf where other loads change.
+    """
+    later = [one for one in scene.corners if t < one < t_end]
+    ramp = any(scene.piece(what, t).slope for what in ("F_N", "T"))
+    if (scene.load_at(t) is not None or scene.top.push) and (later or ramp):
+        return math.inf
+    ways = [scene.drive(one) - scene.drive(t) for one in (*later, t_end)]
+    return scene.driver.K * max(map(abs, ways))
+
+
+def stopping_of(
+    texts: Iterable[str] | None, scene: Scene, t_gap: float, before: Record | None, t_end: float
+) -> Stopping | None:
+    """Return what watches a run, None where it has no conditions.
+
+    A run that goes on from where a condition had ended it counts from there.
+    """
+    if not texts:
+        return None
+    goes_on = before is not None and ended_by_condition(before)
+    since = float(before.curve["t"].iloc[-1]) if goes_on else -math.inf
+    return Stopping(texts, scene, t_gap, since, t_end)
+
+
+class Stopping:
+    """What a run has done so far, as far as its conditions ask, and whether one of them holds.
+
+    Args:
+        conditions: texts of the conditions.
+        scene: the scene.
+        t_gap: longest pause inside an event, s.
+        since: what slipped until then counts for nothing, s.
+        t_end: end of the run where no condition holds, s.
+
+    Attributes:
+        t: time of the last look, s.
+        first: time of each block's first slip, corner slip aside, s; NaN where there is none.
+        region: blocks that slipped in the present or last event.
+        slips: whether blocks slip now, corner slip aside; `t_rest`: when they last stopped, s;
+            `t_switch`: or one began to slip.
+        mode: contact states at the last look; speed: of the fastest block of the interface, m/s.
+    """
+
+    def __init__(
+        self, conditions: Iterable[str], scene: Scene, t_gap: float, since: float, t_end: float
+    ) -> None:
+        self.conditions = [_parsed(text) for text in conditions]
+        self.scene, self.t_gap, self.since, self.t_end = scene, t_gap, since, t_end
+        self.t, self.slips, self.speed = since, False, 0.0
+        self.t_rest = self.t_switch = since
+        self.first = np.full(scene.N_x, np.nan)
+        self.region = np.zeros(scene.N_x, dtype=bool)
+        self.mode = np.zeros(scene.N_x, dtype=np.int32)
+        self.t_fast: dict[float, float] = {}
+        self.state: State | None = None
+        self.forces: Callable[[], Forces] | None = None
+        self._logs: list[tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]]] = []
+        self._known: tuple[int, pd.DataFrame | None] = (-1, None)
+
+    # --- what a run says -------------------------------------------------------------------------
+
+    def take(self, switches: Mapping[str, np.ndarray], quiet: Mapping[str, np.ndarray]) -> None:
+        """Take over what has been logged since the last time."""
+        self._logs.append((switches, quiet))
+        begin = -1
+        for step, t, kind in zip(quiet["step"], quiet["t"], quiet["kind"], strict=True):
+            if kind > 0 and t - self.t_rest > self.t_gap:
+                begin = step
+            self.slips = kind > 0
+            if kind < 0:
+                self.t_rest = max(float(t), self.since)
+        if begin >= 0:
+            self.region[:] = False
+        starts = (np.abs(switches["new"]) == 1) & (np.abs(switches["old"]) != 1)
+        starts &= switches["t"] > self.since
+        self.region[switches["block"][starts & (switches["step"] >= begin)]] = True
+        plain = starts & ~switches["corner"]
+        blocks, times = switches["block"][plain], switches["t"][plain]
+        self.t_switch = max(self.t_switch, times.max(initial=self.since), self.t_rest)
+        new = np.full(len(self.first), np.nan)
+        new[blocks[::-1]] = times[::-1]
+        self.first = np.fmin(self.first, new)
+
+    def look(self, t: float, mode: np.ndarray) -> None:
+        """Take over the time (s) and contact states of static states."""
+        self.t, self.mode = t, mode
+
+    def look_at(self, state: State, forces: Callable[[], Forces]) -> None:
+        """Take over a state in motion; `forces` evaluates it."""
+        self.t, self.mode, self.state, self.forces = state.t, state.mode, state, forces
+        slips = np.abs(state.mode) == 1
+        self.speed = float(np.abs(state.y[0, 2, slips]).max(initial=0.0))
+
+    # --- what conditions ask ---------------------------------------------------------------------
+
+    @property
+    def events(self) -> pd.DataFrame:
+        """Events since `since`, as if nothing slipped any more."""
+        count = sum(len(quiet["t"]) for _, quiet in self._logs)
+        if count != self._known[0]:
+            logs = zip(*self._logs, strict=True)
+            switches, quiet = (
+                {name: np.concatenate([log[name] for log in part]) for name in part[0]}
+                for part in logs
+            )
+            self._logs = [(switches, quiet)]
+            how = {"t_gap": self.t_gap, "t_end": math.inf}
+            events = build_catalogue(switches, quiet, self.scene, **how).events
+            self._known = count, events[events["t_start"] > self.since]
+        return self._known[1]
+
+    def ended(self, which: str, n: float) -> float:
+        """Return when the n-th main event counts as ended of those with 1 in a column, s."""
+        if not self._logs:
+            return math.inf
+        events = self.events
+        stops = events["t_stop"][(events[which] == 1) & events["is_main"] & events["finished"]]
+        return self.quiet(float(stops.iloc[math.ceil(n) - 1])) if len(stops) >= n else math.inf
+
+    def quiet(self, t: float) -> float:
+        """Return from when on (s) nothing can join what stopped at t (s)."""
+        return (t + self.t_gap) * (1 + 1e-12)
+
+    def rested(self) -> float:
+        """Return from when on (s) the slider is at rest, if nothing slips."""
+        if self.scene.N_z > 1:
+            return self.quiet(self.t_rest)
+        return min(self.quiet(self.t_rest), self.t_rest + pause_of_waves(self.scene))
+
+    def to_come(self) -> float:
+        """Return what the driver adds to its force before the end, N; inf if loads change."""
+        return force_to_come(self.scene, self.t, self.t_end)
+
+    def weakest(self) -> float:
+        """Return the least force that some block in contact lacks to slip, N."""
+        if self.state is None:
+            return -math.inf
+        return float(self.state.margin[self.mode != OPEN].min(initial=math.inf))
+
+    def creeps(self, more: float) -> bool:
+        """Whether slip comes to rest by itself, although the driver adds a force (N)."""
+        if self.state is None or not more < self.weakest():
+            return False
+        return creeps_to_rest(self.scene, self.state, lambda: self.forces().a, more)
+
+    # --- the end ---------------------------------------------------------------------------------
+
+    def due(self) -> tuple[float, str]:
+        """Return from when on (s) the first condition holds if nothing slips, and its text."""
+        dues = ((one.due(self), one.text) for one in self.conditions)
+        return min(((math.inf if math.isnan(t) else t, text) for t, text in dues))
+
+    def status(self) -> str:
+        """Return the status of a run that ends now, "" where no condition holds."""
+        t, text = self.due()
+        return self.named(text) if t <= self.t else ""
+
+    @staticmethod
+    def named(text: str) -> str:
+        """Return the status of a run that a condition ended."""
+        return f"{ENDED}{text})"

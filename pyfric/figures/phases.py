@@ -1,0 +1,111 @@
+"""Phase diagrams: speeds as colours, labels as symbols, lines between them, and theory."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.colors import LogNorm
+
+from pyfric.figures.style import (
+    BLACK,
+    COLUMN_WIDTH,
+    GREY,
+    VERMILION,
+    DataFigure,
+    colour_bar,
+    legend,
+    panels,
+)
+from pyfric.theory import chain_prestress
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from pyfric.sweeps import PhaseDiagram
+
+__all__ = ["phase_map"]
+
+SYMBOLS = ("x", "o", "s", "^", "D", "v", "*", "+")
+"""Symbols of labels, in alphabetical order."""
+THEORY = ((1.0, "-", "v = c"), (0.1, "--", "v = 0.1 c"))
+"""Speeds of the chain whose lines are drawn, and how."""
+
+
+def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
+    """Draw a phase diagram.
+
+    Args:
+        diagram: what `pyfric.phase_diagram` returns.
+        label: which of its labels is shown by symbols; None means the first one.
+
+    Colours are speeds of fronts over c = l sqrt(k/m). For a chain over alpha and tau_bar the speeds
+    c and 0.1 c of steady fronts are drawn, by `pyfric.theory.chain_prestress`. White: no front
+    reached the end.
+
+    Returns:
+        The figure. Its tables are those of the diagram, "table" and "lines".
+    """
+    x, y, table = diagram.x, diagram.y, diagram.table
+    own = [x, y, "speed", "speed_over_c", "reached", "status"]
+    label = label or next(name for name in table if name not in own)
+    fig, (axes,) = panels(0.85 * COLUMN_WIDTH)
+    _speeds(axes, diagram)
+    for symbol, (value, rows) in zip(SYMBOLS, table.groupby(label), strict=False):
+        axes.plot(rows[x], rows[y], symbol, ms=2, color=GREY, mfc="none", mew=0.5, label=value)
+    for _, line in diagram.lines.sort_values(x).groupby(["label", "below", "above"]):
+        axes.plot(line[x], line[y], "-", color=BLACK, lw=1)
+    if (x, y) == ("alpha", "tau_bar"):
+        _theory(axes, table[x].min(), table[x].max())
+    for name, set_scale in ((x, axes.set_xscale), (y, axes.set_yscale)):
+        if _even_in_log(np.unique(table[name])):
+            set_scale("log")
+    axes.set_ylim(*_edges(np.unique(table[y]))[[0, -1]])
+    axes.set_xlabel(NAMES.get(x, x))
+    axes.set_ylabel(NAMES.get(y, y))
+    legend(axes, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    fig.tables = {"table": table, "lines": diagram.lines}
+    fig.caption = (
+        f"Phase diagram over {x} and {y}: {len(table)} runs. Colours: speed of the front over c; "
+        f"white where no front reached the end. Symbols: {label}. Black lines: where labels "
+        "change, by bisection. Red lines: steady fronts of the chain, by theory."
+    )
+    return fig
+
+
+NAMES = {"alpha": r"$\alpha/\sqrt{km}$", "tau_bar": r"$\bar\tau$"}
+"""Name of a number of the chain -> how it is written."""
+
+
+def _speeds(axes: Axes, diagram: PhaseDiagram) -> None:
+    """Draw speeds of fronts as colours."""
+    wide = diagram.table.pivot(index=diagram.y, columns=diagram.x, values="speed_over_c")
+    speeds = np.ma.masked_invalid(wide.to_numpy())
+    if not speeds.count():
+        return
+    edges = [_edges(values.to_numpy()) for values in (wide.columns, wide.index)]
+    norm = LogNorm(max(speeds.min(), 1e-3), min(speeds.max(), 10.0))
+    mesh = axes.pcolormesh(*edges, speeds, norm=norm, cmap="viridis", rasterized=True)
+    colour_bar(axes.figure, mesh, axes, "$v/c$")
+
+
+def _theory(axes: Axes, low: float, high: float) -> None:
+    alpha = np.geomspace(low, high, 60)
+    for v, style, text in THEORY:
+        tau_bar = [chain_prestress(v, one) for one in alpha]
+        axes.plot(alpha, tau_bar, style, color=VERMILION, lw=0.8, label=text)
+
+
+def _even_in_log(values: np.ndarray) -> bool:
+    if values[0] <= 0 or len(values) < 3:
+        return False
+    linear, log = np.diff(values), np.diff(np.log(values))
+    return bool(np.ptp(log) / log.mean() < np.ptp(linear) / linear.mean())
+
+
+def _edges(values: np.ndarray) -> np.ndarray:
+    """Return the edges of cells about values, (n + 1,)."""
+    if _even_in_log(values):
+        return np.exp(_edges(np.log(values)))
+    middle = (values[1:] + values[:-1]) / 2
+    return np.array([2 * values[0] - middle[0], *middle, 2 * values[-1] - middle[-1]])

@@ -1,0 +1,155 @@
+"""Classes of rupture: how a front ends, what it leaves behind, and how fast it is.
+
+The definitions are pyfric's own. Blocks are counted from 1 at the trailing edge, N is the last one,
+and t_n is the first slip of block n in the event.
+
+kind
+    arrested: the event ends before block N slips: all blocks are stuck or open, or creep to rest.
+    alternating: block N slips, and some block n >= 5 sticks before block n + 1 slips.
+    pulse: block N slips, and blocks behind the front are stuck by then.
+    crack: block N slips, and all others slip or are open then.
+    unfinished: none of this yet.
+pace, of fronts that reach block N
+    slow: v < `slow` times the limit, 0.1 unless it is said otherwise.
+    sub-Rayleigh: slower than the limit: c in a chain, c_R in two dimensions.
+    supershear: faster than c in a chain, than c_S in two dimensions; "beyond c_R" between c_R
+    and c_S.
+
+v is the mean speed over the last quarter of the blocks. c = l sqrt(k/m); c_R and c_S are those of
+the lattice at long wavelengths.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pyfric import core
+from pyfric.core import OPEN
+from pyfric.scene import check_number
+from pyfric.theory import Material
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pyfric.core import State
+    from pyfric.record.record import Record
+    from pyfric.scene import Scene
+
+__all__ = ["RuptureClass", "creeps_to_rest", "rupture_class"]
+
+FROM_BLOCK = 5
+"""First block whose stick before the next one slips makes a front alternate: a definition."""
+LAST = 0.25
+"""Share of the blocks over which the speed is a mean: a definition."""
+
+
+class RuptureClass(NamedTuple):
+    """What became of a front: its kind and pace, speed (m/s), and the blocks that it reached."""
+
+    kind: str
+    pace: str
+    speed: float
+    reached: int
+
+    def __str__(self) -> str:
+        return " ".join(word for word in (self.pace, self.kind) if word)
+
+
+def creeps_to_rest(
+    scene: Scene, state: State, accelerations: Callable[[], np.ndarray], more: float = 0.0
+) -> bool:
+    """Return whether what slips comes to rest by itself, and nothing else starts.
+
+    What slipping blocks still pass on is less than the force that any block lacks to slip: their
+    friction alpha v, the forces m a that are not in balance, and what the kinetic energy E can do
+    to a block held by a stiffness of 6 k, sqrt(12 k E).
+
+    Args:
+        scene: the scene.
+        state: blocks in motion.
+        accelerations: returns those of all blocks, shape (N_z, 2, N_x), in m/s^2.
+        more: force that the driver adds, in N.
+    """
+    weakest = float(state.margin[state.mode != OPEN].min(initial=math.inf))
+    v, slips = np.abs(state.y[0, 2]), np.abs(state.mode) == 1
+    held = float(np.broadcast_to(scene.law.alpha, v.shape)[slips] @ v[slips])
+    if not held + more < weakest:
+        return False
+    masses = np.full(scene.N_z, scene.m)
+    masses[0] = scene.m_interface
+    E = float(masses @ (state.y[:, 2:] ** 2).sum(axis=(1, 2))) / 2
+    loose = float(masses @ np.abs(accelerations()).sum(axis=(1, 2)))
+    return held + loose + math.sqrt(12 * scene.slider.k * E) + more < weakest
+
+
+def rupture_class(record: Record, event: int | None = None, slow: float = 0.1) -> RuptureClass:
+    """Return the class of the rupture of an event; see `pyfric.record.classes`.
+
+    Args:
+        record: a run.
+        event: its number in `events`; None means the one in which most blocks slip.
+        slow: pace below which a front is slow, over the limit.
+
+    Raises:
+        SceneError: there is no such event.
+    """
+    slow = check_number("slow", slow, "", gt=0.0, lt=1.0)
+    if event is None:
+        event = int(record.events["n_blocks"].idxmax()) if len(record.events) else 1
+    record.row(event)
+    scene, episodes = record.scene, record.episodes
+    episodes = episodes[episodes["event"] == event]
+    first = episodes.groupby("n").first().reindex(range(1, scene.N_x + 1))
+    t, stop = first["t_start"].to_numpy(), first["t_stop"].to_numpy()
+    reached = int(np.flatnonzero(np.isfinite(t))[-1]) + 1
+    if reached < scene.N_x:
+        ended = bool(record.events["finished"][event]) or _at_rest(record)
+        return RuptureClass("arrested" if ended else "unfinished", "", math.nan, reached)
+    kind, v = _kind(t, stop, episodes), _speed(t, scene)
+    return RuptureClass(kind, _pace(v, slow, scene), v, reached)
+
+
+def _at_rest(record: Record) -> bool:
+    """Whether a run ends at rest, or creeps there."""
+    if record.status.startswith("ended by stop_when (a"):
+        return True
+    state, scene = record.final_state, record.scene
+    if state is None or not (np.abs(state.mode) == 1).any():
+        return True
+    model = core.model(scene, record.method.geometry, state.u_drv0, state.t)
+    return creeps_to_rest(scene, state, lambda: core.evaluate(model, state, state.t).a)
+
+
+def _kind(t: np.ndarray, stop: np.ndarray, episodes: pd.DataFrame) -> str:
+    """Return what a front left behind that reached the last block; t, stop: of first episodes."""
+    n = slice(FROM_BLOCK - 1, None)
+    if (stop[:-1][n] < t[1:][n]).any():
+        return "alternating"
+    before = episodes[episodes["t_start"] <= t[-1]].groupby("n")["t_stop"].last()
+    stuck = before[before.index < len(t)] <= t[-1]
+    return "pulse" if stuck.any() else "crack"
+
+
+def _speed(t: np.ndarray, scene: Scene) -> float:
+    """Return the mean speed over the last blocks, in m/s; NaN where the front does not run on."""
+    n = math.floor(len(t) * (1 - LAST))
+    lasts = t[-1] - t[n - 1]
+    return (len(t) - n) * scene.slider.l / lasts if lasts > 0 else math.nan
+
+
+def _pace(v: float, slow: float, scene: Scene) -> str:
+    slider = scene.slider
+    c = slider.l * math.sqrt(slider.k / scene.m)
+    material = Material.of_lattice(slider.k, scene.m, slider.l, 1.0)
+    limit, shear = (c, c) if scene.N_z == 1 else (material.c_R, material.c_S)
+    if not v > 0:
+        return ""
+    if v < slow * limit:
+        return "slow"
+    if v <= limit:
+        return "sub-Rayleigh"
+    return "supershear" if v > shear else "beyond c_R"

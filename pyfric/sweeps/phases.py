@@ -1,0 +1,291 @@
+"""Phase diagrams: what becomes of a scene over two of its fields, and the lines between.
+
+    found = phase_diagram()                      # the chain of Thøgersen et al.: alpha and tau_bar
+    found = phase_diagram(scene, x=("interface.alpha", values), y=("driver.h", values), t_end=0.1)
+    found.table                                  # one row for each point
+    found.lines                                  # where labels change, along y at each x
+
+Each point is one run. Lines are found by bisection between neighbouring points of the map, each
+point of a line continued from the last ones (`pyfric.boundary`). Finished runs are kept: a diagram
+that was stopped goes on.
+
+Source: K. Thøgersen et al., Phys. Rev. E 100, 043004 (2019), for the chain and its two numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from pyfric.engines import Options
+from pyfric.scene import Scene, SceneError, as_scene, chain, check_number
+from pyfric.signals import at_once
+from pyfric.sweeps.boundaries import boundary
+from pyfric.sweeps.jobs import Job
+from pyfric.sweeps.runs import run_all
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+    from pyfric.scene import SceneLike
+    from pyfric.sweeps.store import Cache
+    from pyfric.sweeps.varied import Scale
+
+__all__ = ["LABELS", "PhaseDiagram", "chain_job", "phase_diagram"]
+
+Labels = Mapping[str, Callable[["Record"], Hashable]]
+Axis = tuple[str, Sequence[float] | np.ndarray]
+
+ALPHA = np.logspace(-3, 1, 20)
+"""Values of alpha/sqrt(k m) in the paper's diagram of the chain."""
+TAU_BAR = np.logspace(-3, -0.01, 20)
+"""Values of the scaled prestress in it."""
+BLOCKS = 100
+"""Blocks of its chain."""
+STEP = 0.17
+"""Step of chains in sqrt(m/k), at most: speeds are then right to 2e-5, by runs of half of it."""
+MORE = 1e-9
+"""What pushes the first block of a chain beyond its threshold, over the threshold."""
+
+LABELS: Labels = {
+    "kind": lambda record: record.rupture_class().kind,
+    "pace": lambda record: record.rupture_class().pace,
+}
+"""Labels of a run where none are given: kind and pace of its class of rupture."""
+
+
+@dataclass(frozen=True)
+class PhaseDiagram:
+    """What became of a scene over two of its fields.
+
+    Attributes:
+        x, y: names of the fields.
+        table: a row for each point: the fields, the labels, ``speed`` of the front (m/s),
+            ``speed_over_c`` with c = l sqrt(k/m), ``reached`` (blocks), ``status``.
+        lines: where labels change along y: the name of the ``label``, and what it is ``below`` and
+            ``above``; the fields, y as the middle of its last bracket; its ends ``low`` and
+            ``high``; ``runs``, how many that took.
+    """
+
+    x: str
+    y: str
+    table: pd.DataFrame
+    lines: pd.DataFrame
+
+    def __repr__(self) -> str:
+        runs = len(self.table) + int(self.lines["runs"].sum())
+        points = f"{len(self.table)} points, {len(self.lines)} points of lines, {runs} runs"
+        return f"Phase diagram over {self.x} and {self.y}: {points}"
+
+
+def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS, step: float = STEP) -> Job:
+    """Return the run of a chain whose first block is pushed for ever, just beyond its threshold.
+
+    The chain is that of setup 1 lumped into one row, but for its length, without bond viscosity.
+    The run ends where the front arrests or has slipped the last block.
+
+    Args:
+        alpha: viscosity of slip over sqrt(k m), > 0.
+        tau_bar: prestress (tau/p - mu_k)/(mu_s - mu_k), between 0 and 1, the same on all blocks.
+        blocks: their number, at least 20.
+        step: largest step over sqrt(m/k).
+
+    Raises:
+        SceneError: a value is refused.
+    """
+    alpha = check_number("alpha", alpha, "sqrt(k m)", gt=0.0)
+    tau_bar = check_number("tau_bar", tau_bar, "", gt=0.0, lt=1.0)
+    check_number("blocks", blocks, "", ge=20.0)
+    base = chain()
+    k, m, l, p = base.slider.k, base.m, base.slider.l, base.F_N / base.N_x
+    mu_s, mu_k = 0.7, 0.45
+    tau = (mu_k + (mu_s - mu_k) * tau_bar) * p
+    scene = chain(
+        L=(blocks - 1) * l,
+        l=l,
+        k=k,
+        M=blocks * m,
+        p=p,
+        tau=tau,
+        push=((1, mu_s * p * (1 + MORE) - tau),),
+        K=0.0,
+        V=0.0,
+        eta=0.0,
+        alpha=alpha * math.sqrt(k * m),
+        mu_s=mu_s,
+        mu_k=mu_k,
+        name="pushed chain",
+    )
+    # Slow fronts take N/v with v > tau_bar/(alpha (1 - tau_bar)), fast ones less than 20 N.
+    t_end = blocks * (20 + 3 * alpha * (1 - tau_bar) / tau_bar) * math.sqrt(m / k)
+    end = f"reached = {(blocks - 1) * l!r}"
+    options = {"fidelity": "dynamic", "budget": False, "verify": "none", "sample": t_end / 1000}
+    dt = min(step, 2 * step / STEP / alpha) * math.sqrt(m / k)
+    return Job(
+        scene=scene, t_end=t_end, options=options | {"dt": dt, "stop_when": ("arrested", end)}
+    )
+
+
+@at_once()
+def phase_diagram(
+    scene: SceneLike | Callable[[float, float], Job] | None = None,
+    *,
+    x: Axis | None = None,
+    y: Axis | None = None,
+    label: Callable[[Record], Hashable] | Labels | None = None,
+    t_end: float | None = None,
+    options: Options | Mapping[str, Any] | None = None,
+    lines: bool = True,
+    tolerance: float = 1e-3,
+    cache: Cache = True,
+    **how: Any,
+) -> PhaseDiagram:
+    """Return what becomes of a scene over two of its fields, and where that changes.
+
+    Args:
+        scene: what is run: a scene, the name of a preset or the path of a scene file, whose fields
+            are varied; or a function of x and y that returns a `Job`. None means `chain_job`.
+        x, y: each the name of a field, such as "driver.h", and its values, rising. None means alpha
+            and tau_bar of the chain as in the paper, 20 values each.
+        label: what is said of a run: a function of its record, or several by their names. None
+            means kind and pace of `Record.rupture_class`.
+        t_end: end of the runs of a scene, s.
+        options: of the runs of a scene.
+        lines: whether to find the lines on which labels change, along y.
+        tolerance: largest error of lines, in decades where y is even in its logarithm, over the
+            range of y otherwise.
+        cache, **how: as in `run_all`: workers, progress, executor.
+
+    Raises:
+        SceneError: an argument is refused; nothing has been run.
+        JobError: a run failed.
+
+    Source: see the module.
+    """
+    job, axes = _jobs(scene, x, y, t_end, options)
+    (x_name, xs), (y_name, ys) = axes
+    labels = LABELS if label is None else label
+    labels = labels if isinstance(labels, Mapping) else {"label": labels}
+    points = [(a, b) for a in xs for b in ys]
+    jobs = [job(a, b) for a, b in points]
+    records = run_all(jobs, cache=cache, **how)
+    rows = [
+        {x_name: a, y_name: b} | {name: of(record) for name, of in labels.items()} | _front(record)
+        for (a, b), record in zip(points, records, strict=True)
+    ]
+    table = pd.DataFrame(rows)
+
+    def run(b: float, a: float) -> Record:
+        (record,) = run_all([job(a, b)], 1, cache, progress=False)
+        return record
+
+    found = [
+        _line(run, table, (x_name, y_name), (name, of), pair, tolerance)
+        for name, of in (labels.items() if lines else ())
+        for pair in sorted(set(_changes(table, x_name, y_name, name)["pair"]), key=str)
+    ]
+    columns = ["label", "below", "above", x_name, y_name, "low", "high", "runs"]
+    joined = pd.concat([pd.DataFrame(columns=columns), *found], ignore_index=True)
+    return PhaseDiagram(x_name, y_name, table, joined[columns].infer_objects())
+
+
+def _jobs(
+    scene: Any, x: Axis | None, y: Axis | None, t_end: Any, options: Any
+) -> tuple[Callable[[float, float], Job], tuple[Axis, Axis]]:
+    """Return the function from x and y to jobs, and the axes with checked values."""
+    own = scene is None
+    if own:
+        x, y = x or ("alpha", ALPHA), y or ("tau_bar", TAU_BAR)
+    checked = []
+    for side, axis in (("x", x), ("y", y)):
+        if not (isinstance(axis, tuple) and len(axis) == 2 and isinstance(axis[0], str)):
+            raise SceneError(side, axis, "", "the name of a field and its values")
+        values = [check_number(f"{side} {axis[0]}", one, "") for one in axis[1]]
+        if len(values) < 2 or not (np.diff(values) > 0).all():
+            raise SceneError(side, axis[1], "", "at least two values, rising")
+        checked.append((axis[0], values))
+    if own or (callable(scene) and not isinstance(scene, Scene)):
+        return chain_job if own else scene, tuple(checked)
+    base, names = as_scene(scene), [name for name, _ in checked]
+    if t_end is None:
+        raise SceneError("t_end", None, "s", "the end of the runs of a scene", "missing")
+
+    def job(a: float, b: float) -> Job:
+        changed = base.replace(dict(zip(names, (a, b), strict=True)))
+        return Job(scene=changed, t_end=t_end, options=options or Options())
+
+    return job, tuple(checked)
+
+
+def _front(record: Record) -> dict[str, Any]:
+    """Return speed and length of the front of a run, and how the run ended."""
+    slider, status = record.scene.slider, {"status": record.status}
+    if record.events.empty:
+        return {"speed": math.nan, "speed_over_c": math.nan, "reached": 0} | status
+    found = record.rupture_class()
+    c = slider.l * math.sqrt(slider.k / record.scene.m)
+    return {
+        "speed": found.speed,
+        "speed_over_c": found.speed / c,
+        "reached": found.reached,
+    } | status
+
+
+def _changes(table: pd.DataFrame, x: str, y: str, name: str) -> pd.DataFrame:
+    """Return where a label of neighbours along y differs: x, low, high, and the pair of labels."""
+    rows = table.sort_values([x, y])
+    above = rows.shift(-1)
+    differs = (rows[x] == above[x]) & (rows[name] != above[name])
+    pairs = list(zip(rows[name], above[name], strict=True))
+    found = pd.DataFrame({"x": rows[x], "low": rows[y], "high": above[y]}).assign(pair=pairs)
+    return found[differs]
+
+
+def _line(
+    run: Callable[[float, float], Record],
+    table: pd.DataFrame,
+    fields: tuple[str, str],
+    label: tuple[str, Callable[[Record], Hashable]],
+    pair: tuple[Hashable, Hashable],
+    tolerance: float,
+) -> pd.DataFrame:
+    """Return the line on which a label changes along y, between neighbours with these two.
+
+    Where there is a third label between them, the line is where the lower one ends.
+    """
+    (x, y), (name, of) = fields, label
+    xs, ys = np.unique(table[x]), np.unique(table[y])
+    changes = _changes(table, x, y, name)
+    changes = changes[[one == pair for one in changes["pair"]]].drop_duplicates("x")
+    seen: dict[tuple[float, float], Hashable] = {}
+
+    def is_below(b: float, a: float) -> bool:
+        seen[b, a] = of(run(b, a))
+        return bool(seen[b, a] == pair[0])
+
+    ends = [changes.assign(along=changes[end], label=end == "low") for end in ("low", "high")]
+    line = boundary(
+        is_below,
+        along=(ys[0], ys[-1]),
+        over=list(changes["x"]),
+        scale=_scale(ys),
+        over_scale=_scale(xs),
+        tolerance=tolerance,
+        known=pd.concat(ends).rename(columns={"x": "over"}),
+    )
+    points = zip(line["high"], line["over"], strict=True)
+    above = [seen.get(point, pair[1]) for point in points]
+    line = line.assign(label=name, below=[pair[0]] * len(line), above=above)
+    return line.rename(columns={"over": x, "along": y})
+
+
+def _scale(values: np.ndarray) -> Scale:
+    """Return in which scale values are more even."""
+    if values[0] <= 0 or len(values) < 3:
+        return "linear"
+    linear, log = np.diff(values), np.diff(np.log(values))
+    return "log" if np.ptp(log) / log.mean() < np.ptp(linear) / linear.mean() else "linear"

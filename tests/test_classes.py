@@ -1,0 +1,208 @@
+"""Pushes, classes of rupture and phase diagrams of chains."""
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from helpers import refused, small
+
+import pyfric
+from pyfric.cli import main
+from pyfric.figures import phase_map, save_figure
+from pyfric.scene import Scene, chain
+from pyfric.sweeps import Job, chain_job, phase_diagram
+from pyfric.theory import chain_prestress, chain_speed
+
+
+@functools.cache
+def made(alpha, tau_bar, blocks=100, **options):
+    job = chain_job(alpha, tau_bar, blocks)
+    return pyfric.simulate(job.scene, job.t_end, dataclasses.replace(job.options, **options))
+
+
+def over_c(record, speed):
+    slider = record.scene.slider
+    return speed / (slider.l * np.sqrt(slider.k / record.scene.m))
+
+
+# --- pushes --------------------------------------------------------------------------------------
+
+
+def pushed(*push, **changes):
+    fields = {"L": 19 * 2.5e-3, "p": 60.0, "tau": 30.0, "K": 0.0, "V": 0.0, "push": push}
+    return chain(**fields | changes)
+
+
+def test_a_push_is_a_force_on_a_block():
+    """For ever it does what the same force in tau does, bit for bit, in the core."""
+    push, there = pushed((1, 13.0), K=1e-3), [30.0] * 20
+    there[0] = 43.0  # above mu_s p = 42 N, which tau may not exceed: mu_s is higher there
+    strong = chain(L=19 * 2.5e-3, p=60.0, tau=there, K=1e-3, V=0.0, mu_s=0.72)
+    np.testing.assert_array_equal(push.shear_at(0.0), strong.shear)
+    assert (push.shear == 30.0).all()
+
+
+def test_a_push_over_a_time_ends():
+    scene = pushed((1, 13.0, 1e-6, 3e-6), (20, -80.0, 2e-6, 4e-6))
+    assert scene.corners == (1e-6, 2e-6, 3e-6, 4e-6)
+    for t, first, last in ((0.0, 0, 0), (1e-6, 13, 0), (2.5e-6, 13, -80), (3e-6, 0, -80)):
+        added = scene.shear_at(t) - scene.shear
+        assert (added[0], added[-1]) == (first, last)
+    mirrored = scene.replace({"driver.side": "right"})
+    np.testing.assert_array_equal(mirrored.shear_at(2.5e-6), -scene.shear_at(2.5e-6)[::-1])
+    assert Scene.from_toml(scene.to_toml()) == scene
+    record = pyfric.simulate(scene, 2e-5, fidelity="dynamic")
+    begins = record.episodes.groupby("n")["t_start"].first()
+    assert begins[1] == pytest.approx(1e-6, rel=1e-9)
+    assert begins[20] == pytest.approx(2e-6, rel=1e-9)
+
+
+def test_energy_of_a_push():
+    """Its work is that of the forces from outside: the budget closes."""
+    scene = pushed((1, 30.0, 0.0, 2e-5))
+    record = pyfric.simulate(scene, 1e-4, fidelity="dynamic", budget=True)
+    assert pyfric.record.budget_error(record.curve) < 1e-5
+    assert record.curve["work_load"].max() > 0
+
+
+def test_refused_pushes():
+    for push, said in (
+        ((1, 11.9), "does not let it slip"),
+        ((21, 13.0), "outside the interface"),
+        ((0, 13.0), "outside the interface"),
+        ((1, 13.0, 2.0, 1.0), "ends before it begins"),
+        ((1,), "not two to four numbers"),
+        ((1, "13"), "push 1"),
+    ):
+        refused(lambda push=push: pushed(push), "top.push", said)
+    for fidelity in ("hybrid", "quasistatic"):
+        run = functools.partial(pyfric.simulate, pushed((1, 13.0)), 1e-3, fidelity=fidelity)
+        refused(run, "top.push", "full dynamics only")
+
+
+# --- classes -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("alpha", "tau_bar", "said"),
+    [
+        (0.3, 0.05, "arrested"),
+        (1.0, 0.01, "arrested"),
+        (0.5456, 0.1111, "alternating"),
+        (0.01, 0.003, "sub-Rayleigh pulse"),
+        (1.0, 0.2, "sub-Rayleigh crack"),
+        (0.1, 0.5, "supershear crack"),
+        (3.0, 0.05, "slow crack"),
+    ],
+)
+def test_classes_of_the_chain(alpha, tau_bar, said):
+    record = made(alpha, tau_bar)
+    found = record.rupture_class()
+    assert said in str(found)
+    assert (found.reached == 100) == (said != "arrested")
+    stop = "arrested" if said == "arrested" else "reached"
+    assert record.status.startswith(f"ended by stop_when ({stop}")
+    again = record.rupture_class(slow=0.999)
+    assert (again.pace == "slow") == (found.pace in ("slow", "sub-Rayleigh"))
+
+
+@pytest.mark.parametrize(("alpha", "tau_bar"), [(0.3, 0.5), (1.0, 0.3), (0.1, 0.7)])
+def test_speeds_are_those_of_steady_fronts(alpha, tau_bar):
+    record = made(alpha, tau_bar)
+    v = over_c(record, record.rupture_class().speed)
+    assert v == pytest.approx(float(chain_speed(tau_bar, alpha)), rel=1e-4)
+
+
+def test_damaged_chains_are_noticed():
+    """Without its viscosity a chain is another one; without its push it is refused or rests."""
+    record = made(0.3, 0.05)
+    loose = record.scene.replace({"interface.alpha": 0.0})
+    t_end = record.curve["t"].iloc[-1]
+    free = pyfric.simulate(loose, t_end, fidelity="dynamic", switching="step_end")
+    assert free.rupture_class().reached > 2 * record.rupture_class().reached
+    still = record.scene.replace({"top.push": ()})
+    assert pyfric.simulate(still, t_end, fidelity="dynamic").events.empty
+
+
+def test_other_interfaces_and_events():
+    record = pyfric.simulate("fig1", 0.25, fidelity="hybrid", geometry="linear", verify="none")
+    largest = int(record.events["n_blocks"].idxmax())
+    assert record.rupture_class() == record.rupture_class(largest)
+    assert record.rupture_class().kind == "arrested"
+    refused(lambda: record.rupture_class(99), "event", "no such event")
+    refused(lambda: record.rupture_class(slow=2.0), "slow", "too large")
+    slid = pyfric.simulate(small(), 3e-3, fidelity="dynamic", geometry="linear")
+    found = slid.rupture_class()
+    assert found.kind in ("alternating", "pulse", "crack")
+    assert found.speed > 0
+
+
+# --- diagrams ------------------------------------------------------------------------------------
+
+
+def test_a_phase_diagram_of_the_chain(tmp_path):
+    values = {"x": ("alpha", [0.3, 1.0]), "y": ("tau_bar", np.geomspace(0.02, 0.9, 5))}
+    values |= {"label": {"pace": lambda record: record.rupture_class().pace}}
+    found = phase_diagram(**values, cache=tmp_path, workers=1, progress=False)
+    assert len(found.table) == 10
+    assert set(found.table["pace"]) == {"", "slow", "sub-Rayleigh", "supershear"}
+    lines = found.lines
+    assert lines["runs"].mean() <= 10
+    fast = lines[lines["above"] == "supershear"]
+    exact = chain_prestress(1.0, 0.3), chain_prestress(1.0, 1.0)
+    np.testing.assert_allclose(fast["tau_bar"], exact, rtol=5e-3)
+    assert (np.log10(lines["high"] / lines["low"]) < 2.01e-3).all()
+    again = phase_diagram(**values, cache=tmp_path, workers=1, progress=False)
+    assert again.table.equals(found.table)
+    assert again.lines.equals(found.lines)
+    files = save_figure(phase_map(found), tmp_path / "phases")
+    assert {path.name for path in files} >= {"phases.png", "phases_table.csv", "phases_lines.csv"}
+
+
+def test_a_phase_diagram_of_any_scene(tmp_path):
+    def length(record):
+        return bool(len(record.events))
+
+    found = phase_diagram(
+        small(h=2.5e-3),
+        x=("driver.V", [0.5, 0.55]),
+        y=("mu_s", [0.6, 1.5]),
+        label=length,
+        t_end=1.2e-3,
+        options={"fidelity": "quasistatic", "stop_when": "arrested"},
+        tolerance=0.01,
+        cache=tmp_path,
+        workers=1,
+    )
+    assert set(found.table["label"]) == {True, False}
+    assert (found.lines["high"] - found.lines["low"] <= 0.019).all()
+
+    def job(mu_s, V):
+        return Job(scene=small(mu_s=mu_s, V=V), t_end=1e-4, options={"fidelity": "quasistatic"})
+
+    other = phase_diagram(
+        job, x=("mu_s", [0.6, 0.7]), y=("V", [0.1, 0.2]), label=length, cache=None, workers=1
+    )
+    assert not other.table["label"].any()
+    assert other.lines.empty
+
+
+def test_refused_diagrams():
+    refused(lambda: phase_diagram("fig1"), "x", "the name of a field")
+    axes = {"x": ("driver.h", [2.5e-3, 5e-3]), "y": ("mu_s", [0.6, 0.7])}
+    refused(lambda: phase_diagram("fig1", **axes), "t_end", "missing")
+    refused(lambda: phase_diagram(y=("tau_bar", [0.5, 0.1])), "y", "rising")
+    refused(lambda: chain_job(0.0, 0.5), "alpha", "too small")
+    refused(lambda: chain_job(1.0, 1.0), "tau_bar", "too large")
+
+
+def test_the_command(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYFRIC_CACHE", str(tmp_path / "cache"))
+    command = ["phase-diagram", "--x", "alpha=0.3:1:2:log", "--y", "tau_bar=0.05:0.5:2:log"]
+    done = CliRunner().invoke(main, [*command, "--no-lines", "--workers", "1", "--out", tmp_path])
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "phases.png").exists()
+    done = CliRunner().invoke(main, ["phase-diagram", "--x", "alpha=3"])
+    assert done.exit_code == 2

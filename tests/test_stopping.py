@@ -1,0 +1,179 @@
+"""Runs that stop when their question is answered hold the bits of the run without it."""
+
+import functools
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from helpers import refused, small
+
+import pyfric
+from pyfric.cli import main
+from pyfric.engines.stopping import CONDITIONS, ended_by_condition
+from pyfric.sweeps import Job, Sweep
+
+N = 100
+K, M = 1e6, 1e-3
+"""Stiffness of the springs, N/m, and mass of a block, kg, of chains; their blocks are 1 mm long."""
+UNIT = np.sqrt(M / K)
+
+
+def pushed(tau_bar, alpha):
+    """A chain whose first block is at its threshold, under a driver that hardly moves."""
+    tau = np.full(N, 0.45 + 0.25 * tau_bar)
+    tau[0] = 0.7
+    lattice = {"L": (N - 1) * 1e-3, "l": 1e-3, "k": K, "M": N * M, "eta": 0.0}
+    return pyfric.chain(p=1.0, tau=tau, K=1e-10, V=1e-3, alpha=alpha * np.sqrt(K * M), **lattice)
+
+
+def two_runs(scene, t_end, stop_when, **options):
+    """Return a run with conditions, and the run without, of which it has to be the first part."""
+    ended = pyfric.simulate(scene, t_end, stop_when=stop_when, **options)
+    whole = pyfric.simulate(scene, t_end, **options)
+    assert ended.curve.equals(whole.curve[: len(ended.curve)])
+    for log in ("switches", "quiet"):
+        for name, values in getattr(ended, log).items():
+            np.testing.assert_array_equal(values, getattr(whole, log)[name][: len(values)])
+    return ended, whole
+
+
+HOW = {
+    "dynamic": {"fidelity": "dynamic", "geometry": "linear"},
+    "hybrid": {"fidelity": "hybrid", "geometry": "linear"},
+    "quasistatic": {"fidelity": "quasistatic"},
+}
+ENGINES = pytest.mark.parametrize("engine", HOW)
+
+
+@pytest.mark.parametrize("engine", ["dynamic", "hybrid"])
+def test_a_front_that_arrests(engine):
+    ended, whole = two_runs(small(), 6e-3, "arrested", **HOW[engine])
+    assert ended.status == "ended by stop_when (arrested)"
+    assert whole.status == "complete"
+    assert len(ended.events) == 1 < len(whole.events)
+    assert ended.events.equals(whole.events[:1])
+    assert ended.events["finished"].all()
+    assert ended.final_state.t == ended.curve["t"].iloc[-1] < whole.final_state.t
+
+
+@ENGINES
+def test_a_front_that_gets_somewhere(engine):
+    scene = small()
+    for text, least in (("reached = 10 mm", 5), ("L_p = 0.5", 5)):
+        ended, _ = two_runs(scene, 3e-3, text, **HOW[engine])
+        assert ended.status == f"ended by stop_when ({text})"
+        touched = ended.scene.n_of_i[np.unique(ended.switches["block"])]
+        assert touched.max() >= least
+        assert ended.curve["t"].iloc[-1] < 1.2e-3
+
+
+@pytest.mark.parametrize("engine", ["hybrid", "quasistatic"])
+def test_counted_events(engine):
+    ended, whole = two_runs("fig1", 0.4, ["system_size", "precursors = 2"], **HOW[engine])
+    assert ended.status == "ended by stop_when (precursors = 2)"
+    events = ended.events
+    assert events.equals(whole.events[: len(events)])
+    assert (events["is_main"] & events["is_precursor"] & events["finished"]).sum() == 2
+    assert len(whole.events) > len(events)
+
+
+def test_slip_that_is_slow():
+    """No block has been faster for a time; with a limit that nothing exceeds, that time at once."""
+    ended, _ = two_runs("fig1", 0.4, "slow = 1 um/s, 20 ms", **HOW["hybrid"])
+    last = ended.events["t_stop"].max()
+    assert 0.02 <= ended.curve["t"].iloc[-1] - last < 0.02 + 2 * 0.4 / 500
+    ended, _ = two_runs(small(), 3e-3, "slow = 1 km/s, 0.1 ms", **HOW["dynamic"])
+    last = ended.episodes["t_start"].max()
+    assert 1e-4 <= ended.curve["t"].iloc[-1] - last < 1e-4 + 2 * 3e-3 / 500
+
+
+def test_creep_comes_to_rest():
+    """With alpha = 4 sqrt(k m) blocks behind a front never stop: it is seen that nothing starts."""
+    tau = np.where(np.arange(N) < 20, 0.6, 0.31)  # mu_k p is 0.45 N
+    scene, t_end = pushed(0.5, 4.0).replace({"top.tau": (0.7, *tau[1:])}), 3e4 * UNIT
+    ended, whole = two_runs(scene, t_end, "arrested", fidelity="dynamic")
+    assert ended.status == "ended by stop_when (arrested)"
+    assert (abs(ended.final_state.mode) == 1).any()
+    assert ended.curve["t"].iloc[-1] < t_end / 2
+    assert 20 < len(ended.switches["block"]) < 60
+    assert len(whole.switches["block"]) == len(ended.switches["block"])  # nothing slips anew
+
+
+def test_at_rest_knows_what_the_driver_still_does():
+    scene = pushed(0.02, 0.3)
+    t_end, times = 600 * UNIT, []
+    for V in (1e-3, 0.5):
+        pushes = scene.replace({"driver.K": 10.0, "driver.V": V})
+        ended, _ = two_runs(pushes, t_end, "at_rest", fidelity="dynamic")
+        assert ended_by_condition(ended)
+        times.append(ended.curve["t"].iloc[-1])
+        weakest = ended.final_state.margin.min()
+        assert 10.0 * V * (t_end - times[-1]) < weakest
+    assert 10.0 * V * (t_end - times[0]) > weakest
+    assert times[1] > times[0]
+
+
+def test_the_same_step_however_calls_are_cut(monkeypatch):
+    """The clock has no say: calls of the core of another length end a run at the same step."""
+    first = pyfric.simulate(small(), 6e-3, stop_when="arrested", **HOW["dynamic"])
+    monkeypatch.setattr("pyfric.engines.dynamic.MAX_CALL", 17)
+    monkeypatch.setattr("pyfric.engines.dynamic.CALL_SECONDS", 1e-6)
+    again = pyfric.simulate(small(), 6e-3, stop_when="arrested", **HOW["dynamic"])
+    assert again.final_state == first.final_state
+
+
+@pytest.mark.parametrize("engine", ["dynamic", "hybrid", "quasistatic"])
+def test_runs_go_on(engine):
+    scene, how = ("fig1", HOW[engine]) if engine != "dynamic" else (small(), HOW[engine])
+    t_end = 0.4 if engine != "dynamic" else 6e-3
+    ended, whole = two_runs(scene, t_end, "arrested", **how)
+    on = pyfric.simulate(ended.scene, t_end, initial=ended)
+    assert on.status == "complete"
+    assert len(on.events) == len(whole.events)
+    if engine == "dynamic":
+        assert on.final_state == whole.final_state
+    second = pyfric.simulate(ended.scene, t_end, initial=ended, stop_when="arrested")
+    assert ended_by_condition(second) or second.done
+    assert len(second.events) > len(ended.events)  # it counts from where the first one ended
+
+
+def test_plans_count_with_it():
+    whole, part = (pyfric.plan("fig1", t_end=1.0, stop_when=one) for one in (None, "precursors"))
+    assert part.work < 0.5 * whole.work
+
+
+def test_refused_conditions():
+    options = functools.partial(pyfric.Options)
+    for text, said in (
+        ("arested", "did you mean 'arrested'"),
+        ("reached", "takes 1 numbers"),
+        ("reached = 5 s", "wrong unit"),
+        ("L_p = 2", "too large"),
+        ("precursors = 0", "too small"),
+        ("slow = 1 m/s", "takes 2 numbers"),
+        ("arrested = 3", "takes 0 numbers"),
+        (3, "a list of texts"),
+    ):
+        refused(lambda text=text: options(stop_when=text), "stop_when", said)
+    assert options(stop_when=["arrested"]).stop_when == ("arrested",)
+    assert options(stop_when=()).stop_when is None
+    assert all(kind.meaning for kind in CONDITIONS.values())
+
+
+def test_command_line_jobs_and_sweeps(tmp_path):
+    out = tmp_path / "a.nc"
+    command = ["run", "fig1", "--t-end", "0.4", "--fidelity", "quasistatic", "--out", str(out)]
+    done = CliRunner().invoke(main, [*command, "--stop-when", "main_events = 1"])
+    assert done.exit_code == 0
+    record = pyfric.Record.load(out)
+    assert record.status == "ended by stop_when (main_events = 1)"
+    assert record.status in done.output
+    jobs = [Job(scene="fig1", t_end=0.4, options={"stop_when": one}) for one in (None, "arrested")]
+    assert len({job.key for job in jobs}) == 2
+    file = tmp_path / "sweep.toml"
+    file.write_text(
+        'scene = "fig1"\nt_end = "0.4 s"\n[over]\n"driver.h" = ["5 mm"]\n'
+        '[options]\nfidelity = "quasistatic"\nstop_when = ["arrested", "precursors = 1"]\n'
+    )
+    (outcome,) = Sweep.from_toml(file).run(cache=tmp_path, workers=1, progress=False).outcomes
+    assert outcome.status == "ended by stop_when (arrested)"

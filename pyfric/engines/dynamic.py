@@ -24,6 +24,7 @@ from pyfric import core
 from pyfric.core import State
 from pyfric.engines.guard import STEPS, Energy, Guard, strain_notes
 from pyfric.engines.progress import Progress
+from pyfric.engines.remembered import RememberedStates
 from pyfric.record import (
     Method,
     Record,
@@ -34,14 +35,13 @@ from pyfric.record import (
     zone_notes,
 )
 from pyfric.scene import law_notes
-from pyfric.statics import EquilibriumError, StaticSolver, stability_limit
+from pyfric.statics import StaticSolver, stability_limit
 
 if TYPE_CHECKING:
     from pyfric.engines.options import Options
     from pyfric.engines.stopping import Stopping
     from pyfric.record import Catalogue
     from pyfric.scene import Scene
-    from pyfric.statics import Equilibrium
 
 __all__ = ["Run", "RunError", "just_after", "kept_notes", "last_step"]
 
@@ -118,7 +118,7 @@ class Run:
     ) -> None:
         self.scene, self.method, self.state = scene, method, state
         self.stopping, self.ending = stopping, ""
-        self.solver = _Remembering(solver)
+        self.solver = RememberedStates(solver)
         self.model = core.model(scene, method.geometry, state.u_drv0, just_after(state))
         self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
         self.log = core.Log(scene.N_x)
@@ -474,33 +474,6 @@ class Run:
             status=status,
             final_state=state,
         )
-
-
-class _Remembering:
-    """A `StaticSolver` that solves the same state once."""
-
-    def __init__(self, solver: StaticSolver) -> None:
-        self.known = solver
-        self.found: dict[tuple[Any, ...], Equilibrium | EquilibriumError] = {}
-
-    def solve(
-        self,
-        u_x_bottom: np.ndarray,
-        drive: float,
-        *,
-        free: np.ndarray,
-        load: tuple[float, float] | None = None,
-    ) -> Equilibrium:
-        key = u_x_bottom.tobytes(), float(drive), free.tobytes(), load
-        if key not in self.found:
-            try:
-                self.found[key] = self.known.solve(u_x_bottom, drive, free=free, load=load)
-            except EquilibriumError as error:
-                self.found[key] = error
-        found = self.found[key]
-        if isinstance(found, EquilibriumError):
-            raise found
-        return found
 
 
 def _joined(logs: list[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:

@@ -1,0 +1,41 @@
+"""Static states that are solved once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pyfric.statics import EquilibriumError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from pyfric.statics import Equilibrium, StaticSolver
+
+__all__ = ["RememberedStates"]
+
+
+class RememberedStates:
+    """A `StaticSolver` that solves the same state once."""
+
+    def __init__(self, solver: StaticSolver) -> None:
+        self.known = solver
+        self.found: dict[tuple[Any, ...], Equilibrium | EquilibriumError] = {}
+
+    def solve(
+        self,
+        u_x_bottom: np.ndarray,
+        drive: float,
+        *,
+        free: np.ndarray,
+        load: tuple[float, float] | None = None,
+    ) -> Equilibrium:
+        key = u_x_bottom.tobytes(), float(drive), free.tobytes(), load
+        if key not in self.found:
+            try:
+                self.found[key] = self.known.solve(u_x_bottom, drive, free=free, load=load)
+            except EquilibriumError as error:
+                self.found[key] = error
+        found = self.found[key]
+        if isinstance(found, EquilibriumError):
+            raise found
+        return found

@@ -7,11 +7,11 @@ twice the work of the run and half a second. Errors of order p in the step are t
 block, the difference has no order; `TURNED` times it is reported.
 
 A planned run in linear geometry whose error exceeds its tolerance is made again in finite geometry.
-One in finite geometry gives way to its reference run, whose error the same difference bounds. Where
-that is still too large, the reference run is compared with one of twice its step, and with a finer
-one as long as the budget lasts. Where then a few of many events are off, they are named, and all
-others are measured. Otherwise single events cannot be trusted from the first one on that is off;
-those that follow are compared by their statistics.
+One in finite geometry gives way to its reference run, whose error is taken to be the difference
+and which is compared with a finer one as long as the budget lasts. It is not compared with one of twice
+its step, because both would take the same wrong turn too often. Where then a few of many events are
+off, they are named, and all others are measured. Otherwise single events cannot be trusted from the
+first one on that is off; those that follow are compared by their statistics.
 
 A reference run that would take more than its budget ends there. What it does not cover is not
 measured.
@@ -55,9 +55,6 @@ LOOSEST = 1e-3
 """Largest accuracy that is asked of jumps, over F_N."""
 LADDER = 0.01
 """Accuracy of jumps of dynamics beside a quasi-static run, over the tolerance."""
-BETWEEN = 2.0
-"""The step of a run between two others over the finer one: a run that parts from the first one is
-compared with it, too."""
 STRICTER = 0.1
 """Accuracy of jumps of a reference run over that of the run."""
 FEW = 0.1
@@ -185,20 +182,17 @@ class _Verification:
         found = differences(self.record, reference)
         errors = self._measured(found, reference, 1 / (1 - self._shrink(ratio)))
         while self._beyond(errors) and made.refines and self.mode != "full" and reference.done:
-            off, better = errors.measured(), self._shrink(ratio)
+            off = errors.measured()
             if self.record.method.geometry != reference.method.geometry:
                 self.record = self._reference({"geometry": self.geometry})
                 self.notes.append(f"refined to {_words(self.record)}: measured error {off:.2g}")
                 found = differences(self.record, reference)
                 errors = self._measured(found, reference, 1 / (1 - self._shrink(ratio)))
                 continue
-            better = max(better / (1 - better), STRICTER / (1 - STRICTER))
             self.notes.append(f"refined to {_words(reference)}: measured error {off:.2g}")
             coarse, self.record = self.record, reference
             found = differences(self.record, coarse)
-            errors = self._measured(found, coarse, better)
-            if self._beyond(errors) and ratio >= BETWEEN**2:
-                errors = self._between(coarse)
+            errors = self._measured(found, coarse, 1 / SAFETY)  # no order is claimed here
             level, ratio = self._level(self.record)
             if not (self._beyond(errors) and self._affordable(level)):
                 break
@@ -230,14 +224,6 @@ class _Verification:
     def _scaled(self, found: Differences) -> Errors:
         factor = max(SAFETY * self.factor, TURNED) if found.turned else SAFETY * self.factor
         return _errors(found, self.made, factor, _words(self.other))
-
-    def _between(self, coarse: Record) -> Errors:
-        """Compare the run with one whose step is between its own and that of the first run."""
-        method, shrink = self.record.method, self._shrink(BETWEEN)
-        how = {"fidelity": method.engine, "dt": BETWEEN * method.dt, "geometry": method.geometry}
-        other = self._reference(how | {"accuracy": coarse.method.accuracy})
-        better = max(shrink / (1 - shrink), STRICTER / (1 - STRICTER))
-        return self._measured(differences(self.record, other), other, better)
 
     # --- reference runs --------------------------------------------------------------------------
 
@@ -294,7 +280,7 @@ class _Verification:
         """Return the errors without the events that two runs do not agree on."""
         options, main = self.made.options, int(self.record.events["is_main"].sum())
         off = self.found.beyond(options.tolerance / (SAFETY * self.factor), options.want)
-        if 0 < len(off) <= max(FEW * main, 1) and main > 1:
+        if 0 < len(off) <= FEW * main:
             rest = self._scaled(self.found.without(off))
             if not self._beyond(rest):
                 named = tuple(int(event) for event in off["event"] if event)

@@ -7,11 +7,11 @@ twice the work of the run and half a second. Errors of order p in the step are t
 block, the difference has no order; `TURNED` times it is reported.
 
 A planned run in linear geometry whose error exceeds its tolerance is made again in finite geometry.
-One in finite geometry gives way to its reference run, whose error is taken to be the difference, and
-which is compared with a finer one as long as the budget lasts. It is not compared with one of twice
-its step: both would take the same wrong turn too often. Where then a few of many events are off,
-they are named, and all others are measured. Otherwise single events cannot be trusted from the first
-one on that is off; those that follow are compared by their statistics.
+One in finite geometry gives way to its reference run, whose error is taken to be the difference. It
+is compared with a finer one as long as the budget lasts, and not with one of twice its step: both
+would take the same wrong turn too often. Where then a few of many events are off, they are named,
+and all others are measured. Otherwise single events cannot be trusted from the first one on that is
+off; those that follow are compared by their statistics.
 
 A reference run that would take more than its budget ends there. What it does not cover is not
 measured.

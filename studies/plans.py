@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.checks import regression
-from pyfric.engines import QuasistaticRun, plan, simulate, step_size
+from pyfric.engines import QuasistaticRun, RunError, plan, simulate, step_size
 from pyfric.engines.cost import full_work, machine_speed
 from pyfric.record import Errors, differences, fronts, paired
 from pyfric.scene import SceneError, Spread, chain, default_geometry, setup1, setup2, slab
@@ -276,8 +276,13 @@ def run(
     for n in numbers:
         if (seed, n) in done:
             continue
-        question = drawn_wide(seed, n) if wide else drawn(seed, n, viscosity)
-        row = {"seed": seed, "n": n, "kind": question[0].name} | trial(*question, verify=verify)
+        try:
+            question = drawn_wide(seed, n) if wide else drawn(seed, n, viscosity)
+            found = trial(*question, verify=verify)
+        except (RunError, SceneError, EquilibriumError) as error:
+            print(f"{n}: no such scene: {error}", flush=True)  # refused, or a lattice that folds
+            continue
+        row = {"seed": seed, "n": n, "kind": question[0].name} | found
         new = not path.exists()
         with path.open("a", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, list(row), lineterminator="\n")

@@ -7,8 +7,8 @@ twice the work of the run and half a second. Errors of order p in the step are t
 block, the difference has no order; `TURNED` times it is reported.
 
 A planned run in linear geometry whose error exceeds its tolerance is made again in finite geometry.
-One in finite geometry gives way to its reference run, whose error is taken to be the difference. It
-is compared with a finer one as long as the budget lasts, and not with one of twice its step: both
+One in finite geometry gives way to its reference run, of which no smaller error is claimed. It is
+compared with a finer one as long as the budget lasts, and not with one of twice its step: both
 would take the same wrong turn too often. Where then a few of many events are off, they are named,
 and all others are measured. Otherwise single events cannot be trusted from the first one on that is
 off; those that follow are compared by their statistics.
@@ -192,7 +192,7 @@ class _Verification:
             self.notes.append(f"refined to {_words(reference)}: measured error {off:.2g}")
             coarse, self.record = self.record, reference
             found = differences(self.record, coarse)
-            errors = self._measured(found, coarse, 1 / SAFETY)  # no order is claimed here
+            errors = self._measured(found, coarse, TURNED / SAFETY)  # it may have turned
             level, ratio = self._level(self.record)
             if not (self._beyond(errors) and self._affordable(level)):
                 break

@@ -158,7 +158,7 @@ def phase_diagram(
         lines: whether to find the lines on which labels change, along y.
         tolerance: largest error of lines, in decades where y is even in its logarithm, over the
             range of y otherwise.
-        cache, **how: as in `run_all`: workers, progress, executor.
+        cache, how: as in `run_all`: workers, progress, executor.
 
     Raises:
         SceneError: an argument is refused; nothing has been run.

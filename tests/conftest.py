@@ -21,15 +21,16 @@ settings.load_profile("pyfric")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 LAPACK = (
-    *("banded", "chart", "claims", "complementarity", "condensation", "creep", "creeping"),
-    *("dashpots", "disorder", "equilibrium", "fields", "figures", "fine", "finer", "fronts"),
-    *("guard", "hybrid", "laws", "measured_errors", "methods", "nucleation", "operators"),
-    *("pauses", "planner", "prescribed", "protocol", "quasistatic", "reference", "regimes"),
-    *("resolution", "ringdown", "simulation", "smooth", "spacetime", "theory"),
+    *("banded", "chart", "choice", "claims", "coarse", "complementarity", "condensation"),
+    *("constants", "contact", "creep", "creeping", "crossing", "dashpots", "disorder"),
+    *("equilibrium", "fields", "figures", "finer", "fronts", "guard", "hybrid", "lattice"),
+    *("laws", "measured_errors", "methods", "nucleation", "off_box", "operators", "pauses"),
+    *("prescribed", "protocol", "quasistatic", "reference", "regimes", "relaxation"),
+    *("resolution", "simulation", "spacetime", "stability", "stopping", "theory"),
     *("weakening", "zones"),
 )
 """Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""
-PORTABLE = ("complementarity", "condensation", "ringdown")
+PORTABLE = ("complementarity", "condensation", "constants", "crossing", "relaxation")
 """Those of them that are quick; single tests of others are marked where they are."""
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import pyfric
 from pyfric.engines import choice, plan, relaxation_time, simulate, step_size
-from pyfric.engines.choice import LINEAR, PART, RING_SHARE, SPARES, step_error
+from pyfric.engines.choice import LINEAR, RING_SHARE, SHARE, SPARES, step_error
 from pyfric.engines.cost import full_work, machine_speed, work_so_far
 from pyfric.engines.pilot import counted, interval, linear_error, pilot_run
 from pyfric.engines.verification import CHEAP, budget
@@ -55,7 +55,7 @@ def test_models_of_the_fig1_scene(tolerance, expected):
     assert found.error <= tolerance
     assert all(one.holds for one in found.assumptions)
     if found.fidelity == "hybrid":
-        assert found.accuracy == PART * tolerance or found.accuracy == 1e-3
+        assert found.accuracy == SHARE * tolerance or found.accuracy == 1e-3
         assert found.switching == "located"
 
 
@@ -84,7 +84,7 @@ def test_steps_follow_from_the_order_of_rk4():
     auto, error = step_size(scene), step_error(scene, "motion", step_size(scene))
     assert found[1e-2].dt == auto
     for tolerance in (1e-5, 1e-9):  # rounded down to two digits
-        steps = (error / (PART * tolerance)) ** 0.25
+        steps = (error / (SHARE * tolerance)) ** 0.25
         assert 0.9 * auto / steps < found[tolerance].dt <= auto / steps
     speeds = [plan(scene, "front_speed", tol, t_end=1e-3).dt for tol in (1e-3, 1e-3 / 16)]
     assert speeds[1] == pytest.approx(speeds[0] / 2, rel=0.1)

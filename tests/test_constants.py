@@ -17,7 +17,6 @@ FITTED = (
     "modes.SLOW",
     "jump.TRY",
     "jump.ROUNDS",
-    "jump.CONTRACTION",
     "hybrid.BEYOND",
     "hybrid.AMPLIFIED",
 )

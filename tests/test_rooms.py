@@ -6,6 +6,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+import conftest
+
 import pyfric
 
 ROOT = Path(__file__).parents[1]
@@ -102,3 +104,38 @@ def test_a_scene_is_drawn_though_nobody_imported_figures():
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout == "False True\n"
+
+
+def near():
+    """What `scripts/mutate-random` says about tests that are near to a file."""
+    tree = ast.parse((ROOT / "scripts" / "mutate-random").read_text(encoding="utf-8"))
+    values = {
+        node.targets[0].id: node.value
+        for node in tree.body
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
+    }
+    return ast.literal_eval(values["NEAR"])
+
+
+def test_lists_of_tests_name_files_that_exist():
+    tests = {path.stem.removeprefix("test_") for path in (ROOT / "tests").glob("test_*.py")}
+    assert set(conftest.PORTABLE) <= set(conftest.LAPACK) <= tests
+    assert {test for tests in near().values() for test in tests} <= tests
+    assert set(near()) <= {path.stem for path in (ROOT / "pyfric").rglob("*.py")}
+
+
+def test_no_constant_is_dead():
+    """A module reads each of its numbers, or another one does, or it is public."""
+    defined, read = {}, set()
+    for file, tree in trees():
+        names = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
+        read |= {node.id for node in names if isinstance(node.ctx, ast.Load)}
+        read |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+        strings = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
+        stores = (
+            node for one in tree.body if isinstance(one, ast.Assign) for node in ast.walk(one)
+        )
+        stored = {node.id for node in stores if isinstance(node, ast.Name) and node.id.isupper()}
+        defined |= {(file, name): name for name in stored - strings}
+    assert len(defined) > 100
+    assert [key for key, name in defined.items() if name not in read] == []

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.display import html
-from pyfric.engines.cost import full_work, machine_speed, work
+from pyfric.engines.cost import SLOWEST, full_work, machine_speed
 from pyfric.engines.options import Fidelity, Options, Want, default_switching, step_size
 from pyfric.engines.pilot import (
     counted,
@@ -36,12 +36,13 @@ from pyfric.engines.pilot import (
     linear_error,
     most_open,
     pilot_run,
+    quasistatic_work,
 )
 from pyfric.engines.quasistatic import beyond_ladder
 from pyfric.engines.relaxation import relaxation_time
 from pyfric.engines.stretches import bends
 from pyfric.engines.verification import CHEAP, LOOSEST, budget
-from pyfric.record import RESOLVED, zone_of_scene
+from pyfric.record import RESOLVED, RESOLVED_ERROR, zone_of_scene
 from pyfric.scene import Geometry, check_number, default_geometry
 from pyfric.signals import at_once
 from pyfric.statics import NO_RESTS, one_thread_if_small, stability_limit
@@ -61,14 +62,12 @@ RING_SHARE = 0.25
 """Longest relaxation time, over the time between main events, for the quasi-static engine."""
 OPEN_BLOCKS = 2
 """More open blocks than this are a gap; small differences then decide the order of events."""
-PART = 0.25
+SHARE = 0.25
 """Share of the tolerance that is given to each of geometry, jumps and steps."""
 SPARES = 0.5
 """The hybrid engine is taken where it takes at most this share of full dynamics."""
 PHASE = 1 / 120
 """A step of RK4 is off by this times (omega dt)^5 in the phase of a motion of rate omega."""
-RESOLVED_ERROR = 0.05
-"""Relative error of front speeds with `RESOLVED` blocks in X_c0; it falls in proportion to l."""
 OVERDAMPED = math.sqrt(3) / 4
 """Blocks oscillate below this eta over sqrt(k m): 8 eta < 2 sqrt(3 k m), by their eight bonds."""
 LONG = 600.0
@@ -222,7 +221,7 @@ class _Choice:
         self.stepped = bool(options.budget) or options.stepper != "rk4"
         self.geometry: Geometry = options.geometry or default_geometry(scene)
         self.dt, self.error = self._step()
-        if full_work(scene, self.geometry, self.dt, t_end) > CHEAP:
+        if self._full_work() > CHEAP:
             self.t_end = expected_end(scene, t_end, options.stop_when)
 
     def plan(self, ladder: bool) -> Plan:
@@ -230,7 +229,7 @@ class _Choice:
         return self._on_lattice(self._model(ladder))
 
     def _model(self, ladder: bool) -> Plan:
-        scene, full = self.scene, full_work(self.scene, self.geometry, self.dt, self.t_end)
+        scene, full = self.scene, self._full_work()
         if scene.prescribed and scene.N_z > 1:
             return self._full("a prescribed interface in two dimensions has no static states")
         if not scene.law.rests:
@@ -249,6 +248,9 @@ class _Choice:
             return found
         needs = self._linear(pilot)
         return self._hybrid(pilot, needs)
+
+    def _full_work(self) -> float:
+        return full_work(self.scene, self.geometry, self.dt, self.t_end, self.options.stepper)
 
     def _made(self, **what: object) -> Plan:
         seconds = what["work"] * machine_speed()
@@ -272,7 +274,7 @@ class _Choice:
             dt=self.dt,
             assumptions=(*needs, self._resolution()),
             error=self.error,
-            work=full_work(self.scene, self.geometry, self.dt, self.t_end),
+            work=self._full_work(),
         )
 
     def _ladder(self, pilot: Pilot) -> Plan | None:
@@ -298,13 +300,12 @@ class _Choice:
         if reason:
             self.reasons.append(f"quasistatic: {reason}")
             return None
-        releases = pilot.weight() / max(pilot.far, 1e-12)
         return self._made(
             fidelity="quasistatic",
             geometry="linear",
             assumptions=needs,
             error=error,
-            work=work(scene, "linear", {"releases": releases}) + 1e-3 * pilot.events,
+            work=quasistatic_work(scene, pilot),
         )
 
     def _linear(self, pilot: Pilot) -> tuple[Assumption, ...]:
@@ -315,7 +316,7 @@ class _Choice:
         if error is None:
             self.reasons.append("linear geometry: its error could not be measured")
             return ()
-        small = Assumption(LINEAR, error, PART * self.tolerance, "by static states, over F_N")
+        small = Assumption(LINEAR, error, SHARE * self.tolerance, "by static states, over F_N")
         if not small.holds:
             self.reasons.append(f"linear geometry: {small}")
             return ()
@@ -324,9 +325,9 @@ class _Choice:
 
     def _hybrid(self, pilot: Pilot, needs: tuple[Assumption, ...]) -> Plan:
         """Return the plan of the hybrid engine, or of full dynamics where that is no dearer."""
-        accuracy = self.options.accuracy or min(PART * self.tolerance, LOOSEST)
+        accuracy = self.options.accuracy or min(SHARE * self.tolerance, LOOSEST)
         made = {"geometry": self.geometry, "dt": self.dt, "accuracy": accuracy}
-        full = full_work(self.scene, self.geometry, self.dt, self.t_end)
+        full = self._full_work()
         counts = counted(self.scene, self.t_end, dataclasses.replace(self.options, **made), pilot)
         if counts > SPARES * full:
             spares = "the slider hardly ever comes to rest, so that it spares too little"
@@ -347,7 +348,7 @@ class _Choice:
         error = step_error(scene, self.want, auto)
         if options.dt != "auto" or options.stepper != "rk4" or error == 0:
             return auto, error
-        dt = auto * (PART * self.tolerance / error) ** 0.25
+        dt = auto * (SHARE * self.tolerance / error) ** 0.25
         if dt >= auto:
             return auto, error
         digit = 10.0 ** (math.floor(math.log10(dt)) - 1)
@@ -461,11 +462,9 @@ def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, floa
     geometry = how.geometry or default_geometry(scene)
     t_end = expected_end(scene, t_end, how.stop_when)
     dt, size = step_size(scene, how.dt, how.stepper), 1e5 + _events_size(scene, t_end)
-    made = full_work(scene, geometry, dt, t_end)
+    made = full_work(scene, geometry, dt, t_end, how.stepper)
     if how.fidelity in ("quasistatic", "equilibrium"):
-        pilot = pilot_run(scene, t_end)
-        releases = pilot.weight() / max(pilot.far, 1e-12)
-        made = work(scene, "linear", {"releases": releases}) + 1e-3 * pilot.events
+        made = quasistatic_work(scene, pilot_run(scene, t_end))
     elif how.fidelity == "hybrid" and made > CHEAP:
         resolved = dataclasses.replace(how, geometry=geometry, dt=dt)
         made = counted(scene, t_end, resolved, pilot_run(scene, t_end))
@@ -480,11 +479,12 @@ def _events_size(scene: Scene, t_end: float) -> float:
     return 8.0 * pilot_run(scene, t_end).events * (9 * scene.N_x + 40)
 
 
-def long_note(scene: Scene, length: float, geometry: Geometry, dt: float) -> str:
+def long_note(scene: Scene, length: float, geometry: Geometry, dt: float, stepper: str) -> str:
     """Return what to say before full dynamics of `length` s that takes long; "" if it does not."""
-    seconds = full_work(scene, geometry, dt, length) * machine_speed()
-    if seconds <= LONG:
+    made = full_work(scene, geometry, dt, length, stepper)
+    if made * SLOWEST <= LONG or made * machine_speed() <= LONG:
         return ""
+    seconds = made * machine_speed()
     hint = "larger blocks take less: twice l, about a tenth of the time"
     if scene.law.rests and not scene.prescribed:
         hint = f"fidelity = 'hybrid' often takes a small part of that; {hint}"

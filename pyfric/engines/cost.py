@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dpbtrf
 
-from pyfric.core import available
+from pyfric.core import STEPPERS, available
 from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
@@ -46,8 +46,8 @@ POINTS = 5000
 """Points of the loading curve, unless it is said otherwise."""
 RUN = 0.02
 """What a run takes before and after its steps, in s."""
-RELEASE = 1e-8
-"""The release of a block in the quasi-static engine, over N_x^2, in s."""
+RELEASE, STATIC_EVENT = 1e-8, 1e-3
+"""The release of a block in the quasi-static engine, over N_x^2, and an event of it, in s."""
 FLOPS, BYTES, UNKNOWN = 13e9, 11.6e9, 25e-6
 """Operations per second of a banded factorisation, bytes per second of its solutions, and seconds
 for all else about one unknown."""
@@ -56,6 +56,10 @@ SOLUTIONS = 84
 REFERENCE, PACE = (250, 3000), 25e9
 """Half width and length of a band, and the operations per second of its factorisation on the
 machine on which the units were measured."""
+
+
+FASTEST, SLOWEST = 0.2, 10.0
+"""A measured speed of the machine outside of this is a disturbed measurement."""
 
 
 class SetUp(NamedTuple):
@@ -76,6 +80,7 @@ def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float
         + counts.get("attempts", 0) * (attempt + of_block * blocks)
         + counts.get("modal_bases", 0) * set_up(scene, "hybrid", geometry).work
         + counts.get("releases", 0) * RELEASE * scene.N_x**2
+        + counts.get("static_events", 0) * STATIC_EVENT
     )
 
 
@@ -87,11 +92,16 @@ def work_so_far(run: Run | Record) -> float:
 
 
 def full_work(
-    scene: Scene, geometry: Geometry, dt: float, lasts: float, points: int = POINTS
+    scene: Scene,
+    geometry: Geometry,
+    dt: float,
+    lasts: float,
+    stepper: str = "rk4",
+    points: int = POINTS,
 ) -> float:
     """Return the work of full dynamics with steps dt over a time, both in s."""
     steps = lasts / dt
-    evaluations = 4.0 * steps * scene.N_x * scene.N_z
+    evaluations = len(STEPPERS[stepper].c) * steps * scene.N_x * scene.N_z
     counts = {"block_evaluations": evaluations, "calls": min(steps, points)}
     return RUN + work(scene, geometry, counts)
 
@@ -121,7 +131,7 @@ def machine_speed() -> float:
     start = time.thread_time()
     dpbtrf(band, lower=1, overwrite_ab=1)
     seconds = time.thread_time() - start
-    return float(np.clip(seconds * PACE / (n * width**2), 0.2, 10.0))
+    return float(np.clip(seconds * PACE / (n * width**2), FASTEST, SLOWEST))
 
 
 def check_memory(scene: Scene, fidelity: str, geometry: str) -> None:

@@ -45,8 +45,6 @@ LONGEST = 2**30
 """Longest wait, in steps: the core takes no more in one call."""
 ROUNDS = 8
 """Most corrections of one path; each gains more digits than the one before."""
-CONTRACTION = 0.1
-"""Chord iterations that gain less than this factor need a tangent nearer to the state."""
 
 
 class Outside:

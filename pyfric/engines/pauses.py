@@ -41,9 +41,10 @@ def longest_pause(scene: Scene) -> float:
     if driver.K * driver.fastest == 0:
         return _rounded(transits)
     loading = DRIVER_SHARE * scene.F_N / (driver.K * driver.fastest)
-    ringing = RING_DOWN * relaxation_time(scene) if scene.N_z > 1 else math.inf
-    longest = min(loading, ringing)
-    return _rounded(max(longest, transits))
+    if loading <= transits or scene.N_z == 1:
+        return _rounded(max(loading, transits))
+    ringing = RING_DOWN * relaxation_time(scene)
+    return _rounded(max(min(loading, ringing), transits))
 
 
 def pause_of_waves(scene: Scene) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 
 from pyfric.core import OPEN
 from pyfric.engines.coarse import coarser
-from pyfric.engines.cost import RUN, full_work, set_up, work_so_far
+from pyfric.engines.cost import RUN, full_work, set_up, work, work_so_far
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
@@ -37,7 +37,16 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["Pilot", "counted", "expected_end", "interval", "linear_error", "most_open", "pilot_run"]
+__all__ = [
+    "Pilot",
+    "counted",
+    "expected_end",
+    "interval",
+    "linear_error",
+    "most_open",
+    "pilot_run",
+    "quasistatic_work",
+]
 
 EVENTS, CHANGES = 300, 2e8
 """The quasi-static pilot run ends after so many events, or changes of contact state times N_x^2."""
@@ -114,6 +123,12 @@ def pilot_run(scene: Scene, t_end: float) -> Pilot:
         far=far,
         failed=f"about {run.events / far:.0e} events up to t_end" if many else "",
     )
+
+
+def quasistatic_work(scene: Scene, pilot: Pilot) -> float:
+    """Return the work of the quasi-static engine, whose pilot run is given, in s."""
+    releases = pilot.weight() / max(pilot.far, 1e-12)
+    return work(scene, "linear", {"releases": releases, "static_events": pilot.events})
 
 
 def expected_end(scene: Scene, t_end: float, stop_when: tuple[str, ...] | None) -> float:

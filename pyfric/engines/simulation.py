@@ -159,7 +159,7 @@ def _run(
         check_memory(scene, method.engine, method.geometry)
         note = ""
         if method.engine == "dynamic":
-            note = long_note(scene, t_end - begin, method.geometry, method.dt)
+            note = long_note(scene, t_end - begin, method.geometry, method.dt, method.stepper)
         if note and progress in (None, True) and sys.stderr is not None:
             print(note, file=sys.stderr, flush=True)
         record = integrate(ENGINES[options.fidelity], scene, t_end, options, enough=enough, **how)

@@ -222,8 +222,11 @@ class _Verification:
         return self._scaled(found)
 
     def _scaled(self, found: Differences) -> Errors:
-        factor = max(SAFETY * self.factor, TURNED) if found.turned else SAFETY * self.factor
-        return _errors(found, self.made, factor, _words(self.other))
+        return _errors(found, self.made, self._factor(found.turned), _words(self.other))
+
+    def _factor(self, turned: bool) -> float:
+        """Return reported errors over differences, where an event turned, and where none did."""
+        return max(SAFETY * self.factor, TURNED) if turned else SAFETY * self.factor
 
     # --- reference runs --------------------------------------------------------------------------
 
@@ -251,7 +254,9 @@ class _Verification:
         """Return the work of a reference run, in s."""
         made, method, counts = self.made, self.record.method, dict(self.record.counts)
         if how.get("fidelity") == "dynamic":
-            return full_work(made.scene, self.geometry, how["dt"], made.t_end - made.t_begin)
+            return full_work(
+                made.scene, self.geometry, how["dt"], made.t_end - made.t_begin, method.stepper
+            )
         for name in ("block_evaluations", "steps"):
             counts[name] = counts[name] * method.dt / how.get("dt", method.dt)
         counts["calls"] = counts["steps"] / max(method.sample, 1)
@@ -279,13 +284,13 @@ class _Verification:
     def _determined(self, errors: Errors) -> Errors:
         """Return the errors without the events that two runs do not agree on."""
         options, main = self.made.options, int(self.record.events["is_main"].sum())
-        off = self.found.beyond(options.tolerance / (SAFETY * self.factor), options.want)
+        off = self.found.beyond(options.tolerance / self._factor(turned=False), options.want)
         if 0 < len(off) <= FEW * main:
             rest = self._scaled(self.found.without(off))
             if not self._beyond(rest):
                 named = tuple(int(event) for event in off["event"] if event)
                 return dataclasses.replace(rest, undetermined=named)
-        off = self.found.beyond(options.tolerance / TURNED, options.want)
+        off = self.found.beyond(options.tolerance / self._factor(turned=True), options.want)
         return self._until(errors, off["t_start"].min(), self.other)
 
     def _until(self, errors: Errors, t: float, other: Record) -> Errors:

@@ -26,7 +26,7 @@ PNG_DPI = 300
 SMALL, BODY = 7, 8  # font sizes, pt
 
 BLACK, ORANGE, SKY, GREEN = "black", "#E69F00", "#56B4E9", "#009E73"
-YELLOW, BLUE, VERMILION, PURPLE, GREY = "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#999999"
+BLUE, VERMILION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#999999"
 """The Okabe-Ito set, which stays distinguishable under colour blindness, and grey."""
 
 PAPER = "Phys. Rev. Lett. 107, 074301"

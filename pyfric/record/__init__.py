@@ -35,6 +35,7 @@ from pyfric.record.rupture import front_speed
 from pyfric.record.software import provenance, versions
 from pyfric.record.zones import (
     RESOLVED,
+    RESOLVED_ERROR,
     can_rupture,
     viscous_error,
     zone_at_rest,
@@ -49,6 +50,7 @@ __all__ = [
     "PER_BIN",
     "QUIET_COLUMNS",
     "RESOLVED",
+    "RESOLVED_ERROR",
     "SWITCH_COLUMNS",
     "T_GAP",
     "Catalogue",

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "RESOLVED",
+    "RESOLVED_ERROR",
     "can_rupture",
     "viscous_error",
     "zone_at_rest",
@@ -52,7 +53,7 @@ RESOLVED = 6
 """Fewest blocks in X_c0 with which a front is resolved: fronts of a crack under uniform stress drop
 then run within 5 % of fracture mechanics where viscosity is low (`reference_data/fronts`)."""
 RESOLVED_ERROR = 0.05
-"""That 5 %, beyond which a note speaks of viscosity."""
+"""That 5 %, which falls in proportion to l, and beyond which a note speaks of viscosity."""
 VISCOUS = {"full": 0.136, "along": 0.05}
 """By how much fronts are slower with eta = sqrt(k m) and 6 blocks in X_c0, relative, for each kind
 of dashpots: measured, with cracks; see the module."""

@@ -25,9 +25,10 @@ GAP = 0.26
 """F_T/F_N at which, in setup2+, an interior gap opens (0.261 linear, 0.281 finite). Blocks at its
 edges then micro-slip almost without rest, and the order of events hangs on less than any tolerance:
 full dynamics with a step shorter by a tenth leave the reference by 0.008 (F_T) and 6 blocks."""
-GAP_CURVE, GAP_MEAN, GAP_FRONT = 0.015, 0.005, 8
+GAP_CURVE, GAP_MEAN, GAP_FRONT = 0.016, 0.005, 12
 """Hybrid beyond the gap, up to the first system-size event of either run: F_T(t) at every point
-and on average, and how far slip has come."""
+and on average, and how far slip has come: twice what the step of full dynamics changes there. The
+hybrid engine leaves 6 to 9 blocks with any accuracy from 2e-6 down to 1e-8."""
 
 LADDER_BLOCKS = {"fig1": (2, 2), "run1": (2, 2), "run2": (2, 2), "run4": (2, 3)}
 """Quasi-static: lengths, and that of the longest precursor. In run 3, setup2 and setup2- lengths
@@ -111,7 +112,7 @@ def test_loading_curve(name, geometry):
 def test_nearly_all_time_is_jumped_over(name, geometry):
     """Also where the corner opens a little before its static state does (run 3, and 4 finite)."""
     counts = hybrid(name, geometry).counts
-    limit = 0.02 if geometry == "linear" else 0.1
+    limit = 0.02 if geometry == "linear" else 0.03
     assert counts["steps"] < limit * counts["steps_spared"]
 
 

@@ -261,7 +261,7 @@ class Jump:
             s = n * self.dt
             left = self._left(s)
             if left > self.accuracy:
-                return self._wait(left / self.accuracy, self.motion.decay)
+                return self._wait(left / self.accuracy, self.motion.decay, n)
             alive = np.flatnonzero(self.ringing.levels(s) > self.accuracy)
             if finite and not round_ and alive.size:
                 ends = (self.system.stiffer(at(self.path.q, one)) for one in (0.0, s))
@@ -278,7 +278,7 @@ class Jump:
                 defect = self._defect(s) if finite and alive.size else 0.0
                 if defect > self.accuracy:
                     slowest = float(-self.ringing.growth[alive].real.max())
-                    return Stale(self._wait(defect / self.accuracy, slowest).steps)
+                    return Stale(self._wait(defect / self.accuracy, slowest, n).steps)
                 if known:  # else the bend is of the size of what it may be off by
                     self.path.remember(self.system, self.outside)
                 return Landing(n, q, v, gaps, left + error + defect, self, self._still(s))
@@ -311,10 +311,13 @@ class Jump:
         spread = 1 + 2 * max(self.motion.decay - fade, 0.0) * s
         return float(np.abs(self.motion.gaps).max()) * math.exp(-fade * s) / math.sqrt(spread)
 
-    def _wait(self, times: float, decay: float) -> Wait:
-        """Return when a motion that decays at a rate (1/s) is so many times smaller."""
+    def _wait(self, times: float, decay: float, most: float = LONGEST) -> Wait:
+        """Return when a motion that decays at a rate (1/s) is so many times smaller.
+
+        After `most` steps, where the jump would have ended, another one may be possible.
+        """
         steps = math.log(times) / (decay * self.dt) if decay > 0 and times < math.inf else 0.0
-        return Wait(math.ceil(min(max(steps, TRY), LONGEST)))
+        return Wait(math.ceil(max(min(steps, most), TRY)))
 
     def _defect(self, s: float) -> float:
         """Return what the modes leave of the equation of motion, as it moves the gap functions.

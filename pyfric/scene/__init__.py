@@ -3,6 +3,7 @@
 from pyfric.scene import laws
 from pyfric.scene.change import full_name, read_value, scene_fields, spoken
 from pyfric.scene.checked import Quantity, quantities
+from pyfric.scene.conditions import condition, conditions
 from pyfric.scene.errors import SceneError, nearest, unknown
 from pyfric.scene.files import (
     check_writable,
@@ -78,6 +79,8 @@ __all__ = [
     "check_writable",
     "clean_drafts",
     "clock",
+    "condition",
+    "conditions",
     "default_geometry",
     "drafts",
     "full_name",

@@ -21,6 +21,7 @@ from pyfric.display import drawing, html
 from pyfric.scene import toml
 from pyfric.scene.change import changed
 from pyfric.scene.checked import Name, annotations, from_table, part
+from pyfric.scene.conditions import Conditions
 from pyfric.scene.consistency import check
 from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.files import write
@@ -61,6 +62,8 @@ class Scene:
         interface: an `Interface`.
         name: free text of at most `MAX_NAME` characters.
         walls: what is beyond sides and top of a slider on a prescribed interface, `Walls`.
+        stop_when: conditions that end a run that is given none itself: text, or several texts, such
+            as "arrested"; see `pyfric.Options`.
         draws: names of fields that are a `Spread` to what had been drawn, N_x numbers each from the
             trailing edge on, so that it is not drawn again; kept beside the scene by records.
 
@@ -80,6 +83,7 @@ class Scene:
     interface: Annotated[Interface, PARTS["interface"]]
     name: Annotated[str, Name(MAX_NAME)] = ""
     walls: Annotated[Walls, PARTS["walls"]] = Walls()
+    stop_when: Annotated[tuple[str, ...], Conditions()] = ()
     draws: InitVar[Mapping[str, Any] | None] = None
 
     _section: ClassVar[str] = ""
@@ -379,6 +383,10 @@ class Scene:
         0.0075
         """
         return changed(self, {**(changes or {}), **keywords})
+
+    def goes_on_as(self, other: Self) -> bool:
+        """Whether a run of this scene can go on with another one: only `stop_when` may differ."""
+        return self == other or self.replace(stop_when=other.stop_when) == other
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
         """Return the scene as TOML; with `path`, also write it to that file in one step.

@@ -4,6 +4,7 @@ from pyfric.scene import laws
 from pyfric.scene.change import full_name, read_value, scene_fields, spoken
 from pyfric.scene.checked import Quantity, quantities
 from pyfric.scene.conditions import condition, conditions
+from pyfric.scene.consistency import check_push
 from pyfric.scene.errors import SceneError, nearest, unknown
 from pyfric.scene.files import (
     check_writable,
@@ -43,6 +44,7 @@ from pyfric.scene.presets import (
     slab,
 )
 from pyfric.scene.protocol import Leg, Piece, legs
+from pyfric.scene.push import Push
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.toml import parsed
@@ -63,6 +65,7 @@ __all__ = [
     "Material",
     "Piece",
     "PrescribedLoad",
+    "Push",
     "Quantity",
     "Rod",
     "Scene",
@@ -76,6 +79,7 @@ __all__ = [
     "chain",
     "check_geometry",
     "check_number",
+    "check_push",
     "check_writable",
     "clean_drafts",
     "clock",

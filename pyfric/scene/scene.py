@@ -39,7 +39,7 @@ from pyfric.scene.parts import (
     Walls,
 )
 from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
-from pyfric.scene.push import forces
+from pyfric.scene.push import pushes_at
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import scene_text
 
@@ -300,11 +300,18 @@ class Scene:
         tau = self.top.tau if isinstance(self.top, PrescribedLoad) else self.top.T / self.N_x
         return self.d * self._by_column(tau) + 0.0  # no -0.0
 
-    def shear_at(self, t: float) -> np.ndarray:
-        """Return `shear` at t (s) with what pushes blocks then; F_T and T aside."""
-        if not self.top.push:
-            return self.shear
-        return self.shear + self.d * self._by_column(tuple(forces(self.top.push, self.N_x, t)))
+    def push_at(self, t: float, now: float | None = None) -> np.ndarray:
+        """Return what pushes the bottom blocks along +x, left to right, and its rate.
+
+        Args:
+            t: time by which the pushes are chosen that act, in s.
+            now: time at which they are looked at, in s; None means t.
+
+        Returns:
+            Forces (N) and their rates (N/s), shape (2, N_x).
+        """
+        found = pushes_at(self.top.push, self.N_x, t, t if now is None else now)
+        return self.d * found[:, self.n_of_i - 1] + 0.0  # no -0.0
 
     @property
     def j_shear(self) -> int:

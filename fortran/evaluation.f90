@@ -4,7 +4,7 @@ module pyfric_evaluation
   use pyfric_layout, only: LB, LANES
   use pyfric_model, only: model_t
   use pyfric_boundaries, only: rod_acceleration
-  use pyfric_rows, only: row_t, new_row, row_forces, row_powers, budget_t
+  use pyfric_rows, only: row_t, new_row, row_forces, row_powers, take_pushed, budget_t
   use pyfric_workspace, only: reserve, aligned, widen, FX, FZ, CARRY, BONDS, COLUMNS
   implicit none (type, external)
   private
@@ -40,6 +40,7 @@ contains
     do k = 1, n_times
       call sweep(k == n_times, state(aligned(state)), rows(aligned(rows)))
     end do
+    call take_pushed(power)
     f = w%f
     p = w%p
     f_t = w%f_t

@@ -106,10 +106,13 @@ module pyfric_model
     type(law_t) :: law      !! friction under the bottom row
     real(dp) :: series(7, N_BOND) !! of each bond's spring in finite geometry, see `series` [N/m^(2n+1)], n = 1...
     logical :: sheared      !! shear, its rate or k_top is not zero
+    logical :: pushed       !! push or its rate is not zero
     real(dp), allocatable :: k_f(:)   !! foundation stiffness [N/m]
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
     real(dp), allocatable :: load(:)  !! downward load on a free top row, or prescribed p [N]
     real(dp), allocatable :: shear(:) !! constant force on row j_shear, along +x [N]
+    real(dp), allocatable :: push(:)  !! force on the bottom row at t_seg, along +x [N]
+    real(dp), allocatable :: push_rate(:) !! its rate [N/s]
   end type model_t
 
 contains
@@ -143,23 +146,26 @@ contains
     call take_constants(c, s)
     call take_rows(numbers(first + 1:), n, c%ruptured, s)
     s%sheared = s%k_top > 0.0_dp .or. abs(s%shear_rate) > 0.0_dp .or. any(abs(s%shear) > 0.0_dp)
+    s%pushed = any(abs(s%push) > 0.0_dp) .or. any(abs(s%push_rate) > 0.0_dp)
   end function new_model
 
-  !> Rows of N_x numbers: x [m], load and shear [N], k_f [N/m], the fields of the law; then the knots of its tables, and
-  !> thresholds of junctions.
+  !> Rows of N_x numbers: x [m], load, shear and push [N], rate of push [N/s], k_f [N/m], the fields of the law; then the
+  !> knots of its tables, and thresholds of junctions.
   pure subroutine take_rows(numbers, n, ruptured, s)
     real(dp), intent(in) :: numbers(:)
     type(counts_t), intent(in) :: n
     real(dp), intent(in) :: ruptured  !! share of pinned junctions
     type(model_t), intent(inout) :: s
-    integer, parameter :: ROWS = 4
+    integer, parameter :: ROWS = 6
     integer :: nx, last
 
     nx = s%nx
     s%x = numbers(:nx)
     s%load = numbers(nx + 1:2*nx)
     s%shear = numbers(2*nx + 1:3*nx)
-    s%k_f = numbers(3*nx + 1:4*nx)
+    s%push = numbers(3*nx + 1:4*nx)
+    s%push_rate = numbers(4*nx + 1:5*nx)
+    s%k_f = numbers(5*nx + 1:6*nx)
     last = (ROWS + N_FIELDS)*nx
     s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%d < 0.0_dp, ruptured, &
                     [n%n_hold, n%n_slide, n%n_speed, n%n_age], numbers(last + 1:), &

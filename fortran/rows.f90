@@ -12,7 +12,7 @@ module pyfric_rows
   use pyfric_law, only: friction_force, friction_powers
   implicit none (type, external)
   private
-  public :: row_t, new_row, other_forces, row_forces, row_powers, budget_t
+  public :: row_t, new_row, other_forces, row_forces, row_powers, take_pushed, budget_t
 
   !> Work space of one row. Forces on the blocks and bonds lie elsewhere, on vectors.
   type :: row_t
@@ -28,7 +28,8 @@ module pyfric_rows
     real(dp), allocatable :: heat(:)        !! by friction under each bottom block
     real(dp), allocatable :: above(:)       !! of it by what is above the kinetic strength; on junctions that of dragging
     real(dp), allocatable :: viscous(:)     !! of it by alpha; on junctions the work of their stiffness
-    real(dp) :: work(2)                     !! of the driver, of the forces on the top
+    real(dp) :: work(2)                     !! of the driver, of the forces on the top and of pushes
+    real(dp) :: pushed = 0.0_dp             !! of pushes in this step: another thread may have the top, see `take_pushed`
   end type budget_t
 
 contains
@@ -79,7 +80,7 @@ contains
     end do
   end subroutine bond_forces
 
-  !> Adds the forces from outside on row j: the driver's; the shear; on a free top row the load and -k_top u_x; those of
+  !> Adds the forces from outside on row j: the driver's; what pushes the bottom row; the shear; on a free top row the load and -k_top u_x; those of
   !> absorbing sides and top.
   pure subroutine outer_forces(s, j, t, q, fx, fz, f_t)
     type(model_t), intent(in) :: s
@@ -96,6 +97,11 @@ contains
       i = s%at(s%i_h)
       f_t = driver_force(s, t, q(i, UX))
       fx(i) = fx(i) + s%d*f_t
+    end if
+    if (j == 1 .and. s%pushed) then
+      do i = 1, s%nx
+        fx(s%at(i)) = fx(s%at(i)) + (s%push(i) + s%push_rate(i)*(t - s%t_seg))
+      end do
     end if
     if (s%prescribed) call absorb(s, j, q, fx, fz)
     if (s%rigid) return
@@ -187,6 +193,9 @@ contains
     if (j == 1) budget%heat = budget%heat - c*(w%f*q(s%at(:s%nx), VX))
     if (j == 1 .and. .not. s%law%simple) call parts_of_heat(s, c, mode, memory, q, w, budget)
     if (j == s%j_h) budget%work(1) = budget%work(1) + c*(w%f_t*driver_speed(s, t))
+    if (j == 1 .and. s%pushed) then
+      budget%pushed = budget%pushed + c*mirror_sum(s%nx, (s%push + s%push_rate*(t - s%t_seg))*q(s%at(:s%nx), VX))
+    end if
     if (s%rigid) then
       if (j == s%nz) budget%work(2) = budget%work(2) - c*(s%f_n*load_share(s, t)*v_rod)
       return
@@ -198,6 +207,14 @@ contains
     budget%work(2) = budget%work(2) &
                      + c*mirror_sum(s%nx, (s%shear + s%shear_rate*(t - s%t_seg))*q(s%at(:s%nx), VX))
   end subroutine row_powers
+
+  !> Adds the work of pushes to that of the other forces, once all rows are done.
+  pure subroutine take_pushed(budget)
+    type(budget_t), intent(inout) :: budget
+
+    budget%work(2) = budget%work(2) + budget%pushed
+    budget%pushed = 0.0_dp
+  end subroutine take_pushed
 
   !> Adds what of the friction heat is not that of its end value. Its arrays are made where they are needed only: that takes time.
   pure subroutine parts_of_heat(s, c, mode, memory, q, w, budget)

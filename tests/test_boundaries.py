@@ -181,3 +181,55 @@ def test_a_map_without_room_is_refused():
     for name, x, runs in (("x", (1.0, 0.0), 10), ("runs", (0.0, 1.0), 3)):
         with pytest.raises(SceneError, match=name):
             label_map(lambda x, y: 0, x, (0.0, 1.0), runs)
+
+
+# --- where a label is the sign of a number -------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", sorted(LINES.keys() - {"steep"}))
+@pytest.mark.parametrize("power", [1.0, 3.0])
+def test_roots_are_found_in_few_runs(name, power):
+    """By interpolation in a number of known sign, from brackets of a map: two or three runs."""
+    line, grid, over = LINES[name], np.logspace(-2, 2, 20), np.linspace(0, 1, 20)
+
+    def measure(x, y):
+        return math.copysign(1, x - line(y)) * abs(math.tanh(math.log(x / line(y)))) ** power
+
+    points = [(x, y, x > line(y), measure(x, y)) for y in over for x in grid]
+    known = pd.DataFrame(points, columns=["along", "over", "label", "measure"])
+    f = Counted(line)
+    known["label"] = np.where(known["label"], "runs through", "arrests")
+    found = boundary(f, (1e-2, 1e2), over, known=known, measure=measure)
+    check_line(found, np.array([line(y) for y in over]))
+    assert len(f.calls) == found["runs"].sum()
+    if power == 1:
+        assert found["runs"].max() <= 4
+        assert found["runs"].mean() < 3
+    else:  # a triple root, where interpolation does badly: two runs more than halves take
+        assert found["runs"].max() <= 2 + 7
+
+
+def test_a_measure_that_says_nothing_costs_nothing():
+    over = np.linspace(0, 1, 8)
+    both = [
+        boundary(Counted(LINES["wave"]), (1e-2, 1e2), over, measure=measure)
+        for measure in (None, lambda x, y: math.nan)
+    ]
+    pd.testing.assert_frame_equal(*both)
+
+
+@pytest.mark.parametrize("jump", [0.03, 0.3, 0.7, 0.97])
+def test_no_point_needs_more_than_one_run_beyond_bisection(jump):
+    """The second line is anywhere in a cell that is known, wherever the first one was."""
+    cell = 0.16
+    for first in (0.05, 0.5, 0.95):
+        known = pd.DataFrame(
+            [(10**end, y, end == cell) for y in (0, 1, 2, 3) for end in (0.0, cell)],
+            columns=["along", "over", "label"],
+        )
+        line = [10 ** (cell * share) for share in (first, first, first, jump)]
+        known["label"] = np.where(known["along"] > 1, "runs through", "arrests")
+        f = Counted(lambda y, line=line: line[int(y)])
+        found = boundary(f, (0.1, 10.0), range(4), known=known)
+        check_line(found, line)
+        assert found["runs"].max() <= math.ceil(math.log2(cell / 2e-3)) + 1

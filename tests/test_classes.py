@@ -40,7 +40,7 @@ def test_a_push_is_a_force_on_a_block():
     push, there = pushed((1, 13.0), K=1e-3), [30.0] * 20
     there[0] = 43.0  # above mu_s p = 42 N, which tau may not exceed: mu_s is higher there
     strong = chain(L=19 * 2.5e-3, p=60.0, tau=there, K=1e-3, V=0.0, mu_s=0.72)
-    np.testing.assert_array_equal(push.shear_at(0.0), strong.shear)
+    np.testing.assert_array_equal(push.push_at(0.0)[0] + push.shear, strong.shear)
     assert (push.shear == 30.0).all()
 
 
@@ -48,10 +48,10 @@ def test_a_push_over_a_time_ends():
     scene = pushed((1, 13.0, 1e-6, 3e-6), (20, -80.0, 2e-6, 4e-6))
     assert scene.corners == (1e-6, 2e-6, 3e-6, 4e-6)
     for t, first, last in ((0.0, 0, 0), (1e-6, 13, 0), (2.5e-6, 13, -80), (3e-6, 0, -80)):
-        added = scene.shear_at(t) - scene.shear
+        added = scene.push_at(t)[0]
         assert (added[0], added[-1]) == (first, last)
     mirrored = scene.replace({"driver.side": "right"})
-    np.testing.assert_array_equal(mirrored.shear_at(2.5e-6), -scene.shear_at(2.5e-6)[::-1])
+    np.testing.assert_array_equal(mirrored.push_at(2.5e-6), -scene.push_at(2.5e-6)[:, ::-1])
     assert Scene.from_toml(scene.to_toml()) == scene
     record = pyfric.simulate(scene, 2e-5, fidelity="dynamic")
     begins = record.episodes.groupby("n")["t_start"].first()
@@ -73,8 +73,10 @@ def test_refused_pushes():
         ((21, 13.0), "outside the interface"),
         ((0, 13.0), "outside the interface"),
         ((1, 13.0, 2.0, 1.0), "ends before it begins"),
-        ((1,), "not two to four numbers"),
+        ((1,), "not two to five numbers"),
         ((1, "13"), "push 1"),
+        ((1, 0.0), "pushes nothing"),
+        ((1, 0.0, 0.0, 1e-3, 1e4), "does not let it slip"),
     ):
         refused(lambda push=push: pushed(push), "top.push", said)
     for fidelity in ("hybrid", "quasistatic"):

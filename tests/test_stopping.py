@@ -10,6 +10,7 @@ from helpers import refused, small
 import pyfric
 from pyfric.cli import main
 from pyfric.engines.stopping import CONDITIONS, ended_by_condition
+from pyfric.scene.conditions import TAKES
 from pyfric.sweeps import Job, Sweep
 
 N = 100
@@ -156,8 +157,9 @@ def test_refused_conditions():
     ):
         refused(lambda text=text: options(stop_when=text), "stop_when", said)
     assert options(stop_when=["arrested"]).stop_when == ("arrested",)
-    assert options(stop_when=()).stop_when is None
-    assert all(kind.meaning for kind in CONDITIONS.values())
+    assert options(stop_when=()).stop_when == ()
+    assert all(due.__doc__ for due in CONDITIONS.values())
+    assert set(CONDITIONS) == set(TAKES)
 
 
 def test_command_line_jobs_and_sweeps(tmp_path):
@@ -177,3 +179,109 @@ def test_command_line_jobs_and_sweeps(tmp_path):
     )
     (outcome,) = Sweep.from_toml(file).run(cache=tmp_path, workers=1, progress=False).outcomes
     assert outcome.status == "ended by stop_when (arrested)"
+
+
+# --- in scene files and sweep files --------------------------------------------------------------
+
+
+def test_conditions_of_a_scene_end_its_runs():
+    """A scene may say when its runs end; a run with conditions of its own, or (), follows those."""
+    scene, how = small(stop_when="arrested"), HOW["dynamic"]
+    plain = small()
+    assert scene.stop_when == ("arrested",)
+    assert scene != plain
+    assert scene.goes_on_as(plain)
+    assert not scene.goes_on_as(small(mu_s=0.6))
+    ended = pyfric.simulate(scene, 6e-3, **how)
+    same = pyfric.simulate(plain, 6e-3, stop_when="arrested", **how)
+    assert ended.status == same.status == "ended by stop_when (arrested)"
+    assert ended.final_state == same.final_state
+    other = pyfric.simulate(scene, 6e-3, stop_when="reached = 10 mm", **how)
+    assert other.status == "ended by stop_when (reached = 10 mm)"
+    whole = pyfric.simulate(scene, 6e-3, stop_when=(), **how)
+    assert whole.status == "complete"
+    on = pyfric.simulate(plain, 6e-3, initial=ended, **how)
+    assert on.final_state == whole.final_state  # without the conditions, from the record with them
+    assert "ends when: arrested" in repr(scene)
+
+
+@pytest.mark.parametrize("engine", ["hybrid", "quasistatic"])
+def test_conditions_of_a_scene_in_the_other_engines(engine):
+    scene = pyfric.preset("fig1", stop_when=["precursors = 2"])
+    ended = pyfric.simulate(scene, 0.4, **HOW[engine])
+    same = pyfric.simulate("fig1", 0.4, stop_when="precursors = 2", **HOW[engine])
+    assert ended.status == same.status == "ended by stop_when (precursors = 2)"
+    assert ended.events.equals(same.events)
+
+
+def test_plans_and_estimates_count_with_those_of_a_scene():
+    scene = pyfric.preset("fig1", stop_when="precursors")
+    part = pyfric.plan("fig1", t_end=1.0, stop_when="precursors")
+    assert pyfric.plan(scene, t_end=1.0).work == part.work
+    assert pyfric.plan(scene, t_end=1.0, stop_when=()).work == pyfric.plan("fig1", t_end=1.0).work
+    costs = []
+    for one in (scene, "fig1"):
+        sweep = Sweep(scene=one, t_end=1.0, over={"driver.h": [5e-3]}, options=HOW["hybrid"])
+        costs.append(sweep.estimate(cache=None).hours)
+    assert costs[0] < 0.5 * costs[1]
+
+
+def test_conditions_in_scene_files(tmp_path):
+    """They stand at the top, come back as they were, and are refused in the same words."""
+    scene = small(stop_when=["arrested", "reached = 10 mm"])
+    file = tmp_path / "scene.toml"
+    text = scene.to_toml(file)
+    assert 'stop_when = [\n    "arrested",\n    "reached = 10 mm",\n]' in text
+    assert pyfric.Scene.from_toml(file) == scene
+    assert pyfric.Scene.from_toml(text).replace(stop_when=()) == small()
+    assert "stop_when" not in small().to_toml()
+    one = 'stop_when = "L_p = 0.5"\n' + small().to_toml()
+    assert pyfric.Scene.from_toml(one).stop_when == ("L_p = 0.5",)
+    for given, said in (
+        ('"arested"', "did you mean 'arrested'"),
+        ('["reached"]', "takes 1 numbers"),
+        ('"reached = 5 s"', "wrong unit"),
+        ('"L_p = 2"', "too large"),
+        ("3", "a list of texts"),
+    ):
+        bad = f"stop_when = {given}\n" + small().to_toml()
+        refused(lambda bad=bad: pyfric.Scene.from_toml(bad), "stop_when", said)
+    record = pyfric.simulate(file, 6e-3, **HOW["dynamic"])
+    assert record.status == "ended by stop_when (reached = 10 mm)"
+    record.save(tmp_path / "a.nc")
+    assert pyfric.Record.load(tmp_path / "a.nc").scene == scene
+
+
+def test_scene_files_on_the_command_line(tmp_path):
+    """The line's own conditions go first; a run that the file has ended goes on, to the next."""
+    scene, out = pyfric.preset("fig1", stop_when="main_events = 1"), str(tmp_path / "a.nc")
+    scene.to_toml(tmp_path / "scene.toml")
+    command = ["run", str(tmp_path / "scene.toml"), "--t-end", "0.4", "--fidelity", "quasistatic"]
+    ends = []
+    for more in ([], ["--resume"], ["--resume", "--set", "stop_when=[]"]):
+        done = CliRunner().invoke(main, [*command, "--out", out, *more])
+        assert done.exit_code == 0, done.output
+        ends.append(pyfric.Record.load(out).curve["t"].iloc[-1])
+    assert ends[0] < ends[1] < ends[2] == 0.4
+    done = CliRunner().invoke(main, [*command, "--stop-when", "precursors = 2"])
+    assert "ended by stop_when (precursors = 2)" in done.output
+    done = CliRunner().invoke(main, ["plan", str(tmp_path / "scene.toml"), "--json"])
+    assert done.exit_code == 0
+
+
+def test_conditions_in_sweep_files(tmp_path):
+    """Of the scene, of all runs, and varied; each run has a key of its own."""
+    small(stop_when="reached = 10 mm").to_toml(tmp_path / "scene.toml")
+    head = 'scene = "scene.toml"\nt_end = "6 ms"\n'
+    options = '[options]\nfidelity = "dynamic"\ngeometry = "linear"\n'
+    file = tmp_path / "sweep.toml"
+    file.write_text(f'{head}[over]\nmu_s = [0.7]\nstop_when = [["arrested"], []]\n{options}')
+    how = {"cache": tmp_path / "cache", "workers": 1, "progress": False}
+    results = Sweep.from_toml(file).run(**how)
+    ends = [one.status for one in results.outcomes]
+    assert ends == ["ended by stop_when (arrested)", "complete"]
+    file.write_text(f"{head}[over]\nmu_s = [0.7]\n{options}")
+    (outcome,) = Sweep.from_toml(file).run(**how).outcomes
+    assert outcome.status == "ended by stop_when (reached = 10 mm)"
+    file.write_text(f'{head}[over]\nmu_s = [0.7]\n{options}stop_when = "arested"\n')
+    refused(lambda: Sweep.from_toml(file), "stop_when", "did you mean 'arrested'")

@@ -131,7 +131,7 @@ class Forces(NamedTuple):
         F_T: driver force, in N.
         dissipated: power in the bonds that start in each row, shape (N_z,), in W.
         heat: friction power of each bottom block, shape (N_x,), in W.
-        work: powers of the driver and of the forces on the top (load, shear), shape (2,), in W.
+        work: powers of the driver and of the other forces from outside, shape (2,), in W.
     """
 
     a: np.ndarray

@@ -78,7 +78,8 @@ class Model(NamedTuple):
 
     Attributes:
         counts: `Counts`, int32.
-        numbers: `Constants`; x (m), load (p where it is prescribed), shear (N), k_f (N/m) and the
+        numbers: `Constants`; x (m), load (p where it is prescribed), shear (N), what pushes the
+            bottom row at t_seg (N) and its rate (N/s), k_f (N/m) and the
             five fields of the friction law, of N_x numbers each; x and y of each knot of its
             tables; thresholds of junctions.
     """
@@ -164,7 +165,8 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float, t: float = 0.0) -> Mo
         shear_rate=scene.d * T.slope / scene.N_x,
     )
     load = scene.p_prescribed if scene.prescribed else scene.load * (now / scene.F_N)
-    shear = scene.shear_at(t) + scene.d * (T.at(begin) - getattr(scene.top, "T", 0.0)) / scene.N_x
+    shear = scene.shear + scene.d * (T.at(begin) - getattr(scene.top, "T", 0.0)) / scene.N_x
+    push = scene.push_at(t, begin)
     rows, n_knots, knots = _interface(scene)
     counts = _counts(scene, geometry)._replace(**n_knots)
     if not scene.law.rests:
@@ -173,7 +175,7 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float, t: float = 0.0) -> Mo
         counts = counts._replace(n_junctions=kind.n_s, seed_low=words[0], seed_high=words[1])
         constants = constants._replace(ruptured=kind.ruptured)
         knots = [*knots, scene.law.thresholds.ravel()]
-    packed = _packed(counts, constants, scene.x, load, shear, *rows, *knots)
+    packed = _packed(counts, constants, scene.x, load, shear, *push, *rows, *knots)
     if not np.isfinite(packed.numbers).all():
         raise ValueError(f"constants of the scene are not finite: {constants}")
     return packed
@@ -208,4 +210,4 @@ def springs(
         m=scene.m if m is None else m,
     )
     counts = _counts(scene, geometry)._replace(rigid=0, prescribed=0, left=0, right=0, top=0)
-    return _packed(counts, constants, scene.x, np.zeros(8 * scene.N_x))
+    return _packed(counts, constants, scene.x, np.zeros(10 * scene.N_x))

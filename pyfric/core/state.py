@@ -54,7 +54,7 @@ class State:
             junctions: heat of breaks and of pinning.
         dissipated: heat of the bonds that start in each row, shape (N_z,), in J.
         heat: friction heat under each block, shape (N_x,), in J.
-        work: of the driver and of the forces on the top (load, shear), shape (2,), in J.
+        work: of the driver and of the forces from outside (load, shear, push), shape (2,), in J.
         step: steps made since t0.
         t0: time of step 0, in s.
         dt: time step, in s.

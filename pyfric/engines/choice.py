@@ -187,7 +187,7 @@ def plan(
         want: "loading_curve", "precursors", "stress", "front_speed" or "motion".
         tolerance: accepted error over F_N; for front speeds relative.
         t_end: time of the end of the run, in s.
-        stop_when: conditions that end it before; see `Options`.
+        stop_when: conditions that end it before; None means those of the scene; see `Options`.
 
     Raises:
         SceneError: an argument is refused.
@@ -215,14 +215,19 @@ class _Choice:
     """The parts of a choice for one scene and question."""
 
     def __init__(self, scene: Scene, options: Options, t_end: float) -> None:
-        self.scene, self.options, self.t_end = scene, options, t_end
+        self.scene, self.options, self.t_end = scene, options.on(scene), t_end
         self.want, self.tolerance = options.want, options.tolerance
         self.reasons: list[str] = []
         self.stepped = bool(options.budget) or options.stepper != "rk4"
         self.geometry: Geometry = options.geometry or default_geometry(scene)
         self.dt, self.error = self._step()
+<<<<<<< HEAD
         if self._full_work() > CHEAP:
             self.t_end = expected_end(scene, t_end, options.stop_when)
+=======
+        if full_work(scene, self.geometry, self.dt, t_end) > CHEAP:
+            self.t_end = expected_end(scene, t_end, self.options.stop_when)
+>>>>>>> m14
 
     def plan(self, ladder: bool) -> Plan:
         """Return the plan."""
@@ -460,7 +465,7 @@ def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, floa
         found = choose(scene, how, t_end)
         return found.seconds + found.price, 1e5 + _events_size(scene, t_end)
     geometry = how.geometry or default_geometry(scene)
-    t_end = expected_end(scene, t_end, how.stop_when)
+    t_end = expected_end(scene, t_end, how.on(scene).stop_when)
     dt, size = step_size(scene, how.dt, how.stepper), 1e5 + _events_size(scene, t_end)
     made = full_work(scene, geometry, dt, t_end, how.stepper)
     if how.fidelity in ("quasistatic", "equilibrium"):

@@ -100,7 +100,8 @@ class Guard:
 
     def energy(self, state: State) -> Energy:
         stored = sum(core.energies(self.model, state, state.t).values())
-        shear = float(self.scene.shear_at(state.t) @ state.y[self.scene.j_shear, 0])
+        scene, u = self.scene, state.y[:, 0]
+        shear = float(scene.shear @ u[scene.j_shear] + scene.push_at(state.t)[0] @ u[0])
         stored += self._potential(state) + self.floor
         return Energy(state.step, state.t, stored, shear)
 
@@ -113,8 +114,9 @@ class Guard:
         for name, first, c in (("protocol", self.scene.F_N, 1), ("T_protocol", 0.0, 0)):
             change = max((abs(value - first) for _, value in getattr(top, name, ())), default=0.0)
             parts += change * float(np.abs(state.y[-1, c]).max())
-        changes = sum(abs(one.force) for one in top.push if self.scene.corners)
-        parts += changes * float(np.abs(state.y[self.scene.j_shear, 0]).max())
+        changing = [one for one in top.push if not one.ever]
+        most = sum(abs(one.force) + abs(one.at(min(state.t, one.end))) for one in changing)
+        parts += most * float(np.abs(state.y[0, 0]).max())
         return 2 * parts
 
     def trouble(self, before: State, after: State, base: Energy | None = None) -> Trouble | None:

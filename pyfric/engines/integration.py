@@ -14,7 +14,7 @@ from pyfric.engines.stopping import stopping_of
 from pyfric.record import Record
 from pyfric.scene import SceneError, check_number
 from pyfric.signals import answered
-from pyfric.statics import EquilibriumError, StaticSolver, one_thread
+from pyfric.statics import EquilibriumError, StaticSolver, check_pushes, one_thread
 
 if TYPE_CHECKING:
     from pyfric.core import State
@@ -80,10 +80,11 @@ def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSol
     """Return the solver with the loaded slider.
 
     Raises:
-        SceneError: the load folds the lattice (finite geometry).
+        SceneError: the load folds the lattice (finite geometry), or a push lets nothing slip.
         EquilibriumError: there is no loaded state for another reason.
     """
-    strain = largest_strain(scene, 0.0, 0.0)
+    strain, pushed = largest_strain(scene, 0.0, 0.0), scene
+    scene = scene.replace({"top.push": ()}) if scene.top.push else scene
     allowed = (
         "a force that compresses bonds by less than their length, far below k l N_x = "
         f"{scene.slider.k * scene.slider.l * scene.N_x:.3g} N"
@@ -98,4 +99,6 @@ def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSol
     if at is not None:
         reason = f"it folds the lattice at the block in column {at[0] + 1}, row {at[1] + 1}"
         raise SceneError("top.F_N", scene.F_N, "N", allowed, reason)
+    if u_drv0 is None:
+        check_pushes(pushed, solver)
     return solver

@@ -19,13 +19,13 @@ from pyfric import core
 from pyfric.core import STEPPERS, Switching
 from pyfric.engines.cost import POINTS
 from pyfric.engines.pauses import longest_pause
-from pyfric.engines.stopping import parsed_conditions
 from pyfric.record import Method
 from pyfric.scene import (
     Geometry,
     SceneError,
     check_geometry,
     check_number,
+    conditions,
     default_geometry,
     paper_step,
     unknown,
@@ -137,7 +137,8 @@ class Options:
         stop_when: a condition, or several, the first of which ends the run before t_end:
             "arrested", "at_rest", "reached = 50 mm", "L_p = 0.5", "precursors = 3",
             "main_events = 1", "system_size", "slow = 1 um/s, 1 ms"; see `pyfric.engines.stopping`.
-            Steps end at the first point of the curve at which one holds.
+            Steps end at the first point of the curve at which one holds. None means those of the
+            scene, () none.
         threads: most threads to use, None for all; small lattices use one.
         checkpoint: file to which the run so far is saved as a record every `checkpoint_every` s.
         checkpoint_every: time between two such saves, in s.
@@ -184,7 +185,8 @@ class Options:
             self._check_paper()
         if not isinstance(self.budget, bool | np.bool | None):
             raise SceneError("budget", self.budget, "", "True, False or None")
-        object.__setattr__(self, "stop_when", parsed_conditions(self.stop_when))
+        if self.stop_when is not None:
+            object.__setattr__(self, "stop_when", conditions(self.stop_when))
         if self.threads is not None:
             whole = isinstance(self.threads, Integral) and not isinstance(self.threads, bool)
             if not (whole and 1 <= self.threads <= MAX_THREADS):
@@ -225,6 +227,11 @@ class Options:
             if name not in names:
                 raise unknown(str(name), value, str(name), names)
         return dataclasses.replace(self, **keywords)
+
+    def on(self, scene: Scene) -> Options:
+        """Return the options with the conditions of a scene where there are no other ones."""
+        ends = scene.stop_when if self.stop_when is None else self.stop_when
+        return dataclasses.replace(self, stop_when=ends)
 
     def check_sample(self, length: float) -> None:
         """Raise SceneError if the points of the curve are further apart than the run (s)."""

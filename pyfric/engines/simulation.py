@@ -96,7 +96,7 @@ def simulate(
         keywords |= kept(initial.method)
     if not isinstance(options, Options | None):
         raise SceneError("options", options, "", "Options or None")
-    options = (options or Options()).changed(keywords)
+    options = (options or Options()).changed(keywords).on(scene)
     if isinstance(initial, Record):
         options = _going_on(initial, scene, options)
     else:
@@ -136,7 +136,7 @@ def _check_continues(before: Record, scene: Scene, engine: str) -> None:
     made = before.method.engine
     if made != engine:
         raise StateError(f"initial: the record comes from the {made} engine, this is {engine}")
-    if before.scene != scene:
+    if not before.scene.goes_on_as(scene):
         raise StateError("initial: the record belongs to another scene; pass its final_state")
     if engine in ("dynamic", "hybrid") and not isinstance(before.final_state, State):
         raise StateError("initial: this record holds no state of the dynamics to go on from")

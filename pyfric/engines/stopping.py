@@ -1,7 +1,7 @@
 """Runs that stop when their question is answered: the conditions of `stop_when`.
 
-A condition is text, "name" or "name = values", the same in Python, on the command line and in sweep
-files:
+A condition is text, "name" or "name = values", the same in Python, on the command line, in scene
+files and in sweep files (`pyfric.scene.conditions`):
 
     pyfric.simulate("fig1", 2.0, stop_when="precursors = 3")
     pyfric.simulate(scene, 1.0, stop_when=["arrested", "reached = 50 mm"])
@@ -15,17 +15,16 @@ table.
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pyfric.core import OPEN
 from pyfric.engines.pauses import pause_of_waves
 from pyfric.record import build_catalogue, creeps_to_rest
-from pyfric.scene import SceneError, check_number, parse_quantity, unknown
+from pyfric.scene import condition
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,49 +33,23 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["CONDITIONS", "Stopping", "ended_by_condition", "parsed_conditions", "stopping_of"]
+__all__ = ["CONDITIONS", "Stopping", "ended_by_condition", "stopping_of"]
 
 ENDED = "ended by stop_when ("
 """The status of a run that a condition ended begins so."""
 
 
-class Value(NamedTuple):
-    """A number that a condition takes: its unit, limits and default."""
-
-    unit: str
-    limits: Mapping[str, float]
-    default: float | None = None
+CONDITIONS: dict[str, Callable[..., float]] = {}
+"""Name of a condition -> from when on it holds, given what has been seen and its numbers."""
 
 
-class Kind(NamedTuple):
-    """A condition: the values that it takes, and when it holds."""
-
-    takes: tuple[Value, ...]
-    due: Callable[..., float]
-
-    @property
-    def meaning(self) -> str:
-        return self.due.__doc__ or ""
-
-
-CONDITIONS: dict[str, Kind] = {}
-"""Name -> condition."""
-
-
-def condition(*takes: Value) -> Callable[[Callable[..., float]], Callable[..., float]]:
+def holds(due: Callable[..., float]) -> Callable[..., float]:
     """Enter the function below as a condition, under its own name."""
-
-    def enter(due: Callable[..., float]) -> Callable[..., float]:
-        CONDITIONS[due.__name__] = Kind(takes, due)
-        return due
-
-    return enter
+    CONDITIONS[due.__name__] = due
+    return due
 
 
-COUNT = Value("", {"ge": 1.0}, 1.0)
-
-
-@condition()
+@holds
 def arrested(seen: Stopping) -> float:
     """Slip has begun, and creeps to rest, or nothing has slipped for t_gap.
 
@@ -89,7 +62,7 @@ def arrested(seen: Stopping) -> float:
     return seen.rested()
 
 
-@condition()
+@holds
 def at_rest(seen: Stopping) -> float:
     """Nothing can slip any more: as arrested, and the driver's way to t_end starts no block."""
     more = seen.to_come()
@@ -100,14 +73,14 @@ def at_rest(seen: Stopping) -> float:
     return seen.rested()
 
 
-@condition(Value("m", {"ge": 0.0}))
+@holds
 def reached(seen: Stopping, x: float) -> float:
     """The block at x from the trailing edge, or the next one beyond, has slipped."""
     n = math.ceil(x / seen.scene.slider.l * (1 - 1e-12)) + 1
     return float(seen.first[seen.scene.n_of_i == n][0]) if n <= seen.scene.N_x else math.inf
 
 
-@condition(Value("", {"gt": 0.0, "le": 1.0}))
+@holds
 def L_p(seen: Stopping, share: float) -> float:
     """An event has slipped this share of the interface from the trailing edge on: L_p/L."""
     touched = (seen.region | (seen.mode == OPEN))[np.argsort(seen.scene.n_of_i)]
@@ -115,25 +88,25 @@ def L_p(seen: Stopping, share: float) -> float:
     return seen.t if seen.region.any() and length >= share * seen.scene.N_x else math.inf
 
 
-@condition(COUNT)
+@holds
 def precursors(seen: Stopping, n: float) -> float:
     """The n-th precursor has ended: a main event with 0 < L_p < L."""
     return seen.ended("is_precursor", n)
 
 
-@condition(COUNT)
+@holds
 def main_events(seen: Stopping, n: float) -> float:
     """The n-th main event has ended: at least four blocks slipped."""
     return seen.ended("is_main", n)
 
 
-@condition(COUNT)
+@holds
 def system_size(seen: Stopping, n: float) -> float:
     """The n-th main event over the whole interface has ended, L_p = L."""
     return seen.ended("L_p_over_L", n)
 
 
-@condition(Value("m/s", {"gt": 0.0}), Value("s", {"ge": 0.0}))
+@holds
 def slow(seen: Stopping, v: float, lasting: float) -> float:
     """Slip has begun, and for a time no block has begun to slip, or been faster than v.
 
@@ -144,70 +117,6 @@ def slow(seen: Stopping, v: float, lasting: float) -> float:
     if not np.isfinite(seen.first).any():
         return math.inf
     return max(seen.t_fast.get(v, seen.since), seen.t_switch) + lasting
-
-
-def _names() -> str:
-    shown = []
-    for name, kind in CONDITIONS.items():
-        values = ", ".join(f"1 {one.unit}".strip() for one in kind.takes)
-        shown.append(f"'{name} = {values}'" if values else repr(name))
-    return ", ".join(shown)
-
-
-class Condition(NamedTuple):
-    """A condition with its values, and the text as which it was given."""
-
-    text: str
-    due: Callable[[Stopping], float]
-
-
-@functools.lru_cache(maxsize=64)
-def _parsed(text: str) -> Condition:
-    name, _, values = (part.strip() for part in text.partition("="))
-    if name not in CONDITIONS:
-        refused = unknown("stop_when", text, name, CONDITIONS)
-        raise SceneError("stop_when", text, "", _names(), refused.reason)
-    takes = CONDITIONS[name].takes
-    given = [one.strip() for one in values.split(",")] if values else []
-    given += [one.default for one in takes[len(given) :] if one.default is not None]
-    if len(given) != len(takes):
-        reason = f"{name} takes {len(takes)} numbers"
-        raise SceneError("stop_when", text, "", _names(), reason)
-    pairs = zip(given, takes, strict=True)
-    numbers = [_number(text, value, one.unit, one.limits) for value, one in pairs]
-    return Condition(text, functools.partial(_due, name, tuple(numbers)))
-
-
-def _due(name: str, numbers: tuple[float, ...], seen: Stopping) -> float:
-    return CONDITIONS[name].due(seen, *numbers)
-
-
-def _number(text: str, value: str | float, unit: str, limits: Mapping[str, float]) -> float:
-    """Return a number of a condition, in SI: it may carry a unit."""
-    try:
-        number: Any = float(value)
-    except ValueError:
-        if not unit:
-            reason = f"{value!r} is no number"
-            raise SceneError("stop_when", text, "", _names(), reason) from None
-        number = parse_quantity("stop_when", value, unit)
-    return check_number("stop_when", number, unit, **limits)
-
-
-def parsed_conditions(given: Any) -> tuple[str, ...] | None:
-    """Return conditions as a tuple of texts, None where there is none.
-
-    Raises:
-        SceneError: one is unknown, or a value is refused.
-    """
-    texts = (given,) if isinstance(given, str) else given
-    if texts is None:
-        return None
-    if not (isinstance(texts, list | tuple) and all(isinstance(one, str) for one in texts)):
-        raise SceneError("stop_when", given, "", f"text, or a list of texts: {_names()}")
-    for text in texts:
-        _parsed(text)
-    return tuple(texts) or None
 
 
 def ended_by_condition(record: Record) -> bool:
@@ -264,7 +173,7 @@ class Stopping:
     def __init__(
         self, conditions: Iterable[str], scene: Scene, t_gap: float, since: float, t_end: float
     ) -> None:
-        self.conditions = [_parsed(text) for text in conditions]
+        self.conditions = [(text, *condition(text)) for text in conditions]
         self.scene, self.t_gap, self.since, self.t_end = scene, t_gap, since, t_end
         self.t, self.slips, self.speed = since, False, 0.0
         self.t_rest = self.t_switch = since
@@ -367,7 +276,7 @@ class Stopping:
 
     def due(self) -> tuple[float, str]:
         """Return from when on (s) the first condition holds if nothing slips, and its text."""
-        dues = ((one.due(self), one.text) for one in self.conditions)
+        dues = ((CONDITIONS[name](self, *with_), text) for text, name, with_ in self.conditions)
         return min(((math.inf if math.isnan(t) else t, text) for t, text in dues))
 
     def status(self) -> str:

@@ -23,7 +23,13 @@ from pyfric.record.catalogue import (
     build_catalogue,
     count_main,
 )
-from pyfric.record.classes import RuptureClass, creeps_to_rest, rupture_class
+from pyfric.record.classes import (
+    SLOW,
+    RuptureClass,
+    creeps_to_rest,
+    pace_limits,
+    rupture_class,
+)
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS, LogError
 from pyfric.record.errors import Differences, Errors, differences, statistics
 from pyfric.record.held import GROUPS, Held, RecordError, block_array, event_column, held_in
@@ -51,6 +57,7 @@ __all__ = [
     "QUIET_COLUMNS",
     "RESOLVED",
     "RESOLVED_ERROR",
+    "SLOW",
     "SWITCH_COLUMNS",
     "T_GAP",
     "Catalogue",
@@ -82,6 +89,7 @@ __all__ = [
     "held_in",
     "mean_force",
     "numbered",
+    "pace_limits",
     "paired",
     "precursor_lengths",
     "provenance",

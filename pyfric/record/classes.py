@@ -39,10 +39,12 @@ if TYPE_CHECKING:
     from pyfric.record.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["RuptureClass", "creeps_to_rest", "rupture_class"]
+__all__ = ["SLOW", "RuptureClass", "creeps_to_rest", "pace_limits", "rupture_class"]
 
 FROM_BLOCK = 5
 """First block whose stick before the next one slips makes a front alternate: a definition."""
+SLOW = 0.1
+"""Pace below which a front is slow, over the limit, where none is given."""
 LAST = 0.25
 """Share of the blocks over which the speed is a mean: a definition."""
 
@@ -86,7 +88,7 @@ def creeps_to_rest(
     return held + loose + math.sqrt(12 * scene.slider.k * E) + more < weakest
 
 
-def rupture_class(record: Record, event: int | None = None, slow: float = 0.1) -> RuptureClass:
+def rupture_class(record: Record, event: int | None = None, slow: float = SLOW) -> RuptureClass:
     """Return the class of the rupture of an event; see `pyfric.record.classes`.
 
     Args:
@@ -141,11 +143,16 @@ def _speed(t: np.ndarray, scene: Scene) -> float:
     return (len(t) - n) * scene.slider.l / lasts if lasts > 0 else math.nan
 
 
-def _pace(v: float, slow: float, scene: Scene) -> str:
+def pace_limits(scene: Scene) -> tuple[float, float]:
+    """Return c_R and c_S of a scene, both c in a chain, in m/s."""
     slider = scene.slider
     c = slider.l * math.sqrt(slider.k / scene.m)
     material = Material.of_lattice(slider.k, scene.m, slider.l, 1.0)
-    limit, shear = (c, c) if scene.N_z == 1 else (material.c_R, material.c_S)
+    return (c, c) if scene.N_z == 1 else (material.c_R, material.c_S)
+
+
+def _pace(v: float, slow: float, scene: Scene) -> str:
+    limit, shear = pace_limits(scene)
     if not v > 0:
         return ""
     if v < slow * limit:

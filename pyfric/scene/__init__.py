@@ -3,6 +3,8 @@
 from pyfric.scene import laws
 from pyfric.scene.change import full_name, read_value, scene_fields, spoken
 from pyfric.scene.checked import Quantity, quantities
+from pyfric.scene.conditions import condition, conditions
+from pyfric.scene.consistency import check_push
 from pyfric.scene.errors import SceneError, nearest, unknown
 from pyfric.scene.files import (
     check_writable,
@@ -42,6 +44,7 @@ from pyfric.scene.presets import (
     slab,
 )
 from pyfric.scene.protocol import Leg, Piece, legs
+from pyfric.scene.push import Push
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.toml import parsed
@@ -62,6 +65,7 @@ __all__ = [
     "Material",
     "Piece",
     "PrescribedLoad",
+    "Push",
     "Quantity",
     "Rod",
     "Scene",
@@ -75,9 +79,12 @@ __all__ = [
     "chain",
     "check_geometry",
     "check_number",
+    "check_push",
     "check_writable",
     "clean_drafts",
     "clock",
+    "condition",
+    "conditions",
     "default_geometry",
     "drafts",
     "full_name",

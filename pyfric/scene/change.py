@@ -30,7 +30,7 @@ def scene_fields(scene: Parts) -> dict[str, Quantity | None]:
         scene: a scene, or its parts by their names.
     """
     parts = scene if isinstance(scene, Mapping) else {name: getattr(scene, name) for name in PARTS}
-    found: dict[str, Quantity | None] = {"name": None}
+    found: dict[str, Quantity | None] = {"name": None, "stop_when": None}
     for name, part in parts.items():
         found |= {name: None} | _inside(part, name, annotations(type(part)))
     return found

@@ -9,13 +9,13 @@ import numpy as np
 from pyfric.scene.checked import quantities
 from pyfric.scene.errors import SceneError
 from pyfric.scene.parts import CHAIN_NOTE, Interface, PrescribedLoad, steps_in
-from pyfric.scene.push import forces
 from pyfric.scene.spread import Spread
 
 if TYPE_CHECKING:
+    from pyfric.scene.push import Push
     from pyfric.scene.scene import Scene
 
-__all__ = ["check"]
+__all__ = ["check", "check_push"]
 
 
 def check(scene: Scene) -> None:
@@ -25,6 +25,7 @@ def check(scene: Scene) -> None:
         SceneError: see `Scene`.
     """
     _check_fields(scene)
+    _check_pushed(scene)
     if isinstance(scene.top, PrescribedLoad):
         _check_prescribed(scene)
     if scene.N_z == 1:
@@ -80,7 +81,9 @@ def _check_prescribed(scene: Scene) -> None:
         if isinstance(value, tuple) and len(value) != scene.N_x:
             allowed = f"one number in N, or {scene.N_x} of them, one for each block"
             raise SceneError(f"top.{name}", value, "N", allowed, f"{len(value)} numbers")
-    _check_push(scene)
+    if scene.law.rests:
+        for one in scene.top.push:
+            check_push(scene, one, -scene.shear, scene.law.hold(scene.p_prescribed))
     if scene.prescribed:  # blocks that carry more than mu_s p slip from t = 0 on
         return
     p, tau = np.atleast_1d(scene.top.p), np.atleast_1d(scene.top.tau)
@@ -93,21 +96,36 @@ def _check_prescribed(scene: Scene) -> None:
         raise SceneError("top.tau", float(tau[i]), "N", allowed, reason)
 
 
-def _check_push(scene: Scene) -> None:
-    """Check that pushes are on blocks, and that each lets its block slip."""
-    p = np.broadcast_to(np.atleast_1d(scene.top.p), (scene.N_x,))
-    strength = np.broadcast_to(scene.law.hold(p), p.shape)
-    tau = np.broadcast_to(np.atleast_1d(scene.top.tau), p.shape)
+def _check_pushed(scene: Scene) -> None:
+    """Check that pushes are on blocks, and push."""
     for one in scene.top.push:
         if not 1 <= one.block <= scene.N_x:
             allowed = f"blocks 1 to {scene.N_x}"
             raise SceneError("top.push", one.block, "", allowed, "outside the interface")
-        at = one.block - 1
-        total = tau[at] + forces(scene.top.push, scene.N_x, one.begin)[at]
-        if abs(total) <= strength[at]:
-            more = float(strength[at] - tau[at])
-            allowed = f"more than {more!r} N along the driving on block {one.block}"
-            raise SceneError("top.push", one.force, "N", allowed, "does not let it slip")
+        if not (one.force or one.rate):
+            raise SceneError("top.push", one.force, "N", "a force that is not 0", "pushes nothing")
+
+
+def check_push(scene: Scene, push: Push, f: np.ndarray, strength: np.ndarray) -> None:
+    """Check that a push lets its block slip.
+
+    Args:
+        scene: the scene.
+        push: one of its pushes.
+        f: friction along +x on the blocks at rest, without pushes, left to right, N.
+        strength: what friction can hold, N.
+
+    Raises:
+        SceneError: it does not.
+    """
+    i = int(np.argmax(scene.n_of_i == push.block))
+    others = scene.push_at(push.begin)[0, i] - scene.d * push.force
+    ends = (push.begin, push.end) if push.rate else (push.begin,)
+    most = max(abs(f[i] - others - scene.d * push.at(t)) for t in ends)
+    if not most > strength[i]:
+        more = float(strength[i] + scene.d * (f[i] - others))
+        allowed = f"more than {more!r} N along the driving on block {push.block}"
+        raise SceneError("top.push", push.force, "N", allowed, "does not let it slip")
 
 
 def _check_chain(scene: Scene) -> None:

@@ -209,6 +209,7 @@ class Rod(Top):
         mass: mass of the rod, kg, >= 0 (the top blocks add theirs).
         mattress: total stiffness of the spring mattress that resists the tilt, N/m, >= 0.
         protocol: corners (t, F_N) of a normal force that changes, in s and N, > 0; see `Driver`.
+        push: forces along the driving on blocks of the interface; see `PrescribedLoad`.
 
     F_N = 0 is refused: nothing would touch the interface, and forces are compared with F_N.
 
@@ -222,6 +223,7 @@ class Rod(Top):
     mass: Annotated[float, NotNegative("kg")] = 0.0756
     mattress: Annotated[float, NotNegative("N/m")] = 0.4e6
     protocol: Annotated[Corners, Protocol("N", gt=0.0)] = ()
+    push: Annotated[Pushed, Pushes()] = ()
 
     kind: ClassVar[str] = "rod"
 
@@ -239,6 +241,7 @@ class DistributedLoad(Top):
         T: total of constant forces along the driving, the same on each top block, N.
         protocol: corners (t, F_N) of a normal force that changes, in s and N, > 0; see `Driver`.
         T_protocol: corners (t, T) of a shear force that changes, in s and N.
+        push: forces along the driving on blocks of the interface; see `PrescribedLoad`.
 
     F_N = 0 is refused: nothing would touch the interface, and forces are compared with F_N.
 
@@ -253,6 +256,7 @@ class DistributedLoad(Top):
     T: Annotated[float, Quantity("N")] = 0.0
     protocol: Annotated[Corners, Protocol("N", gt=0.0)] = ()
     T_protocol: Annotated[Corners, Protocol("N")] = ()
+    push: Annotated[Pushed, Pushes()] = ()
 
     kind: ClassVar[str] = "distributed"
 
@@ -279,8 +283,9 @@ class PrescribedLoad(Top):
             |tau_i| <= mu_s p_i in a chain; one number or a sequence of N_x.
         k_top: shear stiffness between each block of a chain and a rigid top, N/m, >= 0.
         push: further forces along the driving that start slip: each a block's number, a force in N,
-            and where wanted when it begins and ends, in s: ((1, 0.2),) for ever, ((1, 0.2, 0.0,
-            1e-3),) for 1 ms. Together with tau they have to exceed what friction holds.
+            and where wanted when it begins and ends, in s, and a rate by which it grows, in N/s:
+            ((1, 0.2),) for ever, ((1, 0.2, 0.0, 1e-3),) for 1 ms, ((1, 0.0, 0.0, inf, 50.0),) for a
+            ramp. Together with tau they have to exceed what friction holds.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.

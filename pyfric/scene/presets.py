@@ -93,6 +93,7 @@ class Fields(TypedDict, total=False):
     interface: Interface
     walls: Walls
     name: str
+    stop_when: str | Sequence[str]
 
 
 Changes = Mapping[str, Any] | None

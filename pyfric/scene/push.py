@@ -1,4 +1,4 @@
-"""Pushes: forces on chosen blocks of a prescribed interface, for ever or over a time."""
+"""Pushes: forces on chosen blocks of an interface, for ever or over a time, which may grow."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ import numpy as np
 from pyfric.scene.checked import Annotation, Quantity, Whole, Written
 from pyfric.scene.errors import SceneError
 
-__all__ = ["Push", "Pushed", "Pushes", "forces"]
+__all__ = ["Push", "Pushed", "Pushes", "pushes_at"]
 
+FOR_EVER = (math.inf, "inf s")
+"""Ends that never come, in Python and in files."""
 MAX_PUSHES = 1000
 """Most pushes of one scene."""
 
@@ -20,13 +22,24 @@ MAX_PUSHES = 1000
 class Push(NamedTuple):
     """A force along the driving on a block, counted from 1 at the trailing edge.
 
-    `force` (N) acts from `begin` up to `end` (s), which may be inf.
+    `force` (N), and what it grows by, `rate` (N/s) times the time since then, acts from `begin` up
+    to `end` (s), which may be inf.
     """
 
     block: int
     force: float
     begin: float = 0.0
     end: float = math.inf
+    rate: float = 0.0
+
+    def at(self, t: float) -> float:
+        """Return the force at t (s), in N, as if it had no end."""
+        return self.force + self.rate * (t - self.begin)
+
+    @property
+    def ever(self) -> bool:
+        """True if it is the same for ever."""
+        return not (self.rate or self.begin) and self.end == math.inf
 
 
 Pushed = tuple[tuple[float, ...], ...]
@@ -34,10 +47,12 @@ Pushed = tuple[tuple[float, ...], ...]
 
 @dataclasses.dataclass(frozen=True)
 class Pushes(Annotation):
-    """Annotation of pushes: lists of a block, a force, and where wanted a begin and an end."""
+    """Annotation of pushes: lists of a block, a force, and perhaps begin, end and rate."""
 
     unit: str = "N"
-    allowed: str = "lists of a block's number, a force in N, and perhaps a begin and an end in s"
+    allowed: str = (
+        "lists of a block's number, a force in N, and perhaps begin and end in s and a rate in N/s"
+    )
 
     def check(self, value: Any) -> tuple[Push, ...]:
         written = isinstance(value, Written)
@@ -55,16 +70,16 @@ class Pushes(Annotation):
         return tuple(found)
 
     def _push(self, given: Any, written: bool) -> Push:
-        if not isinstance(given, list | tuple) or not 2 <= len(given) <= 4:
-            raise SceneError("", given, "N", self.allowed, "not two to four numbers")
+        if not isinstance(given, list | tuple) or not 2 <= len(given) <= 5:
+            raise SceneError("", given, "N", self.allowed, "not two to five numbers")
         block, *rest = given
         block = Whole(1_000_000_000).check(block)
-        marks = (Quantity("N"), Quantity("s", ge=0.0), Quantity("s", gt=0.0))
-        ever = [] if len(rest) < 3 or rest[2] != math.inf else [rest.pop()]
+        marks = (Quantity("N"), Quantity("s", ge=0.0), Quantity("s", gt=0.0), Quantity("N/s"))
         numbers = [
-            mark.check(Written(x) if written else x) for mark, x in zip(marks, rest, strict=False)
+            math.inf if n == 2 and x in FOR_EVER else mark.check(Written(x) if written else x)
+            for n, (mark, x) in enumerate(zip(marks, rest, strict=False))
         ]
-        push = Push(block, *numbers, *ever)
+        push = Push(block, *numbers)
         if not push.end > push.begin:
             raise SceneError("", push.end, "s", f"> {push.begin!r} s", "ends before it begins")
         return push
@@ -72,15 +87,19 @@ class Pushes(Annotation):
     def written(self, value: tuple[Push, ...]) -> Any:
         return [
             [one.block, f"{one.force!r} N", f"{one.begin!r} s"]
-            + ([f"{one.end!r} s"] if math.isfinite(one.end) else [])
+            + ([f"{one.end!r} s"] if math.isfinite(one.end) or one.rate else [])
+            + ([f"{one.rate!r} N/s"] if one.rate else [])
             for one in value
         ]
 
 
-def forces(pushes: tuple[Push, ...], n_blocks: int, t: float) -> np.ndarray:
-    """Return the force on each block at t (s), from the trailing edge on, in N."""
-    found = np.zeros(n_blocks)
+def pushes_at(pushes: tuple[Push, ...], n_blocks: int, t: float, now: float) -> np.ndarray:
+    """Return forces (N) and their rates (N/s) of the pushes that act at t (s), as they are at now.
+
+    Their shape is (2, n_blocks), from the trailing edge on.
+    """
+    found = np.zeros((2, n_blocks))
     for one in pushes:
         if one.begin <= t < one.end:
-            found[one.block - 1] += one.force
+            found[:, one.block - 1] += one.at(now), one.rate
     return found

@@ -21,6 +21,7 @@ from pyfric.display import drawing, html
 from pyfric.scene import toml
 from pyfric.scene.change import changed
 from pyfric.scene.checked import Name, annotations, from_table, part
+from pyfric.scene.conditions import Conditions
 from pyfric.scene.consistency import check
 from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.files import write
@@ -38,7 +39,7 @@ from pyfric.scene.parts import (
     Walls,
 )
 from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
-from pyfric.scene.push import forces
+from pyfric.scene.push import pushes_at
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import scene_text
 
@@ -61,6 +62,8 @@ class Scene:
         interface: an `Interface`.
         name: free text of at most `MAX_NAME` characters.
         walls: what is beyond sides and top of a slider on a prescribed interface, `Walls`.
+        stop_when: conditions that end a run that is given none itself: text, or several texts, such
+            as "arrested"; see `pyfric.Options`.
         draws: names of fields that are a `Spread` to what had been drawn, N_x numbers each from the
             trailing edge on, so that it is not drawn again; kept beside the scene by records.
 
@@ -80,6 +83,7 @@ class Scene:
     interface: Annotated[Interface, PARTS["interface"]]
     name: Annotated[str, Name(MAX_NAME)] = ""
     walls: Annotated[Walls, PARTS["walls"]] = Walls()
+    stop_when: Annotated[tuple[str, ...], Conditions()] = ()
     draws: InitVar[Mapping[str, Any] | None] = None
 
     _section: ClassVar[str] = ""
@@ -296,11 +300,18 @@ class Scene:
         tau = self.top.tau if isinstance(self.top, PrescribedLoad) else self.top.T / self.N_x
         return self.d * self._by_column(tau) + 0.0  # no -0.0
 
-    def shear_at(self, t: float) -> np.ndarray:
-        """Return `shear` at t (s) with what pushes blocks then; F_T and T aside."""
-        if not self.top.push:
-            return self.shear
-        return self.shear + self.d * self._by_column(tuple(forces(self.top.push, self.N_x, t)))
+    def push_at(self, t: float, now: float | None = None) -> np.ndarray:
+        """Return what pushes the bottom blocks along +x, left to right, and its rate.
+
+        Args:
+            t: time by which the pushes are chosen that act, in s.
+            now: time at which they are looked at, in s; None means t.
+
+        Returns:
+            Forces (N) and their rates (N/s), shape (2, N_x).
+        """
+        found = pushes_at(self.top.push, self.N_x, t, t if now is None else now)
+        return self.d * found[:, self.n_of_i - 1] + 0.0  # no -0.0
 
     @property
     def j_shear(self) -> int:
@@ -379,6 +390,10 @@ class Scene:
         0.0075
         """
         return changed(self, {**(changes or {}), **keywords})
+
+    def goes_on_as(self, other: Self) -> bool:
+        """Whether a run of this scene can go on with another one: only `stop_when` may differ."""
+        return self == other or self.replace(stop_when=other.stop_when) == other
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
         """Return the scene as TOML; with `path`, also write it to that file in one step.

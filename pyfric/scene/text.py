@@ -26,6 +26,8 @@ def scene_text(scene: Scene) -> str:
             if value is not None and value != ()
         ]
         lines.append(f"  {type(part).__name__}: {', '.join(entries)}")
+    if scene.stop_when:
+        lines.append(f"  ends when: {', or '.join(scene.stop_when)}")
     return "\n".join(lines)
 
 

@@ -1,6 +1,7 @@
 """Scene files, which are TOML. Every number that has a unit is written with it::
 
     name = "fig1"
+    stop_when = ["arrested"]    # conditions that end a run; may be left out
 
     [slider]
     L = "140 mm"

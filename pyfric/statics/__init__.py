@@ -18,6 +18,7 @@ from pyfric.statics.rest import (
     check_sticks,
 )
 from pyfric.statics.stability import stability_limit
+from pyfric.statics.starts import check_pushes, overstressed, ramped, released
 from pyfric.statics.system import System
 from pyfric.statics.uniqueness import LIMIT as LEAST_DEFINITENESS
 
@@ -40,6 +41,7 @@ __all__ = [
     "System",
     "Values",
     "bonds",
+    "check_pushes",
     "check_rests",
     "check_sticks",
     "creeps",
@@ -49,6 +51,9 @@ __all__ = [
     "mass",
     "one_thread",
     "one_thread_if_small",
+    "overstressed",
+    "ramped",
+    "released",
     "solve_static",
     "spring_stiffness",
     "stability_limit",

@@ -142,7 +142,7 @@ def check_rests(scene: Scene) -> None:
         reason = "a prescribed interface in two dimensions has full dynamics only"
         raise SceneError("top.kind", "prescribed", "", allowed, reason)
     if scene.top.push:
-        reason = "a chain that is pushed has full dynamics only"
+        reason = "a slider whose blocks are pushed has full dynamics only"
         raise SceneError("top.push", scene.top.push, "N", "none, for static states", reason)
     if scene.driver.K == 0:
         reason = "a chain without a driver has full dynamics only"

@@ -303,9 +303,10 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
     if not isinstance(stepper, str) or stepper not in STEPPERS:
         raise SceneError("stepper", stepper, "", " or ".join(map(repr, STEPPERS)))
     scene = as_scene(scene)
-    if isinstance(scene.top, PrescribedLoad):  # scenes that differ in shear forces share a limit
-        scene = dataclasses.replace(scene, top=dataclasses.replace(scene.top, tau=0.0, push=()))
-    return _limit(scene, stepper)
+    # Scenes that differ in shear forces share a limit.
+    tau = {"tau": 0.0} if isinstance(scene.top, PrescribedLoad) else {}
+    plain = dataclasses.replace(scene.top, push=(), **tau)
+    return _limit(dataclasses.replace(scene, top=plain, stop_when=()), stepper)
 
 
 @functools.lru_cache(maxsize=64)

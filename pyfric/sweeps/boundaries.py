@@ -9,7 +9,12 @@
 A label costs a run, so runs are what counts. The first point of a line is found by bisection. Then
 the points before say where the line will be: a first run tells the side, a second one, half as far
 away as the last prediction was off, or further ones, each twice as far as the one before, bracket
-the line, and bisection does the rest.
+the line, and bisection does the rest. Between labels that are known, steps
+are such that no point needs more than one run beyond bisection.
+
+Where a label is the sign of a number that changes continuously, such as a speed less its limit,
+that number may be given, too (`measure`). Then the line is a root, found by interpolation between
+the two ends of what brackets it: two or three runs.
 """
 
 from __future__ import annotations
@@ -28,11 +33,14 @@ from pyfric.sweeps.varied import Scale, Span
 __all__ = ["boundary", "label_map"]
 
 Label = Callable[[float, float], Hashable]
+Measure = Callable[[float, float], float]
 
 POINTS = 3
 """Predictions are parabolas through the last points."""
 FIRST = 16.0
 """First step across the line from the second point on, over the width of the last bracket."""
+NEAR = 0.9
+"""A root this near to one end of its bracket, over the width wanted, is shut in from the other."""
 FAINT = 1e-3
 """Weight of a cell whose corners have one label, over that of one where labels differ."""
 
@@ -57,6 +65,7 @@ def boundary(
     over_scale: Scale = "linear",
     tolerance: float = 1e-3,
     known: pd.DataFrame | None = None,
+    measure: Measure | None = None,
 ) -> pd.DataFrame:
     """Follow a line on which a label changes.
 
@@ -73,7 +82,11 @@ def boundary(
         over_scale: in which the line is smooth over `over`: "log" or "linear".
         tolerance: largest error of the line: in decades, or over the length of a linear range.
         known: labels that need no run, columns ``along``, ``over`` and ``label``, such as those of
-            a map: they bracket the line where their `over` is wanted.
+            a map: they bracket the line where their `over` is wanted. A column ``measure`` goes
+            with `measure`.
+        measure: a function of a value along and a value over for which f was called, that returns
+            a number whose sign changes, continuously, where the label does; NaN where it is
+            unknown.
 
     Returns:
         One row for each value of `over`: ``over``; ``along``, the middle of the last bracket, in
@@ -98,7 +111,7 @@ def boundary(
     line = _Line(2 * tolerance / (math.log10(span.stop / span.start) if scale == "log" else 1.0))
     rows = []
     for value in values:
-        column = _Column(f, span, value, known)
+        column = _Column(f, span, value, known, measure)
         rows.append(line.point(column, math.log(value) if over_scale == "log" else value))
     return pd.DataFrame(rows, columns=_Line.columns)
 
@@ -106,25 +119,45 @@ def boundary(
 class _Column:
     """Labels at a value over, by the share of the range along."""
 
-    def __init__(self, f: Label, span: Span, over: float, known: pd.DataFrame | None) -> None:
-        self.f, self.span, self.over, self.runs = f, span, over, 0
+    def __init__(
+        self,
+        f: Label,
+        span: Span,
+        over: float,
+        known: pd.DataFrame | None,
+        measure: Measure | None,
+    ) -> None:
+        self.f, self.measure, self.span, self.over, self.runs = f, measure, span, over, 0
         self.labels: dict[float, Hashable] = {}
+        self.numbers: dict[float, float] = {}
         if known is not None:
             rows = known[np.isclose(known["over"], over, rtol=1e-9, atol=0.0)]
             shares = map(span.share, rows["along"])
             pairs = zip(shares, rows["label"], strict=True)
             self.labels = {share: label for share, label in sorted(pairs) if 0 <= share <= 1}
+            if "measure" in rows:
+                self.numbers = dict(
+                    zip(map(span.share, rows["along"]), rows["measure"], strict=True)
+                )
 
     def __call__(self, share: float) -> Hashable:
         if share not in self.labels:
-            self.labels[share] = self.f(self.span.at(share), self.over)
+            at = self.span.at(share), self.over
+            self.labels[share] = self.f(*at)
             self.runs += 1
+            if self.measure is not None:
+                self.numbers[share] = self.measure(*at)
         return self.labels[share]
 
     def ends(self, below: Hashable) -> tuple[float, float]:
         """Return between which shares the label stops being the one below, as far as known."""
         high = min((share for share in self.labels if self.labels[share] != below), default=1.0)
         return max((share for share in self.labels if share < high), default=0.0), high
+
+    def root(self, low: float, high: float) -> float | None:
+        """Return where the measure changes its sign between two shares, None where it does not."""
+        a, b = (self.numbers.get(share, math.nan) for share in (low, high))
+        return low + (high - low) * a / (a - b) if a * b <= 0 and a != b else None
 
 
 class _Line:
@@ -142,6 +175,9 @@ class _Line:
         guess, bracket = None, None
         if self.points:
             low, high = column.ends(self.below)
+            if column.root(low, high) is not None:
+                bracket = low, high
+        if self.points and bracket is None:
             guess = min(max(_extended(self.points[-POINTS:], x), low), high)
             bracket = self._across(column, guess, low, high)
         if bracket is None:
@@ -152,10 +188,7 @@ class _Line:
             if column(bracket[1]) == self.below:
                 none = (math.nan, math.nan, math.nan)
                 return column.over, *none, self.below, self.below, column.runs
-        low, high = bracket
-        while high - low > (1 + 1e-9) * self.width:
-            middle = (low + high) / 2
-            low, high = (middle, high) if column(middle) == self.below else (low, middle)
+        low, high = self._narrowed(column, *bracket)
         share = (low + high) / 2
         if guess is not None:
             half = max(abs(share - guess) / 2 / self.width, 1.0)
@@ -164,13 +197,34 @@ class _Line:
         ends = column.span.at(share), column.span.at(low), column.span.at(high)
         return column.over, *ends, column(low), column(high), column.runs
 
+    def _narrowed(self, column: _Column, low: float, high: float) -> tuple[float, float]:
+        """Return a bracket as narrow as wanted, from a wider one."""
+        slow = 0  # roots that left more than half of the bracket
+        while high - low > (1 + 1e-9) * self.width:
+            length, root = high - low, column.root(low, high) if slow < 2 else None
+            share = (low + high) / 2 if root is None else root
+            if root is not None and root - low < NEAR * self.width:
+                share = low + self.width
+            elif root is not None and high - root < NEAR * self.width:
+                share = high - self.width
+            low, high = (share, high) if column(share) == self.below else (low, share)
+            slow += root is not None and high - low > length / 2
+        return low, high
+
     def _across(
         self, column: _Column, guess: float, low: float, high: float
     ) -> tuple[float, float] | None:
         """Return a bracket that is found from a guess; None where the range ends before it."""
+        most = math.inf  # runs that are left if the next one does not bracket the line
+        if {low, high} <= column.labels.keys():
+            most = math.ceil(math.log2(max((high - low) / self.width, 1.0)))
         side = column(guess) == self.below
         share, step = guess, self.step if side else -self.step
         while True:
+            most -= 1
+            left = high - share if side else share - low
+            length = min(max(abs(step), left - self.width * 2.0**most), self.width * 2.0**most)
+            step = math.copysign(length, step)
             before, share = share, min(max(share + step, low), high)
             if share == before:
                 return None

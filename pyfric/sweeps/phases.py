@@ -5,8 +5,9 @@
     found.table                                  # one row for each point
     found.lines                                  # where labels change, along y at each x
 
-Each point is one run. Lines are found by bisection between neighbouring points of the map, each
-point of a line continued from the last ones (`pyfric.boundary`). Finished runs are kept: a diagram
+Each point is one run. Lines are found between neighbouring points of the map (`pyfric.boundary`):
+where the pace changes as the root of a speed less its limit, elsewhere by bisection, each point of
+a line continued from the last ones. Finished runs are kept: a diagram
 that was stopped goes on.
 
 Source: K. Thøgersen et al., Phys. Rev. E 100, 043004 (2019), for the chain and its two numbers.
@@ -23,6 +24,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.engines import Options
+from pyfric.record import SLOW, pace_limits
 from pyfric.scene import Scene, SceneError, as_scene, chain, check_number
 from pyfric.signals import at_once
 from pyfric.sweeps.boundaries import boundary
@@ -56,6 +58,25 @@ LABELS: Labels = {
     "pace": lambda record: record.rupture_class().pace,
 }
 """Labels of a run where none are given: kind and pace of its class of rupture."""
+
+
+def _over(share: float, which: int) -> Callable[[Record], float]:
+    """Return the function from a record to log(v/v_0), v_0 a share of one of two limits."""
+
+    def measure(record: Record) -> float:
+        v = record.rupture_class().speed
+        return math.log(v / (share * pace_limits(record.scene)[which])) if v > 0 else math.nan
+
+    return measure
+
+
+PACES: Mapping[frozenset[str], Callable[[Record], float]] = {
+    frozenset({"slow", "sub-Rayleigh"}): _over(SLOW, 0),
+    frozenset({"sub-Rayleigh", "supershear"}): _over(1.0, 0),
+    frozenset({"sub-Rayleigh", "beyond c_R"}): _over(1.0, 0),
+    frozenset({"beyond c_R", "supershear"}): _over(1.0, 1),
+}
+"""Two paces -> a number that changes its sign between them."""
 
 
 @dataclass(frozen=True)
@@ -183,8 +204,9 @@ def phase_diagram(
         (record,) = run_all([job(a, b)], 1, cache, progress=False)
         return record
 
+    measured = labels is LABELS
     found = [
-        _line(run, table, (x_name, y_name), (name, of), pair, tolerance)
+        _line(run, table, (x_name, y_name), (name, of), pair, tolerance, measured)
         for name, of in (labels.items() if lines else ())
         for pair in sorted(set(_changes(table, x_name, y_name, name)["pair"]), key=str)
     ]
@@ -252,6 +274,7 @@ def _line(
     label: tuple[str, Callable[[Record], Hashable]],
     pair: tuple[Hashable, Hashable],
     tolerance: float,
+    measured: bool,
 ) -> pd.DataFrame:
     """Return the line on which a label changes along y, between neighbours with these two.
 
@@ -262,12 +285,20 @@ def _line(
     changes = _changes(table, x, y, name)
     changes = changes[[one == pair for one in changes["pair"]]].drop_duplicates("x")
     seen: dict[tuple[float, float], Hashable] = {}
+    speeds: dict[tuple[float, float], float] = {}
+    over_limit = PACES.get(frozenset(pair)) if measured else None
 
     def is_below(b: float, a: float) -> bool:
-        seen[b, a] = of(run(b, a))
+        record = run(b, a)
+        seen[b, a] = of(record)
+        speeds[b, a] = math.nan if over_limit is None else over_limit(record)
         return bool(seen[b, a] == pair[0])
 
     ends = [changes.assign(along=changes[end], label=end == "low") for end in ("low", "high")]
+    if over_limit is not None:  # of the map, which holds what these runs gave
+        for end in ends:
+            of_end = zip(end["along"], end["x"], strict=True)
+            end["measure"] = [over_limit(run(b, a)) for b, a in of_end]
     line = boundary(
         is_below,
         along=(ys[0], ys[-1]),
@@ -276,6 +307,7 @@ def _line(
         over_scale=_scale(xs),
         tolerance=tolerance,
         known=pd.concat(ends).rename(columns={"x": "over"}),
+        measure=None if over_limit is None else lambda b, a: speeds[b, a],
     )
     points = zip(line["high"], line["over"], strict=True)
     above = [seen.get(point, pair[1]) for point in points]

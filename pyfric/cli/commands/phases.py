@@ -61,7 +61,7 @@ def phase_diagram(
     check_folder(out)
     how: dict[str, Any] = {"lines": lines, "cache": not no_cache, "workers": workers}
     if scene is not None:
-        how |= {"t_end": t_end, "options": {"stop_when": stop_when}}
+        how |= {"t_end": t_end, "options": {"stop_when": stop_when or None}}
     what = None if scene is None else scene_of(scene, changes)
     axes = {side: given and _axis(side, given) for side, given in (("x", x), ("y", y))}
     found = pyfric.phase_diagram(what, **axes, progress=tell.progress, **how)

@@ -272,7 +272,7 @@ def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
     from pyfric.scene import paper_step
 
     before = record_of(path)
-    if before.scene != scene:
+    if not before.scene.goes_on_as(scene):
         raise pyfric.RecordError(f"{path}: the record of another scene cannot be continued")
     method = before.method
 
@@ -323,7 +323,7 @@ def _simulate(
 
     if out is not None:
         import h5py  # noqa: F401  # slow to import: not for after Ctrl-C
-    given = {name: value for name, value in how.items() if value is not None}
+    given = {name: value for name, value in how.items() if value not in (None, ())}
     options = pyfric.Options(checkpoint=out, **given)
     try:
         return pyfric.simulate(scene, t_end, options, initial=initial, progress=progress)

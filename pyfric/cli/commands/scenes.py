@@ -77,6 +77,7 @@ def plan(
 
     import pyfric
 
-    found = pyfric.plan(scene_of(scene, changes), want, tolerance, t_end=t_end, stop_when=stop_when)
+    how = {"t_end": t_end, "stop_when": stop_when or None}
+    found = pyfric.plan(scene_of(scene, changes), want, tolerance, **how)
     listed = [one._asdict() | {"holds": one.holds} for one in found.assumptions]
     tell.result(dataclasses.asdict(found) | {"assumptions": listed}, lambda: str(found))

@@ -1,0 +1,108 @@
+"""The words of `stop_when`: conditions that end a run, as text "name" or "name = values".
+
+They are the same in Python, on the command line, in scene files and in sweep files. When each of
+them holds is said in `pyfric.engines.stopping`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from pyfric.scene.checked import Annotation, Written
+from pyfric.scene.errors import SceneError, unknown
+from pyfric.scene.units import check_number, parse_quantity
+
+__all__ = ["Conditions", "condition", "conditions"]
+
+
+class Value(NamedTuple):
+    """A number that a condition takes: its unit, limits and default."""
+
+    unit: str
+    limits: Mapping[str, float]
+    default: float | None = None
+
+
+COUNT = Value("", {"ge": 1.0}, 1.0)
+TAKES: dict[str, tuple[Value, ...]] = {
+    "arrested": (),
+    "at_rest": (),
+    "reached": (Value("m", {"ge": 0.0}),),
+    "L_p": (Value("", {"gt": 0.0, "le": 1.0}),),
+    "precursors": (COUNT,),
+    "main_events": (COUNT,),
+    "system_size": (COUNT,),
+    "slow": (Value("m/s", {"gt": 0.0}), Value("s", {"ge": 0.0})),
+}
+"""Name of a condition -> the numbers that it takes."""
+
+
+def _names() -> str:
+    shown = []
+    for name, takes in TAKES.items():
+        values = ", ".join(f"1 {one.unit}".strip() for one in takes)
+        shown.append(f"'{name} = {values}'" if values else repr(name))
+    return ", ".join(shown)
+
+
+@functools.lru_cache(maxsize=64)
+def condition(text: str) -> tuple[str, tuple[float, ...]]:
+    """Return the name of a condition and its numbers, in SI.
+
+    Raises:
+        SceneError: it is unknown, or a value is refused.
+    """
+    name, _, values = (part.strip() for part in text.partition("="))
+    if name not in TAKES:
+        refused = unknown("stop_when", text, name, TAKES)
+        raise SceneError("stop_when", text, "", _names(), refused.reason)
+    takes = TAKES[name]
+    given = [one.strip() for one in values.split(",")] if values else []
+    given += [one.default for one in takes[len(given) :] if one.default is not None]
+    if len(given) != len(takes):
+        reason = f"{name} takes {len(takes)} numbers"
+        raise SceneError("stop_when", text, "", _names(), reason)
+    pairs = zip(given, takes, strict=True)
+    return name, tuple(_number(text, value, one.unit, one.limits) for value, one in pairs)
+
+
+def _number(text: str, value: str | float, unit: str, limits: Mapping[str, float]) -> float:
+    """Return a number of a condition, in SI: it may carry a unit."""
+    try:
+        number: Any = float(value)
+    except ValueError:
+        if not unit:
+            reason = f"{value!r} is no number"
+            raise SceneError("stop_when", text, "", _names(), reason) from None
+        number = parse_quantity("stop_when", value, unit)
+    return check_number("stop_when", number, unit, **limits)
+
+
+def conditions(given: Any) -> tuple[str, ...]:
+    """Return conditions as a tuple of texts.
+
+    Raises:
+        SceneError: one is unknown, or a value is refused.
+    """
+    texts = (given,) if isinstance(given, str) else given
+    if not (isinstance(texts, list | tuple) and all(isinstance(one, str) for one in texts)):
+        raise SceneError("stop_when", given, "", f"text, or a list of texts: {_names()}")
+    for text in texts:
+        condition(text)
+    return tuple(texts)
+
+
+@dataclasses.dataclass(frozen=True)
+class Conditions(Annotation):
+    """Annotation of conditions: a text, or a list of texts."""
+
+    allowed: str = dataclasses.field(default_factory=lambda: f"a list of {_names()}")
+
+    def check(self, value: Any) -> tuple[str, ...]:
+        return conditions(value.value if isinstance(value, Written) else value)
+
+    def written(self, value: tuple[str, ...]) -> list[str]:
+        return list(value)

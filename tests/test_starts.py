@@ -1,0 +1,239 @@
+"""Pushes on any interface, and starts of ruptures: patches, forced ruptures, ramps."""
+
+import numpy as np
+import pytest
+from helpers import advance, mirrored_scene, refused, small_free, small_rod
+
+import pyfric
+from pyfric import core
+from pyfric.record import budget_error
+from pyfric.scene import Scene, chain, default_geometry
+from pyfric.scene.laws import Ageing
+
+L = 2.5e-3
+SCENES = {
+    "rod": small_rod(V=0.0),
+    "free": small_free(V=0.0),
+    "chain": chain(L=12 * L, tau=10.0, K=0.0, V=0.0),
+    "slab": pyfric.slab(p=60.0, tau=30.0, L=12 * L, H=6 * L, l=L),
+    "right": mirrored_scene(small_rod(V=0.0, mu_s=[0.7 + 0.01 * n for n in range(13)])),
+}
+EACH = pytest.mark.parametrize("name", SCENES)
+
+
+def rest_of(scene, geometry="linear"):
+    """Friction along the driving and strength of the loaded slider, from the trailing edge on."""
+    state = pyfric.StaticSolver(scene, geometry).loaded
+    order = np.argsort(scene.n_of_i)
+    return (-scene.d * state.f)[order], scene.law.hold(state.p)[order]
+
+
+def run_of(scene, t_end, **options):
+    how = {"fidelity": "dynamic", "geometry": "linear", "progress": False} | options
+    return pyfric.simulate(scene, t_end, **how)
+
+
+def first_slips(record):
+    """Times of the first slips, from the trailing edge on, NaN where there is none."""
+    first = record.episodes.groupby("n")["t_start"].min()
+    return first.reindex(range(1, record.scene.N_x + 1)).to_numpy()
+
+
+# --- forces --------------------------------------------------------------------------------------
+
+
+@EACH
+def test_a_block_at_rest_takes_a_push_by_its_friction(name):
+    """Nothing moves while a ramp is below the threshold, and f balances it to the last bits."""
+    scene = SCENES[name]
+    tau, strength = rest_of(scene)
+    n, rate = 5, 1e6
+    pushed = pyfric.ramped(scene, x=4 * scene.slider.l, rate=rate)
+    until = 0.9 * (strength[n - 1] - tau[n - 1]) / rate
+    record = run_of(pushed, until)
+    state = record.final_state
+    assert record.events.empty
+    model = core.model(pushed, "linear", state.u_drv0, state.t)
+    found = core.evaluate(model, state, state.t)
+    i = int(np.argmax(scene.n_of_i == n))
+    f = pyfric.StaticSolver(scene, "linear").loaded.f.copy()
+    f[i] -= scene.d * rate * state.t
+    np.testing.assert_allclose(found.f, f, atol=1e-9 * strength.max())
+    np.testing.assert_allclose(state.margin, scene.law.hold(found.p) - abs(f), rtol=1e-7)
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+@pytest.mark.parametrize("name", ["rod", "free", "right"])
+def test_a_block_that_slips_is_accelerated_by_its_push(name, geometry):
+    """Accelerations differ by d F/m on that block, and nowhere else."""
+    scene = SCENES[name]
+    pushed = scene.replace({"top.push": ((3, 55.0), (7, 200.0, 0.0, 1.0, -300.0))})
+    state = pyfric.StaticSolver(scene, geometry).loaded.state(scene, 1e-7)
+    state.mode[:] = 1
+    t, a = 0.25, []
+    for one in (scene, pushed):
+        a.append(core.evaluate(core.model(one, geometry, state.u_drv0, t), state, t).a)
+    added = np.zeros_like(a[0])
+    order = np.argsort(scene.n_of_i)
+    added[0, 0, order[[2, 6]]] = scene.d * np.array([55.0, 125.0]) / scene.m
+    np.testing.assert_allclose(a[1] - a[0], added, atol=1e-9 * np.abs(added).max())
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+@pytest.mark.parametrize("name", ["rod", "free", "right"])
+def test_energy_of_pushes(name, geometry):
+    """The budget closes, ramps that end included, and holds the work of the pushes."""
+    scene = SCENES[name]
+    force = 3.0 * scene.F_N / scene.N_x
+    pushed = scene.replace(
+        {"top.push": ((2, force, 0.0, 3e-5), (6, 0.0, 1e-5, 8e-5, force / 2e-5))}
+    )
+    record = run_of(pushed, 1.5e-4, geometry=geometry, budget=True, dt=1e-7)
+    assert budget_error(record.curve) < 1e-6
+    moved = record.curve[["work_load", "dissipated_bonds"]].iloc[-1]
+    assert moved["work_load"] > moved["dissipated_bonds"] > 0
+
+
+def test_the_same_bits_on_any_number_of_threads():
+    """25 x 13 blocks, on threads that would not pay."""
+    scene = small_rod(L=0.06, H=0.03, V=0.0)
+    scene = pyfric.overstressed(scene, x=0.03, length=0.02)
+    solver = pyfric.StaticSolver(scene.replace({"top.push": ()}), "finite")
+    found = []
+    for threads in (1, *(2, 3, 4) * 5):
+        state = solver.loaded.state(scene, 1e-7)
+        advance(scene, "finite", state, 200, threads=threads)
+        found.append(state)
+    assert (found[0].mode == 1).any()
+    assert all(one == found[0] for one in found)
+    assert found[0].work[1] != 0
+
+
+def test_mirrored_pushes():
+    scene = pyfric.ramped(small_rod(V=0.0), x=5 * L, rate=1e7)
+    one, other = (run_of(s, 5e-5).final_state for s in (scene, mirrored_scene(scene)))
+    np.testing.assert_array_equal(one.mode, -other.mode[::-1])
+    np.testing.assert_allclose(one.y[:, 0], -other.y[:, 0, ::-1], rtol=1e-9)
+    assert (one.mode == 1).any()
+
+
+# --- starts --------------------------------------------------------------------------------------
+
+
+@EACH
+def test_a_ramp_starts_slip_where_it_reaches_the_strength(name):
+    scene = SCENES[name]
+    tau, strength = rest_of(scene)
+    pushed = pyfric.ramped(scene, x=6 * scene.slider.l, rate=1e7, begin=1e-5)
+    due = 1e-5 + (strength[6] - tau[6]) / 1e7
+    first = first_slips(run_of(pushed, due + 1e-6, stop_when="main_events"))
+    assert np.nanargmin(first) == 6
+    assert first[6] == pytest.approx(due, rel=1e-9)
+
+
+@EACH
+def test_a_patch_starts_where_it_is(name):
+    """All its blocks slip at once, and those beside it later."""
+    scene = SCENES[name]
+    l = scene.slider.l
+    pushed = pyfric.overstressed(scene, x=6 * l, length=4.2 * l, begin=2e-5)
+    assert [one.block for one in pushed.top.push] == [5, 6, 7, 8, 9]
+    first = first_slips(run_of(pushed, 4e-5))
+    np.testing.assert_allclose(first[4:9], 2e-5, rtol=1e-6)
+    assert not (np.delete(first, range(4, 9)) <= 2e-5 * (1 + 1e-6)).any()
+    tau, strength = rest_of(scene, default_geometry(scene))
+    force = [one.force for one in pushed.top.push]
+    np.testing.assert_allclose(force + tau[4:9], 1.05 * strength[4:9], rtol=1e-9)
+
+
+@pytest.mark.parametrize("speed", [50.0, 400.0])
+@pytest.mark.parametrize("name", ["rod", "chain", "slab"])
+def test_a_forced_rupture_runs_at_its_speed(name, speed):
+    """Stresses are too low for it to run by itself: ahead of it nothing slips, and it ends."""
+    scene = SCENES[name].replace({"mu_s": 3.0, "mu_k": 2.9})
+    l, x = scene.slider.l, 6.5 * SCENES[name].slider.l
+    pushed = pyfric.released(scene, x=x, length=9 * l, speed=speed, excess=0.1)
+    t_end = 6 * l / speed
+    first = first_slips(run_of(pushed, t_end))
+    at = np.arange(scene.N_x) * l
+    inside = abs(at - x) <= 4.5 * l * (1 + 1e-9)
+    assert inside.sum() == 10
+    np.testing.assert_allclose(first[inside], abs(at - x)[inside] / speed, rtol=1e-6)
+    assert not np.isfinite(first[~inside]).any()
+
+
+def test_fronts_leave_a_patch_by_themselves():
+    """A slab near its strength: the rupture of a small patch gets to both ends, later."""
+    slab = pyfric.slab(p=60.0, tau=38.0, L=60 * L, H=20 * L, l=L)
+    pushed = pyfric.overstressed(slab, x=30 * L, length=4 * L)
+    record = run_of(pushed, 4e-4)
+    first = first_slips(record)
+    assert np.isfinite(first).all()
+    assert (np.diff(first[:29]) < 0).all()
+    np.testing.assert_allclose(first, first[::-1], rtol=1e-6)
+    assert record.rupture_class().reached == slab.N_x
+
+
+def test_sliders_that_are_driven():
+    """Pushes are measured at the slider that the driver has loaded until they begin."""
+    scene = small_rod(V=1e-3)
+    solver = pyfric.StaticSolver(scene, "finite")
+    t = 0.1
+    state = solver.solve(solver.loaded.u[0, 0], scene.drive(t))
+    margin = scene.law.hold(state.p) - abs(state.f)
+    assert margin.min() > 0
+    pushed = pyfric.overstressed(scene, x=3 * L, length=0.0, begin=t)
+    assert pushed.top.push[0].force == pytest.approx(1.05 * scene.law.hold(state.p)[3] + state.f[3])
+    record = run_of(pushed, t + 1e-5, geometry="finite")
+    assert first_slips(record)[3] == pytest.approx(t, rel=1e-6)
+    too_little = scene.replace({"top.push": ((4, 0.99 * float(margin[3]), t),)})
+    refused(
+        lambda: pyfric.simulate(too_little, t + 1e-5, fidelity="dynamic"),
+        "top.push",
+        "does not let it slip",
+    )
+    refused(lambda: pyfric.ramped(small_rod(), x=1.0, rate=1.0), "x", "outside the interface")
+    late = {"x": 3 * L, "length": 0.0, "begin": 10.0}
+    refused(lambda: pyfric.overstressed(scene, **late), "begin", "something slips before")
+
+
+def test_laws_that_heal_and_files():
+    """Starts on another friction law; the scene comes back from its file, ramps included."""
+    scene = small_rod(V=0.0, law=Ageing(B=0.02, t_c=1e-3))
+    both = pyfric.released(scene, x=5 * L, length=3 * L, speed="100 m/s")
+    both = pyfric.ramped(both, x=0.0, rate=1.0)
+    assert len(both.top.push) == 4
+    assert Scene.from_toml(both.to_toml()) == both
+    short = scene.replace({"top.push": ((1, 0.0, 0.0, 1.0, 1e3),)})
+    assert Scene.from_toml(short.to_toml()) == short
+    assert pyfric.preset("fig1", push=((3, 99.0),)).top.push[0].block == 3
+
+
+def test_refused_starts():
+    scene = SCENES["rod"]
+    patch = {"x": 5 * L, "length": 2 * L}
+    for more, field, said in (
+        ({"x": -1.0}, "x", "too small"),
+        ({"x": 1.0}, "x", "outside the interface"),
+        ({"x": "5 s"}, "x", "wrong unit"),
+        ({"length": -1.0}, "length", "too small"),
+        ({"x": 4.5 * L, "length": 0.1 * L}, "length", "no block lies inside"),
+        ({"excess": 0.0}, "excess", "too small"),
+        ({"begin": -1.0}, "begin", "too small"),
+    ):
+        refused(lambda more=more: pyfric.overstressed(scene, **patch | more), field, said)
+    refused(lambda: pyfric.released(scene, **patch, speed=0.0), "speed", "too small")
+    refused(lambda: pyfric.ramped(scene, x=0.0, rate=-1.0), "rate", "too small")
+    refused(lambda: pyfric.overstressed("slow", **patch), "interface.law", "no threshold")
+    for push, said in (
+        ((1, 1.0), "does not let it slip"),
+        ((14, 1e6), "outside the interface"),
+        ((1, 0.0), "pushes nothing"),
+    ):
+        weak = dict.fromkeys(["push"], (push,))
+        refused(lambda weak=weak: run_of(scene.replace(weak), 1e-4), "top.push", said)
+    pushed = pyfric.overstressed(scene, **patch)
+    for fidelity in ("hybrid", "quasistatic", "equilibrium"):
+        run = {"fidelity": fidelity}
+        refused(lambda run=run: pyfric.simulate(pushed, 1e-3, **run), "top.push", "full dynamics")
+    assert pyfric.plan(pushed, t_end=1e-3).fidelity == "dynamic"

@@ -176,6 +176,8 @@ html_theme_options = {
 }
 html_sidebars = {"index": []}
 html_show_sourcelink = False
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_math_renderer = "mathml"  # without a script, and without a network
 
 # Finished runs of examples are kept here, so that a second build is fast.

@@ -1,4 +1,4 @@
-"""The built site: titles, navigation, thumbnails, links and pictures; after `make docs` built it."""
+"""The built site: titles, navigation, thumbnails, links and pictures. `make docs` builds it."""
 
 import re
 from html import unescape

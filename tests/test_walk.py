@@ -2,7 +2,8 @@
 are written.
 
 A block of Python goes on where the one before it ended. A block of text is how its output ends. A
-block of TOML whose first line is a comment with a name becomes that file. Lines of `make` are left out: they are what runs the tests.
+block of TOML whose first line is a comment with a name becomes that file. Lines of `make` are left
+out: they are what runs the tests.
 """
 
 import contextlib

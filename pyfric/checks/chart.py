@@ -308,7 +308,8 @@ def figure(table: pd.DataFrame) -> DataFigure:
 
     Grey: methods, by `KINDS`; lines: the frontier of each scene; large: what the planner takes,
     with a bar up to the tolerance that it was given, red if its error is larger, thick up to the
-    error that it measured itself. Diamonds: rows of the kind "peer", what other programs would take.
+    error that it measured itself. Diamonds: rows of the kind
+    "peer", what other programs would take.
     """
     fig = DataFigure(figsize=(7.2, 6.6), layout="constrained")
     FigureCanvasAgg(fig)
@@ -333,7 +334,8 @@ def figure(table: pd.DataFrame) -> DataFigure:
         f"What accuracy costs, for four questions; scenes: {', '.join(table['scene'].unique())}, "
         "up to their fourth main event. "
         "Grey: methods, with several steps and both kinds of switching; lines: the cheapest for "
-        f"each error. Large: what the planner takes for tolerances {', '.join(map(str, TOLERANCES))}; "
+        "each error. Large: what the planner takes for tolerances "
+        f"{', '.join(map(str, TOLERANCES))}; "
         f"a bar ends at the tolerance{thick if said else ''}. Crosses on top: no such quantity, or "
         f"other events than the reference. {len(kept) - len(broken)} of {len(kept)} plans meet "
         "their tolerance. Reference: the hybrid engine in finite geometry, located switches, steps "

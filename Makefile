@@ -17,15 +17,16 @@ figures: setup
 	$(BIN)/pyfric reproduce --out figures
 	$(BIN)/pyfric claims --out figures
 
-# Builds the documentation into docs/_build/html, its gallery with it, after a newcomer's walk through README and tutorials.
+# Runs the blocks of README and tutorials, builds the documentation into docs/_build/html, and looks at its HTML.
 docs: setup .venv/docs
 	$(PYTEST) --dist load tests/test_walk.py
 	PYTHONSAFEPATH=1 $(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 	PYTHONSAFEPATH=1 $(BIN)/python -m sphinx -q -W --keep-going -b doctest docs docs/_build/doctest
+	$(PYTEST) tests/test_site.py
 
 # A part of them: make test ARGS="tests/test_core.py -k name"
 test: setup
-	$(PYTEST) -m "not slow" $(ARGS)
+	$(PYTEST) -m "not slow and not site" $(ARGS)
 
 # Broken scenes, options, calls and command lines, 10 000 in all: make test-broken SEED=1; minutes.
 SEED = 0

@@ -1,13 +1,19 @@
 """The documentation site: `make docs` builds it into docs/_build/html; warnings are errors."""
 
+import ast
 import doctest
 import os
 import sys
 from pathlib import Path
 
+import click
+import latex2mathml.converter
+import pandas as pd
+from docutils import nodes
 from sphinx_gallery.scrapers import figure_rst, matplotlib_scraper
 
 import pyfric
+from pyfric.cli import main
 
 # They are attributes of pyfric, and autodoc looks for modules.
 sys.modules |= {"pyfric.analysis": pyfric.analysis, "pyfric.theory": pyfric.theory}
@@ -26,8 +32,8 @@ extensions = [
     "sphinx_gallery.gen_gallery",
 ]
 
-exclude_patterns = ["_build", "gallery/GALLERY_HEADER.md"]
-suppress_warnings = ["config.cache"]
+exclude_patterns = ["_build"]
+suppress_warnings = ["config.cache", "toc.empty_glob"]
 nitpicky = False
 
 # Pages are Markdown, with the paper's letters as they are; tables of reference_data are included.
@@ -43,17 +49,83 @@ napoleon_numpy_docstring = False
 napoleon_use_rtype = False
 
 
+def table(head, rows):
+    """Return a table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(str(cell) for cell in line)} |" for line in lines)
+
+
 def held():
-    """Return what a record holds as a table."""
-    lines = ["| group | name | dimensions | unit | meaning |", "|---|---|---|---|---|"]
-    for group in pyfric.record.GROUPS:
-        for one in pyfric.record.held_in(group).values():
-            cells = group, f"`{one.name}`", ", ".join(one.dims), one.unit, one.meaning
-            lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+    """Return what a record holds."""
+    return table(
+        ["group", "name", "dimensions", "unit", "meaning"],
+        [
+            [group, f"`{one.name}`", ", ".join(one.dims), one.unit, one.meaning]
+            for group in pyfric.record.GROUPS
+            for one in pyfric.record.held_in(group).values()
+        ],
+    )
 
 
-myst_substitutions = {"held": held()}
+def modules():
+    """Return the first line of each module, room by room."""
+    rows = []
+    for path in sorted((ROOT / "pyfric").rglob("*.py")):
+        name = path.relative_to(ROOT / "pyfric").with_suffix("").as_posix()
+        if path.stem[0] != "_":
+            text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
+            rows.append([f"`{name}`", text.splitlines()[0].replace("|", "\\|")])
+    for path in sorted((ROOT / "fortran").glob("*.f90")):
+        text = path.read_text(encoding="utf-8").splitlines()[0].lstrip("!> ")
+        rows.append([f"`fortran/{path.stem}`", text.replace("|", "\\|")])
+    return table(["module", "what it is"], rows)
+
+
+def plans():
+    """Return how many plans kept their tolerance, by question."""
+    data = pd.read_csv(ROOT / "reference_data" / "plans" / "plans.csv")
+    counted = ["beyond_tolerance", "beyond_measured", "not_measured"]
+    rows = [
+        [want.replace("_", " "), len(part), *part[counted].astype(bool).sum()]
+        for want, part in [*data.groupby("want"), ("all", data)]
+    ]
+    head = ["question", "random scenes", "error beyond the tolerance"]
+    return table([*head, "beyond the measured error", "nothing measured"], rows)
+
+
+def regimes():
+    """Return what happens at the edges of the model."""
+    data = pd.read_csv(ROOT / "reference_data" / "regimes" / "regimes.csv")
+    data = data[["regime", "stated", "text"]].astype(str)
+    return table(["edge", "behaviour", "what is seen"], data.to_numpy().tolist())
+
+
+def write_commands():
+    """Write one page for each section of the command line, from the commands themselves."""
+    folder = ROOT / "docs" / "commands"
+    folder.mkdir(exist_ok=True)
+    for section in main.sections:
+        lines = [f"# {section}", ""]
+        for name, command in sorted(main.commands.items()):
+            if command.section == section:
+                module = sys.modules[command.callback.__module__]
+                found = [key for key, one in vars(module).items() if one is command]
+                where = f"{module.__name__}:{found[0]}"
+                nested = "full" if isinstance(command, click.Group) else "none"
+                lines += ["```{eval-rst}", f".. click:: {where}", f"   :prog: pyfric {name}"]
+                lines += [f"   :nested: {nested}", "```", ""]
+        page = folder / f"{section.lower().replace(' ', '_')}.md"
+        page.write_text("\n".join(lines), encoding="utf-8")
+
+
+ROOT = Path(__file__).parents[1]
+write_commands()
+myst_substitutions = {
+    "held": held(),
+    "modules": modules(),
+    "plans": plans(),
+    "regimes": regimes(),
+}
 
 
 def pictures(block, block_vars, gallery_conf):
@@ -91,15 +163,22 @@ doctest_default_flags = doctest.ELLIPSIS | doctest.IGNORE_EXCEPTION_DETAIL
 
 html_theme = "pydata_sphinx_theme"
 html_title = f"pyfric {release}"
+html_logo = html_favicon = "logo.svg"
 html_theme_options = {
+    "logo": {"text": "pyfric"},
     "navbar_align": "left",
+    "header_links_before_dropdown": 8,
     "show_toc_level": 2,
+    "navigation_with_keys": False,
     "footer_start": ["copyright"],
     "footer_end": [],
     "secondary_sidebar_items": ["page-toc"],
 }
-html_sidebars = {"**": []}  # sections have no pages below them
+html_sidebars = {"index": []}
 html_show_sourcelink = False
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_math_renderer = "mathml"  # without a script, and without a network
 
 # Finished runs of examples are kept here, so that a second build is fast.
 os.environ.setdefault("PYFRIC_CACHE", str(Path(__file__).parent / "_build" / "runs"))
@@ -110,5 +189,13 @@ def plain_bars(app, what, name, obj, options, lines):
     lines[:] = [line.replace("|", "\\|") for line in lines]
 
 
+def mathml(writer, node):
+    """Write an equation as MathML."""
+    display = "inline" if node.tagname == "math" else "block"
+    writer.body.append(latex2mathml.converter.convert(node.astext(), display=display))
+    raise nodes.SkipNode
+
+
 def setup(app):
     app.connect("autodoc-process-docstring", plain_bars)
+    app.add_html_math_renderer("mathml", (mathml, None), (mathml, None))

@@ -6,13 +6,13 @@ In which part of the plane of (theta, h) does setup 2 have precursors, and how m
 
 .. image:: ../../examples/precursors_setup2.png
 
-It is not run with this page: ``python examples/precursors_setup2.py [FOLDER]``
-draws precursors_setup2.png: the number of precursors before the force is largest, on a grid, and
-the line beyond which there are fewer than five, which `pyfric.boundary` follows. The quasi-static
-ladder on blocks of 2 mm makes 150 runs, 0.2 s of processor time each; finished ones are kept.
-Where more than two blocks are open at a time before the largest force, the ladder's order of
-events means little.
+The picture shows the number of precursors before the force is largest, and the line below which
+there are fewer than five, which `pyfric.boundary` follows. ``python examples/precursors_setup2.py
+[FOLDER]`` draws it in half a minute; it is not run with this page. If more than two blocks are
+open at a time, the order of events means little.
 """
+
+# sphinx_gallery_thumbnail_path = "../examples/precursors_setup2.png"
 
 import sys
 from pathlib import Path

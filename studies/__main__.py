@@ -129,6 +129,18 @@ def chart(out: Path, tell: Tell) -> None:
 @main.command(section="Methods")
 @figure_out_option
 @telling
+def price(out: Path, tell: Tell) -> None:
+    """Draw accuracy and cost of methods in one panel, for the Fig. 1 scene (five minutes)."""
+    check_folder(out)
+    import price
+
+    figure = price.figure(price.points(progress=tell.progress))
+    save_figure(figure, out / "price", f"{RUN} price", tell)
+
+
+@main.command(section="Methods")
+@figure_out_option
+@telling
 def methods(out: Path, tell: Tell) -> None:
     """Measure how every method converges on one event, and beside other programs (two minutes).
 

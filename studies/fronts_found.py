@@ -14,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pyfric import theory
 from pyfric.figures import DataFigure
+from pyfric.figures.style import mark
 from pyfric.record import PER_BIN, analysis
 from pyfric.scene import preset
 
@@ -168,22 +169,31 @@ def _draw_cracks(axes: Any, table: pd.DataFrame) -> None:
     material = Crack(blocks=1).material
     groups = table.groupby(["blocks", "eta2", "dashpots"])
     for ((n, eta2, dashpots), rows), colour in zip(groups, COLOURS, strict=False):
-        text = f"{n:g} blocks" + (", resists rotation" if dashpots == "full" else "")
+        text = rf"{n:g} blocks in $X_\mathrm{{c0}}$" + (
+            ", resists rotation" if dashpots == "full" else ""
+        )
         text += ", paper's viscosity" if eta2 == 0.1 else ""
         axes.plot(rows["a"] / 1e3, rows["v"] / material.c_R, "o", color=colour, ms=2.5, label=text)
     a = np.linspace(FROM, TO, 100)
     v = Crack(blocks=1).speed(a)
     axes.plot(a / 1e3, v / material.c_R, "k", lw=0.8, label="fracture mechanics")
-    axes.fill_between(a / 1e3, 0.95 * v / material.c_R, 1.05 * v / material.c_R, color="0.92", lw=0)
+    axes.fill_between(
+        a / 1e3,
+        0.95 * v / material.c_R,
+        1.05 * v / material.c_R,
+        color="0.92",
+        lw=0,
+        label="within 5 %",
+    )
     axes.set_xlabel("half length $a$ (km)", fontsize=8)
     axes.set_ylabel(r"front speed $v/c_\mathrm{R}$", fontsize=8)
 
 
 def _draw_lengths(axes: Any, table: pd.DataFrame) -> None:
     for (l, rows), colour in zip(table.groupby("l", sort=False), COLOURS, strict=False):
-        text = f"l = {l * 1e3:g} mm"
+        text = rf"$l$ = {l * 1e3:g} mm"
         axes.plot(rows["griffith"], rows["dynamics"], "o", color=colour, ms=3, label=text)
-    axes.plot([0, 1], [0, 1], color="0.6", lw=0.7)
+    axes.plot([0, 1], [0, 1], color="0.6", lw=0.7, label="equal")
     top = 1.15 * table["dynamics"].max()
     axes.set_xlim(0, top)
     axes.set_ylim(0, top)
@@ -206,7 +216,7 @@ def _draw_fronts(late: Any, every: Any, table: pd.DataFrame) -> None:
     chosen = others if len(others) else fig1
     lattices = list(zip(spacings, COLOURS, strict=False))
     for (l, colour), d_c in itertools.product(lattices, d_cs):
-        label = f"l = {l * 1e3:g} mm"
+        label = rf"$l$ = {l * 1e3:g} mm"
         if l in set(fig1["l"]):
             rows = fig1[(fig1["l"] == l) & (fig1["d_c"] == d_c) & fig1["late"]]
             rows = rows[rows["begun"] == rows["begun"].min()]
@@ -219,10 +229,16 @@ def _draw_fronts(late: Any, every: Any, table: pd.DataFrame) -> None:
             every.plot(rows["scaled"], rows["v_c"], ls="", color=colour, **how)
     every.plot(*_chain(chosen["scaled"].max()), color="0.3", lw=0.8, label="chain, exact")
     material = theory.Material.of_lattice(*_lattice(preset("fig1")), 1.0)
+    speeds = {"R": material.c_R, "S": material.c_S, "L": material.c_P}
     for axes in (late, every):
-        for speed in (material.c_R, material.c_S, material.c_P):
-            axes.axhline(speed, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
+        for name, speed in speeds.items():
+            above = (0, -7) if name == "R" else (0, 1)
+            mark(axes, speed, rf"$c_\mathrm{{{name}}}$", at=0.985, away=above, ha="right")
         axes.set_yscale("log")
+    if 0 in d_cs:
+        late.plot([], [], color="0.4", lw=0.6, label=r"lines: $d_\mathrm{c}$ = 0")
+        every.plot([], [], "x", color="0.6", ms=3, mew=0.5, label=r"$d_\mathrm{c}$ = 0")
+    for axes in (late, every):
         axes.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)", fontsize=8)
     every.set_ylim(top=9e3)  # room for the legend
     late.set_xlabel("position $x/L$", fontsize=8)

@@ -7,6 +7,7 @@ import inspect
 import itertools
 import re
 import signal
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -63,19 +64,24 @@ def test_each_mutation_finds_its_text_once():
             assert (ROOT / file).read_text(encoding="utf-8").count(old) == 1, (name, file, old)
 
 
-def test_contributing_names_every_module_and_no_other():
+def test_contributing_draws_the_rooms_in_the_order_of_the_contract():
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    table = text[text.index("| `pyfric/` |") : text.index("`docs/equations.md`")]
-    named = {word.split("/")[-1] for word in re.findall(r"`([\w/]+)`", table) if word[-1] != "/"}
-    sources = [*(ROOT / "pyfric").rglob("*.py"), *(ROOT / "studies").glob("*.py")]
-    modules = {path.stem for path in sources if path.stem[0] != "_"}
-    modules |= {path.stem for path in (ROOT / "fortran").glob("*.f90")}
-    assert modules - named - set(pyfric.laws.MODULES) == set()  # these are on a page of their own
-    assert named - modules - SPOKEN_OF == set()
+    drawn = re.findall(r"│ (\w+)(?:, (\w+))?  |  │ (\w+)  ", text)
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
+    contracts = settings["importlinter"]["contracts"]
+    layers = next(one["layers"] for one in contracts if one["type"] == "layers")
+    rooms = [name for layer in layers for name in layer.split(" | ")]
+    assert [name for names in drawn for name in names if name] == rooms
 
 
-SPOKEN_OF = {"run", "simulate", "studies", "SceneError"}
-"""Commands, functions and extras that the table names besides."""
+@pytest.mark.parametrize("folder", ["pyfric", "studies", "fortran"])
+def test_every_module_says_what_it_is(folder):
+    """The site lists these lines."""
+    paths = [*(ROOT / folder).rglob("*.py"), *(ROOT / folder).rglob("*.f90")]
+    assert len(paths) > 10
+    for path in paths:
+        first = path.read_text(encoding="utf-8").split("\n", 1)[0]
+        assert re.match(r'(r?"""|!>? )[^ ].{10,}', first), path
 
 
 def test_the_site_names_every_public_name():

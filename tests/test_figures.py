@@ -313,10 +313,18 @@ def test_geometries_of_the_lengths_are_named_with_what_lies_between(run):
     fig = figures.fig2a([run, other])
     assert "F_N = 1600 N at h = 5 mm: finite geometry; all others: linear." in fig.caption
     assert "At equal length their F_T/F_N differ by up to 0.001." in fig.caption
-    first, second = (line for line in fig.axes[0].get_lines() if line.get_marker() == "o")
-    assert first.get_markersize() > second.get_markersize() + 2
+    first, second = (line for line in fig.axes[1].get_lines() if line.get_marker() == "o")
     assert first.get_markerfacecolor() != second.get_markerfacecolor()
+    shifted = lengths_in_order([other, run])
+    for n, line in enumerate((first, second)):
+        np.testing.assert_allclose(line.get_xdata(), shifted[n] + n * figures.lengths.SHIFT)
     assert "all others" not in figures.fig2a([run]).caption
+
+
+def lengths_in_order(records):
+    """Return the forces of precursors that advance, one array for each record."""
+    tables = [figures.lengths.lengths_of([one]) for one in records]
+    return [table.loc[table["advances"], "F_T_over_F_N"].to_numpy() for table in tables]
 
 
 def test_precursors_behind_an_earlier_one_are_told_apart(run):
@@ -454,9 +462,16 @@ def test_speeds_of_several_runs(run):
         mu_s, mu_k = record.scene.interface.mu_s, record.scene.interface.mu_k
         np.testing.assert_allclose(mine["scaled"], (mine["tau_over_p"] - mu_k) / (mu_s - mu_k))
     both = fig.axes
-    for axes in both:
-        drawn = [line for line in axes.get_lines() if line.get_marker() in ("o", "s")]
+    for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
+        lines = [line for line in axes.get_lines() if line.get_marker() in ("o", "s")]
+        drawn = [line for line in lines if line.get_linestyle() == "None"]
         assert sum(len(line.get_xdata()) for line in drawn) == len(points)
+        medians = [one for one in lines if one not in drawn]
+        for line, name in zip(medians, ("small", "weak"), strict=True):
+            mine = points[points["run"] == name]
+            far = mine[mine[x] >= mine[x].quantile(0.9)]
+            assert line.get_ydata()[-1] == pytest.approx(far["v_c"].median(), rel=0.1)
+    assert set(fig.tables["medians"]["run"]) == {"small", "weak"}
     spread = analysis.collapse_spread(points["scaled"].to_numpy(), points["v_c"].to_numpy()).rms
     assert any(f"{spread:.2f}" in text.get_text() for text in both[1].texts)
     assert "mu_s/mu_k = 0.5/0.2, 0.7/0.45" in fig.caption

@@ -1,10 +1,13 @@
 """A newcomer's walk: the blocks of README and tutorials, run in order in an empty folder, as they
 are written.
 
-A block of Python goes on where the one before it ended. A block of TOML whose first line is a
-comment with a name becomes that file. Lines of `make` are left out: they are what runs the tests.
+A block of Python goes on where the one before it ended. A block of text is how its output ends. A
+block of TOML whose first line is a comment with a name becomes that file. Lines of `make` are left
+out: they are what runs the tests.
 """
 
+import contextlib
+import io
 import os
 import re
 import subprocess
@@ -26,7 +29,11 @@ def blocks(page):
 
 def run(kind, text, known):
     if kind == "python":
-        exec(compile(text, "block", "exec"), known)
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            exec(compile(text, "block", "exec"), known)
+        known["_printed"] = printed.getvalue()
+    elif kind == "text":
+        assert known["_printed"].endswith(text)
     elif kind == "toml":
         if name := re.match(r"# (\S+\.toml)\n", text):
             Path(name[1]).write_text(text, encoding="utf-8")
@@ -61,6 +68,7 @@ def test_every_page_has_blocks():
 
 def test_a_block_that_fails_is_noticed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for kind, text in (("python", "1 / 0"), ("sh", "pyfric run nothing --t-end 1")):
-        with pytest.raises((ZeroDivisionError, subprocess.CalledProcessError)):
-            run(kind, text, {})
+    wrong = {"python": "1 / 0", "sh": "pyfric run nothing --t-end 1", "text": "2\n"}
+    for kind, text in wrong.items():
+        with pytest.raises((ZeroDivisionError, subprocess.CalledProcessError, AssertionError)):
+            run(kind, text, {"_printed": "1\n"})

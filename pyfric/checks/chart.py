@@ -291,7 +291,14 @@ def frontier(part: pd.DataFrame, want: str) -> pd.DataFrame:
 
 
 COLOURS = {"Fig. 1": "#0072B2", "run 4": "#D55E00", "setup 2": "#009E73", "random": "#CC79A7"}
-GREY, RED = "0.75", "#C00000"
+GREY, RED = "0.6", "#C00000"
+KINDS = {
+    ("quasistatic", "linear"): ("^", "quasi-static sequence"),
+    ("hybrid", "linear"): ("s", "hybrid, linear geometry"),
+    ("hybrid", "finite"): ("o", "hybrid, finite geometry"),
+    ("dynamic", "finite"): ("p", "full dynamics"),
+}
+"""Engine and geometry -> marker and name."""
 NO_ANSWER = 2.0
 """Where points without an answer are drawn."""
 
@@ -299,9 +306,10 @@ NO_ANSWER = 2.0
 def figure(table: pd.DataFrame) -> DataFigure:
     """Return the chart: error over cost, one panel for each want.
 
-    Grey: all methods; lines: the frontier of each scene; large: what the planner takes, with a bar
-    up to the tolerance that it was given, red where its error is larger, thick up to the error that
-    it measured itself. Diamonds: rows of the kind "peer", what other programs would take.
+    Grey: methods, by `KINDS`; lines: the frontier of each scene; large: what the planner takes,
+    with a bar up to the tolerance that it was given, red if its error is larger, thick up to the
+    error that it measured itself. Diamonds: rows of the kind
+    "peer", what other programs would take.
     """
     fig = DataFigure(figsize=(7.2, 6.6), layout="constrained")
     FigureCanvasAgg(fig)
@@ -315,7 +323,7 @@ def figure(table: pd.DataFrame) -> DataFigure:
     for axes in panels[:, 0]:
         axes.set_ylabel("error", fontsize=8)
     fig.legend(
-        handles=_handles(table), loc="outside lower center", ncols=5, fontsize=7, frameon=False
+        handles=_handles(table), loc="outside lower center", ncols=4, fontsize=7, frameon=False
     )
     kept = table[table["kind"] == "plan"]
     kept = kept.assign(error=[row[row["want"]] for _, row in kept.iterrows()])
@@ -325,12 +333,13 @@ def figure(table: pd.DataFrame) -> DataFigure:
     fig.caption = (
         f"What accuracy costs, for four questions; scenes: {', '.join(table['scene'].unique())}, "
         "up to their fourth main event. "
-        "Grey: every method (engine, geometry, switching, step); lines: the cheapest for each "
-        f"error. Large: what the planner takes for tolerances {', '.join(map(str, TOLERANCES))}; "
+        "Grey: methods, with several steps and both kinds of switching; lines: the cheapest for "
+        "each error. Large: what the planner takes for tolerances "
+        f"{', '.join(map(str, TOLERANCES))}; "
         f"a bar ends at the tolerance{thick if said else ''}. Crosses on top: no such quantity, or "
-        f"other events than the reference. {len(kept) - len(broken)} of {len(kept)} plans keep "
-        "their word. Reference: the hybrid engine in finite geometry, located switches, steps of a "
-        "sixteenth of the limit."
+        f"other events than the reference. {len(kept) - len(broken)} of {len(kept)} plans meet "
+        "their tolerance. Reference: the hybrid engine in finite geometry, located switches, steps "
+        "of a sixteenth of the limit."
     )
     fig.tables = {"points": table}
     return fig
@@ -355,7 +364,9 @@ def _panel(axes: Axes, table: pd.DataFrame, want: str) -> None:
         axes.axhline(tolerance, color="0.9", lw=0.6, zorder=0)
     every = table[table["kind"] == "method"]
     answered = np.isfinite(every[want]) & (every["status"] == "ok")
-    axes.loglog(every["cost"][answered], every[want][answered], "o", color=GREY, ms=2.5, zorder=1)
+    for (engine, geometry), (marker, _) in KINDS.items():
+        rows = every[answered & (every["engine"] == engine) & (every["geometry"] == geometry)]
+        axes.loglog(rows["cost"], rows[want], marker, color=GREY, ms=3.5, mew=0, zorder=1)
     none = every[~answered & np.isfinite(every["cost"])]
     axes.loglog(none["cost"], np.full(len(none), NO_ANSWER), "x", color=GREY, ms=4, zorder=1)
     for scene, colour in COLOURS.items():
@@ -400,7 +411,10 @@ def _handles(table: pd.DataFrame) -> list[Line2D]:
         if (table["scene"] == scene).any()
     ]
     handles += [
-        Line2D([], [], marker="o", color=GREY, label="any method", **dot),
+        *(
+            Line2D([], [], marker=one, color=GREY, label=name, **dot)
+            for one, name in KINDS.values()
+        ),
         Line2D([], [], marker="x", color=GREY, label="no answer", **dot),
         Line2D([], [], color="0.3", marker="_", lw=0.8, label="planner: error to tolerance"),
         Line2D([], [], color="0.6", lw=2.5, label="to what the run measured itself"),

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 LOOKS = ((BLUE, "o"), (ORANGE, "s"), (GREEN, "^"), (VERMILION, "D"))
 """Colour and marker of each run."""
+MEDIANS = 10
+"""Bins of the medians of a run."""
 
 
 def wave_speeds(scene: Scene) -> tuple[float, float]:
@@ -102,15 +104,19 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
     points = points.reset_index(drop=True)
     fig, both = panels(4.4, (1, 1), sharey=True)
     handles = _draw_runs(both, records, points)
+    medians = _draw_medians(both, records, points)
     for axes in both:
         axes.set_yscale("log")
         _speeds(axes, records[0].scene)
         axes.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)")
+    if len(medians):
+        large = {"marker": "o", "mfc": "white", "mec": "black", "mew": 0.5, "ms": 3.4}
+        handles.append(Line2D([], [], color="0.4", label="medians", **large))
     legend(both[0], handles=handles, loc="lower right")
     both[0].set_xlabel(r"prestress $\tau/p$")
     scaled = r"(\tau/p-\mu_\mathrm{k})/(\mu_\mathrm{s}-\mu_\mathrm{k})"
     both[1].set_xlabel(rf"scaled prestress ${scaled}$")
-    fig.tables = {"points": points}
+    fig.tables = {"points": points, "medians": medians}
     spreads = _draw_spreads(both, points)
     what = (
         "Speed of rupture fronts against tau/p just before the event (a) and against "
@@ -119,6 +125,8 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
         f"{blocks - len(points)} blocks of their fronts have no speed (two at each end of a front, "
         "and where five times do not increase) or are open. Dashed: long waves of the lattice."
     )
+    if len(medians):
+        what += f" Lines: medians in {MEDIANS} bins of equal numbers of points."
     if spreads:
         what += f" Spread of ln v_c about one binned median: {joined(spreads)} (rms)."
     fig.caption = caption(records, what)
@@ -134,7 +142,7 @@ def _draw_runs(
     for n, one in enumerate(records):
         colour, shape = LOOKS[n % len(LOOKS)]
         rows, friction = points[points["run"] == one.scene.name], one.scene.law.mean
-        look = {"ls": "", "marker": shape, "ms": 1.8, "color": colour, "alpha": 0.6, "mew": 0.3}
+        look = {"ls": "", "marker": shape, "ms": 1.8, "color": colour, "alpha": 0.35, "mew": 0.3}
         look["zorder"] = 3 - counts.get(one.scene.name, 0) / max(len(points), 1)  # few on top
         look["rasterized"] = len(rows) > 5000
         for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
@@ -143,6 +151,35 @@ def _draw_runs(
         label = name + f"{friction.mu_s:g}, {friction.mu_k:g}"
         handles.append(Line2D([], [], ls="", marker=shape, color=colour, ms=3.5, label=label))
     return handles
+
+
+def _draw_medians(
+    both: Sequence[Axes], records: Sequence[Record], points: pd.DataFrame
+) -> pd.DataFrame:
+    """Draw the medians of each run over its points; return them: run, axis, its median, v_c."""
+    tables = []
+    for n, one in enumerate(records):
+        rows = points[points["run"] == one.scene.name]
+        if len(rows) < PER_BIN * MEDIANS:
+            continue
+        colour, shape = LOOKS[n % len(LOOKS)]
+        look = {
+            "color": colour,
+            "marker": shape,
+            "mec": "black",
+            "mew": 0.5,
+            "ms": 3.4,
+            "zorder": 5,
+        }
+        for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
+            edges = collapse_spread(rows[x], rows["v_c"], bins=MEDIANS).edges
+            bins = rows.groupby(
+                pd.cut(rows[x], np.unique(edges), include_lowest=True), observed=True
+            )
+            table = bins[[x, "v_c"]].median().rename(columns={x: "at"})
+            axes.plot(table["at"], table["v_c"], lw=1.2, **look)
+            tables.append(table.reset_index(drop=True).assign(run=one.scene.name, axis=x))
+    return pd.concat(tables) if tables else pd.DataFrame(columns=["at", "v_c", "run", "axis"])
 
 
 def _draw_spreads(both: Sequence[Axes], points: pd.DataFrame) -> list[str]:

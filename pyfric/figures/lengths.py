@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 
 from pyfric.engines import prediction_curve
@@ -37,54 +36,76 @@ if TYPE_CHECKING:
 
 COLOURS = (SKY, BLUE, GREEN, ORANGE, VERMILION, PURPLE)
 MARKERS = "os^D"
+SHIFT = 0.1
+"""Between loads, in F_T/F_N."""
 
 
 @figure("Fig. 2(a): precursor length against force, setup 1", runs="fig2a")
 def fig2a(records: Sequence[Record]) -> DataFigure:
     """Fig. 2(a) of the paper: precursor length against force after arrest, setup 1.
 
-    Colours are h, markers L. The larger F_N, the smaller and the fuller is the marker, so that
-    those at one place show side by side. Lines are `prediction_curve`, one for each L and h. Small
-    dots are precursors that reach no further than an earlier one.
+    Colours are h, markers L. Lines are `prediction_curve`, one for each L and h. Small dots are
+    precursors that reach no further than an earlier one. If F_N differs at equal L and h, panel (b)
+    shows these runs once more, each F_N shifted to the right with its prediction.
 
     Args:
         records: runs of setup 1 up to sliding; L, h and F_N may differ.
     """
     heights = _values(records, lambda scene: scene.driver.h)
-    forces = _values(records, lambda scene: scene.F_N)
     lengths = _values(records, lambda scene: scene.slider.L)
     colour = {h: COLOURS[n % len(COLOURS)] for n, h in enumerate(heights)}
     shape = {L: MARKERS[n % len(MARKERS)] for n, L in enumerate(lengths)}
-    share = np.linspace(0, 1, len(forces)) if len(forces) > 1 else np.ones(1)
-    fill = dict(zip(forces, share, strict=True))
-    size = dict(zip(forces, 5.4 - 3.0 * share, strict=True))
     predicted = {(one.scene.slider.L, one.scene.driver.h): one.scene for one in records}
     points, curves = lengths_of(records), _predictions(list(predicted.values()))
+    several = points.groupby(["L_mm", "h_mm"])["F_N"].transform("nunique") > 1
 
-    fig, (axes,) = panels(3.1)
+    both = several.any()
+    fig, axes = panels(5.0, (1.7, 1)) if both else panels(3.1)
     for _, curve in curves.groupby(["L_mm", "h_mm", "theta"], dropna=False):
-        axes.plot(curve["F_T_over_F_N"], curve["L_p_over_L"], color="0.75", lw=0.6, zorder=1)
-    for (F_N, L, h), rows in points.groupby(["F_N", "L_mm", "h_mm"]):  # smaller ones above
-        of_h, of_L = _nearest(heights, h), _nearest(lengths, L)
-        _draw(axes, rows, colour[of_h], _tint(colour[of_h], fill[F_N]), shape[of_L], size[F_N])
+        axes[0].plot(curve["F_T_over_F_N"], curve["L_p_over_L"], color="0.75", lw=0.6, zorder=1)
+    for (L, h), rows in points.groupby(["L_mm", "h_mm"]):
+        one = colour[_nearest(heights, h)]
+        _draw(axes[0], rows, one, one, shape[_nearest(lengths, L)])
     handles = [_dot(colour[h], f"{h * 1e3:g} mm") for h in heights]
-    legend(axes, handles=handles, title=r"height $h$", loc="upper left")
-    axes.add_artist(axes.get_legend())
+    legend(axes[0], handles=handles, title=r"height $h$", loc="upper left")
+    axes[0].add_artist(axes[0].get_legend())
     handles = [_dot("0.3", f"$L$ = {L * 1e3:g} mm", "0.3", shape[L]) for L in lengths]
-    handles += [
-        _dot("0.3", rf"$F_\mathrm{{N}}$ = {F_N:g} N", _tint("0.3", fill[F_N]), size=size[F_N])
-        for F_N in forces
-    ]
     handles += [Line2D([], [], color="0.75", lw=1, label=PREDICTED)]
-    legend(axes, handles=handles, loc="upper left", bbox_to_anchor=(0.25, 1.0))
-    _frame(axes, records)
+    legend(axes[0], handles=handles, loc="upper left", bbox_to_anchor=(0.25, 1.0))
+    _frame(axes[0], records)
+    if both:
+        _draw_loads(axes[1], points[several], curves, shape)
     fig.tables = {"points": points, "prediction": curves}
     what = (
         "Precursor length L_p/L against the static F_T/F_N after arrest, setup 1; after Fig. 2(a) "
-        f"of {PAPER}. Colour: h; marker: L; smaller and fuller: larger F_N."
+        f"of {PAPER}. Colour: h; marker: L."
     )
+    if both:
+        what += f" (b) Runs that differ in F_N, each F_N shifted by {SHIFT:g}; colour: F_N."
     fig.caption = caption(records, what, _what(points), *_geometries(records))
     return fig
+
+
+def _draw_loads(
+    axes: Axes, points: pd.DataFrame, curves: pd.DataFrame, shape: dict[float, str]
+) -> None:
+    """Draw the runs that differ in F_N alone, each F_N beside the last."""
+    handles = []
+    for n, (F_N, rows) in enumerate(points.groupby("F_N")):
+        colour = (BLUE, VERMILION, GREEN)[n % 3]
+        for (L, h), some in rows.groupby(["L_mm", "h_mm"]):
+            curve = curves[(curves["L_mm"] == L) & (curves["h_mm"] == h)]
+            axes.plot(curve["F_T_over_F_N"] + n * SHIFT, curve["L_p_over_L"], color="0.75", lw=0.6)
+            some = some.assign(F_T_over_F_N=some["F_T_over_F_N"] + n * SHIFT)
+            _draw(axes, some, colour, colour, shape[_nearest(list(shape), L)])
+        shift = f" (+{n * SHIFT:g})" if n else ""
+        handles.append(_dot(colour, rf"$F_\mathrm{{N}}$ = {F_N:g} N{shift}"))
+    heights = joined(f"{h:g}" for h in sorted(points["h_mm"].unique()))
+    legend(axes, handles=handles, title=rf"$h$ = {heights} mm", loc="upper left")
+    axes.set_xlabel(r"force after arrest $F_\mathrm{T}/F_\mathrm{N}$, shifted")
+    axes.set_ylabel(r"$L_\mathrm{p}/L$")
+    axes.set_ylim(0, 1.02)
+    axes.set_xlim(left=0)
 
 
 def _geometries(records: Sequence[Record]) -> list[str]:
@@ -205,9 +226,9 @@ def _draw(
         ls="",
         marker=shape,
         ms=size,
-        mec=colour,
+        mec="white",
         mfc=face,
-        mew=0.7,
+        mew=0.3,
         zorder=3,
     )
     axes.plot(
@@ -217,11 +238,6 @@ def _draw(
 
 def _nearest(lengths: Sequence[float], mm: float) -> float:
     return min(lengths, key=lambda one: abs(one * 1e3 - mm))
-
-
-def _tint(colour: str, share: float) -> tuple[float, ...]:
-    """Return a mixture of white with this share of a colour."""
-    return tuple(1 - share * (1 - part) for part in to_rgb(colour))
 
 
 def _dot(

@@ -1,0 +1,106 @@
+"""Accuracy and cost in one panel: the Fig. 1 scene, each method beside the paper's.
+
+Across: how many times less processor time than the paper's method takes. Upward: the largest error
+of start and arrest forces of main events, over F_N. Points and errors are those of
+`pyfric.checks.chart`; LAMMPS is timed on the bonds alone of the steps of velocity Verlet.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import pandas as pd
+from beside import chart_points
+
+from pyfric.checks import chart
+from pyfric.figures import DataFigure
+from pyfric.figures.style import style
+from pyfric.scene import preset
+from pyfric.statics import stability_limit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCENE = "Fig. 1"
+PAPER_DT = 0.2e-6
+"""The paper's step in setup 1, s."""
+PAPER = "RK4, switching at step ends\n(the paper's method)"
+HYBRID = "hybrid engine"
+VERLET = "velocity Verlet, step ends"
+"""The steps that LAMMPS is timed on; not drawn."""
+WANT = "precursors"
+RED, BLUE, GREY = "#C00000", "#0072B2", "0.35"
+
+
+def methods() -> dict[str, chart.Method]:
+    """Return the methods that are compared, by the name in the picture."""
+    share = PAPER_DT / stability_limit(preset("fig1"))[0]
+    return {
+        PAPER: chart.Method("dynamic", "finite", "step_end", share),
+        "RK4, located switching": chart.Method("dynamic", "finite", "located", 0.5),
+        VERLET: chart.FULL,
+        HYBRID: chart.Method("hybrid", "finite", "located", 0.5),
+        "hybrid engine,\nlinear geometry": chart.Method("hybrid", "linear", "located", 0.5),
+        "quasi-static\nsequence": chart.Method("quasistatic"),
+    }
+
+
+def points(*, progress: bool = False) -> pd.DataFrame:
+    """Measure the points: columns of `chart.chart`, with ``name``, and ``cheaper``, a ratio."""
+
+    def say(text: str) -> None:
+        if progress:
+            print(text, file=sys.stderr, flush=True)
+
+    named = methods()
+    table = pd.DataFrame(chart.points(SCENE, preset("fig1"), say, tuple(named.values())))
+    table = pd.concat([table, pd.DataFrame(chart_points(table))], ignore_index=True)
+    table["name"] = table["kind"].map({"plan": "plan", "peer": "LAMMPS, bonds only"})
+    table.loc[table["kind"] == "method", "name"] = list(named)
+    paper = table.loc[table["name"] == PAPER, "seconds"].item()
+    return table.assign(cheaper=paper / table["seconds"])
+
+
+def figure(table: pd.DataFrame) -> DataFigure:
+    """Draw the table of `points`."""
+    fig = DataFigure(figsize=(6.2, 3.6))
+    axes = fig.subplots()
+    style(axes)
+    plans = table[(table["kind"] == "plan") & (table["want"] == WANT)]
+    axes.loglog(plans["cheaper"], plans[WANT], "-o", color=BLUE, ms=4, lw=1.2)
+    for _, same in plans.groupby(plans[WANT].map(lambda error: f"{error:.0e}"), sort=False):
+        text = f"pyfric's choice\nfor a tolerance of {' or '.join(map(str, same['tolerance']))}"
+        _name(axes, same.loc[same["cheaper"].idxmin()], text, BLUE, (-7, 6), "right")
+    shown = table[table["kind"].isin(["method", "peer"]) & (table["name"] != VERLET)]
+    for _, row in shown.iterrows():
+        colour = RED if row["name"] == PAPER else GREY
+        marker = "D" if row["kind"] == "peer" else "s"
+        axes.loglog(row["cheaper"], row[WANT], marker, color=colour, ms=5)
+        _name(axes, row, row["name"], colour)
+    axes.set_xlabel("times cheaper than the paper's method")
+    axes.set_ylabel(r"error of forces over $F_\mathrm{N}$")
+    axes.set_xlim(0.6, table["cheaper"].max() * 6)
+    axes.set_ylim(shown[WANT].min() / 3, shown[WANT].max() * 4)
+    paper, best = (shown[shown["name"] == name].iloc[0] for name in (PAPER, HYBRID))
+    fig.caption = (
+        "Error of start and arrest forces (the largest of main events, over F_N) against processor "
+        "time, compared with the paper's method: Fig. 1 scene, up to its fourth main event. The "
+        f"hybrid engine is {best['cheaper']:.0f} times cheaper, and its error is {best[WANT]:.1g} "
+        f"instead of {paper[WANT]:.1g}; the cost of what pyfric chooses (blue) holds the "
+        "measurement of its own error."
+    )
+    fig.tables = {"points": table}
+    return fig
+
+
+def _name(
+    axes: Axes,
+    row: pd.Series,
+    text: str,
+    colour: str,
+    offset: tuple[float, float] = (7, -3),
+    side: str = "left",
+) -> None:
+    look = {"fontsize": 7.5, "color": colour, "ha": side}
+    axes.annotate(text, (row["cheaper"], row[WANT]), offset, textcoords="offset points", **look)

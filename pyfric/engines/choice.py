@@ -221,13 +221,8 @@ class _Choice:
         self.stepped = bool(options.budget) or options.stepper != "rk4"
         self.geometry: Geometry = options.geometry or default_geometry(scene)
         self.dt, self.error = self._step()
-<<<<<<< HEAD
         if self._full_work() > CHEAP:
-            self.t_end = expected_end(scene, t_end, options.stop_when)
-=======
-        if full_work(scene, self.geometry, self.dt, t_end) > CHEAP:
             self.t_end = expected_end(scene, t_end, self.options.stop_when)
->>>>>>> m14
 
     def plan(self, ladder: bool) -> Plan:
         """Return the plan."""

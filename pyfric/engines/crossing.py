@@ -1,6 +1,6 @@
 """When margins of contact, which drift and ring, first reach 0.
 
-Margins are c + rate s + bend s^2/2 + Re(modal exp(rates s)): what `ringdown` and `creeping` make of
+Margins are c + rate s + bend s^2/2 + Re(modal exp(rates s)): what `modes` and `creeping` make of
 a slider whose contact states do not change.
 """
 
@@ -12,8 +12,8 @@ import numpy as np
 
 __all__ = ["first_crossing"]
 
-GONE = 1e-30
-"""A mode is gone once it moves no margin by more than this share of the largest."""
+GONE = 1e-16
+"""A mode is gone once it moves no margin by more than this share of the largest: rounding."""
 GRID = 64
 """Points at which margins are evaluated together."""
 

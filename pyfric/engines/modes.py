@@ -41,8 +41,6 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import scipy.linalg
-import scipy.sparse as sp
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from pyfric.core import OPEN, STUCK
@@ -54,10 +52,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Linearised", "Motion", "Ringing", "orthonormal"]
 
-N_MODES = 40
+N_MODES = 28
 """Undamped modes in the space."""
 SLOW = 6
 """Of these, the slowest, motion lasts until a jump lands: their shapes are of second order."""
+LANCZOS = 1e-6
+"""Relative error of squared frequencies. The space only has to be near to theirs: what it misses
+of a mode counts as truncated."""
 INDEPENDENT = 1e-10
 """Shapes that add less than this share of inertia to the space are rounding."""
 
@@ -159,13 +160,12 @@ class Linearised:
         if not count:
             self.B = np.zeros((self.n_q, 0))
             return 0.0
-        inverse = LinearOperator((len(free), len(free)), self._factor.solve, dtype=float)
-        driven, M_matrix = self.drift[free], sp.diags_array(M).tocsc()
-        K, squares, shapes = self.K[free][:, free], np.zeros(1), driven[:, None]
+        root, driven = np.sqrt(M), self.drift[free]
+        shape, squares, shapes = (len(free), len(free)), np.full(1, np.inf), driven[:, None]
         with contextlib.suppress(ArpackError):  # no modes: all else is truncated
-            how = {"sigma": 0, "OPinv": inverse, "v0": driven, "tol": 1e-8}
-            squares, modes = eigsh(K, count, M_matrix, **how)
-            shapes = np.column_stack([modes, driven])
+            inverse = LinearOperator(shape, lambda x: root * self._factor.solve(root * x), float)
+            squares, modes = eigsh(inverse, count, v0=root * driven, tol=LANCZOS)
+            shapes = np.column_stack([modes / root[:, None], driven])
         if scene.eta > 0:
             C = self.C[free][:, free]
             viscous = self._factor.solve(C @ shapes)
@@ -175,7 +175,7 @@ class Linearised:
         shapes = orthonormal(shapes, M)
         self.B = np.zeros((self.n_q, shapes.shape[1]))
         self.B[free] = shapes
-        return math.sqrt(squares.max())
+        return 1 / math.sqrt(squares.min())
 
     def _find_modes(self) -> None:
         """Find the eigenpairs of the reduced system, and how they move contact and driver."""
@@ -185,9 +185,8 @@ class Linearised:
         self._CB = B.T @ CB
         zero, one = np.zeros((r, r)), np.eye(r)
         rates, x = np.linalg.eig(np.block([[zero, one], [-(B.T @ KB), -self._CB]]))
-        self._to_modes = scipy.linalg.lu_factor(x) if r else None
-        self._one_of_pair = np.flatnonzero(rates.imag >= 0)
-        rates, x = rates[self._one_of_pair], x[:r, self._one_of_pair]
+        one_of_pair = rates.imag >= 0
+        rates, x = rates[one_of_pair], x[:r, one_of_pair]
         self.rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
         self._norm = np.sum(x * (self._CB @ x), axis=0) + 2 * self.rates * np.sum(x * x, axis=0)
         self._pulled = x / self._norm
@@ -355,10 +354,11 @@ class Linearised:
         return tuple(found)
 
     def amplitudes(self, y: np.ndarray) -> np.ndarray:
-        """Return the amplitudes of modes, shape (n,), where B'M w and B'M v are y, (2, r)."""
-        if self._to_modes is None:
-            return np.zeros(0, complex)
-        return scipy.linalg.lu_solve(self._to_modes, y.ravel().astype(complex))[self._one_of_pair]
+        """Return the amplitudes of modes, shape (n,), where B'M w and B'M v are y, (2, r).
+
+        With C and K symmetric, a_k = x_k.((lambda_k + C) y + y')/(x_k.C x_k + 2 lambda_k x_k.x_k).
+        """
+        return (self._CB @ y[0] + y[1]) @ self._pulled + self.rates * (y[0] @ self._pulled)
 
     def excited(self, w: np.ndarray) -> np.ndarray:
         """Return the amplitudes of modes in a deviation w (m) at rest, shape (n,)."""

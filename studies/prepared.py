@@ -1,0 +1,146 @@
+"""Fast, slow and arrested fronts on prepared interfaces of junctions, in two dimensions.
+
+A slab of the preset `slow`, 30 mm high, whose interface is the same everywhere: p = F_N/N_x, and a
+shear tau_0 with stretches of junctions about their mean, spread evenly by `width` u_s to both
+sides. The first blocks are pushed beyond mu_s p for ever, which starts a front. What becomes of it:
+
+arrested         it does not pass all blocks within `T_END`
+arrested, slow   the same, and a stretch of it was slow
+fast             it passes all blocks, and no stretch is slow
+slow             it passes all blocks, and a stretch is slow
+
+Fronts, speeds and slow stretches are those of `studies/slow.py`.
+
+Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014), for the law of junctions.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from slow import AVERAGED, SLOW, c_S, longest_stretch, passages, speeds
+
+from pyfric import figures
+from pyfric.engines import Options, step_size
+from pyfric.scene import preset, slab
+from pyfric.sweeps import Job, PhaseDiagram, phase_diagram
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pyfric.figures import DataFigure
+    from pyfric.record import Record
+
+__all__ = ["CHECKS", "checks", "diagram", "figure", "job", "kind", "slowest"]
+
+TAU = tuple(np.round(np.arange(0.1, 0.1701, 0.005), 3))
+"""tau_0/p."""
+WIDTH = tuple(np.round(np.arange(0.0, 0.501, 0.1), 3))
+"""Half width of stretches over u_s."""
+HEIGHT, T_END = 30e-3, 60e-3
+"""Height of the slab, m; end of runs that do not pass all blocks before, s: 30 mean times t_R."""
+PUSHED, EXCESS = 5, 0.2
+"""Blocks that are pushed, and how far beyond mu_s p, over mu_s p."""
+SAMPLE = 1e-4
+"""Time between points of the curve, s."""
+CHECKS = {"as in the map": {}, "half the step": {"share": 0.5}, "seed 1": {"seed": 1}}
+"""Runs of the map made in another way."""
+
+
+def job(tau: float, width: float, share: float = 1.0, seed: int = 0) -> Job:
+    """Return the run at tau_0/p and a half width of stretches over u_s.
+
+    Args:
+        tau, width: these two.
+        share: step over that of the map.
+        seed: of the junctions' times.
+    """
+    slow = preset("slow")
+    slider, interface, p = slow.slider, slow.interface, slow.F_N / slow.N_x
+    push = EXCESS * interface.mu_s * p + (interface.mu_s - tau) * p
+    scene = slab(
+        p=p,
+        tau=tau * p,
+        L=slider.L,
+        H=HEIGHT,
+        l=slider.l,
+        eta=slow.eta,
+        dashpots=slider.dashpots,
+        law=dataclasses.replace(interface.law, stretch=float(width), seed=seed),
+        mu_s=interface.mu_s,
+        mu_k=interface.mu_k,
+        push=[(n, push) for n in range(1, PUSHED + 1)],
+    )
+    dt = share * step_size(scene, "auto", "rk4")
+    end = f"reached = {(scene.N_x - 1) * scene.slider.l!r} m"
+    how = Options(fidelity="dynamic", dt=dt, sample=SAMPLE, stop_when=end)
+    return Job(scene=scene, t_end=T_END, options=how)
+
+
+def _front(record: Record) -> tuple[np.ndarray, tuple[int, int] | None]:
+    """Return passages of the front of the largest event, and its slow stretch."""
+    if record.events.empty:
+        return np.full(record.scene.N_x, np.nan), None
+    t = passages(record, int(record.events["n_blocks"].idxmax()))
+    return t, longest_stretch(speeds(t, record.scene.slider.l), SLOW * c_S(record))
+
+
+def kind(record: Record) -> str:
+    """Return what became of the front."""
+    t, stretch = _front(record)
+    if np.isfinite(t).all():
+        return "fast" if stretch is None else "slow"
+    return "arrested" if stretch is None else "arrested, slow"
+
+
+def through(record: Record) -> bool:
+    """Return whether the front passed all blocks."""
+    return bool(np.isfinite(_front(record)[0]).all())
+
+
+def slowest(record: Record) -> float:
+    """Return the speed of the slow stretch over c_S, NaN where there is none."""
+    t, stretch = _front(record)
+    if stretch is None:
+        return np.nan
+    first, last = stretch
+    return (last - first) * record.scene.slider.l / (t[last] - t[first]) / c_S(record)
+
+
+def diagram(folder: Path) -> PhaseDiagram:
+    """Return the map; runs are kept in the folder."""
+    axes = {"x": ("tau", TAU), "y": ("width", WIDTH), "cache": folder}
+    labels = {"kind": kind, "slowest": slowest, "through": through}
+    return phase_diagram(job, label=labels, lines=False, **axes)
+
+
+def checks(folder: Path, widths: tuple[float, ...] = (0.2, 0.4)) -> pd.DataFrame:
+    """Return kinds and speeds of slow stretches along the map, made in other ways."""
+    rows = []
+    for name, how in CHECKS.items():
+        axes = {"x": ("tau", TAU), "y": ("width", widths), "cache": folder}
+        labels = {"kind": kind, "slowest": slowest}
+        table = phase_diagram(
+            lambda a, b, how=how: job(a, b, **how), label=labels, lines=False, **axes
+        ).table
+        rows.append(table.assign(case=name))
+    return pd.concat(rows, ignore_index=True)[["case", "tau", "width", "kind", "slowest"]]
+
+
+def figure(found: PhaseDiagram, others: pd.DataFrame) -> DataFigure:
+    """Draw the map: how far fronts get as colours, what becomes of them as symbols."""
+    fig = figures.phase_map(found, "kind")
+    (axes, *_) = fig.axes
+    axes.set_xlabel(r"$\tau_0/p$")
+    axes.set_ylabel(r"half width of stretches over $u_s$")
+    fig.tables["checks"] = others
+    fig.caption = (
+        f"Fronts on prepared interfaces of junctions, {len(found.table)} runs. Colours: speed of "
+        "the front over the last quarter of the blocks, over c; white where it does not come "
+        f"there. A stretch is slow at {SLOW:g} c_S or less, over {AVERAGED} l and at least five "
+        "blocks."
+    )
+    return fig

@@ -10,7 +10,8 @@ lengths below H: v/c = w/(s alpha), with s the number of columns that act as one
 remains to be measured.
 
 Beside them the same slabs without alpha, whose mu falls from mu_s to mu_k over a time t_w since
-slip began, and the Fig. 1 slider with alpha under its driver.
+slip began, and the Fig. 1 slider with alpha under its driver. Slabs whose last block slips before
+the front comes, by what runs ahead of it, have no speed.
 
 Source: K. Thøgersen et al., PRE 100, 043004 (2019), for the chain.
 """
@@ -29,7 +30,7 @@ from scipy.optimize import brentq
 
 import pyfric
 from pyfric import figures, theory
-from pyfric.record import pace_limits
+from pyfric.record import SLOW, pace_limits
 from pyfric.scene import preset, slab
 from pyfric.scene.laws import TabulatedLaw
 from pyfric.sweeps import Job, run_all
@@ -55,7 +56,7 @@ MU_S, MU_K, P, L = 0.7, 0.45, 60.0, 2.5e-3
 """Friction coefficients, normal force of a block (N) and lattice constant (m)."""
 SLIDER_ALPHA = (0.0, 0.03, 0.1, 0.3, 1.0)
 """Viscosities of the slider, over sqrt(k m) of the chain to which it is lumped."""
-T_END = 0.5
+T_END = 0.3
 """End of its runs, s."""
 
 
@@ -94,26 +95,32 @@ def slider_job(alpha: float) -> Job:
     scene = preset("fig1")
     scene = scene.replace({"interface.alpha": alpha * lumped(scene)[1]})
     options = {"fidelity": "dynamic", "geometry": "linear", "budget": False, "verify": "none"}
-    return Job(scene=scene, t_end=T_END, options=options | {"stop_when": "system_size"})
+    return Job(scene=scene, t_end=T_END, options=options)
 
 
 def front(record: Record) -> dict[str, Any]:
     """Return class and speed (over c of the lumped chain) of the largest rupture of a run."""
     found = record.rupture_class()
-    c = lumped(record.scene)[0]
+    v, c_R = found.speed, pace_limits(record.scene)[0]
     told = {"kind": found.kind, "pace": found.pace, "reached": found.reached}
-    return told | {
-        "v_over_c": found.speed / c,
-        "v_over_c_R": found.speed / pace_limits(record.scene)[0],
-    }
+    return told | {"v_over_c": v / lumped(record.scene)[0], "v_over_c_R": v / c_R}
+
+
+def fronts(record: Record) -> dict[str, Any]:
+    """Return main events, blocks of the largest one, speeds over c_R of all, share of slow ones."""
+    events = record.events[record.events["is_main"]]
+    v = pyfric.analysis.fronts(record)["v_c"].dropna() / pace_limits(record.scene)[0]
+    told = {"events": len(events), "most": int(events["n_blocks"].max()), "speeds": len(v)}
+    parts = {f"v_{share}": float(np.percentile(v, share)) for share in (10, 50, 90)}
+    return told | parts | {"slow": float((v < SLOW).mean())}
 
 
 def study(folder: Path, say: Callable[[str], None] = lambda _: None) -> dict[str, pd.DataFrame]:
     """Make the runs that the folder does not hold yet; return the tables."""
 
-    def run(job: Job) -> dict[str, Any]:
+    def run(job: Job, told: Callable[[Record], dict[str, Any]] = front) -> dict[str, Any]:
         (record,) = run_all([job], workers=1, cache=folder, progress=False)
-        return front(record)
+        return told(record)
 
     slabs, aged, sliders = [], [], []
     for rows in ROWS:
@@ -130,7 +137,7 @@ def study(folder: Path, say: Callable[[str], None] = lambda _: None) -> dict[str
                 aged.append(here | run(slab_job(rows, tau_bar, 0.0, t_w)))
     for alpha in SLIDER_ALPHA:
         say(f"slider, alpha = {alpha:g}")
-        sliders.append({"alpha": alpha} | run(slider_job(alpha)))
+        sliders.append({"alpha": alpha} | run(slider_job(alpha), fronts))
     names = ("slabs", "weakening", "sliders")
     return dict(zip(names, map(pd.DataFrame, (slabs, aged, sliders)), strict=True))
 
@@ -151,18 +158,17 @@ def figure(found: dict[str, pd.DataFrame]) -> DataFigure:
         left.plot([], [], color=f"C{n}", marker="o", ls="none", label=f"slab, {rows} rows")
     left.set(xlabel=r"$\bar\tau$", ylabel=r"$\alpha v/(c\sqrt{km})$", xscale="log", yscale="log")
     left.legend(fontsize=7)
-    for n, (rows, of_rows) in enumerate(found["weakening"].groupby("rows")):
+    for n, (_, of_rows) in enumerate(found["weakening"].groupby("rows")):
         for t_w, shown in of_rows.groupby("t_w"):
             marker = "osD^"[WEAKENING.index(t_w)]
-            right.plot(
-                shown["tau_bar"], shown["v_over_c"], color=f"C{n}", marker=marker, ls=":", lw=0.7
-            )
+            look = {"color": f"C{n}", "marker": marker, "ls": ":", "lw": 0.7}
+            right.plot(shown["tau_bar"], shown["v_over_c"], **look)
     right.set(xlabel=r"$\bar\tau$", ylabel="$v/c$, weakening in time", xscale="log", yscale="log")
     fig.tables = dict(found)
     fig.caption = (
-        "Fronts in slabs. (a) alpha v over the prestress: circles, squares and diamonds are alpha = "
+        "Fronts in slabs. (a) alpha v over the prestress: circles, squares and diamonds: alpha = "
         f"{', '.join(f'{one:g}' for one in ALPHA)}, in units of the lumped chain; line: overdamped "
-        "chain. (b) Friction that falls over a time t_w: circles, squares and diamonds are t_w c/l "
+        "chain. (b) Friction that falls over a time t_w: circles, squares and diamonds: t_w c/l "
         f"= {', '.join(f'{one:g}' for one in WEAKENING)}; colours as in (a).\n\n{report(found)}"
     )
     return fig

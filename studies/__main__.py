@@ -374,5 +374,22 @@ def slow(out: Path, runs: Path | None, cases: tuple[str, ...], tell: Tell) -> No
     save_figure(slow.speed_figure(records), out / "speeds", f"{RUN} slow", tell)
 
 
+@main.command(section="Physics")
+@figure_out_option
+@folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
+@telling
+def creeping(out: Path, runs: Path | None, tell: Tell) -> None:
+    """Slow fronts of viscous slip in slabs, beside those of a chain (four minutes).
+
+    Runs are kept in --runs; the next call goes on where this one was stopped.
+    """
+    folder = out / "runs" if runs is None else runs
+    check_folder(out)
+    import creeping
+
+    figure = creeping.figure(creeping.study(folder, say=tell.step))
+    save_figure(figure, out / "creeping", f"{RUN} creeping", tell)
+
+
 if __name__ == "__main__":
     main(prog_name="studies")

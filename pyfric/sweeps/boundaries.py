@@ -155,9 +155,21 @@ class _Column:
         return max((share for share in self.labels if share < high), default=0.0), high
 
     def root(self, low: float, high: float) -> float | None:
-        """Return where the measure changes its sign between two shares, None where it does not."""
-        a, b = (self.numbers.get(share, math.nan) for share in (low, high))
-        return low + (high - low) * a / (a - b) if a * b <= 0 and a != b else None
+        """Return where the measure changes its sign between two shares, None where it does not.
+
+        The share is taken as a parabola of the measure through both and the next known one.
+        """
+        known = {share: number for share, number in self.numbers.items() if math.isfinite(number)}
+        a, b = (known.get(share, math.nan) for share in (low, high))
+        if not (a * b <= 0 and a != b):
+            return None
+        others = sorted(known.keys() - {low, high}, key=lambda share: abs(known[share]))
+        ends = [(a, low), (b, high)]
+        for share in others[:1]:
+            root = _extended([*ends, (known[share], share)], 0.0)
+            if low < root < high:
+                return root
+        return _extended(ends, 0.0)
 
 
 class _Line:
@@ -207,6 +219,9 @@ class _Line:
                 share = low + self.width
             elif root is not None and high - root < NEAR * self.width:
                 share = high - self.width
+            elif root is not None and slow:  # just beyond it, as seen from the end that stays
+                beyond = NEAR / 2 * self.width
+                share = root + (beyond if high - root > root - low else -beyond)
             low, high = (share, high) if column(share) == self.below else (low, share)
             slow += root is not None and high - low > length / 2
         return low, high

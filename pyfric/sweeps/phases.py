@@ -60,23 +60,16 @@ LABELS: Labels = {
 """Labels of a run where none are given: kind and pace of its class of rupture."""
 
 
-def _over(share: float, which: int) -> Callable[[Record], float]:
-    """Return the function from a record to log(v/v_0), v_0 a share of one of two limits."""
-
-    def measure(record: Record) -> float:
-        v = record.rupture_class().speed
-        return math.log(v / (share * pace_limits(record.scene)[which])) if v > 0 else math.nan
-
-    return measure
-
-
-PACES: Mapping[frozenset[str], Callable[[Record], float]] = {
-    frozenset({"slow", "sub-Rayleigh"}): _over(SLOW, 0),
-    frozenset({"sub-Rayleigh", "supershear"}): _over(1.0, 0),
-    frozenset({"sub-Rayleigh", "beyond c_R"}): _over(1.0, 0),
-    frozenset({"beyond c_R", "supershear"}): _over(1.0, 1),
+PACES: Mapping[frozenset[str], tuple[float, int]] = {
+    frozenset({"slow", "sub-Rayleigh"}): (SLOW, 0),
+    frozenset({"sub-Rayleigh", "supershear"}): (1.0, 0),
+    frozenset({"sub-Rayleigh", "beyond c_R"}): (1.0, 0),
+    frozenset({"beyond c_R", "supershear"}): (1.0, 1),
 }
-"""Two paces -> a number that changes its sign between them."""
+"""Two paces -> the speed between them: a share of one of the two limits of a scene."""
+
+Row = dict[str, Any]
+"""What became of a run: the fields, the labels, and what is said of its front."""
 
 
 @dataclass(frozen=True)
@@ -194,20 +187,32 @@ def phase_diagram(
     points = [(a, b) for a in xs for b in ys]
     jobs = [job(a, b) for a, b in points]
     records = run_all(jobs, cache=cache, **how)
-    rows = [
-        {x_name: a, y_name: b} | {name: of(record) for name, of in labels.items()} | _front(record)
-        for (a, b), record in zip(points, records, strict=True)
-    ]
+
+    def row(a: float, b: float, record: Record) -> Row:
+        told = {name: of(record) for name, of in labels.items()}
+        return {x_name: a, y_name: b} | told | _front(record)
+
+    pairs = zip(points, records, strict=True)
+    rows = [row(a, b, record) for (a, b), record in pairs]
     table = pd.DataFrame(rows)
 
-    def run(b: float, a: float) -> Record:
+    def run(b: float, a: float) -> Row:
         (record,) = run_all([job(a, b)], 1, cache, progress=False)
-        return record
+        rows.append(row(a, b, record))
+        return rows[-1]
 
-    measured = labels is LABELS
+    def limit(pair: tuple[Hashable, Hashable]) -> Callable[[Row], float] | None:
+        """Return the number that changes its sign between two paces, None for other labels."""
+        if labels is not LABELS or frozenset(pair) not in PACES:
+            return None
+        share, which = PACES[frozenset(pair)]
+        return lambda one: math.log(
+            one["speed"] / (share * pace_limits(job(one[x_name], one[y_name]).scene)[which])
+        )
+
     found = [
-        _line(run, table, (x_name, y_name), (name, of), pair, tolerance, measured)
-        for name, of in (labels.items() if lines else ())
+        _line(run, rows, table, (x_name, y_name), name, pair, tolerance, limit(pair))
+        for name in (labels if lines else ())
         for pair in sorted(set(_changes(table, x_name, y_name, name)["pair"]), key=str)
     ]
     columns = ["label", "below", "above", x_name, y_name, "low", "high", "runs"]
@@ -268,37 +273,36 @@ def _changes(table: pd.DataFrame, x: str, y: str, name: str) -> pd.DataFrame:
 
 
 def _line(
-    run: Callable[[float, float], Record],
+    run: Callable[[float, float], Row],
+    rows: list[Row],
     table: pd.DataFrame,
     fields: tuple[str, str],
-    label: tuple[str, Callable[[Record], Hashable]],
+    name: str,
     pair: tuple[Hashable, Hashable],
     tolerance: float,
-    measured: bool,
+    measure: Callable[[Row], float] | None,
 ) -> pd.DataFrame:
     """Return the line on which a label changes along y, between neighbours with these two.
 
-    Where there is a third label between them, the line is where the lower one ends.
+    Where there is a third label between them, the line is where the lower one ends. `rows` are all
+    runs so far: those of other lines count for this one.
     """
-    (x, y), (name, of) = fields, label
+    x, y = fields
     xs, ys = np.unique(table[x]), np.unique(table[y])
     changes = _changes(table, x, y, name)
     changes = changes[[one == pair for one in changes["pair"]]].drop_duplicates("x")
-    seen: dict[tuple[float, float], Hashable] = {}
-    speeds: dict[tuple[float, float], float] = {}
-    over_limit = PACES.get(frozenset(pair)) if measured else None
+    cells = {one.x: (one.low, one.high) for one in changes.itertuples()}
+    inside = [one for one in rows if one[x] in cells]
+    inside = [one for one in inside if cells[one[x]][0] <= one[y] <= cells[one[x]][1]]
+    known = [{"over": one[x], "along": one[y], "label": one[name] == pair[0]} for one in inside]
+    if measure is not None:
+        known = [one | {"measure": measure(of)} for one, of in zip(known, inside, strict=True)]
+    seen = {(one[y], one[x]): one for one in inside}
 
     def is_below(b: float, a: float) -> bool:
-        record = run(b, a)
-        seen[b, a] = of(record)
-        speeds[b, a] = math.nan if over_limit is None else over_limit(record)
-        return bool(seen[b, a] == pair[0])
+        seen[b, a] = run(b, a)
+        return bool(seen[b, a][name] == pair[0])
 
-    ends = [changes.assign(along=changes[end], label=end == "low") for end in ("low", "high")]
-    if over_limit is not None:  # of the map, which holds what these runs gave
-        for end in ends:
-            of_end = zip(end["along"], end["x"], strict=True)
-            end["measure"] = [over_limit(run(b, a)) for b, a in of_end]
     line = boundary(
         is_below,
         along=(ys[0], ys[-1]),
@@ -306,11 +310,11 @@ def _line(
         scale=_scale(ys),
         over_scale=_scale(xs),
         tolerance=tolerance,
-        known=pd.concat(ends).rename(columns={"x": "over"}),
-        measure=None if over_limit is None else lambda b, a: speeds[b, a],
+        known=pd.DataFrame(known),
+        measure=None if measure is None else lambda b, a: measure(seen[b, a]),
     )
     points = zip(line["high"], line["over"], strict=True)
-    above = [seen.get(point, pair[1]) for point in points]
+    above = [seen[point][name] if point in seen else pair[1] for point in points]
     line = line.assign(label=name, below=[pair[0]] * len(line), above=above)
     return line.rename(columns={"over": x, "along": y})
 

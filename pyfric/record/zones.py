@@ -71,7 +71,7 @@ def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
     law, p = scene.law, np.asarray(p, dtype=float)
     if isinstance(scene.top, PrescribedLoad):
         given = scene.p_prescribed if scene.prescribed else scene.load
-        p = np.where(np.isnan(p), given, p)
+        p = np.where(np.isnan(p), given, p) / scene.shares[1]
     with np.errstate(divide="ignore", invalid="ignore"):
         drop, energy = law.drop * p, law.fracture_energy(p)
         if scene.N_z == 1:

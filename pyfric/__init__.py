@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         RunError,
         plan,
         prediction_curve,
+        released,
         simulate,
         step_size,
     )
@@ -130,6 +131,7 @@ __all__ = [
     "prediction_curve",
     "preset",
     "presets",
+    "released",
     "run_all",
     "setup1",
     "setup2",

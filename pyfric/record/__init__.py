@@ -22,6 +22,7 @@ from pyfric.record.catalogue import (
     Catalogue,
     build_catalogue,
     count_main,
+    parts,
 )
 from pyfric.record.classes import RuptureClass, creeps_to_rest, rupture_class
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS, LogError
@@ -36,6 +37,7 @@ from pyfric.record.software import provenance, versions
 from pyfric.record.zones import (
     RESOLVED,
     can_rupture,
+    chain_notes,
     viscous_error,
     zone_at_rest,
     zone_moving,
@@ -67,6 +69,7 @@ __all__ = [
     "budget_left",
     "build_catalogue",
     "can_rupture",
+    "chain_notes",
     "collapse_spread",
     "count_main",
     "creeps_to_rest",
@@ -81,6 +84,7 @@ __all__ = [
     "mean_force",
     "numbered",
     "paired",
+    "parts",
     "precursor_lengths",
     "provenance",
     "rupture_class",

@@ -1,11 +1,11 @@
 !> Energy of the springs and power of the dashpots of the lattice, row by row.
 !>
-!> Of a bond to an image, over a mirrored side or top, one half counts; of one within a row of half blocks, too.
+!> Of a bond to an image, over a mirrored side or top, one half counts; of one between half blocks of a row or column, too.
 module pyfric_bond_energy
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_bonds, only: bond_t, BONDS, N_BOND, BESIDE, ABOVE, RIGHT, LEFT
-  use pyfric_model, only: model_t, reflected, MIRRORED
+  use pyfric_model, only: model_t, reflected, row_share, column_shares, cut_sides, MIRRORED
   implicit none (type, external)
   private
   public :: bond_power, bond_energy
@@ -33,7 +33,7 @@ contains
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)  !! the row above
     real(dp) :: power
 
-    if (s%along .or. (s%prescribed .and. j == 1)) then
+    if (s%along .or. row_share(s, j) < 1.0_dp .or. cut_sides(s)) then
       power = over_bonds(s, j, 1, .true., q, up)
     else
       power = inner_power(s, j, q, up)
@@ -110,9 +110,10 @@ contains
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)  !! the row above
     logical, intent(in), optional :: images        !! those that lead to images only
-    real(dp) :: total, row(4, 0:s%nx + 1), above_it(4, 0:s%nx + 1)
+    real(dp) :: total, row(4, 0:s%nx + 1), above_it(4, 0:s%nx + 1), column(s%nx)
     integer :: i
 
+    column = column_shares(s)
     row = with_images(s, q)
     above_it = with_images(s, up)
     if (j == s%nz) above_it = spread([1.0_dp, -1.0_dp, 1.0_dp, -1.0_dp], 2, s%nx + 2)*row
@@ -147,7 +148,8 @@ contains
       change = to(:, i_2) - row(:, i_1)
       e = merge(power_of(s, m, change), energy_of(s, m, change), viscous)
       if (image) e = 0.5_dp*e
-      if (s%prescribed .and. j + BOND(m)%rows == 1) e = 0.5_dp*e
+      if (BOND(m)%rows == 0) e = row_share(s, j)*e
+      if (i_1 == i_2) e = column(i)*e
     end function of_bond
   end function over_bonds
 

@@ -2,7 +2,7 @@
 module pyfric_contact
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, LB, LANES
-  use pyfric_model, only: model_t, close_state
+  use pyfric_model, only: model_t, close_state, row_share, column_shares
   use pyfric_boundaries, only: foundation, driver_force
   use pyfric_law, only: stop_reversed, next_states, settle_junctions, remember, STUCK
   use pyfric_log, only: log_t, log_switch, log_quiet
@@ -80,7 +80,7 @@ contains
 
     v_x = q(s%at(:s%nx), VX)
     call foundation(s, q(LB, UZ), w%p)
-    call stop_reversed(merge(0.5_dp, 1.0_dp, s%prescribed)*s%m, w%p, contact%mode, v_x, contact%loss)
+    call stop_reversed(row_share(s, 1)*column_shares(s)*s%m, w%p, contact%mode, v_x, contact%loss)
     q(s%at(:s%nx), VX) = v_x
     call close_state(s, q)
   end subroutine stop_blocks

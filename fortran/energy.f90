@@ -2,7 +2,7 @@
 module pyfric_energy
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
-  use pyfric_model, only: model_t
+  use pyfric_model, only: model_t, row_share, column_shares
   use pyfric_bond_energy, only: bond_energy
   use pyfric_boundaries, only: driver_force, foundation
   use pyfric_law, only: interface_energy
@@ -24,12 +24,10 @@ contains
 
     e = 0.0_dp
     do j = 1, s%nz
-      e(1) = e(1) + 0.5_dp*s%m*sum(y(:, VX, j)**2 + y(:, VZ, j)**2)
+      e(1) = e(1) + 0.5_dp*s%m*row_share(s, j)*sum(column_shares(s)*(y(:, VX, j)**2 + y(:, VZ, j)**2))
       e(3) = e(3) + bond_energy(s, j, row(j), row(min(j + 1, s%nz)))
     end do
-    if (s%prescribed) then  ! half blocks
-      e(1) = e(1) - 0.25_dp*s%m*sum(y(:, VX, 1)**2 + y(:, VZ, 1)**2)
-    else
+    if (.not. s%prescribed) then
       e(4) = 0.5_dp*s%k_f(1)*sum(s%k_f/s%k_f(1)*min(y(:, UZ, 1), 0.0_dp)**2)
     end if
     if (s%rigid) then

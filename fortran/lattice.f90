@@ -7,10 +7,10 @@ module pyfric_lattice
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_bonds, only: weights_t, SPRINGS, DASHPOTS
-  use pyfric_model, only: model_t, MIRRORED
+  use pyfric_model, only: model_t, MIRRORED, ABSORBING
   implicit none (type, external)
   private
-  public :: around_t, gather_forces, halve_bonds
+  public :: around_t, gather_forces, halve_bonds, halve_columns
 
   !> What there is around a row.
   type :: around_t
@@ -149,8 +149,7 @@ contains
     end function drag_at_wall
   end subroutine gather_forces
 
-  !> Takes half of the bonds within the bottom row off its forces: its blocks are half blocks, as a cut along the row
-  !> leaves them.
+  !> Takes half of the bonds within a row off its forces: its blocks are half blocks, as a cut along the row leaves them.
   pure subroutine halve_bonds(s, q, fx, fz)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the row
@@ -168,4 +167,27 @@ contains
       if (.not. s%along) fz(o) = fz(o) - 0.5_dp*s%eta*d(VZ)
     end do
   end subroutine halve_bonds
+
+  !> The same for the bonds within the columns at sides that are cut: those to the rows below and above.
+  pure subroutine halve_columns(s, rows, dn, q, up, fx, fz)
+    type(model_t), intent(in) :: s
+    logical, intent(in) :: rows(2)                   !! there is a row below, above
+    real(dp), intent(in) :: dn(LB:s%n + LANES, 4)    !! the row below
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)     !! the row
+    real(dp), intent(in) :: up(LB:s%n + LANES, 4)    !! the row above
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)    !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)    !! force on the row [N]
+    real(dp) :: d(4)
+    integer :: side, o
+
+    do side = -1, 1, 2
+      if (merge(s%left, s%right, side < 0) /= ABSORBING) cycle
+      o = merge(1, s%at(s%nx), side < 0)
+      d = 0.0_dp
+      if (rows(1)) d = dn(o, :) - q(o, :)
+      if (rows(2)) d = d + (up(o, :) - q(o, :))
+      fz(o) = fz(o) - 0.5_dp*(s%k*d(UZ) + s%eta*d(VZ))
+      if (.not. s%along) fx(o) = fx(o) - 0.5_dp*s%eta*d(VX)
+    end do
+  end subroutine halve_columns
 end module pyfric_lattice

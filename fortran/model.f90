@@ -7,7 +7,7 @@ module pyfric_model
   implicit none (type, external)
   private
   public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, reflected
-  public :: FREE, MIRRORED, ABSORBING, HELD
+  public :: FREE, MIRRORED, ABSORBING, HELD, row_share, column_shares, cut_sides
 
   !> What is beyond a side or the top. Mirrored: the slider goes on half a bond away, with the same u_x and the opposite
   !> u_z. Absorbing: dashpots with the impedances of plane waves. Held: the top row does not move.
@@ -204,6 +204,34 @@ contains
       s%series(:, b) = series(BONDS(b)%stiffness*s%k, sum(BONDS(b)%d**2)*s%l**2)
     end do
   end subroutine take_constants
+
+  !> What there is of the blocks of row j: a half where the slider is cut along the row, which it is at a prescribed interface
+  !> and at an absorbing top.
+  pure function row_share(s, j) result(c)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: j  !! row, from 1 at the bottom
+    real(dp) :: c
+
+    c = merge(0.5_dp, 1.0_dp, s%prescribed .and. (j == 1 .or. j == s%nz .and. s%top == ABSORBING))
+  end function row_share
+
+  !> What there is of the blocks of each column: a half at absorbing sides.
+  pure function column_shares(s) result(c)
+    type(model_t), intent(in) :: s
+    real(dp) :: c(s%nx)
+
+    c = 1.0_dp
+    if (s%left == ABSORBING) c(1) = 0.5_dp
+    if (s%right == ABSORBING) c(s%nx) = 0.5_dp
+  end function column_shares
+
+  !> True if a side is cut.
+  pure function cut_sides(s) result(yes)
+    type(model_t), intent(in) :: s
+    logical :: yes
+
+    yes = s%left == ABSORBING .or. s%right == ABSORBING
+  end function cut_sides
 
   !> Coefficients c_n of k (r - l0)/r = sum of c_n t^n, n = 1..7, in t = r^2 - l0^2 = 2 d.du + |du|^2.
   !>

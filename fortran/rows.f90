@@ -2,9 +2,9 @@
 module pyfric_rows
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
-  use pyfric_model, only: model_t, MIRRORED, HELD
+  use pyfric_model, only: model_t, row_share, column_shares, cut_sides, MIRRORED, HELD
   use pyfric_bonds, only: N_BOND
-  use pyfric_lattice, only: around_t, gather_forces, halve_bonds
+  use pyfric_lattice, only: around_t, gather_forces, halve_bonds, halve_columns
   use pyfric_finite, only: forces_finite
   use pyfric_bond_energy, only: bond_power
   use pyfric_boundaries, only: foundation, foundation_rate, driver_force, driver_speed, load_share, mirror_sum, absorb, absorbed, &
@@ -73,12 +73,49 @@ contains
     else
       call gather_forces(s, around_t(0.0_dp, 0.0_dp), w%zeros, q, w%zeros, fx, fz)
     end if
-    if (j == 1 .and. s%prescribed) call halve_bonds(s, q, fx, fz)
+    if (s%prescribed) call halve_cuts(s, j, dn, q, up, fx, fz)
     do i = s%nx + 1, s%n
       fx(s%at(i)) = 0.0_dp
       fz(s%at(i)) = 0.0_dp
     end do
   end subroutine bond_forces
+
+  !> Takes half of the bonds along cuts off the forces on row j.
+  pure subroutine halve_cuts(s, j, dn, q, up, fx, fz)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: j                         !! row, from 1 at the bottom
+    real(dp), intent(in) :: dn(LB:s%n + LANES, 4)    !! the row below, not used at the bottom
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)     !! the row
+    real(dp), intent(in) :: up(LB:s%n + LANES, 4)    !! the row above, not used at the top
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)    !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)    !! force on the row [N]
+
+    if (row_share(s, j) < 1.0_dp) call halve_bonds(s, q, fx, fz)
+    if (.not. cut_sides(s)) return
+    if (j == s%nz .and. s%top == MIRRORED) then
+      call halve_columns(s, [j > 1, .true.], dn, q, reflected_row(s, q), fx, fz)
+    else
+      call halve_columns(s, [j > 1, j < s%nz], dn, q, up, fx, fz)
+    end if
+  end subroutine halve_cuts
+
+  !> Divides the forces on row j by what there is of its blocks: the rest of a step divides them by the mass of a whole one.
+  pure subroutine weigh(s, j, fx, fz)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: j                         !! row, from 1 at the bottom
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)    !! force on the row [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)    !! force on the row [N]
+    real(dp) :: c(s%nx)
+
+    if (row_share(s, j) < 1.0_dp) then
+      fx = 2.0_dp*fx
+      fz = 2.0_dp*fz
+    end if
+    if (.not. cut_sides(s)) return
+    c = column_shares(s)
+    fx(s%at([1, s%nx])) = fx(s%at([1, s%nx]))/c([1, s%nx])
+    fz(s%at([1, s%nx])) = fz(s%at([1, s%nx]))/c([1, s%nx])
+  end subroutine weigh
 
   !> Adds the forces from outside on row j: the driver's; what pushes the bottom row; the shear; on a free top row the load and -k_top u_x; those of
   !> absorbing sides and top.
@@ -135,7 +172,7 @@ contains
   end subroutine other_forces
 
   !> Forces on row j, friction included, at fixed contact states; the carry of the bonds moves up one row (finite geometry).
-  !> On a prescribed interface those on the bottom row are doubled, because its blocks have half the mass.
+  !> Those on half blocks are doubled, because of their mass.
   pure subroutine row_forces(s, j, t, dn, q, up, mode, memory, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom
@@ -160,18 +197,16 @@ contains
       do i = 1, s%nx
         fx(s%at(i)) = fx(s%at(i)) + w%f(i)
       end do
-      if (s%prescribed) then
-        fx = 2.0_dp*fx
-        fz = 2.0_dp*fz
-        return
+      if (.not. s%prescribed) then
+        do i = 1, s%nx
+          fz(s%at(i)) = fz(s%at(i)) + w%p(i)
+        end do
       end if
-      do i = 1, s%nx
-        fz(s%at(i)) = fz(s%at(i)) + w%p(i)
-      end do
     else if (j == s%nz .and. s%top == HELD) then
       fx = 0.0_dp
       fz = 0.0_dp
     end if
+    if (s%prescribed) call weigh(s, j, fx, fz)
   end subroutine row_forces
 
   !> Adds c times the powers that row j owns to the budget; row_forces has just been called.

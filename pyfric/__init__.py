@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         RunError,
         plan,
         prediction_curve,
+        released,
         simulate,
         step_size,
     )
@@ -68,10 +69,10 @@ if TYPE_CHECKING:
         Equilibrium,
         EquilibriumError,
         StaticSolver,
+        forced,
         loaded_state,
         overstressed,
         ramped,
-        released,
         solve_static,
         stability_limit,
     )
@@ -124,6 +125,7 @@ __all__ = [
     "chain",
     "claims",
     "figures",
+    "forced",
     "front_speed",
     "label_map",
     "laws",

@@ -184,6 +184,15 @@ def test_t_gap_joins_and_splits(pause, n_events):
     assert events["t_stop"].iloc[-1] == 6 * MS
 
 
+def test_a_pause_within_rounding_of_t_gap_does_not_part_events():
+    for t in (0.0, 0.9, 7.3):
+        run = Run()
+        run.slip(0, t + 1 * MS, t + 2 * MS)
+        run.slip(1, t + 2 * MS + 1 * MS, t + 4 * MS)
+        assert len(run.catalogue(t_gap=1 * MS).events) == 1
+        assert len(run.catalogue(t_gap=(1 - 1e-6) * MS).events) == 2
+
+
 def test_gap_counts_from_the_end_of_all_activity():
     """A short slip inside a long one does not end the activity."""
     run = Run().slip(0, 1 * MS, 9 * MS).slip(1, 2 * MS, 2.1 * MS).slip(2, 9.5 * MS, 10 * MS)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 import tomllib
 
 import numpy as np
@@ -557,3 +558,34 @@ def test_command_line(tmp_path):
     done = CliRunner().invoke(main, ["scene", "chain", "--set", "tau=50 N"])
     assert done.exit_code == Exit.BAD_INPUT
     assert "top.tau = 50.0 N: block 1 from the trailing edge would slip" in done.stderr
+
+
+# --- fronts that are started ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize(("blocks", "runs"), [(3, False), (5, True)])
+def test_a_front_without_inertia_needs_so_many_blocks(side, blocks, runs):
+    """At tau_bar = 0.2 it is 1/tau_bar - 1 = 4 blocks that just bring the next one to mu_s p."""
+    scene = chain(L=29 * 2.5e-3, p=10.0, tau=10 * (0.45 + 0.2 * 0.25), K=0.0, V=0.0, side=side)
+    viscous = 10 * math.sqrt(scene.slider.k * scene.m)
+    scene = scene.replace({"interface.alpha": viscous, "slider.eta": 0.0})
+    first = pyfric.released(scene, blocks)
+    t_end = 2e4 * math.sqrt(scene.m / scene.slider.k)
+    record = pyfric.simulate(scene, t_end, fidelity="dynamic", initial=first, progress=False)
+    slips = scene.n_of_i[record.final_state.y[0, 0] != 0]
+    assert slips.max() == (scene.N_x if runs else blocks)
+    told = [note for note in record.notes if "dies unless inertia helps" in note]
+    assert len(told) == (not runs)
+    assert runs or f"block {blocks} of {scene.N_x}" in told[0]
+    assert runs or f"{100 * (blocks + 1) * 0.2:.0f} %" in told[0]
+
+
+def test_released_blocks_have_weakened():
+    scene = chain(L=29 * 2.5e-3, p=10.0, tau=5.0, K=0.0, V=0.0, d_c=1e-5)
+    state = pyfric.released(scene, 4)
+    np.testing.assert_array_equal(state.slip[:4], 1e-5)
+    np.testing.assert_array_equal(state.mode, [1] * 4 + [0] * 26)
+    for wrong in (0, 31, 2.5):
+        with pytest.raises(pyfric.SceneError, match="blocks"):
+            pyfric.released(scene, wrong)

@@ -574,11 +574,11 @@ def test_frames_of_a_film_are_the_whole_figure(run):
     frames = [strip.Frame(n * 1e-5, v[n], p * (0.2 + 0.3 * n), p, n * mode) for n in (0, 1)]
     fig, (panels,) = strip._panels(run.scene, 1, 0.1)
     panels.scale(run.scene)
-    panels.show(frames[0], 0.0)
+    panels.show(frames[0], 0.0, (1e6, "us"))
     fig.canvas.draw()
     fig.set_layout_engine("none")
     film, file = strip._Film(fig, panels.moving()), io.BytesIO()
-    panels.show(frames[1], 0.0)
+    panels.show(frames[1], 0.0, (1e6, "us"))
     film.savefig(file)
     for one in panels.moving():
         one.set_animated(False)

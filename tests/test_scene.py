@@ -832,3 +832,10 @@ def test_broken_arguments(changes):
 @pytest.mark.parametrize("geometry", [None, [], "round", np.array([1.0, 2.0])])
 def test_what_is_no_geometry(geometry):
     assert refused(lambda: loaded_state(setup1(), geometry)).field == "geometry"
+
+
+def test_a_shear_force_beyond_friction_is_named():
+    error = refused(lambda: setup2(T=281.0))
+    assert str(error).startswith("top.T = 281.0 N: ")
+    assert "mu_s F_N = 280.0 N" in str(error)
+    assert setup2(T=-280.0).top.T == -280.0

@@ -12,6 +12,7 @@ from pyfric import figures, theory
 from pyfric.cli import main
 from pyfric.figures import spacetime
 from pyfric.figures.spacetime import space_time, speeds, theory_times, wave_lines
+from pyfric.figures.strip import event_frames
 from pyfric.figures.style import DataFigure
 from pyfric.record import analysis, griffith_length
 from pyfric.record.griffith import _before
@@ -228,3 +229,56 @@ def test_command_line(run, tmp_path):
     assert (tmp_path / "x_slip_rate.csv").is_file()
     for wrong in ([], ["--event", "0"], ["--event", "99999"]):
         assert CliRunner().invoke(main, ["spacetime", str(path), *wrong]).exit_code == 2
+
+
+@pytest.fixture(scope="module")
+def crack(tmp_path_factory):
+    """TPV3 on large blocks, 2 s of it, as a file."""
+    path = tmp_path_factory.mktemp("crack") / "crack.nc"
+    scene = pyfric.preset("tpv3", {"slider.l": 500.0})
+    pyfric.simulate(scene, 2.0, fidelity="dynamic", progress=False).save(path)
+    return path
+
+
+def test_a_crack_is_shown_from_its_record(crack):
+    """It begins at once, in blocks that carry more than they can; no static states precede it."""
+    record = pyfric.Record.load(crack)
+    fig = space_time(record, 1)
+    rates = fig.tables["slip_rate"].pivot(index="t_s", columns="n", values="v_m_per_s")
+    for n, t in zip(fig.tables["front"]["n"], fig.tables["front"]["t"], strict=True):
+        assert (rates.loc[rates.index <= t, n] == 0).all()
+        assert (rates.loc[rates.index > t + record.method.dt, n] > 0).all()
+    assert set(fig.tables["lines"]["name"]) == {"c_R", "c_S", "c_L"}
+    assert fig.axes[0].get_ylabel().endswith("(s)")
+    assert "prescribed interface" in fig.caption
+    frames = event_frames(record, 1, [record.final_state.t])
+    order = np.argsort(record.scene.n_of_i)
+    np.testing.assert_array_equal(frames[0].v, record.final_state.y[:, 2:, order])
+    film = figures.event_movie(record, 1, crack.with_suffix(".gif"), count=3)
+    assert film.stat().st_size > 0
+
+
+@pytest.mark.parametrize("command", ["spacetime", "movie"])
+def test_a_crack_is_shown_from_its_scene(command, tmp_path):
+    out = tmp_path / "crack"
+    options = ["--event", "1", "--t-end", "2", "--set", "slider.l=500 m", "--out", str(out)]
+    done = CliRunner().invoke(main, [command, "tpv3", *options])
+    assert done.exit_code == 0, done.output
+    assert out.with_suffix(".png").stat().st_size > 0
+
+
+def test_a_front_that_was_started_is_shown_from_its_first_state():
+    """Blocks released by hand: the loaded slider alone would stay at rest."""
+    scene = chain_scene(30, 0.5)
+    scene = scene.replace({"driver.K": 0.0, "driver.V": 0.0})
+    state = loaded_state(scene).state(scene, 2e-7)
+    state.mode[:3], state.y[0, 2, :3] = 1, 1e-6
+    how = {"fidelity": "dynamic", "progress": False, "switching": "located"}
+    record = pyfric.simulate(scene, 5e-5, initial=state, **how)
+    with pytest.raises(pyfric.SceneError, match="as initial"):
+        space_time(record, 1)
+    fig = space_time(record, 1, initial=state)
+    ruptures_are_where_slip_begins(fig.axes[0])
+    frames = event_frames(record, 1, [record.final_state.t], initial=state)
+    order = np.argsort(record.scene.n_of_i)
+    np.testing.assert_array_equal(frames[0].v, record.final_state.y[:, 2:, order])

@@ -152,7 +152,7 @@ def test_a_forced_rupture_runs_at_its_speed(name, speed):
     """Stresses are too low for it to run by itself: ahead of it nothing slips, and it ends."""
     scene = SCENES[name].replace({"mu_s": 3.0, "mu_k": 2.9})
     l, x = scene.slider.l, 6.5 * SCENES[name].slider.l
-    pushed = pyfric.released(scene, x=x, length=9 * l, speed=speed, excess=0.1)
+    pushed = pyfric.forced(scene, x=x, length=9 * l, speed=speed, excess=0.1)
     t_end = 6 * l / speed
     first = first_slips(run_of(pushed, t_end))
     at = np.arange(scene.N_x) * l
@@ -200,7 +200,7 @@ def test_sliders_that_are_driven():
 def test_laws_that_heal_and_files():
     """Starts on another friction law; the scene comes back from its file, ramps included."""
     scene = small_rod(V=0.0, law=Ageing(B=0.02, t_c=1e-3))
-    both = pyfric.released(scene, x=5 * L, length=3 * L, speed="100 m/s")
+    both = pyfric.forced(scene, x=5 * L, length=3 * L, speed="100 m/s")
     both = pyfric.ramped(both, x=0.0, rate=1.0)
     assert len(both.top.push) == 4
     assert Scene.from_toml(both.to_toml()) == both
@@ -222,7 +222,7 @@ def test_refused_starts():
         ({"begin": -1.0}, "begin", "too small"),
     ):
         refused(lambda more=more: pyfric.overstressed(scene, **patch | more), field, said)
-    refused(lambda: pyfric.released(scene, **patch, speed=0.0), "speed", "too small")
+    refused(lambda: pyfric.forced(scene, **patch, speed=0.0), "speed", "too small")
     refused(lambda: pyfric.ramped(scene, x=0.0, rate=-1.0), "rate", "too small")
     refused(lambda: pyfric.overstressed("slow", **patch), "interface.law", "no threshold")
     for push, said in (

@@ -60,8 +60,8 @@ def bond_forces(scene: Any, y: np.ndarray, geometry: str) -> np.ndarray:
                 if along(scene):
                     dv = n_x * dv_x + n_z * dv_z
                     dv_x, dv_z = dv * n_x, dv * n_z
-                F[j, 0, i] += share(scene, j, b) * (tension * n_x + scene.eta * dv_x)
-                F[j, 1, i] += share(scene, j, b) * (tension * n_z + scene.eta * dv_z)
+                F[j, 0, i] += share(scene, j, i, a, b) * (tension * n_x + scene.eta * dv_x)
+                F[j, 1, i] += share(scene, j, i, a, b) * (tension * n_z + scene.eta * dv_z)
     return F
 
 
@@ -95,8 +95,8 @@ def prescribed(scene: Any) -> bool:
 def absorbing(scene: Any, y: np.ndarray) -> np.ndarray:
     """Return the forces of the dashpots of absorbing walls, (N_z, 2, N_x), in N.
 
-    Along the normal rho c_P v per area, across it rho c_S v; a block has the face m/(rho l), and
-    c_P = l sqrt(3 k/(2 m)), c_S = l sqrt(k/(2 m)).
+    Along the normal rho c_P v per area, across it rho c_S v (not where two walls meet); a block has
+    the face m/(rho l), and c_P = l sqrt(3 k/(2 m)), c_S = l sqrt(k/(2 m)).
     """
     F, walls = np.zeros_like(y[:, :2]), getattr(scene, "walls", None)
     if walls is None:
@@ -105,18 +105,37 @@ def absorbing(scene: Any, y: np.ndarray) -> np.ndarray:
     for side, i in ((walls.left, 0), (walls.right, scene.N_x - 1)):
         if side == "absorbing":
             for j in range(scene.N_z):
-                F[j, 0, i] -= share(scene, j) * z_p * y[j, 2, i]
-                F[j, 1, i] -= share(scene, j) * z_s * y[j, 3, i]
+                face = 0.5 if cut(scene, j, i)[0] else 1.0
+                F[j, 0, i] -= face * z_p * y[j, 2, i]
+                F[j, 1, i] -= 0 if all(cut(scene, j, i)) and j else face * z_s * y[j, 3, i]
     if walls.top == "absorbing":
         for i in range(scene.N_x):
-            F[-1, 0, i] -= z_s * y[-1, 2, i]
-            F[-1, 1, i] -= z_p * y[-1, 3, i]
+            face = 0.5 if cut(scene, scene.N_z - 1, i)[1] else 1.0
+            F[-1, 0, i] -= 0 if face < 1 else face * z_s * y[-1, 2, i]
+            F[-1, 1, i] -= face * z_p * y[-1, 3, i]
     return F
 
 
-def share(scene: Any, j: int, b: int = 0) -> float:
-    """Return what there is of a block in row j, and of its bond by b rows: half on a cut row."""
-    return 0.5 if prescribed(scene) and j == 0 and b == 0 else 1.0
+def cut(scene: Any, j: int, i: int) -> tuple[bool, bool]:
+    """Return whether the slider is cut along row j, and along column i."""
+    walls = getattr(scene, "walls", None)
+    if not prescribed(scene):
+        return False, False
+    row = j == 0 or (j == scene.N_z - 1 and walls.top == "absorbing")
+    left = i == 0 and walls.left == "absorbing"
+    return row, left or (i == scene.N_x - 1 and walls.right == "absorbing")
+
+
+def part(scene: Any, j: int, i: int) -> float:
+    """Return what there is of a block: a half on a cut, a quarter where two cross."""
+    row, column = cut(scene, j, i)
+    return (0.5 if row else 1.0) * (0.5 if column else 1.0)
+
+
+def share(scene: Any, j: int, i: int, a: int, b: int) -> float:
+    """Return what there is of the bond by (a, b) of block (j, i): half of those along a cut."""
+    row, column = cut(scene, j, i)
+    return 0.5 if (row and b == 0) or (column and a == 0) else 1.0
 
 
 def _bond(scene: Any, a: int, b: int) -> tuple[float, float, float, float]:
@@ -245,7 +264,9 @@ def right_hand_side(
     dydt = np.zeros_like(y)
     dydt[:, 0:2] = y[:, 2:4]
     dydt[:, 2:4] = F / scene.m
-    dydt[0, 2:4] /= share(scene, 0)
+    for j in range(scene.N_z):
+        for i in range(scene.N_x):
+            dydt[j, 2:4, i] /= part(scene, j, i)
     for i in range(scene.N_x):
         if mode[i] == STUCK:
             dydt[0, 0, i] = dydt[0, 2, i] = 0.0
@@ -324,10 +345,10 @@ def bond_dissipation(scene: Any, y: np.ndarray) -> float:
     total = 0.0
     for j, i, a, b in each_bond(scene):
         dv = y[j + b, 2:4, i + a] - y[j, 2:4, i]
-        total += share(scene, j, b) * scene.eta * (dv[0] ** 2 + dv[1] ** 2)
+        total += share(scene, j, i, a, b) * scene.eta * (dv[0] ** 2 + dv[1] ** 2)
     for j, i, a, b in over_walls(scene):
         dv = difference(scene, y[:, 2:], j, i, a, b)
-        total += share(scene, j, b) * scene.eta * np.sum(dv**2) / 2
+        total += share(scene, j, i, a, b) * scene.eta * np.sum(dv**2) / 2
     return total
 
 
@@ -341,10 +362,11 @@ def bond_energy(scene: Any, geometry: str, y: np.ndarray) -> float:
             elongation = (d_x * du_x + d_z * du_z) / l
         else:
             elongation, _ = _elongation(l, d_x, d_z, du_x, du_z)
-        total += share(scene, j, b) * k * elongation**2 / 2
+        total += share(scene, j, i, a, b) * k * elongation**2 / 2
     for j, i, a, b in over_walls(scene):
         k, l, d_x, d_z = _bond(scene, a, b)
-        total += k * (np.dot((d_x, d_z), difference(scene, y[:, :2], j, i, a, b)) / l) ** 2 / 4
+        elongation = np.dot((d_x, d_z), difference(scene, y[:, :2], j, i, a, b)) / l
+        total += share(scene, j, i, a, b) * k * elongation**2 / 4
     return total
 
 
@@ -358,8 +380,8 @@ def energies(
     "foundation", "mattress" (k_top without a rod), "driver": elastic.
     """
     y = with_rod(scene, y, rod)
-    speed2 = np.sum(y[:, 2:4] ** 2, axis=(1, 2))
-    speed2[0] *= share(scene, 0)
+    blocks = np.array([[part(scene, j, i) for i in range(scene.N_x)] for j in range(scene.N_z)])
+    speed2 = np.sum(blocks[:, None] * y[:, 2:4] ** 2, axis=(1, 2))
     own = speed2[:-1] if scene.rigid else speed2
     parts = {
         "kinetic_blocks": scene.m * sum(own) / 2,
@@ -407,7 +429,7 @@ def switch(
     for i in range(scene.N_x):
         slipping = mode[i] in (LEFT, RIGHT)
         if slipping and p[i] > 0 and mode[i] * y[0, 2, i] <= 0:
-            loss += scene.m * y[0, 2, i] ** 2 / 2
+            loss += part(scene, 0, i) * scene.m * y[0, 2, i] ** 2 / 2
             y[0, 2, i] = 0.0
 
     other = all_but_friction(scene, geometry, t, y, u_drv0)[0][0, 0]

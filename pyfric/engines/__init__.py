@@ -8,6 +8,7 @@ from pyfric.engines.prediction import prediction_curve
 from pyfric.engines.progress import Progress, jobs_bar
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.relaxation import relaxation_time
+from pyfric.engines.released import released
 from pyfric.engines.simulation import simulate
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "plan",
     "prediction_curve",
     "relaxation_time",
+    "released",
     "simulate",
     "step_size",
 ]

@@ -30,7 +30,9 @@ from pyfric.record import (
     Record,
     budget_error,
     build_catalogue,
+    chain_notes,
     held_in,
+    parts,
     versions,
     zone_notes,
 )
@@ -357,7 +359,7 @@ class Run:
         if self.stopping is not None:
             self.stopping.take(switches, quiet)
         for t, kind in zip(quiet["t"], quiet["kind"], strict=True):
-            self.events += kind > 0 and t - self.last_slip > self.method.t_gap
+            self.events += kind > 0 and parts(t - self.last_slip, self.method.t_gap)
             self.last_slip = t
 
     def _stuck_at(self, status: core.Status) -> str:
@@ -449,6 +451,7 @@ class Run:
         if self.rows[-1][0] != state.t:
             self.sample()
         curve, notes = self.curve(), self.notes() + zone_notes(scene, self.name, catalogue)
+        notes += chain_notes(scene, self.name, catalogue, state)
         motion = self._motion()
         del self.rows[here:], self.motion[here:]
         timings = self.timings | {"catalogue": time.perf_counter() - start}

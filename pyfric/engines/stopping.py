@@ -23,7 +23,7 @@ import numpy as np
 
 from pyfric.core import OPEN
 from pyfric.engines.pauses import pause_of_waves
-from pyfric.record import build_catalogue, creeps_to_rest
+from pyfric.record import build_catalogue, creeps_to_rest, parts
 from pyfric.scene import condition
 
 if TYPE_CHECKING:
@@ -193,7 +193,7 @@ class Stopping:
         self._logs.append((switches, quiet))
         begin = -1
         for step, t, kind in zip(quiet["step"], quiet["t"], quiet["kind"], strict=True):
-            if kind > 0 and t - self.t_rest > self.t_gap:
+            if kind > 0 and parts(t - self.t_rest, self.t_gap):
                 begin = step
             self.slips = kind > 0
             if kind < 0:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from pyfric import core
 from pyfric.engines import simulate
 from pyfric.scene import SceneError
@@ -22,34 +24,37 @@ LEAD = 20
 class Again:
     """An event run again, from a state shortly before it, which the hybrid engine gives.
 
-    On junctions full dynamics gives it, which takes as long as the run up to there did.
+    On junctions and on a prescribed interface full dynamics gives it, which takes as long as the
+    run up to there did.
 
     Attributes:
         model, state: of the core; the state changes with `to`.
     """
 
-    def __init__(self, record: Record, event: int) -> None:
+    def __init__(self, record: Record, event: int, initial: State | None = None) -> None:
         """Find the state before the event.
 
         Args:
             record: a run of the hybrid or the dynamic engine; its geometry and stepper are kept.
             event: its number, from 1.
+            initial: the state that the run began from; None for the loaded slider.
 
         Raises:
             SceneError: no such event, another engine, a stepper that the hybrid engine lacks, or a
-                run that did not begin with the loaded slider.
+                run that began from another state.
         """
         check_event(record, event)
         scene, method = record.scene, record.method
-        if record.curve["t"].iloc[0] != 0.0:
+        first = 0.0 if initial is None else initial.t
+        if record.curve["t"].iloc[0] != first:
             raise another_start()
-        begin = max(0.0, record.events["t_start"].loc[event] - LEAD * method.dt)
+        begin = max(first, record.events["t_start"].loc[event] - LEAD * method.dt)
         self.steps = {"stepper": method.stepper, "switching": method.switching}
         if method.rtol is not None:
             self.steps["rtol"] = method.rtol
         how = {"geometry": method.geometry, "dt": method.dt, "progress": False}
-        engine = "hybrid" if scene.law.rests else "dynamic"
-        again = simulate(scene, begin, fidelity=engine, **how, **self.steps)
+        engine = "hybrid" if scene.has_rests and scene.law.rests else "dynamic"
+        again = simulate(scene, begin, fidelity=engine, initial=initial, **how, **self.steps)
         self.state: State = again.final_state
         before = record.events["t_stop"] < begin
         same = record.final_state.u_drv0 == self.state.u_drv0 and len(again.events) == before.sum()
@@ -58,6 +63,12 @@ class Again:
         self.model = core.model(scene, method.geometry, self.state.u_drv0)
         self.log = core.Log(scene.N_x)
         self.steps["threads"] = core.useful_threads(scene.N_x * scene.N_z)
+
+    def check(self) -> None:
+        """Raise SceneError if nothing has slipped: another state came before the event."""
+        slips = np.isin(self.state.mode, (1, -1)).any()
+        if not (slips or self.log.switches()["block"].size):
+            raise another_start()
 
     def to(self, t: float) -> State:
         """Return the state at the first step end from t (s) on; times may not go back."""
@@ -69,8 +80,8 @@ class Again:
 
 
 def another_start() -> SceneError:
-    """Return the refusal of a run that did not begin with the loaded slider."""
-    allowed = "a run from the loaded slider at t = 0, which can be made again"
+    """Return the refusal of a run that began from another state."""
+    allowed = "a run from the loaded slider at t = 0, or the state that it began from, as initial"
     return SceneError("record", "a run from another state", "", allowed)
 
 

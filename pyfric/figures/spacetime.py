@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric import theory
-from pyfric.figures.again import Again, another_start, check_event
+from pyfric.figures.again import Again, check_event
 from pyfric.figures.style import (
     BLACK,
     COLUMN_WIDTH,
@@ -20,6 +20,7 @@ from pyfric.figures.style import (
     colour_bar,
     legend,
     style,
+    time_unit,
 )
 from pyfric.record import energy_release, front
 from pyfric.scene import SceneError
@@ -28,6 +29,7 @@ from pyfric.signals import at_once
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from pyfric.core import State
     from pyfric.record import Record
     from pyfric.scene import Scene
 
@@ -51,7 +53,7 @@ SHORTEST = 4
 
 
 @at_once()
-def space_time(record: Record, event: int) -> DataFigure:
+def space_time(record: Record, event: int, initial: State | None = None) -> DataFigure:
     """Draw the slip rate along the interface over time, with wave speeds and theory as lines.
 
     The event is run again with full dynamics. On junctions the colour is the share of them that is
@@ -64,6 +66,7 @@ def space_time(record: Record, event: int) -> DataFigure:
     Args:
         record: a run of the hybrid or the dynamic engine, from the loaded slider on.
         event: its number, from 1.
+        initial: the state that the run began from; None for the loaded slider.
 
     Returns:
         The figure, with the tables "slip_rate" (n, x_over_L, t_s, v_m_per_s), "lines" (name,
@@ -78,9 +81,7 @@ def space_time(record: Record, event: int) -> DataFigure:
     if record.motion:
         t, v = _pinned_shares(record, _window(record, event))
     else:
-        t, v = _slip_rates(record, Again(record, event), _window(record, event))
-        if not v.any():
-            raise another_start()
+        t, v = _slip_rates(record, Again(record, event, initial), _window(record, event))
     lines = pd.concat([wave_lines(record, event), theory_times(record, event)], ignore_index=True)
     fig = _drawn(record, event, t, v, lines)
     N_x, n = record.scene.N_x, np.arange(1, record.scene.N_x + 1)
@@ -130,7 +131,8 @@ def theory_times(record: Record, event: int) -> pd.DataFrame:
     In a chain it is the exact speed of steady fronts at the local prestress. In two dimensions it
     is fracture mechanics: g_II(v) G = Gamma, with the G of static states, of
     `pyfric.analysis.energy_release`; without weakening Gamma is 0 and v is c_R, a line that is
-    there already. The line ends where theory has no front.
+    there already. A prescribed interface has no static states, and no line. The line ends where
+    theory has no front.
 
     Returns:
         Columns of `wave_lines`, one row for each block; empty where theory has nothing to say.
@@ -140,7 +142,7 @@ def theory_times(record: Record, event: int) -> pd.DataFrame:
     table = table[table["x_over_L"] >= x_0]
     if scene.N_z == 1:
         name, v = "exact", _chain_speeds(scene, table["scaled"].to_numpy())
-    elif scene.law.weakens and record.events["at_trailing_edge"].loc[event]:
+    elif scene.law.weakens and scene.has_rests and record.events["at_trailing_edge"].loc[event]:
         grown = energy_release(record, event).set_index("n")
         name, v = "LEFM", grown["v"].reindex(table["n"]).to_numpy()
     else:
@@ -162,16 +164,17 @@ def theory_times(record: Record, event: int) -> pd.DataFrame:
 
 
 def _chain_speeds(scene: Scene, scaled: np.ndarray) -> np.ndarray:
-    """Return the exact speed at each block, m/s; 0 where there is no steady front."""
+    """Return the exact speed at each block, m/s; 0 where there is no steady front, or no stress."""
+    scaled = np.round(np.nan_to_num(scaled), 9)
     unit = scene.slider.l * math.sqrt(scene.slider.k / scene.m)
     eta = scene.eta / math.sqrt(scene.slider.k * scene.m)
-    known = {tau_bar: 0.0 for tau_bar in np.round(scaled, 9)}
+    known = {tau_bar: 0.0 for tau_bar in scaled}
     for tau_bar in known:
         try:
             known[tau_bar] = theory.chain_speed(float(tau_bar), 0.0, eta) * unit
         except ValueError:  # it slips at once, or there is no front at this prestress
             known[tau_bar] = math.inf if tau_bar > 1 - ROUNDED else 0.0
-    return np.array([known[tau_bar] for tau_bar in np.round(scaled, 9)])
+    return np.array([known[tau_bar] for tau_bar in scaled])
 
 
 def _origin(record: Record, event: int) -> tuple[float, float]:
@@ -185,8 +188,8 @@ def _origin(record: Record, event: int) -> tuple[float, float]:
         return float(row["x_nucleation"] / record.scene.slider.L), float(row["t_start"])
     first = int(table["t"].argmin())
     least = SLOW * next(iter(speeds(record.scene).values()))
-    steps = record.scene.slider.l / np.diff(table["t"].to_numpy()[first:])
-    slow = np.flatnonzero(np.abs(steps[: len(steps) // 3]) < least)
+    waits = np.abs(np.diff(table["t"].to_numpy()[first:]))
+    slow = np.flatnonzero(waits[: len(waits) // 3] > record.scene.slider.l / least)
     row = table.iloc[first + (int(slow[-1]) + 1 if slow.size else 0)]
     return float(row["x_over_L"]), float(row["t"])
 
@@ -218,6 +221,7 @@ def _slip_rates(
             continue  # the run began later
         times.append(state.t)
         rates.append(scene.d * state.y[0, 2][order])
+    again.check()
     return np.array(times), np.array(rates)
 
 
@@ -236,7 +240,7 @@ def _drawn(
     record: Record, event: int, t: np.ndarray, v: np.ndarray, lines: pd.DataFrame
 ) -> DataFigure:
     N_x, (_, t_0) = record.scene.N_x, _origin(record, event)
-    scale, unit = (1e6, r"$\mu$s") if t[-1] - t[0] < 2e-3 else (1e3, "ms")
+    scale, unit = time_unit(t[-1] - t[0])
     fig = DataFigure(figsize=(1.25 * COLUMN_WIDTH, 3.3))
     axes = fig.subplots()
     style(axes)

@@ -1,7 +1,7 @@
 """One event as pictures: the velocity field of the slider with the interface below it.
 
 The event is run again with full dynamics from a state shortly before it, which the hybrid engine
-gives, or on junctions full dynamics.
+gives, or on junctions and on a prescribed interface full dynamics.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.lines import Line2D
+from matplotlib.ticker import EngFormatter
 
 from pyfric import core
 from pyfric.figures.again import LEAD, Again, check_event
@@ -35,11 +36,13 @@ from pyfric.figures.style import (
     colour_bar,
     mark,
     style,
+    time_unit,
 )
 from pyfric.scene import SceneError, written
 from pyfric.signals import at_once
 
 if TYPE_CHECKING:
+    from pyfric.core import State
     from pyfric.record import Record
     from pyfric.scene import Scene
 
@@ -90,7 +93,9 @@ def frame_times(record: Record, event: int, moments: Sequence[float] = MOMENTS) 
     return row["t_start"] + span * np.asarray(moments, dtype=float)
 
 
-def event_frames(record: Record, event: int, times: Sequence[float]) -> list[Frame]:
+def event_frames(
+    record: Record, event: int, times: Sequence[float], initial: State | None = None
+) -> list[Frame]:
     """Run one event again and return the slider at the given times.
 
     Args:
@@ -98,10 +103,11 @@ def event_frames(record: Record, event: int, times: Sequence[float]) -> list[Fra
         event: its number, from 1.
         times: increasing times in s, from the first slip of the event on; each is taken at the
             next step end.
+        initial: the state that the run began from; None for the loaded slider.
 
     Raises:
-        SceneError: no such event, another engine, a stepper that the hybrid engine lacks, or times
-            before the event.
+        SceneError: no such event, another engine, a stepper that the hybrid engine lacks, times
+            before the event, or a run that began from another state.
     """
     check_event(record, event)
     scene, method = record.scene, record.method
@@ -110,7 +116,7 @@ def event_frames(record: Record, event: int, times: Sequence[float]) -> list[Fra
     if not (times.size and np.all(np.diff(times) >= 0) and times[0] >= t_start - method.dt):
         allowed = f"increasing times in s from {t_start:.6g} on"
         raise SceneError("times", times, "s", allowed)
-    again, frames = Again(record, event), []
+    again, frames = Again(record, event, initial), []
     for t in times:
         state = again.to(t)
         forces, order = core.evaluate(again.model, state, state.t), np.argsort(scene.n_of_i)
@@ -119,26 +125,34 @@ def event_frames(record: Record, event: int, times: Sequence[float]) -> list[Fra
         mode = np.where(np.abs(state.mode) == 1, scene.d * state.mode, state.mode)
         tau = -scene.d * forces.f + 0.0
         frames.append(Frame(state.t, v[:, :, order], tau[order], forces.p[order], mode[order]))
+    again.check()
     return frames
 
 
 @at_once()
-def event_strip(record: Record, event: int, moments: Sequence[float] = MOMENTS) -> DataFigure:
+def event_strip(
+    record: Record,
+    event: int,
+    moments: Sequence[float] = MOMENTS,
+    initial: State | None = None,
+) -> DataFigure:
     """Draw an event as a strip of frames: velocity along the drive, tau/p and slip below it.
 
     Args:
         record: a run of the hybrid or the dynamic engine.
         event: its number, from 1.
         moments: times of the frames, from the first slip on, over the time that the front takes.
+        initial: as in `event_frames`.
 
     Raises:
         SceneError: see `event_frames`.
     """
-    frames = event_frames(record, event, frame_times(record, event, moments))
+    frames = event_frames(record, event, frame_times(record, event, moments), initial)
     t_start, most = record.events["t_start"].loc[event], _largest(frames)
     fig, drawn = _panels(record.scene, len(frames), most)
+    unit = time_unit(frames[-1].t - t_start)
     for one, frame in zip(drawn, frames, strict=True):
-        one.show(frame, t_start)
+        one.show(frame, t_start, unit)
     fig.tables = _tables(frames, t_start)
     fig.caption = _caption(record, event, most)
     return fig
@@ -153,6 +167,7 @@ def event_movie(
     count: int = 60,
     moments: tuple[float, float] = (0.0, 2.0),
     fps: int = 12,
+    initial: State | None = None,
 ) -> Path:
     """Write an animation of an event; see `event_strip`.
 
@@ -162,19 +177,22 @@ def event_movie(
         count: number of frames.
         moments: times of the first and the last frame, over the time that the front takes.
         fps: frames per second.
+        initial: as in `event_frames`.
 
     Raises:
         SceneError: see `event_frames`; or a name that ends otherwise.
         OSError: the file cannot be written.
     """
     writer = _writer(Path(path), fps)
-    frames = event_frames(record, event, frame_times(record, event, np.linspace(*moments, count)))
+    times = frame_times(record, event, np.linspace(*moments, count))
+    frames = event_frames(record, event, times, initial)
     t_start = record.events["t_start"].loc[event]
     fig, (panels,) = _panels(record.scene, 1, _largest(frames))
     named = f"{record.scene.name or 'scene'}, event {event}: first slip at $t$ = {t_start:.6g} s"
     fig.suptitle(named, fontsize=SMALL)
     panels.scale(record.scene)
-    panels.show(frames[0], t_start)
+    unit = time_unit(frames[-1].t - t_start)
+    panels.show(frames[0], t_start, unit)
     fig.canvas.draw()
     fig.set_layout_engine("none")  # nothing moves from frame to frame
     fig.set_dpi(FILM_DPI)
@@ -184,7 +202,7 @@ def event_movie(
             with writer.saving(fig, film, dpi=FILM_DPI):
                 writer.fig = _Film(fig, panels.moving())
                 for frame in frames:
-                    panels.show(frame, t_start)
+                    panels.show(frame, t_start, unit)
                     writer.grab_frame()
             os.replace(film, draft)
         finally:
@@ -326,7 +344,7 @@ class _Panels:
         L = scene.slider.L
         power = 10.0 ** math.floor(math.log10(0.2 * L))
         long = max(step * power for step in (1, 2, 5) if step * power <= 0.2 * L)
-        bar, shown = long / L, f"{long * 1e3:g} mm"
+        bar, shown = long / L, EngFormatter("m")(long)
         top = self.top.get_ylim()[1]
         self.top.plot([0.97 - bar, 0.97], [0.9 * top] * 2, color=BLACK, lw=2, solid_capstyle="butt")
         at, look = (0.97 - bar / 2, 0.87 * top), {"ha": "center", "va": "top", "fontsize": SMALL}
@@ -342,15 +360,15 @@ class _Panels:
                 above.append(one)
         return [*above, self.line, self.slip, self.open]
 
-    def show(self, frame: Frame, t_start: float) -> None:
-        """Show a frame; t_start is the time of the first slip, s."""
+    def show(self, frame: Frame, t_start: float, unit: tuple[float, str]) -> None:
+        """Show a frame; t_start is the time of the first slip, s, unit that of `time_unit`."""
         self.image.set_data(frame.v[:, 0])
         ratio = frame.tau_over_p
         self.line.set_ydata(ratio)
         slips = np.abs(frame.mode) == 1
         self.slip.set_ydata(np.where(slips, ratio, np.nan))
         self.open.set_ydata(np.where(frame.mode == 2, 0.0, np.nan))
-        text = rf"{(frame.t - t_start) * 1e6:.1f} $\mu$s, slipping: {slips.sum()}"
+        text = f"{(frame.t - t_start) * unit[0]:.1f} {unit[1]}, slipping: {slips.sum()}"
         self.title.set_text(text)
 
 

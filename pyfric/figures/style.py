@@ -148,6 +148,14 @@ def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path
     return paths
 
 
+def time_unit(span: float) -> tuple[float, str]:
+    """Return how many units a second has, and the unit, for times of such a span (s)."""
+    for unit, scale in ((r"$\mu$s", 1e6), ("ms", 1e3)):
+        if span * scale < 2e3:
+            return scale, unit
+    return 1.0, "s"
+
+
 # --- captions ------------------------------------------------------------------------------------
 
 
@@ -170,6 +178,8 @@ def scene_text(scenes: Scene | Sequence[Scene]) -> str:
 
     if first.rigid:
         load = "rigid rod on top"
+    elif first.prescribed:
+        load = "prescribed interface"
     elif first.N_z == 1:
         load = f"chain under prescribed loads, k_top = {of(lambda s: s.k_top, 'MN/m', 1e6)}"
     else:

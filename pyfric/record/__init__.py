@@ -22,6 +22,7 @@ from pyfric.record.catalogue import (
     Catalogue,
     build_catalogue,
     count_main,
+    parts,
 )
 from pyfric.record.classes import (
     SLOW,
@@ -43,6 +44,7 @@ from pyfric.record.zones import (
     RESOLVED,
     RESOLVED_ERROR,
     can_rupture,
+    chain_notes,
     viscous_error,
     zone_at_rest,
     zone_moving,
@@ -76,6 +78,7 @@ __all__ = [
     "budget_left",
     "build_catalogue",
     "can_rupture",
+    "chain_notes",
     "collapse_spread",
     "count_main",
     "creeps_to_rest",
@@ -91,6 +94,7 @@ __all__ = [
     "numbered",
     "pace_limits",
     "paired",
+    "parts",
     "precursor_lengths",
     "provenance",
     "rupture_class",

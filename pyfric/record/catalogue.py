@@ -51,7 +51,10 @@ if TYPE_CHECKING:
     from pyfric.record.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["MAIN_EVENT_BLOCKS", "T_GAP", "Catalogue", "build_catalogue", "count_main"]
+__all__ = ["MAIN_EVENT_BLOCKS", "T_GAP", "Catalogue", "build_catalogue", "count_main", "parts"]
+
+ROUNDED = 1e-9
+"""Share of t_gap below which a difference is rounding of times."""
 
 T_GAP = 1e-3
 """Default longest pause inside an event, s: a definition."""
@@ -241,6 +244,11 @@ def build_catalogue(
     )
 
 
+def parts(pause: Any, t_gap: float) -> Any:
+    """Whether a pause (s) parts two events: one that is t_gap but for rounding does not."""
+    return pause > t_gap * (1 + ROUNDED)
+
+
 def _event_numbers(episodes: pd.DataFrame, t_gap: float) -> np.ndarray:
     """(n_episodes,) number of the event each episode belongs to, from 1; 0 for corner episodes."""
     joins = ~episodes["corner"].to_numpy()
@@ -248,7 +256,7 @@ def _event_numbers(episodes: pd.DataFrame, t_gap: float) -> np.ndarray:
     stop = episodes["t_stop"].to_numpy()[joins]
     end_of_all = np.maximum.accumulate(np.where(np.isnan(stop), np.inf, stop))
     begins = np.ones(start.size, dtype=bool)
-    begins[1:] = start[1:] - end_of_all[:-1] > t_gap
+    begins[1:] = parts(start[1:] - end_of_all[:-1], t_gap)
     event = np.zeros(len(episodes), dtype=np.int64)
     event[joins] = np.cumsum(begins)
     return event

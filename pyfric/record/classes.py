@@ -81,10 +81,10 @@ def creeps_to_rest(
     held = float(np.broadcast_to(scene.law.alpha, v.shape)[slips] @ v[slips])
     if not held + more < weakest:
         return False
-    masses = np.full(scene.N_z, scene.m)
-    masses[0] = scene.m_interface
-    E = float(masses @ (state.y[:, 2:] ** 2).sum(axis=(1, 2))) / 2
-    loose = float(masses @ np.abs(accelerations()).sum(axis=(1, 2)))
+    rows, columns = scene.shares
+    masses = scene.m * rows[:, None, None] * columns
+    E = float((masses * state.y[:, 2:] ** 2).sum()) / 2
+    loose = float((masses * np.abs(accelerations())).sum())
     return held + loose + math.sqrt(12 * scene.slider.k * E) + more < weakest
 
 

@@ -35,6 +35,7 @@ from pyfric.scene import PrescribedLoad
 from pyfric.theory import A_II, Material
 
 if TYPE_CHECKING:
+    from pyfric.core import State
     from pyfric.record.catalogue import Catalogue
     from pyfric.scene import Scene
 
@@ -42,6 +43,7 @@ __all__ = [
     "RESOLVED",
     "RESOLVED_ERROR",
     "can_rupture",
+    "chain_notes",
     "viscous_error",
     "zone_at_rest",
     "zone_moving",
@@ -72,7 +74,7 @@ def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
     law, p = scene.law, np.asarray(p, dtype=float)
     if isinstance(scene.top, PrescribedLoad):
         given = scene.p_prescribed if scene.prescribed else scene.load
-        p = np.where(np.isnan(p), given, p)
+        p = np.where(np.isnan(p), given, p) / scene.shares[1]
     with np.errstate(divide="ignore", invalid="ignore"):
         drop, energy = law.drop * p, law.fracture_energy(p)
         if scene.N_z == 1:
@@ -165,3 +167,28 @@ def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ..
     if slow > RESOLVED_ERROR:
         why.append(f"viscosity slows fronts by about {100 * slow:.0f} %")
     return (f"{engine}: front speeds of a continuum may differ: {'; '.join(why)}",) if why else ()
+
+
+def chain_notes(scene: Scene, engine: str, catalogue: Catalogue, last: State) -> tuple[str, ...]:
+    """Return a note where slip from the trailing edge of a chain is too short to go on by itself.
+
+    Blocks 1 to m that come to rest at mu_k p leave what they carried beyond that to block m + 1:
+    it slips if the sum of tau_i - mu_k p_i up to it exceeds (mu_s - mu_k) p. Without inertia a
+    front needs m >= 1/tau_bar - 1 blocks at a uniform scaled prestress tau_bar; with it, fewer.
+    """
+    top, slipped = scene.top, scene.n_of_i[np.abs(last.mode) == 1]
+    slipped = np.concatenate([slipped, catalogue.episodes["n"].to_numpy()])
+    alone = scene.driver.K * scene.driver.fastest == 0 and not top.push
+    if scene.N_z > 1 or not alone or top.k_top or not (scene.law.rests and slipped.size):
+        return ()
+    order = np.argsort(scene.n_of_i)
+    rest = (scene.d * scene.shear - scene.law.slide(scene.load))[order]
+    drop = (scene.law.drop * scene.load)[order]
+    carried, m = np.cumsum(rest), int(slipped.max())
+    if m >= scene.N_x or carried[m] >= drop[m]:
+        return ()
+    return (
+        f"{engine}: slip reached block {m} of {scene.N_x}. At rest these blocks bring the next one "
+        f"to {100 * carried[m] / drop[m]:.0f} % of the way from mu_k p to mu_s p: such a front "
+        "dies unless inertia helps, although theory.chain_speed may know a steady one",
+    )

@@ -32,6 +32,7 @@ def check(scene: Scene) -> None:
         _check_chain(scene)
         return
     _check_height(scene)
+    _check_T(scene)
     if scene.prescribed:
         _check_surface(scene)
     else:
@@ -94,6 +95,14 @@ def _check_prescribed(scene: Scene) -> None:
         allowed = f"|tau| <= mu_s p = {float(strength[i])!r} N"
         reason = f"block {i + 1} from the trailing edge would slip"
         raise SceneError("top.tau", float(tau[i]), "N", allowed, reason)
+
+
+def _check_T(scene: Scene) -> None:
+    """Check that friction can hold a shear force on the top at t = 0."""
+    strength = float(np.max(scene.field("mu_s"))) * scene.F_N
+    if abs(scene.top.T) > strength:
+        allowed = f"|T| <= mu_s F_N = {strength!r} N at t = 0"
+        raise SceneError("top.T", scene.top.T, "N", allowed, "more than friction holds")
 
 
 def _check_pushed(scene: Scene) -> None:

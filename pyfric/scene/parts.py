@@ -309,7 +309,9 @@ class Walls:
     "free": nothing. "mirrored": half a bond away the slider goes on, with the same u_x and the
     opposite u_z; on a side this is the other half of a shear crack that starts there, on the top a
     second interface under the same forces. "absorbing": dashpots with the impedances of plane
-    waves, rho c_P along the normal and rho c_S across it. "held": the top row does not move.
+    waves, rho c_P along the normal and rho c_S across it, on half blocks; where two of these walls
+    meet rho c_P alone. At such a side the end block has half of p and tau. "held": the top row does
+    not move.
 
     Energies, works and heat are those of the blocks of the scene, without their images; what
     absorbing walls take is counted as dissipated in the bonds.

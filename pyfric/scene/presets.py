@@ -270,8 +270,8 @@ def slab(
 
     Args:
         p, tau: numbers, lists of N_x numbers from the trailing edge on, or functions of x, the
-            distance (m) of a block from the first one at the trailing edge, or from the plane of
-            the mirror where that side is mirrored; they return N.
+            distance (m) of a block from the first one at the trailing edge, which is at 0, or from
+            the plane of the mirror where that side is mirrored, l/2 before it; they return N.
         L, H, l: of the `Slider`, m.
         **fields: other fields of a scene. Those of the interface are the paper's; k is that of
             `setup1`, M its mass per area, 6.845 kg/m^2 times (L + l) (H + l); M/(N_x N_z) is the

@@ -124,6 +124,21 @@ class Scene:
         """Mass of a block of the bottom row, in kg: m, or m/2 on a prescribed interface."""
         return self.m / 2 if self.prescribed else self.m
 
+    @functools.cached_property
+    def shares(self) -> tuple[np.ndarray, np.ndarray]:
+        """What there is of the blocks of each row, shape (N_z,), and of each column, (N_x,).
+
+        It is 1, or 1/2 where the slider is cut: along a prescribed interface and along absorbing
+        walls. Bonds along a cut have half of their strength. A block has the product of both.
+        """
+        rows, columns = np.ones(self.N_z), np.ones(self.N_x)
+        if self.prescribed:
+            rows[0] = 0.5
+            for name, of, end in (("left", columns, 0), ("right", columns, -1), ("top", rows, -1)):
+                if getattr(self.walls, name) == "absorbing":
+                    of[end] = 0.5
+        return rows, columns
+
     @property
     def eta(self) -> float:
         """Viscosity of every bond in N s/m; sqrt(0.1 k m) unless the slider sets it."""
@@ -149,6 +164,8 @@ class Scene:
             return JunctionLaw.of(self)
         tables = self.interface.tables
         mu_s, mu_k, d_c, alpha = map(self.given_field, ("mu_s", "mu_k", "d_c", "alpha"))
+        if np.any(alpha) and self.shares[1].min() < 1:
+            alpha = alpha * self.shares[1]
         if tables.slide is not None and not np.any(d_c):
             d_c = 1.0  # the table is over slip in m
         return Law(mu_s, mu_k, d_c, alpha, tables)
@@ -205,7 +222,8 @@ class Scene:
         """Total normal force in N."""
         if isinstance(self.top, PrescribedLoad):
             p = self.top.p
-            return math.fsum(p) if isinstance(p, tuple) else self.N_x * p
+            whole = isinstance(p, float) and self.shares[1].min() == 1
+            return self.N_x * p if whole else math.fsum(self.p_prescribed)
         return self.top.F_N
 
     @property
@@ -295,10 +313,11 @@ class Scene:
     def shear(self) -> np.ndarray:
         """Forces in +x on blocks of row j_shear, left to right, shape (N_x,), in N, at t = 0.
 
-        d tau_i for a `PrescribedLoad`, d T/N_x for a `DistributedLoad`.
+        d tau_i for a `PrescribedLoad`, of which a half block at an absorbing side has half, d T/N_x
+        for a `DistributedLoad`.
         """
         tau = self.top.tau if isinstance(self.top, PrescribedLoad) else self.top.T / self.N_x
-        return self.d * self._by_column(tau) + 0.0  # no -0.0
+        return self.d * self._by_column(tau) * self.shares[1] + 0.0  # no -0.0
 
     def push_at(self, t: float, now: float | None = None) -> np.ndarray:
         """Return what pushes the bottom blocks along +x, left to right, and its rate.
@@ -332,11 +351,11 @@ class Scene:
     def p_prescribed(self) -> np.ndarray:
         """Given p of the bottom blocks, left to right, shape (N_x,), in N; 0 where there is none.
 
-        It is that of a `PrescribedLoad`.
+        It is that of a `PrescribedLoad`; a half block at an absorbing side has half of it.
         """
         if not isinstance(self.top, PrescribedLoad):
             return np.zeros(self.N_x)
-        return self._by_column(self.top.p)
+        return self._by_column(self.top.p) * self.shares[1]
 
     def _by_column(self, values: float | tuple[float, ...]) -> np.ndarray:
         """Return numbers that run from the trailing edge as an array from left to right."""

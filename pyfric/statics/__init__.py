@@ -18,7 +18,7 @@ from pyfric.statics.rest import (
     check_sticks,
 )
 from pyfric.statics.stability import stability_limit
-from pyfric.statics.starts import check_pushes, overstressed, ramped, released
+from pyfric.statics.starts import check_pushes, forced, overstressed, ramped
 from pyfric.statics.system import System
 from pyfric.statics.uniqueness import LIMIT as LEAST_DEFINITENESS
 
@@ -47,13 +47,13 @@ __all__ = [
     "creeps",
     "damping",
     "dispersion",
+    "forced",
     "loaded_state",
     "mass",
     "one_thread",
     "one_thread_if_small",
     "overstressed",
     "ramped",
-    "released",
     "solve_static",
     "spring_stiffness",
     "stability_limit",

@@ -243,7 +243,8 @@ class StaticSolver(System):
             contact = self._contact(states, now, given, drive)
             settle(contact)
             states.enter(slice(None), contact.mode)
-        what = "contact states do not settle"
+        T = scene.top.T if drive is None else 0.0
+        what = "contact states do not settle" + f" under top.T = {T:g} N" * bool(T)
         raise EquilibriumError(what, found.residual, states.tol, steps)
 
     def _contact(

@@ -58,13 +58,13 @@ def mass(scene: Scene) -> np.ndarray:
     """Return the diagonal mass matrix in generalised coordinates, shape (n_q,), in kg.
 
     Under a rod the last entries are M_rod + N_x m (twice) and the moment of inertia
-    M_rod L^2/12 + sum m x_i^2 in kg m^2. On a prescribed interface the first row has half blocks.
+    M_rod L^2/12 + sum m x_i^2 in kg m^2. Blocks on a cut are half blocks (`Scene.shares`).
     """
     N_x, m = scene.N_x, scene.m
     if not scene.rigid:
-        M = np.full(2 * N_x * (scene.N_z - (scene.walls.top == "held")), m)
-        M[: 2 * N_x] = scene.m_interface
-        return M
+        rows, columns = scene.shares
+        moving = scene.N_z - (scene.walls.top == "held")
+        return m * np.outer(np.repeat(rows[:moving], 2), columns).ravel()
     total = scene.M_rod + N_x * m
     inertia = scene.M_rod * scene.slider.L**2 / 12 + m * np.sum(scene.x**2)
     return np.concatenate([np.full(2 * N_x * (scene.N_z - 1), m), [total, total, inertia]])
@@ -123,14 +123,15 @@ def damping(scene: Scene) -> sp.csr_array:
 def _absorbing(scene: Scene) -> np.ndarray:
     """Return the dashpots of absorbing walls on each displacement, shape (2 N_x N_z,), in N s/m."""
     z_p, z_s = np.sqrt(scene.slider.k * scene.m * np.array([1.5, 0.5]))
-    c, walls = np.zeros((scene.N_z, 2, scene.N_x)), scene.walls
-    if walls.left == "absorbing":
-        c[:, :, 0] += z_p, z_s
-    if walls.right == "absorbing":
-        c[:, :, -1] += z_p, z_s
-    c[0] /= 2  # half blocks
-    if walls.top == "absorbing":
-        c[-1] += np.array([[z_s], [z_p]])
+    c, walls, (rows, columns) = np.zeros((scene.N_z, 2, scene.N_x)), scene.walls, scene.shares
+    top = walls.top == "absorbing"
+    for name, i in (("left", 0), ("right", -1)):
+        if getattr(walls, name) == "absorbing":
+            c[:, :, i] += np.outer(rows, [z_p, z_s])
+            c[-1, 1, i] *= not top  # where two walls meet their normal dashpots act alone
+    if top:
+        c[-1] += np.outer([z_s, z_p], columns)
+        c[-1, 0, columns < 1] -= z_s / 2
     return c.ravel()
 
 

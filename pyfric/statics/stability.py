@@ -154,6 +154,8 @@ def _reduced(scene: Scene) -> Scene:
         top = Rod(F_N=top.F_N, mass=rod, mattress=top.mattress * tilt)
     elif isinstance(top, PrescribedLoad):
         top = PrescribedLoad(p=scene.F_N / scene.N_x, k_top=scene.k_top)
+    else:  # what shears the top has no say, and this interface has no friction
+        top = dataclasses.replace(top, T=0.0, T_protocol=())
     return Scene(
         slider=Slider(
             L=(n_x - 1) * l,

@@ -27,7 +27,7 @@ from pyfric.statics.rest import EquilibriumError
 if TYPE_CHECKING:
     from pyfric.scene import Scene, SceneLike
 
-__all__ = ["check_pushes", "overstressed", "ramped", "released"]
+__all__ = ["check_pushes", "forced", "overstressed", "ramped"]
 
 EXCESS = 0.05
 """What patches are stressed beyond their strength, over the strength, where it is not given."""
@@ -150,7 +150,7 @@ def overstressed(
     return _pushed(scene, pushes)
 
 
-def released(
+def forced(
     scene: SceneLike,
     *,
     x: Any,
@@ -167,7 +167,7 @@ def released(
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         x: where it starts, from the trailing edge, m.
-        length: of what is released, m: blocks up to length/2 from x.
+        length: of what is forced, m: blocks up to length/2 from x.
         speed: of the two fronts, m/s.
         excess: stress beyond the strength, over the strength, > 0.
         begin: when it starts, s; nothing may slip before.

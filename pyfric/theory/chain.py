@@ -24,7 +24,8 @@ v << alpha, inertia drops out and tau_bar depends on w = alpha v alone:
     tau_bar = exp(-(1/pi) integral_0^inf arg[1 + 4 i sin^2(q/2)/(w q)] dq/q).
 
 All formulas take for granted that a steady front exists, and that blocks behind it go on sliding.
-Whether one does must be seen in a run: chains with little viscosity and little prestress arrest,
+A front starts by itself, without inertia, from 1/tau_bar - 1 released blocks on. Whether it stays
+must be seen in a run: chains with little viscosity and little prestress arrest,
 or alternate between arrest and propagation (`Record.rupture_class`), although a speed exists.
 
 Source: derived here (Wiener-Hopf), after L. I. Slepyan, Models and Phenomena in Fracture Mechanics

@@ -198,7 +198,8 @@ def _run_of(
         record = record_of(source)
     else:
         scene = scene_of(source, changes)
-        record = pyfric.simulate(scene, t_end, fidelity="hybrid", progress=tell.progress)
+        engine = "hybrid" if scene.has_rests and scene.law.rests else "dynamic"
+        record = pyfric.simulate(scene, t_end, fidelity=engine, progress=tell.progress)
         stop_unless_complete(record, "")
     record.row(event)
     if not tell.quiet:

@@ -448,6 +448,7 @@ class Run:
         here = len(self.rows)
         if self.rows[-1][0] != state.t:
             self.sample()
+        state.drive = scene.drive(state.t)
         curve, notes = self.curve(), self.notes() + zone_notes(scene, self.name, catalogue)
         motion = self._motion()
         del self.rows[here:], self.motion[here:]

@@ -20,7 +20,7 @@ from pyfric.engines.stopping import ended_by_condition
 from pyfric.engines.stretches import check_straight
 from pyfric.engines.verification import Specification, verified
 from pyfric.record import Record
-from pyfric.scene import SceneError, check_geometry, check_number, check_writable
+from pyfric.scene import SceneError, check_geometry, check_number, check_writable, followed_by
 from pyfric.signals import forget, nothing_to_save, raise_if_asked
 from pyfric.statics import EquilibriumError, one_thread_if_small
 
@@ -54,7 +54,10 @@ def simulate(
         t_end: time of the end, in s; the last step ends there or just beyond.
         options: how; None means `Options()`.
         initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there. A
-            `Record` of the same scene goes on where it stopped, and the result holds the whole run.
+            `Record` goes on where it stopped, and the result holds the whole run. Where the speed
+            of the driver or the loads are others from then on, its scene has a protocol that is
+            both. The driver goes on from where it is, so that F_T does not jump; protocols count
+            from t = 0.
             Its engine, geometry, stepper, switching, step, rtol, budget, sampling and t_gap are
             kept, and those options are not used. Full dynamics goes on with the same bits; the
             hybrid engine finds the same events, at forces that agree to its accuracy.
@@ -97,8 +100,10 @@ def simulate(
     if not isinstance(options, Options | None):
         raise SceneError("options", options, "", "Options or None")
     options = (options or Options()).changed(keywords)
+    notes: tuple[str, ...] = ()
     if isinstance(initial, Record):
-        options = _going_on(initial, scene, options)
+        options = _going_on(initial, options)
+        scene, notes = _both(initial, scene)
     else:
         options.check_sample(t_end - (0.0 if initial is None else initial.t))
     if options.method is not None and options.fidelity == "auto":
@@ -114,30 +119,43 @@ def simulate(
     )
     if options.fidelity == "auto":
         return _planned(made, initial)
-    record = run(scene, t_end, options)
+    record = _with_notes(run(scene, t_end, options), *notes)
     if options.verify in (None, "none") or not record.done or isinstance(initial, Record):
         return record
     return verified(record, options.verify, _until(made, record))
 
 
-def _going_on(before: Record, scene: Scene, options: Options) -> Options:
+def _going_on(before: Record, options: Options) -> Options:
     """Return the options with the engine of a record that goes on."""
     engine = before.method.engine
     if engine not in (*ENGINES, *quasistatic.ENGINES):
         raise StateError(f"initial: a record of the {engine} engine does not go on")
     if options.fidelity == "auto":
         options = dataclasses.replace(options, fidelity=engine)
-    _check_continues(before, scene, options.fidelity)
+    _check_continues(before, options.fidelity)
     return options
 
 
-def _check_continues(before: Record, scene: Scene, engine: str) -> None:
+def _both(before: Record, scene: Scene) -> tuple[Scene, tuple[str, ...]]:
+    """Return the scene of a record that goes on as another one, and a note that says so."""
+    if before.scene == scene:
+        return scene, ()
+    t = _begin(before)
+    found = followed_by(before.scene, scene, t)
+    if found is None:
+        what = "more than the speed of the driver or loads is another"
+        raise StateError(
+            f"initial: the record belongs to another scene ({what}); pass its final_state"
+        )
+    whole, said = found
+    return whole, tuple(f"goes on from t = {t:.9g} s with {one}" for one in said)
+
+
+def _check_continues(before: Record, engine: str) -> None:
     """Raise StateError unless an engine can go on from this record."""
     made = before.method.engine
     if made != engine:
         raise StateError(f"initial: the record comes from the {made} engine, this is {engine}")
-    if before.scene != scene:
-        raise StateError("initial: the record belongs to another scene; pass its final_state")
     if engine in ("dynamic", "hybrid") and not isinstance(before.final_state, State):
         raise StateError("initial: this record holds no state of the dynamics to go on from")
 

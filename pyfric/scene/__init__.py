@@ -1,7 +1,7 @@
 """What is simulated: parts, scenes, presets, units, geometry."""
 
 from pyfric.scene import laws
-from pyfric.scene.change import full_name, read_value, scene_fields, spoken
+from pyfric.scene.change import followed_by, full_name, read_value, scene_fields, spoken
 from pyfric.scene.checked import Quantity, quantities
 from pyfric.scene.errors import SceneError, nearest, unknown
 from pyfric.scene.files import (
@@ -80,6 +80,7 @@ __all__ = [
     "clock",
     "default_geometry",
     "drafts",
+    "followed_by",
     "full_name",
     "law_notes",
     "laws",

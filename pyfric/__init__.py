@@ -75,11 +75,13 @@ if TYPE_CHECKING:
     from pyfric.sweeps import (
         Job,
         JobError,
+        Resolution,
         Span,
         Sweep,
         boundary,
         label_map,
         phase_diagram,
+        resolve,
         run_all,
     )
 
@@ -102,6 +104,7 @@ __all__ = [
     "Progress",
     "Record",
     "RecordError",
+    "Resolution",
     "Rod",
     "RunError",
     "Scene",
@@ -130,6 +133,7 @@ __all__ = [
     "prediction_curve",
     "preset",
     "presets",
+    "resolve",
     "run_all",
     "setup1",
     "setup2",

@@ -28,7 +28,7 @@ def loaded(scene, **changes):
     return dataclasses.replace(scene, top=dataclasses.replace(scene.top, **changes))
 
 
-# --- going on under another protocol ---------------------------------------------------------------
+# --- going on under another protocol -------------------------------------------------------------
 
 V = 0.2
 OTHERS = {

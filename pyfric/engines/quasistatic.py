@@ -40,6 +40,7 @@ from pyfric.record import (
     Record,
     build_catalogue,
     versions,
+    zone_notes,
 )
 from pyfric.scene import SceneError, check_number
 from pyfric.signals import answered
@@ -316,7 +317,7 @@ class QuasistaticRun:
         t_end, F_T = self.rows[-1][0], max(abs(F) for _, F in self.rows)
         warned = strain_notes(scene, engine, F_T, t_end)
         if engine == "quasistatic":  # V does not matter to a prediction
-            warned += loading_notes(scene, engine)
+            warned += loading_notes(scene, engine) + zone_notes(scene, engine, catalogue)
         return Record.from_catalogue(
             catalogue,
             scene=scene,

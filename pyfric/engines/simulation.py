@@ -26,10 +26,12 @@ from pyfric.statics import EquilibriumError, one_thread_if_small
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from typing import Unpack
 
     from pyfric.engines.choice import Plan
+    from pyfric.engines.options import Keywords
     from pyfric.engines.progress import Progress
-    from pyfric.scene import Scene, SceneLike
+    from pyfric.scene import Number, Scene, SceneLike
 
 __all__ = ["simulate"]
 
@@ -40,12 +42,12 @@ ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
 @one_thread_if_small
 def simulate(
     scene: SceneLike,
-    t_end: float,
+    t_end: Number,
     options: Options | None = None,
     *,
     initial: State | Record | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
-    **keywords: Any,
+    **keywords: Unpack[Keywords],
 ) -> Record:
     """Simulate a scene from the loaded slider, or from where another run stopped.
 
@@ -96,7 +98,7 @@ def simulate(
         raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     if isinstance(initial, Record):
-        keywords |= kept(initial.method)
+        keywords = {**keywords, **kept(initial.method)}
     if not isinstance(options, Options | None):
         raise SceneError("options", options, "", "Options or None")
     options = (options or Options()).changed(keywords)

@@ -29,6 +29,7 @@ from pyfric.scene.parts import (
 )
 from pyfric.scene.presets import (
     PRESETS,
+    Number,
     SceneLike,
     as_scene,
     chain,
@@ -60,6 +61,7 @@ __all__ = [
     "Law",
     "Leg",
     "Material",
+    "Number",
     "Piece",
     "PrescribedLoad",
     "Quantity",

@@ -19,7 +19,7 @@ from pyfric.sweeps.runs import run_all
 
 if TYPE_CHECKING:
     from pyfric.record import Record
-    from pyfric.scene import Scene, SceneLike
+    from pyfric.scene import Number, Scene, SceneLike
     from pyfric.sweeps.store import Cache
 
 __all__ = ["Resolution", "resolve"]
@@ -104,7 +104,7 @@ def _viscosity(record: Record) -> str:
 
 def resolve(
     scene: SceneLike,
-    t_end: float = 3.0,
+    t_end: Number = 3.0,
     *,
     levels: int = 2,
     options: Options | Mapping[str, Any] | None = None,

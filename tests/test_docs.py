@@ -160,7 +160,7 @@ def test_options_are_typed_by_their_names():
     """Editors complete the keywords of `simulate` from a class of their own."""
     keywords = pyfric.engines.options.Keywords.__annotations__
     assert list(keywords) == [one.name for one in dataclasses.fields(pyfric.Options)]
-    steppers = re.findall(r'"(\w+)"', keywords["stepper"].__forward_arg__)
+    steppers = re.findall(r"'(\w+)'", keywords["stepper"].__forward_arg__)
     assert steppers == list(pyfric.core.STEPPERS)
 
 

@@ -11,7 +11,7 @@ from helpers import refused
 
 import pyfric
 from pyfric.cli import main
-from pyfric.sweeps.resolve import AT, _finer
+from pyfric.sweeps.spacings import AT, _finer
 
 SLAB = pyfric.setup1(L=0.06, H=0.03, l=5e-3, V=4e-4)
 

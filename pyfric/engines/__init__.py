@@ -8,7 +8,7 @@ from pyfric.engines.prediction import prediction_curve
 from pyfric.engines.progress import Progress, jobs_bar
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.relaxation import relaxation_time
-from pyfric.engines.simulation import simulate
+from pyfric.engines.simulation import check_run, simulate
 
 __all__ = [
     "OPTION_UNITS",
@@ -18,6 +18,7 @@ __all__ = [
     "Progress",
     "QuasistaticRun",
     "RunError",
+    "check_run",
     "expected_cost",
     "folded",
     "jobs_bar",

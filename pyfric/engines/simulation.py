@@ -17,7 +17,6 @@ from pyfric.engines.integration import integrate
 from pyfric.engines.options import Options, kept
 from pyfric.engines.pauses import pause_notes
 from pyfric.engines.stopping import ended_by_condition
-from pyfric.engines.stretches import check_straight
 from pyfric.engines.verification import Specification, verified
 from pyfric.record import Record
 from pyfric.scene import SceneError, check_geometry, check_number, check_writable, followed_by
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     from pyfric.engines.progress import Progress
     from pyfric.scene import Number, Scene, SceneLike
 
-__all__ = ["simulate"]
+__all__ = ["check_run", "simulate"]
 
 ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
 """The engines with time steps."""
@@ -127,6 +126,15 @@ def simulate(
     return verified(record, options.verify, _until(made, record))
 
 
+def check_run(scene: Scene, options: Options) -> None:
+    """Raise SceneError where a named engine without inertia refuses a scene or an option."""
+    if options.geometry is not None:
+        check_geometry(options.geometry, scene)
+    if options.fidelity in quasistatic.ENGINES:
+        options.check_static()
+        quasistatic.check_ladder(options.fidelity, scene)
+
+
 def _going_on(before: Record, options: Options) -> Options:
     """Return the options with the engine of a record that goes on."""
     engine = before.method.engine
@@ -185,7 +193,6 @@ def _run(
         record = integrate(ENGINES[options.fidelity], scene, t_end, options, enough=enough, **how)
         return _with_notes(record, *pause_notes(record), *([note] if note else []))
     options.check_static()
-    check_straight(scene)
     check_memory(scene, options.fidelity, "linear")
     how |= {"t_gap": options.t_gap, "stop_when": options.stop_when}
     record = quasistatic.simulate(options.fidelity, scene, t_end, **how)

@@ -3,9 +3,9 @@
 from pyfric.sweeps.boundaries import boundary, label_map
 from pyfric.sweeps.jobs import Job, JobError
 from pyfric.sweeps.phases import PhaseDiagram, chain_job, phase_diagram
-from pyfric.sweeps.resolve import Resolution, resolve
 from pyfric.sweeps.results import Results
 from pyfric.sweeps.runs import run_all, side_by_side
+from pyfric.sweeps.spacings import Resolution, resolve
 from pyfric.sweeps.store import MAX_BYTES, Entry, Store
 from pyfric.sweeps.sweep import Estimate, Sweep
 from pyfric.sweeps.varied import Span

@@ -46,7 +46,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.display import html
-from pyfric.engines import Options, expected_cost
+from pyfric.engines import Options, check_run, expected_cost
 from pyfric.record import Record
 from pyfric.scene import Scene, SceneError, check_number, unknown
 from pyfric.sweeps.file import read_sweep
@@ -211,7 +211,9 @@ class Sweep:
         options = {name.removeprefix("options."): values.pop(name) for name in names}
         try:
             options = dataclasses.replace(self.options, **options)
-            return Job(scene=self.scene.replace(values), t_end=t_end, options=options)
+            job = Job(scene=self.scene.replace(values), t_end=t_end, options=options)
+            check_run(job.scene, job.options)
+            return job
         except SceneError as error:
             return error
 

@@ -70,6 +70,7 @@ lint: setup
 	$(BIN)/fortitude check fortran
 	$(BIN)/lint-imports --no-logo --no-cache
 	$(BIN)/pyright --warnings
+	$(BIN)/python -P scripts/blocks
 
 format: setup
 	$(BIN)/ruff check --fix

@@ -15,12 +15,14 @@ import pyfric
 
 scene = pyfric.preset("fig1", l=5e-3)
 figure, axes = plt.subplots(layout="constrained")
-for fidelity, symbol in {"hybrid": "o", "quasistatic": "x"}.items():
+jumps = pyfric.Options(fidelity="hybrid", geometry="linear")
+ladder = pyfric.Options(fidelity="quasistatic")
+for how, symbol in ((jumps, "o"), (ladder, "x")):
     begin = time.process_time()
-    record = pyfric.simulate(scene, 0.9, fidelity=fidelity, geometry="linear", progress=False)
+    record = pyfric.simulate(scene, 0.9, how, progress=False)
     took = time.process_time() - begin
     lengths = pyfric.analysis.precursor_lengths(record)
-    label = f"{fidelity}, {took:.2f} s"
+    label = f"{how.fidelity}, {took:.2f} s"
     axes.plot(lengths["force"], lengths["L_p_over_L"], symbol, label=label)
 axes.set(xlabel=r"$F_T/F_N$", ylabel=r"$L_p/L$")
 axes.legend()

@@ -79,11 +79,13 @@ if TYPE_CHECKING:
     from pyfric.sweeps import (
         Job,
         JobError,
+        Resolution,
         Span,
         Sweep,
         boundary,
         label_map,
         phase_diagram,
+        resolve,
         run_all,
     )
 
@@ -106,6 +108,7 @@ __all__ = [
     "Progress",
     "Record",
     "RecordError",
+    "Resolution",
     "Rod",
     "RunError",
     "Scene",
@@ -138,6 +141,7 @@ __all__ = [
     "presets",
     "ramped",
     "released",
+    "resolve",
     "run_all",
     "setup1",
     "setup2",

@@ -272,6 +272,7 @@ def _state(scene: Scene, geometry: Geometry, *, loaded: bool) -> State:
         t0=0.0,
         dt=1e-7,
         u_drv0=0.0,
+        drive=0.0,
     )
 
 

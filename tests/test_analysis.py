@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pandas as pd
 import pytest
+from helpers import refused
 
 import pyfric
 from pyfric import SceneError, core
@@ -336,3 +337,31 @@ def test_real_run():
     pd.testing.assert_frame_equal(
         analysis.front(mirror, event), analysis.front(record, event), rtol=1e-6, check_exact=False
     )
+
+
+# --- beside a measurement ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.0123, -0.02])
+def test_a_curve_that_is_shifted_is_found(shift):
+    record = pyfric.simulate("fig1", 0.3, fidelity="quasistatic", progress=False)
+    t = np.linspace(0.03, 0.27, 400)
+    curve = record.curve
+    noise = 5 * np.sin(1e4 * t**2)
+    measured = np.interp(t, curve["t"], curve["F_T"]) + noise
+    found = analysis.compare_curve(record, t - shift, measured, largest_shift=0.03)
+    assert found.shift == pytest.approx(shift, abs=2e-4)
+    assert found.rms_shifted == pytest.approx(np.sqrt(np.mean(noise**2)), rel=0.02)
+    apart = np.interp(t - shift, curve["t"], curve["F_T"]) - measured
+    assert found.rms == pytest.approx(np.sqrt(np.mean(apart**2)), rel=1e-12)
+    assert found.n == 400
+
+
+def test_curves_that_cannot_be_compared_are_refused():
+    record = pyfric.simulate("fig1", 0.05, fidelity="quasistatic", progress=False)
+    for t, F_T in (([0.0, 0.1], [1.0]), ([0.1, 0.0], [1.0, 2.0]), ([0.0, np.nan], [1.0, 2.0])):
+        refused(lambda t=t, F_T=F_T: analysis.compare_curve(record, t, F_T), "t", "increasing")
+    refused(lambda: analysis.compare_curve(record, [5.0, 5.1], [1.0, 2.0]), "t", "outside the run")
+    early = analysis.compare_curve(record, [0.06, 0.09], [1.0, 2.0], largest_shift=0.05)
+    assert np.isnan(early.rms)
+    assert early.n >= 1

@@ -1,6 +1,7 @@
 """What names things by their text: pages in docs/, the mutations, the law that alone says mu."""
 
 import ast
+import dataclasses
 import importlib.machinery
 import importlib.util
 import inspect
@@ -159,3 +160,18 @@ def test_tests_that_somebody_killed_say_nothing_about_a_mutant(tmp_path, monkeyp
         mutate.noticed(Ends(-signal.SIGKILL), ["tests"])
     assert mutate.noticed(Ends(-signal.SIGXCPU), ["tests"]) == "start (does not end)"
     assert mutate.noticed(Ends(0), ["tests"]) == ""
+
+
+def test_options_are_typed_by_their_names():
+    """Editors complete the keywords of `simulate` from a class of their own."""
+    keywords = pyfric.engines.options.Keywords.__annotations__
+    assert list(keywords) == [one.name for one in dataclasses.fields(pyfric.Options)]
+    steppers = re.findall(r"'(\w+)'", keywords["stepper"].__forward_arg__)
+    assert steppers == list(pyfric.core.STEPPERS)
+
+
+def test_blocks_of_a_page_keep_their_lines():
+    page = "# Page\n\n```python\nimport pyfric\n```\n\n```sh\nls\n```\n\n```python\nx = 1\n```\n"
+    made = script("blocks").module(page).splitlines()
+    assert (made[3], made[11]) == ("import pyfric", "x = 1")
+    assert "".join(made) == "import pyfricx = 1"

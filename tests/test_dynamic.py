@@ -438,7 +438,7 @@ def test_states_that_do_not_fit_are_refused():
     with pytest.raises(StateError, match="not int"):
         simulate(scene, 1e-3, initial=5, progress=False)
     with pytest.raises(StateError, match="another scene"):
-        simulate(small(V=0.4), 1e-3, initial=record, progress=False)
+        simulate(small(mu_k=0.3), 1e-3, initial=record, progress=False)
     for change, word in (
         (lambda s: s.mode.__setitem__(0, 7), "mode"),
         (lambda s: s.y.__setitem__((0, 1, 0), np.nan), "finite"),

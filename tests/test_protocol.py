@@ -5,6 +5,7 @@ import functools
 import itertools
 
 import numpy as np
+import pandas as pd
 import pytest
 from helpers import bits, budget_error, refused, same_run, small
 from scipy.integrate import solve_ivp
@@ -25,6 +26,119 @@ def driven(scene, protocol, **changes):
 
 def loaded(scene, **changes):
     return dataclasses.replace(scene, top=dataclasses.replace(scene.top, **changes))
+
+
+# --- going on under another protocol -------------------------------------------------------------
+
+V = 0.2
+OTHERS = {
+    "a tenth": {"driver.V": 0.1 * V},
+    "twice": {"driver.V": 2 * V},
+    "held": {"driver.V": 0.0},
+    "back": {"driver.protocol": ((0.0, V), (0.0, -V))},
+    "later faster": {"driver.protocol": ((9e-3, V), (9e-3, 2 * V))},
+    "less load": {"top.F_N": 300.0},
+    "a ramp": {"top.protocol": ((4e-3, 400.0), (8e-3, 350.0))},
+}
+
+
+@functools.cache
+def first_part(fidelity):
+    """Return a run up to 4 ms of fast driving or, of the ladder, of as far a way slowly."""
+    slow = 1e4 if fidelity == "quasistatic" else 1
+    scene = setup1(L=0.02, H=0.0125, F_N=400.0, V=V / slow)
+    how = {} if slow > 1 else {"geometry": "linear"}
+    return slow, pyfric.simulate(scene, 4e-3 * slow, fidelity=fidelity, progress=False, **how)
+
+
+def slowed(change, slow):
+    """Return a change of the protocol in a time that is so much longer."""
+    name, value = change
+    if name == "driver.V":
+        return {name: value / slow}
+    if isinstance(value, tuple):
+        return {name: tuple((t * slow, y / slow if "driver" in name else y) for t, y in value)}
+    return {name: value}
+
+
+def at_once(scene, new, t):
+    """Return the scene that is followed by another one, written down by hand."""
+    V, F_N = new.piece("V", t).at(t), new.piece("F_N", t).at(t)
+    top, driver = ([one for one in p.protocol if one[0] > t] for p in (new.top, new.driver))
+    old = scene.driver.V, scene.F_N
+    speeds = () if (V, driver) == (old[0], []) else ((t, old[0]), (t, V), *driver)
+    loads = () if (F_N, top) == (old[1], []) else ((t, old[1]), (t, F_N), *top)
+    return scene.replace({"driver.protocol": speeds, "top.protocol": loads})
+
+
+RUNS = [(engine, what) for engine in ("dynamic", "hybrid") for what in OTHERS]
+
+
+@pytest.mark.parametrize(
+    ("fidelity", "what"), [*RUNS, *(("quasistatic", one) for one in ("twice", "back", "a ramp"))]
+)
+def test_a_record_that_goes_on_is_one_run_with_both_protocols(fidelity, what):
+    slow, before = first_part(fidelity)
+    scene, t = before.scene, float(before.curve["t"].iloc[-1])
+    new = scene.replace(slowed(*OTHERS[what].items(), slow))
+    goes_on = pyfric.simulate(new, 8e-3 * slow, initial=before, progress=False)
+    how = {"sample": before.method.sample * before.method.dt} if slow == 1 else {}
+    how |= {"fidelity": fidelity, "geometry": "linear", "progress": False}
+    one = pyfric.simulate(at_once(scene, new, t), 8e-3 * slow, **how)
+    assert goes_on.scene == one.scene
+    assert len(one.events) > len(before.events) or what != "twice"
+    starts = goes_on.events["t_start"], one.events["t_start"]
+    np.testing.assert_allclose(*starts, rtol=1e-9, atol=0)
+    np.testing.assert_allclose(goes_on.curve["t"], one.curve["t"], rtol=1e-12, atol=0)
+    np.testing.assert_allclose(goes_on.curve["F_T"], one.curve["F_T"], atol=1e-9 * 400.0, rtol=0)
+    if fidelity != "quasistatic":
+        n = len(before.curve)
+        pd.testing.assert_frame_equal(goes_on.curve[: n - 1], before.curve[: n - 1])
+    if what != "later faster":
+        assert any("goes on from t = " in note for note in goes_on.notes)
+    again = pyfric.simulate(new, 8.5e-3 * slow, initial=goes_on, progress=False)
+    assert again.scene == goes_on.scene
+
+
+@pytest.mark.parametrize("what", [name for name in OTHERS if "load" not in name])
+@pytest.mark.parametrize("fidelity", ["dynamic", "hybrid"])
+def test_a_state_keeps_the_place_of_its_driver(fidelity, what, tmp_path):
+    _, before = first_part(fidelity)
+    new = before.scene.replace(OTHERS[what])
+    how = {"fidelity": fidelity, "geometry": "linear", "progress": False}
+    record = pyfric.simulate(new, 8e-3, initial=before, progress=False)
+    before.final_state.save(tmp_path / "state.npz")
+    state = pyfric.State.load(tmp_path / "state.npz")
+    from_state = pyfric.simulate(new, 8e-3, initial=state, **how)
+    F_T = [run.curve["F_T"].to_numpy() for run in (before, from_state, record)]
+    assert abs(F_T[1][0] - F_T[0][-1]) <= 1e-9 * 400.0
+    assert abs(F_T[1][-1] - F_T[2][-1]) <= 1e-9 * 400.0
+    further = pyfric.simulate(
+        before.scene, 8e-3, initial=from_state.final_state.with_dt(1e-7), **how
+    )
+    assert abs(further.curve["F_T"].iloc[0] - F_T[1][-1]) <= 1e-9 * 400.0
+
+
+def test_the_core_moves_the_driver():
+    scene = driven(small(), STEPS)
+    state = pyfric.statics.loaded_state(scene).state(scene, 1e-7)
+    log, far = pyfric.core.Log(scene.N_x), []
+    for _ in range(50):  # corners are at whole calls
+        model = pyfric.core.model(scene, "linear", state.u_drv0, state.t + 1e-12)
+        pyfric.core.advance(model, state, log, 100)
+        assert state.drive == pytest.approx(scene.drive(state.t), rel=1e-14, abs=1e-20)
+        far.append(state.drive)
+    assert max(far) > 2e-5
+
+
+def test_only_protocols_may_be_others():
+    _, before = first_part("dynamic")
+    for name, value in {"mu_k": 0.1, "driver.K": 3e6, "mass": 0.1, "eta": 1.0}.items():
+        with pytest.raises(pyfric.StateError, match="another scene"):
+            pyfric.simulate(before.scene.replace({name: value}), 8e-3, initial=before)
+    named = pyfric.simulate(before.scene.replace(name="so"), 4.1e-3, initial=before, progress=False)
+    assert named.scene == before.scene.replace(name="so")
+    assert not any("goes on" in note for note in named.notes)
 
 
 # --- scenes --------------------------------------------------------------------------------------

@@ -88,7 +88,7 @@ def make_state(scene, seed=4):
         y=rng.standard_normal((scene.N_z, 4, scene.N_x)), rod=np.full(6, -0.0), mode=whole,
         corner=whole % 2, margin=zeros, memory=memory, loss=zeros, heat=zeros,
         dissipated=np.zeros(scene.N_z),
-        work=np.zeros(2), step=2**60 + 1, t0=0.1 + 0.2, dt=1 / 3, u_drv0=-1e-310,
+        work=np.zeros(2), step=2**60 + 1, t0=0.1 + 0.2, dt=1 / 3, u_drv0=-1e-310, drive=2e-5,
     )  # fmt: skip
 
 

@@ -92,7 +92,7 @@ def test_anything_that_a_scene_has_may_vary():
         "h": ["5 mm", 7.5e-3, np.float64(5e-3)],
         "driver.protocol": [(), ((1e-3, 0.4),), ()],
     }
-    found = swept(points="list", over=over, t_end="1.2 ms")
+    found = swept(points="list", over=over, t_end="1.2 ms", options=Options())
     assert found.t_end == 1.2e-3
     assert list(found.rows["driver.h"]) == [5e-3, 7.5e-3, 5e-3]
     names = ["interface.mu_s", "interface.law", "driver.side", "top", "driver.h", "driver.protocol"]
@@ -108,12 +108,12 @@ def test_anything_that_a_scene_has_may_vary():
 def test_what_is_inside_a_field_may_vary():
     scene = RANDOM.replace({"interface.law": laws.Ageing(B=0.01, t_c=1e-3)})
     over = {"interface.mu_s.seed": np.arange(3), "interface.law.t_c": ["1 ms", 2e-3]}
-    jobs = swept(scene=scene, over=over).jobs
+    jobs = swept(scene=scene, over=over, options=Options()).jobs
     found = [(job.scene.interface.mu_s.seed, job.scene.interface.law.t_c) for job in jobs]
     assert found == [(seed, t_c) for seed in range(3) for t_c in (1e-3, 2e-3)]
     assert len({job.key for job in jobs}) == 6
     whole = {"interface.mu_s": [Spread(mean=0.6, std=0.01), 0.7], "interface.mu_s.seed": [4, 4]}
-    first, second = swept(scene=scene, over=whole, points="list").jobs
+    first, second = swept(scene=scene, over=whole, points="list", options=Options()).jobs
     assert first.scene.interface.mu_s == Spread(mean=0.6, std=0.01, seed=4)
     assert "which has no seed" in str(second)
 
@@ -456,3 +456,12 @@ def test_ctrl_c_ends_the_command_with_its_code(file, monkeypatch):
 
 def test_outcomes_are_records(tmp_path):
     assert all(isinstance(record, Record) for record in swept().run(tmp_path, workers=1).outcomes)
+
+
+def test_points_that_the_engine_refuses_are_refused_before_any_run():
+    over = {"law": [laws.LinearWeakening(), laws.Ageing(B=0.01, t_c=1e-3)]}
+    points = Sweep(scene="fig1", t_end=0.1, over=over, options=Options(fidelity="quasistatic"))
+    status = points.status(False)
+    assert status.table["status"].tolist() == ["waiting", "refused"]
+    assert "the ladder knows no friction" in status.failed["reason"].iloc[0]
+    assert points.estimate(False).refused == 1

@@ -141,7 +141,7 @@ def test_amontons_coulomb_takes_a_short_note():
     record = pyfric.simulate("fig1", 0.3, fidelity="hybrid", geometry="linear", progress=False)
     main = record.events["is_main"]
     assert main.any()
-    assert "hybrid: front speeds are set by the lattice (d_c = 0)" in record.notes
+    assert any("d_c = 0: front speeds are set by the lattice" in one for one in record.notes)
     assert (record.events.loc[main, "share_X_c0"] == 0).all()
 
 

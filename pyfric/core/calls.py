@@ -114,6 +114,7 @@ def advance(
         log.quiet_r,
     )
     state.step, log.tried, log.block = int(step[0]), tried, block - 1
+    state.drive = model.drive(state.t)
     if STEPPERS[stepper].adaptive:
         state.sub = float(sub[0])
     log.n_switch, log.n_quiet = int(n_log[0]), int(n_log[1])

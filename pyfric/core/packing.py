@@ -91,6 +91,12 @@ class Model(NamedTuple):
     def N_x(self) -> int:
         return int(self.counts[0])
 
+    def drive(self, t: float) -> float:
+        """Return the displacement of the driver at t (s) in this piece of the protocol, in m."""
+        own = Constants(*self.numbers[: len(Constants._fields)])
+        since = t - own.t_seg
+        return float(own.x_drv + (own.v_drv + 0.5 * own.a_drv * since) * since)
+
     @property
     def n_memory(self) -> int:
         """Numbers that the law remembers of each block."""

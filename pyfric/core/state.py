@@ -27,7 +27,7 @@ STUCK, OPEN = 0, 2
 """Contact states; a slipping block carries the sign of its motion, +1 or -1."""
 
 
-NUMBERS = ("step", "t0", "dt", "u_drv0", "sub")
+NUMBERS = ("step", "t0", "dt", "u_drv0", "drive", "sub")
 REAL, WHOLE = np.dtype(np.float64), np.dtype(np.int32)
 
 
@@ -58,7 +58,8 @@ class State:
         step: steps made since t0.
         t0: time of step 0, in s.
         dt: time step, in s.
-        u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m.
+        u_drv0: u_x of the driven block at which F_T = 0 where drive = 0, in m.
+        drive: how far the driver has moved since drive = 0, in m.
         parts: what of `heat` went into friction above mu_k p, and what into alpha, shape (2, N_x),
             in J; on junctions: heat of dragging, and work of their stiffness. None means 0.
         sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 for dt.
@@ -84,6 +85,7 @@ class State:
     t0: float
     dt: float
     u_drv0: float
+    drive: float
     sub: float = 0.0
     parts: np.ndarray | None = None
 
@@ -166,6 +168,16 @@ class State:
             new.t0, new.step, new.dt, new.sub = self.t, 0, float(dt), 0.0
         return new
 
+    def under(self, scene: Scene) -> Self:
+        """Return a copy that goes on under another protocol, with the driver where it is.
+
+        Protocols count from t = 0: where this one has the driver elsewhere at t, u_drv0 shifts.
+        """
+        new, drive = self.copy(), scene.drive(self.t)
+        if drive != self.drive:
+            new.u_drv0, new.drive = self.u_drv0 + scene.d * (self.drive - drive), drive
+        return new
+
     def check(self, N_x: int, N_z: int | None = None, n_memory: int | None = None) -> None:
         """Check shapes and types, which is all the core relies on.
 
@@ -197,11 +209,13 @@ class State:
             if not (right and array.flags.carray):
                 raise StateError(f"state.{name}: expected a contiguous {dtype} {shape}")
         if not (
-            self.dt > 0 and math.isfinite(self.t0) and math.isfinite(self.u_drv0) and self.step >= 0
+            self.dt > 0
+            and self.step >= 0
+            and all(map(math.isfinite, (self.t0, self.u_drv0, self.drive)))
         ):
             raise StateError(
-                f"state: dt = {self.dt} s, t0 = {self.t0} s, u_drv0 = {self.u_drv0} m, "
-                f"step = {self.step}: expected finite values, dt > 0, step >= 0"
+                f"state: dt = {self.dt} s, t0 = {self.t0} s, u_drv0 = {self.u_drv0} m, drive = "
+                f"{self.drive} m, step = {self.step}: expected finite values, dt > 0, step >= 0"
             )
 
     def _check_memory(self, N_x: int, n_memory: int | None) -> None:

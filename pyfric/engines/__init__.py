@@ -9,7 +9,7 @@ from pyfric.engines.progress import Progress, jobs_bar
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.relaxation import relaxation_time
 from pyfric.engines.released import released
-from pyfric.engines.simulation import simulate
+from pyfric.engines.simulation import check_run, simulate
 
 __all__ = [
     "OPTION_UNITS",
@@ -19,6 +19,7 @@ __all__ = [
     "Progress",
     "QuasistaticRun",
     "RunError",
+    "check_run",
     "expected_cost",
     "folded",
     "jobs_bar",

@@ -48,10 +48,12 @@ from pyfric.signals import at_once
 from pyfric.statics import NO_RESTS, one_thread_if_small, stability_limit
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from pyfric.core import Switching
     from pyfric.engines.pilot import Pilot
     from pyfric.record import Record
-    from pyfric.scene import Scene, SceneLike
+    from pyfric.scene import Number, Scene, SceneLike
 
 __all__ = ["Assumption", "Plan", "choose", "expected_cost", "long_note", "plan"]
 
@@ -177,8 +179,8 @@ def plan(
     want: Want = "precursors",
     tolerance: float = 0.01,
     *,
-    t_end: float = 1.0,
-    stop_when: str | tuple[str, ...] | None = None,
+    t_end: Number = 1.0,
+    stop_when: str | Sequence[str] | None = None,
 ) -> Plan:
     """Return which engine, geometry and step are enough for a question.
 

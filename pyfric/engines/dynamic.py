@@ -450,6 +450,7 @@ class Run:
         here = len(self.rows)
         if self.rows[-1][0] != state.t:
             self.sample()
+        state.drive = scene.drive(state.t)
         curve, notes = self.curve(), self.notes() + zone_notes(scene, self.name, catalogue)
         notes += chain_notes(scene, self.name, catalogue, state)
         motion = self._motion()

@@ -11,7 +11,7 @@ import math
 import os
 from dataclasses import dataclass
 from numbers import Integral
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, get_args
 
 import numpy as np
 
@@ -33,12 +33,23 @@ from pyfric.scene import (
 from pyfric.statics import check_rests, check_sticks, stability_limit
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
+    from typing import Unpack
 
     from pyfric.engines.dynamic import Run
-    from pyfric.scene import Scene, SceneLike
+    from pyfric.scene import Number, Scene, SceneLike
 
-__all__ = ["AUTO_SHARE", "RTOL", "Fidelity", "Options", "Verify", "Want", "kept", "step_size"]
+__all__ = [
+    "AUTO_SHARE",
+    "RTOL",
+    "Fidelity",
+    "Keywords",
+    "Options",
+    "Verify",
+    "Want",
+    "kept",
+    "step_size",
+]
 
 AUTO_SHARE = 0.5
 """dt = "auto" is this share of the stability limit, rounded down to two digits.
@@ -89,6 +100,29 @@ NUMBERS: Mapping[str, tuple[str, dict[str, float]]] = {
 }
 """Option -> unit and range."""
 OPTION_UNITS = {name: unit for name, (unit, _) in NUMBERS.items()}
+
+
+class Keywords(TypedDict, total=False):
+    """What `Options` takes, by name; numbers may be text with a unit, such as "1 us"."""
+
+    fidelity: Fidelity
+    method: Literal["paper"] | None
+    want: Want
+    tolerance: Number
+    verify: Verify | None
+    geometry: Geometry | None
+    stepper: Literal["rk4", "verlet", "symplectic_euler", "adaptive"]
+    switching: Switching | None
+    rtol: Number | None
+    dt: Number
+    accuracy: Number | None
+    budget: bool | None
+    sample: Number | None
+    t_gap: Number | None
+    stop_when: str | Sequence[str] | None
+    threads: int | None
+    checkpoint: str | os.PathLike[str] | None
+    checkpoint_every: Number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,6 +199,10 @@ class Options:
     threads: int | None = None
     checkpoint: str | os.PathLike[str] | None = None
     checkpoint_every: float = 60.0
+
+    if TYPE_CHECKING:  # what may be given; the fields hold numbers in SI units
+
+        def __init__(self, **keywords: Unpack[Keywords]) -> None: ...
 
     def __post_init__(self) -> None:
         free = self.open()

@@ -32,7 +32,7 @@ from pyfric.engines.pauses import longest_pause
 from pyfric.engines.progress import Progress, run_bar
 from pyfric.engines.relaxation import loading_notes
 from pyfric.engines.stopping import stopping_of
-from pyfric.engines.stretches import Stretch, stretches
+from pyfric.engines.stretches import Stretch, check_straight, stretches
 from pyfric.record import (
     QUIET_COLUMNS,
     SWITCH_COLUMNS,
@@ -40,6 +40,7 @@ from pyfric.record import (
     Record,
     build_catalogue,
     versions,
+    zone_notes,
 )
 from pyfric.scene import SceneError, check_number
 from pyfric.signals import answered
@@ -58,7 +59,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
     from pyfric.statics import Values
 
-__all__ = ["QuasistaticRun", "simulate"]
+__all__ = ["QuasistaticRun", "check_ladder", "simulate"]
 
 SOFTEST = 0.05
 """Largest k over the steepest fall of friction that the ladder leaves out. Start forces of the
@@ -316,7 +317,7 @@ class QuasistaticRun:
         t_end, F_T = self.rows[-1][0], max(abs(F) for _, F in self.rows)
         warned = strain_notes(scene, engine, F_T, t_end)
         if engine == "quasistatic":  # V does not matter to a prediction
-            warned += loading_notes(scene, engine)
+            warned += loading_notes(scene, engine) + zone_notes(scene, engine, catalogue)
         return Record.from_catalogue(
             catalogue,
             scene=scene,
@@ -371,12 +372,8 @@ def simulate(
     """
     if not isinstance(initial, Record | None):
         raise StateError(f"initial: the {engine} engine goes on from records only")
-    check_sticks(scene)
+    check_ladder(engine, scene)
     t_end = check_number("t_end", t_end, "s", ge=0.0)
-    beyond = beyond_ladder(scene) if engine == "quasistatic" else None
-    if beyond:
-        allowed = f"{beyond.allowed}, or fidelity = 'hybrid' or 'dynamic'"
-        raise SceneError(beyond.field, beyond.value, beyond.unit, allowed, beyond.reason)
     gap = longest_pause(scene) if t_gap is None else t_gap
     run = ENGINES[engine](scene, gap, stopping_of(stop_when, scene, gap, initial, t_end))
     with run_bar(progress, scene, 0.0, t_end) as bar, answered() as stop:
@@ -387,6 +384,16 @@ def simulate(
         done = run.advance(t_end, stop, show)
         record = run.record(run.ending or "complete" if done else "interrupted")
     return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
+
+
+def check_ladder(engine: str, scene: Scene) -> None:
+    """Raise SceneError where an engine without inertia does not follow a scene."""
+    check_straight(scene)
+    check_sticks(scene)
+    beyond = beyond_ladder(scene) if engine == "quasistatic" else None
+    if beyond:
+        allowed = f"{beyond.allowed}, or fidelity = 'hybrid' or 'dynamic'"
+        raise SceneError(beyond.field, beyond.value, beyond.unit, allowed, beyond.reason)
 
 
 class Beyond(NamedTuple):

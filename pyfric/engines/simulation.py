@@ -17,21 +17,22 @@ from pyfric.engines.integration import integrate
 from pyfric.engines.options import Options, kept
 from pyfric.engines.pauses import pause_notes
 from pyfric.engines.stopping import ended_by_condition
-from pyfric.engines.stretches import check_straight
 from pyfric.engines.verification import Specification, verified
 from pyfric.record import Record
-from pyfric.scene import SceneError, check_geometry, check_number, check_writable
+from pyfric.scene import SceneError, check_geometry, check_number, check_writable, followed_by
 from pyfric.signals import forget, nothing_to_save, raise_if_asked
 from pyfric.statics import EquilibriumError, one_thread_if_small
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from typing import Unpack
 
     from pyfric.engines.choice import Plan
+    from pyfric.engines.options import Keywords
     from pyfric.engines.progress import Progress
-    from pyfric.scene import Scene, SceneLike
+    from pyfric.scene import Number, Scene, SceneLike
 
-__all__ = ["simulate"]
+__all__ = ["check_run", "simulate"]
 
 ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
 """The engines with time steps."""
@@ -40,12 +41,12 @@ ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
 @one_thread_if_small
 def simulate(
     scene: SceneLike,
-    t_end: float,
+    t_end: Number,
     options: Options | None = None,
     *,
     initial: State | Record | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
-    **keywords: Any,
+    **keywords: Unpack[Keywords],
 ) -> Record:
     """Simulate a scene from the loaded slider, or from where another run stopped.
 
@@ -54,7 +55,10 @@ def simulate(
         t_end: time of the end, in s; the last step ends there or just beyond.
         options: how; None means `Options()`.
         initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there. A
-            `Record` of the same scene goes on where it stopped, and the result holds the whole run.
+            `Record` goes on where it stopped, and the result holds the whole run. Where the speed
+            of the driver or the loads are others from then on, its scene has a protocol that is
+            both. The driver goes on from where it is, so that F_T does not jump; protocols count
+            from t = 0.
             Its engine, geometry, stepper, switching, step, rtol, budget, sampling and t_gap are
             kept, and those options are not used. Full dynamics goes on with the same bits; the
             hybrid engine finds the same events, at forces that agree to its accuracy.
@@ -93,12 +97,14 @@ def simulate(
         raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     if isinstance(initial, Record):
-        keywords |= kept(initial.method)
+        keywords = {**keywords, **kept(initial.method)}
     if not isinstance(options, Options | None):
         raise SceneError("options", options, "", "Options or None")
     options = (options or Options()).changed(keywords).on(scene)
+    notes: tuple[str, ...] = ()
     if isinstance(initial, Record):
-        options = _going_on(initial, scene, options)
+        options = _going_on(initial, options)
+        scene, notes = _both(initial, scene)
     else:
         options.check_sample(t_end - (0.0 if initial is None else initial.t))
     if options.method is not None and options.fidelity == "auto":
@@ -114,30 +120,52 @@ def simulate(
     )
     if options.fidelity == "auto":
         return _planned(made, initial)
-    record = run(scene, t_end, options)
+    record = _with_notes(run(scene, t_end, options), *notes)
     if options.verify in (None, "none") or not record.done or isinstance(initial, Record):
         return record
     return verified(record, options.verify, _until(made, record))
 
 
-def _going_on(before: Record, scene: Scene, options: Options) -> Options:
+def check_run(scene: Scene, options: Options) -> None:
+    """Raise SceneError where a named engine without inertia refuses a scene or an option."""
+    if options.geometry is not None:
+        check_geometry(options.geometry, scene)
+    if options.fidelity in quasistatic.ENGINES:
+        options.check_static()
+        quasistatic.check_ladder(options.fidelity, scene)
+
+
+def _going_on(before: Record, options: Options) -> Options:
     """Return the options with the engine of a record that goes on."""
     engine = before.method.engine
     if engine not in (*ENGINES, *quasistatic.ENGINES):
         raise StateError(f"initial: a record of the {engine} engine does not go on")
     if options.fidelity == "auto":
         options = dataclasses.replace(options, fidelity=engine)
-    _check_continues(before, scene, options.fidelity)
+    _check_continues(before, options.fidelity)
     return options
 
 
-def _check_continues(before: Record, scene: Scene, engine: str) -> None:
+def _both(before: Record, scene: Scene) -> tuple[Scene, tuple[str, ...]]:
+    """Return the scene of a record that goes on as another one, and a note that says so."""
+    if before.scene == scene:
+        return scene, ()
+    t = _begin(before)
+    found = followed_by(before.scene, scene, t)
+    if found is None:
+        what = "more than the speed of the driver or loads is another"
+        raise StateError(
+            f"initial: the record belongs to another scene ({what}); pass its final_state"
+        )
+    whole, said = found
+    return whole, tuple(f"goes on from t = {t:.9g} s with {one}" for one in said)
+
+
+def _check_continues(before: Record, engine: str) -> None:
     """Raise StateError unless an engine can go on from this record."""
     made = before.method.engine
     if made != engine:
         raise StateError(f"initial: the record comes from the {made} engine, this is {engine}")
-    if not before.scene.goes_on_as(scene):
-        raise StateError("initial: the record belongs to another scene; pass its final_state")
     if engine in ("dynamic", "hybrid") and not isinstance(before.final_state, State):
         raise StateError("initial: this record holds no state of the dynamics to go on from")
 
@@ -165,7 +193,6 @@ def _run(
         record = integrate(ENGINES[options.fidelity], scene, t_end, options, enough=enough, **how)
         return _with_notes(record, *pause_notes(record), *([note] if note else []))
     options.check_static()
-    check_straight(scene)
     check_memory(scene, options.fidelity, "linear")
     how |= {"t_gap": options.t_gap, "stop_when": options.stop_when}
     record = quasistatic.simulate(options.fidelity, scene, t_end, **how)

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import minimize_scalar
 
 from pyfric.record.griffith import energy_release, griffith_length
 from pyfric.record.nucleation import nucleations
@@ -26,14 +27,18 @@ from pyfric.record.rupture import front_speed
 from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from pyfric.record.record import Record
 
 __all__ = [
+    "Beside",
     "Collapse",
     "FrictionCoefficients",
     "budget_error",
     "budget_left",
     "collapse_spread",
+    "compare_curve",
     "energy_release",
     "friction_coefficients",
     "front",
@@ -51,6 +56,9 @@ When = Literal["before", "after"]
 
 BINS = 20
 """Default number of bins of `collapse_spread`."""
+
+SHIFTS = 2001
+"""Shifts in time that `compare_curve` tries; the best one is refined between its neighbours."""
 
 ROUNDED = 1e-7
 """Energy that changes hands below this share of what is stored is next to nothing (rounding): sums
@@ -261,6 +269,74 @@ def _fronts(record: Record, rows: np.ndarray) -> pd.DataFrame:
     }
     inside = np.isfinite(t)
     return pd.DataFrame({name: values[inside] for name, values in columns.items()})
+
+
+# --- beside a measurement ------------------------------------------------------------------------
+
+
+class Beside(NamedTuple):
+    """How far a measured curve is from a run.
+
+    Attributes:
+        rms: root mean square of the difference in force, N.
+        shift: what added to the measured times makes it smallest, s.
+        rms_shifted: the smallest one, N.
+        n: measured points that count there.
+    """
+
+    rms: float
+    shift: float
+    rms_shifted: float
+    n: int
+
+
+def compare_curve(
+    record: Record, t: ArrayLike, F_T: ArrayLike, *, largest_shift: float | None = None
+) -> Beside:
+    """Return how far a measured loading curve is from a run, as it stands and shifted in time.
+
+    The force of the run is straight between its points. Measured points outside the run do not
+    count, and a shift leaves at least half of them inside.
+
+    Args:
+        record: the run.
+        t, F_T: measured times, s, increasing, and forces, N, shape (n,), n >= 2.
+        largest_shift: largest shift either way, s; None means half of the measured time.
+
+    Returns:
+        `Beside`; its rms is NaN where no point lies in the run as it stands.
+
+    Raises:
+        SceneError: times and forces do not fit together, or no shift leaves half of them inside.
+    """
+    t, F_T = (np.asarray(values, dtype=float) for values in (t, F_T))
+    right = t.ndim == 1 and t.shape == F_T.shape and len(t) > 1
+    if not (right and np.isfinite(F_T).all() and np.isfinite(t).all() and (np.diff(t) > 0).all()):
+        allowed = "two or more finite times, increasing, and as many finite forces"
+        raise SceneError("t", f"{t.shape} beside {F_T.shape}", "s", allowed)
+    known, forces = (record.curve[name].to_numpy() for name in ("t", "F_T"))
+    most = 0.5 * (t[-1] - t[0]) if largest_shift is None else float(largest_shift)
+
+    def rms(shift: float, least: float = 0.5) -> float:
+        at = t + shift
+        inside = (at >= known[0]) & (at <= known[-1])
+        if not inside.any() or inside.mean() < least:
+            return np.inf
+        apart = np.interp(at[inside], known, forces) - F_T[inside]
+        return float(np.sqrt(np.mean(apart**2)))
+
+    shifts = np.linspace(-most, most, SHIFTS)
+    tried = [rms(shift) for shift in shifts]
+    n = int(np.argmin(tried))
+    if not np.isfinite(tried[n]):
+        allowed = f"times of which half lie within the run, {known[0]:g} to {known[-1]:g} s"
+        raise SceneError("t", float(t[0]), "s", allowed, "outside the run")
+    ends = shifts[max(n - 1, 0)], shifts[min(n + 1, SHIFTS - 1)]
+    found = minimize_scalar(rms, bounds=ends, method="bounded", options={"xatol": 1e-9 * most})
+    shift, least = (found.x, found.fun) if found.fun < tried[n] else (shifts[n], tried[n])
+    inside = (t + shift >= known[0]) & (t + shift <= known[-1])
+    now = rms(0.0, 0.0)
+    return Beside(now if now < np.inf else np.nan, float(shift), least, int(inside.sum()))
 
 
 # --- numbers -------------------------------------------------------------------------------------

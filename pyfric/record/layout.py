@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SCHEMA", "attributes", "csv_tables", "dataset", "datatree", "fields", "grouped"]
 
-SCHEMA = 7
+SCHEMA = 8
 """Version of the file layout that this module writes and reads."""
 DRAWN = "drawn_"
 """Begins the names of fields of the interface as they were drawn, on x."""

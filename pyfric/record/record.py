@@ -38,6 +38,10 @@ LOGS = ("quiet", "switches", "motion")
 EDGES = ("tau_initial", "p_initial")
 
 
+COPY_ON_WRITE = int(pd.__version__.partition(".")[0]) >= 3
+"""Whether a shallow copy of a table is copied where it is written to, as from pandas 3 on."""
+
+
 class _Guarded:
     """A field of which everybody gets a copy of his own: what he changes there is his alone."""
 
@@ -53,8 +57,8 @@ class _Guarded:
                 raise AttributeError(self.name)
             return self.default
         kept = record.__dict__[self.name]
-        # a shallow copy of a table is copied where it is written to
-        return kept.copy(deep=False) if isinstance(kept, pd.DataFrame) else copy.deepcopy(kept)
+        shallow = COPY_ON_WRITE and isinstance(kept, pd.DataFrame)
+        return kept.copy(deep=False) if shallow else copy.deepcopy(kept)
 
     def __set__(self, record: Record, value: Any) -> None:
         own = table(self.field, value) if self.field in TABLES else value

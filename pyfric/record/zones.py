@@ -141,7 +141,7 @@ def viscous_error(scene: Scene, blocks: float) -> float:
 
 
 def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ...]:
-    """Return what to know about front speeds: whether lattice or dashpots set them.
+    """Return what to know about front speeds: whether lattice or dashpots set them; and of counts.
 
     Args:
         scene: the scene.
@@ -153,10 +153,15 @@ def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ..
     fast = np.isfinite(speeds) & main[:, None]
     blocks = catalogue.arrays["X_c0_over_l"][fast]
     blocks = blocks[np.isfinite(blocks)]
-    if not blocks.size or not scene.law.rests:  # on junctions there is no cohesive zone
+    if not scene.law.rests:  # on junctions there is no cohesive zone
         return ()
     if not scene.law.weakens:
-        return (f"{engine}: front speeds are set by the lattice (d_c = 0)",)
+        short = bool((main & catalogue.events["is_precursor"]).any())
+        said = ["front speeds are set by the lattice"] * bool(blocks.size)
+        said += ["number and lengths of short precursors depend on l (pyfric resolve)"] * short
+        return (f"{engine}: d_c = 0: {', '.join(said)}",) if said else ()
+    if not blocks.size:
+        return ()
     why, moving = [], catalogue.arrays["X_c_over_l"][fast]
     for name, known in (("X_c0", blocks), ("X_c(v)", moving[np.isfinite(moving)])):
         share = np.mean(known < RESOLVED) if known.size else 0.0

@@ -1,7 +1,7 @@
 """What is simulated: parts, scenes, presets, units, geometry."""
 
 from pyfric.scene import laws
-from pyfric.scene.change import full_name, read_value, scene_fields, spoken
+from pyfric.scene.change import followed_by, full_name, read_value, scene_fields, spoken
 from pyfric.scene.checked import Quantity, quantities
 from pyfric.scene.conditions import condition, conditions
 from pyfric.scene.consistency import check_push
@@ -31,6 +31,7 @@ from pyfric.scene.parts import (
 )
 from pyfric.scene.presets import (
     PRESETS,
+    Number,
     SceneLike,
     as_scene,
     chain,
@@ -63,6 +64,7 @@ __all__ = [
     "Law",
     "Leg",
     "Material",
+    "Number",
     "Piece",
     "PrescribedLoad",
     "Push",
@@ -87,6 +89,7 @@ __all__ = [
     "conditions",
     "default_geometry",
     "drafts",
+    "followed_by",
     "full_name",
     "law_notes",
     "laws",

@@ -11,13 +11,20 @@ from typing import TYPE_CHECKING, Any
 from pyfric.scene.checked import Quantity, Written, annotations
 from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.parts import PARTS, DistributedLoad, PrescribedLoad, Rod
+from pyfric.scene.protocol import followed
 
 if TYPE_CHECKING:
     from pyfric.scene.scene import Scene
 
     Parts = Scene | Mapping[str, Any]
 
-__all__ = ["changed", "full_name", "read_value", "scene_fields", "spoken"]
+__all__ = ["changed", "followed_by", "full_name", "read_value", "scene_fields", "spoken"]
+
+PROTOCOLS = {
+    "driver": (("V", "protocol"),),
+    "top": (("F_N", "protocol"), ("T", "T_protocol")),
+}
+"""Parts and what of them changes with time: the names of its first value and of its corners."""
 
 
 def scene_fields(scene: Parts) -> dict[str, Quantity | None]:
@@ -99,6 +106,42 @@ def _with(owner: Any, changes: Mapping[tuple[str, ...], Any]) -> Any:
             raise SceneError(".".join((name, *field)), value, "", f"a field of {name}", reason)
         new[name] = _with(inner, inside)
     return dataclasses.replace(owner, **new)
+
+
+def followed_by(before: Scene, after: Scene, t: float) -> tuple[Scene, list[str]] | None:
+    """Return the scene that is one up to t and another one from then on, and what changes at t.
+
+    None where they differ in more than speed of the driver, loads, `stop_when` and name: no scene
+    is both.
+
+    Args:
+        before: the scene up to t.
+        after: the scene from t on; its protocols count from t = 0, too.
+        t: time, in s.
+    """
+    whole, others, said = {}, {}, []
+    for part, protocols in PROTOCOLS.items():
+        old, new = getattr(before, part), getattr(after, part)
+        names = {field.name for field in dataclasses.fields(old)}
+        if type(old) is not type(new):
+            return None
+        ours, theirs = {}, {}
+        for first, corners in protocols:
+            if corners not in names:
+                continue
+            ends = [(getattr(one, first), getattr(one, corners)) for one in (old, new)]
+            ours[corners] = followed(*ends[0], *ends[1], t)
+            theirs |= {first: ends[1][0], corners: ends[1][1]}
+            if ours[corners] != ends[0][1]:
+                unit = annotations(type(old))[first].unit
+                now, then = (value for at, value in ours[corners] if at == t)
+                said.append(f"{part}.{first} = {then:.6g} {unit} instead of {now:.6g} {unit}")
+        whole[part] = dataclasses.replace(old, **ours)
+        others[part] = dataclasses.replace(old, **theirs)
+    free = {"name": after.name, "stop_when": after.stop_when, "draws": before.drawn}
+    if dataclasses.replace(before, **others, **free) != after:
+        return None
+    return dataclasses.replace(before, **whole, **free), said
 
 
 def read_value(name: str, value: Any, mark: Quantity | None, folder: Path) -> Any:

@@ -31,6 +31,7 @@ from pyfric.scene.units import check_number
 __all__ = [
     "PRESETS",
     "Fields",
+    "Number",
     "Preset",
     "SceneLike",
     "as_scene",

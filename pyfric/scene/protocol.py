@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from pyfric.scene.checked import Quantity, Written
 from pyfric.scene.errors import SceneError
 
-__all__ = ["Corners", "Leg", "Piece", "Protocol", "legs", "piece_at", "pieces"]
+__all__ = ["Corners", "Leg", "Piece", "Protocol", "followed", "legs", "piece_at", "pieces"]
 
 MAX_CORNERS = 1000
 """Most corners of one protocol."""
@@ -57,6 +57,30 @@ def pieces(first: float, corners: Corners) -> list[Piece]:
 def piece_at(path: Sequence[Piece], t: float) -> Piece:
     """Return the piece that time t (s) lies in; at a corner the one that begins there."""
     return path[max(bisect.bisect_right([piece.t for piece in path], t) - 1, 0)]
+
+
+def followed(first: float, corners: Corners, then_first: float, then: Corners, t: float) -> Corners:
+    """Return the corners of a protocol that goes on as another one from time t (s) on.
+
+    Args:
+        first, corners: the protocol up to t.
+        then_first, then: the one from t on.
+        t: time, in s.
+    """
+    old, new = pieces(first, corners), pieces(then_first, then)
+    if _from(old, t) == _from(new, t):
+        return corners
+    kept = tuple(one for one in corners if one[0] < t)
+    reached = next((value for t_at, value in corners if t_at == t), piece_at(old, t).at(t))
+    rest = tuple(one for one in then if one[0] > t)
+    return (*kept, (t, reached), (t, piece_at(new, t).at(t)), *rest)
+
+
+def _from(path: Sequence[Piece], t: float) -> list[tuple[float, float, float]]:
+    """Return what a protocol is from time t (s) on: beginnings, values and slopes."""
+    now = piece_at(path, t)
+    rest = [(piece.t, piece.value, piece.slope) for piece in path if piece.t > t]
+    return [(t, now.at(t), now.slope), *rest]
 
 
 class Leg(NamedTuple):

@@ -410,10 +410,6 @@ class Scene:
         """
         return changed(self, {**(changes or {}), **keywords})
 
-    def goes_on_as(self, other: Self) -> bool:
-        """Whether a run of this scene can go on with another one: only `stop_when` may differ."""
-        return self == other or self.replace(stop_when=other.stop_when) == other
-
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
         """Return the scene as TOML; with `path`, also write it to that file in one step.
 

@@ -128,6 +128,7 @@ class Equilibrium:
             t0=float(t0),
             dt=float(dt),
             u_drv0=float(self.u_drv0),
+            drive=scene.drive(float(t0)),
         )
 
 

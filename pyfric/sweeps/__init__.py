@@ -5,6 +5,7 @@ from pyfric.sweeps.jobs import Job, JobError
 from pyfric.sweeps.phases import PhaseDiagram, chain_job, phase_diagram
 from pyfric.sweeps.results import Results
 from pyfric.sweeps.runs import run_all, side_by_side
+from pyfric.sweeps.spacings import Resolution, resolve
 from pyfric.sweeps.store import MAX_BYTES, Entry, Store
 from pyfric.sweeps.sweep import Estimate, Sweep
 from pyfric.sweeps.varied import Span
@@ -16,6 +17,7 @@ __all__ = [
     "Job",
     "JobError",
     "PhaseDiagram",
+    "Resolution",
     "Results",
     "Span",
     "Store",
@@ -24,6 +26,7 @@ __all__ = [
     "chain_job",
     "label_map",
     "phase_diagram",
+    "resolve",
     "run_all",
     "side_by_side",
 ]

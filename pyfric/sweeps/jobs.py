@@ -9,12 +9,16 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
 
 from pyfric.engines import Options
 from pyfric.scene import Scene, SceneError, __version__, as_scene, check_number, unknown
+
+if TYPE_CHECKING:
+    from pyfric.scene import Number, SceneLike
 
 __all__ = ["OPTIONS", "Job", "JobError"]
 
@@ -59,6 +63,12 @@ class Job:
     scene: Scene
     t_end: float
     options: Options = field(default_factory=Options)
+
+    if TYPE_CHECKING:  # what may be given
+
+        def __init__(
+            self, *, scene: SceneLike, t_end: Number, options: Options | Mapping[str, Any] = ...
+        ) -> None: ...
 
     def __repr__(self) -> str:
         return f"Job: {self}"

@@ -144,7 +144,7 @@ class Results:
         with written(paths[0]) as draft:
             self.table.to_csv(draft)
         with written(paths[1]) as draft:
-            draft.write_bytes(self.to_xarray().to_netcdf(engine="h5netcdf"))
+            self.to_xarray().to_netcdf(draft, engine="h5netcdf")
         try:
             import pyarrow  # noqa: F401
         except ImportError:

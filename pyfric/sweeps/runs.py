@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import closing
-from typing import Any, Literal
+from typing import Any, Literal, overload
 
 from pyfric import core
 from pyfric.engines import jobs_bar, simulate
@@ -37,6 +37,29 @@ MAX_LOSSES = 10
 """An executor is given a job that it lost again at most so often."""
 
 
+@overload
+def run_all(
+    jobs: Sequence[Job],
+    workers: int | None = None,
+    cache: Cache = True,
+    progress: bool | Callable[[int, int], None] | None = None,
+    errors: Literal["raise"] = "raise",
+    executor: Any = None,
+) -> list[Record]: ...
+
+
+@overload
+def run_all(
+    jobs: Sequence[Job],
+    workers: int | None = None,
+    cache: Cache = True,
+    progress: bool | Callable[[int, int], None] | None = None,
+    *,
+    errors: Literal["return"],
+    executor: Any = None,
+) -> list[Record | JobError]: ...
+
+
 @at_once()
 def run_all(
     jobs: Sequence[Job],
@@ -45,7 +68,7 @@ def run_all(
     progress: bool | Callable[[int, int], None] | None = None,
     errors: Literal["raise", "return"] = "raise",
     executor: Any = None,
-) -> list[Record] | list[Record | JobError]:
+) -> Any:
     """Run jobs side by side, in their order, each on one thread of a process of its own.
 
     Worker processes are spawned: a script that is run as a file needs its calls below

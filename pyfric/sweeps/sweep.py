@@ -40,13 +40,13 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Self, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 import pandas as pd
 
 from pyfric.display import html
-from pyfric.engines import Options, expected_cost
+from pyfric.engines import Options, check_run, expected_cost
 from pyfric.record import Record
 from pyfric.scene import Scene, SceneError, check_number, unknown
 from pyfric.sweeps.file import read_sweep
@@ -55,6 +55,9 @@ from pyfric.sweeps.results import FailedBefore, Results
 from pyfric.sweeps.runs import run_all
 from pyfric.sweeps.store import Cache, Store
 from pyfric.sweeps.varied import MAX_POINTS, Span, drawn, full_field, varied
+
+if TYPE_CHECKING:
+    from pyfric.scene import Number, SceneLike
 
 __all__ = ["Estimate", "Sweep"]
 
@@ -110,6 +113,22 @@ class Sweep:
     options: Options = field(default_factory=Options)
     max_hours: float | None = None
     max_GB: float | None = None
+
+    if TYPE_CHECKING:  # what may be given
+
+        def __init__(
+            self,
+            *,
+            scene: SceneLike,
+            t_end: Number,
+            over: Mapping[str, Iterable[Any] | Span] | pd.DataFrame,
+            points: Kind = ...,
+            n: int | None = ...,
+            seed: int = ...,
+            options: Options | Mapping[str, Any] = ...,
+            max_hours: float | None = ...,
+            max_GB: float | None = ...,
+        ) -> None: ...
 
     def __repr__(self) -> str:
         fields = ", ".join(self.over)
@@ -192,7 +211,9 @@ class Sweep:
         options = {name.removeprefix("options."): values.pop(name) for name in names}
         try:
             options = dataclasses.replace(self.options, **options)
-            return Job(scene=self.scene.replace(values), t_end=t_end, options=options)
+            job = Job(scene=self.scene.replace(values), t_end=t_end, options=options)
+            check_run(job.scene, job.options)
+            return job
         except SceneError as error:
             return error
 

@@ -140,7 +140,8 @@ def _steppers() -> list[str]:
     is_flag=False,
     flag_value=HERE,
     metavar="[FILE]",
-    help="Continue the record in FILE, or in --out if no FILE is given.",
+    help="Continue the record in FILE, or in --out if no FILE is given; SCENE may have another "
+    "speed or load from there on.",
 )
 @file_option("--figure", metavar="STEM", help="Draw STEM.png and STEM.pdf, with caption and data.")
 @folder_option("--csv", metavar="DIR", help="Write the tables of the record as CSV.")
@@ -262,18 +263,22 @@ def _same_file(one: Path | None, other: str | None) -> bool:
 
 
 def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
-    """Return the record of this scene; options that were given have to agree with it.
+    """Return the record that goes on as this scene; options that were given have to agree with it.
 
     Raises:
-        RecordError: no record, or one of another scene.
+        RecordError: no record, or one of a scene that differs in more than speed or loads.
         SceneError: an option differs.
     """
     import pyfric
-    from pyfric.scene import paper_step
+    from pyfric.scene import followed_by, paper_step
 
     before = record_of(path)
-    if not before.scene.goes_on_as(scene):
-        raise pyfric.RecordError(f"{path}: the record of another scene cannot be continued")
+    t = float(before.curve["t"].iloc[-1])
+    if before.scene != scene and followed_by(before.scene, scene, t) is None:
+        reason = "only V, F_N, T and their protocols may differ"
+        raise pyfric.RecordError(
+            f"{path}: the record of another scene cannot be continued: {reason}"
+        )
     method = before.method
 
     def same(name: str, value: Any) -> bool:

@@ -1,0 +1,77 @@
+"""`pyfric resolve`."""
+
+from __future__ import annotations
+
+import math
+
+import click
+
+from pyfric.cli.app import main
+from pyfric.cli.shared import (
+    SHORT_EXIT_CODES,
+    SceneName,
+    Seconds,
+    Tell,
+    no_cache_option,
+    scene_of,
+    set_option,
+    telling,
+    workers_option,
+)
+
+
+@main.command(section="Simulate", epilog=SHORT_EXIT_CODES)
+@click.argument("scene", type=SceneName())
+@click.option(
+    "--t-end", type=Seconds(), default=3.0, help="Time of the end at the latest. [default: 3 s]"
+)
+@set_option
+@click.option(
+    "--levels",
+    type=click.IntRange(2, 5),
+    default=2,
+    show_default=True,
+    help="Number of lattices: l, l/2, l/4 and so on.",
+)
+@click.option(
+    "--fidelity",
+    type=click.Choice(["quasistatic", "hybrid", "dynamic"]),
+    default="quasistatic",
+    show_default=True,
+    help="What is modelled; the ladder takes seconds.",
+)
+@workers_option
+@no_cache_option
+@telling
+def resolve(
+    scene: str,
+    t_end: float,
+    changes: tuple[str, ...],
+    levels: int,
+    fidelity: str,
+    workers: int | None,
+    no_cache: bool,
+    tell: Tell,
+) -> None:
+    """Say which results of SCENE change with the size of its blocks, and by how much.
+
+    The same slab is run with blocks of l, l/2 and so on, up to the first event of the whole
+    interface. Finished runs are kept: after Ctrl-C the same command goes on.
+    """
+    import pyfric
+
+    found = pyfric.resolve(
+        scene_of(scene, changes),
+        t_end,
+        levels=levels,
+        options={"fidelity": fidelity},
+        workers=workers,
+        cache=not no_cache,
+        progress=tell.progress,
+    )
+    rows = {
+        str(name): {f"{key}": None if value != value or value in (math.inf, -math.inf) else value
+                    for key, value in row.items()}
+        for name, row in found.table.to_dict("index").items()
+    }  # fmt: skip
+    tell.result({"quantities": rows, "notes": list(found.notes)}, lambda: str(found))

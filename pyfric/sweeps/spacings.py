@@ -1,0 +1,201 @@
+"""How results of a slab depend on l: the same slab on finer lattices, side by side."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from pyfric.display import html
+from pyfric.engines import Options
+from pyfric.record import analysis
+from pyfric.scene import FIELDS, PrescribedLoad, SceneError, as_scene
+from pyfric.sweeps.jobs import Job, JobError
+from pyfric.sweeps.runs import run_all
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
+    from pyfric.scene import Number, Scene, SceneLike
+    from pyfric.sweeps.store import Cache
+
+__all__ = ["Resolution", "resolve"]
+
+AT = 0.5
+"""L_p/L at which forces are compared, those of the paper's Fig. 2, where an event stops."""
+QUANTITIES = {
+    "precursors": False,
+    "L_p/L of the first precursor": False,
+    "F_T/F_N where it starts": False,
+    f"F_T/F_N after L_p/L = {AT:g}": True,
+    "F_T/F_N at onset of sliding": True,
+}
+"""What is compared, and whether it has a limit for small l where friction has no length."""
+WHY = (
+    "Amontons-Coulomb friction has no length: stress at the corner grows as l falls. Short "
+    "precursors then begin at other forces, along the same curve of length against force. Compare "
+    "curves, not counts."
+)
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """What l and finer lattices give for the same slab.
+
+    Attributes:
+        table: one row for each quantity: its value at each l (m), a column each; ``change``, from
+            the last l but one to the last one, over the former; ``converges``, whether it has a
+            limit for small l. NaN where a run has no such event.
+        records: one `Record` for each l.
+    """
+
+    table: pd.DataFrame
+    records: tuple[Record, ...]
+
+    def __str__(self) -> str:
+        head = ["l (mm)", *(f"{1e3 * l:g}" for l in self.table.columns[:-2]), "change", "converges"]
+        rows = [head]
+        for name, row in self.table.iterrows():
+            *values, change, converges = row
+            texts = [f"{value:.4g}" for value in values]
+            rows.append([str(name), *texts, f"{change:+.1%}", "yes" if converges else "no"])
+        wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = [
+            "  ".join([cells[0].ljust(wide[0]), *map(str.rjust, cells[1:], wide[1:])])
+            for cells in rows
+        ]
+        return "\n".join([*lines, "", *self.notes])
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return html(self)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to know: engine, viscosity, why counts depend on l, runs that ended early."""
+        record = self.records[0]
+        engine = record.method.engine
+        notes = [f"engine: {engine}; {_viscosity(record)}"]
+        if record.scene.law.weakens:
+            notes.append("Where l resolves the cohesive zone of fronts (X_c/l), counts converge.")
+        else:
+            notes.append(WHY)
+        for one in self.records:
+            if analysis.system_size_events(one).empty:
+                t, l = one.curve["t"].iloc[-1], one.scene.slider.l
+                notes.append(f"l = {l * 1e3:g} mm: nothing slides as a whole by {t:g} s")
+        return tuple(notes)
+
+
+def _viscosity(record: Record) -> str:
+    """Say what viscosity does as l falls."""
+    if record.method.engine == "quasistatic":
+        return "static states, in which viscosity plays no part"
+    slider = record.scene.slider
+    if slider.eta is not None:
+        return f"eta = {slider.eta:.4g} N s/m at every l: the viscosity of the bulk stays"
+    share = 0.1 if slider.damping is None else slider.damping
+    return f"eta = sqrt({share:g} k m): the viscosity of the bulk falls with l"
+
+
+def resolve(
+    scene: SceneLike,
+    t_end: Number = 3.0,
+    *,
+    levels: int = 2,
+    options: Options | Mapping[str, Any] | None = None,
+    workers: int | None = None,
+    cache: Cache = True,
+    progress: bool | None = None,
+) -> Resolution:
+    """Return what a slab gives with blocks of l, l/2, l/4 and so on.
+
+    Size, stiffness k, mass, loads and driver stay, k_f of each block, and eta where the slider has
+    one; alpha, shared by more blocks, falls. Fields that vary along the interface are interpolated.
+    Each run goes on to its first system-size event.
+
+    Args:
+        scene: what is simulated: a scene, the name of a preset, or the path of a scene file.
+        t_end: time of the end at the latest, in s.
+        levels: number of lattices, 2 to 5.
+        options: see `pyfric.Job`; None means the ladder, fidelity = "quasistatic".
+        workers, cache, progress: see `pyfric.run_all`, which makes the runs and keeps them.
+
+    Raises:
+        SceneError: an argument is refused, the interface is prescribed, or an engine refuses the
+            scene; the ladder knows no friction that depends on time or speed.
+        JobError: a run failed.
+
+    >>> print(pyfric.resolve("fig1", cache=False, progress=False).table.loc["precursors"])
+    0.0025         14.0
+    0.00125        14.0
+    change          0.0
+    converges     False
+    Name: precursors, dtype: object
+    """
+    scene = as_scene(scene)
+    if isinstance(scene.top, PrescribedLoad):
+        reason = "forces on single blocks belong to one l"
+        raise SceneError("top.kind", scene.top.kind, "", "'rod' or 'distributed'", reason)
+    if isinstance(levels, bool) or levels not in range(2, 6):
+        raise SceneError("levels", levels, "", "a whole number from 2 to 5")
+    options = {"fidelity": "quasistatic"} if options is None else options
+    if isinstance(options, Options):
+        options = options.given()
+    how = {"stop_when": "system_size", **options}
+    jobs = [Job(scene=_finer(scene, 2**n), t_end=t_end, options=how) for n in range(levels)]
+    try:
+        records = run_all(jobs, workers=workers, cache=cache, progress=progress)
+    except JobError as error:
+        if isinstance(error.error, SceneError):
+            raise error.error from None
+        raise
+    columns = {one.scene.slider.l: _measured(one) for one in records}
+    table = pd.DataFrame(columns, index=list(QUANTITIES))
+    before, last = (table.iloc[:, n] for n in (-2, -1))
+    return Resolution(
+        table.assign(change=(last - before) / before, converges=_converges(scene)), tuple(records)
+    )
+
+
+def _converges(scene: Scene) -> list[bool]:
+    """Say of each quantity whether it has a limit."""
+    return [known or bool(scene.law.weakens) for known in QUANTITIES.values()]
+
+
+def _finer(scene: Scene, n: int) -> Scene:
+    """Return the scene with n blocks where it has one."""
+    if n == 1:
+        return scene
+    slider = dataclasses.replace(scene.slider, l=scene.slider.l / n)
+    order = np.argsort(scene.n_of_i)
+    fields = {name: scene.field(name)[order] for name in FIELDS}
+    fields["alpha"] = fields["alpha"] / n
+    interface = scene.interface.on(slider.N_x, fields)
+    if isinstance(interface.alpha, float):
+        interface = dataclasses.replace(interface, alpha=interface.alpha / n)
+    return dataclasses.replace(scene, slider=slider, interface=interface)
+
+
+def _measured(record: Record) -> list[float]:
+    """Return the `QUANTITIES` of a record."""
+    found, sliding = analysis.precursor_lengths(record), analysis.system_size_events(record)
+    L_p, force = (found[name].to_numpy() for name in ("L_p_over_L", "force"))
+    order = np.argsort(L_p, kind="stable")
+    among = len(L_p) > 1 and L_p.min() <= AT <= L_p.max()
+    return [
+        float(len(found)),
+        float(L_p[0]) if len(L_p) else np.nan,
+        _start(record, int(found["event"].iloc[0])) if len(L_p) else np.nan,
+        float(np.interp(AT, L_p[order], force[order])) if among else np.nan,
+        _start(record, int(sliding["event"].iloc[0])) if len(sliding) else np.nan,
+    ]
+
+
+def _start(record: Record, event: int) -> float:
+    """Return F_T/F_N at which an event starts."""
+    return float(record.events["F_T_start"].loc[event] / record.scene.F_N)

@@ -582,7 +582,7 @@ def test_little_weakening_takes_many_events():
     record = ladder(scene, 0.6)
     curve = prediction_curve(scene, 0.45).curve
     (note,) = record.notes
-    assert "number of main events hangs on the longest pause" in note
+    assert "number of main events depends on the longest pause" in note
     exact = np.interp(record.curve["t"], curve["t"], curve["F_T"])
     assert np.abs(record.curve["F_T"] - exact).max() < 0.01 * scene.F_N
 

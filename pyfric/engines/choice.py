@@ -237,7 +237,7 @@ class _Choice:
             self.reasons.append(f"quasi-static ({NO_RESTS})")
             return self._full(NO_RESTS)
         if not scene.has_rests:
-            return self._full("a push, or no driver, has full dynamics only")
+            return self._full("a push, or no driver, needs full dynamics")
         if self.want == "motion":
             return self._full("motion between events is wanted, which only full dynamics has")
         if self.stepped:

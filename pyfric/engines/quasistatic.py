@@ -256,7 +256,7 @@ class QuasistaticRun:
                     f"{self.name}: slip is followed up to F_T/F_N = "
                     f"{self.rows[-1][1] / self.scene.F_N:.6g}, where the definiteness of the slip "
                     f"operator falls below {LEAST_DEFINITENESS:g}: friction is so strong (mu = "
-                    f"{law.mean.mu_s:g}) that what comes next may not be the only solution",
+                    f"{law.mean.mu_s:g}) that the solution may not be unique beyond",
                 )
                 return
             drive, i, mode = contact.next_change(reload=False)

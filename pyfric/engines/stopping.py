@@ -78,7 +78,7 @@ COUNT = Value("", {"ge": 1.0}, 1.0)
 
 @condition()
 def arrested(seen: Stopping) -> float:
-    """Slip has begun, and creeps to rest, or nothing has slipped for t_gap.
+    """Slip has begun, and either creeps to rest or has paused for t_gap.
 
     For three transits of a wave in a chain, where nothing moves while nothing slips.
     """
@@ -135,7 +135,7 @@ def system_size(seen: Stopping, n: float) -> float:
 
 @condition(Value("m/s", {"gt": 0.0}), Value("s", {"ge": 0.0}))
 def slow(seen: Stopping, v: float, lasting: float) -> float:
-    """Slip has begun, and for a time no block has begun to slip, or been faster than v.
+    """Slip has begun, but for some time no block has started to slip or exceeded speed v.
 
     Speeds are those at the points of the curve.
     """

@@ -152,7 +152,7 @@ def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path
 
 
 def caption(records: Record | Sequence[Record], *texts: str) -> str:
-    """Texts, and the scenes and methods of the records."""
+    """Join texts with the scenes and methods of the records."""
     several = [*records] if isinstance(records, Sequence) else [records]
     scenes = scene_text([one.scene for one in several])
     return " ".join([*texts, scenes, engine_text(several)])

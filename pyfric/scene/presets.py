@@ -345,7 +345,7 @@ def tpv3(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
 
 class Preset(NamedTuple):
-    """A named scene: a setup, what is changed in it, and what it is."""
+    """A named scene: its setup, the changed values and a description."""
 
     setup: Callable[..., Scene]
     values: Mapping[str, Any]

@@ -125,8 +125,8 @@ def movie(
 ) -> None:
     """Draw one event as a strip of frames: velocity field, with the interface below it.
 
-    From a scene (a preset or a TOML file), or from a record of the hybrid or dynamic engine
-    with rk4 that began with the loaded slider (.nc). The event is run again with full dynamics
+    The run is that of a scene (a preset or a TOML file) or of a record (.nc) that the hybrid or
+    dynamic engine made with rk4 from the loaded state. The event is run again with full dynamics
     from a state just before it.
     """
     from pyfric import figures
@@ -135,7 +135,7 @@ def movie(
     films = [end for end, wanted in ((".mp4", mp4), (".gif", gif)) if wanted]
     check_out(stem, overwrite, ends=(*figure_ends("interface", "field"), *films), reads=[source])
     if mp4 and not figures.has_ffmpeg():
-        raise click.UsageError("--mp4 needs ffmpeg, or the extra movies; take --gif.")
+        raise click.UsageError("--mp4 needs ffmpeg or the extra 'movies'; --gif needs neither.")
     record = _run_of(source, event, t_end, changes, tell)
     files = figures.save_figure(figures.event_strip(record, event), stem)
     for end in films:

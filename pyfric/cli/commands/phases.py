@@ -27,8 +27,8 @@ from pyfric.cli.shared import (
 @main.command("phase-diagram", section="Simulate", epilog=SHORT_EXIT_CODES)
 @click.argument("scene", type=SceneName(), required=False)
 @set_option
-@click.option("--x", metavar="FIELD=FROM:TO:N[:log]", help="A field, and its values, in SI.")
-@click.option("--y", metavar="FIELD=FROM:TO:N[:log]", help="The other one.")
+@click.option("--x", metavar="FIELD=FROM:TO:N[:log]", help="Field along x, with its values in SI.")
+@click.option("--y", metavar="FIELD=FROM:TO:N[:log]", help="Field along y, likewise.")
 @click.option("--t-end", type=Seconds(), help="End time of the runs of SCENE.")
 @click.option("--stop-when", multiple=True, metavar="CONDITION", help="As in pyfric run.")
 @click.option("--lines/--no-lines", default=True, help="Find where labels change. [default: yes]")

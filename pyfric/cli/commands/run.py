@@ -73,7 +73,8 @@ def _steppers() -> list[str]:
 @click.option(
     "--method",
     type=click.Choice(["paper"]),
-    help="As in the paper: RK4, steps of 0.2 us (setup 2: 0.09 us), contacts switch at step ends; "
+    help="As in the paper: RK4, steps of 0.2 us (setup 2: 0.09 us), stick-slip transitions at "
+    "step ends; "
     "full dynamics unless --fidelity hybrid.",
 )
 @want_option

@@ -174,7 +174,7 @@ html_theme_options = {
     "footer_end": [],
     "secondary_sidebar_items": ["page-toc"],
 }
-html_sidebars = {"index": []}
+html_sidebars = {"index": [], "studies": []}
 html_show_sourcelink = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]

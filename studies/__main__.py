@@ -341,7 +341,7 @@ def collapse(fronts: Path, out: Path | None, overwrite: bool, tell: Tell) -> Non
 @folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
 @telling
 def disorder(out: Path, runs: Path | None, tell: Tell) -> None:
-    """Break two collapses of the paper by disorder of mu_s: lengths, front speeds (a minute).
+    """Let mu_s vary at random, and measure lengths and front speeds (a minute).
 
     Runs are kept in --runs; the next call goes on where this one was stopped.
     """

@@ -66,7 +66,7 @@ def test_what_is_wanted():
         assert how[want].fidelity == "quasistatic"
     front, motion = how["front_speed"], how["motion"]
     assert (front.fidelity, motion.fidelity) == ("hybrid", "dynamic")
-    assert "quasistatic: it has no front speed" in front.reasons
+    assert "quasi-static (it has no front speed)" in front.reasons
     assert "motion between events" in rejected("hybrid", motion)
     assert motion.geometry == "finite"
 
@@ -108,7 +108,7 @@ def test_any_question(want, tolerance, t_end):
     if found.fidelity == "dynamic":
         assert rejected("hybrid", found)
     if found.fidelity == "hybrid":
-        assert rejected("quasistatic", found)
+        assert rejected("quasi-static", found)
 
 
 numbers = st.floats() | st.integers() | st.none() | st.booleans() | st.text(max_size=3)
@@ -157,7 +157,7 @@ def test_high_speed():
     """The plan rejects models as V shortens the time between events below the relaxation time."""
     for V in (0.02, 0.1):
         found = plan(small(V=V), tolerance=0.1, t_end=1.6 / V * 1e-3)
-        assert RELAXES in rejected("quasistatic", found) or found.fidelity == "dynamic"
+        assert RELAXES in rejected("quasi-static", found) or found.fidelity == "dynamic"
     slow = plan(small(V=1e-3), tolerance=0.1, t_end=0.8)
     assert value(slow, RELAXES) < RING_SHARE
 
@@ -165,19 +165,19 @@ def test_high_speed():
 def test_open_blocks():
     found = plan(setup2(theta=0.833), tolerance=0.2, t_end=0.5)
     assert found.fidelity == "hybrid"
-    assert "open blocks: " in rejected("quasistatic", found)
+    assert "open blocks: " in rejected("quasi-static", found)
 
 
 def test_little_viscosity():
     found = plan(small(eta=0.0), tolerance=0.1, t_end=1.5)
     assert found.fidelity == "dynamic"
-    assert RELAXES in rejected("quasistatic", found)
+    assert RELAXES in rejected("quasi-static", found)
     assert "spares too little" in rejected("hybrid", found)
 
 
 def test_too_much_viscosity():
     found = plan(small(eta=40.0), tolerance=0.1, t_end=1.5)
-    assert "eta/sqrt(k m): 0.816 >  0.433" in rejected("quasistatic", found)
+    assert "eta/sqrt(k m): 0.816 >  0.433" in rejected("quasi-static", found)
 
 
 def test_options_that_a_model_lacks_rule_it_out():

@@ -81,7 +81,7 @@ def test_refused_pushes():
         refused(lambda push=push: pushed(push), "top.push", said)
     for fidelity in ("hybrid", "quasistatic"):
         run = functools.partial(pyfric.simulate, pushed((1, 13.0)), 1e-3, fidelity=fidelity)
-        refused(run, "top.push", "full dynamics only")
+        refused(run, "top.push", "needs full dynamics")
 
 
 # --- classes -------------------------------------------------------------------------------------

@@ -375,8 +375,8 @@ def test_auto_says_what_it_took():
 
 
 def test_the_method_is_always_named(tmp_path):
-    out, ends = tmp_path / "a.nc", "contacts switch at step ends, as in the paper"
-    located = "contacts switch where they do inside steps"
+    out, ends = tmp_path / "a.nc", "stick-slip transitions at step ends, as in the paper"
+    located = "stick-slip transitions located within time steps"
     result = run("--method", "paper", "--out", out, t_end="0.1 ms")
     assert f"dynamic engine, finite geometry, rk4, dt = 0.2 us, {ends}" in result.stdout
     for how in ((), ("--fidelity", "hybrid"), DYNAMIC):
@@ -433,7 +433,7 @@ def test_plan_of_a_file_and_of_odd_scenes(tmp_path):
     tiny(eta=0.0).to_toml(tmp_path / "own.toml")
     told = json.loads(pyf("plan", tmp_path / "own.toml", "--json").stdout)
     assert told["fidelity"] == "dynamic"
-    assert any("hybrid: " in reason for reason in told["reasons"])
+    assert any("hybrid (" in reason for reason in told["reasons"])
     for change in ("V=0", "mu_k=0", "side=right", "K=1"):
         result = pyf("plan", "fig1", *SMALL, "--set", change, "--tolerance", "0.5", "--json")
         assert result.exit_code == Exit.COMPLETE, result.output

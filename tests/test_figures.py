@@ -204,7 +204,7 @@ def test_caption_states_scene_engine_and_counts(ladder):
         "F_N = 3500 N",
         "h = 5 mm",
         "mu_s = 0.7, mu_k = 0.45",
-        "dynamic engine, finite geometry, rk4, dt = 0.2 us, contacts switch at step ends",
+        "dynamic engine, finite geometry, rk4, dt = 0.2 us, stick-slip transitions at step ends",
         f"pauses up to {T_GAP * 1e3:g} ms",
         "19 main precursors, 3 events over the whole interface",
         "pyfric 0.1.0",

@@ -164,7 +164,7 @@ def test_files_hold_corners_with_units():
         (((2.0, 1.0), (1.0, 1.0)), ["corner 2: out of order", ">= 2.0 s, the time of corner 1"]),
         (((-1.0, 1.0),), ["corner 1: too small", "-1.0 s"]),
         (((1.0, np.inf),), ["corner 1", "m/s"]),
-        (((1.0, 1.0),) * 3, ["corner 3: a third one at this time"]),
+        (((1.0, 1.0),) * 3, ["corner 3: two corners are at this time already"]),
         (((1.0, 1.0, 1.0),), ["corner 1: not a pair"]),
         (7.0, ["not a list of pairs"]),
         (((1.0, 1.0),) * 1001, ["more than 1000"]),

@@ -138,7 +138,7 @@ def test_switches_are_located_unless_the_paper_s_method_is_asked_for():
         method = simulate(small(), 1e-5, **how, method="paper").method
         assert (method.engine, method.geometry) == (fidelity, "linear")
         assert (method.stepper, method.switching, method.dt) == ("rk4", "step_end", 0.2e-6)
-        assert "switch at step ends" in str(method)
+        assert "transitions at step ends" in str(method)
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_the_paper_s_method_by_one_word(scene, dt):
     assert same_run(asked, made)
     assert str(asked.method) == (
         f"dynamic engine, finite geometry, rk4, dt = {dt * 1e6:g} us, "
-        "contacts switch at step ends, as in the paper"
+        "stick-slip transitions at step ends, as in the paper"
     )
     on = simulate(scene, 1.3e-3, method="paper", initial=asked).method
     assert (on.dt, on.switching) == (dt, "step_end")

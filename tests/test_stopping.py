@@ -190,8 +190,6 @@ def test_conditions_of_a_scene_end_its_runs():
     plain = small()
     assert scene.stop_when == ("arrested",)
     assert scene != plain
-    assert scene.goes_on_as(plain)
-    assert not scene.goes_on_as(small(mu_s=0.6))
     ended = pyfric.simulate(scene, 6e-3, **how)
     same = pyfric.simulate(plain, 6e-3, stop_when="arrested", **how)
     assert ended.status == same.status == "ended by stop_when (arrested)"

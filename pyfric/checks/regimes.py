@@ -145,7 +145,7 @@ def _moved_up(scene: Callable[[], Scene], *, t_end: float, damps: bool, finer: i
     """
     record = _run(scene(), t_end, verify="none")
     said = next((note for note in record.notes if note.startswith("planned")), "")
-    if record.method.engine != "dynamic" or "hybrid: " not in said:
+    if record.method.engine != "dynamic" or "hybrid (" not in said:
         return Observed("silence", "", math.nan, 0.0, f"{record.method.engine}: {record.notes}")
     how = {"fidelity": "dynamic", "geometry": record.method.geometry}
     full = _run(scene(), t_end, **how, dt=record.method.dt / finer)
@@ -215,7 +215,7 @@ def _cascade(scene: Callable[[], Scene], *, t_end: float) -> Observed:
     )
     seen = "answer" if opened and single > 5 and steps < 0.2 * (steps + spared) else "no cascade"
     return Observed(
-        seen, "F_T at the end, hybrid - ladder, over F_N", abs(ends[0] - ends[1]), 0.03, text
+        seen, "F_T at the end, hybrid - quasi-static, over F_N", abs(ends[0] - ends[1]), 0.03, text
     )
 
 
@@ -297,7 +297,7 @@ REGIMES: tuple[Regime, ...] = (
         "the same", partial(_continuous, t_end=0.03),
     ),
     Regime(
-        "mu_s just above mu_k, ladder", partial(rod, mu_s=0.45 + 1e-6), "warning",
+        "mu_s just above mu_k, quasi-static", partial(rod, mu_s=0.45 + 1e-6), "warning",
         "slip is taken as continuous, and the notes say so",
         partial(_noted, note="slip is continuous", fidelity="quasistatic", t_end=3e-3),
     ),
@@ -312,7 +312,8 @@ REGIMES: tuple[Regime, ...] = (
     ),
     Regime(
         "corner cascade", cascade, "answer",
-        "micro-slips of the corner are recorded and hold nothing up; forces as in the ladder",
+        "micro-slips of the corner are recorded and delay nothing; forces as in the "
+        "quasi-static sequence",
         partial(_cascade, t_end=0.9),
     ),
     Regime(
@@ -329,7 +330,7 @@ REGIMES: tuple[Regime, ...] = (
         partial(_moved_up, t_end=3e-3, damps=False, finer=4),
     ),
     Regime(
-        "V too high for the ladder", partial(rod, V=1.0), "warning",
+        "V too high for quasi-static states", partial(rod, V=1.0), "warning",
         "the notes give the driver's push during a ring-down",
         partial(_noted, note="does not come to rest", fidelity="quasistatic"),
     ),
@@ -356,8 +357,8 @@ REGIMES: tuple[Regime, ...] = (
         partial(_noted, note="do not resolve weakening", **_linear),
     ),
     Regime(
-        "d_c > 0, ladder", partial(rod, V=2e-3, d_c=2e-6), "refusal",
-        "the ladder knows slip at mu_k only",
+        "d_c > 0, quasi-static", partial(rod, V=2e-3, d_c=2e-6), "refusal",
+        "the quasi-static sequence knows slip at mu_k only",
         partial(_refused, field="interface.d_c", fidelity="quasistatic"),
     ),
     Regime(

@@ -167,7 +167,7 @@ def _all() -> Iterator[tuple[str, Callable[[], Made]]]:
     for event in (5, 37):  # a short and a long one
         name = f"fig1_linear: full dynamics of event {event}, from a hybrid state before it"
         yield name, lambda event=event: _dynamic(event)
-    yield "fig1_linear: quasi-static ladder", _ladder
+    yield "fig1_linear: quasi-static sequence", _ladder
 
 
 def _build() -> Made:

@@ -38,9 +38,9 @@ class Exit(enum.IntEnum):
 EXIT_CODES = """\b
 Exit codes:
     0  complete
-    1  the run failed; what was done is in --out
+    1  the run failed; --out holds the results until then
     2  bad input; nothing was started
-  130  interrupted by Ctrl-C; what was done is in --out
+  130  interrupted by Ctrl-C; --out holds the results until then
 128+n  the same by another signal: 143 SIGTERM, 129 SIGHUP, 138 SIGUSR1
 """
 SHORT_EXIT_CODES = """\b
@@ -305,22 +305,22 @@ want_option = click.option(
     type=click.Choice(["loading_curve", "precursors", "stress", "front_speed", "motion"]),
     default="precursors",
     show_default=True,
-    help="What the run is made for.",
+    help="Question that the run answers.",
 )
 tolerance_option = click.option(
     "--tolerance",
     type=click.FloatRange(0, 1, min_open=True),
     default=0.01,
     show_default=True,
-    help="Accepted error, over F_N; relative for front speeds.",
+    help="Accepted error over F_N; relative for front speeds.",
 )
 
 workers_option = click.option(
-    "--workers", type=click.IntRange(1, 4096), help="Most runs at a time. [default: processors]"
+    "--workers",
+    type=click.IntRange(1, 4096),
+    help="Largest number of runs at a time. [default: processors]",
 )
-no_cache_option = click.option(
-    "--no-cache", is_flag=True, help="Make all runs again, and keep none."
-)
+no_cache_option = click.option("--no-cache", is_flag=True, help="Repeat all runs and store none.")
 
 
 class _File(click.Path):

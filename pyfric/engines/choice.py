@@ -235,10 +235,10 @@ class _Choice:
         if scene.prescribed and scene.N_z > 1:
             return self._full("a prescribed interface in two dimensions has no static states")
         if not scene.law.rests:
-            self.reasons.append(f"quasistatic: {NO_RESTS}")
+            self.reasons.append(f"quasi-static ({NO_RESTS})")
             return self._full(NO_RESTS)
         if not scene.has_rests:
-            return self._full("a push, or no driver, has full dynamics only")
+            return self._full("a push, or no driver, needs full dynamics")
         if self.want == "motion":
             return self._full("motion between events is wanted, which only full dynamics has")
         if self.stepped:
@@ -268,7 +268,7 @@ class _Choice:
 
     def _full(self, reason: str, needs: tuple[Assumption, ...] = ()) -> Plan:
         """Return the plan of full dynamics."""
-        self.reasons.append(f"hybrid: {reason}")
+        self.reasons.append(f"hybrid ({reason})")
         return self._made(
             fidelity="dynamic",
             geometry=self.geometry,
@@ -298,9 +298,9 @@ class _Choice:
         elif failed := [one for one in needs if not one.holds]:
             reason = str(failed[0])
         elif options.dt != "auto" or options.geometry == "finite" or options.switching:
-            reason = "it has no steps and no finite geometry"
+            reason = "no steps and no finite geometry"
         if reason:
-            self.reasons.append(f"quasistatic: {reason}")
+            self.reasons.append(f"quasi-static ({reason})")
             return None
         return self._made(
             fidelity="quasistatic",
@@ -316,11 +316,11 @@ class _Choice:
             return ()
         error = linear_error(pilot)
         if error is None:
-            self.reasons.append("linear geometry: its error could not be measured")
+            self.reasons.append("linear geometry (its error could not be measured)")
             return ()
         small = Assumption(LINEAR, error, SHARE * self.tolerance, "by static states, over F_N")
         if not small.holds:
-            self.reasons.append(f"linear geometry: {small}")
+            self.reasons.append(f"linear geometry ({small})")
             return ()
         self.geometry, self.error = "linear", self.error + error
         return (small,)

@@ -335,7 +335,7 @@ class Linearised:
     def strengthened(self, age: np.ndarray, *rows: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return gap functions, or parts of them, of blocks that have been stuck for `age`.
 
-        Blocks only grow stronger: what the law says now bounds what it says later from below. Both
+        Blocks only grow stronger, so that strength now is a lower bound of strength later. Both
         gap functions of a block are mu_s p +- f, so that their sum gives p.
 
         Args:

@@ -69,6 +69,7 @@ def pause_notes(record: Record) -> tuple[str, ...]:
     if max(abs(half - here), abs(twice - here)) <= 1:
         return ()
     return (
-        f"{record.method.engine}: the number of main events hangs on the longest pause inside one: "
-        f"{half}, {here} and {twice} with t_gap = {t_gap / 2:g}, {t_gap:g} and {2 * t_gap:g} s",
+        f"{record.method.engine}: the number of main events depends on the longest pause "
+        f"inside an event: {half}, {here} and {twice} with t_gap = {t_gap / 2:g}, {t_gap:g} and "
+        f"{2 * t_gap:g} s",
     )

@@ -158,7 +158,7 @@ def _rows(log: Mapping[str, np.ndarray], begin: int, end: int) -> dict[str, np.n
 
 
 def interval(record: Record) -> float:
-    """Return the median time between main events of the ladder, in s; inf where there are none.
+    """Return the median time between main events of the pilot run, in s; inf if there are none.
 
     A longest pause inside an event is left out: at high V it makes one event of many.
     """

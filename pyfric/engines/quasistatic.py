@@ -177,7 +177,7 @@ class QuasistaticRun:
         self.sample()
         self.follow(t_end, stop, show)
         if not np.isfinite(self.rows[-1][1]):
-            what = "the ladder left the range of numbers"
+            what = "the quasi-static sequence left the range of numbers"
             raise EquilibriumError(what, np.nan, self.contact.tol, 0)
         self.timings["events"] = time.perf_counter() - start
         return not stop()
@@ -257,7 +257,7 @@ class QuasistaticRun:
                     f"{self.name}: slip is followed up to F_T/F_N = "
                     f"{self.rows[-1][1] / self.scene.F_N:.6g}, where the definiteness of the slip "
                     f"operator falls below {LEAST_DEFINITENESS:g}: friction is so strong (mu = "
-                    f"{law.mean.mu_s:g}) that what comes next may not be the only solution",
+                    f"{law.mean.mu_s:g}) that the solution may not be unique beyond",
                 )
                 return
             drive, i, mode = contact.next_change(reload=False)
@@ -415,18 +415,24 @@ def beyond_ladder(scene: Scene) -> Beyond | None:
     law, tables = scene.law, scene.law.tables
     if tables.hold or tables.speed or tables.age:
         kind = scene.interface.law.kind
-        reason = "the ladder knows no friction that depends on time or speed"
+        reason = "the quasi-static sequence cannot follow friction that depends on time or speed"
         return Beyond("interface.law", kind, "", "a law of slip alone", reason)
     if np.any(law.alpha):
         alpha = float(np.max(law.alpha))
-        return Beyond("interface.alpha", alpha, "N s/m", "0", "the ladder knows no viscosity")
+        return Beyond(
+            "interface.alpha",
+            alpha,
+            "N s/m",
+            "0",
+            "the quasi-static sequence cannot follow viscosity",
+        )
     if not law.weakens:
         return None
     soft = scene.slider.k / law.steepness(float(np.max(scene.F_N / scene.N_x)))
     if soft <= SOFTEST:
         return None
     reason = (
-        "the ladder knows slip at mu_k only, and friction falls more softly than it may: k over "
-        f"its steepest fall is {soft:.3g}, more than {SOFTEST:g}"
+        "the quasi-static sequence knows slip at mu_k only, and friction falls too slowly for it: "
+        f"k over its steepest fall is {soft:.3g}, more than {SOFTEST:g}"
     )
     return Beyond("interface.d_c", scene.interface.d_c, "m", "a smaller d_c", reason)

@@ -235,7 +235,7 @@ def _planned(made: Specification, initial: State | None) -> Record:
 
 
 def _chosen(plan: Plan) -> str:
-    """Return what was chosen, and why not less, as a note."""
+    """Return what was chosen, and what was rejected, as a note."""
     rejected = f"; rejected: {'; '.join(plan.reasons)}" if plan.reasons else ""
     return (
         f"planned for {plan.want} within {plan.tolerance:g}: {plan.fidelity}, "

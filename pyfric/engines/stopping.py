@@ -51,7 +51,7 @@ def holds(due: Callable[..., float]) -> Callable[..., float]:
 
 @holds
 def arrested(seen: Stopping) -> float:
-    """Slip has begun, and creeps to rest, or nothing has slipped for t_gap.
+    """Slip has begun, and either creeps to rest or has paused for t_gap.
 
     For three transits of a wave in a chain, where nothing moves while nothing slips.
     """
@@ -108,7 +108,7 @@ def system_size(seen: Stopping, n: float) -> float:
 
 @holds
 def slow(seen: Stopping, v: float, lasting: float) -> float:
-    """Slip has begun, and for a time no block has begun to slip, or been faster than v.
+    """Slip has begun, but for some time no block has started to slip or exceeded speed v.
 
     Speeds are those at the points of the curve.
     """

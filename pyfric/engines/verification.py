@@ -66,7 +66,7 @@ PERTURBATION = 1e-9
 
 
 def budget(made: float) -> float:
-    """Return the most work that verification of a run takes, in s, as its own."""
+    """Return the largest work that verification of a run may take, in s."""
     return PLAIN * made + CHEAP
 
 

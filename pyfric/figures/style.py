@@ -160,7 +160,7 @@ def time_unit(span: float) -> tuple[float, str]:
 
 
 def caption(records: Record | Sequence[Record], *texts: str) -> str:
-    """Texts, and the scenes and methods of the records."""
+    """Join texts with the scenes and methods of the records."""
     several = [*records] if isinstance(records, Sequence) else [records]
     scenes = scene_text([one.scene for one in several])
     return " ".join([*texts, scenes, engine_text(several)])

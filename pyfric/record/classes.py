@@ -64,7 +64,7 @@ class RuptureClass(NamedTuple):
 def creeps_to_rest(
     scene: Scene, state: State, accelerations: Callable[[], np.ndarray], more: float = 0.0
 ) -> bool:
-    """Return whether what slips comes to rest by itself, and nothing else starts.
+    """Return whether all slip comes to rest by itself and nothing else starts.
 
     What slipping blocks still pass on is less than the force that any block lacks to slip: their
     friction alpha v, the forces m a that are not in balance, and what the kinetic energy E can do

@@ -10,8 +10,8 @@ from pyfric.record.catalogue import T_GAP
 __all__ = ["Method"]
 
 SWITCH = {
-    "located": "contacts switch where they do inside steps",
-    "step_end": "contacts switch at step ends, as in the paper",
+    "located": "stick-slip transitions located within time steps",
+    "step_end": "stick-slip transitions at step ends, as in the paper",
 }
 
 

@@ -28,7 +28,7 @@ PROTOCOLS = {
 
 
 def scene_fields(scene: Parts) -> dict[str, Quantity | None]:
-    """Return the names of all that a scene can have otherwise, as in a scene file.
+    """Return the names of all fields of a scene that may change, as in a scene file.
 
     Such as "name", "top", "driver.h", "interface.mu_s.seed" where mu_s is a `Spread`, and
     "interface.law.t_c". Those of numbers come with their `Quantity`.

@@ -200,7 +200,7 @@ def sealed(content: bytes | memoryview) -> bytes:
 
 
 def unsealed(content: bytes) -> memoryview | None:
-    """Return the content without its seal, or None if any bit of the two has changed."""
+    """Return the content without its checksum, or None if a bit of it has changed."""
     inside = memoryview(content)[:-SEAL_LENGTH]
     return inside if content[-SEAL_LENGTH:] == _seal(inside) else None
 

@@ -149,7 +149,7 @@ class Slider:
 
     @classmethod
     def from_file(cls, entries: Mapping[str, Any], folder: Path | None) -> Self:
-        """Return the slider of a table of a scene file, which may say of which material it is."""
+        """Return the slider that a table of a scene file describes, perhaps by its material."""
         if "material" not in entries:
             return from_entries(cls, entries, folder)
         material = OneOf(Material).check(Written(entries["material"]))

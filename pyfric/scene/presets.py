@@ -347,7 +347,7 @@ def tpv3(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
 
 class Preset(NamedTuple):
-    """A named scene: a setup, what is changed in it, and what it is."""
+    """A named scene: its setup, the changed values and a description."""
 
     setup: Callable[..., Scene]
     values: Mapping[str, Any]
@@ -362,7 +362,7 @@ PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
     {
         name: Preset(setup, {"name": name} | values, about)
         for name, setup, values, about in (
-            ("fig1", setup1, {}, "Figs 1, 3 and 4(a) of the paper: setup 1 as it stands"),
+            ("fig1", setup1, {}, "Figs 1, 3 and 4(a) of the paper: setup 1"),
             ("run1", setup1, {"mu_s": 0.5, "mu_k": 0.2}, "run 1 of Fig. 4(b)"),
             ("run2", setup1, {"mu_s": 0.55, "mu_k": 0.3}, "run 2 of Fig. 4(b)"),
             ("run3", setup1, {"h": 7.5e-3}, "run 3 of Fig. 4(b): pushed at 7.5 mm"),

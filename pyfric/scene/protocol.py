@@ -162,7 +162,7 @@ class Protocol(Quantity):
             allowed = f">= {before[-1][0]!r} s, the time of corner {len(before)}"
             raise SceneError("", t, "s", allowed, "out of order")
         if len(before) > 1 and t == before[-2][0]:
-            raise SceneError("", t, "s", "at most two", "a third one at this time")
+            raise SceneError("", t, "s", "at most two", "two corners are at this time already")
         return t, value
 
     def written(self, value: Corners) -> Any:

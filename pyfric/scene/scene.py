@@ -268,7 +268,7 @@ class Scene:
         return self.piece("F_N", t).at(t), self.piece("T", t).at(t)
 
     def legs(self, t_end: float) -> list[Leg]:
-        """Return the stretches of time up to t_end (s) in which the driver moves one way."""
+        """Return the intervals up to t_end (s) in which the driver moves one way."""
         return legs(self._pieces["V"], t_end)
 
     def drive(self, t: float) -> float:

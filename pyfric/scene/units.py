@@ -108,7 +108,7 @@ def check_number(
 
 
 def in_si(field: str, value: Any, unit: str, *, allowed: str = "") -> Any:
-    """Return text with a unit, or a quantity of pint or the like, in SI; all else as it is.
+    """Convert text with a unit, or a quantity of pint, to SI; return anything else unchanged.
 
     Raises:
         SceneError: it has no unit, or one of another dimension.

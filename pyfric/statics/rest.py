@@ -140,13 +140,13 @@ def check_rests(scene: Scene) -> None:
     """
     if scene.prescribed:
         allowed = "'rod' or 'distributed', or a chain, for static states"
-        reason = "a prescribed interface in two dimensions has full dynamics only"
+        reason = "a prescribed interface in two dimensions needs full dynamics"
         raise SceneError("top.kind", "prescribed", "", allowed, reason)
     if scene.top.push:
-        reason = "a slider whose blocks are pushed has full dynamics only"
+        reason = "a slider whose blocks are pushed needs full dynamics"
         raise SceneError("top.push", scene.top.push, "N", "none, for static states", reason)
     if scene.driver.K == 0:
-        reason = "a chain without a driver has full dynamics only"
+        reason = "a chain without a driver needs full dynamics"
         raise SceneError("driver.K", 0.0, "N/m", "> 0 N/m, for static states", reason)
 
 

@@ -25,7 +25,7 @@ from pyfric.cli.shared import (
 def info(record: str | None, as_json: bool) -> None:
     """Show version, compiler, instruction sets and threads; of a RECORD, what it holds.
 
-    That is what `pyfric run` says of it: events, method, notes, errors expected and measured.
+    It prints what `pyfric run` prints: events, method, notes, expected and measured errors.
     """
     import platform
 

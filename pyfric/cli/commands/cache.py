@@ -20,7 +20,7 @@ MB = 10**6
 def cache() -> None:
     """List, check, size and prune the finished runs that are kept.
 
-    They are in the user's cache folder, or where PYFRIC_CACHE says. Other processes may use it at
+    They are in the user's cache folder, or in the one that PYFRIC_CACHE names. Others may use it at
     the same time.
     """
 

@@ -24,7 +24,7 @@ from pyfric.cli.shared import (
 @figure_out_option
 @telling
 def chart(out: Path, tell: Tell) -> None:
-    """Chart what accuracy costs, and what the planner takes (about five minutes).
+    """Plot error against cost, for all methods and the planner (about five minutes).
 
     DIR gets chart.png, chart.pdf, the points as CSV, and their provenance.
     """
@@ -52,9 +52,9 @@ def stability(out: Path, tell: Tell) -> None:
 @overwrite_option
 @telling
 def regimes(out: Path | None, overwrite: bool, tell: Tell) -> None:
-    """Run the model where methods fail and say what happens there (about 15 s).
+    """Run scenes at the edges of the model and report what happens (about 15 s).
 
-    Beside --out, a CSV file, goes its provenance. The exit code is 1 if something is not as stated.
+    The provenance is written next to --out. The exit code is 1 if a result is not as stated.
     """
     check_table(out, overwrite)
     from pyfric import checks

@@ -52,9 +52,9 @@ def reproduce(
 ) -> None:
     """Make the paper's figures from runs of the model: all, or those named.
 
-    Each figure is PNG and PDF with its caption and data; index.html shows them. Runs are made side
-    by side. Finished ones are kept in the user's cache folder, or where PYFRIC_CACHE says, and used
-    again; see `pyfric cache`.
+    Each figure is PNG and PDF with its caption and data; index.html shows them. Runs are made in
+    parallel. Finished ones are kept in the user's cache folder, or the one that PYFRIC_CACHE names,
+    and used again; see `pyfric cache`.
     """
     from pyfric.paper import reproduce
 
@@ -73,7 +73,7 @@ def reproduce(
 def claims(
     numbers: tuple[str, ...], out: Path | None, workers: int | None, no_cache: bool, tell: Tell
 ) -> None:
-    """Measure what the paper says: all claims, or those named (1 to 16, E1 to E10, 3a).
+    """Measure the claims of the paper: all, or those named (1 to 16, E1 to E10, 3a).
 
     A value outside its band is a miss and stays in the table; the exit code is 0 all the same. If
     the page of `pyfric reproduce` is in --out, it shows the claims too.
@@ -104,12 +104,12 @@ event_option = click.option(
 @click.argument("source", metavar="SCENE|RECORD", type=SceneName())
 @event_option
 @click.option(
-    "--t-end", type=Seconds(), default=1.0, help="Time of the end of a scene's run. [default: 1 s]"
+    "--t-end", type=Seconds(), default=1.0, help="End time of the run of a scene. [default: 1 s]"
 )
 @set_option
 @file_option("--out", metavar="STEM", help="Names of the files. [default: event_N]")
 @click.option("--mp4", is_flag=True, help="Also write STEM.mp4, a film; that needs ffmpeg.")
-@click.option("--gif", is_flag=True, help="Also write STEM.gif, the film where there is no ffmpeg.")
+@click.option("--gif", is_flag=True, help="Also write STEM.gif, a film that needs no ffmpeg.")
 @overwrite_option
 @telling
 def movie(
@@ -125,8 +125,8 @@ def movie(
 ) -> None:
     """Draw one event as a strip of frames: velocity field, with the interface below it.
 
-    From a scene (a preset or a TOML file), or from a record of the hybrid or dynamic engine
-    with rk4 that began with the loaded slider (.nc). The event is run again with full dynamics
+    The run is that of a scene (a preset or a TOML file) or of a record (.nc) that the hybrid or
+    dynamic engine made with rk4 from the loaded state. The event is run again with full dynamics
     from a state just before it.
     """
     from pyfric import figures
@@ -135,7 +135,7 @@ def movie(
     films = [end for end, wanted in ((".mp4", mp4), (".gif", gif)) if wanted]
     check_out(stem, overwrite, ends=(*figure_ends("interface", "field"), *films), reads=[source])
     if mp4 and not figures.has_ffmpeg():
-        raise click.UsageError("--mp4 needs ffmpeg, or the extra movies; take --gif.")
+        raise click.UsageError("--mp4 needs ffmpeg or the extra 'movies'; --gif needs neither.")
     record = _run_of(source, event, t_end, changes, tell)
     files = figures.save_figure(figures.event_strip(record, event), stem)
     for end in films:
@@ -147,7 +147,7 @@ def movie(
 @click.argument("source", metavar="SCENE|RECORD", type=SceneName())
 @event_option
 @click.option(
-    "--t-end", type=Seconds(), default=1.0, help="Time of the end of a scene's run. [default: 1 s]"
+    "--t-end", type=Seconds(), default=1.0, help="End time of the run of a scene. [default: 1 s]"
 )
 @set_option
 @file_option("--out", metavar="STEM", help="Names of the files. [default: spacetime_N]")
@@ -164,9 +164,8 @@ def spacetime(
 ) -> None:
     """Draw the slip rate of one event over space and time, with wave speeds and theory as lines.
 
-    From a scene or a record, as in `pyfric movie`. A name that ends in .png stands for the one
-    without. The event is run again with full dynamics from a
-    state just before it.
+    From a scene or a record, as in `pyfric movie`. The suffix .png of a name may be left out. The
+    event is run again with full dynamics from a state just before it.
     """
     from pyfric import figures
 

@@ -27,9 +27,9 @@ from pyfric.cli.shared import (
 @main.command("phase-diagram", section="Simulate", epilog=SHORT_EXIT_CODES)
 @click.argument("scene", type=SceneName(), required=False)
 @set_option
-@click.option("--x", metavar="FIELD=FROM:TO:N[:log]", help="A field, and its values, in SI.")
-@click.option("--y", metavar="FIELD=FROM:TO:N[:log]", help="The other one.")
-@click.option("--t-end", type=Seconds(), help="Time of the end of the runs of SCENE.")
+@click.option("--x", metavar="FIELD=FROM:TO:N[:log]", help="Field along x, with its values in SI.")
+@click.option("--y", metavar="FIELD=FROM:TO:N[:log]", help="Field along y, likewise.")
+@click.option("--t-end", type=Seconds(), help="End time of the runs of SCENE.")
 @click.option("--stop-when", multiple=True, metavar="CONDITION", help="As in pyfric run.")
 @click.option("--lines/--no-lines", default=True, help="Find where labels change. [default: yes]")
 @figure_out_option
@@ -49,11 +49,11 @@ def phase_diagram(
     no_cache: bool,
     tell: Tell,
 ) -> None:
-    """Map what becomes of SCENE over two fields: speed, kind and pace of its largest rupture.
+    """Map the largest rupture of SCENE over two fields: its class and its speed.
 
     Without SCENE: the chain of Thogersen et al. (2019), over alpha/sqrt(k m) and tau_bar. DIR gets
-    phases.png, phases.pdf and the points and lines as CSV. Finished runs are kept: the same command
-    goes on.
+    phases.png, phases.pdf and the points and lines as CSV. Finished runs are kept, so that the same
+    command continues a stopped map.
     """
     import pyfric
     from pyfric import figures

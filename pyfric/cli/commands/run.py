@@ -61,19 +61,20 @@ def _steppers() -> list[str]:
 
 @main.command(section="Simulate", epilog=EXIT_CODES)
 @click.argument("scene", type=SceneName())
-@click.option("--t-end", type=Seconds(), required=True, help="Time of the end: '900 ms', or s.")
+@click.option("--t-end", type=Seconds(), required=True, help="End time: '900 ms', or s.")
 @set_option
 @click.option(
     "--fidelity",
     type=click.Choice(["auto", "equilibrium", "quasistatic", "hybrid", "dynamic"]),
     default="auto",
     show_default=True,
-    help="What is modelled; auto takes what is enough (see pyfric plan).",
+    help="Model; auto takes the cheapest that meets the tolerance (see pyfric plan).",
 )
 @click.option(
     "--method",
     type=click.Choice(["paper"]),
-    help="As in the paper: RK4, steps of 0.2 us (setup 2: 0.09 us), contacts switch at step ends; "
+    help="As in the paper: RK4, steps of 0.2 us (setup 2: 0.09 us), stick-slip transitions at "
+    "step ends; "
     "full dynamics unless --fidelity hybrid.",
 )
 @want_option
@@ -81,7 +82,7 @@ def _steppers() -> list[str]:
 @click.option(
     "--geometry",
     type=click.Choice(["finite", "linear"]),
-    help="Bonds that rotate, as in the paper, or linear ones. "
+    help="Bonds that rotate (finite), as in the paper, or do not. "
     "[default: finite; linear for a chain]",
 )
 @click.option(
@@ -94,7 +95,7 @@ def _steppers() -> list[str]:
 @click.option(
     "--switching",
     type=click.Choice(["step_end", "located"]),
-    help="Contacts switch at the end of a step, as in the paper, or where they do inside it. "
+    help="Stick-slip transitions at the end of a step, as in the paper, or located within it. "
     "[default: located]",
 )
 @click.option(
@@ -115,25 +116,29 @@ def _steppers() -> list[str]:
 @click.option(
     "--t-gap",
     type=Seconds(),
-    help="Longest pause inside an event. [default: by the scene's times; the paper's: 1 ms]",
+    help="Longest pause inside an event. [default: from the scene; 1 ms in the paper's]",
 )
 @click.option(
     "--stop-when",
     multiple=True,
     metavar="CONDITION",
-    help="End the run before that: 'arrested', 'at_rest', 'reached = 50 mm', 'L_p = 0.5', "
-    "'precursors = 3', 'main_events = 1', 'system_size', 'slow = 1 um/s, 1 ms'. Given several "
-    "times, the first one that holds.",
+    help="End the run as soon as a condition holds: 'arrested', 'at_rest', 'reached = 50 mm', "
+    "'L_p = 0.5', 'precursors = 3', 'main_events = 1', 'system_size', 'slow = 1 um/s, 1 ms'. "
+    "Repeatable: the first one that holds ends it.",
 )
 @click.option(
-    "--threads", type=click.IntRange(1, 4096), help="Most threads to use. [default: all that pay]"
+    "--threads",
+    type=click.IntRange(1, 4096),
+    help="Largest number of threads. [default: as many as make the run faster]",
 )
 @click.option(
     "--budget/--no-budget",
     default=None,
-    help="Keep the energy budget: full dynamics only. [default: with --fidelity dynamic]",
+    help="Record the energy budget (full dynamics only). [default: with --fidelity dynamic]",
 )
-@file_option("--out", metavar="FILE", help="Save the record here, and once a minute on the way.")
+@file_option(
+    "--out", metavar="FILE", help="Save the record here, also once a minute during the run."
+)
 @overwrite_option
 @click.option(
     "--resume",

@@ -29,7 +29,7 @@ from pyfric.cli.shared import (
 @file_option("--out", metavar="FILE", help="Write a file instead of stdout.")
 @overwrite_option
 def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: bool) -> None:
-    """Show SCENE as TOML: a start for a scene of your own."""
+    """Print SCENE as TOML, to be changed."""
     what = scene_of(scene, changes)
     check_out(out, overwrite, reads=[scene])
     text = what.to_toml(out)
@@ -57,7 +57,7 @@ def draw(
 
 @main.command(section="Simulate")
 @click.argument("scene", type=SceneName())
-@click.option("--t-end", type=Seconds(), default=1.0, help="Time of the end. [default: 1 s]")
+@click.option("--t-end", type=Seconds(), default=1.0, help="End time. [default: 1 s]")
 @set_option
 @want_option
 @tolerance_option
@@ -72,7 +72,7 @@ def plan(
     stop_when: tuple[str, ...],
     tell: Tell,
 ) -> None:
-    """Say which model of SCENE is enough for a question, why, and what it will cost."""
+    """Choose the model of SCENE that meets a tolerance, with reasons and cost."""
     import dataclasses
 
     import pyfric

@@ -24,7 +24,7 @@ from pyfric.cli.shared import (
 @overwrite_option
 @telling
 def show(record: str, out: Path | None, overwrite: bool, tell: Tell) -> None:
-    """Make one page of RECORD (.nc): loading, slip, each event, stresses, numbers, what made it.
+    """Write an HTML page of RECORD (.nc): loading curve, slip, events, stresses, method.
 
     The page is one file of at most 2 MB that needs no network: open it with a browser.
     """

@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 @click.option(
     "--dry-run",
     is_flag=True,
-    help="Say how many runs, what they cost, why points are refused, and run nothing.",
+    help="Show the number of runs, their cost and refused points; run nothing.",
 )
 @click.option(
-    "--status", is_flag=True, help="Say which points are finished or failed, and run nothing."
+    "--status", is_flag=True, help="Show which points are finished or failed; run nothing."
 )
 @folder_option("--out", metavar="DIR", help="Write the table there: CSV, netCDF and Parquet.")
 @workers_option
@@ -49,7 +49,7 @@ def sweep(
 ) -> None:
     """Run the scene of FILE (TOML) at many points.
 
-    Finished runs are kept in the user's cache folder, or where PYFRIC_CACHE says: after Ctrl-C, or
+    Finished runs are kept in the user's cache folder, or in PYFRIC_CACHE: after Ctrl-C, or
     with more points, the same command goes on. Points that fail are named with their reason.
     """
     from pyfric.sweeps import Sweep

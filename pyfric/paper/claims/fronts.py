@@ -128,12 +128,13 @@ def _above_position(found: pd.DataFrame, share: str, least: float, source: str) 
 def _described(found: pd.DataFrame, share: str, what: str, points: pd.DataFrame) -> str:
     shuffled, signs = found.loc[list(SCATTER), share]
     return (
-        f"lower end of the interval of {what}: {told(found, share)}; the prestress explains "
-        f"{told(found, 'prestress')} of the variance of ln v_c, the position along the front "
-        f"{told(found, 'position')}, the prestress {told(found, 'beyond')} of what that leaves, or "
-        f"{told(found, 'after')} of speeds less the curve of the position; where v_c knows the "
-        f"position alone, at most {signs:.2f}, with shuffled residuals {shuffled:.2f}, in 97.5 % "
-        f"of {DRAWS} draws; {len(points)} points, {points['front'].nunique()} fronts"
+        f"lower end of the interval of {what}: {told(found, share)}. Shares of the variance of "
+        f"ln v_c: prestress {told(found, 'prestress')}; position along the front "
+        f"{told(found, 'position')}; prestress, of what the position leaves, "
+        f"{told(found, 'beyond')}; prestress, of speeds less the curve of the position, "
+        f"{told(found, 'after')}. Data that depend on the position alone reach {signs:.2f}, with "
+        f"shuffled residuals {shuffled:.2f} (97.5 % of {DRAWS} draws). "
+        f"{len(points)} points, {points['front'].nunique()} fronts"
     )
 
 
@@ -184,7 +185,7 @@ def _collapse(
         "and more than the position along the front says",
         scaled.loc["low", "more"],
         at_least(0, f"the lower end of {OVER_FRONTS} is not below 0"),
-        _described(scaled, "more", "what it explains more than the position", points),
+        _described(scaled, "more", "what it explains beyond the position", points),
         _without_prestress()[:-1],
         "each may explain part of what the other leaves, see 13d",
     )

@@ -175,8 +175,8 @@ def _steps_over_h(runs: Runs) -> Iterator[Claim]:
         "steps of L_p and F_T between precursors lie on lines over h, for small h",
         max((off[key] / known).max() for key, (_, known) in steps.items()),
         at_most(1, BLOCKS, "blocks/n"),
-        "largest distance of the mean step below L/2 from a straight line over h = 2.5, 5, 7.5 mm, "
-        f"over what a block makes of a mean of n steps; {'; '.join(texts)}",
+        "mean steps below L/2 for h = 2.5, 5, 7.5 mm: largest distance from a straight line, "
+        f"over one block per n steps; {'; '.join(texts)}",
         [to.exchanged("h = 2.5 and 5 mm exchanged", FIRST_AND_SECOND)],
         "the lines do not go through 0, see 3a",
     )
@@ -272,8 +272,7 @@ def _prediction(runs: Runs) -> Iterator[Claim]:
         "whatever the driving speed",
         furthest([growing(runs[name]) for name in BY_V], growing(runs[BASE]))[0],
         at_most(0.5, NEARER, "steps"),
-        "largest distance in force, at equal length, of V/2 and 2 V from V; the prediction has no "
-        "V",
+        "largest difference in force at equal length, V/2 and 2 V compared with V",
         [to.each("force in proportion to V", faster, BY_V)],
     )
 

@@ -131,7 +131,7 @@ def _state_at_arrest(runs: Runs) -> Iterator[Claim]:
         "9b",
         "the state at arrest depends only weakly on mu_s: force at equal length",
         _slope(apart),
-        at_most(0.1, "0 is no dependence, 1 is F_T = mu_s F_N; a tenth: the paper has no number"),
+        at_most(0.1, "0 is no dependence, 1 is F_T = mu_s F_N; the paper gives no number"),
         "slope over mu_s of the mean F_arrest - F_pred(n), over F_N: "
         + ", ".join(f"{one:.4f} at {mu_s:g}" for mu_s, one in apart.items()),
         [both],

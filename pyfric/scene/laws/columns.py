@@ -205,7 +205,7 @@ def _units(lines: _Lines, si: str) -> tuple[str, str]:
             raise ValueError(f"row {heads.n}, column {c + 1}, {cell!r}: {error}") from None
     for n, cells in lines.comments if not found[0] else ():
         if word := _unit_among(" ".join(cells), si):
-            raise ValueError(f"row {n}: a comment names {word}, and no head of a column a unit")
+            raise ValueError(f"row {n}: a comment names {word}, but no column head has a unit")
     return found[0], found[1]
 
 

@@ -96,7 +96,7 @@ class Junctions(FrictionLaw):
             raise SceneError(f"{self._section}.threshold_std", self.threshold_std, "", allowed)
 
     def tables(self, of: Means) -> Any:
-        """Return the tables of an interface, which says nothing by tables."""
+        """Return empty tables: junctions need none."""
         if of.d_c:
             reason = "junctions say how friction falls"
             raise SceneError("interface.d_c", of.d_c, "m", f"0 m with {self.kind}", reason)

@@ -10,7 +10,7 @@ from helpers import refused, small
 import pyfric
 from pyfric.cli import main
 from pyfric.engines.stopping import CONDITIONS, ended_by_condition
-from pyfric.scene.conditions import TAKES
+from pyfric.scene.ends import TAKES
 from pyfric.sweeps import Job, Sweep
 
 N = 100

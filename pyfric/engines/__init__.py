@@ -8,7 +8,7 @@ from pyfric.engines.prediction import prediction_curve
 from pyfric.engines.progress import Progress, jobs_bar
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.relaxation import relaxation_time
-from pyfric.engines.released import released
+from pyfric.engines.release import released
 from pyfric.engines.simulation import check_run, simulate
 
 __all__ = [

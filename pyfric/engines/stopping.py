@@ -1,7 +1,7 @@
 """Runs that stop when their question is answered: the conditions of `stop_when`.
 
 A condition is text, "name" or "name = values", the same in Python, on the command line, in scene
-files and in sweep files (`pyfric.scene.conditions`):
+files and in sweep files (`pyfric.scene.ends`):
 
     pyfric.simulate("fig1", 2.0, stop_when="precursors = 3")
     pyfric.simulate(scene, 1.0, stop_when=["arrested", "reached = 50 mm"])

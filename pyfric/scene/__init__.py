@@ -3,8 +3,8 @@
 from pyfric.scene import laws
 from pyfric.scene.change import followed_by, full_name, read_value, scene_fields, spoken
 from pyfric.scene.checked import Quantity, quantities
-from pyfric.scene.conditions import condition, conditions
 from pyfric.scene.consistency import check_push
+from pyfric.scene.ends import condition, conditions
 from pyfric.scene.errors import SceneError, nearest, unknown
 from pyfric.scene.files import (
     check_writable,

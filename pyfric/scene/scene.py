@@ -21,8 +21,8 @@ from pyfric.display import drawing, html
 from pyfric.scene import toml
 from pyfric.scene.change import changed
 from pyfric.scene.checked import Name, annotations, from_table, part
-from pyfric.scene.conditions import Conditions
 from pyfric.scene.consistency import check
+from pyfric.scene.ends import Conditions
 from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.files import write
 from pyfric.scene.friction import Law

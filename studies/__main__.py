@@ -114,16 +114,27 @@ def large(tell: Tell) -> None:
 @figure_out_option
 @telling
 def chart(out: Path, tell: Tell) -> None:
-    """Chart what accuracy costs, as `pyfric chart`, beside LAMMPS (ten minutes)."""
+    """Chart what accuracy costs in four scenes, what plans take, and LAMMPS (ten minutes)."""
     check_folder(out)
+    import accuracy
     import pandas as pd
     from beside import chart_points
 
-    from pyfric.checks import chart
-
-    points = chart.chart(progress=tell.progress)
+    points = accuracy.chart(progress=tell.progress)
     points = pd.concat([points, pd.DataFrame(chart_points(points))], ignore_index=True)
-    save_figure(chart.figure(points), out / "chart", f"{RUN} chart", tell)
+    save_figure(accuracy.figure(points), out / "chart", f"{RUN} chart", tell)
+
+
+@main.command(section="Methods")
+@figure_out_option
+@telling
+def stability(out: Path, tell: Tell) -> None:
+    """Map the largest stable step of every stepper, computed and measured (about two minutes)."""
+    check_folder(out)
+    import limits
+
+    figure = limits.figure(limits.stability_map(progress=tell.progress))
+    save_figure(figure, out / "stability", f"{RUN} stability", tell)
 
 
 @main.command(section="Methods")
@@ -372,6 +383,23 @@ def slow(out: Path, runs: Path | None, cases: tuple[str, ...], tell: Tell) -> No
     records = slow.study(folder, cases or tuple(slow.CASES), say=tell.step)
     save_figure(slow.figure(records), out / "slow", f"{RUN} slow", tell)
     save_figure(slow.speed_figure(records), out / "speeds", f"{RUN} slow", tell)
+
+
+@main.command(section="Physics")
+@figure_out_option
+@folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
+@telling
+def prepared(out: Path, runs: Path | None, tell: Tell) -> None:
+    """Fast, slow and arrested fronts on prepared interfaces of junctions (five minutes).
+
+    Runs are kept in --runs; the next call goes on where this one was stopped.
+    """
+    folder = out / "runs" if runs is None else runs
+    check_folder(out)
+    import prepared
+
+    figure = prepared.figure(prepared.diagram(folder), prepared.checks(folder))
+    save_figure(figure, out / "prepared", f"{RUN} prepared", tell)
 
 
 @main.command(section="Physics")

@@ -8,7 +8,7 @@ slider
     Four blocks that stick and slip, beside `scipy.integrate.solve_ivp` with events. Error of the
     times of all switches.
 chart
-    The scenes of `pyfric.checks.chart`: what the bonds alone of the steps of full dynamics would
+    The scenes of `accuracy`: what the bonds alone of the steps of full dynamics would
     take LAMMPS, with the error of those steps.
 """
 
@@ -18,12 +18,12 @@ import math
 import time
 from typing import TYPE_CHECKING, Any
 
+import accuracy as chart
 import numpy as np
 import peers
 from scipy.integrate import solve_ivp
 
 from pyfric import core
-from pyfric.checks import chart
 from pyfric.core import OPEN
 from pyfric.engines import simulate
 from pyfric.scene import chain, preset

@@ -1,4 +1,4 @@
-"""How methods converge: what is behind `pyfric.checks.chart`.
+"""How methods converge: what is behind the study `accuracy`.
 
 One event, the 11th main precursor of the Fig. 1 scene, from 20 us before its first slip until
 0.3 ms after. Questions: rupture times (s, RMS over the front, from the first slip on), front speed

@@ -2,7 +2,7 @@
 
 Across: how many times less processor time than the paper's method takes. Upward: the largest error
 of start and arrest forces of main events, over F_N. Points and errors are those of
-`pyfric.checks.chart`; LAMMPS is timed on the bonds alone of the steps of velocity Verlet.
+`studies/accuracy.py`; LAMMPS is timed on the bonds alone of the steps of velocity Verlet.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
+import accuracy as chart
 import pandas as pd
 from beside import chart_points
 
-from pyfric.checks import chart
 from pyfric.figures import DataFigure
 from pyfric.figures.style import style
 from pyfric.scene import preset

@@ -763,9 +763,16 @@ def test_one_rule_for_files(name, tmp_path):
 @pytest.mark.parametrize("name", FOLDERS)
 def test_one_rule_for_folders(name, tmp_path):
     (tmp_path / "file").write_text("mine")
-    assert refused(pyf(name, "--out", tmp_path / "file"), "--out", "this is a file, not a folder")
-    assert refused(pyf(name, "--out", tmp_path / "none" / "a"), "--out", "there is no folder")
-    assert refused(pyf(name, "--out", tmp_path / "file" / "a"), "--out", "there is no folder")
+    scene = ["fig1"] if name in ("chart", "stability") else []
+    assert refused(
+        pyf(name, *scene, "--out", tmp_path / "file"), "--out", "this is a file, not a folder"
+    )
+    assert refused(
+        pyf(name, *scene, "--out", tmp_path / "none" / "a"), "--out", "there is no folder"
+    )
+    assert refused(
+        pyf(name, *scene, "--out", tmp_path / "file" / "a"), "--out", "there is no folder"
+    )
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 

@@ -2,6 +2,7 @@
 
 import math
 
+import limits
 import numpy as np
 import pytest
 
@@ -17,7 +18,7 @@ WITHIN = 0.05
 @pytest.mark.parametrize("stepper", stability.LIMITED)
 @pytest.mark.parametrize(("eta", "stiffness"), [(0.0, 100.0), (math.sqrt(0.1), 1.0), (3.0, 100.0)])
 def test_computed_limits_are_those_of_runs(stepper, eta, stiffness):
-    scene = stability.small_slider(eta, stiffness)
+    scene = limits.small_slider(eta, stiffness)
     computed, details = stability_limit(scene, stepper)
     assert details["exact"]
     measured = stability.measured_limit(scene, stepper, computed)
@@ -43,7 +44,7 @@ def test_the_limit_of_the_paper_s_lattice_is_that_of_runs():
 
 
 def test_adaptive_steps_stay_stable_far_above_the_limit_of_rk4():
-    scene = stability.small_slider(math.sqrt(0.1), 1.0)
+    scene = limits.small_slider(math.sqrt(0.1), 1.0)
     dt = 20 * stability_limit(scene)[0]
     rest = loaded_state(scene)
     state = rest.state(scene, dt)
@@ -55,10 +56,10 @@ def test_adaptive_steps_stay_stable_far_above_the_limit_of_rk4():
 
 
 def test_map_and_figure(tmp_path):
-    table = stability.stability_map(("rk4",), (0.1, 1.0), (1.0, 10.0))
+    table = limits.stability_map(("rk4",), (0.1, 1.0), (1.0, 10.0))
     assert list(table) == ["stepper", "eta", "stiffness", "computed", "measured", "ratio"]
     assert len(table) == 4
     np.testing.assert_allclose(table["ratio"], 1, atol=WITHIN)
-    fig = stability.figure(table)
+    fig = limits.figure(table)
     names = {path.name for path in save_figure(fig, tmp_path / "map")}
     assert names == {"map.png", "map.pdf", "map.txt", "map_limits.csv"}

@@ -1,426 +1,293 @@
-"""Work-precision chart: what accuracy costs, and what the planner takes for a tolerance.
+"""Error against cost of every level and stepper, for any scene and question.
 
-One panel for each want. Four scenes, up to their fourth main event: the Fig. 1 scene, run 4, setup
-2, and one drawn at random. Every method is run once on each scene and its record compared, event by
-event, with that of a reference (`errors`); the planner is asked for every want and tolerance, and
-what it takes is compared in the same way. Its cost holds the plan, and the runs by which it
-measures its own error (`Record.errors`). Cost is processor time, over that of full dynamics by
-velocity Verlet with switches at step ends, so that scenes of different size share one axis.
-
-Methods that give no answer to a question, or other events than the reference, have a cost but no
-error: they stand above the axes.
+Each level (static states, the ladder, the hybrid engine, full dynamics), geometry, stepper and step
+runs the scene once. Its record is compared, event by event, with full dynamics at a small step
+(`pyfric.record.differences`). Cost is processor time. What refuses the scene is listed with its
+reason, and what would not fit into the budget with the time that it was expected to take.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 import time
-from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.lines import Line2D
 
 from pyfric.engines import RunError, simulate
+from pyfric.engines.cost import full_work, machine_speed
+from pyfric.engines.options import default_switching
 from pyfric.figures import DataFigure
-from pyfric.record import front_speed, paired
-from pyfric.scene import Scene, SceneError, preset, setup1
+from pyfric.record import differences
+from pyfric.scene import SceneError, as_scene, default_geometry
 from pyfric.signals import at_once
-from pyfric.statics import stability_limit
+from pyfric.statics import EquilibriumError, stability_limit
+from pyfric.theory import Material
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from collections.abc import Callable
 
     from pyfric.record import Record
+    from pyfric.scene import Scene, SceneLike
 
-__all__ = [
-    "TOLERANCES",
-    "WANTS",
-    "chart",
-    "drawn",
-    "errors",
-    "figure",
-    "frontier",
-    "full_dynamics",
-    "points",
-    "scenes",
-]
+__all__ = ["WANTS", "Method", "chart", "figure", "report"]
 
-EVENTS = 4
-"""Main events of a run."""
-TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001)
 WANTS = {
-    "loading_curve": "loading curve: $F_\\mathrm{T}(t)$, RMS over $F_\\mathrm{N}$",
-    "precursors": "precursors: start and arrest force over $F_\\mathrm{N}$, worst",
-    "stress": "stresses after events, RMS over $F_\\mathrm{N}/N_x$",
-    "front_speed": "front speeds, 95th percentile of relative differences",
+    "loading_curve": "loading curve: RMS of F_T over F_N",
+    "precursors": "start and arrest forces over F_N, or rupture times; worst",
+    "stress": "stresses before and after events: RMS over F_N/N_x, worst event",
+    "front_speed": "front speeds: 95th percentile of relative differences",
 }
-"""Want -> what its error is."""
-REFERENCE = 1 / 16
-"""Step of the reference over the stability limit."""
-TRIES = 2
-"""Runs of a method; the quickest one counts. Full dynamics runs once."""
+"""Question -> what its error is."""
+EVENTS = 2
+"""Main events that a run has by default, as the ladder has them."""
+TRANSITS = 2.0
+"""Times that a shear wave passes the slider in a default run of a scene without a ladder."""
+FINEST = 1 / 16
+"""Step of the reference over the stability limit, or as near to it as half of the budget allows."""
 
 
 class Method(NamedTuple):
     """One way to run a scene; `share` is the step over the stability limit."""
 
     fidelity: str
-    geometry: str = "linear"
+    geometry: str | None = None
     switching: str | None = None
     share: float | None = None
     stepper: str = "rk4"
 
 
-FULL = Method("dynamic", "finite", "step_end", 0.45, "verlet")
-"""Its cost is the unit."""
-METHODS = (
-    Method("quasistatic"),
-    *(Method("hybrid", "linear", "located", share) for share in (0.9, 0.5, 0.25)),
-    *(Method("hybrid", "finite", "located", share) for share in (0.9, 0.5, 0.25, 0.125)),
-    Method("hybrid", "linear", "step_end", 0.5),
-    *(Method("hybrid", "finite", "step_end", share) for share in (0.5, 0.125)),
-    FULL,
-    Method("dynamic", "finite", "located", 0.5),
-)
-
-
-def drawn(seed: int) -> Scene:
-    """Return a scene of setup 1 drawn at random: length, height, load, friction, driver."""
-    rng = np.random.default_rng(seed)
-    mu_s = rng.uniform(0.4, 0.9)
-    return setup1(
-        L=2.5e-3 * rng.integers(32, 64),
-        H=2.5e-3 * rng.integers(12, 30),
-        h=2.5e-3 * rng.integers(1, 5),
-        F_N=rng.uniform(1000, 4000),
-        mu_s=mu_s,
-        mu_k=mu_s * rng.uniform(0.4, 0.8),
-        name="random",
-    )
-
-
-def scenes() -> dict[str, Scene]:
-    """Return the scenes of the chart by name."""
-    return {
-        "Fig. 1": preset("fig1"),
-        "run 4": preset("run4"),
-        "setup 2": preset("setup2"),
-        "random": drawn(7),
-    }
+def methods(scene: Scene) -> list[Method]:
+    """Return all that is tried, levels from below."""
+    found = [Method("equilibrium"), Method("quasistatic")]
+    for geometry in ("linear", "finite"):
+        for share in (0.9, 0.5, 0.25):
+            found.append(Method("hybrid", geometry, "located", share))
+    own = default_geometry(scene)
+    other = "linear" if own == "finite" else "finite"
+    for geometry in (own, other):
+        for stepper in ("rk4", "verlet", "symplectic_euler"):
+            for switching in ("step_end", "located"):
+                for share in (0.9, 0.25) if geometry == own else (0.9,):
+                    found.append(Method("dynamic", geometry, switching, share, stepper))
+        found.append(Method("dynamic", geometry, "located", 1.0, "adaptive"))
+    return found
 
 
 @at_once()
-def chart(*, progress: bool = False) -> pd.DataFrame:
-    """Measure all points of the chart.
+def chart(
+    scene: SceneLike,
+    t_end: float | None = None,
+    *,
+    budget: float = 60.0,
+    say: Callable[[str], None] = lambda _: None,
+) -> pd.DataFrame:
+    """Run a scene by every level and stepper.
 
     Args:
-        progress: say on stderr what is running.
+        scene: the scene, the name of a preset, or the path of a scene file.
+        t_end: end of the runs (s); None: just after the second main event of the ladder, or two
+            transits of a shear wave where there is no ladder.
+        budget: processor time (s). Half of it is for the reference, whose steps are as small as
+            that allows.
+        say: is told what comes next.
 
     Returns:
-        One row per point. Columns: scene; kind ("method", "plan", "reference"); want and
-        tolerance of a plan, and ``said``, the error that it measured itself; engine, stepper,
-        switching, geometry; share (step over the stability limit), dt (s); seconds (processor
-        time), evaluations (blocks times force evaluations), status ("ok", or why there is no
-        answer); the errors of `WANTS`, NaN
-        where there is none; events and missing, those compared and those that only one of the two
-        has.
+        One row for each method, the reference first. Columns: fidelity, geometry, switching,
+        stepper, share (step over its stability limit), dt and t_end (s), seconds (processor time),
+        the errors of `WANTS` (NaN where nothing was compared), covered (the share of the time that
+        the record knows), events, and status: "reference",
+        "ok", or why there is no answer.
 
     Raises:
+        SceneError: no scene.
         RunError: the reference left the range of numbers.
     """
-
-    def say(text: str) -> None:
-        if progress:
-            print(text, file=sys.stderr, flush=True)
-
-    rows = [row for name, scene in scenes().items() for row in points(name, scene, say)]
+    scene, begin = as_scene(scene), time.process_time()
+    t_end = _default_end(scene) if t_end is None else t_end
+    finest = _reference(scene, t_end, budget / 2)
+    say(f"reference: {_named(finest)}, up to {t_end:.3g} s")
+    truth, seconds = _run(scene, t_end, finest)
+    rows = [
+        _row(scene, t_end, finest, seconds)
+        | {"status": "reference", "covered": 1.0, "events": len(truth.events)}
+    ]
+    for method in methods(scene):
+        left = budget - (time.process_time() - begin)
+        say(f"{_named(method)}; {max(left, 0.0):.0f} s are left")
+        rows.append(_measured(scene, t_end, method, truth, left))
     return pd.DataFrame(rows)
 
 
-# --- points --------------------------------------------------------------------------------------
+def _default_end(scene: Scene) -> float:
+    """Return a time just after the second main event, or two transits of a shear wave, s."""
+    if scene.has_rests and scene.law.rests and scene.driver.V > 0:
+        t_end = 0.0
+        for _ in range(10):
+            t_end += 0.2 * scene.F_N / (scene.driver.K * scene.driver.V)
+            found = simulate(scene, t_end, fidelity="quasistatic", progress=False).events
+            starts = found["t_start"][found["is_main"]].to_list()
+            if len(starts) > EVENTS:
+                return float(np.mean(starts[EVENTS - 1 : EVENTS + 1]))
+    material = Material.of_lattice(scene.slider.k, scene.m, scene.slider.l, 1.0)
+    return TRANSITS * scene.slider.L / material.c_S
 
 
-def points(
-    name: str,
-    scene: Scene,
-    say: Callable[[str], None] = lambda _: None,
-    methods: tuple[Method, ...] = METHODS,
-    events: int = EVENTS,
-) -> Iterator[dict[str, Any]]:
-    """Yield the points of one scene; see `chart`."""
-    t_end = _end(scene, events)
-    say(f"{name}: reference, up to {t_end:.3g} s")
-    truth, seconds = _run(scene, t_end, Method("hybrid", "finite", "located", REFERENCE))
-    yield {"scene": name, "kind": "reference", **_row(truth, seconds, REFERENCE)}
-    known: dict[Method, dict[str, Any]] = {}
-
-    def measured(method: Method) -> dict[str, Any]:
-        if method not in known:
-            say(f"{name}: {', '.join(str(one) for one in method if one is not None)}")
-            known[method] = _measured(scene, t_end, method, truth)
-        return known[method]
-
-    for method in methods:
-        yield {"scene": name, "kind": "method", **measured(method)}
-    for want in WANTS:
-        for tolerance in TOLERANCES:
-            say(f"{name}: what the planner takes for {want} within {tolerance:g}")
-            yield {"scene": name, "kind": "plan", **_planned(scene, t_end, want, tolerance, truth)}
+def _reference(scene: Scene, t_end: float, budget: float) -> Method:
+    """Return full dynamics at the smallest step of a row of halves that the budget pays for."""
+    switching = default_switching(scene)
+    share = 0.5
+    while share > FINEST:
+        if _expected(scene, t_end, Method("dynamic", share=share / 2)) > budget:
+            break
+        share /= 2
+    return Method("dynamic", default_geometry(scene), switching, share)
 
 
-def _end(scene: Scene, events: int) -> float:
-    """Return a time just after so many main events, as the ladder has them, s."""
-    t_end, starts = 0.0, []
-    while len(starts) <= events:
-        t_end += 0.2 * scene.F_N / (scene.driver.K * scene.driver.V)
-        found = simulate(scene, t_end, fidelity="quasistatic", progress=False).events
-        starts = found["t_start"][found["is_main"]].to_list()
-    return float(np.mean(starts[events - 1 : events + 1]))
+def _expected(scene: Scene, t_end: float, method: Method) -> float:
+    """Return the time that full dynamics takes, s; 0 for other levels, which take less."""
+    if method.fidelity != "dynamic" or method.share is None:
+        return 0.0
+    dt = method.share * stability_limit(scene, method.stepper)[0]
+    geometry = method.geometry or default_geometry(scene)
+    return full_work(scene, geometry, dt, t_end) * machine_speed()
 
 
 def _run(scene: Scene, t_end: float, method: Method) -> tuple[Record, float]:
     """Return the record and the processor time, s."""
-    how: dict[str, Any] = {"fidelity": method.fidelity}
+    how: dict[str, Any] = {"fidelity": method.fidelity, "progress": False}
     if method.share is not None:
-        how |= {"geometry": method.geometry, "switching": method.switching, "budget": None}
-        how |= {"dt": method.share * stability_limit(scene)[0], "stepper": method.stepper}
-        how["budget"] = False if method.fidelity == "dynamic" else None
-    best = math.inf
-    for _ in range(1 if method.fidelity == "dynamic" or method.share == REFERENCE else TRIES):
-        begin = time.process_time()
-        record = simulate(scene, t_end, progress=False, threads=1, **how)
-        best = min(best, time.process_time() - begin)
-    return record, best
+        dt = method.share * stability_limit(scene, method.stepper)[0]
+        how |= {"dt": dt, "geometry": method.geometry, "switching": method.switching, "threads": 1}
+        how |= {"stepper": method.stepper} | (
+            {"budget": False} if method.fidelity == "dynamic" else {}
+        )
+    begin = time.process_time()
+    record = simulate(scene, t_end, **how)
+    return record, time.process_time() - begin
 
 
-def _measured(scene: Scene, t_end: float, method: Method, truth: Record) -> dict[str, Any]:
-    """Return a row with the errors of a method; where it fails, with the reason."""
+def _row(scene: Scene, t_end: float, method: Method, seconds: float) -> dict[str, Any]:
+    limit = stability_limit(scene, method.stepper)[0] if method.share else math.nan
+    dt = method.share * limit if method.share else None
+    return method._asdict() | {"dt": dt, "t_end": t_end, "seconds": seconds}
+
+
+def _measured(
+    scene: Scene, t_end: float, method: Method, truth: Record, left: float
+) -> dict[str, Any]:
+    """Return a row with the errors of a method; where it has no answer, with the reason."""
+    expected = _expected(scene, t_end, method)
+    if expected > left or left <= 0:
+        why = f"not run: about {expected:.2g} s, of the budget {max(left, 0.0):.2g} s are left"
+        return _row(scene, t_end, method, math.nan) | {"status": why}
     try:
         record, seconds = _run(scene, t_end, method)
-    except (SceneError, RunError) as error:
-        return {"engine": method.fidelity, "share": method.share, "status": str(error)}
-    return _row(record, seconds, method.share) | errors(record, truth)
+    except (SceneError, RunError, EquilibriumError) as error:
+        return _row(scene, t_end, method, math.nan) | {"status": str(error)}
+    if not record.done:
+        return _row(scene, t_end, method, seconds) | {"status": record.status}
+    return _row(scene, t_end, method, seconds) | _errors(record, truth, t_end)
 
 
-def _planned(
-    scene: Scene, t_end: float, want: str, tolerance: float, truth: Record
-) -> dict[str, Any]:
-    """Return a row of what the planner takes, its measurement of its own error included."""
-    begin = time.process_time()
-    how = {"want": want, "tolerance": tolerance}
-    record = simulate(scene, t_end, progress=False, threads=1, **how)
-    seconds, dt = time.process_time() - begin, record.method.dt
-    share = None if dt is None else dt / stability_limit(scene)[0]
-    asked = how | {"said": None if record.errors is None else record.errors.measured()}
-    return asked | _row(record, seconds, share) | errors(record, truth)
-
-
-def _row(record: Record, seconds: float, share: float | None) -> dict[str, Any]:
-    method = record.method
-    return {
-        "engine": method.engine,
-        "stepper": method.stepper,
-        "switching": method.switching,
-        "geometry": method.geometry,
-        "share": share,
-        "dt": method.dt,
-        "seconds": seconds,
-        "evaluations": record.counts.get("block_evaluations", 0),
-        "status": "ok",
-    }
-
-
-def errors(record: Record, truth: Record) -> dict[str, Any]:
-    """Return the errors of `WANTS`, and how many events were compared and are missing.
-
-    Main events from the trailing edge are paired, those that differ least where one run has more.
-    """
-    rows = [_rows(one) for one in (record, truth)]
-    i, j = paired(record.events.iloc[rows[0]], truth.events.iloc[rows[1]], truth.scene)
-    a, b = rows[0][i], rows[1][j]
-    found = {"events": len(i), "missing": abs(len(rows[0]) - len(rows[1]))}
-    if not len(i):
-        return found | {"status": "no event in common"}
-    if found["missing"]:
-        found["status"] = f"{found['missing']} of {len(rows[1])} events differ"
-    F_N, unit = truth.scene.F_N, truth.scene.F_N / truth.scene.N_x
-    forces = ("F_T_start", "F_T_arrest")
-    force = [record.events[x].to_numpy()[a] - truth.events[x].to_numpy()[b] for x in forces]
-    stress = [getattr(record, x)[a] - getattr(truth, x)[b] for x in ("tau_after", "p_after")]
-    speed = np.abs(_speeds(record, a) / _speeds(truth, b) - 1)
+def _errors(record: Record, truth: Record, t_end: float) -> dict[str, Any]:
+    """Return the errors of `WANTS`; NaN where nothing was compared."""
+    off = differences(record, truth)
+    worst = off.events[["start", "arrest", "stress", "rupture"]].max()
+    speeds = off.speeds["error"].to_numpy()
     t = truth.curve["t"].to_numpy()
-    apart = np.interp(t, record.curve["t"], record.curve["F_T"]) - truth.curve["F_T"].to_numpy()
-    return found | {
-        "loading_curve": float(np.sqrt(np.mean(apart**2))) / F_N,
-        "precursors": float(np.abs(force).max()) / F_N,
-        "stress": float(np.sqrt(np.mean(np.square(stress)))) / unit,
-        "front_speed": _high(speed),
+    t = t[t <= off.covered]
+    apart = [np.interp(t, one.curve["t"], one.curve["F_T"]) for one in (record, truth)]
+    curve = float(np.sqrt(np.mean((apart[0] - apart[1]) ** 2))) / truth.scene.F_N
+    stepped, forces = record.method.dt is not None, worst[["start", "arrest"]].max()
+    found = {
+        "loading_curve": curve if truth.scene.driver.K else math.nan,
+        "precursors": float(forces if np.isfinite(forces) or not stepped else worst["rupture"]),
+        "stress": float(worst["stress"]),
+        "front_speed": float(np.quantile(speeds, 0.95)) if speeds.size and stepped else math.nan,
     }
-
-
-def _high(off: np.ndarray) -> float:
-    """Return the 95th percentile of what is known; NaN where nothing is."""
-    known = off[np.isfinite(off)]
-    return float(np.quantile(known, 0.95)) if len(known) else math.nan
-
-
-def _rows(record: Record) -> np.ndarray:
-    """Return the finished main events from the trailing edge."""
-    events = record.events
-    return np.flatnonzero(events["is_main"] & events["finished"] & (events["L_p_over_L"] > 0))
-
-
-def _speeds(record: Record, rows: np.ndarray) -> np.ndarray:
-    if record.method.dt is None:
-        return np.full((len(rows), record.scene.N_x), np.nan)
-    return front_speed(record.rupture_times[rows], record.scene.slider.l, record.scene.d)
+    covered = off.covered / float(t_end)
+    return found | {"covered": covered, "events": len(record.events), "status": "ok"}
 
 
 # --- reading -------------------------------------------------------------------------------------
 
 
-def frontier(part: pd.DataFrame, want: str) -> pd.DataFrame:
-    """Return the points of one scene that no other beats in both cost and error, by cost."""
-    part = part[np.isfinite(part[want]) & (part["status"] == "ok")].sort_values("seconds")
-    least = part[want].cummin()
-    return part[part[want] < least.shift(fill_value=math.inf)]
+def _named(method: Any) -> str:
+    """Return a method in words."""
+    if not method.share or math.isnan(method.share):
+        return method.fidelity
+    how = (method.fidelity, method.geometry, method.stepper, method.switching)
+    return f"{' '.join(how)} {method.share:.3g}"
 
 
-COLOURS = {"Fig. 1": "#0072B2", "run 4": "#D55E00", "setup 2": "#009E73", "random": "#CC79A7"}
-GREY, RED = "0.6", "#C00000"
-KINDS = {
-    ("quasistatic", "linear"): ("^", "quasi-static sequence"),
-    ("hybrid", "linear"): ("s", "hybrid, linear geometry"),
-    ("hybrid", "finite"): ("o", "hybrid, finite geometry"),
-    ("dynamic", "finite"): ("p", "full dynamics"),
+def report(table: pd.DataFrame) -> str:
+    """Return the chart as text: methods by cost, then those without an answer."""
+    head = "".join(f"{want:>15}" for want in WANTS)
+    lines = [f"errors beside full dynamics at a small step, up to {table['t_end'].iloc[0]:.3g} s"]
+    lines += [f"{'method, step over the limit':<48}{'s':>8}{head}"]
+    ran = table[table["status"].isin(["ok", "reference"])].sort_values("seconds")
+    for row in ran.itertuples():
+        values = [getattr(row, want, math.nan) for want in WANTS]
+        text = "".join(f"{'-' if math.isnan(v) else format(v, '.2g'):>15}" for v in values)
+        text = f"{'reference':>15}" if row.status == "reference" else text
+        part = f"  (of {100 * row.covered:.0f} % of the time)" if row.covered < 0.99 else ""
+        lines.append(f"{_named(row):<48}{row.seconds:>8.3g}{text}{part}")
+    without = table[~table["status"].isin(["ok", "reference"])]
+    for status, rows in without.groupby("status", sort=False):
+        names = "; ".join(_named(row) for row in rows.itertuples())
+        lines.append(f"no answer: {names}: {status}")
+    return "\n".join(lines)
+
+
+LOOKS = {
+    ("equilibrium", "rk4"): ("s", "0.4"),
+    ("quasistatic", "rk4"): ("D", "#E69F00"),
+    ("hybrid", "rk4"): ("o", "#0072B2"),
+    ("dynamic", "rk4"): ("^", "#D55E00"),
+    ("dynamic", "verlet"): ("v", "#009E73"),
+    ("dynamic", "symplectic_euler"): ("<", "#CC79A7"),
+    ("dynamic", "adaptive"): (">", "#56B4E9"),
 }
-"""Engine and geometry -> marker and name."""
-NO_ANSWER = 2.0
-"""Where points without an answer are drawn."""
+"""Marker and colour of each level and stepper; hollow where the geometry is linear."""
 
 
 def figure(table: pd.DataFrame) -> DataFigure:
-    """Return the chart: error over cost, one panel for each want.
-
-    Grey: methods, by `KINDS`; lines: the frontier of each scene; large: what the planner takes,
-    with a bar up to the tolerance that it was given, red if its error is larger, thick up to the
-    error that it measured itself. Diamonds: rows of the kind
-    "peer", what other programs would take.
-    """
-    fig = DataFigure(figsize=(7.2, 6.6), layout="constrained")
+    """Return error over processor time, one panel for each question that has an answer."""
+    wants = [want for want in WANTS if want in table and table[want].notna().any()]
+    rows = math.ceil(max(len(wants), 1) / 2)
+    fig = DataFigure(figsize=(7.2, 3.0 * rows + 0.4), layout="constrained")
     FigureCanvasAgg(fig)
-    table = _in_units(table)
-    panels = fig.subplots(2, 2, sharex=True, sharey=True)
-    for (want, label), axes, letter in zip(WANTS.items(), panels.flat, "abcd", strict=True):
-        _panel(axes, table, want)
-        axes.set_title(f"({letter}) {label}", fontsize=8, loc="left")
-    for axes in panels[-1]:
-        axes.set_xlabel("processor time over that of full dynamics", fontsize=8)
-    for axes in panels[:, 0]:
-        axes.set_ylabel("error", fontsize=8)
-    fig.legend(
-        handles=_handles(table), loc="outside lower center", ncols=4, fontsize=7, frameon=False
-    )
-    kept = table[table["kind"] == "plan"]
-    kept = kept.assign(error=[row[row["want"]] for _, row in kept.iterrows()])
-    broken = kept[~(kept["error"] <= kept["tolerance"])]
-    said = kept["said"].notna().any()
-    thick = ", its thick part at the error that the run measured itself, which the cost holds"
+    panels = fig.subplots(rows, 2, sharex=True, squeeze=False).ravel()
+    ran, shown = table[table["status"] == "ok"], {}
+    for want, axes in zip(wants, panels, strict=False):
+        for row in ran.itertuples():
+            marker, colour = LOOKS[row.fidelity, row.stepper]
+            full = colour if row.geometry == "finite" or math.isnan(row.share) else "none"
+            error = getattr(row, want)
+            if not error > 0:  # where both are the same a logarithm shows nothing
+                continue
+            (point,) = axes.loglog(row.seconds, error, marker, color=colour, mfc=full, ms=5)
+            name = row.fidelity if row.fidelity != "dynamic" else f"dynamic, {row.stepper}"
+            shown.setdefault(name.replace("_", " "), point)
+        axes.axvline(table["seconds"].iloc[0], color="0.6", lw=0.8, ls=":")
+        axes.set_title(WANTS[want], fontsize=7, loc="left")
+        axes.tick_params(labelsize=7, direction="in", which="both")
+    for axes in panels[len(wants) :]:
+        axes.set_axis_off()
+    for axes in panels[: len(wants)][-2:]:
+        axes.set_xlabel("processor time (s)", fontsize=8)
+        axes.tick_params(labelbottom=True)
+    fig.supylabel("error", fontsize=8)
+    look = {"ncols": 4, "fontsize": 7, "frameon": False}
+    fig.legend(shown.values(), shown, loc="outside lower center", **look)
+    first = table.iloc[0]
     fig.caption = (
-        f"What accuracy costs, for four questions; scenes: {', '.join(table['scene'].unique())}, "
-        "up to their fourth main event. "
-        "Grey: methods, with several steps and both kinds of switching; lines: the cheapest for "
-        "each error. Large: what the planner takes for tolerances "
-        f"{', '.join(map(str, TOLERANCES))}; "
-        f"a bar ends at the tolerance{thick if said else ''}. Crosses on top: no such quantity, or "
-        f"other events than the reference. {len(kept) - len(broken)} of {len(kept)} plans meet "
-        "their tolerance. Reference: the hybrid engine in finite geometry, located switches, steps "
-        "of a sixteenth of the limit."
+        f"Error over cost of every level and stepper, up to t = {first['t_end']:.3g} s. Full: "
+        f"finite geometry; hollow: linear. Dotted: cost of the reference, {_named(first)}. "
+        f"{(table['status'] != 'ok').sum() - 1} methods gave no answer; the table says why."
     )
     fig.tables = {"points": table}
     return fig
-
-
-def full_dynamics(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of `FULL`, one for each scene."""
-    rows = table[table["kind"] == "method"]
-    for name, value in zip(FULL._fields, FULL, strict=True):
-        rows = rows[rows["engine" if name == "fidelity" else name] == value]
-    return rows
-
-
-def _in_units(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the table with ``cost``, the time over that of `FULL` on the same scene."""
-    unit = full_dynamics(table).groupby("scene")["seconds"].min()
-    return table.assign(cost=table["seconds"] / table["scene"].map(unit))
-
-
-def _panel(axes: Axes, table: pd.DataFrame, want: str) -> None:
-    for tolerance in TOLERANCES:
-        axes.axhline(tolerance, color="0.9", lw=0.6, zorder=0)
-    every = table[table["kind"] == "method"]
-    answered = np.isfinite(every[want]) & (every["status"] == "ok")
-    for (engine, geometry), (marker, _) in KINDS.items():
-        rows = every[answered & (every["engine"] == engine) & (every["geometry"] == geometry)]
-        axes.loglog(rows["cost"], rows[want], marker, color=GREY, ms=3.5, mew=0, zorder=1)
-    none = every[~answered & np.isfinite(every["cost"])]
-    axes.loglog(none["cost"], np.full(len(none), NO_ANSWER), "x", color=GREY, ms=4, zorder=1)
-    for scene, colour in COLOURS.items():
-        rows = table[table["scene"] == scene]
-        peer = rows[rows["kind"] == "peer"]
-        axes.loglog(peer["cost"], peer[want], "D", mfc="none", color=colour, ms=4, zorder=2)
-        best = frontier(rows[rows["kind"] == "method"], want)
-        axes.plot(best["cost"], best[want], color=colour, lw=1, alpha=0.5, drawstyle="steps-post")
-        _choices(axes, rows[(rows["kind"] == "plan") & (rows["want"] == want)], want, colour)
-    axes.set_ylim(1e-8, 4)
-    axes.tick_params(labelsize=7, direction="in", which="both")
-
-
-def _choices(axes: Axes, rows: pd.DataFrame, want: str, colour: str) -> None:
-    """Draw what the planner takes, each with a bar between its error and its tolerance."""
-    for _, row in rows.iterrows():
-        error, tolerance = row[want], row["tolerance"]
-        kept = error <= tolerance
-        look = {"color": colour if kept else RED, "lw": 0.8, "zorder": 3}
-        axes.plot([row["cost"]] * 2, [error, tolerance], **look)
-        axes.plot(
-            [row["cost"]] * 2, [error, max(row["said"], 1e-9)], **look | {"lw": 2.5}, alpha=0.6
-        )
-        axes.plot(row["cost"], tolerance, "_", ms=6, **look)
-        axes.plot(
-            row["cost"],
-            error,
-            "o",
-            ms=5.5,
-            mec="white" if kept else RED,
-            mew=0.6,
-            color=colour,
-            zorder=4,
-        )
-
-
-def _handles(table: pd.DataFrame) -> list[Line2D]:
-    dot = {"ls": "", "ms": 4}
-    handles = [
-        Line2D([], [], color=colour, marker="o", ms=5.5, lw=1, label=scene)
-        for scene, colour in COLOURS.items()
-        if (table["scene"] == scene).any()
-    ]
-    handles += [
-        *(
-            Line2D([], [], marker=one, color=GREY, label=name, **dot)
-            for one, name in KINDS.values()
-        ),
-        Line2D([], [], marker="x", color=GREY, label="no answer", **dot),
-        Line2D([], [], color="0.3", marker="_", lw=0.8, label="planner: error to tolerance"),
-        Line2D([], [], color="0.6", lw=2.5, label="to what the run measured itself"),
-    ]
-    handles += [
-        Line2D([], [], marker="D", color="0.4", mfc="none", label=f"{engine}, bonds", **dot)
-        for engine in table["engine"][table["kind"] == "peer"].unique()
-    ]
-    return handles

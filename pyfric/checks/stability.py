@@ -1,19 +1,17 @@
-"""Stability map: the largest stable step of every stepper, computed and measured.
+"""Largest stable steps of a scene, computed and measured, and what happens beyond them.
 
-Computed: `pyfric.stability_limit`, from the eigenvalues of the scene's own operator. Measured: a
-small slider at rest is shaken by next to nothing, once stuck to the surface and once lifted off it,
-and integrated by the core with steps of different length, until a bisection has found where the
-disturbance begins to grow. Nothing switches on the way. Axes are the viscosity of the bonds, over
-sqrt(k m), and the stiffness of the foundation, over k. Times are in units of sqrt(m/k).
-
-Steppers without a limit are measured at a step far above that of RK4.
+Computed: `pyfric.stability_limit`, from the eigenvalues of the scene's own operator. Measured: the
+slider at rest is shaken by next to nothing, once stuck to the surface and, where it stands on a
+foundation, once lifted off it. The core integrates it with steps of different length, and a
+bisection finds where the disturbance begins to grow. Nothing switches on the way, because neither
+the driver nor a load moves and friction holds all that comes. A run with such steps is refused.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
-import sys
-from itertools import product
+import time
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,38 +21,50 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pyfric import core
 from pyfric.core import OPEN
 from pyfric.figures import DataFigure
-from pyfric.scene import setup1
+from pyfric.scene import Interface, as_scene
 from pyfric.signals import at_once
 from pyfric.statics import loaded_state, stability_limit
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable
 
-    from pyfric.scene import Scene
+    from pyfric.scene import Scene, SceneLike
 
-__all__ = ["ETAS", "LIMITED", "STIFFNESSES", "figure", "measured_limit", "stability_map"]
+__all__ = [
+    "BEYOND",
+    "LIMITED",
+    "figure",
+    "grows",
+    "growth",
+    "measured_limit",
+    "report",
+    "stability",
+]
 
 LIMITED = ("rk4", "verlet", "symplectic_euler")
 """Explicit steppers with uniform steps."""
-ETAS = (0.0, 0.03, 0.1, math.sqrt(0.1), 1.0, 3.0)
-"""eta/sqrt(k m); the paper's is sqrt(0.1)."""
-STIFFNESSES = (0.01, 1.0, 10.0, 100.0)
-"""k_f/k; the paper's is 1."""
+BEYOND = (0.5, 0.9, 0.98, 1.02, 1.05, 1.1, 1.2, 1.5)
+"""Steps over the computed limit at which growth is measured."""
 STEPS, GROWTH, HALVINGS = 3000, 1e3, 9
+LOOKS = 300
+"""Times at which a disturbance is looked at."""
+TINY = 1e-300
 NEXT_TO_NOTHING = 1e-12
 """Size of the disturbance, in l."""
 
 
-def small_slider(eta: float, stiffness: float) -> Scene:
-    """Return 8 x 5 blocks of setup 1 at rest, eta over sqrt(k m) and k_f over k given.
-
-    Limits of larger sliders come from plane waves in an infinite lattice, and are lower, by up to
-    a tenth; those of this size are exact.
-    """
-    size = {"L": 0.0175, "H": 0.01, "V": 0.0, "mu_s": 1e6}
-    plain = setup1(**size)
-    k, m = plain.slider.k, plain.m
-    return setup1(**size, eta=eta * math.sqrt(k * m), k_f=stiffness * k)
+def at_rest(scene: Scene) -> Scene:
+    """Return the scene without driving, with friction that holds."""
+    top, k_f = scene.top, None if scene.prescribed else float(np.max(scene.k_f))
+    none = {"T": 0.0, "T_protocol": (), "protocol": (), "tau": 0.0, "push": ()}
+    own = {field.name for field in dataclasses.fields(top)}
+    top = dataclasses.replace(top, **{name: none[name] for name in none if name in own})
+    return dataclasses.replace(
+        scene,
+        top=top,
+        driver=dataclasses.replace(scene.driver, V=0.0, protocol=()),
+        interface=Interface(mu_s=1e6, mu_k=0.0, k_f=k_f),
+    )
 
 
 def measured_limit(scene: Scene, stepper: str, around: float) -> float:
@@ -74,95 +84,124 @@ def measured_limit(scene: Scene, stepper: str, around: float) -> float:
 
 def grows(scene: Scene, stepper: str, dt: float) -> bool:
     """Whether a disturbance grows by `GROWTH` within `STEPS` steps, stuck or lifted off."""
-    rest, rng = loaded_state(scene), np.random.default_rng(1)
-    for lifted in (False, True):
-        state = rest.state(scene, dt)
+    return any(not sizes[-1] < GROWTH * sizes[0] for sizes in _shaken(scene, stepper, dt))
+
+
+def growth(scene: Scene, stepper: str, dt: float) -> float:
+    """Return by what a disturbance grows in a step, as ln(after/before); negative: it decays."""
+    rates = []
+    for sizes in _shaken(scene, stepper, dt):
+        half = (len(sizes) - 1) // 2
+        steps = (len(sizes) - 1 - half) * (STEPS // LOOKS)
+        ratio = max(sizes[-1], TINY) / max(sizes[half], TINY)
+        rate = math.log(ratio) / steps
+        rates.append(rate if sizes[-1] > sizes[0] else min(rate, 0.0))  # what is left is rounding
+    return max(rates)
+
+
+def _shaken(scene: Scene, stepper: str, dt: float) -> list[list[float]]:
+    """Return largest speeds (m/s) over time, stuck and lifted off, until they are far too large."""
+    rest, found = loaded_state(scene), []
+    chain, lifting = scene.N_z == 1, not scene.prescribed
+    for lifted in (False, True) if lifting and not chain else (lifting,):
+        state, rng = rest.state(scene, dt), np.random.default_rng(1)
         model = core.model(scene, "linear", rest.u_drv0)
         if lifted:
             model = core.springs(scene, "linear", viscous=True)
             state.y[:], state.rod[:], state.mode[:] = 0.0, 0.0, OPEN
         size = NEXT_TO_NOTHING * scene.slider.l / math.sqrt(scene.m / scene.slider.k)
-        shaken = slice(1, -1 if not lifted else None)
-        state.y[shaken, 2:] = size * rng.standard_normal(state.y[shaken, 2:].shape)
-        log, began = core.Log(scene.N_x), np.abs(state.y[:, 2:]).max()
-        core.advance(model, state, log, STEPS, stepper=stepper, budget=False)
-        with np.errstate(all="ignore"):
-            if not np.abs(state.y[:, 2:]).max() < GROWTH * began:
-                return True
-    return False
+        moved = slice(0 if chain else 1, None if lifted or not scene.rigid else -1)
+        if scene.walls.top == "held":
+            moved = slice(1, -1)
+        state.y[moved, 2:] = size * rng.standard_normal(state.y[moved, 2:].shape)
+        if chain:
+            state.y[:, 3] = 0.0
+        log, sizes = core.Log(scene.N_x), [float(np.abs(state.y[:, 2:]).max())]
+        while len(sizes) <= LOOKS and sizes[-1] < GROWTH**10 * sizes[0]:
+            core.advance(model, state, log, STEPS // LOOKS, stepper=stepper, budget=False)
+            with np.errstate(all="ignore"):
+                now = float(np.abs(state.y[:, 2:]).max())
+            sizes.append(now if math.isfinite(now) else GROWTH**10 * sizes[0])
+        found.append(sizes)
+    return found
 
 
 @at_once()
-def stability_map(
-    steppers: Sequence[str] = LIMITED,
-    etas: Sequence[float] = ETAS,
-    stiffnesses: Sequence[float] = STIFFNESSES,
-    *,
-    progress: bool = False,
+def stability(
+    scene: SceneLike, *, budget: float = 60.0, say: Callable[[str], None] = lambda _: None
 ) -> pd.DataFrame:
-    """Compute and measure the limits.
+    """Compute and measure the largest stable steps of a scene, and growth beyond them.
 
     Args:
-        steppers: steppers, of `LIMITED`.
-        etas: viscosities over sqrt(k m).
-        stiffnesses: of the foundation, over k.
-        progress: say on stderr what is running.
+        scene: the scene, the name of a preset, or the path of a scene file.
+        budget: processor time (s) after which nothing more is measured.
+        say: is told what comes next.
 
     Returns:
-        Columns: stepper, eta (over sqrt(k m)), stiffness (k_f/k), computed and measured (the limits
-        in units of sqrt(m/k)), ratio (measured over computed).
+        One row for each stepper and step: stepper, computed and measured (largest stable step, s),
+        ratio (measured over computed), share (step over the computed limit), dt (s), growth (ln of
+        the factor by which a disturbance grows in a step). NaN where the budget had ended.
+
+    Raises:
+        SceneError: no scene, or one that cannot be loaded.
     """
-    rows = []
-    for stepper, eta, stiffness in product(steppers, etas, stiffnesses):
-        if progress:
-            print(f"{stepper}, eta {eta:.3g}, k_f/k {stiffness:g}", file=sys.stderr, flush=True)
-        scene = small_slider(eta, stiffness)
-        unit = math.sqrt(scene.m / scene.slider.k)
-        computed = stability_limit(scene, stepper)[0]
-        measured = measured_limit(scene, stepper, computed)
-        rows.append(
-            {
-                "stepper": stepper,
-                "eta": eta,
-                "stiffness": stiffness,
-                "computed": computed / unit,
-                "measured": measured / unit,
-                "ratio": measured / computed,
-            }
+    scene, begin, rows = as_scene(scene), time.process_time(), []
+    still = at_rest(scene)
+    for stepper in LIMITED:
+        computed, measured = float(stability_limit(scene, stepper)[0]), math.nan
+        say(f"{stepper}: growth of a disturbance")
+        for share in BEYOND:
+            late = time.process_time() - begin > budget
+            rate = math.nan if late else growth(still, stepper, share * computed)
+            rows.append({"stepper": stepper, "computed": computed, "share": share,
+                         "dt": share * computed, "growth": rate})  # fmt: skip
+        if time.process_time() - begin < budget:
+            say(f"{stepper}: largest stable step")
+            measured = measured_limit(still, stepper, computed)
+        for row in rows[-len(BEYOND) :]:
+            row |= {"measured": measured, "ratio": measured / computed}
+    names = ["stepper", "computed", "measured", "ratio", "share", "dt", "growth"]
+    return pd.DataFrame(rows)[names]
+
+
+def report(table: pd.DataFrame) -> str:
+    """Return the table as text: a line for each stepper."""
+    shares = [share for share in BEYOND if share >= 0.98]
+    head = "".join(f"{share:>9g}" for share in shares)
+    lines = ["largest stable step (s), and ln of growth in a step at steps over the computed limit"]
+    lines += [f"{'stepper':<17}{'computed':>10}{'measured':>10}{'ratio':>7}{head}"]
+    for stepper, rows in table.groupby("stepper", sort=False):
+        first, rates = rows.iloc[0], rows.set_index("share")["growth"]
+        text = "".join(f"{rates[share]:>9.2g}" for share in shares)
+        lines.append(
+            f"{stepper:<17}{first['computed']:>10.3g}{first['measured']:>10.3g}"
+            f"{first['ratio']:>7.3f}{text}"
         )
-    return pd.DataFrame(rows)
+    lines.append("runs with steps beyond the computed limit are refused; adaptive has no limit")
+    return "\n".join(lines)
 
 
 def figure(table: pd.DataFrame) -> DataFigure:
-    """Return the map: limits over viscosity, one panel per stepper, one line per foundation."""
-    steppers = list(dict.fromkeys(table["stepper"]))
-    colours = ("#0072B2", "#009E73", "#E69F00", "#D55E00")
-    fig = DataFigure(figsize=(7.2, 2.9), layout="constrained")
+    """Return growth in a step over the step, one line for each stepper."""
+    fig = DataFigure(figsize=(4.6, 3.2), layout="constrained")
     FigureCanvasAgg(fig)
-    panels = np.atleast_1d(fig.subplots(1, len(steppers), sharey=True))
-    for axes, stepper, letter in zip(panels, steppers, "abcdef", strict=False):
-        part = table[table["stepper"] == stepper]
-        for (stiffness, line), colour in zip(part.groupby("stiffness"), colours, strict=False):
-            text = rf"$k_\mathrm{{f}}/k$ = {stiffness:g}"
-            width = 2.6 if stiffness == part["stiffness"].min() else 1.2  # seen below another
-            axes.plot(line["eta"], line["computed"], color=colour, lw=width, label=text)
-            axes.plot(line["eta"], line["measured"], "o", mec=colour, mfc="none", ms=4.5)
-        axes.set_xscale("symlog", linthresh=0.03, linscale=0.4)
-        axes.set_xticks([0, 0.1, 1], ["0", "0.1", "1"])
-        axes.set_yscale("log")
-        axes.axvline(math.sqrt(0.1), color="0.7", lw=0.7, ls=":")
-        axes.set_title(f"({letter}) {stepper.replace('_', ' ')}", fontsize=8, loc="left")
-        axes.set_xlabel(r"viscosity $\eta/\sqrt{km}$", fontsize=8)
-        axes.tick_params(labelsize=7, direction="in", which="both")
-        axes.grid(alpha=0.3, lw=0.5)
-    panels[0].set_ylabel(r"largest stable step $\Delta t\,/\sqrt{m/k}$", fontsize=8)
-    panels[0].legend(fontsize=6.5, frameon=False, title="line: computed, o: measured",
-                     title_fontsize=6.5)  # fmt: skip
+    axes, colours = fig.subplots(), ("#0072B2", "#009E73", "#D55E00")
+    for (stepper, rows), colour in zip(table.groupby("stepper", sort=False), colours, strict=True):
+        text = f"{stepper.replace('_', ' ')}: limit {rows['computed'].iloc[0]:.3g} s"
+        axes.plot(rows["share"], rows["growth"], "o-", color=colour, ms=3.5, lw=1.1, label=text)
+        axes.axvline(rows["ratio"].iloc[0], color=colour, lw=0.8, ls=":")
+    axes.axhline(0.0, color="0.6", lw=0.7)
+    axes.axvline(1.0, color="0.6", lw=0.7)
+    axes.set_yscale("symlog", linthresh=1e-2)
+    axes.set_ylim(bottom=min(-5e-3, table["growth"].min()))
+    axes.set_xlabel("step over the computed limit", fontsize=8)
+    axes.set_ylabel("ln of growth in a step", fontsize=8)
+    axes.tick_params(labelsize=7, direction="in", which="both")
+    axes.legend(fontsize=7, frameon=False)
     fig.caption = (
-        "Largest stable step over bond viscosity and foundation stiffness, in units of sqrt(m/k), "
-        "for each explicit stepper: computed from the eigenvalues of the scene's operator (lines) "
-        "and measured by running (circles) on 8 x 5 blocks of setup 1, stuck and lifted off. "
-        "Dotted: the paper's viscosity."
+        "Growth of a small disturbance of the slider at rest in a step, over the step, for each "
+        "explicit stepper. Dotted: the largest step at which none was measured. Above 0 a run "
+        "would leave the range of numbers; such steps are refused."
     )
-    fig.tables = {"limits": table}
+    fig.tables = {"growth": table}
     return fig

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
     Exit,
+    SceneName,
+    Seconds,
     Tell,
     check_folder,
     check_table,
@@ -15,36 +20,74 @@ from pyfric.cli.shared import (
     overwrite_option,
     save_figure,
     save_table,
+    scene_of,
+    set_option,
     stop,
     telling,
 )
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+budget_option = click.option(
+    "--budget",
+    type=Seconds(),
+    default=60.0,
+    help="Processor time; what does not fit into it is left out and said. [default: 60 s]",
+)
+
 
 @main.command(section="Methods")
+@click.argument("scene", metavar="SCENE", type=SceneName())
+@click.option("--t-end", type=Seconds(), help="End of the runs. [default: after two main events]")
+@budget_option
+@set_option
 @figure_out_option
 @telling
-def chart(out: Path, tell: Tell) -> None:
-    """Plot error against cost, for all methods and the planner (about five minutes).
+def chart(
+    scene: str,
+    t_end: float | None,
+    budget: float,
+    changes: tuple[str, ...],
+    out: Path,
+    tell: Tell,
+) -> None:
+    """Run SCENE by every level and stepper: error against cost, for every question.
 
+    The reference is full dynamics at a small step. What refuses SCENE is listed with its reason.
     DIR gets chart.png, chart.pdf, the points as CSV, and their provenance.
     """
     check_folder(out)
-    from pyfric import checks
+    from pyfric.checks import chart as made
 
-    figure = checks.chart.figure(checks.chart.chart(progress=tell.progress))
-    save_figure(figure, out / "chart", "pyfric chart", tell)
+    table = made.chart(scene_of(scene, changes), t_end, budget=budget, say=tell.step)
+    _tell(made, table, out, f"chart {scene}", tell)
 
 
 @main.command(section="Methods")
+@click.argument("scene", metavar="SCENE", type=SceneName())
+@budget_option
+@set_option
 @figure_out_option
 @telling
-def stability(out: Path, tell: Tell) -> None:
-    """Map the largest stable step of every stepper, computed and measured (about two minutes)."""
-    check_folder(out)
-    from pyfric import checks
+def stability(scene: str, budget: float, changes: tuple[str, ...], out: Path, tell: Tell) -> None:
+    """Say where the steppers fail for SCENE: largest stable steps, and growth beyond them.
 
-    figure = checks.stability.figure(checks.stability.stability_map(progress=tell.progress))
-    save_figure(figure, out / "stability", "pyfric stability", tell)
+    DIR gets stability.png, stability.pdf, the table as CSV, and their provenance.
+    """
+    check_folder(out)
+    from pyfric.checks import stability as made
+
+    table = made.stability(scene_of(scene, changes), budget=budget, say=tell.step)
+    _tell(made, table, out, f"stability {scene}", tell)
+
+
+def _tell(made: Any, table: pd.DataFrame, out: Path, command: str, tell: Tell) -> None:
+    """Tell a table and save its figure, whose files are told to nobody."""
+    stem = out / command.split()[0]
+    save_figure(made.figure(table), stem, f"pyfric {command}", Tell(quiet=True, as_json=False))
+    tell.table(table, made.report)
 
 
 @main.command(section="Methods")

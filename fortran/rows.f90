@@ -80,8 +80,8 @@ contains
     end do
   end subroutine bond_forces
 
-  !> Adds the forces from outside on row j: the driver's; what pushes the bottom row; the shear; on a free top row the load and -k_top u_x; those of
-  !> absorbing sides and top.
+  !> Adds the forces from outside on row j: the driver's; what pushes the bottom row; the shear; on a free top row the load
+  !> and -k_top u_x; those of absorbing sides and top.
   pure subroutine outer_forces(s, j, t, q, fx, fz, f_t)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                        !! row, from 1 at the bottom

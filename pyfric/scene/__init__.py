@@ -3,7 +3,7 @@
 from pyfric.scene import laws
 from pyfric.scene.change import full_name, read_value, scene_fields, spoken
 from pyfric.scene.checked import Quantity, quantities
-from pyfric.scene.conditions import condition, conditions
+from pyfric.scene.conditions import checked_conditions, condition
 from pyfric.scene.consistency import check_push
 from pyfric.scene.errors import SceneError, nearest, unknown
 from pyfric.scene.files import (
@@ -81,10 +81,10 @@ __all__ = [
     "check_number",
     "check_push",
     "check_writable",
+    "checked_conditions",
     "clean_drafts",
     "clock",
     "condition",
-    "conditions",
     "default_geometry",
     "drafts",
     "full_name",

@@ -25,7 +25,7 @@ from pyfric.scene import (
     SceneError,
     check_geometry,
     check_number,
-    conditions,
+    checked_conditions,
     default_geometry,
     paper_step,
     unknown,
@@ -224,7 +224,7 @@ class Options:
         if not isinstance(self.budget, bool | np.bool | None):
             raise SceneError("budget", self.budget, "", "True, False or None")
         if self.stop_when is not None:
-            object.__setattr__(self, "stop_when", conditions(self.stop_when))
+            object.__setattr__(self, "stop_when", checked_conditions(self.stop_when))
         if self.threads is not None:
             whole = isinstance(self.threads, Integral) and not isinstance(self.threads, bool)
             if not (whole and 1 <= self.threads <= MAX_THREADS):

@@ -4,7 +4,7 @@ from pyfric.scene import laws
 from pyfric.scene.change import followed_by, full_name, read_value, scene_fields, spoken
 from pyfric.scene.checked import Quantity, quantities
 from pyfric.scene.consistency import check_push
-from pyfric.scene.ends import condition, conditions
+from pyfric.scene.ends import checked_conditions, condition
 from pyfric.scene.errors import SceneError, nearest, unknown
 from pyfric.scene.files import (
     check_writable,
@@ -83,10 +83,10 @@ __all__ = [
     "check_number",
     "check_push",
     "check_writable",
+    "checked_conditions",
     "clean_drafts",
     "clock",
     "condition",
-    "conditions",
     "default_geometry",
     "drafts",
     "followed_by",

@@ -15,7 +15,7 @@ from pyfric.scene.checked import Annotation, Written
 from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.units import check_number, parse_quantity
 
-__all__ = ["Conditions", "condition", "conditions"]
+__all__ = ["Conditions", "checked_conditions", "condition"]
 
 
 class Value(NamedTuple):
@@ -81,7 +81,7 @@ def _number(text: str, value: str | float, unit: str, limits: Mapping[str, float
     return check_number("stop_when", number, unit, **limits)
 
 
-def conditions(given: Any) -> tuple[str, ...]:
+def checked_conditions(given: Any) -> tuple[str, ...]:
     """Return conditions as a tuple of texts.
 
     Raises:
@@ -102,7 +102,7 @@ class Conditions(Annotation):
     allowed: str = dataclasses.field(default_factory=lambda: f"a list of {_names()}")
 
     def check(self, value: Any) -> tuple[str, ...]:
-        return conditions(value.value if isinstance(value, Written) else value)
+        return checked_conditions(value.value if isinstance(value, Written) else value)
 
     def written(self, value: tuple[str, ...]) -> list[str]:
         return list(value)

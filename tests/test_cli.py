@@ -341,6 +341,17 @@ def test_resume_needs_the_same_scene(record_file):
     assert refused(run("--resume", record_file, "--set", "mu_k=0.4"), "another scene")
 
 
+def test_resume_may_have_another_speed(record_file, tmp_path):
+    out = tmp_path / "slower.nc"
+    slower = (*SMALL[:-1], "V=250 mm/s", "--t-end", "1.5 ms", "--out", out)
+    assert pyf("run", "fig1", *slower, "--resume", record_file).exit_code == Exit.COMPLETE
+    before, whole = pyfric.Record.load(record_file), pyfric.Record.load(out)
+    t = float(before.curve["t"].iloc[-1])
+    assert whole.scene.driver.protocol == ((t, 0.5), (t, 0.25))
+    assert whole.curve[: len(before.curve) - 1].equals(before.curve[:-1])
+    assert pyf("run", "fig1", *slower, "--resume").exit_code == Exit.COMPLETE
+
+
 # --- fidelity and plan ---------------------------------------------------------------------------
 
 

@@ -438,7 +438,7 @@ def test_the_command_names_what_is_refused_and_ends_with_2_if_all_is(file):
 
 def test_objects_are_saved_as_text(tmp_path):
     over = {"interface.law": [laws.LinearWeakening(), laws.Ageing(B=0.01, t_c=1e-3)], "mu_k": [0.4]}
-    found = swept(over=over).status(tmp_path)
+    found = swept(over=over, options=Options()).status(tmp_path)
     found.save(tmp_path / "out")
     table = pd.read_csv(tmp_path / "out" / "sweep.csv", index_col="point")
     assert "Ageing(B=0.01" in table["interface.law"][1]

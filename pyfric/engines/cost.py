@@ -138,7 +138,7 @@ def check_memory(scene: Scene, fidelity: str, geometry: str) -> None:
     """Raise SceneError if a run needs more memory than there is."""
     needed, there = set_up(scene, fidelity, geometry).bytes, available()
     if needed > there:
-        allowed = f"a lattice that fits into the memory there is, {there / 1e9:.3g} GB"
+        allowed = f"a lattice that fits into the available memory, {there / 1e9:.3g} GB"
         what = f"{scene.N_x} x {scene.N_z} blocks, {fidelity} engine, {geometry} geometry"
         reason = f"about {needed / 1e9:.3g} GB are needed ({what})"
         raise SceneError("slider.l", scene.slider.l, "m", allowed, reason)

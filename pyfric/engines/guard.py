@@ -195,7 +195,7 @@ def largest_strain(scene: Scene, F_T: float, t_end: float = math.inf) -> float:
 
 
 def strain_notes(scene: Scene, engine: str, F_T: float, t_end: float) -> tuple[str, ...]:
-    """Return what to know about linear geometry up to t_end (s), driver forces up to F_T (N)."""
+    """Return notes on linear geometry up to t_end (s), for driver forces up to F_T (N)."""
     strain = largest_strain(scene, F_T, t_end)
     if strain <= LINEAR:
         return ()

@@ -301,7 +301,7 @@ class Linearised:
         return self.solver.bond_tangents(q) - self._bonds
 
     def refined(self, x: np.ndarray, force: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
-        """Return the answer x to a force, once corrected for what bonds are stiffer."""
+        """Return the response x to a force, corrected once for the change of bond stiffness."""
         return x + self.answer(force - self.restoring(x, stiffer))
 
     def restoring(self, x: np.ndarray, stiffer: np.ndarray | None) -> np.ndarray:

@@ -211,7 +211,7 @@ class Stopping:
         self.first = np.fmin(self.first, new)
 
     def look(self, t: float, mode: np.ndarray) -> None:
-        """Take over the time (s) and contact states of static states."""
+        """Note the time (s) and contact states of static states."""
         self.t, self.mode = t, mode
 
     def look_at(self, state: State, forces: Callable[[], Forces]) -> None:

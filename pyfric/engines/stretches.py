@@ -44,7 +44,7 @@ def bends(scene: Scene) -> SceneError | None:
 
 
 def check_straight(scene: Scene) -> None:
-    """Raise SceneError where speed and loads change at once."""
+    """Raise SceneError if speed and loads change at the same time."""
     bend = bends(scene)
     if bend is not None:
         raise bend

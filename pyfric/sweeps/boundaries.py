@@ -150,7 +150,7 @@ class _Column:
         return self.labels[share]
 
     def ends(self, below: Hashable) -> tuple[float, float]:
-        """Return between which shares the label stops being the one below, as far as known."""
+        """Return the known bracket, in shares, of the point at which the label changes."""
         high = min((share for share in self.labels if self.labels[share] != below), default=1.0)
         return max((share for share in self.labels if share < high), default=0.0), high
 

@@ -170,7 +170,7 @@ class Store:
 
     @contextmanager
     def reserved(self, key: str, what: str, look: Callable[[], None]) -> Iterator[bool]:
-        """Hold a run in the block, after whoever makes it now; give whether its file is locked.
+        """Lock a run for the block, once no other process makes it; yield whether it is locked.
 
         Args:
             key: of the run.

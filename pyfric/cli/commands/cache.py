@@ -20,8 +20,8 @@ MB = 10**6
 def cache() -> None:
     """List, check, size and prune the finished runs that are kept.
 
-    They are in the user's cache folder, or in the one that PYFRIC_CACHE names. Others may use it at
-    the same time.
+    They are in the user's cache folder, or in the one that PYFRIC_CACHE names. Other processes may
+    use it at the same time.
     """
 
 

@@ -220,7 +220,7 @@ def _run(
     except KeyboardInterrupt:
         if not files:
             raise
-        stop(signalled(), f"interrupted; the run was at its end, and is in {out}")
+        stop(signalled(), f"interrupted after the run had ended; the record is in {out}")
     return record, files
 
 

@@ -165,7 +165,7 @@ def _energy(runs: Runs, left: Callable[[pd.DataFrame], pd.Series] = budget_left)
         "E4",
         "the energy budget closes",
         errors[-1],
-        at_most(1e-6, "what a step of RK4 leaves: it falls with the step"),
+        at_most(1e-6, "error of a step of RK4, which falls with the step"),
         "work of driver and load less stored energy, dissipation in bonds, friction heat and "
         "switching loss, over the driver's work; 3 ms with slip, an eighth of the largest step; "
         f"{errors[0]:.1e} at four times the step",

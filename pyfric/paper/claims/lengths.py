@@ -156,7 +156,7 @@ def _steps_over_h(runs: Runs) -> Iterator[Claim]:
         "3a",
         "steps of L_p and F_T between precursors are almost proportional to h, for small h",
         max(powers.values(), key=lambda one: abs(one - 1)),
-        between(0.75, 1.25, "proportional is 1; almost, read as nearer to 1 than to 1/2 or 3/2"),
+        between(0.75, 1.25, "1 is proportional; almost: nearer to 1 than to 1/2 or 3/2"),
         "exponent of the mean step below L/2 over h = 2.5, 5, 7.5 mm, mean of both L, the one "
         f"further from 1 ({listed(powers, '.2f')}); {'; '.join(texts)}",
         [to.exchanged("h = 5 mm in all runs", ONE_H)],
@@ -231,7 +231,7 @@ def _load_on_the_trailing_edge(runs: Runs) -> Iterator[Claim]:
         text + "order of the three curves",
         np.nanmin(gaps),
         at_least(0, WORDS, "F_N"),
-        f"{how}, 0.2 ... as far as they go ({np.isfinite(gaps).sum()} distances)",
+        f"{how}, 0.2 ... as far as the data reach ({np.isfinite(gaps).sum()} distances)",
         [damage],
         "the curves meet at L_p = L, where the force is about mu_k F_N",
     )

@@ -1,9 +1,10 @@
 """Plan and run."""
 
 from pyfric.engines.choice import Assumption, Plan, expected_cost, plan
+from pyfric.engines.cost import full_work, machine_speed
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.guard import folded
-from pyfric.engines.options import OPTION_UNITS, Options, step_size
+from pyfric.engines.options import OPTION_UNITS, Options, default_switching, step_size
 from pyfric.engines.prediction import prediction_curve
 from pyfric.engines.progress import Progress, jobs_bar
 from pyfric.engines.quasistatic import QuasistaticRun
@@ -19,9 +20,12 @@ __all__ = [
     "Progress",
     "QuasistaticRun",
     "RunError",
+    "default_switching",
     "expected_cost",
     "folded",
+    "full_work",
     "jobs_bar",
+    "machine_speed",
     "plan",
     "prediction_curve",
     "relaxation_time",

@@ -1,5 +1,6 @@
 """Plan and run."""
 
+from pyfric.engines.begun import released
 from pyfric.engines.choice import Assumption, Plan, expected_cost, plan
 from pyfric.engines.cost import full_work, machine_speed
 from pyfric.engines.dynamic import RunError
@@ -9,7 +10,6 @@ from pyfric.engines.prediction import prediction_curve
 from pyfric.engines.progress import Progress, jobs_bar
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.relaxation import relaxation_time
-from pyfric.engines.released import released
 from pyfric.engines.simulation import simulate
 
 __all__ = [

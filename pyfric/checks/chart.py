@@ -16,9 +16,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from pyfric.engines import RunError, simulate
-from pyfric.engines.cost import full_work, machine_speed
-from pyfric.engines.options import default_switching
+from pyfric.engines import RunError, default_switching, full_work, machine_speed, simulate
 from pyfric.figures import DataFigure
 from pyfric.record import differences
 from pyfric.scene import SceneError, as_scene, default_geometry
@@ -279,7 +277,7 @@ def figure(table: pd.DataFrame) -> DataFigure:
         axes.set_axis_off()
     for axes in panels[: len(wants)][-2:]:
         axes.set_xlabel("processor time (s)", fontsize=8)
-        axes.tick_params(labelbottom=True)
+        axes.tick_params(which="both", labelbottom=True, labelsize=6)
     fig.supylabel("error", fontsize=8)
     look = {"ncols": 4, "fontsize": 7, "frameon": False}
     fig.legend(shown.values(), shown, loc="outside lower center", **look)

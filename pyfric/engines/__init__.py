@@ -1,14 +1,15 @@
 """Plan and run."""
 
+from pyfric.engines.begun import released
 from pyfric.engines.choice import Assumption, Plan, expected_cost, plan
+from pyfric.engines.cost import full_work, machine_speed
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.guard import folded
-from pyfric.engines.options import OPTION_UNITS, Options, step_size
+from pyfric.engines.options import OPTION_UNITS, Options, default_switching, step_size
 from pyfric.engines.prediction import prediction_curve
 from pyfric.engines.progress import Progress, jobs_bar
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.relaxation import relaxation_time
-from pyfric.engines.release import released
 from pyfric.engines.simulation import check_run, simulate
 
 __all__ = [
@@ -20,9 +21,12 @@ __all__ = [
     "QuasistaticRun",
     "RunError",
     "check_run",
+    "default_switching",
     "expected_cost",
     "folded",
+    "full_work",
     "jobs_bar",
+    "machine_speed",
     "plan",
     "prediction_curve",
     "relaxation_time",

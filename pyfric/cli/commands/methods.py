@@ -59,10 +59,10 @@ def chart(
     DIR gets chart.png, chart.pdf, the points as CSV, and their provenance.
     """
     check_folder(out)
-    from pyfric.checks import chart as made
+    from pyfric import checks
 
-    table = made.chart(scene_of(scene, changes), t_end, budget=budget, say=tell.step)
-    _tell(made, table, out, f"chart {scene}", tell)
+    table = checks.chart.chart(scene_of(scene, changes), t_end, budget=budget, say=tell.step)
+    _tell(checks.chart, table, out, f"chart {scene}", tell)
 
 
 @main.command(section="Methods")
@@ -77,10 +77,10 @@ def stability(scene: str, budget: float, changes: tuple[str, ...], out: Path, te
     DIR gets stability.png, stability.pdf, the table as CSV, and their provenance.
     """
     check_folder(out)
-    from pyfric.checks import stability as made
+    from pyfric import checks
 
-    table = made.stability(scene_of(scene, changes), budget=budget, say=tell.step)
-    _tell(made, table, out, f"stability {scene}", tell)
+    table = checks.stability.stability(scene_of(scene, changes), budget=budget, say=tell.step)
+    _tell(checks.stability, table, out, f"stability {scene}", tell)
 
 
 def _tell(made: Any, table: pd.DataFrame, out: Path, command: str, tell: Tell) -> None:

@@ -96,7 +96,8 @@ class Quantity(Annotation):
     def _each(self, values: Sequence[Any]) -> tuple[float, ...]:
         if len(values) > MAX_LISTED:
             raise SceneError("", values, "", f"at most {MAX_LISTED} numbers", "too many")
-        numbers, number = [], dataclasses.replace(self, listed=False, drawn=None, note="")
+        numbers = []
+        number = dataclasses.replace(self, listed=False, drawn=None, optional=False, note="")
         for n, value in enumerate(values, 1):
             try:
                 numbers.append(number.check(value))

@@ -131,12 +131,8 @@ def resolve(
         JobError: a run failed.
 
     >>> found = pyfric.resolve("fig1", workers=1, cache=False, progress=False)
-    >>> print(found.table.loc["precursors"])
-    0.0025         14.0
-    0.00125        14.0
-    change          0.0
-    converges     False
-    Name: precursors, dtype: object
+    >>> print(*found.table.loc["precursors"])  # at l, at l/2, change, whether it converges
+    14.0 14.0 0.0 False
     """
     scene = as_scene(scene)
     if isinstance(scene.top, PrescribedLoad):

@@ -238,7 +238,7 @@ class QuasistaticRun:
         contact, law = self.contact, self.contact.law.continuous()
         if np.any(contact.law.drop > 0):
             self.notes += (
-                f"mu_s - mu_k = {np.max(contact.law.drop):.3g} is next to nothing: "
+                f"mu_s - mu_k = {np.max(contact.law.drop):.3g} is negligible: "
                 f"slip is continuous, at mu_s = {law.mean.mu_s:g}",
             )
         contact.law = law

@@ -323,16 +323,19 @@ class Jump:
         """Return what the modes leave of the equation of motion, as it moves the gap functions.
 
         In finite geometry tangents change along the path, and large motions are not linear. What
-        that leaves at a quarter of it excites modes, which decay until s (s), in N.
+        that leaves at a quarter and at half of it excites modes, which decay until s (s), in N.
         """
-        system, outside, then = self.system, self.outside, 0.25 * s
-        q, there = at(self.path.q, then), (outside.drive_at(then), outside.load_at(then))
-        w, w_v, w_a = system.deviation(*self.ringing.at(then))
-        gain = system.forces(q + w, *there) - system.forces(q, *there)
-        left = gain - system.C @ w_v - system.M * w_a
-        left[system.held] = 0.0
-        excited = Ringing(system, system.excited(system.answer(left)))
-        return float((np.abs(excited.gaps) @ np.exp(excited.growth.real * (s - then))).max())
+        system, outside, found = self.system, self.outside, 0.0
+        for then in (0.25 * s, 0.5 * s):
+            q, there = at(self.path.q, then), (outside.drive_at(then), outside.load_at(then))
+            w, w_v, w_a = system.deviation(*self.ringing.at(then))
+            gain = system.forces(q + w, *there) - system.forces(q, *there)
+            left = gain - system.C @ w_v - system.M * w_a
+            left[system.held] = 0.0
+            excited = Ringing(system, system.excited(system.answer(left)))
+            left = np.abs(excited.gaps) @ np.exp(excited.growth.real * (s - then))
+            found = max(found, float(left.max()))
+        return found
 
     def _landed(self, s: float) -> tuple[np.ndarray, ...]:
         """Return q, q' and gap functions at s (s), corrected by the defect, and its shift."""

@@ -1,39 +1,72 @@
-"""The study of viscous slip in slabs: its lumped chain is one, and it knows the chain's formula."""
+"""The hybrid engine follows stable slip: against full dynamics."""
 
-import creeping
+import dataclasses
+
 import numpy as np
-import pytest
 
 import pyfric
-from pyfric.scene import slab
-from pyfric.theory import Material, chain_prestress_overdamped
+from pyfric.engines.creeping import Creeping
+from pyfric.scene import setup1
+from pyfric.scene.laws import Ageing
+
+FORCE = 1e-4
+"""Start and arrest forces, over F_N: measured 3e-8 and 5e-6."""
 
 
-@pytest.mark.parametrize("rows", [3, 9])
-def test_long_waves_of_a_slab_are_those_of_its_lumped_chain(rows):
-    """c^2 is E/rho: a slab that is free above and below is a rod to them."""
-    scene = slab(p=60.0, L=0.1, H=(rows - 1) * 2.5e-3, l=2.5e-3)
-    c, unit = creeping.lumped(scene)
-    slider = scene.slider
-    material = Material.of_lattice(slider.k, scene.m, slider.l, 1.0)
-    assert c == pytest.approx(np.sqrt(material.E_prime / material.rho), rel=1e-9)
-    assert unit == pytest.approx(c / slider.l * (rows - 0.5) * scene.m, rel=1e-12)
+def rod(**changes):
+    return setup1(**{"L": 0.02, "H": 0.0125, "F_N": 400.0, "V": 2e-3, "d_c": 5e-6} | changes)
 
 
-def test_the_formula_is_inverted():
-    for tau_bar in (0.01, 0.3, 0.9):
-        w = creeping.overdamped(tau_bar)
-        assert float(chain_prestress_overdamped(w)) == pytest.approx(tau_bar, rel=1e-9)
+def run(scene, t_end, fidelity, **how):
+    how = {"geometry": "linear", "progress": False, "threads": 1} | how
+    return pyfric.simulate(scene, t_end, fidelity=fidelity, **how)
 
 
-def test_twice_the_viscosity_is_half_the_speed():
-    """In a slab of two rows, where v << c: what the formula and the slab have in common."""
-    speeds = []
-    for alpha in (3.0, 6.0):
-        job = creeping.slab_job(2, 0.4, alpha)
-        record = pyfric.simulate(job.scene, job.t_end, job.options, progress=False)
-        found = creeping.front(record)
-        assert found["reached"] == creeping.BLOCKS
-        speeds.append(alpha * found["v_over_c"])
-    assert speeds[1] == pytest.approx(speeds[0], rel=0.15)  # 0.270 and 0.240: v is not yet << alpha
-    assert speeds[1] < 0.6 * creeping.overdamped(0.4)  # slower than the chain
+def test_stable_slip_is_full_dynamics():
+    """Stable slip for 4 ms, an event, stable slip once more, of two parts of the interface."""
+    scene, t_end = rod(side="right"), 0.048
+    a = run(scene, t_end, "dynamic", budget=False)
+    b = run(scene, t_end, "hybrid")
+    assert len(a.events) == len(b.events) > 1
+    for name in ("first_block", "last_block", "nucleation_block", "n_blocks", "L_p_over_L"):
+        np.testing.assert_array_equal(b.events[name], a.events[name], err_msg=name)
+    for name in ("F_T_start", "F_T_arrest"):
+        limit = FORCE * scene.F_N
+        np.testing.assert_allclose(b.events[name], a.events[name], rtol=0, atol=limit, err_msg=name)
+    for name in ("block", "old", "new"):
+        np.testing.assert_array_equal(b.switches[name], a.switches[name])
+    np.testing.assert_allclose(b.switches["t"], a.switches["t"], rtol=0, atol=1e-6)
+    error = (b.curve["F_T"] - a.curve["F_T"]) / scene.F_N
+    assert np.quantile(np.abs(error), 0.98) < 1e-5
+    assert b.counts["steps"] < 0.25 * a.counts["steps"]
+    assert b.counts["steps"] + b.counts["steps_spared"] == b.final_state.step
+
+
+def test_stable_slip_takes_hardly_any_steps():
+    """A hundredth of those since the first slip, at a speed ten times slower."""
+    b = run(rod(V=2e-4), 0.36, "hybrid")
+    first = b.switches["step"][0]
+    assert b.final_state.step - first > 20_000
+    assert b.counts["steps"] < 0.01 * (b.final_state.step - first)
+
+
+def test_stable_slip_goes_on_from_a_record():
+    scene = rod()
+    one = run(scene, 0.037, "hybrid")
+    half = run(scene, 0.0325, "hybrid")
+    assert (np.abs(half.final_state.mode) == 1).any()
+    two = run(scene, 0.037, "hybrid", initial=half)
+    assert len(one.events) == len(two.events)
+    np.testing.assert_array_equal(two.switches["block"], one.switches["block"])
+    np.testing.assert_allclose(two.switches["t"], one.switches["t"], rtol=0, atol=1e-6)
+
+
+def test_where_stable_slip_is_left_to_dynamics():
+    scene = rod()
+    assert Creeping.possible(scene, "linear", 1e-3)
+    assert not Creeping.possible(scene, "finite", 1e-3)
+    for change in ({"alpha": 0.1}, {"d_c": 0.0}, {"law": Ageing(B=0.01, t_c=1e-3)}):
+        other = dataclasses.replace(scene.interface, **change)
+        other = dataclasses.replace(scene, interface=other)
+        assert not Creeping.possible(other, "linear", 1e-3)
+    assert not Creeping.possible(scene, "linear", 0.0)

@@ -63,7 +63,7 @@ def test_what_refuses_a_scene_says_why(tmp_path):
     scene = preset("tpv3", l=750.0)
     found = chart.chart(scene, 2.0, budget=30.0)
     other = found[found["fidelity"] != "dynamic"]
-    assert other["status"].str.contains("full dynamics only|linear|ladder").all()
+    assert other["status"].str.contains("full dynamics|linear|quasi-static").all()
     finite = found[(found["fidelity"] == "dynamic") & (found["geometry"] == "finite")]
     assert finite["status"].str.contains("geometry = 'finite'").all()
     ran = found[found["status"] == "ok"]

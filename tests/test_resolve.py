@@ -74,7 +74,7 @@ def test_refusals():
     refused(lambda: pyfric.resolve(SLAB, levels=1), "levels", "from 2 to 5")
     refused(lambda: pyfric.resolve("chain"), "top.kind", "'rod' or 'distributed'")
     slow = SLAB.replace(law=pyfric.laws.Ageing(**pyfric.laws.Ageing.example))
-    refused(lambda: pyfric.resolve(slow, cache=False, workers=1), "interface.law", "the ladder")
+    refused(lambda: pyfric.resolve(slow, cache=False, workers=1), "interface.law", "cannot follow")
 
 
 def test_the_command(tmp_path, monkeypatch):

@@ -463,5 +463,5 @@ def test_points_that_the_engine_refuses_are_refused_before_any_run():
     points = Sweep(scene="fig1", t_end=0.1, over=over, options=Options(fidelity="quasistatic"))
     status = points.status(False)
     assert status.table["status"].tolist() == ["waiting", "refused"]
-    assert "the ladder knows no friction" in status.failed["reason"].iloc[0]
+    assert "cannot follow friction that depends on time" in status.failed["reason"].iloc[0]
     assert points.estimate(False).refused == 1

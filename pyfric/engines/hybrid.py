@@ -255,6 +255,7 @@ class HybridRun(Run):
         if not isinstance(landing, Landing):
             return landing.steps
         self._sample_jump(landing, outside)
+        self.solver.follow(state.y[0, 0], system, landing, state.dt)  # the same where it is cut
         n = self._ends_after(landing.n)
         end = state.step + n
         if n:
@@ -340,7 +341,6 @@ class HybridRun(Run):
         state, n = self.state, len(system.held)
         u_x = state.y[0, 0].copy()
         self.solver.keep(u_x, system.stuck, outside.drive_at(landing.n * state.dt), landing.q)
-        self.solver.follow(u_x, system, landing, state.dt)
         self._put(landing.q, landing.v, u_x, landing.n)
         state.margin[:] = 0.0
         state.margin[system.held] = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])

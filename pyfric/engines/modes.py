@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Linearised", "Motion", "Ringing", "orthonormal"]
 
-N_MODES = 28
+N_MODES = 40
 """Undamped modes in the space."""
 SLOW = 6
 """Of these, the slowest, motion lasts until a jump lands: their shapes are of second order."""

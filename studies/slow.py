@@ -13,6 +13,8 @@ stretch     the longest run of at least five such blocks one after another, in a
 between     its neighbours are faster: the medians of speeds before and after it, of at least two
             blocks each, are both at least 20 times its speed
 slip speed  of a block: its displacement in the 0.2 ms from its first rupture on, over that time
+arrest      the farthest block of the ruptures from the trailing edge since the last one of all
+            blocks, which all stopped on the way
 
 Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014); PRE 92, 012408 (2015).
 """
@@ -47,6 +49,8 @@ SLOW, RATIO, LEAST = 0.03, 20.0, 5
 """Speed of slow fronts over c_S; how many times faster what is beside; fewest blocks."""
 AVERAGED = 4
 """Blocks over which a speed is taken."""
+NEAR = 5
+"""Blocks between the arrest before a rupture and the beginning of its slow stretch, if near."""
 BESIDE = 2
 """Fewest blocks with a speed before and after a stretch that is between fast ones."""
 SLIPS = 0.2e-3
@@ -128,16 +132,19 @@ def longest_stretch(v: np.ndarray, slow: float) -> tuple[int, int] | None:
 def ruptures(record: Record) -> pd.DataFrame:
     """Return one row for each event that ruptures all blocks.
 
-    Columns: event; t_start (s); F_T_start and F_T_arrest over F_N; first and last block of its slow
-    stretch, from 1, and its speed over c_S; how many times faster the front is before and after it;
-    between: whether both are at least 20; NaN and False where there is none.
+    Columns: event; t_start (s); F_T_start and F_T_arrest over F_N; arrest, from 1; first and last
+    block of its slow stretch, from 1, and its speed over c_S; how many times faster the front is
+    before and after it; between: whether both are at least 20; NaN and False where there is none.
     """
-    scene, rows = record.scene, []
+    scene, rows, since = record.scene, [], 0
     whole = record.events[(record.events["n_blocks"] == scene.N_x) & record.events["is_main"]]
+    edge = record.events[record.events["first_block"] == 1]
     for event, row in whole.iterrows():
         t = passages(record, event)
         v = speeds(t, scene.slider.l)
         found = {"event": event, "t_start": row["t_start"]}
+        found["arrest"] = edge.loc[since + 1 : event - 1, "last_block"].max()
+        since = event
         found |= {name: row[name] / scene.F_N for name in ("F_T_start", "F_T_arrest")}
         found |= dict.fromkeys(("first", "last", "speed", "before", "after"), np.nan)
         stretch = longest_stretch(v, SLOW * c_S(record))
@@ -150,8 +157,8 @@ def ruptures(record: Record) -> pd.DataFrame:
                 found[name] = np.median(known) / speed if len(known) >= BESIDE else np.nan
         found["between"] = bool(found["before"] >= RATIO and found["after"] >= RATIO)
         rows.append(found)
-    names = ["event", "t_start", "F_T_start", "F_T_arrest", "first", "last", "speed", "before",
-             "after", "between"]  # fmt: skip
+    names = ["event", "t_start", "F_T_start", "F_T_arrest", "arrest", "first", "last", "speed",
+             "before", "after", "between"]  # fmt: skip
     return pd.DataFrame(rows, columns=names)
 
 
@@ -197,6 +204,9 @@ def summary(record: Record) -> dict[str, float]:
         "least": slow["speed"].min(),
         "blocks": (slow["last"] - slow["first"] + 1).median(),
         "first": slow["first"].median(),
+        "beyond_arrest": (slow["first"] - slow["arrest"]).median(),
+        "near_arrest": int((abs(slow["first"] - slow["arrest"]) <= NEAR).sum()),
+        "with_arrest": int((slow["first"] - slow["arrest"]).notna().sum()),
         "before": slow["before"].median(),
         "after": slow["after"].median(),
         "arrested": int((main["n_blocks"] < record.scene.N_x).sum()),

@@ -36,9 +36,6 @@ POINTS = 100
 HALF_STEP, DRIVER = 1e-6, 1e-7
 """Most that half the step, and a driver faster by `FASTER`, may change forces by, over F_N."""
 FASTER = 1e-9
-ACCURACY = {"digest_law_finite": 5e-7}
-"""Of jumps, where it is not the default: when the last block stops in the fourth event of this set
-hangs on 1e-8 F_N, and the driver goes on meanwhile."""
 EXTENT = ("first_block", "last_block", "nucleation_block", "n_blocks", "n_episodes")
 LADDER = ("F_T_start", "F_T_arrest", *EXTENT, "L_p_over_L", "is_main")
 BOTH = ("linear", "finite")
@@ -139,7 +136,6 @@ class Reference(NamedTuple):
         """Return its run by the hybrid engine, with the same steps."""
         about = self.about
         how = {"dt": about["dt"], "sample": about["sample"] * about["dt"], "t_gap": about["t_gap"]}
-        how["accuracy"] = ACCURACY.get(self.name)
         return run(self.scene, about["t_end"], "hybrid", about["geometry"], **how)
 
     def apart(self, record: pyfric.Record) -> dict[str, float]:

@@ -149,7 +149,7 @@ def test_large_strains_are_full_dynamics():
     assert len(a.events) >= 5
     check_same_events(a, b, FORCE_FINITE)
     b = jump(scene, 0.05, geometry="finite", accuracy=1e-3, sample=0.05 / 400)
-    assert b.counts["jumps"] > 10
+    assert b.counts["jumps"] > 5
     check_same_events(a, b, 1e-3)
 
 
@@ -165,7 +165,7 @@ def test_a_jump_in_finite_geometry_lands_where_steps_do():
 def test_static_forces_of_fast_runs_are_those_of_fresh_solves():
     """20 steps move the driver by 0.03 F_N/K; paths are as exact as jumps are asked."""
     scene = rod(V=0.1)
-    record = jump(scene, 0.01, geometry="finite", accuracy=1e-3)
+    record = jump(scene, 0.01, geometry="finite", accuracy=1e-2)
     assert record.counts["jumps"] > 0
     event = record.events.iloc[0]
     row, drive = event["quiet_start"], scene.driver.V * event["t_start"]

@@ -28,7 +28,6 @@ LADDERS = pd.read_csv(off_box.FOLDER / "ladder.csv")
 
 def test_sets_are_those_of_the_script():
     assert set(ALL) == set(CASES)
-    assert set(off_box.ACCURACY) < set(ALL)
     assert set(LADDERS["scene"]) == SHARP
 
 

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 __all__ = ["HybridRun"]
 
-AMPLIFIED = 500.0
+AMPLIFIED = 250.0
 """Events amplify what jumps leave: forces of later events are off by this many times the largest
-estimate of a jump, or less. Fitted on the off-box scenes: 1 to 200."""
+estimate of a jump, or less, in the 27 sets of off-box scenes."""
 BEYOND = 0.1
 """Static states are read off the path of a jump up to this share of its length beyond its ends."""
 BALANCED = 1e-9

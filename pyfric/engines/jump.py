@@ -271,7 +271,7 @@ class Jump:
             error = 0.0
             if finite:
                 missed = float(np.abs(wrong).max())
-                error, known = missed * self.system.contraction, known or missed > self.accuracy
+                error, known = missed, known or missed > self.accuracy
                 self.path = self.path.bent(shift, wrong, s)
             (gaps,) = self.system.strengthened(self.age, gaps)
             if error <= self.accuracy and (gaps > 0).all():
@@ -323,9 +323,13 @@ class Jump:
         """Return what the modes leave of the equation of motion, as it moves the gap functions.
 
         In finite geometry tangents change along the path, and large motions are not linear. What
-        that leaves at a quarter and at half of it excites modes, which decay until s (s), in N.
+        that leaves at a quarter and at half of it excites modes, which decay until s (s), in N. It
+        rings with the modes that are there: one with a frequency nearby answers |lambda| over the
+        difference times as much as to a constant force, and |lambda| s times at most.
         """
         system, outside, found = self.system, self.outside, 0.0
+        near = self.ringing.distances()
+        resonance = np.abs(system.rates) / np.maximum(near, 1 / s)
         for then in (0.25 * s, 0.5 * s):
             q, there = at(self.path.q, then), (outside.drive_at(then), outside.load_at(then))
             w, w_v, w_a = system.deviation(*self.ringing.at(then))
@@ -333,7 +337,7 @@ class Jump:
             left = gain - system.C @ w_v - system.M * w_a
             left[system.held] = 0.0
             excited = Ringing(system, system.excited(system.answer(left)))
-            left = np.abs(excited.gaps) @ np.exp(excited.growth.real * (s - then))
+            left = np.abs(excited.gaps) @ (resonance * np.exp(excited.growth.real * (s - then)))
             found = max(found, float(left.max()))
         return found
 

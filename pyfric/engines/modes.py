@@ -426,6 +426,12 @@ class Ringing:
         grown = np.exp(self.system.stepped((self.rates + rates) / 2) * s)
         return self.a * np.sqrt(self.rates / rates) * grown, rates
 
+    def distances(self) -> np.ndarray:
+        """Return how far the rate of each mode is from the nearest other one, (n,), in 1/s."""
+        apart = np.abs(self.rates[:, None] - self.rates)
+        np.fill_diagonal(apart, np.inf)
+        return apart.min(axis=1, initial=np.inf)
+
     def levels(self, s: float) -> np.ndarray:
         """Return how far each mode moves a gap function at s (s), shape (n,), in N."""
         return np.abs(self.gaps).max(axis=0, initial=0.0) * np.exp(self.growth.real * s)

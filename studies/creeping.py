@@ -19,7 +19,7 @@ Source: K. Thøgersen et al., PRE 100, 043004 (2019), for the chain.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,12 +30,15 @@ from scipy.optimize import brentq
 
 import pyfric
 from pyfric import figures, theory
+from pyfric.figures.style import BLUE, GREEN, VERMILION, style
 from pyfric.record import SLOW, pace_limits
 from pyfric.scene import preset, slab
 from pyfric.scene.laws import TabulatedLaw
 from pyfric.sweeps import Job, run_all
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from pyfric.figures import DataFigure
     from pyfric.record import Record
     from pyfric.scene import Scene
@@ -50,6 +53,8 @@ TAU_BAR = (0.1, 0.2, 0.4, 0.6)
 """Prestresses."""
 WEAKENING = (3.0, 30.0, 300.0)
 """Times t_w over l/c."""
+COLOURS = (BLUE, VERMILION, GREEN)
+"""Colours of slabs in pictures."""
 BLOCKS = 120
 """Blocks along the slabs."""
 MU_S, MU_K, P, L = 0.7, 0.45, 60.0, 2.5e-3
@@ -147,23 +152,32 @@ def figure(found: dict[str, pd.DataFrame]) -> DataFigure:
     fig = figures.DataFigure(figsize=(7.2, 3.2), layout="constrained")
     FigureCanvasAgg(fig)
     left, right = fig.subplots(1, 2)
+    style(left)
+    style(right)
     w = np.logspace(-2, 1, 100)
     tau_bar = [float(theory.chain_prestress_overdamped(one)) for one in w]
     left.plot(tau_bar, w, color="black", lw=1.0, label="chain, $w$")
     for n, (rows, of_rows) in enumerate(found["slabs"].groupby("rows")):
         for alpha, shown in of_rows.groupby("alpha"):
             marker = "osD^"[ALPHA.index(alpha)]
-            look = {"marker": marker, "ls": "none", "color": f"C{n}", "fillstyle": "none"}
+            look = {
+                "marker": marker,
+                "ls": "none",
+                "color": COLOURS[n],
+                "fillstyle": "none",
+                "ms": 5,
+            }
             left.plot(shown["tau_bar"], alpha * shown["v_over_c"], **look)
-        left.plot([], [], color=f"C{n}", marker="o", ls="none", label=f"slab, {rows} rows")
+        left.plot([], [], color=COLOURS[n], lw=3, label=f"slab, {rows} rows")
     left.set(xlabel=r"$\bar\tau$", ylabel=r"$\alpha v/(c\sqrt{km})$", xscale="log", yscale="log")
-    left.legend(fontsize=7)
+    _symbols(left, r"$\alpha/\sqrt{km}$", ALPHA, "none")
     for n, (_, of_rows) in enumerate(found["weakening"].groupby("rows")):
         for t_w, shown in of_rows.groupby("t_w"):
             marker = "osD^"[WEAKENING.index(t_w)]
-            look = {"color": f"C{n}", "marker": marker, "ls": ":", "lw": 0.7}
+            look = {"color": COLOURS[n], "marker": marker, "ls": ":", "lw": 0.7, "ms": 5}
             right.plot(shown["tau_bar"], shown["v_over_c"], **look)
-    right.set(xlabel=r"$\bar\tau$", ylabel="$v/c$, weakening in time", yscale="log")
+    right.set(xlabel=r"$\bar\tau$", ylabel="$v/c$, friction that falls over $t_w$", yscale="log")
+    _symbols(right, r"$t_w c/l$", WEAKENING, "full")
     fig.tables = dict(found)
     fig.caption = (
         "Fronts in slabs. (a) alpha v over the prestress: circles, squares and diamonds: alpha = "
@@ -172,6 +186,14 @@ def figure(found: dict[str, pd.DataFrame]) -> DataFigure:
         f"= {', '.join(f'{one:g}' for one in WEAKENING)}; colours as in (a).\n\n{report(found)}"
     )
     return fig
+
+
+def _symbols(axes: Axes, name: str, values: Sequence[float], fillstyle: str) -> None:
+    """Name the symbols of a panel."""
+    for marker, value in zip("osD^", values, strict=False):
+        look = {"marker": marker, "ls": "none", "fillstyle": fillstyle, "ms": 5}
+        axes.plot([], [], color="0.3", label=f"{name} = {value:g}", **look)
+    axes.legend(fontsize=7, frameon=False)
 
 
 def report(found: dict[str, pd.DataFrame]) -> str:

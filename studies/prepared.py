@@ -25,6 +25,7 @@ from slow import AVERAGED, SLOW, c_S, longest_stretch, passages, speeds
 
 from pyfric import figures
 from pyfric.engines import Options, step_size
+from pyfric.figures.style import legend
 from pyfric.scene import preset, slab
 from pyfric.sweeps import Job, PhaseDiagram, phase_diagram
 
@@ -134,6 +135,9 @@ def figure(found: PhaseDiagram, others: pd.DataFrame) -> DataFigure:
     """Draw the map: how far fronts get as colours, what becomes of them as symbols."""
     fig = figures.phase_map(found, "kind")
     (axes, *_) = fig.axes
+    for symbols in axes.lines:
+        symbols.set(markersize=4, color="0.25", markeredgewidth=0.8)
+    legend(axes, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     axes.set_xlabel(r"$\tau_0/p$")
     axes.set_ylabel(r"half width of stretches over $u_s$")
     fig.tables["checks"] = others

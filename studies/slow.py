@@ -49,8 +49,6 @@ SLOW, RATIO, LEAST = 0.03, 20.0, 5
 """Speed of slow fronts over c_S; how many times faster what is beside; fewest blocks."""
 AVERAGED = 4
 """Blocks over which a speed is taken."""
-NEAR = 5
-"""Blocks between the arrest before a rupture and the beginning of its slow stretch, if near."""
 BESIDE = 2
 """Fewest blocks with a speed before and after a stretch that is between fast ones."""
 SLIPS = 0.2e-3
@@ -204,9 +202,8 @@ def summary(record: Record) -> dict[str, float]:
         "least": slow["speed"].min(),
         "blocks": (slow["last"] - slow["first"] + 1).median(),
         "first": slow["first"].median(),
-        "beyond_arrest": (slow["first"] - slow["arrest"]).median(),
-        "near_arrest": int((abs(slow["first"] - slow["arrest"]) <= NEAR).sum()),
-        "with_arrest": int((slow["first"] - slow["arrest"]).notna().sum()),
+        "around_arrest": int(slow["arrest"].between(slow["first"], slow["last"]).sum()),
+        "begins_before_arrest": (slow["arrest"] - slow["first"]).median(),
         "before": slow["before"].median(),
         "after": slow["after"].median(),
         "arrested": int((main["n_blocks"] < record.scene.N_x).sum()),

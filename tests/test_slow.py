@@ -17,12 +17,12 @@ def record(speeds, order=None):
     """One event whose front passes each block at these speeds (m/s); first ruptures in `order`."""
     t = 0.4 + np.cumsum(L / np.asarray(speeds, float))
     t = t if order is None else t[order]
-    episodes = pd.DataFrame({"event": 1, "n": np.arange(1, N + 1), "t_start": t})
+    episodes = pd.DataFrame({"event": 2, "n": np.arange(1, N + 1), "t_start": t})
     again = episodes.assign(t_start=t + 5e-3)  # each ruptures twice
     events = pd.DataFrame(
-        {"n_blocks": [N], "is_main": True, "t_start": t.min(), "F_T_start": 400, "F_T_arrest": 300},
-        index=[1],
-    )
+        {"n_blocks": [25, N], "first_block": 1, "last_block": [25, N], "is_main": True},
+        index=[1, 2],
+    ).assign(t_start=[t.min() - 0.01, t.min()], F_T_start=400, F_T_arrest=300)
     return SimpleNamespace(
         scene=SCENE, episodes=pd.concat([again, episodes], ignore_index=True), events=events
     )
@@ -37,7 +37,7 @@ def front(slow_speed, first=20, blocks=12):
 def test_a_slow_stretch_between_fast_ones_is_found():
     made = record(front(10.0))
     (row,) = slow.ruptures(made).itertuples()
-    assert row.between
+    assert (row.event, row.arrest, row.between) == (2, 25, True)
     assert row.speed == pytest.approx(10 / slow.c_S(made), rel=1e-9)
     assert abs(row.first - 21) <= 2  # speeds are over five blocks
     assert abs(row.last - 32) <= 2

@@ -60,7 +60,7 @@ def test_a_front_that_stays_slow_is_not_between_fast_ones():
 def test_a_block_that_ruptures_ahead_does_not_count_before_the_front_has_come():
     plain, ahead = record(front(10.0)), record(front(10.0))
     ahead.episodes.loc[ahead.episodes["n"] == 30, "t_start"] = 0.4
-    t, early = slow.passages(plain, 1), slow.passages(ahead, 1)
+    t, early = slow.passages(plain, 2), slow.passages(ahead, 2)
     np.testing.assert_array_equal(np.delete(early, 29), np.delete(t, 29))
     assert early[29] == t[28]
 

@@ -16,8 +16,9 @@ moves the slider by K^-1 D. The path is bent so that it passes there, until that
 functions by less than the accuracy. The jump ends just before gap functions, less the bound of the
 truncated part, reach zero.
 
-The estimate of the error of a jump is what K^-1 D does to the gap functions at landing, and what
-the truncated part still does to them there.
+The estimate of the error of a jump is what the last such correction does to the gap functions at
+landing, what the truncated part still does to them there, and what the modes leave of the equation
+of motion on the way.
 
 Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), for
 control of the defect.

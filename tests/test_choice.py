@@ -227,7 +227,7 @@ def test_the_error_of_linear_geometry_is_that_of_runs():
     [(preset("fig1"), 0.45, 0.01), (setup2(), 0.5, 0.05), (small(), 1.5, 0.01)],
 )
 def test_work_is_counted(scene, t_end, tolerance):
-    """Over the first twentieth of the run, within a factor of two of what the run counts."""
+    """Over the first quarter of the run, within a factor of two of what the run counts."""
     found = plan(scene, "front_speed", tolerance, t_end=t_end)
     how = {name: getattr(found, name) for name in ("fidelity", "geometry", "dt", "accuracy")}
     record = simulate(scene, t_end, progress=False, **how)

@@ -54,7 +54,7 @@ NEARBY = 1e-3
 """Change of F_T, over F_N, over which slopes of static states are taken."""
 MOST_EVENTS = 1e4
 """More events than this are left to dynamics, which need not look at each."""
-PART = 0.05
+PART = 0.25
 """Part of a run, by events, that the hybrid pilot run makes."""
 DEAR, LONGEST = 0.1, 5.0
 """It ends, too, where it has taken this share of what full dynamics of the whole run takes, or so

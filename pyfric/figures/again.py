@@ -48,7 +48,8 @@ class Again:
         first = 0.0 if initial is None else initial.t
         if record.curve["t"].iloc[0] != first:
             raise another_start()
-        begin = max(first, record.events["t_start"].loc[event] - LEAD * method.dt)
+        t_start, lead = record.events["t_start"].loc[event], LEAD * method.dt
+        begin, self.due = max(first, t_start - lead), t_start + lead
         self.steps = {"stepper": method.stepper, "switching": method.switching}
         if method.rtol is not None:
             self.steps["rtol"] = method.rtol
@@ -65,9 +66,9 @@ class Again:
         self.steps["threads"] = core.useful_threads(scene.N_x * scene.N_z)
 
     def check(self) -> None:
-        """Raise SceneError if nothing has slipped: another state came before the event."""
-        slips = np.isin(self.state.mode, (1, -1)).any()
-        if not (slips or self.log.switches()["block"].size):
+        """Raise SceneError if nothing slips where it should: the run began from another state."""
+        slips = np.isin(self.state.mode, (1, -1)).any() or self.log.switches()["block"].size
+        if self.state.t > self.due and not slips:
             raise another_start()
 
     def to(self, t: float) -> State:

@@ -521,7 +521,8 @@ def test_frames_run_the_event_again(run, switching):
     event = int(analysis.precursor_lengths(run)["event"][5])
     row, times = run.events.loc[event], run.rupture_times[run.row(event)]
     ruptured = np.sort(times[np.isfinite(times)])
-    frames = event_frames(run, event, [*ruptured, row["t_stop"] + 1e-5])
+    ended = row["t_stop"] + np.array([1e-5, 4e-5])  # two looks after the last block has stopped
+    frames = event_frames(run, event, [*ruptured, *ended])
     dt = run.method.dt
     for t, frame in zip(ruptured, frames, strict=False):
         assert 0 <= frame.t - t < 1.001 * dt

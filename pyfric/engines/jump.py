@@ -271,8 +271,8 @@ class Jump:
             wrong = gaps - self._gaps(s)
             error = 0.0
             if finite:
-                missed = float(np.abs(wrong).max())
-                error, known = missed, known or missed > self.accuracy
+                error = float(np.abs(wrong).max())
+                known = known or error > self.accuracy
                 self.path = self.path.bent(shift, wrong, s)
             (gaps,) = self.system.strengthened(self.age, gaps)
             if error <= self.accuracy and (gaps > 0).all():
@@ -329,8 +329,8 @@ class Jump:
         difference times as much as to a constant force, and |lambda| s times at most.
         """
         system, outside, found = self.system, self.outside, 0.0
-        near = self.ringing.distances()
-        resonance = np.abs(system.rates) / np.maximum(near, 1 / s)
+        near = np.maximum(self.ringing.distances(), 1 / s)
+        resonance = np.maximum(np.abs(system.rates) / near, 1.0)
         for then in (0.25 * s, 0.5 * s):
             q, there = at(self.path.q, then), (outside.drive_at(then), outside.load_at(then))
             w, w_v, w_a = system.deviation(*self.ringing.at(then))

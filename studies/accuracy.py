@@ -17,13 +17,14 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 
+from pyfric.checks.chart import Method, after_events, run
 from pyfric.engines import RunError, simulate
 from pyfric.figures import DataFigure
 from pyfric.record import front_speed, paired
@@ -63,16 +64,6 @@ REFERENCE = 1 / 16
 """Step of the reference over the stability limit."""
 TRIES = 2
 """Runs of a method; the quickest one counts. Full dynamics runs once."""
-
-
-class Method(NamedTuple):
-    """One way to run a scene; `share` is the step over the stability limit."""
-
-    fidelity: str
-    geometry: str = "linear"
-    switching: str | None = None
-    share: float | None = None
-    stepper: str = "rk4"
 
 
 FULL = Method("dynamic", "finite", "step_end", 0.45, "verlet")
@@ -152,7 +143,7 @@ def points(
     events: int = EVENTS,
 ) -> Iterator[dict[str, Any]]:
     """Yield the points of one scene; see `chart`."""
-    t_end = _end(scene, events)
+    t_end = after_events(scene, events)
     say(f"{name}: reference, up to {t_end:.3g} s")
     truth, seconds = _run(scene, t_end, Method("hybrid", "finite", "located", REFERENCE))
     yield {"scene": name, "kind": "reference", **_row(truth, seconds, REFERENCE)}
@@ -172,29 +163,12 @@ def points(
             yield {"scene": name, "kind": "plan", **_planned(scene, t_end, want, tolerance, truth)}
 
 
-def _end(scene: Scene, events: int) -> float:
-    """Return a time just after so many main events, as the ladder has them, s."""
-    t_end, starts = 0.0, []
-    while len(starts) <= events:
-        t_end += 0.2 * scene.F_N / (scene.driver.K * scene.driver.V)
-        found = simulate(scene, t_end, fidelity="quasistatic", progress=False).events
-        starts = found["t_start"][found["is_main"]].to_list()
-    return float(np.mean(starts[events - 1 : events + 1]))
-
-
 def _run(scene: Scene, t_end: float, method: Method) -> tuple[Record, float]:
-    """Return the record and the processor time, s."""
-    how: dict[str, Any] = {"fidelity": method.fidelity}
-    if method.share is not None:
-        how |= {"geometry": method.geometry, "switching": method.switching, "budget": None}
-        how |= {"dt": method.share * stability_limit(scene)[0], "stepper": method.stepper}
-        how["budget"] = False if method.fidelity == "dynamic" else None
-    best = math.inf
-    for _ in range(1 if method.fidelity == "dynamic" or method.share == REFERENCE else TRIES):
-        begin = time.process_time()
-        record = simulate(scene, t_end, progress=False, threads=1, **how)
-        best = min(best, time.process_time() - begin)
-    return record, best
+    """Return the record and the processor time, s; steps are `share` of the limit of rk4."""
+    dt = None if method.share is None else method.share * stability_limit(scene)[0]
+    once = method.fidelity == "dynamic" or method.share == REFERENCE
+    runs = [run(scene, t_end, method, dt) for _ in range(1 if once else TRIES)]
+    return min(runs, key=lambda one: one[1])
 
 
 def _measured(scene: Scene, t_end: float, method: Method, truth: Record) -> dict[str, Any]:

@@ -97,11 +97,6 @@ def kind(record: Record) -> str:
     return "arrested" if stretch is None else "arrested, slow"
 
 
-def through(record: Record) -> bool:
-    """Return whether the front passed all blocks."""
-    return bool(np.isfinite(_front(record)[0]).all())
-
-
 def slowest(record: Record) -> float:
     """Return the speed of the slow stretch over c_S, NaN where there is none."""
     t, stretch = _front(record)
@@ -114,7 +109,7 @@ def slowest(record: Record) -> float:
 def diagram(folder: Path) -> PhaseDiagram:
     """Return the map; runs are kept in the folder."""
     axes = {"x": ("tau", TAU), "y": ("width", WIDTH), "cache": folder}
-    labels = {"kind": kind, "slowest": slowest, "through": through}
+    labels = {"kind": kind, "slowest": slowest}
     return phase_diagram(job, label=labels, lines=False, **axes)
 
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene, SceneLike
 
-__all__ = ["WANTS", "Method", "chart", "figure", "report"]
+__all__ = ["WANTS", "Method", "after_events", "chart", "figure", "report", "run"]
 
 WANTS = {
     "loading_curve": "loading curve: RMS of F_T over F_N",
@@ -107,7 +107,7 @@ def chart(
     t_end = _default_end(scene) if t_end is None else t_end
     finest = _reference(scene, t_end, budget / 2)
     say(f"reference: {_named(finest)}, up to {t_end:.3g} s")
-    truth, seconds = _run(scene, t_end, finest)
+    truth, seconds = run(scene, t_end, finest, _step(scene, finest))
     rows = [
         _row(scene, t_end, finest, seconds)
         | {"status": "reference", "covered": 1.0, "events": len(truth.events)}
@@ -119,18 +119,30 @@ def chart(
     return pd.DataFrame(rows)
 
 
+def after_events(scene: Scene, events: int) -> float | None:
+    """Return a time just after so many main events of the ladder, s; None where they do not come.
+
+    Args:
+        scene: what is simulated, with a driver.
+        events: number of main events.
+    """
+    t_end = 0.0
+    for _ in range(10):
+        t_end += 0.2 * scene.F_N / (scene.driver.K * scene.driver.V)
+        found = simulate(scene, t_end, fidelity="quasistatic", progress=False).events
+        starts = found["t_start"][found["is_main"]].to_list()
+        if len(starts) > events:
+            return float(np.mean(starts[events - 1 : events + 1]))
+    return None
+
+
 def _default_end(scene: Scene) -> float:
     """Return a time just after the second main event, or two transits of a shear wave, s."""
+    t_end = None
     if scene.has_rests and scene.law.rests and scene.driver.V > 0:
-        t_end = 0.0
-        for _ in range(10):
-            t_end += 0.2 * scene.F_N / (scene.driver.K * scene.driver.V)
-            found = simulate(scene, t_end, fidelity="quasistatic", progress=False).events
-            starts = found["t_start"][found["is_main"]].to_list()
-            if len(starts) > EVENTS:
-                return float(np.mean(starts[EVENTS - 1 : EVENTS + 1]))
+        t_end = after_events(scene, EVENTS)
     material = Material.of_lattice(scene.slider.k, scene.m, scene.slider.l, 1.0)
-    return TRANSITS * scene.slider.L / material.c_S
+    return TRANSITS * scene.slider.L / material.c_S if t_end is None else t_end
 
 
 def _reference(scene: Scene, t_end: float, budget: float) -> Method:
@@ -153,23 +165,34 @@ def _expected(scene: Scene, t_end: float, method: Method) -> float:
     return full_work(scene, geometry, dt, t_end) * machine_speed()
 
 
-def _run(scene: Scene, t_end: float, method: Method) -> tuple[Record, float]:
-    """Return the record and the processor time, s."""
+def _step(scene: Scene, method: Method) -> float | None:
+    """Return the step of a method, s; None where it makes none."""
+    if method.share is None:
+        return None
+    return method.share * stability_limit(scene, method.stepper)[0]
+
+
+def run(
+    scene: Scene, t_end: float, method: Method, dt: float | None = None
+) -> tuple[Record, float]:
+    """Return the record of a method with steps dt (s), and its processor time, s.
+
+    Raises:
+        SceneError: the method refuses the scene.
+        RunError: the run left the range of numbers.
+    """
     how: dict[str, Any] = {"fidelity": method.fidelity, "progress": False}
-    if method.share is not None:
-        dt = method.share * stability_limit(scene, method.stepper)[0]
+    if dt is not None:
         how |= {"dt": dt, "geometry": method.geometry, "switching": method.switching, "threads": 1}
-        how |= {"stepper": method.stepper} | (
-            {"budget": False} if method.fidelity == "dynamic" else {}
-        )
+        how |= {"stepper": method.stepper}
+        how |= {"budget": False} if method.fidelity == "dynamic" else {}
     begin = time.process_time()
     record = simulate(scene, t_end, **how)
     return record, time.process_time() - begin
 
 
 def _row(scene: Scene, t_end: float, method: Method, seconds: float) -> dict[str, Any]:
-    limit = stability_limit(scene, method.stepper)[0] if method.share else math.nan
-    dt = method.share * limit if method.share else None
+    dt = _step(scene, method)
     return method._asdict() | {"dt": dt, "t_end": t_end, "seconds": seconds}
 
 
@@ -182,7 +205,7 @@ def _measured(
         why = f"not run: about {expected:.2g} s, of the budget {max(left, 0.0):.2g} s are left"
         return _row(scene, t_end, method, math.nan) | {"status": why}
     try:
-        record, seconds = _run(scene, t_end, method)
+        record, seconds = run(scene, t_end, method, _step(scene, method))
     except (SceneError, RunError, EquilibriumError) as error:
         return _row(scene, t_end, method, math.nan) | {"status": str(error)}
     if not record.done:

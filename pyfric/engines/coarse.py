@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pyfric.scene import FIELDS
-
 if TYPE_CHECKING:
-    from pyfric.scene import Interface, Scene
+    from pyfric.scene import Scene
 
 __all__ = ["BLOCKS", "COLUMNS", "coarser"]
 
@@ -35,9 +33,8 @@ def coarser(scene: Scene) -> Scene:
         few = (n_x + 1) * (n_z + 1) <= BLOCKS and n_x < COLUMNS
         if n % q == 0 and few and n_x >= 2:
             slider = dataclasses.replace(scene.slider, l=scene.slider.l * q, eta=scene.eta)
-            return dataclasses.replace(
-                scene, slider=slider, interface=_interface_on(scene, n_x + 1)
-            )
+            interface = scene.interface_on(n_x + 1)
+            return dataclasses.replace(scene, slider=slider, interface=interface)
     q = max((N_x - 1) / (COLUMNS - 1), math.sqrt(N_x * N_z / BLOCKS))
     n_x = max(math.floor((N_x - 1) / q), 2)
     while n_x > 2 and (n_x + 1) * (round(n_x * (N_z - 1) / (N_x - 1)) + 1) > BLOCKS:
@@ -47,9 +44,8 @@ def coarser(scene: Scene) -> Scene:
     j_h = min(max(round(scene.driver.h / l), 1), n_z)
     slider = dataclasses.replace(scene.slider, l=l, H=l * n_z, eta=scene.eta)
     driver = dataclasses.replace(scene.driver, h=l * j_h)
-    return dataclasses.replace(
-        scene, slider=slider, driver=driver, interface=_interface_on(scene, n_x + 1)
-    )
+    interface = scene.interface_on(n_x + 1)
+    return dataclasses.replace(scene, slider=slider, driver=driver, interface=interface)
 
 
 def _coarser_chain(scene: Scene) -> Scene:
@@ -60,16 +56,9 @@ def _coarser_chain(scene: Scene) -> Scene:
         np.interp(at, np.arange(N_x), np.broadcast_to(value, N_x)) * (N_x / N)
         for value in (top.p, top.tau)
     )
-    interface = _interface_on(scene, N)
+    interface = scene.interface_on(N)
     most = (1 - 1e-12) * np.asarray(interface.mu_s) * p
     tau = np.clip(tau, -most, most)
     top = dataclasses.replace(top, p=tuple(p), tau=tuple(tau), k_top=top.k_top * q)
     slider = dataclasses.replace(slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q)
     return dataclasses.replace(scene, slider=slider, top=top, interface=interface)
-
-
-def _interface_on(scene: Scene, N_x: int) -> Interface:
-    """Return the interface with its fields on another number of blocks."""
-    order = np.argsort(scene.n_of_i)
-    fields = {name: scene.field(name)[order] for name in FIELDS}
-    return scene.interface.on(N_x, fields)

@@ -11,7 +11,7 @@ import functools
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import InitVar
+from dataclasses import InitVar, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -178,6 +178,18 @@ class Scene:
                 law's own.
         """
         return np.broadcast_to(np.asarray(self.given_field(name), dtype=float), (self.N_x,))
+
+    def interface_on(self, N_x: int) -> Interface:
+        """Return the interface of N_x blocks of the same slider.
+
+        Fields are interpolated; alpha of each block goes with its share of the length.
+        """
+        order = np.argsort(self.n_of_i)
+        interface = self.interface.on(N_x, {name: self.field(name)[order] for name in FIELDS})
+        share = (self.N_x - 1) / (N_x - 1)
+        alpha = np.multiply(interface.alpha, share).tolist()
+        alpha = tuple(alpha) if isinstance(alpha, list) else alpha
+        return replace(interface, alpha=alpha)
 
     @property
     def drawn(self) -> dict[str, tuple[float, ...]]:

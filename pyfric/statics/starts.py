@@ -118,7 +118,7 @@ def _patch(scene: Scene, x: float, length: float) -> list[int]:
     most = length / 2 + 1e-9 * l
     blocks = [n for n in range(1, scene.N_x + 1) if abs((n - 1) * l - x) <= most]
     if not blocks:
-        raise SceneError("length", length, "m", f"at least {2 * l!r} m", "no block lies inside")
+        raise SceneError("length", length, "m", f"at least {l!r} m", "no block lies inside")
     return blocks
 
 

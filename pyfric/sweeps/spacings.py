@@ -13,7 +13,7 @@ import pandas as pd
 from pyfric.display import html
 from pyfric.engines import Options
 from pyfric.record import analysis
-from pyfric.scene import FIELDS, PrescribedLoad, SceneError, as_scene
+from pyfric.scene import PrescribedLoad, SceneError, as_scene
 from pyfric.sweeps.jobs import Job, JobError
 from pyfric.sweeps.runs import run_all
 
@@ -169,13 +169,7 @@ def _finer(scene: Scene, n: int) -> Scene:
     if n == 1:
         return scene
     slider = dataclasses.replace(scene.slider, l=scene.slider.l / n)
-    order = np.argsort(scene.n_of_i)
-    fields = {name: scene.field(name)[order] for name in FIELDS}
-    fields["alpha"] = fields["alpha"] / n
-    interface = scene.interface.on(slider.N_x, fields)
-    if isinstance(interface.alpha, float):
-        interface = dataclasses.replace(interface, alpha=interface.alpha / n)
-    return dataclasses.replace(scene, slider=slider, interface=interface)
+    return dataclasses.replace(scene, slider=slider, interface=scene.interface_on(slider.N_x))
 
 
 def _measured(record: Record) -> list[float]:

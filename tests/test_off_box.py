@@ -7,6 +7,9 @@ import off_box
 import pandas as pd
 import pytest
 
+from pyfric.engines.hybrid import HybridRun
+from pyfric.engines.modes import Ringing
+
 FORCE = 1e-6
 """Start and arrest forces of every event, over F_N."""
 CURVE = 2e-5
@@ -66,6 +69,44 @@ def test_hybrid_is_full_dynamics(name):
     assert max(off["start"], off["arrest"]) <= FORCE
     assert off["curve"] <= CURVE
     assert off["rupture"] <= RUPTURE
+
+
+ESTIMATED = ("digest_fig1_linear", "protocol_finite", "slender_finite", "steep_finite")
+TIMES, STEPS_LEAVE = 5.0, 1e-9
+"""Real error over the estimate; what steps of rk4 themselves leave, over F_N."""
+
+
+def beyond_estimates(name, monkeypatch):
+    """Make the steps of every jump; return the largest excess over what its error may be, over F_N.
+
+    Compared is how far each block that sticks is from slipping or opening.
+    """
+    excess = []
+
+    def stepped(run, landing, system, outside):
+        state, n = run.state, len(system.held)
+        end = state.step + landing.n
+        while state.step < end:
+            run.call(end - state.step)
+        gaps = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])
+        error = np.abs(state.margin[system.held] - gaps).max()
+        excess.append((error - TIMES * landing.error) / run.scene.F_N)
+
+    monkeypatch.setattr(HybridRun, "_land", stepped)
+    reference(name).hybrid()
+    return np.array(excess)
+
+
+@pytest.mark.parametrize("name", ESTIMATED)
+def test_a_jump_lands_within_its_estimate_of_where_steps_lead(name, monkeypatch):
+    excess = beyond_estimates(name, monkeypatch)
+    assert len(excess) >= 3
+    assert excess.max() < STEPS_LEAVE
+
+
+def test_an_estimate_without_resonance_is_noticed(monkeypatch):
+    monkeypatch.setattr(Ringing, "distances", lambda self: np.full(len(self.a), np.inf))
+    assert beyond_estimates("slender_finite", monkeypatch).max() > STEPS_LEAVE
 
 
 @pytest.mark.parametrize("scene", sorted(SHARP))

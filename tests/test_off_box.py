@@ -71,7 +71,13 @@ def test_hybrid_is_full_dynamics(name):
     assert off["rupture"] <= RUPTURE
 
 
-ESTIMATED = ("digest_fig1_linear", "protocol_finite", "slender_finite", "steep_finite")
+ESTIMATED = (
+    "digest_fig1_linear",
+    "digest_law_finite",
+    "protocol_finite",
+    "slender_finite",
+    "steep_finite",
+)
 TIMES, STEPS_LEAVE = 5.0, 1e-9
 """Real error over the estimate; what steps of rk4 themselves leave, over F_N."""
 

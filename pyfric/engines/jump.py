@@ -274,15 +274,15 @@ class Jump:
                 error = float(np.abs(wrong).max())
                 known = known or error > self.accuracy
                 self.path = self.path.bent(shift, wrong, s)
-            (gaps,) = self.system.strengthened(self.age, gaps)
-            if error <= self.accuracy and (gaps > 0).all():
+            then, least = (self.system.strengthened(self.age + one, gaps)[0] for one in (s, 0.0))
+            if error <= self.accuracy and (least > 0).all():
                 defect = self._defect(s) if finite and alive.size else 0.0
                 if defect > self.accuracy:
                     slowest = float(-self.ringing.growth[alive].real.max())
                     return Stale(self._wait(defect / self.accuracy, slowest, n).steps)
                 if known:  # else the bend is of the size of what it may be off by
                     self.path.remember(self.system, self.outside)
-                return Landing(n, q, v, gaps, left + error + defect, self, self._still(s))
+                return Landing(n, q, v, then, left + error + defect, self, self._still(s))
         return Wait(TRY)
 
     def _longest(self, most: int) -> int | Wait:

@@ -134,8 +134,10 @@ def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS, step: float = 
         mu_k=mu_k,
         name="pushed chain",
     )
-    # Slow fronts take N/v with v > tau_bar/(alpha (1 - tau_bar)), fast ones less than 20 N.
-    t_end = blocks * (20 + 3 * alpha * (1 - tau_bar) / tau_bar) * math.sqrt(m / k)
+    # Slow fronts take N/v with v > tau_bar/(alpha (1 - tau_bar)), fast ones less than 20 N; what
+    # creeps behind one that arrests does so as exp(-(pi/2)^2 t/(alpha N^2)), or faster.
+    slow = 3 * (1 - tau_bar) / tau_bar + 4 * blocks
+    t_end = blocks * (20 + alpha * slow) * math.sqrt(m / k)
     end = f"reached = {(blocks - 1) * l!r}"
     options = {"fidelity": "dynamic", "budget": False, "verify": "none", "sample": t_end / 1000}
     dt = min(step, 2 * step / STEP / alpha) * math.sqrt(m / k)

@@ -35,8 +35,8 @@ AMPLIFIED = 250.0
 estimate of a jump, or less, in the 27 sets of off-box scenes."""
 BEYOND = 0.1
 """Static states are read off the path of a jump up to this share of its length beyond its ends."""
-BALANCED = 1e-9
-"""Largest sum of forces along the interface of such a state, over F_N."""
+BALANCED = 0.01
+"""Largest sum of forces along the interface of such a state, over the accuracy of events."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
 KEPT = 8
@@ -57,10 +57,11 @@ class RestStates:
     Args:
         solver: static states of the scene in its geometry.
         dt: step of the run, in s.
+        accuracy: of forces of events, in N.
     """
 
-    def __init__(self, solver: StaticSolver, dt: float) -> None:
-        self.known, self.dt = solver, dt
+    def __init__(self, solver: StaticSolver, dt: float, accuracy: float) -> None:
+        self.known, self.dt, self.balanced = solver, dt, BALANCED * accuracy
         self._systems: Memory[Linearised] = Memory(KEPT)
         self._last: dict[bytes, tuple[bytes, float, np.ndarray]] = {}
         self.bases = 0
@@ -141,7 +142,7 @@ class RestStates:
         tau[~free] = -scene.d * f
         F_T = scene.driver_force(drive, u_h, self.known.u_drv0)
         given = F_T + (0.0 if load is None else load[1])
-        if not scene.k_top and abs(tau.sum() - given) > BALANCED * scene.F_N:
+        if not scene.k_top and abs(tau.sum() - given) > self.balanced:
             return None
         return Static(F_T, tau, np.where(free, 0.0, -scene.k_f * u_z))
 
@@ -157,8 +158,9 @@ class HybridRun(Run):
         super().__init__(*args)
         _, quiet = core.room_of_step(self.scene.N_x, self.method.switching)
         self.log = core.Log(self.scene.N_x, quiet=quiet)
-        self.accuracy = self.method.accuracy * self.scene.F_N / AMPLIFIED  # of one jump, N
-        self.solver = RestStates(self.solver.known, self.method.dt)
+        accuracy = self.method.accuracy * self.scene.F_N
+        self.accuracy = accuracy / AMPLIFIED  # of one jump, N
+        self.solver = RestStates(self.solver.known, self.method.dt, accuracy)
         self.jumped = self.spared = self.attempts = 0
         self.largest_error = 0.0
         self.slid, self.try_at, self.wait = True, self.state.step, TRY

@@ -328,6 +328,24 @@ def fronts(
     save_figure(figure, out / "fronts", shlex.join([*RUN.split(), "fronts", *words]), tell)
 
 
+@main.command("low-viscosity", section="Physics")
+@folder_option("--runs", required=True, metavar="DIR", help="Folder of its runs.")
+@file_option("--out", metavar="FILE", help="Write the table as CSV.")
+@overwrite_option
+@telling
+def low_viscosity(runs: Path, out: Path | None, overwrite: bool, tell: Tell) -> None:
+    """Tell prestress from position in fronts with little viscosity (ten minutes).
+
+    Runs are kept in --runs; the next call goes on where this one was stopped.
+    """
+    check_table(out, overwrite)
+    import low_viscosity
+
+    frame = low_viscosity.shares_of(low_viscosity.study(runs, say=tell.step))
+    save_table(frame, out, f"{RUN} low-viscosity", "%.6g")
+    tell.table(frame, low_viscosity.report)
+
+
 @main.command(section="Physics")
 @click.argument("fronts", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @file_option("--out", metavar="FILE", help="Write the table as CSV.")

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from pyfric.scene import Scene
 
-__all__ = ["BLOCKS", "SPACINGS", "planned", "study"]
+__all__ = ["BLOCKS", "SPACINGS", "kept", "main_events", "planned", "study"]
 
 BLOCKS = (2.0, 4.0, 6.0, 8.0)
 """Blocks in X_c0 of the cracks."""
@@ -88,7 +88,7 @@ def _seconds(record: Record) -> float:
     return PACE * record.counts["block_evaluations"]
 
 
-def _kept(path: Path, scene: Scene, t_end: float) -> Record:
+def kept(path: Path, scene: Scene, t_end: float) -> Record:
     """Return the run in a file, or make it; one that was stopped goes on."""
     part = path.with_name(path.name + ".part")
     if path.is_file():
@@ -123,7 +123,7 @@ def _runs_of(
                 f"{planned(scene, t_end, None)[1] / 60:.2g} min"
             )
             file = f"{name}_{l * 1e3:g}_{d_c * 1e6:g}.nc"
-            records[l, d_c] = coarser = _kept(runs / file, scene, t_end)
+            records[l, d_c] = coarser = kept(runs / file, scene, t_end)
     return records
 
 
@@ -164,7 +164,7 @@ def _begun_runs(
         if count == 1 and chain and (l, D_C) not in records:
             sources = {event: (one, _widest(one)) for event, one in chain.items()}
         elif whole is not None:
-            events = [_late(whole)] if count == 1 else _main(whole)[-count:].tolist()
+            events = [_late(whole)] if count == 1 else main_events(whole)[-count:].tolist()
             sources = {event: (whole, event) for event in events}
         else:
             continue
@@ -313,7 +313,7 @@ def _cost(run: str, expected: tuple[float, float], record: Record) -> dict[str, 
     return {"run": run} | plan | made
 
 
-def _main(record: Record) -> np.ndarray:
+def main_events(record: Record) -> np.ndarray:
     """Return the numbers of the finished precursors and larger events, shape (n,)."""
     events = record.events
     return events.index[events["is_main"] & events["finished"]].to_numpy()
@@ -321,7 +321,7 @@ def _main(record: Record) -> np.ndarray:
 
 def _late(record: Record) -> int:
     """Return the main event that is nearest to half the slider's length."""
-    return int((record.events["L_p_over_L"].loc[_main(record)] - LATE).abs().idxmin())
+    return int((record.events["L_p_over_L"].loc[main_events(record)] - LATE).abs().idxmin())
 
 
 def _speeds_of(record: Record) -> pd.DataFrame:

@@ -9,7 +9,12 @@ from pyfric.scene import chain, setup1, setup2
 
 
 @pytest.mark.parametrize(
-    "scene", [setup1(l=0.25e-3), setup1(l=0.5e-3, side="right", h=0.01, eta=2.0), setup2(l=0.2e-3)]
+    "scene",
+    [
+        setup1(l=0.25e-3),
+        setup1(l=0.5e-3, side="right", h=0.01, eta=2.0),
+        setup2(l=0.2e-3, damping=1e-3),
+    ],
 )
 def test_coarser_keeps_the_slider(scene):
     less = coarser(scene)
@@ -19,6 +24,13 @@ def test_coarser_keeps_the_slider(scene):
     assert less.eta == scene.eta
     assert (less.driver, less.interface, less.top) == (scene.driver, scene.interface, scene.top)
     assert coarser(less) is less
+
+
+def test_viscosity_of_slip_stays_per_length():
+    scene = setup1(l=0.25e-3, alpha=2.0)
+    less = coarser(scene)
+    alpha = [one.field("alpha")[0] * (one.N_x - 1) for one in (scene, less)]
+    assert alpha[0] == pytest.approx(alpha[1], rel=1e-12)
 
 
 def test_coarser_takes_the_least_whole_factor_that_will_do():
@@ -39,7 +51,7 @@ def test_coarser_chain_is_the_same_rod(side):
     n = 2001
     p = tuple(np.linspace(0.5, 2.5, n))
     tau = tuple(0.7 * np.array(p) * np.linspace(-1, 1, n))
-    scene = chain(L=0.2, l=1e-4, p=p, tau=tau, k_top=1e3, side=side)
+    scene = chain(L=0.2, l=1e-4, p=p, tau=tau, k_top=1e3, side=side, damping=0.01)
     less = coarser(scene)
     assert less.N_x == coarse.COLUMNS
     assert less.slider.L == scene.slider.L

@@ -32,7 +32,7 @@ def coarser(scene: Scene) -> Scene:
         n_x, n_z = (N_x - 1) // q, (N_z - 1) // q
         few = (n_x + 1) * (n_z + 1) <= BLOCKS and n_x < COLUMNS
         if n % q == 0 and few and n_x >= 2:
-            slider = dataclasses.replace(scene.slider, l=scene.slider.l * q, eta=scene.eta)
+            slider = dataclasses.replace(scene.slider, l=scene.slider.l * q, eta=scene.eta, damping=None)
             interface = scene.interface_on(n_x + 1)
             return dataclasses.replace(scene, slider=slider, interface=interface)
     q = max((N_x - 1) / (COLUMNS - 1), math.sqrt(N_x * N_z / BLOCKS))
@@ -42,7 +42,7 @@ def coarser(scene: Scene) -> Scene:
     l = scene.slider.L / n_x
     n_z = max(round(scene.slider.H / l), 1)
     j_h = min(max(round(scene.driver.h / l), 1), n_z)
-    slider = dataclasses.replace(scene.slider, l=l, H=l * n_z, eta=scene.eta)
+    slider = dataclasses.replace(scene.slider, l=l, H=l * n_z, eta=scene.eta, damping=None)
     driver = dataclasses.replace(scene.driver, h=l * j_h)
     interface = scene.interface_on(n_x + 1)
     return dataclasses.replace(scene, slider=slider, driver=driver, interface=interface)
@@ -60,5 +60,5 @@ def _coarser_chain(scene: Scene) -> Scene:
     most = (1 - 1e-12) * np.asarray(interface.mu_s) * p
     tau = np.clip(tau, -most, most)
     top = dataclasses.replace(top, p=tuple(p), tau=tuple(tau), k_top=top.k_top * q)
-    slider = dataclasses.replace(slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q)
+    slider = dataclasses.replace(slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q, damping=None)
     return dataclasses.replace(scene, slider=slider, top=top, interface=interface)

@@ -32,7 +32,9 @@ def coarser(scene: Scene) -> Scene:
         n_x, n_z = (N_x - 1) // q, (N_z - 1) // q
         few = (n_x + 1) * (n_z + 1) <= BLOCKS and n_x < COLUMNS
         if n % q == 0 and few and n_x >= 2:
-            slider = dataclasses.replace(scene.slider, l=scene.slider.l * q, eta=scene.eta, damping=None)
+            slider = dataclasses.replace(
+                scene.slider, l=scene.slider.l * q, eta=scene.eta, damping=None
+            )
             interface = scene.interface_on(n_x + 1)
             return dataclasses.replace(scene, slider=slider, interface=interface)
     q = max((N_x - 1) / (COLUMNS - 1), math.sqrt(N_x * N_z / BLOCKS))
@@ -60,5 +62,7 @@ def _coarser_chain(scene: Scene) -> Scene:
     most = (1 - 1e-12) * np.asarray(interface.mu_s) * p
     tau = np.clip(tau, -most, most)
     top = dataclasses.replace(top, p=tuple(p), tau=tuple(tau), k_top=top.k_top * q)
-    slider = dataclasses.replace(slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q, damping=None)
+    slider = dataclasses.replace(
+        slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q, damping=None
+    )
     return dataclasses.replace(scene, slider=slider, top=top, interface=interface)

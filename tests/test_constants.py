@@ -1,13 +1,19 @@
-"""Fitted numbers of the hybrid engine, doubled and halved: forces stay within the accuracy.
+"""Fitted numbers, doubled and halved: forces and promises hold.
 
-The table of these numbers is in `docs/explanation/hybrid.md`.
+The table of these numbers is in `docs/explanation/numbers.md`.
 """
 
+import functools
 import importlib
 from pathlib import Path
 
+import numpy as np
 import off_box
 import pytest
+
+import pyfric
+from pyfric.record import differences
+from pyfric.scene import setup1
 
 ACCURACY = 1e-6
 """Of start and arrest forces of every event, over F_N."""
@@ -16,7 +22,6 @@ FITTED = (
     "modes.N_MODES",
     "modes.SLOW",
     "jump.TRY",
-    "jump.ROUNDS",
     "hybrid.BEYOND",
     "hybrid.AMPLIFIED",
 )
@@ -42,8 +47,52 @@ def test_events_do_not_depend_on_it(constant, factor, name, monkeypatch):
     assert max(found["start"], found["arrest"]) <= max(limit, ACCURACY)
 
 
+CHOOSE = (
+    "choice.ERROR_QUASISTATIC",
+    "choice.RING_SHARE",
+    "choice.OPEN_BLOCKS",
+    "quasistatic.SOFTEST",
+    "guard.STRAIN_SHARE",
+    "cost.BOTTOM",
+)
+TOLERANCE = 0.02
+
+
+def rod(**changes):
+    return setup1(L=0.02, H=0.0125, F_N=400.0, V=2e-3, **changes)
+
+
+@functools.cache
+def full(t_end, **changes):
+    how = {"fidelity": "dynamic", "budget": False, "progress": False, "geometry": "linear"}
+    return pyfric.simulate(rod(**changes), t_end, **how)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("constant", CHOOSE)
+def test_plans_keep_their_promise_whatever_chooses(constant, factor, monkeypatch):
+    module, _, attribute = constant.partition(".")
+    module = importlib.import_module(f"pyfric.engines.{module}")
+    monkeypatch.setattr(module, attribute, factor * getattr(module, attribute))
+    how = {"want": "precursors", "tolerance": TOLERANCE, "progress": False}
+    made = pyfric.simulate(rod(), 0.06, **how)
+    errors = differences(made, full(0.06)).errors()
+    assert errors["start"] <= TOLERANCE
+    assert errors["arrest"] <= TOLERANCE
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_stable_slip_does_not_depend_on_inertia_allowed(factor, monkeypatch):
+    monkeypatch.setattr("pyfric.engines.creeping.INERTIA", 200.0 * factor)
+    how = {"fidelity": "hybrid", "geometry": "linear", "progress": False}
+    a, b = full(0.048, d_c=5e-6), pyfric.simulate(rod(d_c=5e-6), 0.048, **how)
+    assert len(a.events) == len(b.events) > 1
+    limit = 1e-5 * a.scene.F_N
+    np.testing.assert_allclose(b.events["F_T_start"], a.events["F_T_start"], rtol=0, atol=limit)
+
+
 def test_the_docs_list_them_all():
-    page = Path(__file__).parents[1] / "docs" / "explanation" / "hybrid.md"
+    page = Path(__file__).parents[1] / "docs" / "explanation" / "numbers.md"
     text = page.read_text(encoding="utf-8")
-    for constant in FITTED:
-        assert f"| `{constant}` |" in text
+    for constant in (*FITTED, *CHOOSE, "creeping.INERTIA"):
+        assert f"`{constant}`" in text.split("## Definitions")[0]

@@ -3,9 +3,12 @@
 from pathlib import Path
 
 import collapse
+import low_viscosity
 import numpy as np
 import pandas as pd
 import pytest
+
+from pyfric.record import Record
 
 STORED = Path(__file__).parents[1] / "reference_data" / "fronts"
 
@@ -69,3 +72,20 @@ def test_what_is_said_of_a_resolved_zone():
     assert coulomb["prestress_low"] > coulomb["prestress_null"]
     assert coulomb["beyond_low"] > coulomb["beyond_null"]
     assert pytest.approx(0.33, abs=0.01) == finest["prestress_value"]
+
+
+def test_fronts_with_little_viscosity_start_from_the_same_tractions(tmp_path):
+    """With the paper's viscosity they stop where the run's do; with less they are faster."""
+    how = {"names": ("run1",), "spacings": (2.5e-3,), "l": 2.5e-3}
+    fronts = low_viscosity.study(tmp_path, **how)
+    run = Record.load(tmp_path / "run1_2.5_1.nc")
+    lengths = run.events["L_p_over_L"]
+    paper, little = (fronts[fronts["viscosity"] == name] for name in low_viscosity.VISCOSITIES)
+    for event, front in paper.groupby("event"):
+        assert front["L_p_over_L"].iloc[0] == pytest.approx(lengths[event], abs=1 / 56)
+        assert little[little["event"] == event]["v_c"].median() > 1.02 * front["v_c"].median()
+    found = low_viscosity.shares_of(fronts)
+    assert found["viscosity"].tolist() == list(low_viscosity.VISCOSITIES)
+    assert (found["fronts"] == 2).all()
+    assert "along bonds" in low_viscosity.report(found)
+    pd.testing.assert_frame_equal(low_viscosity.study(tmp_path, **how), fronts)  # kept

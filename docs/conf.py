@@ -8,12 +8,16 @@ from pathlib import Path
 
 import click
 import latex2mathml.converter
+import matplotlib.pyplot as plt
 import pandas as pd
 from docutils import nodes
 from sphinx_gallery.scrapers import figure_rst, matplotlib_scraper
 
 import pyfric
 from pyfric.cli import main
+
+sys.path.append(str(Path(__file__).parents[1] / "tests"))
+from walk import shown
 
 # They are attributes of pyfric, and autodoc looks for modules.
 sys.modules |= {"pyfric.analysis": pyfric.analysis, "pyfric.theory": pyfric.theory}
@@ -189,6 +193,19 @@ def plain_bars(app, what, name, obj, options, lines):
     lines[:] = [line.replace("|", "\\|") for line in lines]
 
 
+def run_tutorials(app, name, source):
+    """Run the blocks of a tutorial, and show what they print and draw."""
+    if name.startswith("tutorials/") and app.builder.name == "html":
+        folder = Path(app.srcdir, "_build", name)
+        source[0] = shown(source[0], folder, Path(app.srcdir))
+        plt.close("all")
+
+
+def always_new(app, env, added, changed, removed):
+    """Tutorials are run again at each build: what they show depends on pyfric."""
+    return [name for name in env.found_docs if name.startswith("tutorials/")]
+
+
 def mathml(writer, node):
     """Write an equation as MathML."""
     display = "inline" if node.tagname == "math" else "block"
@@ -197,5 +214,7 @@ def mathml(writer, node):
 
 
 def setup(app):
+    app.connect("env-get-outdated", always_new)
+    app.connect("source-read", run_tutorials)
     app.connect("autodoc-process-docstring", plain_bars)
     app.add_html_math_renderer("mathml", (mathml, None), (mathml, None))

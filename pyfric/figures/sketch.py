@@ -99,7 +99,7 @@ def sketch(scene: SceneLike) -> DataFigure:
     fig.tables = {"columns": pd.DataFrame(columns | fields)}
     thin = f" Every {_ordinal(q)} block in both directions and the driven row are drawn."
     what = f"Sketch of the scene, to scale, after Fig. 1(a) of {PAPER}."
-    fig.caption = f"{what}{thin if q > 1 else ''} {scene_text(scene)}"
+    fig.caption = f"{what}{thin if q > 1 else ''}\n{scene_text(scene)}"
     return fig
 
 

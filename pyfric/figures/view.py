@@ -74,7 +74,9 @@ def _kept(record: Record) -> np.ndarray:
 def _overview(record: Record, kept: np.ndarray) -> dict[str, Any]:
     """Loading curve and slip regions."""
     t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
-    t, F_T = envelope(t, F_T, CURVE_BINS // 3)
+    length = record.curve.get("L_p_over_L")
+    if length is None:
+        t, F_T = envelope(t, F_T, CURVE_BINS // 3)
     pieces = slip_segments(record)
     pieces = pieces[pieces["event"].isin(kept)]
     columns = ("t_s", "x_from", "x_to", "slipped")
@@ -85,6 +87,7 @@ def _overview(record: Record, kept: np.ndarray) -> dict[str, Any]:
     friction = record.scene.law.mean
     return {
         "curve": {"t": _rounded(t, 7), "F": _rounded(F_T / record.scene.F_N, 5)},
+        "growth": None if length is None else _rounded(length, 5),
         "slip": slip,
         "colours": {kind: colour for kind, (_, colour, *_) in KINDS.items()},
         "mu_s": friction.mu_s,
@@ -102,6 +105,7 @@ def _event_rows(record: Record, kept: np.ndarray) -> list[dict[str, Any]]:
             "event": int(event),
             "kind": str(kind),
             "kind_name": KIND_NAMES[kind],
+            "precursor": bool(one["is_precursor"]),
             "t": _number(one["t_start"], 9),
             "duration": _number(one["duration"]),
             "start": _number(one["F_T_start"] / F_N),

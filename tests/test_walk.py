@@ -57,7 +57,7 @@ def test_the_site_shows_what_a_block_prints_and_draws(tmp_path):
     page = shown(text, tmp_path / "page", tmp_path)
     plt.close("all")
     assert page.startswith("Before\n\n```python\n")
-    assert "```text\n42\n```\n\n```{image} /page/one.png\n" in page
-    assert page.endswith("```text\n# a.toml\nb = 1\n```\n")
+    assert "```{code-block} text\n:class: output\n\n42\n```\n\n```{image} /page/one.png\n" in page
+    assert page.endswith(":class: output\n\n# a.toml\nb = 1\n```\n")
     with pytest.raises(ZeroDivisionError):
         shown("```python\n1 / 0\n```\n", tmp_path / "page", tmp_path)

@@ -62,7 +62,7 @@ def shown(source, folder, root):
         run(*found.groups(), known)
         parts = [found[0]]
         if known[PRINTED].strip():
-            parts.append(f"```text\n{known[PRINTED].rstrip()}\n```")
+            parts.append(f"```{{code-block}} text\n:class: output\n\n{known[PRINTED].rstrip()}\n```")
         for path in sorted({*folder.glob("*.png")} - names):
             about = path.with_suffix(".txt")
             alt = path.stem.replace("_", " ")

@@ -3,21 +3,19 @@
 import ast
 import doctest
 import os
+import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import click
 import latex2mathml.converter
-import matplotlib.pyplot as plt
 import pandas as pd
 from docutils import nodes
 from sphinx_gallery.scrapers import figure_rst, matplotlib_scraper
 
 import pyfric
 from pyfric.cli import main
-
-sys.path.append(str(Path(__file__).parents[1] / "tests"))
-from walk import shown
 
 # They are attributes of pyfric, and autodoc looks for modules.
 sys.modules |= {"pyfric.analysis": pyfric.analysis, "pyfric.theory": pyfric.theory}
@@ -123,6 +121,7 @@ def write_commands():
 
 
 ROOT = Path(__file__).parents[1]
+tutorials = {}
 write_commands()
 myst_substitutions = {
     "held": held(),
@@ -193,12 +192,21 @@ def plain_bars(app, what, name, obj, options, lines):
     lines[:] = [line.replace("|", "\\|") for line in lines]
 
 
-def run_tutorials(app, name, source):
-    """Run the blocks of a tutorial, and show what they print and draw."""
-    if name.startswith("tutorials/") and app.builder.name == "html":
-        folder = Path(app.srcdir, "_build", name)
-        source[0] = shown(source[0], folder, Path(app.srcdir))
-        plt.close("all")
+def start_tutorials(app):
+    """Run the blocks of all tutorials, two pages at a time, while the gallery is made."""
+    if app.builder.name == "html":
+        pool, walk = ThreadPoolExecutor(2), ROOT / "tests" / "walk.py"
+        for page in sorted(Path(app.srcdir, "tutorials").glob("*.md")):
+            folder = Path(app.srcdir, "_build", "tutorials")
+            words = [sys.executable, walk, page, folder, app.srcdir]
+            how = {"check": True, "stdout": subprocess.PIPE, "text": True}
+            tutorials[f"tutorials/{page.stem}"] = pool.submit(subprocess.run, words, **how)
+
+
+def show_tutorial(app, name, source):
+    """Show what the blocks of a tutorial print and draw."""
+    if name in tutorials:
+        source[0] = tutorials[name].result().stdout
 
 
 def always_new(app, env, added, changed, removed):
@@ -215,6 +223,7 @@ def mathml(writer, node):
 
 def setup(app):
     app.connect("env-get-outdated", always_new)
-    app.connect("source-read", run_tutorials)
+    app.connect("builder-inited", start_tutorials, priority=1)
+    app.connect("source-read", show_tutorial)
     app.connect("autodoc-process-docstring", plain_bars)
     app.add_html_math_renderer("mathml", (mathml, None), (mathml, None))

@@ -62,7 +62,9 @@ def shown(source, folder, root):
         run(*found.groups(), known)
         parts = [found[0]]
         if known[PRINTED].strip():
-            parts.append(f"```{{code-block}} text\n:class: output\n\n{known[PRINTED].rstrip()}\n```")
+            parts.append(
+                f"```{{code-block}} text\n:class: output\n\n{known[PRINTED].rstrip()}\n```"
+            )
         for path in sorted({*folder.glob("*.png")} - names):
             about = path.with_suffix(".txt")
             alt = path.stem.replace("_", " ")
@@ -77,3 +79,8 @@ def shown(source, folder, root):
     known = {"__name__": "__main__"}
     with contextlib.chdir(folder), pd.option_context("display.width", 100):
         return BLOCK.sub(with_output, source)
+
+
+if __name__ == "__main__":  # page, a folder for what it writes, the root of the site
+    page, folder, root = map(Path, sys.argv[1:])
+    print(shown(page.read_text(encoding="utf-8"), folder / page.stem, root))

@@ -40,7 +40,7 @@ WANTS = {
 }
 """Question -> what its error is."""
 EVENTS = 2
-"""Main events that a run has by default, as the ladder has them."""
+"""Main events that a run has by default, as the quasi-static sequence has them."""
 TRANSITS = 2.0
 """Times that a shear wave passes the slider in a default run of a scene without a ladder."""
 FINEST = 1 / 16
@@ -120,7 +120,7 @@ def chart(
 
 
 def after_events(scene: Scene, events: int) -> float | None:
-    """Return a time just after so many main events of the ladder, s; None where they do not come.
+    """Return a time just after so many main events, s; None where they do not come.
 
     Args:
         scene: what is simulated, with a driver.

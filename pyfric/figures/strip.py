@@ -234,7 +234,7 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     if kind == ".gif":
         return PillowWriter(fps=fps)
     if kind != ".mp4":
-        raise SceneError("path", str(path), "", allowed, "no kind of film that is known")
+        raise SceneError("path", str(path), "", allowed, "an unknown kind of film")
     if not has_ffmpeg():
         reason = "an MP4 needs ffmpeg, or the extra movies (imageio-ffmpeg), which is not here"
         raise SceneError("path", str(path), "", allowed, reason)

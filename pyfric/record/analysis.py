@@ -70,7 +70,7 @@ what they are drawn from four times out of five (binomial)."""
 
 
 def budget_left(curve: pd.DataFrame) -> pd.Series:
-    """Return what an energy budget leaves over since its start, in J: 0 but for errors of steps.
+    """Return the residual of an energy budget since its start, in J: 0 except for errors of steps.
 
     Args:
         curve: the loading curve of a run with budget = True.
@@ -82,7 +82,7 @@ def budget_left(curve: pd.DataFrame) -> pd.Series:
 def budget_error(curve: pd.DataFrame) -> float:
     """Return the largest error of an energy budget, over the largest energy that changed hands.
 
-    Where next to nothing did, the error is that of rounding: it is taken over the stored energy.
+    If almost none did, the error is taken over the stored energy.
 
     Args:
         curve: the loading curve of a run with budget = True.
@@ -129,7 +129,7 @@ class Collapse(NamedTuple):
         rms: root mean square of ln y (or y) minus the median of its bin.
         n: number of points.
         edges: edges of the bins in x, between points, shape (bins + 1,).
-        median: median of y in each bin, shape (bins,); NaN in a bin that equal x leave empty.
+        median: median of y in each bin, shape (bins,); NaN in an empty bin, which equal x cause.
     """
 
     rms: float
@@ -279,7 +279,7 @@ class Beside(NamedTuple):
 
     Attributes:
         rms: root mean square of the difference in force, N.
-        shift: what added to the measured times makes it smallest, s.
+        shift: time added to the measured times that makes it smallest, s.
         rms_shifted: the smallest one, N.
         n: measured points that count there.
     """
@@ -295,7 +295,7 @@ def compare_curve(
 ) -> Beside:
     """Return how far a measured loading curve is from a run, as it stands and shifted in time.
 
-    The force of the run is straight between its points. Measured points outside the run do not
+    The force of the run is linear between its points. Measured points outside the run do not
     count, and a shift leaves at least half of them inside.
 
     Args:
@@ -366,7 +366,7 @@ def friction_coefficients(record: Record) -> FrictionCoefficients:
 
 
 def mean_force(record: Record, begin: float, end: float) -> float:
-    """Return the mean of F_T between two times (s) of a run, in N; F_T is straight between samples.
+    """Return the mean of F_T between two times (s) of a run, in N; F_T is linear between samples.
 
     At one time it is the force there.
     """

@@ -77,8 +77,8 @@ def boundary(
             anything else that can be compared. Where it makes its runs with `run_all`, they are
             kept, and a line that was stopped goes on.
         along: ends of the range that is searched, the lower one first.
-        over: values at which the line is wanted, rising or falling: neighbours help each other.
-        scale: of the range: "log" or "linear".
+        over: values at which the line is wanted, rising or falling.
+        scale: scale of the range, "log" or "linear".
         over_scale: in which the line is smooth over `over`: "log" or "linear".
         tolerance: largest error of the line: in decades, or over the length of a linear range.
         known: labels that need no run, columns ``along``, ``over`` and ``label``, such as those of

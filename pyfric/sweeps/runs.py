@@ -75,7 +75,7 @@ def run_all(
     ``if __name__ == "__main__":``. Ctrl-C stops all workers; what was finished stays in the cache.
 
     Args:
-        jobs: what to run, at best long ones first. Equal jobs are run once.
+        jobs: what to run; put long ones first. Equal jobs are run once.
         workers: most runs at a time; None means one for each processor. With 1, or one job, all is
             done in this process.
         cache: True reuses and keeps finished runs in the user's cache folder, or where PYFRIC_CACHE

@@ -98,7 +98,7 @@ class Sweep:
         n: number of points that are drawn.
         seed: of drawn points; the same seed gives the same points.
         options: those of all runs; a mapping becomes `Options`.
-        max_hours, max_GB: a sweep whose estimate is beyond is refused; None means no limit.
+        max_hours, max_GB: a sweep with a larger estimate is refused; None means no limit.
 
     Raises:
         SceneError: an argument is refused.
@@ -220,7 +220,7 @@ class Sweep:
     # --- running ---------------------------------------------------------------------------------
 
     def estimate(self, cache: Cache = True) -> Estimate:
-        """Return what the sweep comes to, by the expected cost of a few of its points."""
+        """Return the cost of the sweep, estimated from a few of its points."""
         outcomes = self.status(cache).outcomes
         finished = sum(isinstance(outcome, Record) for outcome in outcomes)
         refused = sum(isinstance(outcome, SceneError) for outcome in outcomes)
@@ -268,7 +268,7 @@ class Sweep:
         return Results(self, tuple(outcomes))
 
     def mean(self, column: str, cache: Cache = True) -> pd.DataFrame:
-        """Return the mean of a column over seeds of what is finished; see `Results.mean`."""
+        """Return the mean of a column over seeds, of finished points; see `Results.mean`."""
         return self.status(cache).mean(column)
 
     # --- files -----------------------------------------------------------------------------------

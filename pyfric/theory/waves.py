@@ -170,7 +170,7 @@ class Material:
 
     @classmethod
     def of_lattice(cls, k: float, m: float, l: float, B: float) -> Self:
-        """Return what the lattice is at long wavelengths.
+        """Return the material of the lattice at long wavelengths.
 
         c_P = l sqrt(1.5 k/m), c_S = l sqrt(0.5 k/m), rho = m/(l^2 B), so that E_prime = 4 k/(3 B).
         For a continuum of the slider's mass take m times `density_factor`.

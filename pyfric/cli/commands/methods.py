@@ -53,10 +53,10 @@ def chart(
     out: Path,
     tell: Tell,
 ) -> None:
-    """Run SCENE by every level and stepper: error against cost, for every question.
+    """Run SCENE with every fidelity and stepper: error against cost, for every question.
 
-    The reference is full dynamics at a small step. What refuses SCENE is listed with its reason.
-    DIR gets chart.png, chart.pdf, the points as CSV, and their provenance.
+    The reference is full dynamics at a small step. Methods that refuse SCENE are listed with
+    the reason. DIR gets chart.png, chart.pdf, the points as CSV, and their provenance.
     """
     check_folder(out)
     from pyfric import checks
@@ -72,7 +72,7 @@ def chart(
 @figure_out_option
 @telling
 def stability(scene: str, budget: float, changes: tuple[str, ...], out: Path, tell: Tell) -> None:
-    """Say where the steppers fail for SCENE: largest stable steps, and growth beyond them.
+    """Measure the largest stable step of each stepper for SCENE, and growth beyond it.
 
     DIR gets stability.png, stability.pdf, the table as CSV, and their provenance.
     """

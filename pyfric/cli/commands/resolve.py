@@ -38,7 +38,7 @@ from pyfric.cli.shared import (
     type=click.Choice(["quasistatic", "hybrid", "dynamic"]),
     default="quasistatic",
     show_default=True,
-    help="What is modelled; the ladder takes seconds.",
+    help="Model; quasistatic takes seconds.",
 )
 @workers_option
 @no_cache_option
@@ -53,7 +53,7 @@ def resolve(
     no_cache: bool,
     tell: Tell,
 ) -> None:
-    """Say which results of SCENE change with the size of its blocks, and by how much.
+    """Measure which results of SCENE change with the size of its blocks, and by how much.
 
     The same slab is run with blocks of l, l/2 and so on, up to the first event of the whole
     interface. Finished runs are kept: after Ctrl-C the same command goes on.

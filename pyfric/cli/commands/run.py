@@ -124,7 +124,7 @@ def _steppers() -> list[str]:
     metavar="CONDITION",
     help="End the run as soon as a condition holds: 'arrested', 'at_rest', 'reached = 50 mm', "
     "'L_p = 0.5', 'precursors = 3', 'main_events = 1', 'system_size', 'slow = 1 um/s, 1 ms'. "
-    "Repeatable: the first one that holds ends it.",
+    "Repeatable: the first condition that holds ends the run.",
 )
 @click.option(
     "--threads",

@@ -164,7 +164,7 @@ def _state_at_arrest(runs: Runs) -> Iterator[Claim]:
         "9d",
         "and is no further from mu_k p than without weakening",
         worst / far["d_c 0"],
-        at_most(1.1, "1 is as far as without; a tenth more: the paper has no number"),
+        at_most(1.1, "1 is as far as without; a tenth more is allowed: the paper has no number"),
         "the value of 9c, over that at d_c = 0",
         [middle],
     )

@@ -201,7 +201,7 @@ def figure(table: pd.DataFrame) -> DataFigure:
     fig.caption = (
         "Growth of a small disturbance of the slider at rest in a step, over the step, for each "
         "explicit stepper. Dotted: the largest step at which none was measured. Above 0 a run "
-        "would leave the range of numbers; such steps are refused."
+        "diverges; such steps are refused."
     )
     fig.tables = {"growth": table}
     return fig

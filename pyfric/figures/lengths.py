@@ -277,6 +277,6 @@ def _what(points: pd.DataFrame) -> str:
     return (
         "Lines: growth of the slipping zone with mu_s = mu_k; dashed: mu_k. "
         f"{len(points)} precursors of 4 blocks or more, before the first event over the whole "
-        f"interface; {int((~points['advances']).sum())} that reach no further than an earlier one "
-        "are small dots; smaller events are left out."
+        f"interface. Small dots: the {int((~points['advances']).sum())} that reach no further than "
+        "an earlier one."
     )

@@ -184,7 +184,7 @@ def event_movie(
 
     Args:
         record, event: as in `event_strip`.
-        path: the file, a GIF or, where ffmpeg is installed, an MP4, by the end of its name.
+        path: the file; its name ends in .gif, or in .mp4 if ffmpeg is installed.
         count: number of frames.
         moments: times of the first and the last frame, over the time that the front takes.
         fps: frames per second.
@@ -194,7 +194,7 @@ def event_movie(
         The path, which shows the film in a notebook.
 
     Raises:
-        SceneError: see `event_frames`; or a name that ends otherwise.
+        SceneError: see `event_frames`; or the name ends in neither .gif nor .mp4.
         OSError: the file cannot be written.
     """
     writer = _writer(Path(path), fps)

@@ -36,9 +36,9 @@ KIND_NAMES = {"whole": "whole interface", "partial": "partial", "micro": "micro-
 def record_page(record: Record) -> str:
     """Return a page about a record, as HTML: at most 2 MB, which needs nothing from elsewhere.
 
-    It shows the loading curve and where the interface slips; of each event that is chosen, when
-    which block slips, and the stresses before and after; and what made the record. Where the events
-    are too many for the size of the page, it says which are left out.
+    It shows the loading curve, where the interface slips, and what made the record. Of the chosen
+    event it shows when each block slips, and the stresses before and after. If there are too many
+    events for the size of the page, it says which are left out.
     """
     kept = _kept(record)
     rows = _event_rows(record, kept)

@@ -186,9 +186,9 @@ def stress_profile(record: Record, event: int | None = None, when: When = "befor
             meaning for event = None.
 
     Returns:
-        One row per block: n; x_over_L; tau and p over F_N/N_x; tau_over_p; p_over_p_initial, over
-        the same block's p at F_T = 0, NaN where that was 0; scaled, the scaled prestress; region,
-        1 slipped in the event, 2 corner slip or open at its end, 0 neither.
+        One row per block. Columns: n; x_over_L; tau and p over F_N/N_x; tau_over_p;
+        p_over_p_initial, over p at F_T = 0, NaN where that was 0; scaled, the scaled prestress;
+        region, 1 slipped in the event, 2 corner slip or open at its end, 0 neither.
 
     Raises:
         SceneError: no such event, its state was never reached, or unknown ``when``.
@@ -232,12 +232,13 @@ def front(record: Record, event: int) -> pd.DataFrame:
         event: its number, from 1.
 
     Returns:
-        One row per block of the front (see `catalogue`): n; x_over_L; t, rupture time, s;
-        v_c, speed averaged over five blocks, m/s, NaN within two blocks of either end and where
-        the five times do not increase; tau_over_p and scaled, of the static state just before the
-        event; X_c0_over_l and X_c_over_l, blocks in the cohesive zone at rest and at v_c: six or
-        more in X_c0 resolve a front, with fewer the lattice sets its speed. The latter is NaN
-        where v_c is, or is not below c_R.
+        One row per block of the front. Columns: n; x_over_L; t, rupture time in s; v_c, speed
+        averaged over five blocks in m/s; tau_over_p and scaled, of the static state just before
+        the event; X_c0_over_l and X_c_over_l, blocks in the cohesive zone at rest and at v_c.
+
+        v_c is NaN within two blocks of either end, and where the five times do not increase.
+        X_c_over_l is NaN where v_c is, or is not below c_R. Six or more blocks in X_c0 resolve a
+        front; with fewer the lattice sets its speed.
 
     Raises:
         SceneError: no such event.
@@ -304,7 +305,7 @@ def compare_curve(
         largest_shift: largest shift either way, s; None means half of the measured time.
 
     Returns:
-        `Beside`; its rms is NaN where no point lies in the run as it stands.
+        `Beside`; its rms is NaN if no measured point lies within the run.
 
     Raises:
         SceneError: times and forces do not fit together, or no shift leaves half of them inside.

@@ -46,9 +46,9 @@ def energy_release(record: Record, event: int) -> pd.DataFrame:
         event: its number, from 1.
 
     Returns:
-        One row per block: n; x_over_L; G and Gamma of the block, in J (over l B in J/m^2), NaN
-        where it is open or slips already; v, the speed at which g_II(v) G = Gamma, in m/s, 0 where
-        G is smaller, NaN for a chain.
+        One row per block. Columns: n; x_over_L; G and Gamma of the block, in J (over l B in J/m^2),
+        NaN where it is open or slips already; v, the speed in m/s at which g_II(v) G = Gamma, 0
+        where G is smaller, NaN for a chain.
 
     Raises:
         SceneError: no such event, or the record holds no state just before it.

@@ -300,9 +300,9 @@ class Record:
     def to_xarray(self) -> xr.Dataset:
         """Return an `xarray.Dataset` of curve, events and interface, without logs.
 
-        Coordinates are t (s), event (from 1), x (m, from the trailing edge) and, on x, n (block
-        from the trailing edge). F_T and energies are on t; event_..., the columns of `events`, on
-        event; arrays over blocks on (event, x). Every variable has its units and its long_name.
+        Coordinates are t (s), event (from 1) and x (m, from the trailing edge); n numbers the
+        blocks along x. F_T and energies are on t; columns of `events` are on event and begin with
+        event_; arrays over blocks are on (event, x). Every variable has units and a long_name.
         """
         return layout.dataset(self)
 

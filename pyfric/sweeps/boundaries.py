@@ -73,9 +73,9 @@ def boundary(
     `along`. After a value at which there is no line, the next one begins with the whole range.
 
     Args:
-        f: a function of a value along and a value over that returns a label: text, a truth value or
-            anything else that can be compared. Where it makes its runs with `run_all`, they are
-            kept, and a line that was stopped goes on.
+        f: a function of a value along and a value over. It returns a label that can be compared,
+            such as text or a truth value. If it makes its runs with `run_all`, they are kept, and
+            a line that was stopped goes on.
         along: ends of the range that is searched, the lower one first.
         over: values at which the line is wanted, rising or falling.
         scale: scale of the range, "log" or "linear".
@@ -84,9 +84,8 @@ def boundary(
         known: labels that need no run, columns ``along``, ``over`` and ``label``, such as those of
             a map: they bracket the line where their `over` is wanted. A column ``measure`` goes
             with `measure`.
-        measure: a function of a value along and a value over for which f was called, that returns
-            a number whose sign changes, continuously, where the label does; NaN where it is
-            unknown.
+        measure: a function of the same values, called after f. It returns a number that passes
+            zero continuously where the label changes; NaN where it is unknown.
 
     Returns:
         One row for each value of `over`: ``over``; ``along``, the middle of the last bracket, in

@@ -161,8 +161,8 @@ def phase_diagram(
     """Return the labels of a scene over two of its fields, and the lines where they change.
 
     Args:
-        scene: what is run: a scene, the name of a preset or the path of a scene file, whose fields
-            are varied; or a function of x and y that returns a `Job`. None means `chain_job`.
+        scene: a scene, the name of a preset or the path of a scene file, or a function of x and y
+            that returns a `Job`. None means `chain_job`.
         x, y: each the name of a field, such as "driver.h", and its values, rising. None means alpha
             and tau_bar of the chain as in the paper, 20 values each.
         label: a function of a record that labels the run, or several by name. None

@@ -84,11 +84,11 @@ def run_all(
             nothing; None shows the bar where stderr is a terminal.
         errors: "raise" stops at the first run that fails; "return" goes on, and gives its
             `JobError` in the place of its record.
-        executor: what makes the runs, in place of `workers`: anything whose `submit(function,
-            *arguments)` gives a future with `done()`, `result()` and `cancel()`, such as those of
-            `concurrent.futures`, a `distributed.Client` or a `submitit.AutoExecutor`. It stays
-            open. The folder of `cache` has to be the same one on all its machines; through it, runs
-            learn that they are no longer wanted. Without it those under way go on.
+        executor: makes the runs instead of `workers`. Its `submit(function, *arguments)` gives a
+            future with `done()`, `result()` and `cancel()`, like that of `concurrent.futures`,
+            `distributed.Client` or `submitit.AutoExecutor`. It stays open. All its machines have
+            to see the folder of `cache`; through it, runs learn that they are no longer wanted.
+            Without a cache, runs that have begun go on.
 
     Returns:
         The records, in the order of the jobs. `timings["processor"]` is the processor time of the

@@ -120,7 +120,7 @@ def resolve(
 
     Args:
         scene: what is simulated: a scene, the name of a preset, or the path of a scene file.
-        t_end: time of the end at the latest, in s.
+        t_end: latest end time, in s.
         levels: number of lattices, 2 to 5.
         options: see `pyfric.Job`; None means fidelity = "quasistatic".
         workers, cache, progress: see `pyfric.run_all`, which makes the runs and keeps them.

@@ -22,9 +22,7 @@ from pyfric.cli.shared import (
 
 @main.command(section="Simulate", epilog=SHORT_EXIT_CODES)
 @click.argument("scene", type=SceneName())
-@click.option(
-    "--t-end", type=Seconds(), default=3.0, help="Time of the end at the latest. [default: 3 s]"
-)
+@click.option("--t-end", type=Seconds(), default=3.0, help="Latest end time. [default: 3 s]")
 @set_option
 @click.option(
     "--levels",

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Speeds = Callable[[pd.DataFrame], pd.DataFrame]
 """Changes the speeds of points on fronts."""
-ABOUT = "about, read as to the nearest hundred, the paper's digits"
+ABOUT = "about: to the nearest hundred, like the paper's digits"
 OVER_FRONTS = "the interval of 95 % of a bootstrap over fronts"
 LEFT = "the share that {} explains of what the position along the front leaves"
 TENTH = f"a tenth: the paper has no number; the lower end of {OVER_FRONTS}"
@@ -232,7 +232,7 @@ def _viscosity_and_foundation(runs: Runs) -> Iterator[Claim]:
     for number, what, names, more in (
         (
             "15a",
-            "any viscosity with underdamped blocks and calm between events gives similar results",
+            "any viscosity with underdamped blocks and rest between events gives similar results",
             BY_ETA,
             "; eta in sqrt(k m), below 0.433; slowest decay over the interval: "
             f"{', '.join(waits)}, below 0.25",

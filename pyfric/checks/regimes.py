@@ -40,7 +40,7 @@ Behaviour = Literal["refusal", "stop", "warning", "switch", "answer"]
 FORCE = 1e-6
 """Forces of events between hybrid engine and full dynamics, over F_N, in linear geometry."""
 BUDGET = 1e-6
-"""Error of the energy budget, over the largest energy that changed hands."""
+"""Error of the energy budget, over the largest energy exchanged."""
 
 
 class Observed(NamedTuple):
@@ -363,7 +363,7 @@ REGIMES: tuple[Regime, ...] = (
     ),
     Regime(
         "F_T pulls", partial(rod, V=0.0), "answer",
-        "the driver's spring is bilateral: the slider comes to rest as statics says",
+        "the driver's spring also pulls: the slider comes to rest where statics predicts",
         partial(_pulled, force=0.2, t_end=0.012),
     ),
     Regime(

@@ -57,7 +57,7 @@ def space_time(record: Record, event: int, initial: State | None = None) -> Data
     """Draw the slip rate along the interface over time, with wave speeds and theory as lines.
 
     The event is run again with full dynamics. On junctions the colour is the share of them that is
-    pinned, at the times of the record's curve: `sample` says how close these are.
+    pinned, at the times of the record's curve (`sample`).
 
     Lines begin where and when the front starts to run: c_R (dash-dotted), c_S (dotted) and c_L
     (dashed); in a chain there is c alone. Black: the rupture times of the record. Purple: theory

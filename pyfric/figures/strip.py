@@ -152,7 +152,7 @@ def event_strip(
     Args:
         record: a run of the hybrid or the dynamic engine.
         event: its number, from 1.
-        moments: times of the frames, from the first slip on, over the time that the front takes.
+        moments: times of the frames from the first slip on, in units of the front's time.
         initial: as in `event_frames`.
 
     Raises:
@@ -186,7 +186,7 @@ def event_movie(
         record, event: as in `event_strip`.
         path: the file; its name ends in .gif, or in .mp4 if ffmpeg is installed.
         count: number of frames.
-        moments: times of the first and the last frame, over the time that the front takes.
+        moments: times of the first and the last frame, in units of the front's time.
         fps: frames per second.
         initial: as in `event_frames`.
 

@@ -80,9 +80,9 @@ def budget_left(curve: pd.DataFrame) -> pd.Series:
 
 
 def budget_error(curve: pd.DataFrame) -> float:
-    """Return the largest error of an energy budget, over the largest energy that changed hands.
+    """Return the largest error of an energy budget, over the largest energy exchanged.
 
-    If almost none did, the error is taken over the stored energy.
+    If almost none was exchanged, it is taken over the stored energy.
 
     Args:
         curve: the loading curve of a run with budget = True.
@@ -145,8 +145,8 @@ def precursors(record: Record) -> pd.DataFrame:
     """Return the precursors: finished main events with 0 < L_p < L, at any time of the run.
 
     Returns:
-        ``event``, the columns of ``record.events``, and ``force_start`` and ``force_arrest``, the
-        static forces at first slip and last stick over F_N; one row each, in order of time.
+        One row for each, in order of time. Columns: ``event``, those of ``record.events``, and
+        ``force_start`` and ``force_arrest``, static forces at first slip and last stick over F_N.
     """
     events = record.events
     return _chosen(record, events["is_main"] & events["finished"] & events["is_precursor"])
@@ -382,8 +382,8 @@ def collapse_spread(
 ) -> Collapse:
     """Return how far points lie from one curve, the median of y in bins of x.
 
-    The bins hold equal numbers of points, up to one and up to equal x. Points with a NaN in x or y
-    are left out.
+    The bins hold equal numbers of points, except for a remainder and for equal x. Points with a NaN
+    in x or y are left out.
 
     Args:
         x, y: the points, equal shapes.

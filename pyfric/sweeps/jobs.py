@@ -51,8 +51,7 @@ class Job:
     """One run: what `pyfric.simulate` is called with.
 
     Args:
-        scene: what is simulated: a scene, the name of a preset, or the path of a scene file, which
-            is read once, here.
+        scene: a scene, the name of a preset, or the path of a scene file, which is read at once.
         t_end: time of the end, in s.
         options: an `Options`, or a mapping from names in `OPTIONS` to values.
 

@@ -168,10 +168,10 @@ def phase_diagram(
         label: a function of a record that labels the run, or several by name. None
             means kind and pace of `Record.rupture_class`.
         t_end: end of the runs of a scene, s.
-        options: of the runs of a scene.
+        options: options of the runs of a scene.
         lines: whether to find the lines on which labels change, along y.
-        tolerance: largest error of lines, in decades where y is even in its logarithm, over the
-            range of y otherwise.
+        tolerance: largest error of lines, in decades if y is spaced logarithmically, else over the
+            range of y.
         cache, how: as in `run_all`: workers, progress, executor.
 
     Raises:

@@ -81,7 +81,7 @@ def run_all(
         cache: True reuses and keeps finished runs in the user's cache folder, or where PYFRIC_CACHE
             says; a path names another folder; False or None does neither.
         progress: True for a bar on stderr, a function of (number done, number of all), False for
-            nothing; None shows the bar where stderr is a terminal.
+            nothing; None shows the bar if stderr is a terminal.
         errors: "raise" stops at the first run that fails; "return" goes on, and gives its
             `JobError` in the place of its record.
         executor: makes the runs instead of `workers`. Its `submit(function, *arguments)` gives a
@@ -96,7 +96,7 @@ def run_all(
 
     Raises:
         SceneError: an argument is refused; nothing has been done.
-        JobError: a run failed, or its process ended; with errors = "raise". The others are
+        JobError: with errors = "raise", a run failed or its process ended. The others are
             stopped; those that were complete are in the cache.
         KeyboardInterrupt: after Ctrl-C.
     """

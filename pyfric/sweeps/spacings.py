@@ -114,9 +114,9 @@ def resolve(
 ) -> Resolution:
     """Return the results of a slab with blocks of l, l/2, l/4 and so on.
 
-    Size, stiffness k, mass, loads and driver stay, k_f of each block, and eta where the slider has
-    one; alpha, shared by more blocks, falls. Fields that vary along the interface are interpolated.
-    Each run goes on to its first system-size event.
+    Size, stiffness k, mass, loads and driver stay the same, and so do k_f of each block and a given
+    eta. alpha of each block falls. Fields that vary along the interface are interpolated. Each run
+    goes on to its first system-size event.
 
     Args:
         scene: what is simulated: a scene, the name of a preset, or the path of a scene file.
@@ -136,7 +136,7 @@ def resolve(
     """
     scene = as_scene(scene)
     if isinstance(scene.top, PrescribedLoad):
-        reason = "forces on single blocks belong to one l"
+        reason = "forces on single blocks are defined for one l only"
         raise SceneError("top.kind", scene.top.kind, "", "'rod' or 'distributed'", reason)
     if isinstance(levels, bool) or levels not in range(2, 6):
         raise SceneError("levels", levels, "", "a whole number from 2 to 5")

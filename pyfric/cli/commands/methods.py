@@ -34,13 +34,15 @@ budget_option = click.option(
     "--budget",
     type=Seconds(),
     default=60.0,
-    help="Processor time; what does not fit into it is left out and said. [default: 60 s]",
+    help="Limit of processor time; methods beyond it are listed as not run. [default: 60 s]",
 )
 
 
 @main.command(section="Methods")
 @click.argument("scene", metavar="SCENE", type=SceneName())
-@click.option("--t-end", type=Seconds(), help="End of the runs. [default: after two main events]")
+@click.option(
+    "--t-end", type=Seconds(), help="End time of the runs. [default: after two main events]"
+)
 @budget_option
 @set_option
 @figure_out_option

@@ -42,7 +42,7 @@ def _figures() -> list[str]:
 @main.command(section="The paper", epilog=SHORT_EXIT_CODES)
 @click.argument("names", nargs=-1, type=Registered("figure", _figures))
 @folder_option(
-    "--out", metavar="DIR", default="figures", show_default=True, help="Folder of the files."
+    "--out", metavar="DIR", default="figures", show_default=True, help="Folder for the files."
 )
 @workers_option
 @no_cache_option

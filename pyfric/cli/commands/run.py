@@ -61,7 +61,9 @@ def _steppers() -> list[str]:
 
 @main.command(section="Simulate", epilog=EXIT_CODES)
 @click.argument("scene", type=SceneName())
-@click.option("--t-end", type=Seconds(), required=True, help="End time: '900 ms', or s.")
+@click.option(
+    "--t-end", type=Seconds(), required=True, help="End time, such as '900 ms'; a number is in s."
+)
 @set_option
 @click.option(
     "--fidelity",
@@ -82,7 +84,7 @@ def _steppers() -> list[str]:
 @click.option(
     "--geometry",
     type=click.Choice(["finite", "linear"]),
-    help="Bonds that rotate (finite), as in the paper, or do not. "
+    help="Bonds rotate (finite, as in the paper) or do not (linear). "
     "[default: finite; linear for a chain]",
 )
 @click.option(

@@ -260,9 +260,9 @@ def _viscosity_and_foundation(runs: Runs) -> Iterator[Claim]:
     more = {name: abs(number - count[BASE]) for name, number in count.items()}
     yield Claim(
         "15c",
-        "viscosity and foundation leave the number of precursors",
+        "viscosity and foundation do not change the number of precursors",
         max(more.values()),
-        at_most(1, "one may end before sliding; the paper says similar", "precursors"),
+        at_most(1, "one precursor more or fewer: the paper says 'similar'", "precursors"),
         f"largest difference from {count[BASE]}, of all these runs; by viscosity alone "
         f"{max(more[name] for name in BY_ETA)}; at k_f = k, "
         f"{', '.join(f'{share:g} k' for share in BY_K_F.values())}: "

@@ -17,7 +17,7 @@ figures: setup
 	$(BIN)/pyfric reproduce --out figures
 	$(BIN)/pyfric claims --out figures
 
-# Runs the blocks of README and tutorials, builds the documentation into docs/_build/html, and looks at its HTML.
+# Runs the blocks of README and how-to pages, builds docs/_build/html, which runs those of tutorials, and looks at its HTML.
 docs: setup .venv/docs
 	$(PYTEST) --dist load tests/test_walk.py
 	PYTHONSAFEPATH=1 $(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html

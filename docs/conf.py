@@ -3,7 +3,9 @@
 import ast
 import doctest
 import os
+import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import click
@@ -119,6 +121,7 @@ def write_commands():
 
 
 ROOT = Path(__file__).parents[1]
+tutorials = {}
 write_commands()
 myst_substitutions = {
     "held": held(),
@@ -189,6 +192,28 @@ def plain_bars(app, what, name, obj, options, lines):
     lines[:] = [line.replace("|", "\\|") for line in lines]
 
 
+def start_tutorials(app):
+    """Run the blocks of all tutorials, two pages at a time, while the gallery is made."""
+    if app.builder.name == "html":
+        pool, walk = ThreadPoolExecutor(2), ROOT / "tests" / "walk.py"
+        for page in sorted(Path(app.srcdir, "tutorials").glob("*.md")):
+            folder = Path(app.srcdir, "_build", "tutorials")
+            words = [sys.executable, walk, page, folder, app.srcdir]
+            how = {"check": True, "stdout": subprocess.PIPE, "text": True}
+            tutorials[f"tutorials/{page.stem}"] = pool.submit(subprocess.run, words, **how)
+
+
+def show_tutorial(app, name, source):
+    """Show what the blocks of a tutorial print and draw."""
+    if name in tutorials:
+        source[0] = tutorials[name].result().stdout
+
+
+def always_new(app, env, added, changed, removed):
+    """Tutorials are run again at each build: what they show depends on pyfric."""
+    return [name for name in env.found_docs if name.startswith("tutorials/")]
+
+
 def mathml(writer, node):
     """Write an equation as MathML."""
     display = "inline" if node.tagname == "math" else "block"
@@ -197,5 +222,8 @@ def mathml(writer, node):
 
 
 def setup(app):
+    app.connect("env-get-outdated", always_new)
+    app.connect("builder-inited", start_tutorials, priority=1)
+    app.connect("source-read", show_tutorial)
     app.connect("autodoc-process-docstring", plain_bars)
     app.add_html_math_renderer("mathml", (mathml, None), (mathml, None))

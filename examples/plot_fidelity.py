@@ -2,7 +2,7 @@
 How much to model
 =================
 
-The same question at two levels: the quasi-static ladder has no inertia and takes a fraction of
+The same question at two levels: the quasi-static sequence has no inertia and takes a fraction of
 the time; the hybrid engine solves the motion inside events. `plan` says which is enough for a
 tolerance.
 """

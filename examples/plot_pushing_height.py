@@ -3,7 +3,7 @@ Pushing higher or lower
 =======================
 
 How does the height h at which the driver pushes change the precursors? Four runs of the
-quasi-static ladder. They stay on nearly the same curve; the higher the push, the larger the
+quasi-static sequence. They stay on nearly the same curve; the higher the push, the larger the
 torque, and the longer the steps from one precursor to the next.
 """
 

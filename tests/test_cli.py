@@ -3,7 +3,6 @@
 import dataclasses
 import errno
 import functools
-import html
 import json
 import os
 import re
@@ -24,6 +23,7 @@ from pyfric.cli import main
 from pyfric.cli.commands.run import TABLES
 from pyfric.cli.shared import Exit, Tell
 from pyfric.figures import FIGURES
+from pyfric.paper.page import mathematical
 from pyfric.sweeps import runs
 
 SMALL = ("--set", "L=20 mm", "--set", "H=12.5 mm", "--set", "V=500 mm/s")
@@ -663,7 +663,7 @@ def test_claims_are_added_to_the_page_of_figures(tmp_path):
     result = pyf("claims", "14", "--out", tmp_path)
     assert str(page) in result.stdout
     rows = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))["claims"]
-    assert all(row["how"] in html.unescape(page.read_text(encoding="utf-8")) for row in rows)
+    assert all(mathematical(row["how"]) in page.read_text(encoding="utf-8") for row in rows)
 
 
 def test_refused_reproduce(tmp_path):

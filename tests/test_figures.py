@@ -565,6 +565,11 @@ def test_strip_and_movie(run, tmp_path):
     path = figures.event_movie(run, event, tmp_path / "event.gif", count=3)
     assert path.read_bytes()[:6] == b"GIF89a"
     assert [one.name for one in tmp_path.iterdir()] == ["event.gif"]
+    shown = path._repr_html_()
+    assert shown.startswith('<img alt="event" src="data:image/gif;base64,R0lGOD')
+    assert len(shown) > path.stat().st_size
+    film = path.rename(tmp_path / "event.mp4")
+    assert film._repr_html_().startswith('<video controls loop muted src="data:video/mp4;base64,')
 
 
 def test_frames_of_a_film_are_the_whole_figure(run):
@@ -578,7 +583,7 @@ def test_frames_of_a_film_are_the_whole_figure(run):
     panels.show(frames[0], 0.0, (1e6, "us"))
     fig.canvas.draw()
     fig.set_layout_engine("none")
-    film, file = strip._Film(fig, panels.moving()), io.BytesIO()
+    film, file = strip._Canvas(fig, panels.moving()), io.BytesIO()
     panels.show(frames[1], 0.0, (1e6, "us"))
     film.savefig(file)
     for one in panels.moving():

@@ -13,6 +13,7 @@ from test_page import Page
 import pyfric
 from pyfric.cli import main
 from pyfric.figures import record_page, view
+from pyfric.figures.drawing import drawing
 from pyfric.record import held_in
 
 
@@ -101,6 +102,15 @@ def test_a_run_without_slip():
     assert "Nothing slipped in this run." in record_page(still)
 
 
+def test_a_prediction_shows_length_against_force():
+    record = pyfric.prediction_curve(small())
+    shown = embedded(record_page(record))
+    assert shown["growth"] == pytest.approx(list(record.curve["L_p_over_L"]), rel=1e-4)
+    line = drawing(record).axes[0].lines[0]
+    np.testing.assert_array_equal(line.get_ydata(), record.curve["L_p_over_L"])
+    np.testing.assert_array_equal(line.get_xdata(), record.curve["F_T"] / record.scene.F_N)
+
+
 def test_the_command(record, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     record.save("run.nc")
@@ -129,7 +139,11 @@ def test_in_a_browser(record, page):
     def shown():
         return int(re.match(r"Event (\d+):", page.js(said)).group(1))
 
-    assert shown() == record.events["n_blocks"].idxmax()
+    blocks, main = record.events["n_blocks"], record.events["is_main"]
+    assert shown() == blocks[main & record.events["is_precursor"]].idxmax() != blocks.idxmax()
+    words = page.js('document.getElementById("stress").textContent')
+    assert "before" in words
+    assert "after" in words
     box = "JSON.stringify(document.getElementById('map').getBoundingClientRect())"
     box, row = json.loads(page.js(box)), int(record.events["is_main"].idxmax())
     span = record.curve["t"].iloc[-1]
@@ -158,7 +172,7 @@ def test_in_a_browser(record, page):
     assert shown() == 2
     slips = (record.episodes["event"] == 2).sum()
     assert page.js("document.querySelectorAll('#xt rect').length") >= slips
-    assert page.js("document.querySelectorAll('#stress path.line').length") == 8
+    assert page.js("document.querySelectorAll('#stress path.line').length") == 12
     told = {one["method"] for one in page.events}
     assert "Runtime.exceptionThrown" not in told
     assert "Log.entryAdded" not in told

@@ -1,64 +1,21 @@
-"""A newcomer's walk: the blocks of README and tutorials, run in order in an empty folder, as they
-are written.
+"""A newcomer's walk: the blocks of README, how-to pages and one tutorial, run in order in an empty
+folder, as they are written. The site runs all tutorials, to show what they print and draw."""
 
-A block of Python goes on where the one before it ended. A block of TOML whose first line is a
-comment with a name becomes that file. A block of text is how the output of the block before it
-ends, where "..." stands for anything. Lines of `make` are left out: they are what runs the tests.
-"""
-
-import contextlib
-import doctest
-import io
-import os
-import re
 import subprocess
-import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pytest
+from walk import blocks, run, shown
 
 ROOT = Path(__file__).parents[1]
-# Of the tutorials, one is walked by `make test`, all by `make docs`.
 HOW_TO = sorted((ROOT / "docs" / "howto").glob("*.md"))
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorials").glob("*.md")), *HOW_TO]
-PRINTED = "\0printed"
-MATCHING = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-
-
-def blocks(page):
-    return [(kind, text) for kind, text in BLOCK.findall(page.read_text(encoding="utf-8"))]
-
-
-def run(kind, text, known):
-    """Run a block; `known` are the names of those before it, and what the last one printed."""
-    if kind == "python":
-        with contextlib.redirect_stdout(io.StringIO()) as printed:
-            exec(compile(text, "block", "exec"), known)
-        known[PRINTED] = printed.getvalue()
-    elif kind == "text":
-        check, printed = doctest.OutputChecker().check_output, known[PRINTED]
-        ends = check(text, printed, MATCHING) or check(f"...\n{text}", printed, MATCHING)
-        assert ends, f"{text}is not\n{printed}"
-    elif kind == "toml":
-        if name := re.match(r"# (\S+\.toml)\n", text):
-            Path(name[1]).write_text(text, encoding="utf-8")
-    elif kind == "sh":
-        path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-        known[PRINTED] = ""
-        for line in text.splitlines():
-            if not line.startswith("make "):
-                env = os.environ | {"PATH": path}
-                words, said = ["sh", "-ec", line], subprocess.PIPE
-                done = subprocess.run(words, check=True, env=env, stdout=said, text=True)
-                known[PRINTED] += done.stdout
-    else:
-        raise AssertionError(f"a block of {kind}: what is it?")
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+PAGES = [ROOT / "README.md", ROOT / "docs" / "tutorials" / "how_far.md", *HOW_TO]
 
 
 def walked(page):
-    marks = [] if page.stem == "how_far" or page in HOW_TO else [pytest.mark.slow]
+    marks = [pytest.mark.slow] if page.stem == "README" else []
     return pytest.param(page, marks=marks, id=page.stem)
 
 
@@ -73,9 +30,9 @@ def test_a_newcomer_can_run_every_block(page, tmp_path, monkeypatch):
 
 
 def test_every_page_has_blocks():
-    assert len(PAGES) > 3
+    assert len(TUTORIALS) == 6
     assert len(HOW_TO) == 10
-    assert all(blocks(page) for page in PAGES)
+    assert all(blocks(page) for page in [*PAGES, *TUTORIALS])
 
 
 def test_a_block_that_fails_is_noticed(tmp_path, monkeypatch):
@@ -91,3 +48,16 @@ def test_another_output_is_noticed():
     run("text", "0.33...\n", known)
     with pytest.raises(AssertionError, match=r"is not\n *0\.33"):
         run("text", "0.34...\n", known)
+
+
+def test_the_site_shows_what_a_block_prints_and_draws(tmp_path):
+    draw = "import matplotlib.pyplot as plt\nplt.figure()\nplt.savefig('one.png')\nprint(6 * 7)\n"
+    files = "```toml\n# a.toml\nb = 1\n```\n\n```sh\ncat a.toml\n```\n"
+    text = f"Before\n\n```python\n{draw}```\n\n{files}"
+    page = shown(text, tmp_path / "page", tmp_path)
+    plt.close("all")
+    assert page.startswith("Before\n\n```python\n")
+    assert "```{code-block} text\n:class: output\n\n42\n```\n\n```{image} /page/one.png\n" in page
+    assert page.endswith(":class: output\n\n# a.toml\nb = 1\n```\n")
+    with pytest.raises(ZeroDivisionError):
+        shown("```python\n1 / 0\n```\n", tmp_path / "page", tmp_path)

@@ -40,7 +40,7 @@ WANTS = {
 }
 """Question -> what its error is."""
 EVENTS = 2
-"""Main events that a run has by default, as the ladder has them."""
+"""Main events that a run has by default, as the quasi-static sequence has them."""
 TRANSITS = 2.0
 """Times that a shear wave passes the slider in a default run of a scene without a ladder."""
 FINEST = 1 / 16
@@ -120,7 +120,7 @@ def chart(
 
 
 def after_events(scene: Scene, events: int) -> float | None:
-    """Return a time just after so many main events of the ladder, s; None where they do not come.
+    """Return a time just after so many main events, s; None where they do not come.
 
     Args:
         scene: what is simulated, with a driver.
@@ -202,7 +202,7 @@ def _measured(
     """Return a row with the errors of a method; where it has no answer, with the reason."""
     expected = _expected(scene, t_end, method)
     if expected > left or left <= 0:
-        why = f"not run: about {expected:.2g} s, of the budget {max(left, 0.0):.2g} s are left"
+        why = f"not run: about {expected:.2g} s, and {max(left, 0.0):.2g} s of the budget are left"
         return _row(scene, t_end, method, math.nan) | {"status": why}
     try:
         record, seconds = run(scene, t_end, method, _step(scene, method))
@@ -247,7 +247,9 @@ def _named(method: Any) -> str:
 def report(table: pd.DataFrame) -> str:
     """Return the chart as text: methods by cost, then those without an answer."""
     head = "".join(f"{want:>15}" for want in WANTS)
-    lines = [f"errors beside full dynamics at a small step, up to {table['t_end'].iloc[0]:.3g} s"]
+    lines = [
+        f"errors compared with full dynamics at a small step, up to {table['t_end'].iloc[0]:.3g} s"
+    ]
     lines += [f"{'method, step over the limit':<48}{'s':>8}{head}"]
     ran = table[table["status"].isin(["ok", "reference"])].sort_values("seconds")
     for row in ran.itertuples():

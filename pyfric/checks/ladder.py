@@ -1,4 +1,4 @@
-"""The quasi-static ladder against full dynamics: precursors by length and force."""
+"""The quasi-static sequence against full dynamics: precursors by length and force."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pyfric.scene import Scene
 __all__ = ["LADDER", "Ladder", "ladder_at_given_length", "ladder_event_by_event"]
 
 LADDER = 0.03
-"""Forces of the quasi-static ladder, over F_N: it has no inertia, so that nothing overshoots."""
+"""Forces of the quasi-static sequence, over F_N: it has no inertia, so that nothing overshoots."""
 NO_INERTIA = "no inertia: nothing overshoots, and steps are a little shorter"
 
 
@@ -53,27 +53,39 @@ def ladder_event_by_event(
         last: tolerance of the last, longest one; None means the same.
     """
     if len(b.length) < len(a.length):
-        return [Check("ladder: precursors that are missing", math.nan, 0, "", NO_INERTIA)]
+        return [Check("quasi-static: missing precursors", math.nan, 0, "", NO_INERTIA)]
     _, k = paired(a.events, b.events, a.scene)
     off = np.abs(b.length[k] - a.length)
     return [
-        Check("ladder: precursors more", abs(len(b.length) - len(a.length)), 1, "", NO_INERTIA),
-        Check("ladder: lengths, blocks", largest(off[:-1]), blocks, "", NO_INERTIA),
-        Check("ladder: longest precursor, blocks", off[-1], last or blocks, "", NO_INERTIA),
-        Check("ladder: start, over F_N", largest(b.start[k] - a.start), LADDER, "", NO_INERTIA),
-        Check("ladder: arrest, over F_N", largest(b.arrest[k] - a.arrest), LADDER, "", NO_INERTIA),
+        Check(
+            "quasi-static: precursors more", abs(len(b.length) - len(a.length)), 1, "", NO_INERTIA
+        ),
+        Check("quasi-static: lengths, blocks", largest(off[:-1]), blocks, "", NO_INERTIA),
+        Check("quasi-static: longest precursor, blocks", off[-1], last or blocks, "", NO_INERTIA),
+        Check(
+            "quasi-static: start, over F_N", largest(b.start[k] - a.start), LADDER, "", NO_INERTIA
+        ),
+        Check(
+            "quasi-static: arrest, over F_N",
+            largest(b.arrest[k] - a.arrest),
+            LADDER,
+            "",
+            NO_INERTIA,
+        ),
     ]
 
 
 def ladder_at_given_length(a: Ladder, b: Ladder) -> list[Check]:
     """Compare the forces at which precursors of a length start and stop, where both have some."""
     common = (a.length >= b.length[0]) & (a.length <= b.length[-1])
-    checks = [Check("ladder: lengths that do not grow", (np.diff(b.length) <= 0).sum(), 0)]
-    checks.append(Check("ladder: precursors out of range", (~common).sum(), 2, "", NO_INERTIA))
+    checks = [Check("quasi-static: lengths that do not grow", (np.diff(b.length) <= 0).sum(), 0)]
+    checks.append(
+        Check("quasi-static: precursors out of range", (~common).sum(), 2, "", NO_INERTIA)
+    )
     for force in ("start", "arrest"):
         at_length = np.interp(a.length[common], b.length, getattr(b, force))
         error = largest(at_length - getattr(a, force)[common])
         checks.append(
-            Check(f"ladder: {force} at given length, over F_N", error, LADDER, "", NO_INERTIA)
+            Check(f"quasi-static: {force} at given length, over F_N", error, LADDER, "", NO_INERTIA)
         )
     return checks

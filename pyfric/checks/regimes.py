@@ -40,7 +40,7 @@ Behaviour = Literal["refusal", "stop", "warning", "switch", "answer"]
 FORCE = 1e-6
 """Forces of events between hybrid engine and full dynamics, over F_N, in linear geometry."""
 BUDGET = 1e-6
-"""Error of the energy budget, over the largest energy that changed hands."""
+"""Error of the energy budget, over the largest energy exchanged."""
 
 
 class Observed(NamedTuple):
@@ -107,7 +107,7 @@ def _refused(scene: Callable[[], Scene], *, field: str, t_end: float = 1e-3, **h
         one = next((e for e in error.flat() if e.field == field), error)
         right = float(one.field != field)
         return Observed("refusal", f"field other than {field}", right, 0.0, str(one))
-    return Observed("silence", "", math.nan, 0.0, "the run was made")
+    return Observed("silence", "", math.nan, 0.0, "the run is complete")
 
 
 def _above_limit(scene: Callable[[], Scene]) -> Observed:
@@ -126,7 +126,7 @@ def _stopped(scene: Callable[[], Scene], *, t_end: float) -> Observed:
         sound = folded(record.scene, record.final_state.y[:, :2]) is None
         wrong = float(not (named and kept and sound))
         return Observed("stop", "something missing", wrong, 0.0, text)
-    return Observed("silence", "", math.nan, 0.0, "the run was made")
+    return Observed("silence", "", math.nan, 0.0, "the run is complete")
 
 
 def _noted(scene: Callable[[], Scene], *, note: str, t_end: float = 1e-5, **how) -> Observed:
@@ -276,7 +276,7 @@ REGIMES: tuple[Regime, ...] = (
     Regime("dt above the limit", rod, "refusal", "the limit is named", _above_limit),
     Regime(
         "k_f >> k", partial(rod, k_f=1.35e10), "answer",
-        f"the step shrinks as 1/sqrt(k_f); {_hybrid_is_dynamic}", partial(_same, t_end=3e-3),
+        f"the step falls as 1/sqrt(k_f); {_hybrid_is_dynamic}", partial(_same, t_end=3e-3),
     ),
     Regime(
         "eta = 0", partial(rod, eta=0.0), "switch",
@@ -285,7 +285,7 @@ REGIMES: tuple[Regime, ...] = (
     ),
     Regime(
         "eta limits dt", partial(rod, eta=300.0), "answer",
-        f"the step shrinks as 1/eta; {_hybrid_is_dynamic}", partial(_same, t_end=3e-3),
+        f"the step falls as 1/eta; {_hybrid_is_dynamic}", partial(_same, t_end=3e-3),
     ),
     Regime(
         "mu_s = mu_k", partial(rod, mu_s=0.45, V=2e-3), "answer",
@@ -312,7 +312,7 @@ REGIMES: tuple[Regime, ...] = (
     ),
     Regime(
         "corner cascade", cascade, "answer",
-        "micro-slips of the corner are recorded and delay nothing; forces as in the "
+        "micro-slips of the corner are recorded; forces as in the "
         "quasi-static sequence",
         partial(_cascade, t_end=0.9),
     ),
@@ -363,7 +363,7 @@ REGIMES: tuple[Regime, ...] = (
     ),
     Regime(
         "F_T pulls", partial(rod, V=0.0), "answer",
-        "the driver's spring is bilateral: the slider comes to rest as statics says",
+        "the driver's spring also pulls: the slider comes to rest where statics predicts",
         partial(_pulled, force=0.2, t_end=0.012),
     ),
     Regime(
@@ -377,7 +377,7 @@ REGIMES: tuple[Regime, ...] = (
            partial(_refused, field="top.p")),
     Regime(
         "K very large", partial(rod, K=1e11, V=0.02), "answer",
-        f"the step shrinks as 1/sqrt(K); {_hybrid_is_dynamic}", partial(_same, t_end=2e-3),
+        f"the step falls as 1/sqrt(K); {_hybrid_is_dynamic}", partial(_same, t_end=2e-3),
     ),
     Regime("K very small", partial(rod, K=1e-3), "answer", "F_T = K V t and nothing slips",
            partial(_nothing_slips, t_end=0.01)),

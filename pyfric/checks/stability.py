@@ -199,9 +199,9 @@ def figure(table: pd.DataFrame) -> DataFigure:
     axes.tick_params(labelsize=7, direction="in", which="both")
     axes.legend(fontsize=7, frameon=False)
     fig.caption = (
-        "Growth of a small disturbance of the slider at rest in a step, over the step, for each "
+        "Growth per step of a small disturbance of the slider at rest, against the step, for each "
         "explicit stepper. Dotted: the largest step at which none was measured. Above 0 a run "
-        "would leave the range of numbers; such steps are refused."
+        "diverges; such steps are refused."
     )
     fig.tables = {"growth": table}
     return fig

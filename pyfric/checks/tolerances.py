@@ -53,7 +53,7 @@ HYBRID = {
         speed=3e-4,
         spread=3e-4,
         curve=5e-6,
-        why="the same steps and switches; what jumps drop, and how rounding grows in events",
+        why="same steps and switches; the truncated part of jumps, and amplified rounding",
     ),
     "finite": Tolerances(
         start=3e-5,
@@ -67,7 +67,7 @@ HYBRID = {
         speed=1e-3,
         spread=5e-3,
         curve=2e-4,
-        why="as in linear geometry; besides, jumps take the modes of the loaded state",
+        why="as in linear geometry; in addition, jumps use the modes of the loaded state",
     ),
 }
 """Hybrid with located switching, geometry -> tolerances. Measured in seven scenes: in linear
@@ -88,7 +88,7 @@ STEP_END = Tolerances(
     speed=0.25,
     spread=0.1,
     curve=None,
-    why="switches wait for step ends: an error of order 1 in the step, which is felt most by "
+    why="switches wait for step ends: a first-order error, which is largest for "
     "rupture times one or two steps apart",
 )
 """Hybrid with switching at step ends. Measured: start 1.2e-3, arrest 5.1e-3, 1.9 ms, 2 blocks,

@@ -100,7 +100,7 @@ def verify(progress: Callable[[Group], None] | None = None) -> list[Group]:
 @contextmanager
 def _limited(seconds: float) -> Iterator[None]:
     """End the block after so much processor time; only the main thread can be ended."""
-    text = f"not made within {LIMIT:g} s of processor time, for all checks together"
+    text = f"not run: all checks together may take {LIMIT:g} s of processor time"
     if seconds <= 0:
         raise _OutOfTime(text)
     main = threading.current_thread() is threading.main_thread()

@@ -131,8 +131,8 @@ def _code(error: Exception) -> Exit | None:
 def main() -> None:
     """Simulate how an elastic block starts to slide on a frictional surface.
 
-    Where a command writes one file, or files named after one stem, --overwrite is needed to replace
-    what is there. Where it writes a folder, the folder is made if it is missing, and files in it
-    that have the names of the outputs are replaced. --json prints the result as JSON, --quiet
-    nothing but errors. Progress is shown in a terminal only.
+    A command that writes one file, or files named after one stem, replaces existing files only with
+    --overwrite. A command that writes into a folder makes the folder and replaces files of the same
+    names. --json prints the result as JSON, --quiet prints errors only. Progress is shown in a
+    terminal only.
     """

@@ -342,7 +342,7 @@ def folder_option(name: str, **rest: Any) -> Callable[..., Any]:
 
 
 figure_out_option = folder_option(
-    "--out", metavar="DIR", default=".", show_default=True, help="Folder of the files."
+    "--out", metavar="DIR", default=".", show_default=True, help="Folder for the files."
 )
 
 

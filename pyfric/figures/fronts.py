@@ -80,9 +80,9 @@ def fig4a(record: Record, event: int | None = None) -> DataFigure:
     between = int(table["v_c"].isna().sum()) - 4
     what = (
         f"Speed of the rupture front (a) and tau/p just before it (b), event {event} "
-        f"(L_p/L = {row['L_p_over_L']:.3g}, {len(known)} points; no speed at "
-        f"the two blocks at each end and at {max(between, 0)} more, whose five times do not "
-        f"increase); after Fig. 4(a) of {PAPER}. Dashed: long waves of the lattice, and mu_s, mu_k."
+        f"(L_p/L = {row['L_p_over_L']:.3g}, {len(known)} points); after Fig. 4(a) of {PAPER}. "
+        f"There is no speed at two blocks at each end, and at {max(between, 0)} more whose five "
+        "times do not increase. Dashed: long waves of the lattice, and mu_s, mu_k."
     )
     fig.caption = caption(record, what)
     return fig
@@ -121,9 +121,9 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
     what = (
         "Speed of rupture fronts against tau/p just before the event (a) and against "
         f"(tau/p - mu_k)/(mu_s - mu_k) (b); after Fig. 4(b) of {PAPER} and its inset. "
-        f"{len(points)} blocks in {points.groupby(['run', 'event']).ngroups} main events; "
-        f"{blocks - len(points)} blocks of their fronts have no speed (two at each end of a front, "
-        "and where five times do not increase) or are open. Dashed: long waves of the lattice."
+        f"{len(points)} blocks in {points.groupby(['run', 'event']).ngroups} main events. "
+        f"{blocks - len(points)} blocks are left out: they are open or have no speed, at the ends "
+        "of a front or where five times do not increase. Dashed: long waves of the lattice."
     )
     if len(medians):
         what += f" Lines: medians in {MEDIANS} bins of equal numbers of points."

@@ -173,6 +173,22 @@ def fig2b(records: Sequence[Record]) -> DataFigure:
     return fig
 
 
+def growth(record: Record) -> DataFigure:
+    """Draw the growth of the slipping zone of `prediction_curve`: length against force."""
+    F_T, length = record.curve["F_T"] / record.scene.F_N, record.curve["L_p_over_L"]
+    fig, (axes,) = panels(2.4)
+    axes.plot(F_T, length, color=BLACK, lw=0.9)
+    axes.set_xlim(0, 1.05 * max(F_T.max(), 1e-9))
+    axes.set_ylim(0, 1.02)
+    axes.set_xlabel(r"force $F_\mathrm{T}/F_\mathrm{N}$")
+    axes.set_ylabel(r"slipping zone $L_\mathrm{p}/L$")
+    fig.tables = {"prediction": pd.DataFrame({"F_T_over_F_N": F_T, "L_p_over_L": length})}
+    mu = record.scene.law.mean.mu_k
+    what = f"Length L_p/L of the slipping zone against F_T/F_N for mu_s = mu_k = {mu:g}."
+    fig.caption = caption(record, what)
+    return fig
+
+
 PREDICTED = r"$\mu_\mathrm{s}=\mu_\mathrm{k}$ prediction"
 
 
@@ -261,6 +277,6 @@ def _what(points: pd.DataFrame) -> str:
     return (
         "Lines: growth of the slipping zone with mu_s = mu_k; dashed: mu_k. "
         f"{len(points)} precursors of 4 blocks or more, before the first event over the whole "
-        f"interface; {int((~points['advances']).sum())} that reach no further than an earlier one "
-        "are small dots; smaller events are left out."
+        f"interface. Small dots: the {int((~points['advances']).sum())} that reach no further than "
+        "an earlier one."
     )

@@ -93,10 +93,9 @@ def fig1b(record: Record, path: str | os.PathLike[str] | None = None) -> DataFig
 def slip_segments(record: Record) -> pd.DataFrame:
     """Slipped regions as straight pieces: one row per event and run of neighbouring blocks.
 
-    Columns: event (its number, from 1); t_s, time of first slip, s; kind, "whole" (reaches
-    over the whole interface), "partial" (main event) or "micro"; slipped, False for blocks that
-    only made corner slips or were open at the end; first_block, last_block, numbers from the
-    trailing edge; x_from, x_to, x/L from the trailing edge.
+    Columns: event (from 1); t_s, time of first slip, s; kind, "whole" (over the whole interface),
+    "partial" (main event) or "micro"; slipped, False for blocks that only made corner slips or
+    were open at the end; first_block, last_block, from the trailing edge; x_from, x_to, x/L.
     """
     scene, events = record.scene, record.events
     region = record.region[:, np.argsort(scene.n_of_i)]

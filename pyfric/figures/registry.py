@@ -19,7 +19,7 @@ class PaperFigure(NamedTuple):
     Attributes:
         title: its title.
         runs: name of what it is drawn from, a key of `pyfric.paper.RUNS`.
-        draw: function of a record where that is one run, of a list of records where it is several.
+        draw: function of a record, or of a list of records if there are several runs.
         precursor: which main precursor of the first loading the paper shows, counted from 1; None
             for figures that are not of one event.
     """

@@ -54,14 +54,14 @@ def sketch(scene: SceneLike) -> DataFigure:
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
 
-    Large lattices are thinned: every q-th block in both directions, said in the caption. Lengths
+    Large lattices are thinned to every q-th block, as the caption says. Lengths
     of the load's arrows are proportional to the forces.
 
     Fields of the interface that vary are drawn below it, from their least to their largest value.
 
     Returns:
-        The figure. Its table "columns" has what acts on each column: n, x_mm from the trailing
-        edge, load_N and shear_N, and the fields that vary, in SI units.
+        The figure. Its table "columns" has a row for each column of blocks: n, x_mm from the
+        trailing edge, load_N and shear_N, and the fields that vary, in SI units.
     """
     scene = as_scene(scene)
     slider = scene.slider
@@ -99,7 +99,7 @@ def sketch(scene: SceneLike) -> DataFigure:
     fig.tables = {"columns": pd.DataFrame(columns | fields)}
     thin = f" Every {_ordinal(q)} block in both directions and the driven row are drawn."
     what = f"Sketch of the scene, to scale, after Fig. 1(a) of {PAPER}."
-    fig.caption = f"{what}{thin if q > 1 else ''} {scene_text(scene)}"
+    fig.caption = f"{what}{thin if q > 1 else ''}\n{scene_text(scene)}"
     return fig
 
 

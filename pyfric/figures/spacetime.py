@@ -57,10 +57,10 @@ def space_time(record: Record, event: int, initial: State | None = None) -> Data
     """Draw the slip rate along the interface over time, with wave speeds and theory as lines.
 
     The event is run again with full dynamics. On junctions the colour is the share of them that is
-    pinned, at the times of the record's curve: `sample` says how close these are.
+    pinned, at the times of the record's curve (`sample`).
 
     Lines begin where and when the front starts to run: c_R (dash-dotted), c_S (dotted) and c_L
-    (dashed), in a chain c alone; black: the rupture times of the record; purple: theory
+    (dashed); in a chain there is c alone. Black: the rupture times of the record. Purple: theory
     (`theory_times`).
 
     Args:
@@ -74,8 +74,7 @@ def space_time(record: Record, event: int, initial: State | None = None) -> Data
         x_over_L, t_s, share).
 
     Raises:
-        SceneError: no such event, another engine, a run that cannot be made again, or too few
-            points of the curve.
+        SceneError: there is no such event, it cannot be run again, or the curve has too few points.
     """
     check_event(record, event)
     if record.motion:

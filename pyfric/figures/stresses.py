@@ -118,7 +118,7 @@ def fig3b(record: Record) -> DataFigure:
     events = joined(str(table["event"].iloc[0]) for table in profiles)
     what = (
         "(a) Normal force p over that of the same block at F_T = 0, after every second main "
-        f"precursor of the first loading (events {events}); dots: their last blocks. "
+        f"precursor of the first loading (events {events}). Dots: their last blocks. "
         f"Between x = h + l and the tip it falls by up to {drop:.0%}. (b) p over F_N/N_x after the "
         f"{len(after)} events over the whole interface; {spread}after Fig. 3(b) of {PAPER} and "
         "its inset."

@@ -6,6 +6,7 @@ gives, or on junctions and on a prescribed interface full dynamics.
 
 from __future__ import annotations
 
+import base64
 import math
 import os
 from collections.abc import Sequence
@@ -51,6 +52,16 @@ __all__ = ["Frame", "event_frames", "event_movie", "event_strip", "frame_times",
 MOMENTS = (0.05, 0.3, 0.55, 0.8, 1.0, 1.6)
 """Frames of a strip, in units of the time the front takes."""
 FILM_DPI = 150
+
+
+class Film(type(Path())):
+    """The path of a film; a notebook plays it."""
+
+    def _repr_html_(self) -> str:
+        data = base64.b64encode(self.read_bytes()).decode()
+        if self.suffix.lower() == ".gif":
+            return f'<img alt="{self.stem}" src="data:image/gif;base64,{data}">'
+        return f'<video controls loop muted src="data:video/mp4;base64,{data}"></video>'
 
 
 @dataclass(frozen=True)
@@ -141,7 +152,7 @@ def event_strip(
     Args:
         record: a run of the hybrid or the dynamic engine.
         event: its number, from 1.
-        moments: times of the frames, from the first slip on, over the time that the front takes.
+        moments: times of the frames from the first slip on, in units of the front's time.
         initial: as in `event_frames`.
 
     Raises:
@@ -168,19 +179,22 @@ def event_movie(
     moments: tuple[float, float] = (0.0, 2.0),
     fps: int = 12,
     initial: State | None = None,
-) -> Path:
+) -> Film:
     """Write an animation of an event; see `event_strip`.
 
     Args:
         record, event: as in `event_strip`.
-        path: the file, a GIF or, where ffmpeg is installed, an MP4, by the end of its name.
+        path: the file; its name ends in .gif, or in .mp4 if ffmpeg is installed.
         count: number of frames.
-        moments: times of the first and the last frame, over the time that the front takes.
+        moments: times of the first and the last frame, in units of the front's time.
         fps: frames per second.
         initial: as in `event_frames`.
 
+    Returns:
+        The path, which shows the film in a notebook.
+
     Raises:
-        SceneError: see `event_frames`; or a name that ends otherwise.
+        SceneError: see `event_frames`; or the name ends in neither .gif nor .mp4.
         OSError: the file cannot be written.
     """
     writer = _writer(Path(path), fps)
@@ -200,14 +214,14 @@ def event_movie(
         film = draft.with_name(draft.name + Path(path).suffix)  # writers go by the name
         try:
             with writer.saving(fig, film, dpi=FILM_DPI):
-                writer.fig = _Film(fig, panels.moving())
+                writer.fig = _Canvas(fig, panels.moving())
                 for frame in frames:
                     panels.show(frame, t_start, unit)
                     writer.grab_frame()
             os.replace(film, draft)
         finally:
             film.unlink(missing_ok=True)
-    return Path(path)
+    return Film(path)
 
 
 def _writer(path: Path, fps: int) -> AbstractMovieWriter:
@@ -220,7 +234,7 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     if kind == ".gif":
         return PillowWriter(fps=fps)
     if kind != ".mp4":
-        raise SceneError("path", str(path), "", allowed, "no kind of film that is known")
+        raise SceneError("path", str(path), "", allowed, "an unknown kind of film")
     if not has_ffmpeg():
         reason = "an MP4 needs ffmpeg, or the extra movies (imageio-ffmpeg), which is not here"
         raise SceneError("path", str(path), "", allowed, reason)
@@ -228,7 +242,7 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     return FFMpegWriter(fps=fps, codec="h264", extra_args=["-vf", even, "-preset", "veryfast"])
 
 
-class _Film:
+class _Canvas:
     """A figure as writers of films take it, of which only what moves is drawn for each frame."""
 
     def __init__(self, fig: DataFigure, moving: Sequence[Artist]) -> None:

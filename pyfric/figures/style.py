@@ -160,10 +160,10 @@ def time_unit(span: float) -> tuple[float, str]:
 
 
 def caption(records: Record | Sequence[Record], *texts: str) -> str:
-    """Join texts with the scenes and methods of the records."""
+    """Join texts, and add a line with the scenes and one with the methods of the records."""
     several = [*records] if isinstance(records, Sequence) else [records]
     scenes = scene_text([one.scene for one in several])
-    return " ".join([*texts, scenes, engine_text(several)])
+    return "\n".join([" ".join(texts), scenes, engine_text(several)])
 
 
 def scene_text(scenes: Scene | Sequence[Scene]) -> str:

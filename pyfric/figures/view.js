@@ -63,7 +63,14 @@ const highest = 1.12 * Math.max(data.mu_k, ...data.curve.F);
 const loading = new Panel(62, 10, 825, 205, [begin, end], [0, highest]);
 const map = new Panel(62, 230, 825, 190, [begin, end], [0, 1]);
 
+function drawGrowth() {
+  const panel = new Panel(62, 10, 825, 410, [0, 1.05 * Math.max(...data.curve.F, 1e-9)], [0, 1]);
+  get("map").innerHTML = panel.line(data.curve.F, data.growth, "#222") +
+    panel.axes(`force ${sub("F", "T")}/${sub("F", "N")}`, `slipping zone ${sub("L", "p")}/L`);
+}
+
 function drawOverview() {
+  if (data.growth) return drawGrowth();
   const parts = [loading.level(data.mu_k, sub("μ", "k"), begin + 0.03 * (end - begin)), loading.line(data.curve.t, data.curve.F, "#222")];
   for (const kind of ["micro", "partial", "whole"]) {
     const paths = { 1: "", 0: "" };
@@ -132,6 +139,11 @@ function bar(most) {
   return parts.join("");
 }
 
+function legend([name, colour, kind], i) {
+  const x = 62 + [0, 100, 190, 390][i];
+  return `<path class="line ${kind}" stroke="${colour}" d="M${x} 16h28"/><text x="${x + 34}" y="20">${name}</text>`;
+}
+
 function drawStresses(detail) {
   const x = range(data.N_x).map((i) => i / Math.max(data.N_x - 1, 1));
   const blue = "#0072B2", red = "#D55E00";
@@ -140,9 +152,10 @@ function drawStresses(detail) {
   const ratio = (when) => detail[`tau_${when}`].map((tau, i) => (tau === null || !(detail[`p_${when}`][i] > 0) ? null : tau / detail[`p_${when}`][i]));
   const before = ratio("before"), after = ratio("after");
   const known = [...before, ...after].filter((v) => v !== null);
-  const upper = new Panel(62, 10, 825, 240, [0, 1], [Math.min(0, ...all), 1.05 * Math.max(...all)]);
-  const lower = new Panel(62, 275, 825, 200, [0, 1], [Math.min(0, ...known), 1.15 * Math.max(data.mu_s, ...known)]);
+  const upper = new Panel(62, 34, 825, 240, [0, 1], [Math.min(0, ...all), 1.05 * Math.max(...all)]);
+  const lower = new Panel(62, 299, 825, 200, [0, 1], [Math.min(0, ...known), 1.15 * Math.max(data.mu_s, ...known)]);
   return [
+    ...[["before", blue, ""], ["after", red, ""], ["friction force τ, τ/p", "#222", ""], ["normal force p", "#222", "dashed"]].map(legend),
     upper.line(x, detail.p_before, blue, "dashed"), upper.line(x, detail.p_after, red, "dashed"),
     upper.line(x, detail.tau_before, blue), upper.line(x, detail.tau_after, red),
     upper.axes("", `τ and p over ${sub("F", "N")}/${sub("N", "x")}`),
@@ -166,14 +179,14 @@ function choose(index) {
   chosen = Math.min(Math.max(index, 0), events.length - 1);
   const one = events[chosen], text = words(one);
   get("event-title").textContent = `Event ${one.event}`;
-  get("said").textContent = text;
+  get("said").innerHTML = text.replace(/(\w)_(\w)/g, "$1<sub>$2</sub>");
   get("choice").value = chosen;
   get("previous").disabled = chosen === 0;
   get("next").disabled = chosen === events.length - 1;
   const x = map.px(one.t);
   get("marker").setAttribute("d", `M${x} ${loading.top}V${map.top + map.height}`);
   get("map").setAttribute("aria-valuenow", chosen);
-  get("map").setAttribute("aria-valuetext", text);
+  get("map").setAttribute("aria-valuetext", text.replaceAll("_", ""));
   document.querySelectorAll("tr[aria-current]").forEach((row) => row.removeAttribute("aria-current"));
   get("table").tBodies[0].rows[chosen].setAttribute("aria-current", "true");
   drawEvent();
@@ -222,4 +235,5 @@ get("map").addEventListener("keydown", (e) => {
   choose(MOVES[e.key](chosen));
 });
 window.addEventListener("hashchange", asked);
-if (!asked()) choose(events.reduce((best, one, i) => (one.blocks > events[best].blocks ? i : best), 0));
+const rank = (one) => one.blocks + (one.precursor ? data.N_x : 0); // the largest precursor, else the largest event
+if (!asked()) choose(events.reduce((best, one, i) => (rank(one) > rank(events[best]) ? i : best), 0));

@@ -36,9 +36,9 @@ KIND_NAMES = {"whole": "whole interface", "partial": "partial", "micro": "micro-
 def record_page(record: Record) -> str:
     """Return a page about a record, as HTML: at most 2 MB, which needs nothing from elsewhere.
 
-    It shows the loading curve and where the interface slips; of each event that is chosen, when
-    which block slips, and the stresses before and after; and what made the record. Where the events
-    are too many for the size of the page, it says which are left out.
+    It shows the loading curve, where the interface slips, and what made the record. Of the chosen
+    event it shows when each block slips, and the stresses before and after. If there are too many
+    events for the size of the page, it says which are left out.
     """
     kept = _kept(record)
     rows = _event_rows(record, kept)
@@ -74,7 +74,9 @@ def _kept(record: Record) -> np.ndarray:
 def _overview(record: Record, kept: np.ndarray) -> dict[str, Any]:
     """Loading curve and slip regions."""
     t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
-    t, F_T = envelope(t, F_T, CURVE_BINS // 3)
+    length = record.curve.get("L_p_over_L")
+    if length is None:
+        t, F_T = envelope(t, F_T, CURVE_BINS // 3)
     pieces = slip_segments(record)
     pieces = pieces[pieces["event"].isin(kept)]
     columns = ("t_s", "x_from", "x_to", "slipped")
@@ -85,6 +87,7 @@ def _overview(record: Record, kept: np.ndarray) -> dict[str, Any]:
     friction = record.scene.law.mean
     return {
         "curve": {"t": _rounded(t, 7), "F": _rounded(F_T / record.scene.F_N, 5)},
+        "growth": None if length is None else _rounded(length, 5),
         "slip": slip,
         "colours": {kind: colour for kind, (_, colour, *_) in KINDS.items()},
         "mu_s": friction.mu_s,
@@ -102,6 +105,7 @@ def _event_rows(record: Record, kept: np.ndarray) -> list[dict[str, Any]]:
             "event": int(event),
             "kind": str(kind),
             "kind_name": KIND_NAMES[kind],
+            "precursor": bool(one["is_precursor"]),
             "t": _number(one["t_start"], 9),
             "duration": _number(one["duration"]),
             "start": _number(one["F_T_start"] / F_N),

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,9 +21,9 @@ from pyfric.scene import __version__, write
 
 __all__ = ["write_index"]
 
-CLAIM_COLUMNS = (
-    *("number", "text", "value", "unit", "band", "verdict", "damage", "damaged"),
-    *("how", "source", "note"),
+CLAIM_VALUES = (
+    *("number", "text", "value", "unit", "band", "verdict", "how", "note", "source"),
+    *("damage", "damaged"),
 )
 COST_COLUMNS = (
     "scene",
@@ -49,15 +48,8 @@ class Shown(NamedTuple):
     name: str
     title: str
     caption: Markup
+    details: Markup
     files: list[str]
-
-
-class Table(NamedTuple):
-    """A table on the page; `classes` are those of its rows."""
-
-    head: Sequence[str]
-    rows: list[list[Any]]
-    classes: list[str]
 
 
 def write_index(folder: str | os.PathLike[str]) -> Path:
@@ -72,7 +64,6 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
     runs = [pd.read_csv(folder / f"{name}_runs.csv").assign(figure=name) for name in names]
     claims = folder / "claims.json"
     found = _claims(claims) if claims.is_file() else None
-    rows = zip(found.rows, found.classes, strict=True) if found else ()
     text = template(__file__, "page.html").render(
         version=__version__,
         film=film,
@@ -80,7 +71,7 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
         figures=[_figure(folder, name) for name in names],
         has_claims=claims.is_file(),
         claims=found,
-        missed=[row[0] for row, kind in rows if kind],
+        missed=[one["number"] for one in found or () if one["verdict"] == "misses"],
         cost=_cost(pd.concat(runs, ignore_index=True)) if runs else None,
     )
     return write(folder / "index.html", text.encode())
@@ -89,12 +80,15 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
 def _figure(folder: Path, name: str) -> Shown:
     caption = (folder / f"{name}.txt").read_text(encoding="utf-8").strip()
     files = [f"{name}.pdf", *sorted(path.name for path in folder.glob(f"{name}_*.csv"))]
-    return Shown(name, FIGURES[name].title, mathematical(caption), files)
+    what, _, details = caption.partition("\n")
+    shown = mathematical(what), mathematical(details)
+    return Shown(name, FIGURES[name].title, *shown, files)
 
 
 SYMBOL = re.compile(
-    r"\b(?P<letter>[FLNHVKXcdkluvt]|mu|tau|theta|alpha|eta)_(?P<index>[A-Za-z]\w?|top)\b"
+    r"\b(?P<letter>[FLNHVKXcdkluvtp]|mu|tau|theta|alpha|eta)_(?P<index>[A-Za-z]\w?|top|max|initial)\b"
     r"|\b(?P<greek>mu|tau|theta|alpha|eta)\b"
+    r"|\b(?P<alone>[LHVKplh]|[xtkmRM](?= [=≤≥]|/[LHlp]\b))\b"
 )
 GREEK = {"mu": "μ", "tau": "τ", "theta": "θ", "alpha": "α", "eta": "η"}
 
@@ -103,24 +97,26 @@ def mathematical(text: str) -> Markup:
     """Return a text as HTML in which its symbols, such as mu_s and L_p, are MathML."""
 
     def math(found: re.Match[str]) -> str:
-        letter, index = found["letter"] or found["greek"], found["index"]
+        letter, index = found["letter"] or found["greek"] or found["alone"], found["index"]
         shown = f"<mi>{GREEK.get(letter, letter)}</mi>"
         shown = f"<msub>{shown}<mi>{index}</mi></msub>" if index else shown
         return f"<math>{shown}</math>"
 
+    text = text.replace("<=", "≤").replace(">=", "≥")
     return Markup(SYMBOL.sub(math, str(escape(text))))
 
 
-def _claims(path: Path) -> Table | None:
+def _claims(path: Path) -> list[dict[str, Markup]] | None:
     """The claims as `pyfric claims` writes them, where they are; misses first."""
     try:
         claims = json.loads(path.read_text(encoding="utf-8"))["claims"]
         claims = sorted(claims, key=lambda claim: claim.get("verdict") != "misses")
-        rows = [[_plain(claim.get(column)) for column in CLAIM_COLUMNS] for claim in claims]
-        classes = ["miss" if claim.get("verdict") == "misses" else "" for claim in claims]
+        return [
+            {name: mathematical(_plain(claim.get(name))) for name in CLAIM_VALUES}
+            for claim in claims
+        ]
     except (ValueError, KeyError, TypeError, AttributeError):
         return None
-    return Table(CLAIM_COLUMNS, rows, classes)
 
 
 def _cost(runs: pd.DataFrame) -> dict[str, Any]:
@@ -141,8 +137,7 @@ def _cost(runs: pd.DataFrame) -> dict[str, Any]:
         ]
         for _, row in merged.iterrows()
     ]
-    table = Table(COST_COLUMNS, rows, [""] * len(rows))
-    return {"table": table, "seconds": merged["seconds"].sum()}
+    return {"head": COST_COLUMNS, "rows": rows, "seconds": merged["seconds"].sum()}
 
 
 def _plain(value: Any) -> str:

@@ -116,10 +116,10 @@ def _film(record: Record, out: Path) -> list[Path]:
     path = event_movie(record, event, out / FILMS[0 if has_ffmpeg() else 1])
     row, method = record.events.loc[event], record.method
     text = (
-        f"Event {event} of the run of Fig. 1, that of Figs. 3(a) and 4(a), first "
-        f"slip at t = {row['t_start']:.6g} s, L_p/L = {row['L_p_over_L']:.3g}, again with full "
-        "dynamics from a state just before it. Above: velocity along the drive; below: tau/p, "
-        f"dots: blocks that slip. The run: {method}."
+        f"Event {event} of the Fig. 1 run, shown in Figs. 3(a) and 4(a): first slip at "
+        f"t = {row['t_start']:.6g} s, L_p/L = {row['L_p_over_L']:.3g}. It was run again with full "
+        "dynamics from a state just before it. Above: velocity along the drive. Below: tau/p; "
+        f"dots are blocks that slip. The run: {method}."
     )
     for other in set(FILMS) - {path.name}:
         (out / other).unlink(missing_ok=True)

@@ -70,7 +70,7 @@ what they are drawn from four times out of five (binomial)."""
 
 
 def budget_left(curve: pd.DataFrame) -> pd.Series:
-    """Return what an energy budget leaves over since its start, in J: 0 but for errors of steps.
+    """Return the residual of an energy budget since its start, in J: 0 except for errors of steps.
 
     Args:
         curve: the loading curve of a run with budget = True.
@@ -80,9 +80,9 @@ def budget_left(curve: pd.DataFrame) -> pd.Series:
 
 
 def budget_error(curve: pd.DataFrame) -> float:
-    """Return the largest error of an energy budget, over the largest energy that changed hands.
+    """Return the largest error of an energy budget, over the largest energy exchanged.
 
-    Where next to nothing did, the error is that of rounding: it is taken over the stored energy.
+    If almost none was exchanged, it is taken over the stored energy.
 
     Args:
         curve: the loading curve of a run with budget = True.
@@ -129,7 +129,7 @@ class Collapse(NamedTuple):
         rms: root mean square of ln y (or y) minus the median of its bin.
         n: number of points.
         edges: edges of the bins in x, between points, shape (bins + 1,).
-        median: median of y in each bin, shape (bins,); NaN in a bin that equal x leave empty.
+        median: median of y in each bin, shape (bins,); NaN in an empty bin, which equal x cause.
     """
 
     rms: float
@@ -145,8 +145,8 @@ def precursors(record: Record) -> pd.DataFrame:
     """Return the precursors: finished main events with 0 < L_p < L, at any time of the run.
 
     Returns:
-        ``event``, the columns of ``record.events``, and ``force_start`` and ``force_arrest``, the
-        static forces at first slip and last stick over F_N; one row each, in order of time.
+        One row for each, in order of time. Columns: ``event``, those of ``record.events``, and
+        ``force_start`` and ``force_arrest``, static forces at first slip and last stick over F_N.
     """
     events = record.events
     return _chosen(record, events["is_main"] & events["finished"] & events["is_precursor"])
@@ -186,9 +186,9 @@ def stress_profile(record: Record, event: int | None = None, when: When = "befor
             meaning for event = None.
 
     Returns:
-        One row per block: n; x_over_L; tau and p over F_N/N_x; tau_over_p; p_over_p_initial, over
-        the same block's p at F_T = 0, NaN where that was 0; scaled, the scaled prestress; region,
-        1 slipped in the event, 2 corner slip or open at its end, 0 neither.
+        One row per block. Columns: n; x_over_L; tau and p over F_N/N_x; tau_over_p;
+        p_over_p_initial, over p at F_T = 0, NaN where that was 0; scaled, the scaled prestress;
+        region, 1 slipped in the event, 2 corner slip or open at its end, 0 neither.
 
     Raises:
         SceneError: no such event, its state was never reached, or unknown ``when``.
@@ -232,12 +232,13 @@ def front(record: Record, event: int) -> pd.DataFrame:
         event: its number, from 1.
 
     Returns:
-        One row per block of the front (see `catalogue`): n; x_over_L; t, rupture time, s;
-        v_c, speed averaged over five blocks, m/s, NaN within two blocks of either end and where
-        the five times do not increase; tau_over_p and scaled, of the static state just before the
-        event; X_c0_over_l and X_c_over_l, blocks in the cohesive zone at rest and at v_c: six or
-        more in X_c0 resolve a front, with fewer the lattice sets its speed. The latter is NaN
-        where v_c is, or is not below c_R.
+        One row per block of the front. Columns: n; x_over_L; t, rupture time in s; v_c, speed
+        averaged over five blocks in m/s; tau_over_p and scaled, of the static state just before
+        the event; X_c0_over_l and X_c_over_l, blocks in the cohesive zone at rest and at v_c.
+
+        v_c is NaN within two blocks of either end, and where the five times do not increase.
+        X_c_over_l is NaN where v_c is, or is not below c_R. Six or more blocks in X_c0 resolve a
+        front; with fewer the lattice sets its speed.
 
     Raises:
         SceneError: no such event.
@@ -279,7 +280,7 @@ class Beside(NamedTuple):
 
     Attributes:
         rms: root mean square of the difference in force, N.
-        shift: what added to the measured times makes it smallest, s.
+        shift: time added to the measured times that makes it smallest, s.
         rms_shifted: the smallest one, N.
         n: measured points that count there.
     """
@@ -295,7 +296,7 @@ def compare_curve(
 ) -> Beside:
     """Return how far a measured loading curve is from a run, as it stands and shifted in time.
 
-    The force of the run is straight between its points. Measured points outside the run do not
+    The force of the run is linear between its points. Measured points outside the run do not
     count, and a shift leaves at least half of them inside.
 
     Args:
@@ -304,7 +305,7 @@ def compare_curve(
         largest_shift: largest shift either way, s; None means half of the measured time.
 
     Returns:
-        `Beside`; its rms is NaN where no point lies in the run as it stands.
+        `Beside`; its rms is NaN if no measured point lies within the run.
 
     Raises:
         SceneError: times and forces do not fit together, or no shift leaves half of them inside.
@@ -366,7 +367,7 @@ def friction_coefficients(record: Record) -> FrictionCoefficients:
 
 
 def mean_force(record: Record, begin: float, end: float) -> float:
-    """Return the mean of F_T between two times (s) of a run, in N; F_T is straight between samples.
+    """Return the mean of F_T between two times (s) of a run, in N; F_T is linear between samples.
 
     At one time it is the force there.
     """
@@ -381,8 +382,8 @@ def collapse_spread(
 ) -> Collapse:
     """Return how far points lie from one curve, the median of y in bins of x.
 
-    The bins hold equal numbers of points, up to one and up to equal x. Points with a NaN in x or y
-    are left out.
+    The bins hold equal numbers of points, except for a remainder and for equal x. Points with a NaN
+    in x or y are left out.
 
     Args:
         x, y: the points, equal shapes.

@@ -62,7 +62,7 @@ def build_episodes(
     Raises
     ------
     LogError
-        If a block's modes do not follow on from each other.
+        If a block's modes do not fit together from each other.
     """
     n_of_i = np.asarray(n_of_i, dtype=np.int64)
     log = columns_of(switches, SWITCH_COLUMNS, "switch log")
@@ -109,7 +109,7 @@ def _starts_and_stops(
     broken = (block[1:] == block[:-1]) & (old[1:] != new[:-1])
     if broken.any():
         i = int(block[1:][broken][0])
-        raise LogError(f"switch log: the modes of block {i} (column) do not follow on")
+        raise LogError(f"switch log: the modes of block {i} (column) do not fit together")
     was, now = _slips(old), _slips(new)
     edge = np.flatnonzero(was != now)  # starts and stops alternate within a block
     k = np.flatnonzero(now[edge])

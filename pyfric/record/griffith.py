@@ -46,9 +46,9 @@ def energy_release(record: Record, event: int) -> pd.DataFrame:
         event: its number, from 1.
 
     Returns:
-        One row per block: n; x_over_L; G and Gamma of the block, in J (over l B in J/m^2), NaN
-        where it is open or slips already; v, the speed at which g_II(v) G = Gamma, in m/s, 0 where
-        G is smaller, NaN for a chain.
+        One row per block. Columns: n; x_over_L; G and Gamma of the block, in J (over l B in J/m^2);
+        v, the speed in m/s at which g_II(v) G = Gamma. G and Gamma are NaN where the block is open
+        or slips already. v is 0 where G < Gamma, and NaN for a chain.
 
     Raises:
         SceneError: no such event, or the record holds no state just before it.
@@ -70,7 +70,7 @@ def energy_release(record: Record, event: int) -> pd.DataFrame:
 
 
 def griffith_length(table: pd.DataFrame) -> float:
-    """Return L_p/L where a front stops without inertia: past the last block that G can pay for.
+    """Return L_p/L where a front stops without inertia: past the last block where G reaches Gamma.
 
     The front starts where G first exceeds Gamma, and stops where it no longer does. 0 if it never
     does.
@@ -101,7 +101,7 @@ def _before(record: Record, event: int) -> Contact:
     known = times[np.isfinite(times)]
     t = known.max() if known.size else record.events["t_start"].loc[event]
     if scene.load_at(0.0) is not None:
-        reason = "static states under a changing F_N or T are not those of this page"
+        reason = "static states under a changing F_N or T are not computed"
         raise SceneError("top.protocol", scene.load_at(float(t)), "N", "none", reason)
     drive = scene.d * u_drv0 + scene.drive(float(t))
     return Contact(ContactProblem(scene), u_x, drive, np.where(mode == OPEN, OPEN, STUCK))

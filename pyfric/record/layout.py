@@ -279,5 +279,5 @@ def _state(values: Mapping[str, np.ndarray], scene: Scene) -> State | None:
         raise RecordError(f"final_state: {error}") from None
     if state.memory.dtype != scene.law.memory:
         names = ", ".join(scene.law.memory.names or ())
-        raise RecordError(f"final_state holds other numbers of blocks than its law, {names}")
+        raise RecordError(f"final_state and its law differ in the number of blocks, {names}")
     return state

@@ -32,14 +32,13 @@ def nucleations(record: Record) -> pd.DataFrame:
     """Return where the events of a record lose stability; see the module.
 
     Args:
-        record: a run with linear geometry, or one that is taken for it.
+        record: a run; finite geometry is treated as linear.
 
     Returns:
-        One row for each event before which all blocks are stuck: event; t (s) and F_T (N) where
-        stable slip ends; first_block, last_block and n_blocks that slip then, numbers from the
-        trailing edge; length, of the interface from first to last block, in m. NaN and 0 where slip
-        stays stable up to the end of the run, or while the driver goes on; and where it does not
-        go on, or loads are not those of t = 0.
+        One row for each event before which all blocks are stuck. Columns: event; t (s) and F_T (N)
+        at the end of stable slip; first_block, last_block and n_blocks of the blocks that slip
+        then, counted from the trailing edge; length (m) from first to last block. NaN and 0 if slip
+        stays stable, if the driver does not move on, or if loads differ from those at t = 0.
 
     Raises:
         SceneError: friction does not weaken over a length, or depends on more than slip.

@@ -69,10 +69,10 @@ class _Guarded:
 class Record:
     """A finished, interrupted or failed run.
 
-    Arrays over blocks run from left to right; events are counted from 1, and arrays over events
+    Arrays over blocks run from left to right. Events are counted from 1, and arrays over events
     have event n in row n - 1 (`row`). A record cannot be changed: its arrays and mappings are
-    read-only, tables and final state are copies each time they are asked for. Records are equal
-    (``==``) if they hold the same values, bit for bit, with the same types.
+    read-only, and each access to tables or final state returns a copy. Records are equal (``==``)
+    if they hold the same values, bit for bit, with the same types.
 
     Attributes
     ----------
@@ -82,32 +82,32 @@ class Record:
         Data frame with t (s), F_T (N) and, when the budget was kept, energies (J).
     events, episodes
         Data frames of the catalogue: see `pyfric.record.events` and `episodes`. The index of events
-        is their number, as in ``record.events.loc[3]``; episodes name that of theirs.
+        is their number, as in ``record.events.loc[3]``; episodes have it as a column.
     arrays
-        Arrays over events and blocks, shape (n_events, N_x), by name; each is an attribute, too:
+        Arrays over events and blocks by name, shape (n_events, N_x). Each is also an attribute:
         region, rupture_times (s), X_c0_over_l, X_c_over_l, tau_before, p_before, tau_after and
         p_after (N).
     tau_initial, p_initial
         Interface forces at t = 0, shape (N_x,), N.
     quiet, switches
-        The logs as dicts of arrays (`QUIET_COLUMNS`, `SWITCH_COLUMNS` of `catalogue`); what
-        the catalogue was made from, and what it is made from again when the run goes on.
+        The logs as dicts of arrays (`QUIET_COLUMNS`, `SWITCH_COLUMNS` of `catalogue`), from which
+        the catalogue is made, again when the run is continued.
     motion
-        What blocks do at the times of the curve, on junctions: pinned, the share of junctions that
-        is, u_x (m), v_x (m/s) and f (N), shape (points of the curve, N_x); else empty.
+        On junctions, arrays of shape (points of the curve, N_x): the share of junctions that is
+        pinned, u_x (m), v_x (m/s) and f (N). Otherwise empty.
     versions, timings
-        Names to version texts, and names to seconds.
+        Version of each library, and time of each part of the run in s, by name.
     counts
-        Names to numbers of things done, such as steps and block_evaluations.
+        Counts of work by name, such as steps and block_evaluations.
     notes
-        What a reader has to know: assumptions that failed, levels of the plan that were left.
+        What a reader has to know: assumptions that failed, models that were rejected.
     status
-        "complete", "interrupted", "failed: reason", or "ended ..." for a run whose engine had no
-        way on before its time.
+        "complete", "interrupted", "failed: reason", or "ended ..." for a run that its engine or a
+        condition ended before t_end.
     final_state
         The `State` to continue from, or None.
     errors
-        `Errors` that were measured, or None.
+        The measured `Errors`, or None.
 
     Raises
     ------
@@ -161,7 +161,7 @@ class Record:
 
     @property
     def done(self) -> bool:
-        """Whether nothing is left to do: the run is complete, or ended where its engine ends."""
+        """Whether the run is complete, or ended where its engine ends."""
         return self.status == "complete" or self.status.startswith("ended ")
 
     def row(self, event: int) -> int:
@@ -212,7 +212,7 @@ class Record:
         return dataclasses.replace(self, **changes)
 
     def summary(self) -> str:
-        """Return what the record holds, in lines: status, events, method, errors, notes."""
+        """Return a text: status, events, method, errors, notes."""
         return text(summary(self, []))
 
     __repr__ = summary
@@ -245,7 +245,7 @@ class Record:
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write one netCDF file, atomically: a file of that name is replaced whole or not at all.
 
-        HDF5 sees memory alone: it does not survive a disk that fills up.
+        HDF5 writes to memory only, because it does not survive a full disk.
 
         Raises
         ------
@@ -298,11 +298,11 @@ class Record:
             raise RecordError(f"{source}: damaged pyfric record ({error})") from error
 
     def to_xarray(self) -> xr.Dataset:
-        """What happened, as an `xarray.Dataset`: curve, events and interface, and no logs.
+        """Return an `xarray.Dataset` of curve, events and interface, without logs.
 
-        Coordinates are t (s), event (from 1), x (m, from the trailing edge) and, on x, n (block
-        from the trailing edge). F_T and energies are on t; event_..., the columns of `events`, on
-        event; arrays over blocks on (event, x). Every variable has its units and its long_name.
+        Coordinates are t (s), event (from 1) and x (m, from the trailing edge); n numbers the
+        blocks along x. F_T and energies are on t; columns of `events` are on event and begin with
+        event_; arrays over blocks are on (event, x). Every variable has units and a long_name.
         """
         return layout.dataset(self)
 
@@ -332,7 +332,7 @@ class Record:
         return cls._checked("tree", tree.attrs, lambda: groups)
 
     def to_html(self, path: str | os.PathLike[str]) -> Path:
-        """Write one page about the record, at most 2 MB that stand alone, and return its path.
+        """Write one self-contained page about the record, at most 2 MB, and return its path.
 
         It shows the loading curve, where the interface slips, each event with its stresses, and
         what made the record; see `pyfric.figures.record_page`.
@@ -349,7 +349,7 @@ class Record:
 
         curve.csv, events.csv and episodes.csv are the data frames; stresses.csv has the arrays over
         blocks, one row per event and block, with event 0 for t = 0; columns.csv gives unit and
-        meaning of every column. Floats are written with all the digits that tell them apart.
+        meaning of every column. Floats are written with all digits that distinguish them.
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)

@@ -158,7 +158,7 @@ def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ..
     if not scene.law.weakens:
         short = bool((main & catalogue.events["is_precursor"]).any())
         said = ["front speeds are set by the lattice"] * bool(blocks.size)
-        said += ["number and lengths of short precursors depend on l (pyfric resolve)"] * short
+        said += ["number and lengths of short precursors depend on l (see pyfric resolve)"] * short
         return (f"{engine}: d_c = 0: {', '.join(said)}",) if said else ()
     if not blocks.size:
         return ()

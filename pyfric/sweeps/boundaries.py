@@ -73,26 +73,23 @@ def boundary(
     `along`. After a value at which there is no line, the next one begins with the whole range.
 
     Args:
-        f: a function of a value along and a value over that returns a label: text, a truth value or
-            anything else that can be compared. Where it makes its runs with `run_all`, they are
-            kept, and a line that was stopped goes on.
+        f: a function of a value along and a value over. It returns a label that can be compared,
+            such as text or a truth value. If it makes its runs with `run_all`, they are kept, and
+            a line that was stopped goes on.
         along: ends of the range that is searched, the lower one first.
-        over: values at which the line is wanted, rising or falling: neighbours help each other.
-        scale: of the range: "log" or "linear".
-        over_scale: in which the line is smooth over `over`: "log" or "linear".
+        over: values at which the line is wanted, rising or falling.
+        scale: scale of the range, "log" or "linear".
+        over_scale: scale of `over` in which the line is smooth, "log" or "linear".
         tolerance: largest error of the line: in decades, or over the length of a linear range.
-        known: labels that need no run, columns ``along``, ``over`` and ``label``, such as those of
-            a map: they bracket the line where their `over` is wanted. A column ``measure`` goes
-            with `measure`.
-        measure: a function of a value along and a value over for which f was called, that returns
-            a number whose sign changes, continuously, where the label does; NaN where it is
-            unknown.
+        known: labels that are known already, such as those of a map: columns ``along``, ``over``
+            and ``label``, and ``measure`` if `measure` is given. They bracket the line.
+        measure: a function of the same values, called after f. It returns a number that passes
+            zero continuously where the label changes; NaN where it is unknown.
 
     Returns:
-        One row for each value of `over`: ``over``; ``along``, the middle of the last bracket, in
-        the scale, and its ends ``low`` and ``high``, NaN where both ends of the range have one
-        label; ``below`` and ``above``, the labels at the ends of the bracket; ``runs``, how often f
-        was called.
+        One row for each value of `over`. Columns: ``over``; ``along``, the middle of the last
+        bracket; ``low`` and ``high``, its ends; ``below`` and ``above``, their labels; ``runs``,
+        how often f was called. Where both ends of the range have the same label, there is NaN.
 
     Raises:
         SceneError: an argument is refused; f has not been called.
@@ -268,9 +265,9 @@ def label_map(
     *,
     scales: tuple[Scale, Scale] = ("linear", "linear"),
 ) -> pd.DataFrame:
-    """Return labels in a rectangle, at more points where they differ.
+    """Return labels in a rectangle, with more points where they differ.
 
-    Triangles between the points are divided, the largest first, those whose corners differ before
+    Triangles between points are divided, the largest first, those with different labels before
     others. Needs the package `adaptive`, the extra ``pyfric[sweeps]``.
 
     Args:

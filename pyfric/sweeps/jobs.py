@@ -51,10 +51,9 @@ class Job:
     """One run: what `pyfric.simulate` is called with.
 
     Args:
-        scene: what is simulated: a scene, the name of a preset, or the path of a scene file, which
-            is read once, here.
+        scene: a scene, the name of a preset, or the path of a scene file, which is read at once.
         t_end: time of the end, in s.
-        options: an `Options`, or a mapping of names among `OPTIONS` to values, which becomes one.
+        options: an `Options`, or a mapping from names in `OPTIONS` to values.
 
     Raises:
         SceneError: a value is refused, or an option is unknown.

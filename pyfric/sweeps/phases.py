@@ -160,20 +160,20 @@ def phase_diagram(
     cache: Cache = True,
     **how: Any,
 ) -> PhaseDiagram:
-    """Return what becomes of a scene over two of its fields, and where that changes.
+    """Return the labels of a scene over two of its fields, and the lines where they change.
 
     Args:
-        scene: what is run: a scene, the name of a preset or the path of a scene file, whose fields
-            are varied; or a function of x and y that returns a `Job`. None means `chain_job`.
+        scene: a scene, the name of a preset or the path of a scene file, or a function of x and y
+            that returns a `Job`. None means `chain_job`.
         x, y: each the name of a field, such as "driver.h", and its values, rising. None means alpha
             and tau_bar of the chain as in the paper, 20 values each.
-        label: what is said of a run: a function of its record, or several by their names. None
+        label: a function of a record that labels the run, or several by name. None
             means kind and pace of `Record.rupture_class`.
         t_end: end of the runs of a scene, s.
-        options: of the runs of a scene.
+        options: options of the runs of a scene.
         lines: whether to find the lines on which labels change, along y.
-        tolerance: largest error of lines, in decades where y is even in its logarithm, over the
-            range of y otherwise.
+        tolerance: largest error of lines, in decades if y is spaced logarithmically, else over the
+            range of y.
         cache, how: as in `run_all`: workers, progress, executor.
 
     Raises:

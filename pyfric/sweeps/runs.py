@@ -75,20 +75,20 @@ def run_all(
     ``if __name__ == "__main__":``. Ctrl-C stops all workers; what was finished stays in the cache.
 
     Args:
-        jobs: what to run, at best long ones first. Equal jobs are run once.
+        jobs: what to run; put long ones first. Equal jobs are run once.
         workers: most runs at a time; None means one for each processor. With 1, or one job, all is
             done in this process.
         cache: True reuses and keeps finished runs in the user's cache folder, or where PYFRIC_CACHE
             says; a path names another folder; False or None does neither.
         progress: True for a bar on stderr, a function of (number done, number of all), False for
-            nothing; None shows the bar where stderr is a terminal.
+            nothing; None shows the bar if stderr is a terminal.
         errors: "raise" stops at the first run that fails; "return" goes on, and gives its
             `JobError` in the place of its record.
-        executor: what makes the runs, in place of `workers`: anything whose `submit(function,
-            *arguments)` gives a future with `done()`, `result()` and `cancel()`, such as those of
-            `concurrent.futures`, a `distributed.Client` or a `submitit.AutoExecutor`. It stays
-            open. The folder of `cache` has to be the same one on all its machines; through it, runs
-            learn that they are no longer wanted. Without it those under way go on.
+        executor: makes the runs instead of `workers`. Its `submit(function, *arguments)` gives a
+            future with `done()`, `result()` and `cancel()`, like that of `concurrent.futures`,
+            `distributed.Client` or `submitit.AutoExecutor`. It stays open. All its machines have
+            to see the folder of `cache`; through it, runs learn that they are no longer wanted.
+            Without a cache, runs that have begun go on.
 
     Returns:
         The records, in the order of the jobs. `timings["processor"]` is the processor time of the
@@ -96,7 +96,7 @@ def run_all(
 
     Raises:
         SceneError: an argument is refused; nothing has been done.
-        JobError: a run failed, or its process ended; with errors = "raise". The others are
+        JobError: with errors = "raise", a run failed or its process ended. The others are
             stopped; those that were complete are in the cache.
         KeyboardInterrupt: after Ctrl-C.
     """

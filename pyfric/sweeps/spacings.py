@@ -43,7 +43,7 @@ WHY = (
 
 @dataclass(frozen=True)
 class Resolution:
-    """What l and finer lattices give for the same slab.
+    """Results of the same slab for l and finer lattices.
 
     Attributes:
         table: one row for each quantity: its value at each l (m), a column each; ``change``, from
@@ -112,22 +112,22 @@ def resolve(
     cache: Cache = True,
     progress: bool | None = None,
 ) -> Resolution:
-    """Return what a slab gives with blocks of l, l/2, l/4 and so on.
+    """Return the results of a slab with blocks of l, l/2, l/4 and so on.
 
-    Size, stiffness k, mass, loads and driver stay, k_f of each block, and eta where the slider has
-    one; alpha, shared by more blocks, falls. Fields that vary along the interface are interpolated.
-    Each run goes on to its first system-size event.
+    Size, stiffness k, mass, loads and driver stay the same, and so do k_f of each block and a given
+    eta. alpha of each block falls. Fields that vary along the interface are interpolated. Each run
+    goes on to its first system-size event.
 
     Args:
         scene: what is simulated: a scene, the name of a preset, or the path of a scene file.
-        t_end: time of the end at the latest, in s.
+        t_end: latest end time, in s.
         levels: number of lattices, 2 to 5.
-        options: see `pyfric.Job`; None means the ladder, fidelity = "quasistatic".
+        options: see `pyfric.Job`; None means fidelity = "quasistatic".
         workers, cache, progress: see `pyfric.run_all`, which makes the runs and keeps them.
 
     Raises:
         SceneError: an argument is refused, the interface is prescribed, or an engine refuses the
-            scene; the ladder knows no friction that depends on time or speed.
+            scene; the quasi-static sequence has no friction that depends on time or speed.
         JobError: a run failed.
 
     >>> found = pyfric.resolve("fig1", workers=1, cache=False, progress=False)
@@ -136,7 +136,7 @@ def resolve(
     """
     scene = as_scene(scene)
     if isinstance(scene.top, PrescribedLoad):
-        reason = "forces on single blocks belong to one l"
+        reason = "forces on single blocks are defined for one l only"
         raise SceneError("top.kind", scene.top.kind, "", "'rod' or 'distributed'", reason)
     if isinstance(levels, bool) or levels not in range(2, 6):
         raise SceneError("levels", levels, "", "a whole number from 2 to 5")

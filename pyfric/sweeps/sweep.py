@@ -90,15 +90,14 @@ class Sweep:
     Args:
         scene: what is varied.
         t_end: time of the end, in s or as "300 ms".
-        over: names of fields, as in a scene file ("driver.h", or "h" where one part alone has it;
-            "interface.mu_s.seed", "interface.law"), "t_end" or "options.tolerance" and so on, to
-            lists of values, in SI or as "5 mm", or to a `Span`; or a DataFrame whose columns they
-            are, and whose rows are the points.
+        over: a mapping from names to lists of values, in SI or as "5 mm", or to a `Span`; or a
+            DataFrame with a row for each point. Names are fields of a scene file ("driver.h", "h",
+            "interface.mu_s.seed", "interface.law"), "t_end", or options ("options.tolerance").
         points: "grid", "list", "random", "sobol", "halton" or "latin"; see the module.
         n: number of points that are drawn.
-        seed: of drawn points; the same seed gives the same points.
-        options: those of all runs; a mapping becomes `Options`.
-        max_hours, max_GB: a sweep whose estimate is beyond is refused; None means no limit.
+        seed: seed of drawn points; the same seed gives the same points.
+        options: options of all runs, as `Options` or a mapping.
+        max_hours, max_GB: a sweep with a larger estimate is refused; None means no limit.
 
     Raises:
         SceneError: an argument is refused.
@@ -220,7 +219,7 @@ class Sweep:
     # --- running ---------------------------------------------------------------------------------
 
     def estimate(self, cache: Cache = True) -> Estimate:
-        """Return what the sweep comes to, by the expected cost of a few of its points."""
+        """Return the cost of the sweep, estimated from a few of its points."""
         outcomes = self.status(cache).outcomes
         finished = sum(isinstance(outcome, Record) for outcome in outcomes)
         refused = sum(isinstance(outcome, SceneError) for outcome in outcomes)
@@ -268,7 +267,7 @@ class Sweep:
         return Results(self, tuple(outcomes))
 
     def mean(self, column: str, cache: Cache = True) -> pd.DataFrame:
-        """Return the mean of a column over seeds of what is finished; see `Results.mean`."""
+        """Return the mean of a column over seeds, of finished points; see `Results.mean`."""
         return self.status(cache).mean(column)
 
     # --- files -----------------------------------------------------------------------------------

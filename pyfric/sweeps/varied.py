@@ -33,12 +33,12 @@ SEQUENCES = {"sobol": "Sobol", "halton": "Halton", "latin": "LatinHypercube"}
 
 @dataclass(frozen=True, kw_only=True)
 class Span:
-    """A range of a number: n values in a grid or list, or where points are drawn.
+    """A range: n values in a grid or list, or the range of drawn points.
 
     Args:
         start, stop: its ends, in SI, the lower one first.
         n: number of values in a grid or list, ends included, at least 2.
-        step: distance of the values; drawn ones are rounded to it.
+        step: distance of the values; drawn values are rounded to it.
         scale: "linear" or "log".
 
     Raises:
@@ -66,7 +66,7 @@ class Span:
             raise SceneError("n", self.n, "", f"a whole number, 2 … {MAX_POINTS}")
 
     def values(self, name: str) -> list[float]:
-        """Return the values in a grid or list, whole ones if ends and step are whole.
+        """Return the values in a grid or list: integers if ends and step are integers.
 
         Raises:
             SceneError: there are too many, or neither n nor step says how many; it has this name.
@@ -83,13 +83,13 @@ class Span:
         return [self.at(share) for share in np.linspace(0.0, 1.0, self.n)]
 
     def share(self, value: float) -> float:
-        """Return at which share of the range a value is; the inverse of `at` without a step."""
+        """Return the position of a value in the range, 0 to 1: the inverse of `at`."""
         if self.scale == "log":
             return math.log(value / self.start) / math.log(self.stop / self.start)
         return (value - self.start) / (self.stop - self.start)
 
     def at(self, share: float) -> float:
-        """Return the value at a share of the range, 0 to 1."""
+        """Return the value at a position in the range, 0 to 1."""
         if self.scale == "log":
             value = self.start * (self.stop / self.start) ** share
         else:

@@ -91,10 +91,10 @@ def lattice_waves(
 def density_factor(N_x: int, N_z: int) -> float:
     """Return the density correction factor N_x N_z/((N_x - 1)(N_z - 1)).
 
-    A slider of mass M and size L H holds N_x N_z blocks of mass m = M/(N_x N_z), but only
-    (N_x - 1)(N_z - 1) cells of area l^2: the lattice has the density m/(l^2 B), the slider
-    M/(L H B), which is larger by this factor. Speeds of a continuum of the slider's density are
-    those of the lattice over its root (1677 and 1720 m/s for the paper's setup 1).
+    A slider of mass M and size L H has N_x N_z blocks of mass m = M/(N_x N_z), but only
+    (N_x - 1)(N_z - 1) cells of area l^2. The density of the lattice is m/(l^2 B). That of the
+    slider, M/(L H B), is larger by this factor. Waves in a continuum of the slider's density are
+    slower by the root of it (1677 instead of 1720 m/s for the paper's setup 1).
 
     Args:
         N_x, N_z: numbers of blocks, at least 2.
@@ -170,7 +170,7 @@ class Material:
 
     @classmethod
     def of_lattice(cls, k: float, m: float, l: float, B: float) -> Self:
-        """Return what the lattice is at long wavelengths.
+        """Return the material of the lattice at long wavelengths.
 
         c_P = l sqrt(1.5 k/m), c_S = l sqrt(0.5 k/m), rho = m/(l^2 B), so that E_prime = 4 k/(3 B).
         For a continuum of the slider's mass take m times `density_factor`.

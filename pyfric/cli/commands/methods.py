@@ -34,13 +34,15 @@ budget_option = click.option(
     "--budget",
     type=Seconds(),
     default=60.0,
-    help="Processor time; what does not fit into it is left out and said. [default: 60 s]",
+    help="Limit of processor time; methods beyond it are listed as not run. [default: 60 s]",
 )
 
 
 @main.command(section="Methods")
 @click.argument("scene", metavar="SCENE", type=SceneName())
-@click.option("--t-end", type=Seconds(), help="End of the runs. [default: after two main events]")
+@click.option(
+    "--t-end", type=Seconds(), help="End time of the runs. [default: after two main events]"
+)
 @budget_option
 @set_option
 @figure_out_option
@@ -53,10 +55,10 @@ def chart(
     out: Path,
     tell: Tell,
 ) -> None:
-    """Run SCENE by every level and stepper: error against cost, for every question.
+    """Run SCENE with every fidelity and stepper: error against cost, for every question.
 
-    The reference is full dynamics at a small step. What refuses SCENE is listed with its reason.
-    DIR gets chart.png, chart.pdf, the points as CSV, and their provenance.
+    The reference is full dynamics at a small step. Methods that refuse SCENE are listed with
+    the reason. DIR gets chart.png, chart.pdf, the points as CSV, and their provenance.
     """
     check_folder(out)
     from pyfric import checks
@@ -72,7 +74,7 @@ def chart(
 @figure_out_option
 @telling
 def stability(scene: str, budget: float, changes: tuple[str, ...], out: Path, tell: Tell) -> None:
-    """Say where the steppers fail for SCENE: largest stable steps, and growth beyond them.
+    """Measure the largest stable step of each stepper for SCENE, and growth beyond it.
 
     DIR gets stability.png, stability.pdf, the table as CSV, and their provenance.
     """

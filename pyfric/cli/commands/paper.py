@@ -42,7 +42,7 @@ def _figures() -> list[str]:
 @main.command(section="The paper", epilog=SHORT_EXIT_CODES)
 @click.argument("names", nargs=-1, type=Registered("figure", _figures))
 @folder_option(
-    "--out", metavar="DIR", default="figures", show_default=True, help="Folder of the files."
+    "--out", metavar="DIR", default="figures", show_default=True, help="Folder for the files."
 )
 @workers_option
 @no_cache_option
@@ -125,9 +125,9 @@ def movie(
 ) -> None:
     """Draw one event as a strip of frames: velocity field, with the interface below it.
 
-    The run is that of a scene (a preset or a TOML file) or of a record (.nc) that the hybrid or
-    dynamic engine made with rk4 from the loaded state. The event is run again with full dynamics
-    from a state just before it.
+    SCENE is a preset or a TOML file; RECORD (.nc) comes from the hybrid or dynamic engine with rk4
+    and begins at the loaded state. The event is run again with full dynamics from a state just
+    before it.
     """
     from pyfric import figures
 

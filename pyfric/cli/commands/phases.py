@@ -80,5 +80,5 @@ def _axis(side: str, given: str) -> tuple[str, list[float]]:
         scale = parts[3] if len(parts) == 4 else "linear"
     except (ValueError, IndexError):
         allowed = "FIELD=FROM:TO:N, or FIELD=FROM:TO:N:log, numbers in SI"
-        raise SceneError(side, given, "", allowed, "not such a range") from None
+        raise SceneError(side, given, "", allowed, "not a range of this form") from None
     return name.strip(), Span(start=start, stop=stop, n=n, scale=scale).values(name)

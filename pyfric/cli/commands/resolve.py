@@ -22,9 +22,7 @@ from pyfric.cli.shared import (
 
 @main.command(section="Simulate", epilog=SHORT_EXIT_CODES)
 @click.argument("scene", type=SceneName())
-@click.option(
-    "--t-end", type=Seconds(), default=3.0, help="Time of the end at the latest. [default: 3 s]"
-)
+@click.option("--t-end", type=Seconds(), default=3.0, help="Latest end time. [default: 3 s]")
 @set_option
 @click.option(
     "--levels",
@@ -38,7 +36,7 @@ from pyfric.cli.shared import (
     type=click.Choice(["quasistatic", "hybrid", "dynamic"]),
     default="quasistatic",
     show_default=True,
-    help="What is modelled; the ladder takes seconds.",
+    help="Model; quasistatic takes seconds.",
 )
 @workers_option
 @no_cache_option
@@ -53,7 +51,7 @@ def resolve(
     no_cache: bool,
     tell: Tell,
 ) -> None:
-    """Say which results of SCENE change with the size of its blocks, and by how much.
+    """Measure which results of SCENE change with the size of its blocks, and by how much.
 
     The same slab is run with blocks of l, l/2 and so on, up to the first event of the whole
     interface. Finished runs are kept: after Ctrl-C the same command goes on.

@@ -61,7 +61,9 @@ def _steppers() -> list[str]:
 
 @main.command(section="Simulate", epilog=EXIT_CODES)
 @click.argument("scene", type=SceneName())
-@click.option("--t-end", type=Seconds(), required=True, help="End time: '900 ms', or s.")
+@click.option(
+    "--t-end", type=Seconds(), required=True, help="End time, such as '900 ms'; a number is in s."
+)
 @set_option
 @click.option(
     "--fidelity",
@@ -82,7 +84,7 @@ def _steppers() -> list[str]:
 @click.option(
     "--geometry",
     type=click.Choice(["finite", "linear"]),
-    help="Bonds that rotate (finite), as in the paper, or do not. "
+    help="Bonds rotate (finite, as in the paper) or do not (linear). "
     "[default: finite; linear for a chain]",
 )
 @click.option(
@@ -124,7 +126,7 @@ def _steppers() -> list[str]:
     metavar="CONDITION",
     help="End the run as soon as a condition holds: 'arrested', 'at_rest', 'reached = 50 mm', "
     "'L_p = 0.5', 'precursors = 3', 'main_events = 1', 'system_size', 'slow = 1 um/s, 1 ms'. "
-    "Repeatable: the first one that holds ends it.",
+    "Repeatable: the first condition that holds ends the run.",
 )
 @click.option(
     "--threads",

@@ -62,7 +62,7 @@ def _strip(stiffness: Callable[..., Any]) -> tuple[float, float]:
 def _elasticity(runs: Runs, stiffness: Callable[..., Any] = spring_stiffness) -> Iterator[Claim]:
     modulus, ratio = _strip(stiffness)
     how = "strip of 9 x 65 blocks pulled between rollers, "
-    band = at_most(1e-5, "exact; 1e-5 is what its ends leave in the middle of the strip")
+    band = at_most(1e-5, "exact, but for 1e-5 from the ends of the strip")
     yield Claim(
         "E1a",
         "Young's modulus E B = 4 k/3",
@@ -133,7 +133,7 @@ def _momentum(runs: Runs, evaluate: Callable[..., Any] = core.evaluate) -> Itera
         worst,
         at_most(1e-12, ROUNDING),
         "error of sum(m a) over sum |m a|, a shaken slider, both geometries",
-        [to.given("a force of 1e-9 of all on one block", evaluate=_pulled)],
+        [to.given("1e-9 of the total force added to one block", evaluate=_pulled)],
     )
 
 
@@ -166,9 +166,8 @@ def _energy(runs: Runs, left: Callable[[pd.DataFrame], pd.Series] = budget_left)
         "the energy budget closes",
         errors[-1],
         at_most(1e-6, "error of a step of RK4, which falls with the step"),
-        "work of driver and load less stored energy, dissipation in bonds, friction heat and "
-        "switching loss, over the driver's work; 3 ms with slip, an eighth of the largest step; "
-        f"{errors[0]:.1e} at four times the step",
+        "residual of the energy budget over the driver's work, in 3 ms with slip, at an eighth of "
+        f"the largest step; {errors[0]:.1e} at four times this step",
         [to.given("1 % less friction heat", left=_without_heat)],
     )
 
@@ -186,7 +185,7 @@ def _mirror(runs: Runs, V: float = 0.5) -> Iterator[Claim]:
         switches += log.n_switch
         ends.append(_mirrored(state) if side == "right" else state)
     differ = sum(int((getattr(ends[0], a) != getattr(ends[1], a)).sum()) for a in ("y", "mode"))
-    how = f"numbers with other bits after 15000 steps from mirrored states, {switches} switches"
+    how = f"numbers whose bits differ after 15000 steps from mirrored states, {switches} switches"
     yield Claim(
         "E5",
         "driven from the right, a slider does the mirror image",
@@ -226,7 +225,7 @@ def _order(runs: Runs, stepper: str = "rk4") -> Iterator[Claim]:
         "E6",
         "the stepper is of order 4 while nothing switches",
         np.log2(errors[0] / errors[1]),
-        between(3.75, 4.25, "4; the next order and the reference leave a quarter"),
+        between(3.75, 4.25, "4; a quarter is allowed for the next order and the reference"),
         how,
         [to.given("velocity Verlet for RK4", stepper="verlet")],
     )
@@ -287,8 +286,7 @@ def _chain_fronts(runs: Runs, more: float = 0.0) -> Iterator[Claim]:
         "fronts in an undamped chain travel at c/sqrt(1 - taubar^2)",
         abs(_chain_front(taubar + more) * math.sqrt(1 - taubar**2) - 1),
         at_most(1e-6, "switches located inside steps of 0.097 of the time from block to block"),
-        "relative error of the slope of block over rupture time, blocks 150 to 300, taubar = "
-        f"{taubar:g}",
+        f"relative error of the speed from rupture times of blocks 150 to 300, taubar = {taubar:g}",
         [to.given("prestress larger by 1e-4", more=1e-4)],
     )
 
@@ -323,7 +321,7 @@ def _homogeneity(runs: Runs, V: float = 1.0) -> Iterator[Claim]:
     two = simulate(_small(F_N=7000.0, V=V), 3e-3, **how)
     differ = int((2 * one.final_state.y != two.final_state.y).sum())
     differ += int((2 * one.curve["F_T"] != two.curve["F_T"]).sum())
-    how = f"numbers with other bits in state and force after 3 ms, {len(one.events)} events"
+    how = f"numbers whose bits differ in state and force after 3 ms, {len(one.events)} events"
     yield Claim(
         "E10",
         "in linear geometry, twice the load and speed is twice the motion",

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Speeds = Callable[[pd.DataFrame], pd.DataFrame]
 """Changes the speeds of points on fronts."""
-ABOUT = "about, read as to the nearest hundred, the paper's digits"
+ABOUT = "about: to the nearest hundred, like the paper's digits"
 OVER_FRONTS = "the interval of 95 % of a bootstrap over fronts"
 LEFT = "the share that {} explains of what the position along the front leaves"
 TENTH = f"a tenth: the paper has no number; the lower end of {OVER_FRONTS}"
@@ -149,7 +149,12 @@ def _collapse(
         "v_c against tau/p is one curve per friction pair, for all events and geometries",
         pairs.loc["low", "prestress"],
         _above_position(pairs, "prestress", 0.5, NEARER),
-        _described(pairs, "prestress", "the share that curves of tau/p by pair explain", points),
+        _described(
+            pairs,
+            "prestress",
+            "the share that one curve of tau/p for each friction pair explains",
+            points,
+        ),
         _without_prestress("pair"),
     )
     one, several = (found.loc["value", "prestress"] for found in (shares(points, axis), pairs))
@@ -157,7 +162,9 @@ def _collapse(
         "13b",
         "against tau/p, the pairs have different curves",
         math.sqrt((1 - one) / (1 - several)),
-        at_least(1.1, "1 if pairs had the same curve; a tenth more: the paper has no number"),
+        at_least(
+            1.1, "1 if pairs had the same curve; a tenth more is allowed: the paper has no number"
+        ),
         f"RMS of ln v_c about one curve for all (explains {one:.2f}) over that about one for each "
         f"pair ({several:.2f})",
         [to.given("the scaled prestress for tau/p", axis="scaled")],
@@ -172,7 +179,7 @@ def _collapse(
     )
     yield Claim(
         "13d",
-        "which says something that the position along the front does not",
+        "the prestress explains more than the position along the front alone",
         scaled.loc["low", "beyond"],
         _above_position(scaled, "beyond", 0.1, TENTH),
         _described(scaled, "beyond", LEFT.format("the scaled prestress"), points),
@@ -182,7 +189,7 @@ def _collapse(
     )
     yield Claim(
         "13e",
-        "and more than the position along the front says",
+        "and more than the position along the front does",
         scaled.loc["low", "more"],
         at_least(0, f"the lower end of {OVER_FRONTS} is not below 0"),
         _described(scaled, "more", "what it explains beyond the position", points),
@@ -225,7 +232,7 @@ def _viscosity_and_foundation(runs: Runs) -> Iterator[Claim]:
     for number, what, names, more in (
         (
             "15a",
-            "any viscosity with underdamped blocks and calm between events gives similar results",
+            "any viscosity with underdamped blocks and rest between events gives similar results",
             BY_ETA,
             "; eta in sqrt(k m), below 0.433; slowest decay over the interval: "
             f"{', '.join(waits)}, below 0.25",
@@ -253,9 +260,9 @@ def _viscosity_and_foundation(runs: Runs) -> Iterator[Claim]:
     more = {name: abs(number - count[BASE]) for name, number in count.items()}
     yield Claim(
         "15c",
-        "viscosity and foundation leave the number of precursors",
+        "viscosity and foundation do not change the number of precursors",
         max(more.values()),
-        at_most(1, "one may end before sliding; the paper says similar", "precursors"),
+        at_most(1, "one precursor more or fewer: the paper says 'similar'", "precursors"),
         f"largest difference from {count[BASE]}, of all these runs; by viscosity alone "
         f"{max(more[name] for name in BY_ETA)}; at k_f = k, "
         f"{', '.join(f'{share:g} k' for share in BY_K_F.values())}: "

@@ -55,9 +55,9 @@ def _loading(runs: Runs) -> Iterator[Claim]:
         "loading raises tau near the trailing edge over a distance of about h",
         max(lengths, key=lambda x: abs(math.log(x))),
         between(0.5, 2, "about, read as within a factor of two", "h"),
-        "distance from the peak of the rise before the first slip to 1/e of it, the one furthest "
-        f"from h of {len(lengths)} scenes ({min(lengths):.2f} to {max(lengths):.2f} h, h = 2.5 to "
-        "15 mm)",
+        "distance from the peak of the rise before the first slip to 1/e of it; the one furthest "
+        f"from h in {len(lengths)} scenes with h = 2.5 to 15 mm; all: {min(lengths):.2f} to "
+        f"{max(lengths):.2f} h",
         [Damage("h in reverse order", _other_h)],
     )
 
@@ -164,7 +164,7 @@ def _state_at_arrest(runs: Runs) -> Iterator[Claim]:
         "9d",
         "and is no further from mu_k p than without weakening",
         worst / far["d_c 0"],
-        at_most(1.1, "1 is as far as without; a tenth more: the paper has no number"),
+        at_most(1.1, "1 is as far as without; a tenth more is allowed: the paper has no number"),
         "the value of 9c, over that at d_c = 0",
         [middle],
     )

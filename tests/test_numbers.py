@@ -7,7 +7,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 ROOMS = ("engines", "statics", "record")
 PAGE = ROOT / "docs" / "explanation" / "numbers.md"
-MOST_KINDS = {
+MOST_FITTED = 15
+KINDS = {
     "definition": {
         "choice": "SHARE SPARES LONG",
         "coarse": "BLOCKS COLUMNS",
@@ -22,7 +23,8 @@ MOST_KINDS = {
         "relaxation": "AT_REST",
         "starts": "EXCESS",
         "uniqueness": "LIMIT",
-        "verification": "PLAIN CHEAP RATIOS DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER FEW GRACE PERTURBATION",
+        "verification": "PLAIN CHEAP RATIOS DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER "
+        "FEW GRACE PERTURBATION",
         "analysis": "BINS SHIFTS PER_BIN",
         "catalogue": "T_GAP MAIN_EVENT_BLOCKS",
         "classes": "FROM_BLOCK SLOW LAST",

@@ -13,7 +13,15 @@ from pyfric.core.builds import (
 from pyfric.core.calls import ENERGIES, advance, bond_forces, energies, evaluate
 from pyfric.core.log import Log, Switching, room_of_step
 from pyfric.core.memory import available
-from pyfric.core.packing import CORNER_SHARE, Constants, Counts, Model, model, springs
+from pyfric.core.packing import (
+    CORNER_SHARE,
+    Constants,
+    Counts,
+    Model,
+    check_driven,
+    model,
+    springs,
+)
 from pyfric.core.state import OPEN, STUCK, State, StateError
 from pyfric.core.status import Status
 from pyfric.core.steppers import STEPPERS, Stepper
@@ -40,6 +48,7 @@ __all__ = [
     "advance",
     "available",
     "bond_forces",
+    "check_driven",
     "build_info",
     "energies",
     "evaluate",

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from pyfric.core.packing import check_driven
 from pyfric.display import html
 from pyfric.scene import sealed, slipped, unsealed, write
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pyfric.scene import Scene
+    from pyfric.scene import OnDriven, Scene
 
 __all__ = ["OPEN", "STUCK", "State", "StateError"]
 
@@ -27,7 +28,7 @@ STUCK, OPEN = 0, 2
 """Contact states; a slipping block carries the sign of its motion, +1 or -1."""
 
 
-NUMBERS = ("step", "t0", "dt", "u_drv0", "drive", "sub")
+NUMBERS = ("step", "t0", "dt", "drive", "sub")
 REAL, WHOLE = np.dtype(np.float64), np.dtype(np.int32)
 
 
@@ -58,7 +59,8 @@ class State:
         step: steps made since t0.
         t0: time of step 0, in s.
         dt: time step, in s.
-        u_drv0: u_x of the driven block at which F_T = 0 where drive = 0, in m.
+        u_drv0: u_x of the driven block at which F_T = 0 where drive = 0, in m; under a plate those
+            of its blocks at which none is pushed, upward, shape (n_driven,).
         drive: how far the driver has moved since drive = 0, in m.
         parts: what of `heat` went into friction above mu_k p, and what into alpha, shape (2, N_x),
             in J; on junctions: heat of dragging, and work of their stiffness. None means 0.
@@ -84,7 +86,7 @@ class State:
     step: int
     t0: float
     dt: float
-    u_drv0: float
+    u_drv0: OnDriven
     drive: float
     sub: float = 0.0
     parts: np.ndarray | None = None
@@ -211,7 +213,7 @@ class State:
         if not (
             self.dt > 0
             and self.step >= 0
-            and all(map(math.isfinite, (self.t0, self.u_drv0, self.drive)))
+            and all(map(math.isfinite, (self.t0, self.drive, *np.atleast_1d(self.u_drv0))))
         ):
             raise StateError(
                 f"state: dt = {self.dt} s, t0 = {self.t0} s, u_drv0 = {self.u_drv0} m, drive = "
@@ -234,7 +236,8 @@ class State:
 
         Raises:
             StateError: it does not fit the scene, holds values that are not finite, a contact
-                state that does not exist, a stuck block that moves, or a top row off its rod.
+                state that does not exist, a stuck block that moves, a top row off its rod, or
+                another number of driven blocks.
         """
         self.check(scene.N_x, scene.N_z)
         if self.memory.dtype != scene.law.memory:
@@ -243,6 +246,10 @@ class State:
         for name, value in self.values().items():
             if not np.isfinite(value).all():
                 raise StateError(f"state.{name}: holds values that are not finite")
+        try:
+            check_driven(scene, self.u_drv0)
+        except ValueError as error:
+            raise StateError(f"state.{error}") from None
         if not np.isin(self.mode, (STUCK, 1, -1, OPEN)).all():
             raise StateError(f"state.mode: {self.mode}, allowed: 0, 1, -1, 2")
         if scene.law.rests and (self.y[0, 2, self.mode == STUCK] != 0).any():
@@ -280,6 +287,8 @@ class State:
             with np.load(io.BytesIO(inside)) as archive:
                 values = dict(archive)
             numbers = {name: values[name].item() for name in NUMBERS}
+            if not values["u_drv0"].ndim:
+                numbers["u_drv0"] = values["u_drv0"].item()
             return cls.of(values | numbers)
         except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
             raise StateError(f"{path}: not a state ({error})") from error

@@ -43,7 +43,7 @@ from pyfric.scene.push import pushes_at
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import scene_text
 
-__all__ = ["Scene"]
+__all__ = ["OnDriven", "Scene"]
 
 OnDriven = float | np.ndarray
 """A number of the one driven block, or an array of several."""

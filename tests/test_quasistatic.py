@@ -89,7 +89,7 @@ class LoadSteps:
             load[-2, 0] -= scene.F_N
         K[range(N, 2 * N), range(N, 2 * N)] += scene.k_f
         inverse = np.linalg.inv(K)
-        self.driven = (T[[driven_dofs(scene)]] @ inverse)[0]
+        self.driven = (T[driven_dofs(scene)] @ inverse).mean(axis=0)
         self.load = load
         self.along = np.repeat([scene.d, 1.0], N)  # u_x and f count along the driving
         self.C = inverse[: 2 * N, : 2 * N] * k * np.outer(self.along, self.along)

@@ -83,12 +83,12 @@ def sketch(scene: SceneLike) -> DataFigure:
 
     q = _thinning(scene)
     x = _kept(scene.N_x, q) * slider.l * 1e3
-    z = np.union1d(_kept(scene.N_z, q), _driven_rows(scene)) * slider.l * 1e3
+    z = np.union1d(_kept(scene.N_z, q), [scene.j_h, scene.j_h_top]) * slider.l * 1e3
     _lattice(axes, x, z, scene.N_z == 1, unit)
     _foundation(axes, x, L, unit, scene)
     top = _rod if scene.rigid else _load
     top(axes, x, L, H, unit, scene)
-    _driver(axes, L, unit, scene)
+    _driver(axes, z, L, unit, scene)
     _fields(axes, x, unit, scene)
     _length(axes, (0, -13 * unit), (L, -13 * unit), f"$L$ = {L:g} mm", unit)
     if scene.N_z > 1:
@@ -99,7 +99,8 @@ def sketch(scene: SceneLike) -> DataFigure:
     columns = {"n": n, "x_mm": x_mm, "load_N": scene.load, "shear_N": scene.shear}
     fields = {name: scene.field(name) for name in scene.varied}
     fig.tables = {"columns": pd.DataFrame(columns | fields)}
-    thin = f" Every {_ordinal(q)} block in both directions and driven rows are drawn."
+    driven = "the driven row" if scene.n_driven == 1 else "the rows at the plate's edges"
+    thin = f" Every {_ordinal(q)} block in both directions and {driven} are drawn."
     what = f"Sketch of the scene, to scale, after Fig. 1(a) of {PAPER}."
     fig.caption = f"{what}{thin if q > 1 else ''} {scene_text(scene)}"
     return fig
@@ -111,12 +112,6 @@ def _thinning(scene: Scene) -> int:
     common = np.gcd.reduce([scene.N_x - 1, scene.N_z - 1, scene.j_h, scene.j_h_top])
     whole = [q for q in range(least, 3 * least + 1) if common % q == 0]
     return whole[0] if whole else least
-
-
-def _driven_rows(scene: Scene) -> np.ndarray:
-    """Rows of driven blocks, some of them where there are many."""
-    few = min(scene.n_driven, MOST_SPRINGS)
-    return np.linspace(scene.j_h, scene.j_h_top, few).round().astype(int)
 
 
 def _kept(count: int, q: int) -> np.ndarray:
@@ -231,10 +226,12 @@ def _load(axes: Axes, x: np.ndarray, L: float, H: float, unit: float, scene: Sce
     _text(axes, (L / 2, H + 15.5 * unit), text, VERMILION, va="bottom")
 
 
-def _driver(axes: Axes, L: float, unit: float, scene: Scene) -> None:
+def _driver(axes: Axes, z: np.ndarray, L: float, unit: float, scene: Scene) -> None:
     """The spring at height h, or those of a plate, the moving end, and their numbers."""
     d, driver = scene.d, scene.driver
-    h, rows = driver.h * 1e3, _driven_rows(scene) * scene.slider.l * 1e3
+    ends = np.array([scene.j_h, scene.j_h_top]) * scene.slider.l * 1e3
+    h, rows = driver.h * 1e3, z[(z >= ends[0]) & (z <= ends[1])]
+    rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_SPRINGS)).round().astype(int)]
     middle, reach = (rows[0] + rows[-1]) / 2, (rows[-1] - rows[0]) / 2
     here = 0.0 if d > 0 else L
     far = here - d * 13 * unit
@@ -246,11 +243,11 @@ def _driver(axes: Axes, L: float, unit: float, scene: Scene) -> None:
     left = far - d * 26 * unit
     side = {"ha": "left" if d > 0 else "right"}
     speed = rf"$V$ = {driver.V * 1e3:.4g} mm/s"
-    _text(axes, (left, middle + 10 * unit), rf"$K$ = {driver.K / 1e6:g} MN/m", BLACK, **side)
-    _text(axes, (left, middle + 5 * unit), speed, BLACK, **side)
+    _text(axes, (left, rows[-1] + 10 * unit), rf"$K$ = {driver.K / 1e6:g} MN/m", BLACK, **side)
+    _text(axes, (left, rows[-1] + 5 * unit), speed, BLACK, **side)
     if h:
-        height = f"$h$ = {h:g} mm" if scene.n_driven == 1 else f"{h:g} to {rows[-1]:g} mm"
-        _text(axes, (left, middle - 6 * unit), height, BLACK, **side)
+        height = f"{h:g} mm" if scene.n_driven == 1 else rf"{h:g}$-${rows[-1]:g} mm"
+        _text(axes, (left, rows[0] - 6 * unit), f"$h$ = {height}", BLACK, **side)
 
 
 def _length(

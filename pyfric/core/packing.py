@@ -79,10 +79,10 @@ class Model(NamedTuple):
 
     Attributes:
         counts: `Counts`, int32.
-        numbers: `Constants`; u_drv0 of each driven block less their mean (m); x (m), load (p where it is prescribed), shear (N), what pushes the
-            bottom row at t_seg (N) and its rate (N/s), k_f (N/m) and the
-            five fields of the friction law, of N_x numbers each; x and y of each knot of its
-            tables; thresholds of junctions.
+        numbers: `Constants`; u_drv0 of each driven block less their mean (m); x (m), load (p where
+            it is prescribed), shear (N), what pushes the bottom row at t_seg (N) and its rate
+            (N/s), k_f (N/m) and the five fields of the friction law, of N_x numbers each; x and y
+            of each knot of its tables; thresholds of junctions.
     """
 
     counts: np.ndarray

@@ -40,7 +40,7 @@ module pyfric_model
     integer(ip) :: n_age
   end type counts_t
 
-  !> What it passes as numbers, in this order, before what `new_model` and `take_rows` take; the same names are in pyfric.core.Constants.
+  !> What it passes as numbers, in this order, before what `new_model` takes; the same names are in pyfric.core.Constants.
   type, bind(c) :: constants_t
     real(dp) :: l           !! lattice constant [m]
     real(dp) :: k           !! stiffness of nearest-neighbour springs [N/m]; diagonals have k/2

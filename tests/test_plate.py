@@ -243,7 +243,7 @@ def test_states_of_other_plates_are_refused(tmp_path):
     state = run(scene, 1e-4).final_state
     for other in (scene.replace(h_top=0.01), scene.replace(h_top=None)):
         with pytest.raises(StateError, match=r"state.u_drv0: shape .* the driver pushes"):
-            run(other, 2e-4, initial=state)
+            dataclasses.replace(state, spring=None).check_physics(other)
         with pytest.raises(ValueError, match="u_drv0"):
             core.model(other, "linear", state.u_drv0)
         with pytest.raises(ValueError, match="u_drv0"):
@@ -254,15 +254,44 @@ def test_states_of_other_plates_are_refused(tmp_path):
         Record.load(mixed.save(tmp_path / "mixed.nc"))
 
 
-def test_another_speed_goes_on_without_a_jump():
-    scene = PLATES["free"]
+OTHERS = {
+    "speed": {"V": 0.6},
+    "stiffness": {"K": 1.6e5},
+    "stiffness and speed": {"K": 3.2e6, "V": 0.1},
+    "higher": {"h": 3e-3, "h_top": 5e-3},
+    "longer": {"h_top": 5e-3, "K": 2e6, "V": 0.0},
+    "one block": {"h_top": None},
+}
+
+
+@pytest.mark.parametrize("changes", OTHERS.values(), ids=OTHERS)
+@pytest.mark.parametrize("name", ["free", "one"])
+def test_another_driver_goes_on_without_a_jump(name, changes):
+    """F_T stays; each block is pushed as before if they are the same."""
+    scene = small("free", h=2e-3) if name == "one" else PLATES[name]
     half = run(scene, 1e-3, geometry="linear")
-    F_T = half.curve["F_T"].iloc[-1]
-    faster = scene.replace(V=2 * scene.driver.V)
-    for initial in (half, half.final_state):
-        two = run(faster, 1.1e-3, geometry="linear", initial=initial)
-        after = two.curve["F_T"][two.curve["t"] >= 1e-3].iloc[0]
-        assert after == pytest.approx(F_T, rel=0, abs=1e-9 * scene.F_N)
+    F_T, state = half.curve["F_T"].iloc[-1], half.final_state
+    other = scene.replace(changes)
+    two = run(other, 1.1e-3, geometry="linear", initial=half if changes.keys() == {"V"} else state)
+    start = two.curve["F_T"][two.curve["t"] >= state.t].iloc[0]
+    assert start == pytest.approx(F_T, rel=0, abs=1e-9 * scene.F_N)
+    before = core.evaluate(core.model(scene, "linear", state.u_drv0), state, state.t)
+    now = state.under(other)
+    after = core.evaluate(core.model(other, "linear", now.u_drv0, now.t), now, now.t)
+    assert after.F_T == pytest.approx(F_T, rel=0, abs=1e-9 * scene.F_N)
+    if (other.j_h, other.j_h_top) == (scene.j_h, scene.j_h_top):
+        np.testing.assert_allclose(after.a, before.a, rtol=0, atol=1e-9 * np.abs(before.a).max())
+    assert now.under(other) == now
+
+
+def test_a_driver_does_not_change_sides():
+    scene = PLATES["free"]
+    state = run(scene, 1e-4).final_state
+    with pytest.raises(StateError, match="its driver is on the left"):
+        run(mirrored_scene(scene), 2e-4, initial=state)
+    for spring in ([1.0, 1.0, 2.0, 9.0], [1.0, 1.0, 2.0, 3.0]):
+        with pytest.raises(StateError, match=r"state\.spring"):
+            run(scene, 2e-4, initial=dataclasses.replace(state, spring=np.array(spring)))
 
 
 def test_stable_slip_and_nucleation_under_a_plate():

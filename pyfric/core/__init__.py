@@ -22,7 +22,7 @@ from pyfric.core.packing import (
     model,
     springs,
 )
-from pyfric.core.state import OPEN, STUCK, State, StateError
+from pyfric.core.state import OPEN, STUCK, State, StateError, spring_of
 from pyfric.core.status import Status
 from pyfric.core.steppers import STEPPERS, Stepper
 
@@ -55,6 +55,7 @@ __all__ = [
     "model",
     "processors",
     "room_of_step",
+    "spring_of",
     "springs",
     "useful_threads",
     "variants",

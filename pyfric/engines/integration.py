@@ -46,8 +46,8 @@ def integrate(
     if before is not None:
         initial = before.final_state
     if initial is not None:
-        initial.check_physics(scene)
         initial = initial if before is not None else initial.under(scene)
+        initial.check_physics(scene)
     t_begin = 0.0 if initial is None else initial.t
     t_end = check_number("t_end", t_end, "s", ge=t_begin)
     method = options.settled(scene, engine, t_begin, t_end)

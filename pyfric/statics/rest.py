@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pyfric.core import OPEN, STUCK, State
+from pyfric.core import OPEN, STUCK, State, spring_of
 from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
@@ -131,6 +131,7 @@ class Equilibrium:
             dt=float(dt),
             u_drv0=copy.copy(self.u_drv0),
             drive=scene.drive(float(t0)),
+            spring=spring_of(scene),
         )
 
 

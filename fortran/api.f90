@@ -7,7 +7,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_law, only: whole_memory
-  use pyfric_rows, only: budget_t
+  use pyfric_rows, only: budget_t, new_budget
   use pyfric_contact, only: contact_t
   use pyfric_log, only: log_t, new_log
   use pyfric_table_stepper, only: new_table
@@ -63,7 +63,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
 
   model = new_model(counts, numbers)
   contact = contact_t(mode, corner, margin, loss, whole_memory(model%law, nx, memory))
-  budget = budget_t(dissipated, heat, parts(:, 1), parts(:, 2), work)
+  budget = new_budget(model, dissipated, heat, parts(:, 1), parts(:, 2), work)
   log = new_log(nx, max_switch, max_quiet)
   method = method_t(new_table(stages, table), located == 1, rtol, t0, dt, n_steps, n_threads, keep_budget == 1)
   run = run_t(step(1), sub(1))
@@ -97,7 +97,7 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_law, only: whole_memory
-  use pyfric_rows, only: budget_t
+  use pyfric_rows, only: budget_t, new_budget
   use pyfric_evaluation, only: all_forces
   implicit none
   !f2py threadsafe
@@ -129,7 +129,7 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   dissipated = 0
   heat = 0
   work = 0
-  power = budget_t(dissipated, heat, heat, heat, work)
+  power = new_budget(model, dissipated, heat, heat, heat, work)
   call all_forces(model, t, n_times, y, rod, mode, whole_memory(model%law, nx, memory), &
                   a, a_rod, f, p, f_t, power)
   dissipated = power%dissipated

@@ -5,7 +5,7 @@ module pyfric_boundaries
   use pyfric_model, only: model_t, close_state, reflected, row_share, column_shares, ABSORBING
   implicit none (type, external)
   private
-  public :: driver_speed, load_share, foundation, foundation_rate, driver_force, rod_acceleration, rod_to_row, mirror_sum
+  public :: driver_speed, load_share, foundation, foundation_rate, driver_on, driver_force, rod_acceleration, rod_to_row, mirror_sum
   public :: absorb, absorbed, reflected_row
 
 contains
@@ -59,16 +59,31 @@ contains
     share = 1.0_dp + s%load_rate*(t - s%t_seg)
   end function load_share
 
-  !> F_T = K (X(t) - x_h), x_h the driven block's displacement along the push since t = 0 [N]. X is the integral of the
-  !> driver's speed, V t where that is constant.
-  elemental function driver_force(s, t, u_x) result(f_t)
+  !> Force of the driver on the driven block of row j, (K/n) (X(t) - x_h), x_h its displacement along the push since t = 0,
+  !> n their number [N]. X is the integral of the driver's speed, V t where that is constant.
+  elemental function driver_on(s, j, t, u_x) result(f)
     type(model_t), intent(in) :: s
+    integer, intent(in) :: j     !! row, from 1 at the bottom
     real(dp), intent(in) :: t    !! time [s]
-    real(dp), intent(in) :: u_x  !! driven block [m]
-    real(dp) :: f_t, t_seg
+    real(dp), intent(in) :: u_x  !! that block [m]
+    real(dp) :: f, t_seg
 
     t_seg = t - s%t_seg
-    f_t = s%k_drv*((s%x_drv + (s%v_drv + 0.5_dp*s%a_drv*t_seg)*t_seg) - s%d*(u_x - s%u_drv0))
+    f = s%k_drv*((s%x_drv + (s%v_drv + 0.5_dp*s%a_drv*t_seg)*t_seg) - s%d*(u_x - s%u_drv0(j)))
+  end function driver_on
+
+  !> F_T, the sum of these [N].
+  pure function driver_force(s, t, u_x) result(f_t)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: t                       !! time [s]
+    real(dp), intent(in) :: u_x(s%j_h:s%j_h_top)    !! driven blocks [m]
+    real(dp) :: f_t
+    integer :: j
+
+    f_t = driver_on(s, s%j_h, t, u_x(s%j_h))
+    do j = s%j_h + 1, s%j_h_top
+      f_t = f_t + driver_on(s, j, t, u_x(j))
+    end do
   end function driver_force
 
   !> Rod with the top row glued to it: X'', Z'', phi'' from the forces on that row. Blocks i and N_x + 1 - i are added

@@ -57,8 +57,8 @@ contains
     end do
     contact%margin = margin
     if (active(contact) .neqv. was_active) then
-      call log_quiet(log, active(contact), contact%mode, step, t, driver_force(s, t, y(s%at(s%i_h), UX, s%j_h)), &
-                     y(s%at(:s%nx), UX, 1))
+      call log_quiet(log, active(contact), contact%mode, step, t, &
+                     driver_force(s, t, y(s%at(s%i_h), UX, s%j_h:s%j_h_top)), y(s%at(:s%nx), UX, 1))
     end if
   end subroutine switch_contacts
 

@@ -4,7 +4,7 @@ module pyfric_energy
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, row_share, column_shares
   use pyfric_bond_energy, only: bond_energy
-  use pyfric_boundaries, only: driver_force, foundation
+  use pyfric_boundaries, only: driver_on, foundation
   use pyfric_law, only: interface_energy
   implicit none (type, external)
   private
@@ -36,7 +36,11 @@ contains
     else if (s%sheared) then
       e(5) = 0.5_dp*s%k_top*sum(y(:, UX, s%nz)**2)
     end if
-    if (s%k_drv > 0.0_dp) e(6) = 0.5_dp*driver_force(s, t, y(s%i_h, UX, s%j_h))**2/s%k_drv
+    if (s%k_drv > 0.0_dp) then
+      do j = s%j_h, s%j_h_top
+        e(6) = e(6) + 0.5_dp*driver_on(s, j, t, y(s%i_h, UX, j))**2/s%k_drv
+      end do
+    end if
     if (s%law%rests) return
     bottom = row(1)
     call foundation(s, bottom(LB, UZ), p)

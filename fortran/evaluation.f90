@@ -1,10 +1,10 @@
 !> All forces at one state, without a step.
 module pyfric_evaluation
   use pyfric_kinds, only: dp, ip
-  use pyfric_layout, only: LB, LANES
+  use pyfric_layout, only: LB, LANES, UX
   use pyfric_model, only: model_t
-  use pyfric_boundaries, only: rod_acceleration
-  use pyfric_rows, only: row_t, new_row, row_forces, row_powers, take_pushed, budget_t
+  use pyfric_boundaries, only: rod_acceleration, driver_force
+  use pyfric_rows, only: row_t, new_row, row_forces, row_powers, take_shared, budget_t
   use pyfric_workspace, only: reserve, aligned, widen, FX, FZ, CARRY, BONDS, COLUMNS
   implicit none (type, external)
   private
@@ -40,10 +40,10 @@ contains
     do k = 1, n_times
       call sweep(k == n_times, state(aligned(state)), rows(aligned(rows)))
     end do
-    call take_pushed(power)
+    call take_shared(power)
     f = w%f
     p = w%p
-    f_t = w%f_t
+    f_t = driver_force(s, t, y(s%i_h, UX, s%j_h:s%j_h_top))
 
   contains
 

@@ -23,7 +23,8 @@ module pyfric_model
     integer(ip) :: finite   !! 1: finite geometry (bonds rotate), 0: linear
     integer(ip) :: rigid    !! 1: top row glued to the rod (setup 1), 0: free (setup 2)
     integer(ip) :: i_h      !! column of the driven block, from 1
-    integer(ip) :: j_h      !! row of the driven block, from 1
+    integer(ip) :: j_h      !! row of the lowest driven block, from 1
+    integer(ip) :: j_h_top  !! of the highest one
     integer(ip) :: prescribed !! 1: the interface has a given p and no foundation, 0: it has a foundation
     integer(ip) :: left     !! what is beyond the left side: FREE, MIRRORED or ABSORBING
     integer(ip) :: right    !! the right side
@@ -39,7 +40,7 @@ module pyfric_model
     integer(ip) :: n_age
   end type counts_t
 
-  !> What it passes as numbers, in this order, before what `take_rows` takes; the same names are in pyfric.core.Constants.
+  !> What it passes as numbers, in this order, before what `new_model` takes; the same names are in pyfric.core.Constants.
   type, bind(c) :: constants_t
     real(dp) :: l           !! lattice constant [m]
     real(dp) :: k           !! stiffness of nearest-neighbour springs [N/m]; diagonals have k/2
@@ -52,9 +53,9 @@ module pyfric_model
     real(dp) :: i_top       !! inertia of rod and top row about the centre [kg m2]
     real(dp) :: kappa       !! torque of the mattress per tilt [N m]
     real(dp) :: d           !! direction in which the driver pushes: +1 or -1
-    real(dp) :: k_drv       !! driver stiffness K [N/m]
+    real(dp) :: k_drv       !! stiffness of the driver on each driven block, K over their number [N/m]
     real(dp) :: v_drv       !! driver speed V at t_seg [m/s]
-    real(dp) :: u_drv0      !! u_x of the driven block at which F_T = 0 at t = 0 [m]
+    real(dp) :: u_drv0      !! mean u_x of the driven blocks at which F_T = 0 at t = 0 [m]
     real(dp) :: p_corner    !! slip that starts below this p is a corner episode [N]
     real(dp) :: k_top       !! stiffness that holds each block of a free top row at u_x = 0 [N/m]
     real(dp) :: t_seg       !! begin of the piece of the protocol that is being run [s]
@@ -73,7 +74,8 @@ module pyfric_model
     logical :: finite       !! finite geometry (bonds rotate); else linear
     logical :: rigid        !! top row glued to the rod (setup 1); else free (setup 2)
     integer :: i_h          !! column of the driven block
-    integer :: j_h          !! row of the driven block
+    integer :: j_h          !! row of the lowest driven block
+    integer :: j_h_top      !! of the highest one
     logical :: prescribed   !! the interface carries `load` as p and has no foundation; else it has one
     integer :: left         !! these: see FREE
     integer :: right
@@ -95,7 +97,6 @@ module pyfric_model
     real(dp) :: d
     real(dp) :: k_drv
     real(dp) :: v_drv
-    real(dp) :: u_drv0
     real(dp) :: p_corner
     real(dp) :: k_top
     real(dp) :: t_seg
@@ -107,6 +108,7 @@ module pyfric_model
     real(dp) :: series(7, N_BOND) !! of each bond's spring in finite geometry, see `series` [N/m^(2n+1)], n = 1...
     logical :: sheared      !! shear, its rate or k_top is not zero
     logical :: pushed       !! push or its rate is not zero
+    real(dp), allocatable :: u_drv0(:) !! of the driven blocks, by row: u_x at which the driver does not push them at t = 0 [m]
     real(dp), allocatable :: k_f(:)   !! foundation stiffness [N/m]
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
     real(dp), allocatable :: load(:)  !! downward load on a free top row, or prescribed p [N]
@@ -120,11 +122,11 @@ contains
   !> The model from the plain arrays that Python passes.
   pure function new_model(counts, numbers) result(s)
     integer(ip), intent(in) :: counts(:)   !! see counts_t
-    real(dp), intent(in) :: numbers(:)     !! see constants_t and take_rows
+    real(dp), intent(in) :: numbers(:)     !! see constants_t; u_drv0 of each driven block less the mean [m]; see take_rows
     type(model_t) :: s
     type(counts_t) :: n
     type(constants_t) :: c
-    integer :: first
+    integer :: first, last
 
     n = transfer(counts, n)
     s%nx = n%nx
@@ -135,6 +137,7 @@ contains
     s%rigid = n%rigid == 1
     s%i_h = n%i_h
     s%j_h = n%j_h
+    s%j_h_top = n%j_h_top
     s%prescribed = n%prescribed == 1
     s%left = n%left
     s%right = n%right
@@ -144,7 +147,10 @@ contains
     first = storage_size(c)/storage_size(s%l)
     c = transfer(numbers(:first), c)
     call take_constants(c, s)
-    call take_rows(numbers(first + 1:), n, c%ruptured, s)
+    last = first + s%j_h_top - s%j_h + 1
+    allocate (s%u_drv0(s%j_h:s%j_h_top))
+    s%u_drv0 = c%u_drv0 + numbers(first + 1:last)
+    call take_rows(numbers(last + 1:), n, c%ruptured, s)
     s%sheared = s%k_top > 0.0_dp .or. abs(s%shear_rate) > 0.0_dp .or. any(abs(s%shear) > 0.0_dp)
     s%pushed = any(abs(s%push) > 0.0_dp) .or. any(abs(s%push_rate) > 0.0_dp)
   end function new_model
@@ -190,7 +196,6 @@ contains
     s%d = c%d
     s%k_drv = c%k_drv
     s%v_drv = c%v_drv
-    s%u_drv0 = c%u_drv0
     s%p_corner = c%p_corner
     s%k_top = c%k_top
     s%t_seg = c%t_seg

@@ -7,19 +7,19 @@ module pyfric_rows
   use pyfric_lattice, only: around_t, gather_forces, halve_bonds, halve_columns
   use pyfric_finite, only: forces_finite
   use pyfric_bond_energy, only: bond_power
-  use pyfric_boundaries, only: foundation, foundation_rate, driver_force, driver_speed, load_share, mirror_sum, absorb, absorbed, &
+  use pyfric_boundaries, only: foundation, foundation_rate, driver_on, driver_speed, load_share, mirror_sum, absorb, absorbed, &
                                reflected_row
   use pyfric_law, only: friction_force, friction_powers
   implicit none (type, external)
   private
-  public :: row_t, new_row, other_forces, row_forces, row_powers, take_pushed, budget_t
+  public :: row_t, new_row, other_forces, row_forces, row_powers, take_shared, budget_t, new_budget
 
   !> Work space of one row. Forces on the blocks and bonds lie elsewhere, on vectors.
   type :: row_t
     real(dp), allocatable :: zeros(:, :)  !! zeros, in place of a row that does not exist (:, 4)
     real(dp), allocatable :: p(:)        !! foundation force, bottom row [N]
     real(dp), allocatable :: f(:)        !! friction force along +x, bottom row [N]
-    real(dp) :: f_t                      !! driver force, row of the driven block [N]
+    real(dp) :: f_t                      !! force of the driver, row of a driven block [N]
   end type row_t
 
   !> Works and dissipations since the start [J].
@@ -29,7 +29,8 @@ module pyfric_rows
     real(dp), allocatable :: above(:)       !! of it by what is above the kinetic strength; on junctions that of dragging
     real(dp), allocatable :: viscous(:)     !! of it by alpha; on junctions the work of their stiffness
     real(dp) :: work(2)                     !! of the driver, of the forces on the top and of pushes
-    real(dp) :: pushed = 0.0_dp             !! of pushes in this step: another thread may have the top, see `take_pushed`
+    real(dp) :: pushed = 0.0_dp             !! of pushes in this step: another thread may have the top, see `take_shared`
+    real(dp), allocatable :: driven(:)      !! of a driver on several blocks in this step, by row: likewise; else not allocated
   end type budget_t
 
 contains
@@ -44,6 +45,20 @@ contains
     w%f = 0.0_dp
     w%f_t = 0.0_dp
   end function new_row
+
+  !> The works and dissipations that Python passes.
+  pure function new_budget(s, dissipated, heat, above, viscous, work) result(budget)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: dissipated(:)   !! these: see budget_t
+    real(dp), intent(in) :: heat(:)
+    real(dp), intent(in) :: above(:)
+    real(dp), intent(in) :: viscous(:)
+    real(dp), intent(in) :: work(2)
+    type(budget_t) :: budget
+
+    budget = budget_t(dissipated, heat, above, viscous, work)
+    if (s%j_h_top > s%j_h) allocate (budget%driven(s%j_h:s%j_h_top), source=0.0_dp)
+  end function new_budget
 
   !> Forces of all springs and dashpots on row j. In finite geometry, carry comes from below and leaves for the row above.
   pure subroutine bond_forces(s, j, dn, q, up, carry, b, fx, fz, w)
@@ -126,13 +141,13 @@ contains
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the row
     real(dp), intent(inout) :: fx(LB:s%n + LANES)   !! force on the row [N]
     real(dp), intent(inout) :: fz(LB:s%n + LANES)   !! force on the row [N]
-    real(dp), intent(inout) :: f_t                  !! driver force, set on the row of the driven block [N]
+    real(dp), intent(inout) :: f_t                  !! force of the driver, set on rows of driven blocks [N]
     real(dp) :: share, shear_gain
     integer :: i
 
-    if (j == s%j_h) then
+    if (j >= s%j_h .and. j <= s%j_h_top) then
       i = s%at(s%i_h)
-      f_t = driver_force(s, t, q(i, UX))
+      f_t = driver_on(s, j, t, q(i, UX))
       fx(i) = fx(i) + s%d*f_t
     end if
     if (j == 1 .and. s%pushed) then
@@ -227,7 +242,13 @@ contains
     if (s%prescribed) budget%dissipated(j) = budget%dissipated(j) + c*absorbed(s, j, q)
     if (j == 1) budget%heat = budget%heat - c*(w%f*q(s%at(:s%nx), VX))
     if (j == 1 .and. .not. s%law%simple) call parts_of_heat(s, c, mode, memory, q, w, budget)
-    if (j == s%j_h) budget%work(1) = budget%work(1) + c*(w%f_t*driver_speed(s, t))
+    if (j >= s%j_h .and. j <= s%j_h_top) then
+      if (allocated(budget%driven)) then
+        budget%driven(j) = budget%driven(j) + c*(w%f_t*driver_speed(s, t))
+      else
+        budget%work(1) = budget%work(1) + c*(w%f_t*driver_speed(s, t))
+      end if
+    end if
     if (j == 1 .and. s%pushed) then
       budget%pushed = budget%pushed + c*mirror_sum(s%nx, (s%push + s%push_rate*(t - s%t_seg))*q(s%at(:s%nx), VX))
     end if
@@ -243,13 +264,17 @@ contains
                      + c*mirror_sum(s%nx, (s%shear + s%shear_rate*(t - s%t_seg))*q(s%at(:s%nx), VX))
   end subroutine row_powers
 
-  !> Adds the work of pushes to that of the other forces, once all rows are done.
-  pure subroutine take_pushed(budget)
+  !> Adds works that several rows share, once all rows are done: of a driver on several blocks, and of pushes.
+  pure subroutine take_shared(budget)
     type(budget_t), intent(inout) :: budget
 
+    if (allocated(budget%driven)) then
+      budget%work(1) = budget%work(1) + sum(budget%driven)
+      budget%driven = 0.0_dp
+    end if
     budget%work(2) = budget%work(2) + budget%pushed
     budget%pushed = 0.0_dp
-  end subroutine take_pushed
+  end subroutine take_shared
 
   !> Adds what of the friction heat is not that of its end value. Its arrays are made where they are needed only: that takes time.
   pure subroutine parts_of_heat(s, c, mode, memory, q, w, budget)

@@ -3,7 +3,7 @@ module pyfric_stepping
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES
   use pyfric_model, only: model_t
-  use pyfric_rows, only: budget_t, row_t, new_row, take_pushed
+  use pyfric_rows, only: budget_t, row_t, new_row, take_shared
   use pyfric_workspace, only: reserve, aligned, widen, narrow, RINGS, CARRY, BONDS, FX, FZ, COLUMNS, MAX_STAGES
   use pyfric_rk4, only: rk4_step, BOTTOM_FRONT, BOTTOM_ROWS
   use pyfric_table_stepper, only: table_t, table_step
@@ -249,7 +249,7 @@ contains
     type(log_t), intent(inout) :: log
     real(dp) :: next
 
-    call take_pushed(budget)
+    call take_shared(budget)
     run%tried = run%tried + merge(1.0_dp, run%tested_share, run%control%accepted)
     next = run%step + 1.0_dp
     if (run%no_substeps) then

@@ -78,7 +78,7 @@ def refined(record: Record, event: int, scene: Scene) -> State:
     ratio, open_ = tractions(record, event, scene.x)
     most = (1 - BELOW) * scene.law.hold(1.0)
     solver = StaticSolver(scene)
-    drive = scene.drive(t) + scene.d * solver.u_drv0
+    drive = scene.drive(t) + scene.d * float(np.mean(solver.u_drv0))
     u_x, open_ = _displacements(scene, np.clip(ratio, -most, most), open_, drive)
     now, later = (
         solver.solve(u_x, scene.drive(one), free=open_).state(scene, step_size(scene), t)

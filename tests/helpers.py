@@ -96,7 +96,7 @@ def mirrored_state(state):
     new.mode = np.where(state.mode == OPEN, OPEN, -state.mode)[::-1].astype(np.int32)
     for name in ("corner", "margin", "loss", "heat", "memory"):
         setattr(new, name, np.ascontiguousarray(getattr(state, name)[::-1]))
-    new.u_drv0 = -state.u_drv0
+    new.u_drv0, new.spring = -state.u_drv0, state.spring * [1, -1, 1, 1]
     return new
 
 

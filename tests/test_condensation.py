@@ -10,7 +10,7 @@ from scipy.sparse.linalg import spsolve
 from pyfric.scene import Scene, chain, preset, setup1, setup2
 from pyfric.statics import EquilibriumError, StaticSolver, stiffness
 from pyfric.statics.condensation import Condensed, condense
-from pyfric.statics.operators import coordinates, driven_dof
+from pyfric.statics.operators import coordinates, driven_dofs
 
 
 def small_chain(**changes) -> Scene:
@@ -44,7 +44,7 @@ def full(scene: Scene, v: np.ndarray, X: float) -> tuple[np.ndarray, float]:
     if not scene.rigid:
         load[n - N_x :] = -scene.load
         load[n - 2 * N_x : n - N_x] = scene.shear
-    load[driven_dof(scene)] += scene.driver.K * scene.d * X
+    load[driven_dofs(scene)] += scene.driver.K * scene.d * X
     T = coordinates(scene)
     load = T.T @ load
     if scene.rigid:
@@ -53,7 +53,7 @@ def full(scene: Scene, v: np.ndarray, X: float) -> tuple[np.ndarray, float]:
     q[:b] = v
     if len(q) > b:
         q[b:] = spsolve(K[b:, b:], load[b:] - K[b:, :b] @ v)
-    F_T = scene.driver.K * (X - scene.d * (T @ q)[driven_dof(scene)])
+    F_T = scene.driver.K * (X - scene.d * (T @ q)[driven_dofs(scene)])
     return (K @ q - load)[:b], F_T
 
 

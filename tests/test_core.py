@@ -32,9 +32,12 @@ SCENES = [
     small(L=0.0425, h=7.5e-3),
     small(mu_s=0.9, mu_k=0.3, d_c=2e-6),
     small("free", side="right", d_c=4e-7),
+    small(h=2.5e-3).replace(h_top=0.0125),  # a plate up to the rod
+    small("free", side="right", h=2e-3).replace(h_top=4e-3),
 ]
 IDS = [
     f"{'rod' if s.rigid else 'free'}-{s.N_x}x{s.N_z}-{s.driver.side}-{s.interface.d_c:g}"
+    + f"-plate of {s.n_driven}" * (s.n_driven > 1)
     for s in SCENES
 ]
 

@@ -95,6 +95,9 @@ SCENES = {
     "free, right": (free(side="right", theta=0.5), 0.03),
     "free, light edge": (free(theta=0.833), 0.03),
     "free, top driver": (free(h=5e-3), 0.04),
+    "rod, plate": (rod(h=2.5e-3).replace(h_top=7.5e-3), 0.06),
+    "rod, plate up to the rod": (rod(h=5e-3, side="right").replace(h_top=0.0125), 0.06),
+    "free, plate": (free(h=1e-3).replace(h_top=5e-3), 0.04),
     "no kinetic friction": (free(mu_k=0.0), 0.04),
     "little friction": (rod(mu_s=0.2, mu_k=0.02), 0.03),
 }
@@ -118,10 +121,11 @@ def test_linear_geometry_is_full_dynamics(name):
     [
         (rod(V=5e-4), 0.16),
         (rod(V=5e-4, side="right"), 0.16),
+        (rod(V=5e-4, h=2.5e-3).replace(h_top=0.01), 0.16),
         (free(V=1e-3), 0.04),
         (free(V=1e-3, theta=0.833, h=3e-3), 0.04),
     ],
-    ids=["rod", "rod, right", "free", "free, light edge"],
+    ids=["rod", "rod, right", "rod, plate", "free", "free, light edge"],
 )
 def test_finite_geometry_is_full_dynamics(scene, t_end):
     a, b = both(scene, t_end, "finite")

@@ -27,7 +27,7 @@ from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.record import T_GAP
 from pyfric.scene import Scene, chain, preset, setup1, setup2
 from pyfric.statics import EquilibriumError, StaticSolver, stiffness
-from pyfric.statics.operators import coordinates, driven_dof
+from pyfric.statics.operators import coordinates, driven_dofs
 
 ladder = functools.partial(simulate, fidelity="quasistatic")
 
@@ -83,13 +83,13 @@ class LoadSteps:
         if not scene.rigid:
             load[n - N :, 0] = -scene.load
             load[n - 2 * N : n - N, 0] = scene.shear
-        load[driven_dof(scene), 1] = scene.driver.K * scene.d
+        load[driven_dofs(scene), 1] = scene.driver.K * scene.d
         load = T.T @ load
         if scene.rigid:
             load[-2, 0] -= scene.F_N
         K[range(N, 2 * N), range(N, 2 * N)] += scene.k_f
         inverse = np.linalg.inv(K)
-        self.driven = (T[[driven_dof(scene)]] @ inverse)[0]
+        self.driven = (T[driven_dofs(scene)] @ inverse).mean(axis=0)
         self.load = load
         self.along = np.repeat([scene.d, 1.0], N)  # u_x and f count along the driving
         self.C = inverse[: 2 * N, : 2 * N] * k * np.outer(self.along, self.along)

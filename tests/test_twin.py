@@ -143,14 +143,17 @@ def test_geometries_agree_for_small_strains(geometry):
     assert np.abs(F - twin.bond_forces(scene, y, "linear")).max() < 1e-7 * np.abs(F).max()
 
 
-@pytest.mark.parametrize("j_h", ["inside", "top"])
+@pytest.mark.parametrize("j_h", ["inside", "top", "plate"])
 @pytest.mark.parametrize("rigid", [True, False])
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_energy_grows_at_the_rate_of_the_powers(geometry, side, rigid, j_h):
     scene = make_scene(rigid=rigid, side=side, tau=0.0 if rigid else 20.0)
-    scene.j_h = 1 if j_h == "inside" else scene.N_z - 1
+    scene.j_h = scene.N_z - 1 if j_h == "top" else 1
     y, rod, mode, u_drv0 = random_state(scene)
+    if j_h == "plate":
+        scene.driver.h_top = (scene.N_z - 1) * scene.slider.l
+        u_drv0 *= np.array([1.0, -2.0, 0.5])
     t = 1e-3
     F = twin.right_hand_side(scene, geometry, t, y, rod, mode, u_drv0)
 

@@ -9,7 +9,7 @@ A scene is any object with the attributes of `pyfric.Scene`. The state is
     rod          X, Z, phi, X', Z', phi' of the rod (setup 1): m, rad and their rates
     mode[i]      contact of bottom block i: STUCK, +1 or -1 (slips to +x or -x), OPEN
     slip[i]      path that bottom block i has slipped since it last stuck, m; None means 0
-    u_drv0       u_x of the driven block where F_T = 0, m
+    u_drv0       u_x of the driven block where F_T = 0, m; of several, one number for each, upward
 
 Forces act on the blocks, positive to the right and up. Under a rod the top row of y follows from
 the rod; what y holds there is ignored.
@@ -169,10 +169,19 @@ def rod_inertia(scene: Any) -> tuple[float, float]:
     return mass, inertia
 
 
-def driver_force(scene: Any, t: float, y: np.ndarray, u_drv0: float) -> float:
-    """Return F_T = K (V t - x_h) in N, x_h the advance of the driven block along the driving."""
-    x_h = scene.d * (y[scene.j_h, 0, scene.i_h] - u_drv0)
-    return scene.driver.K * (scene.driver.V * t - x_h)
+def driver_forces(scene: Any, t: float, y: np.ndarray, u_drv0: Any) -> dict[int, float]:
+    """Return the force of the driver in N by row: (K/n) (V t - x_j) on each of n blocks.
+
+    x_j is the advance of the block along the driving; a plate drives all up to h_top.
+    """
+    top = getattr(scene.driver, "h_top", None)
+    last = scene.j_h if top is None else round(top / scene.slider.l)
+    home = list(np.ravel(u_drv0))
+    n, forces = len(home), {}
+    for j in range(scene.j_h, last + 1):
+        x_j = scene.d * (y[j, 0, scene.i_h] - home[j - scene.j_h])
+        forces[j] = scene.driver.K / n * (scene.driver.V * t - x_j)
+    return forces
 
 
 def field(scene: Any, name: str, default: float = 0.0) -> list[float]:
@@ -207,12 +216,14 @@ class Forces(NamedTuple):
 
 
 def all_but_friction(
-    scene: Any, geometry: str, t: float, y: np.ndarray, u_drv0: float
+    scene: Any, geometry: str, t: float, y: np.ndarray, u_drv0: Any
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Return the forces on all blocks without friction (N_z, 2, N_x), p (N_x,) and F_T, in N."""
     F = bond_forces(scene, y, geometry)
-    F_T = driver_force(scene, t, y, u_drv0)
-    F[scene.j_h, 0, scene.i_h] += scene.d * F_T
+    pushes = driver_forces(scene, t, y, u_drv0)
+    for j, push in pushes.items():
+        F[j, 0, scene.i_h] += scene.d * push
+    F_T = sum(pushes.values())
     p = normal_forces(scene, y)
     F += absorbing(scene, y)
     if prescribed(scene):
@@ -234,7 +245,7 @@ def right_hand_side(
     y: np.ndarray,
     rod: np.ndarray,
     mode: np.ndarray,
-    u_drv0: float,
+    u_drv0: Any,
     slip: np.ndarray | None = None,
 ) -> Forces:
     """Return the time derivative of the state while no contact changes its mode.
@@ -371,7 +382,7 @@ def bond_energy(scene: Any, geometry: str, y: np.ndarray) -> float:
 
 
 def energies(
-    scene: Any, geometry: str, y: np.ndarray, rod: np.ndarray, t: float, u_drv0: float
+    scene: Any, geometry: str, y: np.ndarray, rod: np.ndarray, t: float, u_drv0: Any
 ) -> dict[str, float]:
     """Return the energies in J; they are disjoint, and "total" is their sum.
 
@@ -383,6 +394,7 @@ def energies(
     blocks = np.array([[part(scene, j, i) for i in range(scene.N_x)] for j in range(scene.N_z)])
     speed2 = np.sum(blocks[:, None] * y[:, 2:4] ** 2, axis=(1, 2))
     own = speed2[:-1] if scene.rigid else speed2
+    pushes = driver_forces(scene, t, y, u_drv0).values()
     parts = {
         "kinetic_blocks": scene.m * sum(own) / 2,
         "kinetic_top": scene.m * speed2[-1] / 2 if scene.rigid else 0.0,
@@ -390,7 +402,7 @@ def energies(
         "bonds": bond_energy(scene, geometry, y),
         "foundation": sum(scene.k_f * u_z**2 / 2 for u_z in y[0, 1] if u_z < 0),  # k_f = 0: none
         "mattress": 0.0 if scene.rigid else scene.k_top * sum(y[-1, 0] ** 2) / 2,
-        "driver": driver_force(scene, t, y, u_drv0) ** 2 / (2 * (scene.driver.K or 1.0)),
+        "driver": sum(push**2 for push in pushes) * len(pushes) / (2 * (scene.driver.K or 1.0)),
     }
     if scene.rigid:
         _, _, phi, dX, dZ, dphi = rod
@@ -409,7 +421,7 @@ def switch(
     y: np.ndarray,
     rod: np.ndarray,
     mode: np.ndarray,
-    u_drv0: float,
+    u_drv0: Any,
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Return the modes after a step, y with the stopped blocks at v_x = 0, and the kinetic energy
     removed by stopping them (the switching loss, J).
@@ -457,7 +469,7 @@ def rk4_step(
     y: np.ndarray,
     rod: np.ndarray,
     mode: np.ndarray,
-    u_drv0: float,
+    u_drv0: Any,
     dt: float,
     slip: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
@@ -490,7 +502,7 @@ def symplectic_euler_step(
     y: np.ndarray,
     rod: np.ndarray,
     mode: np.ndarray,
-    u_drv0: float,
+    u_drv0: Any,
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return y and rod after v' = v + dt a(u, v), u' = u + dt v'."""
@@ -511,7 +523,7 @@ def verlet_step(
     y: np.ndarray,
     rod: np.ndarray,
     mode: np.ndarray,
-    u_drv0: float,
+    u_drv0: Any,
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return y and rod after a kick of dt/2, a drift of dt, and a kick of dt/2.
@@ -559,7 +571,7 @@ def run(
     y: np.ndarray,
     rod: np.ndarray,
     mode: np.ndarray,
-    u_drv0: float,
+    u_drv0: Any,
     dt: float,
     steps: int,
     first: int = 0,

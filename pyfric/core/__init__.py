@@ -13,8 +13,16 @@ from pyfric.core.builds import (
 from pyfric.core.calls import ENERGIES, advance, bond_forces, energies, evaluate
 from pyfric.core.log import Log, Switching, room_of_step
 from pyfric.core.memory import available
-from pyfric.core.packing import CORNER_SHARE, Constants, Counts, Model, model, springs
-from pyfric.core.state import OPEN, STUCK, State, StateError
+from pyfric.core.packing import (
+    CORNER_SHARE,
+    Constants,
+    Counts,
+    Model,
+    check_driven,
+    model,
+    springs,
+)
+from pyfric.core.state import OPEN, STUCK, State, StateError, spring_of
 from pyfric.core.status import Status
 from pyfric.core.steppers import STEPPERS, Stepper
 
@@ -41,11 +49,13 @@ __all__ = [
     "available",
     "bond_forces",
     "build_info",
+    "check_driven",
     "energies",
     "evaluate",
     "model",
     "processors",
     "room_of_step",
+    "spring_of",
     "springs",
     "useful_threads",
     "variants",

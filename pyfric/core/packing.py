@@ -9,9 +9,9 @@ import numpy as np
 from pyfric.scene import Geometry, check_geometry
 
 if TYPE_CHECKING:
-    from pyfric.scene import Scene
+    from pyfric.scene import OnDriven, Scene
 
-__all__ = ["CORNER_SHARE", "Constants", "Counts", "Model", "model", "springs"]
+__all__ = ["CORNER_SHARE", "Constants", "Counts", "Model", "check_driven", "model", "springs"]
 
 CORNER_SHARE = 0.02
 """Slip that starts with less than this share of F_N/N_x is a corner episode."""
@@ -28,6 +28,7 @@ class Counts(NamedTuple):
     rigid: int
     i_h: int
     j_h: int
+    j_h_top: int
     prescribed: int
     left: int
     right: int
@@ -78,10 +79,10 @@ class Model(NamedTuple):
 
     Attributes:
         counts: `Counts`, int32.
-        numbers: `Constants`; x (m), load (p where it is prescribed), shear (N), what pushes the
-            bottom row at t_seg (N) and its rate (N/s), k_f (N/m) and the
-            five fields of the friction law, of N_x numbers each; x and y of each knot of its
-            tables; thresholds of junctions.
+        numbers: `Constants`; u_drv0 of each driven block less their mean (m); x (m), load (p where
+            it is prescribed), shear (N), what pushes the bottom row at t_seg (N) and its rate
+            (N/s), k_f (N/m) and the five fields of the friction law, of N_x numbers each; x and y
+            of each knot of its tables; thresholds of junctions.
     """
 
     counts: np.ndarray
@@ -108,6 +109,16 @@ class Model(NamedTuple):
         return bool(self.counts[Counts._fields.index("n_junctions")])
 
 
+def check_driven(scene: Scene, u_drv0: OnDriven) -> None:
+    """Raise ValueError if u_drv0 is not that of the driven blocks of a scene."""
+    expected = () if scene.n_driven == 1 else (scene.n_driven,)
+    if np.shape(u_drv0) != expected:
+        raise ValueError(
+            f"u_drv0: shape {np.shape(u_drv0)}, expected {expected}: the driver pushes "
+            f"{scene.n_driven} of the blocks from h to h_top"
+        )
+
+
 def _packed(counts: Counts, constants: Constants, *rows: np.ndarray) -> Model:
     return Model(np.array(counts, dtype=np.int32), np.concatenate([constants, *rows]))
 
@@ -120,6 +131,7 @@ def _counts(scene: Scene, geometry: Geometry) -> Counts:
         int(scene.rigid),
         scene.i_h + 1,
         scene.j_h + 1,
+        scene.j_h_top + 1,
         int(scene.prescribed),
         *(BEYOND[getattr(scene.walls, side)] for side in ("left", "right", "top")),
         int(scene.slider.dashpots == "along"),
@@ -127,21 +139,24 @@ def _counts(scene: Scene, geometry: Geometry) -> Counts:
     )
 
 
-def model(scene: Scene, geometry: Geometry, u_drv0: float, t: float = 0.0) -> Model:
+def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) -> Model:
     """Return the scene as the core takes it.
 
     Args:
         scene: the scene (its values were checked when it was made).
         geometry: "linear" or "finite".
-        u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m.
+        u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m; of several, shape
+            (n_driven,), those at which none is pushed.
         t: a time within the piece of the protocols that will be run, in s.
 
     Raises:
-        ValueError: unknown geometry, or a derived constant is not finite.
+        ValueError: unknown geometry, u_drv0 of another number of blocks, or a derived constant is
+            not finite.
         SceneError: finite geometry for a chain.
     """
     check_geometry(geometry, scene)
-    slider, driver = scene.slider, scene.driver
+    check_driven(scene, u_drv0)
+    slider, home = scene.slider, np.atleast_1d(u_drv0)
     i_rod = scene.M_rod * slider.L**2 / 12
     V, F_N, T = (scene.piece(what, t) for what in ("V", "F_N", "T"))
     begins = (one for one in scene.corners if scene.top.push and one <= t)
@@ -159,9 +174,9 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float, t: float = 0.0) -> Mo
         i_top=i_rod + scene.m * np.sum(scene.x**2),
         kappa=scene.kappa,
         d=scene.d,
-        k_drv=driver.K,
+        k_drv=scene.driver.K / scene.n_driven,
         v_drv=V.at(begin),
-        u_drv0=u_drv0,
+        u_drv0=float(np.mean(home)),
         p_corner=CORNER_SHARE * scene.F_N / scene.N_x,
         k_top=scene.k_top,
         t_seg=begin,
@@ -181,7 +196,8 @@ def model(scene: Scene, geometry: Geometry, u_drv0: float, t: float = 0.0) -> Mo
         counts = counts._replace(n_junctions=kind.n_s, seed_low=words[0], seed_high=words[1])
         constants = constants._replace(ruptured=kind.ruptured)
         knots = [*knots, scene.law.thresholds.ravel()]
-    packed = _packed(counts, constants, scene.x, load, shear, *push, *rows, *knots)
+    aside = home - constants.u_drv0
+    packed = _packed(counts, constants, aside, scene.x, load, shear, *push, *rows, *knots)
     if not np.isfinite(packed.numbers).all():
         raise ValueError(f"constants of the scene are not finite: {constants}")
     return packed
@@ -216,4 +232,5 @@ def springs(
         m=scene.m if m is None else m,
     )
     counts = _counts(scene, geometry)._replace(rigid=0, prescribed=0, left=0, right=0, top=0)
-    return _packed(counts, constants, scene.x, np.zeros(10 * scene.N_x))
+    none = np.zeros(scene.n_driven)
+    return _packed(counts, constants, none, scene.x, np.zeros(10 * scene.N_x))

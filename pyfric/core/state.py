@@ -13,26 +13,32 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from pyfric.core.packing import check_driven
 from pyfric.display import html
 from pyfric.scene import sealed, slipped, unsealed, write
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pyfric.scene import Scene
+    from pyfric.scene import OnDriven, Scene
 
-__all__ = ["OPEN", "STUCK", "State", "StateError"]
+__all__ = ["OPEN", "STUCK", "State", "StateError", "spring_of"]
 
 STUCK, OPEN = 0, 2
 """Contact states; a slipping block carries the sign of its motion, +1 or -1."""
 
 
-NUMBERS = ("step", "t0", "dt", "u_drv0", "drive", "sub")
+NUMBERS = ("step", "t0", "dt", "drive", "sub")
 REAL, WHOLE = np.dtype(np.float64), np.dtype(np.int32)
 
 
 class StateError(ValueError):
     """A state is damaged or does not belong to the scene."""
+
+
+def spring_of(scene: Scene) -> np.ndarray:
+    """Return K and direction of the driver and the rows it pushes, as `State.spring` has them."""
+    return np.array([scene.driver.K, scene.d, scene.j_h, scene.j_h_top], dtype=float)
 
 
 @dataclass(eq=False, slots=True)
@@ -58,10 +64,13 @@ class State:
         step: steps made since t0.
         t0: time of step 0, in s.
         dt: time step, in s.
-        u_drv0: u_x of the driven block at which F_T = 0 where drive = 0, in m.
+        u_drv0: u_x of the driven block at which F_T = 0 where drive = 0, in m; under a plate those
+            of its blocks at which none is pushed, upward, shape (n_driven,).
         drive: how far the driver has moved since drive = 0, in m.
         parts: what of `heat` went into friction above mu_k p, and what into alpha, shape (2, N_x),
             in J; on junctions: heat of dragging, and work of their stiffness. None means 0.
+        spring: K (N/m) and direction of the driver, the lowest and the highest row that it pushes,
+            shape (4,). None means zeros: not known.
         sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 for dt.
 
     Laws given by tables remember two numbers of each bottom block: s_0, its slip since it last
@@ -84,14 +93,17 @@ class State:
     step: int
     t0: float
     dt: float
-    u_drv0: float
+    u_drv0: OnDriven
     drive: float
     sub: float = 0.0
     parts: np.ndarray | None = None
+    spring: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.parts is None:
             self.parts = np.zeros((2, len(self.mode)))
+        if self.spring is None:
+            self.spring = np.zeros(4)
 
     def __getattr__(self, name: str) -> np.ndarray:
         """Return what the law remembers by that name; changing it changes the state."""
@@ -147,6 +159,7 @@ class State:
             KeyError: a value is missing.
         """
         own = {field.name for field in dataclasses.fields(cls)} - {"memory"}
+        own -= {"spring"} - values.keys()
         law = {name: np.asarray(values[name]) for name in values if name not in own}
         types = [(name, float, value.shape[1:]) for name, value in law.items()]
         memory = np.empty(len(values["mode"]), types)
@@ -169,14 +182,40 @@ class State:
         return new
 
     def under(self, scene: Scene) -> Self:
-        """Return a copy that goes on under another protocol, with the driver where it is.
+        """Return a copy that goes on under another protocol or driver: F_T does not jump.
 
-        Protocols count from t = 0: where this one has the driver elsewhere at t, u_drv0 shifts.
+        Protocols count from t = 0: where this one has the driver elsewhere at t, u_drv0 shifts. It
+        also does where K is another. Other driven blocks share F_T evenly.
+
+        Raises:
+            StateError: the driver is on the other side, or the state is damaged.
         """
+        self.check(scene.N_x, scene.N_z)
         new, drive = self.copy(), scene.drive(self.t)
         if drive != self.drive:
             new.u_drv0, new.drive = self.u_drv0 + scene.d * (self.drive - drive), drive
+        new.spring = spring_of(scene)
+        if self.spring[1] and not np.array_equal(self.spring, new.spring):
+            new.u_drv0 = self._taken_over(scene, drive)
         return new
+
+    def _taken_over(self, scene: Scene, drive: float) -> OnDriven:
+        """Return u_drv0 of another driver, which is at `drive` (m) and pushes with the same F_T."""
+        K, d, low, high = self.spring
+        if d != scene.d:
+            side = "left" if d > 0 else "right"
+            raise StateError(
+                f"state: its driver is on the {side}; the scene's is on the other side"
+            )
+        u = scene.u_driven(self.y)
+        if not scene.driver.K:
+            return u
+        then = self.y[int(low) : int(high) + 1, 0, scene.i_h]
+        forces = K / len(then) * (self.drive - d * (then - self.u_drv0))
+        if (low, high) != (scene.j_h, scene.j_h_top):
+            forces = np.full(scene.n_driven, forces.sum() / scene.n_driven)
+        home = u - d * (drive - forces * scene.n_driven / scene.driver.K)
+        return float(home[0]) if scene.n_driven == 1 else home
 
     def check(self, N_x: int, N_z: int | None = None, n_memory: int | None = None) -> None:
         """Check shapes and types, which is all the core relies on.
@@ -203,15 +242,21 @@ class State:
             ("dissipated", (N_z,), REAL),
             ("heat", blocks, REAL),
             ("work", (2,), REAL),
+            ("spring", (4,), REAL),
         ):
             array = getattr(self, name)
             right = isinstance(array, np.ndarray) and array.shape == shape and array.dtype == dtype
             if not (right and array.flags.carray):
                 raise StateError(f"state.{name}: expected a contiguous {dtype} {shape}")
+        low, high = self.spring[2:]
+        if self.spring[1] and not (
+            0 <= low <= high < N_z and np.size(self.u_drv0) == high - low + 1
+        ):
+            raise StateError(f"state.spring: rows {low:g} to {high:g} do not go with the blocks")
         if not (
             self.dt > 0
             and self.step >= 0
-            and all(map(math.isfinite, (self.t0, self.u_drv0, self.drive)))
+            and all(map(math.isfinite, (self.t0, self.drive, *np.atleast_1d(self.u_drv0))))
         ):
             raise StateError(
                 f"state: dt = {self.dt} s, t0 = {self.t0} s, u_drv0 = {self.u_drv0} m, drive = "
@@ -234,7 +279,8 @@ class State:
 
         Raises:
             StateError: it does not fit the scene, holds values that are not finite, a contact
-                state that does not exist, a stuck block that moves, or a top row off its rod.
+                state that does not exist, a stuck block that moves, a top row off its rod, or
+                another number of driven blocks.
         """
         self.check(scene.N_x, scene.N_z)
         if self.memory.dtype != scene.law.memory:
@@ -243,6 +289,10 @@ class State:
         for name, value in self.values().items():
             if not np.isfinite(value).all():
                 raise StateError(f"state.{name}: holds values that are not finite")
+        try:
+            check_driven(scene, self.u_drv0)
+        except ValueError as error:
+            raise StateError(f"state.{error}") from None
         if not np.isin(self.mode, (STUCK, 1, -1, OPEN)).all():
             raise StateError(f"state.mode: {self.mode}, allowed: 0, 1, -1, 2")
         if scene.law.rests and (self.y[0, 2, self.mode == STUCK] != 0).any():
@@ -280,6 +330,8 @@ class State:
             with np.load(io.BytesIO(inside)) as archive:
                 values = dict(archive)
             numbers = {name: values[name].item() for name in NUMBERS}
+            if not values["u_drv0"].ndim:
+                numbers["u_drv0"] = values["u_drv0"].item()
             return cls.of(values | numbers)
         except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
             raise StateError(f"{path}: not a state ({error})") from error

@@ -20,14 +20,14 @@ BLOCKS, COLUMNS = 5_000, 250
 def coarser(scene: Scene) -> Scene:
     """Return the scene with blocks so large that `BLOCKS` and `COLUMNS` suffice.
 
-    It keeps L, H, h and eta where there are blocks that fit; L and eta otherwise.
+    It keeps L, H, h, h_top and eta where there are blocks that fit; L and eta otherwise.
     """
     N_x, N_z = scene.N_x, scene.N_z
     if N_x * N_z <= BLOCKS and N_x <= COLUMNS:
         return scene
     if N_z == 1:
         return _coarser_chain(scene)
-    n = math.gcd(N_x - 1, N_z - 1, scene.j_h)
+    n = math.gcd(N_x - 1, N_z - 1, scene.j_h, scene.j_h_top)
     for q in range(2, n + 1):
         n_x, n_z = (N_x - 1) // q, (N_z - 1) // q
         few = (n_x + 1) * (n_z + 1) <= BLOCKS and n_x < COLUMNS
@@ -43,9 +43,10 @@ def coarser(scene: Scene) -> Scene:
         n_x -= 1
     l = scene.slider.L / n_x
     n_z = max(round(scene.slider.H / l), 1)
-    j_h = min(max(round(scene.driver.h / l), 1), n_z)
     slider = dataclasses.replace(scene.slider, l=l, H=l * n_z, eta=scene.eta, damping=None)
-    driver = dataclasses.replace(scene.driver, h=l * j_h)
+    heights = {"h": scene.driver.h, "h_top": scene.driver.h_top}
+    rows = {n: min(max(round(z / l), 1), n_z) for n, z in heights.items() if z is not None}
+    driver = dataclasses.replace(scene.driver, **{name: l * j for name, j in rows.items()})
     interface = scene.interface_on(n_x + 1)
     return dataclasses.replace(scene, slider=slider, driver=driver, interface=interface)
 

@@ -96,7 +96,12 @@ class Creeping:
     @functools.cached_property
     def problem(self) -> ContactProblem:
         """The condensed slider."""
-        return ContactProblem(self.scene)
+        return ContactProblem(self.scene, self.known.u_drv0)
+
+    @property
+    def home(self) -> float:
+        """Where the driver of the problem is at drive = 0, in m."""
+        return self.scene.d * float(np.mean(self.known.u_drv0))
 
     @staticmethod
     def possible(scene: Scene, geometry: str, V: float) -> bool:
@@ -112,7 +117,7 @@ class Creeping:
             last: number of the last step.
         """
         V, dt = self.V, state.dt
-        drive = self.scene.drive(state.t) + self.scene.d * self.known.u_drv0
+        drive = self.scene.drive(state.t) + self.home
         way = np.where(np.abs(state.mode) == 1, state.mode, 0)
         creep = Creep(self.problem, state.y[0, 0], way, state.mode != OPEN, state.s_0)
         begin = creep.at(drive)
@@ -151,7 +156,7 @@ class Creeping:
         """Return coordinates (m) and their rates (m/s) on the path, held back by C and M."""
         space, V, by = modes.space, self.V, APART * dt
         system = space.system
-        drive = point.drive - self.scene.d * self.known.u_drv0
+        drive = point.drive - self.home
         v, bend = V * space.carried(point.rate), np.zeros(system.n_q)
         before = modes.creep.at(point.drive - V * by, point)
         if before is not None:

@@ -191,7 +191,7 @@ class Run:
     def sample(self) -> None:
         """Add the present to the loading curve."""
         state, scene = self.state, self.scene
-        u_x = state.y[scene.j_h, 0, scene.i_h]
+        u_x = scene.u_driven(state.y)
         F_T = scene.driver_force(scene.drive(state.t), u_x, state.u_drv0)
         row = [state.t, F_T]
         if self.method.budget:

@@ -48,7 +48,7 @@ STEPS = 250
 MARGIN = 0.1
 """Growth of energy that steps of an admitted size may add between two looks, over the energy."""
 STRAIN_SHARE = 0.65
-"""Largest strain of a bond, at the driven block, over F_T/(k l)."""
+"""Largest strain of a bond, at the driven block, over F_T/(k l); under a plate it is less."""
 LINEAR = 0.1
 """Beyond this strain, results of linear geometry carry a note."""
 

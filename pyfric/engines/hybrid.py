@@ -334,7 +334,7 @@ class HybridRun(Run):
     def _sample_jump(self, landing: Landing, outside: Outside) -> None:
         """Add the points of the loading curve in a jump."""
         (t, s), scene = self._samples(landing.n), self.scene
-        moved = landing.jump.u_h(landing.still, s) - self.state.u_drv0
+        moved = landing.jump.u_h(landing.still, s) - np.mean(self.state.u_drv0)
         stretch = outside.drive_at(s) - scene.d * moved
         self.rows += np.column_stack([t, scene.driver.K * stretch]).tolist()
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pyfric.core import State
     from pyfric.engines.dynamic import Run
     from pyfric.engines.options import Options
-    from pyfric.scene import Geometry, Scene
+    from pyfric.scene import Geometry, OnDriven, Scene
 
 __all__ = ["integrate"]
 
@@ -46,8 +46,8 @@ def integrate(
     if before is not None:
         initial = before.final_state
     if initial is not None:
-        initial.check_physics(scene)
         initial = initial if before is not None else initial.under(scene)
+        initial.check_physics(scene)
     t_begin = 0.0 if initial is None else initial.t
     t_end = check_number("t_end", t_end, "s", ge=t_begin)
     method = options.settled(scene, engine, t_begin, t_end)
@@ -77,7 +77,7 @@ def _last(scene: Scene, state: State, t_end: float) -> int:
     return math.ceil((t_end - t0) / state.dt * (1 - 1e-14))
 
 
-def _loaded(scene: Scene, geometry: Geometry, u_drv0: float | None) -> StaticSolver:
+def _loaded(scene: Scene, geometry: Geometry, u_drv0: OnDriven | None) -> StaticSolver:
     """Return the solver with the loaded slider.
 
     Raises:

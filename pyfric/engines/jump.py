@@ -96,7 +96,7 @@ class Path(NamedTuple):
         lag: of the coordinates, shape (3, n_q).
         gaps: gap functions, lag included, shape (3, n_c), in N.
         still: value and rate at rest of u_z of the bottom blocks, of the friction force on those
-            that stick, and of u_x of the driven block, shape (2, N_x + n_stuck + 1).
+            that stick, and of mean u_x of the driven blocks, shape (2, N_x + n_stuck + 1).
     """
 
     q: np.ndarray
@@ -373,7 +373,7 @@ class Jump:
         return np.array([value, rate, 2 / s**2 * (end - value - s * rate)])
 
     def u_h(self, still: np.ndarray, s: np.ndarray) -> np.ndarray:
-        """Return u_x of the driven block at times s (s), shape (n,), in m."""
+        """Return mean u_x of the driven blocks at times s (s), shape (n,), in m."""
         path = still[:, -1] + self.path.lag @ self.system.solver.driven_row
         waves = (self.system.u_h * self.ringing.a) @ np.exp(np.outer(self.ringing.growth, s))
         return at(path, s) + waves.real

@@ -102,7 +102,7 @@ class Linearised:
         rates: eigenvalues of the damped modes, one of each conjugate pair, shape (n,), in 1/s.
         growth: rates of their amplitudes: `rates`, or what RK4 makes of them, shape (n,), in 1/s.
         gaps: gap functions of modes of amplitude 1, shape (n_c, n), complex, in N.
-        u_h: u_x of the driven block in these modes, shape (n,), complex, in m.
+        u_h: mean u_x of the driven blocks in these modes, shape (n,), complex, in m.
         bound: largest change of the gap functions by a truncated part of 1 J, (n_c,), in N.
         cut: frequency up to which the space holds all undamped modes, in 1/s.
         decay: rate at which the truncated part decays at least, in 1/s.
@@ -285,8 +285,7 @@ class Linearised:
         solver = self.solver.under(load)
         if solver.geometry == "finite":
             return solver.forces(q, self._contact, drive)[0]
-        pushed = drive + solver.scene.d * solver.u_drv0
-        return solver.load + pushed * solver.push - self.K @ q
+        return solver.load + solver.pushed(drive) - self.K @ q
 
     def answer(self, force: np.ndarray) -> np.ndarray:
         """Return the displacements, shape (n_q,), that forces on all coordinates make."""
@@ -328,7 +327,7 @@ class Linearised:
         return self.gap_functions(q[N_x : 2 * N_x], -forces[self.held])
 
     def bottom(self, x: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """Return u_z of the bottom blocks, f, and u_x of the driven block of coordinates x."""
+        """Return u_z of the bottom blocks, f, and mean u_x of driven blocks of coordinates x."""
         N_x = len(self.stuck)
         return np.concatenate([x[N_x : 2 * N_x], f, [self.solver.driven_row @ x]])
 

@@ -54,7 +54,8 @@ def simulate(
         scene: what is simulated: a scene, the name of a preset, or the path of a scene file.
         t_end: time of the end, in s; the last step ends there or just beyond.
         options: how; None means `Options()`.
-        initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there. A
+        initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there,
+            also with another scene: where K or the driven blocks differ, F_T stays as it is. A
             `Record` goes on where it stopped, and the result holds the whole run. Where the speed
             of the driver or the loads are others from then on, its scene has a protocol that is
             both. The driver goes on from where it is, so that F_T does not jump; protocols count

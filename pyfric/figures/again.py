@@ -58,7 +58,8 @@ class Again:
         again = simulate(scene, begin, fidelity=engine, initial=initial, **how, **self.steps)
         self.state: State = again.final_state
         before = record.events["t_stop"] < begin
-        same = record.final_state.u_drv0 == self.state.u_drv0 and len(again.events) == before.sum()
+        same = np.array_equal(record.final_state.u_drv0, self.state.u_drv0)
+        same = same and len(again.events) == before.sum()
         if not same:
             raise another_start()
         self.model = core.model(scene, method.geometry, self.state.u_drv0)

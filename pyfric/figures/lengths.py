@@ -55,7 +55,7 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
     lengths = _values(records, lambda scene: scene.slider.L)
     colour = {h: COLOURS[n % len(COLOURS)] for n, h in enumerate(heights)}
     shape = {L: MARKERS[n % len(MARKERS)] for n, L in enumerate(lengths)}
-    predicted = {(one.scene.slider.L, one.scene.driver.h): one.scene for one in records}
+    predicted = {_pushed(one.scene): one.scene for one in records}
     points, curves = lengths_of(records), _predictions(list(predicted.values()))
     several = points.groupby(["L_mm", "h_mm"])["F_N"].transform("nunique") > 1
 
@@ -110,11 +110,7 @@ def _draw_loads(
 
 def _geometries(records: Sequence[Record]) -> list[str]:
     """What linear geometry means for F_N, and how far finite geometry is from it."""
-    linear = {
-        (one.scene.slider.L, one.scene.driver.h): one
-        for one in records
-        if one.method.geometry == "linear"
-    }
+    linear = {_pushed(one.scene): one for one in records if one.method.geometry == "linear"}
     finite = [one for one in records if one.method.geometry == "finite"]
     if not linear:
         return []
@@ -123,11 +119,7 @@ def _geometries(records: Sequence[Record]) -> list[str]:
         loads = joined(f"{F_N:g}" for F_N in _values(finite, lambda scene: scene.F_N))
         heights = joined(f"{h * 1e3:g}" for h in _values(finite, lambda scene: scene.driver.h))
         text.append(f"F_N = {loads} N at h = {heights} mm: finite geometry; all others: linear.")
-    pairs = [
-        (one, linear[key])
-        for one in finite
-        if (key := (one.scene.slider.L, one.scene.driver.h)) in linear
-    ]
+    pairs = [(one, linear[key]) for one in finite if (key := _pushed(one.scene)) in linear]
     if pairs:
         apart = max(_force_apart(*pair) for pair in pairs)
         text.append(f"At equal length their F_T/F_N differ by up to {apart:.2g}.")
@@ -226,6 +218,11 @@ def _predictions(scenes: Sequence[Scene]) -> pd.DataFrame:
         }
         tables.append(pd.DataFrame(named))
     return pd.concat(tables, ignore_index=True)
+
+
+def _pushed(scene: Scene) -> tuple[float, float, float | None]:
+    """Return length and where the driver pushes: runs that share them have one prediction curve."""
+    return scene.slider.L, scene.driver.h, scene.driver.h_top
 
 
 def _values(records: Sequence[Record], get: object) -> list[float]:

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 MOST_COLUMNS = 32
 """Lattices with more columns are thinned."""
+MOST_SPRINGS = 6
+"""Of a plate as many springs are drawn at most."""
 FIELD_ROOM = 9
 """Height of a field below the interface, in hundredths of L."""
 FIELD_NAMES = {
@@ -81,12 +83,12 @@ def sketch(scene: SceneLike) -> DataFigure:
 
     q = _thinning(scene)
     x = _kept(scene.N_x, q) * slider.l * 1e3
-    z = np.union1d(_kept(scene.N_z, q), [scene.j_h]) * slider.l * 1e3
+    z = np.union1d(_kept(scene.N_z, q), [scene.j_h, scene.j_h_top]) * slider.l * 1e3
     _lattice(axes, x, z, scene.N_z == 1, unit)
     _foundation(axes, x, L, unit, scene)
     top = _rod if scene.rigid else _load
     top(axes, x, L, H, unit, scene)
-    _driver(axes, L, unit, scene)
+    _driver(axes, z, L, unit, scene)
     _fields(axes, x, unit, scene)
     _length(axes, (0, -13 * unit), (L, -13 * unit), f"$L$ = {L:g} mm", unit)
     if scene.N_z > 1:
@@ -97,7 +99,8 @@ def sketch(scene: SceneLike) -> DataFigure:
     columns = {"n": n, "x_mm": x_mm, "load_N": scene.load, "shear_N": scene.shear}
     fields = {name: scene.field(name) for name in scene.varied}
     fig.tables = {"columns": pd.DataFrame(columns | fields)}
-    thin = f" Every {_ordinal(q)} block in both directions and the driven row are drawn."
+    driven = "the driven row" if scene.n_driven == 1 else "the rows at the plate's edges"
+    thin = f" Every {_ordinal(q)} block in both directions and {driven} are drawn."
     what = f"Sketch of the scene, to scale, after Fig. 1(a) of {PAPER}."
     fig.caption = f"{what}{thin if q > 1 else ''}\n{scene_text(scene)}"
     return fig
@@ -106,7 +109,7 @@ def sketch(scene: SceneLike) -> DataFigure:
 def _thinning(scene: Scene) -> int:
     """Every how many blocks are drawn, if possible in equal steps from edge to edge."""
     least = -(-scene.N_x // MOST_COLUMNS)
-    common = np.gcd.reduce([scene.N_x - 1, scene.N_z - 1, scene.j_h])
+    common = np.gcd.reduce([scene.N_x - 1, scene.N_z - 1, scene.j_h, scene.j_h_top])
     whole = [q for q in range(least, 3 * least + 1) if common % q == 0]
     return whole[0] if whole else least
 
@@ -223,23 +226,28 @@ def _load(axes: Axes, x: np.ndarray, L: float, H: float, unit: float, scene: Sce
     _text(axes, (L / 2, H + 15.5 * unit), text, VERMILION, va="bottom")
 
 
-def _driver(axes: Axes, L: float, unit: float, scene: Scene) -> None:
-    """The spring at height h, its moving end, and their numbers."""
+def _driver(axes: Axes, z: np.ndarray, L: float, unit: float, scene: Scene) -> None:
+    """The spring at height h, or those of a plate, the moving end, and their numbers."""
     d, driver = scene.d, scene.driver
-    h = driver.h * 1e3
+    ends = np.array([scene.j_h, scene.j_h_top]) * scene.slider.l * 1e3
+    h, rows = driver.h * 1e3, z[(z >= ends[0]) & (z <= ends[1])]
+    rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_SPRINGS)).round().astype(int)]
+    middle, reach = (rows[0] + rows[-1]) / 2, (rows[-1] - rows[0]) / 2
     here = 0.0 if d > 0 else L
     far = here - d * 13 * unit
-    axes.plot(*_zigzag((far, h), (here, h), 1.6 * unit, 6), color=BLACK, lw=LINE, zorder=5)
-    plate = Rectangle((far - 0.6 * unit, h - 3 * unit), 1.2 * unit, 6 * unit, fc=BLACK, zorder=5)
-    axes.add_patch(plate)
-    _arrow(axes, (far - d * 9 * unit, h), (far - d * 1.2 * unit, h), BLACK, 1.2)
+    for z in rows:
+        axes.plot(*_zigzag((far, z), (here, z), 1.6 * unit, 6), color=BLACK, lw=LINE, zorder=5)
+    low, high = middle - reach - 3 * unit, 2 * reach + 6 * unit
+    axes.add_patch(Rectangle((far - 0.6 * unit, low), 1.2 * unit, high, fc=BLACK, zorder=5))
+    _arrow(axes, (far - d * 9 * unit, middle), (far - d * 1.2 * unit, middle), BLACK, 1.2)
     left = far - d * 26 * unit
     side = {"ha": "left" if d > 0 else "right"}
     speed = rf"$V$ = {driver.V * 1e3:.4g} mm/s"
-    _text(axes, (left, h + 10 * unit), rf"$K$ = {driver.K / 1e6:g} MN/m", BLACK, **side)
-    _text(axes, (left, h + 5 * unit), speed, BLACK, **side)
+    _text(axes, (left, rows[-1] + 10 * unit), rf"$K$ = {driver.K / 1e6:g} MN/m", BLACK, **side)
+    _text(axes, (left, rows[-1] + 5 * unit), speed, BLACK, **side)
     if h:
-        _text(axes, (left, h - 6 * unit), f"$h$ = {h:g} mm", BLACK, **side)
+        height = f"{h:g} mm" if scene.n_driven == 1 else rf"{h:g}$-${rows[-1]:g} mm"
+        _text(axes, (left, rows[0] - 6 * unit), f"$h$ = {height}", BLACK, **side)
 
 
 def _length(

@@ -200,13 +200,16 @@ def scene_text(scenes: Scene | Sequence[Scene]) -> str:
     friction += f", friction law {' and '.join(kinds)}" if kinds else ""
     varied = sorted({name for one in scenes for name in one.varied})
     friction += f" (means; {', '.join(varied)} vary along the interface)" if varied else ""
+    plates = ""
+    if any(one.n_driven > 1 for one in scenes):
+        plates = f"h_top = {of(lambda s: s.j_h_top * s.slider.l, 'mm', 1e-3)}, "
     return (
         f"{head}: {load}, L = {of(lambda s: s.slider.L, 'mm', 1e-3)}, "
         f"H = {of(lambda s: s.slider.H, 'mm', 1e-3)}, l = {of(lambda s: s.slider.l, 'mm', 1e-3)} "
         f"({', '.join(f'{x} x {z}' for x, z in blocks)} blocks), "
         f"F_N = {of(lambda s: s.F_N, 'N')}, driver K = {of(lambda s: s.driver.K, 'MN/m', 1e6)}, "
         f"V = {of(lambda s: s.driver.V, 'mm/s', 1e-3)}, "
-        f"h = {of(lambda s: s.driver.h, 'mm', 1e-3)}, on the {first.driver.side}; "
+        f"h = {of(lambda s: s.driver.h, 'mm', 1e-3)}, {plates}on the {first.driver.side}; "
         f"k = {of(lambda s: s.slider.k, 'MN/m', 1e6)}, {friction}."
     )
 

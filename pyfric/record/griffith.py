@@ -103,8 +103,9 @@ def _before(record: Record, event: int) -> Contact:
     if scene.load_at(0.0) is not None:
         reason = "static states under a changing F_N or T are not computed"
         raise SceneError("top.protocol", scene.load_at(float(t)), "N", "none", reason)
-    drive = scene.d * u_drv0 + scene.drive(float(t))
-    return Contact(ContactProblem(scene), u_x, drive, np.where(mode == OPEN, OPEN, STUCK))
+    drive = scene.d * float(np.mean(u_drv0)) + scene.drive(float(t))
+    problem = ContactProblem(scene, u_drv0)
+    return Contact(problem, u_x, drive, np.where(mode == OPEN, OPEN, STUCK))
 
 
 def _speeds(record: Record, G: np.ndarray, Gamma: np.ndarray) -> np.ndarray:

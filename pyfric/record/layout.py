@@ -30,7 +30,7 @@ import numpy as np
 import pandas as pd
 import pydantic
 
-from pyfric.core import State, StateError
+from pyfric.core import State, StateError, check_driven
 from pyfric.record.errors import Errors
 from pyfric.record.held import GROUPS, Held, RecordError, checked, found_arrays, held_in
 from pyfric.record.method import Method
@@ -275,6 +275,7 @@ def _state(values: Mapping[str, np.ndarray], scene: Scene) -> State | None:
     try:
         state = State.of(plain)
         state.check(scene.N_x, scene.N_z)
+        check_driven(scene, state.u_drv0)
     except (StateError, TypeError, ValueError, AttributeError, LookupError) as error:
         raise RecordError(f"final_state: {error}") from None
     if state.memory.dtype != scene.law.memory:

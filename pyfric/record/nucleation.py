@@ -49,9 +49,9 @@ def nucleations(record: Record) -> pd.DataFrame:
             "interface.d_c", scene.interface.d_c, "m", "> 0, and a law of slip alone",
             "slip does not lose stability",
         )  # fmt: skip
-    problem = ContactProblem(scene)
     u_drv0 = getattr(record.final_state, "u_drv0", None)
-    begin = scene.d * (loaded_state(scene).u_drv0 if u_drv0 is None else u_drv0)
+    u_drv0 = loaded_state(scene).u_drv0 if u_drv0 is None else u_drv0
+    problem, begin = ContactProblem(scene, u_drv0), scene.d * float(np.mean(u_drv0))
     rows = []
     for event, row in record.events["quiet_start"].items():
         if row >= 0:

@@ -46,7 +46,7 @@ from pyfric.scene.presets import (
 )
 from pyfric.scene.protocol import Leg, Piece, legs
 from pyfric.scene.push import Push
-from pyfric.scene.scene import Scene
+from pyfric.scene.scene import OnDriven, Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.toml import parsed
 from pyfric.scene.units import check_number, parse_quantity, range_text
@@ -65,6 +65,7 @@ __all__ = [
     "Leg",
     "Material",
     "Number",
+    "OnDriven",
     "Piece",
     "PrescribedLoad",
     "Push",

@@ -66,13 +66,19 @@ def _check_fields(scene: Scene) -> None:
 
 
 def _check_height(scene: Scene) -> None:
-    """Check that the driven block is on a row above the bottom one."""
+    """Check that driven blocks are on rows above the bottom one."""
     h, l, H = scene.driver.h, scene.slider.l, scene.slider.H
     steps = steps_in(h, l)
     if steps is None or not 1 <= steps < scene.N_z:
         allowed = f"a multiple of l = {l!r} m, from l to H = {H!r} m"
         reason = "not on a row" if steps is None else "not on a row that can be driven"
         raise SceneError("driver.h", h, "m", allowed, reason)
+    top = scene.driver.h_top
+    steps_to_top = steps if top is None else steps_in(top, l)
+    if steps_to_top is None or not steps <= steps_to_top < scene.N_z:
+        allowed = f"a multiple of l = {l!r} m, from h = {h!r} m to H = {H!r} m"
+        reason = "not on a row" if steps_to_top is None else "not on the driven side above h"
+        raise SceneError("driver.h_top", top, "m", allowed, reason)
 
 
 def _check_prescribed(scene: Scene) -> None:
@@ -146,6 +152,9 @@ def _check_chain(scene: Scene) -> None:
     if scene.driver.h:
         reason = "a chain is driven at its only row"
         raise SceneError("driver.h", scene.driver.h, "m", "0 m", reason)
+    if scene.driver.h_top:
+        reason = "a chain is driven at its only row"
+        raise SceneError("driver.h_top", scene.driver.h_top, "m", "None, or 0 m", reason)
 
 
 def _check_free(scene: Scene) -> None:
@@ -167,6 +176,8 @@ def _check_surface(scene: Scene) -> None:
     if scene.interface.k_f is not None:
         reason = "a prescribed interface has no foundation"
         raise SceneError("interface.k_f", scene.interface.k_f, "N/m", "None", reason)
-    if scene.walls.top == "held" and scene.j_h == scene.N_z - 1:
-        h, highest = scene.driver.h, (scene.N_z - 2) * scene.slider.l
-        raise SceneError("driver.h", h, "m", f"at most {highest!r} m", "the top row is held")
+    if scene.walls.top == "held" and scene.j_h_top == scene.N_z - 1:
+        name = "h" if scene.driver.h_top is None else "h_top"
+        highest = f"at most {(scene.N_z - 2) * scene.slider.l!r} m"
+        value = getattr(scene.driver, name)
+        raise SceneError(f"driver.{name}", value, "m", highest, "the top row is held")

@@ -337,6 +337,10 @@ class Walls:
 class Driver:
     """The spring that pushes one side of the slider; its far end moves at a given speed.
 
+    It pushes the block at height h; or, with h_top, all n blocks from h to h_top, as a rigid plate
+    does: by a spring K/n on each, relaxed where the block is once F_N is applied.
+    F_T = K (X - x_h), X the way of the far end and x_h the mean way of these blocks.
+
     The speed is V, or changes along straight lines from (0, V) through the corners of a protocol,
     and stays at the last one. Two corners at one time are a jump: ((1, V), (1, 0), (2, 0), (2, V))
     is a hold of one second. Negative speeds reverse the push. Steps end at corners.
@@ -344,15 +348,17 @@ class Driver:
     Args:
         K: stiffness, N/m, > 0, or 0 for no driver on a prescribed interface.
         V: speed of the far end towards the slider at t = 0, m/s, >= 0 (0 holds the driver).
-        h: height of the driven block above the interface, m; a multiple of l, l <= h <= H; 0 in a
-            chain.
+        h: height of the driven block above the interface, or of the plate's lower edge, m; a
+            multiple of l, l <= h <= H; 0 in a chain.
         side: "left" or "right", the side that is pushed (the trailing edge).
         protocol: corners (t, V) of a speed that changes, in s, in order, and m/s.
+        h_top: height of the plate's upper edge, m; a multiple of l, h <= h_top <= H. None means
+            one driven block.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
 
-    Source: PRL 107, 074301 (2011), F_T = K (V t - x_h).
+    Source: PRL 107, 074301 (2011), F_T = K (V t - x_h), for one block.
     """
 
     K: Annotated[float, NotNegative("N/m")]
@@ -360,6 +366,9 @@ class Driver:
     h: Annotated[float, NotNegative("m", note=", a multiple of l up to H")]
     side: Literal["left", "right"] = "left"
     protocol: Annotated[Corners, Protocol("m/s")] = ()
+    h_top: Annotated[
+        float | None, NotNegative("m", optional=True, note=", a multiple of l from h to H")
+    ] = None
 
     _section: ClassVar[str] = "driver"
 

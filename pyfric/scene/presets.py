@@ -79,6 +79,7 @@ class Fields(TypedDict, total=False):
     K: Number
     V: Number
     h: Number
+    h_top: Number | None
     side: Literal["left", "right"]
     mu_s: Field | None
     mu_k: Field | None

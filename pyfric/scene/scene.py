@@ -43,8 +43,10 @@ from pyfric.scene.push import pushes_at
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import scene_text
 
-__all__ = ["Scene"]
+__all__ = ["OnDriven", "Scene"]
 
+OnDriven = float | np.ndarray
+"""A number of the one driven block, or an array of several."""
 MAX_NAME = 200
 """Largest number of characters in the name of a scene."""
 
@@ -57,8 +59,8 @@ class Scene:
         slider: a `Slider`.
         top: a `Rod` (setup 1), a `DistributedLoad` (setup 2) or a `PrescribedLoad` (a chain, or a
             prescribed interface in two dimensions).
-        driver: a `Driver`; its h must be on a row of the slider above the bottom one, or 0 for a
-            chain.
+        driver: a `Driver`; its h, and h_top, must be on rows of the slider above the bottom one, or
+            0 for a chain.
         interface: an `Interface`.
         name: free text of at most `MAX_NAME` characters.
         walls: what is beyond sides and top of a slider on a prescribed interface, `Walls`.
@@ -68,8 +70,8 @@ class Scene:
             trailing edge on, so that it is not drawn again; kept beside the scene by records.
 
     Raises:
-        SceneError: a part is missing, unknown or of the wrong type, h is not on a row, prescribed
-            forces do not fit the blocks, or walls or parts do not go together.
+        SceneError: a part is missing, unknown or of the wrong type, h or h_top is not on a row,
+            prescribed forces do not fit the blocks, or walls or parts do not go together.
 
     `replace` changes values; all checks are repeated.
     Arrays run along the interface from the leftmost block to the rightmost one.
@@ -243,15 +245,25 @@ class Scene:
         """Direction of driving: +1 (pushed from the left) or -1 (from the right)."""
         return 1 if self.driver.side == "left" else -1
 
-    def driver_force(self, drive: float, u_h: float, u_drv0: float) -> float:
+    def driver_force(self, drive: float, u_h: OnDriven, u_drv0: OnDriven) -> float:
         """Return F_T = K (drive - d (u_h - u_drv0)) in N.
 
         Args:
             drive: displacement V t of the driver since t = 0, in m.
-            u_h: u_x of the driven block, in m.
+            u_h: u_x of the driven blocks, as `u_driven` returns it, or their mean, in m.
             u_drv0: the same where drive = 0 gives F_T = 0, in m.
         """
-        return float(self.driver.K * (drive - self.d * (u_h - u_drv0)))
+        return float(self.driver.K * (drive - self.d * np.mean(u_h - u_drv0)))
+
+    def u_driven(self, u: np.ndarray) -> OnDriven:
+        """Return u_x of the one driven block, or of several, shape (n_driven,), upward, in m.
+
+        Args:
+            u: displacements, or a state, shape (N_z, 2 or 4, N_x), in m.
+        """
+        if self.n_driven == 1:
+            return float(u[self.j_h, 0, self.i_h])
+        return u[self.j_h : self.j_h_top + 1, 0, self.i_h].copy()
 
     @functools.cached_property
     def corners(self) -> tuple[float, ...]:
@@ -289,13 +301,24 @@ class Scene:
 
     @property
     def i_h(self) -> int:
-        """Column of the driven block, counted from 0: 0 or N_x - 1."""
+        """Column of the driven blocks, counted from 0: 0 or N_x - 1."""
         return 0 if self.driver.side == "left" else self.N_x - 1
 
     @property
     def j_h(self) -> int:
-        """Row of the driven block, counted from 0 at the bottom: h / l."""
+        """Row of the driven block, the lowest of several, counted from 0 at the bottom: h / l."""
         return round(self.driver.h / self.slider.l)
+
+    @property
+    def j_h_top(self) -> int:
+        """Row of the highest driven block, counted from 0 at the bottom: h_top / l."""
+        top = self.driver.h_top
+        return self.j_h if top is None else round(top / self.slider.l)
+
+    @property
+    def n_driven(self) -> int:
+        """Number of driven blocks: 1, or those of a plate."""
+        return self.j_h_top - self.j_h + 1
 
     @property
     def x(self) -> np.ndarray:

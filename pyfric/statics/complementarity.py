@@ -22,7 +22,7 @@ from scipy.linalg.lapack import dposv
 
 from pyfric.core import OPEN, STUCK
 from pyfric.scene import FRICTIONLESS, of
-from pyfric.statics.condensation import condense
+from pyfric.statics.condensation import Plate, condense
 from pyfric.statics.contact import States, Unmet, Values, rounding, with_free
 from pyfric.statics.memory import Memory
 from pyfric.statics.rest import EquilibriumError, check_rests
@@ -31,7 +31,7 @@ from pyfric.statics.uniqueness import definiteness, is_definite
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from pyfric.scene import Law, Scene
+    from pyfric.scene import Law, OnDriven, Scene
 
 __all__ = ["Contact", "ContactProblem", "Route", "Static"]
 
@@ -71,21 +71,34 @@ class ContactProblem:
 
     Args:
         scene: the scene.
+        u_drv0: u_x of the driven blocks where F_T = 0, in m, as `Scene.u_driven` has it. What
+            matters is how those of a plate differ; None means those of the loaded state.
 
     Raises:
         SceneError: the scene has no static states.
         EquilibriumError: a part of the slider is not supported.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, u_drv0: OnDriven | None = None) -> None:
         check_rests(scene)
-        self.scene, self.slider = scene, condense(scene)
-        self.unit = scene.F_N / scene.N_x
+        self.scene, self.unit = scene, scene.F_N / scene.N_x
+        found = condense(scene)
+        if isinstance(found, Plate):
+            if u_drv0 is None:
+                self.slider = found.slider
+                self._look(np.eye(4, 2))
+                now = self._applied.values()
+                u_drv0 = found.at(np.concatenate([now.u_x, now.u_z]))
+            found = found.drives(scene, u_drv0)
+        self.slider = found
         self._look(np.eye(4, 2))
 
     def _look(self, outside: np.ndarray) -> None:
         """Take what is outside, w of `condensation`, by s and 1, shape (4, 2)."""
         self._loads, self._F_T = self.slider.G @ outside, self.slider.c @ outside
+        if self.slider.always is not None:
+            self._loads[:, 1] += self.slider.always[0]
+            self._F_T[1] += self.slider.always[1]
         self._bases: Memory[np.ndarray] = Memory(BASES)
 
     def along(self, route: Route) -> ContactProblem:
@@ -137,11 +150,18 @@ class ContactProblem:
         return table
 
     @functools.cached_property
-    def _loaded(self) -> tuple[np.ndarray, float, np.ndarray]:
-        """Where blocks are once F_N is applied, where the driver is at F_T = 0, contact states."""
+    def _applied(self) -> Contact:
+        """The slider without its driver under F_N."""
         home = np.zeros(self.scene.N_x)
         applied = Contact(self.undriven(), home, 0.0, home, driven=False)
-        u_x, mode = applied.load(home).u_x, np.where(applied.closed, STUCK, OPEN)
+        applied.load(home)
+        return applied
+
+    @functools.cached_property
+    def _loaded(self) -> tuple[np.ndarray, float, np.ndarray]:
+        """Where blocks are once F_N is applied, where the driver is at F_T = 0, contact states."""
+        applied = self._applied
+        u_x, mode = applied.values().u_x, np.where(applied.closed, STUCK, OPEN)
         contact = Contact(self, u_x, 0.0, mode)
         return u_x, -contact.values().F_T / contact.rates().F_T, mode
 

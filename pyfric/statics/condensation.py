@@ -6,7 +6,8 @@ of what is outside, w = (drive, 1, F_N, T). It is quadratic, so that with S, G a
 
     S v - G w are the forces the interface has to carry,   F_T = dU/d(drive) = c.w - G_drive.v .
 
-The driver spring is relaxed at drive = 0 with the driven block at u_x = 0: drive = V t + d u_drv0.
+The driver spring is relaxed at drive = 0 with the driven block at u_x = 0: drive = V t + d u_drv0,
+of a plate the mean over its blocks, which adds constant forces where they differ: see `Plate`.
 The second of w stands for the loads at t = 0, in place of F_N and T.
 
 The lattice couples neighbouring rows only. Eliminating row j + 1 therefore changes row j alone:
@@ -26,13 +27,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg.lapack import dposv
 
-from pyfric.statics.operators import driven_dof, stiffness
+from pyfric.statics.operators import coordinates, driven_dofs, stiffness
 from pyfric.statics.rest import EquilibriumError
 
 if TYPE_CHECKING:
-    from pyfric.scene import Scene
+    from pyfric.scene import OnDriven, Scene
 
-__all__ = ["LARGE", "Condensed", "condense"]
+__all__ = ["LARGE", "Condensed", "Plate", "condense"]
 
 LARGE = 10_000
 """Unknowns from which on condensing takes seconds: 3 N_z (2 N_x)^3 operations, 7e8 in the Fig. 1
@@ -47,21 +48,73 @@ class Condensed:
         S: stiffness of the interface, driver attached, shape (2 N_x, 2 N_x), in N/m.
         G: loads on the interface by w, shape (2 N_x, 4), in N/m, N, 1 and 1.
         c: F_T by w at v = 0, shape (4,), in the same units.
+        always: what a plate adds to the loads, shape (2 N_x,), and to F_T, in N.
+        plate: the plate that drives it; None for one driven block.
     """
 
     S: np.ndarray
     G: np.ndarray
     c: np.ndarray
+    always: tuple[np.ndarray, float] | None = None
+    plate: Plate | None = None
 
     def undriven(self) -> Condensed:
         """Return the slider without its driver, which is wherever F_T = 0."""
+        if self.plate is not None:
+            return self.plate.slider
+        if not self.c[0]:
+            return self
         drive = self.G[:, 0]
         S = self.S - np.outer(drive, drive) / self.c[0]
         return Condensed(S, self.G - np.outer(drive, self.c / self.c[0]), np.zeros(4))
 
 
-def condense(scene: Scene) -> Condensed:
+@dataclass(frozen=True)
+class Plate:
+    """The slider without its driver, and how the n blocks answer that a plate drives.
+
+    Forces f on these blocks along +x move them by u = P' v + D w + F f, and load the interface by
+    P f. Springs K/n between them and the plate give f = Y (d drive + aside - P' v - D w) with
+    1/Y = n/K + F, where aside is u_drv0 of each block less the mean.
+
+    Attributes:
+        slider: without the driver.
+        P: shape (2 N_x, n), in 1.
+        D: shape (n, 4), in m, m/N and 0 for the drive.
+        F: shape (n, n), in m/N.
+    """
+
+    slider: Condensed
+    P: np.ndarray
+    D: np.ndarray
+    F: np.ndarray
+
+    def at(self, v: np.ndarray) -> np.ndarray:
+        """Return u_x of the blocks under the loads at t = 0 with F_T = 0, shape (n,), in m."""
+        return self.P.T @ v + self.D[:, 1]
+
+    def drives(self, scene: Scene, u_drv0: OnDriven) -> Condensed:
+        """Return the driven slider.
+
+        Args:
+            scene: the scene.
+            u_drv0: u_x of the blocks at which none is pushed, shape (n,), in m.
+        """
+        free, d, n = self.slider, scene.d, len(self.F)
+        Y = np.linalg.inv(n / scene.driver.K * np.eye(n) + self.F)
+        Y = (Y + Y.T) / 2
+        aside, PY, D = u_drv0 - np.mean(u_drv0), self.P @ Y, self.D.copy()
+        D[:, 0] = -d
+        half = PY @ self.P.T
+        always = PY @ aside, float(d * np.sum(Y @ aside))
+        S = free.S + (half + half.T) / 2
+        return Condensed(S, free.G - PY @ D, -d * np.sum(Y @ D, axis=0), always, self)
+
+
+def condense(scene: Scene) -> Condensed | Plate:
     """Eliminate the slider above its bottom row, with rod and driver.
+
+    A plate is left out, for `Plate.drives` to attach.
 
     Args:
         scene: the scene.
@@ -69,13 +122,16 @@ def condense(scene: Scene) -> Condensed:
     Raises:
         EquilibriumError: a part of the slider is not supported.
     """
-    N_x, N_z = scene.N_x, scene.N_z
-    stiff = stiffness(scene, closed=np.zeros(N_x, dtype=bool))
+    N_x, N_z, several = scene.N_x, scene.N_z, scene.n_driven > 1
+    stiff = stiffness(scene, closed=np.zeros(N_x, dtype=bool), driver=not several)
     n = stiff.shape[0]
+    unit = coordinates(scene)[driven_dofs(scene)].toarray().T  # forces of 1 N on driven blocks
     r, c = np.zeros((n, 4)), np.array([scene.driver.K, 0.0, 0.0, 0.0])
-    # Under a rod the driven block of the top row moves with the rod.
-    on_rod = scene.rigid and scene.j_h == N_z - 1
-    r[n - 3 if on_rod else driven_dof(scene), 0] = scene.driver.K * scene.d
+    if several:
+        r, c = np.hstack([r, unit]), np.zeros((scene.n_driven, 4 + scene.n_driven))
+    else:
+        r[:, 0] = scene.driver.K * scene.d * unit[:, 0]
+    outside = slice(4, None) if several else 0
     if scene.rigid:
         r[-2, 1:3] = -scene.F_N, -1.0
     else:
@@ -93,9 +149,11 @@ def condense(scene: Scene) -> Condensed:
         if failed:
             raise EquilibriumError("the slider is not supported", np.nan, 0.0, 0)
         to_B, to_G = solved[:, : 2 * N_x], solved[:, 2 * N_x :]
-        c -= G[:, 0] @ to_G
+        c -= G[:, outside].T @ to_G
         BT = B.T.tocsr()
         half = BT @ to_B
         A = stiff[here, here].toarray() - (half + half.T) / 2
         G = r[here] - BT @ to_G
-    return Condensed(A, G, c)
+    if not several:
+        return Condensed(A, G, c)
+    return Plate(Condensed(A, G[:, :4], np.zeros(4)), G[:, 4:], -c[:, :4], -c[:, 4:])

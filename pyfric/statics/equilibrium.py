@@ -37,7 +37,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pyfric.core import STUCK
+from pyfric.core import STUCK, check_driven
 from pyfric.scene import FRICTIONLESS, Geometry, PrescribedLoad, as_scene, check_geometry
 from pyfric.statics.complementarity import Contact, ContactProblem, Route
 from pyfric.statics.contact import States, Unmet, Values, rounding, with_free
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 
     from scipy.sparse.linalg import SuperLU
 
-    from pyfric.scene import Scene, SceneLike
+    from pyfric.scene import OnDriven, Scene, SceneLike
     from pyfric.statics.banded import BandedCholesky
 
 __all__ = ["StaticSolver", "loaded_state", "solve_static"]
@@ -83,8 +83,8 @@ class StaticSolver(System):
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         geometry: "linear" or "finite".
-        u_drv0: u_x of the driven block at drive = 0 and F_T = 0, in m; None means that of the
-            loaded state.
+        u_drv0: u_x of the driven blocks at drive = 0 and F_T = 0, in m, as `Scene.u_driven` has
+            it; None means that of the loaded state.
 
     Attributes:
         loaded: the loaded equilibrium with F_T = 0 (an `Equilibrium`).
@@ -97,20 +97,22 @@ class StaticSolver(System):
     """
 
     def __init__(
-        self, scene: SceneLike, geometry: Geometry = "linear", *, u_drv0: float | None = None
+        self, scene: SceneLike, geometry: Geometry = "linear", *, u_drv0: OnDriven | None = None
     ) -> None:
         scene = as_scene(scene)
         check_geometry(geometry, scene)
+        if u_drv0 is not None:
+            check_driven(scene, u_drv0)
         if scene.prescribed:  # displacements count from t = 0
             self.scene, self.geometry = scene, geometry
             self.loaded = as_prescribed(scene)
-            self.u_drv0 = 0.0 if u_drv0 is None else float(u_drv0)
+            self.u_drv0 = self.loaded.u_drv0 if u_drv0 is None else u_drv0
             return
         super().__init__(scene, geometry)
         self.loaded = self._load_slider()
         if geometry == "finite":
             self.linearise(self.coordinates(self.loaded.u, self.loaded.rod))
-        self.u_drv0 = self.loaded.u_drv0 if u_drv0 is None else float(u_drv0)
+        self.u_drv0 = self.loaded.u_drv0 if u_drv0 is None else u_drv0
 
     def __repr__(self) -> str:
         return f"StaticSolver of {self.scene.name or 'a scene'}, {self.geometry} geometry"
@@ -143,7 +145,7 @@ class StaticSolver(System):
         lifts off a second time stays without friction.
 
         Returns:
-            The equilibrium; F_T = K (drive - d (u_x - u_drv0)) at the driven block.
+            The equilibrium; F_T = K (drive - d (u_x - u_drv0)), the mean over the driven blocks.
 
         Raises:
             ValueError: an argument has the wrong shape or is not finite.
@@ -257,7 +259,7 @@ class StaticSolver(System):
         if drive is None:
             problem = problem.undriven()
         else:
-            at = drive + self.scene.d * self.u_drv0
+            at = drive + self.scene.d * float(np.mean(self.u_drv0))
         law, driven = states.law, states.driven
         problem = problem.corrected(now, at)
         return Contact(problem, given, at, states.mode, law=law, driven=driven)
@@ -324,7 +326,7 @@ class StaticSolver(System):
             open=~states.closed,
             slipped=(states.slip != 0) & (drive is None),
             drive=0.0 if drive is None else drive,
-            u_drv0=float(u[scene.j_h, 0, scene.i_h]) if drive is None else self.u_drv0,
+            u_drv0=scene.u_driven(u) if drive is None else self.u_drv0,
             residual=found.residual,
             iterations=steps,
         )
@@ -357,7 +359,7 @@ def loaded_state(scene: SceneLike, geometry: Geometry = "linear") -> Equilibrium
         geometry: "linear" or "finite".
 
     Returns:
-        The equilibrium; its u_drv0 is u_x of the driven block.
+        The equilibrium; its u_drv0 is u_x of the driven blocks.
 
     Raises:
         SceneError: no scene, unknown geometry, or finite geometry for a chain.

@@ -95,7 +95,7 @@ def _found(
         open=~closed,
         slipped=np.zeros(scene.N_x, dtype=bool),
         drive=0.0,
-        u_drv0=float(u[scene.j_h, 0, scene.i_h]),
+        u_drv0=scene.u_driven(u),
         residual=residual,
         iterations=steps,
     )

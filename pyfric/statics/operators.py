@@ -24,7 +24,7 @@ __all__ = [
     "coordinates",
     "damping",
     "dispersion",
-    "driven_dof",
+    "driven_dofs",
     "ground",
     "mass",
     "operators",
@@ -49,9 +49,9 @@ def coordinates(scene: Scene) -> sp.csr_array:
     return sp.block_diag([sp.eye_array(below), *top]).tocsr()
 
 
-def driven_dof(scene: Scene) -> int:
-    """Return the index in u_full of u_x of the driven block."""
-    return 2 * scene.j_h * scene.N_x + scene.i_h
+def driven_dofs(scene: Scene) -> np.ndarray:
+    """Return the indices in u_full of u_x of the driven blocks, upward, shape (n_driven,), int."""
+    return 2 * np.arange(scene.j_h, scene.j_h_top + 1) * scene.N_x + scene.i_h
 
 
 def mass(scene: Scene) -> np.ndarray:
@@ -81,7 +81,7 @@ def ground(scene: Scene, T: sp.csr_array, closed: np.ndarray, *, driver: bool = 
     springs[N_x : 2 * N_x] = scene.k_f * closed
     springs[n - 2 * N_x : n - N_x] += scene.k_top
     if driver:
-        springs[driven_dof(scene)] += scene.driver.K
+        springs[driven_dofs(scene)] += scene.driver.K / scene.n_driven
     held = T.T @ springs  # none of them is on u_z of a rigid row
     if scene.rigid:
         held[-1] = scene.kappa

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pyfric.core import OPEN, STUCK, State
+from pyfric.core import OPEN, STUCK, State, spring_of
 from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
-    from pyfric.scene import Scene
+    from pyfric.scene import OnDriven, Scene
 
 __all__ = [
     "NO_RESTS",
@@ -61,7 +62,8 @@ class Equilibrium:
         open: does not touch the foundation, p = f = 0, shape (N_x,), bool.
         slipped: blocks that slipped while F_N was applied, shape (N_x,), bool (`loaded_state`).
         drive: displacement V t of the driver since t = 0, in m.
-        u_drv0: u_x of the driven block at which drive = 0 gives F_T = 0, in m.
+        u_drv0: u_x of the driven blocks at which drive = 0 gives F_T = 0, in m: see
+            `Scene.u_driven`.
         residual: largest force left over, in N.
         iterations: number of Newton steps, all contact sets together.
     """
@@ -75,7 +77,7 @@ class Equilibrium:
     open: np.ndarray
     slipped: np.ndarray
     drive: float
-    u_drv0: float
+    u_drv0: OnDriven
     residual: float
     iterations: int
 
@@ -127,8 +129,9 @@ class Equilibrium:
             step=0,
             t0=float(t0),
             dt=float(dt),
-            u_drv0=float(self.u_drv0),
+            u_drv0=copy.copy(self.u_drv0),
             drive=scene.drive(float(t0)),
+            spring=spring_of(scene),
         )
 
 
@@ -161,9 +164,9 @@ def check_sticks(scene: Scene) -> None:
 def as_prescribed(scene: Scene) -> Equilibrium:
     """Return the start on a prescribed interface."""
     N_x = scene.N_x
-    no = np.zeros(N_x, dtype=bool)
+    no, u = np.zeros(N_x, dtype=bool), np.zeros((scene.N_z, 2, N_x))
     return Equilibrium(
-        u=np.zeros((scene.N_z, 2, N_x)),
+        u=u,
         rod=np.zeros(3),
         F_T=0.0,
         f=-scene.shear,
@@ -172,7 +175,7 @@ def as_prescribed(scene: Scene) -> Equilibrium:
         open=no,
         slipped=no.copy(),
         drive=0.0,
-        u_drv0=0.0,
+        u_drv0=scene.u_driven(u),
         residual=0.0,
         iterations=0,
     )

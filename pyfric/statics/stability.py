@@ -135,17 +135,20 @@ def _row_mass(m: float, n: int) -> float:
 def _reduced(scene: Scene) -> Scene:
     """Return a small scene with the same local properties, or the scene if it is small.
 
-    l, k, m, eta, k_f are kept, and K where it acts on one block. The mass of the rod, and K where
-    it acts on the rod, are scaled with N_x, like the bonds that hold the rod, and the mattress with
+    l, k, m, eta, k_f are kept, and K on each driven block. The mass of the rod, and K where it acts
+    on the rod alone, are scaled with N_x, like the bonds that hold the rod, and the mattress with
     the moment of inertia: frequencies of the rod keep their size.
     """
     n_x, n_z = (min(n, most) for n, most in zip((scene.N_x, scene.N_z), _REDUCED, strict=True))
     if (n_x, n_z) == (scene.N_x, scene.N_z):
         return scene
-    below, above = scene.j_h, scene.N_z - 1 - scene.j_h
-    j_h = below if below <= n_z // 2 else max(n_z - 1 - above, n_z // 2)
+    j_h, j_h_top = (
+        j if j <= n_z // 2 else max(n_z - scene.N_z + j, n_z // 2)
+        for j in (scene.j_h, scene.j_h_top)
+    )
     share = n_x / scene.N_x
-    on_rod = scene.rigid and above == 0
+    on_rod = scene.rigid and scene.j_h == scene.N_z - 1
+    K = scene.driver.K / scene.n_driven * (j_h_top - j_h + 1)
     l, top = scene.slider.l, scene.top
     if scene.rigid:
         # kappa over the moment of inertia, 12/L^2 left out, is kept.
@@ -167,7 +170,7 @@ def _reduced(scene: Scene) -> Scene:
             dashpots=scene.slider.dashpots,
         ),
         top=top,
-        driver=Driver(K=scene.driver.K * (share if on_rod else 1.0), V=0.0, h=j_h * l),
+        driver=Driver(K=K * (share if on_rod else 1.0), V=0.0, h=j_h * l, h_top=j_h_top * l),
         interface=Interface(
             mu_s=0.0,
             mu_k=0.0,

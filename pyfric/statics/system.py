@@ -22,13 +22,13 @@ from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.condensation import LARGE
 from pyfric.statics.lattice import Assembly, bonds, spring_forces, spring_stiffness, spring_tangents
 from pyfric.statics.memory import Memory
-from pyfric.statics.operators import coordinates, driven_dof, ground
+from pyfric.statics.operators import coordinates, driven_dofs, ground
 from pyfric.statics.rest import EquilibriumError
 
 if TYPE_CHECKING:
     from typing import Self
 
-    from pyfric.scene import Geometry, Scene
+    from pyfric.scene import Geometry, OnDriven, Scene
     from pyfric.statics.contact import States
 
 __all__ = ["System"]
@@ -45,8 +45,10 @@ class System:
         geometry: "linear" or "finite".
 
     Attributes:
-        u_drv0: u_x of the driven block at drive = 0 and F_T = 0, in m.
+        u_drv0: u_x of the driven blocks at drive = 0 and F_T = 0, in m: see `Scene.u_driven`.
     """
+
+    u_drv0: OnDriven
 
     def __init__(self, scene: Scene, geometry: Geometry) -> None:
         self.scene, self.geometry, self.u_drv0 = scene, geometry, 0.0
@@ -121,14 +123,26 @@ class System:
         return load
 
     @functools.cached_property
+    def _driven(self) -> sp.csr_array:
+        """Derivatives of u_x of the driven blocks by the coordinates, shape (n_driven, n_q)."""
+        return self._T[driven_dofs(self.scene)]
+
+    @functools.cached_property
     def driven_row(self) -> np.ndarray:
-        """Derivatives of u_x of the driven block by the coordinates, shape (n_q,)."""
-        return self._T[[driven_dof(self.scene)]].toarray()[0]
+        """Derivatives of the mean u_x of the driven blocks by the coordinates, shape (n_q,)."""
+        return self._driven.toarray().mean(axis=0)
 
     @functools.cached_property
     def push(self) -> np.ndarray:
         """Forces on the coordinates for each metre of the driver, K d dq_h/dq, (n_q,), in N/m."""
         return self.scene.driver.K * self.scene.d * self.driven_row
+
+    def pushed(self, drive: float) -> np.ndarray:
+        """Return the forces of the driver on the coordinates where u = 0, shape (n_q,), in N."""
+        scene = self.scene
+        if scene.n_driven == 1:
+            return (drive + scene.d * self.u_drv0) * self.push
+        return drive * self.push + self._driven.T @ (scene.driver.K / scene.n_driven * self.u_drv0)
 
     def forces(
         self, q: np.ndarray, contact: States, drive: float | None
@@ -145,12 +159,21 @@ class System:
         force[0, 1] += p
         force[0, 0] -= contact.slip * contact.law.slide(p)
         if drive is not None:
-            F_T = scene.driver_force(drive, u[scene.j_h, 0, scene.i_h], self.u_drv0)
-            force[scene.j_h, 0, scene.i_h] += scene.d * F_T
+            F_T = self._drive(drive, u, force)
         force = self._T_transposed @ force.ravel()
         if scene.rigid:
             force[-2:] += self.load[-2], -scene.kappa * q[-1]
         return force, F_T
+
+    def _drive(self, drive: float, u: np.ndarray, force: np.ndarray) -> float:
+        """Add the forces of the driver, (N_z, 2, N_x), in N; return their sum along the driving."""
+        scene, moved = self.scene, self.scene.u_driven(u) - self.u_drv0
+        F_T = scene.driver_force(drive, moved, 0.0)
+        each = F_T
+        if scene.n_driven > 1:
+            each = scene.driver.K / scene.n_driven * (drive - scene.d * moved)
+        force[scene.j_h : scene.j_h_top + 1, 0, scene.i_h] += scene.d * each
+        return F_T
 
     # --- tangents --------------------------------------------------------------------------------
 

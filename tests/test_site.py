@@ -60,6 +60,14 @@ def test_links_and_pictures_are_there(pages):
                 assert (path.parent / unquote(unescape(link))).exists(), f"{path}: {link}"
 
 
+def test_tutorials_show_output_and_pictures(pages):
+    shown = {path: text for path, text in pages.items() if path.parent.name == "tutorials"}
+    assert len(shown) == 6
+    for path, text in shown.items():
+        assert re.search(r'<div class="output highlight-text', text), path
+        assert re.search(r'<img[^>]*src="\.\./_images/', text), path
+
+
 def test_no_equation_waits_for_a_script(pages):
     assert any("<math" in text for text in pages.values())
     for path, text in pages.items():
@@ -71,7 +79,13 @@ def test_no_equation_waits_for_a_script(pages):
 def test_pages_fit_and_have_no_error(tmp_path):
     one = browser.Browser(tmp_path / "profile")
     try:
-        for name in ("index", "howto", "explanation/model", "gallery/index", "commands/simulate"):
+        for name in (
+            "index",
+            "tutorials/first_run",
+            "explanation/model",
+            "gallery/index",
+            "commands/simulate",
+        ):
             for width in WIDTHS:
                 size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
                 one("Emulation.setDeviceMetricsOverride", **size)

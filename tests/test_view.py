@@ -90,7 +90,7 @@ def test_a_page_never_grows_beyond_its_size(record, text, monkeypatch):
     kept = {int(row) for row in embedded(shorter)["details"]}
     left = set(record.events.index) - kept
     assert left
-    assert f"Of {len(left)} events, those of the fewest blocks" in shorter
+    assert f"no drawings of {len(left)} events, those of the fewest blocks" in shorter
     blocks = record.events["n_blocks"]
     assert blocks[list(kept)].min() >= blocks[list(left)].max()
     monkeypatch.setattr(view, "MOST_EVENTS", 3)

@@ -109,7 +109,7 @@ def _shuffled(points: pd.DataFrame) -> pd.DataFrame:
 
 def _without_prestress(by: str = "", scatter: Sequence[str] = SCATTER) -> list[Damage]:
     """What makes claims miss that prestress sets the speed."""
-    what = "v_c that knows the position along the front alone, the rest "
+    what = "v_c that depends on the position along the front alone, the rest "
     words = {"signs": "with a random sign for each front", "shuffled": "shuffled"}
     alone = [
         to.given(what + words[one], speeds=partial(position_alone, by=by, scatter=one))
@@ -121,7 +121,7 @@ def _without_prestress(by: str = "", scatter: Sequence[str] = SCATTER) -> list[D
 def _above_position(found: pd.DataFrame, share: str, least: float, source: str) -> Band:
     """The band of a share: from the least on, and above what the position alone reaches."""
     null = math.ceil(100 * found.loc["null", share]) / 100
-    alone = f"and no less than the {null:.2f} of data that know the position along the front alone"
+    alone = f"and no less than the {null:.2f} of data that depend on the position alone"
     return at_least(max(least, null), f"{source}; {alone}")
 
 

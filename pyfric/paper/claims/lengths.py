@@ -156,7 +156,7 @@ def _steps_over_h(runs: Runs) -> Iterator[Claim]:
         "3a",
         "steps of L_p and F_T between precursors are almost proportional to h, for small h",
         max(powers.values(), key=lambda one: abs(one - 1)),
-        between(0.75, 1.25, "1 means proportional, almost: nearer to 1 than to 1/2 or 3/2"),
+        between(0.75, 1.25, "1 means proportional; almost: nearer to 1 than to 1/2 or 3/2"),
         "exponent of the mean step below L/2 over h = 2.5, 5, 7.5 mm, mean of both L, the one "
         f"further from 1 ({listed(powers, '.2f')}); {'; '.join(texts)}",
         [to.exchanged("h = 5 mm in all runs", ONE_H)],

@@ -40,8 +40,10 @@ VISCOSITIES: dict[str, dict[str, Any]] = {
     "0.001 k m, along bonds": {"damping": 1e-3, "dashpots": "along"},
 }
 """eta^2 and what dashpots resist -> fields of the slider."""
-TRIES = 8
-"""Runs go on until a main event has ended, at most so many times `AFTER`."""
+TRIES = 24
+"""Runs go on until such a front has stopped, at most so many times `AFTER`."""
+LONG = 0.5
+"""Least length of the front, over that of the run's: small events may come before it."""
 
 
 @at_once()
@@ -78,11 +80,17 @@ def study(
                     scene = preset(name, l=spacing, d_c=D_C, **fields)
                     file = f"{name}_{event}_{spacing * 1e3:g}_{scene.eta:.3g}.nc"
                     record = _again(runs / file, run, event, scene)
-                    table, first = analysis.fronts(record), main_events(record)[0]
+                    table, front = analysis.fronts(record), _long(record, run, event)[0]
                     about = {"scene": name, "l": spacing, "viscosity": viscosity, "event": event}
-                    about["L_p_over_L"] = record.events["L_p_over_L"].loc[first]
-                    tables.append(table[table["event"] == first].assign(**about))
+                    about["L_p_over_L"] = record.events["L_p_over_L"].loc[front]
+                    tables.append(table[table["event"] == front].assign(**about))
     return pd.concat(tables, ignore_index=True)
+
+
+def _long(record: Record, run: Record, event: int) -> list[int]:
+    """Return the finished main events whose fronts are about as long as that of a run's event."""
+    L_p, least = record.events["L_p_over_L"], LONG * run.events["L_p_over_L"].loc[event]
+    return [one for one in main_events(record).tolist() if L_p.loc[one] >= least]
 
 
 def _again(path: Path, run: Record, event: int, scene: Scene) -> Record:
@@ -95,7 +103,7 @@ def _again(path: Path, run: Record, event: int, scene: Scene) -> Record:
     for _ in range(TRIES):
         t_end += AFTER
         before = simulate(scene, t_end, initial=before, dt=dt, progress=False, **how)
-        if len(main_events(before)):
+        if _long(before, run, event):
             break
     before.save(path)
     return before
@@ -108,7 +116,9 @@ def shares_of(fronts: pd.DataFrame) -> pd.DataFrame:
     """
     found = [
         collapse(part.assign(d_c=D_C, begun=L)).assign(viscosity=viscosity)
-        for viscosity, part in fronts.groupby("viscosity", sort=False)
+        for viscosity, part in fronts.sort_values("l", kind="stable").groupby(
+            "viscosity", sort=False
+        )
     ]
     return pd.concat(found, ignore_index=True)
 

@@ -244,6 +244,32 @@ def test_kinetic_friction_is_the_mean_of_the_whole_curve(record):
     assert here - there == pytest.approx(20.0 / 2 / F_N, rel=1e-3)
 
 
+def test_friction_coefficients_take_the_load_of_the_time():
+    """Under twice the load, from before the first event on, twice the force is the same."""
+    record = made_up()
+    events = record.events.assign(F_T_start=2 * record.events["F_T_start"])
+    curve = record.curve.assign(F_T=2 * record.curve["F_T"])
+    F_N, t = record.scene.F_N, 0.5 * float(events["t_start"].iloc[0])
+    scene = record.scene.replace({"top.protocol": [(t, F_N), (t, 2 * F_N)]})
+    heavy = record.replace(scene=scene, events=events, curve=curve)
+    plain, found = (analysis.friction_coefficients(one) for one in (record, heavy))
+    np.testing.assert_allclose(found, plain, rtol=1e-12)
+
+
+def test_numbers_that_a_run_does_not_have_are_refused():
+    record = made_up()
+    end = float(record.curve["t"].iloc[-1])
+    for begin, until in ((0.0, 1.01 * end), (end, 0.0), (-1e-3, end), (0.0, np.nan), (None, end)):
+        with pytest.raises(pyfric.SceneError, match=r"begin|end"):
+            analysis.mean_force(record, begin, until)
+    t, F_T = (record.curve[name] for name in ("t", "F_T"))
+    for largest in (-1e-3, np.nan):
+        with pytest.raises(pyfric.SceneError, match="largest_shift"):
+            analysis.compare_curve(record, t, F_T, largest_shift=largest)
+    with pytest.raises(pyfric.SceneError, match="budget = True"):
+        analysis.budget_error(record.curve)
+
+
 def test_every_energy_counts_in_the_budget():
     """What came in is stored or lost, 1 J of each kind at first and other amounts at the end."""
     stored, came = core.ENERGIES, ("work_driver", "work_load")

@@ -514,6 +514,36 @@ def test_sketch_shows_the_scene_with_its_numbers(scene, texts):
             assert -1 <= box.y0 <= box.y1 <= top + 1
 
 
+@pytest.mark.filterwarnings("error")
+def test_sketch_of_a_prescribed_interface_shows_its_forces_on_the_bottom_row():
+    """p_i and tau_i, no foundation, and no driver where there is none."""
+    scene = pyfric.slab(p=lambda x: 60.0 + 1e3 * x, tau=30.0, L=0.03, H=0.01, l=2.5e-3)
+    fig = figures.sketch(scene)
+    np.testing.assert_array_equal(fig.tables["columns"]["load_N"], scene.p_prescribed)
+    shown = [text for text in fig.findobj(matplotlib.text.Text) if text.get_text()]
+    said = " ".join(text.get_text() for text in shown)
+    assert "60 to 90 N on each" in said
+    assert "up to 30 N" in said
+    assert "$K$" not in said
+    assert "k_" not in said
+    fig.canvas.draw()
+    top = fig.canvas.get_width_height()[1]
+    assert all(text.get_window_extent().y1 <= top + 1 for text in shown)
+    assert "$K$ = 4 MN/m" in " ".join(
+        text.get_text()
+        for text in figures.sketch(scene.replace(K=4e6)).findobj(matplotlib.text.Text)
+    )
+
+
+def test_figures_of_fronts_without_known_speed_and_of_other_setups():
+    record = made_up_record(lengths=(4,))  # five blocks make a speed
+    figure = figures.fig4a(record, 1)
+    assert figure.tables["front"]["v_c"].isna().all()
+    assert np.isfinite(figure.axes[0].get_ylim()).all()
+    with pytest.raises(pyfric.SceneError, match=r"scene\.top\.kind = 'rod'.*setup 2"):
+        figures.fig2b([record])
+
+
 @pytest.mark.parametrize("switching", ["step_end", "located"])
 def test_frames_run_the_event_again(run, switching):
     if switching == "located":

@@ -65,7 +65,7 @@ def fig4a(record: Record, event: int | None = None) -> DataFigure:
     fig, (top, bottom) = panels(3.4, sharex=True, ratios=(1.2, 1))
     _speeds(top, record.scene)
     top.plot(table["x_over_L"], table["v_c"], color=BLUE, lw=0.9, marker="o", ms=2.8)
-    top.set_ylim(0, 1.1 * max(table["v_c"].max(), wave_speeds(record.scene)[0]))
+    top.set_ylim(0, 1.1 * np.nanmax([*table["v_c"], wave_speeds(record.scene)[0]]))
     top.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)")
     mark(bottom, friction.mu_s, r"$\mu_\mathrm{s}$", at=0.97, away=(0, 1), ha="right")
     mark(bottom, friction.mu_k, r"$\mu_\mathrm{k}$", at=0.97, away=(0, 1), ha="right")

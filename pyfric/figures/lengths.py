@@ -29,6 +29,7 @@ from pyfric.figures.style import (
     panels,
 )
 from pyfric.record import precursor_lengths
+from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -142,7 +143,14 @@ def _advancing(record: Record) -> tuple[np.ndarray, np.ndarray]:
 
 @figure("Fig. 2(b): precursor length against force, setup 2", runs="fig2b")
 def fig2b(records: Sequence[Record]) -> DataFigure:
-    """Fig. 2(b) of the paper: as Fig. 2(a), for setup 2 and several slopes theta of the load."""
+    """Fig. 2(b) of the paper: as Fig. 2(a), for setup 2 and several slopes theta of the load.
+
+    Raises:
+        SceneError: a record is not one of setup 2.
+    """
+    for one in records:
+        if (kind := one.scene.top.kind) != "distributed":
+            raise SceneError("scene.top.kind", kind, "", "'distributed', as in setup 2")
     points, curves = lengths_of(records), _predictions([one.scene for one in records])
     fig, (axes,) = panels(2.7)
     handles = []

@@ -68,7 +68,8 @@ def sketch(scene: SceneLike) -> DataFigure:
     scene = as_scene(scene)
     slider = scene.slider
     L, H, unit = slider.L * 1e3, slider.H * 1e3, slider.L * 1e3 / 100
-    room = {"top": (23 if scene.N_z > 1 else 27) * unit, "bottom": 19 * unit, "side": 40 * unit}
+    above = 27 if scene.top.kind == "prescribed" else 23
+    room = {"top": above * unit, "bottom": 19 * unit, "side": 40 * unit}
     room["bottom"] += FIELD_ROOM * unit * len(scene.varied)
     width = L + room["side"] + 10 * unit
     height = H + room["top"] + room["bottom"]
@@ -88,7 +89,8 @@ def sketch(scene: SceneLike) -> DataFigure:
     _foundation(axes, x, L, unit, scene)
     top = _rod if scene.rigid else _load
     top(axes, x, L, H, unit, scene)
-    _driver(axes, z, L, unit, scene)
+    if scene.driver.K:
+        _driver(axes, z, L, unit, scene)
     _fields(axes, x, unit, scene)
     _length(axes, (0, -13 * unit), (L, -13 * unit), f"$L$ = {L:g} mm", unit)
     if scene.N_z > 1:
@@ -96,7 +98,7 @@ def sketch(scene: SceneLike) -> DataFigure:
         _length(axes, (far, 0), (far, H), f"$H$ = {H:g} mm", scene.d * unit)
 
     n, x_mm = scene.n_of_i, (scene.n_of_i - 1) * slider.l * 1e3
-    columns = {"n": n, "x_mm": x_mm, "load_N": scene.load, "shear_N": scene.shear}
+    columns = {"n": n, "x_mm": x_mm, "load_N": _forces(scene), "shear_N": scene.shear}
     fields = {name: scene.field(name) for name in scene.varied}
     fig.tables = {"columns": pd.DataFrame(columns | fields)}
     driven = "the driven row" if scene.n_driven == 1 else "the rows at the plate's edges"
@@ -141,16 +143,23 @@ def _lattice(axes: Axes, x: np.ndarray, z: np.ndarray, chain: bool, unit: float)
     axes.plot(X.ravel(), Z.ravel(), ls="", marker="s", ms=size, color=BLACK, zorder=3)
 
 
+def _forces(scene: Scene) -> np.ndarray:
+    """Downward forces on the top blocks, or on those of a prescribed interface, N."""
+    return scene.p_prescribed if scene.prescribed else scene.load
+
+
 def _foundation(axes: Axes, x: np.ndarray, L: float, unit: float, scene: Scene) -> None:
-    depth = 5 * unit
-    springs = [_zigzag((at, -0.3 * unit), (at, -depth), 0.7 * unit, 3).T for at in x]
-    axes.add_collection(LineCollection(springs, colors=GREEN, linewidths=0.5))
+    """The springs of the foundation; a prescribed interface stands on the wall."""
+    depth = (1 if scene.prescribed else 5) * unit
+    if not scene.prescribed:
+        springs = [_zigzag((at, -0.3 * unit), (at, -depth), 0.7 * unit, 3).T for at in x]
+        axes.add_collection(LineCollection(springs, colors=GREEN, linewidths=0.5))
     _wall(axes, (-2 * unit, -depth), (L + 2 * unit, -depth), unit, -1)
     friction = scene.law.mean
     text = rf"$\mu_\mathrm{{s}}$ = {friction.mu_s:.4g}, $\mu_\mathrm{{k}}$ = {friction.mu_k:.4g}"
     if friction.d_c:
         text += rf", $d_\mathrm{{c}}$ = {friction.d_c * 1e6:.4g} $\mu$m"
-    if scene.N_z > 1:
+    if scene.N_z > 1 and not scene.prescribed:
         text = rf"$k_\mathrm{{f}}$ = {np.mean(scene.k_f) / 1e6:.4g} MN/m,  {text}"
     _text(axes, (L / 2, -9.5 * unit), text, GREEN)
 
@@ -198,23 +207,24 @@ def _rod(axes: Axes, x: np.ndarray, L: float, H: float, unit: float, scene: Scen
 
 
 def _load(axes: Axes, x: np.ndarray, L: float, H: float, unit: float, scene: Scene) -> None:
-    """Forces on the top blocks, and for a chain the shear and springs to a rigid top."""
+    """Forces on the blocks, normal and shear, and for a chain springs to a rigid top."""
     at = np.linspace(0, scene.N_x - 1, min(scene.N_x, 21)).round().astype(int)
     place = at * scene.slider.l * 1e3
-    most = np.max(scene.load)
+    load, row = _forces(scene), scene.j_shear * scene.slider.l * 1e3
+    most = np.max(load)
     gap = 0.8 * unit
-    for where, force in zip(place, scene.load[at], strict=True):
-        tail = H + gap + 10 * unit * force / most
-        _arrow(axes, (where, tail), (where, H + gap), VERMILION, 0.7)
+    for where, force in zip(place, load[at], strict=True):
+        tail = row + gap + 10 * unit * force / most
+        _arrow(axes, (where, tail), (where, row + gap), VERMILION, 0.7)
     shear = scene.shear[at]
     if np.any(shear):
         for where, force in zip(place, shear, strict=True):
             tip = where + 4 * unit * force / np.max(np.abs(shear))
-            _arrow(axes, (where, H + 0.6 * unit), (tip, H + 0.6 * unit), ORANGE, 0.7)
+            _arrow(axes, (where, row + 0.6 * unit), (tip, row + 0.6 * unit), ORANGE, 0.7)
     if scene.top.kind == "distributed":
         text = rf"$F_\mathrm{{N}}$ = {scene.F_N:g} N, $\theta = {scene.top.theta:g}$"
     else:
-        low, high = np.min(scene.load), most
+        low, high = np.min(load), most
         span = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
         text = rf"$p_i$ = {span} N on each block"
         more = []

@@ -24,12 +24,13 @@ from scipy.optimize import minimize_scalar
 from pyfric.record.griffith import energy_release, griffith_length
 from pyfric.record.nucleation import nucleations
 from pyfric.record.rupture import front_speed
-from pyfric.scene import SceneError
+from pyfric.scene import SceneError, check_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from pyfric.record.record import Record
+    from pyfric.scene import Scene
 
 __all__ = [
     "Beside",
@@ -74,6 +75,9 @@ def budget_left(curve: pd.DataFrame) -> pd.Series:
 
     Args:
         curve: the loading curve of a run with budget = True.
+
+    Raises:
+        SceneError: it has no budget.
     """
     stored, given, lost = _moved(curve)
     return stored - given + lost
@@ -86,6 +90,9 @@ def budget_error(curve: pd.DataFrame) -> float:
 
     Args:
         curve: the loading curve of a run with budget = True.
+
+    Raises:
+        SceneError: it has no budget.
     """
     moved = max(one.abs().max() for one in _moved(curve))
     moved = max(moved, ROUNDED * curve[_energies(curve)].abs().sum(axis=1).max())
@@ -98,6 +105,8 @@ def _energies(curve: pd.DataFrame) -> list[str]:
 
 def _moved(curve: pd.DataFrame) -> tuple[pd.Series, pd.Series, pd.Series]:
     """Return the energy stored since the start, the work done, and what was lost, in J."""
+    if "work_driver" not in curve:
+        raise SceneError("curve", ", ".join(curve), "", "that of a run with budget = True")
     stored = curve[_energies(curve)].sum(axis=1)
     work = curve["work_driver"] + curve["work_load"]
     if "stiffness_work" in curve:
@@ -110,10 +119,10 @@ class FrictionCoefficients(NamedTuple):
     """Friction of the slider as a whole.
 
     Attributes:
-        mu_s_macro: F_max/F_N, F_max the largest static force at which an event started.
-        mu_k_macro: mean F_T/F_N over whole stick-slip cycles; NaN with fewer than two
+        mu_s_macro: the largest static F_T/F_N at which an event started, F_N that of the time.
+        mu_k_macro: mean F_T over mean F_N over whole stick-slip cycles; NaN with fewer than two
             system-size events.
-        R: (F_max/F_N - mu_k)/(mu_s - mu_k): 0 if mu_k alone limits the force, 1 if mu_s does;
+        R: (mu_s_macro - mu_k)/(mu_s - mu_k): 0 if mu_k alone limits the force, 1 if mu_s does;
             NaN if mu_s = mu_k.
     """
 
@@ -302,13 +311,14 @@ def compare_curve(
     Args:
         record: the run.
         t, F_T: measured times, s, increasing, and forces, N, shape (n,), n >= 2.
-        largest_shift: largest shift either way, s; None means half of the measured time.
+        largest_shift: largest shift either way, s, >= 0; None means half of the measured time.
 
     Returns:
         `Beside`; its rms is NaN if no measured point lies within the run.
 
     Raises:
-        SceneError: times and forces do not fit together, or no shift leaves half of them inside.
+        SceneError: times and forces do not fit together, no shift leaves half of them inside, or
+            largest_shift is refused.
     """
     t, F_T = (np.asarray(values, dtype=float) for values in (t, F_T))
     right = t.ndim == 1 and t.shape == F_T.shape and len(t) > 1
@@ -316,7 +326,8 @@ def compare_curve(
         allowed = "two or more finite times, increasing, and as many finite forces"
         raise SceneError("t", f"{t.shape} beside {F_T.shape}", "s", allowed)
     known, forces = (record.curve[name].to_numpy() for name in ("t", "F_T"))
-    most = 0.5 * (t[-1] - t[0]) if largest_shift is None else float(largest_shift)
+    most = 0.5 * (t[-1] - t[0]) if largest_shift is None else largest_shift
+    most = check_number("largest_shift", most, "s", ge=0.0)
 
     def rms(shift: float, least: float = 0.5) -> float:
         at = t + shift
@@ -358,20 +369,35 @@ def friction_coefficients(record: Record) -> FrictionCoefficients:
         t_end = float(record.curve["t"].iloc[-1]) if len(record.curve) else 0.0
         allowed = "a run with a system-size event"
         raise SceneError("record", t_end, "s", allowed, "the run ended before one: raise t_end")
-    law, F_N = record.scene.law, record.scene.F_N
-    mu_s_macro = float(record.events["F_T_start"].max()) / F_N
+    scene, events = record.scene, record.events
+    F_N = [scene.piece("F_N", t).at(t) for t in events["t_start"]]
+    mu_s_macro = float((events["F_T_start"] / F_N).max())
     mean = np.nan
     if len(sliding) > 1:
-        mean = mean_force(record, *sliding["t_start"].iloc[[0, -1]]) / F_N
-    return FrictionCoefficients(mu_s_macro, mean, float(law.mean.scaled(mu_s_macro)))
+        begin, end = sliding["t_start"].iloc[[0, -1]]
+        mean = mean_force(record, begin, end) / _mean_load(scene, begin, end)
+    return FrictionCoefficients(mu_s_macro, mean, float(scene.law.mean.scaled(mu_s_macro)))
+
+
+def _mean_load(scene: Scene, begin: float, end: float) -> float:
+    """Return the mean of F_N between two times (s), in N."""
+    if not scene.top.protocol:
+        return scene.F_N
+    first, last = (scene.piece("F_N", t).integral_at(t) for t in (begin, end))
+    return (last - first) / (end - begin)
 
 
 def mean_force(record: Record, begin: float, end: float) -> float:
     """Return the mean of F_T between two times (s) of a run, in N; F_T is linear between samples.
 
     At one time it is the force there.
+
+    Raises:
+        SceneError: the times are not in order, or not in the run.
     """
     t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
+    begin = check_number("begin", begin, "s", ge=float(t[0]))
+    end = check_number("end", end, "s", ge=begin, le=float(t[-1]))
     times = np.concatenate([[begin], t[(t > begin) & (t < end)], [end]])
     forces = np.interp(times, t, F_T)
     return float(np.trapezoid(forces, times) / (end - begin) if end > begin else forces[0])

@@ -421,7 +421,9 @@ def statistics(record: Record, other: Record, t: float) -> dict[str, tuple[float
 def _together(record: Record, t: float, covered: float) -> dict[str, float]:
     F_N, events = record.scene.F_N, record.events
     late = events[events["is_main"] & (events["t_start"] >= t) & (events["t_start"] <= covered)]
-    found = {"mean F_T/F_N": mean_force(record, t, covered) / F_N, "main events": float(len(late))}
+    begin = min(max(t, float(record.curve["t"].iloc[0])), covered)
+    mean = mean_force(record, begin, covered) / F_N
+    found = {"mean F_T/F_N": mean, "main events": float(len(late))}
     for name, column, unit in (
         ("mean start/F_N", "F_T_start", F_N),
         ("mean arrest/F_N", "F_T_arrest", F_N),

@@ -71,7 +71,7 @@ def full_name(scene: Parts, name: str, value: Any = None) -> str:
     Raises:
         SceneError: no field has this name, or several have.
     """
-    known = scene_fields(scene)
+    name, known = str(name), scene_fields(scene)
     found = [full for full in known if f".{full}".endswith(f".{name}")]
     depth = min((full.count(".") for full in found), default=0)
     found = [full for full in found if full.count(".") == depth]

@@ -90,7 +90,12 @@ def full_name(scene: Parts, name: str, value: Any = None) -> str:
 def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     """Return the scene with these values; see `Scene.replace`."""
     parts = {name: changes.get(name, getattr(scene, name)) for name in PARTS}
-    names = {full_name(parts, name, value): value for name, value in changes.items()}
+    names: dict[str, Any] = {}
+    for name, value in changes.items():
+        full = full_name(parts, name, value)
+        if full in names:
+            raise SceneError(full, value, "", "one of both", "given twice")
+        names[full] = value
     return _with(scene, {tuple(name.split(".")): value for name, value in names.items()})
 
 

@@ -191,11 +191,36 @@ def test_a_phase_diagram_of_any_scene(tmp_path):
     assert other.lines.empty
 
 
+def test_a_phase_diagram_with_points_at_which_nothing_slips(tmp_path):
+    found = phase_diagram(
+        small(h=2.5e-3),
+        x=("driver.V", [0.5, 0.55]),
+        y=("mu_s", [0.6, 2.5]),
+        t_end=1.2e-3,
+        options={"fidelity": "dynamic", "geometry": "linear", "stop_when": "arrested"},
+        tolerance=0.1,
+        cache=tmp_path,
+        workers=1,
+    )
+    still = found.table["reached"] == 0
+    assert sorted(still) == [False, False, True, True]
+    assert ((found.table["kind"] == "nothing slipped") == still).all()
+    assert ((found.table["pace"] == "nothing slipped") == still).all()
+    assert not found.lines.empty
+    for speed in (1e-4, 30.0):  # beyond the range of colours
+        table = found.table.assign(speed_over_c=speed)
+        save_figure(phase_map(dataclasses.replace(found, table=table)), tmp_path / "phases")
+
+
 def test_refused_diagrams():
     refused(lambda: phase_diagram("fig1"), "x", "the name of a field")
     axes = {"x": ("driver.h", [2.5e-3, 5e-3]), "y": ("mu_s", [0.6, 0.7])}
     refused(lambda: phase_diagram("fig1", **axes), "t_end", "missing")
     refused(lambda: phase_diagram(y=("tau_bar", [0.5, 0.1])), "y", "rising")
+    axes["y"] = axes["x"]
+    refused(lambda: phase_diagram("fig1", **axes, t_end=1.0), "y", "another field")
+    axes["y"] = ("h", [2.5e-3, 5e-3])
+    refused(lambda: phase_diagram("fig1", **axes, t_end=1.0), "driver.h", "given twice")
     refused(lambda: chain_job(0.0, 0.5), "alpha", "too small")
     refused(lambda: chain_job(1.0, 1.0), "tau_bar", "too large")
 

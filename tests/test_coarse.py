@@ -6,6 +6,7 @@ import pytest
 from pyfric.engines import coarse
 from pyfric.engines.coarse import coarser
 from pyfric.scene import chain, setup1, setup2
+from pyfric.scene.laws import Junctions
 
 
 @pytest.mark.parametrize(
@@ -31,6 +32,17 @@ def test_viscosity_of_slip_stays_per_length():
     less = coarser(scene)
     alpha = [one.field("alpha")[0] * (one.N_x - 1) for one in (scene, less)]
     assert alpha[0] == pytest.approx(alpha[1], rel=1e-12)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_fields_of_the_friction_law_are_interpolated(side):
+    """A list of each block's junctions fits the larger blocks, from the trailing edge on."""
+    t_R = [1e-3 * (1 + n / 300) for n in range(301)]
+    scene = setup2(L=0.3, H=0.004, side=side, law=Junctions(u_s=[1e-6] * 301, t_R=t_R))
+    less = coarser(scene)
+    assert less.N_x < scene.N_x
+    assert less.interface.law.u_s == (1e-6,) * less.N_x
+    np.testing.assert_allclose(less.interface.law.t_R, np.linspace(1e-3, 2e-3, less.N_x))
 
 
 def test_coarser_takes_the_least_whole_factor_that_will_do():

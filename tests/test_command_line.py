@@ -74,7 +74,7 @@ def test_shells_complete_scenes_and_fields():
     assert completed(["run"], "setup2") == [*presets, "setup2"]  # and files
     assert completed(["run", "fig1", "--set"], "mu") == ["mu_s=", "mu_k="]
     assert completed(["draw", "setup2", "--set"], "th") == ["theta="]
-    assert completed(["plan", "mine.toml", "--set"], "h") == ["h="]
+    assert completed(["plan", "mine.toml", "--set"], "h") == ["h=", "h_top="]
     assert completed(["run", "fig1", "--fidelity"], "q") == ["quasistatic"]
     assert "show" in completed([], "sh")
 

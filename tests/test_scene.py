@@ -522,6 +522,8 @@ def test_unknown_presets():
     assert (error.field, error.value) == ("preset", "run5")
     assert "run4" in error.allowed
     assert "did you mean 'mu_s'?" in str(refused(lambda: preset("run1", mus=0.5)))
+    for name in (3, None, ("mu_s", "mu_k")):  # no name at all
+        assert refused(lambda name=name: setup1({name: 0.5})).reason.startswith("unknown")
     assert preset("run1", h=7.5e-3) == setup1(mu_s=0.5, mu_k=0.2, h=7.5e-3, name="run1")
     assert preset("fig1", name="x").name == "x"
     for other in (None, 1, [], b"fig1"):

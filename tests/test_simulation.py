@@ -113,6 +113,13 @@ def test_options_of_a_plan_are_kept(options, engine):
     assert method.dt == options.get("dt", step_size(scene))
 
 
+def test_a_time_step_may_have_a_unit():
+    scene = small()
+    assert step_size(scene, "0.2 us") == 0.2e-6
+    method = simulate(scene, 1e-4, fidelity="dynamic", dt="0.2 us", progress=False).method
+    assert method.dt == 0.2e-6
+
+
 def test_a_state_to_go_on_from_rules_out_the_ladder():
     state = simulate(slow(), 1e-3, fidelity="dynamic", geometry="linear").final_state
     record = simulate(slow(), 0.7, tolerance=0.1, initial=state, geometry="linear")

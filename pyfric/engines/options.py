@@ -212,11 +212,11 @@ class Options:
                 raise SceneError(name, value, "", " or ".join(map(repr, known)))
         for name, (unit, allowed) in NUMBERS.items():
             value = getattr(self, name)
-            if isinstance(value, str) and name == "dt":
-                if value != "auto":
-                    raise SceneError(name, value, unit, "a number or 'auto'")
-            elif name not in free:
-                object.__setattr__(self, name, check_number(name, value, unit, **allowed))
+            if name in free or (name == "dt" and _is_auto(value)):
+                continue
+            note = ", or 'auto'" if name == "dt" else ""
+            value = check_number(name, value, unit, note=note, **allowed)
+            object.__setattr__(self, name, value)
         if self.rtol is not None and not STEPPERS[self.stepper].adaptive:
             raise SceneError("rtol", self.rtol, "", "None, or stepper = 'adaptive'")
         if self.method is not None:
@@ -338,6 +338,11 @@ class Options:
         )
 
 
+def _is_auto(dt: Any) -> bool:
+    """Whether a time step is left to the program; an array is not."""
+    return isinstance(dt, str) and dt == "auto"
+
+
 def kept(method: Method) -> dict[str, Any]:
     """Return the options with which a run goes on that was made like this."""
     same: dict[str, Any] = {"geometry": method.geometry, "t_gap": method.t_gap, "method": None}
@@ -354,7 +359,7 @@ def default_switching(scene: Scene, method: str | None = None) -> Switching:
 
 
 def step_size(
-    scene: SceneLike, dt: float | Literal["auto"] = "auto", stepper: str = "rk4"
+    scene: SceneLike, dt: Number | Literal["auto"] = "auto", stepper: str = "rk4"
 ) -> float:
     """Return the time step in s, checked against the stability limit of the stepper.
 
@@ -368,12 +373,10 @@ def step_size(
         SceneError: dt is not a number, not positive, or above the limit.
     """
     limit, _ = stability_limit(scene, stepper)
-    if isinstance(dt, str):
-        if dt != "auto":
-            raise SceneError("dt", dt, "s", "a number or 'auto'")
+    if _is_auto(dt):
         digit = 10.0 ** (math.floor(math.log10(AUTO_SHARE * limit)) - 1)
         return float(f"{math.floor(AUTO_SHARE * limit / digit) * digit:.1e}")
-    dt = check_number("dt", dt, "s", gt=0.0)
+    dt = check_number("dt", dt, "s", gt=0.0, note=", or 'auto'")
     if not STEPPERS[stepper].adaptive and dt > limit:
         allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {stepper} for this scene"
         raise SceneError("dt", dt, "s", allowed, "unstable")

@@ -84,7 +84,7 @@ def _speeds(axes: Axes, diagram: PhaseDiagram) -> None:
     if not speeds.count():
         return
     edges = [_edges(values.to_numpy()) for values in (wide.columns, wide.index)]
-    norm = LogNorm(max(speeds.min(), 1e-3), min(speeds.max(), 10.0))
+    norm = LogNorm(*np.clip([speeds.min(), speeds.max()], 1e-3, 10.0))
     mesh = axes.pcolormesh(*edges, speeds, norm=norm, cmap="viridis", rasterized=True)
     colour_bar(axes.figure, mesh, axes, "$v/c$")
 

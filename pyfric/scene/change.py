@@ -71,7 +71,7 @@ def full_name(scene: Parts, name: str, value: Any = None) -> str:
     Raises:
         SceneError: no field has this name, or several have.
     """
-    known = scene_fields(scene)
+    name, known = str(name), scene_fields(scene)
     found = [full for full in known if f".{full}".endswith(f".{name}")]
     depth = min((full.count(".") for full in found), default=0)
     found = [full for full in found if full.count(".") == depth]
@@ -90,7 +90,12 @@ def full_name(scene: Parts, name: str, value: Any = None) -> str:
 def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     """Return the scene with these values; see `Scene.replace`."""
     parts = {name: changes.get(name, getattr(scene, name)) for name in PARTS}
-    names = {full_name(parts, name, value): value for name, value in changes.items()}
+    names: dict[str, Any] = {}
+    for name, value in changes.items():
+        full = full_name(parts, name, value)
+        if full in names:
+            raise SceneError(full, value, "", "one of both", "given twice")
+        names[full] = value
     return _with(scene, {tuple(name.split(".")): value for name, value in names.items()})
 
 

@@ -438,14 +438,21 @@ class Interface:
         return dataclasses.replace(self, law=LinearWeakening(), d_c=0.0, alpha=0.0)
 
     def on(self, N_x: int, fields: Mapping[str, np.ndarray]) -> Self:
-        """Return the interface of another number of blocks; `fields` run from the trailing edge."""
+        """Return the interface of another number of blocks; `fields` run from the trailing edge.
+
+        They are those of the interface and of its friction law.
+        """
         at = np.linspace(0, 1, N_x)
-        new = {
-            name: tuple(np.interp(at, np.linspace(0, 1, len(values)), values).tolist())
-            for name, values in fields.items()
-            if not isinstance(getattr(self, name), float | None)
-        }
-        return dataclasses.replace(self, **new)
+
+        def varied(part: Any) -> dict[str, tuple[float, ...]]:
+            return {
+                name: tuple(np.interp(at, np.linspace(0, 1, len(values)), values).tolist())
+                for name, values in fields.items()
+                if not isinstance(getattr(part, name, None), float | None)
+            }
+
+        law = dataclasses.replace(self.law, **varied(self.law))
+        return dataclasses.replace(self, law=law, **varied(self))
 
     @property
     def tables(self) -> Tables:

@@ -187,7 +187,8 @@ class Scene:
         Fields are interpolated; alpha of each block goes with its share of the length.
         """
         order = np.argsort(self.n_of_i)
-        interface = self.interface.on(N_x, {name: self.field(name)[order] for name in FIELDS})
+        fields = {name: self.field(name)[order] for name in self.fields}
+        interface = self.interface.on(N_x, fields)
         share = (self.N_x - 1) / (N_x - 1)
         alpha = np.multiply(interface.alpha, share).tolist()
         alpha = tuple(alpha) if isinstance(alpha, list) else alpha

@@ -53,11 +53,12 @@ STEP = 0.17
 MORE = 1e-9
 """What pushes the first block of a chain beyond its threshold, over the threshold."""
 
+NOTHING = "nothing slipped"
 LABELS: Labels = {
-    "kind": lambda record: record.rupture_class().kind,
-    "pace": lambda record: record.rupture_class().pace,
+    "kind": lambda record: NOTHING if record.events.empty else record.rupture_class().kind,
+    "pace": lambda record: NOTHING if record.events.empty else record.rupture_class().pace,
 }
-"""Labels of a run where none are given: kind and pace of its class of rupture."""
+"""Labels of a run where none are given: kind and pace of its class of rupture, if there is one."""
 
 
 PACES: Mapping[frozenset[str], tuple[float, int]] = {
@@ -167,8 +168,8 @@ def phase_diagram(
             that returns a `Job`. None means `chain_job`.
         x, y: each the name of a field, such as "driver.h", and its values, rising. None means alpha
             and tau_bar of the chain as in the paper, 20 values each.
-        label: a function of a record that labels the run, or several by name. None
-            means kind and pace of `Record.rupture_class`.
+        label: a function of a record that labels the run, or several by name. None means kind and
+            pace of `Record.rupture_class`, "nothing slipped" without events.
         t_end: end of the runs of a scene, s.
         options: options of the runs of a scene.
         lines: whether to find the lines on which labels change, along y.
@@ -237,6 +238,8 @@ def _jobs(
         if len(values) < 2 or not (np.diff(values) > 0).all():
             raise SceneError(side, axis[1], "", "at least two values, rising")
         checked.append((axis[0], values))
+    if checked[0][0] == checked[1][0]:
+        raise SceneError("y", checked[1][0], "", "another field than that of x")
     if own or (callable(scene) and not isinstance(scene, Scene)):
         return chain_job if own else scene, tuple(checked)
     base, names = as_scene(scene), [name for name, _ in checked]

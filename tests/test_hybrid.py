@@ -469,6 +469,14 @@ def test_a_slider_that_never_rests_is_noted():
     assert "hardly ever at rest" in record.notes[0]
 
 
+def test_few_jumps_are_tried_where_none_is_possible():
+    """An overdamped slider on a fast driver: every jump is refused."""
+    scene = setup2(L=0.01, H=0.006, eta=300.0, theta=-0.833, V=0.2, h=1e-3, side="right")
+    record = run(scene, 3e-4, fidelity="hybrid", geometry="finite")
+    assert record.counts["jumps"] == 0
+    assert record.counts["attempts"] < 0.01 * record.counts["steps"]
+
+
 def test_a_budget_is_refused():
     with pytest.raises(SceneError, match="dynamic"):
         jump(rod(), 0.01, budget=True)

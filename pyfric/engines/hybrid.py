@@ -41,6 +41,9 @@ MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
 KEPT = 8
 """Contact states whose modes are kept."""
+LATE = 1 / 8
+"""After a jump that was refused the next try comes this share of the steps since the last jump
+later, at least: few tries where hardly any succeed, and jumps that come this share late."""
 
 
 class Static(NamedTuple):
@@ -163,7 +166,7 @@ class HybridRun(Run):
         self.solver = RestStates(self.solver.known, self.method.dt, accuracy)
         self.jumped = self.spared = self.attempts = 0
         self.largest_error = 0.0
-        self.slid, self.try_at, self.wait = True, self.state.step, TRY
+        self.slid, self.try_at, self.landed = True, self.state.step, self.state.step
         self._creepings: dict[float, Creeping] = {}
         fastest = self.scene.driver.fastest
         self.creeps = Creeping.possible(self.scene, self.method.geometry, fastest)
@@ -204,7 +207,8 @@ class HybridRun(Run):
         if slips and self.creeping is None:
             return
         if state.step >= self.try_at:
-            self.try_at = state.step + (self.slide(last) if slips else self.jump(last))
+            wait = self.slide(last) if slips else self.jump(last)
+            self.try_at = state.step + max(wait, int(LATE * (state.step - self.landed)))
 
     def counts(self) -> dict[str, int]:
         """Return steps, block evaluations, jumps and the steps they spared, attempts, bases."""
@@ -289,7 +293,7 @@ class HybridRun(Run):
     def slide(self, last: int) -> int:
         """Go to the last step before a contact state changes while blocks slip stably.
 
-        Return the steps to the next try, twice as many each time that fails.
+        Return the steps to the next try.
         """
         state, most = self.state, self._piece_ends(last) - self.state.step
         landing, self.attempts = None, self.attempts + 1
@@ -298,9 +302,7 @@ class HybridRun(Run):
                 state, lambda: self.solver.system(state.mode != OPEN), state.step + most
             )
         if landing is None or landing.n < min(most, TRY):
-            self.wait *= 2
-            return self.wait
-        self.wait = TRY
+            return TRY
         t, s = self._samples(landing.n)
         self.rows += np.column_stack([t, landing.F_T(s)]).tolist()
         point = landing.point
@@ -355,5 +357,5 @@ class HybridRun(Run):
         state.y[:, 2:], state.rod[3:] = known.displacements(v)
         state.y[0, 0, held], state.y[0, 2, held] = u_x[held], 0.0
         state.step += n
-        self.good = None
+        self.good, self.landed = None, state.step
         self.jumped, self.spared = self.jumped + 1, self.spared + n

@@ -1,12 +1,14 @@
 """The rooms: their order, imports that no contract sees, and what draws the lower ones."""
 
 import ast
+import importlib
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 import conftest
+import pytest
 
 import pyfric
 
@@ -37,7 +39,7 @@ def trees():
 
 def test_the_door_opens_the_rooms_from_the_ground_up():
     """All but the highest, which itself comes in by the door."""
-    assert ["display", "signals", *pyfric.ROOMS, "cli"] == layers()
+    assert ["display", "signals", *pyfric.ROOMS, "laws", "analysis", "cli"] == layers()
 
 
 def test_no_string_names_a_room_to_import():
@@ -139,3 +141,11 @@ def test_no_constant_is_dead():
         defined |= {(file, name): name for name in stored - strings}
     assert len(defined) > 100
     assert [key for key, name in defined.items() if name not in read] == []
+
+
+@pytest.mark.parametrize(("name", "inside"), [("laws", "scene"), ("analysis", "record")])
+def test_modules_are_imported_by_the_names_that_users_see(name, inside):
+    short, long = (
+        importlib.import_module(one) for one in (f"pyfric.{name}", f"pyfric.{inside}.{name}")
+    )
+    assert short is long is getattr(pyfric, name)

@@ -156,6 +156,8 @@ def test_refused_conditions():
         (3, "a list of texts"),
     ):
         refused(lambda text=text: options(stop_when=text), "stop_when", said)
+    beyond = {"stop_when": "reached = 5", "progress": False}
+    refused(lambda: pyfric.simulate("fig1", 1.0, **beyond), "stop_when", "beyond the interface")
     assert options(stop_when=["arrested"]).stop_when == ("arrested",)
     assert options(stop_when=()).stop_when == ()
     assert all(due.__doc__ for due in CONDITIONS.values())

@@ -26,6 +26,7 @@ from pyfric.scene import (
     check_geometry,
     check_number,
     checked_conditions,
+    condition,
     default_geometry,
     paper_step,
     unknown,
@@ -267,8 +268,17 @@ class Options:
         return dataclasses.replace(self, **keywords)
 
     def on(self, scene: Scene) -> Options:
-        """Return the options with the conditions of a scene where there are no other ones."""
+        """Return the options with the conditions of a scene where there are no other ones.
+
+        Raises:
+            SceneError: a condition is about a place beyond the interface.
+        """
         ends = scene.stop_when if self.stop_when is None else self.stop_when
+        L = scene.slider.L
+        for text, (name, values) in ((text, condition(text)) for text in ends):
+            if name == "reached" and values[0] > L * (1 + 1e-9):
+                reason = "beyond the interface"
+                raise SceneError("stop_when", text, "", f"reached = 0 to {L!r} m", reason)
         return dataclasses.replace(self, stop_when=ends)
 
     def check_sample(self, length: float) -> None:

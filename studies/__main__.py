@@ -114,7 +114,7 @@ def large(tell: Tell) -> None:
 @figure_out_option
 @telling
 def chart(out: Path, tell: Tell) -> None:
-    """Chart what accuracy costs in four scenes, what plans take, and LAMMPS (ten minutes)."""
+    """Chart what accuracy costs in four scenes, what plans take, and LAMMPS (half an hour)."""
     check_folder(out)
     import accuracy
     import pandas as pd
@@ -334,7 +334,7 @@ def fronts(
 @overwrite_option
 @telling
 def low_viscosity(runs: Path, out: Path | None, overwrite: bool, tell: Tell) -> None:
-    """Tell prestress from position in fronts with little viscosity (ten minutes).
+    """Tell prestress from position in fronts with little viscosity (half an hour).
 
     Runs are kept in --runs; the next call goes on where this one was stopped.
     """

@@ -74,6 +74,20 @@ def test_what_is_said_of_a_resolved_zone():
     assert pytest.approx(0.33, abs=0.01) == finest["prestress_value"]
 
 
+def test_what_is_said_of_little_viscosity():
+    stored = pd.read_csv(STORED / "low_viscosity.csv").set_index(["viscosity", "l"])
+    paper, little = low_viscosity.VISCOSITIES
+    for l in low_viscosity.SPACINGS:
+        found = stored.loc[little, l]
+        assert found["fronts"] == 8
+        assert found["prestress_value"] < found["prestress_null"]
+        assert found["beyond_value"] < found["beyond_null"]
+    again = pd.read_csv(STORED / "collapse.csv").set_index(["d_c", "l", "precursors"])
+    for l in low_viscosity.SPACINGS:  # the same events, from other calls
+        value = again.loc[1e-6, l, "last"]["prestress_value"]
+        assert stored.loc[paper, l]["prestress_value"] == pytest.approx(value, abs=0.01)
+
+
 def test_fronts_with_little_viscosity_start_from_the_same_tractions(tmp_path):
     """With the paper's viscosity they stop where the run's do; with less they are faster."""
     how = {"names": ("run1",), "spacings": (2.5e-3,), "l": 2.5e-3}

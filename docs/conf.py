@@ -102,6 +102,18 @@ def regimes():
     return table(["edge", "behaviour", "what is seen"], data.to_numpy().tolist())
 
 
+def half_step(name, head):
+    """Return points of the phase diagram of the chain, or of its lines, with half the step too."""
+    data = pd.read_csv(ROOT / "reference_data" / "phases" / name)
+    return table(
+        head,
+        [
+            [f"{one:.6g}" if isinstance(one, float) else one for one in row]
+            for row in data.to_numpy()
+        ],
+    )
+
+
 def write_commands():
     """Write one page for each section of the command line, from the commands themselves."""
     folder = ROOT / "docs" / "commands"
@@ -125,6 +137,12 @@ tutorials = {}
 write_commands()
 myst_substitutions = {
     "held": held(),
+    "half_step": half_step(
+        "half_step.csv", ["alpha", "tau_bar", "class", "v/c", "v/c, half the step"]
+    ),
+    "half_step_lines": half_step(
+        "half_step_lines.csv", ["line", "alpha", "tau_bar", "tau_bar, half the step"]
+    ),
     "modules": modules(),
     "plans": plans(),
     "regimes": regimes(),

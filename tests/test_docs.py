@@ -71,7 +71,8 @@ def test_contributing_draws_the_rooms_in_the_order_of_the_contract():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
     contracts = settings["importlinter"]["contracts"]
     layers = next(one["layers"] for one in contracts if one["type"] == "layers")
-    rooms = [name for layer in layers for name in layer.split(" | ")]
+    names = [name for layer in layers for name in layer.split(" | ")]
+    rooms = [name for name in names if name not in ("laws", "analysis")]  # other names of modules
     assert [name for names in drawn for name in names if name] == rooms
 
 

@@ -15,7 +15,7 @@ KINDS = {
         "cost": "POINTS FASTEST SLOWEST",
         "dynamic": "CALL_SECONDS STATIC_SECONDS OPEN_BUDGET",
         "guard": "STEPS MARGIN LINEAR",
-        "hybrid": "MOSTLY BALANCED LATE",
+        "hybrid": "MOSTLY LATE",
         "integration": "FOLDING",
         "options": "ACCURACY AUTO_SHARE LONGEST_LOCATED MAX_STEPS MAX_THREADS NUMBERS RTOL",
         "pauses": "DRIVER_SHARE RING_DOWN TRANSITS",
@@ -35,6 +35,7 @@ KINDS = {
         "creep": "RATE",
     },
     "rounding": {
+        "hybrid": "BALANCED",
         "crossing": "GONE",
         "dynamic": "ON_GRID",
         "modes": "INDEPENDENT",

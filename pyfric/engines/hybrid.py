@@ -35,8 +35,8 @@ AMPLIFIED = 250.0
 estimate of a jump, or less, in the 27 sets of off-box scenes."""
 BEYOND = 0.1
 """Static states are read off the path of a jump up to this share of its length beyond its ends."""
-BALANCED = 0.01
-"""Largest sum of forces along the interface of such a state, over the accuracy of events."""
+BALANCED = 1e-9
+"""Largest sum of forces along the interface of such a state, over F_N."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
 KEPT = 8
@@ -60,11 +60,10 @@ class RestStates:
     Args:
         solver: static states of the scene in its geometry.
         dt: step of the run, in s.
-        accuracy: of forces of events, in N.
     """
 
-    def __init__(self, solver: StaticSolver, dt: float, accuracy: float) -> None:
-        self.known, self.dt, self.balanced = solver, dt, BALANCED * accuracy
+    def __init__(self, solver: StaticSolver, dt: float) -> None:
+        self.known, self.dt = solver, dt
         self._systems: Memory[Linearised] = Memory(KEPT)
         self._last: dict[bytes, tuple[bytes, float, np.ndarray]] = {}
         self.bases = 0
@@ -145,7 +144,7 @@ class RestStates:
         tau[~free] = -scene.d * f
         F_T = scene.driver_force(drive, u_h, self.known.u_drv0)
         given = F_T + (0.0 if load is None else load[1])
-        if not scene.k_top and abs(tau.sum() - given) > self.balanced:
+        if not scene.k_top and abs(tau.sum() - given) > BALANCED * scene.F_N:
             return None
         return Static(F_T, tau, np.where(free, 0.0, -scene.k_f * u_z))
 
@@ -161,9 +160,8 @@ class HybridRun(Run):
         super().__init__(*args)
         _, quiet = core.room_of_step(self.scene.N_x, self.method.switching)
         self.log = core.Log(self.scene.N_x, quiet=quiet)
-        accuracy = self.method.accuracy * self.scene.F_N
-        self.accuracy = accuracy / AMPLIFIED  # of one jump, N
-        self.solver = RestStates(self.solver.known, self.method.dt, accuracy)
+        self.accuracy = self.method.accuracy * self.scene.F_N / AMPLIFIED  # of one jump, N
+        self.solver = RestStates(self.solver.known, self.method.dt)
         self.jumped = self.spared = self.attempts = 0
         self.largest_error = 0.0
         self.slid, self.try_at, self.landed = True, self.state.step, self.state.step

@@ -177,7 +177,7 @@ def test_little_viscosity():
 
 def test_too_much_viscosity():
     found = plan(small(eta=40.0), tolerance=0.1, t_end=1.5)
-    assert "eta/sqrt(k m): 0.816 >  0.433" in rejected("quasi-static", found)
+    assert "eta/sqrt(k m): 0.816 > 0.433" in rejected("quasi-static", found)
 
 
 def test_options_that_a_model_lacks_rule_it_out():

@@ -184,8 +184,8 @@ class State:
     def under(self, scene: Scene) -> Self:
         """Return a copy that goes on under another protocol or driver: F_T does not jump.
 
-        Protocols count from t = 0: where this one has the driver elsewhere at t, u_drv0 shifts. It
-        also does where K is another. Other driven blocks share F_T evenly.
+        Protocols count from t = 0. If the new one puts the driver elsewhere at t, or K differs,
+        u_drv0 is shifted by the difference. If other blocks are driven, they share F_T evenly.
 
         Raises:
             StateError: the driver is on the other side, or the state is damaged.

@@ -99,7 +99,7 @@ class Assumption(NamedTuple):
         return self.value <= self.limit
 
     def __str__(self) -> str:
-        sign = "<=" if self.holds else "> "
+        sign = "<=" if self.holds else ">"
         return f"{self.name}: {self.value:.3g} {sign} {self.limit:.3g} ({self.meaning})"
 
 
@@ -189,7 +189,8 @@ def plan(
         want: "loading_curve", "precursors", "stress", "front_speed" or "motion".
         tolerance: accepted error over F_N; for front speeds relative.
         t_end: time of the end of the run, in s.
-        stop_when: conditions that end it before; None means those of the scene; see `Options`.
+        stop_when: conditions that end the run before t_end; None means those of the scene; see
+            `Options`.
 
     Raises:
         SceneError: an argument is refused.

@@ -155,8 +155,8 @@ class Options:
         switching: "located": contacts switch inside the step, where v_x, mu_s p - |f| or u_z of a
             block has its root, and the step is finished from there. A margin that crosses zero
             twice in a sub-step is noticed if the parabola through its start, middle and end dips
-            below zero. "step_end": they switch at the end of a step (the paper's), which costs an
-            order-1 error of their times. None means "located", or "step_end" with method = "paper"
+            below zero. "step_end": they switch at the end of a step, as in the paper, so that their
+            times are off by up to a step. None means "located", or "step_end" with method = "paper"
             and on junctions: a break that comes late costs 1/n_s of a block's force for a step.
         rtol: for the stepper "adaptive": largest error of a sub-step, in displacements over
             F_N/(N_x s), in velocities over F_N/(N_x sqrt(s m)), s the largest of k, k_f and k_top;

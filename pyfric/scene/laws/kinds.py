@@ -51,7 +51,7 @@ class FrictionLaw:
 
     Attributes:
         kind: its name in scene files.
-        rests: whether a block can stick.
+        rests: whether blocks can stick under this law.
         fields: names of its parameters that are fields: a number, a list or a `Spread`.
         example: values of its parameters, with mu_k = 0.45; the tests run every kind with them.
     """

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from pyfric.scene import Scene
 
-__all__ = ["BLOCKS", "SPACINGS", "kept", "main_events", "planned", "study"]
+__all__ = ["BLOCKS", "SPACINGS", "begun", "kept", "main_events", "planned", "study"]
 
 BLOCKS = (2.0, 4.0, 6.0, 8.0)
 """Blocks in X_c0 of the cracks."""
@@ -127,17 +127,33 @@ def _runs_of(
     return records
 
 
-def _begun(path: Path, coarse: Record, event: int, scene: Scene) -> Record:
-    """Return the event on a finer lattice, from the state before it, from a file or made."""
+def begun(
+    path: Path,
+    coarse: Record,
+    event: int,
+    scene: Scene,
+    enough: Callable[[Record], Sequence[int]] | None = None,
+    tries: int = 8,
+) -> Record:
+    """Return an event on another lattice, from the state before it, from a file or made.
+
+    Args:
+        path: of the file.
+        coarse: the run on a coarser lattice, or the same one.
+        event: its number there.
+        scene: the scene on the other lattice.
+        enough: events of a record that end the run, if any; None means `main_events`.
+        tries: longest run, over `AFTER`, from the end of the event on.
+    """
     if path.is_file() and (record := Record.load(path)).scene == scene:
         return record
     before: Any = refined(coarse, event, scene)
     t_end, dt = float(coarse.events["t_stop"].loc[event]), before.dt
     how: dict[str, Any] = {"fidelity": "hybrid", "geometry": "linear", "switching": "located"}
-    for _ in range(8):
+    for _ in range(tries):
         t_end += AFTER
         before = simulate(scene, t_end, initial=before, dt=dt, progress=False, **how)
-        if (before.events["is_main"] & before.events["finished"]).any():
+        if len((enough or main_events)(before)):
             break
     before.save(path)
     return before
@@ -176,7 +192,7 @@ def _begun_runs(
                 f"{plan[0]:.2g} block evaluations, {plan[1] / 60:.2g} min of one core"
             )
             path = runs / f"{name}_{l * 1e3:g}_{D_C * 1e6:g}_from_{event}.nc"
-            found[l, event], plans[l, event] = _begun(path, coarse, own, scene), plan
+            found[l, event], plans[l, event] = begun(path, coarse, own, scene), plan
     return found, plans
 
 

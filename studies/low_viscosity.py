@@ -10,24 +10,23 @@ Source: PRL 107, 074301 (2011), Fig. 4.
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from collapse import collapse
 from collapse import report as of_collapse
-from finer import refined
-from fronts import AFTER, COLLAPSE, D_C, LAST, kept, main_events
+from fronts import COLLAPSE, D_C, LAST, begun, kept, main_events
 
-from pyfric.engines import simulate
-from pyfric.record import Record, analysis
+from pyfric.record import analysis
 from pyfric.scene import preset
 from pyfric.signals import at_once
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pyfric.scene import Scene
+    from pyfric.record import Record
 
 __all__ = ["VISCOSITIES", "report", "shares_of", "study"]
 
@@ -79,7 +78,8 @@ def study(
                     say(f"{name}, event {event}, l = {spacing * 1e3:g} mm, eta^2: {viscosity}")
                     scene = preset(name, l=spacing, d_c=D_C, **fields)
                     file = f"{name}_{event}_{spacing * 1e3:g}_{scene.eta:.3g}.nc"
-                    record = _again(runs / file, run, event, scene)
+                    enough = functools.partial(_long, run=run, event=event)
+                    record = begun(runs / file, run, event, scene, enough, TRIES)
                     table, front = analysis.fronts(record), _long(record, run, event)[0]
                     about = {"scene": name, "l": spacing, "viscosity": viscosity, "event": event}
                     about["L_p_over_L"] = record.events["L_p_over_L"].loc[front]
@@ -91,22 +91,6 @@ def _long(record: Record, run: Record, event: int) -> list[int]:
     """Return the finished main events whose fronts are about as long as that of a run's event."""
     L_p, least = record.events["L_p_over_L"], LONG * run.events["L_p_over_L"].loc[event]
     return [one for one in main_events(record).tolist() if L_p.loc[one] >= least]
-
-
-def _again(path: Path, run: Record, event: int, scene: Scene) -> Record:
-    """Return the event of a run in a scene, from a file or made."""
-    if path.is_file() and (record := Record.load(path)).scene == scene:
-        return record
-    before: Any = refined(run, event, scene)
-    t_end, dt = float(run.events["t_stop"].loc[event]), before.dt
-    how: dict[str, Any] = {"fidelity": "hybrid", "geometry": "linear", "switching": "located"}
-    for _ in range(TRIES):
-        t_end += AFTER
-        before = simulate(scene, t_end, initial=before, dt=dt, progress=False, **how)
-        if _long(before, run, event):
-            break
-    before.save(path)
-    return before
 
 
 def shares_of(fronts: pd.DataFrame) -> pd.DataFrame:

@@ -120,7 +120,7 @@ class Run:
     ) -> None:
         self.scene, self.method, self.state = scene, method, state
         self.stopping, self.ending = stopping, ""
-        self.solver = RememberedStates(solver)
+        self.known, self.solver = solver, RememberedStates(solver)
         self.model = core.model(scene, method.geometry, state.u_drv0, just_after(state))
         self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
         self.log = core.Log(scene.N_x)
@@ -466,8 +466,8 @@ class Run:
             scene=scene,
             method=method,
             curve=curve,
-            tau_initial=self.solver.known.loaded.tau,
-            p_initial=self.solver.known.loaded.p,
+            tau_initial=self.known.loaded.tau,
+            p_initial=self.known.loaded.p,
             quiet=quiet,
             switches=switches,
             motion=motion,

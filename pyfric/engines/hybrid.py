@@ -21,8 +21,9 @@ from pyfric import core
 from pyfric.core import OPEN, STUCK
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run, just_after, last_step
-from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
+from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, path_from, rest
 from pyfric.engines.modes import Linearised
+from pyfric.engines.remembered import RememberedStates
 from pyfric.statics import Memory
 
 if TYPE_CHECKING:
@@ -33,14 +34,12 @@ __all__ = ["HybridRun"]
 AMPLIFIED = 250.0
 """Events amplify what jumps leave: forces of later events are off by this many times the largest
 estimate of a jump, or less, in the 27 sets of off-box scenes."""
-BEYOND = 0.1
-"""Static states are read off the path of a jump up to this share of its length beyond its ends."""
-BALANCED = 1e-9
-"""Largest sum of forces along the interface of such a state, over F_N."""
+BALANCED = 1e-13
+"""Largest error of contact forces in static states of events, over F_N: rounding."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
-KEPT = 8
-"""Contact states whose modes are kept."""
+KEPT, RESTS = 8, 64
+"""Contact states whose modes are kept, and static states from which others are found."""
 LATE = 1 / 8
 """After a jump that was refused the next try comes this share of the steps since the last jump
 later, at least: few tries where hardly any succeed, and jumps that come this share late."""
@@ -65,9 +64,9 @@ class RestStates:
     def __init__(self, solver: StaticSolver, dt: float) -> None:
         self.known, self.dt = solver, dt
         self._systems: Memory[Linearised] = Memory(KEPT)
-        self._last: dict[bytes, tuple[bytes, float, np.ndarray]] = {}
+        self._rests: Memory[tuple[float, np.ndarray]] = Memory(RESTS)
+        self._latest: dict[bytes, np.ndarray] = {}
         self.bases = 0
-        self._paths: dict[tuple[Any, ...], list[tuple[Outside, float, np.ndarray]]] = {}
 
     def system(self, stuck: np.ndarray) -> Linearised:
         """Return the slider linearised at these contact states."""
@@ -82,23 +81,33 @@ class RestStates:
         return self._systems.put(stuck.tobytes(), self.system(stuck).at(q))
 
     def at(
-        self, u_x: np.ndarray, stuck: np.ndarray, outside: Outside, enough: float
+        self,
+        u_x: np.ndarray,
+        stuck: np.ndarray,
+        drive: float,
+        load: tuple[float, float] | None,
+        enough: float,
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return coordinates (m) and forces on them (N) at rest, None if they are not found."""
-        system = self.system(stuck)
-        key, here = stuck.tobytes(), u_x[system.held].tobytes()
-        there, drive, q = self._last.get(key, (b"", 0.0, None))
-        if q is None:
-            q = self.known.coordinates(self.known.loaded.u, self.known.loaded.rod)
-        elif there == here:
-            q = q + (outside.drive - drive) * system.drift
-        q = q.copy()
-        q[system.held] = u_x[system.held]
-        return rest(system, outside, q, enough)
+        """Return coordinates (m) and forces on them (N) at rest, None if they are not found.
 
-    def keep(self, u_x: np.ndarray, stuck: np.ndarray, drive: float, q: np.ndarray) -> None:
-        """Remember a state of rest with the driver at `drive` (m), or one nearby."""
-        self._last[stuck.tobytes()] = u_x[stuck].tobytes(), drive, q
+        The search starts from a state with the same blocks in the same places, or else from the
+        latest with the same contact states.
+        """
+        system, key = self.system(stuck), stuck.tobytes()
+        place = key, u_x[system.held].tobytes()
+        if place in self._rests:
+            there, q = self._rests[place]
+            q = q + (drive - there) * system.drift
+        elif key in self._latest:
+            q = self._latest[key].copy()
+        else:
+            q = self.known.coordinates(self.known.loaded.u, self.known.loaded.rod)
+        q[system.held] = u_x[system.held]
+        found = rest(system, q, drive, load, enough)
+        if found is not None:
+            self._latest[key] = found[0]
+            self._rests.put(place, (drive, found[0]))
+        return found
 
     def solve(
         self,
@@ -109,43 +118,23 @@ class RestStates:
         load: tuple[float, float] | None = None,
     ) -> Static | Equilibrium:
         """Return the static state, for the catalogue."""
-        found = self._on_path(u_x, drive, free, load)
+        found = None if free.all() else self._static(u_x, drive, free, load)
         return found or self.known.solve(u_x, drive, free=free, load=load)
 
-    def follow(self, u_x: np.ndarray, system: Linearised, landing: Landing, dt: float) -> None:
-        """Remember the path of a jump: static states nearby are read off it."""
-        outside, s = landing.jump.outside, landing.n * dt
-        if outside.steady and outside.V and not any(outside.gain):
-            key = u_x[system.stuck].tobytes(), system.stuck.tobytes(), outside.load
-            self._paths.setdefault(key, []).append((outside, s, landing.still))
-
-    def _on_path(
+    def _static(
         self, u_x: np.ndarray, drive: float, free: np.ndarray, load: tuple[float, float] | None
     ) -> Static | None:
-        """Return the static state if a path leads there, or ends as near as it is long."""
-        key = u_x[~free].tobytes(), (~free).tobytes(), load
-        for outside, length, still in self._paths.get(key, ()):
-            s = (drive - outside.drive) / outside.V
-            if -BEYOND * length <= s <= (1 + BEYOND) * length:
-                found = at(still, s)
-                return self._static(drive, free, load, found)
-        return None
-
-    def _static(
-        self, drive: float, free: np.ndarray, load: tuple[float, float] | None, found: np.ndarray
-    ) -> Static | None:
-        """Return a state of rest; None if contact would not keep the open blocks, or if its forces
-        along the interface do not balance, as the path is bent more than it says."""
+        """Return the state of rest at these contact states, None if contact would change them."""
         scene, N_x = self.known.scene, len(free)
-        u_z, f, u_h = found[:N_x], found[N_x:-1], float(found[-1])
-        tau = np.zeros(N_x)
+        found = self.at(u_x, ~free, drive, load, BALANCED * scene.F_N)
+        if found is None:
+            return None
+        q, forces = found
+        u_z = q[N_x : 2 * N_x]
         if (np.where(free, u_z, -u_z) < 0).any():
             return None
-        tau[~free] = -scene.d * f
-        F_T = scene.driver_force(drive, u_h, self.known.u_drv0)
-        given = F_T + (0.0 if load is None else load[1])
-        if not scene.k_top and abs(tau.sum() - given) > BALANCED * scene.F_N:
-            return None
+        F_T = scene.driver_force(drive, float(self.known.driven_row @ q), self.known.u_drv0)
+        tau = np.where(free, 0.0, scene.d * forces[:N_x])
         return Static(F_T, tau, np.where(free, 0.0, -scene.k_f * u_z))
 
 
@@ -161,7 +150,8 @@ class HybridRun(Run):
         _, quiet = core.room_of_step(self.scene.N_x, self.method.switching)
         self.log = core.Log(self.scene.N_x, quiet=quiet)
         self.accuracy = self.method.accuracy * self.scene.F_N / AMPLIFIED  # of one jump, N
-        self.solver = RestStates(self.solver.known, self.method.dt)
+        self.rests = RestStates(self.known, self.method.dt)
+        self.solver = RememberedStates(self.rests)
         self.jumped = self.spared = self.attempts = 0
         self.largest_error = 0.0
         self.slid, self.try_at, self.landed = True, self.state.step, self.state.step
@@ -186,7 +176,7 @@ class HybridRun(Run):
             return None
         if V.value not in self._creepings:
             force = self.method.accuracy * scene.F_N
-            self._creepings[V.value] = Creeping(scene, self.solver.known, force, V.value)
+            self._creepings[V.value] = Creeping(scene, self.known, force, V.value)
         return self._creepings[V.value]
 
     def call_length(self) -> int:
@@ -216,7 +206,7 @@ class HybridRun(Run):
             "jumps": self.jumped + old.get("jumps", 0),
             "steps_spared": self.spared + old.get("steps_spared", 0),
             "attempts": self.attempts + old.get("attempts", 0),
-            "modal_bases": self.solver.bases + old.get("modal_bases", 0),
+            "modal_bases": self.rests.bases + old.get("modal_bases", 0),
         }
 
     def notes(self) -> tuple[str, ...]:
@@ -241,31 +231,29 @@ class HybridRun(Run):
 
     def jump(self, last: int) -> int:
         """Go to the last step before a contact state can change; return the steps to the next."""
-        state, known = self.state, self.solver.known
+        state, known = self.state, self.known
         stuck, most = state.mode != OPEN, self._piece_ends(last) - state.step
         if most <= 0 or not stuck.any():
             return TRY
         self.attempts += 1
         outside = Outside(known, state.t, just_after(state))
-        start = self.solver.at(state.y[0, 0], stuck, outside, self.accuracy)
+        start = self.rests.at(state.y[0, 0], stuck, outside.drive, outside.load, self.accuracy)
         if start is None:
             return TRY
-        self.solver.keep(state.y[0, 0], stuck, outside.drive, start[0])
-        system = self.solver.system(stuck)
+        system = self.rests.system(stuck)
         landing = self._landing(system, outside, start, most)
         if isinstance(landing, Stale):
-            system = self.solver.renew(stuck, start[0])
+            system = self.rests.renew(stuck, start[0])
             landing = self._landing(system, outside, start, most)
         if not isinstance(landing, Landing):
             return landing.steps
         self._sample_jump(landing, outside)
-        self.solver.follow(state.y[0, 0], system, landing, state.dt)  # the same where it is cut
         n = self._ends_after(landing.n)
         end = state.step + n
         if n:
             landing = self._landing(system, outside, start, n)
         if isinstance(landing, Landing):
-            self._land(landing, system, outside)
+            self._land(landing, system)
         while state.step < end:
             self.call(end - state.step)
         return 1
@@ -297,7 +285,7 @@ class HybridRun(Run):
         landing, self.attempts = None, self.attempts + 1
         if most > 0:
             landing = self.creeping.land(
-                state, lambda: self.solver.system(state.mode != OPEN), state.step + most
+                state, lambda: self.rests.system(state.mode != OPEN), state.step + most
             )
         if landing is None or landing.n < min(most, TRY):
             return TRY
@@ -316,7 +304,7 @@ class HybridRun(Run):
         most: int,
     ) -> Landing | Wait | Stale:
         """Return where a jump from here lands."""
-        state, known = self.state, self.solver.known
+        state, known = self.state, self.known
         path = path_from(system, outside, *start)
         q = known.coordinates(state.y[:, :2], state.rod[:3])
         v = known.coordinates(state.y[:, 2:], state.rod[3:])
@@ -334,23 +322,21 @@ class HybridRun(Run):
     def _sample_jump(self, landing: Landing, outside: Outside) -> None:
         """Add the points of the loading curve in a jump."""
         (t, s), scene = self._samples(landing.n), self.scene
-        moved = landing.jump.u_h(landing.still, s) - np.mean(self.state.u_drv0)
+        moved = landing.jump.u_h(s) - np.mean(self.state.u_drv0)
         stretch = outside.drive_at(s) - scene.d * moved
         self.rows += np.column_stack([t, scene.driver.K * stretch]).tolist()
 
-    def _land(self, landing: Landing, system: Linearised, outside: Outside) -> None:
+    def _land(self, landing: Landing, system: Linearised) -> None:
         """Put the state where a jump lands."""
         state, n = self.state, len(system.held)
-        u_x = state.y[0, 0].copy()
-        self.solver.keep(u_x, system.stuck, outside.drive_at(landing.n * state.dt), landing.q)
-        self._put(landing.q, landing.v, u_x, landing.n)
+        self._put(landing.q, landing.v, state.y[0, 0].copy(), landing.n)
         state.margin[:] = 0.0
         state.margin[system.held] = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])
         self.largest_error = max(self.largest_error, landing.error)
 
     def _put(self, q: np.ndarray, v: np.ndarray, u_x: np.ndarray, n: int) -> None:
         """Put coordinates q and their rates v n steps later; stuck blocks are at u_x."""
-        state, known, held = self.state, self.solver.known, self.state.mode == STUCK
+        state, known, held = self.state, self.known, self.state.mode == STUCK
         state.y[:, :2], state.rod[:3] = known.displacements(q)
         state.y[:, 2:], state.rod[3:] = known.displacements(v)
         state.y[0, 0, held], state.y[0, 2, held] = u_x[held], 0.0

@@ -95,14 +95,11 @@ class Path(NamedTuple):
         q: coordinates at rest, shape (3, n_q).
         lag: of the coordinates, shape (3, n_q).
         gaps: gap functions, lag included, shape (3, n_c), in N.
-        still: value and rate at rest of u_z of the bottom blocks, of the friction force on those
-            that stick, and of mean u_x of the driven blocks, shape (2, N_x + n_stuck + 1).
     """
 
     q: np.ndarray
     lag: np.ndarray
     gaps: np.ndarray
-    still: np.ndarray
 
     def bent(self, shift: np.ndarray, gaps: np.ndarray, s: float) -> Path:
         """Return the path with the same start that has moved by shift (m) and gaps (N) at s (s)."""
@@ -134,8 +131,7 @@ def at(polynomial: np.ndarray, s: float) -> np.ndarray:
 class Landing(NamedTuple):
     """Where a jump ends: after n steps, coordinates (m), their rates (m/s), gap functions (N).
 
-    `error` is the estimate of the error of contact forces, in N; `jump` led there, along static
-    states `still`: as in `Path`, with the bend.
+    `error` is the estimate of the error of contact forces, in N; `jump` led there.
     """
 
     n: int
@@ -144,7 +140,6 @@ class Landing(NamedTuple):
     gaps: np.ndarray
     error: float
     jump: Jump
-    still: np.ndarray
 
 
 class Wait(NamedTuple):
@@ -160,14 +155,19 @@ class Stale(NamedTuple):
 
 
 def rest(
-    system: Linearised, outside: Outside, q: np.ndarray, enough: float
+    system: Linearised,
+    q: np.ndarray,
+    drive: float,
+    load: tuple[float, float] | None,
+    enough: float,
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the static state at fixed contact states, and the forces that act there.
 
     Args:
         system: the slider at these contact states.
-        outside: what acts on it.
         q: where the search starts, with the blocks that stick in their places, shape (n_q,), in m.
+        drive: displacement of the driver since t = 0, in m.
+        load: F_N and T, in N; None means those at t = 0.
         enough: error of gap functions, in N.
 
     Returns:
@@ -175,7 +175,7 @@ def rest(
     """
     before = math.inf
     for _ in range(ROUNDS):
-        force = system.forces(q, outside.drive, outside.load)
+        force = system.forces(q, drive, load)
         left = force.copy()
         left[system.held] = 0.0
         shift = system.answer(left)
@@ -218,8 +218,7 @@ def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.nd
     gaps[0] += system.gaps_of(l_0, left_0 + drag - pull)
     if not steady:
         gaps[1] += system.gaps_of(l_1, -(system.C @ q_2) - system.restoring(l_1, stiffer))
-    still = [system.bottom(x, -f[system.held]) for x, f in ((q, forces), (q_1, left_1))]
-    path = Path(np.array([q, q_1, q_2]), np.array([l_0, l_1, zero]), gaps, np.array(still))
+    path = Path(np.array([q, q_1, q_2]), np.array([l_0, l_1, zero]), gaps)
     return path.as_before(system, outside)
 
 
@@ -273,6 +272,7 @@ class Jump:
             if finite:
                 error = float(np.abs(wrong).max())
                 known = known or error > self.accuracy
+                error *= self.system.contraction
                 self.path = self.path.bent(shift, wrong, s)
             then, least = (self.system.strengthened(self.age + one, gaps)[0] for one in (s, 0.0))
             if error <= self.accuracy and (least > 0).all():
@@ -282,7 +282,7 @@ class Jump:
                     return Stale(self._wait(defect / self.accuracy, slowest, n).steps)
                 if known:  # else the bend is of the size of what it may be off by
                     self.path.remember(self.system, self.outside)
-                return Landing(n, q, v, then, left + error + defect, self, self._still(s))
+                return Landing(n, q, v, then, left + error + defect, self)
         return Wait(TRY)
 
     def _longest(self, most: int) -> int | Wait:
@@ -361,19 +361,8 @@ class Jump:
         a, _ = self.ringing.at(s)
         return at(self.path.gaps, s) + (self.system.gaps @ a).real
 
-    def _still(self, s: float) -> np.ndarray:
-        """Return value, rate and bend of `Path.still`, which pass through the static state at s."""
-        system, q = self.system, at(self.path.q, s)
-        forces = system.forces(q, self.outside.drive_at(s), self.outside.load_at(s))
-        left = forces.copy()
-        left[system.held] = 0.0
-        shift = system.answer(left)
-        forces -= system.K @ shift
-        end, (value, rate) = system.bottom(q + shift, -forces[system.held]), self.path.still
-        return np.array([value, rate, 2 / s**2 * (end - value - s * rate)])
-
-    def u_h(self, still: np.ndarray, s: np.ndarray) -> np.ndarray:
+    def u_h(self, s: np.ndarray) -> np.ndarray:
         """Return mean u_x of the driven blocks at times s (s), shape (n,), in m."""
-        path = still[:, -1] + self.path.lag @ self.system.solver.driven_row
+        path = (self.path.q + self.path.lag) @ self.system.solver.driven_row
         waves = (self.system.u_h * self.ringing.a) @ np.exp(np.outer(self.ringing.growth, s))
         return at(path, s) + waves.real

@@ -326,11 +326,6 @@ class Linearised:
         N_x = len(self.stuck)
         return self.gap_functions(q[N_x : 2 * N_x], -forces[self.held])
 
-    def bottom(self, x: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """Return u_z of the bottom blocks, f, and mean u_x of driven blocks of coordinates x."""
-        N_x = len(self.stuck)
-        return np.concatenate([x[N_x : 2 * N_x], f, [self.solver.driven_row @ x]])
-
     def strengthened(self, age: np.ndarray, *rows: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return gap functions, or parts of them, of blocks that have been stuck for `age`.
 

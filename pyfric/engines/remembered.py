@@ -18,7 +18,7 @@ class RememberedStates:
     """A `StaticSolver` that solves the same state once."""
 
     def __init__(self, solver: StaticSolver) -> None:
-        self.known = solver
+        self.finder = solver
         self.found: dict[tuple[Any, ...], Equilibrium | EquilibriumError] = {}
 
     def solve(
@@ -32,7 +32,7 @@ class RememberedStates:
         key = u_x_bottom.tobytes(), float(drive), free.tobytes(), load
         if key not in self.found:
             try:
-                self.found[key] = self.known.solve(u_x_bottom, drive, free=free, load=load)
+                self.found[key] = self.finder.solve(u_x_bottom, drive, free=free, load=load)
             except EquilibriumError as error:
                 self.found[key] = error
         found = self.found[key]

@@ -36,6 +36,13 @@ class Memory(Generic[T]):
             self._kept[key] = make()
         return self._kept[key]
 
+    def __contains__(self, key: Hashable) -> bool:
+        return key in self._kept
+
+    def __getitem__(self, key: Hashable) -> T:
+        """Return what is kept for a key."""
+        return self._kept[key]
+
     def put(self, key: Hashable, value: T) -> T:
         """Keep a value for a key in place of what was kept, and return it."""
         self._kept.pop(key, None)

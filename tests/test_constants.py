@@ -22,7 +22,6 @@ FITTED = (
     "modes.N_MODES",
     "modes.SLOW",
     "jump.TRY",
-    "hybrid.BEYOND",
     "hybrid.AMPLIFIED",
 )
 

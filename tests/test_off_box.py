@@ -89,7 +89,7 @@ def beyond_estimates(name, monkeypatch):
     """
     excess = []
 
-    def stepped(run, landing, system, outside):
+    def stepped(run, landing, system):
         state, n = run.state, len(system.held)
         end = state.step + landing.n
         while state.step < end:

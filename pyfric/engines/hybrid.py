@@ -21,7 +21,7 @@ from pyfric import core
 from pyfric.core import OPEN, STUCK
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run, just_after, last_step
-from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, path_from, rest
+from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.modes import Linearised
 from pyfric.engines.remembered import RememberedStates
 from pyfric.statics import Memory
@@ -34,12 +34,13 @@ __all__ = ["HybridRun"]
 AMPLIFIED = 250.0
 """Events amplify what jumps leave: forces of later events are off by this many times the largest
 estimate of a jump, or less, in the 27 sets of off-box scenes."""
-BALANCED = 1e-13
-"""Largest error of contact forces in static states of events, over F_N: rounding."""
+BALANCED = 1e-11
+"""Largest error of a contact force in static states of events, over F_N."""
 MOSTLY = 0.5
 """A larger share of time that is integrated is noted in the record."""
-KEPT, RESTS = 8, 64
-"""Contact states whose modes are kept, and static states from which others are found."""
+KEPT, RESTS = 8, 32
+"""Contact states whose modes are kept, and paths on which static states are found: together these
+take the memory of one set of modes."""
 LATE = 1 / 8
 """After a jump that was refused the next try comes this share of the steps since the last jump
 later, at least: few tries where hardly any succeed, and jumps that come this share late."""
@@ -90,14 +91,14 @@ class RestStates:
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Return coordinates (m) and forces on them (N) at rest, None if they are not found.
 
-        The search starts from a state with the same blocks in the same places, or else from the
-        latest with the same contact states.
+        The search starts on the path of a state with the same blocks in the same places, or else
+        at the latest state with the same contact states.
         """
         system, key = self.system(stuck), stuck.tobytes()
         place = key, u_x[system.held].tobytes()
         if place in self._rests:
-            there, q = self._rests[place]
-            q = q + (drive - there) * system.drift
+            there, path = self._rests[place]
+            q = at(path, drive - there)
         elif key in self._latest:
             q = self._latest[key].copy()
         else:
@@ -106,8 +107,16 @@ class RestStates:
         found = rest(system, q, drive, load, enough)
         if found is not None:
             self._latest[key] = found[0]
-            self._rests.put(place, (drive, found[0]))
+            path = np.array([found[0], system.drift, np.zeros_like(found[0])])
+            self._rests.get(place, lambda: (drive, path))
         return found
+
+    def keep(self, u_x: np.ndarray, stuck: np.ndarray, jump: Jump) -> None:
+        """Remember the path of a jump that the driver alone moves: static states lie on it."""
+        outside = jump.outside
+        if outside.steady and outside.V and not any(outside.gain):
+            path = jump.path.q / np.array([[1.0], [outside.V], [outside.V**2]])
+            self._rests.put((stuck.tobytes(), u_x[stuck].tobytes()), (outside.drive, path))
 
     def solve(
         self,
@@ -248,6 +257,7 @@ class HybridRun(Run):
         if not isinstance(landing, Landing):
             return landing.steps
         self._sample_jump(landing, outside)
+        full = landing.n == most
         n = self._ends_after(landing.n)
         end = state.step + n
         if n:
@@ -256,7 +266,7 @@ class HybridRun(Run):
             self._land(landing, system)
         while state.step < end:
             self.call(end - state.step)
-        return 1
+        return 1 if full else TRY
 
     def _ends_after(self, n: int) -> int:
         """Return after how many of a jump's n steps a condition ends the run, 0 for none.
@@ -329,6 +339,7 @@ class HybridRun(Run):
     def _land(self, landing: Landing, system: Linearised) -> None:
         """Put the state where a jump lands."""
         state, n = self.state, len(system.held)
+        self.rests.keep(state.y[0, 0], system.stuck, landing.jump)
         self._put(landing.q, landing.v, state.y[0, 0].copy(), landing.n)
         state.margin[:] = 0.0
         state.margin[system.held] = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])

@@ -272,7 +272,6 @@ class Jump:
             if finite:
                 error = float(np.abs(wrong).max())
                 known = known or error > self.accuracy
-                error *= self.system.contraction
                 self.path = self.path.bent(shift, wrong, s)
             then, least = (self.system.strengthened(self.age + one, gaps)[0] for one in (s, 0.0))
             if error <= self.accuracy and (least > 0).all():
@@ -352,9 +351,11 @@ class Jump:
         forces = system.forces(q, *outside) - system.C @ v
         left = forces - system.M * (path.q[2] + w_a)
         left[system.held] = 0.0
-        shift = system.answer(left)
-        q = q + shift
-        return q, v, system.gaps_of(q, forces - system.K @ shift), shift
+        stiffer, shift = system.stiffer(q), system.answer(left)
+        if stiffer is not None:
+            shift = system.refined(shift, left, stiffer)
+        q, v = q + shift, v + 2 / s * shift
+        return q, v, system.gaps_of(q, forces - system.restoring(shift, stiffer)), shift
 
     def _gaps(self, s: float) -> np.ndarray:
         """Return the predicted gap functions at s (s), shape (n_c,), in N."""
@@ -362,7 +363,10 @@ class Jump:
         return at(self.path.gaps, s) + (self.system.gaps @ a).real
 
     def u_h(self, s: np.ndarray) -> np.ndarray:
-        """Return mean u_x of the driven blocks at times s (s), shape (n,), in m."""
+        """Return mean u_x of the driven blocks at times s (s), evenly spaced, (n,), in m."""
         path = (self.path.q + self.path.lag) @ self.system.solver.driven_row
-        waves = (self.system.u_h * self.ringing.a) @ np.exp(np.outer(self.ringing.growth, s))
-        return at(path, s) + waves.real
+        near, far = s[: math.isqrt(len(s)) + 1], s[:: math.isqrt(len(s)) + 1]  # each s is a sum
+        shares = (self.system.u_h * self.ringing.a)[:, None]
+        begin = shares * np.exp(np.outer(self.ringing.growth, far))
+        waves = begin.T @ np.exp(np.outer(self.ringing.growth, near - s[:1]))
+        return at(path, s) + waves.real.ravel()[: len(s)]

@@ -364,15 +364,15 @@ class Linearised:
         Viscosity couples both: with M w, M v and K w of the truncated part orthogonal to B, the
         amplitude of a mode phi is that in B plus phi.C w/(phi.C phi + 2 lambda phi.M phi).
         """
-        both = np.array([w, v])
-        y = (both * self.M) @ self.B
-        w, v = both - y @ self.B.T
+        y_0, y_1, drawn = np.array([self.M * w, self.M * v, self.C @ w]) @ self.B
+        y = np.array([y_0, y_1])
+        w, v = np.array([w, v]) - y @ self.B.T
         force, drag, momentum = self.K @ w, self.C @ v, self.M * v
         twice_kinetic = float(v @ momentum)
         energy = 0.5 * (twice_kinetic + float(w @ force))
         decay = float(v @ drag) / (2 * twice_kinetic) if twice_kinetic > 0 else 0.0
         gaps = self.gaps_of(w, -(force + drag))
-        a = self.amplitudes(y) + (self.C @ w @ self.B) @ self._pulled
+        a = self.amplitudes(y) + (drawn - self._CB @ y_0) @ self._pulled
         return Motion(a, max(energy, 0.0), gaps, max(decay, self.decay))
 
     def deviation(

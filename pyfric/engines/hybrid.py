@@ -1,11 +1,11 @@
-"""Hybrid engine: dynamics where the interface slips, closed forms where it waits.
+"""Hybrid engine: full dynamics while blocks slip, closed forms while all blocks stick.
 
-Events are integrated as in full dynamics, by the same core and on the same steps in time. Once
-nothing slips any more, the run jumps to the last step before a contact state can change (`jump`),
-and goes on there with the modes that are left. Jumps end at the corners of a protocol.
+Events are integrated as in full dynamics, by the same core and with the same time steps. When
+nothing slips any more, the run jumps to the last step before a contact state can change (`jump`).
+It continues there with the remaining oscillation. Jumps end at the breakpoints of a protocol.
 
-Where a jump is not possible, steps are made: a slider that never comes to rest is integrated in
-full, and the record says so.
+If no jump is possible, the engine makes steps. A slider that never comes to rest is integrated in
+full, and a note in the record says so.
 
 Source: PRL 107, 074301 (2011) for the model.
 """
@@ -31,19 +31,19 @@ if TYPE_CHECKING:
 __all__ = ["HybridRun"]
 
 AMPLIFIED = 250.0
-"""Events amplify what jumps leave: forces of later events are off by this many times the largest
-estimate of a jump, or less, in the 27 sets of off-box scenes."""
+"""Factor by which events amplify errors of jumps. The error of forces in later events was at most
+this many times the largest estimated error of a jump, in 27 sets of off-box scenes."""
 BEYOND = 0.1
 """Static states are read off the path of a jump up to this share of its length beyond its ends."""
 BALANCED = 1e-9
-"""Largest sum of forces along the interface of such a state, over F_N."""
+"""Largest sum of forces along the interface in a state read off a path, over F_N."""
 MOSTLY = 0.5
-"""A larger share of time that is integrated is noted in the record."""
+"""Integrated share of the time above which the record carries a note."""
 KEPT = 8
-"""Contact states whose modes are kept."""
+"""Sets of contact states whose modes are kept."""
 LATE = 1 / 8
-"""After a jump that was refused the next try comes this share of the steps since the last jump
-later, at least: few tries where hardly any succeed, and jumps that come this share late."""
+"""Shortest wait after a refused jump, over the steps since the last jump. It limits the number of
+attempts; a jump can come late by this share."""
 
 
 class Static(NamedTuple):
@@ -55,7 +55,7 @@ class Static(NamedTuple):
 
 
 class RestStates:
-    """States of rest at fixed contact states, and what has been found for each of these.
+    """Static states at fixed contact states, with a memory of earlier solutions.
 
     Args:
         solver: static states of the scene in its geometry.
@@ -78,13 +78,13 @@ class RestStates:
         return Linearised(self.known, stuck, self.dt)
 
     def renew(self, stuck: np.ndarray, q: np.ndarray) -> Linearised:
-        """Return the slider linearised at a state q, from now on."""
+        """Return the slider linearised at a state q, and keep it for later calls of `system`."""
         return self._systems.put(stuck.tobytes(), self.system(stuck).at(q))
 
     def at(
         self, u_x: np.ndarray, stuck: np.ndarray, outside: Outside, enough: float
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return coordinates (m) and forces on them (N) at rest, None if they are not found."""
+        """Return coordinates (m) and forces (N) of the static state, or None if none is found."""
         system = self.system(stuck)
         key, here = stuck.tobytes(), u_x[system.held].tobytes()
         there, drive, q = self._last.get(key, (b"", 0.0, None))
@@ -97,7 +97,7 @@ class RestStates:
         return rest(system, outside, q, enough)
 
     def keep(self, u_x: np.ndarray, stuck: np.ndarray, drive: float, q: np.ndarray) -> None:
-        """Remember a state of rest with the driver at `drive` (m), or one nearby."""
+        """Keep a static state at `drive` (m), or one nearby, as a start for the next search."""
         self._last[stuck.tobytes()] = u_x[stuck].tobytes(), drive, q
 
     def solve(
@@ -113,7 +113,7 @@ class RestStates:
         return found or self.known.solve(u_x, drive, free=free, load=load)
 
     def follow(self, u_x: np.ndarray, system: Linearised, landing: Landing, dt: float) -> None:
-        """Remember the path of a jump: static states nearby are read off it."""
+        """Keep the path of a jump; static states near it can be read off."""
         outside, s = landing.jump.outside, landing.n * dt
         if outside.steady and outside.V and not any(outside.gain):
             key = u_x[system.stuck].tobytes(), system.stuck.tobytes(), outside.load
@@ -122,7 +122,7 @@ class RestStates:
     def _on_path(
         self, u_x: np.ndarray, drive: float, free: np.ndarray, load: tuple[float, float] | None
     ) -> Static | None:
-        """Return the static state if a path leads there, or ends as near as it is long."""
+        """Return the static state from a kept path that covers it within `BEYOND`, or None."""
         key = u_x[~free].tobytes(), (~free).tobytes(), load
         for outside, length, still in self._paths.get(key, ()):
             s = (drive - outside.drive) / outside.V
@@ -134,8 +134,11 @@ class RestStates:
     def _static(
         self, drive: float, free: np.ndarray, load: tuple[float, float] | None, found: np.ndarray
     ) -> Static | None:
-        """Return a state of rest; None if contact would not keep the open blocks, or if its forces
-        along the interface do not balance, as the path is bent more than it says."""
+        """Return the static state with these values on the path, or None if it is not valid.
+
+        It is not valid if an open block would touch, if a block in contact would lift off, or if
+        forces along the interface do not balance because the path is too curved.
+        """
         scene, N_x = self.known.scene, len(free)
         u_z, f, u_h = found[:N_x], found[N_x:-1], float(found[-1])
         tau = np.zeros(N_x)
@@ -174,7 +177,7 @@ class HybridRun(Run):
 
     @property
     def creeping(self) -> Creeping | None:
-        """Jumps over stable slip, None where stable slip is not followed."""
+        """The calculator of jumps over stable slip, or None if such jumps are not possible."""
         scene, t = self.scene, just_after(self.state)
         if not self.creeps:
             return None
@@ -190,15 +193,15 @@ class HybridRun(Run):
         return self._creepings[V.value]
 
     def call_length(self) -> int:
-        """Return how many steps may be made before the next look."""
+        """Return how many steps may be made before the next attempt to jump."""
         slips = self._slips()
         if slips.any() and self.creeping is None:
-            # the core returns when the last block stops, corner slip aside
+            # the core returns when the last block stops, apart from corner slip
             return TRY if self.state.corner[slips].all() else 2**30
         return max(1, self.try_at - self.state.step)
 
     def before_call(self, last: int) -> None:
-        """Jump if nothing slips and it is safe."""
+        """Jump if nothing slips, or over stable slip, if an attempt is due."""
         state, slips = self.state, bool(self._slips().any())
         if slips != self.slid or (slips and self.creeping is None):
             self.try_at, self.slid = state.step + TRY * (self.steps > 0), slips
@@ -209,7 +212,7 @@ class HybridRun(Run):
             self.try_at = state.step + max(wait, int(LATE * (state.step - self.landed)))
 
     def counts(self) -> dict[str, int]:
-        """Return steps, block evaluations, jumps and the steps they spared, attempts, bases."""
+        """Return numbers of steps, block evaluations, jumps, spared steps, attempts and bases."""
         made = super().counts()
         old = self.before.counts if self.before else {}
         return made | {
@@ -220,7 +223,7 @@ class HybridRun(Run):
         }
 
     def notes(self) -> tuple[str, ...]:
-        """Say so where the slider hardly ever came to rest."""
+        """Return the notes, with one more if the slider hardly ever came to rest."""
         notes, done = super().notes(), self.counts()
         share = done["steps"] / max(done["steps"] + done["steps_spared"], 1)
         if share <= MOSTLY or done["steps"] < 1000:
@@ -232,7 +235,7 @@ class HybridRun(Run):
         )
 
     def _piece_ends(self, last: int) -> int:
-        """Return the last step that a jump may end with: `last`, or the last before a corner."""
+        """Return the last step that a jump may reach, at most `last`, before any breakpoint."""
         state, t = self.state, just_after(self.state)
         corner = next((one for one in self.scene.corners if one > t), math.inf)
         if math.isinf(corner):
@@ -240,7 +243,10 @@ class HybridRun(Run):
         return min(last, last_step(state.t0, state.dt, corner) - 1)
 
     def jump(self, last: int) -> int:
-        """Go to the last step before a contact state can change; return the steps to the next."""
+        """Jump to the last step before a contact state can change.
+
+        Return the number of steps until the next attempt.
+        """
         state, known = self.state, self.solver.known
         stuck, most = state.mode != OPEN, self._piece_ends(last) - state.step
         if most <= 0 or not stuck.any():
@@ -259,7 +265,9 @@ class HybridRun(Run):
         if not isinstance(landing, Landing):
             return landing.steps
         self._sample_jump(landing, outside)
-        self.solver.follow(state.y[0, 0], system, landing, state.dt)  # the same where it is cut
+        self.solver.follow(
+            state.y[0, 0], system, landing, state.dt
+        )  # also if the jump is cut below
         n = self._ends_after(landing.n)
         end = state.step + n
         if n:
@@ -271,9 +279,9 @@ class HybridRun(Run):
         return 1
 
     def _ends_after(self, n: int) -> int:
-        """Return after how many of a jump's n steps a condition ends the run, 0 for none.
+        """Return after how many of a jump's n steps a condition ends the run, or 0 if none does.
 
-        The curve is cut there.
+        The loading curve is cut there.
         """
         if self.stopping is None:
             return 0
@@ -289,9 +297,9 @@ class HybridRun(Run):
         return (self.state.step // every + 1 + last) * every - self.state.step
 
     def slide(self, last: int) -> int:
-        """Go to the last step before a contact state changes while blocks slip stably.
+        """Jump over stable slip to the last step before a contact state can change.
 
-        Return the steps to the next try.
+        Return the number of steps until the next attempt.
         """
         state, most = self.state, self._piece_ends(last) - self.state.step
         landing, self.attempts = None, self.attempts + 1
@@ -315,7 +323,7 @@ class HybridRun(Run):
         start: tuple[np.ndarray, np.ndarray],
         most: int,
     ) -> Landing | Wait | Stale:
-        """Return where a jump from here lands."""
+        """Return the end of a jump from the present state, or a reason to wait."""
         state, known = self.state, self.solver.known
         path = path_from(system, outside, *start)
         q = known.coordinates(state.y[:, :2], state.rod[:3])
@@ -326,20 +334,20 @@ class HybridRun(Run):
         return Jump(system, outside, path, motion, **how).land(most)
 
     def _samples(self, n: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the times of points of the curve in a jump of n steps, and from now on, in s."""
+        """Return the sample times in a jump of n steps: since t = 0, and since now, in s."""
         state, every = self.state, self.method.sample
         steps = np.arange((state.step // every + 1) * every, state.step + n + 1, every)
         return state.t0 + steps * state.dt, (steps - state.step) * state.dt
 
     def _sample_jump(self, landing: Landing, outside: Outside) -> None:
-        """Add the points of the loading curve in a jump."""
+        """Add the samples of a jump to the loading curve."""
         (t, s), scene = self._samples(landing.n), self.scene
         moved = landing.jump.u_h(landing.still, s) - np.mean(self.state.u_drv0)
         stretch = outside.drive_at(s) - scene.d * moved
         self.rows += np.column_stack([t, scene.driver.K * stretch]).tolist()
 
     def _land(self, landing: Landing, system: Linearised, outside: Outside) -> None:
-        """Put the state where a jump lands."""
+        """Set the state to the end of a jump."""
         state, n = self.state, len(system.held)
         u_x = state.y[0, 0].copy()
         self.solver.keep(u_x, system.stuck, outside.drive_at(landing.n * state.dt), landing.q)
@@ -349,7 +357,7 @@ class HybridRun(Run):
         self.largest_error = max(self.largest_error, landing.error)
 
     def _put(self, q: np.ndarray, v: np.ndarray, u_x: np.ndarray, n: int) -> None:
-        """Put coordinates q and their rates v n steps later; stuck blocks are at u_x."""
+        """Set coordinates q and rates v, n steps later; stuck blocks stay at u_x."""
         state, known, held = self.state, self.solver.known, self.state.mode == STUCK
         state.y[:, :2], state.rod[:3] = known.displacements(q)
         state.y[:, 2:], state.rod[3:] = known.displacements(v)

@@ -71,7 +71,7 @@ class State:
         parts: parts of `heat` from friction above mu_k p and from alpha, shape (2, N_x), in J. On
             junctions: heat of dragging, and work of changes of their stiffness. None means 0.
         spring: K (N/m) and direction of the driver, the lowest and the highest row that it pushes,
-            shape (4,). None means zeros, for not known.
+            shape (4,). None stands for zeros, which mean that the driver is not known.
         sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 means dt.
 
     Laws given by tables have two state variables. t_0 (s) is the time at which the block stuck, or

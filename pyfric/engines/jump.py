@@ -17,9 +17,8 @@ corresponds to a displacement K^-1 D. A quadratic term that adds this displaceme
 path. The correction is repeated until it changes the gap functions by less than the accuracy. The
 jump ends just before a gap function, minus the bound of the truncated part, reaches zero.
 
-The estimated error of a jump has three parts: the change of the gap functions by the last
-correction, by the truncated part at the end of the jump, and by the residual that the modes leave
-during the jump.
+The estimated error of a jump is a change of gap functions with three causes: the last correction,
+the truncated part at the end of the jump, and the residual that the modes leave during the jump.
 
 Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), for
 control of the defect.

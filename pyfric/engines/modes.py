@@ -16,9 +16,9 @@ Of each conjugate pair of eigenvectors, one is kept, multiplied by two.
 The truncated part w - B y has the rest of the energy, E, which cannot grow. By the Cauchy-Schwarz
 inequality, E bounds the change of contact forces by the truncated part at any later time. The
 truncated part also decays. A mode of frequency omega with at least half of its elastic energy in
-bonds has -Re lambda >= eta omega^2/(4 k): the viscosity of a bond resists the whole relative
-motion, and its spring only one component. Here omega is at least the frequency of the fastest
-undamped mode in B. The slower one of two overdamped modes decays at its own |lambda|.
+bonds has -Re lambda >= eta omega^2/(4 k). The reason is that the viscosity of a bond resists the
+whole relative motion, and its spring only one component. Here omega is at least the frequency of
+the fastest undamped mode in B. The slower one of two overdamped modes decays at its own |lambda|.
 
 Contact states are monitored with gap functions in N, which are positive while no state changes.
 They are mu_s p + f and mu_s p - f for stuck blocks, and k_f u_z for open blocks.

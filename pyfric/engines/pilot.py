@@ -216,7 +216,7 @@ def counted(scene: Scene, t_end: float, options: Options, pilot: Pilot) -> float
         scene: the scene.
         t_end: end of the run, in s.
         options: options of the run, with its geometry and step.
-        pilot: quasi-static pilot run of the same run.
+        pilot: quasi-static pilot run of the scene.
     """
     geometry, dt = options.geometry or "finite", options.dt
     full = full_work(scene, geometry, dt, t_end)

@@ -6,7 +6,7 @@ next start of slip. During an event the driver rests. Slipping blocks carry mu_k
 stay below mu_s p. Blocks are released one at a time, first the one with the largest |f| - mu_s p. A
 block that would move back sticks again where it was. At the end of the event all blocks stick. The
 driver may also move back, and loads may change. The sequence leaves out the overshoot of moving
-blocks, which shortens events.
+blocks. Without overshoot, events are shorter.
 
 For mu_s = mu_k slip grows continuously. It is followed exactly: between two changes of contact
 state all quantities are linear in the drive. The signs of the rates decide which blocks at their
@@ -169,7 +169,7 @@ class QuasistaticRun:
         self.rows.append((self.t, self.contact.values().F_T))
 
     def advance(self, t_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> bool:
-        """Follow the scene to t_end (s); return whether it was not interrupted.
+        """Follow the scene to t_end (s); return False if it was interrupted.
 
         Raises:
             EquilibriumError: an event does not end, or slip goes on in events of zero length.

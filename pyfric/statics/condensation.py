@@ -46,9 +46,9 @@ class Condensed:
     """The slider condensed onto its interface (linear geometry); see the top of this module.
 
     Attributes:
-        S: stiffness of the interface, driver attached, shape (2 N_x, 2 N_x), in N/m.
-        G: loads on the interface by w, shape (2 N_x, 4), in N/m, N, 1 and 1.
-        c: F_T by w at v = 0, shape (4,), in the same units.
+        S: stiffness of the interface with the driver attached, shape (2 N_x, 2 N_x), in N/m.
+        G: matrix from w to loads on the interface, shape (2 N_x, 4); columns in N/m, N, 1 and 1.
+        c: row from w to F_T at v = 0, shape (4,), in the same units.
         always: constant forces that a plate adds to the loads, shape (2 N_x,), and to F_T, in N.
         plate: the plate that drives the slider; None for one driven block.
     """
@@ -81,8 +81,8 @@ class Plate:
 
     Attributes:
         slider: the condensed slider without the driver.
-        P: shape (2 N_x, n), in 1.
-        D: shape (n, 4), in m, m/N and 0 for the drive.
+        P: shape (2 N_x, n), dimensionless.
+        D: shape (n, 4); columns in 1 (zeros, for the drive), m, m/N and m/N.
         F: shape (n, n), in m/N.
     """
 

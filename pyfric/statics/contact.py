@@ -106,8 +106,8 @@ class States:
     def overloaded(self, now: Values, home: np.ndarray) -> Unmet | None:
         """Return blocks whose friction force exceeds their strength; they slip.
 
-        If all stuck blocks would be released and there is no driver, a slipping block is chosen
-        that sticks at `home` (m) again.
+        Without a driver, the last stuck blocks cannot all be released, because nothing else holds
+        the slider. In that case a slipping block sticks at `home` (m) again.
         """
         stuck, mode = self.stuck, -np.sign(now.f).astype(np.int8)
         by = np.where(stuck, -self.law.margin(now.p, now.f), 0.0)

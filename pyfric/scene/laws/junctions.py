@@ -60,10 +60,10 @@ class Junctions(FrictionLaw):
     u_s, C, t_R and t_R_std are fields, like mu_s and mu_k. Junctions are initially pinned at their
     positions before F_N was applied. On a prescribed interface, the given shear stretches them.
 
-    The slip time after break n of junction j of block i is t_R + t_R_std (sum of 12 uniform numbers
-    - 6). All three count from 1, blocks from the trailing edge. The uniform numbers are those of
-    Philox 4x64-10 after the counter (0, i, j, n) under the key (seed, 0). "gamma" uses only the
-    first one.
+    The slip time after break n of junction j of block i is t_R + t_R_std (S - 6), with S the sum of
+    12 uniform numbers. n, j and i count from 1, blocks from the trailing edge. The uniform numbers
+    are those of Philox 4x64-10 after the counter (0, i, j, n) under the key (seed, 0). "gamma" uses
+    only the first one.
 
     Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014). The use of the present p,
     and the behaviour of junctions when motion reverses, are choices made here. Thresholds:

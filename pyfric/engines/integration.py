@@ -82,7 +82,7 @@ def _loaded(scene: Scene, geometry: Geometry, u_drv0: OnDriven | None) -> Static
 
     Raises:
         SceneError: the load folds the lattice (finite geometry), or pushes are refused.
-        EquilibriumError: there is no loaded state for another reason.
+        EquilibriumError: no loaded state was found, for any other reason.
     """
     strain, pushed = largest_strain(scene, 0.0, 0.0), scene
     scene = scene.replace({"top.push": ()}) if scene.top.push else scene

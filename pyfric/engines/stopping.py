@@ -81,7 +81,7 @@ def reached(seen: Stopping, x: float) -> float:
 
 @holds
 def L_p(seen: Stopping, share: float) -> float:
-    """The present event has L_p/L of at least `share`, measured from the trailing edge."""
+    """The present or last event has L_p/L of at least `share`, from the trailing edge on."""
     touched = (seen.region | (seen.mode == OPEN))[np.argsort(seen.scene.n_of_i)]
     length = np.logical_and.accumulate(touched).sum()
     return seen.t if seen.region.any() and length >= share * seen.scene.N_x else math.inf

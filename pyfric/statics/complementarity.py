@@ -203,7 +203,8 @@ class Contact(States):
         driven: whether the driver's spring holds the slider.
 
     Attributes:
-        way: +1 if the driver moves forward, -1 if it moves back; rates are per its path length.
+        way: +1 if the driver moves forward, -1 if it moves back. Rates are derivatives by the path
+            length of the driver.
         free: blocks that slip or are open in the table, shape (N_x,), bool.
     """
 

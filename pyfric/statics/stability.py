@@ -248,7 +248,7 @@ def _small_limit(scene: Scene, stepper: Stepper, enough: float, on: float) -> tu
 def _map_limit(
     stepper: Stepper, K: np.ndarray, C: np.ndarray, enough: float
 ) -> tuple[float, complex]:
-    """Return the limit of u'' = -K u - C u' and its eigenvalue; inf if it is above `enough`.
+    """Return the largest stable step for u'' = -K u - C u', inf if above `enough`, and eigenvalue.
 
     The eigenvalue belongs to the shape that becomes unstable.
     """

@@ -1,6 +1,6 @@
 !> Energy of the springs and power of the dashpots of the lattice, row by row.
 !>
-!> Of a bond to an image, over a mirrored side or top, one half counts; of one between half blocks of a row or column, too.
+!> A bond to an image, across a mirrored side or top, counts by one half. So does a bond between half blocks.
 module pyfric_bond_energy
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -45,7 +45,7 @@ contains
     end if
   end function bond_power
 
-  !> The same of bonds that lead to no image, with dashpots on the full relative velocity [W].
+  !> The same for bonds that do not lead to an image, with dashpots on the full relative velocity [W].
   pure function inner_power(s, j, q, up) result(power)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                       !! row, from 1 at the bottom
@@ -72,7 +72,7 @@ contains
 
   contains
 
-    !> |dv|^2 of bond m that counts to element i.
+    !> |dv|^2 of bond m of element i.
     pure function speed2(m, i, row) result(w)
       integer, intent(in) :: m
       integer, intent(in) :: i
@@ -86,7 +86,7 @@ contains
     end function speed2
   end function inner_power
 
-  !> A sum lane by lane: vectorises, and its order does not depend on the processor.
+  !> A sum lane by lane. It vectorises, and its order does not depend on the processor.
   pure function lane_sum(n, w) result(total)
     integer, intent(in) :: n
     real(dp), intent(in) :: w(n)
@@ -130,7 +130,7 @@ contains
 
   contains
 
-    !> What bond m that counts to column i adds; nothing where it does not exist.
+    !> Contribution of bond m of column i; 0 if the bond does not exist.
     pure function of_bond(m, i, to) result(e)
       integer, intent(in) :: m
       integer, intent(in) :: i

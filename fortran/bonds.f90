@@ -1,7 +1,7 @@
 !> The bonds of the lattice, as data: forces, energies and powers follow from this table.
 !>
-!> A bond leads from its first block to its second one. It counts to a column of a row, and there is one like it for each
-!> column and row. Sums add a bond and its mirror image first, so that a mirrored lattice gives the mirrored bits.
+!> A bond leads from its first block to its second one, and belongs to the column and row of one of them. Each column and
+!> row has the same bonds. Sums add a bond and its mirror image first, so that a mirrored lattice gives the mirrored bits.
 module pyfric_bonds
   use pyfric_kinds, only: dp
   implicit none (type, external)
@@ -16,8 +16,8 @@ module pyfric_bonds
     real(dp) :: stiffness   !! over k
   end type bond_t
 
-  !> To the nearest neighbours; to the next-nearest ones, which are mirror images of each other. Where speed matters, a
-  !> module has a copy of the table, whose numbers the compiler then knows.
+  !> Bonds to the nearest neighbours, and to the next-nearest ones, which are mirror images of each other. If speed matters,
+  !> a module has a copy of the table, so that the compiler knows its numbers.
   integer, parameter :: BESIDE = 1, ABOVE = 2, RIGHT = 3, LEFT = 4, N_BOND = 4
   type(bond_t), parameter :: BONDS(N_BOND) = [ &
     bond_t(0, 1, 0, [1.0_dp, 0.0_dp], 1.0_dp), &

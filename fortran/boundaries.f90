@@ -50,7 +50,7 @@ contains
     v = s%v_drv + s%a_drv*(t - s%t_seg)
   end function driver_speed
 
-  !> What the load is of that at t_seg.
+  !> Present load over the load at t_seg.
   elemental function load_share(s, t) result(share)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t    !! time [s]
@@ -59,8 +59,8 @@ contains
     share = 1.0_dp + s%load_rate*(t - s%t_seg)
   end function load_share
 
-  !> Force of the driver on the driven block of row j, (K/n) (X(t) - x_h), x_h its displacement along the push since t = 0,
-  !> n their number [N]. X is the integral of the driver's speed, V t where that is constant.
+  !> Force of the driver on the driven block of row j, (K/n) (X(t) - x_h) [N]. x_h is the displacement of this block along the
+  !> push since t = 0, n the number of driven blocks, and X the integral of the driver's speed (V t if that is constant).
   elemental function driver_on(s, j, t, u_x) result(f)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j     !! row, from 1 at the bottom
@@ -72,7 +72,7 @@ contains
     f = s%k_drv*((s%x_drv + (s%v_drv + 0.5_dp*s%a_drv*t_seg)*t_seg) - s%d*(u_x - s%u_drv0(j)))
   end function driver_on
 
-  !> F_T, the sum of these [N].
+  !> F_T, the sum of the forces on all driven blocks [N].
   pure function driver_force(s, t, u_x) result(f_t)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                       !! time [s]
@@ -87,7 +87,7 @@ contains
   end function driver_force
 
   !> Rod with the top row glued to it: X'', Z'', phi'' from the forces on that row. Blocks i and N_x + 1 - i are added
-  !> first: the mirrored row gives the same bits.
+  !> first, so that the mirrored row gives the same bits.
   pure function rod_acceleration(s, t, phi, fx, fz) result(a)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                      !! time [s]
@@ -110,7 +110,7 @@ contains
     a = [total(1)/s%m_top, (total(2) - s%f_n*load_share(s, t))/s%m_top, (total(3) - s%kappa*phi)/s%i_top]
   end function rod_acceleration
 
-  !> The top row as the rod carries it: u_x = X, u_z = Z + phi x.
+  !> Sets the top row from the rod: u_x = X, u_z = Z + phi x.
   pure subroutine rod_to_row(s, rod, q)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: rod(6)      !! X, Z, phi and their rates
@@ -126,8 +126,8 @@ contains
     call close_state(s, q)
   end subroutine rod_to_row
 
-  !> Adds -rho c_P v, normal, and -rho c_S v, tangential, on absorbing sides and top. Where two of them meet, on a quarter of
-  !> a block, the normal ones act alone: all four would shorten the largest stable step by a third.
+  !> Adds -rho c_P v, normal, and -rho c_S v, tangential, on absorbing sides and top. On the quarter block in a corner of two
+  !> of them only the normal ones act; all four would shorten the largest stable step by a third.
   !> J. Lysmer, R. L. Kuhlemeyer, J. Eng. Mech. Div. ASCE 95, 859 (1969).
   pure subroutine absorb(s, j, q, fx, fz)
     type(model_t), intent(in) :: s
@@ -174,7 +174,7 @@ contains
     if (s%right == ABSORBING) z_s(s%nx) = 0.0_dp
   end function along_top
 
-  !> The same of the block of row j at a side.
+  !> The same for the block of row j at a side.
   pure function along_side(s, j) result(z_s)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j  !! row, from 1 at the bottom
@@ -200,7 +200,7 @@ contains
     power = power + mirror_sum(s%nx, column_shares(s)*(along_top(s)*q(s%at(:s%nx), VX)**2 + s%z_p*q(s%at(:s%nx), VZ)**2))
   end function absorbed
 
-  !> What a mirrored top shows of the top row.
+  !> Image of the top row beyond a mirrored top.
   pure function reflected_row(s, q) result(above)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)  !! the top row
@@ -212,7 +212,7 @@ contains
     end do
   end function reflected_row
 
-  !> A sum that pairs i with N_x + 1 - i: the mirrored row gives the same bits.
+  !> A sum that pairs i with N_x + 1 - i, so that the mirrored row gives the same bits.
   pure function mirror_sum(n, w) result(total)
     integer, intent(in) :: n
     real(dp), intent(in) :: w(n)

@@ -11,26 +11,26 @@ module pyfric_contact
   private
   public :: contact_t, switch_contacts
 
-  !> What the contact adds to the state.
+  !> Variables of the contact in the state.
   type :: contact_t
     integer(ip), allocatable :: mode(:)    !! contact states
     integer(ip), allocatable :: corner(:)  !! 1: the block's slip began with p < p_corner
-    real(dp), allocatable :: margin(:)     !! what a stuck block could bear besides, at the last step's end [N]; on
-                                           !! junctions: how many may break before it is ruptured
+    real(dp), allocatable :: margin(:)     !! strength of a stuck block minus its load at the end of the last step [N]; on
+                                           !! junctions: number of breaks before the block is ruptured
     real(dp), allocatable :: loss(:)       !! kinetic energy removed by switching; heat of breaks and pinning [J]
-    real(dp), allocatable :: memory(:, :)  !! the law's, see pyfric_law
+    real(dp), allocatable :: memory(:, :)  !! state variables of the law, see pyfric_law
   end type contact_t
 
 contains
 
-  !> New contact states at the end of step number `step`, at time t. Releases are timed inside the step, where
-  !> the margin crosses zero on a straight line; the state itself switches at the step's end.
+  !> New contact states at the end of step number `step`, at time t. The time of a release is interpolated inside the step,
+  !> at the zero of the linear margin; the state itself switches at the end of the step.
   subroutine switch_contacts(s, step, t, dt, soon, y, contact, log, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                    !! steps made
     real(dp), intent(in) :: t                       !! time [s]
     real(dp), intent(in) :: dt                      !! step [s]
-    real(dp), intent(in) :: soon                    !! junctions pin whose time comes so soon [s]
+    real(dp), intent(in) :: soon                    !! junctions that pin within this time pin now [s]
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz)  !! v_x of the bottom row may be set to zero
     type(contact_t), intent(inout) :: contact
     type(log_t), intent(inout) :: log
@@ -62,7 +62,7 @@ contains
     end if
   end subroutine switch_contacts
 
-  !> True while a block slips that is not a corner.
+  !> True while a block slips, without corner slip.
   pure function active(contact) result(yes)
     type(contact_t), intent(in) :: contact
     logical :: yes
@@ -70,7 +70,7 @@ contains
     yes = any(abs(contact%mode) == 1 .and. contact%corner == 0)
   end function active
 
-  !> Ends the motion of blocks of the bottom row that no longer move the way they slip.
+  !> Stops blocks of the bottom row that no longer move in their direction of slip.
   subroutine stop_blocks(s, q, contact, w)
     type(model_t), intent(in) :: s
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4)   !! the bottom row
@@ -85,7 +85,7 @@ contains
     call close_state(s, q)
   end subroutine stop_blocks
 
-  !> Block i switches and is logged.
+  !> Switches block i and logs the switch.
   subroutine switch_block(s, i, new, margin, step, t, dt, u_x, p, contact, log)
     type(model_t), intent(in) :: s
     integer, intent(in) :: i            !! block, from 1

@@ -1,11 +1,11 @@
-!> Functions that are straight between knots: what Python tabulates once, so that no transcendental call enters a step.
+!> Piecewise linear functions, tabulated once in Python so that steps need no transcendental functions.
 module pyfric_curve
   use pyfric_kinds, only: dp, ip
   implicit none (type, external)
   private
   public :: curve_t, new_curve, cell, at_x
 
-  !> A function that is straight between knots and constant beyond them.
+  !> A function that is linear between knots and constant beyond them.
   type :: curve_t
     integer :: n                    !! knots, 0 for none
     real(dp), allocatable :: x(:)
@@ -27,7 +27,7 @@ contains
     allocate (curve%slope, source=[((xy(2, c + 1) - xy(2, c))/(xy(1, c + 1) - xy(1, c)), c=1, n - 1)])
   end function new_curve
 
-  !> The last knot that is not beyond x, by bisection; 0 where all are.
+  !> Index of the last knot at or before x, by bisection; 0 if there is none.
   pure elemental function cell(curve, x) result(c)
     type(curve_t), intent(in) :: curve
     real(dp), intent(in) :: x
@@ -45,7 +45,7 @@ contains
     end do
   end function cell
 
-  !> The curve at x; needs a knot.
+  !> Value of the curve at x; the curve must have a knot.
   pure elemental function at_x(curve, x) result(y)
     type(curve_t), intent(in) :: curve
     real(dp), intent(in) :: x

@@ -1,7 +1,7 @@
 !> Forces of the bonds in finite geometry, row by row.
 !>
-!> Each bond is evaluated once, in the row where it starts, and what it does to the row above is carried along to it. With
-!> D = d + du a spring pulls its first block with k (r - l)/r D, r = |D|, and a dashpot along the bond with eta (D.dv)/r^2 D.
+!> Each bond is evaluated once, in the row where it starts; its force on the row above is carried to that row. With
+!> D = d + du and r = |D|, a spring pulls its first block with k (r - l)/r D, a dashpot along the bond with eta (D.dv)/r^2 D.
 module pyfric_finite
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -15,8 +15,8 @@ module pyfric_finite
 
 contains
 
-  !> Forces of the springs on a row, and of dashpots along the bonds; carry holds those from below, and on return those on
-  !> the row above.
+  !> Forces of the springs on a row, and of dashpots along the bonds. On entry carry contains the forces of bonds from
+  !> below, on return those on the row above.
   pure subroutine forces_finite(s, has_up, q, up, b, carry, fx, fz)
     type(model_t), intent(in) :: s
     logical, intent(in) :: has_up                           !! there is a row above; else up is not read
@@ -54,7 +54,7 @@ contains
     call gather(s%n, b, 2, carry(LB, 2), fz)
   end subroutine forces_finite
 
-  !> Springs of bond m, by the sum of their series in t = r^2 - l0^2.
+  !> Springs of bond m, by their series in t = r^2 - l0^2.
   pure subroutine by_series(n, m, l, c, q, row, fx, fz, strain)
     integer, intent(in) :: n                      !! length of a row
     integer, intent(in) :: m
@@ -82,7 +82,7 @@ contains
     strain = max(strain, t2_max/sum(BOND(m)%d**2)**2)
   end subroutine by_series
 
-  !> c l + dx, without an addition where c is 0.
+  !> c l + dx, without an addition if c is 0.
   pure function plus(c, l, dx) result(x)
     real(dp), intent(in) :: c
     real(dp), intent(in) :: l   !! [m]
@@ -93,7 +93,7 @@ contains
     if (abs(c) > 0.0_dp) x = c*l + dx
   end function plus
 
-  !> The same bonds block by block: springs in closed form, for strains beyond the series; dashpots along the bonds.
+  !> The same bonds block by block, with springs in closed form for strains beyond the series, and dashpots along the bonds.
   pure subroutine in_closed_form(s, m_1, m_2, large, q, row, b)
     type(model_t), intent(in) :: s
     integer, intent(in) :: m_1                    !! first bond

@@ -1,4 +1,4 @@
-!> A friction law whose memory is long: junctions that break, slip for a while, and pin again.
+!> A friction law with memory: junctions that break, slip for a while, and pin again.
 !>
 !> Each block has n_s junctions. Junction j has an anchor a_j, a stretch d_j = u_x - a_j, and bears -k_j d_j. All have the
 !> same share p/n_s of the block's normal force:
@@ -9,10 +9,11 @@
 !>     slipping   the anchor is dragged so that |d_j| <= u_d; a time t_R after the break it pins at u_x, without force
 !>     open       p = 0: all slip, and pin at u_x when contact returns
 !>
-!> Stages of a step read anchors, and take slipping ones along as far as u_d asks; only the end of a step, or of a sub-step,
-!> writes them. Of pinned junctions a stage needs their number and the sum of their anchors, which is made anew, in the
-!> order of junctions, when one breaks or pins: no bit hangs on how the block came there. Source: J. Trømborg et al., PNAS
-!> 111, 8764 (2014); that p is the present one, and what slipping junctions do when motion reverses, is a choice.
+!> Stages of a step read anchors and drag those of slipping junctions temporarily; only the end of a step or sub-step
+!> writes them. For pinned junctions a stage needs only their number and the sum of their anchors. This sum is computed
+!> anew, in the order of junctions, when one breaks or pins, so that its bits do not depend on the history. Source:
+!> J. Trømborg et al., PNAS 111, 8764 (2014). The use of the present p, and the behaviour of slipping junctions when motion
+!> reverses, are choices made here.
 module pyfric_junctions
   use, intrinsic :: iso_fortran_env, only: int64
   use pyfric_kinds, only: dp, ip
@@ -24,12 +25,12 @@ module pyfric_junctions
   public :: junctions_t, new_junctions, n_saved, n_whole, prepare
   public :: forces, powers, stored_energy, settle, next_break, next_release, drag_limits, drag_functions
 
-  !> What is saved of each junction: anchor [m], 1 pinned or 0 slipping, when it pins or did [s], how often it broke.
+  !> Saved for each junction: anchor [m], 1 pinned or 0 slipping, time at which it pins or pinned [s], number of breaks.
   integer, parameter :: ANCHOR = 1, PINNED = 2, RELEASE = 3, BREAKS = 4, N_PARTS = 4, N_SUMS = 8
-  !> What follows from it. Of pinned junctions: their number; sum, mean, squares about it, least and greatest of their
-  !> anchors. Of slipping ones: when the first pins; their number. Then come anchors and numbers of the slipping ones.
+  !> Derived quantities. Pinned junctions: their number; sum, mean, sum of squared deviations, least and greatest of their
+  !> anchors. Slipping junctions: time at which the first one pins; their number; then their anchors and indices.
   integer, parameter :: COUNT = 1, TOTAL = 2, CENTRE = 3, SQUARES = 4, LEAST = 5, GREATEST = 6, EARLIEST = 7, LOOSE = 8
-  !> Stretches this close to u_d are there, over u_d: rounding of displacements.
+  !> Distance at which a stretch counts as u_d, over u_d: rounding of displacements.
   real(dp), parameter :: AT_LIMIT = 1e-9_dp
 
   type :: junctions_t
@@ -57,7 +58,7 @@ contains
     numbers = N_PARTS*n
   end function n_saved
 
-  !> And with what follows from them: sums, numbers and anchors of slipping junctions.
+  !> The same number with the derived quantities.
   elemental function n_whole(n) result(numbers)
     integer, intent(in) :: n
     integer :: numbers
@@ -110,7 +111,7 @@ contains
     y = max(-limit, min(limit, x))
   end function within
 
-  !> The whole memory of a block whose saved part is set.
+  !> Computes all state variables of a block from the saved ones.
   pure subroutine prepare(n, memory)
     integer, intent(in) :: n
     real(dp), intent(inout) :: memory(n_whole(n))
@@ -235,7 +236,7 @@ contains
     end do
   end subroutine powers
 
-  !> How fast an anchor is dragged, along the stretch: beyond u_d; and at it, where the stretch would grow beyond.
+  !> Speed at which an anchor is dragged along the stretch: above u_d, and at u_d if the stretch would grow.
   pure elemental function anchor_speed(d, u_d, v, u_d_rate) result(speed)
     real(dp), intent(in) :: d           !! stretch by the anchor as the step found it [m]
     real(dp), intent(in) :: u_d         !! slip level [m]
@@ -282,15 +283,15 @@ contains
     end do
   end function stored_energy
 
-  !> The end of a step or sub-step: anchors of slipping junctions are taken along, others break, and those pin whose time
-  !> has come. Then how many more are pinned than a block needs that is not ruptured.
+  !> Finishes a step or sub-step: anchors of slipping junctions follow, junctions break, and junctions pin. Returns the number
+  !> of pinned junctions above the number below which a block is ruptured.
   pure subroutine settle(of, nx, n, at, t, soon, u_x, p, memory, excess, loss)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
     integer, intent(in) :: at(n)                 !! element of each block in a row
     real(dp), intent(in) :: t                    !! time [s]
-    real(dp), intent(in) :: soon                 !! junctions pin whose time comes so soon [s]
+    real(dp), intent(in) :: soon                 !! junctions that pin within this time pin now [s]
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(inout) :: memory(n_whole(of%n), nx)
@@ -319,7 +320,7 @@ contains
     end do
   end subroutine settle
 
-  !> Anchors of slipping junctions follow the block, no further than u_d behind it.
+  !> Moves anchors of slipping junctions so that they are at most u_d behind the block.
   pure subroutine drag(n, u, u_d, memory)
     integer, intent(in) :: n
     real(dp), intent(in) :: u           !! displacement of the block [m]
@@ -337,7 +338,7 @@ contains
     end do
   end subroutine drag
 
-  !> Pinned junctions break that are stretched too far; their force drops to the slip level, and they slip for a time.
+  !> Breaks pinned junctions that are stretched too far; their force drops to the slip level, and they slip for a time.
   pure subroutine break_stretched(of, i, t, u, k, memory, loss, changed)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i            !! block
@@ -364,7 +365,7 @@ contains
     end do
   end subroutine break_stretched
 
-  !> Slipping junctions pin whose time has come: they lose their force.
+  !> Pins slipping junctions at the end of their slip time; they lose their force.
   pure subroutine pin_due(n, t, u, k, memory, loss, changed)
     integer, intent(in) :: n
     real(dp), intent(in) :: t           !! time [s]
@@ -384,7 +385,7 @@ contains
     end do
   end subroutine pin_due
 
-  !> The block opens: all junctions slip, and pin as soon as it touches again.
+  !> Opens a block: all junctions slip, and pin as soon as it touches again.
   pure subroutine let_go(n, t, u, memory)
     integer, intent(in) :: n
     real(dp), intent(in) :: t           !! time [s]
@@ -396,8 +397,8 @@ contains
     memory(:, RELEASE) = t
   end subroutine let_go
 
-  !> How long junction j of block i slips after its break number n: mean + std (sum of 12 uniform numbers - 6), at least 0;
-  !> or the mean times the quantile of a uniform number. They are drawn by counter; blocks count from the driven side.
+  !> Slip time of junction j of block i after its break number n: mean + std (sum of 12 uniform numbers - 6), at least 0, or
+  !> the mean times the quantile of a uniform number. The numbers are drawn by counter; blocks count from the driven side.
   pure function time_of_slip(of, i, j, n) result(t_r)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i
@@ -422,7 +423,7 @@ contains
     t_r = max(t_r + of%t_r_std(i)*(total - 6.0_dp), 0.0_dp)
   end function time_of_slip
 
-  !> By how much a block may be displaced before a junction breaks [m]; huge where none is pinned.
+  !> Displacement of a block before a junction breaks [m]; huge if none is pinned.
   pure function next_break(of, i, u, p, memory) result(room)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i            !! block
@@ -439,7 +440,7 @@ contains
     end do
   end function next_break
 
-  !> When the next junction of any block in contact pins [s]; huge where none slips.
+  !> Time at which the next junction of any block in contact pins [s]; huge if none slips.
   pure function next_release(of, nx, in_contact, memory) result(t)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx               !! blocks
@@ -477,8 +478,8 @@ contains
     end do
   end function drag_limits
 
-  !> What stays positive while the same junctions are dragged: the speeds of their anchors, up and down; how far the
-  !> others are from u_d.
+  !> Event functions, positive while the same junctions are dragged: speeds of their anchors, up and down; distances of the
+  !> other junctions from u_d.
   pure function drag_functions(of, i, u, v, p, p_rate, marks) result(g)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i            !! block

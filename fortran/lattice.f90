@@ -1,8 +1,8 @@
-!> What a block gathers from its neighbours, row by row: springs in linear geometry, and dashpots.
+!> Forces of neighbours on a block, row by row: springs in linear geometry, and dashpots.
 !>
-!> A row q holds u_x, u_z, v_x, v_z; neighbours in it are LANES elements apart (see pyfric_layout). Rows that do not exist
-!> are passed as zero. Sums pair left with right neighbours, so that a mirrored lattice gives the mirrored bits, and a
-!> translation gives no force, to the last bit.
+!> A row q contains u_x, u_z, v_x, v_z; neighbours in it are LANES elements apart (see pyfric_layout). Rows that do not
+!> exist are passed as zero. Sums pair left with right neighbours. Therefore a mirrored lattice gives the mirrored bits, and
+!> a translation gives exactly zero force.
 module pyfric_lattice
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -12,7 +12,7 @@ module pyfric_lattice
   private
   public :: around_t, gather_forces, halve_bonds, halve_columns
 
-  !> What there is around a row.
+  !> The neighbours of a row.
   type :: around_t
     real(dp) :: rows  !! neighbouring rows
     real(dp) :: edge  !! side of the only one: +1 above, -1 below, else 0
@@ -107,7 +107,7 @@ contains
       end if
     end function force_at_wall
 
-    !> What pulls a block at a side wall, x and z: with a single neighbouring row the cross terms of its own u remain.
+    !> Forces on a block at a side wall, x and z. With a single neighbouring row the cross terms of its own u remain.
     pure function pull_at_wall(w, c, i, side) result(f)
       type(weights_t), intent(in) :: w
       integer, intent(in) :: c     !! UX, or VX for dashpots
@@ -149,7 +149,7 @@ contains
     end function drag_at_wall
   end subroutine gather_forces
 
-  !> Takes half of the bonds within a row off its forces: its blocks are half blocks, as a cut along the row leaves them.
+  !> Subtracts half of the forces of bonds within a row of half blocks.
   pure subroutine halve_bonds(s, q, fx, fz)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the row
@@ -168,7 +168,7 @@ contains
     end do
   end subroutine halve_bonds
 
-  !> The same for the bonds within the columns at sides that are cut: those to the rows below and above.
+  !> The same for bonds to the rows below and above in columns of half blocks.
   pure subroutine halve_columns(s, rows, dn, q, up, fx, fz)
     type(model_t), intent(in) :: s
     logical, intent(in) :: rows(2)                   !! there is a row below, above

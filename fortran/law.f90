@@ -1,14 +1,14 @@
-!> The friction law: the only module that knows its coefficients, its tables and the clocks of a block.
+!> The friction law: the only module that uses its coefficients, its tables and the state variables of a block.
 !>
-!> It says what a stuck and a slipping block bear, what a switch does to a block's memory, which event functions
-!> stay positive while a contact state lasts, and which contact state comes next. A law is data: Python evaluates it on the
-!> knots of tables, and between them it is straight. For block i, with slip s and age a (time since it stuck or slipped),
+!> It computes the strength of stuck and slipping blocks, the change of state variables by a switch, the event functions
+!> that are positive while a contact state lasts, and the next contact state. A law is data: Python evaluates it at the
+!> knots of tables, and it is linear between them. For block i, with slip s and age a (time since it stuck or slipped),
 !>
 !>     stuck      |f| <= (mu_s + hold(a)) p
 !>     slipping   f = -(+-1) (mu_k + (mu_s - mu_k) slide(s/d_c)) speed(|v|) age(a) p - alpha v
 !>
-!> A law without tables is Amontons-Coulomb: hold = slide = 0, speed = age = 1. Where blocks stand on junctions
-!> (pyfric_junctions) none comes to rest: f follows from displacements and memory alone.
+!> A law without tables is Amontons-Coulomb: hold = slide = 0, speed = age = 1. On junctions (pyfric_junctions) no block
+!> comes to rest: f follows from displacements and state variables alone.
 module pyfric_law
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES
@@ -22,20 +22,20 @@ module pyfric_law
   public :: stop_reversed, next_states, settle_junctions, remember
   public :: STUCK, OPEN_GAP, N_TABLES, N_FIELDS, N_CONTACT, N_KNOT, N_MARK
 
-  !> Contact states; slipping blocks carry the sign of their motion, +1 or -1. On junctions a block is stuck while enough
-  !> of them are pinned; where it ruptures, the sign is that of its velocity then.
+  !> Contact states; slipping blocks have the sign of their motion, +1 or -1. On junctions a block counts as stuck while
+  !> enough of them are pinned. When it ruptures, the sign is that of its velocity.
   integer(ip), parameter :: STUCK = 0, OPEN_GAP = 2
   !> Tables, and fields of N_x numbers, in the order in which Python passes them.
   integer, parameter :: N_TABLES = 4, N_FIELDS = 5
   !> Event functions of a contact state; those of knots, and what is marked of knots at the start of a sub-step.
   integer, parameter :: N_CONTACT = 2, N_KNOT = 3, N_MARK = 4
-  !> What the law remembers of a block: s_0, see `slip_of` [m]; time at which it stuck or began to slip [s].
+  !> State variables of a block: s_0, see `slip_of` [m]; time at which it stuck or began to slip [s].
   integer, parameter :: SLIP = 1, SINCE = 2
 
   type :: law_t
-    integer :: n_memory                !! numbers that it remembers of each block
-    logical :: rests                   !! blocks come to rest; else they stand on junctions
-    integer :: per_block = 1           !! junctions of a block; 1 where it comes to rest
+    integer :: n_memory                !! state variables of each block
+    logical :: rests                   !! blocks come to rest; otherwise they are on junctions
+    integer :: per_block = 1           !! junctions of a block; 1 without junctions
     logical :: simple                  !! no tables and no viscosity
     logical :: kinked                  !! friction has corners over slip or speed
     type(junctions_t), private :: junctions
@@ -43,7 +43,7 @@ module pyfric_law
     real(dp), allocatable :: mu_k(:)   !! kinetic friction coefficient [-]
     real(dp), allocatable :: d_c(:)    !! unit of slip of the table, 0 for at once [m]
     real(dp), allocatable :: alpha(:)  !! viscosity of slip [N s/m]
-    type(curve_t), private :: hold     !! what mu_s has gained, over time since the block stuck [s]
+    type(curve_t), private :: hold     !! gain of mu_s, over time since the block stuck [s]
     type(curve_t), private :: slide    !! share of mu_s - mu_k that is left, over slip/d_c
     type(curve_t), private :: speed    !! factor, over abs(v) [m/s]
     type(curve_t), private :: age      !! factor, over time since slip began [s]
@@ -90,7 +90,7 @@ contains
     law%junctions = new_junctions(nx, n_junctions, seed, from_right, share, law%hold, fields, knots(at(N_TABLES) + 1:))
   end function new_law
 
-  !> What is saved of the memory, and what follows from it.
+  !> State variables that are saved, and quantities that follow from them.
   pure function whole_memory(law, nx, saved) result(memory)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx               !! blocks
@@ -163,8 +163,8 @@ contains
     if (law%age%n > 0) mu = mu*at_x(law%age, age)
   end function sliding
 
-  !> What of the friction power goes into what is above mu_k p, and into alpha. On junctions: the heat of dragging, and the
-  !> work of the stiffness.
+  !> Friction power above mu_k p, and power of alpha. On junctions: the heat of dragging, and the work of changes of
+  !> stiffness.
   pure subroutine friction_powers(law, nx, n, at, mode, memory, u_x, v_x, p, p_rate, f, above, viscous)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -196,7 +196,7 @@ contains
     end do
   end subroutine friction_powers
 
-  !> What the interface stores, in junctions [J].
+  !> Elastic energy of junctions [J].
   pure function interface_energy(law, nx, memory, u_x, p) result(energy)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx            !! blocks
@@ -209,7 +209,7 @@ contains
     if (.not. law%rests) energy = stored_energy(law%junctions, nx, memory, u_x, p)
   end function interface_energy
 
-  !> What a stuck block bears [N]; one that has just stopped is stuck for no time.
+  !> Strength of a stuck block [N]; a block that has just stopped has age 0.
   pure function static_strength(law, i, mode, t_stuck, t, p) result(strength)
     type(law_t), intent(in) :: law
     integer, intent(in) :: i
@@ -226,7 +226,7 @@ contains
     end if
   end function static_strength
 
-  !> Slip since the last stick, s = s_0 +- u_x: within a step it follows the displacement of each stage.
+  !> Slip since the last stick, s = s_0 +- u_x; within a step it follows the displacement of each stage.
   pure elemental function slip_of(mode, s_0, u_x) result(path)
     integer(ip), intent(in) :: mode  !! contact state
     real(dp), intent(in) :: s_0      !! set when the contact state changes; the slip itself while the block is open [m]
@@ -237,7 +237,7 @@ contains
     if (abs(mode) == 1) path = s_0 + real(mode, dp)*u_x
   end function slip_of
 
-  !> What a switch does to a block's memory: slip starts at 0 after a stick, and otherwise goes on; so do the clocks.
+  !> Changes the state variables of a block at a switch. After a stick, slip and time start at 0; otherwise they go on.
   pure subroutine remember(old, new, t, u_x, memory)
     integer(ip), intent(in) :: old   !! contact state before
     integer(ip), intent(in) :: new   !! contact state after
@@ -251,8 +251,8 @@ contains
     if (old == STUCK .or. new == STUCK) memory(SINCE) = t
   end subroutine remember
 
-  !> What stays positive while a contact state lasts. Stuck: its strength less |f|; slipping: the velocity along the slip;
-  !> on junctions: how far the next one is from its break; all: the depth. Open: the height, twice.
+  !> Event functions, positive while a contact state lasts. Stuck: strength minus |f|; slipping: velocity along the slip; on
+  !> junctions: distance to the next break; all of these: the depth. Open: the height, twice.
   pure subroutine event_functions(law, nx, n, at, mode, memory, t, other, p, u_x, u_z, v_x, g, margin)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -292,7 +292,7 @@ contains
     end do
   end subroutine event_functions
 
-  !> The knots that slip and speed of each block have last passed, 0 for none; on junctions what is said of dragged ones.
+  !> Last knots passed by slip and speed of each block, 0 for none; on junctions the marks of dragged ones.
   pure subroutine last_knots(law, nx, n, at, mode, memory, u_x, v_x, p, p_rate, marks)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -370,7 +370,7 @@ contains
     end do
   end function time_to_knot
 
-  !> Ends the motion of blocks that no longer move the way they slip; the energy that goes is the switching loss.
+  !> Stops blocks that no longer move in their direction of slip; their kinetic energy is the switching loss.
   pure elemental subroutine stop_reversed(m, p, mode, v_x, loss)
     real(dp), intent(in) :: m        !! block mass [kg]
     real(dp), intent(in) :: p        !! foundation force [N]
@@ -384,7 +384,7 @@ contains
     end if
   end subroutine stop_reversed
 
-  !> The contact states after a step, and what each block could bear besides if it were stuck.
+  !> Contact states after a step, and the strength minus load of each block as if it were stuck.
   pure subroutine next_states(law, nx, n, at, mode, memory, t, other, p, v_x, new, margin)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -441,8 +441,8 @@ contains
     end do
   end subroutine settle_junctions
 
-  !> The paper's rule for one block. A block at rest sticks up to its strength; beyond, it slips
-  !> where the other forces pull it. A block that lands slips along its velocity.
+  !> The paper's rule for one block. A block at rest sticks up to its strength. Above it, the block slips
+  !> in the direction of the other forces. A block that lands slips along its velocity.
   pure elemental function next_state(strength, other, p, mode, v_x) result(new)
     real(dp), intent(in) :: strength !! what it bears if stuck [N]
     real(dp), intent(in) :: other    !! all other horizontal forces [N]

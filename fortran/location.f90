@@ -1,13 +1,13 @@
 !> Sub-steps inside a step: contact switches located in time, and the length of adaptive sub-steps.
 !>
-!> What is tried need not be a sub-step of the whole lattice: `test_substep` asks the two bottom rows alone, and
-!> `complete_substep` comes when all rows of an accepted sub-step are made.
+!> A trial sub-step need not cover the whole lattice: `test_substep` needs only the two bottom rows. `complete_substep`
+!> is called when all rows of an accepted sub-step are computed.
 !>
-!> Contact states are fixed during a sub-step. Each block has event functions that stay positive meanwhile (pyfric_law).
-!> Where one is negative at the end, shorter sub-steps are made until the earliest root is closed in; the sub-step then
-!> ends just behind it, contacts switch there, and the next sub-step goes to the end of the step. Where none is negative
-!> at the end, the parabola through each event function at the start, the middle and the end is tested: where it dips
-!> below zero, the sub-step is cut there. Signs are compared, never products.
+!> Contact states are fixed during a sub-step. Each block has event functions that are positive meanwhile (pyfric_law).
+!> If one is negative at the end, shorter sub-steps are tried until the earliest root is bracketed. The sub-step then ends
+!> just behind the root, contacts switch there, and the next sub-step goes to the end of the step. If none is negative at
+!> the end, a parabola through start, middle and end is tested for each event function. If it falls below zero, the
+!> sub-step is cut there. Signs are compared, never products.
 module pyfric_location
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -22,18 +22,18 @@ module pyfric_location
   private
   public :: step_control_t, new_control, test_substep, complete_substep, max_switches, MAX_QUIET
 
-  real(dp), parameter :: ROOT_WIDTH = 2.0_dp**(-40)       !! a switch is found this close behind its root, over dt
+  real(dp), parameter :: ROOT_WIDTH = 2.0_dp**(-40)       !! largest distance of a switch behind its root, over dt
   real(dp), parameter :: SHORTEST_SUBSTEP = 2.0_dp**(-30) !! shortest adaptive sub-step, over dt
-  real(dp), parameter :: DIP_LENGTH = 2.0_dp**(-4)        !! dips are looked for in sub-steps longer than this, over dt
-  real(dp), parameter :: DIP_DEPTH = 2.0_dp**(-20)        !! they must be deeper than this share of the values at the ends
-  real(dp), parameter :: KNOT_WIDTH = 2.0_dp**(-20)       !! knots of age and times of pinning so close are there, over dt
+  real(dp), parameter :: DIP_LENGTH = 2.0_dp**(-4)        !! shortest sub-step that is tested for dips, over dt
+  real(dp), parameter :: DIP_DEPTH = 2.0_dp**(-20)        !! smallest depth of a dip, over the values at the ends
+  real(dp), parameter :: KNOT_WIDTH = 2.0_dp**(-20)       !! distance at which a knot of age or a pinning counts as reached, over dt
   integer, parameter :: MAX_QUIET = 64            !! most quiet transitions that one step may log
-  integer, parameter :: ADAPT_ORDER = 4           !! the error of an adaptive sub-step goes with this power of its length
+  integer, parameter :: ADAPT_ORDER = 4           !! order of the error of an adaptive sub-step in its length
   integer, parameter :: WHOLE = 0, CUT = 1, SEARCH = 2
 
-  !> Step control: where a step stands.
+  !> Step control: progress within a step.
   type :: step_control_t
-    logical :: located             !! locate switches; else they are made at the step's end
+    logical :: located             !! locate switches; otherwise they occur at the end of the step
     real(dp) :: start = 0.0_dp     !! start of the sub-step, counted from the start of the step [s]
     real(dp) :: remaining = 0.0_dp !! time from there to the end of the step [s]
     real(dp) :: length = 0.0_dp    !! length of the sub-step that is tried [s]
@@ -46,17 +46,17 @@ module pyfric_location
     integer :: moved = 0           !! end of the search interval that moved last: -1 for a, +1 for b
     integer :: n_instants = 0      !! times in this step at which contacts switched
     integer :: block = 0           !! first block that switched last, from 1
-    logical :: accepted = .true.   !! the sub-step that was tried is made
-    logical :: finished = .true.   !! and ends the step
+    logical :: accepted = .true.   !! the trial sub-step is accepted
+    logical :: finished = .true.   !! the trial sub-step ends the step
     logical :: crossed = .false.   !! an event function is negative at its end
     real(dp) :: t = 0.0_dp         !! time at its end [s]
     real(dp), allocatable :: g_0(:, :)  !! event functions at the start of the sub-step: friction [N] or [m/s], gap [m], knots
     real(dp), allocatable :: g_a(:, :)  !! at a
     real(dp), allocatable :: g_b(:, :)  !! at b
     real(dp), allocatable :: g(:, :)    !! at the end of the sub-step that was tried
-    real(dp), allocatable :: margin(:)  !! what a block could bear besides there, if it were stuck [N]
-    real(dp), allocatable :: marks(:, :) !! what the law marks at the start of the sub-step, such as knots passed
-    type(budget_t) :: works             !! works at the start of the sub-step
+    real(dp), allocatable :: margin(:)  !! strength of a block there minus its load, as if it were stuck [N]
+    real(dp), allocatable :: marks(:, :) !! marks of the law at the start of the sub-step, such as the last knots
+    type(budget_t) :: works             !! energy budget at the start of the sub-step
   end type step_control_t
 
 contains
@@ -101,7 +101,7 @@ contains
     call plan_substep(s, t, dt, contact, budget, control)
   end subroutine new_control
 
-  !> What the law marks at the start of a sub-step.
+  !> Stores the marks of the law at the start of a sub-step.
   pure subroutine mark_knots(s, q, contact, w, control)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! bottom row
@@ -116,7 +116,7 @@ contains
     call last_knots(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, q(LB, UX), q(LB, VX), w%p, p_rate, control%marks)
   end subroutine mark_knots
 
-  !> Plans the next sub-step: as long as the error allows, to the end of the step or a knot of age at most.
+  !> Plans the next sub-step: as long as the error allows, at most to the end of the step or a knot of age.
   pure subroutine plan_substep(s, t, dt, contact, budget, control)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                !! time [s]
@@ -138,7 +138,7 @@ contains
     control%works = budget
   end subroutine plan_substep
 
-  !> Tests a sub-step that was tried by its bottom rows. Not accepted: another length is to be tried from its start.
+  !> Tests a trial sub-step by its bottom rows. If it is rejected, another length is tried from the same start.
   subroutine test_substep(s, step, t0, dt, err, old, new, contact, w, control, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
@@ -160,8 +160,8 @@ contains
     control%finished = control%finished .and. control%accepted
   end subroutine test_substep
 
-  !> After a sub-step that was tested. Accepted: contacts are switched where they must be, and the next sub-step is
-  !> planned. Not accepted: the works are put back.
+  !> Finishes a tested sub-step. If it is accepted, contacts are switched and the next sub-step is planned. If it is
+  !> rejected, the energy budget is restored.
   subroutine complete_substep(s, step, dt, err, new, contact, budget, log, w, control, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
@@ -179,7 +179,7 @@ contains
       budget = control%works
       return
     end if
-    ! the error allows longer sub-steps: doubling takes it up by 2^ADAPT_ORDER
+    ! the error allows longer sub-steps: doubling the length multiplies it by 2^ADAPT_ORDER
     if (control%phase == WHOLE .and. err*2.0_dp**(ADAPT_ORDER + 1) < 1.0_dp) then
       control%longest = max(control%longest, min(2.0_dp*control%length, dt))
     end if
@@ -201,7 +201,7 @@ contains
     call plan_substep(s, control%t, dt, contact, budget, control)
   end subroutine complete_substep
 
-  !> Whether the sub-step is made: its error is small, and no event function crosses zero before its end.
+  !> Whether the sub-step is accepted: its error is small, and no event function crosses zero before its end.
   subroutine test_error_and_events(s, t, dt, err, old, new, contact, w, control, crossed, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                              !! time at its end [s]
@@ -230,7 +230,7 @@ contains
     if (control%accepted) call check_dips(s, t, dt, old, new, contact, w, control)
   end subroutine test_error_and_events
 
-  !> Narrows the search down with what the trial has shown, and chooses the next.
+  !> Narrows the search interval by the result of the trial, and chooses the next trial.
   pure subroutine narrow_search(dt, crossed, control)
     real(dp), intent(in) :: dt           !! step [s]
     logical, intent(in) :: crossed       !! an event function is negative at the end of the trial
@@ -263,7 +263,7 @@ contains
     control%length = min(max(root, control%a) + 0.5_dp*ROOT_WIDTH*dt, control%b)
   end subroutine narrow_search
 
-  !> Cuts the sub-step where an event function seems to dip below zero inside, once.
+  !> Cuts the sub-step, at most once, where an event function seems to fall below zero inside.
   subroutine check_dips(s, t, dt, old, new, contact, w, control)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                              !! time at the end of the sub-step [s]
@@ -290,13 +290,13 @@ contains
     control%length = x*control%length
   end subroutine check_dips
 
-  !> Switches contacts at the end of a sub-step that an event function has ended, if it was not a knot's. Anchors of
-  !> junctions are taken along at the end of each sub-step.
+  !> Switches contacts at the end of a sub-step that an event function has ended, unless the event is a knot. Anchors of
+  !> slipping junctions follow their block at the end of each sub-step.
   subroutine switch_at_event(s, step, t, soon, new, contact, log, w, control, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
     real(dp), intent(in) :: t                              !! time [s]
-    real(dp), intent(in) :: soon                           !! junctions pin whose time comes so soon [s]
+    real(dp), intent(in) :: soon                           !! junctions that pin within this time pin now [s]
     real(dp), intent(inout) :: new(LB:s%n + LANES, 4, s%nz) !! state; v_x of blocks that stop is set to zero
     type(contact_t), intent(inout) :: contact
     type(log_t), intent(inout) :: log
@@ -339,8 +339,8 @@ contains
     end do
   end function first_root
 
-  !> Where in 0..1 the parabola through g_0, g_m, g_1 at 0, 1/2, 1 has a minimum below zero; 2 where it has none, or where
-  !> the end is negative and the root known.
+  !> Position in 0..1 of a minimum below zero of the parabola through g_0, g_m, g_1 at 0, 1/2, 1. It is 2 if there is
+  !> none, or if the end is negative and the root is known.
   elemental function lowest_point(g_0, g_m, g_1) result(x)
     real(dp), intent(in) :: g_0
     real(dp), intent(in) :: g_m
@@ -356,7 +356,7 @@ contains
     end if
   end function lowest_point
 
-  !> Event functions of the bottom blocks, and what they could bear besides if they were stuck.
+  !> Event functions of the bottom blocks, and their strength minus load as if they were stuck.
   subroutine evaluate_events(s, t, q, up, contact, marks, w, g, margin)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                           !! time [s]

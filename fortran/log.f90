@@ -1,4 +1,4 @@
-!> The log of a run: switches of single blocks, and the interface each time it falls quiet or leaves that.
+!> The log of a run: switches of single blocks, and the state of the interface at each start and end of slip.
 module pyfric_log
   use pyfric_kinds, only: dp, ip
   implicit none (type, external)
@@ -26,7 +26,7 @@ contains
     allocate (log%quiet_i(nx + 1, quiet), log%quiet_r(nx + 3, quiet))
   end function new_log
 
-  !> True while so many more fit in.
+  !> True if the log has room for so many more entries.
   pure function has_room(log, switches, quiet) result(yes)
     type(log_t), intent(in) :: log
     integer, intent(in) :: switches
@@ -36,7 +36,7 @@ contains
     yes = log%n_switch + switches <= size(log%switch_r, 2) .and. log%n_quiet + quiet <= size(log%quiet_r, 2)
   end function has_room
 
-  !> Block i has switched.
+  !> Logs a switch of block i.
   pure subroutine log_switch(log, i, old, new, corner, step, t, u_x, p)
     type(log_t), intent(inout) :: log
     integer, intent(in) :: i            !! block, from 1
@@ -53,7 +53,7 @@ contains
     log%switch_r(:, log%n_switch) = [step, t, u_x, p]
   end subroutine log_switch
 
-  !> The first block slips, or the last one has stopped.
+  !> Logs that the first block slips, or that the last one has stopped.
   pure subroutine log_quiet(log, active, mode, step, t, f_t, u_x)
     type(log_t), intent(inout) :: log
     logical, intent(in) :: active       !! a block slips

@@ -1,4 +1,4 @@
-!> What never changes during a run: lattice, boundaries, friction law.
+!> The constant part of a run: lattice, boundaries, friction law.
 module pyfric_model
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES, UX, UZ, VX, VZ, padded, elements
@@ -9,14 +9,14 @@ module pyfric_model
   public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, reflected
   public :: FREE, MIRRORED, ABSORBING, HELD, row_share, column_shares, cut_sides
 
-  !> What is beyond a side or the top. Mirrored: the slider goes on half a bond away, with the same u_x and the opposite
-  !> u_z. Absorbing: dashpots with the impedances of plane waves. Held: the top row does not move.
+  !> Boundary conditions at sides and top. Mirrored: the slider continues half a bond further as its image, with the same u_x
+  !> and the opposite u_z. Absorbing: dashpots with the impedances of plane waves. Held: the top row does not move.
   integer, parameter :: FREE = 0, MIRRORED = 1, ABSORBING = 2, HELD = 3
 
-  !> Up to this |s|, s = (r/l0)^2 - 1, the series of 1 - l0/r is exact to machine precision.
+  !> Largest |s|, s = (r/l0)^2 - 1, for which the series of 1 - l0/r has machine precision.
   real(dp), parameter :: S_SERIES = 2.0_dp**(-7)
 
-  !> What Python passes as integers, in this order; the same names are in pyfric.core.Counts.
+  !> Integers passed by Python, in this order, with the names of pyfric.core.Counts.
   type, bind(c) :: counts_t
     integer(ip) :: nx       !! blocks along the interface
     integer(ip) :: nz       !! rows
@@ -40,7 +40,7 @@ module pyfric_model
     integer(ip) :: n_age
   end type counts_t
 
-  !> What it passes as numbers, in this order, before what `new_model` takes; the same names are in pyfric.core.Constants.
+  !> Numbers passed by Python, in this order, with the names of pyfric.core.Constants; `new_model` reads the others.
   type, bind(c) :: constants_t
     real(dp) :: l           !! lattice constant [m]
     real(dp) :: k           !! stiffness of nearest-neighbour springs [N/m]; diagonals have k/2
@@ -210,8 +210,7 @@ contains
     end do
   end subroutine take_constants
 
-  !> What there is of the blocks of row j: a half where the slider is cut along the row, which it is at a prescribed interface
-  !> and at an absorbing top.
+  !> Share of whole blocks in row j: one half at a prescribed interface and at an absorbing top.
   pure function row_share(s, j) result(c)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j  !! row, from 1 at the bottom
@@ -220,7 +219,7 @@ contains
     c = merge(0.5_dp, 1.0_dp, s%prescribed .and. (j == 1 .or. j == s%nz .and. s%top == ABSORBING))
   end function row_share
 
-  !> What there is of the blocks of each column: a half at absorbing sides.
+  !> Share of whole blocks in each column: one half at absorbing sides.
   pure function column_shares(s) result(c)
     type(model_t), intent(in) :: s
     real(dp) :: c(s%nx)
@@ -230,7 +229,7 @@ contains
     if (s%right == ABSORBING) c(s%nx) = 0.5_dp
   end function column_shares
 
-  !> True if a side is cut.
+  !> True if a side has half blocks.
   pure function cut_sides(s) result(yes)
     type(model_t), intent(in) :: s
     logical :: yes
@@ -261,8 +260,8 @@ contains
     end do
   end function series
 
-  !> Repeats the ends of the pieces of a row on its left, or on both sides; at the walls there is nothing.
-  !> Element by element: these were stored as vectors just before, and only parts of one of them can be read at once.
+  !> Repeats the ends of the pieces of a row on its left, or on both sides; zero at the walls. It works element by element,
+  !> because vectors that were just stored can only be read in parts.
   pure subroutine close_left(n, q)
     integer, intent(in) :: n                    !! length of a row
     real(dp), intent(inout) :: q(LB:n + LANES)  !! one field of it
@@ -290,7 +289,7 @@ contains
     q(n + LANES) = 0.0_dp
   end subroutine close_row
 
-  !> What a mirrored side or top shows of a block: the same u_x, the opposite u_z, and so their rates.
+  !> Image of a block at a mirrored side or top: the same u_x and v_x, the opposite u_z and v_z.
   pure function reflected(block) result(q)
     real(dp), intent(in) :: block(4)
     real(dp) :: q(4)
@@ -298,8 +297,8 @@ contains
     q = [block(UX), -block(UZ), block(VX), -block(VZ)]
   end function reflected
 
-  !> Closes a row of the state. In finite geometry the filling follows the last block: no bond there is strained. Beyond
-  !> a mirrored side is the image of the last block.
+  !> Closes a row of the state. In finite geometry the padding follows the last block, so that no bond there is strained.
+  !> Beyond a mirrored side is the image of the last block.
   pure subroutine close_state(s, q)
     type(model_t), intent(in) :: s
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4)  !! the row

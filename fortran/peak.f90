@@ -1,4 +1,4 @@
-!> How many additions a second this processor makes at most, as a measure for the kernels.
+!> Largest number of additions per second of this processor, as a measure for the kernels.
 module pyfric_peak
   use pyfric_kinds, only: dp
   implicit none (type, external)

@@ -1,4 +1,4 @@
-!> Random numbers by counter: none hangs on how many were drawn before it, or in which order.
+!> Random numbers by counter. They do not depend on the number or order of earlier draws.
 !>
 !> Philox4x64-10: ten rounds of multiplication mix a counter of four words of 64 bits with a key of two. A word is held as
 !> four limbs of 16 bits, the lowest first, so that no integer overflows and every compiler gives the same bits.
@@ -11,7 +11,7 @@ module pyfric_random
   public :: uniforms
 
   integer, parameter :: BITS = 16, LIMBS = 4, WORDS = 4, ROUNDS = 10
-  !> Factors of the two halves of the counter, and what the key gains from round to round.
+  !> Factors of the two halves of the counter, and the increment of the key in each round.
   integer(int64), parameter :: FACTOR(LIMBS, 2) = reshape([integer(int64) :: &
     int(z'6C93'), int(z'E14C'), int(z'470E'), int(z'D2E7'), int(z'1157'), int(z'9512'), int(z'8263'), int(z'CA5A')], [LIMBS, 2])
   integer(int64), parameter :: GAIN(LIMBS, 2) = reshape([integer(int64) :: &
@@ -77,7 +77,7 @@ contains
     ab = carried(ab)
   end function product_of
 
-  !> A number whose limbs have grown beyond 16 bits, with carries; what goes beyond the last limb is lost.
+  !> Carries the excess of limbs above 16 bits to the next limb; the carry of the last limb is dropped.
   pure function carried(grown) result(number)
     integer(int64), intent(in) :: grown(:)
     integer(int64) :: number(size(grown)), carry

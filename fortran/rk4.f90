@@ -1,9 +1,9 @@
 !> One step of classical RK4 in a single sweep over the rows.
 !>
-!> Stage s of a row needs stage s - 1 of that row and its neighbours only, so the four stages follow each other up
-!> the lattice, one row apart: what a stage needs is still in the cache whatever the size of the lattice. A thread
-!> owns rows j0..j1 and repeats, in the rows next to them, the few earlier stages it needs. Nothing is shared while
-!> a step runs, and every row sees the same operations for any number of threads.
+!> Stage s of a row needs only stage s - 1 of that row and its neighbours. Therefore the four stages follow each other up
+!> the lattice, one row apart, and their data are still in the cache for any size of the lattice. A thread owns rows
+!> j0..j1. In the rows next to them it repeats the few earlier stages that it needs. Nothing is shared during a step,
+!> and every row sees the same operations for any number of threads.
 module pyfric_rk4
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -16,15 +16,15 @@ module pyfric_rk4
   private
   public :: rk4_step, BOTTOM_FRONT, BOTTOM_ROWS
 
-  !> After this front the two bottom rows are made, by so many rows of stages, if there are more rows than fronts.
+  !> After this front the two bottom rows are complete, if there are more rows than fronts.
   integer, parameter :: BOTTOM_FRONT = 5, BOTTOM_ROWS = 14
   real(dp), parameter :: NODE(4) = [0.0_dp, 0.5_dp, 0.5_dp, 1.0_dp]    !! c_s
   real(dp), parameter :: WEIGHT(4) = [1.0_dp, 2.0_dp, 2.0_dp, 1.0_dp]  !! 6 b_s
 
 contains
 
-  !> Rows j0..j1 of the state one step later. Contact states are fixed during the step. A sweep may be made in two
-  !> calls, one up to front BOTTOM_FRONT and one from the next, with the same work space.
+  !> Computes rows j0..j1 of the state one step later, at fixed contact states. A sweep may be split into two calls with
+  !> the same work space: one up to front BOTTOM_FRONT, and one from the next front on.
   subroutine rk4_step(s, t, sub, j0, j1, first, last, keep_budget, mode, memory, y, rod, y_new, rod_new, budget, q, carry, &
                       b, fx, fz, w)
     type(model_t), intent(in) :: s
@@ -32,9 +32,9 @@ contains
     real(dp), intent(in) :: sub                       !! length of the step or sub-step [s]
     integer, intent(in) :: j0                         !! first row of this thread
     integer, intent(in) :: j1                         !! last row of this thread
-    integer, intent(in) :: first                      !! fronts to make, of those that these rows take
-    integer, intent(in) :: last                       !! see `first`
-    logical, intent(in) :: keep_budget                !! integrate works and dissipations too
+    integer, intent(in) :: first                      !! first front to make
+    integer, intent(in) :: last                       !! last front to make
+    logical, intent(in) :: keep_budget                !! whether to integrate work and dissipation
     integer(ip), intent(in) :: mode(s%nx)             !! contact states
     real(dp), intent(in) :: memory(s%law%n_memory, s%nx)      !! see pyfric_law
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)          !! state at the start
@@ -96,7 +96,7 @@ contains
     end subroutine stage_of_row
   end subroutine rk4_step
 
-  !> A row of blocks at the next stage, or at the end of the step.
+  !> Computes a row of blocks at the next stage, or at the end of the step.
   pure subroutine next_row(s, stage, sub, j, y, row, fx, fz, q, y_new)
     type(model_t), intent(in) :: s
     integer, intent(in) :: stage
@@ -168,7 +168,7 @@ contains
   end subroutine to_stage
 
   !> The end of the step: u + dt/6 (v_1 + 2 v_2 + 2 v_3 + v_4), v + dt/6 (F_1 + 2 F_2 + 2 F_3 + F_4)/m. The first three
-  !> forces are taken from the velocities they led to: dt F_1/m = 2 (v_2 - v), dt F_2/m = 2 (v_3 - v), dt F_3/m = v_4 - v.
+  !> forces follow from the velocities of the stages: dt F_1/m = 2 (v_2 - v), dt F_2/m = 2 (v_3 - v), dt F_3/m = v_4 - v.
   pure subroutine to_end(n, dt, m, y, v2, v3, v4, fx, fz, y_new)
     integer, intent(in) :: n
     real(dp), intent(in) :: dt                          !! step [s]

@@ -60,7 +60,8 @@ contains
     if (s%j_h_top > s%j_h) allocate (budget%driven(s%j_h:s%j_h_top), source=0.0_dp)
   end function new_budget
 
-  !> Forces of all springs and dashpots on row j. In finite geometry, carry comes from below and leaves for the row above.
+  !> Forces of all springs and dashpots on row j. In finite geometry, carry is that from the row below, on return that for
+  !> the row above.
   pure subroutine bond_forces(s, j, dn, q, up, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom
@@ -95,7 +96,7 @@ contains
     end do
   end subroutine bond_forces
 
-  !> Takes half of the bonds along cuts off the forces on row j.
+  !> Subtracts half of the forces of bonds along rows or columns of half blocks from row j.
   pure subroutine halve_cuts(s, j, dn, q, up, fx, fz)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                         !! row, from 1 at the bottom
@@ -114,7 +115,7 @@ contains
     end if
   end subroutine halve_cuts
 
-  !> Divides the forces on row j by what there is of its blocks: the rest of a step divides them by the mass of a whole one.
+  !> Divides the forces on row j by the share of its blocks, because the rest of a step uses the mass of whole blocks.
   pure subroutine weigh(s, j, fx, fz)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                         !! row, from 1 at the bottom
@@ -132,8 +133,8 @@ contains
     fz(s%at([1, s%nx])) = fz(s%at([1, s%nx]))/c([1, s%nx])
   end subroutine weigh
 
-  !> Adds the forces from outside on row j: the driver's; what pushes the bottom row; the shear; on a free top row the load
-  !> and -k_top u_x; those of absorbing sides and top.
+  !> Adds the external forces on row j: driver, pushes on the bottom row, shear, absorbing sides and top, and on a free top
+  !> row the load and -k_top u_x.
   pure subroutine outer_forces(s, j, t, q, fx, fz, f_t)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                        !! row, from 1 at the bottom
@@ -170,7 +171,7 @@ contains
     end do
   end subroutine outer_forces
 
-  !> All horizontal forces on the bottom row but friction, outside of a step.
+  !> All horizontal forces on the bottom row except friction, outside of a step.
   pure subroutine other_forces(s, t, q, up, w, fx)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                       !! time [s]
@@ -186,8 +187,8 @@ contains
     call outer_forces(s, 1, t, q, fx, fz, w%f_t)
   end subroutine other_forces
 
-  !> Forces on row j, friction included, at fixed contact states; the carry of the bonds moves up one row (finite geometry).
-  !> Those on half blocks are doubled, because of their mass.
+  !> Forces on row j including friction, at fixed contact states; the carry of the bonds moves up one row (finite geometry).
+  !> Forces on half blocks are doubled, because of their mass.
   pure subroutine row_forces(s, j, t, dn, q, up, mode, memory, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom
@@ -264,7 +265,7 @@ contains
                      + c*mirror_sum(s%nx, (s%shear + s%shear_rate*(t - s%t_seg))*q(s%at(:s%nx), VX))
   end subroutine row_powers
 
-  !> Adds works that several rows share, once all rows are done: of a driver on several blocks, and of pushes.
+  !> Adds the work that involves several rows, after all rows: that of a driver on several blocks, and that of pushes.
   pure subroutine take_shared(budget)
     type(budget_t), intent(inout) :: budget
 
@@ -276,7 +277,7 @@ contains
     budget%pushed = 0.0_dp
   end subroutine take_shared
 
-  !> Adds what of the friction heat is not that of its end value. Its arrays are made where they are needed only: that takes time.
+  !> Adds the parts of the friction heat: above the final friction, and viscous. Its arrays are allocated only if needed.
   pure subroutine parts_of_heat(s, c, mode, memory, q, w, budget)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: c               !! weight of this evaluation [s]

@@ -19,39 +19,39 @@ module pyfric_stepping
   !> How steps are made.
   type :: method_t
     type(table_t) :: table       !! the stepper
-    logical :: located           !! locate switches inside the step; else they are made at its end
+    logical :: located           !! locate switches inside the step; otherwise they occur at its end
     real(dp) :: rtol             !! adaptive: error of a sub-step over that of F_N/N_x on the stiffest spring
     real(dp) :: t0               !! time of step 0 [s]
     real(dp) :: dt               !! step [s]
     integer :: n_steps           !! steps to make
     integer :: n_threads         !! threads to ask for; each gets its own rows
-    logical :: keep_budget       !! integrate works and dissipations too
+    logical :: keep_budget       !! whether to integrate work and dissipation
   end type method_t
 
-  !> Where the steps stand; shared by all threads, changed by the first one between steps.
+  !> Progress of the steps; shared by all threads, changed only by the first thread between steps.
   type :: run_t
     real(dp) :: step                     !! steps made since step 0
     real(dp) :: sub                      !! length of the step or sub-step; adaptive: the longest that the error allows [s]
-    real(dp) :: t = 0.0_dp               !! its start; on return where it went wrong [s]
-    real(dp) :: tried = 0.0_dp           !! steps and sub-steps computed; of those that were not accepted the share tested
-    real(dp) :: tested_share = 1.0_dp    !! of a step that is computed before it is tested
-    integer :: block = 0                 !! where it went wrong: block from 1
+    real(dp) :: t = 0.0_dp               !! start of the step; after a failure, its time [s]
+    real(dp) :: tried = 0.0_dp           !! steps and sub-steps computed; a rejected one counts by the share of rows computed
+    real(dp) :: tested_share = 1.0_dp    !! share of the rows of a step that are computed before its test
+    integer :: block = 0                 !! block of a failure, counted from 1
     integer(ip) :: status = DONE         !! see pyfric_status
     real(dp) :: end_step = 0.0_dp        !! step at which to end
-    logical :: goes_on = .false.         !! make one more
+    logical :: goes_on = .false.         !! make one more step
     logical :: no_substeps = .false.     !! steps are made in one piece
-    logical :: bottom_first = .false.    !! the bottom rows of a sub-step are made first, the others if it is accepted
+    logical :: bottom_first = .false.    !! compute the bottom rows of a sub-step first, the others if it is accepted
     integer :: current = 1               !! which of the two states is the present one
     real(dp), allocatable :: err(:, :)   !! errors of u [m] and v [m/s] in each thread's rows
-    real(dp) :: error = 0.0_dp           !! the largest over what is allowed
-    real(dp) :: allowed(2) = 0.0_dp      !! and what is allowed
+    real(dp) :: error = 0.0_dp           !! largest error over the allowed one
+    real(dp) :: allowed(2) = 0.0_dp      !! allowed errors of u [m] and v [m/s]
     type(row_t) :: bottom_row
     type(step_control_t) :: control
   end type run_t
 
 contains
 
-  !> Steps from step number `step` on; stops early when the log could overflow or a step cannot be made.
+  !> Makes steps from step number `step` on; stops early if the log could overflow or a step cannot be made.
   subroutine advance_steps(s, method, run, y, rod, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
@@ -76,7 +76,7 @@ contains
     if (.not. run%no_substeps) run%sub = run%control%longest
   end subroutine advance_steps
 
-  !> The same with rows of bounds LB:n+LANES; the state goes back and forth between two of them.
+  !> The same with rows of bounds LB:n+LANES. Each step reads one of two states and writes the other.
   subroutine steps(s, method, run, narrow_y, y, stage, forces, rod, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
@@ -133,7 +133,7 @@ contains
     run%goes_on = run%step < run%end_step .and. log_has_room(s, method, log)
   end subroutine prepare
 
-  !> The steps of the rows that one thread owns; the first thread also switches the contacts.
+  !> Makes the steps of the rows that one thread owns; the first thread also switches the contacts.
   subroutine thread_steps(s, method, run, y, stage, forces, rods, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
@@ -192,7 +192,7 @@ contains
     end subroutine sweep
   end subroutine thread_steps
 
-  !> Rows j0..j1 of one step, or of a sub-step that is tried.
+  !> Computes rows j0..j1 of one step, or of a trial sub-step.
   subroutine advance_rows(s, method, run, j0, j1, first, last, y, stage, forces, rods, contact, budget, work, w, err)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
@@ -224,7 +224,7 @@ contains
     end if
   end subroutine advance_rows
 
-  !> Whether the sub-step from old to new is accepted: its bottom rows say so.
+  !> Whether the sub-step from old to new is accepted; its bottom rows decide.
   subroutine test_step(s, method, run, old, new, contact)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
@@ -238,7 +238,7 @@ contains
     call test_substep(s, run%step, method%t0, method%dt, run%error, old, new, contact, run%bottom_row, run%control, run%status)
   end subroutine test_step
 
-  !> After a step or a sub-step: contacts, and what comes next.
+  !> Finishes a step or sub-step: switches contacts and plans the next one.
   subroutine complete_step(s, method, run, new, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method

@@ -1,11 +1,11 @@
 !> Explicit steppers given by a table of coefficients (pyfric.core.steppers).
 !>
-!> With forces F_j(u_j, v_j, t + c_j h) of stages j < i and h the length of the step or sub-step, stage i lies at
+!> With forces F_j(u_j, v_j, t + c_j h) of stages j < i and h the length of the step or sub-step, stage i is at
 !>
 !>     u_i = u + c_i h v + h^2 sum_j abar_ij F_j/m,   v_i = v + h sum_j a_ij F_j/m ,
 !>
 !> and the step ends at u + h v + h^2 sum_i bbar_i F_i/m, v + h sum_i b_i F_i/m. A thread owns rows j0..j1 and waits
-!> for the others between stages; every row sees the same operations for any number of threads.
+!> for the other threads between stages. Every row sees the same operations for any number of threads.
 module pyfric_table_stepper
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -47,7 +47,7 @@ contains
     table%abar(:stages, :stages) = columns(:, 6 + stages:)
   end function new_table
 
-  !> Rows j0..j1 of the state one step later, and their part of the error. Contact states are fixed during the step.
+  !> Computes rows j0..j1 of the state one step later, and their part of the error, at fixed contact states.
   subroutine table_step(s, table, t, sub, j0, j1, keep_budget, mode, memory, y, rod, y_new, rod_new, budget, f, q, work, w, err)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
@@ -152,7 +152,7 @@ contains
     end if
   end subroutine stage_row
 
-  !> Largest difference to the embedded method in rows j0..j1; tilt counts by the displacement of the slider's ends.
+  !> Largest difference from the embedded method in rows j0..j1; tilt counts by the displacement of the ends of the slider.
   pure function row_errors(s, table, sub, j0, j1, f, rod_a) result(err)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table

@@ -1,4 +1,4 @@
-!> Memory that steps work in: rows with bounds LB:n+LANES whose first block lies on a whole vector.
+!> Work space of steps: rows with bounds LB:n+LANES, with the first block aligned to a whole vector.
 module pyfric_workspace
   use, intrinsic :: iso_c_binding, only: c_loc, c_intptr_t
   use pyfric_kinds, only: dp
@@ -18,7 +18,7 @@ module pyfric_workspace
 
 contains
 
-  !> Room for n_rows rows, and `aligned` elements to spare.
+  !> Allocates n_rows rows, and `aligned` additional elements.
   pure subroutine reserve(s, n_rows, memory)
     type(model_t), intent(in) :: s
     integer, intent(in) :: n_rows                          !! rows of single fields
@@ -37,7 +37,7 @@ contains
     at = 1 + int(modulo(-first, int(LANES, c_intptr_t)))
   end function aligned
 
-  !> The state with rows of bounds LB:n+LANES.
+  !> Copies the state to rows of bounds LB:n+LANES.
   pure subroutine widen(s, y, wide)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: y(s%nx, 4, s%nz)               !! state
@@ -51,7 +51,7 @@ contains
     end do
   end subroutine widen
 
-  !> And back.
+  !> Copies the state back from rows of bounds LB:n+LANES.
   pure subroutine narrow(s, wide, y)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: wide(LB:s%n + LANES, 4, s%nz)      !! state

@@ -1,8 +1,8 @@
-"""Builds of the core: which are installed, which one runs.
+"""Builds of the core: the installed ones, and the one in use.
 
-The same Fortran sources are built for several instruction sets. The best one this processor runs
-is taken at import; the environment variable ``PYFRIC_VARIANT`` names another one. All give the
-same bits.
+The same Fortran sources are built for several instruction sets. At import the best build that this
+processor can run is selected. The environment variable ``PYFRIC_VARIANT`` can name another one. All
+builds give the same bits.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ __all__ = [
 
 ENVIRONMENT = "PYFRIC_VARIANT"
 BLOCKS_PER_THREAD = 5_000
-"""Smallest share of the lattice for which one more thread pays (`python studies threads`)."""
+"""Smallest number of blocks per thread for which threads save time (`python studies threads`)."""
 SPINS = "1000"
-"""Looks at a barrier before a thread sleeps: about 40 us. The default of libgomp, 300 000, burns
-13 ms where the other thread waits for its processor: up to 9 times the work itself."""
+"""Number of checks at a barrier before a thread sleeps, about 40 us. The default of libgomp, 300
+000, wastes 13 ms if another thread waits for a processor: up to 9 times the work itself."""
 
 
 def variants() -> dict[str, bool]:
-    """Return the variants that are installed, best first, and whether this processor runs them."""
+    """Return the installed variants, best first, and whether this processor can run each."""
     found = {"X86_V2"}
     simd = np.show_config(mode="dicts").get("SIMD Extensions", {})  # what NumPy found at import
     for names in simd.values():
@@ -59,7 +59,7 @@ def variants() -> dict[str, bool]:
 
 @contextlib.contextmanager
 def _short_spinning() -> Iterator[None]:
-    """Let threads of libraries loaded here sleep soon, if the environment does not say how."""
+    """Set a short wait of threads for libraries loaded in this block, unless the user set one."""
     if {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & set(os.environ):
         yield
         return
@@ -75,7 +75,7 @@ def load_variant(name: str) -> Any:
     """Return the extension module of one variant.
 
     Raises:
-        ImportError: it is not installed, or this processor cannot run it.
+        ImportError: the variant is not installed, or this processor cannot run it.
     """
     known = variants()
     if name not in known:
@@ -102,7 +102,7 @@ VARIANT = _chosen()
 
 
 def build_info(name: str = VARIANT) -> dict[str, Any]:
-    """Return compiler, flags and openmp (bool) of one variant."""
+    """Return compiler, flags and openmp (bool) of a variant."""
     compiler, options, openmp = load_variant(name).build_info()
     flags = [
         f for f in options.decode().split() if f.startswith(("-O", "-m", "-f", "-std", "--param"))
@@ -123,11 +123,11 @@ def processors() -> int:
 
 
 def useful_threads(n_blocks: int, threads: int | None = None) -> int:
-    """Return the number of threads that pays for a lattice of n_blocks.
+    """Return the number of threads that saves time for a lattice of n_blocks.
 
     Args:
         n_blocks: N_x N_z.
-        threads: the most to use; None means all processors this process may run on.
+        threads: largest number to use; None means all processors that this process may run on.
     """
     limit = processors() if threads is None else threads
     if not build_info()["openmp"]:
@@ -136,7 +136,7 @@ def useful_threads(n_blocks: int, threads: int | None = None) -> int:
 
 
 def additions(n: int, variant: str = VARIANT) -> int:
-    """Make n additions to each of some sums in registers; return how many there were in all."""
+    """Make n additions to each of several sums in registers; return the total number."""
     width, total = load_variant(variant).additions(n)
     assert total == n * width * (width + 1) // 2
     return n * width

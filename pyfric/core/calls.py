@@ -1,4 +1,4 @@
-"""Calls of the compiled core, with all checks that it relies on."""
+"""Calls of the compiled core, with the checks on which it relies."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ ENERGIES = (
     "elastic_mattress",
     "elastic_driver",
 )
-"""Order of the energies that leave the core. In a chain, "elastic_mattress" is that of k_top."""
+"""Energies in the order of the core. In a chain, "elastic_mattress" is the energy of k_top."""
 JUNCTIONS = "elastic_junctions"
-"""One more, where blocks stand on junctions."""
+"""Name of the additional energy of junctions."""
 
 
 def advance(
@@ -53,22 +53,23 @@ def advance(
     """Make up to n_steps; the state changes in place.
 
     Args:
-        model: from `model`, for the scene the state belongs to.
-        state: where to start; on return, where the core stopped (`state.step` counts).
-        log: filled from its beginning. Where it could overflow, the core stops early.
-        n_steps: steps to make, at least 0.
+        model: from `model`, for the scene of the state.
+        state: initial state; on return, the state at which the core stopped (`state.step` counts).
+        log: filled from its beginning. If it could overflow, the core stops early.
+        n_steps: number of steps to make, at least 0.
         stepper: one of `STEPPERS`.
-        switching: "step_end", or "located": contacts switch inside the step, at the root of what
-            makes them switch, and the step is finished from there.
-        rtol: for "adaptive": largest error of a sub-step, over F_N/(N_x s) for displacements and
-            over F_N/(N_x sqrt(s m)) for velocities, s the largest of k, k_f and k_top.
-        budget: integrate works and dissipations.
-        threads: threads to use; results do not depend on it.
+        switching: "step_end", or "located": contacts switch inside the step, at the zero of their
+            gap function, and the step continues from there.
+        rtol: largest error of a sub-step, for "adaptive". Errors of displacements are over
+            F_N/(N_x s), those of velocities over F_N/(N_x sqrt(s m)), with s the largest of k, k_f
+            and k_top.
+        budget: whether to integrate work and dissipation.
+        threads: number of threads; results do not depend on it.
         variant: build to use; results do not depend on it.
 
     Returns:
-        What ended the call. After `ENDLESS` and `TOO_SHORT` the state lies inside a step and is not
-        to be gone on from; `log.block` and `log.t` say where.
+        Why the call ended. After `ENDLESS` and `TOO_SHORT` the state lies inside a step, and a run
+        must not continue from it; `log.block` and `log.t` give the block and the time.
 
     Raises:
         ValueError: arrays do not fit the model, or a number is out of range.
@@ -122,17 +123,17 @@ def advance(
 
 
 class Forces(NamedTuple):
-    """One evaluation of the right-hand side, contact states frozen.
+    """One evaluation of the right-hand side, at fixed contact states.
 
     Attributes:
         a: accelerations, shape (N_z, 2, N_x), in m/s^2.
-        a_rod: of X, Z (m/s^2) and phi (rad/s^2), shape (3,).
+        a_rod: accelerations of X, Z (m/s^2) and phi (rad/s^2), shape (3,).
         f: friction force on each bottom block in +x, shape (N_x,), in N.
         p: foundation force, shape (N_x,), in N.
         F_T: driver force, in N.
         dissipated: power in the bonds that start in each row, shape (N_z,), in W.
         heat: friction power of each bottom block, shape (N_x,), in W.
-        work: powers of the driver and of the other forces from outside, shape (2,), in W.
+        work: powers of the driver and of the other external forces, shape (2,), in W.
     """
 
     a: np.ndarray
@@ -151,11 +152,11 @@ def evaluate(
     """Return all forces at time t (s); the state does not change.
 
     Args:
-        model: from `model`, for the scene the state belongs to.
+        model: from `model`, for the scene of the state.
         state: the state.
         t: time, in s.
         variant: build to use; results do not depend on it.
-        n_times: evaluations to make, for timing.
+        n_times: number of evaluations, for timing.
 
     Raises:
         ValueError: arrays do not fit the model, or n_times is less than 1.
@@ -170,9 +171,10 @@ def evaluate(
 
 
 def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the function from displacements to the forces of all springs on the blocks.
+    """Return a function that computes the forces of all springs on the blocks.
 
-    The function takes u, shape (N_z, 2, N_x) or flat, in m, and returns forces in N in that shape.
+    The function takes displacements u, shape (N_z, 2, N_x) or flat, in m. It returns forces in N,
+    in the same shape.
     """
     bare = springs(scene, geometry, 1.0)
     memory = np.zeros((bare.n_memory, scene.N_x), order="F")
@@ -194,7 +196,7 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
 def energies(model: Model, state: State, t: float) -> dict[str, float]:
     """Return the energies of a state at time t (s), in J, by the names of `ENERGIES`.
 
-    On junctions there is one more, "elastic_junctions".
+    On junctions there is one more energy, "elastic_junctions".
 
     Raises:
         ValueError: arrays do not fit the model.

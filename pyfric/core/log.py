@@ -1,4 +1,4 @@
-"""Room for what the core logs while it steps."""
+"""Buffers for the logs of the core."""
 
 from __future__ import annotations
 
@@ -13,18 +13,21 @@ Switching = Literal["step_end", "located"]
 
 
 def room_of_step(N_x: int, switching: Switching) -> tuple[int, int]:
-    """Return the most switches and quiet transitions that one step may log (pyfric_location)."""
+    """Return the largest numbers of switches and of starts and ends of slip in one step.
+
+    They are those of pyfric_location.
+    """
     return (8 * N_x + 200, 64) if switching == "located" else (N_x, 1)
 
 
 class Log:
-    """Room for switches and quiet transitions that the core fills (see `pyfric.record.episodes`).
+    """Buffers for switches and for starts and ends of slip (see `pyfric.record.episodes`).
 
     Attributes:
-        tried: steps and sub-steps that the last call computed; of those that RK4 did not accept,
-            the share of the lattice that it took to see that.
-        block: where the last call failed, the block, counted from 0, else -1.
-        t: and the time, in s.
+        tried: number of steps and sub-steps that the last call computed. A step that RK4 rejected
+            counts by the share of the lattice that was computed.
+        block: block at which the last call failed, counted from 0; -1 if it did not fail.
+        t: time at which the last call failed, in s.
     """
 
     def __init__(self, N_x: int, switches: int | None = None, quiet: int = 256) -> None:

@@ -1,4 +1,4 @@
-"""The memory that there is for a run."""
+"""The memory available to a run."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ CONTAINERS = (
 )
 """Files with the limit and the use of memory of a container."""
 LIMITS = ((resource.RLIMIT_AS, 0), (resource.RLIMIT_DATA, 5))
-"""Limits of a process, and which number of /proc/self/statm, in pages, they are on."""
+"""Limits of a process, and the index of the limited number in /proc/self/statm, in pages."""
 
 
 def available() -> float:
-    """Return the memory that there is, in bytes.
+    """Return the available memory, in bytes.
 
-    The least of what the machine has, what is left in its container, and what is left below the
-    limits of this process (`ulimit -v` and `ulimit -d`). Infinite where the system does not tell.
+    It is the smallest of three values: the available memory of the machine, the rest of the limit
+    of its container, and the rest of the limits of this process (`ulimit -v` and `ulimit -d`). It
+    is inf if the system does not report these values.
     """
     found = [np.inf]
     for files in CONTAINERS:

@@ -1,4 +1,4 @@
-"""A scene as the core takes it: one vector of integers, one of numbers."""
+"""A scene in the form that the core takes: a vector of integers and a vector of numbers."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 __all__ = ["CORNER_SHARE", "Constants", "Counts", "Model", "check_driven", "model", "springs"]
 
 CORNER_SHARE = 0.02
-"""Slip that starts with less than this share of F_N/N_x is a corner episode."""
+"""Normal force, over F_N/N_x, below which a start of slip is a corner episode."""
 BEYOND = {"free": 0, "mirrored": 1, "absorbing": 2, "held": 3}
-"""What is beyond sides and top, as the core counts it (pyfric_model)."""
+"""Codes of the core for sides and top (pyfric_model)."""
 
 
 class Counts(NamedTuple):
@@ -47,7 +47,7 @@ class Counts(NamedTuple):
 class Constants(NamedTuple):
     """Numbers that the core takes, in SI units, in the order of `constants_t` (pyfric_model).
 
-    What each is, and its unit, is said there.
+    That module describes each number and its unit.
     """
 
     l: float
@@ -75,14 +75,15 @@ class Constants(NamedTuple):
 
 
 class Model(NamedTuple):
-    """A scene as the core takes it; made by `model`, which is where it is checked.
+    """A scene in the form that the core takes; `model` makes and checks it.
 
     Attributes:
         counts: `Counts`, int32.
-        numbers: `Constants`; u_drv0 of each driven block less their mean (m); x (m), load (p where
-            it is prescribed), shear (N), what pushes the bottom row at t_seg (N) and its rate
-            (N/s), k_f (N/m) and the five fields of the friction law, of N_x numbers each; x and y
-            of each knot of its tables; thresholds of junctions.
+        numbers: the following numbers, one after the other. `Constants`; u_drv0 of each driven
+            block minus their mean (m). With N_x numbers each: x (m), load (p if it is prescribed)
+            and shear (N), pushes on the bottom row at t_seg (N) and their rates (N/s), k_f (N/m),
+            the five fields of the friction law. x and y of each knot of its tables; thresholds of
+            junctions.
     """
 
     counts: np.ndarray
@@ -100,17 +101,17 @@ class Model(NamedTuple):
 
     @property
     def n_memory(self) -> int:
-        """Numbers that the law remembers of each block."""
+        """Number of state variables of the friction law for each block."""
         return int(self.counts[Counts._fields.index("n_memory")])
 
     @property
     def on_junctions(self) -> bool:
-        """Whether blocks stand on junctions."""
+        """Whether the interface consists of junctions."""
         return bool(self.counts[Counts._fields.index("n_junctions")])
 
 
 def check_driven(scene: Scene, u_drv0: OnDriven) -> None:
-    """Raise ValueError if u_drv0 is not that of the driven blocks of a scene."""
+    """Raise ValueError if the shape of u_drv0 does not fit the driven blocks of a scene."""
     expected = () if scene.n_driven == 1 else (scene.n_driven,)
     if np.shape(u_drv0) != expected:
         raise ValueError(
@@ -140,18 +141,17 @@ def _counts(scene: Scene, geometry: Geometry) -> Counts:
 
 
 def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) -> Model:
-    """Return the scene as the core takes it.
+    """Return the scene in the form that the core takes.
 
     Args:
-        scene: the scene (its values were checked when it was made).
+        scene: the scene; its values were checked when it was made.
         geometry: "linear" or "finite".
-        u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m; of several, shape
-            (n_driven,), those at which none is pushed.
+        u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m. For several driven blocks,
+            shape (n_driven,), the u_x at which no spring is strained.
         t: a time within the piece of the protocols that will be run, in s.
 
     Raises:
-        ValueError: unknown geometry, u_drv0 of another number of blocks, or a derived constant is
-            not finite.
+        ValueError: unknown geometry, wrong shape of u_drv0, or a derived constant is not finite.
         SceneError: finite geometry for a chain.
     """
     check_geometry(geometry, scene)
@@ -219,10 +219,10 @@ def springs(
     """Return the free lattice, without foundation, loads, driver and rod.
 
     Args:
-        scene: gives the lattice.
+        scene: the scene with the lattice.
         geometry: "linear" or "finite".
         m: mass of a block, in kg; None means the scene's.
-        viscous: with the dashpots of the bonds.
+        viscous: whether to include the dashpots of the bonds.
     """
     check_geometry(geometry, scene)
     constants = Constants(*np.zeros(len(Constants._fields)))._replace(

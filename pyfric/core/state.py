@@ -1,4 +1,4 @@
-"""What changes every step, in one object that can be copied, saved and continued."""
+"""The state of a run: everything that changes with each step, in one object."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["OPEN", "STUCK", "State", "StateError", "spring_of"]
 
 STUCK, OPEN = 0, 2
-"""Contact states; a slipping block carries the sign of its motion, +1 or -1."""
+"""Contact states; a slipping block has the sign of its motion, +1 or -1."""
 
 
 NUMBERS = ("step", "t0", "dt", "drive", "sub")
@@ -37,7 +37,7 @@ class StateError(ValueError):
 
 
 def spring_of(scene: Scene) -> np.ndarray:
-    """Return K and direction of the driver and the rows it pushes, as `State.spring` has them."""
+    """Return `State.spring`: K and direction of the driver, and the rows that it pushes."""
     return np.array([scene.driver.K, scene.d, scene.j_h, scene.j_h_top], dtype=float)
 
 
@@ -46,38 +46,41 @@ class State:
     """State of a run between two steps; the time is t0 + step dt.
 
     Attributes:
-        y: u_x, u_z (m), v_x, v_z (m/s), shape (N_z, 4, N_x); row 0 at the bottom. Under a rod the
-            top row is where the rod carries it.
+        y: u_x, u_z (m), v_x, v_z (m/s), shape (N_z, 4, N_x); row 0 is the bottom. Under a rod the
+            top row moves with the rod.
         rod: X, Z (m), phi (rad) and their rates, shape (6,); zeros without a rod.
-        mode: contact of the bottom blocks, shape (N_x,), int32: 0 stuck, +1 or -1 slips to that
-            side, 2 open.
-        corner: 1 where the present or last slip is a corner episode, shape (N_x,), int32.
-        margin: mu_s p - |f other than friction| at the last step, shape (N_x,), in N; on junctions:
-            how many may break before the block is ruptured.
-        memory: what the friction law remembers of each bottom block, by the names that the law
-            gives, shape (N_x,), a structured array of numbers; `state.s_0` is `memory["s_0"]`.
-        loss: kinetic energy removed where a switch stopped a block, shape (N_x,), in J; on
+        mode: contact states of the bottom blocks, shape (N_x,), int32: 0 stuck, +1 or -1 slip in
+            that direction, 2 open.
+        corner: 1 if the present or last slip is a corner episode, shape (N_x,), int32.
+        margin: mu_s p - |force other than friction| at the last step, shape (N_x,), in N. On
+            junctions: number of junctions that may break before the block is ruptured.
+        memory: state variables of the friction law for each bottom block, shape (N_x,), a
+            structured array with the names of the law; `state.s_0` is `memory["s_0"]`.
+        loss: kinetic energy removed when a switch stopped a block, shape (N_x,), in J. On
             junctions: heat of breaks and of pinning.
         dissipated: heat of the bonds that start in each row, shape (N_z,), in J.
         heat: friction heat under each block, shape (N_x,), in J.
-        work: of the driver and of the forces from outside (load, shear, push), shape (2,), in J.
-        step: steps made since t0.
+        work: work of the driver, and of other external forces (load, shear, push), shape (2,), in
+            J.
+        step: number of steps since t0.
         t0: time of step 0, in s.
         dt: time step, in s.
-        u_drv0: u_x of the driven block at which F_T = 0 where drive = 0, in m; under a plate those
-            of its blocks at which none is pushed, upward, shape (n_driven,).
-        drive: how far the driver has moved since drive = 0, in m.
-        parts: what of `heat` went into friction above mu_k p, and what into alpha, shape (2, N_x),
-            in J; on junctions: heat of dragging, and work of their stiffness. None means 0.
+        u_drv0: u_x of the driven block at which F_T = 0 if drive = 0, in m. Under a plate, u_x of
+            its blocks at which no spring is strained, bottom to top, shape (n_driven,).
+        drive: displacement of the driver, in m.
+        parts: parts of `heat` from friction above mu_k p and from alpha, shape (2, N_x), in J. On
+            junctions: heat of dragging, and work of changes of their stiffness. None means 0.
         spring: K (N/m) and direction of the driver, the lowest and the highest row that it pushes,
-            shape (4,). None means zeros: not known.
-        sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 for dt.
+            shape (4,). None stands for zeros, which mean that the driver is not known.
+        sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 means dt.
 
-    Laws given by tables remember two numbers of each bottom block: s_0, its slip since it last
-    stuck, less mode u_x while it slips, in m (see `slip`; an open block keeps what it had slipped,
-    and moving without contact is not slip), and t_0, the time at which it stuck, or began to slip
-    after a stick, in s. A law of junctions remembers of each, shape (N_x, n_s): anchor (m), pinned
-    (1 or 0), release (s), the time at which it pins or did, and breaks, how often it broke.
+    Laws given by tables have two state variables. t_0 (s) is the time at which the block stuck, or
+    began to slip after a stick. s_0 (m) is its slip since it last stuck, minus mode u_x while it
+    slips (see `slip`). An open block keeps its s_0, because motion without contact is not slip.
+
+    A law of junctions has four state variables for each junction, shape (N_x, n_s): anchor (m),
+    pinned (1 or 0), release (s), the time at which it pins or pinned, and breaks, the number of its
+    breaks.
     """
 
     y: np.ndarray
@@ -106,19 +109,19 @@ class State:
             self.spring = np.zeros(4)
 
     def __getattr__(self, name: str) -> np.ndarray:
-        """Return what the law remembers by that name; changing it changes the state."""
+        """Return a state variable of the law, as a view of `memory`."""
         if name != "memory" and name in self.memory.dtype.names:
             return self.memory[name]
         raise AttributeError(f"a state has no {name!r}", name=name, obj=self)
 
     @property
     def numbers(self) -> np.ndarray:
-        """The memory as the core takes it, shape (N_x, n_memory); it shares `memory`."""
+        """View of `memory` in the form that the core takes, shape (N_x, n_memory)."""
         return self.memory.view(float).reshape(len(self.memory), -1)
 
     @property
     def slip(self) -> np.ndarray:
-        """Path that each bottom block has slipped since it last stuck, shape (N_x,), in m."""
+        """Slip path of each bottom block since it last stuck, shape (N_x,), in m."""
         return slipped(self.s_0, self.mode, self.y[0, 0])
 
     @property
@@ -127,7 +130,7 @@ class State:
         return self.t0 + self.step * self.dt
 
     def __eq__(self, other: object) -> bool:
-        """Whether all values are equal; NaN equals NaN."""
+        """Return whether all values are equal; NaN equals NaN."""
         if not isinstance(other, State):
             return NotImplemented
         left, right = self.values(), other.values()
@@ -147,13 +150,13 @@ class State:
         return html(self)
 
     def values(self) -> dict[str, Any]:
-        """Return arrays and numbers by name, as files hold them: the memory is taken apart."""
+        """Return arrays and numbers by name, as in files; each state variable is one array."""
         names = [field.name for field in dataclasses.fields(self) if field.name != "memory"]
         return {name: getattr(self, name) for name in (*names, *self.memory.dtype.names)}
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Self:
-        """Return the state that has these `values`.
+        """Return the state with these `values`.
 
         Raises:
             KeyError: a value is missing.
@@ -168,24 +171,25 @@ class State:
         return cls(**{name: values[name] for name in own}, memory=memory)
 
     def copy(self) -> Self:
-        """Return a copy that shares nothing."""
+        """Return a copy that shares no arrays."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return type(self)(
             **{name: v.copy() if isinstance(v, np.ndarray) else v for name, v in values.items()}
         )
 
     def with_dt(self, dt: float) -> Self:
-        """Return a copy that goes on with another step; the same step keeps the count."""
+        """Return a copy with another time step. If dt is the same, the step count is kept."""
         new = self.copy()
         if dt != self.dt:
             new.t0, new.step, new.dt, new.sub = self.t, 0, float(dt), 0.0
         return new
 
     def under(self, scene: Scene) -> Self:
-        """Return a copy that goes on under another protocol or driver: F_T does not jump.
+        """Return a copy for a run under another protocol or driver, with the same F_T.
 
-        Protocols count from t = 0. If the new one puts the driver elsewhere at t, or K differs,
-        u_drv0 is shifted by the difference. If other blocks are driven, they share F_T evenly.
+        Times of protocols count from t = 0. If the new protocol gives another driver position at t,
+        or if K differs, u_drv0 is shifted so that F_T does not jump. If other blocks are driven,
+        they share F_T evenly.
 
         Raises:
             StateError: the driver is on the other side, or the state is damaged.
@@ -200,7 +204,7 @@ class State:
         return new
 
     def _taken_over(self, scene: Scene, drive: float) -> OnDriven:
-        """Return u_drv0 of another driver, which is at `drive` (m) and pushes with the same F_T."""
+        """Return u_drv0 of another driver at `drive` (m) with the same F_T."""
         K, d, low, high = self.spring
         if d != scene.d:
             side = "left" if d > 0 else "right"
@@ -218,12 +222,12 @@ class State:
         return float(home[0]) if scene.n_driven == 1 else home
 
     def check(self, N_x: int, N_z: int | None = None, n_memory: int | None = None) -> None:
-        """Check shapes and types, which is all the core relies on.
+        """Check shapes and types, on which the core relies.
 
         Args:
-            N_x: blocks along the interface.
-            N_z: rows; None means any.
-            n_memory: numbers that the law remembers of each block; None means any.
+            N_x: number of blocks along the interface.
+            N_z: number of rows; None means any.
+            n_memory: number of state variables of each block; None means any.
 
         Raises:
             StateError: an array has the wrong shape, type or memory order, or dt is not positive.
@@ -275,12 +279,12 @@ class State:
             raise StateError(f"state.memory: expected {many}named {REAL} of each of {N_x} blocks")
 
     def check_physics(self, scene: Scene) -> None:
-        """Check a state that comes from outside before a run goes on from it.
+        """Check a state from a user or a file before a run continues from it.
 
         Raises:
-            StateError: it does not fit the scene, holds values that are not finite, a contact
-                state that does not exist, a stuck block that moves, a top row off its rod, or
-                another number of driven blocks.
+            StateError: the state does not fit the scene, a value is not finite, a contact state is
+                unknown, a stuck block moves, the top row does not follow its rod, or the number of
+                driven blocks differs.
         """
         self.check(scene.N_x, scene.N_z)
         if self.memory.dtype != scene.law.memory:
@@ -305,7 +309,7 @@ class State:
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the state to a NumPy archive (.npz), exactly and atomically.
 
-        The last line of the file is the SHA-256 of all before it.
+        The last line of the file is the SHA-256 of all bytes before it.
 
         Raises:
             OSError: the file cannot be written; it names path and reason.
@@ -320,7 +324,7 @@ class State:
 
         Raises:
             OSError: the file cannot be read.
-            StateError: it holds no state, or is damaged.
+            StateError: the file contains no state, or is damaged.
         """
         inside = unsealed(Path(path).read_bytes())
         if inside is None:

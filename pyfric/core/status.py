@@ -1,4 +1,4 @@
-"""What the codes of the core mean."""
+"""Status codes of the core."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["Status"]
 
 
 class Status(enum.IntEnum):
-    """Codes of the core (pyfric_status in Fortran); `message` says what they mean."""
+    """Status codes of the core (pyfric_status in Fortran); `message` explains them."""
 
     DONE = 0
     LOG_FULL = 1

@@ -1,12 +1,12 @@
-"""The explicit steppers: one entry each, asked by everybody who needs to know one.
+"""The explicit steppers, one entry each.
 
-A stepper is a table of coefficients. With h the step, forces F_j(u_j, v_j, t + c_j h) of stages
-j < i, and M the mass, stage i lies at
+A stepper is a table of coefficients. Let h be the step, M the mass, and F_j(u_j, v_j, t + c_j h)
+the forces at stages j < i. Stage i is at
 
-    u_i = u + c_i h v + h^2 sum_j abar_ij F_j/M,   v_i = v + h sum_j a_ij F_j/M,
+    u_i = u + c_i h v + h^2 sum_j abar_ij F_j/M ,   v_i = v + h sum_j a_ij F_j/M .
 
-and the step ends at u + h v + h^2 sum_i bbar_i F_i/M, v + h sum_i b_i F_i/M. An embedded method
-whose b differs by e, and whose bbar by ebar, measures the error.
+The step ends at u + h v + h^2 sum_i bbar_i F_i/M and v + h sum_i b_i F_i/M. An embedded method
+gives an error estimate; its b differs by e, and its bbar by ebar.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ __all__ = ["STEPPERS", "Stepper"]
 
 
 def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return left @ right, added in order: the same bits for every processor and BLAS."""
+    """Return left @ right with additions in a fixed order, so that all processors agree in bits."""
     total = np.zeros((*left.shape[:-1], right.shape[-1]))
     for k in range(len(right)):
         total += left[..., k, None] * right[k]
@@ -33,14 +33,14 @@ class Stepper:
     """An explicit stepper.
 
     Attributes:
-        name: what users call it.
-        order: of the error at the end of a run, where nothing switches.
-        c, b, a: the table, shapes (n,), (n,), (n, n).
-        bbar, abar: the same for displacements. None means those of a Runge-Kutta method.
-        e: b minus that of the embedded method, shape (n,); None for steps of fixed length.
-        growth: R(z), by which a motion exp(lambda t) grows in a step, z = lambda h, where u and v
-            are treated alike; None where they are not.
-        swept: the core has a procedure of its own for it (classical RK4).
+        name: its name in options.
+        order: order of the error at the end of a run without switches.
+        c, b, a: coefficients, shapes (n,), (n,), (n, n).
+        bbar, abar: b and a for displacements. None means those of a Runge-Kutta method.
+        e: b minus b of the embedded method, shape (n,); None for steps of fixed length.
+        growth: R(z), the factor by which exp(lambda t) grows in a step, with z = lambda h. None for
+            steppers that treat u and v differently.
+        swept: whether the core has a special procedure for it (classical RK4).
     """
 
     name: str
@@ -63,17 +63,20 @@ class Stepper:
 
     @property
     def evaluations(self) -> int:
-        """Force evaluations of each step or sub-step."""
+        """Number of force evaluations of each step or sub-step."""
         return len(self.b)
 
     @property
     def adaptive(self) -> bool:
-        """It measures its error and makes sub-steps."""
+        """Whether it estimates its error and makes sub-steps."""
         return bool(self.e.any())
 
     @functools.cached_property
     def columns(self) -> np.ndarray:
-        """What the core takes: c, b, bbar, e, ebar, a, abar (pyfric_table_stepper); no row: RK4."""
+        """Coefficients for the core: c, b, bbar, e, ebar, a, abar (pyfric_table_stepper).
+
+        For classical RK4 there are no rows.
+        """
         if self.swept:
             return np.zeros((0, 5), order="F")
         ebar = _product(self.e, self.a)
@@ -129,8 +132,8 @@ STEPPERS: dict[str, Stepper] = {
             growth=_rk4_growth,
             swept=True,
         ),
-        # u' = u + h (v + h F_1/2m), v' = v + h (F_1 + F_2)/2m, with F_2 at u' and the predicted
-        # velocity v + h F_1/m, on which viscous forces depend.
+        # u' = u + h (v + h F_1/2m), v' = v + h (F_1 + F_2)/2m. F_2 is taken at u' and, for viscous
+        # forces, at the predicted velocity v + h F_1/m.
         Stepper(
             "verlet",
             order=2,
@@ -150,7 +153,7 @@ STEPPERS: dict[str, Stepper] = {
             bbar=np.ones(1),
             abar=np.zeros((1, 1)),
         ),
-        # Classical RK4 with one more stage, which makes it a pair of orders 4 and 3
+        # Classical RK4 with one more stage, which gives a pair of orders 4 and 3
         # (J. A. Zonneveld, 1963; E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary
         # Differential Equations I, section II.4).
         Stepper(

@@ -1,4 +1,4 @@
-"""Plan and run."""
+"""Choose a model, run it, measure its errors."""
 
 from pyfric.engines.begun import released
 from pyfric.engines.choice import Assumption, Plan, expected_cost, plan

@@ -1,4 +1,4 @@
-"""A run that begins with blocks that slip."""
+"""Initial states in which some blocks already slip."""
 
 from __future__ import annotations
 
@@ -20,17 +20,18 @@ __all__ = ["released"]
 def released(scene: SceneLike, blocks: int, dt: float | Literal["auto"] = "auto") -> State:
     """Return the loaded state with the first blocks from the trailing edge released.
 
-    They begin to slip along the drive, at rest, and their friction has weakened already. This
-    starts a front in a chain or on a prescribed interface: ``simulate(scene, t_end,
-    initial=released(scene, 20), fidelity="dynamic")``.
+    The released blocks start with zero velocity and slip in the drive direction. Their friction has
+    already fallen to mu_k. This starts a front in a chain or on a prescribed interface:
+    ``simulate(scene, t_end, initial=released(scene, 20), fidelity="dynamic")``.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
-        blocks: how many, 1 to N_x.
+        blocks: number of released blocks, 1 to N_x.
         dt: time step of the run, as in `step_size`.
 
     Raises:
-        SceneError: another number of blocks, a friction law without rest, or a refused step.
+        SceneError: the number of blocks is out of range, the friction law has no static states, or
+            the step is refused.
     """
     scene = as_scene(scene)
     check_sticks(scene)

@@ -1,20 +1,21 @@
-"""Which model is enough for a question: the cheapest one whose error keeps the tolerance.
+"""Choice of the model: the cheapest one whose expected error is within the tolerance.
 
-Full dynamics in finite geometry is the reference. What may be left out of it:
+Full dynamics in finite geometry is the reference. The cheaper models leave something out:
 
 engine        geometry   left out
------------   --------   --------------------------------------------
+-----------   --------   -------------------------------------------
 quasistatic   linear     inertia, rotation of bonds
-hybrid        linear     rotation of bonds, the last of each ring-down
-hybrid        finite     the last of each ring-down
+hybrid        linear     rotation of bonds, the end of each ring-down
+hybrid        finite     the end of each ring-down
 dynamic       finite     nothing
 
-Full dynamics is taken where it is cheap, or cheaper. The quasi-static engine is taken where its
-assumptions hold, linear geometry where two static states say that its error is small, the hybrid
-engine where a pilot run says that it spares at least half of the work. Steps follow from the
-tolerance by the error of RK4, the accuracy of jumps is a share of the tolerance.
+- Full dynamics is chosen if it is cheap, or cheaper than the hybrid engine.
+- The quasi-static engine is chosen if its assumptions hold.
+- Linear geometry is chosen if two static states show that its error is small.
+- The hybrid engine is chosen if a pilot run shows that it saves at least half of the work.
 
-All of that only chooses. `pyfric.engines.verification` measures the errors of the run.
+The step follows from the tolerance and the error of RK4. The accuracy of jumps is a share of the
+tolerance. The choice rests on expected errors; `pyfric.engines.verification` measures them.
 """
 
 from __future__ import annotations
@@ -58,22 +59,24 @@ if TYPE_CHECKING:
 __all__ = ["Assumption", "Plan", "choose", "expected_cost", "long_note", "plan"]
 
 ERROR_QUASISTATIC = 0.05
-"""Largest difference of start forces between ladder and dynamics, event by event, over F_N, in the
-paper's scenes up to the first event over the whole interface (`reference_data/`)."""
+"""Largest difference of start forces between the quasi-static engine and dynamics, over F_N. Events
+are compared one by one, up to the first system-size event, in the paper's scenes
+(`reference_data/`)."""
 RING_SHARE = 0.25
-"""Longest relaxation time, over the time between main events, for the quasi-static engine."""
+"""Longest relaxation time for the quasi-static engine, over the time between main events."""
 OPEN_BLOCKS = 2
-"""More open blocks than this are a gap; small differences then decide the order of events."""
+"""Most blocks open at a time for the quasi-static engine. Beyond it there is a gap, and small
+differences decide the order of events."""
 SHARE = 0.25
-"""Share of the tolerance that is given to each of geometry, jumps and steps."""
+"""Share of the tolerance for each of the errors of geometry, jumps and steps."""
 SPARES = 0.5
-"""The hybrid engine is taken where it takes at most this share of full dynamics."""
+"""Largest work of the hybrid engine, over that of full dynamics, for which it is chosen."""
 PHASE = 1 / 120
-"""A step of RK4 is off by this times (omega dt)^5 in the phase of a motion of rate omega."""
+"""Phase error of one RK4 step for a motion of angular frequency omega, over (omega dt)^5."""
 OVERDAMPED = math.sqrt(3) / 4
-"""Blocks oscillate below this eta over sqrt(k m): 8 eta < 2 sqrt(3 k m), by their eight bonds."""
+"""eta/sqrt(k m) below which a block oscillates: 8 eta < 2 sqrt(3 k m), from its eight bonds."""
 LONG = 600.0
-"""A run that takes longer is said to, before it starts, s."""
+"""Expected duration above which a run prints a note before it starts, in s."""
 MODELS = {
     "quasistatic": "a sequence of static states; events by a rule without inertia",
     "hybrid": "dynamics inside events, closed forms between them",
@@ -87,7 +90,7 @@ LEFT_OUT = {
 
 
 class Assumption(NamedTuple):
-    """What a choice relies on: it holds while `value` is at most `limit`."""
+    """An assumption of a chosen model. It holds if `value` is at most `limit`."""
 
     name: str
     value: float
@@ -105,22 +108,22 @@ class Assumption(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What will be modelled, and why that is enough.
+    """The chosen model, and the reasons for the choice.
 
     Attributes:
-        want: what the run is made for.
-        tolerance: accepted error, over F_N (relative, for front speeds).
+        want: the quantity that the run is made for.
+        tolerance: accepted error, over F_N (relative error for front speeds).
         fidelity, geometry: the engine and its geometry.
         switching, dt: where contacts switch; time step in s; None for the quasi-static engine.
-        accuracy: of jumps, over F_N; None where there are none.
-        assumptions: what the choice relies on; all of them hold.
+        accuracy: accuracy of jumps, over F_N; None if the engine makes no jumps.
+        assumptions: assumptions of the chosen model; all of them hold.
         reasons: why cheaper models were rejected.
-        error: expected error, as the tolerance.
-        work: expected work of the run, in s on the machine where its units were measured.
-        seconds: the same in s on one core of this machine, without verification.
-        price: most time that measuring errors takes, in s of this machine.
-        lattice: for front speeds, the lattice constant that the tolerance needs, and its price; ""
-            where this one is enough, and for other wants.
+        error: expected error, in the unit of the tolerance.
+        work: expected work of the run, in s on the reference machine of `pyfric.engines.cost`.
+        seconds: expected time of the run, in s on one core of this machine, without verification.
+        price: longest time of verification, in s on this machine.
+        lattice: for front speeds, the lattice constant that the tolerance needs, and the time of a
+            run with it; "" if the present one suffices, and for other quantities.
     """
 
     want: Want
@@ -165,7 +168,7 @@ class Plan:
         return html(self)
 
     def check(self, record: Record) -> list[Assumption]:
-        """Return the assumptions that the record of a run does not bear out."""
+        """Return the assumptions that the record of a run contradicts."""
         if self.fidelity != "quasistatic":
             return []
         needs = _needs(record.scene, interval(record), most_open(record))
@@ -182,12 +185,12 @@ def plan(
     t_end: Number = 1.0,
     stop_when: str | Sequence[str] | None = None,
 ) -> Plan:
-    """Return which engine, geometry and step are enough for a question.
+    """Return the engine, geometry and step that suffice for a quantity and a tolerance.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         want: "loading_curve", "precursors", "stress", "front_speed" or "motion".
-        tolerance: accepted error over F_N; for front speeds relative.
+        tolerance: accepted error over F_N; relative error for front speeds.
         t_end: time of the end of the run, in s.
         stop_when: conditions that end the run before t_end; None means those of the scene; see
             `Options`.
@@ -196,26 +199,26 @@ def plan(
         SceneError: an argument is refused.
         EquilibriumError: the scene has no loaded state.
 
-    Source: see the module.
+    Source: the rules of `pyfric.engines.choice`.
     """
     options = Options(want=want, tolerance=tolerance, stop_when=stop_when)
     return choose(scene, options, check_number("t_end", t_end, "s", ge=0.0))
 
 
 def choose(scene: Scene, options: Options, t_end: float, *, ladder: bool = True) -> Plan:
-    """Return the plan that has all the options that were given.
+    """Return the plan that respects all options that were given.
 
     Args:
         scene: the scene.
-        options: those that are not open are kept.
+        options: options; the plan fills in those left at None or "auto".
         t_end: length of the run, in s.
-        ladder: whether the quasi-static engine may be taken.
+        ladder: whether the quasi-static engine may be chosen.
     """
     return _Choice(scene, options, t_end).plan(ladder)
 
 
 class _Choice:
-    """The parts of a choice for one scene and question."""
+    """The choice of a model for one scene and one set of options."""
 
     def __init__(self, scene: Scene, options: Options, t_end: float) -> None:
         self.scene, self.options, self.t_end = scene, options.on(scene), t_end
@@ -281,7 +284,7 @@ class _Choice:
         )
 
     def _ladder(self, pilot: Pilot) -> Plan | None:
-        """Return the plan of the quasi-static engine, None if it is not enough."""
+        """Return the plan of the quasi-static engine, or None if it is rejected."""
         scene, options = self.scene, self.options
         needs = _needs(scene, pilot.interval, pilot.open)
         error = max(ERROR_QUASISTATIC, _drop(pilot))
@@ -312,7 +315,7 @@ class _Choice:
         )
 
     def _linear(self, pilot: Pilot) -> tuple[Assumption, ...]:
-        """Take linear geometry where that is enough; return what it relies on."""
+        """Choose linear geometry if its error is small enough; return its assumption."""
         if self.options.geometry is not None or default_geometry(self.scene) == "linear":
             return ()
         error = linear_error(pilot)
@@ -327,7 +330,7 @@ class _Choice:
         return (small,)
 
     def _hybrid(self, pilot: Pilot, needs: tuple[Assumption, ...]) -> Plan:
-        """Return the plan of the hybrid engine, or of full dynamics where that is no dearer."""
+        """Return the plan of the hybrid engine, or of full dynamics if little work is saved."""
         accuracy = self.options.accuracy or min(SHARE * self.tolerance, LOOSEST)
         made = {"geometry": self.geometry, "dt": self.dt, "accuracy": accuracy}
         full = self._full_work()
@@ -364,9 +367,9 @@ class _Choice:
         return Assumption("dt over the stability limit", self.dt / limit, 1.0, meaning)
 
     def _on_lattice(self, chosen: Plan) -> Plan:
-        """Return the plan with what front speeds need of the lattice.
+        """Return the plan with the lattice constant that front speeds need, if it is smaller.
 
-        Half the lattice constant takes 8 times the time: 4 times the blocks, twice the steps.
+        Half the lattice constant takes 8 times as long: 4 times the blocks, twice the steps.
         """
         scene = self.scene
         if chosen.want != "front_speed" or not scene.law.rests:
@@ -393,12 +396,12 @@ LINEAR = "error of linear geometry"
 
 
 def _needs(scene: Scene, between: float, most: int) -> tuple[Assumption, ...]:
-    """Return what the quasi-static engine relies on.
+    """Return the assumptions of the quasi-static engine.
 
     Args:
         scene: the scene.
-        between: time between main events, s.
-        most: blocks that are open at a time at most.
+        between: time between main events, in s.
+        most: largest number of blocks open at a time.
     """
     relaxes = relaxation_time(scene)
     share = 0.0 if relaxes == 0 else math.inf
@@ -416,9 +419,10 @@ def _needs(scene: Scene, between: float, most: int) -> tuple[Assumption, ...]:
 
 
 def _drop(pilot: Pilot) -> float:
-    """Return how far F_T falls in the ladder's events over the whole interface, over F_N.
+    """Return the largest drop of F_T in system-size events of the pilot run, over F_N.
 
-    Without viscosity a slider overshoots by as much as it fell, which the ladder leaves out.
+    Without viscosity a slider overshoots by as much as F_T dropped. The quasi-static engine leaves
+    this overshoot out.
     """
     if pilot.record is None:
         return 0.0
@@ -429,17 +433,17 @@ def _drop(pilot: Pilot) -> float:
 
 
 def step_error(scene: Scene, want: Want, dt: float) -> float:
-    """Return the expected error of located RK4 steps, as the tolerance of a plan.
+    """Return the expected error of RK4 steps with located switching, as the tolerance of a plan.
 
-    A block that starts to slip excites its own motion, omega^2 = s/m with s the stiffness of what
-    holds it along the interface: in two dimensions 2 k + 2 (k/2)/2 = 5 k/2, by two bonds along it
-    and two diagonal ones. It lasts 1/(eta omega^2/(2 k)). Its phase is then off by
-    omega lasts (omega dt)^4/120: a front speed by that share, F_T by that share of the drop
-    (mu_s - mu_k) F_N/N_x of one block.
+    A block that starts to slip oscillates with omega^2 = s/m, where s is the stiffness that its
+    bonds offer along the interface. In two dimensions s = 2 k + 2 (k/2)/2 = 5 k/2, from two
+    horizontal and two diagonal bonds. The oscillation lasts T = 1/(eta omega^2/(2 k)). Its phase
+    error is then omega T (omega dt)^4/120. This is the relative error of a front speed. The error
+    of F_T is this share of the force drop (mu_s - mu_k) F_N/N_x of one block.
 
     Args:
         scene: the scene.
-        want: what is wanted.
+        want: the quantity that the run is made for.
         dt: step, in s.
     """
     slider, law = scene.slider, scene.law
@@ -454,7 +458,7 @@ def step_error(scene: Scene, want: Want, dt: float) -> float:
     return phase * max(float(np.max(law.drop)), 1e-6) / scene.N_x
 
 
-# --- what a run will come to ---------------------------------------------------------------------
+# --- expected cost of a run ----------------------------------------------------------------------
 
 
 def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, float]:
@@ -483,7 +487,7 @@ def _events_size(scene: Scene, t_end: float) -> float:
 
 
 def long_note(scene: Scene, length: float, geometry: Geometry, dt: float, stepper: str) -> str:
-    """Return what to say before full dynamics of `length` s that takes long; "" if it does not."""
+    """Return a note for full dynamics over `length` (s) that takes long; "" if it does not."""
     made = full_work(scene, geometry, dt, length, stepper)
     if made * SLOWEST <= LONG or made * machine_speed() <= LONG:
         return ""

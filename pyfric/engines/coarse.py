@@ -1,4 +1,4 @@
-"""The same slider with larger blocks, for what need not be exact: pilot runs, relaxation times."""
+"""The same slider with larger blocks, for rough estimates: pilot runs and relaxation times."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ if TYPE_CHECKING:
 __all__ = ["BLOCKS", "COLUMNS", "coarser"]
 
 BLOCKS, COLUMNS = 5_000, 250
-"""Lattices with more blocks, or more along the interface, get larger blocks."""
+"""Most blocks, and most columns of blocks, that a lattice keeps; a larger one is coarsened."""
 
 
 def coarser(scene: Scene) -> Scene:
-    """Return the scene with blocks so large that `BLOCKS` and `COLUMNS` suffice.
+    """Return the scene with larger blocks, so that `BLOCKS` and `COLUMNS` are not exceeded.
 
-    It keeps L, H, h, h_top and eta where there are blocks that fit; L and eta otherwise.
+    If a larger lattice constant divides all lengths, L, H, h, h_top and eta stay the same.
+    Otherwise L and eta stay the same, and the heights are rounded.
     """
     N_x, N_z = scene.N_x, scene.N_z
     if N_x * N_z <= BLOCKS and N_x <= COLUMNS:
@@ -52,7 +53,7 @@ def coarser(scene: Scene) -> Scene:
 
 
 def _coarser_chain(scene: Scene) -> Scene:
-    """Return the chain with fewer blocks: the same rod under the same forces per length."""
+    """Return a chain of fewer blocks: the same rod under the same forces per length."""
     slider, top, N_x, N = scene.slider, scene.top, scene.N_x, COLUMNS
     q, at = (N_x - 1) / (N - 1), np.linspace(0, N_x - 1, N)
     p, tau = (

@@ -1,7 +1,8 @@
-"""What a run takes: its work, counted, and its memory.
+"""Cost of a run: its work and its memory.
 
-Work is in seconds on one core of the machine on which its units were measured, so that what it
-decides is the same on every machine. `machine_speed` turns it into seconds of this one.
+Work is counted in operations and expressed in seconds on one core of a reference machine. Decisions
+based on work are therefore the same on every machine. `machine_speed` converts work into seconds
+on this machine.
 """
 
 from __future__ import annotations
@@ -35,31 +36,33 @@ __all__ = [
 ]
 
 EVALUATION, BOTTOM, BLOCK = 0.5e-6, 8e-9, {"linear": 3.1e-9, "finite": 6.3e-9}
-"""A force evaluation, of the slider, of each block of its bottom row, and of each block, in s."""
+"""Time of one force evaluation, in s: a constant, a part for each bottom block, and a part for each
+block of the lattice."""
 CALL = 5e-5
-"""A call of the core, of which there is at least one for each point of the loading curve, in s."""
+"""Time of one call of the core, in s. Each point of the loading curve needs at least one call."""
 ATTEMPT = {"linear": (2.5e-3, 1e-6), "finite": (4e-3, 2.5e-6)}
-"""An attempt to jump, in s, and more for each block. All units set prices only, no result."""
+"""Time of one attempt to jump, in s: a constant, and a part for each block. These times affect
+estimates of cost only, never a result."""
 BASE = 0.02
-"""What finds modes on any lattice, in s."""
+"""Time to find modes that does not depend on the lattice, in s."""
 POINTS = 5000
-"""Points of the loading curve, unless it is said otherwise."""
+"""Default number of points of the loading curve."""
 RUN = 0.02
-"""What a run takes before and after its steps, in s."""
+"""Time of a run before and after its steps, in s."""
 RELEASE, STATIC_EVENT = 1e-8, 1e-3
-"""The release of a block in the quasi-static engine, over N_x^2, and an event of it, in s."""
+"""Time of the quasi-static engine to release a block, over N_x^2, and for one event, in s."""
 FLOPS, BYTES, UNKNOWN = 13e9, 11.6e9, 25e-6
-"""Operations per second of a banded factorisation, bytes per second of its solutions, and seconds
-for all else about one unknown."""
+"""Operations per second of a banded factorisation, bytes per second of its solutions, and remaining
+seconds for each unknown."""
 SOLUTIONS = 84
-"""Solutions with the factor that find the modes of one set of contact states."""
+"""Solutions with the factor that are needed to find the modes of one set of contact states."""
 REFERENCE, PACE = (250, 3000), 25e9
-"""Half width and length of a band, and the operations per second of its factorisation on the
-machine on which the units were measured."""
+"""Half width and length of a band matrix, and operations per second of its factorisation on the
+reference machine."""
 
 
 FASTEST, SLOWEST = 0.2, 10.0
-"""A measured speed of the machine outside of this is a disturbed measurement."""
+"""Limits of `machine_speed`: a value beyond them comes from a disturbed measurement."""
 
 
 class SetUp(NamedTuple):
@@ -70,7 +73,7 @@ class SetUp(NamedTuple):
 
 
 def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float:
-    """Return the work of what a record counts, in s."""
+    """Return the work of the operations that a record counts, in s."""
     blocks = scene.N_x * scene.N_z
     evaluation = EVALUATION + BOTTOM * scene.N_x + BLOCK[geometry] * blocks
     attempt, of_block = ATTEMPT[geometry]
@@ -85,7 +88,7 @@ def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float
 
 
 def work_so_far(run: Run | Record) -> float:
-    """Return the work of a run with steps, or of its record, in s."""
+    """Return the work so far of a run with time steps, or of its record, in s."""
     counts, method = run.counts() if callable(run.counts) else run.counts, run.method
     calls = counts["steps"] / max(method.sample, 1)
     return work(run.scene, method.geometry, {**counts, "calls": calls})
@@ -99,7 +102,7 @@ def full_work(
     stepper: str = "rk4",
     points: int = POINTS,
 ) -> float:
-    """Return the work of full dynamics with steps dt over a time, both in s."""
+    """Return the work (s) of full dynamics with steps dt over a time `lasts`, both in s."""
     steps = lasts / dt
     evaluations = len(STEPPERS[stepper].c) * steps * scene.N_x * scene.N_z
     counts = {"block_evaluations": evaluations, "calls": min(steps, points)}
@@ -107,7 +110,10 @@ def full_work(
 
 
 def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:
-    """Return what an engine takes before its first step; of the hybrid one, to find modes once."""
+    """Return the work and memory of an engine before its first step.
+
+    For the hybrid engine this includes the modes of one set of contact states.
+    """
     N_x, N_z = scene.N_x, scene.N_z
     n, band = 2 * N_x * N_z, 2 * min(N_x, N_z) + 2
     if N_z == 1 or scene.prescribed:
@@ -124,7 +130,7 @@ def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:
 
 @functools.cache
 def machine_speed() -> float:
-    """Return the time of a factorisation here over that by `PACE`: above 1 where slower."""
+    """Return the time of a factorisation over that on the reference machine; above 1 if slower."""
     width, n = REFERENCE
     band = np.full((width + 1, n), 1e-3, order="F")
     band[0] = 1.0
@@ -135,7 +141,7 @@ def machine_speed() -> float:
 
 
 def check_memory(scene: Scene, fidelity: str, geometry: str) -> None:
-    """Raise SceneError if a run needs more memory than there is."""
+    """Raise SceneError if a run needs more memory than is available."""
     needed, there = set_up(scene, fidelity, geometry).bytes, available()
     if needed > there:
         allowed = f"a lattice that fits into the available memory, {there / 1e9:.3g} GB"

@@ -1,23 +1,24 @@
 """Jumps over stable slip in the hybrid engine, in linear geometry.
 
-With friction that weakens over a length, blocks near the driver slip stably long before an event,
-at a part of its speed. The run jumps along static states with slip (`pyfric.statics.creep`) to the
-last step before a contact state can change, and goes on there with the speed V dq/d(drive).
+If friction weakens over a slip length, blocks near the driver slip stably long before an event,
+more slowly than the driver. The run jumps along static states with slip (`pyfric.statics.creep`) to
+the last step before a contact state can change. There it continues with velocity V dq/d(drive).
 
-The slider also moves about that path. With w the deviation from it, K with the friction and the
-weakening of the blocks that slip, which make it unsymmetric,
+The slider also oscillates about this path. The deviation w from the path obeys
 
-    M w'' + C w' + K w = 0 .
+    M w'' + C w' + K w = 0 ,
 
-Its slow modes are sought among the shapes of the slider with all closed blocks held (`modes`) and
-the static shapes of the slips. The truncated part must be smaller than the accuracy, shared among
-the blocks. No block may turn back meanwhile: the speed of slip less all amplitudes has to stay
-positive, because a block that stops is as strong as before. While none does, slip has no memory but
-its own length, so that the deviation leaves no trace.
+where K contains the friction and the weakening of the slipping blocks and is unsymmetric.
 
-Viscosity holds the path back by a lag, which is kept. Inertia of a path that bends is of order
-sqrt(k m) v at a speed of slip v: the path is left where that exceeds `INERTIA` times the accuracy,
-shared among the blocks, which is just before slip becomes unstable.
+The slow modes are computed in a space spanned by the shapes of `modes`, with all blocks in contact
+held, and the static responses to the slips. The truncated part must be smaller than the accuracy
+divided by N_x. No block may reverse during the jump, because a block that stops has its full
+strength again. Therefore each slip speed minus the amplitudes of all modes must stay positive. If
+no block reverses, friction depends on the slip alone, and the deviation has no lasting effect.
+
+Viscosity makes the slider lag behind the path; the lag is included. The inertia of a curved path is
+of order sqrt(k m) v at a slip speed v. The path is left when this force exceeds `INERTIA` times the
+accuracy divided by N_x, which happens just before slip becomes unstable.
 """
 
 from __future__ import annotations
@@ -44,20 +45,25 @@ if TYPE_CHECKING:
 __all__ = ["Creeping", "Landing"]
 
 INERTIA = 200.0
-"""Largest sqrt(k m) v at a speed of slip v, over the accuracy of forces, shared among the blocks.
-Fitted: with 500 times, and ten times the truncated part, a slider of 9 x 6 blocks is off by
-1.2e-4 F_N after it has slid as a whole, which amplifies differences."""
+"""Largest sqrt(k m) v at a slip speed v, over the accuracy of forces divided by N_x. Fitted: with
+500, and ten times the truncated part, forces of a slider of 9 x 6 blocks are off by 1.2e-4 F_N
+after a system-size event, which amplifies differences."""
 APART = 16
 """Steps between the two states of the path whose difference gives its acceleration."""
 KEPT = 3
-"""Sets of slipping blocks whose shapes are kept: as much memory as a linearised slider each."""
+"""Sets of slipping blocks whose shapes are kept. Each needs as much memory as a linearised
+slider."""
 
 
 class Landing(NamedTuple):
-    """Where a jump ends: steps; coordinates (m) and their rates (m/s); the static state.
+    """End of a jump, and its loading curve.
 
-    `times` (s) since the jump began, `forces`, F_T there (N), amplitudes of modes in it (N) and
-    their rates (1/s) make up the loading curve of the jump.
+    Attributes:
+        n: number of steps.
+        q, v: coordinates (m) and their rates (m/s), shape (n_q,).
+        point: the static state there.
+        times, forces: times since the jump began (s), and F_T along the path (N).
+        modal, growth: amplitudes of the modes in F_T (N), and their rates (1/s).
     """
 
     n: int
@@ -100,21 +106,24 @@ class Creeping:
 
     @property
     def home(self) -> float:
-        """Where the driver of the problem is at drive = 0, in m."""
+        """Position of the driver of `problem` at drive = 0, in m."""
         return self.scene.d * float(np.mean(self.known.u_drv0))
 
     @staticmethod
     def possible(scene: Scene, geometry: str, V: float) -> bool:
-        """Whether stable slip is followed: linear geometry, friction of slip alone, V (m/s) > 0."""
+        """Whether jumps over stable slip are possible.
+
+        They need linear geometry, friction that depends on slip alone, and V (m/s) > 0.
+        """
         return geometry == "linear" and creeps(scene.law) and V > 0
 
     def land(self, state: State, held: Callable[[], Linearised], last: int) -> Landing | None:
-        """Return where a jump over stable slip may end, None if there is none.
+        """Return the end of a jump over stable slip, or None if no jump is possible.
 
         Args:
-            state: the present.
-            held: returns the slider with all blocks held that are not open.
-            last: number of the last step.
+            state: the present state.
+            held: function that returns the slider linearised with all blocks in contact held.
+            last: number of the last step that the jump may reach.
         """
         V, dt = self.V, state.dt
         drive = self.scene.drive(state.t) + self.home
@@ -145,7 +154,7 @@ class Creeping:
         return Landing(n, q + w, v + w_v, point, times, forces, modes.force(a), modes.growth)
 
     def _space(self, system: Linearised, slips: np.ndarray) -> _Space:
-        """Return shapes for these slipping blocks, from the few that are kept."""
+        """Return the shapes for these slipping blocks; the last `KEPT` sets are kept."""
         for one in self._spaces:
             if one.system is system and np.array_equal(one.slips, slips):
                 return one
@@ -153,7 +162,7 @@ class Creeping:
         return self._spaces[-1]
 
     def _path(self, modes: _Modes, point: Point, dt: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return coordinates (m) and their rates (m/s) on the path, held back by C and M."""
+        """Return coordinates (m) and rates (m/s) on the path, with the lag due to C and M."""
         space, V, by = modes.space, self.V, APART * dt
         system = space.system
         drive = point.drive - self.home
@@ -171,20 +180,21 @@ class Creeping:
         return q + system.answer(system.forces(q, drive))
 
     def _motion(self, state: State, modes: _Modes, point: Point) -> tuple[np.ndarray, float]:
-        """Return the amplitudes of the modes, and the energy of what is left, J."""
+        """Return the amplitudes of the modes, and the energy of the truncated part, in J."""
         q, v = self._path(modes, point, state.dt)
         w = self.known.coordinates(state.y[:, :2], state.rod[:3]) - q
         return modes.split(w, self.known.coordinates(state.y[:, 2:], state.rod[3:]) - v)
 
 
 class _Space:
-    """What motions of the slider are made of while the same blocks slip, wherever they are.
+    """Shapes in which the slider moves while the same blocks slip.
 
     Attributes:
-        system: the slider with all blocks held that are not open.
+        system: the slider linearised with all blocks in contact held.
         slips: the blocks that slip, shape (n,).
-        shapes: static shapes of their slips, shape (n_q, n).
-        rows: stiffness of these blocks, shape (n, n_q), and with the shapes, (n, n), in N/m.
+        shapes: static responses to unit slips of these blocks, shape (n_q, n).
+        rows: rows of the stiffness matrix for these blocks, shape (n, n_q), in N/m.
+        on_shapes: `rows` times `shapes`, shape (n, n), in N/m.
     """
 
     def __init__(self, what: Creeping, system: Linearised, slips: np.ndarray) -> None:
@@ -194,27 +204,27 @@ class _Space:
         self.on_shapes = self.rows @ self.shapes
 
     def carried(self, rate: np.ndarray) -> np.ndarray:
-        """Return dq/d(drive), shape (n_q,), where blocks slip at these rates."""
+        """Return dq/d(drive), shape (n_q,), if blocks slip at these rates per drive."""
         return self.system.drift + self.shapes @ rate[self.slips]
 
     @functools.cached_property
     def basis(self) -> np.ndarray:
-        """Shapes with all blocks held and static shapes of slips, shape (n_q, r)."""
+        """Basis of the shapes with blocks held and the static responses, shape (n_q, r)."""
         return orthonormal(np.hstack([self.system.B, self.shapes]), self.M)
 
     @functools.cached_property
     def matrices(self) -> tuple[np.ndarray, np.ndarray]:
-        """Stiffness without that of blocks that slip, and damping, in the basis, (r, r)."""
+        """Stiffness without the rows of slipping blocks, and damping, in the basis, (r, r)."""
         basis, force = self.basis, self.system.K @ self.basis
         force[self.slips] = 0.0
         return basis.T @ force, basis.T @ (self.C @ basis)
 
 
 class _Modes:
-    """Slow motions about a static state in which blocks slip.
+    """Slow modes about a static state in which blocks slip.
 
-    They are sought among the modes of the slider with all blocks held and the static shapes of the
-    slips (Galerkin's way); friction makes the stiffness unsymmetric.
+    They are Galerkin approximations in the basis of `_Space`. Friction makes the stiffness
+    unsymmetric.
     """
 
     def __init__(self, scene: Scene, space: _Space, creep: Creep, point: Point) -> None:
@@ -225,12 +235,12 @@ class _Modes:
         self.rubs = (creep.way * mu * creep.k_f)[self.slips]
 
     def friction(self, w: np.ndarray) -> np.ndarray:
-        """Return what friction adds to forces against slip, (n, ...), in N, where w, (n_q, ...)."""
+        """Return the force against slip that friction adds, (n, ...), in N, at w, (n_q, ...)."""
         at, above = w[self.slips], w[self.slips + self.scene.N_x]
         return (self.weakens * at.T - self.rubs * above.T).T
 
     def lag(self, v: np.ndarray, a: float | np.ndarray = 0.0) -> np.ndarray:
-        """Return how far a motion at v (m/s) and a (m/s^2) is held back, shape (n_q,), in m."""
+        """Return the lag due to velocity v (m/s) and acceleration a (m/s^2), (n_q,), in m."""
         system, space, force = self.system, self.space, -(self.C @ v + self.M * a)
         w = system.answer(force)
         left = force[self.slips] - space.rows @ w - self.friction(w)
@@ -238,7 +248,7 @@ class _Modes:
         return w + space.shapes @ np.linalg.solve(against, left)
 
     def split(self, w: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the amplitudes of the modes in a deviation, and the energy of what is left, J."""
+        """Return the amplitudes of the modes in a deviation, and the truncated energy, in J."""
         self._find()
         y, u = (self.basis.T @ (self.M * one) for one in (w, v))
         a = np.linalg.solve(self.right, np.concatenate([y, u]))
@@ -246,7 +256,7 @@ class _Modes:
         return a, max(float(v @ (self.M * v) + w @ (self.K @ w)) / 2, 0.0)
 
     def _find(self) -> None:
-        """Find rates (1/s) and modes (2 r, 2 r) in the basis, (n_q, r), of the space."""
+        """Find the rates (1/s) and modes (2 r, 2 r) in the basis of the space, (n_q, r)."""
         self.basis = basis = self.space.basis
         K, C = self.space.matrices
         K = K + basis[self.slips].T @ (self.space.rows @ basis + self.friction(basis))
@@ -256,24 +266,24 @@ class _Modes:
         self.growth = self.system.stepped(self.rates)
 
     def deviation(self, a: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return w (m) and w' (m/s) of modes of amplitude a a time s (s) later, shape (n_q,)."""
+        """Return w (m) and w' (m/s), shape (n_q,), after a time s (s), from amplitudes a."""
         y = (self.right @ (a * np.exp(self.growth * s))).real
         r = self.basis.shape[1]
         return self.basis @ y[:r], self.basis @ y[r:]
 
     def force(self, a: np.ndarray) -> np.ndarray:
-        """Return what modes of amplitude a add to F_T, each, in N."""
+        """Return the contribution to F_T of each mode with amplitudes a, in N."""
         r = self.basis.shape[1]
         return -(self.system.solver.push @ self.basis) @ self.right[:r] * a
 
     def safe(self, path: list[Point], V: float, a: np.ndarray, left: float, dt: float) -> float:
-        """Return how long (s) no contact state can change along a path.
+        """Return the time (s) for which no contact state can change along a path.
 
         Args:
             path: static states.
             V: speed of the driver, in m/s.
-            a: amplitudes of the modes at its start.
-            left: energy of what the modes leave out, in J.
+            a: amplitudes of the modes at the start of the path.
+            left: energy of the truncated part, in J.
             dt: resolution, in s.
         """
         unit = np.array([1.0, 1.0, V, 1.0])[:, None]
@@ -299,14 +309,17 @@ class _Modes:
         return way[-1] / V
 
     def _lagging(self, point: Point, V: float) -> np.ndarray:
-        """Return what viscosity adds to the margins where the path is at a point, (4 N_x,)."""
+        """Return the change of the gap functions by the viscous lag at a point, (4 N_x,)."""
         v = V * self.space.carried(point.rate)
         added = self._on_margins(self.lag(v), v)
-        added[2 * self.scene.N_x : 3 * self.scene.N_x] = 0.0  # the path knows its speeds of slip
+        added[2 * self.scene.N_x : 3 * self.scene.N_x] = 0.0  # the path has its slip speeds
         return added
 
     def _on_margins(self, w: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Return what w (m) and w' = v (m/s), (n_q, ...), add to margins, knots aside."""
+        """Return the change of the gap functions by w (m) and w' = v (m/s), (n_q, ...).
+
+        The fifth group of gap functions, for knots of the friction law, is left out.
+        """
         N_x, up = self.scene.N_x, (slice(None), *(w.ndim - 1) * [None])
         lift = self.creep.k_f[up] * w[N_x : 2 * N_x]
         strength = (self.scene.law.hold(-1.0) * lift.T).T
@@ -316,7 +329,7 @@ class _Modes:
         return np.concatenate([strength + force, strength - force, speed, gap])
 
     def _bounds(self) -> np.ndarray:
-        """Return what a motion of energy E does to those margins at most, over sqrt(E)."""
+        """Return the largest change of those gap functions by energy E, over sqrt(E)."""
         N_x, k_f, hold = self.scene.N_x, self.creep.k_f, self.scene.law.hold(1.0)
         C = self.C[:N_x]
         stiff = hold**2 * k_f + self.K.diagonal()[:N_x] + C.multiply(C) @ (1 / self.M)

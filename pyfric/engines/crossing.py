@@ -1,7 +1,7 @@
-"""When margins of contact, which drift and ring, first reach 0.
+"""First zero of gap functions during a jump.
 
-Margins are c + rate s + bend s^2/2 + Re(modal exp(rates s)): what `modes` and `creeping` make of
-a slider whose contact states do not change.
+While contact states do not change, `modes` and `creeping` give each gap function the form
+c + rate s + bend s^2/2 + Re(modal exp(rates s)).
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ import numpy as np
 __all__ = ["first_crossing"]
 
 GONE = 1e-16
-"""A mode is gone once it moves no margin by more than this share of the largest: rounding."""
+"""A mode is dropped once it changes no gap function by more than this share of the largest c:
+rounding."""
 GRID = 64
-"""Points at which margins are evaluated together."""
+"""Points at which gap functions are evaluated together."""
 
 
 def first_crossing(
@@ -27,29 +28,29 @@ def first_crossing(
     ds: float,
     bend: np.ndarray | float = 0.0,
 ) -> float:
-    """Return the first s in [0, s_end] at which a margin reaches 0.
+    """Return the first s in [0, s_end] at which a gap function reaches 0.
 
-    Margins are c + rate s + bend s^2/2 + Re(modal exp(rates s)).
+    Gap functions are c + rate s + bend s^2/2 + Re(modal exp(rates s)).
 
-    Nothing is missed between points: where a margin could dip below 0 within an interval, by the
-    bound of its second derivative, the interval is halved.
+    No zero between grid points is missed. A bound of the second derivative shows whether a gap
+    function could dip below 0 within an interval; if so, the interval is shortened.
 
     Args:
-        c: margins, shape (n_c,), in N.
-        rate: their drift, shape (n_c,), in N/s.
+        c: constant parts, shape (n_c,), in N.
+        rate: coefficients of s, shape (n_c,), in N/s.
         modal: amplitudes, shape (n_c, n), complex, in N.
         rates: eigenvalues, shape (n,), in 1/s, with negative real part.
-        s_end: end of the search, in s; returned if nothing crosses before.
-        ds: resolution, in s: an interval this short that could hold a crossing counts as one.
-        bend: twice the coefficient of s^2, shape (n_c,) or 0, in N/s^2.
+        s_end: end of the search, in s; returned if no gap function crosses before.
+        ds: resolution, in s. An interval of this length that may hold a zero counts as a zero.
+        bend: twice the coefficients of s^2, shape (n_c,) or 0, in N/s^2.
     """
     size, bend = np.abs(modal), np.broadcast_to(bend, c.shape)
     fastest = np.max(np.abs(rates), initial=1 / s_end)
     s, h = 0.0, 0.1 / fastest
     while s < s_end:
         decay = np.exp(rates.real * s)
-        # Leap: the modes can do no more than their present amplitude. Only margins that may reach 0
-        # on the grid are followed.
+        # Modes cannot exceed their present amplitudes. Gap functions that stay positive by this
+        # bound over the whole grid are not evaluated.
         low = c + (rate + (0.5 * s) * bend) * s - size @ decay
         fall = -(rate + s * bend)
         root = fall**2 - 2 * bend * low
@@ -57,7 +58,7 @@ def first_crossing(
         falls = (root >= 0) & (fall > 0)
         near = ~(low > 0) | (falls & (2 * low <= GRID * h * fall))
         if not near.any():
-            with np.errstate(over="ignore"):  # margins that next to nothing moves never fall
+            with np.errstate(over="ignore"):  # a very slow fall gives an infinite time
                 leap = float(np.min(2 * low[falls] / fall[falls], initial=np.inf))
             s = min(s + leap, s_end)
             continue

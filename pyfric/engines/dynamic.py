@@ -1,8 +1,9 @@
-"""Full dynamics: the reference engine, and what engines with time steps have in common.
+"""Full dynamics: the reference engine, and the base class of engines with time steps.
 
-The whole lattice is integrated on a uniform step. Classical RK4 with contact states that switch at
-the end of a step is the paper's method; other steppers, and switches located inside the step, are
-options. Steps are made in short calls of the core, so that a run can show progress, stop and go on.
+The whole lattice is integrated with a uniform step. The paper's method is classical RK4 with
+contact states that switch at the end of a step. Other steppers, and switches located inside the
+step, are options. Each call of the core makes a limited number of steps, so that a run can show
+progress, stop and go on.
 
 Source: PRL 107, 074301 (2011).
 """
@@ -48,22 +49,22 @@ if TYPE_CHECKING:
 __all__ = ["Run", "RunError", "just_after", "kept_notes", "last_step"]
 
 CALL_SECONDS = 0.2
-"""Longest time in the core between two looks at Ctrl-C, s."""
+"""Longest time in the core between two checks for Ctrl-C, in s."""
 MAX_CALL = 2**30
 """Most steps of one call of the core."""
 STATIC_SECONDS = 1.0
-"""Static forces of new events are found this often, or more rarely where that takes a tenth of the
-time, so that little is left to do at the end, s."""
+"""Time between two searches for the static forces of new events, in s. It grows if the search takes
+more than a tenth of the time. Little is then left to do at the end of a run."""
 ON_GRID = 1e-9
-"""A corner of a protocol this close to the end of a step, over dt, is there."""
+"""A breakpoint of a protocol this close to the end of a step, over dt, counts as on it."""
 OPEN_BUDGET = 1e-3
-"""An energy budget that misses more than this share is noted."""
+"""Relative error of the energy budget above which the record carries a note."""
 UNFINISHED = (core.Status.ENDLESS, core.Status.TOO_SHORT)
-"""What the core says where it could not finish a step."""
+"""Status codes of the core for a step that it could not finish."""
 
 
 class RunError(RuntimeError):
-    """A run had to stop. Attribute `record`: what was done until then, valid throughout."""
+    """A run had to stop. Its attribute `record` holds the valid part of the run."""
 
     def __init__(self, message: str, record: Record) -> None:
         super().__init__(message)
@@ -74,24 +75,24 @@ class RunError(RuntimeError):
 
 
 def kept_notes(before: Record | None) -> tuple[str, ...]:
-    """Return the notes that stay when a record goes on: all but those of its engine."""
+    """Return the notes that a continued run keeps: all except those of its engine."""
     if before is None:
         return ()
     return tuple(note for note in before.notes if not note.startswith(f"{before.method.engine}: "))
 
 
 def last_step(t0: float, dt: float, t: float) -> int:
-    """Return the number of the first step that ends at t or beyond, but for rounding."""
+    """Return the number of the first step that ends at t or later, within rounding."""
     return math.ceil((t - t0) / dt * (1 - 1e-14) - ON_GRID)
 
 
 def just_after(state: State) -> float:
-    """Return the time (s) by which the piece of a protocol is chosen that comes next."""
+    """Return a time (s) just after the state, which selects the next piece of a protocol."""
     return state.t + ON_GRID * state.dt
 
 
 class _Good(NamedTuple):
-    """A sound state, its energy, and what had been logged until then."""
+    """A state that passed the checks of `Guard`, its energy, and the logs until then."""
 
     state: State
     energy: Energy
@@ -103,7 +104,7 @@ class _Good(NamedTuple):
 
 
 class Run:
-    """A run of full dynamics under way: the state, and what has been logged so far."""
+    """A run of full dynamics in progress: the state, and the logs so far."""
 
     name = "dynamic"
     keeps_budget, jumps = True, False
@@ -128,12 +129,12 @@ class Run:
         self.switches: list[Mapping[str, np.ndarray]] = []
         self.quiet: list[Mapping[str, np.ndarray]] = []
         self.rows: list[list[float]] = []
-        self.motion: list[dict[str, np.ndarray]] = []  # beside each row, where the law has any
+        self.motion: list[dict[str, np.ndarray]] = []  # one per row, if the law records motion
         self.timings: dict[str, float] = {}
         self.events, self.last_slip = 0, -math.inf
         self.steps, self.seconds, self.rate = 0, 0.0, 0.0
         self.evaluations = 0
-        self.good: _Good | None = None  # where a run that fails goes back to
+        self.good: _Good | None = None  # a run that fails returns to it
         self.before = before
         if before is None:
             self.sample()
@@ -147,20 +148,20 @@ class Run:
             del self.motion[len(self.rows) :]
 
     def before_call(self, last: int) -> None:
-        """Do what an engine does instead of making steps; step number last may be reached."""
+        """Do what an engine does instead of steps, up to step number `last`."""
 
     def call_length(self) -> int:
-        """Return the most steps of the next call."""
+        """Return the largest number of steps of the next call."""
         return MAX_CALL
 
     def counts(self) -> dict[str, int]:
-        """Return the steps that were made, and the blocks times force evaluations."""
+        """Return the number of steps, and of force evaluations times blocks."""
         old = self.before.counts if self.before else {}
         made = {"steps": self.steps, "block_evaluations": self.evaluations}
         return {name: value + old.get(name, 0) for name, value in made.items()}
 
     def notes(self) -> tuple[str, ...]:
-        """Return what a reader of the record has to know."""
+        """Return the notes for the record."""
         scene, dt = self.scene, self.method.dt
         notes = ()
         if self.method.geometry == "linear":
@@ -177,7 +178,7 @@ class Run:
         return (*notes, *(f"{self.name}: {note}" for note in told))
 
     def columns(self) -> list[str]:
-        """Names of the columns of the curve."""
+        """Return the names of the columns of the curve."""
         names = ["t", "F_T"]
         if self.method.budget:
             names += [*core.energies(self.model, self.state, self.state.t)]
@@ -189,7 +190,7 @@ class Run:
         return pd.DataFrame(self.rows, columns=self.columns())
 
     def sample(self) -> None:
-        """Add the present to the loading curve."""
+        """Add the present state to the loading curve."""
         state, scene = self.state, self.scene
         u_x = scene.u_driven(state.y)
         F_T = scene.driver_force(scene.drive(state.t), u_x, state.u_drv0)
@@ -218,7 +219,7 @@ class Run:
         show: Callable[[Progress], None],
         options: Options,
     ) -> None:
-        """Make the steps up to number `last`; after Ctrl-C, leave before that."""
+        """Make the steps up to number `last`, unless Ctrl-C or a condition ends the run before."""
         state, every = self.state, self.method.sample
         start = saved = shown = time.perf_counter()
         solve_at = start + STATIC_SECONDS
@@ -251,20 +252,20 @@ class Run:
         self.timings["stepping"] = time.perf_counter() - start
 
     def ended(self) -> str:
-        """Return the status of a run that one of its conditions ends now, "" where none does."""
+        """Return the status of a run that a condition ends now, or "" if none does."""
         if self.stopping is None:
             return ""
         self.look()
         return self.stopping.status()
 
     def look(self) -> None:
-        """Show the present to the conditions."""
+        """Pass the present state to the conditions."""
         state = self.state
         forces = functools.partial(core.evaluate, self.model, state, state.t)
         self.stopping.look_at(state, forces)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Save the run so far; where that fails, warn and go on."""
+        """Save the run so far; if that fails, warn and go on."""
         try:
             self.record("interrupted").save(path)
         except OSError as error:
@@ -275,7 +276,8 @@ class Run:
     def make_steps(self, state: State, n_steps: int) -> core.Status:
         """Make up to n_steps; the state changes in place, and the log is filled.
 
-        A step ends at each corner of a protocol; the next one belongs to another piece.
+        A step is shortened or lengthened to end at each breakpoint of a protocol. The next step
+        belongs to the next piece.
         """
         scene, t = self.scene, just_after(state)
         if not scene.corners:
@@ -308,10 +310,10 @@ class Run:
         )
 
     def call(self, n_steps: int) -> None:
-        """Make up to n_steps that leave a sound state.
+        """Make up to n_steps and check the state.
 
         Raises:
-            RunError: they do not.
+            RunError: the core could not finish a step, or the state fails a check.
         """
         if self.good is None:
             self.good = self._kept()
@@ -337,13 +339,13 @@ class Run:
             self._add_logs(self.log.switches(), self.log.quiet())
 
     def _kept(self) -> _Good:
-        """Return what a run that fails later goes back to."""
+        """Return a copy of the run to which it returns if it fails later."""
         made, logs = (self.steps, self.evaluations), (self.rows, self.switches, self.quiet)
         energy = self.guard.energy(self.state)
         return _Good(self.state.copy(), energy, *made, *(log[:] for log in logs))
 
     def _look(self, due: bool) -> None:
-        """Raise RunError if the state is not sound; energy and lattice are looked at if due."""
+        """Raise RunError if the state fails a check; energy and lattice are checked if due."""
         good = self.good
         base = good.energy if due else None
         if self.guard.trouble(good.state, self.state, base) is not None:
@@ -363,7 +365,7 @@ class Run:
             self.last_slip = t
 
     def _stuck_at(self, status: core.Status) -> str:
-        """Say where and why the core could not finish a step."""
+        """Return the message of a step that the core could not finish."""
         method, t, dt = self.method, self.log.t, self.state.dt
         if status == core.Status.TOO_SHORT:
             return (
@@ -378,7 +380,7 @@ class Run:
         )
 
     def _fail(self) -> None:
-        """Go back to the last step that was sound and raise RunError with the one that was not."""
+        """Return to the last step that passes all checks and raise RunError for the next one."""
         good, base, fine, wrong = *self.good[:2], self.good.state.step, self.state.step
         while wrong - fine > 1:
             middle = (fine + wrong) // 2
@@ -407,7 +409,7 @@ class Run:
         return ", or take switching = 'step_end', because steps of different length can feed energy"
 
     def _back_to(self, step: int) -> None:
-        """Go back to the last good state, and from there to a sound step, with all that is kept."""
+        """Restore the last good state and logs, and repeat the steps up to number `step`."""
         state, _, self.steps, self.evaluations, self.rows, self.switches, self.quiet = self.good
         self.state, every = state.copy(), self.method.sample
         del self.motion[len(self.rows) :]
@@ -417,7 +419,7 @@ class Run:
                 self.sample()
 
     def _again(self, good: State, step: int) -> State:
-        """Return the state of a step number, made once more from an earlier state."""
+        """Return the state at a step number, computed again from an earlier state."""
         state, kept, self.log = good.copy(), self.log, core.Log(self.scene.N_x)
         while state.step < step and self.make_steps(state, step - state.step) not in UNFINISHED:
             pass
@@ -425,7 +427,7 @@ class Run:
         return state
 
     def catalogue(self) -> tuple[Catalogue, dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Return the catalogue of what has been logged, and the two logs."""
+        """Return the catalogue of events so far, and the two logs."""
         switches, quiet = _joined(self.switches), _joined(self.quiet)
         if not self.switches:
             empty = core.Log(self.scene.N_x, 0, 0)
@@ -443,7 +445,7 @@ class Run:
         return catalogue, switches, quiet
 
     def record(self, status: str) -> Record:
-        """Return what was done so far."""
+        """Return the record of the run so far."""
         state, scene, method = self.state, self.scene, self.method
         start = time.perf_counter()
         catalogue, switches, quiet = self.catalogue()

@@ -1,20 +1,20 @@
-"""What ends a run that has left the range of the model: numbers, energy, or lattice.
+"""Checks that end a run outside the range of the model: numbers, energy, lattice.
 
-A step within the stability limit keeps small motions bounded, but not every motion is small. Three
-things are looked at, the first one after each call of the core, the others after calls that
-complete `STEPS` steps:
+A step within the stability limit keeps small motions bounded, but large motions can still grow.
+There are three checks. The first follows each call of the core, the others every `STEPS` steps:
 
 - numbers: every displacement and velocity is finite;
-- energy: nothing but the driver and the forces on the top can feed the slider. With G the kinetic
-  and elastic energy and the potential of the load, dG/dt <= F_T V, and F_T <= sqrt(2 K G) because
-  the driver's spring is part of G. The first time at which G reaches a new height G_1, all earlier
-  values were below it, so that
+- energy: only the driver and the forces on the top can add energy. Let G be the kinetic and elastic
+  energy and the potential of the load. Then dG/dt <= F_T V, and F_T <= sqrt(2 K G) because G
+  contains the energy of the driver's spring. When G first reaches a new maximum G_1, all earlier
+  values are lower, so that
 
       G_1 - G_0 <= V (t_1 - t_0) sqrt(2 K max(G_0, G_1)) + work of the constant shear forces.
 
-  This holds for the exact motion, however it switches; a margin of `MARGIN` of G leaves room for
-  errors of the steps. An instability multiplies G without limit and cannot stay below;
-- lattice, in finite geometry: no corner of a cell is turned inside out. Springs would not mind.
+  The exact motion satisfies this bound for any sequence of contact states. `MARGIN` times G allows
+  for errors of the steps. An instability makes G grow without limit and violates the bound;
+- lattice, in finite geometry: no corner of a cell is turned inside out. The springs alone would
+  allow it.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ __all__ = [
 ]
 
 STEPS = 250
-"""Steps between two looks at energy and lattice. A run that fails goes back to the last one."""
+"""Steps between two checks of energy and lattice. A run that fails returns to the last one."""
 MARGIN = 0.1
-"""Growth of energy that steps of an admitted size may add between two looks, over the energy."""
+"""Energy that errors of the steps may add between two checks, over the energy."""
 STRAIN_SHARE = 0.65
-"""Largest strain of a bond, at the driven block, over F_T/(k l); under a plate it is less."""
+"""Largest strain of a bond, at the driven block, over F_T/(k l). Under a plate it is smaller."""
 LINEAR = 0.1
-"""Beyond this strain, results of linear geometry carry a note."""
+"""Strain above which results of linear geometry carry a note."""
 
 
 class Trouble(NamedTuple):
-    """What is wrong with a state, and where: the column and row of a block."""
+    """What is wrong with a state, and the column and row of the block where it is."""
 
     what: str
     i: int
@@ -62,7 +62,7 @@ class Trouble(NamedTuple):
 
 
 class Energy(NamedTuple):
-    """Step and time (s) of a state, its G and the work of the constant shear forces, in J."""
+    """Step and time (s) of a state, its energy G (J), and the work of constant shear forces (J)."""
 
     step: int
     t: float
@@ -71,13 +71,13 @@ class Energy(NamedTuple):
 
 
 class Guard:
-    """Looks at the states of one run.
+    """Checks of the states of one run.
 
     Args:
         scene: the scene.
-        model: the scene as the core takes it.
+        model: the scene in the form that the core takes.
         geometry: "linear" or "finite".
-        loaded: the loaded slider at rest; its energy sets the floor of G.
+        loaded: the loaded slider at rest; its energy sets the constant in G.
     """
 
     def __init__(
@@ -85,8 +85,9 @@ class Guard:
     ) -> None:
         self.scene, self.model = scene, model
         self.finite = geometry == "finite"
-        # Without friction the loaded slider would take a little more from the load, but less than
-        # it took. So G, the elastic energy at rest, stays above the energy of the driver's spring.
+        # Without friction the loaded slider would gain a little more energy from the load, but less
+        # than it has already gained. So G, which is the elastic energy at rest, stays above the
+        # energy of the driver's spring.
         rest = loaded.state(scene, 1.0)
         parts = core.energies(model, rest, 0.0)
         elastic = sum(parts[name] for name in core.ENERGIES[2:5])
@@ -106,9 +107,10 @@ class Guard:
         return Energy(state.step, state.t, stored, shear)
 
     def _of_changes(self, state: State) -> float:
-        """Return the most that changes of F_N and T can have done, in J: all they may ever differ.
+        """Return a bound of the work (J) done by changes of F_N, T and pushes.
 
-        The potential counts F_N and T as they were at t = 0.
+        The potential uses F_N and T at t = 0. The bound uses their largest change over the whole
+        protocol, times the largest displacement.
         """
         top, parts = self.scene.top, 0.0
         for name, first, c in (("protocol", self.scene.F_N, 1), ("T_protocol", 0.0, 0)):
@@ -120,12 +122,15 @@ class Guard:
         return 2 * parts
 
     def trouble(self, before: State, after: State, base: Energy | None = None) -> Trouble | None:
-        """Return what is wrong with a state that came from another one, None if nothing is.
+        """Return what is wrong with the state `after`, None if nothing is.
 
-        Without energies to compare with, only the numbers are looked at.
+        Args:
+            before: an earlier state of the run.
+            after: the state to check.
+            base: energy of an earlier state; None means that only the numbers are checked.
         """
         if not (np.isfinite(after.y).all() and np.isfinite(after.rod).all()):
-            return Trouble("the motion is not finite", *_fastest(before))  # since, it has spread
+            return Trouble("the motion is not finite", *_fastest(before))  # later it has spread
         if base is None:
             return None
         _, t_0, G_0, W_0 = base
@@ -149,7 +154,7 @@ def _fastest(state: State) -> tuple[int, int]:
 
 
 def folded(scene: Scene, u: np.ndarray) -> tuple[int, int] | None:
-    """Return column and row of a block at which a cell is turned inside out, None if none is.
+    """Return column and row of a block at which a cell is turned inside out, or None.
 
     Args:
         scene: the scene.
@@ -180,12 +185,12 @@ def largest_load(scene: Scene, t_end: float = math.inf) -> tuple[float, float]:
 
 
 def largest_strain(scene: Scene, F_T: float, t_end: float = math.inf) -> float:
-    """Return the largest strain of a bond at a driver force F_T, and under F_N and T alone.
+    """Return the largest strain of a bond under the driver force F_T or under F_N and T.
 
     Args:
         scene: the scene.
-        F_T: of the driver, in N.
-        t_end: until when F_N and T are looked at, in s.
+        F_T: force of the driver, in N.
+        t_end: time until which F_N and T are considered, in s.
     """
     unit = scene.slider.k * scene.slider.l
     if scene.N_z == 1 or scene.prescribed:

@@ -1,11 +1,11 @@
-"""Hybrid engine: dynamics where the interface slips, closed forms where it waits.
+"""Hybrid engine: full dynamics while blocks slip, closed forms while all blocks stick.
 
-Events are integrated as in full dynamics, by the same core and on the same steps in time. Once
-nothing slips any more, the run jumps to the last step before a contact state can change (`jump`),
-and goes on there with the modes that are left. Jumps end at the corners of a protocol.
+Events are integrated as in full dynamics, by the same core and with the same time steps. When
+nothing slips any more, the run jumps to the last step before a contact state can change (`jump`).
+It continues there with the remaining oscillation. Jumps end at the breakpoints of a protocol.
 
-Where a jump is not possible, steps are made: a slider that never comes to rest is integrated in
-full, and the record says so.
+If no jump is possible, the engine makes steps. A slider that never comes to rest is integrated in
+full, and a note in the record says so.
 
 Source: PRL 107, 074301 (2011) for the model.
 """
@@ -32,18 +32,18 @@ if TYPE_CHECKING:
 __all__ = ["HybridRun"]
 
 AMPLIFIED = 250.0
-"""Events amplify what jumps leave: forces of later events are off by this many times the largest
-estimate of a jump, or less, in the 27 sets of off-box scenes."""
+"""Factor by which events amplify errors of jumps. The error of forces in later events was at most
+this many times the largest estimated error of a jump, in 27 sets of off-box scenes."""
 BALANCED = 1e-11
 """Largest error of a contact force in static states of events, over F_N."""
 MOSTLY = 0.5
-"""A larger share of time that is integrated is noted in the record."""
+"""Integrated share of the time above which the record carries a note."""
 KEPT, RESTS = 8, 32
-"""Contact states whose modes are kept, and paths on which static states are found: together these
-take the memory of one set of modes."""
+"""Sets of contact states whose modes are kept, and paths on which static states are found. All
+paths together take as much memory as one set of modes."""
 LATE = 1 / 8
-"""After a jump that was refused the next try comes this share of the steps since the last jump
-later, at least: few tries where hardly any succeed, and jumps that come this share late."""
+"""Shortest wait after a refused jump, over the steps since the last jump. It limits the number of
+attempts; a jump can come late by this share."""
 
 
 class Static(NamedTuple):
@@ -55,7 +55,7 @@ class Static(NamedTuple):
 
 
 class RestStates:
-    """States of rest at fixed contact states, and what has been found for each of these.
+    """Static states at fixed contact states, with a memory of earlier solutions.
 
     Args:
         solver: static states of the scene in its geometry.
@@ -78,7 +78,7 @@ class RestStates:
         return Linearised(self.known, stuck, self.dt)
 
     def renew(self, stuck: np.ndarray, q: np.ndarray) -> Linearised:
-        """Return the slider linearised at a state q, from now on."""
+        """Return the slider linearised at a state q, and keep it for later calls of `system`."""
         return self._systems.put(stuck.tobytes(), self.system(stuck).at(q))
 
     def at(
@@ -89,10 +89,10 @@ class RestStates:
         load: tuple[float, float] | None,
         enough: float,
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return coordinates (m) and forces on them (N) at rest, None if they are not found.
+        """Return coordinates (m) and forces (N) of the static state, or None if none is found.
 
-        The search starts on the path of a state with the same blocks in the same places, or else
-        at the latest state with the same contact states.
+        The search starts on the path of a state with the same blocks at the same positions. If
+        there is none, it starts at the latest state with the same contact states.
         """
         system, key = self.system(stuck), stuck.tobytes()
         place = key, u_x[system.held].tobytes()
@@ -112,7 +112,7 @@ class RestStates:
         return found
 
     def keep(self, u_x: np.ndarray, stuck: np.ndarray, jump: Jump) -> None:
-        """Remember the path of a jump that the driver alone moves: static states lie on it."""
+        """Keep the path of a jump if only the driver moves: static states lie on this path."""
         outside = jump.outside
         if outside.steady and outside.V and not any(outside.gain):
             path = jump.path.q / np.array([[1.0], [outside.V], [outside.V**2]])
@@ -133,7 +133,7 @@ class RestStates:
     def _static(
         self, u_x: np.ndarray, drive: float, free: np.ndarray, load: tuple[float, float] | None
     ) -> Static | None:
-        """Return the state of rest at these contact states, None if contact would change them."""
+        """Return the static state at these contact states, or None if contact would change them."""
         scene, N_x = self.known.scene, len(free)
         found = self.at(u_x, ~free, drive, load, BALANCED * scene.F_N)
         if found is None:
@@ -173,7 +173,7 @@ class HybridRun(Run):
 
     @property
     def creeping(self) -> Creeping | None:
-        """Jumps over stable slip, None where stable slip is not followed."""
+        """The calculator of jumps over stable slip, or None if such jumps are not possible."""
         scene, t = self.scene, just_after(self.state)
         if not self.creeps:
             return None
@@ -189,15 +189,15 @@ class HybridRun(Run):
         return self._creepings[V.value]
 
     def call_length(self) -> int:
-        """Return how many steps may be made before the next look."""
+        """Return how many steps may be made before the next attempt to jump."""
         slips = self._slips()
         if slips.any() and self.creeping is None:
-            # the core returns when the last block stops, corner slip aside
+            # the core returns when the last block stops, apart from corner slip
             return TRY if self.state.corner[slips].all() else 2**30
         return max(1, self.try_at - self.state.step)
 
     def before_call(self, last: int) -> None:
-        """Jump if nothing slips and it is safe."""
+        """Jump if nothing slips, or over stable slip, if an attempt is due."""
         state, slips = self.state, bool(self._slips().any())
         if slips != self.slid or (slips and self.creeping is None):
             self.try_at, self.slid = state.step + TRY * (self.steps > 0), slips
@@ -208,7 +208,7 @@ class HybridRun(Run):
             self.try_at = state.step + max(wait, int(LATE * (state.step - self.landed)))
 
     def counts(self) -> dict[str, int]:
-        """Return steps, block evaluations, jumps and the steps they spared, attempts, bases."""
+        """Return numbers of steps, block evaluations, jumps, spared steps, attempts and bases."""
         made = super().counts()
         old = self.before.counts if self.before else {}
         return made | {
@@ -219,7 +219,7 @@ class HybridRun(Run):
         }
 
     def notes(self) -> tuple[str, ...]:
-        """Say so where the slider hardly ever came to rest."""
+        """Return the notes, with one more if the slider hardly ever came to rest."""
         notes, done = super().notes(), self.counts()
         share = done["steps"] / max(done["steps"] + done["steps_spared"], 1)
         if share <= MOSTLY or done["steps"] < 1000:
@@ -231,7 +231,7 @@ class HybridRun(Run):
         )
 
     def _piece_ends(self, last: int) -> int:
-        """Return the last step that a jump may end with: `last`, or the last before a corner."""
+        """Return the last step that a jump may reach, at most `last`, before any breakpoint."""
         state, t = self.state, just_after(self.state)
         corner = next((one for one in self.scene.corners if one > t), math.inf)
         if math.isinf(corner):
@@ -239,7 +239,10 @@ class HybridRun(Run):
         return min(last, last_step(state.t0, state.dt, corner) - 1)
 
     def jump(self, last: int) -> int:
-        """Go to the last step before a contact state can change; return the steps to the next."""
+        """Jump to the last step before a contact state can change.
+
+        Return the number of steps until the next attempt.
+        """
         state, known = self.state, self.known
         stuck, most = state.mode != OPEN, self._piece_ends(last) - state.step
         if most <= 0 or not stuck.any():
@@ -269,9 +272,9 @@ class HybridRun(Run):
         return 1 if full else TRY
 
     def _ends_after(self, n: int) -> int:
-        """Return after how many of a jump's n steps a condition ends the run, 0 for none.
+        """Return after how many of a jump's n steps a condition ends the run, or 0 if none does.
 
-        The curve is cut there.
+        The loading curve is cut there.
         """
         if self.stopping is None:
             return 0
@@ -287,9 +290,9 @@ class HybridRun(Run):
         return (self.state.step // every + 1 + last) * every - self.state.step
 
     def slide(self, last: int) -> int:
-        """Go to the last step before a contact state changes while blocks slip stably.
+        """Jump over stable slip to the last step before a contact state can change.
 
-        Return the steps to the next try.
+        Return the number of steps until the next attempt.
         """
         state, most = self.state, self._piece_ends(last) - self.state.step
         landing, self.attempts = None, self.attempts + 1
@@ -313,7 +316,7 @@ class HybridRun(Run):
         start: tuple[np.ndarray, np.ndarray],
         most: int,
     ) -> Landing | Wait | Stale:
-        """Return where a jump from here lands."""
+        """Return the end of a jump from the present state, or a reason to wait."""
         state, known = self.state, self.known
         path = path_from(system, outside, *start)
         q = known.coordinates(state.y[:, :2], state.rod[:3])
@@ -324,20 +327,20 @@ class HybridRun(Run):
         return Jump(system, outside, path, motion, **how).land(most)
 
     def _samples(self, n: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the times of points of the curve in a jump of n steps, and from now on, in s."""
+        """Return the sample times in a jump of n steps: since t = 0, and since now, in s."""
         state, every = self.state, self.method.sample
         steps = np.arange((state.step // every + 1) * every, state.step + n + 1, every)
         return state.t0 + steps * state.dt, (steps - state.step) * state.dt
 
     def _sample_jump(self, landing: Landing, outside: Outside) -> None:
-        """Add the points of the loading curve in a jump."""
+        """Add the samples of a jump to the loading curve."""
         (t, s), scene = self._samples(landing.n), self.scene
         moved = landing.jump.u_h(s) - np.mean(self.state.u_drv0)
         stretch = outside.drive_at(s) - scene.d * moved
         self.rows += np.column_stack([t, scene.driver.K * stretch]).tolist()
 
     def _land(self, landing: Landing, system: Linearised) -> None:
-        """Put the state where a jump lands."""
+        """Set the state to the end of a jump."""
         state, n = self.state, len(system.held)
         self.rests.keep(state.y[0, 0], system.stuck, landing.jump)
         self._put(landing.q, landing.v, state.y[0, 0].copy(), landing.n)
@@ -346,7 +349,7 @@ class HybridRun(Run):
         self.largest_error = max(self.largest_error, landing.error)
 
     def _put(self, q: np.ndarray, v: np.ndarray, u_x: np.ndarray, n: int) -> None:
-        """Put coordinates q and their rates v n steps later; stuck blocks are at u_x."""
+        """Set coordinates q and rates v, n steps later; stuck blocks stay at u_x."""
         state, known, held = self.state, self.known, self.state.mode == STUCK
         state.y[:, :2], state.rod[:3] = known.displacements(q)
         state.y[:, 2:], state.rod[3:] = known.displacements(v)

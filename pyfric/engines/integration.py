@@ -1,4 +1,4 @@
-"""A run with one of the engines that make time steps, from its loaded state to its record."""
+"""A run of an engine with time steps, from the loaded state to the record."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["integrate"]
 
 FOLDING = 0.2
-"""Where no loaded state is found and bonds are strained by more than this, F_N is too large."""
+"""Strain of bonds above which F_N is reported as too large if no loaded state is found."""
 
 
 def integrate(
@@ -38,9 +38,9 @@ def integrate(
     progress: bool | Callable[[Progress], None] | None = None,
     enough: Callable[[Run], bool] | None = None,
 ) -> Record:
-    """Integrate a scene with one of the engines that make time steps; see `pyfric.simulate`.
+    """Integrate a scene with an engine that makes time steps; see `pyfric.simulate`.
 
-    It ends, interrupted, where `enough` says so.
+    The run ends with status "interrupted" as soon as `enough` returns true.
     """
     before = initial if isinstance(initial, Record) else None
     if before is not None:
@@ -52,7 +52,7 @@ def integrate(
     t_end = check_number("t_end", t_end, "s", ge=t_begin)
     method = options.settled(scene, engine, t_begin, t_end)
 
-    # From before the set-up on; bands and small products only lose on more threads of BLAS.
+    # One BLAS thread from here on: banded matrices and small products get slower with more.
     with run_bar(progress, scene, t_begin, t_end) as show, one_thread():
         start = time.perf_counter()
         solver = _loaded(scene, method.geometry, None if initial is None else initial.u_drv0)
@@ -69,7 +69,7 @@ def integrate(
 
 
 def _last(scene: Scene, state: State, t_end: float) -> int:
-    """Return the number of the last step of a run; each corner of a protocol begins a new grid."""
+    """Return the number of the last step. Each breakpoint of a protocol starts a new time grid."""
     t0 = state.t0
     for corner in scene.corners:
         if state.t + ON_GRID * state.dt < corner < t_end:
@@ -78,11 +78,11 @@ def _last(scene: Scene, state: State, t_end: float) -> int:
 
 
 def _loaded(scene: Scene, geometry: Geometry, u_drv0: OnDriven | None) -> StaticSolver:
-    """Return the solver with the loaded slider.
+    """Return the static solver with the loaded slider.
 
     Raises:
-        SceneError: the load folds the lattice (finite geometry), or a push lets nothing slip.
-        EquilibriumError: there is no loaded state for another reason.
+        SceneError: the load folds the lattice (finite geometry), or pushes are refused.
+        EquilibriumError: no loaded state was found, for any other reason.
     """
     strain, pushed = largest_strain(scene, 0.0, 0.0), scene
     scene = scene.replace({"top.push": ()}) if scene.top.push else scene

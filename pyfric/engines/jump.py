@@ -1,24 +1,24 @@
 """A jump: one step of an adaptive integrator, from an event to just before the next one.
 
-While no contact state changes, the slider follows its quasi-static path, behind which it lags, and
-rings about it (`modes`). With s the time since the jump began, b the forces on the coordinates,
-which are straight or parabolic over s between two corners of a protocol, and K the tangent,
+While no contact state changes, the slider follows its quasi-static path with a viscous lag and
+oscillates about it (`modes`). Let s be the time since the jump began, K the tangent stiffness, and
+b the forces on the coordinates. Between two breakpoints of a protocol, b is linear or quadratic in
+s:
 
     q(s) = q_0 + q_1 s + q_2 s^2/2 + l_0 + l_1 s + w(s) ,
     K q_1 = b' ,   K q_2 = b'' ,   K l_1 = -C q_2 ,   K l_0 = -C (q_1 + l_1) - M q_2 .
 
-That is exact in linear geometry, but for what the modes truncate. In finite geometry it is a
-prediction. What it leaves of the equation of motion where the jump lands,
+In linear geometry this is exact except for the truncated part of the modes. In finite geometry it
+is a prediction. The residual of the equation of motion at the end of the jump,
 
     D = forces(q) - C q' - M q'' ,
 
-moves the slider by K^-1 D. The path is bent so that it passes there, until that moves the gap
-functions by less than the accuracy. The jump ends just before gap functions, less the bound of the
-truncated part, reach zero.
+corresponds to a displacement K^-1 D. A quadratic term that adds this displacement corrects the
+path. The correction is repeated until it changes the gap functions by less than the accuracy. The
+jump ends just before a gap function, minus the bound of the truncated part, reaches zero.
 
-The estimate of the error of a jump is what the last such correction does to the gap functions at
-landing, what the truncated part still does to them there, and what the modes leave of the equation
-of motion on the way.
+The estimated error of a jump is a change of gap functions with three causes: the last correction,
+the truncated part at the end of the jump, and the residual that the modes leave during the jump.
 
 Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), for
 control of the defect.
@@ -41,20 +41,20 @@ if TYPE_CHECKING:
 __all__ = ["TRY", "Jump", "Landing", "Outside", "Path", "Stale", "Wait", "at", "path_from", "rest"]
 
 TRY = 12
-"""Steps that take about as long as a try: no jump is shorter, and no wait for the next one."""
+"""Smallest number of steps of a jump, and between two attempts: an attempt takes about as long."""
 LONGEST = 2**30
-"""Longest wait, in steps: the core takes no more in one call."""
+"""Longest wait, in steps: the most that one call of the core makes."""
 ROUNDS = 8
-"""Most corrections of one path; each gains more digits than the one before."""
+"""Most corrections of one path. Each correction gains more digits than the one before."""
 
 
 class Outside:
-    """What acts on the slider from a time on, up to the next corner of a protocol.
+    """Driver and loads from a time on, up to the next breakpoint of a protocol.
 
     Args:
         solver: static states of the scene in its geometry.
-        t: time, in s; s counts from here.
-        after: a time on the piece of the protocol that is meant, in s.
+        t: time at which s = 0, in s.
+        after: a time that selects the piece of the protocol, in s; None means t.
     """
 
     def __init__(self, solver: StaticSolver, t: float, after: float | None = None) -> None:
@@ -67,7 +67,7 @@ class Outside:
 
     @property
     def steady(self) -> bool:
-        """Whether forces change at one rate."""
+        """Whether forces change at a constant rate."""
         return self.a == 0
 
     def rates(self) -> tuple[np.ndarray, np.ndarray]:
@@ -80,21 +80,21 @@ class Outside:
         return self.drive + s * (self.V + (0.5 * s) * self.a)
 
     def load_at(self, s: float) -> tuple[float, float] | None:
-        """Return F_N and T at s (s), in N; None where they never change."""
+        """Return F_N and T at s (s), in N; None if they never change."""
         if self.load is None:
             return None
         return self.load[0] + s * self.gain[0], self.load[1] + s * self.gain[1]
 
 
 class Path(NamedTuple):
-    """The quasi-static path of the slider, and how far it lags behind, as polynomials in s.
+    """The quasi-static path of the slider, and its lag, as polynomials in s.
 
-    Each is given by its value, rate and bend at s = 0.
+    Each polynomial is given by its value, first and second derivative at s = 0.
 
     Attributes:
-        q: coordinates at rest, shape (3, n_q).
-        lag: of the coordinates, shape (3, n_q).
-        gaps: gap functions, lag included, shape (3, n_c), in N.
+        q: static coordinates, shape (3, n_q).
+        lag: lag of the coordinates, shape (3, n_q).
+        gaps: gap functions including the lag, shape (3, n_c), in N.
     """
 
     q: np.ndarray
@@ -102,19 +102,19 @@ class Path(NamedTuple):
     gaps: np.ndarray
 
     def bent(self, shift: np.ndarray, gaps: np.ndarray, s: float) -> Path:
-        """Return the path with the same start that has moved by shift (m) and gaps (N) at s (s)."""
+        """Return the path with the same start, moved by shift (m) and gaps (N) at s (s)."""
         q, of_gaps = self.q.copy(), self.gaps.copy()
         q[2] += 2 / s**2 * shift
         of_gaps[2] += 2 / s**2 * gaps
         return self._replace(q=q, gaps=of_gaps)
 
     def remember(self, system: Linearised, outside: Outside) -> None:
-        """Let the next path begin with the bend of this one."""
+        """Keep the second derivatives of this path as a start for the next one."""
         if outside.steady and outside.V and not any(outside.gain):
             system.bend = [part[2] / outside.V**2 for part in (self.q, self.gaps)]
 
     def as_before(self, system: Linearised, outside: Outside) -> Path:
-        """Return the path with the bend of the last one, where only the driver moves."""
+        """Return the path with the second derivatives of the last one, if only the driver moves."""
         if system.bend is None or not outside.steady or any(outside.gain):
             return self
         q, gaps = self.q.copy(), self.gaps.copy()
@@ -124,14 +124,19 @@ class Path(NamedTuple):
 
 
 def at(polynomial: np.ndarray, s: float) -> np.ndarray:
-    """Return a polynomial of `Path` at s (s)."""
+    """Return the value of a polynomial of `Path` at s (s)."""
     return polynomial[0] + s * (polynomial[1] + (0.5 * s) * polynomial[2])
 
 
 class Landing(NamedTuple):
-    """Where a jump ends: after n steps, coordinates (m), their rates (m/s), gap functions (N).
+    """End of a jump.
 
-    `error` is the estimate of the error of contact forces, in N; `jump` led there.
+    Attributes:
+        n: number of steps.
+        q, v: coordinates (m) and their rates (m/s), shape (n_q,).
+        gaps: gap functions, shape (n_c,), in N.
+        error: estimated error of contact forces, in N.
+        jump: the jump that ends here.
     """
 
     n: int
@@ -143,13 +148,16 @@ class Landing(NamedTuple):
 
 
 class Wait(NamedTuple):
-    """No jump now: steps until the next try."""
+    """No jump is possible now; `steps` are made before the next attempt."""
 
     steps: int
 
 
 class Stale(NamedTuple):
-    """No jump with this linearisation; with one no better, steps until the next try."""
+    """No jump is possible with this linearisation.
+
+    If a new linearisation does not help, `steps` are made before the next attempt.
+    """
 
     steps: int
 
@@ -161,17 +169,17 @@ def rest(
     load: tuple[float, float] | None,
     enough: float,
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the static state at fixed contact states, and the forces that act there.
+    """Return the static state at fixed contact states, and the forces there.
 
     Args:
         system: the slider at these contact states.
-        q: where the search starts, with the blocks that stick in their places, shape (n_q,), in m.
+        q: start of the iteration, with stuck blocks at their positions, shape (n_q,), in m.
         drive: displacement of the driver since t = 0, in m.
         load: F_N and T, in N; None means those at t = 0.
-        enough: error of gap functions, in N.
+        enough: accepted error of gap functions, in N.
 
     Returns:
-        q (m) and forces (N), shape (n_q,); None where the iteration does not converge fast.
+        q (m) and forces (N), shape (n_q,); None if the iteration does not converge fast.
     """
     before = math.inf
     for _ in range(ROUNDS):
@@ -198,7 +206,7 @@ def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.nd
     stiffer, zero = system.stiffer(q), np.zeros_like(q)
 
     def answer(force: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what a force makes of the slider, from a guess x, and the force that is left."""
+        """Return the response to a force, from a guess x, and the residual force."""
         if stiffer is not None:
             x = x + system.answer(force - system.restoring(x, stiffer))
         return x, force - system.restoring(x, stiffer)
@@ -227,9 +235,9 @@ class Jump:
 
     Args:
         system: the slider at its contact states.
-        outside: what acts on it.
-        path: its quasi-static path.
-        motion: how it deviates from that.
+        outside: driver and loads.
+        path: the quasi-static path.
+        motion: deviation from the path.
         dt: step, in s.
         accuracy: largest estimated error of contact forces, in N.
         age: time since each block stuck, shape (N_x,), in s.
@@ -252,7 +260,7 @@ class Jump:
         self.bound = system.bound * math.sqrt(motion.energy)
 
     def land(self, most: int) -> Landing | Wait | Stale:
-        """Return where the jump lands after at most so many steps, or how long to wait for it."""
+        """Return the end of the jump after at most `most` steps, or how long to wait."""
         finite, known = self.system.solver.geometry == "finite", False
         for round_ in range(ROUNDS):
             n = self._longest(most)
@@ -279,13 +287,13 @@ class Jump:
                 if defect > self.accuracy:
                     slowest = float(-self.ringing.growth[alive].real.max())
                     return Stale(self._wait(defect / self.accuracy, slowest, n).steps)
-                if known:  # else the bend is of the size of what it may be off by
+                if known:  # otherwise the second derivative is as small as its error
                     self.path.remember(self.system, self.outside)
                 return Landing(n, q, v, then, left + error + defect, self)
         return Wait(TRY)
 
     def _longest(self, most: int) -> int | Wait:
-        """Return the number of steps to just before a gap function may reach zero."""
+        """Return the number of steps until just before a gap function may reach zero."""
         ringing = self.ringing
         *polynomial, waves = self.system.strengthened(self.age, *self.path.gaps, ringing.gaps)
         now = polynomial[0] + waves.sum(axis=1).real
@@ -301,31 +309,33 @@ class Jump:
         return Wait(max(n + 1, TRY)) if n < min(most, TRY) else n
 
     def _left(self, s: float) -> float:
-        """Return what the truncated part is expected to do to the gap functions at s (s), in N.
+        """Return the expected change of the gap functions by the truncated part at s (s), in N.
 
-        Its rates of decay go up from `fade`. Where their mean, weighed with energy, is `decay` now,
-        and the energy falls off as exp(-rate/(decay - fade)), amplitudes fall as
-        exp(-fade s)/sqrt(1 + 2 (decay - fade) s).
+        Its decay rates range from `fade` upwards. Their mean, weighted with energy, is `decay` at
+        s = 0. If the energy is distributed as exp(-(rate - fade)/(decay - fade)) over the rates,
+        amplitudes decay as exp(-fade s)/sqrt(1 + 2 (decay - fade) s).
         """
         fade = self.system.fade
         spread = 1 + 2 * max(self.motion.decay - fade, 0.0) * s
         return float(np.abs(self.motion.gaps).max()) * math.exp(-fade * s) / math.sqrt(spread)
 
     def _wait(self, times: float, decay: float, most: float = LONGEST) -> Wait:
-        """Return when a motion that decays at a rate (1/s) is so many times smaller.
+        """Return the wait until a motion has fallen by a factor `times` at the rate `decay` (1/s).
 
-        After `most` steps, where the jump would have ended, another one may be possible.
+        The wait is at most `most` steps, the length of the refused jump. At its end another jump
+        may be possible.
         """
         steps = math.log(times) / (decay * self.dt) if decay > 0 and times < math.inf else 0.0
         return Wait(math.ceil(max(min(steps, most), TRY)))
 
     def _defect(self, s: float) -> float:
-        """Return what the modes leave of the equation of motion, as it moves the gap functions.
+        """Return the change of the gap functions by the residual of the modes until s (s), in N.
 
-        In finite geometry tangents change along the path, and large motions are not linear. What
-        that leaves at a quarter and at half of it excites modes, which decay until s (s), in N. It
-        rings with the modes that are there: one with a frequency nearby answers |lambda| over the
-        difference times as much as to a constant force, and |lambda| s times at most.
+        In finite geometry the tangent changes along the path, and large motions are not linear. The
+        residual at a quarter and at half of the jump excites modes, which decay until s. It
+        oscillates at the frequencies of the present modes. A mode with a rate lambda near one of
+        these responds |lambda| over the difference times as much as to a constant force, but at
+        most |lambda| s times as much.
         """
         system, outside, found = self.system, self.outside, 0.0
         near = np.maximum(self.ringing.distances(), 1 / s)
@@ -342,7 +352,7 @@ class Jump:
         return found
 
     def _landed(self, s: float) -> tuple[np.ndarray, ...]:
-        """Return q, q' and gap functions at s (s), corrected by the defect, and its shift."""
+        """Return q, q' and gap functions at s (s), corrected by a shift, and the shift of q."""
         system, path = self.system, self.path
         w, w_v, w_a = system.deviation(*self.ringing.at(s))
         q = at(path.q, s) + at(path.lag, s) + w

@@ -1,33 +1,34 @@
-"""The slider at fixed contact states, linearised: slow motion in closed form, a bound for the rest.
+"""The slider at fixed contact states, linearised: slow modes in closed form, a bound for the rest.
 
-While no contact state changes, the deviation w of the slider from its quasi-static path is that of
-a damped linear oscillator, with u_x held of the blocks that stick and all else free,
+While no contact state changes, the deviation w of the slider from its quasi-static path is a damped
+linear oscillation. Stuck blocks are held in u_x, and all other coordinates are free:
 
     M w'' + C w' + K w = 0 .
 
-Slow motion is followed in a space B of few shapes: the slowest undamped modes,
-K phi = omega^2 M phi, by shift-invert Lanczos; the static shape of the driver; and what viscosity
-adds to each of them, K^-1 C phi. With B'M B = 1 and w = B y (Galerkin's method),
+Slow motion is computed in a space B of few shapes. These are the slowest undamped modes,
+K phi = omega^2 M phi, found by shift-invert Lanczos; the static response to the driver; and the
+viscous corrections K^-1 C phi of all these shapes. With B'M B = 1 and w = B y (Galerkin's method),
 
-    y'' + (B'C B) y' + (B'K B) y = 0 ,    y = Re sum_k a_k x_k exp(lambda_k s) ,
+    y'' + (B'C B) y' + (B'K B) y = 0 ,    y = Re sum_k a_k x_k exp(lambda_k s) .
 
-one x_k of each pair of conjugate eigenvectors, twice as long.
+Of each conjugate pair of eigenvectors, one is kept, multiplied by two.
 
-The truncated part w - B y keeps the rest of the energy, E, which cannot grow. By the inequality of
-Cauchy and Schwarz it bounds what the truncated part does to the contact at any later time. It also
-decays: a mode of frequency omega with at least half of its elastic energy in the bonds has
--Re lambda >= eta omega^2/(4 k), because the viscosity of a bond resists all of the relative motion
-and its spring only a part; omega is that of the fastest undamped mode in B, or more. The slower one
-of two overdamped modes decays at its own |lambda|.
+The truncated part w - B y has the rest of the energy, E, which cannot grow. By the Cauchy-Schwarz
+inequality, E bounds the change of contact forces by the truncated part at any later time. The
+truncated part also decays. A mode of frequency omega with at least half of its elastic energy in
+bonds has -Re lambda >= eta omega^2/(4 k). The reason is that the viscosity of a bond resists the
+whole relative motion, and its spring only one component. Here omega is at least the frequency of
+the fastest undamped mode in B. The slower one of two overdamped modes decays at its own |lambda|.
 
-Contact is watched through gap functions in N, all positive while no state changes: mu_s p + f and
-mu_s p - f of blocks that stick, k_f u_z of open ones.
+Contact states are monitored with gap functions in N, which are positive while no state changes.
+They are mu_s p + f and mu_s p - f for stuck blocks, and k_f u_z for open blocks.
 
-A step of RK4 multiplies a mode by R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24, z = lambda dt, and keeps
-the quasi-static path, so that the ring-down of a run with steps dt is that of the rates log(R)/dt.
+A step of RK4 multiplies a mode by R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24, z = lambda dt. It leaves
+the quasi-static path unchanged. The ring-down of a run with steps dt therefore has the rates
+log(R)/dt.
 
-In finite geometry K is the tangent at one state, the loaded one at first. Rates follow the tangent
-of the present to first order, delta lambda = -phi.delta K phi/(phi.C phi + 2 lambda phi.M phi).
+In finite geometry K is the tangent stiffness at one state, first the loaded one. Rates follow the
+present tangent to first order, delta lambda = -phi.delta K phi/(phi.C phi + 2 lambda phi.M phi).
 
 Source: B. N. Parlett, The Symmetric Eigenvalue Problem (1998), Lanczos and Rayleigh-Ritz methods.
 """
@@ -53,14 +54,15 @@ if TYPE_CHECKING:
 __all__ = ["Linearised", "Motion", "Ringing", "orthonormal"]
 
 N_MODES = 40
-"""Undamped modes in the space."""
+"""Number of undamped modes in the space."""
 SLOW = 6
-"""Of these, the slowest, motion lasts until a jump lands: their shapes are of second order."""
+"""Number of slowest modes with viscous corrections of second order: their motion lasts until the
+end of a jump."""
 LANCZOS = 1e-6
-"""Relative error of squared frequencies. The space only has to be near to theirs: what it misses
-of a mode counts as truncated."""
+"""Relative error of squared frequencies. It need not be small, because the part of a mode that the
+space misses counts as truncated."""
 INDEPENDENT = 1e-10
-"""Shapes that add less than this share of inertia to the space are rounding."""
+"""Inertia that a shape adds to the space, over the largest, below which it is rounding."""
 
 
 def orthonormal(shapes: np.ndarray, M: np.ndarray) -> np.ndarray:
@@ -72,13 +74,13 @@ def orthonormal(shapes: np.ndarray, M: np.ndarray) -> np.ndarray:
 
 
 class Motion(NamedTuple):
-    """A deviation from the quasi-static path, split.
+    """A deviation from the quasi-static path, split into modes and a truncated part.
 
     Attributes:
         a: amplitudes of the damped modes, shape (n,), complex.
-        energy: of the truncated part, in J.
-        gaps: what the truncated part now does to the gap functions, shape (n_c,), in N.
-        decay: rate at which the amplitude of the truncated part now decays, in 1/s.
+        energy: energy of the truncated part, in J.
+        gaps: present change of the gap functions by the truncated part, shape (n_c,), in N.
+        decay: present decay rate of the amplitude of the truncated part, in 1/s.
     """
 
     a: np.ndarray
@@ -88,26 +90,26 @@ class Motion(NamedTuple):
 
 
 class Linearised:
-    """The slider with the blocks held that stick, all others open.
+    """The slider linearised with stuck blocks held and all other blocks open.
 
     Args:
         solver: static states of the scene in its geometry.
-        stuck: blocks that stick, shape (N_x,), bool; all others are open.
+        stuck: stuck blocks, shape (N_x,), bool; all others are open.
         dt: step of RK4 that the ring-down follows, in s; None means exact time.
         at: coordinates of the state whose tangent is taken, shape (n_q,); None means the loaded
-            one.
+            state.
         modes: number of undamped modes in the space.
 
     Attributes:
         rates: eigenvalues of the damped modes, one of each conjugate pair, shape (n,), in 1/s.
-        growth: rates of their amplitudes: `rates`, or what RK4 makes of them, shape (n,), in 1/s.
+        growth: rates of the amplitudes, shape (n,), in 1/s: `rates`, changed by the steps of RK4.
         gaps: gap functions of modes of amplitude 1, shape (n_c, n), complex, in N.
         u_h: mean u_x of the driven blocks in these modes, shape (n,), complex, in m.
         bound: largest change of the gap functions by a truncated part of 1 J, (n_c,), in N.
-        cut: frequency up to which the space holds all undamped modes, in 1/s.
-        decay: rate at which the truncated part decays at least, in 1/s.
-        fade: rate at which it is expected to decay, in 1/s.
-        contraction: share of an error that a chord iteration leaves, as seen last.
+        cut: frequency up to which the space contains all undamped modes, in 1/s.
+        decay: smallest possible decay rate of the truncated part, in 1/s.
+        fade: expected decay rate of the truncated part, in 1/s.
+        contraction: last observed factor by which a chord iteration reduces the error.
 
     Raises:
         EquilibriumError: all blocks are open.
@@ -142,7 +144,7 @@ class Linearised:
         self._find_bound()
 
     def at(self, q: np.ndarray) -> Linearised:
-        """Return the same with the tangent of a state q, and its modes in the same space."""
+        """Return a copy with the tangent at a state q, and its modes in the same space."""
         found = copy.copy(self)
         found._bonds = self.solver.bond_tangents(q)
         found.K = self.solver.stiffness(found._bonds, self._contact.mode, driven=True)
@@ -155,14 +157,14 @@ class Linearised:
     def _find_space(self, modes: int) -> float:
         """Find the shapes B, shape (n_q, r); return the largest frequency among them, in 1/s."""
         free, M, scene = self.free, self.M[self.free], self.solver.scene
-        # Stuck blocks of a chain can only move vertically, which nothing makes them do.
+        # Stuck blocks of a chain could only move vertically, and nothing excites that motion.
         count = min(modes, len(free) // 2) if scene.N_z > 1 else 0
         if not count:
             self.B = np.zeros((self.n_q, 0))
             return 0.0
         root, driven = np.sqrt(M), self.drift[free]
         shape, squares, shapes = (len(free), len(free)), np.full(1, np.inf), driven[:, None]
-        with contextlib.suppress(ArpackError):  # no modes: all else is truncated
+        with contextlib.suppress(ArpackError):  # without modes, all other motion is truncated
             inverse = LinearOperator(shape, lambda x: root * self._factor.solve(root * x), float)
             squares, modes = eigsh(inverse, count, v0=root * driven, tol=LANCZOS)
             shapes = np.column_stack([modes / root[:, None], driven])
@@ -178,7 +180,7 @@ class Linearised:
         return 1 / math.sqrt(squares.min())
 
     def _find_modes(self) -> None:
-        """Find the eigenpairs of the reduced system, and how they move contact and driver."""
+        """Find the eigenpairs of the reduced system, and their effect on contacts and driver."""
         B, N_x, solver = self.B, len(self.stuck), self.solver
         self._works: dict[int, np.ndarray] = {}
         KB, CB, r = self.K @ B, self.C @ B, B.shape[1]
@@ -196,9 +198,9 @@ class Linearised:
         self.u_h = (solver.driven_row @ B) @ self.x
 
     def _fade(self, cut: float) -> float:
-        """Return the rate at which motion beyond a frequency is expected to decay, in 1/s.
+        """Return the expected decay rate of motion above a frequency `cut`, in 1/s.
 
-        Viscosity damps modes in proportion to omega^2, here as it does the least damped one.
+        Viscous damping is proportional to omega^2. The factor is taken from the least damped mode.
         """
         waves = self.rates[self.rates.imag > 0]
         if not len(waves):
@@ -207,9 +209,9 @@ class Linearised:
         return min(max(least * cut**2, self.decay), cut)
 
     def _find_bound(self) -> None:
-        """Find how far a truncated part of 1 J can move each gap function.
+        """Find the largest change of each gap function by a truncated part of 1 J.
 
-        A force K_i w is at most sqrt(2 E K_ii); bonds between held blocks carry nothing.
+        A force K_i w is at most sqrt(2 E K_ii). Bonds between held blocks do not contribute.
         """
         held, free, law = self.held, self.free, self.law
         C = self.C[held][:, free]
@@ -219,12 +221,12 @@ class Linearised:
         self.bound = np.sqrt(2 * np.concatenate([stiff, stiff, lifted]))
 
     def _compliance(self, at: int) -> float:
-        """Return how far a coordinate moves under a unit force on it, in m/N."""
+        """Return the displacement of a coordinate under a unit force on it, in m/N."""
         force = (self.free == at).astype(float)
         return float(force @ self._factor.solve(force))
 
     def stepped(self, rates: np.ndarray) -> np.ndarray:
-        """Return the rates of amplitudes that RK4 makes of rates, 1/s."""
+        """Return the rates of amplitudes that steps of RK4 give for rates, both in 1/s."""
         if self.dt is None:
             return rates
         z = rates * self.dt
@@ -233,10 +235,10 @@ class Linearised:
         return growth
 
     def rates_at(self, stiffer: np.ndarray, which: np.ndarray) -> np.ndarray:
-        """Return `rates`, of some modes to first order where bonds are stiffer.
+        """Return `rates`, corrected for some modes to first order in changes of bond stiffness.
 
         Args:
-            stiffer: what stiffnesses of bonds gain, shape (3, n_bonds), in N/m.
+            stiffer: changes of bond stiffness, shape (3, n_bonds), in N/m.
             which: indices of the modes, shape (m,).
         """
         rates = self.rates.copy()
@@ -245,7 +247,7 @@ class Linearised:
         return rates
 
     def _work(self, k: int) -> np.ndarray:
-        """Return the change of -rates[k] with the stiffnesses of bonds, shape (3, n_bonds)."""
+        """Return the derivative of -rates[k] by the stiffnesses of bonds, shape (3, n_bonds)."""
         if k not in self._works:
             x = self._pulled[:, k] * self._norm[k]
             phi, n = self.B @ x, self._bonds.shape[1]
@@ -255,7 +257,7 @@ class Linearised:
         return self._works[k]
 
     def moved(self, blocks: np.ndarray) -> np.ndarray:
-        """Return the static shapes, (n_q, n), where each of n blocks that stick is moved by 1."""
+        """Return the static responses, (n_q, n), to unit displacements of n stuck blocks."""
         q = np.zeros((self.n_q, len(blocks)))
         q[blocks, np.arange(len(blocks))] = 1.0
         return q + self.answer(-(self.K @ q))
@@ -264,12 +266,12 @@ class Linearised:
 
     @functools.cached_property
     def drift(self) -> np.ndarray:
-        """dq/d(drive) of the static state, shape (n_q,)."""
+        """Derivative dq/d(drive) of the static state, shape (n_q,)."""
         return self.answer(self.solver.push)
 
     @functools.cached_property
     def lag(self) -> np.ndarray:
-        """How far the slider lags behind its static state for each m/s of the driver, (n_q,), s."""
+        """Lag of the slider behind its static state per speed of the driver, (n_q,), in s."""
         return self.answer(-(self.C @ self.drift))
 
     def forces(
@@ -288,13 +290,16 @@ class Linearised:
         return solver.load + solver.pushed(drive) - self.K @ q
 
     def answer(self, force: np.ndarray) -> np.ndarray:
-        """Return the displacements, shape (n_q,), that forces on all coordinates make."""
+        """Return the static displacements under forces on all coordinates, shape (n_q,)."""
         found = np.zeros(force.shape)
         found[self.free] = self._factor.solve(force[self.free])
         return found
 
     def stiffer(self, q: np.ndarray) -> np.ndarray | None:
-        """Return what bonds gain up to a state q, (3, n_bonds), in N/m; None in linear geometry."""
+        """Return the change of bond stiffness to a state q, (3, n_bonds), in N/m.
+
+        None in linear geometry.
+        """
         if self.solver.geometry == "linear":
             return None
         return self.solver.bond_tangents(q) - self._bonds
@@ -304,16 +309,16 @@ class Linearised:
         return x + self.answer(force - self.restoring(x, stiffer))
 
     def restoring(self, x: np.ndarray, stiffer: np.ndarray | None) -> np.ndarray:
-        """Return K x, shape (n_q,), with what bonds are stiffer."""
+        """Return K x, shape (n_q,), with changes of bond stiffness included."""
         return self.K @ x if stiffer is None else self.K @ x + self.solver.stiffened(x, stiffer)
 
     # --- gap functions and motion ----------------------------------------------------------------
 
     def gap_functions(self, u_z: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """Return gap functions, or how they change, as they are linear, shape (n_c, ...), in N.
+        """Return gap functions, or changes of them, because they are linear; (n_c, ...), in N.
 
         Args:
-            u_z: of the bottom blocks, shape (N_x, ...), in m.
+            u_z: displacements of the bottom blocks, shape (N_x, ...), in m.
             f: friction force on the blocks that stick, shape (n_stuck, ...), in N.
         """
         p = -(self.k_f[self.held] * u_z[self.held].T).T
@@ -322,19 +327,19 @@ class Linearised:
         return np.concatenate([strength + f, strength - f, lifted])
 
     def gaps_of(self, q: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        """Return the gap functions at q where `forces` act on the coordinates, (n_q,)."""
+        """Return the gap functions at q with `forces` on the coordinates, both (n_q,)."""
         N_x = len(self.stuck)
         return self.gap_functions(q[N_x : 2 * N_x], -forces[self.held])
 
     def strengthened(self, age: np.ndarray, *rows: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return gap functions, or parts of them, of blocks that have been stuck for `age`.
 
-        Blocks only grow stronger, so that strength now is a lower bound of strength later. Both
-        gap functions of a block are mu_s p +- f, so that their sum gives p.
+        Strength only grows with contact time, so that the present strength bounds the later one
+        from below. The two gap functions of a block are mu_s p +- f; their sum gives p.
 
         Args:
             age: time since each block stuck, shape (N_x,), in s.
-            rows: gap functions of the law at age 0, shape (n_c, ...).
+            rows: gap functions at age 0, shape (n_c, ...).
         """
         if self.law.tables.hold is None:
             return rows
@@ -348,21 +353,21 @@ class Linearised:
         return tuple(found)
 
     def amplitudes(self, y: np.ndarray) -> np.ndarray:
-        """Return the amplitudes of modes, shape (n,), where B'M w and B'M v are y, (2, r).
+        """Return the amplitudes of modes, shape (n,), from y, (2, r), which is B'M w and B'M v.
 
-        With C and K symmetric, a_k = x_k.((lambda_k + C) y + y')/(x_k.C x_k + 2 lambda_k x_k.x_k).
+        C and K are symmetric: a_k = x_k.((lambda_k + C) y + y')/(x_k.C x_k + 2 lambda_k x_k.x_k).
         """
         return (self._CB @ y[0] + y[1]) @ self._pulled + self.rates * (y[0] @ self._pulled)
 
     def excited(self, w: np.ndarray) -> np.ndarray:
-        """Return the amplitudes of modes in a deviation w (m) at rest, shape (n,)."""
+        """Return the amplitudes of modes in a deviation w (m) with zero velocity, shape (n,)."""
         return self.amplitudes(np.array([(self.M * w) @ self.B, np.zeros(self.B.shape[1])]))
 
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and truncated part.
 
-        Viscosity couples both: with M w, M v and K w of the truncated part orthogonal to B, the
-        amplitude of a mode phi is that in B plus phi.C w/(phi.C phi + 2 lambda phi.M phi).
+        For the truncated part, M w, M v and K w are orthogonal to B, but viscosity couples it to
+        the modes. It adds phi.C w/(phi.C phi + 2 lambda phi.M phi) to the amplitude of a mode phi.
         """
         y_0, y_1, drawn = np.array([self.M * w, self.M * v, self.C @ w]) @ self.B
         y = np.array([y_0, y_1])
@@ -378,15 +383,15 @@ class Linearised:
     def deviation(
         self, a: np.ndarray, rates: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return w (m), w' (m/s) and w'' (m/s^2), shape (n_q,), of modes with these rates (1/s)."""
+        """Return w (m), w' (m/s) and w'' (m/s^2), shape (n_q,), of modes with rates (1/s)."""
         y = np.array([a, a * rates, a * rates**2]) @ self.x.T
         return tuple(y.real @ self.B.T)
 
 
 class Ringing:
-    """Modes over a time s, with rates that change along the path in finite geometry.
+    """Amplitudes of modes over a time s, with rates that change along the path in finite geometry.
 
-    Each goes on with a sqrt(lambda(0)/lambda(s)) exp(int_0^s lambda), lambda straight over s (the
+    Each amplitude is a sqrt(lambda(0)/lambda(s)) exp(int_0^s lambda), with lambda linear in s (the
     WKB approximation).
 
     Args:
@@ -403,10 +408,10 @@ class Ringing:
         self.rates, self.change, self.growth = system.rates, 0.0, system.growth
 
     def follow(self, begin: np.ndarray, end: np.ndarray, s: float, which: np.ndarray) -> None:
-        """Let some modes follow tangents that change up to s (s).
+        """Let some modes follow the change of the tangent up to s (s).
 
         Args:
-            begin, end: what stiffnesses of bonds gain, shape (3, n_bonds), in N/m.
+            begin, end: changes of bond stiffness at 0 and s, shape (3, n_bonds), in N/m.
             s: time, in s.
             which: indices of the modes, shape (m,).
         """
@@ -421,11 +426,11 @@ class Ringing:
         return self.a * np.sqrt(self.rates / rates) * grown, rates
 
     def distances(self) -> np.ndarray:
-        """Return how far the rate of each mode is from the nearest other one, (n,), in 1/s."""
+        """Return the distance of each rate from the nearest other rate, (n,), in 1/s."""
         apart = np.abs(self.rates[:, None] - self.rates)
         np.fill_diagonal(apart, np.inf)
         return apart.min(axis=1, initial=np.inf)
 
     def levels(self, s: float) -> np.ndarray:
-        """Return how far each mode moves a gap function at s (s), shape (n,), in N."""
+        """Return the largest change of a gap function by each mode at s (s), shape (n,), in N."""
         return np.abs(self.gaps).max(axis=0, initial=0.0) * np.exp(self.growth.real * s)

@@ -1,7 +1,7 @@
-"""How a run is made: what is asked for, and what that comes to for a scene and an engine.
+"""Options of a run, and the method that follows from them for a scene and an engine.
 
-`Options` holds what is asked for, whatever the scene. `Options.settled` looks at the scene and
-settles what was left open: a `Method`, which the record of the run keeps.
+`Options` holds what a user asks for, independent of the scene. `Options.settled` fills in what was
+left open, for one scene. It returns a `Method`, which the record of the run keeps.
 """
 
 from __future__ import annotations
@@ -55,15 +55,15 @@ __all__ = [
 AUTO_SHARE = 0.5
 """dt = "auto" is this share of the stability limit, rounded down to two digits.
 
-Measured on the Fig. 1 scene up to 0.9 s, with switches at step ends, against the paper's 0.2 us,
-which is an eighth of the limit: at half the limit (0.78 us) the 13 main precursors keep their
-order, their start and arrest forces agree within 8e-4 F_N and their lengths within one block; at
-1.2 us within 1e-3 F_N and one block. That error falls in proportion to the step; with located
-switches it is far smaller (`reference_data/`)."""
+The reference is the Fig. 1 scene up to 0.9 s with the paper's step of 0.2 us, an eighth of the
+limit, and switches at step ends. With half the limit (0.78 us), the 13 main precursors keep their
+order. Their start and arrest forces agree within 8e-4 F_N and their lengths within one block. With
+1.2 us they agree within 1e-3 F_N and one block. This error is proportional to the step. With
+located switches it is far smaller (`reference_data/`)."""
 RTOL = 1e-6
-"""Default of rtol, the largest error of an adaptive sub-step. On a short front, with dt = "auto"
-and located switching, rupture times are then right to 2e-11 s for 1.3 times the work of
-rtol = 1e-3, where sub-steps are as long as dt and times right to 7e-9 s."""
+"""Default of rtol, the largest error of an adaptive sub-step. For a short front with dt = "auto"
+and located switching, the error of rupture times is then 2e-11 s. With rtol = 1e-3, where sub-steps
+are as long as dt, it is 7e-9 s, and the work is 1.3 times smaller."""
 ACCURACY = 1e-6
 """Default of accuracy."""
 LONGEST_LOCATED = 30.0
@@ -74,9 +74,9 @@ MAX_THREADS = 4096
 """Most threads that may be asked for."""
 
 Fidelity = Literal["auto", "equilibrium", "quasistatic", "hybrid", "dynamic"]
-"""What is modelled: a level, or "auto" for the one that is enough."""
+"""The engine, or "auto" for the cheapest one that is accurate enough."""
 Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
-"""What a run is made for."""
+"""The quantity that a run is made for."""
 Verify = Literal["none", "sample", "full"]
 """How errors are measured."""
 
@@ -89,7 +89,7 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
     "stepper": tuple(STEPPERS),
     "switching": get_args(Switching),
 }
-"""Option -> the texts it may be."""
+"""Option -> its allowed texts."""
 NUMBERS: Mapping[str, tuple[str, dict[str, float]]] = {
     "tolerance": ("", {"gt": 0.0, "le": 1.0}),
     "rtol": ("", {"ge": 1e-12, "le": 1.0}),
@@ -99,12 +99,12 @@ NUMBERS: Mapping[str, tuple[str, dict[str, float]]] = {
     "accuracy": ("F_N", {"ge": 1e-9, "le": 1.0}),
     "checkpoint_every": ("s", {"gt": 0.0}),
 }
-"""Option -> unit and range."""
+"""Option -> its unit and range."""
 OPTION_UNITS = {name: unit for name, (unit, _) in NUMBERS.items()}
 
 
 class Keywords(TypedDict, total=False):
-    """What `Options` takes, by name; numbers may be text with a unit, such as "1 us"."""
+    """Keyword arguments of `Options`. Numbers may be text with a unit, such as "1 us"."""
 
     fidelity: Fidelity
     method: Literal["paper"] | None
@@ -131,50 +131,48 @@ class Options:
     """How a run is made; these are the keyword arguments of `pyfric.simulate`.
 
     Args:
-        fidelity: "dynamic" integrates everything. "hybrid" integrates events and solves the waiting
-            between them. "quasistatic" has no inertia. "equilibrium" is the stuck slider, and ends
-            at the first slip. "auto" takes what `pyfric.plan` finds enough for `want` within
-            `tolerance`; options below that a level lacks rule it out.
-        method: "paper": as in the paper, RK4 with its uniform step (0.2 us in setup 1, 0.09 us in
-            setup 2) and contacts that switch at step ends; full dynamics unless `fidelity` is
-            "hybrid". None: what the options below say.
-        want: what the run is made for; see `pyfric.plan`.
+        fidelity: the engine. "dynamic" integrates everything. "hybrid" integrates events and jumps
+            over the time between them. "quasistatic" leaves out inertia. "equilibrium" is the stuck
+            slider up to its first slip. "auto" takes the choice of `pyfric.plan` for `want` and
+            `tolerance`, among the engines that have all options given below.
+        method: "paper" means the method of the paper: RK4 with its uniform step (0.2 us in setup 1,
+            0.09 us in setup 2), contacts that switch at step ends, and full dynamics unless
+            `fidelity` is "hybrid". None means that the options below decide.
+        want: the quantity that the run is made for; see `pyfric.plan`.
         tolerance: accepted error; see `pyfric.plan`.
-        verify: how the errors in `Record.errors` are measured: "sample", by a run beside it that
-            takes at most as much again, by counted work; "full", by one of a quarter of the step in
-            finite geometry, and one with a driver faster by 1e-9; "none". None means "none" with a
-            named engine. A planned run (fidelity = "auto") then takes a quarter of the step, or
-            half of it, over the whole run where that takes less than half a second, "sample"
-            otherwise, and refines where errors exceed the tolerance.
-        geometry: "finite" (as in the paper) or "linear"; None leaves it to the plan, or means
-            "finite", or "linear" where there is no other (chain, static engines).
+        verify: how the errors in `Record.errors` are measured. "sample": by a reference run within
+            a budget of work, twice that of the run and half a second. "full": by a run in finite
+            geometry with a quarter of the step, and a run whose driver is faster by 1e-9 relative.
+            "none": not at all. None means "none" for a named engine. For fidelity = "auto", None
+            means "sample", and the run is refined if its errors exceed the tolerance.
+        geometry: "finite" (as in the paper) or "linear". None leaves the choice to the plan.
+            Without a plan None means "finite", or "linear" for a chain and for static engines.
         stepper: "rk4": classical RK4, order 4 (the paper's). "verlet": velocity Verlet with viscous
             forces at a predicted velocity, order 2. "symplectic_euler": semi-implicit Euler, order
-            1. "adaptive": RK4 with an estimate of its error, sub-steps inside dt. All but "rk4"
-            need full dynamics.
-        switching: "located": contacts switch inside the step, where v_x, mu_s p - |f| or u_z of a
-            block has its root, and the step is finished from there. A margin that crosses zero
-            twice in a sub-step is noticed if the parabola through its start, middle and end dips
-            below zero. "step_end": they switch at the end of a step, as in the paper, so that their
-            times are off by up to a step. None means "located", or "step_end" with method = "paper"
-            and on junctions: a break that comes late costs 1/n_s of a block's force for a step.
-        rtol: for the stepper "adaptive": largest error of a sub-step, in displacements over
-            F_N/(N_x s), in velocities over F_N/(N_x sqrt(s m)), s the largest of k, k_f and k_top;
-            None means 1e-6.
+            1. "adaptive": RK4 with an error estimate and sub-steps inside dt. All except "rk4" need
+            full dynamics.
+        switching: "located": a contact switches inside the step, at the root of v_x, mu_s p - |f|
+            or u_z of a block, and the step continues from there. A double root within a sub-step is
+            found if the parabola through start, middle and end falls below zero. "step_end":
+            contacts switch at the end of a step, as in the paper, and are late by up to a step.
+            None means "located", or "step_end" with method = "paper" and on junctions. There a late
+            break changes the force of a block by 1/n_s of itself, for one step.
+        rtol: largest error of a sub-step, for the stepper "adaptive". Errors of displacements are
+            over F_N/(N_x s), those of velocities over F_N/(N_x sqrt(s m)), with s the largest of k,
+            k_f and k_top. None means 1e-6.
         dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
-        accuracy: of forces of events, over F_N, that jumps of the hybrid engine keep; None means
-            1e-6, or a quarter of the tolerance with a plan.
-        budget: keep the energy budget (adds its columns to the curve); full dynamics only. None
+        accuracy: error over F_N that jumps of the hybrid engine may cause in forces of events. None
+            means 1e-6, or a quarter of the tolerance with a plan.
+        budget: whether to keep the energy budget, as columns of the curve; full dynamics only. None
             means yes for fidelity = "dynamic".
         sample: time between two points of the loading curve, in s; None means 5000 points.
-        t_gap: longest pause inside an event, in s; None means that of the scene's own times, 1 ms
-            in those of the paper (`pyfric.engines.pauses`).
-        stop_when: a condition, or several, the first of which ends the run before t_end:
-            "arrested", "at_rest", "reached = 50 mm", "L_p = 0.5", "precursors = 3",
-            "main_events = 1", "system_size", "slow = 1 um/s, 1 ms"; see `pyfric.engines.stopping`.
-            Steps end at the first point of the curve at which one holds. None means those of the
-            scene, () none.
-        threads: most threads to use, None for all; small lattices use one.
+        t_gap: longest pause inside an event, in s. None means a value derived from the scene, 1 ms
+            in scenes of the paper (`pyfric.engines.pauses`).
+        stop_when: one or several conditions. The first that holds ends the run before t_end, at the
+            next point of the curve. Examples: "arrested", "at_rest", "reached = 50 mm",
+            "L_p = 0.5", "precursors = 3", "main_events = 1", "system_size", "slow = 1 um/s, 1 ms"
+            (`pyfric.engines.stopping`). None means the conditions of the scene, () none.
+        threads: largest number of threads; None means all. Small lattices use one.
         checkpoint: file to which the run so far is saved as a record every `checkpoint_every` s.
         checkpoint_every: time between two such saves, in s.
 
@@ -234,7 +232,7 @@ class Options:
             raise SceneError("checkpoint", self.checkpoint, "", "a path or None")
 
     def _check_paper(self) -> None:
-        """Raise SceneError if an option is not that of the paper's method."""
+        """Raise SceneError if an option contradicts the paper's method."""
         for name, without in (
             ("stepper", ("rk4",)),
             ("switching", (None, "step_end")),
@@ -246,7 +244,7 @@ class Options:
                 raise SceneError(name, value, "s" if name == "dt" else "", allowed)
 
     def open(self) -> set[str]:
-        """Return the names of the options that are left open: those whose default None stays."""
+        """Return the names of the options that are left at their default None."""
         fields = dataclasses.fields(self)
         return {one.name for one in fields if one.default is None is getattr(self, one.name)}
 
@@ -256,7 +254,7 @@ class Options:
         return {name: value for name, value in values.items() if value != getattr(Options, name)}
 
     def changed(self, keywords: Mapping[str, Any]) -> Options:
-        """Return the options with these in place of its own.
+        """Return the options with some values replaced.
 
         Raises:
             SceneError: an option is unknown, or a value is refused.
@@ -268,10 +266,10 @@ class Options:
         return dataclasses.replace(self, **keywords)
 
     def on(self, scene: Scene) -> Options:
-        """Return the options with the conditions of a scene where there are no other ones.
+        """Return the options with the conditions of a scene, unless others were given.
 
         Raises:
-            SceneError: a condition is about a place beyond the interface.
+            SceneError: a condition names a position beyond the interface.
         """
         ends = scene.stop_when if self.stop_when is None else self.stop_when
         L = scene.slider.L
@@ -282,7 +280,7 @@ class Options:
         return dataclasses.replace(self, stop_when=ends)
 
     def check_sample(self, length: float) -> None:
-        """Raise SceneError if the points of the curve are further apart than the run (s)."""
+        """Raise SceneError if the sampling interval exceeds the length of the run (s)."""
         if self.sample is not None and 0 < length < self.sample:
             allowed = f"at most {length:g} s, the length of the run"
             raise SceneError("sample", self.sample, "s", allowed, "beyond the end")
@@ -305,10 +303,10 @@ class Options:
                 raise SceneError(name, value, unit, f"nothing, because {what}")
 
     def settled(self, scene: Scene, engine: type[Run], t_begin: float, t_end: float) -> Method:
-        """Return how an engine with time steps makes a run between two times, in s.
+        """Return the method of an engine with time steps for a run between two times, in s.
 
         Raises:
-            SceneError: an option that this scene or engine cannot have.
+            SceneError: this scene or engine does not allow an option.
         """
         if self.geometry is not None:
             check_geometry(self.geometry, scene)
@@ -349,12 +347,12 @@ class Options:
 
 
 def _is_auto(dt: Any) -> bool:
-    """Whether a time step is left to the program; an array is not."""
+    """Whether a time step is "auto"; an array is not."""
     return isinstance(dt, str) and dt == "auto"
 
 
 def kept(method: Method) -> dict[str, Any]:
-    """Return the options with which a run goes on that was made like this."""
+    """Return the options that a continued run takes over from the method of its record."""
     same: dict[str, Any] = {"geometry": method.geometry, "t_gap": method.t_gap, "method": None}
     if method.dt is not None:
         names = ("stepper", "switching", "rtol", "dt", "budget", "accuracy")
@@ -364,7 +362,7 @@ def kept(method: Method) -> dict[str, Any]:
 
 
 def default_switching(scene: Scene, method: str | None = None) -> Switching:
-    """Return where contacts switch if nothing is said; see `Options`."""
+    """Return the default of the option `switching`; see `Options`."""
     return "located" if method is None and scene.law.rests else "step_end"
 
 
@@ -375,8 +373,9 @@ def step_size(
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
-        dt: step in s, or "auto": `AUTO_SHARE` of the limit, rounded down to two digits. "adaptive"
-            makes sub-steps inside dt: it has no limit, and "auto" is half that of RK4.
+        dt: step in s, or "auto" for `AUTO_SHARE` of the limit, rounded down to two digits. For the
+            stepper "adaptive", which makes sub-steps inside dt, any dt is allowed, and "auto" uses
+            the limit of RK4.
         stepper: the stepper.
 
     Raises:
@@ -403,7 +402,7 @@ def _paper_step(scene: Scene) -> float:
 
 
 def _check_located(scene: Scene, stepper: str, dt: float) -> None:
-    """Raise SceneError where switches cannot be located with this stepper or step."""
+    """Raise SceneError if switches cannot be located with this stepper or step."""
     if scene.eta == 0 and STEPPERS[stepper].growth is None:
         allowed = (
             f"'step_end', or another stepper than {stepper!r}, or eta > 0: its steps conserve "

@@ -1,16 +1,16 @@
-"""The longest pause inside an event: a default from the scene's own times, and what hangs on it.
+"""The longest pause inside an event, t_gap: its default, and the effect of its value.
 
-Slip that pauses for less than t_gap goes on in the same event. Three times of the scene say what
-that can be:
+If slip pauses for less than t_gap, it belongs to the same event. Three times of the scene determine
+the default:
 
-driver      the driver alone adds `DRIVER_SHARE` of F_N to F_T; a longer pause is loading
-ring-down   the slow motion that an event leaves has decayed `RING_DOWN` times
-transit     a shear wave has crossed the interface `TRANSITS` times; a shorter pause is a front
-            that waits for news from the other end
+driver      time in which the driver adds `DRIVER_SHARE` of F_N to F_T; a longer pause is loading
+ring-down   `RING_DOWN` relaxation times of the slow motion after an event
+transit     time of a shear wave to cross the interface `TRANSITS` times; a shorter pause can be a
+            front that waits for a wave from the other end
 
-t_gap is the shorter one of the first two, and at least the third, rounded to 1 or 3 times a power
-of ten: 1 ms in all scenes of the paper. A driver that never moves brings no other event, and t_gap
-is the third.
+t_gap is the shorter one of the first two times, but at least the third. It is rounded to 1 or 3
+times a power of ten, and is 1 ms in all scenes of the paper. If the driver never moves, it starts
+no other event, and t_gap is the third time.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ TRANSITS = 3.0
 def longest_pause(scene: Scene) -> float:
     """Return the default of t_gap for a scene, in s.
 
-    Nothing rings down in a chain whose blocks stick, nor without viscosity.
+    A chain has no ring-down, because its stuck blocks cannot move. Without viscosity the relaxation
+    time is infinite.
     """
     driver, transits = scene.driver, pause_of_waves(scene)
     if driver.K * driver.fastest == 0:
@@ -48,21 +49,21 @@ def longest_pause(scene: Scene) -> float:
 
 
 def pause_of_waves(scene: Scene) -> float:
-    """Return how long waves cross the interface before a pause counts as rest, in s."""
+    """Return the time of a shear wave to cross the interface `TRANSITS` times, in s."""
     slider = scene.slider
     return TRANSITS * slider.L / (slider.l * math.sqrt(slider.k / (2 * scene.m)))
 
 
 def _rounded(t: float) -> float:
-    """Return the nearest one, by ratio, of 1 and 3 times the powers of ten."""
+    """Return the value nearest in ratio among 1 and 3 times the powers of ten."""
     halves = round(2 * math.log10(t))
     return float(f"{'13'[halves % 2]}e{halves // 2}")
 
 
 def pause_notes(record: Record) -> tuple[str, ...]:
-    """Return a note where half or twice t_gap gives other numbers of main events, by more than one.
+    """Return a note if half or twice t_gap changes the number of main events by more than one.
 
-    Nothing is solved for that: the episodes are joined into events once more.
+    The episodes of slip are only joined again into events; no static state is solved.
     """
     t_gap = record.method.t_gap
     half, here, twice = (count_main(record.episodes, factor * t_gap) for factor in (0.5, 1.0, 2.0))

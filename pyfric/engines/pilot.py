@@ -1,9 +1,9 @@
-"""Pilot runs: what is looked at before a scene is run, so that nothing has to be guessed.
+"""Pilot runs: short runs before the choice of a model.
 
-The quasi-static engine says which events there are, with larger blocks if need be. Static states in
-both geometries say how far linear geometry is off. The hybrid engine makes the first part of the
-run: what it takes there is counted, and the rest takes as much more as it has more events, each
-weighed with the blocks that slip.
+A quasi-static run, with larger blocks if necessary, finds the events. Static states in both
+geometries give the error of linear geometry. A hybrid run of the first part of the time gives the
+work of that part. The work of the rest is extrapolated in proportion to its events, each weighted
+with the number of blocks that slip.
 """
 
 from __future__ import annotations
@@ -49,28 +49,28 @@ __all__ = [
 ]
 
 EVENTS, CHANGES = 300, 2e8
-"""The quasi-static pilot run ends after so many events, or changes of contact state times N_x^2."""
+"""Most events, and most changes of contact state times N_x^2, of the quasi-static pilot run."""
 NEARBY = 1e-3
-"""Change of F_T, over F_N, over which slopes of static states are taken."""
+"""Change of F_T, over F_N, from which slopes of static states are computed."""
 MOST_EVENTS = 1e4
-"""More events than this are left to dynamics, which need not look at each."""
+"""Expected number of events above which the quasi-static engine is rejected: dynamics need not
+treat each of them."""
 PART = 0.25
-"""Part of a run, by events, that the hybrid pilot run makes."""
+"""Part of the run, by weighted events, that the hybrid pilot run covers."""
 DEAR, LONGEST = 0.1, 5.0
-"""It ends, too, where it has taken this share of what full dynamics of the whole run takes, or so
-much work, in s."""
+"""Largest work of the hybrid pilot run: over that of full dynamics of the whole run, and in s."""
 
 
 class Pilot(NamedTuple):
-    """What the quasi-static engine says about a scene with Amontons-Coulomb friction.
+    """Result of the quasi-static pilot run of a scene, with Amontons-Coulomb friction.
 
     Attributes:
-        record: of its run, which covers `far` of the whole; None where that `failed`.
-        times: when events begin and how many blocks slip in each, shape (n, 2).
-        interval: median time between main events, s.
-        open: most blocks that are open at a time.
-        far: part of the time that the pilot run covers.
-        failed: why the quasi-static engine does not do; "" where it does.
+        record: record of the pilot run; None if it had no static states.
+        times: start times (s) and numbers of slipping blocks of events, shape (n, 2).
+        interval: median time between main events, in s.
+        open: largest number of blocks open at a time.
+        far: share of the time that the pilot run covers.
+        failed: why the quasi-static engine cannot be used; "" if it can.
     """
 
     record: Record | None
@@ -82,16 +82,16 @@ class Pilot(NamedTuple):
 
     @property
     def events(self) -> float:
-        """The expected number of events of the whole run."""
+        """Expected number of events in the whole run."""
         return len(self.times) / max(self.far, 1e-12)
 
     def weight(self, t: float = math.inf) -> float:
-        """Return the events up to a time (s), each weighed with the blocks that slip in it."""
+        """Return the number of events before t (s), weighted with their slipping blocks."""
         begins, blocks = self.times.T
         return float(np.sum(1 + blocks[begins < t]))
 
     def share(self, t: float, t_end: float) -> float:
-        """Return which part of the work of a run to t_end is done at t, both in s."""
+        """Return the share of the work of a run to t_end that is done at t, both in s."""
         if not len(self.times):
             return min(t / t_end, 1.0) if t_end > 0 else 1.0
         return self.weight(t) / self.weight() * self.far
@@ -99,7 +99,7 @@ class Pilot(NamedTuple):
 
 @functools.lru_cache(maxsize=16)
 def pilot_run(scene: Scene, t_end: float) -> Pilot:
-    """Return what the quasi-static engine says about a run of a scene to t_end (s)."""
+    """Return the quasi-static pilot run of a scene to t_end (s)."""
     small = coarser(scene)
     small = dataclasses.replace(small, interface=small.interface.coulomb())
 
@@ -126,13 +126,13 @@ def pilot_run(scene: Scene, t_end: float) -> Pilot:
 
 
 def quasistatic_work(scene: Scene, pilot: Pilot) -> float:
-    """Return the work of the quasi-static engine, whose pilot run is given, in s."""
+    """Return the work of the quasi-static engine, from its pilot run, in s."""
     releases = pilot.weight() / max(pilot.far, 1e-12)
     return work(scene, "linear", {"releases": releases, "static_events": pilot.events})
 
 
 def expected_end(scene: Scene, t_end: float, stop_when: tuple[str, ...] | None) -> float:
-    """Return when a run to t_end (s) ends, as the pilot run meets its conditions, in s."""
+    """Return the time (s) at which a condition ends the pilot run; t_end (s) if none does."""
     static = scene.has_rests and scene.law.rests
     record = pilot_run(scene, t_end).record if stop_when and static else None
     if record is None:
@@ -160,7 +160,7 @@ def _rows(log: Mapping[str, np.ndarray], begin: int, end: int) -> dict[str, np.n
 def interval(record: Record) -> float:
     """Return the median time between main events of the pilot run, in s; inf if there are none.
 
-    A longest pause inside an event is left out: at high V it makes one event of many.
+    Events are separated here by any pause, because at high V t_gap would join many into one.
     """
     log = record.switches, record.quiet, record.scene
     events = build_catalogue(*log, t_gap=0.0).events
@@ -171,16 +171,16 @@ def interval(record: Record) -> float:
 
 
 def most_open(record: Record) -> int:
-    """Return how many blocks are open at a time at most."""
+    """Return the largest number of blocks open at a time."""
     return int((record.quiet["mode"] == OPEN).sum(axis=1).max(initial=0))
 
 
 def linear_error(pilot: Pilot) -> float | None:
-    """Return how far linear geometry is from finite geometry in start forces, over F_N.
+    """Return the error of start forces in linear geometry compared with finite geometry, over F_N.
 
-    Measured where the driver pulls most, and at the last event, for the interface that the pilot
-    run has there: the force at which the next block slips follows from two static states in finite
-    geometry. None where there is no event, or no such state.
+    The error is the larger one of two events: the one with the largest |F_T|, and the last one. The
+    interface has the slips of the pilot run. In finite geometry, two static states give the force
+    at which the next block slips. None is returned if there is no event or no static state.
     """
     if pilot.record is None or pilot.record.events.empty:
         return None
@@ -195,7 +195,7 @@ def linear_error(pilot: Pilot) -> float | None:
 
 
 def _apart(solver: StaticSolver, quiet: Mapping[str, np.ndarray], row: int) -> float:
-    """Return how far apart the forces are at which the event of a row begins, over F_N."""
+    """Return the difference between the start forces of the event of a row, over F_N."""
     scene, t = solver.scene, float(quiet["t"][row])
     free, u_x, F_T = quiet["mode"][row] == OPEN, quiet["u_x"][row], float(quiet["F_T"][row])
     load, drive = scene.load_at(t), scene.drive(t)
@@ -210,13 +210,13 @@ def _apart(solver: StaticSolver, quiet: Mapping[str, np.ndarray], row: int) -> f
 
 
 def counted(scene: Scene, t_end: float, options: Options, pilot: Pilot) -> float:
-    """Return the work of the hybrid engine to t_end (s), counted over its first part, in s.
+    """Return the work (s) of a hybrid run, extrapolated from its first part.
 
     Args:
         scene: the scene.
         t_end: end of the run, in s.
-        options: of the run, with its geometry and step.
-        pilot: of the same run.
+        options: options of the run, with its geometry and step.
+        pilot: quasi-static pilot run of the scene.
     """
     geometry, dt = options.geometry or "finite", options.dt
     full = full_work(scene, geometry, dt, t_end)

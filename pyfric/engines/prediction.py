@@ -32,8 +32,8 @@ __all__ = ["prediction_curve"]
 def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     """Return the growth of the slipping zone with mu_s = mu_k, up to sliding.
 
-    The speed of the driver does not matter; t is the driver's displacement over V, or, where it
-    never moves, over 1 m/s. A protocol is followed: where the driver goes back, blocks slip back.
+    The speed of the driver does not matter: t is its displacement over V, or over 1 m/s if it never
+    moves. Protocols are followed. If the driver moves back, blocks slip back.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file; its friction
@@ -41,17 +41,17 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
         mu: the friction coefficient; None means the scene's mu_k.
 
     Returns:
-        A record of engine "prediction". Each row of its curve is a change of contact state: t (s),
-        F_T (N), drive (m), L_p_over_L of the blocks that have slipped or are open, from the
-        trailing edge. Its last row is where all blocks slip, where no further block would, or
-        where what follows may not be the only solution, which a note then says.
+        A record of engine "prediction". Each row of its curve is a change of contact state, with
+        columns t (s), F_T (N), drive (m) and L_p_over_L. L_p is the length from the trailing edge
+        over which all blocks have slipped or are open. The curve ends when all blocks slip, when no
+        further block can slip, or when the solution may not be unique; a note then says so.
 
     Raises:
         SceneError: mu is not a number >= 0.
         EquilibriumError: no equilibrium was found.
 
     Warns:
-        RuntimeWarning: friction is so strong that the solution may not be unique.
+        RuntimeWarning: mu is so large that the solution may not be unique.
 
     Source: PRL 107, 074301 (2011), Fig. 2.
 
@@ -91,11 +91,11 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
 
 
 def _warn_if_ambiguous(contact: Contact) -> None:
-    """Warn before slip is followed where it may not be determined."""
+    """Warn if the solution for slip may not be unique."""
     mu, found = contact.law.mean.mu_k, contact.definiteness_of_sliding()
     if found >= LEAST_DEFINITENESS:
         return
-    most = mu * (1 - LEAST_DEFINITENESS) / (1 - found)  # it falls linearly
+    most = mu * (1 - LEAST_DEFINITENESS) / (1 - found)  # the definiteness falls linearly in mu
     warnings.warn(
         f"mu = {mu:g}: the definiteness of the slip operator, all blocks slipping one way, is "
         f"{found:.3g} (at least {LEAST_DEFINITENESS:g}), so that the solution may not be the only "

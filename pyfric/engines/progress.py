@@ -1,4 +1,4 @@
-"""What a run shows on its way."""
+"""Display of the progress of runs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["Progress", "jobs_bar", "run_bar"]
 
 
 class Progress(NamedTuple):
-    """Where a run stands: times in s, force over F_N, events so far, steps per second."""
+    """State of a run: times in s, F_T over F_N, events so far, steps per second."""
 
     t: float
     t_begin: float
@@ -37,9 +37,9 @@ def _bar(
     first: str,
     **layout: Any,
 ) -> Iterator[Callable[..., None]]:
-    """Give the function that shows progress: the caller's own, a bar on stderr, or nothing.
+    """Yield the function that shows progress: the caller's own, a bar on stderr, or nothing.
 
-    `first` is what the bar says until it moves.
+    `first` is the text of the bar before the first update.
     """
     if callable(progress):
         yield progress
@@ -61,7 +61,7 @@ def _bar(
 def run_bar(
     progress: bool | Callable[[Progress], None] | None, scene: Scene, t_begin: float, t_end: float
 ) -> AbstractContextManager[Callable[[Progress], None]]:
-    """Give the function that shows where one run stands."""
+    """Yield the function that shows the progress of one run."""
 
     def show(bar: tqdm, now: Progress) -> None:
         text = f"F_T/F_N {now.force:.3f}, {now.events} events"
@@ -80,7 +80,7 @@ def run_bar(
 def jobs_bar(
     progress: bool | Callable[[int, int], None] | None, total: int
 ) -> AbstractContextManager[Callable[[int, int], None]]:
-    """Give the function that shows how many of some runs are done."""
+    """Yield the function that shows how many of several runs are done."""
 
     def show(bar: tqdm, done: int, _: int) -> None:
         bar.update(done - bar.n)

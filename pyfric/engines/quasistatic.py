@@ -1,16 +1,17 @@
-"""Quasi-static engines: every state is an equilibrium, no inertia, linear geometry.
+"""Quasi-static engines: every state is an equilibrium, without inertia, in linear geometry.
 
-`QuasistaticRun` is a ladder of events. Between events nothing slips and all forces are affine in
-the driver's position, so the next nucleation is a closed formula. The event rule: blocks that slip
-carry mu_k p, those that stick stay below mu_s p. The block with the largest |f| - mu_s p is
-released, one at a time; one that would move back sticks again where it was; at the end all stick.
-A driver that goes back is followed back, and so are loads that change. What is left out: the
-overshoot of moving blocks, and with it a part of the length of an event.
+`QuasistaticRun` makes a quasi-static sequence of events, also called a ladder. Between events no
+block slips and all forces are affine in the driver's position. A closed formula therefore gives the
+next start of slip. During an event the driver rests. Slipping blocks carry mu_k p, and stuck blocks
+stay below mu_s p. Blocks are released one at a time, first the one with the largest |f| - mu_s p. A
+block that would move back sticks again where it was. At the end of the event all blocks stick. The
+driver may also move back, and loads may change. The sequence leaves out the overshoot of moving
+blocks. Without overshoot, events are shorter.
 
-For mu_s = mu_k slip grows continuously. It is followed exactly from one change of contact state to
-the next; in between all quantities are linear. Which of the blocks at their threshold slip, and
-which stick, follows from the signs of the rates. A ladder whose mu_s - mu_k is next to nothing goes
-that way, too, because its events would be endless; so does `prediction`, for any scene.
+For mu_s = mu_k slip grows continuously. It is followed exactly: between two changes of contact
+state all quantities are linear in the drive. The signs of the rates decide which blocks at their
+threshold slip and which stick. A sequence with negligible mu_s - mu_k is treated in the same way,
+because it would have too many events. `prediction` treats any scene in this way.
 
 Source: PRL 107, 074301 (2011), for the model.
 """
@@ -62,17 +63,17 @@ if TYPE_CHECKING:
 __all__ = ["QuasistaticRun", "check_ladder", "simulate"]
 
 SOFTEST = 0.05
-"""Largest k over the steepest fall of friction that the ladder leaves out. Start forces of the
-Fig. 1 scene then differ from those of d_c = 0 by 8e-4 F_N at most (d_c = 50 nm, 0.044); at 0.088
-it is 0.01, and fronts stop elsewhere."""
+"""Largest k over the steepest weakening slope for which the weakening may be left out. In the Fig.
+1 scene, d_c = 50 nm gives 0.044; start forces then differ from those of d_c = 0 by at most 8e-4
+F_N. At 0.088 they differ by 0.01 F_N, and fronts stop at other blocks."""
 GROWTH = 60
-"""Most changes of contact state while a slipping zone grows, over N_x: a cap."""
+"""Largest number of changes of contact state while a slipping zone grows, over N_x."""
 IDLE = 200
-"""Most changes of contact state in a row at which the driver does not move."""
+"""Largest number of successive changes of contact state without motion of the driver."""
 
 
 class _Log:
-    """Switches and quiet transitions, as `pyfric.record.catalogue` takes them."""
+    """Logs of contact switches and of starts and ends of slip, for `pyfric.record.catalogue`."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.p_corner = scene, CORNER_SHARE * scene.F_N / scene.N_x
@@ -84,7 +85,7 @@ class _Log:
         self.told = (0, 0)  # rows of both logs that `new` has returned
 
     def set(self, contact: Contact, t: float, before: Values | None = None) -> None:
-        """Log what differs from the last contact states; slip starts at the values before."""
+        """Log the changes of contact state. Slip starts at the values `before` the change."""
         new = contact.mode.astype(np.int32)
         changed = np.flatnonzero(new != self.mode)
         if not changed.size:
@@ -128,7 +129,7 @@ def _columns(rows: list[Any], kinds: Any, N_x: int = 0) -> dict[str, np.ndarray]
 
 
 class QuasistaticRun:
-    """The ladder of quasi-static events of one scene.
+    """The quasi-static sequence of events of one scene.
 
     Args:
         scene: the scene.
@@ -153,9 +154,9 @@ class QuasistaticRun:
         self.log.mode[~self.contact.closed] = OPEN
         self.rows: list[tuple[float, float]] = []
         self.events = 0
-        self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # what is done now
+        self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # the present part
         self.ending = ""  # status of a run that ends before its time
-        self.t_quiet = -math.inf  # until when nothing is known to happen then
+        self.t_quiet = -math.inf  # no slip before this time
         self.notes: tuple[str, ...] = ()
         self.timings = {"set-up": time.perf_counter() - start}
         self.initial = self.contact.values()
@@ -168,10 +169,10 @@ class QuasistaticRun:
         self.rows.append((self.t, self.contact.values().F_T))
 
     def advance(self, t_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> bool:
-        """Follow the scene to t_end (s); return whether it got there.
+        """Follow the scene to t_end (s); return False if it was interrupted.
 
         Raises:
-            EquilibriumError: an event does not settle, or slip goes on in events of no length.
+            EquilibriumError: an event does not end, or slip goes on in events of zero length.
         """
         start = time.perf_counter()
         self.sample()
@@ -183,11 +184,11 @@ class QuasistaticRun:
         return not stop()
 
     def follow(self, t_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
-        """Go through the legs of the protocol up to t_end (s), which may be inf."""
+        """Follow the segments of the protocol up to t_end (s), which may be inf."""
         contact = self.contact
         for stretch in stretches(self.scene, self.drive_0, t_end):
             leg, offset, route = stretch
-            if leg.way != contact.way or route is not None:  # what slips comes to rest
+            if leg.way != contact.way or route is not None:  # all slip stops
                 contact.hold_all()
                 self.log.set(contact, leg.t)
             self.stretch = stretch
@@ -204,7 +205,7 @@ class QuasistaticRun:
             show(*self.rows[-1], self.events)
 
     def _climb(self, drive_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
-        """Follow the ladder of events until the driver is at drive_end."""
+        """Follow the sequence of events until the driver is at drive_end."""
         contact, idle = self.contact, 0
         rounding = contact.tol / self.scene.driver.K
         while not stop():
@@ -233,7 +234,7 @@ class QuasistaticRun:
         """Follow continuous slip, mu_k = mu_s, until the driver is at drive_end or nothing changes.
 
         Raises:
-            EquilibriumError: stick and slip do not settle, or slip does not stop growing.
+            EquilibriumError: stick and slip rates are not found, or the zone grows without end.
         """
         contact, law = self.contact, self.contact.law.continuous()
         if np.any(contact.law.drop > 0):
@@ -269,7 +270,7 @@ class QuasistaticRun:
         raise EquilibriumError(what, np.nan, contact.tol, GROWTH * self.scene.N_x)
 
     def _ended(self, t: float) -> bool:
-        """Return whether a condition ends the run before anything happens at t (s)."""
+        """Return whether a condition ends the run before the next change, at t (s)."""
         if self.stopping is None or not self.rows:
             return False
         self.stopping.take(*self.log.new())
@@ -280,7 +281,7 @@ class QuasistaticRun:
         return bool(self.ending)
 
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
-        """Let block i slip, and all that follows at this position of the driver."""
+        """Release block i and follow the event at this position of the driver."""
         self.events += 1
         contact, log, t = self.contact, self.log, self.t
         now = contact.values()
@@ -299,7 +300,7 @@ class QuasistaticRun:
         log.set(contact, t)
 
     def record(self, status: str, engine: str | None = None, **columns: Any) -> Record:
-        """Return what was done so far."""
+        """Return the record of the run so far."""
         start = time.perf_counter()
         scene = self.scene
         switches, quiet = self.log.columns()
@@ -336,7 +337,7 @@ class QuasistaticRun:
 
 
 class EquilibriumRun(QuasistaticRun):
-    """The stuck slider under the driver, up to the first slip; blocks may lift off and land."""
+    """The stuck slider under the driver up to the first slip. Blocks may open and close."""
 
     name = "equilibrium"
 
@@ -367,8 +368,8 @@ def simulate(
 ) -> Record:
     """Follow a scene through static states to t_end (s); see `pyfric.simulate`.
 
-    Args are those of `pyfric.simulate`, with engine "quasistatic" or "equilibrium". A run that goes
-    on from a record is made again from its start, which gives the same bits.
+    The arguments are those of `pyfric.simulate`, with engine "quasistatic" or "equilibrium". A run
+    that continues a record is computed again from its start, which gives the same bits.
     """
     if not isinstance(initial, Record | None):
         raise StateError(f"initial: the {engine} engine goes on from records only")
@@ -387,7 +388,7 @@ def simulate(
 
 
 def check_ladder(engine: str, scene: Scene) -> None:
-    """Raise SceneError where an engine without inertia does not follow a scene."""
+    """Raise SceneError if an engine without inertia cannot follow a scene."""
     check_straight(scene)
     check_sticks(scene)
     beyond = beyond_ladder(scene) if engine == "quasistatic" else None
@@ -397,7 +398,7 @@ def check_ladder(engine: str, scene: Scene) -> None:
 
 
 class Beyond(NamedTuple):
-    """What of a friction law the ladder leaves out: field, value, unit, what it could be, why."""
+    """A property of a friction law that the quasi-static sequence cannot leave out."""
 
     field: str
     value: object
@@ -407,10 +408,10 @@ class Beyond(NamedTuple):
 
 
 def beyond_ladder(scene: Scene) -> Beyond | None:
-    """Return what the ladder must not leave out of a friction law, None if its mu_k is enough.
+    """Return why the quasi-static sequence cannot treat a friction law, or None if it can.
 
-    It knows slip at mu_k only. Where friction falls over so short a slip that no block can slip
-    stably meanwhile, start forces are those of mu_k within `SOFTEST`.
+    In the sequence, slipping blocks have friction mu_k. Weakening over a slip length may be left
+    out if it is so steep that no block slips stably meanwhile; `SOFTEST` is the limit.
     """
     law, tables = scene.law, scene.law.tables
     if tables.hold or tables.speed or tables.age:

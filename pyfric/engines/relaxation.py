@@ -1,4 +1,4 @@
-"""How long the stuck slider rings down, and how far the driver goes on meanwhile."""
+"""Relaxation time of the stuck slider, and the loading by the driver during that time."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 __all__ = ["loading_notes", "loading_while_relaxing", "relaxation_time"]
 
 SLOWEST = 10
-"""Undamped modes among which the slowest decay is looked for: it is that of the slowest waves."""
+"""Undamped modes in which the slowest decay is sought; the slowest waves have it."""
 AT_REST = 0.05
-"""A run without inertia carries a note where the driver adds more to F_T than this during a
-relaxation time, over F_N: a definition of coming to rest between events."""
+"""Increase of F_T during a relaxation time, over F_N, above which a quasi-static run carries a
+note. It defines whether the slider comes to rest between events."""
 
 
 @functools.lru_cache(maxsize=64)
 def relaxation_time(scene: Scene) -> float:
     """Return the decay time of the slowest motion of the slider with all blocks stuck, in s.
 
-    It is 1/min(-Re lambda) over its damped modes, in linear geometry; large lattices are taken with
-    larger blocks of the same viscosity. 0 for a chain, in which nothing moves; infinite without
-    viscosity, and where an interface is prescribed.
+    It is 1/min(-Re lambda) over the damped modes in linear geometry. For large lattices, it is that
+    of larger blocks with the same viscosity. It is 0 for a chain, in which no block can move. It is
+    infinite without viscosity and on a prescribed interface.
 
     Raises:
         EquilibriumError: a part of the slider is not supported.
@@ -47,9 +47,9 @@ def relaxation_time(scene: Scene) -> float:
 
 
 def loading_while_relaxing(scene: Scene) -> float:
-    """Return what the driver adds to F_T during a relaxation time, over F_N.
+    """Return the increase of F_T by the driver during a relaxation time, over F_N.
 
-    That is V t/(1/K + 1/k) at its largest speed V.
+    It is V t/(1/K + 1/k), with the largest speed V of the driver and the relaxation time t.
     """
     V = scene.driver.fastest
     if scene.N_z == 1 or V == 0:
@@ -58,7 +58,7 @@ def loading_while_relaxing(scene: Scene) -> float:
 
 
 def loading_notes(scene: Scene, engine: str) -> tuple[str, ...]:
-    """Return what to know where a slider does not come to rest between events."""
+    """Return a note if the slider does not come to rest between events."""
     share = loading_while_relaxing(scene)
     if share <= AT_REST:
         return ()

@@ -1,4 +1,4 @@
-"""Static states that are solved once."""
+"""Static states with a memory of earlier solutions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["RememberedStates"]
 
 
 class RememberedStates:
-    """A `StaticSolver` that solves the same state once."""
+    """A `StaticSolver` that keeps its solutions, so that the same state is solved only once."""
 
     def __init__(self, solver: StaticSolver) -> None:
         self.finder = solver

@@ -1,4 +1,4 @@
-"""Runs of any fidelity: one function that chooses, or obeys."""
+"""`simulate`: a run with the engine that the user names or the plan chooses."""
 
 from __future__ import annotations
 
@@ -48,46 +48,48 @@ def simulate(
     progress: bool | Callable[[Progress], None] | None = None,
     **keywords: Unpack[Keywords],
 ) -> Record:
-    """Simulate a scene from the loaded slider, or from where another run stopped.
+    """Simulate a scene from the loaded slider, or continue another run.
+
+    A `Record` as `initial` continues its run, and the result holds the whole run. Its engine,
+    geometry, stepper, switching, step, rtol, budget, sampling and t_gap are kept; other values of
+    these options are ignored. The speed of the driver or the loads may differ from then on; the
+    scene of the result then has a protocol that joins both. The driver continues from its position,
+    so that F_T does not jump. Times of protocols count from t = 0. Full dynamics continues with the
+    same bits. The hybrid engine finds the same events, with forces that agree to its accuracy.
+
+    Ctrl-C ends a run with status "interrupted". The record is then valid, and `initial=record`
+    continues the run. The next call of `simulate`, `plan`, `run_all` or `prediction_curve` in the
+    same script or cell raises KeyboardInterrupt, so that loops end. Before the first step, Ctrl-C
+    raises KeyboardInterrupt at once.
+
+    A run expected to take more than ten minutes carries a note that suggests faster options. The
+    note is also printed on stderr before the start, unless progress is False or a function.
 
     Args:
-        scene: what is simulated: a scene, the name of a preset, or the path of a scene file.
+        scene: a scene, the name of a preset, or the path of a scene file.
         t_end: time of the end, in s; the last step ends there or just beyond.
-        options: how; None means `Options()`.
-        initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts there,
-            also with another scene: where K or the driven blocks differ, F_T stays as it is. A
-            `Record` goes on where it stopped, and the result holds the whole run. Where the speed
-            of the driver or the loads are others from then on, its scene has a protocol that is
-            both. The driver goes on from where it is, so that F_T does not jump; protocols count
-            from t = 0.
-            Its engine, geometry, stepper, switching, step, rtol, budget, sampling and t_gap are
-            kept, and those options are not used. Full dynamics goes on with the same bits; the
-            hybrid engine finds the same events, at forces that agree to its accuracy.
-        progress: True for a bar on stderr, a function that is called about ten times per second,
-            False for nothing; None shows the bar where stderr is a terminal.
-        **keywords: single options, in place of those in `options`: fidelity, method, want,
-            tolerance, geometry, stepper, switching, rtol, dt, budget, sample, t_gap, stop_when,
-            threads, checkpoint, checkpoint_every; see `Options`.
+        options: options of the run; None means `Options()`.
+        initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts from that
+            state, also with another scene; if K or the driven blocks differ, F_T is kept. A
+            `Record` continues its run.
+        progress: True for a bar on stderr, False for none, or a function that is called about ten
+            times per second. None shows the bar if stderr is a terminal.
+        **keywords: single options, in place of those in `options`; see `Options`.
 
     Returns:
-        The record. Its status is "interrupted" if Ctrl-C stopped the run: what was done is
-        complete, and `initial=record` goes on. The next call of `simulate`, `plan`, `run_all` or
-        `prediction_curve` in the same script or cell raises KeyboardInterrupt instead, which ends
-        loops. Before the first step, Ctrl-C raises KeyboardInterrupt at once. The status begins
-        with "ended" where an engine had no way on before t_end, as in "ended at first slip", or
-        where a condition ended it, as in "ended by stop_when (arrested)". Its
-        `notes` say where that was, and where a run with fidelity = "auto" had to move up one level,
-        and why. A run expected to take more than ten minutes says so, and what takes less: on
-        stderr before the start, unless progress is False or a function, and in its notes.
+        The record. Its status begins with "ended" if an engine could not continue to t_end, as in
+        "ended at first slip", or if a condition ended the run, as in "ended by stop_when
+        (arrested)". Its `notes` say where that was. With fidelity = "auto" they also say which
+        model was chosen, and why another model replaced it.
 
     Raises:
-        SceneError: an argument is refused, or the run needs more memory than there is; nothing has
-            been done.
+        SceneError: an argument is refused, or the run needs more memory than is available. No run
+            has started.
         StateError: `initial` does not belong to the scene or the engine.
         EquilibriumError: the scene has no loaded state.
-        OSError: `checkpoint` cannot be written; nothing has been done.
-        RunError: the motion left the range of numbers, or contacts switched without end inside a
-            step; its `record` holds the run before that.
+        OSError: `checkpoint` cannot be written. No run has started.
+        RunError: the motion left the range of the model, or contacts switched without end inside a
+            step. Its `record` holds the run before that.
 
     Source: PRL 107, 074301 (2011).
     """
@@ -128,7 +130,7 @@ def simulate(
 
 
 def check_run(scene: Scene, options: Options) -> None:
-    """Raise SceneError where a named engine without inertia refuses a scene or an option."""
+    """Raise SceneError if the chosen static engine cannot have a scene or an option."""
     if options.geometry is not None:
         check_geometry(options.geometry, scene)
     if options.fidelity in quasistatic.ENGINES:
@@ -137,7 +139,7 @@ def check_run(scene: Scene, options: Options) -> None:
 
 
 def _going_on(before: Record, options: Options) -> Options:
-    """Return the options with the engine of a record that goes on."""
+    """Return the options with the engine of a record that is continued."""
     engine = before.method.engine
     if engine not in (*ENGINES, *quasistatic.ENGINES):
         raise StateError(f"initial: a record of the {engine} engine does not go on")
@@ -148,7 +150,7 @@ def _going_on(before: Record, options: Options) -> Options:
 
 
 def _both(before: Record, scene: Scene) -> tuple[Scene, tuple[str, ...]]:
-    """Return the scene of a record that goes on as another one, and a note that says so."""
+    """Return the scene of a record that continues as another scene, and notes on the changes."""
     if before.scene == scene:
         return scene, ()
     t = _begin(before)
@@ -163,7 +165,7 @@ def _both(before: Record, scene: Scene) -> tuple[Scene, tuple[str, ...]]:
 
 
 def _check_continues(before: Record, engine: str) -> None:
-    """Raise StateError unless an engine can go on from this record."""
+    """Raise StateError unless an engine can continue this record."""
     made = before.method.engine
     if made != engine:
         raise StateError(f"initial: the record comes from the {made} engine, this is {engine}")
@@ -180,7 +182,7 @@ def _run(
     progress: bool | Callable[[Progress], None] | None,
     enough: Callable[[Run], bool] | None = None,
 ) -> Record:
-    """Run one engine; `enough` ends one with steps."""
+    """Run one engine. `enough` can end the run of an engine with time steps."""
     how: dict[str, Any] = {"initial": initial, "progress": progress}
     if options.fidelity in ENGINES:
         begin = _begin(initial)
@@ -213,7 +215,7 @@ def _begin(initial: State | Record | None) -> float:
 
 
 def _planned(made: Specification, initial: State | None) -> Record:
-    """Run what is chosen and measure its errors; where a ladder is not enough, dynamics."""
+    """Run the chosen model and measure its errors; if a quasi-static run fails, run dynamics."""
     options, scene = made.options, made.scene
     plan = choose(scene, options, made.t_end - made.t_begin, ladder=initial is None)
     notes = [_chosen(plan)]
@@ -236,7 +238,7 @@ def _planned(made: Specification, initial: State | None) -> Record:
 
 
 def _chosen(plan: Plan) -> str:
-    """Return what was chosen, and what was rejected, as a note."""
+    """Return a note on the chosen model and the rejected ones."""
     rejected = f"; rejected: {'; '.join(plan.reasons)}" if plan.reasons else ""
     return (
         f"planned for {plan.want} within {plan.tolerance:g}: {plan.fidelity}, "
@@ -245,7 +247,7 @@ def _chosen(plan: Plan) -> str:
 
 
 def _static(plan: Plan, made: Specification) -> tuple[Record | None, str]:
-    """Return the record of a quasi-static plan, and why it is not enough; "" where it is."""
+    """Return the record of a quasi-static plan, and why it is rejected; "" if it is accepted."""
     level = _resolved(made.options, plan)
     try:
         record = made.run(made.scene, made.t_end, level)
@@ -263,7 +265,7 @@ def _static(plan: Plan, made: Specification) -> tuple[Record | None, str]:
 
 
 def _resolved(options: Options, plan: Plan) -> Options:
-    """Return the options with what the plan says where they leave it open."""
+    """Return the options, with the choices of the plan for those left open."""
     if plan.fidelity == "quasistatic":
         free = {"geometry": None, "dt": "auto", "budget": None, "switching": None}
         return dataclasses.replace(options, fidelity="quasistatic", accuracy=None, **free)
@@ -279,13 +281,13 @@ def _resolved(options: Options, plan: Plan) -> Options:
 
 
 def _until(made: Specification, record: Record) -> Specification:
-    """Return how a run was made, up to where a condition ended it."""
+    """Return the specification of a run, up to the time at which a condition ended it."""
     t = min(made.t_end, _begin(record)) if ended_by_condition(record) else made.t_end
     return dataclasses.replace(made, t_end=t)
 
 
 def _as_planned(made: Specification, plan: Plan, level: Options) -> Specification:
-    """Return how a plan was run; what users settled stays."""
+    """Return the specification of a planned run; options given by the user stay fixed."""
     asked = made.options
     free = asked.dt == "auto" and asked.stepper == "rk4"
     promise = {"expected": plan.error, "refines": free}

@@ -1,16 +1,15 @@
-"""Runs that stop when their question is answered: the conditions of `stop_when`.
+"""Conditions that end a run before t_end: `stop_when`.
 
-A condition is text, "name" or "name = values", the same in Python, on the command line, in scene
-files and in sweep files (`pyfric.scene.ends`):
+A condition is text, "name" or "name = values". It is the same in Python, on the command line, in
+scene files and in sweep files (`pyfric.scene.ends`):
 
     pyfric.simulate("fig1", 2.0, stop_when="precursors = 3")
     pyfric.simulate(scene, 1.0, stop_when=["arrested", "reached = 50 mm"])
 
-Engines with time steps look at it at the points of the loading curve, the ladder after each event.
-Where it holds depends on nothing but the run, and what is held until then are the bits of the run
-without it. Each condition is one function of what a run has done, which returns the time from
-which on it holds as long as nothing slips anew, inf where that is not known; all conditions are one
-table.
+Engines with time steps check conditions at the points of the loading curve, the quasi-static engine
+after each event. Conditions do not change a run: up to its end, it has the same bits as the run
+without them. Each condition is one function of the history of a run. It returns the time from which
+the condition holds if nothing slips again, or inf if this time is not known.
 """
 
 from __future__ import annotations
@@ -36,24 +35,24 @@ if TYPE_CHECKING:
 __all__ = ["CONDITIONS", "Stopping", "ended_by_condition", "stopping_of"]
 
 ENDED = "ended by stop_when ("
-"""The status of a run that a condition ended begins so."""
+"""Beginning of the status of a run that a condition ended."""
 
 
 CONDITIONS: dict[str, Callable[..., float]] = {}
-"""Name of a condition -> from when on it holds, given what has been seen and its numbers."""
+"""Name of a condition -> function of the history and the values of the condition."""
 
 
 def holds(due: Callable[..., float]) -> Callable[..., float]:
-    """Enter the function below as a condition, under its own name."""
+    """Register a function as a condition, under its own name."""
     CONDITIONS[due.__name__] = due
     return due
 
 
 @holds
 def arrested(seen: Stopping) -> float:
-    """Slip has begun, and either creeps to rest or has paused for t_gap.
+    """Slip has begun, and it either creeps to rest or has paused for t_gap.
 
-    For three transits of a wave in a chain, where nothing moves while nothing slips.
+    In a chain, where nothing moves while nothing slips, a pause of three wave transits suffices.
     """
     if not np.isfinite(seen.first).any():
         return math.inf
@@ -64,7 +63,7 @@ def arrested(seen: Stopping) -> float:
 
 @holds
 def at_rest(seen: Stopping) -> float:
-    """Nothing can slip any more: as arrested, and the driver's way to t_end starts no block."""
+    """As `arrested`, and the displacement of the driver until t_end makes no block slip."""
     more = seen.to_come()
     if not more < seen.weakest():
         return math.inf
@@ -75,14 +74,14 @@ def at_rest(seen: Stopping) -> float:
 
 @holds
 def reached(seen: Stopping, x: float) -> float:
-    """The block at x from the trailing edge, or the next one beyond, has slipped."""
+    """The block at distance x from the trailing edge, or the next one beyond, has slipped."""
     n = math.ceil(x / seen.scene.slider.l * (1 - 1e-12)) + 1
     return float(seen.first[seen.scene.n_of_i == n][0]) if n <= seen.scene.N_x else math.inf
 
 
 @holds
 def L_p(seen: Stopping, share: float) -> float:
-    """An event has slipped this share of the interface from the trailing edge on: L_p/L."""
+    """The present or last event has L_p/L of at least `share`, from the trailing edge on."""
     touched = (seen.region | (seen.mode == OPEN))[np.argsort(seen.scene.n_of_i)]
     length = np.logical_and.accumulate(touched).sum()
     return seen.t if seen.region.any() and length >= share * seen.scene.N_x else math.inf
@@ -102,15 +101,15 @@ def main_events(seen: Stopping, n: float) -> float:
 
 @holds
 def system_size(seen: Stopping, n: float) -> float:
-    """The n-th main event over the whole interface has ended, L_p = L."""
+    """The n-th system-size event has ended: a main event with L_p = L."""
     return seen.ended("L_p_over_L", n)
 
 
 @holds
 def slow(seen: Stopping, v: float, lasting: float) -> float:
-    """Slip has begun, but for some time no block has started to slip or exceeded speed v.
+    """Slip has begun, but for a time `lasting` no block has started to slip or exceeded speed v.
 
-    Speeds are those at the points of the curve.
+    Speeds are taken at the points of the loading curve.
     """
     if seen.speed > v:
         seen.t_fast[v] = seen.t
@@ -125,9 +124,9 @@ def ended_by_condition(record: Record) -> bool:
 
 
 def force_to_come(scene: Scene, t: float, t_end: float) -> float:
-    """Return by how much the driver changes its force between t and t_end (s) at most, in N.
+    """Return the largest change of the driver force between t and t_end (s), in N.
 
-    It is inf where other loads change.
+    It is inf if other loads change.
     """
     later = [one for one in scene.corners if t < one < t_end]
     ramp = any(scene.piece(what, t).slope for what in ("F_N", "T"))
@@ -140,9 +139,9 @@ def force_to_come(scene: Scene, t: float, t_end: float) -> float:
 def stopping_of(
     texts: Iterable[str] | None, scene: Scene, t_gap: float, before: Record | None, t_end: float
 ) -> Stopping | None:
-    """Return what watches a run, None where it has no conditions.
+    """Return the `Stopping` of a run, or None if it has no conditions.
 
-    A run that goes on from where a condition had ended it counts from there.
+    If a condition ended the run before, only slip after that time counts.
     """
     if not texts:
         return None
@@ -152,22 +151,24 @@ def stopping_of(
 
 
 class Stopping:
-    """What a run has done so far, as far as its conditions ask, and whether one of them holds.
+    """The history of a run that conditions need, and their check.
 
     Args:
         conditions: texts of the conditions.
         scene: the scene.
-        t_gap: longest pause inside an event, s.
-        since: what slipped until then counts for nothing, s.
-        t_end: end of the run where no condition holds, s.
+        t_gap: longest pause inside an event, in s.
+        since: time before which slip does not count, in s.
+        t_end: end of the run if no condition holds, in s.
 
     Attributes:
-        t: time of the last look, s.
-        first: time of each block's first slip, corner slip aside, s; NaN where there is none.
+        t: time of the last check, in s.
+        first: time of each block's first slip, without corner slip, in s; NaN if there is none.
         region: blocks that slipped in the present or last event.
-        slips: whether blocks slip now, corner slip aside; `t_rest`: when they last stopped, s;
-            `t_switch`: or one began to slip.
-        mode: contact states at the last look; speed: of the fastest block of the interface, m/s.
+        slips: whether blocks slip now, without corner slip.
+        t_rest: time at which slip last stopped, in s.
+        t_switch: time at which slip last stopped or a block last began to slip, in s.
+        mode: contact states at the last check.
+        speed: speed of the fastest slipping block at the last check, in m/s.
     """
 
     def __init__(
@@ -186,10 +187,10 @@ class Stopping:
         self._logs: list[tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]]] = []
         self._known: tuple[int, pd.DataFrame | None] = (-1, None)
 
-    # --- what a run says -------------------------------------------------------------------------
+    # --- what a run reports ----------------------------------------------------------------------
 
     def take(self, switches: Mapping[str, np.ndarray], quiet: Mapping[str, np.ndarray]) -> None:
-        """Take over what has been logged since the last time."""
+        """Add the log entries since the last call."""
         self._logs.append((switches, quiet))
         begin = -1
         for step, t, kind in zip(quiet["step"], quiet["t"], quiet["kind"], strict=True):
@@ -211,20 +212,20 @@ class Stopping:
         self.first = np.fmin(self.first, new)
 
     def look(self, t: float, mode: np.ndarray) -> None:
-        """Note the time (s) and contact states of static states."""
+        """Store the time (s) and contact states of a static state."""
         self.t, self.mode = t, mode
 
     def look_at(self, state: State, forces: Callable[[], Forces]) -> None:
-        """Take over a state in motion; `forces` evaluates it."""
+        """Store a state in motion; `forces` returns its forces."""
         self.t, self.mode, self.state, self.forces = state.t, state.mode, state, forces
         slips = np.abs(state.mode) == 1
         self.speed = float(np.abs(state.y[0, 2, slips]).max(initial=0.0))
 
-    # --- what conditions ask ---------------------------------------------------------------------
+    # --- what conditions use ---------------------------------------------------------------------
 
     @property
     def events(self) -> pd.DataFrame:
-        """Events since `since`, as if nothing slipped any more."""
+        """Events after `since`, under the assumption that nothing slips again."""
         count = sum(len(quiet["t"]) for _, quiet in self._logs)
         if count != self._known[0]:
             logs = zip(*self._logs, strict=True)
@@ -239,7 +240,7 @@ class Stopping:
         return self._known[1]
 
     def ended(self, which: str, n: float) -> float:
-        """Return when the n-th main event counts as ended of those with 1 in a column, s."""
+        """Return the end (s) of the n-th main event that has 1 in the column `which`."""
         if not self._logs:
             return math.inf
         events = self.events
@@ -247,27 +248,27 @@ class Stopping:
         return self.quiet(float(stops.iloc[math.ceil(n) - 1])) if len(stops) >= n else math.inf
 
     def quiet(self, t: float) -> float:
-        """Return from when on (s) nothing can join what stopped at t (s)."""
+        """Return the time (s) after which new slip is not part of an event that stopped at t."""
         return (t + self.t_gap) * (1 + 1e-12)
 
     def rested(self) -> float:
-        """Return from when on (s) the slider is at rest, if nothing slips."""
+        """Return the time (s) from which the slider counts as at rest, if nothing slips."""
         if self.scene.N_z > 1:
             return self.quiet(self.t_rest)
         return min(self.quiet(self.t_rest), self.t_rest + pause_of_waves(self.scene))
 
     def to_come(self) -> float:
-        """Return what the driver adds to its force before the end, N; inf if loads change."""
+        """Return the largest change (N) of the driver force until t_end; inf if loads change."""
         return force_to_come(self.scene, self.t, self.t_end)
 
     def weakest(self) -> float:
-        """Return the least force that some block in contact lacks to slip, N."""
+        """Return the smallest additional force (N) that makes a block in contact slip."""
         if self.state is None:
             return -math.inf
         return float(self.state.margin[self.mode != OPEN].min(initial=math.inf))
 
     def creeps(self, more: float) -> bool:
-        """Whether slip comes to rest by itself, although the driver adds a force (N)."""
+        """Whether slip comes to rest by itself, even if the driver adds a force `more` (N)."""
         if self.state is None or not more < self.weakest():
             return False
         return creeps_to_rest(self.scene, self.state, lambda: self.forces().a, more)
@@ -275,12 +276,12 @@ class Stopping:
     # --- the end ---------------------------------------------------------------------------------
 
     def due(self) -> tuple[float, str]:
-        """Return from when on (s) the first condition holds if nothing slips, and its text."""
+        """Return the time (s) from which a first condition holds if nothing slips, and its text."""
         dues = ((CONDITIONS[name](self, *with_), text) for text, name, with_ in self.conditions)
         return min(((math.inf if math.isnan(t) else t, text) for t, text in dues))
 
     def status(self) -> str:
-        """Return the status of a run that ends now, "" where no condition holds."""
+        """Return the status of a run that ends now, or "" if no condition holds."""
         t, text = self.due()
         return self.named(text) if t <= self.t else ""
 

@@ -1,8 +1,8 @@
 """Protocols as straight paths for static states: of the driver, or of driver and loads together.
 
-While loads stay, static states follow the driver's way, at any pace. While F_N or T change, speed
-must not: driver and loads then go along a straight line over time. A load that jumps does so with
-the driver at one place.
+While loads are constant, static states depend only on the position of the driver. While F_N or T
+change, the speed of the driver must be constant, so that driver and loads follow a straight line
+over time. When a load jumps, the driver stays at one position.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 __all__ = ["Stretch", "bends", "check_straight", "stretches"]
 
 ROUNDING = 1e-12
-"""Changes of loads below this share of F_N are none."""
+"""Changes of loads below this share of F_N count as rounding."""
 
 
 class Stretch(NamedTuple):
-    """A part of a protocol: its leg, which begins at `offset` (m), and its route.
+    """A part of a protocol: its leg, the driver's `offset` (m) at its start, and its route.
 
-    The route is None where loads never change.
+    The route is None if loads never change.
     """
 
     leg: Leg
@@ -33,7 +33,7 @@ class Stretch(NamedTuple):
 
 
 def bends(scene: Scene) -> SceneError | None:
-    """Return what is said where speed and loads change at once, None where they do not."""
+    """Return the error if speed and loads change at the same time, None if they do not."""
     for t in (0.0, *scene.corners):
         V, F_N, T = (scene.piece(what, t) for what in ("V", "F_N", "T"))
         if V.slope and (F_N.slope or T.slope):

@@ -1,20 +1,22 @@
-"""Errors of a run, measured by a reference run that leaves out less.
+"""Errors of a run, measured by comparison with a reference run that leaves out less.
 
-The reference run is in finite geometry; its jumps are ten times as accurate, or it has none; its
-step is r times shorter. Of r = 4, 2, 1.5 and 1.25 the largest is taken that the budget pays for:
-twice the work of the run and half a second. Errors of order p in the step are then
-1/(1 - r^-p) of the difference; `SAFETY` times that is reported. Where an event ends at another
-block, the difference has no order; `TURNED` times it is reported.
+The reference run is in finite geometry. Its jumps are ten times as accurate, or it makes none. Its
+step is r times shorter, with the largest r of 4, 2, 1.5 and 1.25 within the budget. The budget is
+twice the work of the run and half a second. If the error is of order p in the step, it is
+1/(1 - r^-p) times the difference of the two runs; `SAFETY` times that is reported. If an event ends
+at another block, the difference has no order; `TURNED` times the difference is reported.
 
-A planned run in linear geometry whose error exceeds its tolerance is made again in finite geometry.
-One in finite geometry gives way to its reference run, of which no smaller error is claimed. It is
-compared with a finer one as long as the budget lasts, and not with one of twice its step: both
-would take the same wrong turn too often. Where then a few of many events are off, they are named,
-and all others are measured. Otherwise single events cannot be trusted from the first one on that is
-off; those that follow are compared by their statistics.
+If the error of a planned run exceeds the tolerance, the run is refined. A run in linear geometry is
+repeated in finite geometry. A run in finite geometry is replaced by its reference run, for which no
+smaller error is reported. The reference run is compared with a still finer run while the budget
+lasts. It is not compared with a run of twice its step, because both could deviate in the same
+event.
 
-A reference run that would take more than its budget ends there. What it does not cover is not
-measured.
+If only a few of many events still differ, they are named, and all others are measured. Otherwise
+single events cannot be trusted from the first difference on, and later events are compared by their
+statistics.
+
+A reference run that exceeds its budget ends there. Events that it does not cover are not measured.
 
 Source: P. J. Roache, J. Fluids Eng. 116, 405 (1994), factors of safety for two grids.
 """
@@ -45,24 +47,25 @@ if TYPE_CHECKING:
 __all__ = ["CHEAP", "Specification", "budget", "verified"]
 
 PLAIN, CHEAP = 2.0, 0.5
-"""The work of verification is at most so many times that of the run, and so much more, in s."""
+"""Largest work of verification, in s: `PLAIN` times the work of the run, plus `CHEAP`."""
 RATIOS = (4.0, 2.0, 1.5, 1.25)
-"""The step of a run over that of its reference run."""
+"""Ratios of the step of a run to that of its reference run."""
 DYNAMICS, SAFETY, TURNED = 1.25, 2.0, 3.0
-"""Reported errors over those that the difference of two runs implies, beside dynamics, with finer
-steps, and where events turned: definitions, as for two grids."""
+"""Factors of safety for reported errors: of a quasi-static run compared with dynamics, of runs with
+two steps, and of runs in which an event ends at another block. They are definitions, as for two
+grids."""
 LOOSEST = 1e-3
-"""Largest accuracy that is asked of jumps, over F_N."""
+"""Largest error of jumps that a plan accepts, over F_N."""
 LADDER = 0.01
-"""Accuracy of jumps of dynamics beside a quasi-static run, over the tolerance."""
+"""Accuracy of jumps in the reference run of a quasi-static run, over the tolerance."""
 STRICTER = 0.1
 """Accuracy of jumps of a reference run over that of the run."""
 FEW = 0.1
-"""Largest share of main events that are named as not determined, while the others are measured."""
+"""Largest share of main events that may be named as undetermined while the others are measured."""
 GRACE = 2.0
-"""A reference run ends where it has taken so many times what was counted for it."""
+"""Work at which a reference run is ended, over its expected work."""
 PERTURBATION = 1e-9
-"""By how much the driver of the perturbed run is faster, relative."""
+"""Relative increase of the driver's speed in the perturbed run."""
 
 
 def budget(made: float) -> float:
@@ -72,16 +75,16 @@ def budget(made: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Specification:
-    """How a run was made, so that others like it can be.
+    """Specification of a run, from which similar runs can be made.
 
     Attributes:
-        scene: what was run.
-        t_begin, t_end: from where to where, s.
-        options: with engine, geometry, step and switching resolved.
-        run: makes a run of a scene, to a time (s), with options; `enough` ends it.
+        scene: the scene.
+        t_begin, t_end: times of the beginning and the end, in s.
+        options: options with engine, geometry, step and switching resolved.
+        run: function that runs a scene to a time (s) with options; `enough` can end the run.
         refines: whether steps and geometry may be changed.
         expected: error that the plan expects.
-        geometry: of reference runs; None means finite, where there is one.
+        geometry: geometry of reference runs; None means finite, or linear for a chain.
     """
 
     scene: Scene
@@ -96,7 +99,7 @@ class Specification:
     def again(
         self, record: Record, enough: Callable[[Run], bool] | None = None, **changes: Any
     ) -> Record:
-        """Return a run made like a record, but for some options."""
+        """Return a run made like a record, with some options changed."""
         method = record.method
         same = {"dt": method.dt, "geometry": method.geometry, "switching": method.switching}
         same |= {"accuracy": method.accuracy, "rtol": method.rtol, "fidelity": method.engine}
@@ -106,15 +109,15 @@ class Specification:
 
 
 def verified(record: Record, mode: str | None, made: Specification) -> Record | None:
-    """Return a run with its measured errors, refined where they exceed the tolerance.
+    """Return a run with its measured errors, refined if they exceed the tolerance.
 
-    None for a quasi-static run whose errors do: it gives way to dynamics.
+    None is returned for a quasi-static run whose errors exceed the tolerance: dynamics replaces it.
 
     Args:
-        record: of the run.
-        mode: "sample" or None, within the budget; "full", by a quarter of the step whatever that
-            takes, and by a run whose driver is faster by `PERTURBATION`.
-        made: how it was made.
+        record: record of the run.
+        mode: "sample" or None: within the budget. "full": with a quarter of the step at any cost,
+            and with a run whose driver is faster by `PERTURBATION`.
+        made: specification of the run.
     """
     start = time.perf_counter()
     try:
@@ -150,7 +153,7 @@ def _words(record: Record) -> str:
 
 
 def _quasistatic(record: Record, mode: str | None, made: Specification) -> Record | None:
-    """Compare a quasi-static run with dynamics, of as much of it as the budget pays for."""
+    """Compare a quasi-static run with dynamics, as far as the budget allows."""
     scene, geometry = made.scene, made.geometry or default_geometry(made.scene)
     most = math.inf if mode == "full" else budget(work(scene, "linear", record.counts))
     how = {"fidelity": "hybrid", "dt": "auto", "switching": "located", "geometry": geometry}
@@ -167,7 +170,7 @@ def _quasistatic(record: Record, mode: str | None, made: Specification) -> Recor
 
 
 class _Verification:
-    """A run with steps, and the reference run that its errors are measured by."""
+    """Verification of a run with time steps by a reference run."""
 
     def __init__(self, record: Record, mode: str | None, made: Specification) -> None:
         self.record, self.mode, self.made = record, mode, made
@@ -176,7 +179,7 @@ class _Verification:
         self.notes: list[str] = []
 
     def record_with_errors(self) -> Record:
-        """Return the run with its errors, or the reference run that it gave way to."""
+        """Return the run with its errors, or the reference run that replaces it."""
         made, (level, ratio) = self.made, self._level(self.record)
         reference = self._reference(level)
         found = differences(self.record, reference)
@@ -192,7 +195,7 @@ class _Verification:
             self.notes.append(f"refined to {_words(reference)}: measured error {off:.2g}")
             coarse, self.record = self.record, reference
             found = differences(self.record, coarse)
-            errors = self._measured(found, coarse, TURNED / SAFETY)  # it may have turned
+            errors = self._measured(found, coarse, TURNED / SAFETY)  # an event may end elsewhere
             level, ratio = self._level(self.record)
             if not (self._beyond(errors) and self._affordable(level)):
                 break
@@ -211,13 +214,13 @@ class _Verification:
         return error is not None and errors.tolerance is not None and error > errors.tolerance
 
     def _shrink(self, ratio: float) -> float:
-        """Return by how much errors of the step fall with a step so many times shorter."""
+        """Return the factor by which errors fall if the step is `ratio` times shorter."""
         method = self.record.method
         order = 1 if method.switching == "step_end" else STEPPERS[method.stepper].order
         return ratio**-order
 
     def _measured(self, found: Differences, other: Record, factor: float) -> Errors:
-        """Return the errors that differences from another run imply."""
+        """Return the errors that follow from differences from another run."""
         self.found, self.other, self.factor = found, other, factor
         return self._scaled(found)
 
@@ -225,14 +228,15 @@ class _Verification:
         return _errors(found, self.made, self._factor(found.turned), _words(self.other))
 
     def _factor(self, turned: bool) -> float:
-        """Return reported errors over differences, where an event turned, and where none did."""
+        """Return reported errors over differences. `turned`: an event ended at another block."""
         return max(SAFETY * self.factor, TURNED) if turned else SAFETY * self.factor
 
     # --- reference runs --------------------------------------------------------------------------
 
     def _level(self, record: Record) -> tuple[dict[str, Any], float]:
-        """Return the options of the best reference run that is paid for, and how much its step is
-        shorter; where none is, those of the cheapest one.
+        """Return the options of a reference run, and the ratio of steps.
+
+        It is the best one within the budget, or the cheapest one if none is.
         """
         ratios = RATIOS[:1] if self.mode == "full" else RATIOS
         levels = [self._at(record, engine, r) for r in ratios for engine in ("dynamic", "hybrid")]
@@ -240,7 +244,7 @@ class _Verification:
         return next((one for one in levels if self._affordable(one[0])), levels[-1])
 
     def _at(self, record: Record, engine: str, ratio: float) -> tuple[dict[str, Any], float] | None:
-        """Return the options of a reference run, and the ratio; None if it leaves out more."""
+        """Return the options of a reference run and the ratio; None if it would leave out more."""
         method = record.method
         if engine == "hybrid" and method.engine == "dynamic":
             return None
@@ -251,7 +255,7 @@ class _Verification:
         return how, ratio
 
     def _counted(self, how: dict[str, Any]) -> float:
-        """Return the work of a reference run, in s."""
+        """Return the expected work of a reference run, in s."""
         made, method, counts = self.made, self.record.method, dict(self.record.counts)
         if how.get("fidelity") == "dynamic":
             return full_work(
@@ -266,7 +270,7 @@ class _Verification:
         return self._counted(how) <= self.left
 
     def _reference(self, how: dict[str, Any]) -> Record:
-        """Make a reference run, which ends where it takes much more than was counted."""
+        """Make a reference run, which is ended if it takes `GRACE` times the expected work."""
         made = self.made
         most = GRACE * max(min(self._counted(how), self.left), CHEAP)
         if self.mode == "full":
@@ -282,7 +286,7 @@ class _Verification:
     # --- what is not determined ------------------------------------------------------------------
 
     def _determined(self, errors: Errors) -> Errors:
-        """Return the errors without the events that two runs do not agree on."""
+        """Return the errors without the events on which two runs disagree."""
         options, main = self.made.options, int(self.record.events["is_main"].sum())
         off = self.found.beyond(options.tolerance / self._factor(turned=False), options.want)
         if 0 < len(off) <= FEW * main:
@@ -294,9 +298,9 @@ class _Verification:
         return self._until(errors, off["t_start"].min(), self.other)
 
     def _until(self, errors: Errors, t: float, other: Record) -> Errors:
-        """Return the errors before an event that begins at t (s), and statistics from there on.
+        """Return the errors before an event that begins at t (s), and statistics of later events.
 
-        That event begins in another run a little earlier or later than here.
+        The event may begin a little earlier or later in the other run.
         """
         if not t > self.made.t_begin:
             return errors
@@ -311,7 +315,7 @@ class _Verification:
         return dataclasses.replace(before, until=until, statistics=together)
 
     def _perturbed(self, errors: Errors) -> Errors:
-        """Return the errors up to where a driver that is faster by next to nothing matters."""
+        """Return the errors up to the first event that a slightly faster driver changes."""
         made, driver = self.made, self.made.scene.driver
         driver = dataclasses.replace(driver, V=driver.V * (1 + PERTURBATION))
         scene = dataclasses.replace(made.scene, driver=driver)

@@ -1,4 +1,4 @@
-"""What is simulated: parts, scenes, presets, units, geometry."""
+"""The simulated system: parts, scenes, presets, units, geometry."""
 
 from pyfric.scene import laws
 from pyfric.scene.change import followed_by, full_name, read_value, scene_fields, spoken

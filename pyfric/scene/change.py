@@ -1,4 +1,4 @@
-"""Names of the fields of a scene, what each takes, and the scene with other values."""
+"""Names of the fields of a scene, and scenes with changed values."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ PROTOCOLS = {
     "driver": (("V", "protocol"),),
     "top": (("F_N", "protocol"), ("T", "T_protocol")),
 }
-"""Parts and what of them changes with time: the names of its first value and of its corners."""
+"""Parts whose fields may change with time: names of the first value and of the breakpoints."""
 
 
 def scene_fields(scene: Parts) -> dict[str, Quantity | None]:
-    """Return the names of all fields of a scene that may change, as in a scene file.
+    """Return the names of all fields of a scene that can be changed, as in a scene file.
 
-    Such as "name", "top", "driver.h", "interface.mu_s.seed" where mu_s is a `Spread`, and
-    "interface.law.t_c". Those of numbers come with their `Quantity`.
+    Examples are "name", "top", "driver.h", "interface.law.t_c", and "interface.mu_s.seed" if mu_s
+    is a `Spread`. Numbers come with their `Quantity`.
 
     Args:
-        scene: a scene, or its parts by their names.
+        scene: a scene, or its parts by name.
     """
     parts = scene if isinstance(scene, Mapping) else {name: getattr(scene, name) for name in PARTS}
     found: dict[str, Quantity | None] = {"name": None, "stop_when": None}
@@ -44,7 +44,7 @@ def scene_fields(scene: Parts) -> dict[str, Quantity | None]:
 
 
 def _inside(owner: Any, prefix: str, marks: Mapping[str, Any]) -> dict[str, Quantity | None]:
-    """Return the fields of a part, and of what is in it; `marks` are their annotations."""
+    """Return the fields of a part and of the parts inside it; `marks` are their annotations."""
     found: dict[str, Quantity | None] = {}
     if not dataclasses.is_dataclass(owner) or isinstance(owner, type):
         return found
@@ -64,12 +64,12 @@ def full_name(scene: Parts, name: str, value: Any = None) -> str:
     """Return the name of a field with its part: "driver.h" for "h", "interface.law.B" for "law.B".
 
     Args:
-        scene: a scene, or its parts by their names.
-        name: a dotted name, or its end; a part goes before a field, a field before what it holds.
-        value: what it is to become, for the error.
+        scene: a scene, or its parts by name.
+        name: a dotted name, or its end. If several names fit, the one with the fewest dots counts.
+        value: the new value, for the error message.
 
     Raises:
-        SceneError: no field has this name, or several have.
+        SceneError: no field, or more than one, has this name.
     """
     name, known = str(name), scene_fields(scene)
     found = [full for full in known if f".{full}".endswith(f".{name}")]
@@ -80,7 +80,7 @@ def full_name(scene: Parts, name: str, value: Any = None) -> str:
     if found:
         raise SceneError(name, value, "", " or ".join(found), "is in several parts")
     ends = list(dict.fromkeys([*known, *(full.partition(".")[2] or full for full in known)]))
-    for top in (Rod, DistributedLoad, PrescribedLoad):  # a word that is not spelled wrong
+    for top in (Rod, DistributedLoad, PrescribedLoad):  # a correct word in a wrong place
         if name.removeprefix("top.") in {field.name for field in dataclasses.fields(top)}:
             reason = f"unknown here, a field of {top.__name__}"
             raise SceneError(name, value, "", f"one of {', '.join(ends)}", reason)
@@ -88,7 +88,7 @@ def full_name(scene: Parts, name: str, value: Any = None) -> str:
 
 
 def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
-    """Return the scene with these values; see `Scene.replace`."""
+    """Return the scene with changed values; see `Scene.replace`."""
     parts = {name: changes.get(name, getattr(scene, name)) for name in PARTS}
     names: dict[str, Any] = {}
     for name, value in changes.items():
@@ -100,7 +100,7 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
 
 
 def _with(owner: Any, changes: Mapping[tuple[str, ...], Any]) -> Any:
-    """Return a part with other values, all of which are set before they are checked."""
+    """Return a part with changed values; all are set before they are checked."""
     new = {path[0]: value for path, value in changes.items() if len(path) == 1}
     for name in dict.fromkeys(path[0] for path in changes if len(path) > 1):
         inside = {path[1:]: v for path, v in changes.items() if path[0] == name and path[1:]}
@@ -114,14 +114,14 @@ def _with(owner: Any, changes: Mapping[tuple[str, ...], Any]) -> Any:
 
 
 def followed_by(before: Scene, after: Scene, t: float) -> tuple[Scene, list[str]] | None:
-    """Return the scene that is one up to t and another one from then on, and what changes at t.
+    """Return a scene that equals `before` up to t and `after` from t on, and the changes at t.
 
-    None where they differ in more than speed of the driver, loads, `stop_when` and name: no scene
-    is both.
+    None is returned if the two scenes differ in more than speed of the driver, loads, `stop_when`
+    and name.
 
     Args:
         before: the scene up to t.
-        after: the scene from t on; its protocols count from t = 0, too.
+        after: the scene from t on; times of its protocols count from t = 0, too.
         t: time, in s.
     """
     whole, others, said = {}, {}, []
@@ -150,13 +150,13 @@ def followed_by(before: Scene, after: Scene, t: float) -> tuple[Scene, list[str]
 
 
 def read_value(name: str, value: Any, mark: Quantity | None, folder: Path) -> Any:
-    """Return what stands in a scene file in `folder` for a field, as the scene has it.
+    """Return the value of a field from its entry in a scene file.
 
     Args:
         name: dotted name of the field.
-        value: what stands there; of a part or a friction law, its table.
-        mark: the `Quantity` of the field, None for what is no number.
-        folder: where files lie that the value names.
+        value: the entry; for a part or a friction law, its table.
+        mark: the `Quantity` of the field; None if the field is not a number.
+        folder: folder of files that the entry names.
 
     Raises:
         SceneError: the value is refused.
@@ -171,10 +171,10 @@ def read_value(name: str, value: Any, mark: Quantity | None, folder: Path) -> An
 
 
 def spoken(text: str) -> Any:
-    """Return a value from a line of text, such as that of `--set`.
+    """Return a value from a line of text, such as the argument of `--set`.
 
-    It is what TOML makes of it (a number in SI, a list, a table such as {mean = 0.7, std = 0.02}),
-    or the text itself, such as "7.5 mm" or "left".
+    The text is read as TOML: a number in SI, a list, or a table such as {mean = 0.7, std = 0.02}.
+    If it is not TOML, it is returned as text, such as "7.5 mm" or "left".
     """
     try:
         return tomllib.loads(f"value = {text}").get("value", text)

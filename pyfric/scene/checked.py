@@ -1,7 +1,8 @@
-"""Parts that check themselves: frozen dataclasses whose refusals are `SceneError`.
+"""Base of the parts of a scene: frozen dataclasses that check their values, with `SceneError`.
 
-The annotation of a field says what it takes: a `Quantity`, a part (`OneOf`), and so on. Values come
-from Python, or from a scene file (`Written`): there quantities are text with a unit, parts tables.
+The annotation of a field states its allowed values: a `Quantity`, a part (`OneOf`), and so on.
+Values come from Python or from a scene file (`Written`). In a file, quantities are text with a
+unit, and parts are tables.
 """
 
 import dataclasses
@@ -23,33 +24,33 @@ __all__ = ["Annotation", "Name", "NotNegative", "OneOf", "Positive", "Quantity",
            "annotations", "from_entries", "from_table", "part", "quantities", "table"]  # fmt: skip
 
 MAX_LISTED = 10_000
-"""Largest number of blocks whose forces can be listed one by one."""
+"""Largest number of values in a list."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Written:
-    """A value as it stands in a scene file; it may name files in `folder`, or None."""
+    """A value from a scene file. It may name files in `folder`; if that is None, it may not."""
 
     value: Any
     folder: Path | None = None
 
 
 class Annotation:
-    """What a field takes; `allowed` says so in words."""
+    """The allowed values of a field; `allowed` describes them in words."""
 
     unit: str = ""
     allowed: str = ""
 
     def check(self, value: Any) -> Any:
-        """Return what a value given in Python, or `Written` in a file, stands for.
+        """Return the checked value, from a value in Python or `Written` in a file.
 
         Raises:
-            SceneError: it is refused; without the name of the field.
+            SceneError: the value is refused; the error does not name the field.
         """
         raise NotImplementedError
 
     def written(self, value: Any) -> Any:
-        """Return a value as it stands in a scene file."""
+        """Return a value in the form of a scene file."""
         return value
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
@@ -107,14 +108,14 @@ class Quantity(Annotation):
         return tuple(numbers)
 
     def of_drawn(self) -> dict[str, Annotation]:
-        """Return the annotations of what is drawn: some of its numbers have the unit of this."""
+        """Return the annotations of the class `drawn`; some of its numbers have this unit."""
         return {
             name: dataclasses.replace(mark, unit=self.unit) if name in self.drawn.in_unit else mark
             for name, mark in annotations(self.drawn).items()
         }
 
     def _drawn(self, values: Mapping[str, Any], written: bool) -> Any:
-        """Return what a table describes, which may stand in a scene file."""
+        """Return the object of class `drawn` that a table describes."""
         try:
             found = dict(values)
             for name, mark in self.of_drawn().items():
@@ -152,7 +153,7 @@ class Whole(Annotation):
 
 @dataclasses.dataclass(frozen=True)
 class Name(Annotation):
-    """A line of text: no control characters, and none that change the order of what is read."""
+    """A line of text without control characters and without marks that change its direction."""
 
     longest: int
 
@@ -177,19 +178,19 @@ class Name(Annotation):
 
 DIRECTIONS = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
 ORDERING = "\u061c\u200e\u200f"
-"""Marks that change the order in which text is shown."""
+"""Characters that change the direction of text."""
 
 Positive = functools.partial(Quantity, gt=0.0)
 NotNegative = functools.partial(Quantity, ge=0.0)
 
 
 class OneOf(Annotation):
-    """A part of one of several classes, which the entry `kind` tells apart in a scene file.
+    """A part of one of several classes. In a scene file the entry `kind` selects the class.
 
     Args:
-        classes: the classes, or one that all of them are derived from.
-        kinds: kinds to classes; None means those of the classes that have one.
-        allowed: says what is allowed in Python.
+        classes: the classes, or a common base class.
+        kinds: kinds to classes; None means the attributes `kind` of the classes.
+        allowed: description of the values that are allowed in Python.
     """
 
     def __init__(
@@ -216,7 +217,7 @@ class OneOf(Annotation):
         return from_table(cls, entries, value.folder)
 
     def fields(self, kind: Any) -> list[str]:
-        """Return the names of the fields of a kind, none where it is unknown."""
+        """Return the names of the fields of a kind; an empty list if it is unknown."""
         cls = self.kinds.get(kind) if isinstance(kind, str) else None
         cls = cls if self.kinds else self.classes[0]
         return [field.name for field in dataclasses.fields(cls)] if cls else []
@@ -236,7 +237,7 @@ class OneOf(Annotation):
 
 @functools.cache
 def annotations(cls: type) -> dict[str, Annotation]:
-    """Return the annotation of each field of a part that has one."""
+    """Return the annotations of the fields of a part."""
     return {
         name: mark
         for name, hint in typing.get_type_hints(cls, include_extras=True).items()
@@ -251,13 +252,13 @@ def quantities(cls: type) -> dict[str, Quantity]:
 
 
 def from_table(cls: type, entries: Mapping[str, Any], folder: Path | None, **more: Any) -> Any:
-    """Return the part that a table of a scene file in a folder describes.
+    """Return the part that a table of a scene file describes.
 
     Args:
-        cls: its class, which may read tables itself: `cls.from_file(entries, folder)`.
+        cls: its class. If the class has `from_file`, `cls.from_file(entries, folder)` is called.
         entries: the table.
-        folder: where the file is; None: it may name no other files.
-        more: arguments that the table cannot give.
+        folder: folder of the scene file; None means that the table may not name files.
+        more: arguments that the table cannot contain.
     """
     if hasattr(cls, "from_file"):
         return cls.from_file(entries, folder)
@@ -265,14 +266,14 @@ def from_table(cls: type, entries: Mapping[str, Any], folder: Path | None, **mor
 
 
 def from_entries(cls: type, entries: Mapping[str, Any], folder: Path | None, **more: Any) -> Any:
-    """Return the part with these fields, as they stand in a scene file; see `from_table`."""
+    """Return the part with these entries of a scene file; see `from_table`."""
     marks = annotations(cls)
     values = {n: Written(v, folder) if n in marks else v for n, v in entries.items()}
     return cls(**values, **more)
 
 
 def table(part: Any, marks: Mapping[str, Annotation] | None = None) -> dict[str, Any]:
-    """Return a part as a table of a scene file, without what is empty, or a part by default."""
+    """Return a part as a table of a scene file, without empty values and default parts."""
     marks = annotations(type(part)) if marks is None else marks
     found = {"kind": part.kind} if hasattr(part, "kind") else {}
     for field in dataclasses.fields(part):
@@ -287,11 +288,11 @@ UNEXPECTED = "unexpected_keyword_argument"
 
 
 def _translated(cls: type, error: pydantic.ValidationError) -> SceneError:
-    """Return the `SceneError` that says what a pydantic error says."""
+    """Return the `SceneError` for a pydantic error."""
     prefix = f"{cls._section}." if cls._section else ""
     names, found = [field.name for field in dataclasses.fields(cls)], {}
     lines = error.errors(include_url=False)
-    lines.sort(key=lambda line: line["type"] != UNEXPECTED)  # a name spelled wrong goes first
+    lines.sort(key=lambda line: line["type"] != UNEXPECTED)  # misspelled names go first
     for line in lines:
         key = str(line["loc"][0]) if line["loc"] else ""
         details = line.get("ctx", {})
@@ -312,7 +313,7 @@ def _translated(cls: type, error: pydantic.ValidationError) -> SceneError:
 
 @typing.dataclass_transform(frozen_default=True, kw_only_default=True)
 def part(cls: type) -> type:
-    """Make a frozen keyword-only pydantic dataclass whose refusals are `SceneError`."""
+    """Make a frozen keyword-only pydantic dataclass that raises `SceneError`."""
     config = pydantic.ConfigDict(extra="forbid", strict=True)
     cls = pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=config)(cls)
 

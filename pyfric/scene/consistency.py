@@ -1,4 +1,4 @@
-"""What the parts of a scene have to agree on."""
+"""Checks of a scene that involve several of its parts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["check", "check_push"]
 
 
 def check(scene: Scene) -> None:
-    """Check what no part of a scene can check alone.
+    """Check the conditions that involve several parts of a scene.
 
     Raises:
         SceneError: see `Scene`.
@@ -40,7 +40,7 @@ def check(scene: Scene) -> None:
 
 
 def _check_fields(scene: Scene) -> None:
-    """Check the fields of the interface block by block, from the trailing edge on."""
+    """Check the fields of the interface block by block."""
     law = scene.interface.law
     marks = quantities(Interface) | {n: quantities(type(law))[n] for n in law.fields}
     for name in scene.fields:
@@ -82,7 +82,7 @@ def _check_height(scene: Scene) -> None:
 
 
 def _check_prescribed(scene: Scene) -> None:
-    """Check that prescribed forces fit the blocks; those of a chain must not let it slip."""
+    """Check that prescribed forces fit the blocks, and that a chain does not slip at t = 0."""
     for name in ("p", "tau"):
         value = getattr(scene.top, name)
         if isinstance(value, tuple) and len(value) != scene.N_x:
@@ -112,7 +112,7 @@ def _check_T(scene: Scene) -> None:
 
 
 def _check_pushed(scene: Scene) -> None:
-    """Check that pushes are on blocks, and push."""
+    """Check that pushes act on existing blocks with a force."""
     for one in scene.top.push:
         if not 1 <= one.block <= scene.N_x:
             allowed = f"blocks 1 to {scene.N_x}"
@@ -122,16 +122,16 @@ def _check_pushed(scene: Scene) -> None:
 
 
 def check_push(scene: Scene, push: Push, f: np.ndarray, strength: np.ndarray) -> None:
-    """Check that a push lets its block slip.
+    """Check that a push is large enough to make its block slip.
 
     Args:
         scene: the scene.
         push: one of its pushes.
-        f: friction along +x on the blocks at rest, without pushes, left to right, N.
-        strength: what friction can hold, N.
+        f: friction along +x on the blocks at rest, without pushes, shape (N_x,), in N.
+        strength: strength of the blocks, shape (N_x,), in N.
 
     Raises:
-        SceneError: it does not.
+        SceneError: the push is too small.
     """
     i = int(np.argmax(scene.n_of_i == push.block))
     others = scene.push_at(push.begin)[0, i] - scene.d * push.force
@@ -158,7 +158,7 @@ def _check_chain(scene: Scene) -> None:
 
 
 def _check_free(scene: Scene) -> None:
-    """Refuse what only a prescribed interface in two dimensions has."""
+    """Refuse options that only a prescribed interface in two dimensions has."""
     for side in ("left", "right", "top"):
         if (beyond := getattr(scene.walls, side)) != "free":
             reason = "walls need top.kind = 'prescribed' and at least two rows"
@@ -169,7 +169,7 @@ def _check_free(scene: Scene) -> None:
 
 
 def _check_surface(scene: Scene) -> None:
-    """Refuse what a prescribed interface in two dimensions does not have."""
+    """Refuse options that a prescribed interface in two dimensions does not have."""
     if scene.top.k_top:
         reason = "a chain has springs to a rigid top; here walls.top = 'held'"
         raise SceneError("top.k_top", scene.top.k_top, "N/m", "0 N/m", reason)

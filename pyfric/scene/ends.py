@@ -1,7 +1,7 @@
-"""The words of `stop_when`: conditions that end a run, as text "name" or "name = values".
+"""Syntax of `stop_when`: conditions that end a run, as text "name" or "name = values".
 
-They are the same in Python, on the command line, in scene files and in sweep files. When each of
-them holds is said in `pyfric.engines.stopping`.
+It is the same in Python, on the command line, in scene files and in sweep files. The module
+`pyfric.engines.stopping` defines when each condition holds.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["Conditions", "checked_conditions", "condition"]
 
 
 class Value(NamedTuple):
-    """A number that a condition takes: its unit, limits and default."""
+    """A value of a condition: its unit, limits and default."""
 
     unit: str
     limits: Mapping[str, float]
@@ -37,7 +37,7 @@ TAKES: dict[str, tuple[Value, ...]] = {
     "system_size": (COUNT,),
     "slow": (Value("m/s", {"gt": 0.0}), Value("s", {"ge": 0.0})),
 }
-"""Name of a condition -> the numbers that it takes."""
+"""Name of a condition -> its values."""
 
 
 def _names() -> str:
@@ -50,10 +50,10 @@ def _names() -> str:
 
 @functools.lru_cache(maxsize=64)
 def condition(text: str) -> tuple[str, tuple[float, ...]]:
-    """Return the name of a condition and its numbers, in SI.
+    """Return the name of a condition and its values, in SI.
 
     Raises:
-        SceneError: it is unknown, or a value is refused.
+        SceneError: the condition is unknown, or a value is refused.
     """
     name, _, values = (part.strip() for part in text.partition("="))
     if name not in TAKES:
@@ -70,7 +70,7 @@ def condition(text: str) -> tuple[str, tuple[float, ...]]:
 
 
 def _number(text: str, value: str | float, unit: str, limits: Mapping[str, float]) -> float:
-    """Return a number of a condition, in SI: it may carry a unit."""
+    """Return a value of a condition in SI, from a number or text with a unit."""
     try:
         number: Any = float(value)
     except ValueError:
@@ -85,7 +85,7 @@ def checked_conditions(given: Any) -> tuple[str, ...]:
     """Return conditions as a tuple of texts.
 
     Raises:
-        SceneError: one is unknown, or a value is refused.
+        SceneError: a condition is unknown, or a value is refused.
     """
     texts = (given,) if isinstance(given, str) else given
     if not (isinstance(texts, list | tuple) and all(isinstance(one, str) for one in texts)):

@@ -1,4 +1,4 @@
-"""The one error of every input: what was given, what is wrong with it, and what is allowed."""
+"""`SceneError`, the error for all inputs: the value, its fault, and the allowed values."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["NO_UNIT", "SceneError", "nearest", "show", "unknown"]
 
 NO_UNIT = "missing unit"
 LIKE = 0.6
-"""Words at least so alike, on a scale up to 1, may be meant for one another."""
+"""Smallest similarity of two words, between 0 and 1, for which one is suggested for the other."""
 
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 100
@@ -30,14 +30,14 @@ class _Text(str):
 
 
 class SceneError(ValueError):
-    """An input is refused before anything starts.
+    """An input is refused before a run starts.
 
     Attributes:
         field: dotted name of the input, such as ``"slider.l"``.
-        value: what was given; ``None`` where it is missing.
-        unit: SI unit of the input; ``""`` where it has none.
-        allowed: what would be accepted, as text.
-        reason: what is wrong with the value, as text (may be empty).
+        value: the given value; ``None`` if it is missing.
+        unit: SI unit of the input; ``""`` if it has none.
+        allowed: the allowed values, as text.
+        reason: the fault of the value, as text (may be empty).
         others: further ``SceneError`` found at the same time.
 
     The message has one line for this problem and one for each of ``others``.
@@ -76,7 +76,7 @@ class SceneError(ValueError):
         field, value, *rest = self.args
         try:
             pickle.dumps(value)
-        except Exception:  # whatever a user passed, the error reaches the other process
+        except Exception:  # the error can then reach other processes
             value = _Text(show(value))
         return type(self), (field, value, *rest), vars(self) | {"value": value}
 
@@ -85,12 +85,12 @@ class SceneError(ValueError):
         return type(self)(field, *self.args[1:])
 
     def flat(self) -> list[SceneError]:
-        """Return this problem and all others, each as an error of its own."""
+        """Return this problem and all others, each as a separate error."""
         return [type(self)(*self.args[:-1]), *(e for other in self.others for e in other.flat())]
 
     @classmethod
     def joined(cls, errors: Iterable[SceneError]) -> SceneError:
-        """Return one error that lists all `errors` (at least one); attributes from the first."""
+        """Return one error that lists all `errors` (at least one), with attributes of the first."""
         first, *others = [each for error in errors for each in error.flat()]
         return cls(*first.args[:-1], others)
 
@@ -104,7 +104,7 @@ def show(value: Any) -> str:
 
 
 def nearest(key: str, known: Iterable[str]) -> str:
-    """Return the entry of `known` that is spelled most like `key`, ``""`` if none is alike."""
+    """Return the entry of `known` most similar to `key`, or ``""`` if none is similar enough."""
     folded = key[:64].casefold()
 
     def likeness(name: str) -> tuple[float, float]:
@@ -119,7 +119,7 @@ def nearest(key: str, known: Iterable[str]) -> str:
 
 
 def unknown(field: str, value: Any, key: str, known: Iterable[str]) -> SceneError:
-    """Return the error for a `key` that is not one of `known`, with the nearest known one."""
+    """Return the error for a `key` that is not in `known`, with the most similar known name."""
     known = list(known)
     guess = nearest(key, known)
     hint = f", did you mean {guess!r}?" if guess else ""

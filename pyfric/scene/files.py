@@ -1,4 +1,4 @@
-"""Files that are either there as before or complete, and whose content can be checked."""
+"""Files that are written completely or not at all, and files with a checksum."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ MARK = b"\npyfric sha256 "
 SEAL_LENGTH = len(MARK) + 64 + 1
 DRAFT = re.compile(r"\.pyfric-(?P<host>.+)-(?P<process>\d{1,9})-[0-9a-f]{8}\.tmp(\.\w+)?")
 OLD = 86400.0
-"""Age at which the draft of another machine counts as left behind, in s."""
+"""Age above which a temporary file of another machine counts as abandoned, in s."""
 
 
 @contextmanager
 def written(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give the name of a draft beside path; at the end of the block it takes the place of path.
+    """Yield the name of a temporary file beside path, which replaces path at the end of the block.
 
-    If the block raises, the draft goes away and path stays as it was. Ctrl-C waits. Drafts that
-    killed processes left in the folder go away too.
+    If the block raises, the temporary file is deleted and path is unchanged. Ctrl-C is delayed.
+    Temporary files of killed processes in the folder are deleted, too.
 
     Raises:
-        OSError: the file cannot be written, or path is a folder or a device. It names path.
+        OSError: the file cannot be written, or path is a folder or a device. The error names path.
     """
     target = Path(os.path.realpath(path))
     with held_back(), _naming(path):
@@ -62,7 +62,7 @@ def written(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def write(path: str | os.PathLike[str], content: bytes) -> Path:
-    """Write a file whole or not at all and return its path.
+    """Write a file completely or not at all, and return its path.
 
     Raises:
         OSError: see `written`.
@@ -73,11 +73,11 @@ def write(path: str | os.PathLike[str], content: bytes) -> Path:
 
 
 def read_at_most(path: str | os.PathLike[str], size: int) -> bytes:
-    """Return what a regular file begins with, at most so many bytes; a pipe is not waited for.
+    """Return at most the first `size` bytes of a regular file, without waiting for a pipe.
 
     Raises:
-        OSError: it cannot be read, or is no regular file.
-        ValueError: no path.
+        OSError: the file cannot be read, or is not a regular file.
+        ValueError: path is not a valid path.
     """
 
     def at_once(name: str, flags: int) -> int:
@@ -90,10 +90,10 @@ def read_at_most(path: str | os.PathLike[str], size: int) -> bytes:
 
 
 def check_writable(path: str | os.PathLike[str], size: int = 0) -> None:
-    """Try whether a file of this size, in bytes, can be written; leave nothing behind.
+    """Check whether a file of this size, in bytes, can be written; no file is left.
 
     Raises:
-        OSError: it cannot. It names path.
+        OSError: the file cannot be written. The error names path.
     """
     target = Path(os.path.realpath(path))
     with _naming(path):
@@ -120,7 +120,7 @@ def _check_regular(target: Path) -> None:
 
 @contextmanager
 def _naming(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Let an OSError name this path, and not a draft or nothing."""
+    """Make an OSError name this path instead of a temporary file."""
     try:
         yield
     except OSError as error:
@@ -142,7 +142,7 @@ def _flush(path: Path) -> None:
 
 
 def _host() -> str:
-    """Return what tells apart the machines, and containers, that share a folder."""
+    """Return an identifier of this machine or container, for shared folders."""
     try:
         namespace = os.stat("/proc/self/ns/pid").st_ino
     except OSError:
@@ -155,9 +155,9 @@ def _draft(folder: Path) -> Path:
 
 
 def drafts(folder: Path) -> list[Path]:
-    """Return the drafts that killed processes left in a folder.
+    """Return the temporary files that killed processes left in a folder.
 
-    Their process is gone; where that cannot be known they are older than a day.
+    Their process no longer exists. If this cannot be checked, they are older than a day.
     """
     found = []
     with contextlib.suppress(OSError):
@@ -171,10 +171,10 @@ def drafts(folder: Path) -> list[Path]:
 def _left_behind(draft: Path, host: str, process: int) -> bool:
     if os.name == "posix" and host == _host():
         try:
-            os.kill(process, 0)  # asks whether it is there
+            os.kill(process, 0)  # signal 0 only checks that the process exists
         except ProcessLookupError:
             return True
-        except PermissionError:  # there is one, of another user
+        except PermissionError:  # the process exists, of another user
             pass
     try:
         return time.time() - draft.stat().st_mtime > OLD
@@ -183,7 +183,7 @@ def _left_behind(draft: Path, host: str, process: int) -> bool:
 
 
 def clean_drafts(folder: Path) -> int:
-    """Delete the drafts that killed processes left in a folder; return how many there were."""
+    """Delete the temporary files of killed processes in a folder; return their number."""
     found = drafts(folder)
     for draft in found:
         with contextlib.suppress(OSError):
@@ -195,12 +195,12 @@ def clean_drafts(folder: Path) -> int:
 
 
 def sealed(content: bytes | memoryview) -> bytes:
-    """Return content with its SHA-256 at the end, where readers of netCDF and zip ignore it."""
+    """Return content with its SHA-256 at the end, which readers of netCDF and zip ignore."""
     return b"".join((content, _seal(content)))
 
 
 def unsealed(content: bytes) -> memoryview | None:
-    """Return the content without its checksum, or None if a bit of it has changed."""
+    """Return the content without its checksum, or None if the checksum does not match."""
     inside = memoryview(content)[:-SEAL_LENGTH]
     return inside if content[-SEAL_LENGTH:] == _seal(inside) else None
 

@@ -1,15 +1,16 @@
-"""The friction law of a scene: all of Python that knows mu.
+"""The friction law of a scene. No other Python module evaluates mu.
 
-A block that has slipped by s at speed v since it last stuck resists with mu p + alpha v:
+A block that has slipped by s since it last stuck, at speed v, resists with mu p + alpha v:
 
     stuck       |f| <= mu_s p                                            `Law.hold`
     slips       mu = mu_k + (mu_s - mu_k) slide(s/d_c), times factors    `Law.slide`
-    open        nothing
+    open        no friction
 
-Static states, the ladder and the prediction have no path: for them a slipping block has left its
-weakening behind, which is Amontons-Coulomb friction. The core evaluates the same law in Fortran.
+Static states, the quasi-static sequence and the prediction curve do not resolve slip weakening: a
+slipping block has mu_k, which is Amontons-Coulomb friction. The core evaluates the same law in
+Fortran.
 
-Slip is a clock that costs nothing to keep: s = s_0 + mode u_x while a block slips, s_0 otherwise.
+The slip path needs only one stored number: s = s_0 + mode u_x while a block slips, otherwise s_0.
 
 Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
 """
@@ -28,23 +29,26 @@ from pyfric.scene.laws import Tables
 __all__ = ["FRICTIONLESS", "Law", "clock", "of", "slipped"]
 
 CLOCKS = np.dtype([("s_0", float), ("t_0", float)])
-"""What the law remembers of a block: its slip clock, m; when it stuck or began to slip, s."""
+"""State variables of a block: s_0 (m), and t_0 (s), the time at which it stuck or began to slip."""
 
 NO_TABLES = Tables()
 GRADUAL = 0.01
-"""With mu_s - mu_k up to this many mu_s, slip is continuous, at mu_s."""
+"""Largest (mu_s - mu_k)/mu_s for which quasi-static slip is treated as continuous, at mu_s."""
 
 
 @dataclass(frozen=True)
 class Law:
-    """Strength of the interface under a load p; strengths are linear in p, so p may be a stiffness.
+    """Strength of the interface under a load p.
+
+    Strength is linear in p, so that p may also be a stiffness. Each of the first four attributes is
+    a number, or an array with one number for each column, shape (N_x,).
 
     Attributes:
-        mu_s: static friction coefficient; a number, or one for each column, shape (N_x,).
-        mu_k: kinetic friction coefficient, likewise.
-        d_c: slip over which friction weakens, m; 0 for none; likewise.
-        alpha: viscosity of slip, N s/m; likewise.
-        tables: what else the law says; see `pyfric.laws`.
+        mu_s: static friction coefficient.
+        mu_k: kinetic friction coefficient.
+        d_c: slip over which friction weakens, in m; 0 means at once.
+        alpha: viscosity of slip, in N s/m.
+        tables: tables of the law; see `pyfric.laws`.
     """
 
     mu_s: Any
@@ -61,16 +65,16 @@ class Law:
     def slide(self, p: Any, slip: Any = math.inf) -> Any:
         """Return the strength of blocks that have slipped by `slip` (m), in units of p.
 
-        Factors of speed and age, and alpha, are left out.
+        Factors of speed and of time, and alpha, are left out.
         """
         if self.tables.slide is None or (np.ndim(slip) == 0 and slip == math.inf):
             return self.mu_k * p
         return self.weakening(slip)[0] * p
 
     def piece(self, slip: Any) -> np.ndarray:
-        """Return on which straight piece of mu(s) blocks are that have slipped by `slip` (m).
+        """Return the linear piece of mu(s) for blocks that have slipped by `slip` (m).
 
-        It is the number of the last knot at or before the slip, from 0.
+        It is the index of the last knot at or before the slip, from 0.
         """
         return self.tables.slide.piece(self._in_units_of_d_c(slip))
 
@@ -78,8 +82,8 @@ class Law:
         """Return mu of blocks that have slipped by `slip` (m), and dmu/ds (1/m).
 
         Args:
-            slip: path since the last stick, m, a number or one for each column.
-            piece: the straight pieces to stay on, from `piece`; None means those of the slip.
+            slip: slip path since the last stick, in m, a number or one for each column.
+            piece: linear pieces to use, from `piece`; None means those of the slip.
         """
         x, table = self._in_units_of_d_c(slip), self.tables.slide
         left, slope = table.on(table.piece(x) if piece is None else piece, x)
@@ -87,12 +91,12 @@ class Law:
         return self.mu_k + self.drop * left, rate
 
     def next_knot(self, piece: np.ndarray) -> np.ndarray:
-        """Return the slip (m) at which straight pieces end; inf for the last one."""
+        """Return the slip (m) at which linear pieces end; inf for the last one."""
         ends = np.append(self.tables.slide.x[1:], math.inf)[piece]
         return ends * np.where(np.equal(self.d_c, 0), 1.0, self.d_c)
 
     def _in_units_of_d_c(self, slip: Any) -> np.ndarray:
-        """Return slip/d_c; where d_c = 0 friction has fallen at once: inf."""
+        """Return slip/d_c, or inf if d_c = 0, because friction has then fallen at once."""
         slip, d_c = np.broadcast_arrays(np.asarray(slip, float), self.d_c)
         return np.divide(slip, d_c, out=np.full(slip.shape, math.inf), where=d_c > 0)
 
@@ -103,34 +107,34 @@ class Law:
 
     @property
     def memory(self) -> np.dtype:
-        """Names and shapes of what the law remembers of a block, all of them numbers."""
+        """Names and shapes of the state variables of a block; all are numbers."""
         return CLOCKS
 
     @property
     def rests(self) -> bool:
-        """Whether a block can stick: its u_x then stays. Only full dynamics follows other laws."""
+        """Whether a block can stick, with constant u_x. Other laws need full dynamics."""
         return True
 
     @property
     def slowest(self) -> float:
-        """Longest mean time that the law itself gives contacts to change, in s."""
+        """Longest mean time scale of the law itself, in s; 0 if it has none."""
         return 0.0
 
     def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
-        """Return what the curve of a run holds of the memory of blocks, by name, (N_x,) each."""
+        """Return quantities from `memory` that a run records at points of the curve, (N_x,)."""
         return {}
 
     def begin(
         self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return margins (`State.margin`) and memory of blocks at rest since t (s).
+        """Return margins (`State.margin`) and state variables of blocks at rest since t (s).
 
         Args:
             t: time, in s.
             u_x: displacements, shape (N_x,), in m.
             p: normal forces, shape (N_x,), in N.
             f: friction forces on the blocks, along +x, shape (N_x,), in N.
-            d: direction of driving.
+            d: direction of the drive.
         """
         memory = np.zeros(len(p), self.memory)
         memory["t_0"] = t
@@ -138,22 +142,22 @@ class Law:
 
     @property
     def core_fields(self) -> tuple[Any, ...]:
-        """The fields that the core takes, numbers or one for each column."""
+        """Fields for the core: numbers, or arrays with one number for each column."""
         return self.mu_s, self.mu_k, self.d_c, self.alpha, 0.0
 
     @property
     def core_tables(self) -> Tables:
-        """The tables that the core takes."""
+        """Tables for the core."""
         return self.tables
 
     @property
     def budget_names(self) -> tuple[str, ...]:
-        """Names of what `budget` returns."""
+        """Names of the terms that `budget` returns."""
         parts = () if self.coulomb else ("weakening_heat", "viscous_heat")
         return "friction_heat", "switching_loss", *parts
 
     def budget(self, heat: Any, loss: Any, parts: Any) -> list[Any]:
-        """Return what the interface adds to an energy budget, of what the core keeps (`State`)."""
+        """Return the terms of the interface in the energy budget, from those of `State`."""
         return [heat, loss, *([] if self.coulomb else parts)]
 
     @property
@@ -163,7 +167,7 @@ class Law:
 
     @property
     def mean(self) -> Law:
-        """The law with the means of its fields."""
+        """The law with each field replaced by its mean."""
         means = {n: float(np.mean(getattr(self, n))) for n in ("mu_s", "mu_k", "d_c", "alpha")}
         return replace(self, **means)
 
@@ -178,40 +182,40 @@ class Law:
         return self.tables.slide is not None and bool(np.any(np.greater(self.drop, 0)))
 
     def fracture_energy(self, p: Any) -> Any:
-        """Return the work against friction beyond mu_k p in a slip, J: (mu_s - mu_k) p d_c/2.
+        """Return the work against friction above mu_k p during a slip, in J.
 
-        For other tables than a straight line the area below them stands for 1/2.
+        It is (mu_s - mu_k) p d_c/2 for linear weakening. For another table, its area replaces 1/2.
         """
         left = self.tables.slide
         return self.drop * self.d_c * (0.0 if left is None else left.area) * p
 
     def margin(self, p: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """Return what is left of the strength of stuck blocks that carry f, in N."""
+        """Return the strength minus |f| of stuck blocks, in N."""
         return self.hold(p) - np.abs(f)
 
     def margins(self, p: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the margins against slip in +x and in -x: it is f that resists, in N."""
+        """Return the margins against slip in +x and in -x, in N; f is the force of friction."""
         strength = self.hold(p)
         return strength + f, strength - f
 
     def scaled(self, ratio: Any) -> Any:
-        """Return (ratio - mu_k)/(mu_s - mu_k) of a tau/p: 0 at mu_k, 1 at mu_s; NaN if equal."""
+        """Return (tau/p - mu_k)/(mu_s - mu_k) for a ratio tau/p; NaN if mu_s = mu_k."""
         drop = np.where(np.equal(self.drop, 0), np.nan, self.drop)
         return (ratio - self.mu_k) / drop
 
     @property
     def gradual(self) -> bool:
-        """Whether slip is taken as continuous."""
+        """Whether quasi-static slip is treated as continuous."""
         return bool(np.all(self.drop <= GRADUAL * np.asarray(self.mu_s)))
 
     def continuous(self) -> Law:
-        """Return the law whose slip is continuous, at mu_s."""
+        """Return the law with mu_k = mu_s, for continuous slip."""
         return Law(self.mu_s, self.mu_s)
 
     def steepness(self, p: float) -> float:
-        """Return the steepest weakening under a load p (N): its negative stiffness, in N/m.
+        """Return the steepest weakening slope -df/ds under a load p (N), in N/m.
 
-        It is inf where friction falls at once, unless speed decides.
+        It is inf if friction falls at once, unless friction depends on speed.
         """
         if self.tables.slide is None:
             at_once = self.tables.speed is None and np.any(np.greater(self.drop, 0))
@@ -221,9 +225,10 @@ class Law:
         return max(0.0, falls) * p * float(np.nanmax(self.drop / d_c))
 
     def growth(self, p: float, m: float) -> float:
-        """Return the fastest rate at which weakening lets a free block of mass m (kg) run away.
+        """Return the largest growth rate of slip of a free block of mass m (kg), in 1/s.
 
-        Weakening with slip alone gives sqrt(steepness/m), with speed mu p |dfactor/dv|/m; in 1/s.
+        Weakening with slip alone gives sqrt(steepness/m). Weakening with speed alone gives
+        mu p |dfactor/dv|/m.
         """
         falls = 0.0 if self.tables.speed is None else max(0.0, -self.tables.speed.slopes.min())
         by_speed = float(np.max(self.mu_s)) * falls * p / m
@@ -234,15 +239,15 @@ FRICTIONLESS = Law(0.0, 0.0)
 
 
 def of(field: Any, which: Any) -> Any:
-    """Return a field at some columns; a number is the same at all."""
+    """Return a field at some columns; a number holds for all columns."""
     return field[which] if np.ndim(field) else field
 
 
 def slipped(s_0: np.ndarray, mode: np.ndarray, u_x: np.ndarray) -> np.ndarray:
-    """Return the path (m) that blocks have slipped since they last stuck, of their clocks s_0."""
+    """Return the slip path (m) of blocks since they last stuck, from s_0 (m)."""
     return s_0 + np.where(np.abs(mode) == 1, mode * u_x, 0.0)
 
 
 def clock(slip: np.ndarray | float, mode: np.ndarray, u_x: np.ndarray) -> np.ndarray:
-    """Return the clocks s_0 (m) of blocks that have slipped by `slip` (m) and are at u_x."""
+    """Return s_0 (m) of blocks that have slipped by `slip` (m) and are at u_x (m)."""
     return slip - np.where(np.abs(mode) == 1, mode * u_x, 0.0)

@@ -1,4 +1,4 @@
-"""Linear or finite geometry: how bond forces follow from displacements."""
+"""Linear or finite geometry: relation of bond forces to displacements."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
 __all__ = ["Geometry", "check_geometry", "default_geometry"]
 
 Geometry = Literal["linear", "finite"]
-"""How bond forces follow from displacements."""
+"""Relation of bond forces to displacements."""
 
 
 def check_geometry(geometry: str, scene: Scene | None = None) -> None:
-    """Check that `geometry` is "linear" or "finite", and "linear" where the load is prescribed.
+    """Check that `geometry` is "linear" or "finite", and "linear" if the load is prescribed.
 
     Raises:
         SceneError: unknown geometry, or finite geometry for a prescribed load.

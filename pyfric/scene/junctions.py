@@ -1,7 +1,7 @@
-"""The friction law of an interface of junctions, as Python sees it; the core moves them.
+"""The friction law of an interface of junctions: parameters and initial state.
 
-A block on junctions is no block at rest: it stands on springs, whose anchors are what the law
-remembers. `begin` says where they are at the start, and refuses where one would break.
+A block on junctions never sticks: junctions are springs, and the positions of their anchors are
+state variables. `begin` returns the initial positions. The core computes the motion.
 
 Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014).
 """
@@ -27,13 +27,14 @@ __all__ = ["JunctionLaw"]
 
 @dataclass(frozen=True, kw_only=True)
 class JunctionLaw(Law):
-    """Strength, stiffness and memory of blocks on junctions.
+    """Strength, stiffness and state variables of blocks on junctions.
 
     Attributes:
-        kind: what the interface says of them.
-        C: the constant in k_j = sqrt(C p/n_s), N/m^2; a number, or one for each column.
-        t_R, t_R_std: mean time that a junction slips, and its standard deviation, s; likewise.
-        numbers: of the blocks from the trailing edge, from 1 on, shape (N_x,).
+        kind: the parameters of the interface.
+        C: the constant in k_j = sqrt(C p/n_s), in N/m^2; a number, or one for each column.
+        t_R, t_R_std: mean slip time of a junction and its standard deviation, in s; numbers, or one
+            for each column.
+        numbers: block numbers from the trailing edge, from 1 on, shape (N_x,).
     """
 
     kind: Junctions
@@ -44,7 +45,7 @@ class JunctionLaw(Law):
 
     @classmethod
     def of(cls, scene: Scene) -> JunctionLaw:
-        """Return the law of a scene whose interface is one of junctions.
+        """Return the law of a scene with an interface of junctions.
 
         Raises:
             SceneError: the interface has mu_s = 0 or a viscosity.
@@ -79,7 +80,7 @@ class JunctionLaw(Law):
 
     @property
     def slowest(self) -> float:
-        """Longest mean time that junctions slip, in s."""
+        """Longest mean slip time of junctions, in s."""
         return float(np.max(self.t_R))
 
     def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
@@ -88,7 +89,7 @@ class JunctionLaw(Law):
 
     @functools.cached_property
     def thresholds(self) -> np.ndarray:
-        """Thresholds of junctions over u_s, shape (N_x, n_s); (0, n_s) where all are 1."""
+        """Thresholds of junctions over u_s, shape (N_x, n_s); (0, n_s) if all are 1."""
         return self.kind.thresholds(self.numbers)
 
     @property
@@ -99,16 +100,17 @@ class JunctionLaw(Law):
     def begin(
         self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return margins and memory of blocks whose junctions bear f, all pinned.
+        """Return margins and state variables of blocks whose junctions are pinned and carry f.
 
-        Their mean stretch is what f asks for; about it they are spread evenly.
+        The mean stretch of the junctions of a block follows from f. Their stretches are spread
+        evenly about this mean.
 
         Args:
             t: time, in s.
             u_x: displacements, shape (N_x,), in m.
-            p: normal forces, shape (N_x,), in N; where there is none, all junctions slip.
+            p: normal forces, shape (N_x,), in N; if p = 0, all junctions of the block slip.
             f: friction forces on the blocks, along +x, shape (N_x,), in N.
-            d: direction of driving.
+            d: direction of the drive.
 
         Raises:
             SceneError: a junction would break.
@@ -154,5 +156,5 @@ class JunctionLaw(Law):
         return "friction_heat", "switching_loss", "stiffness_work"
 
     def budget(self, heat: Any, loss: Any, parts: Any) -> list[Any]:
-        """Return the heat of dragging, that of breaks and pinning, the work of the stiffness."""
+        """Return heat of dragging, heat of breaks and pinning, and work of stiffness changes."""
         return [parts[0], loss, parts[1]]

@@ -10,17 +10,17 @@ from pyfric.scene.errors import SceneError, unknown
 __all__ = ["MATERIALS", "POISSON", "Known", "Material"]
 
 POISSON = 1 / 3
-"""Poisson's ratio of the lattice in plane stress, whatever the material's."""
+"""Poisson's ratio of the lattice in plane stress, for every material."""
 
 
 class Known(NamedTuple):
-    """What a source says about a material; None where it says nothing.
+    """Properties of a material from a source; None if the source does not give one.
 
     Attributes:
         E: Young's modulus, Pa.
-        density: kg/m^3.
-        poisson: Poisson's ratio, which the lattice does not take: it has 1/3.
-        source: where this stands.
+        density: density, kg/m^3.
+        poisson: Poisson's ratio, for information only: the lattice has 1/3.
+        source: the source.
     """
 
     E: float
@@ -53,22 +53,22 @@ MATERIALS: Mapping[str, Known] = MappingProxyType(
 class Material:
     """An elastic, viscous solid and the width of a slab of it, from which a `Slider` follows.
 
-    The lattice is that of plane stress with Poisson's ratio 1/3, which is fixed: k = 3 B E/4, a
-    shear modulus of 3 E/8, and waves at sqrt(9 E/(8 rho)) and sqrt(3 E/(8 rho)). Solids that hardly
-    change their volume (rubber, gels) have a ratio near 1/2 and a shear modulus of E/3: there E
-    is that of pulling a strip, or 8/3 of the shear modulus where shear matters, and the pressure
-    waves are not the material's.
+    The lattice has plane stress and a fixed Poisson's ratio of 1/3. Then k = 3 B E/4, the shear
+    modulus is 3 E/8, and waves have speeds sqrt(9 E/(8 rho)) and sqrt(3 E/(8 rho)). Nearly
+    incompressible solids (rubber, gels) have a ratio near 1/2 and a shear modulus of E/3. For them
+    use E from tension of a strip, or 8/3 of the shear modulus if shear matters. Their pressure
+    waves are not reproduced.
 
     Args:
-        width: B, of the slab, m.
-        name: a key of `MATERIALS`, for what is not given; "" for none.
+        width: B, width of the slab, m.
+        name: a key of `MATERIALS`, for values that are not given; "" for none.
         E: Young's modulus, Pa.
         density: rho, kg/m^3.
         viscosity: bulk viscosity, Pa s. The force per volume is viscosity times the Laplacian of
-            the velocity, and waves of wave number q decay at viscosity q^2/(2 rho). It stays where
-            l changes, as eta = B viscosity/3 for each bond does. None means the paper's
-            eta = sqrt(0.1 k m), which falls with l: a viscosity of 0.82 l sqrt(E rho), which damps
-            waves of a few blocks whatever l is.
+            the velocity, and waves of wave number q decay at viscosity q^2/(2 rho). Each bond has
+            eta = B viscosity/3, independent of l. None means the paper's eta = sqrt(0.1 k m), which
+            falls with l. That is a viscosity of 0.82 l sqrt(E rho), which damps waves of a few
+            blocks for every l.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
@@ -103,5 +103,5 @@ class Material:
 
     @property
     def eta(self) -> float | None:
-        """Viscosity of each bond, B viscosity/3, in N s/m; None for that of the paper."""
+        """Viscosity of each bond, B viscosity/3, in N s/m; None means that of the paper."""
         return None if self.viscosity is None else self.width * self.viscosity / 3

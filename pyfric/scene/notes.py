@@ -1,4 +1,4 @@
-"""What to know about a friction law on a scene: what a run does not reach or does not resolve."""
+"""Notes on the friction law of a scene: values that a run does not reach or does not resolve."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ if TYPE_CHECKING:
 __all__ = ["law_notes"]
 
 LEFT = 0.01
-"""Friction has fallen where no more than this share of mu_s - mu_k is left."""
+"""Remaining share of mu_s - mu_k at which friction counts as fallen."""
 
 
 def law_notes(scene: Scene, t_end: float, dt: float | None = None) -> tuple[str, ...]:
     """Return notes on the law of a scene.
 
+    If a table of mu falls over more slip than the displacement of the driver, mu_k is not reached.
+    If it falls over more than a block, the unit of slip may be wrong. Steps resolve weakening if dt
+    times the growth rate of slip (`Law.growth`) is below 1.
+
     Args:
         scene: the scene.
-        t_end: until when the driver moves, s.
-        dt: step, s; None for an engine that makes none.
-
-    Where a table of mu falls with slip to beyond where the driver goes, mu_k is not reached; where
-    it falls over more than a block, slip may have been given in another unit. Steps resolve
-    weakening if dt times the rate at which it lets a block run away (`Law.growth`) is below 1.
+        t_end: end of the motion of the driver, in s.
+        dt: step, in s; None for an engine without steps.
     """
     law, notes, slip = scene.law, [], 0.0
     if law.weakens:

@@ -47,7 +47,7 @@ __all__ = [
 ]
 
 MAX_BLOCKS = 20_000_000
-"""Largest number of blocks N_x N_z accepted, so that a mistyped l does not exhaust the memory."""
+"""Largest number of blocks N_x N_z. It prevents a mistyped l from exhausting the memory."""
 MULTIPLE_RTOL = 1e-9
 """Relative tolerance of "L, H and h are multiples of l"."""
 LIST_NOTE = ", or a list of N_x of them"
@@ -55,7 +55,7 @@ FIELD_NOTE = LIST_NOTE + ", or a Spread"
 FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f")
 """Names of the fields of an interface."""
 Field = float | tuple[float, ...] | Spread
-"""A number, a number for each block from the trailing edge on, or random ones."""
+"""A number, a list with a number for each block from the trailing edge on, or a `Spread`."""
 _field = {"listed": True, "drawn": Spread, "note": FIELD_NOTE}
 _law = OneOf(FrictionLaw, kinds=KINDS, allowed="a friction law, such as pyfric.laws.Ageing")
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
@@ -75,14 +75,14 @@ class Slider:
         L: length along the interface, m; a multiple of l, at least 2 l.
         H: height, m; a multiple of l, at least l, or 0 for a chain under a `PrescribedLoad`.
         l: lattice constant, m; N_x N_z may not exceed `MAX_BLOCKS`.
-        k: stiffness of the nearest-neighbour springs, N/m (3 B E / 4; it does not depend on l).
+        k: stiffness of the nearest-neighbour springs, N/m (3 B E / 4, independent of l).
         M: mass, kg.
-        eta: viscosity of every bond, N s/m, >= 0, which stays where l changes; None means
-            sqrt(damping k m), which falls with l.
-        damping: eta^2/(k m) where eta is None, >= 0; None means 0.1, as in the paper.
-        dashpots: "full", as in the paper: a bond's dashpot resists the full relative velocity of
-            its blocks, also where they turn around each other; "along": along the bond only, which
-            leaves rotation free.
+        eta: viscosity of every bond, N s/m, >= 0, independent of l. None means sqrt(damping k m),
+            which falls with l.
+        damping: eta^2/(k m) if eta is None, >= 0; None means 0.1, as in the paper.
+        dashpots: "full", as in the paper: the dashpot of a bond resists the full relative velocity
+            of its blocks, including rotation. "along": it resists only the component along the
+            bond, so that rotation is free.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
@@ -115,13 +115,13 @@ class Slider:
     ) -> Self:
         """Return a slab of a material: k = 3 B E/4 and M = rho B L H; see `Material`.
 
-        Blocks at the edges are whole ones, so that M/(N_x N_z) is less than rho B l^2: waves are
-        faster than in the material by sqrt((1 + l/L)(1 + l/H)).
+        Blocks at the edges are whole blocks, so that M/(N_x N_z) is less than rho B l^2. Waves are
+        therefore faster than in the material, by the factor sqrt((1 + l/L)(1 + l/H)).
 
         Args:
-            name: a key of `pyfric.MATERIALS`, for what is not given.
+            name: a key of `pyfric.MATERIALS`, for values that are not given.
             width, E, density, viscosity: see `Material`.
-            **fields: L, H, l and other fields of the slider but k and M.
+            **fields: L, H, l and other fields of the slider, except k and M.
 
         Raises:
             SceneError: a value is missing, unknown, of the wrong type or out of range.
@@ -149,7 +149,7 @@ class Slider:
 
     @classmethod
     def from_file(cls, entries: Mapping[str, Any], folder: Path | None) -> Self:
-        """Return the slider that a table of a scene file describes, perhaps by its material."""
+        """Return the slider that a table of a scene file describes, possibly by its material."""
         if "material" not in entries:
             return from_entries(cls, entries, folder)
         material = OneOf(Material).check(Written(entries["material"]))
@@ -192,7 +192,7 @@ class Slider:
 
 
 class Top:
-    """A top boundary; as it stands, without rod, springs, shear forces and protocols."""
+    """Base class of top boundaries, without rod, springs, shear forces and protocols."""
 
     mass = mattress = k_top = T = 0.0
     protocol = T_protocol = push = ()
@@ -206,12 +206,12 @@ class Rod(Top):
 
     Args:
         F_N: normal force at the centre of the rod, N, > 0.
-        mass: mass of the rod, kg, >= 0 (the top blocks add theirs).
+        mass: mass of the rod without the top blocks, kg, >= 0.
         mattress: total stiffness of the spring mattress that resists the tilt, N/m, >= 0.
-        protocol: corners (t, F_N) of a normal force that changes, in s and N, > 0; see `Driver`.
-        push: forces along the driving on blocks of the interface; see `PrescribedLoad`.
+        protocol: breakpoints (t, F_N) of a changing normal force, in s and N, > 0; see `Driver`.
+        push: forces in the drive direction on blocks of the interface; see `PrescribedLoad`.
 
-    F_N = 0 is refused: nothing would touch the interface, and forces are compared with F_N.
+    F_N = 0 is refused, because no block would be in contact, and F_N is the unit of force.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
@@ -238,12 +238,12 @@ class DistributedLoad(Top):
     Args:
         F_N: total normal force, N, > 0.
         theta: slope of the load, in [-1, 1]; positive means little load on the trailing edge.
-        T: total of constant forces along the driving, the same on each top block, N.
-        protocol: corners (t, F_N) of a normal force that changes, in s and N, > 0; see `Driver`.
-        T_protocol: corners (t, T) of a shear force that changes, in s and N.
-        push: forces along the driving on blocks of the interface; see `PrescribedLoad`.
+        T: total shear force in the drive direction, spread evenly over the top blocks, N.
+        protocol: breakpoints (t, F_N) of a changing normal force, in s and N, > 0; see `Driver`.
+        T_protocol: breakpoints (t, T) of a changing shear force, in s and N.
+        push: forces in the drive direction on blocks of the interface; see `PrescribedLoad`.
 
-    F_N = 0 is refused: nothing would touch the interface, and forces are compared with F_N.
+    F_N = 0 is refused, because no block would be in contact, and F_N is the unit of force.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
@@ -263,29 +263,28 @@ class DistributedLoad(Top):
 
 @part
 class PrescribedLoad(Top):
-    """A prescribed interface: the forces on its blocks.
+    """A prescribed interface: given forces on its blocks.
 
     Sequences have N_x numbers, from the trailing edge on; they become tuples. A block of the bottom
-    row carries p_i for good, and is pushed along the driving with the constant force tau_i, which
-    its friction balances at t = 0. The geometry is linear, displacements count from t = 0.
+    row has a constant normal force p_i. A constant force tau_i acts on it in the drive direction;
+    friction balances this force at t = 0. The geometry is linear. Displacements count from t = 0.
 
-    A chain (N_z = 1) is pressed down with p_i, and each block is pulled back with k_top times its
-    displacement. In two dimensions (N_z > 1) there is no foundation: p_i decides on friction, and
-    the bottom row moves freely along z, as the half of a symmetric body does under shear. This row
-    is where a body was cut: its blocks have the mass m/2, and springs and dashpots within it half
-    of their strength. With whole ones the surface would be too heavy by l/2, and fronts late. What
-    is beyond its sides and top is said by `Walls`. There |tau_i| may exceed mu_s p_i: such blocks
-    slip from t = 0 on.
+    In a chain (N_z = 1), k_top times the displacement pulls each block back. In two dimensions
+    (N_z > 1) there is no foundation: p_i only sets friction, and the bottom row moves freely along
+    z, like the surface of one half of a symmetric body under shear. The bottom row is a plane of
+    symmetry. Its blocks therefore have the mass m/2, and its springs and dashpots half of their
+    strength. With whole blocks the surface would be too heavy by l/2, and fronts too slow. `Walls`
+    defines the other boundaries. |tau_i| may exceed mu_s p_i; such blocks slip from t = 0 on.
 
     Args:
         p: normal force on each block, N, > 0; one number or a sequence of N_x.
-        tau: friction force on each block at t = 0, N, positive against driving,
-            |tau_i| <= mu_s p_i in a chain; one number or a sequence of N_x.
+        tau: friction force on each block at t = 0, N, positive against the drive direction; one
+            number or a sequence of N_x. In a chain |tau_i| <= mu_s p_i.
         k_top: shear stiffness between each block of a chain and a rigid top, N/m, >= 0.
-        push: further forces along the driving that start slip: each a block's number, a force in N,
-            and where wanted when it begins and ends, in s, and a rate by which it grows, in N/s:
-            ((1, 0.2),) for ever, ((1, 0.2, 0.0, 1e-3),) for 1 ms, ((1, 0.0, 0.0, inf, 50.0),) for a
-            ramp. Together with tau they have to exceed what friction holds.
+        push: additional forces in the drive direction that start slip. Each push is a block number,
+            a force (N), and optionally start and end times (s) and a growth rate (N/s). Examples:
+            ((1, 0.2),) without end, ((1, 0.2, 0.0, 1e-3),) for 1 ms, ((1, 0.0, 0.0, inf, 50.0),)
+            for a ramp. With tau, a push has to exceed the strength of its block.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
@@ -304,17 +303,17 @@ class PrescribedLoad(Top):
 
 @part
 class Walls:
-    """What is beyond the sides and the top of a slider on a prescribed interface.
+    """Boundary conditions at the sides and the top of a slider on a prescribed interface.
 
-    "free": nothing. "mirrored": half a bond away the slider goes on, with the same u_x and the
-    opposite u_z; on a side this is the other half of a shear crack that starts there, on the top a
-    second interface under the same forces. "absorbing": dashpots with the impedances of plane
-    waves, rho c_P along the normal and rho c_S across it, on half blocks; where two of these walls
-    meet rho c_P alone. At such a side the end block has half of p and tau. "held": the top row does
-    not move.
+    "free": no forces. "mirrored": the slider continues half a bond further as its image, with the
+    same u_x and the opposite u_z. On a side, the image is the other half of a shear crack that
+    starts there. On the top, it has a second interface under the same forces. "absorbing": dashpots
+    on half blocks, with the impedances of plane waves, rho c_P along the normal and rho c_S across
+    it. In a corner of two absorbing walls only rho c_P acts. At an absorbing side the end block has
+    half of p and tau. "held": the top row does not move.
 
-    Energies, works and heat are those of the blocks of the scene, without their images; what
-    absorbing walls take is counted as dissipated in the bonds.
+    Energies, work and heat are those of the blocks of the scene, without images. Energy that
+    absorbing walls take counts as dissipated in bonds.
 
     Args:
         left, right: "free", "mirrored" or "absorbing".
@@ -337,13 +336,14 @@ class Walls:
 class Driver:
     """The spring that pushes one side of the slider; its far end moves at a given speed.
 
-    It pushes the block at height h; or, with h_top, all n blocks from h to h_top, as a rigid plate
-    does: by a spring K/n on each, relaxed where the block is once F_N is applied.
-    F_T = K (X - x_h), X the way of the far end and x_h the mean way of these blocks.
+    The spring pushes the block at height h. With h_top, a rigid plate pushes all n blocks from h to
+    h_top by springs of stiffness K/n, which are relaxed after F_N is applied. F_T = K (X - x_h),
+    with X the displacement of the far end and x_h the mean displacement of the driven blocks.
 
-    The speed is V, or changes along straight lines from (0, V) through the corners of a protocol,
-    and stays at the last one. Two corners at one time are a jump: ((1, V), (1, 0), (2, 0), (2, V))
-    is a hold of one second. Negative speeds reverse the push. Steps end at corners.
+    The speed is V, or changes linearly from (0, V) through the breakpoints of a protocol, and is
+    constant after the last one. Two breakpoints at the same time are a jump:
+    ((1, V), (1, 0), (2, 0), (2, V)) is a hold of one second. Negative speeds reverse the driver.
+    Time steps end at breakpoints.
 
     Args:
         K: stiffness, N/m, > 0, or 0 for no driver on a prescribed interface.
@@ -351,7 +351,7 @@ class Driver:
         h: height of the driven block above the interface, or of the plate's lower edge, m; a
             multiple of l, l <= h <= H; 0 in a chain.
         side: "left" or "right", the side that is pushed (the trailing edge).
-        protocol: corners (t, V) of a speed that changes, in s, in order, and m/s.
+        protocol: breakpoints (t, V) of a changing speed, in s (in order) and m/s.
         h_top: height of the plate's upper edge, m; a multiple of l, h <= h_top <= H. None means
             one driven block.
 
@@ -374,7 +374,7 @@ class Driver:
 
     @property
     def fastest(self) -> float:
-        """Largest speed, either way, in m/s."""
+        """Largest speed in either direction, in m/s."""
         return max([self.V, *(abs(V) for _, V in self.protocol)])
 
 
@@ -383,24 +383,23 @@ class Interface:
     """The frictional interface under the bottom row.
 
     Args:
-        mu_s: static friction coefficient, >= 0; where it is None, a law that is a table of mu gives
-            it: its first mu.
-        mu_k: kinetic friction coefficient, 0 <= mu_k <= mu_s; likewise, the last mu.
+        mu_s: static friction coefficient, >= 0; None means the first mu of a law that is a table.
+        mu_k: kinetic friction coefficient, 0 <= mu_k <= mu_s; None means the last mu of the table.
         k_f: stiffness of the elastic foundation per block, N/m, > 0; None means k.
         d_c: slip over which friction weakens, m, >= 0; 0 is Amontons-Coulomb friction.
-        alpha: viscosity of slip, N s/m, >= 0: a slipping block also resists with alpha v.
-        law: how friction depends on slip, time and speed; see `pyfric.laws`. The default weakens
+        alpha: viscosity of slip, N s/m, >= 0: a slipping block has the additional force alpha v.
+        law: dependence of friction on slip, time and speed; see `pyfric.laws`. The default weakens
             linearly over d_c.
 
     mu_s, mu_k, k_f, d_c and alpha are fields: a number, N_x numbers from the trailing edge on, or
     a `Spread`.
 
-    A block that has slipped by s since it last stuck resists with mu(s) p,
-    mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1), with the default law. A direct reversal does not end
-    its slip; sticking does. Weakening is a negative stiffness (mu_s - mu_k) p/d_c. A slider that
-    is stiffer slips stably, at the pace of the driver, until the slipping zone is too long for
-    that. Steps resolve it if dt sqrt((mu_s - mu_k) p/(m d_c)) is below 1, p being F_N/N_x; the
-    notes of a record say where they do not.
+    With the default law, a block that has slipped by s since it last stuck resists with mu(s) p,
+    mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1). If slip reverses without sticking, s continues to
+    grow. Weakening acts as a negative stiffness of magnitude (mu_s - mu_k) p/d_c. If the slider is
+    stiffer, slip is stable and follows the driver, until the slipping zone is too long. Steps
+    resolve weakening if dt sqrt((mu_s - mu_k) p/(m d_c)) is below 1, with p = F_N/N_x; otherwise
+    the record carries a note.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
@@ -408,7 +407,7 @@ class Interface:
     Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
     """
 
-    mu_s: Annotated[Field, NotNegative("", optional=True, **_field)] = None  # until it is taken
+    mu_s: Annotated[Field, NotNegative("", optional=True, **_field)] = None  # set by __post_init__
     mu_k: Annotated[Field, NotNegative("", optional=True, **_field)] = None
     k_f: Annotated[Field | None, Positive("N/m", optional=True, **_field)] = None
     d_c: Annotated[Field, NotNegative("m", **_field)] = 0.0
@@ -434,13 +433,13 @@ class Interface:
         check_tables(self.tables)
 
     def coulomb(self) -> Self:
-        """Return the Amontons-Coulomb law that static states use in its stead."""
+        """Return the interface with Amontons-Coulomb friction, as used for static states."""
         return dataclasses.replace(self, law=LinearWeakening(), d_c=0.0, alpha=0.0)
 
     def on(self, N_x: int, fields: Mapping[str, np.ndarray]) -> Self:
-        """Return the interface of another number of blocks; `fields` run from the trailing edge.
+        """Return the interface with another number of blocks.
 
-        They are those of the interface and of its friction law.
+        `fields` are those of the interface and of its friction law, from the trailing edge on.
         """
         at = np.linspace(0, 1, N_x)
 
@@ -461,7 +460,7 @@ class Interface:
 
 
 def _mean(field: Field) -> float:
-    """Return the mean of a field; the scene refuses a list that is empty."""
+    """Return the mean of a field; 0 for an empty list, which the scene refuses later."""
     if isinstance(field, Spread):
         return field.mean
     return 0.0 if field == () else float(np.mean(field))
@@ -474,4 +473,4 @@ PARTS = {
     "interface": OneOf(Interface),
     "walls": OneOf(Walls),
 }
-"""Parts of a scene, and what each may be."""
+"""Parts of a scene, and their classes."""

@@ -1,4 +1,4 @@
-"""The paper's scenes, a chain, a slab on a prescribed interface, and a benchmark; by name.
+"""Scenes by name: those of the paper, a chain, a slab on a prescribed interface, a benchmark.
 
 Source: PRL 107, 074301 (2011).
 """
@@ -49,14 +49,14 @@ __all__ = [
 ]
 
 Number = float | str
-"""A number in SI units, text with a unit such as "5 mm", or a quantity of a library of units."""
+"""A number in SI units, text with a unit such as "5 mm", or a quantity of a unit library."""
 Numbers = Number | Sequence[Number]
 Field = Numbers | Spread
 Corners = Sequence[tuple[Number, Number]]
 
 
 class Fields(TypedDict, total=False):
-    """Fields of a scene whose names need no part: values of `preset`, `setup1` and so on."""
+    """Keyword arguments of `preset`, `setup1` and so on: fields of a scene with unique names."""
 
     L: Number
     H: Number
@@ -99,9 +99,9 @@ class Fields(TypedDict, total=False):
 
 
 Changes = Mapping[str, Any] | None
-"""Names of fields, with their part where they need it ("driver.protocol"), to values."""
+"""Names of fields to values; a name that several parts share needs its part: "driver.protocol"."""
 Rule = Callable[[Slider], float]
-"""How a value follows from the slider."""
+"""Function that computes a default value from the slider."""
 
 _PAPER = Interface(mu_s=0.7, mu_k=0.45)
 _SETUP1 = Scene(
@@ -147,12 +147,12 @@ def _mass(slider: Slider) -> float:
 
 
 def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
-    """Return a scene with other values.
+    """Return a scene with changed values.
 
     Args:
         base: the scene.
         given: names of fields to values.
-        rules: what follows from the slider where it is not given, or None: part_field to a rule.
+        rules: part_field to a rule, which gives the value if it is missing or None.
     """
     parts = {part: given.get(part, getattr(base, part)) for part in PARTS}
     given = {full_name(parts, n, v): v for n, v in given.items()}
@@ -168,12 +168,12 @@ def setup1(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     """Return setup 1 of the paper, its top row glued to a rigid rod, with changes.
 
     L = 140 mm, H = 75 mm, l = 2.5 mm, k = 13.5 MN/m, M = 75.6 g, F_N = 3500 N, K = 4 MN/m,
-    V = 0.7875 mm/s, h = 5 mm, mu_s = 0.7, mu_k = 0.45. Where l is changed, k stays (k = 3 B E / 4
-    does not depend on l) and the block mass follows from M / (N_x N_z).
+    V = 0.7875 mm/s, h = 5 mm, mu_s = 0.7, mu_k = 0.45. If l is changed, k = 3 B E / 4 stays the
+    same, and the block mass follows from M / (N_x N_z).
 
-    Where L is changed and M is not, M is 0.54 kg/m times L: 108 g at L = 200 mm. The paper's
-    caption gives 75.6 g; only at L = 140 mm does this lead to its wave speeds (1677 and
-    968 m/s), so the density is kept. Pass M=0.0756 for the literal mass at every L.
+    If L is changed and M is not given, M is 0.54 kg/m times L: 108 g at L = 200 mm. The caption of
+    the paper gives 75.6 g. This mass leads to the paper's wave speeds (1677 and 968 m/s) only at
+    L = 140 mm; therefore the density is kept. M=0.0756 gives the mass of the caption at every L.
 
     Args:
         changes: names of fields to values, as in `Scene.replace`.
@@ -188,13 +188,13 @@ def setup1(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
 
 def slow(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
-    """Return setup 1 on an interface of junctions, whose fronts may slow down to 1 % of c_S.
+    """Return setup 1 on an interface of junctions, with fronts as slow as 1 % of c_S.
 
     L = 140 mm, H = 75 mm, l = 2.5 mm, k = 13.5 MN/m, M = 75.6 g, F_N = 1920 N, K = 4 MN/m,
-    V = 0.4 mm/s, h = 5 mm, mu_s = 0.4, mu_k = 0.17, and k_f = k/2 where it is not given. Each block
-    stands on 100 junctions with u_s = 1.17 um, that of C = 39.2 GN/m^2, which slip for 2 ms with a
-    standard deviation of 0.6 ms: `pyfric.laws.Junctions`, whose n_s, u_s, t_R and so on are fields
-    too. Another n_s keeps u_s.
+    V = 0.4 mm/s, h = 5 mm, mu_s = 0.4, mu_k = 0.17, and k_f = k/2 by default. Each block has 100
+    junctions with u_s = 1.17 um, which corresponds to C = 39.2 GN/m^2. They slip for 2 ms, with a
+    standard deviation of 0.6 ms. n_s, u_s, t_R and other parameters of `pyfric.laws.Junctions` can
+    be changed by name, too. If n_s is changed, u_s is kept.
 
     Args:
         changes: names of fields to values, as in `Scene.replace`.
@@ -213,8 +213,8 @@ def setup2(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     """Return setup 2 of the paper: a free top row under a distributed load of slope theta.
 
     L = 100 mm, H = 20 mm, l = 1 mm, k = 9.375 MN/m, M = 12 g, F_N = 400 N, theta = 0 (the paper has
-    0.833, 0 and -0.833), K = 0.8 MN/m, V = 0.45 mm/s, h = 2 mm, mu_s = 0.7, mu_k = 0.45. Where l is
-    changed, k and M stay.
+    0.833, 0 and -0.833), K = 0.8 MN/m, V = 0.45 mm/s, h = 2 mm, mu_s = 0.7, mu_k = 0.45. If l is
+    changed, k and M stay the same.
 
     Args:
         changes: names of fields to values, as in `Scene.replace`.
@@ -231,15 +231,15 @@ def setup2(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 def chain(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     """Return a chain (N_z = 1): by default setup 1 of the paper, lumped into one row.
 
-    Each block stands for a column of setup 1. What is not given follows from the others:
+    Each block represents a column of setup 1. The defaults are:
 
-    - p is 3500 N / N_x, the normal force of setup 1, spread evenly;
-    - k is E B H / l = 1.35 MN / l, 540 MN/m at l = 2.5 mm, so that a uniform stretch takes the same
-      force; E B = 4 k/3 with k = 13.5 MN/m, H = 75 mm;
-    - M is 0.54 kg/m times L, as in `setup1`.
+    - p = 3500 N / N_x, the normal force of setup 1, spread evenly;
+    - k = E B H / l = 1.35 MN / l, which is 540 MN/m at l = 2.5 mm. A uniform stretch then takes the
+      same force as in setup 1, where E B = 4 k/3 with k = 13.5 MN/m, and H = 75 mm;
+    - M = 0.54 kg/m times L, as in `setup1`.
 
-    Waves then travel at l sqrt(k/m) = 1595 m/s, the speed of long waves in a rod, sqrt(E/rho).
-    Driver and friction are those of setup 1; tau = 0 and k_top = 0 leave a plain chain.
+    Waves then travel at l sqrt(k/m) = 1595 m/s, the speed sqrt(E/rho) of long waves in a rod.
+    Driver and friction are those of setup 1, with tau = 0 and k_top = 0.
 
     Args:
         changes: names of fields to values, as in `Scene.replace`.
@@ -271,16 +271,16 @@ def slab(
     """Return a slab on a prescribed interface: p(x) and tau(x) are given, in linear geometry.
 
     Args:
-        p, tau: numbers, lists of N_x numbers from the trailing edge on, or functions of x, the
-            distance (m) of a block from the first one at the trailing edge, which is at 0, or from
-            the plane of the mirror where that side is mirrored, l/2 before it; they return N.
-        L, H, l: of the `Slider`, m.
-        **fields: other fields of a scene. Those of the interface are the paper's; k is that of
-            `setup1`, M its mass per area, 6.845 kg/m^2 times (L + l) (H + l); M/(N_x N_z) is the
-            mass of each block but those of the bottom row, which are half blocks. There is no
-            driver unless K is given, and its h is l. Sides and top are free. eta is sqrt(0.001 k m)
-        where it is not given, a tenth of the paper's, and dashpots are "along" the bonds:
-        stronger ones, and "full" ones, which resist rotation, delay fronts.
+        p, tau: forces in N: numbers, lists of N_x numbers from the trailing edge on, or functions
+            of x (m). x is the distance from the first block at the trailing edge. If that side is
+            mirrored, x is the distance from the mirror plane, l/2 before this block.
+        L, H, l: lengths of the `Slider`, m.
+        **fields: other fields of a scene. By default the interface is that of the paper, k is that
+            of `setup1`, and M is its mass per area, 6.845 kg/m^2, times (L + l) (H + l). A block
+            has the mass M/(N_x N_z), except in the bottom row, which has half blocks. There is no
+            driver unless K is given; its h is l. Sides and top are free. eta is sqrt(0.001 k m), a
+            tenth of the paper's, and dashpots are "along" the bonds. Stronger dashpots, or "full"
+            ones, which resist rotation, delay fronts.
 
     Raises:
         SceneError: a name is unknown or in several parts, or a value is refused.
@@ -306,12 +306,13 @@ def slab(
 def tpv3(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     """Return the benchmark TPV3 of earthquake rupture in two dimensions, in plane, 1 m thick.
 
-    One quarter of it: a half space, since p stays what it is by symmetry, and x > 0 of the shear
-    crack that starts from the middle. Slip is half of that between two bodies, and so is d_c. The
-    blocks beyond the fault's end at 15 km carry ten times p, which no front overcomes.
+    The scene is one quarter of the benchmark: the upper half space, because symmetry keeps p
+    constant, and the half x > 0 of the shear crack that starts from the middle. Slip is half of the
+    slip between two bodies, and so is d_c. Blocks beyond the end of the fault at 15 km carry ten
+    times p, which stops every front.
 
-    l = 100 m, which divides 1.5 km; L = 18 km and H = 12 km, rounded to whole blocks; top and right
-    side absorb. eta and dashpots are those of `slab`. d_c = 0.2 m.
+    l = 100 m, L = 18 km and H = 12 km, rounded to whole blocks; l should divide 1.5 km. Top and
+    right side are absorbing. eta and dashpots are those of `slab`. d_c = 0.2 m.
 
     Args:
         changes: names of fields to values, as in `Scene.replace`.
@@ -383,7 +384,7 @@ PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
         )
     }
 )
-"""The paper's scenes, `slow`, `chain` and `tpv3` by name: functions that take changes."""
+"""Named scenes, as functions that take changes."""
 
 
 def preset(name: str, changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
@@ -391,14 +392,14 @@ def preset(name: str, changes: Changes = None, /, **fields: Unpack[Fields]) -> S
 
     Args:
         name: a key of `PRESETS`.
-        changes: names of fields to values, as in `Scene.replace`: "driver.h", or "h" where one part
-            alone has it; a part as a whole. A value is a number in SI units, text with a unit such
-            as "5 mm", or a quantity of a library of units, such as pint.
+        changes: names of fields to values, as in `Scene.replace`: "driver.h", or "h" if only one
+            part has it, or a whole part. A value is a number in SI units, text with a unit such as
+            "5 mm", or a quantity of a unit library, such as pint.
         **fields: the same, for names without a dot.
 
     Raises:
-        SceneError: an unknown name (the nearest known one is given), a name in several parts, or a
-            value that is refused.
+        SceneError: a name is unknown (the most similar known name is suggested) or in several
+            parts, or a value is refused.
 
     >>> scene = pyfric.preset("fig1", h="7.5 mm")
     >>> scene.N_x, scene.N_z, scene.driver.h
@@ -414,12 +415,12 @@ def preset(name: str, changes: Changes = None, /, **fields: Unpack[Fields]) -> S
 
 
 def presets() -> dict[str, str]:
-    """Return the names that `preset` knows, and what each scene is."""
+    """Return the names of presets and a description of each."""
     return {name: scene.about for name, scene in PRESETS.items()}
 
 
 def settings(name: str) -> list[str]:
-    """Return the names of the fields of a preset, each without its part where it needs none."""
+    """Return the names of the fields of a preset, without the part if the name is unique."""
     names = [full for full in scene_fields(PRESETS[name]()) if full.count(".") == 1]
     ends = {full: full.partition(".")[2] for full in names}
     taken = [*PARTS, *ends.values()]
@@ -431,7 +432,7 @@ SceneLike = Scene | str | os.PathLike[str]
 
 
 def paper_step(scene: Scene) -> float | None:
-    """Return the time step of the paper for the scene's setup, in s; None for another.
+    """Return the time step of the paper for the scene's setup, in s; None for other scenes.
 
     Source: PRL 107, 074301 (2011), 0.2 us for setup 1 and 0.09 us for setup 2.
     """
@@ -439,11 +440,11 @@ def paper_step(scene: Scene) -> float | None:
 
 
 def as_scene(scene: SceneLike, changes: Changes = None) -> Scene:
-    """Return the scene itself, the preset of this name, or the scene in this file, with changes.
+    """Return the scene itself, the preset with this name, or the scene in this file, with changes.
 
     Raises:
-        SceneError: no scene, no such preset or file, a file that holds none, or a change that is
-            refused.
+        SceneError: not a scene, no such preset or file, a file without a scene, or a refused
+            change.
     """
     if isinstance(scene, str) and not names_file(scene):
         return preset(scene, changes)
@@ -456,6 +457,6 @@ def as_scene(scene: SceneLike, changes: Changes = None) -> Scene:
 
 
 def names_file(name: str) -> bool:
-    """Whether a text that may name a preset names a scene file, or is the text of one."""
+    """Whether a text is the name or the content of a scene file, and not the name of a preset."""
     looks = os.sep in name or "/" in name or "\n" in name or name.lower().endswith(".toml")
     return name not in PRESETS and (looks or os.path.isfile(name))

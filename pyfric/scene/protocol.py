@@ -1,8 +1,8 @@
-"""Loading protocols: quantities that change with time, in straight pieces.
+"""Loading protocols: piecewise linear functions of time.
 
-A protocol is a first value, from t = 0 on, and corners: pairs of a time and the value there.
-Between corners it is a straight line, after the last one it stays. Two corners at one time are a
-jump.
+A protocol is a value at t = 0 and breakpoints (`corners`), which are pairs of a time and a value.
+It is linear between breakpoints and constant after the last one. Two breakpoints at the same time
+are a jump.
 """
 
 from __future__ import annotations
@@ -20,13 +20,16 @@ from pyfric.scene.errors import SceneError
 __all__ = ["Corners", "Leg", "Piece", "Protocol", "followed", "legs", "piece_at", "pieces"]
 
 MAX_CORNERS = 1000
-"""Most corners of one protocol."""
+"""Largest number of breakpoints of one protocol."""
 
 Corners = tuple[tuple[float, float], ...]
 
 
 class Piece(NamedTuple):
-    """A straight piece: from time t (s) on, value + slope (t' - t); `integral` is that up to t."""
+    """A linear piece of a protocol: value + slope (t' - t) from time t (s) on.
+
+    `integral` is the integral of the protocol from 0 to t.
+    """
 
     t: float
     value: float
@@ -44,7 +47,7 @@ class Piece(NamedTuple):
 
 
 def pieces(first: float, corners: Corners) -> list[Piece]:
-    """Return the pieces of a protocol, the last of which goes on for good."""
+    """Return the pieces of a protocol; the last one has no end."""
     t, value, integral, found = 0.0, first, 0.0, []
     for t_next, value_next in corners:
         if t_next > t:
@@ -55,16 +58,16 @@ def pieces(first: float, corners: Corners) -> list[Piece]:
 
 
 def piece_at(path: Sequence[Piece], t: float) -> Piece:
-    """Return the piece that time t (s) lies in; at a corner the one that begins there."""
+    """Return the piece that contains time t (s); at a breakpoint the one that begins there."""
     return path[max(bisect.bisect_right([piece.t for piece in path], t) - 1, 0)]
 
 
 def followed(first: float, corners: Corners, then_first: float, then: Corners, t: float) -> Corners:
-    """Return the corners of a protocol that goes on as another one from time t (s) on.
+    """Return the breakpoints of a protocol that continues as another one from time t (s) on.
 
     Args:
         first, corners: the protocol up to t.
-        then_first, then: the one from t on.
+        then_first, then: the protocol from t on.
         t: time, in s.
     """
     old, new = pieces(first, corners), pieces(then_first, then)
@@ -77,17 +80,17 @@ def followed(first: float, corners: Corners, then_first: float, then: Corners, t
 
 
 def _from(path: Sequence[Piece], t: float) -> list[tuple[float, float, float]]:
-    """Return what a protocol is from time t (s) on: beginnings, values and slopes."""
+    """Return a protocol from time t (s) on: start times, values and slopes of its pieces."""
     now = piece_at(path, t)
     rest = [(piece.t, piece.value, piece.slope) for piece in path if piece.t > t]
     return [(t, now.at(t), now.slope), *rest]
 
 
 class Leg(NamedTuple):
-    """A stretch of time, from t to t_end (s), in which an integral grows or falls all the way.
+    """A load segment: an interval from t to t_end (s) in which an integral changes monotonically.
 
-    The integral goes from `first` to `last`; `way` is +1 where it grows, -1 where it falls, and 0
-    where it rests; `value` and `slope` are those of the piece, at t.
+    The integral goes from `first` to `last`. `way` is +1 if it grows, -1 if it falls, and 0 if it
+    is constant. `value` and `slope` are those of the protocol at t.
     """
 
     t: float
@@ -99,14 +102,14 @@ class Leg(NamedTuple):
     slope: float
 
     def time_at(self, integral: float) -> float:
-        """Return when the integral has a value, in s: t where it rests."""
+        """Return the time (s) at which the integral has a value; t if it is constant."""
         far, speed = self.way * (integral - self.first), self.way * self.value
         root = math.sqrt(max(speed**2 + 2 * self.way * self.slope * far, 0.0))
         return self.t + (2 * far / (speed + root) if speed + root > 0 else 0.0)
 
 
 def legs(course: Sequence[Piece], t_end: float) -> list[Leg]:
-    """Return the legs of a protocol up to t_end (s), which may be inf."""
+    """Return the load segments of a protocol up to t_end (s), which may be inf."""
     found: list[Leg] = []
     ends = [*(piece.t for piece in course[1:]), math.inf]
     for piece, end in zip(course, ends, strict=True):
@@ -117,7 +120,7 @@ def legs(course: Sequence[Piece], t_end: float) -> list[Leg]:
         for a, b in itertools.pairwise([piece.t, *([turn] if piece.t < turn < last else []), last]):
             value = piece.value if math.isinf(b) else piece.at(0.5 * (a + b))
             way = int(math.copysign(1, value)) if value else 0
-            last_value = way * math.inf if way else piece.integral  # of a piece without an end
+            last_value = way * math.inf if way else piece.integral  # for a piece without end
             to = piece.integral_at(b) if math.isfinite(b) else last_value
             found.append(Leg(a, b, piece.integral_at(a), to, way, piece.at(a), piece.slope))
     return found
@@ -125,7 +128,7 @@ def legs(course: Sequence[Piece], t_end: float) -> list[Leg]:
 
 @dataclasses.dataclass(frozen=True)
 class Protocol(Quantity):
-    """Annotation of the corners of a protocol: pairs of a time in s and a value in `unit`."""
+    """Annotation of breakpoints: pairs of a time in s and a value in `unit`."""
 
     @property
     def _numbers(self) -> tuple[Quantity, Quantity]:
@@ -151,7 +154,7 @@ class Protocol(Quantity):
         return tuple(corners)
 
     def _corner(self, pair: Any, written: bool, before: Sequence[tuple[float, float]]) -> Any:
-        """Return a corner that may follow others."""
+        """Return a checked breakpoint that follows others."""
         if not isinstance(pair, list | tuple) or len(pair) != 2:
             raise SceneError("", pair, self.unit, self.allowed, "not a pair")
         t, value = (

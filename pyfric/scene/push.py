@@ -1,4 +1,4 @@
-"""Pushes: forces on chosen blocks of an interface, for ever or over a time, which may grow."""
+"""Pushes: constant or growing forces on chosen blocks of an interface."""
 
 from __future__ import annotations
 
@@ -14,16 +14,15 @@ from pyfric.scene.errors import SceneError
 __all__ = ["Push", "Pushed", "Pushes", "pushes_at"]
 
 FOR_EVER = (math.inf, "inf s")
-"""Ends that never come, in Python and in files."""
+"""Values that mean no end, in Python and in files."""
 MAX_PUSHES = 1000
-"""Most pushes of one scene."""
+"""Largest number of pushes of one scene."""
 
 
 class Push(NamedTuple):
-    """A force along the driving on a block, counted from 1 at the trailing edge.
+    """A force in the drive direction on a block, counted from 1 at the trailing edge.
 
-    `force` (N), and what it grows by, `rate` (N/s) times the time since then, acts from `begin` up
-    to `end` (s), which may be inf.
+    The force is `force` + `rate` (t - `begin`), in N, from `begin` to `end` (s), which may be inf.
     """
 
     block: int
@@ -33,12 +32,12 @@ class Push(NamedTuple):
     rate: float = 0.0
 
     def at(self, t: float) -> float:
-        """Return the force at t (s), in N, as if it had no end."""
+        """Return the force at t (s), in N, without regard to `end`."""
         return self.force + self.rate * (t - self.begin)
 
     @property
     def ever(self) -> bool:
-        """True if it is the same for ever."""
+        """Whether the force is constant from t = 0 on, without end."""
         return not (self.rate or self.begin) and self.end == math.inf
 
 
@@ -94,9 +93,9 @@ class Pushes(Annotation):
 
 
 def pushes_at(pushes: tuple[Push, ...], n_blocks: int, t: float, now: float) -> np.ndarray:
-    """Return forces (N) and their rates (N/s) of the pushes that act at t (s), as they are at now.
+    """Return forces (N) and rates (N/s) at time `now` (s) of the pushes that act at t (s).
 
-    Their shape is (2, n_blocks), from the trailing edge on.
+    The shape is (2, n_blocks), from the trailing edge on.
     """
     found = np.zeros((2, n_blocks))
     for one in pushes:

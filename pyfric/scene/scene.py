@@ -1,10 +1,10 @@
-"""Scenes: what is simulated, checked on construction, in SI units.
+"""Scenes: the simulated systems, in SI units, checked on construction.
 
 A scene is a slider on a frictional interface, loaded from above and pushed from one side.
 Source of the model, the symbols and the presets: J. Trømborg, J. Scheibert, D. S. Amundsen,
 K. Thøgersen, A. Malthe-Sørenssen, Phys. Rev. Lett. 107, 074301 (2011), "the paper" below.
 
-Every refusal, whatever its origin, is a `SceneError`.
+Every refused value raises `SceneError`.
 """
 
 import functools
@@ -46,35 +46,35 @@ from pyfric.scene.text import scene_text
 __all__ = ["OnDriven", "Scene"]
 
 OnDriven = float | np.ndarray
-"""A number of the one driven block, or an array of several."""
+"""A number for one driven block, or an array for several."""
 MAX_NAME = 200
 """Largest number of characters in the name of a scene."""
 
 
 @part
 class Scene:
-    """What is simulated: slider, top boundary, driver, interface, walls. Immutable and hashable.
+    """The simulated system: slider, top boundary, driver, interface, walls.
+
+    A scene is immutable and hashable. `replace` changes values and repeats all checks. Arrays run
+    along the interface from the leftmost block to the rightmost one.
 
     Args:
         slider: a `Slider`.
         top: a `Rod` (setup 1), a `DistributedLoad` (setup 2) or a `PrescribedLoad` (a chain, or a
             prescribed interface in two dimensions).
-        driver: a `Driver`; its h, and h_top, must be on rows of the slider above the bottom one, or
-            0 for a chain.
+        driver: a `Driver`; its h and h_top must be on rows of the slider above the bottom one, or 0
+            for a chain.
         interface: an `Interface`.
         name: free text of at most `MAX_NAME` characters.
-        walls: what is beyond sides and top of a slider on a prescribed interface, `Walls`.
-        stop_when: conditions that end a run that is given none itself: text, or several texts, such
-            as "arrested"; see `pyfric.Options`.
-        draws: names of fields that are a `Spread` to what had been drawn, N_x numbers each from the
-            trailing edge on, so that it is not drawn again; kept beside the scene by records.
+        walls: boundary conditions of a slider on a prescribed interface, `Walls`.
+        stop_when: one or several conditions, such as "arrested", that end runs without conditions
+            of their own; see `pyfric.Options`.
+        draws: names of fields that are a `Spread` to values drawn earlier, N_x numbers each from
+            the trailing edge on; records keep them so that they are not drawn again.
 
     Raises:
         SceneError: a part is missing, unknown or of the wrong type, h or h_top is not on a row,
-            prescribed forces do not fit the blocks, or walls or parts do not go together.
-
-    `replace` changes values; all checks are repeated.
-    Arrays run along the interface from the leftmost block to the rightmost one.
+            prescribed forces do not fit the blocks, or parts or walls cannot be combined.
 
     Source: PRL 107, 074301 (2011).
     """
@@ -96,7 +96,7 @@ class Scene:
         check(self)
 
     def _take_over(self, draws: Mapping[str, Any]) -> None:
-        """Take over what had been drawn for fields."""
+        """Take over values that were drawn earlier for fields."""
         for name, values in draws.items():
             drawn = np.asarray(values, dtype=float)
             field = name in (*FIELDS, *self.interface.law.fields)
@@ -128,10 +128,10 @@ class Scene:
 
     @functools.cached_property
     def shares(self) -> tuple[np.ndarray, np.ndarray]:
-        """What there is of the blocks of each row, shape (N_z,), and of each column, (N_x,).
+        """Share of whole blocks in each row, shape (N_z,), and in each column, shape (N_x,).
 
-        It is 1, or 1/2 where the slider is cut: along a prescribed interface and along absorbing
-        walls. Bonds along a cut have half of their strength. A block has the product of both.
+        It is 1, or 1/2 along a prescribed interface and along absorbing walls. The share of a block
+        is the product of both. Bonds along such a row or column have half of their strength.
         """
         rows, columns = np.ones(self.N_z), np.ones(self.N_x)
         if self.prescribed:
@@ -143,17 +143,17 @@ class Scene:
 
     @property
     def eta(self) -> float:
-        """Viscosity of every bond in N s/m; sqrt(0.1 k m) unless the slider sets it."""
+        """Viscosity of every bond in N s/m; by default sqrt(0.1 k m)."""
         given, damping = self.slider.eta, self.slider.damping
         damping = 0.1 if damping is None else damping
         return math.sqrt(damping * self.slider.k * self.m) if given is None else given
 
     @functools.cached_property
     def k_f(self) -> float | np.ndarray:
-        """Stiffness of the foundation per block in N/m; k unless the interface sets it.
+        """Stiffness of the foundation per block in N/m, by default k.
 
-        A number, or one for each column, left to right, shape (N_x,); 0 for a prescribed interface
-        in two dimensions, which has none.
+        A number, or an array from left to right, shape (N_x,). It is 0 for a prescribed interface
+        in two dimensions, which has no foundation.
         """
         if self.prescribed:
             return 0.0
@@ -176,15 +176,15 @@ class Scene:
         """Return a field of the interface, left to right, shape (N_x,).
 
         Args:
-            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m) or "k_f" (N/m); or one of the friction
-                law's own.
+            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m) or "k_f" (N/m), or a field of the
+                friction law.
         """
         return np.broadcast_to(np.asarray(self.given_field(name), dtype=float), (self.N_x,))
 
     def interface_on(self, N_x: int) -> Interface:
-        """Return the interface of N_x blocks of the same slider.
+        """Return the interface of the same slider with N_x blocks.
 
-        Fields are interpolated; alpha of each block goes with its share of the length.
+        Fields are interpolated; alpha of a block is proportional to its length.
         """
         order = np.argsort(self.n_of_i)
         fields = {name: self.field(name)[order] for name in self.fields}
@@ -196,13 +196,13 @@ class Scene:
 
     @property
     def drawn(self) -> dict[str, tuple[float, ...]]:
-        """What was drawn for fields that are a `Spread`, from the trailing edge on."""
+        """Values drawn for fields that are a `Spread`, from the trailing edge on."""
         spreads = [name for name in self.fields if isinstance(self._given(name), Spread)]
         return {name: self._draw(name) for name in spreads}
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """Names of what may vary along the interface."""
+        """Names of the fields that may vary along the interface."""
         own = self.interface.law.fields
         return (*FIELDS, *(name for name in own if self._given(name) is not None))
 
@@ -212,7 +212,7 @@ class Scene:
         return tuple(name for name in self.fields if np.ptp(self.field(name)) > 0)
 
     def _given(self, name: str) -> Any:
-        """Return a field as the interface or its friction law says it."""
+        """Return a field as given in the interface or its friction law."""
         return getattr(self.interface if name in FIELDS else self.interface.law, name)
 
     def given_field(self, name: str) -> float | np.ndarray:
@@ -226,7 +226,7 @@ class Scene:
         return found
 
     def _draw(self, name: str) -> tuple[float, ...]:
-        """Return what was drawn for a field; it is drawn once."""
+        """Return the values drawn for a field; they are drawn only once."""
         if name not in self._draws:
             values = self._given(name).draw(self.N_x, self.slider.l)
             self._draws[name] = tuple(values.tolist())
@@ -243,7 +243,7 @@ class Scene:
 
     @property
     def d(self) -> int:
-        """Direction of driving: +1 (pushed from the left) or -1 (from the right)."""
+        """Direction of the drive: +1 (pushed from the left) or -1 (pushed from the right)."""
         return 1 if self.driver.side == "left" else -1
 
     def driver_force(self, drive: float, u_h: OnDriven, u_drv0: OnDriven) -> float:
@@ -252,12 +252,12 @@ class Scene:
         Args:
             drive: displacement V t of the driver since t = 0, in m.
             u_h: u_x of the driven blocks, as `u_driven` returns it, or their mean, in m.
-            u_drv0: the same where drive = 0 gives F_T = 0, in m.
+            u_drv0: value of u_h at which drive = 0 gives F_T = 0, in m.
         """
         return float(self.driver.K * (drive - self.d * np.mean(u_h - u_drv0)))
 
     def u_driven(self, u: np.ndarray) -> OnDriven:
-        """Return u_x of the one driven block, or of several, shape (n_driven,), upward, in m.
+        """Return u_x of the driven block, or of several, bottom to top, (n_driven,), in m.
 
         Args:
             u: displacements, or a state, shape (N_z, 2 or 4, N_x), in m.
@@ -268,7 +268,7 @@ class Scene:
 
     @functools.cached_property
     def corners(self) -> tuple[float, ...]:
-        """Times at which a protocol has a corner, in s, in order."""
+        """Times of the breakpoints of protocols and pushes, in s, in order."""
         lists = self.driver.protocol, self.top.protocol, self.top.T_protocol
         times = {t for corners in lists for t, _ in corners}
         times |= {t for push in self.top.push for t in (push.begin, push.end)}
@@ -287,17 +287,17 @@ class Scene:
         return piece_at(self._pieces[what], t)
 
     def load_at(self, t: float) -> tuple[float, float] | None:
-        """Return F_N and T (N) at t (s), None where a protocol changes neither."""
+        """Return F_N and T (N) at t (s), or None if no protocol changes them."""
         if not (self.top.protocol or self.top.T_protocol):
             return None
         return self.piece("F_N", t).at(t), self.piece("T", t).at(t)
 
     def legs(self, t_end: float) -> list[Leg]:
-        """Return the intervals up to t_end (s) in which the driver moves one way."""
+        """Return the intervals up to t_end (s) in which the driver moves in one direction."""
         return legs(self._pieces["V"], t_end)
 
     def drive(self, t: float) -> float:
-        """Return the displacement of the driver at t (s) since t = 0, in m: V t where V stays."""
+        """Return the displacement of the driver from 0 to t (s), in m: V t if V is constant."""
         return self.piece("V", t).integral_at(t)
 
     @property
@@ -307,7 +307,7 @@ class Scene:
 
     @property
     def j_h(self) -> int:
-        """Row of the driven block, the lowest of several, counted from 0 at the bottom: h / l."""
+        """Row of the (lowest) driven block, counted from 0 at the bottom: h / l."""
         return round(self.driver.h / self.slider.l)
 
     @property
@@ -318,7 +318,7 @@ class Scene:
 
     @property
     def n_driven(self) -> int:
-        """Number of driven blocks: 1, or those of a plate."""
+        """Number of driven blocks, 1 without a plate."""
         return self.j_h_top - self.j_h + 1
 
     @property
@@ -336,7 +336,7 @@ class Scene:
     def load(self) -> np.ndarray:
         """Downward forces on the top blocks, left to right, shape (N_x,), in N.
 
-        0 for a rod, and for a prescribed interface in two dimensions.
+        They are 0 for a rod, and for a prescribed interface in two dimensions.
         """
         if self.rigid or self.prescribed:
             return np.zeros(self.N_x)
@@ -347,20 +347,20 @@ class Scene:
 
     @property
     def shear(self) -> np.ndarray:
-        """Forces in +x on blocks of row j_shear, left to right, shape (N_x,), in N, at t = 0.
+        """Forces in +x on blocks of row j_shear at t = 0, left to right, shape (N_x,), in N.
 
-        d tau_i for a `PrescribedLoad`, of which a half block at an absorbing side has half, d T/N_x
-        for a `DistributedLoad`.
+        They are d tau_i for a `PrescribedLoad`, and d T/N_x for a `DistributedLoad`. A half block
+        at an absorbing side has half of this force.
         """
         tau = self.top.tau if isinstance(self.top, PrescribedLoad) else self.top.T / self.N_x
         return self.d * self._by_column(tau) * self.shares[1] + 0.0  # no -0.0
 
     def push_at(self, t: float, now: float | None = None) -> np.ndarray:
-        """Return what pushes the bottom blocks along +x, left to right, and its rate.
+        """Return the pushes on the bottom blocks along +x, left to right, and their rates.
 
         Args:
-            t: time by which the pushes are chosen that act, in s.
-            now: time at which they are looked at, in s; None means t.
+            t: time that selects the active pushes, in s.
+            now: time at which they are evaluated, in s; None means t.
 
         Returns:
             Forces (N) and their rates (N/s), shape (2, N_x).
@@ -380,28 +380,28 @@ class Scene:
 
     @property
     def has_rests(self) -> bool:
-        """True if its driver leads to static states other than the start, whatever its law."""
+        """True if the driver leads to static states other than the start, for any friction law."""
         return not (self.prescribed or self.top.push or self.driver.K == 0)
 
     @property
     def p_prescribed(self) -> np.ndarray:
-        """Given p of the bottom blocks, left to right, shape (N_x,), in N; 0 where there is none.
+        """Prescribed p of the bottom blocks, left to right, shape (N_x,), in N.
 
-        It is that of a `PrescribedLoad`; a half block at an absorbing side has half of it.
+        It is 0 without a `PrescribedLoad`. A half block at an absorbing side has half of p.
         """
         if not isinstance(self.top, PrescribedLoad):
             return np.zeros(self.N_x)
         return self._by_column(self.top.p) * self.shares[1]
 
     def _by_column(self, values: float | tuple[float, ...]) -> np.ndarray:
-        """Return numbers that run from the trailing edge as an array from left to right."""
+        """Return values given from the trailing edge on as an array from left to right."""
         if isinstance(values, tuple):
             return np.array(values)[self.n_of_i - 1]
         return np.full(self.N_x, values)
 
     @property
     def k_top(self) -> float:
-        """Stiffness that holds each top block of a chain at u_x = 0, its place at t = 0, in N/m."""
+        """Stiffness between each block of a chain and its position at t = 0, in N/m."""
         return self.top.k_top
 
     @property
@@ -426,16 +426,16 @@ class Scene:
         return html(self)
 
     def plot(self) -> Any:
-        """Return a sketch of the scene, to scale, as `pyfric.figures.sketch` draws it."""
+        """Return a sketch of the scene to scale; see `pyfric.figures.sketch`."""
         return drawing(self)
 
     def replace(self, changes: Mapping[str, Any] | None = None, /, **keywords: Any) -> Self:
-        """Return the scene with other values; all checks are repeated.
+        """Return the scene with changed values; all checks are repeated.
 
         Args:
-            changes: names of fields to values: "driver.h", or "h" where one part alone has it;
-                a part as a whole; "name". A value is a number in SI units, text with a unit such
-                as "5 mm", or a quantity of a library of units, such as pint.
+            changes: names of fields to values: "driver.h", or "h" if only one part has it, or a
+                whole part, or "name". A value is a number in SI units, text with a unit such as
+                "5 mm", or a quantity of a unit library, such as pint.
             **keywords: the same, for names without a dot.
 
         Raises:
@@ -447,10 +447,10 @@ class Scene:
         return changed(self, {**(changes or {}), **keywords})
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
-        """Return the scene as TOML; with `path`, also write it to that file in one step.
+        """Return the scene as TOML; with `path`, also write it to that file.
 
-        Quantities are written in SI units with all digits: `from_toml` gives an equal scene,
-        bit for bit. Values left at None are left out.
+        Quantities are written in SI units with all digits, so that `from_toml` returns an equal
+        scene, bit for bit. Values of None are omitted.
 
         Raises:
             OSError: the file cannot be written; an existing file is then unchanged.
@@ -468,21 +468,18 @@ class Scene:
         draws: Mapping[str, Any] | None = None,
         files: bool | Path = True,
     ) -> Self:
-        """Return the scene in a TOML file or text.
+        """Return the scene in a TOML file or text; `pyfric.scene.toml` describes the format.
 
         Args:
-            source: path of a file, or the text itself: a string with a line break is taken as text.
+            source: path of a file, or the text itself, which contains a line break.
             draws: see `Scene`.
-            files: whether a friction law may name files, which are read: from the folder of the
-                source (that of text is the current one), or from another folder.
-
-        Quantities are text with a unit that fits, such as "5 mm"; mu_s, mu_k and theta are bare
-        numbers. `[top]` has kind = "rod", "distributed" or "prescribed" (p and tau may be lists).
+            files: whether a friction law may name files. True reads them from the folder of the
+                source (for a text, the current folder). A path reads them from that folder.
 
         Raises:
-            SceneError: the file cannot be read, is not TOML or larger than 1 MiB, or anything in
-                it is missing, unknown, without or with a wrong unit, or out of range. All problems
-                found are listed.
+            SceneError: the file cannot be read, is not TOML or is larger than 1 MiB; or an entry is
+                missing, unknown, without or with a wrong unit, or out of range. All problems found
+                are listed.
         """
         entries = toml.parsed(source)
         if "draws" in entries:

@@ -1,4 +1,4 @@
-"""Values that vary along the interface: drawn once, the same on any machine."""
+"""Random values along the interface, the same on any machine."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -10,7 +10,7 @@ from pyfric.scene.errors import SceneError
 __all__ = ["Spread"]
 
 SUMMED = 12
-"""Numbers in a sum that stands for a normal number: its variance is 1."""
+"""Uniform numbers in a sum that approximates a normal number; the sum has variance 1."""
 
 
 @part
@@ -19,17 +19,18 @@ class Spread:
 
     Args:
         mean: mean, in the unit of the field.
-        std: standard deviation; or else
-        range: half of the width of a uniform distribution, mean - range to mean + range.
-        distribution: "normal" or "uniform"; None means what std or range ask for.
+        std: standard deviation, for a normal distribution; alternatively
+        range: half width of a uniform distribution from mean - range to mean + range.
+        distribution: "normal" or "uniform"; None means that std or range decides.
         correlation_length: length over which the field is averaged, m; 0 for independent blocks.
-            The correlation of two blocks falls linearly with their distance to 0 there.
-        seed: of the generator, a whole number from 0 to 2^64 - 1.
+            The correlation of two blocks falls linearly with their distance and is 0 at this
+            length.
+        seed: seed of the generator, a whole number from 0 to 2^64 - 1.
 
-    "normal" is the sum of twelve uniform numbers, less 6: its distribution is within 0.0023 of the
-    normal one, and nothing is further from the mean than 6 std (of one block; averages may be).
-    "uniform" has no correlation length. The numbers are those of Philox 4x64 with ten rounds, and
-    nothing but additions, products and one square root follows: they are the same on any machine.
+    "normal" is the sum of twelve uniform numbers minus 6. Its distribution function is within
+    0.0023 of the normal one. No independent value is further than 6 std from the mean. "uniform"
+    has no correlation length. The uniform numbers are those of Philox 4x64 with ten rounds. Only
+    additions, products and one square root follow, so that fields are the same on any machine.
 
     Raises:
         SceneError: a value is missing, unknown, of the wrong type or out of range.
@@ -59,7 +60,7 @@ class Spread:
             raise SceneError("spread.correlation_length", self.correlation_length, "m", allowed)
 
     def draw(self, n: int, l: float) -> np.ndarray:
-        """Return the field on n blocks a distance l (m) apart, from the trailing edge on."""
+        """Return the field on n blocks with spacing l (m), from the trailing edge on."""
         if self.range is not None:
             return self.mean + self.range * (2 * self._uniform(n) - 1)
         over = max(1, round(self.correlation_length / l))

@@ -1,4 +1,4 @@
-"""A scene in a few lines of text."""
+"""A summary of a scene as text."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["scene_text"]
 
 
 def scene_text(scene: Scene) -> str:
-    """Return a scene in a line for each part, numbers in SI units."""
+    """Return a text with a line for each part of a scene; numbers are in SI units."""
     lines = [f"Scene {scene.name or 'without a name'}: {scene.N_x} x {scene.N_z} blocks"]
     for name in ("slider", "top", "driver", "interface"):
         part = getattr(scene, name)

@@ -1,4 +1,4 @@
-"""Scene files, which are TOML. Every number that has a unit is written with it::
+"""Scene files in TOML. Every number with a unit is written with its unit::
 
     name = "fig1"
     stop_when = ["arrested"]    # conditions that end a run; may be left out
@@ -33,10 +33,10 @@
     B = 0.01
     t_c = "1 ms"
 
-A law of kind "table" takes lists or CSV files: slide = "friction.csv", from the scene's folder on.
-A field may also stand outside the tables, as V = "1 mm/s" or, in quotes, "driver.V" = "1 mm/s".
-Pure numbers are bare; lengths, forces and so on are text with any unit that fits. What may vary
-along the interface is a number, a list, or a table, such as
+A law of kind "table" takes lists or CSV files: slide = "friction.csv", relative to the scene file.
+A field may also be outside the tables, as V = "1 mm/s" or, in quotes, "driver.V" = "1 mm/s".
+Numbers without unit are bare. Lengths, forces and so on are text with any unit that fits. A field
+that may vary along the interface is a number, a list, or a table, such as
 mu_s = {mean = 0.7, std = 0.02, correlation_length = "10 mm", seed = 1}.
 """
 
@@ -55,7 +55,7 @@ from pyfric.scene.parts import PARTS
 __all__ = ["MAX_FILE", "folder_of", "parsed", "placed", "text"]
 
 MAX_FILE = 1_048_576
-"""Largest scene file accepted, in bytes; two lists of `checked.MAX_LISTED` forces fit."""
+"""Largest size of a scene file, in bytes; two lists of `checked.MAX_LISTED` forces fit."""
 
 
 def text(scene: Any) -> str:
@@ -68,10 +68,10 @@ def parsed(source: str | os.PathLike[str], what: str = "scene") -> dict[str, Any
 
     Args:
         source: the path of a file, or the text.
-        what: what it holds, for errors.
+        what: name of the content, for errors.
 
     Raises:
-        SceneError: it cannot be read, is too large or not TOML.
+        SceneError: the file cannot be read, is too large or is not TOML.
     """
     if not isinstance(source, str | os.PathLike):
         raise SceneError(what, source, "", f"the path of a {what} file, or its text")
@@ -95,7 +95,7 @@ def parsed(source: str | os.PathLike[str], what: str = "scene") -> dict[str, Any
 
 
 def folder_of(source: str | os.PathLike[str]) -> Path:
-    """Return the folder from which a scene file names others; that of text is the current one."""
+    """Return the folder of files named in a scene file; for a text it is the current folder."""
     return Path() if _is_text(source) else Path(source).parent
 
 
@@ -104,7 +104,7 @@ def _is_text(source: str | os.PathLike[str]) -> bool:
 
 
 def placed(entries: dict[str, Any]) -> dict[str, Any]:
-    """Return a document whose fields outside tables are in the tables of their parts.
+    """Return a document with the fields outside tables moved into the tables of their parts.
 
     Raises:
         SceneError: a field is in several parts, or given twice.

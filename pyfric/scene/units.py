@@ -1,4 +1,4 @@
-"""Numbers with units: how every input is checked, and read where it is text."""
+"""Numbers with units: checks of all numeric inputs, and conversion from text."""
 
 import math
 import re
@@ -13,9 +13,9 @@ __all__ = ["LARGEST", "SMALLEST", "check_number", "in_si", "parse_quantity", "ra
            "with_prefix"]  # fmt: skip
 
 SMALLEST = 1e-30
-"""Smallest non-zero magnitude accepted (SI); smaller values would let products underflow."""
+"""Smallest accepted non-zero magnitude (SI); products of smaller values could underflow."""
 LARGEST = 1e30
-"""Largest magnitude accepted (SI); larger values would let products overflow."""
+"""Largest accepted magnitude (SI); products of larger values could overflow."""
 
 EXAMPLES = {
     "m": "5 mm",
@@ -29,9 +29,10 @@ EXAMPLES = {
     "kg/m^3": "1200 kg/m^3",
     "Pa s": "4 kPa s",
 }
-"""SI unit -> a quantity to show in messages."""
+"""SI unit -> an example for messages."""
 
-# pint reads arithmetic, which may take long: a unit has no numbers but exponents of one digit.
+# pint evaluates arithmetic, which may take long. Units may therefore contain no numbers, except
+# exponents of one digit.
 _FACTOR = r"[A-Za-zµμ%]+(?:(?:\^|\*\*)-?[1-9]|[²³])?"
 _QUANTITY = re.compile(
     r"\s*(?P<number>[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|nan|inf(?:inity)?)(?![\d.]))"
@@ -70,12 +71,11 @@ def check_number(
 
     Args:
         field: dotted name used in the error.
-        value: a Python or NumPy real scalar, in SI; or, where there is a unit, text such as
-            "5 mm" or a quantity of a library of units, see `in_si`. Booleans and arrays are
-            refused.
+        value: a Python or NumPy real scalar, in SI. If there is a unit, also text such as "5 mm" or
+            a quantity of a library of units, see `in_si`. Booleans and arrays are refused.
         unit: SI unit, ``""`` for a pure number.
         gt, ge, le, lt: limits (>, >=, <=, <), in the same unit.
-        note: what else is allowed, added to the range in the error.
+        note: other allowed values, appended to the range in the error.
 
     Returns:
         The number as a Python float; -0.0 becomes 0.0.
@@ -111,7 +111,7 @@ def in_si(field: str, value: Any, unit: str, *, allowed: str = "") -> Any:
     """Convert text with a unit, or a quantity of pint, to SI; return anything else unchanged.
 
     Raises:
-        SceneError: it has no unit, or one of another dimension.
+        SceneError: the value has no unit, or a unit of another dimension.
     """
     if isinstance(value, str) and unit:
         return parse_quantity(field, value, unit, allowed=allowed)
@@ -127,8 +127,8 @@ def in_si(field: str, value: Any, unit: str, *, allowed: str = "") -> Any:
 def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> float:
     """Return the SI number of a quantity written as text, such as ``"5 mm"``.
 
-    The number is rounded once: ``"2.5 mm"`` gives the same float as ``2.5e-3``.
-    NaN, infinities and ranges are left to `check_number`.
+    The number is rounded once: ``"2.5 mm"`` gives the same float as ``2.5e-3``. NaN, infinities and
+    limits are checked by `check_number`.
 
     Args:
         field: dotted name used in the error.
@@ -199,7 +199,7 @@ def _factor(name: str, unit: str) -> Fraction:
     try:
         given, wanted = map(registry.parse_units, (name, unit))
         same = given.dimensionality == wanted.dimensionality
-    except Exception:  # pint raises many types for a unit it cannot read
+    except Exception:  # pint raises many types of errors
         raise ValueError(f"unknown unit {shown}") from None
     if not same:
         raise ValueError(f"wrong unit: {shown} does not convert to {unit}")

@@ -1,4 +1,4 @@
-"""States of rest."""
+"""Static states of the slider."""
 
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.blas import one_thread, one_thread_if_small

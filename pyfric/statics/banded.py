@@ -1,7 +1,8 @@
 """Cholesky factorisation of a banded matrix with a border of few unknowns.
 
-In column-first order the lattice couples neighbouring columns only, so that its stiffness is a band
-of about 2 N_z; the three unknowns of a rod couple to all columns and border the band:
+In column-first order the lattice couples only neighbouring columns. Its stiffness is then a band
+matrix of half width about 2 N_z. The three unknowns of a rod couple to all columns and form a
+border:
 
     [ A  B ] [y]   [b]
     [ B' D ] [z] = [c] ,   (D - B' A^-1 B) z = c - B' A^-1 b ,   A y = b - B z .
@@ -25,15 +26,15 @@ class BandedCholesky:
     """A factorised symmetric, positive definite matrix.
 
     Args:
-        K: symmetric sparse matrix, shape (n_q, n_q), whose unknown rows and columns are factorised.
-        unknown: their indices, shape (n,).
-        order: all unknowns, counted from 0, of the band in the order in which they are coupled,
-            then the border.
-        n_border: unknowns of the border.
+        K: symmetric sparse matrix, shape (n_q, n_q). Its unknown rows and columns are factorised.
+        unknown: indices of the unknown rows and columns, shape (n,).
+        order: permutation of the n unknowns: first those of the band, in the order of their
+            coupling, then those of the border.
+        n_border: number of unknowns of the border.
 
     Raises:
         numpy.linalg.LinAlgError: the matrix is not positive definite.
-        MemoryError: the band does not fit.
+        MemoryError: the band does not fit into memory.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class BandedCholesky:
 
     @property
     def nbytes(self) -> int:
-        """Memory that the factor takes."""
+        """Memory of the factor, in bytes."""
         return self._factor.nbytes
 
     def _solved(self, b: np.ndarray) -> np.ndarray:

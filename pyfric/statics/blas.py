@@ -1,4 +1,4 @@
-"""Threads of BLAS: one for small problems and products, which more threads only slow down."""
+"""Threads of BLAS. Small problems and products use one, because more threads slow them down."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["SMALL", "one_thread", "one_thread_if_small"]
 
 SMALL = 250
-"""Matrices of up to twice this size run on one thread."""
+"""Largest N_x that runs on one BLAS thread; matrices have 2 N_x rows."""
 ARITHMETIC = {"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}
 """NumPy's defaults."""
 
@@ -31,15 +31,16 @@ def _controller() -> ThreadpoolController:
 
 
 def one_thread() -> AbstractContextManager[Any]:
-    """Let BLAS use one thread in a block."""
+    """Return a context manager in which BLAS uses one thread."""
     return cast("AbstractContextManager[Any]", _controller().limit(limits=1, user_api="blas"))
 
 
 def one_thread_if_small(function: F) -> F:
-    """Let BLAS use one thread in a function of a scene (its first argument) with few columns.
+    """Decorate a function of a scene so that BLAS uses one thread if N_x is small.
 
-    The function gets the scene where its caller gives the name of a preset or a file. Arithmetic
-    follows NumPy's defaults there, whatever the caller's `numpy.seterr` says.
+    The scene is the first argument. If the caller passes the name of a preset or a file, the
+    function gets the scene. Floating-point warnings follow NumPy's defaults, independent of the
+    caller's `numpy.seterr`.
     """
 
     @functools.wraps(function)

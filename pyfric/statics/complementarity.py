@@ -1,11 +1,11 @@
 """The contact solver: contact states on the condensed interface, by pivots of a table.
 
 `ContactProblem` holds the condensed slider of one scene. A `Contact` gives u_x, f, u_z and F_T as
-affine functions of the held u_x and of the driver, in a table whose columns are exchanged when a
-block is released or held. That is a rank-one change: following an event costs microseconds each.
+affine functions of the held u_x and of the driver, in a table. When a block is released or held, a
+column and a row of the table are exchanged. This is a rank-one change that takes microseconds.
 
-`Contact.exchange` lets the block that violates a condition most go to another state, until all
-conditions are met. Loading, events, growing slip and static states differ in the conditions alone.
+`Contact.exchange` changes the state of the block that violates a condition most, until all
+conditions are met. Loading, events, growing slip and static states differ only in the conditions.
 
 Source: tables with exchanged columns are the pivots of linear complementarity (R. W. Cottle, J.-S.
 Pang, R. E. Stone, The Linear Complementarity Problem, 1992).
@@ -36,20 +36,21 @@ if TYPE_CHECKING:
 __all__ = ["Contact", "ContactProblem", "Route", "Static"]
 
 RATE_TOL = 1e-11
-"""Rates of forces below this share of stiffness times rate of displacement are rounding."""
+"""Rate of a force, over stiffness times rate of displacement, below which it is rounding."""
 LEAST = 1e-6
-"""A block with less load than this many F_N/N_x does not stick."""
+"""Normal force, over F_N/N_x, below which a block does not stick."""
 BASES = 64
-"""Tables with all blocks held that are kept, one for each set of open blocks."""
+"""Number of tables with all blocks held that are kept, one for each set of open blocks."""
 CHANGES = 10
-"""Most exchanges for one state of rest, over N_x: a cap, where 1.5 are needed. In their second half
-the first block that violates a condition changes, not the worst one, which ends cycles."""
+"""Largest number of exchanges for one static state, over N_x; about 1.5 are needed. In the second
+half, the first block that violates a condition changes instead of the worst one. This ends cycles.
+"""
 
 
 class Route(NamedTuple):
-    """A straight path of what is outside the slider, over s in m.
+    """A straight path of driver and loads with the parameter s, in m.
 
-    The driver is at drive + way s (m), loads (F_N and T, in N) are load + gain s.
+    The driver is at drive + way s (m). Loads (F_N and T, in N) are load + gain s.
     """
 
     drive: float
@@ -71,8 +72,8 @@ class ContactProblem:
 
     Args:
         scene: the scene.
-        u_drv0: u_x of the driven blocks where F_T = 0, in m, as `Scene.u_driven` has it. What
-            matters is how those of a plate differ; None means those of the loaded state.
+        u_drv0: u_x of the driven blocks at F_T = 0, in m, as `Scene.u_driven` returns it. Only its
+            differences between the blocks of a plate matter. None means that of the loaded state.
 
     Raises:
         SceneError: the scene has no static states.
@@ -94,7 +95,7 @@ class ContactProblem:
         self._look(np.eye(4, 2))
 
     def _look(self, outside: np.ndarray) -> None:
-        """Take what is outside, w of `condensation`, by s and 1, shape (4, 2)."""
+        """Set driver and loads: w of `condensation` as coefficients of s and 1, shape (4, 2)."""
         self._loads, self._F_T = self.slider.G @ outside, self.slider.c @ outside
         if self.slider.always is not None:
             self._loads[:, 1] += self.slider.always[0]
@@ -102,22 +103,22 @@ class ContactProblem:
         self._bases: Memory[np.ndarray] = Memory(BASES)
 
     def along(self, route: Route) -> ContactProblem:
-        """Return the problem whose "drive" is s on a route."""
+        """Return the problem in which "drive" means the parameter s of a route."""
         other, (F_N, T), (F_N_gain, T_gain) = copy.copy(self), route.load, route.gain
         other._look(np.array([[route.way, route.drive], [0.0, 0.0], [F_N_gain, F_N], [T_gain, T]]))
         return other
 
     def undriven(self) -> ContactProblem:
-        """Return the problem without the driver: wherever the slider goes, F_T = 0."""
+        """Return the problem without the driver, so that F_T = 0 for all displacements."""
         other = copy.copy(self)
         other.slider = self.slider.undriven()
         other._look(np.eye(4, 2))
         return other
 
     def corrected(self, now: Values, drive: float) -> ContactProblem:
-        """Return the problem with loads under which a state of rest needs the forces it has.
+        """Return the problem with corrected loads, so that the state `now` is in equilibrium.
 
-        Without that it is linear about u = 0.
+        The problem is then linearised about this state instead of u = 0.
         """
         other, v = copy.copy(self), np.concatenate([now.u_x, now.u_z])
         other._loads, other._bases = self._loads.copy(), Memory(BASES)
@@ -159,14 +160,14 @@ class ContactProblem:
 
     @functools.cached_property
     def _loaded(self) -> tuple[np.ndarray, float, np.ndarray]:
-        """Where blocks are once F_N is applied, where the driver is at F_T = 0, contact states."""
+        """The loaded state: u_x, position of the driver at F_T = 0, contact states."""
         applied = self._applied
         u_x, mode = applied.values().u_x, np.where(applied.closed, STUCK, OPEN)
         contact = Contact(self, u_x, 0.0, mode)
         return u_x, -contact.values().F_T / contact.rates().F_T, mode
 
     def loaded(self) -> Contact:
-        """Return the loaded state, with all blocks held that are not open, and F_T = 0.
+        """Return the loaded state with F_T = 0; all blocks in contact are held.
 
         Raises:
             EquilibriumError: the scene has no loaded equilibrium.
@@ -191,19 +192,20 @@ class ContactProblem:
 
 
 class Contact(States):
-    """Contact states of all blocks, and the table that goes with them; see `States`.
+    """Contact states of all blocks, and their table; see `States`.
 
     Args:
         problem: the condensed slider.
-        u_x: where stuck blocks are held, shape (N_x,), in m.
+        u_x: positions at which stuck blocks are held, shape (N_x,), in m.
         drive: position of the driver, in m.
         mode: contact states, shape (N_x,).
         law: the friction law; None means the scene's.
         driven: whether the driver's spring holds the slider.
 
     Attributes:
-        way: +1 where the driver goes on, -1 where it goes back; rates are per path of it.
-        free: blocks that slip or are open, as the table has them, shape (N_x,), bool.
+        way: +1 if the driver moves forward, -1 if it moves back. Rates are derivatives by the path
+            length of the driver.
+        free: blocks that slip or are open in the table, shape (N_x,), bool.
     """
 
     def __init__(
@@ -234,22 +236,23 @@ class Contact(States):
         self.column[-2], self._now = value, None
 
     def along(self, problem: ContactProblem, s: float) -> None:
-        """Go on along another route, from s (m) on, where the same is outside as here."""
+        """Continue on another route from its s (m), at the same driver position and loads."""
         self.problem, self.drive = problem, s
         self.renew()
 
-    # --- states of rest --------------------------------------------------------------------------
+    # --- static states ---------------------------------------------------------------------------
 
     def exchange(self, unmet: Callable[[Values], Unmet | None]) -> Iterator[Values]:
         """Change contact states until all conditions are met; yield the values before each change.
 
-        Blocks whose violations differ by rounding change together: symmetric scenes stay so.
+        Blocks whose violations are equal within rounding change together, so that symmetric scenes
+        stay symmetric.
 
         Args:
-            unmet: returns what is not met, None where all is.
+            unmet: returns the violated conditions, or None if all are met.
 
         Raises:
-            EquilibriumError: the states do not settle, or no block carries the slider.
+            EquilibriumError: the iteration does not end, or no block supports the slider.
         """
         most = CHANGES * self.N_x
         for n in range(most):
@@ -266,9 +269,9 @@ class Contact(States):
         raise EquilibriumError("contact states do not settle", np.nan, self.tol, most)
 
     def hold_at(self, u_x: np.ndarray, free: np.ndarray) -> Values:
-        """Find the state in which blocks are held at u_x (m) wherever they touch.
+        """Find the state in which blocks in contact are held at u_x (m).
 
-        Free blocks have no friction; a block that lifts off a second time is one from then on.
+        Free blocks have no friction. A block that lifts off a second time becomes free.
         """
         self._lifts = np.where(free, 2, 0)
         for _ in self.exchange(
@@ -278,16 +281,16 @@ class Contact(States):
         return self.values()
 
     def load(self, home: np.ndarray) -> Values:
-        """Find the state to which proportional loading leads; see `States.unmet_in_loading`."""
+        """Find the state after proportional loading; see `States.unmet_in_loading`."""
         for _ in self.exchange(lambda now: self.unmet_in_loading(now, home)):
             pass
         return self.values()
 
     def follow(self, home: np.ndarray) -> Iterator[Values]:
-        """Change contact states as an event does; yield the values before each change.
+        """Change contact states as in an event; yield the values before each change.
 
-        Each state follows the one before: blocks land where they are, and stick where the last
-        release found them, at home (m) to begin with.
+        Blocks that land stick at their present position. Blocks that would move back stick at their
+        position at the last release, which is `home` (m) at first.
         """
 
         def unmet(now: Values) -> Unmet | None:
@@ -302,16 +305,16 @@ class Contact(States):
     # --- the path of the driver ------------------------------------------------------------------
 
     def next_change(self, *, reload: bool = True) -> tuple[float, int, int]:
-        """Return where the next contact state changes as the driver goes its way.
+        """Return the next change of contact state as the driver moves.
 
-        A rate that may be nothing but rounding changes nothing.
+        Rates within rounding are ignored.
 
         Args:
-            reload: whether a slipping block that carries next to nothing sticks once it has load
-                again. Without it, it slips on as others do.
+            reload: whether a slipping block with negligible p sticks once p grows again. Otherwise
+                it continues to slip.
 
         Returns:
-            drive (inf or -inf for nowhere), the block, and the state that it goes to.
+            drive (inf or -inf if nothing changes), the block, and its new state.
         """
         now, rate, stuck = self.values(), self.rates(), self.stuck
         closed, small = self.closed, self.small_rate(rate)
@@ -336,16 +339,16 @@ class Contact(States):
         return self.way * best[0], best[1], best[2]
 
     def small_rate(self, rate: Values) -> float:
-        """Return the rate of a force that may be nothing but rounding, in N/m."""
+        """Return the largest rate of a force that rounding can cause, in N/m."""
         moves = float(np.abs(rate.u_x).max())
         return RATE_TOL * (self.k * moves + min(self.k, self.K))
 
     def settle_rates(self) -> Iterator[Values]:
-        """Decide which of the blocks at their threshold slip as the driver goes on; see `exchange`.
+        """Find which blocks at their threshold slip as the driver moves on; see `exchange`.
 
-        A slipping block that would turn back sticks; a stuck one at its threshold that would exceed
-        it slips. A block that just landed carries nothing yet: the rate of f, not its rounding,
-        says which way it slips.
+        A slipping block that would move back sticks. A stuck block at its threshold that would
+        exceed it slips. If a block has just landed, f is zero within rounding, and the sign of its
+        rate gives the direction of slip.
         """
 
         def unmet(now: Values) -> Unmet | None:
@@ -360,16 +363,16 @@ class Contact(States):
 
         return self.exchange(unmet)
 
-    # --- whether a state is the only one ---------------------------------------------------------
+    # --- uniqueness of a state -------------------------------------------------------------------
 
     def slip_operator(self, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the forces against slip per displacement: with friction, and without it, in N/m.
+        """Return the forces against slip per displacement, with and without friction, in N/m.
 
         Args:
             slip: direction of the blocks that slip, 0 elsewhere, shape (N_x,).
 
         Returns:
-            W and F, shape (n, n), for the n blocks that slip; open blocks follow.
+            W and F, shape (n, n), for the n blocks that slip; open blocks move freely.
         """
         N_x, i, open_ = self.N_x, np.flatnonzero(slip), np.flatnonzero(~self.closed)
         base = self.problem.base(self.closed)
@@ -385,9 +388,9 @@ class Contact(States):
         return is_definite(*self.slip_operator(self.slip))
 
     def definiteness_of_sliding(self) -> float:
-        """Return how definite the slip operator is where all closed blocks slip one way.
+        """Return the definiteness of the slip operator if all blocks in contact slip one way.
 
-        It is the smaller value of both ways. Fewer slipping blocks make it larger.
+        It is the smaller value of both directions. With fewer slipping blocks it is larger.
         """
         one_way = self.closed.astype(np.int8)
         return min(definiteness(*self.slip_operator(way)) for way in (one_way, -one_way))
@@ -395,12 +398,12 @@ class Contact(States):
     # --- pivots ----------------------------------------------------------------------------------
 
     def change(self, i: int, mode: int, u_x: float | None = None) -> None:
-        """Put one block into another state, where it is or at u_x (m)."""
+        """Put one block into another state, at its present position or at u_x (m)."""
         at = self.values().u_x[i] if u_x is None else u_x
         self.put(np.array([i]), np.array([mode]), np.array([at]))
 
     def put(self, which: np.ndarray, mode: np.ndarray, u_x: np.ndarray) -> None:
-        """Put blocks into states, each of shape (n,); those that stick are held at u_x (m)."""
+        """Put n blocks into states, shape (n,); those that stick are held at u_x (m), (n,)."""
         opens = (self.mode[which] == OPEN) | (mode == OPEN)
         if opens.any():
             self.column[: self.N_x] = self.table[: self.N_x] @ self.column
@@ -408,12 +411,12 @@ class Contact(States):
             self.column[which] = u_x
             self.renew()
             return
-        for n in np.argsort(mode != STUCK, kind="stable"):  # first what then holds the slider
+        for n in np.argsort(mode != STUCK, kind="stable"):  # stick first: it holds the slider
             if self.free[which[n]] == (mode[n] == STUCK):
                 self._exchange(which[n], mode[n], u_x[n])
 
     def _exchange(self, i: int, mode: int, u_x: float) -> None:
-        """Let a stuck block slip, or hold one at u_x (m): exchange its column and row."""
+        """Release a stuck block, or hold one at u_x (m), by exchange of its column and row."""
         table, N_x, sticks = self.table, self.N_x, mode == STUCK
         row = table[i].copy()
         if not sticks:
@@ -429,10 +432,10 @@ class Contact(States):
         self.enter(i, mode)
 
     def hold_all(self) -> None:
-        """Hold all slipping blocks where they are; the table starts afresh.
+        """Hold all slipping blocks at their present positions, and compute the table anew.
 
-        Blocks that carry next to nothing go on slipping. Before they lift off they would otherwise
-        slip and stick without end, by less each time.
+        Blocks with negligible p continue to slip. Otherwise they would slip and stick in ever
+        smaller steps, without end, before they lift off.
         """
         now = self.values()
         self.column[: self.N_x] = now.u_x
@@ -440,7 +443,7 @@ class Contact(States):
         self.renew()
 
     def renew(self) -> None:
-        """Start from the table with all blocks held, and free those that are not stuck at once."""
+        """Compute the table anew: start with all blocks held, then free all that are not stuck."""
         N_x = self.N_x
         largest = max(
             self.k * np.abs(self.column[:N_x]).max(), min(self.k, self.K) * abs(self.drive)
@@ -467,13 +470,13 @@ class Contact(States):
         self.column[free] = 0.0
 
     def values(self) -> Values:
-        """Return the interface at the present position of the driver."""
+        """Return the values of the interface at the present position of the driver."""
         if self._now is None:
             self._now = self._values_of(self.table @ self.column)
         return self._now
 
     def rates(self) -> Values:
-        """Return the derivatives of `values` by the path of the driver."""
+        """Return the derivatives of `values` by the path length of the driver."""
         return self._values_of(self.way * self.table[:, -2])
 
     def _values_of(self, v: np.ndarray) -> Values:

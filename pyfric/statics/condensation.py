@@ -1,20 +1,21 @@
-"""Static condensation: the slider as its interface feels it.
+"""Static condensation of the slider onto its interface.
 
-All rows above the bottom one, the rod and the driver spring are eliminated, from the top downward.
-What is left, without foundation and friction, is a potential U of the interface v = (u_x, u_z) and
-of what is outside, w = (drive, 1, F_N, T). It is quadratic, so that with S, G and c
+All rows above the bottom row, the rod and the driver spring are eliminated, from the top downward.
+The result, without foundation and friction, is a quadratic potential U of the interface
+v = (u_x, u_z) and of driver and loads w = (drive, 1, F_N, T). With matrices S, G and a vector c,
 
-    S v - G w are the forces the interface has to carry,   F_T = dU/d(drive) = c.w - G_drive.v .
+    forces that the interface has to carry = S v - G w ,   F_T = dU/d(drive) = c.w - G_drive.v .
 
-The driver spring is relaxed at drive = 0 with the driven block at u_x = 0: drive = V t + d u_drv0,
-of a plate the mean over its blocks, which adds constant forces where they differ: see `Plate`.
-The second of w stands for the loads at t = 0, in place of F_N and T.
+The driver spring is relaxed at drive = 0 if the driven block is at u_x = 0, so that
+drive = V t + d u_drv0. For a plate u_drv0 is the mean over its blocks; differences between the
+blocks add constant forces (`Plate`). The second component of w stands for the loads at t = 0. The
+last two components replace it if loads change.
 
-The lattice couples neighbouring rows only. Eliminating row j + 1 therefore changes row j alone:
+The lattice couples only neighbouring rows. Elimination of row j + 1 therefore changes only row j:
 
-    A_j = K_jj - K_j,j+1 A_j+1^-1 K_j+1,j ,
+    A_j = K_jj - K_j,j+1 A_j+1^-1 K_j+1,j .
 
-dense matrices of 2 N_x unknowns, N_z of them; the rod has three.
+There are N_z dense matrices of 2 N_x unknowns; the rod has three unknowns.
 
 Source: block elimination (Schur complements) of the linear geometry of PRL 107, 074301 (2011).
 """
@@ -36,8 +37,8 @@ if TYPE_CHECKING:
 __all__ = ["LARGE", "Condensed", "Plate", "condense"]
 
 LARGE = 10_000
-"""Unknowns from which on condensing takes seconds: 3 N_z (2 N_x)^3 operations, 7e8 in the Fig. 1
-scene, 1e12 with 561 x 301 blocks."""
+"""Number of unknowns above which condensation takes seconds. It needs 3 N_z (2 N_x)^3 operations:
+7e8 in the Fig. 1 scene, 1e12 with 561 x 301 blocks."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +46,11 @@ class Condensed:
     """The slider condensed onto its interface (linear geometry); see the top of this module.
 
     Attributes:
-        S: stiffness of the interface, driver attached, shape (2 N_x, 2 N_x), in N/m.
-        G: loads on the interface by w, shape (2 N_x, 4), in N/m, N, 1 and 1.
-        c: F_T by w at v = 0, shape (4,), in the same units.
-        always: what a plate adds to the loads, shape (2 N_x,), and to F_T, in N.
-        plate: the plate that drives it; None for one driven block.
+        S: stiffness of the interface with the driver attached, shape (2 N_x, 2 N_x), in N/m.
+        G: matrix from w to loads on the interface, shape (2 N_x, 4); columns in N/m, N, 1 and 1.
+        c: row from w to F_T at v = 0, shape (4,), in the same units.
+        always: constant forces that a plate adds to the loads, shape (2 N_x,), and to F_T, in N.
+        plate: the plate that drives the slider; None for one driven block.
     """
 
     S: np.ndarray
@@ -59,7 +60,7 @@ class Condensed:
     plate: Plate | None = None
 
     def undriven(self) -> Condensed:
-        """Return the slider without its driver, which is wherever F_T = 0."""
+        """Return the slider without its driver, so that F_T = 0."""
         if self.plate is not None:
             return self.plate.slider
         if not self.c[0]:
@@ -71,16 +72,17 @@ class Condensed:
 
 @dataclass(frozen=True)
 class Plate:
-    """The slider without its driver, and how the n blocks answer that a plate drives.
+    """The slider without its driver, and the response of the n blocks that a plate drives.
 
-    Forces f on these blocks along +x move them by u = P' v + D w + F f, and load the interface by
-    P f. Springs K/n between them and the plate give f = Y (d drive + aside - P' v - D w) with
-    1/Y = n/K + F, where aside is u_drv0 of each block less the mean.
+    Forces f on these blocks along +x give their displacements u = P' v + D w + F f, and load the
+    interface with P f. Springs K/n between blocks and plate give
+    f = Y (d drive + aside - P' v - D w) with 1/Y = n/K + F. Here aside is u_drv0 of each block
+    minus the mean.
 
     Attributes:
-        slider: without the driver.
-        P: shape (2 N_x, n), in 1.
-        D: shape (n, 4), in m, m/N and 0 for the drive.
+        slider: the condensed slider without the driver.
+        P: shape (2 N_x, n), dimensionless.
+        D: shape (n, 4); columns in 1 (zeros, for the drive), m, m/N and m/N.
         F: shape (n, n), in m/N.
     """
 
@@ -98,7 +100,7 @@ class Plate:
 
         Args:
             scene: the scene.
-            u_drv0: u_x of the blocks at which none is pushed, shape (n,), in m.
+            u_drv0: u_x of the driven blocks at which all springs are relaxed, shape (n,), in m.
         """
         free, d, n = self.slider, scene.d, len(self.F)
         Y = np.linalg.inv(n / scene.driver.K * np.eye(n) + self.F)
@@ -114,7 +116,7 @@ class Plate:
 def condense(scene: Scene) -> Condensed | Plate:
     """Eliminate the slider above its bottom row, with rod and driver.
 
-    A plate is left out, for `Plate.drives` to attach.
+    A plate as driver is not eliminated; `Plate.drives` attaches it later.
 
     Args:
         scene: the scene.

@@ -1,17 +1,19 @@
-"""Contact states of the interface, and the conditions that they have to meet.
+"""Contact states of the interface, and their conditions.
 
-A block of the bottom row is in exactly one state (sigma is the direction in which it slips):
+A block of the bottom row is in exactly one state (sigma is its direction of slip):
 
     stuck   u_x held,                 |f| <= mu_s p,  p >= 0
     slip    f = -sigma mu_k p,        sigma du_x >= 0, p >= 0
     open    p = f = 0,                u_z >= 0
 
-What is not met is looked for in this order: blocks on the wrong side of the foundation open or
-land; those that moved along their friction force stick again; the one with the largest |f| - mu_s p
-is released. With p coupled to slip there can be several solutions, among which this order chooses.
+Conditions are checked in this order. First, blocks on the wrong side of the foundation open or
+land. Second, blocks that moved along their friction force stick again. Third, the block with the
+largest |f| - mu_s p is released. Because p is coupled to slip, there can be several solutions; this
+order selects one.
 
-Forces are compared relative to F_N/N_x, displacements relative to others, never absolutely: in
-linear geometry, doubling F_N and all displacements doubles every result bit for bit.
+There are no absolute tolerances: forces are compared with F_N/N_x, displacements with other
+displacements. In linear geometry, doubling F_N and all displacements therefore doubles every result
+bit for bit.
 
 Source: PRL 107, 074301 (2011), friction law.
 """
@@ -32,7 +34,7 @@ __all__ = ["States", "Unmet", "Values", "rounding", "with_free"]
 
 
 class Values(NamedTuple):
-    """The interface at rest, in m and N; arrays have shape (N_x,)."""
+    """Values of the interface in a static state, in m and N; arrays have shape (N_x,)."""
 
     u_x: np.ndarray
     f: np.ndarray
@@ -44,8 +46,11 @@ class Values(NamedTuple):
 class Unmet(NamedTuple):
     """Conditions that are not met; arrays have shape (N_x,).
 
-    By how much each block violates its own, up to what that is rounding, the state that it then
-    goes to, and where it is held if that is STUCK, in m.
+    Attributes:
+        by: violation of the condition of each block, in N.
+        least: violation below which it is rounding, in N.
+        mode: the new state of each block that violates its condition.
+        u_x: position at which the block is held if its new state is STUCK, in m.
     """
 
     by: np.ndarray
@@ -60,14 +65,14 @@ class States:
     Args:
         scene: the scene.
         mode: contact states as in the core: STUCK, +1 or -1 (slip), OPEN, shape (N_x,).
-        law: the friction law; slipping blocks have left weakening behind.
-        driven: whether the driver's spring holds the slider. Without it F_T = 0.
+        law: the friction law; slipping blocks have their final friction, mu_k.
+        driven: whether the driver's spring is attached. Without it F_T = 0.
 
     Attributes:
         closed: blocks that touch the foundation, shape (N_x,), bool.
         stuck: blocks that are closed and held, shape (N_x,), bool.
         slip: direction of the blocks that slip, 0 elsewhere, shape (N_x,), int8.
-        tol: violations of conditions below it are rounding, in N.
+        tol: violation of conditions below which it is rounding, in N.
     """
 
     def __init__(self, scene: Scene, mode: np.ndarray, law: Law, *, driven: bool = True) -> None:
@@ -84,21 +89,25 @@ class States:
         self.slip = self.mode * self.closed
 
     def misplaced(self, now: Values, landed: np.ndarray | int, u_x: np.ndarray) -> Unmet | None:
-        """Closed blocks above the foundation open; open ones in it land, in a state, at u_x (m)."""
+        """Return closed blocks with u_z > 0, which open, and open ones with u_z < 0, which land.
+
+        Blocks that land get the state `landed`, at u_x (m).
+        """
         depth = np.where(self.closed, self.k_f, self._gap_k) * now.u_z
         if not depth.max() > self.tol:
             return None
         return Unmet(depth, self.tol, np.where(self.closed, OPEN, landed), u_x)
 
     def turned(self, now: Values, home: np.ndarray) -> Unmet | None:
-        """Blocks that have moved from home (m) along their friction force stick there."""
+        """Return blocks that moved from `home` (m) along their friction force; they stick there."""
         by = -self.slip * (now.u_x - home) * self.k
         return Unmet(by, self.tol, np.zeros_like(self.mode), home) if by.max() > self.tol else None
 
     def overloaded(self, now: Values, home: np.ndarray) -> Unmet | None:
-        """Blocks that carry more than their strength slip.
+        """Return blocks whose friction force exceeds their strength; they slip.
 
-        Where nothing else holds the slider, it moves until a block is back at home (m).
+        Without a driver, the last stuck blocks cannot all be released, because nothing else holds
+        the slider. In that case a slipping block sticks at `home` (m) again.
         """
         stuck, mode = self.stuck, -np.sign(now.f).astype(np.int8)
         by = np.where(stuck, -self.law.margin(now.p, now.f), 0.0)
@@ -114,34 +123,34 @@ class States:
         return Unmet(by, self.tol, mode, home)
 
     def unmet_in_loading(self, now: Values, home: np.ndarray) -> Unmet | None:
-        """What proportional loading does not leave, of which all that counts is where it ends.
+        """Return the conditions that the final state of proportional loading violates.
 
-        A block that slips at all does so from the first newton on, in one direction from home (m),
-        which is where it sticks.
+        A block that slips during proportional loading does so from the smallest load on, in one
+        direction. A block that sticks is at `home` (m).
         """
         found = self.misplaced(now, STUCK, home) or self.turned(now, home)
         return found or self.overloaded(now, home)
 
 
 def with_free(scene: Scene, closed: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return contact states to begin with, shape (N_x,), where free blocks have no friction.
+    """Return initial contact states, shape (N_x,), in which free blocks have no friction.
 
-    They are open if enough others touch for the slider to stand on; a block of a chain stands on
-    its own.
+    Free blocks are open if at least two other blocks support the slider. In a chain they stay
+    closed, because each block stands on its own.
     """
     stands = scene.N_z > 1 and np.sum(closed & ~free) >= 2
     return np.where(~closed | (free & stands), OPEN, np.where(free, 1, STUCK)).astype(np.int8)
 
 
 def rounding(scene: Scene, force: float) -> float:
-    """Return up to what violations of contact or friction conditions are rounding, in N.
+    """Return the violation of contact or friction conditions below which it is rounding, in N.
 
     Args:
         scene: the scene.
-        force: largest stiffness times displacement of its coordinates, in N.
+        force: largest stiffness times displacement of the coordinates, in N.
     """
     return CONTACT_TOL * scene.F_N / scene.N_x + 16 * 2.0**-52 * force
 
 
 CONTACT_TOL = 1e-11
-"""Violations of conditions below this many F_N/N_x are rounding, whatever the displacements."""
+"""Violation of conditions, over F_N/N_x, below which it is rounding at any displacement."""

@@ -1,21 +1,21 @@
 """Stable slip: friction that weakens while the slider stays in equilibrium (linear geometry).
 
-Blocks that have slipped by s carry mu(s) p, mu straight over s between the knots of the law. On the
-condensed slider, with x the u_x of the blocks that slip (way sigma) or are open,
+Blocks that have slipped by s carry mu(s) p, where mu is linear in s between the knots of the law.
+Let x be the u_x of the blocks of the condensed slider that slip (direction sigma) or are open:
 
     R(x, drive) = f(x, drive) + sigma mu(s) p(x, drive) = 0 ,   ds = sigma dx ,
     J = dR/dx = df/dx + sigma mu dp/dx + mu' p .
 
-Weakening, mu' < 0, is a negative stiffness -mu' p of each block that slips, beside what p does. As
-the driver moves, dx/d(drive) = -J^-1 dR/d(drive), and the state changes along a smooth path up to
-where
+Weakening, mu' < 0, acts as a negative stiffness mu' p of each slipping block; the change of p is a
+second term. As the driver moves, dx/d(drive) = -J^-1 dR/d(drive), and the state follows a smooth
+path until one of these changes:
 
-    a stuck block reaches its strength, a slipping one turns back, one opens or lands,
-    a slip reaches a knot, where the path has a corner,
-    an eigenvalue of J passes zero: slip goes on without the driver.
+    a stuck block reaches its strength, a slipping block reverses, a block opens or lands;
+    a slip reaches a knot of the law, where the path has a kink;
+    an eigenvalue of J becomes zero, so that slip continues without the driver.
 
-R is a product of two straight functions, mu and p, so that states are found by Newton's method and
-changes where margins have their roots, to rounding.
+The friction force is a product of two linear functions, mu and p. Newton's method finds the states.
+Changes are the zeros of gap functions, found to rounding.
 
 Source: J. R. Rice and A. L. Ruina, J. Appl. Mech. 50, 343 (1983), stability against a stiffness;
 K. Uenishi and J. R. Rice, J. Geophys. Res. 108, 2042 (2003), for weakening with slip alone.
@@ -37,30 +37,30 @@ if TYPE_CHECKING:
 __all__ = ["Change", "Creep", "Point", "creeps"]
 
 ENOUGH = 1e-10
-"""Residual forces of static states, over F_N/N_x."""
+"""Largest accepted residual force of static states, over F_N/N_x."""
 ROUNDED = 10 * ENOUGH
-"""Violations of margins that residual forces explain, over F_N/N_x."""
+"""Violation of gap functions that residual forces can cause, over F_N/N_x."""
 RATE = 1e-7
-"""Slip by less than this share of the driver's way is none."""
+"""Slip per displacement of the driver below which a block counts as not slipping."""
 PART = 0.25
-"""Longest step along a path, in slip over the first knot of the law."""
+"""Longest step along a path, in slip over the slip at the first knot of the law."""
 NEWTON, LOOKS, STEPS = 12, 200, 10_000
-"""Caps: steps of Newton's method, states that are looked at for one change, steps of a path."""
+"""Limits of steps of Newton's method, of states computed to find one change, of steps of a path."""
 
 
 def creeps(law: Law) -> bool:
-    """Whether friction depends on slip alone, and falls: blocks can slip in equilibrium."""
+    """Whether friction depends on slip alone and falls, so that blocks can slip stably."""
     tables = law.tables
     plain = tables.hold is None and tables.speed is None and tables.age is None
     return plain and law.weakens and not np.any(law.alpha)
 
 
 class Point(NamedTuple):
-    """A static state with slip; arrays of shape (N_x,), except margins, (5, N_x).
+    """A static state with slip; arrays have shape (N_x,), except margins, (5, N_x).
 
-    Margins stay positive while no contact state changes: strength left (N) to slip in +x and in -x,
-    of stuck blocks; rate of slip with the drive, of slipping ones; p of closed blocks, k_f u_z of
-    open ones (N); slip left to the next knot (m). They are inf where they do not apply.
+    The margins are gap functions, positive while no contact state changes: remaining strength of
+    stuck blocks against slip in +x and in -x (N); slip per drive of slipping blocks; p of closed or
+    k_f u_z of open blocks (N); remaining slip to the next knot (m). They are inf for other blocks.
     """
 
     drive: float
@@ -73,7 +73,7 @@ class Point(NamedTuple):
 
 
 class Change(NamedTuple):
-    """What ends a path: "end", "fast", "unstable", or a margin of `WHAT` and its block."""
+    """The reason why a path ends: "end", "fast", "unstable", or an entry of `WHAT` and a block."""
 
     what: str
     block: int = -1
@@ -83,11 +83,11 @@ WHAT = ("slip +", "slip -", "stick", "gap", "knot")
 
 
 class Creep:
-    """Slipping blocks and their slips; the driver moves them from one static state to the next.
+    """Paths of static states in which blocks slip as the driver moves.
 
     Args:
         problem: the condensed slider.
-        u_x: where the blocks are; those that slip start from there, shape (N_x,), in m.
+        u_x: positions of the blocks at the start, shape (N_x,), in m.
         way: direction of blocks that slip, 0 elsewhere, shape (N_x,).
         closed: blocks that touch the foundation, shape (N_x,), bool.
         clock: s - way u_x of blocks that slip, shape (N_x,), in m.
@@ -110,17 +110,17 @@ class Creep:
         self._slopes = np.append(table.slopes, 0.0)
         self.look(u_x)
 
-    # --- what friction does ----------------------------------------------------------------------
+    # --- friction --------------------------------------------------------------------------------
 
     def look(self, u_x: np.ndarray) -> None:
-        """Take the pieces of the law on which blocks at u_x (m) are: the knot passed last."""
+        """Select the linear piece of the law for each block at u_x (m), by the last passed knot."""
         path = self.clock + self.way * u_x
         d_c = np.broadcast_to(np.asarray(self.law.d_c, float), self.N_x)
         share = np.divide(path, d_c, out=np.full(self.N_x, math.inf), where=d_c > 0)
         self.cell = np.clip(np.searchsorted(self._x, share, side="right") - 1, 0, None)
 
     def friction(self, u_x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return mu of each block on the straight piece it is on, and dmu/ds (1/m)."""
+        """Return mu of each block on its linear piece of the law, and dmu/ds (1/m)."""
         law, c = self.law, self.cell
         d_c = np.broadcast_to(np.asarray(law.d_c, float), self.N_x)
         slope = np.divide(self._slopes[c], d_c, out=np.zeros(self.N_x), where=d_c > 0)
@@ -141,14 +141,14 @@ class Creep:
     # --- states ----------------------------------------------------------------------------------
 
     def at(self, drive: float, begin: Point | None = None) -> Point | None:
-        """Return the state with the driver here on the present pieces of the law.
+        """Return the static state at a driver position, on the present pieces of the law.
 
         Args:
             drive: position of the driver, in m.
-            begin: a state nearby, from which the search begins along its tangent.
+            begin: a nearby state; the search begins on its tangent.
 
         Returns:
-            None where there is none that is stable.
+            The state, or None if there is no stable one.
         """
         N_x, a, table = self.N_x, np.flatnonzero(self.free), self.problem.base(self.closed)
         fs, zs = table[N_x : 2 * N_x], table[2 * N_x : 3 * N_x]
@@ -175,7 +175,7 @@ class Creep:
             return None
         if (
             not np.linalg.eigvals(J).real.min(initial=math.inf) > 0
-        ):  # it slips on without the driver
+        ):  # slip continues without the driver
             return None
         rate = np.zeros(N_x)
         rate[a] = -np.linalg.solve(J, fs[a, N_x] - rub * zs[a, N_x])
@@ -197,9 +197,9 @@ class Creep:
         return np.array(rows)
 
     def on(self, path: list[Point], drive: float) -> Point | None:
-        """Return the state with the driver here, before the end of a path."""
+        """Return the state at a driver position within a path, or None if it is not found."""
         near = max((one for one in path if one.drive <= drive), key=lambda one: one.drive)
-        for _ in range(2):  # the law bends at knots
+        for _ in range(2):  # the slope of the law changes at knots
             self.look(near.u_x)
             found = self.at(drive, near)
             if found is None:
@@ -216,13 +216,13 @@ class Creep:
         fastest: float = math.inf,
         kink: float = math.inf,
     ) -> tuple[list[Point], Change]:
-        """Follow the path until a contact state changes; knots are passed on the way.
+        """Follow the path until a contact state changes; knots of the law are passed.
 
         Args:
-            begin: where to start, from `at`.
-            drive_end: where to end, in m.
-            fastest: rate of slip with the drive at which the path is left.
-            kink: largest change of a rate of slip at a knot that is passed.
+            begin: state at the start, from `at`.
+            drive_end: position of the driver at the end, in m.
+            fastest: slip per drive at which the path ends.
+            kink: largest change of slip per drive at a knot that is passed.
 
         Returns:
             States along the path, the last one just before the change, and the change.
@@ -247,10 +247,10 @@ class Creep:
         return path, Change("unstable")
 
     def after(self, change: Change, point: Point) -> Point | None:
-        """Take a change that `follow` returned with the state before it.
+        """Apply a change from `follow` to the state before it, and return the state after it.
 
-        A block starts to slip at 0, and sticks where it lands. Returns the state after it, None
-        where none is near or friction jumps.
+        A block that starts to slip has zero slip. A block that lands sticks at its position. None
+        is returned if no state is near, or if friction jumps.
         """
         i, way = change.block, {"slip +": 1.0, "slip -": -1.0}.get(change.what, 0.0)
         if change.what == "gap":
@@ -264,14 +264,14 @@ class Creep:
         return self.at(point.drive, point)
 
     def nucleate(self, drive: float, drive_end: float) -> tuple[list[Point], list[Change]]:
-        """Follow slip through all changes of contact state until it is unstable.
+        """Follow slip through all changes of contact state until it becomes unstable.
 
         Args:
-            drive: where to start, in m.
-            drive_end: where to end, in m.
+            drive: position of the driver at the start, in m.
+            drive_end: position of the driver at the end, in m.
 
         Returns:
-            Static states, and the changes, the last one "unstable" or "end".
+            Static states, and the changes; the last change is "unstable" or "end".
         """
         path, changes = [], []
         begin = self.at(drive)
@@ -287,7 +287,7 @@ class Creep:
         return path, changes
 
     def _stretch(self, path: list[Point], drive_end: float, fastest: float) -> Change | None:
-        """Go on along a path, up to just before a change if one is near."""
+        """Make one step along a path, or go up to just before a change if one is near."""
         low, unit = path[-1], self.problem.unit
         close = ROUNDED * unit / self.problem.scene.slider.k
         close = max(close, 8 * float(np.spacing(abs(low.drive))))
@@ -298,10 +298,10 @@ class Creep:
             if change is None or high - low.drive <= close:
                 break
             middle = (low.drive + high) / 2
-            if change.block >= 0 and n % 4 < 3:  # a secant, but for one in four
+            if change.block >= 0 and n % 4 < 3:  # secant steps; every fourth is a bisection
                 row = WHAT.index(change.what)
                 here, there = (one.margins[row, change.block] for one in (low, at))
-                if here > there:  # else it does not hold at the start either
+                if here > there:  # otherwise it is violated at the start, too
                     middle = low.drive + max(here, 0.0) / (here - there) * (high - low.drive)
             middle = min(max(middle, low.drive + close), max(high - close, low.drive + close / 2))
             found = self.at(middle, low)
@@ -317,7 +317,10 @@ class Creep:
         return change
 
     def _step(self, now: Point) -> float:
-        """Return how far to go: a part of d_c, or just past the next change if all is straight."""
+        """Return the next step of the drive (m).
+
+        It is a part of d_c in slip, or goes just past the next change by linear extrapolation.
+        """
         N_x, table = self.N_x, self.problem.base(self.closed)
         v = table[:, :N_x] @ now.rate + table[:, N_x]
         f, u_z = v[N_x : 2 * N_x], v[2 * N_x : 3 * N_x]
@@ -330,7 +333,7 @@ class Creep:
         return min(far / speed if speed > 0 else math.inf, 1.01 * max(float(ahead.min()), 0.0))
 
     def wrong(self, point: Point | None, fastest: float) -> Change | None:
-        """Return what does not hold at a state, the worst of it, None if all holds."""
+        """Return the worst violation at a state as a change, or None if there is none."""
         if point is None:
             return Change("unstable")
         force = ROUNDED * self.problem.unit

@@ -1,30 +1,32 @@
 """Static equilibria: the loaded slider at the start, and the slider at given interface positions.
 
-`StaticSolver` holds the bottom row at given u_x and finds the state of rest of everything else. The
-vertical contact is one of states (`contact`): a block with u_z < 0 is closed and carries
-p = -k_f u_z, any other one is open and carries neither p nor friction, so its u_x is free.
+`StaticSolver` holds the bottom row at given u_x and finds the static state of all other blocks. The
+vertical contact has two states (`contact`). A block with u_z < 0 is closed and carries
+p = -k_f u_z. Any other block is open: it carries neither p nor friction, and its u_x is free.
 
-`loaded_state` is the start of a run: F_N applied, F_T = 0. The bottom row is held at u_x = 0 unless
-a block would need more than mu_s p. Then F_N is applied proportionally and quasi-statically.
-In linear geometry that loading is self-similar: a block that slips at all does so from
-the first newton on, always in one direction, so the final state alone decides:
+`loaded_state` is the start of a run, with F_N applied and F_T = 0. The bottom row is held at
+u_x = 0, unless a block would need more friction than mu_s p. In that case F_N is applied
+proportionally and quasi-statically. In linear geometry this loading is self-similar: a block that
+slips does so from the smallest load on, always in one direction. Conditions on the final state
+therefore suffice:
 
     stuck     u_x = 0,            |f| <= mu_s p
     slipped   sign(u_x) = s != 0, f = -s mu_k p
     open      p = f = 0,          u_z >= 0
 
-For mu_s = mu_k this is a linear complementarity problem. For mu_s > mu_k the same conditions hold
-with mu_k on blocks that slipped, which leaves several solutions; the rule is to release the block
-with the largest |f| - mu_s p, one at a time (equal ones together), to solve again, and to hold
-again blocks that moved along their friction force. In finite geometry the same conditions are
-imposed at full load.
+For mu_s = mu_k this is a linear complementarity problem. For mu_s > mu_k the same conditions hold,
+with mu_k on blocks that slipped, and there can be several solutions. A rule selects one. The block
+with the largest |f| - mu_s p is released, one at a time (equal ones together). Then the state is
+computed again, and blocks that moved along their friction force are held again. In finite geometry
+the same conditions are imposed at full load.
 
-The contact solver (`complementarity`) knows the slider condensed in linear geometry. Where contact
-states are wrong it is asked for others; in finite geometry, with loads that make up for the
-difference. Newton's method, on all blocks, finds the state of rest that goes with them.
+Newton's method, on all blocks, finds the static state for given contact states. If this state
+violates their conditions, the contact solver (`complementarity`) finds other contact states. It
+uses the condensed slider in linear geometry. In finite geometry its loads are corrected for the
+difference.
 
-A chain does not slip while it is loaded: its scene is refused if it would. It keeps p_i, and blocks
-without friction stay closed.
+A chain does not slip while it is loaded, because a scene in which it would is refused. It keeps
+p_i, and its blocks without friction stay closed.
 
 Source: PRL 107, 074301 (2011).
 """
@@ -57,15 +59,15 @@ if TYPE_CHECKING:
 __all__ = ["StaticSolver", "loaded_state", "solve_static"]
 
 MAX_NEWTON = 60
-"""Largest number of Newton steps for one contact set."""
+"""Largest number of Newton steps for one set of contact states."""
 ACCEPTED = 1e-9
-"""Largest accepted residual force, in units of F_N/N_x, where rounding forbids a smaller one."""
+"""Largest accepted residual force, over F_N/N_x, if rounding prevents a smaller one."""
 CORRECTIONS = 10
-"""Most times that the contact solver is asked for one state of rest: a cap, where 2 are needed."""
+"""Largest number of calls of the contact solver for one static state; about 2 are needed."""
 
 
 class _Found(NamedTuple):
-    """Coordinates at rest in some contact states, and what the iteration came to."""
+    """Static coordinates at fixed contact states, and the result of the iteration."""
 
     q: np.ndarray
     forces: np.ndarray  # on the coordinates, without friction of stuck blocks, N
@@ -75,22 +77,22 @@ class _Found(NamedTuple):
 
 
 class StaticSolver(System):
-    """States of rest of one scene, for given interface displacements and driver positions.
+    """Static states of one scene, for given interface displacements and driver positions.
 
-    Factorisations are kept by contact states and taken at one state, the loaded one, so that
-    results do not depend on what was solved before.
+    Factorisations are kept for each set of contact states. They all belong to the loaded state, so
+    that results do not depend on earlier solutions.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         geometry: "linear" or "finite".
-        u_drv0: u_x of the driven blocks at drive = 0 and F_T = 0, in m, as `Scene.u_driven` has
+        u_drv0: u_x of the driven blocks at drive = 0 and F_T = 0, in m, as `Scene.u_driven` returns
             it; None means that of the loaded state.
 
     Attributes:
         loaded: the loaded equilibrium with F_T = 0 (an `Equilibrium`).
 
     Raises:
-        SceneError: no scene, unknown geometry, or finite geometry for a prescribed load.
+        SceneError: not a scene, unknown geometry, or finite geometry for a prescribed load.
         EquilibriumError: the scene has no loaded equilibrium.
 
     Source: PRL 107, 074301 (2011).
@@ -130,22 +132,22 @@ class StaticSolver(System):
     ) -> Equilibrium:
         """Return the equilibrium with the interface held.
 
+        Held blocks that lift off become free. If they come down again, they are held again. A block
+        that lifts off a second time stays without friction.
+
         Args:
-            u_x_bottom: u_x of the bottom blocks, shape (N_x,), in m; not used where free.
+            u_x_bottom: u_x of the bottom blocks, shape (N_x,), in m; ignored for free blocks.
             drive: displacement V t of the driver since t = 0, in m.
             free: blocks without friction (open ones), shape (N_x,), bool; their u_x is a
                 result. They carry p if they touch the foundation. None means no block.
             start: state from which the iteration starts; None means the loaded state.
-            enough: residual force at which it may end, in N; 0 goes on to rounding.
+            enough: residual force at which the iteration may end, in N; 0 means rounding.
             load: F_N and T, in N; None means those at t = 0.
-            factor: of a tangent nearby, with the free blocks open and all others held; None means
-                that of the loaded state.
-
-        Held blocks that lift off are freed; those that come down again are held again. One that
-        lifts off a second time stays without friction.
+            factor: factors of a nearby tangent, with free blocks open and all others held; None
+                means those of the loaded state.
 
         Returns:
-            The equilibrium; F_T = K (drive - d (u_x - u_drv0)), the mean over the driven blocks.
+            The equilibrium. F_T is K (drive - d (u_x - u_drv0)), with the mean over driven blocks.
 
         Raises:
             ValueError: an argument has the wrong shape or is not finite.
@@ -182,7 +184,7 @@ class StaticSolver(System):
         return self._rest(q, states, given, drive, unmet, settle, enough, near)
 
     def _load_slider(self) -> Equilibrium:
-        """Return the loaded state: the bottom row held, or slipped where it has to."""
+        """Return the loaded state. Bottom blocks slip only if they exceed their strength."""
         scene, home = self.scene, np.zeros(self.scene.N_x)
         if not (scene.law.rests or isinstance(scene.top, PrescribedLoad)):
             return loaded_on_junctions(scene, self.geometry)
@@ -215,20 +217,21 @@ class StaticSolver(System):
         enough: float = 0.0,
         near: dict[bytes, BandedCholesky | SuperLU] | None = None,
     ) -> Equilibrium:
-        """Return the state of rest in contact states that meet their conditions.
+        """Return the static state whose contact states meet their conditions.
 
-        Newton's method finds it for given states. Where they are wrong, the contact solver finds
-        others, in linear geometry about that state; in linear geometry these are right.
+        Newton's method finds the static state for given contact states. If these violate their
+        conditions, the contact solver finds others, in linear geometry about that state. In linear
+        geometry they are final.
 
         Args:
-            q: coordinates to begin with, shape (n_q,).
-            states: contact states to begin with, which change.
-            given: where blocks are held, shape (N_x,), in m.
+            q: initial coordinates, shape (n_q,).
+            states: initial contact states, changed in place.
+            given: positions of held blocks, shape (N_x,), in m.
             drive: displacement of the driver since t = 0, in m; None means that there is no driver.
-            unmet: says which conditions are not met.
-            settle: lets the contact solver meet them.
+            unmet: returns the violated conditions.
+            settle: makes the contact solver meet the conditions.
             enough: residual force at which Newton's method may end, in N.
-            near: factors of a tangent nearby, by contact states.
+            near: factors of a nearby tangent, by contact states.
         """
         scene, N_x, steps = self.scene, self.scene.N_x, 0
         for _ in range(CORRECTIONS):
@@ -252,7 +255,7 @@ class StaticSolver(System):
     def _contact(
         self, states: States, now: Values, given: np.ndarray, drive: float | None
     ) -> Contact:
-        """Return the same states on the condensed slider, corrected for the forces it has here."""
+        """Return these states on the condensed slider, corrected to the present forces."""
         at, problem = 0.0, self._problem
         if self._loads is not None:
             problem = problem.along(Route(0.0, 1.0, self._loads))
@@ -272,11 +275,11 @@ class StaticSolver(System):
         enough: float,
         factor: BandedCholesky | SuperLU | None,
     ) -> _Found:
-        """Return the state of rest for one set of contact states.
+        """Return the static state for one set of contact states.
 
-        The factor is that of the reference state (a chord iteration), renewed where it converges
-        slowly. The iteration ends at the level of rounding, or, below `ACCEPTED`, where a renewed
-        tangent does not help. Linear geometry takes one step and a refinement.
+        The factors are those of the reference state (a chord iteration); they are renewed if it
+        converges slowly. The iteration ends at the level of rounding. It also ends below `ACCEPTED`
+        if a renewed tangent does not help. Linear geometry takes one step and a refinement.
         """
         unknown, unit = self.unknown(states.mode), self.scene.F_N / self.scene.N_x
         if unknown[-1] - unknown[0] == len(unknown) - 1:  # as a slice it takes less time
@@ -333,7 +336,7 @@ class StaticSolver(System):
 
 
 def _warn_if_ambiguous(contact: Contact) -> None:
-    """Warn where the slip operator (friction against slip) is not positive definite."""
+    """Warn if the definiteness of the slip operator is below `LIMIT`."""
     found = definiteness(*contact.slip_operator(contact.slip))
     if found < LIMIT:
         warnings.warn(
@@ -352,7 +355,7 @@ def _solver(scene: Scene, geometry: Geometry) -> StaticSolver:
 
 
 def loaded_state(scene: SceneLike, geometry: Geometry = "linear") -> Equilibrium:
-    """Return the start of a run: F_N applied with friction active, F_T = 0.
+    """Return the initial state of a run: F_N applied with friction active, F_T = 0.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
@@ -362,11 +365,11 @@ def loaded_state(scene: SceneLike, geometry: Geometry = "linear") -> Equilibrium
         The equilibrium; its u_drv0 is u_x of the driven blocks.
 
     Raises:
-        SceneError: no scene, unknown geometry, or finite geometry for a chain.
+        SceneError: not a scene, unknown geometry, or finite geometry for a chain.
         EquilibriumError: no equilibrium was found.
 
     Warns:
-        RuntimeWarning: blocks slip while F_N is applied and the state may not be unique.
+        RuntimeWarning: blocks slip while F_N is applied, and the state may not be unique.
 
     Source: PRL 107, 074301 (2011).
     """

@@ -1,8 +1,8 @@
-"""The lattice as a list of bonds, and what follows from it: forces, tangents, matrices.
+"""The lattice as a list of bonds, and its forces, tangents and matrices.
 
-Displacements of all blocks are one vector u_full with index (2 j + c) N_x + i (row j, component
-c = 0 for x and 1 for z, column i): the order of an array u[j, c, i]. A bond from block a to b sees
-du = u_b - u_a. Another lattice is another list.
+Displacements of all blocks are one vector u_full in the order of an array u[j, c, i], with row j,
+component c (0 for x, 1 for z) and column i. The index is (2 j + c) N_x + i. A bond from block a to
+block b has du = u_b - u_a. Another lattice needs only another list of bonds.
 
 Source: PRL 107, 074301 (2011), model section.
 """
@@ -32,16 +32,17 @@ __all__ = [
 ]
 
 DIRECTIONS = ((1, 0, 1.0), (0, 1, 1.0), (1, 1, 0.5), (1, -1, 0.5))
-"""Bonds of a block of the square lattice, each once: columns and rows to its neighbour, k in k."""
+"""Bonds of a block of the square lattice, each once: columns and rows to the neighbour, and the
+stiffness over k."""
 
 
 @dataclass(frozen=True)
 class Bonds:
     """All bonds of a lattice, each once.
 
-    Bonds over a mirrored side or top lead to an image, which has the u_x of block b and the
-    opposite of its u_z. Two of them are alike, so one stands for both, and of a bond that is its
-    own image one half counts.
+    Bonds across a mirrored side or top lead to the image of block b, which has u_x and -u_z of that
+    block. Such bonds come in equal pairs, and one is listed for both. A bond that is its own image
+    counts by one half.
 
     Attributes:
         a, b: flat indices j N_x + i of the two blocks, shape (n,), int.
@@ -50,7 +51,7 @@ class Bonds:
         k: stiffness, shape (n,), in N/m.
         shape: (N_z, N_x).
         image: bonds that lead to an image, shape (n,), bool.
-        share: what of each dashpot counts, shape (n,): 1, or 1/2, or 1/4.
+        share: share of each dashpot that counts, shape (n,): 1, 1/2 or 1/4.
     """
 
     a: np.ndarray
@@ -64,7 +65,7 @@ class Bonds:
 
     @functools.cached_property
     def difference(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """D_x, D_z with D_c u_full = u_c(b) - u_c(a), each of shape (n, 2 N_x N_z).
+        """Matrices D_x, D_z with D_c u_full = u_c(b) - u_c(a), each of shape (n, 2 N_x N_z).
 
         For an image D_z u_full = -u_z(b) - u_z(a).
         """
@@ -79,12 +80,12 @@ class Bonds:
 
     @functools.cached_property
     def gather(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """Transposes of `difference`: bond forces to forces on the blocks, with the sign of a."""
+        """Minus the transposes of `difference`: from bond tensions to forces on the blocks."""
         return tuple((-D.T).tocsr() for D in self.difference)
 
 
 def bonds(scene: Scene) -> Bonds:
-    """Return the bonds of the square lattice: four neighbours at l, four at sqrt(2) l.
+    """Return the bonds of the square lattice: four neighbours at distance l, four at sqrt(2) l.
 
     Source: PRL 107, 074301 (2011); springs on the edges have full stiffness.
     """
@@ -114,7 +115,7 @@ def bonds(scene: Scene) -> Bonds:
 def _over_walls(
     scene: Scene, index: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray, tuple[float, float, float]]]:
-    """Return blocks a and b, direction and stiffness of bonds over mirrored sides and top."""
+    """Return blocks a and b, direction and stiffness of bonds across mirrored sides and top."""
     sides = {"left": (index[:, 0], (-1, 0)), "right": (index[:, -1], (1, 0))}
     sides["top"] = index[-1], (0, 1)
     found = []
@@ -191,15 +192,15 @@ def spring_tangents(
 
 
 class Assembly:
-    """Matrices in coordinates, K = E' B E, with 2 x 2 matrices of bonds.
+    """Matrices in coordinates, K = E' B E, from 2 x 2 matrices of bonds.
 
-    E takes coordinates to their differences over the bonds, x and then z, and to themselves; B
-    holds the matrices of the bonds, and what holds each coordinate to the ground.
+    E maps coordinates to their differences over the bonds, first x and then z, and to themselves.
+    B contains the matrices of the bonds, and the springs that connect coordinates to the ground.
 
     Args:
         lattice: the bonds.
-        T: displacements of all blocks by coordinates, sparse, shape (2 N_x N_z, n_q); None means
-            that they are the coordinates.
+        T: matrix from coordinates to displacements of all blocks, sparse, (2 N_x N_z, n_q); None
+            means that the displacements are the coordinates.
 
     Attributes:
         differences: du_x and then du_z over each bond by coordinates, shape (2 n_bonds, n_q).
@@ -221,7 +222,7 @@ class Assembly:
 
         Args:
             of_bonds: entries xx, xz and zz for each bond, shape (3, n_bonds).
-            ground: what holds each coordinate, shape (n_q,).
+            ground: spring (or dashpot) from each coordinate to the ground, shape (n_q,).
         """
         xx, xz, zz = of_bonds
         n_q = self._E.shape[1]

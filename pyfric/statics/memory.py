@@ -1,4 +1,4 @@
-"""What takes long is made once: a bounded memory, from which the longest unused goes first."""
+"""A bounded cache that drops its least recently used entry first."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ T = TypeVar("T")
 
 
 class Memory(Generic[T]):
-    """Things by key, at most `room` of them.
+    """A cache of at most `room` values by key.
 
     Args:
-        room: how many are kept, at least 1.
+        room: largest number of values, at least 1.
     """
 
     def __init__(self, room: int) -> None:
@@ -27,7 +27,7 @@ class Memory(Generic[T]):
         return len(self._kept)
 
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return what is kept for a key, or make it; room is made before that."""
+        """Return the value of a key. If it is missing, drop old values and call `make`."""
         if key in self._kept:
             self._kept[key] = self._kept.pop(key)
         else:
@@ -44,10 +44,10 @@ class Memory(Generic[T]):
         return self._kept[key]
 
     def put(self, key: Hashable, value: T) -> T:
-        """Keep a value for a key in place of what was kept, and return it."""
+        """Store a value for a key in place of an earlier one, and return it."""
         self._kept.pop(key, None)
         return self.get(key, lambda: value)
 
     def clear(self) -> None:
-        """Forget all."""
+        """Drop all values."""
         self._kept.clear()

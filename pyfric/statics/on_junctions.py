@@ -1,12 +1,12 @@
-"""The loaded slider on junctions: pinned where they were before F_N was applied.
+"""The loaded slider on junctions, which are pinned at u_x = 0 before F_N is applied.
 
-The interface adds n_s k_j = sqrt(n_s C p) to the stiffness of each bottom block along x, and p is
-the present one. In the loaded state
+The junctions add n_s k_j = sqrt(n_s C p) to the stiffness of each bottom block along x, with the
+present p. The loaded state satisfies
 
-    forces of bonds, foundation and load - sqrt(n_s C p) u_x = 0 ,
+    forces of bonds, foundation and load - sqrt(n_s C p) u_x = 0 .
 
-which a chord iteration solves: its tangent is that of linear geometry, with the stiffness that goes
-with the last p.
+A chord iteration solves this equation. Its tangent is that of linear geometry, with the stiffness
+of the junctions at the last p.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 __all__ = ["loaded_on_junctions"]
 
 STEPS = 100
-"""Most steps of the iteration."""
+"""Largest number of steps of the iteration."""
 ROUNDED = 1e-12
-"""A residual force of this many F_N/N_x is that of rounding."""
+"""Residual force that counts as rounding, over F_N/N_x."""
 
 
 def loaded_on_junctions(scene: Scene, geometry: Geometry) -> Equilibrium:
-    """Return the state of rest under F_N, with F_T = 0, on junctions that are pinned at u_x = 0.
+    """Return the static state under F_N, with F_T = 0, on junctions that are pinned at u_x = 0.
 
     Raises:
-        EquilibriumError: there is none.
+        EquilibriumError: the iteration does not converge.
     """
     N_x, N_z, unit = scene.N_x, scene.N_z, scene.F_N / scene.N_x
     T = coordinates(scene)

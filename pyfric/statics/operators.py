@@ -1,8 +1,8 @@
 """The slider as matrices: generalised coordinates, mass, stiffness, damping, waves.
 
-Under a rod the top row moves rigidly, u_x = X and u_z = Z + phi x_i, so the generalised coordinates
-q are the rows below it, then X, Z, phi, and u_full = T q with a sparse T. Without a rod q = u_full.
-The equation of motion of the linear geometry, without friction, is
+Under a rod the top row moves rigidly, u_x = X and u_z = Z + phi x_i. The generalised coordinates q
+are then the rows below it, followed by X, Z, phi, and u_full = T q with a sparse T. Without a rod
+q = u_full. The equation of motion in linear geometry, without friction, is
 
     M q'' + C q' + K q = forces.
 
@@ -35,8 +35,8 @@ __all__ = [
 def coordinates(scene: Scene) -> sp.csr_array:
     """Return T with u_full = T q, shape (2 N_x N_z, n_q).
 
-    Under a rod n_q = 2 N_x (N_z - 1) + 3 and the last coordinates are X (m), Z (m), phi (rad);
-    otherwise T is the identity, without the top row where that is held.
+    Under a rod n_q = 2 N_x (N_z - 1) + 3 and the last coordinates are X (m), Z (m), phi (rad).
+    Otherwise T is the identity, without the columns of the top row if that is held.
     """
     N_x, n = scene.N_x, 2 * scene.N_x * scene.N_z
     if scene.walls.top == "held":
@@ -50,7 +50,7 @@ def coordinates(scene: Scene) -> sp.csr_array:
 
 
 def driven_dofs(scene: Scene) -> np.ndarray:
-    """Return the indices in u_full of u_x of the driven blocks, upward, shape (n_driven,), int."""
+    """Return the indices in u_full of u_x of driven blocks, bottom to top, (n_driven,), int."""
     return 2 * np.arange(scene.j_h, scene.j_h_top + 1) * scene.N_x + scene.i_h
 
 
@@ -58,7 +58,8 @@ def mass(scene: Scene) -> np.ndarray:
     """Return the diagonal mass matrix in generalised coordinates, shape (n_q,), in kg.
 
     Under a rod the last entries are M_rod + N_x m (twice) and the moment of inertia
-    M_rod L^2/12 + sum m x_i^2 in kg m^2. Blocks on a cut are half blocks (`Scene.shares`).
+    M_rod L^2/12 + sum m x_i^2 in kg m^2. Blocks on a plane of symmetry count as half or quarter
+    blocks (`Scene.shares`).
     """
     N_x, m = scene.N_x, scene.m
     if not scene.rigid:
@@ -71,10 +72,10 @@ def mass(scene: Scene) -> np.ndarray:
 
 
 def ground(scene: Scene, T: sp.csr_array, closed: np.ndarray, *, driver: bool = True) -> np.ndarray:
-    """Return what holds each coordinate to the ground, shape (n_q,), in N/m.
+    """Return the stiffness from each coordinate to the ground, shape (n_q,), in N/m.
 
-    That is the foundation under the closed blocks, the mattress, k_top on the top row and, if
-    asked for, the driver spring; T is from `coordinates`.
+    It contains the foundation under the closed blocks, the mattress, k_top on the top row and, with
+    `driver`, the driver spring. T is from `coordinates`.
     """
     N_x, n = scene.N_x, 2 * scene.N_x * scene.N_z
     springs = np.zeros(n)
@@ -82,7 +83,7 @@ def ground(scene: Scene, T: sp.csr_array, closed: np.ndarray, *, driver: bool = 
     springs[n - 2 * N_x : n - N_x] += scene.k_top
     if driver:
         springs[driven_dofs(scene)] += scene.driver.K / scene.n_driven
-    held = T.T @ springs  # none of them is on u_z of a rigid row
+    held = T.T @ springs  # no spring acts on u_z of a rigid row
     if scene.rigid:
         held[-1] = scene.kappa
     return held
@@ -107,10 +108,9 @@ def stiffness(
 def damping(scene: Scene) -> sp.csr_array:
     """Return the damping matrix in generalised coordinates, shape (n_q, n_q), in N s/m.
 
-    It holds the bonds and the absorbing walls.
-
-    Every bond carries eta (v_j - v_i), the full relative velocity, and the bonds within a rigid top
-    row resist its rotation; or only the part along the bond (`Slider.dashpots`).
+    It contains the bonds and the absorbing walls. Every bond carries eta (v_j - v_i), with the full
+    relative velocity, so that bonds within a rigid top row resist its rotation. Alternatively only
+    the component along the bond counts (`Slider.dashpots`).
     """
     lattice, T = bonds(scene), coordinates(scene)
     x, z = (lattice.d / lattice.l[:, None]).T
@@ -128,7 +128,7 @@ def _absorbing(scene: Scene) -> np.ndarray:
     for name, i in (("left", 0), ("right", -1)):
         if getattr(walls, name) == "absorbing":
             c[:, :, i] += np.outer(rows, [z_p, z_s])
-            c[-1, 1, i] *= not top  # where two walls meet their normal dashpots act alone
+            c[-1, 1, i] *= not top  # in corners only normal dashpots act
     if top:
         c[-1] += np.outer([z_s, z_p], columns)
         c[-1, 0, columns < 1] -= z_s / 2
@@ -158,18 +158,18 @@ def dispersion(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies and damping rates of plane waves in the infinite lattice or chain.
 
-    A wave exp(i q.r + lambda t) has lambda^2 + gamma lambda + omega^2 = 0: its stiffness is a
-    2 x 2 matrix with eigenvalues m omega^2, its damping m gamma is a number.
+    A wave exp(i q.r + lambda t) has lambda^2 + gamma lambda + omega^2 = 0. Its stiffness is a
+    2 x 2 matrix with eigenvalues m omega^2. Its damping m gamma is a scalar.
 
     Args:
         scene: the scene (l, k, m, eta are used; N_z = 1 is a chain).
         wave_vectors: q, shape (..., 2), in rad/m.
-        ground: stiffness that holds every block along x and z, in N/m.
+        ground: stiffness from every block to the ground along x and z, in N/m.
 
     Returns:
         omega, shape (..., 2), ascending, in rad/s; gamma, shape (...), in 1/s. With dashpots along
-        the bonds damping is a matrix too: gamma has shape (..., 2), what each undamped wave loses,
-        without the coupling of the two.
+        the bonds damping is a matrix, too. Then gamma has shape (..., 2): the damping of each
+        undamped wave, without the coupling of the two waves.
     """
     l, k, m = scene.slider.l, scene.slider.k, scene.m
     D = np.zeros((*wave_vectors.shape[:-1], 2, 2))

@@ -1,4 +1,4 @@
-"""A state of rest, and what is said where there is none."""
+"""A static state, and the errors if there is none."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ __all__ = [
 ]
 
 NO_RESTS = "junctions break and pin all the time under load: no jump over a rest gains anything"
-"""Why only full dynamics follows junctions."""
+"""Why junctions need full dynamics."""
 
 
 class EquilibriumError(RuntimeError):
     """No equilibrium was found.
 
     Attributes:
-        residual: largest force left over, in N (NaN if there is none to name).
-        limit: largest residual that would have been accepted, in N.
-        iterations: iterations done.
+        residual: largest residual force, in N; NaN if it is not known.
+        limit: largest accepted residual, in N.
+        iterations: number of iterations.
     """
 
     def __init__(self, what: str, residual: float, limit: float, iterations: int) -> None:
@@ -49,23 +49,23 @@ class EquilibriumError(RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class Equilibrium:
-    """A state of rest. Arrays are read-only and run from left to right.
+    """A static state. Arrays are read-only and run from left to right.
 
     Attributes:
         u: displacements, shape (N_z, 2, N_x), in m; [j, 0] is u_x of row j, [j, 1] is u_z.
         rod: X (m), Z (m), phi (rad), shape (3,); zeros without a rod.
-        F_T: force of the driver, in N, positive where it pushes.
+        F_T: force of the driver, in N, positive if it pushes.
         f: friction force on each block in +x, shape (N_x,), in N.
-        tau: -d f, shape (N_x,), in N: positive against driving, so that sum(tau) = F_T
-            (a chain: plus the sum of the prescribed tau, minus k_top d sum(u_x)).
+        tau: -d f, shape (N_x,), in N, positive against the drive direction. Its sum is F_T; in a
+            chain it is F_T plus the sum of the prescribed tau minus k_top d sum(u_x).
         p: foundation force on each block, shape (N_x,), in N.
-        open: does not touch the foundation, p = f = 0, shape (N_x,), bool.
+        open: blocks that do not touch the foundation, p = f = 0, shape (N_x,), bool.
         slipped: blocks that slipped while F_N was applied, shape (N_x,), bool (`loaded_state`).
         drive: displacement V t of the driver since t = 0, in m.
         u_drv0: u_x of the driven blocks at which drive = 0 gives F_T = 0, in m: see
             `Scene.u_driven`.
-        residual: largest force left over, in N.
-        iterations: number of Newton steps, all contact sets together.
+        residual: largest residual force, in N.
+        iterations: number of Newton steps, summed over all sets of contact states.
     """
 
     u: np.ndarray
@@ -99,7 +99,7 @@ class Equilibrium:
         return self.u[0, 1]
 
     def state(self, scene: Scene, dt: float, t0: float = 0.0) -> State:
-        """Return the state of a run that starts here: nothing moves, nothing slips.
+        """Return the state of a run that starts here, with zero velocities and no slip.
 
         Args:
             scene: the scene.
@@ -136,10 +136,10 @@ class Equilibrium:
 
 
 def check_rests(scene: Scene) -> None:
-    """Raise SceneError for a scene that has no static states but its start.
+    """Raise SceneError for a scene whose only static state is its start.
 
-    On a prescribed interface in two dimensions p does not follow from displacements, and nothing
-    but friction holds the slider.
+    On a prescribed interface in two dimensions p does not follow from displacements, and only
+    friction holds the slider.
     """
     if scene.prescribed:
         allowed = "'rod' or 'distributed', or a chain, for static states"
@@ -162,7 +162,7 @@ def check_sticks(scene: Scene) -> None:
 
 
 def as_prescribed(scene: Scene) -> Equilibrium:
-    """Return the start on a prescribed interface."""
+    """Return the initial state on a prescribed interface."""
     N_x = scene.N_x
     no, u = np.zeros(N_x, dtype=bool), np.zeros((scene.N_z, 2, N_x))
     return Equilibrium(

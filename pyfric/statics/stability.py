@@ -23,20 +23,20 @@ if TYPE_CHECKING:
 __all__ = ["radius", "stability_limit"]
 
 ROUNDED = 1e-7
-"""Growth in one step that rounding explains: double eigenvalues on the unit circle split by the
-root of it, 1.5e-8, times what matrices add."""
+"""Growth in one step that rounding can cause. Rounding splits double eigenvalues on the unit circle
+by its square root, 1.5e-8; matrices multiply this."""
 BITS = 52
-"""Bisections that leave nothing but rounding; half of them leave 1.5e-8 of the interval."""
+"""Bisections to full precision; half of them leave 1.5e-8 of the interval."""
 
 
 def radius(stepper: Stepper, theta: np.ndarray) -> np.ndarray:
     """Return the largest |z| in 2 ... 4 with |R(z)| <= 1 on the ray of angle theta.
 
-    The stable part of each ray of the left half plane is connected (RK4), so bisection finds its
-    end.
+    For RK4 the stable part of each ray in the left half plane is connected, so that bisection finds
+    its end.
 
     Args:
-        stepper: one that has R(z) (`Stepper.growth`).
+        stepper: a stepper with R(z) (`Stepper.growth`).
         theta: angle of z, any shape, in [pi/2, pi] (rad).
     """
     ray = np.exp(1j * np.asarray(theta))
@@ -50,7 +50,7 @@ def radius(stepper: Stepper, theta: np.ndarray) -> np.ndarray:
 
 
 def _step_limits(stepper: Stepper, eigenvalues: np.ndarray) -> np.ndarray:
-    """Return the limit for each eigenvalue; rounding into the right half plane is removed."""
+    """Return the limit for each eigenvalue; positive real parts, due to rounding, are set to 0."""
     z = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag)
     limits = np.full(z.shape, np.inf)
     moving = z != 0
@@ -59,11 +59,11 @@ def _step_limits(stepper: Stepper, eigenvalues: np.ndarray) -> np.ndarray:
 
 
 def _pair_limits(stepper: Stepper, omega: np.ndarray, gamma: np.ndarray) -> np.ndarray:
-    """Return the limit for motions with u'' + gamma u' + omega^2 u = 0, in s."""
+    """Return the limit for motion with u'' + gamma u' + omega^2 u = 0, in s."""
     if stepper.growth is not None:
         half = gamma / 2
         return _step_limits(stepper, -half - np.sqrt((half**2 - omega**2).astype(complex)))
-    # Such steppers are unstable beyond 2/omega without damping, beyond 2/gamma without stiffness.
+    # These steppers are unstable above 2/omega without damping and above 2/gamma without stiffness.
     with np.errstate(divide="ignore"):
         high = 4 / np.maximum(omega, gamma)
     low, moving = np.zeros(high.shape), np.isfinite(high)
@@ -87,7 +87,8 @@ def _pair_limits(stepper: Stepper, omega: np.ndarray, gamma: np.ndarray) -> np.n
 def _bulk_limit(scene: Scene, stepper: Stepper) -> tuple[float, complex, np.ndarray]:
     """Return the smallest limit over the Brillouin zone, its eigenvalue and its q l.
 
-    All blocks of a chain are on the foundation (or open) and held by k_top, so its waves are too.
+    In a chain every block has springs to the foundation (unless it is open) and k_top, so that they
+    enter its waves.
     """
     grounds, drags = [(0.0, 0.0)], [0.0]
     if scene.N_z == 1:
@@ -103,8 +104,8 @@ def _waves_limit(
 ) -> tuple[float, complex, np.ndarray]:
     """Return `_bulk_limit` for blocks held by `ground` (`dispersion`) and by drag -m drag v.
 
-    The stiffness is even in q_x and q_z, so q l in [0, pi]^2 is enough; the grid is refined
-    around its best point, 16-fold and five times: to 1.5e-6.
+    The stiffness is even in q_x and q_z, so that q l in [0, pi]^2 suffices. The grid is refined
+    16-fold around its best point, five times, to a resolution of 1.5e-6.
     """
     centre, width, best = np.full(2, np.pi / 2), np.pi / 2, (np.inf, 0j, np.zeros(2))
     for _ in range(5):
@@ -123,8 +124,9 @@ def _waves_limit(
 
 
 _REDUCED = (8, 5)
-"""Largest N_x, N_z of the lattice whose eigenvalues are computed densely. What sets the limit is
-local: the limit of larger lattices is within 5 % (`tests/test_operators.py`)."""
+"""Largest N_x, N_z of a lattice whose eigenvalues are computed densely. The motion that sets the
+limit is local, so that larger lattices have the same limit within 5 % (`tests/test_operators.py`).
+"""
 
 
 def _row_mass(m: float, n: int) -> float:
@@ -135,9 +137,9 @@ def _row_mass(m: float, n: int) -> float:
 def _reduced(scene: Scene) -> Scene:
     """Return a small scene with the same local properties, or the scene if it is small.
 
-    l, k, m, eta, k_f are kept, and K on each driven block. The mass of the rod, and K where it acts
-    on the rod alone, are scaled with N_x, like the bonds that hold the rod, and the mattress with
-    the moment of inertia: frequencies of the rod keep their size.
+    l, k, m, eta, k_f are kept, and K on each driven block. The mass of the rod is scaled with N_x,
+    like the bonds that hold it. So is K if it acts only on the rod. The mattress is scaled with the
+    moment of inertia. Frequencies of the rod then keep their size.
     """
     n_x, n_z = (min(n, most) for n, most in zip((scene.N_x, scene.N_z), _REDUCED, strict=True))
     if (n_x, n_z) == (scene.N_x, scene.N_z):
@@ -151,13 +153,13 @@ def _reduced(scene: Scene) -> Scene:
     K = scene.driver.K / scene.n_driven * (j_h_top - j_h + 1)
     l, top = scene.slider.l, scene.top
     if scene.rigid:
-        # kappa over the moment of inertia, 12/L^2 left out, is kept.
+        # kappa over the moment of inertia is kept; the factor 12/L^2 cancels.
         rod = top.mass * share
         tilt = (rod + _row_mass(scene.m, n_x)) / (top.mass + _row_mass(scene.m, scene.N_x))
         top = Rod(F_N=top.F_N, mass=rod, mattress=top.mattress * tilt)
     elif isinstance(top, PrescribedLoad):
         top = PrescribedLoad(p=scene.F_N / scene.N_x, k_top=scene.k_top)
-    else:  # what shears the top has no say, and this interface has no friction
+    else:  # shear of the top does not matter, and this interface has no friction
         top = dataclasses.replace(top, T=0.0, T_protocol=())
     return Scene(
         slider=Slider(
@@ -184,8 +186,8 @@ def _reduced(scene: Scene) -> Scene:
 def _matrices(scene: Scene, on: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield M^-1/2 K M^-1/2 and M^-1/2 C M^-1/2, in units of k/m and sqrt(k/m).
 
-    Bottom row closed or open, its u_x free, held, or on springs `on` (N/m); free, with its
-    viscosity alpha and without.
+    The bottom row is closed or open. Its u_x is free, held, free with viscosity alpha, or on
+    springs `on` (N/m).
     """
     unit = np.sqrt(scene.slider.k / scene.m)
     M, K_closed, C = operators(scene)
@@ -208,9 +210,10 @@ def _matrices(scene: Scene, on: float) -> Iterator[tuple[np.ndarray, np.ndarray]
 
 
 def _on_springs(scene: Scene) -> float:
-    """Return the stiffness of junctions under a block (N/m), 0 for none: under twice the mean load.
+    """Return the stiffness of junctions under a block with twice the mean load, in N/m.
 
-    Torque and friction make p vary along the interface, by less than that until a side lifts off.
+    It is 0 without junctions. Torque and friction make p vary along the interface, but p stays
+    below twice the mean until a side lifts off.
     """
     if scene.law.rests:
         return 0.0
@@ -222,7 +225,7 @@ def _on_springs(scene: Scene) -> float:
 def _small_limit(scene: Scene, stepper: Stepper, enough: float, on: float) -> tuple[float, complex]:
     """Return the limit of a small lattice in s and the eigenvalue (1/s) that sets it.
 
-    A limit above `enough` (s) need not be exact; bottom blocks may stand on springs `on` (N/m).
+    A limit above `enough` (s) need not be exact. Bottom blocks may be on springs `on` (N/m).
     """
     unit = np.sqrt(scene.slider.k / scene.m)
     best, eigenvalue = np.inf, 0j
@@ -245,9 +248,9 @@ def _small_limit(scene: Scene, stepper: Stepper, enough: float, on: float) -> tu
 def _map_limit(
     stepper: Stepper, K: np.ndarray, C: np.ndarray, enough: float
 ) -> tuple[float, complex]:
-    """Return the limit of u'' = -K u - C u' and its eigenvalue; inf where it is above `enough`.
+    """Return the largest stable step for u'' = -K u - C u', inf if above `enough`, and eigenvalue.
 
-    The eigenvalue is that of the motion in the shape that becomes unstable.
+    The eigenvalue belongs to the shape that becomes unstable.
     """
     n = len(K)
     one, nil = np.eye(n), np.zeros((n, n))
@@ -279,31 +282,32 @@ def _map_limit(
 def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapping[str, Any]]:
     """Return the largest stable time step of the linear, damped lattice.
 
-    For "rk4", all eigenvalues lambda of [[0, I], [-M^-1 K, -M^-1 C]] must keep |R(lambda dt)| <= 1.
-    "adaptive" makes the steps of RK4: this is where its error control cannot let sub-steps grow
-    beyond, not a limit of dt. The other steppers treat u and v differently, so that their whole
-    step, a matrix, must have no eigenvalue outside the unit circle. For a plane wave of frequency
-    omega and damping rate gamma this is (omega dt)^2 + 2 gamma dt <= 4 for "symplectic_euler", and
-    for "verlet" a polynomial condition that ends at omega dt = 2 without damping and at
-    gamma dt = 2 without stiffness.
+    For "rk4", all eigenvalues lambda of [[0, I], [-M^-1 K, -M^-1 C]] must have |R(lambda dt)| <= 1.
+    "adaptive" makes steps of RK4. For this stepper the value is not a limit of dt: it is the
+    largest sub-step that the error control can allow. The other steppers treat u and v differently;
+    the matrix of their whole step must have no eigenvalue outside the unit circle. For a plane wave
+    of frequency omega and damping rate gamma this means (omega dt)^2 + 2 gamma dt <= 4 for
+    "symplectic_euler". For "verlet" it is a polynomial condition, which is omega dt <= 2 without
+    damping and gamma dt <= 2 without stiffness.
 
-    The limit is local, so it is the smaller one of two: plane waves of the infinite lattice, and
-    all modes of a lattice of at most 8 x 5 blocks with the boundaries of the scene (foundation,
-    driver, rod; bottom row closed or open, held, free or on junctions). A scene of at most that
-    size is computed exactly, without the plane waves.
+    The motion that sets the limit is local. The result is therefore the smaller one of two limits:
+    that of plane waves of the infinite lattice, and that of all modes of a small lattice with the
+    boundaries of the scene. The small lattice has at most 8 x 5 blocks, with foundation, driver and
+    rod. Its bottom row is closed or open, held, free or on junctions. A scene of at most this size
+    is computed exactly, without plane waves.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         stepper: "rk4", "symplectic_euler", "verlet" or "adaptive".
 
     Returns:
-        dt_max in s, and a mapping: `dt_bulk` (plane waves, s), `dt_boundary` (small lattice, s; inf
-        for some steppers where it is above `dt_bulk`),
-        `eigenvalue` (the one that sets the limit, 1/s), `wave_vector` (q l of the plane wave,
-        rad), `shape` ((N_z, N_x) of the small lattice), `exact` (the small lattice is the scene).
+        dt_max in s, and a mapping: `dt_bulk` (limit of plane waves, s), `dt_boundary` (limit of the
+        small lattice, s; for some steppers inf if it is above `dt_bulk`), `eigenvalue` (the one
+        that sets the limit, 1/s), `wave_vector` (q l of the plane wave, rad), `shape` ((N_z, N_x)
+        of the small lattice), `exact` (whether the small lattice is the scene).
 
     Raises:
-        SceneError: unknown stepper, or no scene.
+        SceneError: unknown stepper, or not a scene.
     """
     if not isinstance(stepper, str) or stepper not in STEPPERS:
         raise SceneError("stepper", stepper, "", " or ".join(map(repr, STEPPERS)))
@@ -316,7 +320,7 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
 
 @functools.lru_cache(maxsize=64)
 def _limit(scene: Scene, stepper: str) -> tuple[float, Mapping[str, Any]]:
-    """Return what `stability_limit` does."""
+    """Return the result of `stability_limit`; results are cached."""
     table, small = STEPPERS[stepper], _reduced(scene)
     exact = small is scene
     dt_bulk, bulk, ql = _bulk_limit(scene, table)

@@ -1,8 +1,8 @@
-"""Starts of ruptures at a chosen place, by forces on blocks (`push`), for any interface.
+"""Nucleation of ruptures at a chosen place, by forces on blocks (`push`), for any interface.
 
-Three ways to nucleate: a patch stressed beyond its strength, a rupture that is forced to run at a
-given speed, and a force on one block that grows. Each takes a scene and returns it with its
-pushes; what they need is read off the slider at rest.
+There are three ways: a patch stressed beyond its strength, a rupture forced to run at a given
+speed, and a growing force on one block. Each function takes a scene and returns it with pushes. The
+forces follow from the static state of the slider.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ if TYPE_CHECKING:
 __all__ = ["check_pushes", "forced", "overstressed", "ramped"]
 
 EXCESS = 0.05
-"""What patches are stressed beyond their strength, over the strength, where it is not given."""
+"""Default stress of patches beyond their strength, over the strength."""
 
 
 class AtRest:
-    """A slider that nothing has pushed yet: what friction holds, and what it could hold.
+    """Friction and strength of a slider before any push.
 
     Args:
-        scene: the scene; pushes are left out.
-        solver: its static solver; None makes one.
+        scene: the scene; its pushes are left out.
+        solver: static solver of the scene; None makes one.
     """
 
     def __init__(self, scene: Scene, solver: StaticSolver | None = None) -> None:
@@ -46,7 +46,7 @@ class AtRest:
         self.solver = solver or StaticSolver(self.scene, default_geometry(scene))
 
     def at(self, t: float) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return friction along +x and strength at t (s), left to right, N; None after slip."""
+        """Return friction along +x and strength at t (s), shape (N_x,), in N; None after slip."""
         found = None
         for one in (*(c for c in self.scene.corners if c < t), t):
             if (found := self._now(one)) is None:
@@ -62,7 +62,7 @@ class AtRest:
         if moved:
             try:
                 state = self.solver.solve(state.u[0, 0], drive, free=state.open, load=load)
-            except EquilibriumError:  # far beyond what friction holds
+            except EquilibriumError:  # the load is far beyond the strength
                 return None
         strength = np.where(state.open, 0.0, scene.law.hold(state.p))
         slips = ~state.open & (np.abs(state.f) > strength)
@@ -70,14 +70,16 @@ class AtRest:
 
 
 def check_pushes(scene: Scene, solver: StaticSolver) -> None:
-    """Check that each push lets its block slip, where nothing slips before it begins.
+    """Check that each push is large enough to make its block slip.
+
+    A push is checked only if nothing slips before it begins.
 
     Args:
         scene: the scene.
         solver: static solver of the scene without its pushes.
 
     Raises:
-        SceneError: one does not.
+        SceneError: a push does not make its block slip.
     """
     if not (scene.top.push and scene.law.rests) or isinstance(scene.top, PrescribedLoad):
         return  # those of a prescribed interface are checked with the scene
@@ -89,7 +91,10 @@ def check_pushes(scene: Scene, solver: StaticSolver) -> None:
 
 
 def _rest_at(scene: Scene, begin: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return shear stress along the driving and strength at a time, from the trailing edge, N."""
+    """Return shear force along the drive and strength at `begin` (s), in N.
+
+    Both have shape (N_x,), ordered from the trailing edge.
+    """
     if not scene.law.rests:
         reason = "blocks on junctions have no threshold"
         raise SceneError("interface.law", scene.interface.law.kind, "", "another law", reason)
@@ -125,16 +130,16 @@ def _patch(scene: Scene, x: float, length: float) -> list[int]:
 def overstressed(
     scene: SceneLike, *, x: Any, length: Any, excess: float = EXCESS, begin: Any = 0.0
 ) -> Scene:
-    """Return a scene with a patch that is stressed beyond its strength, for ever.
+    """Return a scene with a patch that is stressed beyond its strength, from `begin` on.
 
-    Each block of it is pushed up to (1 + excess) mu_s p.
+    Each block of the patch is pushed up to (1 + excess) mu_s p.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
-        x: centre of the patch from the trailing edge, m.
-        length: of the patch, m: blocks up to length/2 from x.
+        x: centre of the patch from the trailing edge, in m.
+        length: length of the patch, in m; it contains blocks up to length/2 from x.
         excess: stress beyond the strength, over the strength, > 0.
-        begin: when, s; nothing may slip before.
+        begin: start time of the push, in s; nothing may slip before.
 
     Raises:
         SceneError: a value is refused.
@@ -159,18 +164,19 @@ def forced(
     excess: float = EXCESS,
     begin: Any = 0.0,
 ) -> Scene:
-    """Return a scene in which a rupture is forced to run from a place, both ways.
+    """Return a scene in which a rupture is forced to run from x in both directions.
 
-    The block at a distance s from x is pushed from begin + s/speed on, for the l/speed that it
-    takes to the next one, to (1 + excess) mu_s p. A rupture may run ahead of that by itself.
+    The block at a distance s from x is pushed to (1 + excess) mu_s p. The push starts at
+    begin + s/speed and lasts l/speed, the time of a front to the next block. The rupture may run
+    ahead of the forced fronts.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
-        x: where it starts, from the trailing edge, m.
-        length: of what is forced, m: blocks up to length/2 from x.
-        speed: of the two fronts, m/s.
+        x: starting point from the trailing edge, in m.
+        length: length of the forced part, in m; it contains blocks up to length/2 from x.
+        speed: speed of the two forced fronts, in m/s.
         excess: stress beyond the strength, over the strength, > 0.
-        begin: when it starts, s; nothing may slip before.
+        begin: start time, in s; nothing may slip before.
 
     Raises:
         SceneError: a value is refused.
@@ -191,15 +197,15 @@ def forced(
 
 
 def ramped(scene: SceneLike, *, x: Any, rate: Any, begin: Any = 0.0) -> Scene:
-    """Return a scene with a force on one block that grows without end.
+    """Return a scene with a force on one block that grows without limit.
 
-    Where the slider rests, the block starts to slip at begin + (mu_s p - tau)/rate.
+    If the slider is at rest, the block starts to slip at begin + (mu_s p - tau)/rate.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
-        x: of the block, or the next one beyond, from the trailing edge, m.
-        rate: N/s.
-        begin: when, s.
+        x: distance from the trailing edge, in m; the push acts on the first block at or beyond it.
+        rate: growth of the force, in N/s.
+        begin: start time of the push, in s.
 
     Raises:
         SceneError: a value is refused.
@@ -213,6 +219,6 @@ def ramped(scene: SceneLike, *, x: Any, rate: Any, begin: Any = 0.0) -> Scene:
 
 
 def _pushed(scene: Scene, pushes: list[Push]) -> Scene:
-    """Return a scene with further pushes."""
+    """Return a scene with additional pushes."""
     plain = [Push(one.block, *map(float, one[1:])) for one in pushes]
     return scene.replace({"top.push": (*scene.top.push, *plain)})

@@ -1,8 +1,8 @@
-"""The slider in coordinates: forces, tangents, and their factors.
+"""The slider in generalised coordinates: forces, tangents, and their factorisations.
 
-Coordinates q are the displacements of all blocks, row by row from the interface upward, and X, Z
-and phi of a rod in place of the top row (`operators`). The first 2 N_x are u_x and u_z of the
-bottom row: a rod has rows below.
+Coordinates q are the displacements of all blocks, row by row from the interface upward. Under a
+rod, X, Z and phi replace the top row (`operators`). The first 2 N_x coordinates are always u_x and
+u_z of the bottom row, because a rod has at least one row below it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["System"]
 
 KEPT = 12
-"""Factors that are kept; on large lattices, one."""
+"""Number of factorisations that are kept; on large lattices, one."""
 
 
 class System:
@@ -60,7 +60,7 @@ class System:
         self._loads: tuple[float, float] | None = None
         self._load = np.zeros((scene.N_z, 2, scene.N_x))
         self._load[-1] = scene.shear, -scene.load
-        # phi times arm is the displacement of the end of the rod, a torque over arm a force there.
+        # phi times arm is the displacement of the end of the rod; a torque over arm is a force.
         self.arm = np.ones(n)
         if scene.rigid:
             self.arm[-1] = scene.slider.L / 2
@@ -69,12 +69,12 @@ class System:
         self.linearise(np.zeros(n))
 
     def linearise(self, q: np.ndarray) -> None:
-        """Take the tangent at q for all factors from here on."""
+        """Use the tangent at q for all later factorisations."""
         self._tangents = self.bond_tangents(q)
         self._factors.clear()
 
     def under(self, load: tuple[float, float] | None) -> Self:
-        """Return the same solver under another F_N and T (N) than at t = 0."""
+        """Return a copy of this object with other loads F_N and T (N) than at t = 0."""
         if load is None:
             return self
         scene, other = self.scene, copy.copy(self)
@@ -87,7 +87,7 @@ class System:
     # --- coordinates -----------------------------------------------------------------------------
 
     def coordinates(self, u: np.ndarray, rod: np.ndarray) -> np.ndarray:
-        """Return q, shape (n_q,), of u, shape (N_z, 2, N_x), and rod, shape (3,); rates alike."""
+        """Return q, shape (n_q,), from u, (N_z, 2, N_x), and rod, (3,); rates in the same way."""
         q = np.zeros(len(self.arm))
         n = len(q) - 3 if self.scene.rigid else len(q)
         q[:n] = u.reshape(-1)[:n]
@@ -95,12 +95,12 @@ class System:
         return q
 
     def displacements(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return u, shape (N_z, 2, N_x), and rod, shape (3,), of q, top row by the rod."""
+        """Return u, shape (N_z, 2, N_x), and rod, shape (3,), from q; a rod sets the top row."""
         u = (self._T @ q).reshape(self._load.shape)
         return u, q[-3:].copy() if self.scene.rigid else np.zeros(3)
 
     def translation(self) -> np.ndarray:
-        """Return what a metre along the interface is in coordinates, shape (n_q,)."""
+        """Return the coordinates of a unit displacement along the interface, shape (n_q,)."""
         u = np.zeros(self._load.shape)
         u[:, 0] = 1.0
         return self.coordinates(u, np.array([1.0, 0.0, 0.0]))
@@ -108,7 +108,7 @@ class System:
     def largest(self, q: np.ndarray) -> float:
         """Return the largest stiffness times the largest displacement at q, in N.
 
-        Rounding errors of forces are as many times 2^-52 as operations follow each other.
+        Rounding errors of forces are this value times 2^-52 times a small number of operations.
         """
         return self._stiffest * float(np.max(np.abs(q * self.arm)))
 
@@ -116,7 +116,7 @@ class System:
 
     @functools.cached_property
     def load(self) -> np.ndarray:
-        """Forces on the coordinates that do not depend on the state, shape (n_q,), in N."""
+        """Constant forces on the coordinates, shape (n_q,), in N."""
         load = self._T_transposed @ self._load.ravel()
         if self.scene.rigid:
             load[-2] -= self.scene.F_N if self._loads is None else self._loads[0]
@@ -134,11 +134,11 @@ class System:
 
     @functools.cached_property
     def push(self) -> np.ndarray:
-        """Forces on the coordinates for each metre of the driver, K d dq_h/dq, (n_q,), in N/m."""
+        """Forces on the coordinates per displacement of the driver, K d du_h/dq, (n_q,), in N/m."""
         return self.scene.driver.K * self.scene.d * self.driven_row
 
     def pushed(self, drive: float) -> np.ndarray:
-        """Return the forces of the driver on the coordinates where u = 0, shape (n_q,), in N."""
+        """Return the forces of the driver on the coordinates at u = 0, shape (n_q,), in N."""
         scene = self.scene
         if scene.n_driven == 1:
             return (drive + scene.d * self.u_drv0) * self.push
@@ -166,7 +166,9 @@ class System:
         return force, F_T
 
     def _drive(self, drive: float, u: np.ndarray, force: np.ndarray) -> float:
-        """Add the forces of the driver, (N_z, 2, N_x), in N; return their sum along the driving."""
+        """Add the driver's forces to `force`, (N_z, 2, N_x), in N; return their sum along the
+        drive.
+        """
         scene, moved = self.scene, self.scene.u_driven(u) - self.u_drv0
         F_T = scene.driver_force(drive, moved, 0.0)
         each = F_T
@@ -194,21 +196,21 @@ class System:
         return np.split(self._assembly.differences @ shapes, 2)
 
     def largest_turn(self, q: np.ndarray) -> float:
-        """Return how far the ends of a bond have come apart or turned at most, over l."""
+        """Return the largest relative displacement of the ends of a bond, over l."""
         return float(max(np.abs(one).max() for one in self.elongations(q))) / self.scene.slider.l
 
     def stiffened(self, shape: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
-        """Return the forces of a shape, (n_q,), where bonds are stiffer as in `bond_tangents`."""
+        """Return the forces (n_q,) of a shape (n_q,) by changes of bond stiffness, (3, n_bonds)."""
         (x, z), (xx, xz, zz) = self.elongations(shape), stiffer
         return self._gather @ np.concatenate([xx * x + xz * z, xz * x + zz * z])
 
     @functools.cached_property
     def _K(self) -> sp.csr_array:
-        """The stiffness of all bonds in linear geometry, where it is the same everywhere."""
+        """Stiffness of all bonds in linear geometry, which does not depend on the state."""
         return (self._T.T @ spring_stiffness(self._lattice) @ self._T).tocsr()
 
     def stiffness(self, of_bonds: np.ndarray, mode: np.ndarray, *, driven: bool) -> sp.csr_array:
-        """Return the stiffness of bonds and of what holds them, shape (n_q, n_q), in N/m.
+        """Return the stiffness of bonds, foundation and driver, shape (n_q, n_q), in N/m.
 
         Args:
             of_bonds: from `bond_tangents`.
@@ -247,12 +249,12 @@ class System:
     def factor(
         self, mode: np.ndarray, *, driven: bool, friction: np.ndarray | float = 0.0
     ) -> BandedCholesky | SuperLU:
-        """Return the factors of the tangent that was taken last, for the coordinates not held.
+        """Return the factorisation of the tangent of `linearise`, for coordinates not held.
 
         Args:
             mode: contact states, shape (N_x,).
             driven: whether the driver's spring is attached.
-            friction: of slipping blocks over u_z, with its sign, shape (N_x,), in N/m.
+            friction: signed friction of slipping blocks over u_z, shape (N_x,), in N/m.
         """
 
         def make() -> BandedCholesky | SuperLU:
@@ -264,7 +266,7 @@ class System:
     def factor_at(
         self, q: np.ndarray, mode: np.ndarray, *, driven: bool, friction: np.ndarray | float = 0.0
     ) -> BandedCholesky | SuperLU:
-        """Return the same for the tangent at q."""
+        """Return the factorisation as in `factor`, for the tangent at q."""
         K = self.stiffness(self.bond_tangents(q), mode, driven=driven)
         return self._factorised(K, mode, friction)
 
@@ -277,7 +279,7 @@ class System:
     def _factorised(
         self, K: sp.csr_array, mode: np.ndarray, friction: np.ndarray | float = 0.0
     ) -> BandedCholesky | SuperLU:
-        """Factorise K, supported, with friction, for the coordinates not held."""
+        """Factorise K with friction for the coordinates not held; K must be supported."""
         N_x, unknown, rubs = self.scene.N_x, self.unknown(mode), np.any(friction)
         if rubs:  # it couples u_x to u_z, N_x columns to the right
             coupling = np.zeros(K.shape[0] - N_x)
@@ -296,7 +298,7 @@ class System:
             raise EquilibriumError(what, np.nan, 0.0, 0) from error
 
     def banded(self, unknown: np.ndarray) -> tuple[np.ndarray, int]:
-        """Return the order of unknowns that makes the narrowest band, rod last; size of the rod."""
+        """Return the order of unknowns with the narrowest band, rod last; unknowns of the rod."""
         scene, n_rod = self.scene, 3 if self.scene.rigid else 0
         row, i = np.divmod(unknown[: len(unknown) - n_rod], scene.N_x)
         tall = scene.N_z > scene.N_x

@@ -1,4 +1,4 @@
-"""Friction laws as data: one module for each family, read in `MODULES`; see docs/laws.md."""
+"""Friction laws as data: one module for each family, listed in `MODULES`; see docs/laws.md."""
 
 import importlib
 from typing import TYPE_CHECKING
@@ -7,7 +7,7 @@ from pyfric.scene.laws.columns import Measured, from_csv
 from pyfric.scene.laws.kinds import KINDS, FrictionLaw, Means, Tables, check_tables, law
 from pyfric.scene.laws.table import Table, sampled
 
-if TYPE_CHECKING:  # for those who read types; what is imported is read from MODULES
+if TYPE_CHECKING:  # for type checkers; at run time MODULES decides
     from pyfric.scene.laws.healing import Ageing as Ageing
     from pyfric.scene.laws.healing import ExponentialHealing as ExponentialHealing
     from pyfric.scene.laws.junctions import Junctions as Junctions
@@ -23,7 +23,7 @@ MODULES = (
     "tabulated",
     "junctions",
 )
-"""Modules with the kinds of laws; a new one takes a line here."""
+"""Modules with the kinds of laws; a new module needs a line here."""
 
 for _name in MODULES:
     _module = importlib.import_module(f"{__name__}.{_name}")

@@ -1,7 +1,7 @@
-"""Two columns of numbers in a CSV file, with their units, as a table; measured curves.
+"""Tables from CSV files with two columns of numbers and their units; measured curves.
 
-No message holds what a file says but numbers, and heads of columns above numbers: the path may be
-wrong, and be that of another file.
+Messages quote only numbers and heads of columns from a file, because a wrong path may name a file
+with other content.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ __all__ = ["Measured", "from_csv"]
 MAX_BYTES = 1_048_576
 """Largest CSV file that is read."""
 NO_UNIT = ("", "-", "–", "1")
-"""What stands in the place of a unit where there is none."""
+"""Texts that stand for no unit."""
 PASSES = 4
-"""Times that knots are made even along the curve that they give."""
+"""Number of iterations that space knots evenly along the curve."""
 _BRACKETS = re.compile(r"[(\[<](?P<unit>[^()\[\]<>]*)[)\]>]\s*$")
 _BETWEEN = re.compile(r"(?P<slash>\s*/\s*)|\s*[:|=]\s*|[\s_]+(?:in[\s_]+)?")
 _MARKUP = re.compile(r"\\(?:mathrm|text|rm|[,;! ])|[${}]")
@@ -35,14 +35,14 @@ _WORD = re.compile(r"[A-Za-zµμ]+")
 
 
 class _Line(NamedTuple):
-    """A line of a file: its number, from 1, and its cells."""
+    """A line of a file: its number, counted from 1, and its cells."""
 
     n: int
     cells: list[str]
 
 
 class _Lines(NamedTuple):
-    """What a file holds: its comments, the heads of its two columns if any, its rows of numbers."""
+    """Content of a file: comments, heads of the two columns (or None), rows of numbers."""
 
     comments: list[_Line]
     heads: _Line | None
@@ -51,16 +51,17 @@ class _Lines(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """A measured curve of mu over slip, which is noisy.
+    """A measured, noisy curve of mu over slip.
 
-    Its table is the curve without a rise, straight between some knots, that is closest to the rows
-    in least squares. Unlike an envelope it keeps the mean, and so the fracture energy. Knots are
-    even along the curve: slip and loss of mu, each over all of its own, grow by the same in sum.
-    Slip counts from its least value. An interface without mu_s and mu_k takes both from the ends.
+    Its table is the piecewise linear, non-increasing curve that fits the rows in least squares.
+    Unlike an envelope, this curve keeps the mean of mu, and so the fracture energy. Knots are
+    evenly spaced along the curve: between neighbours, the sum of relative slip and relative loss of
+    mu is the same. Slip counts from its smallest value. An interface without mu_s and mu_k takes
+    them from the ends of the curve.
 
     Args:
         path: a CSV file of two columns, see `from_csv`; rows may be in any order.
-        knots: number of knots, from 2 on; at most that of different slips.
+        knots: number of knots, at least 2, at most the number of different slips.
     """
 
     path: str | os.PathLike[str]
@@ -75,7 +76,7 @@ class Measured:
         """Return the table.
 
         Args:
-            name: that of the field, for errors.
+            name: name of the field, for errors.
             unit: SI unit of the slip.
 
         Raises:
@@ -96,31 +97,31 @@ class Measured:
 
 
 def _falling(knots: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the values >= 0 at knots, none above the one before, that are closest to y at x."""
+    """Return the non-increasing values >= 0 at knots that fit y at x in least squares."""
     from scipy.optimize import nnls  # slow to import
 
     shares = np.array([np.interp(x, knots, unit) for unit in np.eye(len(knots))]).T
-    sums = np.triu(np.ones((len(knots), len(knots))))  # a value is the sum of the falls behind it
+    sums = np.triu(np.ones((len(knots), len(knots))))  # a value is the sum of the falls after it
     return sums @ nnls(shares @ sums, y)[0]
 
 
 def from_csv(path: str | os.PathLike[str], name: str = "interface.law", unit: str = "") -> Table:
     """Return the table in a CSV file of two columns.
 
-    Empty lines and lines that start with # are left out. The first line, or a line with # above
-    the numbers, may name the columns with their units: "slip (um),mu", "slip [um],mu",
-    "slip/um,mu", "slip_um,mu" or "um,-". Without units numbers are in SI units. Columns are apart
-    by commas, semicolons or tabs.
+    Empty lines and lines that start with # are ignored. The first line, or a line with # above the
+    numbers, may name the columns with their units: "slip (um),mu", "slip [um],mu", "slip/um,mu",
+    "slip_um,mu" or "um,-". Without units, numbers are in SI units. Commas, semicolons or tabs
+    separate the columns.
 
     Args:
         path: the file, in UTF-8.
-        name: that of the field, for errors.
-        unit: SI unit of the first column; the second one has none.
+        name: name of the field, for errors.
+        unit: SI unit of the first column; the second one has no unit.
 
     Raises:
-        SceneError: the file cannot be read, is no regular file or too large, has other columns or
-            too many rows, names a unit in another way, or a value is no number, negative or out of
-            order; with file, row and column.
+        SceneError: the file cannot be read, is not a regular file or is too large; it has other
+            columns, too many rows or an unclear unit; or a value is not a number, negative or out
+            of order. The message names file, row and column.
     """
     table = _read(path, name, unit, ge=0.0)
     if not 2 <= len(table.x) <= MAX_KNOTS:
@@ -130,7 +131,7 @@ def from_csv(path: str | os.PathLike[str], name: str = "interface.law", unit: st
 
 
 def _read(path: str | os.PathLike[str], name: str, unit: str, ge: float | None = None) -> Table:
-    """Return the rows of a file in SI units, as they stand there; slip is at least `ge`."""
+    """Return the rows of a file in SI units, in their order; slip must be at least `ge`."""
     lines = _lines(path, name)
     columns = ((unit, ge), ("", 0.0))
     try:
@@ -152,7 +153,7 @@ def _read(path: str | os.PathLike[str], name: str, unit: str, ge: float | None =
 
 
 def _lines(path: str | os.PathLike[str], name: str) -> _Lines:
-    """Return the lines of a file of which all but comments and heads are two numbers."""
+    """Return the lines of a file; all except comments and heads must be two numbers."""
     allowed = f"a CSV file with two columns of numbers, of at most {MAX_BYTES} bytes"
     try:
         content = read_at_most(path, MAX_BYTES + 1)
@@ -179,7 +180,7 @@ def _lines(path: str | os.PathLike[str], name: str) -> _Lines:
 
 
 def _cells(lines: Iterable[tuple[int, str]]) -> list[_Line]:
-    """Return the cells of each line, which commas, semicolons or tabs set apart."""
+    """Return the cells of each line, which commas, semicolons or tabs separate."""
     return [
         _Line(n, [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))])
         for n, line in lines
@@ -188,10 +189,10 @@ def _cells(lines: Iterable[tuple[int, str]]) -> list[_Line]:
 
 
 def _units(lines: _Lines, si: str) -> tuple[str, str]:
-    """Return the units that the heads of the two columns name, "" for SI units.
+    """Return the units in the heads of the two columns, "" for SI units.
 
     Raises:
-        ValueError: a head, or a comment where no head says it, names one in another way.
+        ValueError: a head names an unclear unit, or only a comment names a unit.
     """
     heads = lines.heads
     for n, cells in lines.comments:  # as numpy.savetxt writes heads
@@ -210,10 +211,10 @@ def _units(lines: _Lines, si: str) -> tuple[str, str]:
 
 
 def _unit_in(head: str, si: str) -> str:
-    """Return the unit that the head of a column names, "" if it names none.
+    """Return the unit in the head of a column, "" if there is none.
 
     Raises:
-        ValueError: it names one that is not understood.
+        ValueError: the unit is not understood.
     """
     head = _MARKUP.sub("", head.replace("\\mu", "µ")).strip()
     brackets = _BRACKETS.search(head)
@@ -227,7 +228,7 @@ def _unit_in(head: str, si: str) -> str:
     for between in [None, *_BETWEEN.finditer(head)]:
         unit = head if between is None else head[between.end() :]
         plain = len(unit) > 1 or unit == si or (between is not None and between["slash"])
-        if plain and unit != "in" and _fits(unit, si):  # t_h may be a time of hold
+        if plain and unit != "in" and _fits(unit, si):  # the h of t_h need not be a unit
             return unit
     if si and "/" in head:
         raise ValueError(f"what follows / is no unit of {si}")
@@ -237,7 +238,7 @@ def _unit_in(head: str, si: str) -> str:
 
 
 def _unit_among(text: str, si: str) -> str:
-    """Return a word of a text that is a unit of a column, or part of one; "" if none is."""
+    """Return a word of a text that is a possible unit of a column, or a part of one; else ""."""
     for word in _WORD.findall(text) if si else ():
         if word != "in" and (_fits(word, si) or (si == "m/s" and _fits(word, "m"))):
             return word
@@ -245,7 +246,7 @@ def _unit_among(text: str, si: str) -> str:
 
 
 def _fits(unit: str, si: str) -> bool:
-    """Whether a text is a unit that converts to an SI unit; per cent where there is none."""
+    """Whether a text is a unit that converts to the SI unit, or per cent if that is ""."""
     if not si:
         return unit in ("%", "percent")
     try:

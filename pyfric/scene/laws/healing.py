@@ -1,4 +1,4 @@
-"""Contacts that strengthen while they rest: without end, or up to a limit."""
+"""Contacts that strengthen with contact time: without limit, or up to a limit."""
 
 import functools
 import math
@@ -11,9 +11,9 @@ from pyfric.scene.laws.table import Table, sampled
 __all__ = ["Ageing", "ExponentialHealing"]
 
 PER_DECADE, DECADES = 32, 9
-"""Knots for each decade of time beyond t_c; the last one is this many decades beyond it."""
+"""Knots for each decade of time after t_c, and the number of decades of the table."""
 FAR = 8.0
-"""The exponential is cut at this many t_c, where exp(-8) = 3.4e-4 of it is left."""
+"""End of the exponential in units of t_c; there exp(-8) = 3.4e-4 of it is left."""
 
 
 @law
@@ -25,8 +25,8 @@ class Ageing(FrictionLaw):
         B: gain of mu_s for each decade of time, >= 0.
         t_c: time at which the gain begins, s, > 0.
 
-    The table has 32 knots for each decade: the slope between two times a decade apart is within
-    3e-4 B. It ends 1e9 t_c after sticking.
+    The table has 32 knots for each decade, so that the gain in a decade is right within 3e-4 B. It
+    ends at t = 1e9 t_c.
 
     Source: J. H. Dieterich, J. Geophys. Res. 77, 3690 (1972), time-dependent friction.
     """
@@ -38,7 +38,7 @@ class Ageing(FrictionLaw):
     example: ClassVar[dict[str, float]] = {"B": 0.02, "t_c": 1e-5}
 
     def hold(self, of: Means) -> Table | None:
-        """Return the gain, on knots that are even in log(1 + t/t_c)."""
+        """Return the gain, on knots evenly spaced in log(1 + t/t_c)."""
         decades = [n / PER_DECADE for n in range(PER_DECADE * DECADES + 1)]
         x = (self.t_c * (10.0**n - 1) for n in decades)
         return Table(tuple(x), tuple(self.B * n for n in decades)) if self.B else None
@@ -52,8 +52,8 @@ class ExponentialHealing(FrictionLaw):
     It slips like `LinearWeakening`.
 
     Args:
-        gain: what mu_s gains in a long rest, >= 0.
-        t_c: time over which it does, s, > 0.
+        gain: gain of mu_s after a long contact time, >= 0.
+        t_c: time scale of the gain, s, > 0.
 
     Source: A. Yu. Ishlinskii, I. V. Kragelskii, Zh. Tekh. Fiz. 14, 276 (1944), static friction
     that grows with the time of contact and saturates.

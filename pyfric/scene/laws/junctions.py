@@ -15,11 +15,13 @@ from pyfric.scene.spread import Spread
 __all__ = ["Junctions"]
 
 MOST = 1_000_000
-"""Most junctions of a block."""
+"""Largest number of junctions of a block."""
 PARTS = 512
-"""Parts of equal probability into which the knots of a table of quantiles cut a distribution."""
+"""Number of parts of equal probability in a table of quantiles."""
 TAIL = 1e-6
-"""Probability beyond the ends of such a table, whose last part is cut in halves down to it."""
+"""Probability beyond the last knots of such a table; its first and last parts are halved down to
+it.
+"""
 
 Field = float | tuple[float, ...] | Spread
 _field: dict[str, Any] = {"listed": True, "drawn": Spread, "note": ", or a list, or a Spread"}
@@ -28,43 +30,44 @@ _field: dict[str, Any] = {"listed": True, "drawn": Spread, "note": ", or a list,
 @law
 @part
 class Junctions(FrictionLaw):
-    """Each block stands on n_s junctions, which all carry the same share of its normal force p.
+    """Each block has n_s junctions, which carry equal shares of its normal force p.
 
-    A pinned junction is a spring of stiffness k_j = sqrt(C p/n_s) to its anchor. Stretched beyond
-    u_s = mu_s sqrt(p/(n_s C)) it breaks: it then slips, and carries at most mu_k p/n_s, for a time
-    t_R, after which it pins without force where the block is. Without contact all slip, and pin
-    where the block touches again. A block is ruptured while fewer than a share of its junctions is
-    pinned; episodes, events and fronts follow from that, and the sign of such slip is that of the
-    block's velocity when it ruptured.
+    A pinned junction is a spring of stiffness k_j = sqrt(C p/n_s) to its anchor. It breaks at a
+    stretch u_s = mu_s sqrt(p/(n_s C)). For a time t_R it then slips and carries at most mu_k p/n_s.
+    Afterwards it pins at the position of the block, without force. The junctions of an open block
+    slip, and pin when the block touches again. A block is ruptured while less than a share
+    `ruptured` of its junctions is pinned. Episodes, events and fronts are those of ruptured blocks.
+    The sign of their slip is that of the block's velocity when it ruptured.
 
-    With C fixed, u_s falls as 1/sqrt(n_s), and with it the physics: another n_s is another
-    interface. So u_s is what is set, at the mean load p = F_N/N_x, and C = mu_s^2 p/(n_s u_s^2)
-    follows. Where F_N changes with time or p varies along the interface, C stays.
+    With constant C, u_s falls as 1/sqrt(n_s), so that n_s would change the physics. Therefore u_s
+    is given, at the mean load p = F_N/N_x, and C = mu_s^2 p/(n_s u_s^2) follows. If F_N changes
+    with time or p varies along the interface, C is constant.
 
     Args:
-        n_s: junctions of each block, >= 2.
-        u_s: stretch at which a junction breaks under the mean load at t = 0, m, > 0; or else
+        n_s: number of junctions of each block, >= 2.
+        u_s: stretch at which a junction breaks under the mean load at t = 0, m, > 0; alternatively
         C: the constant in k_j = sqrt(C p/n_s), N/m^2, > 0.
-        t_R: mean time that a junction slips, s, >= 0.
-        t_R_std: its standard deviation, s, >= 0; 0 for a fixed time, which needs no random numbers.
-        t_R_distribution: "normal", cut at 0, or "gamma", whose shape is that of the means of t_R
-            and t_R_std.
+        t_R: mean slip time of a junction, s, >= 0.
+        t_R_std: standard deviation of the slip time, s, >= 0; 0 needs no random numbers.
+        t_R_distribution: "normal", cut at 0, or "gamma", whose shape parameter follows from the
+            means of t_R and t_R_std over the interface.
         threshold_std: standard deviation of the thresholds of junctions, over their mean u_s, >= 0.
-        threshold_distribution: "weibull", or "uniform" up to a std of 1/sqrt(3).
-        stretch: half width over u_s of stretches that are spread evenly at the start, in [0, 1].
+        threshold_distribution: "weibull", or "uniform" up to a standard deviation of 1/sqrt(3).
+        stretch: half width, over u_s, of the uniform distribution of initial stretches, in [0, 1].
         ruptured: share of pinned junctions below which a block is ruptured, in (0, 1].
-        seed: of the random numbers, a whole number from 0 to 2^64 - 1.
+        seed: seed of the random numbers, a whole number from 0 to 2^64 - 1.
 
-    u_s, C, t_R and t_R_std are fields, as mu_s and mu_k are. Junctions start pinned where they were
-    before F_N was applied; on a prescribed interface, stretched by what the given shear asks for.
+    u_s, C, t_R and t_R_std are fields, like mu_s and mu_k. Junctions are initially pinned at their
+    positions before F_N was applied. On a prescribed interface, the given shear stretches them.
 
-    t_R after break n of junction j of block i, all counted from 1 and blocks from the trailing
-    edge, is t_R + t_R_std (sum of 12 uniform numbers - 6), those of Philox 4x64-10 that follow the
-    counter (0, i, j, n) under the key (seed, 0); "gamma" takes the first of them.
+    The slip time after break n of junction j of block i is t_R + t_R_std (S - 6), with S the sum of
+    12 uniform numbers. n, j and i count from 1, blocks from the trailing edge. The uniform numbers
+    are those of Philox 4x64-10 after the counter (0, i, j, n) under the key (seed, 0). "gamma" uses
+    only the first one.
 
-    Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014); that p is the present one,
-    and what junctions do when motion reverses, is a choice. Thresholds: Z. Farkas, S. R. Dahmen,
-    D. E. Wolf, J. Stat. Mech. P06015 (2005).
+    Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014). The use of the present p,
+    and the behaviour of junctions when motion reverses, are choices made here. Thresholds:
+    Z. Farkas, S. R. Dahmen, D. E. Wolf, J. Stat. Mech. P06015 (2005).
     """
 
     n_s: Annotated[int, Whole(MOST)] = 100
@@ -103,9 +106,12 @@ class Junctions(FrictionLaw):
         return super().tables(of._replace(d_c=0.0))
 
     def quantiles_of_t_R(self, cv: float) -> Table | None:
-        """Return the quantiles of t_R over its mean, for std over mean cv; None where it is normal.
+        """Return the quantiles of t_R over its mean as a table; None for a normal distribution.
 
-        Between knots they are straight; they are scaled so that their mean is 1.
+        The table is scaled to a mean of 1.
+
+        Args:
+            cv: standard deviation over mean.
         """
         if self.t_R_distribution == "normal" or cv == 0:
             return None
@@ -115,13 +121,13 @@ class Junctions(FrictionLaw):
         return _of_mean_1(lambda u: gammaincinv(shape, u) / shape)
 
     def thresholds(self, numbers: np.ndarray) -> np.ndarray:
-        """Return the thresholds of junctions over u_s, shape (N_x, n_s); empty where all are 1.
+        """Return the thresholds of junctions over u_s, shape (N_x, n_s); empty if all are 1.
+
+        The thresholds of block i are quantiles at the uniform random numbers after the counter
+        (0, i, 0, 0) under the key (seed, 1).
 
         Args:
-            numbers: of the blocks from the trailing edge, from 1 on, shape (N_x,).
-
-        Those of block i are the quantiles of the numbers that follow the counter (0, i, 0, 0)
-        under the key (seed, 1).
+            numbers: block numbers from the trailing edge, from 1 on, shape (N_x,).
         """
         if self.threshold_std == 0:
             return np.zeros((0, self.n_s))
@@ -140,7 +146,7 @@ class Junctions(FrictionLaw):
 
 @functools.cache
 def _weibull(cv: float) -> Table:
-    """Return the quantiles of Weibull's distribution with mean 1 and standard deviation cv."""
+    """Return the quantiles of the Weibull distribution with mean 1 and standard deviation cv."""
     low, high = 0.05, 200.0  # moduli with cv = 1e15 and 0.006
     for _ in range(200):
         m = math.sqrt(low * high)
@@ -150,7 +156,7 @@ def _weibull(cv: float) -> Table:
 
 
 def _of_mean_1(quantile: Any) -> Table:
-    """Return a table of quantiles over probability, scaled to a mean of 1; at both ends refined."""
+    """Return a table of quantiles over probability, refined at both ends, scaled to a mean of 1."""
     halves = 2.0 ** -np.arange(1, 1 - math.log2(TAIL * PARTS))
     inner = np.arange(1, PARTS) / PARTS
     u = np.concatenate([[0.0], np.sort(halves) / PARTS, inner, 1 - halves / PARTS])

@@ -1,9 +1,9 @@
-"""What a friction law is: up to four tables, and the registry of kinds.
+"""Friction laws as up to four tables, and the registry of their kinds.
 
-A kind is a frozen dataclass under `@law`. Its methods say what differs from Amontons-Coulomb
+A kind is a frozen dataclass under `@law`. Its methods return the deviations from Amontons-Coulomb
 friction, each as a `Table`:
 
-    hold    what mu_s has gained         over the time since the block stuck, s
+    hold    gain of mu_s                 over the time since the block stuck, s
     slide   share of mu_s - mu_k left    over slip/d_c
     speed   factor of mu                 over |v|, m/s
     age     factor of mu                 over the time since slip began, s
@@ -38,7 +38,7 @@ class Means(NamedTuple):
 
 
 class Tables(NamedTuple):
-    """The tables of a law; None where there is nothing to say."""
+    """The tables of a law; None means no effect."""
 
     hold: Table | None = None
     slide: Table | None = None
@@ -47,13 +47,13 @@ class Tables(NamedTuple):
 
 
 class FrictionLaw:
-    """A kind of friction law; as it stands, friction weakens linearly over d_c.
+    """Base class of friction laws. By default, friction weakens linearly over d_c.
 
     Attributes:
-        kind: its name in scene files.
+        kind: name of the law in scene files.
         rests: whether blocks can stick under this law.
-        fields: names of its parameters that are fields: a number, a list or a `Spread`.
-        example: values of its parameters, with mu_k = 0.45; the tests run every kind with them.
+        fields: names of parameters that are fields: a number, a list or a `Spread`.
+        example: values of the parameters for tests, with mu_k = 0.45.
     """
 
     kind: ClassVar[str]
@@ -63,10 +63,10 @@ class FrictionLaw:
     _section: ClassVar[str] = "interface.law"
 
     def hold(self, of: Means) -> Table | None:
-        """Return what mu_s gains over the time since the block stuck (s)."""
+        """Return the gain of mu_s over the time since the block stuck (s)."""
 
     def slide(self, of: Means) -> Table | None:
-        """Return the share of mu_s - mu_k that is left, over slip/d_c."""
+        """Return the remaining share of mu_s - mu_k over slip/d_c."""
         return STRAIGHT if of.d_c > 0 else None
 
     def speed(self, of: Means) -> Table | None:
@@ -76,45 +76,45 @@ class FrictionLaw:
         """Return the factor of mu over the time since slip began (s)."""
 
     def ends(self) -> tuple[float, float] | None:
-        """Return the first and the last mu of a law that has its own; None for others."""
+        """Return the first and the last mu if the law is a table of mu, None otherwise."""
 
     def text(self) -> str:
-        """Return the law in a line, wherever it is shown."""
+        """Return the law as one line of text."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         shown = (f"{name}={_short(x)}" for name, x in values.items() if x is not None)
         return f"{type(self).__name__}({', '.join(shown)})"
 
     def tables(self, of: Means) -> Tables:
-        """Return the tables of an interface with these means."""
+        """Return the tables of the law for an interface with these means."""
         return Tables(self.hold(of), self.slide(of), self.speed(of), self.age(of))
 
 
 def _short(value: Any) -> str:
-    """Return a value, or of a long list its length and ends."""
+    """Return the text of a value; for a long list, its length and ends."""
     if isinstance(value, tuple) and len(value) > 4:
         return f"<{len(value)} values, {value[0]:.4g} to {value[-1]:.4g}>"
     return repr(value)
 
 
 def law(kind: Kind) -> Kind:
-    """Add a kind to the registry, by its attribute `kind`."""
+    """Register a class of friction laws by its attribute `kind`."""
     KINDS[kind.kind] = kind
     kind.__repr__ = kind.text
     return kind
 
 
 UNITS = Tables("s", "", "m/s", "s")
-"""Units of what the tables are over."""
+"""Units of the arguments of the tables."""
 
 
 def check_tables(tables: Tables) -> None:
-    """Check what the core and the contact rules rely on.
+    """Check the conditions on which the core and the contact rules rely.
 
-    A stuck block gains strength or keeps it. One that comes to rest bears at most mu_s p, or it
-    could neither slip on nor stick.
+    A stuck block may not lose strength. Friction of a block that comes to rest may not exceed
+    mu_s p, because such a block could neither continue to slip nor stick.
 
     Raises:
-        SceneError: a table is not in order, negative, falls or rises where it must not.
+        SceneError: a table is out of order, negative, or violates one of these conditions.
     """
     for name, table in tables._asdict().items():
         if table is None:

@@ -12,11 +12,11 @@ __all__ = ["SpeedDependent"]
 @law
 @part
 class SpeedDependent(FrictionLaw):
-    """Friction of a slipping block times a factor of its speed; it weakens like `LinearWeakening`.
+    """`LinearWeakening` with mu of a slipping block multiplied by a factor that depends on speed.
 
     Args:
         v: speeds, m/s, from 0 on, increasing.
-        factor: factor of mu at each speed, >= 0; straight between speeds, constant beyond the last.
+        factor: factor of mu at each speed, >= 0; linear between speeds, constant after the last.
 
     Source: J. H. Dieterich, J. Geophys. Res. 84, 2161 (1979): friction changes with speed.
     """

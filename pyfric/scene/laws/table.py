@@ -1,4 +1,4 @@
-"""Tables: functions that are straight between knots, and constant beyond them."""
+"""Tables: functions that are linear between knots and constant beyond the last one."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from pyfric.scene.units import check_number
 __all__ = ["MAX_KNOTS", "Table", "sampled"]
 
 MAX_KNOTS = 1000
-"""Most knots of a table."""
+"""Largest number of knots of a table."""
 CLOSE = 1e-3
-"""How close `sampled` follows a function, over its range."""
+"""Default error of `sampled`, over the range of the function."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """Knots x, which increase from 0, and the values y there.
+    """Knots x, which increase from 0, and values y.
 
-    `places` says where each knot is written, such as "friction.csv, row 3", for messages.
+    For messages, `places` gives the origin of each knot, such as "friction.csv, row 3".
     """
 
     x: tuple[float, ...]
@@ -35,28 +35,28 @@ class Table:
         return f"<table of {len(self.x)} knots up to {self.x[-1]:.4g}>"
 
     def place(self, n: int) -> str:
-        """Return where knot n (from 0) is written."""
+        """Return the origin of knot n, counted from 0."""
         return self.places[n] if self.places else f"knot {n + 1}"
 
     def __call__(self, x: Any) -> Any:
-        """Return the values at x, any shape."""
+        """Return the values at x, of any shape."""
         return self.on(self.piece(x), x)[0]
 
     @functools.cached_property
     def _arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The knots, the values, and the slopes behind the knots."""
+        """The knots, the values, and the slopes after the knots."""
         return np.array(self.x), np.array(self.y), np.append(self.slopes, 0.0)
 
     def piece(self, x: Any) -> Any:
-        """Return the number of the last knot at or before x, from 0, any shape."""
+        """Return the index of the last knot at or before x, of any shape."""
         return np.maximum(np.searchsorted(self._arrays[0], x, side="right") - 1, 0)
 
     def on(self, piece: Any, x: Any) -> tuple[Any, Any]:
-        """Return the values at x of straight pieces that go on beyond their ends, and their slopes.
+        """Return values at x and slopes of linear pieces, which are extrapolated beyond their ends.
 
         Args:
-            piece: the numbers of their first knots; nothing changes beyond the last one.
-            x: any shape.
+            piece: indices of the first knots of the pieces; after the last knot y is constant.
+            x: arguments, of any shape.
         """
         knots, values, slopes = self._arrays
         slope = slopes[piece]
@@ -65,7 +65,7 @@ class Table:
 
     @property
     def slopes(self) -> np.ndarray:
-        """The slope between each pair of knots."""
+        """Slopes between neighbouring knots."""
         return np.diff(self.y) / np.diff(self.x)
 
     @property
@@ -74,14 +74,14 @@ class Table:
         return float(np.trapezoid(self.y, self.x))
 
     def checked(self, name: str, unit: str) -> Table:
-        """Return the table if its knots are in order, and its values finite.
+        """Return the table after a check of its knots and values.
 
         Args:
-            name: that of the field, for the error.
-            unit: of the knots.
+            name: name of the field, for the error.
+            unit: unit of the knots.
 
         Raises:
-            SceneError: they are not.
+            SceneError: the knots are not in order, or a value is not finite.
         """
         if len(self.x) != len(self.y) or not 2 <= len(self.x) <= MAX_KNOTS:
             allowed = f"2 to {MAX_KNOTS} knots, each with one value"
@@ -107,16 +107,16 @@ class Table:
 def sampled(function: Callable[[float], float], end: float, *, close: float = CLOSE) -> Table:
     """Return a table that follows a function on [0, end].
 
-    Intervals are halved until the chord is within `close` of the function at their quarters, over
-    the range of the function on 17 points.
+    Intervals are halved until the chord is close to the function at their quarters. The allowed
+    error is `close` times the range of the function on 17 points.
 
     Args:
-        function: takes and returns a number.
-        end: end of the table, in the unit of its argument.
-        close: distance allowed, over the range of the function.
+        function: a function of one number.
+        end: end of the table, in the unit of the argument.
+        close: allowed error, over the range of the function.
 
     Raises:
-        SceneError: a value is not a finite number, or `MAX_KNOTS` do not follow the function.
+        SceneError: a value is not a finite number, or more than `MAX_KNOTS` would be needed.
     """
     end = check_number("end", end, "", gt=0.0)
 

@@ -1,4 +1,4 @@
-"""A law of one's own: tables from lists, files or functions."""
+"""Friction laws given by tables, from lists, files or functions."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -19,12 +19,12 @@ COLUMNS = {
     "speed": ("v", "speed_factor"),
     "age": ("age_time", "age_factor"),
 }
-"""Table -> the two lists that make it."""
+"""Table -> its two lists."""
 IN_UNITS = UNITS._replace(slide="m")
 """SI units of the first lists."""
 
 Source = str | Path | Measured | tuple[Callable[[float], float], float]
-"""A CSV file, a measured curve, or a function of a number and the end of its table."""
+"""A CSV file, a measured curve, or a pair of a function and the end of its table."""
 Seconds = Annotated[tuple[float, ...] | None, NotNegative("s", listed=True, optional=True)]
 Numbers = Annotated[tuple[float, ...] | None, NotNegative("", listed=True, optional=True)]
 
@@ -32,19 +32,19 @@ Numbers = Annotated[tuple[float, ...] | None, NotNegative("", listed=True, optio
 @law
 @part
 class TabulatedLaw(FrictionLaw):
-    """A law given by lists of knots, each table by two lists of equal length; straight between.
+    """A law given by tables: each one by two lists of equal length, linear between knots.
 
     Args:
         slip, mu: mu of a slipping block over its slip since the last stick, m. The last mu is the
-            interface's mu_k. Where mu_s, mu_k or d_c are fields, the table belongs to their
-            means and is scaled for each block; a d_c of 0 leaves slip as it is.
-        contact_time, gain: what mu_s has gained over the time since the block stuck, s.
+            interface's mu_k. If mu_s, mu_k or d_c are fields, the table holds for their means and
+            is scaled for each block. With d_c = 0 slip is not scaled.
+        contact_time, gain: gain of mu_s over the time since the block stuck, s.
         v, speed_factor: factor of mu over the speed, m/s.
         age_time, age_factor: factor of mu over the time since slip began, s.
 
-    Tables start at 0. Those that are left out change nothing. In a scene file slide, hold, speed
-    and age are names of CSV files, from its folder on, see `from_csv`; slide may be a measured
-    curve: {measured = "curve.csv", knots = 30}, see `Measured`.
+    Tables start at 0. Omitted tables have no effect. In a scene file, slide, hold, speed and age
+    name CSV files relative to its folder (`from_csv`). slide may also be a measured curve:
+    {measured = "curve.csv", knots = 30} (`Measured`).
     """
 
     slip: Annotated[tuple[float, ...] | None, NotNegative("m", listed=True, optional=True)] = None
@@ -69,7 +69,7 @@ class TabulatedLaw(FrictionLaw):
     }
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_places", {})  # where the knots of a table are written
+        object.__setattr__(self, "_places", {})  # origins of the knots of tables
         for name, (x, y) in COLUMNS.items():
             given = [column for column in (x, y) if getattr(self, column) is not None]
             if len(given) == 1:
@@ -82,15 +82,15 @@ class TabulatedLaw(FrictionLaw):
 
     @classmethod
     def of(cls, **tables: Source) -> Self:
-        """Return a law whose tables are made from files or functions.
+        """Return a law with tables from files or functions.
 
         Args:
-            tables: hold, slide, speed or age: the path of a CSV file of two columns, see
-                `from_csv`; a function of a number, with the end of its table; or, for slide, a
+            tables: hold, slide, speed or age. Each is the path of a CSV file of two columns (see
+                `from_csv`), or a pair of a function and the end of its table. slide may also be a
                 `Measured` curve.
 
         Raises:
-            SceneError: an unknown table, a file that is none, a function that is no law.
+            SceneError: a table is unknown, a file cannot be used, or a function is not a valid law.
         """
         for name in tables:
             if name not in COLUMNS:
@@ -100,10 +100,10 @@ class TabulatedLaw(FrictionLaw):
 
     @classmethod
     def from_file(cls, entries: Mapping[str, Any], folder: Path | None) -> Self:
-        """Return the law of a table of a scene file, which may name CSV files in its folder.
+        """Return the law from a table of a scene file, which may name CSV files in its folder.
 
         Raises:
-            SceneError: a file is none, or is named where there is no folder to look in.
+            SceneError: a file cannot be used, or a file is named although there is no folder.
         """
         rest, tables = dict(entries), {}
         for name, columns in COLUMNS.items():
@@ -131,7 +131,7 @@ class TabulatedLaw(FrictionLaw):
 
     @classmethod
     def _made(cls, tables: dict[str, Table], entries: dict[str, Any]) -> Self:
-        """Return the law of these tables, and entries of a scene file."""
+        """Return the law with these tables, and other entries of a scene file."""
         lists = {}
         for name, table in tables.items():
             lists |= zip(COLUMNS[name], (table.x, table.y), strict=True)
@@ -140,7 +140,7 @@ class TabulatedLaw(FrictionLaw):
         return made
 
     def text(self) -> str:
-        """Return what the tables hold: "slip 0 to 3 um, 4 knots, mu 0.700 to 0.450"."""
+        """Return a summary of the tables: "slip 0 to 3 um, 4 knots, mu 0.700 to 0.450"."""
         parts = []
         for name, (x, y) in COLUMNS.items():
             if (table := self._table(name)) is not None:
@@ -162,7 +162,7 @@ class TabulatedLaw(FrictionLaw):
         return self._table("hold")
 
     def slide(self, of: Means) -> Table | None:
-        """Return the share of mu_s - mu_k that is left, over slip/d_c, or over slip if d_c = 0."""
+        """Return the remaining share of mu_s - mu_k over slip/d_c, or over slip if d_c = 0."""
         table = self._table("slide")
         if table is None:
             return super().slide(of)
@@ -191,7 +191,7 @@ class TabulatedLaw(FrictionLaw):
 
 
 def _made(name: str, source: Source) -> Table:
-    """Return the table that a source holds."""
+    """Return the table of a source."""
     field, unit = f"interface.law.{name}", getattr(IN_UNITS, name)
     if isinstance(source, Measured):
         if name != "slide":

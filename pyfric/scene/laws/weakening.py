@@ -12,7 +12,7 @@ from pyfric.scene.laws.table import Table, sampled
 __all__ = ["ExponentialWeakening", "LinearWeakening"]
 
 FAR = 8.0
-"""The exponential is cut at this many d_c, where exp(-8) = 3.4e-4 of it is left."""
+"""End of the exponential in units of d_c; there exp(-8) = 3.4e-4 of it is left."""
 
 
 @law
@@ -29,7 +29,9 @@ class LinearWeakening(FrictionLaw):
 @law
 @part
 class ExponentialWeakening(FrictionLaw):
-    """mu = mu_k + (mu_s - mu_k) exp(-s/d_c), within 1e-3 (mu_s - mu_k); mu_k from 8 d_c on.
+    """mu = mu_k + (mu_s - mu_k) exp(-s/d_c), within 1e-3 (mu_s - mu_k), up to s = 8 d_c.
+
+    For larger slip mu = mu_k.
 
     Source: S. Abercrombie, J. Rice, Geophys. J. Int. 162, 406 (2005), laws of slip weakening.
     """

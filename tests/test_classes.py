@@ -207,6 +207,8 @@ def test_a_phase_diagram_with_points_at_which_nothing_slips(tmp_path):
     assert ((found.table["kind"] == "nothing slipped") == still).all()
     assert ((found.table["pace"] == "nothing slipped") == still).all()
     assert not found.lines.empty
+    nothing = pyfric.simulate(small(mu_s=2.5), 1e-4, fidelity="dynamic", progress=False)
+    assert str(nothing.rupture_class()) == "nothing slipped"
     for speed in (1e-4, 30.0):  # beyond the range of colours
         table = found.table.assign(speed_over_c=speed)
         save_figure(phase_map(dataclasses.replace(found, table=table)), tmp_path / "phases")

@@ -4,6 +4,7 @@ The definitions are pyfric's own. Blocks are counted from 1 at the trailing edge
 and t_n is the first slip of block n in the event.
 
 kind
+    nothing slipped: the run has no event; its pace says the same.
     arrested: the event ends before block N slips: all blocks are stuck or open, or creep to rest.
     alternating: block N slips, and some block n >= 5 sticks before block n + 1 slips.
     pulse: block N slips, and blocks behind the front are stuck by then.
@@ -49,6 +50,10 @@ LAST = 0.25
 """Share of the blocks over which the speed is a mean: a definition."""
 
 
+NOTHING = "nothing slipped"
+"""Kind and pace of a run without events."""
+
+
 class RuptureClass(NamedTuple):
     """What became of a front: its kind and pace, speed (m/s), and the blocks that it reached."""
 
@@ -58,7 +63,7 @@ class RuptureClass(NamedTuple):
     reached: int
 
     def __str__(self) -> str:
-        return " ".join(word for word in (self.pace, self.kind) if word)
+        return " ".join(dict.fromkeys(word for word in (self.pace, self.kind) if word))
 
 
 def creeps_to_rest(
@@ -93,15 +98,17 @@ def rupture_class(record: Record, event: int | None = None, slow: float = SLOW) 
 
     Args:
         record: a run.
-        event: its number in `events`; None means the one in which most blocks slip.
+        event: its number in `events`; None means the one in which most blocks slip, if any.
         slow: pace below which a front is slow, over the limit.
 
     Raises:
         SceneError: there is no such event.
     """
     slow = check_number("slow", slow, "", gt=0.0, lt=1.0)
+    if event is None and record.events.empty:
+        return RuptureClass(NOTHING, NOTHING, math.nan, 0)
     if event is None:
-        event = int(record.events["n_blocks"].idxmax()) if len(record.events) else 1
+        event = int(record.events["n_blocks"].idxmax())
     record.row(event)
     scene, episodes = record.scene, record.episodes
     episodes = episodes[episodes["event"] == event]

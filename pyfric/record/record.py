@@ -185,7 +185,8 @@ class Record:
         """Return the class of the rupture of an event; see `pyfric.record.classes`.
 
         Args:
-            event: its number in `events`; None means the one in which most blocks slip.
+            event: its number in `events`; None means the one in which most blocks slip. Without
+                events the class is "nothing slipped".
             slow: pace below which a front is slow, over c in a chain, over c_R in two dimensions.
 
         Raises:

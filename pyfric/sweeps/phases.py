@@ -53,10 +53,9 @@ STEP = 0.17
 MORE = 1e-9
 """What pushes the first block of a chain beyond its threshold, over the threshold."""
 
-NOTHING = "nothing slipped"
 LABELS: Labels = {
-    "kind": lambda record: NOTHING if record.events.empty else record.rupture_class().kind,
-    "pace": lambda record: NOTHING if record.events.empty else record.rupture_class().pace,
+    "kind": lambda record: record.rupture_class().kind,
+    "pace": lambda record: record.rupture_class().pace,
 }
 """Labels of a run where none are given: kind and pace of its class of rupture, if there is one."""
 
@@ -256,8 +255,6 @@ def _jobs(
 def _front(record: Record) -> dict[str, Any]:
     """Return speed and length of the front of a run, and how the run ended."""
     slider, status = record.scene.slider, {"status": record.status}
-    if record.events.empty:
-        return {"speed": math.nan, "speed_over_c": math.nan, "reached": 0} | status
     found = record.rupture_class()
     c = slider.l * math.sqrt(slider.k / record.scene.m)
     return {

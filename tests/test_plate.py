@@ -327,8 +327,8 @@ def test_a_prescribed_slab_under_a_plate():
 @pytest.mark.parametrize(
     "scene",
     [
-        setup1(L=0.06, H=0.03, h=5e-3, K=1e11).replace(h_top=0.0225),
-        setup2(L=0.03, H=0.015, h=1e-3, K=1e11).replace(h_top=0.015),
+        setup1(L=0.03, H=0.02, h=5e-3, K=1e11).replace(h_top=0.0125),
+        setup2(L=0.012, H=0.008, h=1e-3, K=1e11).replace(h_top=0.008),
     ],
     ids=["rod", "free"],
 )

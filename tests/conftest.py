@@ -1,8 +1,12 @@
 """Settings shared by all tests."""
 
+import gc
 import os
 import signal
 import sys
+
+# Thousands of tests are collected that never go; to look through them again and again takes time.
+gc.disable()
 
 # Several workers with several BLAS threads each wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -46,6 +50,11 @@ def coarse_curves(monkeypatch):
     """Loading curves of 500 points where a test asks for no time between them."""
     if options := sys.modules.get("pyfric.engines.options"):
         monkeypatch.setattr(options, "POINTS", 500)
+
+
+def pytest_collection_finish():
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items):

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pyfric
-from pyfric.engines import choice, plan, relaxation_time, simulate, step_size
+from pyfric.engines import choice, pilot, plan, relaxation_time, simulate, step_size
 from pyfric.engines.choice import LINEAR, RING_SHARE, SHARE, SPARES, step_error
 from pyfric.engines.cost import full_work, machine_speed, work_so_far
 from pyfric.engines.pilot import counted, interval, linear_error, pilot_run
@@ -98,7 +98,9 @@ def test_steps_follow_from_the_order_of_rk4():
 )
 def test_any_question(want, tolerance, t_end):
     scene = setup2(L=0.012, H=0.004)
-    found = plan(scene, want, tolerance, t_end=t_end)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pilot, "LONGEST", pilot.LONGEST / 20)
+        found = plan(scene, want, tolerance, t_end=t_end)
     assert all(one.holds for one in found.assumptions)
     assert 0 <= found.error <= tolerance
     assert np.isfinite([found.work, found.seconds, found.price]).all()

@@ -13,7 +13,7 @@ from pyfric.core import STEPPERS
 from pyfric.scene import Driver, Scene, setup1, setup2
 from pyfric.statics import damping, dispersion, mass, stability_limit, stiffness
 from pyfric.statics.operators import coordinates, operators
-from pyfric.statics.stability import radius
+from pyfric.statics.stability import _limit, radius
 
 # --- generalised coordinates ---------------------------------------------------------------------
 
@@ -262,6 +262,16 @@ def test_limit_does_not_depend_on_the_load():
     scene = setup2(F_N=400.0)
     heavy = dataclasses.replace(setup2(F_N=8e5), driver=Driver(K=0.8e6, V=9.0, h=2e-3))
     assert stability_limit(scene)[0] == stability_limit(heavy)[0]
+
+
+def test_limit_is_computed_once_for_all_speeds_and_friction():
+    scene = small_rod()
+    faster = scene.replace({"driver.V": 0.1, "mu_s": 0.9, "d_c": 1e-6, "name": "faster"})
+    limit, info = stability_limit(scene)
+    assert stability_limit(faster)[1] is info
+    assert _limit(faster, "rk4")[0] == limit
+    for decides in ({"k_f": 1e9}, {"alpha": 1e3}, {"driver.K": 1e9}, {"eta": 40.0}):
+        assert stability_limit(scene.replace(decides))[0] < 0.99 * limit
 
 
 def test_other_integrators_are_refused():

@@ -307,14 +307,26 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
     """
     if not isinstance(stepper, str) or stepper not in STEPPERS:
         raise SceneError("stepper", stepper, "", " or ".join(map(repr, STEPPERS)))
-    scene = as_scene(scene)
-    # Scenes that differ in shear forces share a limit.
+    return _limit(_plain(as_scene(scene)), stepper)
+
+
+def _plain(scene: Scene) -> Scene:
+    """Return the scene without shear forces, speeds and friction: such scenes share a limit."""
     tau = {"tau": 0.0} if isinstance(scene.top, PrescribedLoad) else {}
-    plain = dataclasses.replace(scene.top, push=(), **tau)
-    return _limit(dataclasses.replace(scene, top=plain, stop_when=()), stepper)
+    given = scene.interface
+    return dataclasses.replace(
+        scene,
+        top=dataclasses.replace(scene.top, push=(), **tau),
+        driver=dataclasses.replace(scene.driver, V=0.0, protocol=()),
+        interface=Interface(mu_s=0.0, mu_k=0.0, k_f=given.k_f, alpha=given.alpha)
+        if scene.law.rests
+        else given,
+        name="",
+        stop_when=(),
+    )
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=256)
 def _limit(scene: Scene, stepper: str) -> tuple[float, Mapping[str, Any]]:
     """Return what `stability_limit` does."""
     table, small = STEPPERS[stepper], _reduced(scene)

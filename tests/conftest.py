@@ -5,9 +5,6 @@ import os
 import signal
 import sys
 
-# Thousands of tests are collected that never go; to look through them again and again takes time.
-gc.disable()
-
 # Several workers with several BLAS threads each wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # So do several workers whose threads spin while they wait.
@@ -20,6 +17,9 @@ settings.register_profile(
     "pyfric", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("pyfric")
+
+# All that is collected stays: to look through it again and again takes time.
+gc.disable()
 
 # What is started in the background may ignore Ctrl-C, and tests send it.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -270,6 +270,8 @@ def test_limit_is_computed_once_for_all_speeds_and_friction():
     limit, info = stability_limit(scene)
     assert stability_limit(faster)[1] is info
     assert _limit(faster, "rk4")[0] == limit
+    sheared = setup2(L=0.02, H=0.006, T=5.0, T_protocol=((1.0, 20.0),))
+    assert stability_limit(sheared) == stability_limit(setup2(L=0.02, H=0.006))
     for decides in ({"k_f": 1e9}, {"alpha": 1e3}, {"driver.K": 1e9}, {"eta": 40.0}):
         assert stability_limit(scene.replace(decides))[0] < 0.99 * limit
 

@@ -11,7 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyfric.core import STEPPERS
-from pyfric.scene import Driver, Interface, PrescribedLoad, Rod, Scene, SceneError, Slider, as_scene
+from pyfric.scene import (
+    DistributedLoad,
+    Driver,
+    Interface,
+    PrescribedLoad,
+    Rod,
+    Scene,
+    SceneError,
+    Slider,
+    as_scene,
+)
 from pyfric.statics.operators import dispersion, operators, stiffness
 
 if TYPE_CHECKING:
@@ -312,11 +322,15 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
 
 def _plain(scene: Scene) -> Scene:
     """Return the scene without shear forces, speeds and friction: such scenes share a limit."""
-    tau = {"tau": 0.0} if isinstance(scene.top, PrescribedLoad) else {}
+    shear: dict[str, Any] = {"push": ()}
+    if isinstance(scene.top, PrescribedLoad):
+        shear["tau"] = 0.0
+    elif isinstance(scene.top, DistributedLoad):
+        shear |= {"T": 0.0, "T_protocol": ()}
     given = scene.interface
     return dataclasses.replace(
         scene,
-        top=dataclasses.replace(scene.top, push=(), **tau),
+        top=dataclasses.replace(scene.top, **shear),
         driver=dataclasses.replace(scene.driver, V=0.0, protocol=()),
         interface=Interface(mu_s=0.0, mu_k=0.0, k_f=given.k_f, alpha=given.alpha)
         if scene.law.rests

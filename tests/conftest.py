@@ -47,9 +47,9 @@ def coarse_pictures():
 
 @pytest.fixture(autouse=True)
 def coarse_curves(monkeypatch):
-    """Loading curves of 500 points where a test asks for no time between them."""
+    """Loading curves of 150 points where a test asks for no time between them."""
     if options := sys.modules.get("pyfric.engines.options"):
-        monkeypatch.setattr(options, "POINTS", 500)
+        monkeypatch.setattr(options, "POINTS", 150)
 
 
 def pytest_collection_finish():

@@ -217,7 +217,7 @@ def test_threads_do_not_change_a_bit(scene):
     states = []
     for threads in (1, 2, scene.N_z):
         state = loaded_state(scene).state(scene, 2e-7)
-        advance(scene, "finite", state, 10_000, threads=threads, switching="located")
+        advance(scene, "finite", state, 6000, threads=threads, switching="located")
         states.append(bits(state))
     assert states[0] == states[1] == states[2]
 
@@ -269,10 +269,11 @@ OTHERS = {
 def test_another_driver_goes_on_without_a_jump(name, changes):
     """F_T stays; each block is pushed as before if they are the same."""
     scene = small("free", h=2e-3) if name == "one" else PLATES[name]
-    half = run(scene, 1e-3, geometry="linear")
+    how = {"geometry": "linear", "sample": 2e-6}
+    half = run(scene, 1e-3, **how)
     F_T, state = half.curve["F_T"].iloc[-1], half.final_state
     other = scene.replace(changes)
-    two = run(other, 1.1e-3, geometry="linear", initial=half if changes.keys() == {"V"} else state)
+    two = run(other, 1.1e-3, **how, initial=half if changes.keys() == {"V"} else state)
     start = two.curve["F_T"][two.curve["t"] >= state.t].iloc[0]
     assert start == pytest.approx(F_T, rel=0, abs=1e-9 * scene.F_N)
     before = core.evaluate(core.model(scene, "linear", state.u_drv0), state, state.t)

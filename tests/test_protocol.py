@@ -332,7 +332,7 @@ def test_a_held_driver_holds_its_force_and_a_load_arrives():
     """After all changes the slider rests: F_T, sum p and sum tau are those of the end."""
     scene = driven(setup2(L=0.02, H=0.006, V=0.02, eta=120.0), ((3e-4, 0.0),))
     scene = loaded(scene, protocol=((2e-4, 500.0),), T=2.0, T_protocol=((2e-4, 30.0),))
-    record = simulate(scene, 2e-3, budget=False)
+    record = simulate(scene, 2e-3, budget=False, sample=4e-6)
     state, k_f = record.final_state, scene.k_f
     assert record.curve["F_T"].iloc[-1] == pytest.approx(record.curve["F_T"].iloc[-100], rel=1e-4)
     p = -k_f * state.y[0, 1]

@@ -267,6 +267,7 @@ def test_limit_does_not_depend_on_the_load():
 def test_limit_is_computed_once_for_all_speeds_and_friction():
     scene = small_rod()
     faster = scene.replace({"driver.V": 0.1, "mu_s": 0.9, "d_c": 1e-6, "name": "faster"})
+    faster = faster.replace({"top.F_N": 2 * scene.F_N, "top.protocol": ((1.0, 5.0),)})
     limit, info = stability_limit(scene)
     assert stability_limit(faster)[1] is info
     assert _limit(faster, "rk4")[0] == limit

@@ -60,10 +60,13 @@ def radius(stepper: Stepper, theta: np.ndarray) -> np.ndarray:
 
 
 def _step_limits(stepper: Stepper, eigenvalues: np.ndarray) -> np.ndarray:
-    """Return the limit for each eigenvalue; rounding into the right half plane is removed."""
+    """Return the limit for each eigenvalue, inf where another one has a smaller one for certain.
+
+    Rounding into the right half plane is removed.
+    """
     z = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag)
     limits = np.full(z.shape, np.inf)
-    moving = z != 0
+    moving = (z != 0) & (np.abs(z) >= np.abs(z).max() / 2)  # radii are from 2 to 4
     limits[moving] = radius(stepper, np.angle(z[moving])) / np.abs(z[moving])
     return limits
 
@@ -321,16 +324,21 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
 
 
 def _plain(scene: Scene) -> Scene:
-    """Return the scene without shear forces, speeds and friction: such scenes share a limit."""
-    shear: dict[str, Any] = {"push": ()}
+    """Return the scene without loads, speeds and friction: such scenes share a limit.
+
+    The loads of junctions remain: their stiffness follows p.
+    """
+    loads: dict[str, Any] = {"push": ()}
     if isinstance(scene.top, PrescribedLoad):
-        shear["tau"] = 0.0
+        loads |= {"tau": 0.0} | ({"p": 1.0} if scene.law.rests else {})
     elif isinstance(scene.top, DistributedLoad):
-        shear |= {"T": 0.0, "T_protocol": ()}
+        loads |= {"T": 0.0, "T_protocol": ()}
+    if scene.law.rests and not isinstance(scene.top, PrescribedLoad):
+        loads |= {"F_N": 1.0, "protocol": ()}
     given = scene.interface
     return dataclasses.replace(
         scene,
-        top=dataclasses.replace(scene.top, **shear),
+        top=dataclasses.replace(scene.top, **loads),
         driver=dataclasses.replace(scene.driver, V=0.0, protocol=()),
         interface=Interface(mu_s=0.0, mu_k=0.0, k_f=given.k_f, alpha=given.alpha)
         if scene.law.rests

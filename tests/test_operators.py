@@ -195,13 +195,13 @@ def full_limit(scene: Scene) -> float:
 @pytest.mark.parametrize(
     "scene",
     [
-        setup2(L=17e-3, H=9e-3),
-        setup2(L=17e-3, H=9e-3, eta=0.0),
-        setup2(L=17e-3, H=9e-3, k_f=1e9),
-        setup2(L=17e-3, H=9e-3, K=1e9, h=5e-3, side="right"),
-        setup1(L=0.045, H=0.0225, K=1e10, h=0.0225),
-        setup1(L=0.045, H=0.0225, mattress=1e11),
-        setup1(L=0.045, H=0.0225, mass=0.0, k_f=1e8),
+        setup2(L=14e-3, H=7e-3),
+        setup2(L=14e-3, H=7e-3, eta=0.0),
+        setup2(L=14e-3, H=7e-3, k_f=1e9),
+        setup2(L=14e-3, H=7e-3, K=1e9, h=5e-3, side="right"),
+        setup1(L=0.035, H=0.0175, K=1e10, h=0.0175),
+        setup1(L=0.035, H=0.0175, mattress=1e11),
+        setup1(L=0.035, H=0.0175, mass=0.0, k_f=1e8),
     ],
 )
 def test_limit_of_a_larger_lattice_comes_from_the_small_one(scene):

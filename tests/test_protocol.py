@@ -75,7 +75,7 @@ def at_once(scene, new, t):
     return scene.replace({"driver.protocol": speeds, "top.protocol": loads})
 
 
-RUNS = [(engine, what) for engine in ("dynamic", "hybrid") for what in OTHERS]
+RUNS = [*(("hybrid", what) for what in OTHERS), ("dynamic", "back"), ("dynamic", "a ramp")]
 
 
 @pytest.mark.parametrize(
@@ -104,8 +104,7 @@ def test_a_record_that_goes_on_is_one_run_with_both_protocols(fidelity, what):
     assert again.scene == goes_on.scene
 
 
-@pytest.mark.parametrize("what", [name for name in OTHERS if "load" not in name])
-@pytest.mark.parametrize("fidelity", ["dynamic", "hybrid"])
+@pytest.mark.parametrize(("fidelity", "what"), [run for run in RUNS if "load" not in run[1]])
 def test_a_state_keeps_the_place_of_its_driver(fidelity, what, tmp_path):
     _, before = first_part(fidelity)
     new = before.scene.replace(OTHERS[what])

@@ -368,11 +368,15 @@ def test_notes_go_on():
     assert all(note.startswith("quasistatic: d_c = 0") for note in notes[1:])
 
 
+@functools.cache
+def hybrid(t_end, geometry):
+    return simulate(small(), t_end, fidelity="hybrid", geometry=geometry, sample=1e-4)
+
+
 def in_two(t_half, geometry, folder):
     """Return a run and the same run in two halves."""
-    how = {"fidelity": "hybrid", "geometry": geometry, "sample": 1e-4}
-    whole = simulate(small(), 0.07, **how)
-    half = simulate(small(), t_half, **how).save(folder / "half.nc")
+    whole = hybrid(0.07, geometry)
+    half = hybrid(t_half, geometry).save(folder / "half.nc")
     split = simulate(small(), 0.07, initial=Record.load(half))
     exact = whole.events.select_dtypes(exclude="float").drop(columns=["quiet_start", "quiet_stop"])
     pd.testing.assert_frame_equal(split.events[exact.columns], exact)

@@ -220,9 +220,9 @@ def test_the_mirrored_scene_gives_the_mirrored_bits(scene, geometry):
         np.testing.assert_array_equal(getattr(back, name), getattr(state, name), err_msg=name)
 
 
-@every
-def test_threads_do_not_change_a_bit(scene):
-    states = []
+@pytest.mark.parametrize("name", ["rod, up to the rod", "free"])
+def test_threads_do_not_change_a_bit(name):
+    scene, states = PLATES[name], []
     for threads in (1, 2, scene.N_z):
         state = loaded_state(scene).state(scene, 2e-7)
         advance(scene, "finite", state, 6000, threads=threads, switching="located")
@@ -272,10 +272,12 @@ OTHERS = {
 }
 
 
-@pytest.mark.parametrize("changes", OTHERS.values(), ids=OTHERS)
-@pytest.mark.parametrize("name", ["free", "one"])
-def test_another_driver_goes_on_without_a_jump(name, changes):
+@pytest.mark.parametrize(
+    ("name", "what"), [*(("free", what) for what in OTHERS), ("one", "speed"), ("one", "higher")]
+)
+def test_another_driver_goes_on_without_a_jump(name, what):
     """F_T stays; each block is pushed as before if they are the same."""
+    changes = OTHERS[what]
     scene = small("free", h=2e-3) if name == "one" else PLATES[name]
     how = {"geometry": "linear", "sample": 2e-6}
     half = run(scene, 1e-3, **how)

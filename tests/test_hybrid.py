@@ -227,7 +227,7 @@ def check_equal(a, b, tolerance=REPRODUCED):
 @pytest.mark.portable
 @pytest.mark.parametrize(
     ("geometry", "scene", "t_end"),
-    [("linear", free(), 0.015), ("finite", free(), 0.015), ("finite", rod(V=1e-2), 0.01)],
+    [("linear", free(), 0.015), ("finite", free(), 0.015), ("finite", rod(), 0.04)],
     ids=["linear", "finite", "finite, rod"],
 )
 def test_threads_and_variants_make_no_difference(geometry, scene, t_end, monkeypatch):

@@ -52,8 +52,11 @@ def test_reference_is_determined_and_of_its_scene(name):
 # --- engines -------------------------------------------------------------------------------------
 
 
-STEPPED = {"viscosity_20_finite", "stiff_foundation_finite", "weakening_finite", "fine_finite"}
-"""At most 3 jumps in 1e5 steps: like viscosity_10_light_finite, but longer."""
+STEPPED = {
+    *("viscosity_20_finite", "stiff_foundation_finite", "weakening_finite", "fine_finite"),
+    *("light_finite", "no_kinetic_finite", "protocol_finite", "digest_fig1_finite"),
+}
+"""Few jumps among many steps, like viscosity_10_light, soft_foundation and digest_law (finite)."""
 COMPARED = [pytest.param(name, marks=pytest.mark.slow) if name in STEPPED else name for name in ALL]
 
 

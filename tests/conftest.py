@@ -1,5 +1,6 @@
 """Settings shared by all tests."""
 
+import gc
 import os
 import signal
 import sys
@@ -16,6 +17,9 @@ settings.register_profile(
     "pyfric", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("pyfric")
+
+# All that is collected stays: to look through it again and again takes time.
+gc.disable()
 
 # What is started in the background may ignore Ctrl-C, and tests send it.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -43,9 +47,14 @@ def coarse_pictures():
 
 @pytest.fixture(autouse=True)
 def coarse_curves(monkeypatch):
-    """Loading curves of 500 points where a test asks for no time between them."""
+    """Loading curves of 150 points where a test asks for no time between them."""
     if options := sys.modules.get("pyfric.engines.options"):
-        monkeypatch.setattr(options, "POINTS", 500)
+        monkeypatch.setattr(options, "POINTS", 150)
+
+
+def pytest_collection_finish():
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items):

@@ -20,7 +20,7 @@ METHODS = (
     chart.FULL,
     chart.Method("hybrid", "finite", "located", 2.0),
 )
-TOLERANCES = (0.1, 0.003)
+TOLERANCES = (0.01,)
 
 
 def small():

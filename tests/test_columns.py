@@ -103,7 +103,7 @@ def test_times_and_speeds(tmp_path, name, heads, end):
         ("0, 0, 0\n", "hold", None, ["row 1: 3 columns", "two columns"]),
         ("t (ms), gain\n", "hold", 0, ["2 to 1000 rows"]),
         ("0, 0\n1, 0.2\n2, 0.1\n", "hold", 0.1, ["row 3: no gain of mu_s"]),
-        ("0, 0\n" * 300_000, "hold", "path", ["too large"]),
+        pytest.param("0, 0\n" * 300_000, "hold", "path", ["too large"], id="too large"),
         ("0, 0.7\n1, 0.5\n", "slide", 0.453, ["interface.mu_k", "0.5, at", "row 2", "taken from"]),
         ("0,0.7\n3e-7,0.72\n1,0.453\n", "slide", 0.72, ["slip 300 nm", "row 2", "mu_s = 0.7"]),
     ],

@@ -69,8 +69,8 @@ def full(t_end, **changes):
 
 
 @functools.cache
-def exact(constant):
-    scene = preset("fig1", **CHOOSE[constant])
+def exact(**changes):
+    scene = preset("fig1", **changes)
     return pyfric.simulate(scene, 0.3, fidelity="hybrid", geometry="finite", progress=False)
 
 
@@ -83,7 +83,7 @@ def test_plans_keep_their_promise_whatever_chooses(constant, factor, monkeypatch
     scene = preset("fig1", **CHOOSE[constant])
     how = {"want": "precursors", "tolerance": TOLERANCE, "progress": False}
     made = pyfric.simulate(scene, 0.3, **how)
-    errors = differences(made, exact(constant)).errors()
+    errors = differences(made, exact(**CHOOSE[constant])).errors()
     assert max(errors["start"], errors["arrest"]) <= TOLERANCE
     other = DECIDE.get(constant) == factor
     assert made.method.engine == ("hybrid" if other else "quasistatic")

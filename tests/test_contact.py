@@ -126,7 +126,7 @@ def all_loaded(scene):
     return found
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(data=st.data(), mu=st.sampled_from([0.01, 0.1, 0.2, 0.3, 0.7]))
 def test_the_loaded_state_is_the_only_one_that_meets_its_conditions(data, mu):
     """Its forces, that is: where all blocks slip, they may have gone together some way more."""
@@ -138,7 +138,7 @@ def test_the_loaded_state_is_the_only_one_that_meets_its_conditions(data, mu):
     np.testing.assert_array_equal(contact.closed, ~state.open)
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(
     data=st.data(),
     mu_s=st.sampled_from([0.05, 0.15, 0.25]),
@@ -151,7 +151,7 @@ def test_the_loaded_state_is_one_of_those_that_meet_their_conditions(data, mu_s,
     assert any(same(state, one, scene) for one in all_loaded(scene))
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     data=st.data(),
     push=st.floats(-2.0, 2.0),

@@ -530,7 +530,7 @@ def test_friction_just_sufficient_prevents_slip():
     np.testing.assert_allclose(state.u, held.u, rtol=0, atol=1e-5 * np.abs(held.u).max())
 
 
-@pytest.mark.parametrize("mu", [0.02, 0.05, 0.15, 0.2])
+@pytest.mark.parametrize("mu", [0.02, 0.2])
 def test_proportional_loading_agrees_with_small_load_steps(mu):
     """mu_s = mu_k: F_N in 40 steps, each with friction iterated block by block.
 

@@ -44,8 +44,8 @@ step = functools.partial(run, fidelity="dynamic", budget=False, **STEPS)
 
 
 def both(scene, t_end, geometry, **options):
-    """Return the records of both engines, with 400 points of the curve."""
-    options |= {"geometry": geometry, "sample": t_end / 400}
+    """Return the records of both engines, with 100 points of the curve."""
+    options |= {"geometry": geometry, "sample": t_end / 100}
     exact = {name: option for name, option in options.items() if name != "accuracy"}
     records = [step(scene, t_end, **exact), jump(scene, t_end, **options)]
     for record in records:
@@ -88,7 +88,6 @@ def check_counts(record):
 
 SCENES = {
     "rod": (rod(), 0.06),
-    "rod, right": (rod(side="right"), 0.06),
     "rod, high driver": (rod(h=0.0075), 0.06),
     "rod, top driver": (rod(h=0.0125), 0.06),
     "free": (free(), 0.03),
@@ -120,12 +119,11 @@ def test_linear_geometry_is_full_dynamics(name):
     ("scene", "t_end"),
     [
         (rod(V=5e-4), 0.16),
-        (rod(V=5e-4, side="right"), 0.16),
         (rod(V=5e-4, h=2.5e-3).replace(h_top=0.01), 0.16),
         (free(V=1e-3), 0.04),
         (free(V=1e-3, theta=0.833, h=3e-3), 0.04),
     ],
-    ids=["rod", "rod, right", "rod, plate", "free", "free, light edge"],
+    ids=["rod", "rod, plate", "free", "free, light edge"],
 )
 def test_finite_geometry_is_full_dynamics(scene, t_end):
     a, b = both(scene, t_end, "finite")
@@ -385,8 +383,10 @@ def test_doubling_load_and_speed_doubles_a_whole_run():
 # --- hard scenes ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("eta", [0.0, 1e-6, 1e-3, 1e-2])
-@pytest.mark.parametrize(("make", "t_end"), [(rod, 0.04), (free, 0.015)], ids=["rod", "free"])
+@pytest.mark.parametrize(
+    ("make", "t_end", "eta"),
+    [(rod, 0.04, 0.0), (rod, 0.04, 1e-2), (free, 0.015, 1e-6), (free, 0.015, 1e-3)],
+)
 def test_without_viscosity_the_run_is_stepped(make, t_end, eta):
     """Jumps are rare there, and safe: the events are those of full dynamics."""
     scene = make(eta=eta)

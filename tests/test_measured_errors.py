@@ -229,7 +229,7 @@ def test_the_measured_error_is_the_error_of_a_closed_form(share):
 def refined():
     """A plan in linear geometry whose front speeds need finite geometry."""
     scene = setup1(L=0.03, H=0.015, V=5e-3, F_N=800.0)
-    return pyfric.simulate(scene, 0.035, want="front_speed", tolerance=0.03, verify="full")
+    return pyfric.simulate(scene, 0.03, want="front_speed", tolerance=0.03, verify="full")
 
 
 def test_a_plan_measures_its_errors(refined):

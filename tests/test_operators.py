@@ -13,7 +13,7 @@ from pyfric.core import STEPPERS
 from pyfric.scene import Driver, Scene, setup1, setup2
 from pyfric.statics import damping, dispersion, mass, stability_limit, stiffness
 from pyfric.statics.operators import coordinates, operators
-from pyfric.statics.stability import radius
+from pyfric.statics.stability import _limit, radius
 
 # --- generalised coordinates ---------------------------------------------------------------------
 
@@ -195,13 +195,13 @@ def full_limit(scene: Scene) -> float:
 @pytest.mark.parametrize(
     "scene",
     [
-        setup2(L=17e-3, H=9e-3),
-        setup2(L=17e-3, H=9e-3, eta=0.0),
-        setup2(L=17e-3, H=9e-3, k_f=1e9),
-        setup2(L=17e-3, H=9e-3, K=1e9, h=5e-3, side="right"),
-        setup1(L=0.045, H=0.0225, K=1e10, h=0.0225),
-        setup1(L=0.045, H=0.0225, mattress=1e11),
-        setup1(L=0.045, H=0.0225, mass=0.0, k_f=1e8),
+        setup2(L=14e-3, H=7e-3),
+        setup2(L=14e-3, H=7e-3, eta=0.0),
+        setup2(L=14e-3, H=7e-3, k_f=1e9),
+        setup2(L=14e-3, H=7e-3, K=1e9, h=5e-3, side="right"),
+        setup1(L=0.035, H=0.0175, K=1e10, h=0.0175),
+        setup1(L=0.035, H=0.0175, mattress=1e11),
+        setup1(L=0.035, H=0.0175, mass=0.0, k_f=1e8),
     ],
 )
 def test_limit_of_a_larger_lattice_comes_from_the_small_one(scene):
@@ -262,6 +262,19 @@ def test_limit_does_not_depend_on_the_load():
     scene = setup2(F_N=400.0)
     heavy = dataclasses.replace(setup2(F_N=8e5), driver=Driver(K=0.8e6, V=9.0, h=2e-3))
     assert stability_limit(scene)[0] == stability_limit(heavy)[0]
+
+
+def test_limit_is_computed_once_for_all_speeds_and_friction():
+    scene = small_rod()
+    faster = scene.replace({"driver.V": 0.1, "mu_s": 0.9, "d_c": 1e-6, "name": "faster"})
+    faster = faster.replace({"top.F_N": 2 * scene.F_N, "top.protocol": ((1.0, 5.0),)})
+    limit, info = stability_limit(scene)
+    assert stability_limit(faster)[1] is info
+    assert _limit(faster, "rk4")[0] == limit
+    sheared = setup2(L=0.02, H=0.006, T=5.0, T_protocol=((1.0, 20.0),))
+    assert stability_limit(sheared) == stability_limit(setup2(L=0.02, H=0.006))
+    for decides in ({"k_f": 1e9}, {"alpha": 1e3}, {"driver.K": 1e9}, {"eta": 40.0}):
+        assert stability_limit(scene.replace(decides))[0] < 0.99 * limit
 
 
 def test_other_integrators_are_refused():

@@ -222,7 +222,7 @@ def test_presets_round_trip_exactly(name, tmp_path):
 awkward = st.floats(1e-3, 1e3, allow_nan=False)
 
 
-@settings(max_examples=200)
+@settings(max_examples=80)
 @given(
     spacing=st.floats(1e-6, 1.0),
     columns=st.integers(2, 50),
@@ -766,7 +766,7 @@ def test_documents_broken_once(change):
     try_broken([change])
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(steps=st.lists(changes, min_size=2, max_size=3))
 def test_documents_broken_twice(steps):
     try_broken(steps)

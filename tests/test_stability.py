@@ -15,9 +15,14 @@ from pyfric.statics import loaded_state, stability_limit
 WITHIN = 0.05
 
 
-@pytest.mark.parametrize("stepper", stability.LIMITED)
-@pytest.mark.parametrize(("eta", "stiffness"), [(0.0, 100.0), (math.sqrt(0.1), 1.0), (3.0, 100.0)])
-def test_computed_limits_are_those_of_runs(stepper, eta, stiffness):
+@pytest.mark.parametrize(
+    ("eta", "stiffness", "stepper"),
+    [
+        *((eta, 100.0, stepper) for eta in (0.0, 3.0) for stepper in stability.LIMITED),
+        (math.sqrt(0.1), 1.0, "rk4"),
+    ],
+)
+def test_computed_limits_are_those_of_runs(eta, stiffness, stepper):
     scene = limits.small_slider(eta, stiffness)
     computed, details = stability_limit(scene, stepper)
     assert details["exact"]

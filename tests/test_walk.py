@@ -14,8 +14,12 @@ TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 PAGES = [ROOT / "README.md", ROOT / "docs" / "tutorials" / "how_far.md", *HOW_TO]
 
 
+LONG = {"README": "slow", "my_block": "site", "seeds": "site", "sweep_again": "site"}
+"""Pages that take seconds, which `make docs` walks: it runs all of this file."""
+
+
 def walked(page):
-    marks = [pytest.mark.slow] if page.stem == "README" else []
+    marks = [getattr(pytest.mark, LONG[page.stem])] if page.stem in LONG else []
     return pytest.param(page, marks=marks, id=page.stem)
 
 

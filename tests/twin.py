@@ -40,14 +40,16 @@ def bond_forces(scene: Any, y: np.ndarray, geometry: str) -> np.ndarray:
     """
     F = np.zeros((scene.N_z, 2, scene.N_x))
     u_x, u_z, v_x, v_z = (y[:, c, :].tolist() for c in range(4))
+    bonds = [(a, b, *_bond(scene, a, b)) for a, b in NEIGHBOURS]
+    eta, only_along, N_x = scene.eta, along(scene), scene.N_x
     for j in range(scene.N_z):
-        for i in range(scene.N_x):
-            for a, b in NEIGHBOURS:
+        for i in range(N_x):
+            F_x = F_z = 0.0
+            for a, b, k, l, d_x, d_z in bonds:
                 there = neighbour(scene, j + b, i + a)
                 if there is None:
                     continue
                 j2, i2, sign = there
-                k, l, d_x, d_z = _bond(scene, a, b)
                 du_x, du_z = u_x[j2][i2] - u_x[j][i], sign * u_z[j2][i2] - u_z[j][i]
                 if geometry == "linear":
                     n_x, n_z = d_x / l, d_z / l
@@ -57,11 +59,13 @@ def bond_forces(scene: Any, y: np.ndarray, geometry: str) -> np.ndarray:
                     n_x, n_z = (d_x + du_x) / r, (d_z + du_z) / r
                     tension = k * elongation
                 dv_x, dv_z = v_x[j2][i2] - v_x[j][i], sign * v_z[j2][i2] - v_z[j][i]
-                if along(scene):
+                if only_along:
                     dv = n_x * dv_x + n_z * dv_z
                     dv_x, dv_z = dv * n_x, dv * n_z
-                F[j, 0, i] += share(scene, j, i, a, b) * (tension * n_x + scene.eta * dv_x)
-                F[j, 1, i] += share(scene, j, i, a, b) * (tension * n_z + scene.eta * dv_z)
+                part_of = share(scene, j, i, a, b)
+                F_x += part_of * (tension * n_x + eta * dv_x)
+                F_z += part_of * (tension * n_z + eta * dv_z)
+            F[j, :, i] = F_x, F_z
     return F
 
 
@@ -75,15 +79,18 @@ def neighbour(scene: Any, j: int, i: int) -> tuple[int, int, int] | None:
 
     Beyond a mirrored side or top it is the image of the block as far behind it as (j, i) is beyond.
     """
+    N_x, N_z = scene.N_x, scene.N_z
+    if 0 <= i < N_x and 0 <= j < N_z:
+        return j, i, 1
     walls, sign = getattr(scene, "walls", None), 1
-    if i in (-1, scene.N_x):
+    if i in (-1, N_x):
         if walls is None or (walls.left if i < 0 else walls.right) != "mirrored":
             return None
-        i, sign = (0 if i < 0 else scene.N_x - 1), -sign
-    if j == scene.N_z:
+        i, sign = (0 if i < 0 else N_x - 1), -sign
+    if j == N_z:
         if walls is None or walls.top != "mirrored":
             return None
-        j, sign = scene.N_z - 1, -sign
+        j, sign = N_z - 1, -sign
     return None if j < 0 else (j, i, sign)
 
 
@@ -118,9 +125,9 @@ def absorbing(scene: Any, y: np.ndarray) -> np.ndarray:
 
 def cut(scene: Any, j: int, i: int) -> tuple[bool, bool]:
     """Return whether the slider is cut along row j, and along column i."""
-    walls = getattr(scene, "walls", None)
     if not prescribed(scene):
         return False, False
+    walls = scene.walls
     row = j == 0 or (j == scene.N_z - 1 and walls.top == "absorbing")
     left = i == 0 and walls.left == "absorbing"
     return row, left or (i == scene.N_x - 1 and walls.right == "absorbing")
@@ -324,6 +331,9 @@ def friction_coefficient(scene: Any, slip: float, i: int = 0, v: float = 0.0) ->
 
 def over_walls(scene: Any) -> list[tuple[int, int, int, int]]:
     """Return the bonds over mirrored walls, as (j, i, a, b): one half of each counts."""
+    walls = getattr(scene, "walls", None)
+    if walls is None or "mirrored" not in (walls.left, walls.right, walls.top):
+        return []
     return [
         (j, i, a, b)
         for j in range(scene.N_z)
@@ -342,21 +352,23 @@ def difference(scene: Any, q: np.ndarray, j: int, i: int, a: int, b: int) -> np.
 
 def each_bond(scene: Any) -> list[tuple[int, int, int, int]]:
     """Return every bond once, as (j, i, a, b): from block (j, i) by (a, b) blocks."""
+    N_x, N_z = scene.N_x, scene.N_z
     return [
         (j, i, a, b)
-        for j in range(scene.N_z)
-        for i in range(scene.N_x)
+        for j in range(N_z)
+        for i in range(N_x)
         for a, b in [(1, 0), (0, 1), (1, 1), (-1, 1)]
-        if 0 <= i + a < scene.N_x and j + b < scene.N_z
+        if 0 <= i + a < N_x and j + b < N_z
     ]
 
 
 def bond_dissipation(scene: Any, y: np.ndarray) -> float:
     """Return the power lost in the dashpots, the sum of eta |v_j - v_i|^2 over the bonds, in W."""
     total = 0.0
+    eta, v_x, v_z = scene.eta, y[:, 2].tolist(), y[:, 3].tolist()
     for j, i, a, b in each_bond(scene):
-        dv = y[j + b, 2:4, i + a] - y[j, 2:4, i]
-        total += share(scene, j, i, a, b) * scene.eta * (dv[0] ** 2 + dv[1] ** 2)
+        dv_x, dv_z = v_x[j + b][i + a] - v_x[j][i], v_z[j + b][i + a] - v_z[j][i]
+        total += share(scene, j, i, a, b) * eta * (dv_x * dv_x + dv_z * dv_z)
     for j, i, a, b in over_walls(scene):
         dv = difference(scene, y[:, 2:], j, i, a, b)
         total += share(scene, j, i, a, b) * scene.eta * np.sum(dv**2) / 2

@@ -10,6 +10,7 @@ Source: PRL 107, 074301 (2011).
 
 from __future__ import annotations
 
+import bisect
 import functools
 import math
 import os
@@ -123,6 +124,7 @@ class Run:
         self.stopping, self.ending = stopping, ""
         self.known, self.solver = solver, RememberedStates(solver)
         self.model = core.model(scene, method.geometry, state.u_drv0, just_after(state))
+        self.piece: int | None = None  # of the protocols, that the model follows
         self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
         self.log = core.Log(scene.N_x)
         self.t_begin = state.t
@@ -282,9 +284,12 @@ class Run:
         scene, t = self.scene, just_after(state)
         if not scene.corners:
             return self._in_core(state, n_steps)
-        self.model = core.model(scene, self.method.geometry, state.u_drv0, t)
-        self.guard.model = self.model
-        corner = next((one for one in scene.corners if one > t), math.inf)
+        piece = bisect.bisect_right(scene.corners, t)
+        if piece != self.piece:
+            self.piece = piece
+            self.model = core.model(scene, self.method.geometry, state.u_drv0, t)
+            self.guard.model = self.model
+        corner = scene.corners[piece] if piece < len(scene.corners) else math.inf
         if not corner < state.t0 + (state.step + n_steps) * state.dt:
             return self._in_core(state, n_steps)
         last = last_step(state.t0, state.dt, corner)

@@ -11,7 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyfric.core import STEPPERS
-from pyfric.scene import Driver, Interface, PrescribedLoad, Rod, Scene, SceneError, Slider, as_scene
+from pyfric.scene import (
+    DistributedLoad,
+    Driver,
+    Interface,
+    PrescribedLoad,
+    Rod,
+    Scene,
+    SceneError,
+    Slider,
+    as_scene,
+)
 from pyfric.statics.operators import dispersion, operators, stiffness
 
 if TYPE_CHECKING:
@@ -53,7 +63,8 @@ def _step_limits(stepper: Stepper, eigenvalues: np.ndarray) -> np.ndarray:
     """Return the limit for each eigenvalue; positive real parts, due to rounding, are set to 0."""
     z = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag)
     limits = np.full(z.shape, np.inf)
-    moving = z != 0
+    # Radii are from 2 to 4: eigenvalues of less than half the largest one cannot set the limit.
+    moving = (z != 0) & (np.abs(z) >= np.abs(z).max() / 2)
     limits[moving] = radius(stepper, np.angle(z[moving])) / np.abs(z[moving])
     return limits
 
@@ -311,14 +322,35 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
     """
     if not isinstance(stepper, str) or stepper not in STEPPERS:
         raise SceneError("stepper", stepper, "", " or ".join(map(repr, STEPPERS)))
-    scene = as_scene(scene)
-    # Scenes that differ in shear forces share a limit.
-    tau = {"tau": 0.0} if isinstance(scene.top, PrescribedLoad) else {}
-    plain = dataclasses.replace(scene.top, push=(), **tau)
-    return _limit(dataclasses.replace(scene, top=plain, stop_when=()), stepper)
+    return _limit(_plain(as_scene(scene)), stepper)
 
 
-@functools.lru_cache(maxsize=64)
+def _plain(scene: Scene) -> Scene:
+    """Return the scene without loads, speeds and friction: such scenes share a limit.
+
+    The loads of junctions remain: their stiffness follows p.
+    """
+    loads: dict[str, Any] = {"push": ()}
+    if isinstance(scene.top, PrescribedLoad):
+        loads |= {"tau": 0.0} | ({"p": 1.0} if scene.law.rests else {})
+    elif isinstance(scene.top, DistributedLoad):
+        loads |= {"T": 0.0, "T_protocol": ()}
+    if scene.law.rests and not isinstance(scene.top, PrescribedLoad):
+        loads |= {"F_N": 1.0, "protocol": ()}
+    given = scene.interface
+    return dataclasses.replace(
+        scene,
+        top=dataclasses.replace(scene.top, **loads),
+        driver=dataclasses.replace(scene.driver, V=0.0, protocol=()),
+        interface=Interface(mu_s=0.0, mu_k=0.0, k_f=given.k_f, alpha=given.alpha)
+        if scene.law.rests
+        else given,
+        name="",
+        stop_when=(),
+    )
+
+
+@functools.lru_cache(maxsize=256)
 def _limit(scene: Scene, stepper: str) -> tuple[float, Mapping[str, Any]]:
     """Return the result of `stability_limit`; results are cached."""
     table, small = STEPPERS[stepper], _reduced(scene)

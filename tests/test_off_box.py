@@ -52,26 +52,18 @@ def test_reference_is_determined_and_of_its_scene(name):
 # --- engines -------------------------------------------------------------------------------------
 
 
-STEPPED = {
-    *("viscosity_20_finite", "stiff_foundation_finite", "weakening_finite", "fine_finite"),
-    *("light_finite", "no_kinetic_finite", "protocol_finite", "digest_fig1_finite"),
-}
-"""Few jumps among many steps, like viscosity_10_light, soft_foundation and digest_law (finite)."""
-COMPARED = [pytest.param(name, marks=pytest.mark.slow) if name in STEPPED else name for name in ALL]
-
-
 @functools.cache
 def hybrid(name):
     return reference(name).apart(reference(name).hybrid())
 
 
-@pytest.mark.parametrize("name", COMPARED)
+@pytest.mark.parametrize("name", ALL)
 def test_hybrid_has_the_same_events_and_blocks(name):
     off = hybrid(name)
     assert (off["events"], off["blocks"]) == (0, 0)
 
 
-@pytest.mark.parametrize("name", COMPARED)
+@pytest.mark.parametrize("name", ALL)
 def test_hybrid_is_full_dynamics(name):
     off = hybrid(name)
     assert max(off["start"], off["arrest"]) <= FORCE

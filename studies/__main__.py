@@ -101,7 +101,7 @@ def fidelity(tell: Tell) -> None:
 @main.command(section="Speed")
 @telling
 def large(tell: Tell) -> None:
-    """Seconds and memory of the Fig. 1 scene on 561 x 301 blocks (minutes, 3 GB)."""
+    """Seconds and memory of the Fig. 1 scene on 561 x 301 blocks (15 minutes, up to 15 GB)."""
     import large
 
     tell.table(large.large(), large.report)

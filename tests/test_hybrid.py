@@ -199,6 +199,16 @@ def test_the_scenes_cover_what_they_are_for():
     assert high.episodes["reversals"].any()
 
 
+def test_modes_that_do_not_fit_into_memory_are_found_again(monkeypatch):
+    """With room for one set of contact states, the events and forces are the same."""
+    scene, t_end = SCENES["free, light edge"]
+    kept = jump(scene, t_end, geometry="linear")
+    monkeypatch.setattr("pyfric.core.available", lambda: 0.0)
+    again = jump(scene, t_end, geometry="linear")
+    assert again.counts["modal_bases"] > kept.counts["modal_bases"] > 1
+    check_same_events(kept, again, 1e-12)
+
+
 def test_an_event_that_nucleates_during_ring_down_is_caught():
     """Fig. 1, after the event at 0.5474 s: the next one comes while the slider still rings."""
     scene = preset("fig1")

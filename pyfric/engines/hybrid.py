@@ -19,6 +19,7 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK
+from pyfric.engines.cost import set_up
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run, just_after, last_step
 from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
@@ -39,8 +40,9 @@ BALANCED = 1e-11
 MOSTLY = 0.5
 """Integrated share of the time above which the record carries a note."""
 KEPT, RESTS = 8, 32
-"""Sets of contact states whose modes are kept, and paths on which static states are found. All
-paths together take as much memory as one set of modes."""
+"""Sets of contact states whose modes are kept, fewer where they do not fit into the available
+memory; and paths on which static states are found. All paths together take as much memory as one
+set of modes."""
 LATE = 1 / 8
 """Shortest wait after a refused jump, over the steps since the last jump. It limits the number of
 attempts; a jump can come late by this share."""
@@ -64,7 +66,8 @@ class RestStates:
 
     def __init__(self, solver: StaticSolver, dt: float) -> None:
         self.known, self.dt = solver, dt
-        self._systems: Memory[Linearised] = Memory(KEPT)
+        room = core.available() / set_up(solver.scene, "hybrid", solver.geometry).bytes
+        self._systems: Memory[Linearised] = Memory(int(min(max(room, 1), KEPT)))
         self._rests: Memory[tuple[float, np.ndarray]] = Memory(RESTS)
         self._latest: dict[bytes, np.ndarray] = {}
         self.bases = 0

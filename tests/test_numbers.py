@@ -71,7 +71,7 @@ KINDS = {
         "on_junctions": "STEPS",
         "creeping": "KEPT",
         "crossing": "GRID",
-        "hybrid": "KEPT RESTS",
+        "hybrid": "KEPT PATHS",
         "blas": "SMALL",
         "condensation": "LARGE",
         "system": "KEPT",

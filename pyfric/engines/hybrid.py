@@ -39,10 +39,9 @@ BALANCED = 1e-11
 """Largest error of a contact force in static states of events, over F_N."""
 MOSTLY = 0.5
 """Integrated share of the time above which the record carries a note."""
-KEPT, RESTS = 8, 32
+KEPT, PATHS = 8, 1e8
 """Sets of contact states whose modes are kept, fewer where they do not fit into the available
-memory; and paths on which static states are found. All paths together take as much memory as one
-set of modes."""
+memory; and memory of the paths on which static states are found, in bytes."""
 LATE = 1 / 8
 """Shortest wait after a refused jump, over the steps since the last jump. It limits the number of
 attempts; a jump can come late by this share."""
@@ -68,7 +67,8 @@ class RestStates:
         self.known, self.dt = solver, dt
         room = core.available() / set_up(solver.scene, "hybrid", solver.geometry).bytes
         self._systems: Memory[Linearised] = Memory(int(min(max(room, 1), KEPT)))
-        self._rests: Memory[tuple[float, np.ndarray]] = Memory(RESTS)
+        paths = PATHS / (3 * 8 * len(solver.arm))
+        self._rests: Memory[tuple[float, np.ndarray]] = Memory(int(max(paths, 1)))
         self._latest: dict[bytes, np.ndarray] = {}
         self.bases = 0
 

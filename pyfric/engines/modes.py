@@ -359,9 +359,9 @@ class Linearised:
         """
         return (self._CB @ y[0] + y[1]) @ self._pulled + self.rates * (y[0] @ self._pulled)
 
-    def excited(self, w: np.ndarray) -> np.ndarray:
-        """Return the amplitudes of modes in a deviation w (m) with zero velocity, shape (n,)."""
-        return self.amplitudes(np.array([(self.M * w) @ self.B, np.zeros(self.B.shape[1])]))
+    def excited(self, w: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return the amplitudes of modes in a deviation w (m) with velocity v (m/s), shape (n,)."""
+        return self.amplitudes(np.array([self.M * w, self.M * v]) @ self.B)
 
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and truncated part.

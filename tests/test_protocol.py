@@ -100,6 +100,15 @@ def test_a_record_that_goes_on_is_one_run_with_both_protocols(fidelity, what):
     assert again.scene == goes_on.scene
 
 
+def test_a_later_protocol_is_not_noted_as_another_speed():
+    scene = small(V=1e-2)
+    how = {"fidelity": "quasistatic", "progress": False}
+    before = pyfric.simulate(scene, 1e-3, **how)
+    new = scene.replace({"driver.protocol": ((2e-3, 1e-2), (2e-3, 0.0))})
+    notes = pyfric.simulate(new, 3e-3, initial=before, **how).notes
+    assert "goes on from t = 0.001 s with another driver.protocol" in notes
+
+
 @pytest.mark.parametrize("what", [name for name in OTHERS if "load" not in name])
 @pytest.mark.parametrize("fidelity", ["dynamic", "hybrid"])
 def test_a_state_keeps_the_place_of_its_driver(fidelity, what, tmp_path):

@@ -28,6 +28,7 @@ import pandas as pd
 from pyfric.record.analysis import mean_force
 from pyfric.record.pairing import event_distances, in_order, pace
 from pyfric.record.rupture import five_known, front_speed
+from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
     from pyfric.record.record import Record
@@ -255,7 +256,13 @@ class Differences(NamedTuple):
 
 
 def differences(record: Record, other: Record) -> Differences:
-    """Return how far two runs of a scene are apart, up to where the shorter one ends."""
+    """Return how far two runs of a scene are apart, up to where the shorter one ends.
+
+    Raises:
+        SceneError: the runs have different numbers of blocks.
+    """
+    if other.scene.N_x != (N_x := record.scene.N_x):
+        raise SceneError("other", other.scene.N_x, "", f"a run with {N_x} blocks", "other blocks")
     covered = min(float(one.curve["t"].iloc[-1]) for one in (record, other))
     own, speeds = _Pairs(record, other, covered).rows()
     others, _ = _Pairs(other, record, covered).rows()

@@ -101,6 +101,7 @@ def test_refusals():
     backward = {"mean": 0.7, "std": 0.1, "correlation_length": -1e-3}
     refused(lambda: with_(mu_s=backward), "interface.mu_s", "correlation_length: too small")
     refused(lambda: with_(mu_s={"mean": 0.7}), "interface.mu_s", "std: one is needed")
+    refused(lambda: with_(law={"kind": "ageing"}), "interface.law", "in a scene file")
     length = {"correlation_length": 0.1}
     refused(lambda: Spread(mean=1.0, range=0.1, **length), "spread.correlation_length")
 

@@ -315,7 +315,7 @@ def test_a_bound_names_its_formula():
     ]  # fmt: skip
     assert errors.holds is True
     said = str(errors)
-    assert "measured errors (3 main events, to 0.5 s): arrest 0.01 F_N\n" in said
+    assert "measured errors (3 events, to 0.5 s): arrest 0.01 F_N\n" in said
     assert "bounded: start 0.05 F_N by what ladders leave out" in said
     assert "length, stress, rupture, speed_median, speed_95, speed_worst not measured" in said
 

@@ -78,7 +78,7 @@ class Errors:
         start, arrest, length, stress, rupture, speed_median, speed_95, speed_worst: the errors.
         bounds: numbers that are bounded and not measured: name to the formula.
         compared: name to how many events, or blocks of fronts, were compared for it.
-        events: main events that were compared.
+        events: events that were compared: main events, or all where there are none.
         undetermined: events that two runs do not agree on; the errors are those of all others.
         covered: time up to which they were compared, s.
         t_end: time up to which the run goes, s; None means `covered`.
@@ -179,7 +179,7 @@ class Errors:
             over = f" over {self.compared[name]}" if name in self.compared else ""
             by = f" by {self.bounds[name]}" if how == "bounded" else over
             said[how].append(name if value is None else f"{name} {value:.2g} {unit}{by}")
-        lines, events = [], f"{self.events} main events, to {self.covered:.6g} s"
+        lines, events = [], f"{self.events} events, to {self.covered:.6g} s"
         if said["measured"]:
             lines.append(f"measured errors ({events}): {', '.join(said['measured'])}")
         if said["bounded"]:

@@ -388,6 +388,22 @@ def test_static_slip_back_and_forth_follows_masings_rule():
     np.testing.assert_allclose([there["drive"], there["F_T"]], [-V * T, -most], rtol=1e-11)
 
 
+@pytest.mark.parametrize("fidelity", ["quasistatic", "equilibrium"])
+def test_the_curve_of_static_states_bends_while_the_driver_accelerates(fidelity):
+    """From rest F_T grows as t^2; it is linear in the position of the driver."""
+    T = 20e-3
+    scene = driven(setup1(L=0.02, H=0.0125, F_N=400.0), ((T, 1e-3),), V=0.0)
+    record = pyfric.simulate(scene, T, fidelity=fidelity, progress=False)
+    assert not len(record.events)
+    curve = record.curve
+    t, most = np.linspace(0, T, 200), curve["F_T"].iloc[-1]
+    assert most > 0
+    np.testing.assert_allclose(
+        np.interp(t, curve["t"], curve["F_T"]), most * (t / T) ** 2, atol=most / 32**2 / 4 * 1.01
+    )
+    np.testing.assert_allclose(curve["F_T"], most * (curve["t"] / T) ** 2, atol=1e-12 * most)
+
+
 def test_the_ladder_climbs_and_descends_as_full_dynamics_does():
     """Within 0.02 F_N, its error in this scene; between -0.2 and 0.5 F_N."""
     V, T = 4e-3, 20e-3

@@ -256,6 +256,16 @@ def test_friction_coefficients_take_the_load_of_the_time():
     np.testing.assert_allclose(found, plain, rtol=1e-12)
 
 
+def test_a_driver_that_moves_back_leaves_no_mean_of_sliding(record):
+    """Sliding lasts from 4 to 6 s."""
+    V = record.scene.driver.V
+    for t, known in ((3.0, True), (5.0, False), (7.0, True)):
+        corners = [(t, V), (t, -V), (t + 0.5, -V), (t + 0.5, V)]
+        scene = record.scene.replace({"driver.protocol": corners})
+        found = analysis.friction_coefficients(record.replace(scene=scene))
+        assert np.isfinite(found.mu_k_macro) == known
+
+
 def test_numbers_that_a_run_does_not_have_are_refused():
     record = made_up()
     end = float(record.curve["t"].iloc[-1])

@@ -234,3 +234,7 @@ def test_the_command(tmp_path, monkeypatch):
     assert (tmp_path / "phases.png").exists()
     done = CliRunner().invoke(main, ["phase-diagram", "--x", "alpha=3"])
     assert done.exit_code == 2
+    for option in (("--set", "mu_s=3"), ("--t-end", "1"), ("--stop-when", "arrested")):
+        done = CliRunner().invoke(main, ["phase-diagram", *option, "--out", tmp_path])
+        assert done.exit_code == 2
+        assert "need a SCENE" in done.output  # they would change nothing

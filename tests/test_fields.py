@@ -98,6 +98,10 @@ def test_refusals():
     refused(lambda: Spread(mean=1.0, std=0.1, range=0.1), "spread.std")
     refused(lambda: Spread(mean=1.0, std=0.1, seed=-1), "spread.seed")
     refused(lambda: Spread(mean=1.0, std=0.1, distribution="uniform"), "spread.distribution")
+    backward = {"mean": 0.7, "std": 0.1, "correlation_length": -1e-3}
+    refused(lambda: with_(mu_s=backward), "interface.mu_s", "correlation_length: too small")
+    refused(lambda: with_(mu_s={"mean": 0.7}), "interface.mu_s", "std: one is needed")
+    refused(lambda: with_(law={"kind": "ageing"}), "interface.law", "in a scene file")
     length = {"correlation_length": 0.1}
     refused(lambda: Spread(mean=1.0, range=0.1, **length), "spread.correlation_length")
 

@@ -544,6 +544,14 @@ def test_figures_of_fronts_without_known_speed_and_of_other_setups():
         figures.fig2b([record])
 
 
+@pytest.mark.parametrize("draw", [figures.fig2a, figures.fig2b, figures.fig4b])
+def test_figures_of_several_runs_name_what_is_missing(draw):
+    with pytest.raises(pyfric.SceneError, match=r"records = \[\]: none is given"):
+        draw([])
+    with pytest.raises(pyfric.SceneError, match=r"records = 'Record': not a list; .* a list of"):
+        draw(made_up_record(lengths=(4,)))
+
+
 @pytest.mark.parametrize("switching", ["step_end", "located"])
 def test_frames_run_the_event_again(run, switching):
     if switching == "located":

@@ -184,6 +184,14 @@ def test_damaged_states_are_noticed(tmp_path):
     assert State.load(path) == state()
 
 
+def test_another_file_is_no_state_and_gets_no_advice_to_load_it_unsafely(tmp_path):
+    path = tmp_path / "a.nc"
+    path.write_bytes(sealed(b"as a record has it"))
+    with pytest.raises(StateError, match=r"a\.nc: damaged, or not a state") as caught:
+        State.load(path)
+    assert "pickle" not in str(caught.value)
+
+
 def test_states_are_plain_archives(tmp_path):
     with np.load(state().save(tmp_path / "a.npz")) as archive:
         assert (archive["y"] == state().y).all()

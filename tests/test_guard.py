@@ -33,6 +33,8 @@ SCENES = {
     "chain, held": (chain(L=0.02, tau=60.0, k_top=2e7, V=0.2), 0.01),
     "soft driver": (rod(K=1e3, V=10.0), 0.01),
     "weakening": (rod(V=0.2, d_c=1e-6), 0.01),
+    "load removed": (rod(V=0.0, **{"top.protocol": [(2e-4, 400.0), (2e-4, 20.0)]}), 2e-3),
+    "load removed, free": (free(V=0.0, **{"top.protocol": [(2e-4, 50.0), (2e-4, 5.0)]}), 2e-3),
 }
 
 

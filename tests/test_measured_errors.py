@@ -70,6 +70,13 @@ def test_a_record_does_not_differ_from_itself(ladder):
     assert set(table["event"]) == set(main_events(ladder))
 
 
+def test_runs_with_other_blocks_are_not_compared(ladder):
+    other = pyfric.simulate(setup1(L=0.04, H=0.015, F_N=800.0), 0.1, fidelity="quasistatic")
+    assert other.scene.N_x != ladder.scene.N_x
+    with pytest.raises(pyfric.SceneError, match=r"a run with .* blocks"):
+        differences(ladder, other)
+
+
 def test_known_differences_are_found(ladder):
     main, F_N = main_events(ladder), ladder.scene.F_N
     other = changed(ladder, main[2], F_T_start=0.01 * F_N, L_p_over_L=0.1)
@@ -308,7 +315,7 @@ def test_a_bound_names_its_formula():
     ]  # fmt: skip
     assert errors.holds is True
     said = str(errors)
-    assert "measured errors (3 main events, to 0.5 s): arrest 0.01 F_N\n" in said
+    assert "measured errors (3 events, to 0.5 s): arrest 0.01 F_N\n" in said
     assert "bounded: start 0.05 F_N by what ladders leave out" in said
     assert "length, stress, rupture, speed_median, speed_95, speed_worst not measured" in said
 

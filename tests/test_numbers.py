@@ -30,6 +30,7 @@ KINDS = {
         "classes": "FROM_BLOCK SLOW LAST",
         "errors": "SAME COVERED",
         "layout": "SCHEMA",
+        "quasistatic": "BENDS",
         "rupture": "AVERAGED SLOWEST",
         "complementarity": "LEAST",
         "creep": "RATE",

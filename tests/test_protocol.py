@@ -104,6 +104,15 @@ def test_a_record_that_goes_on_is_one_run_with_both_protocols(fidelity, what):
     assert again.scene == goes_on.scene
 
 
+def test_a_later_protocol_is_not_noted_as_another_speed():
+    scene = small(V=1e-2)
+    how = {"fidelity": "quasistatic", "progress": False}
+    before = pyfric.simulate(scene, 1e-3, **how)
+    new = scene.replace({"driver.protocol": ((2e-3, 1e-2), (2e-3, 0.0))})
+    notes = pyfric.simulate(new, 3e-3, initial=before, **how).notes
+    assert "goes on from t = 0.001 s with another driver.protocol" in notes
+
+
 @pytest.mark.parametrize(("fidelity", "what"), [run for run in RUNS if "load" not in run[1]])
 def test_a_state_keeps_the_place_of_its_driver(fidelity, what, tmp_path):
     _, before = first_part(fidelity)
@@ -382,6 +391,22 @@ def test_static_slip_back_and_forth_follows_masings_rule():
     path = pyfric.prediction_curve(there_and_back).curve
     there = path[np.isclose(path["t"], 4 * T, rtol=1e-12)].iloc[0]
     np.testing.assert_allclose([there["drive"], there["F_T"]], [-V * T, -most], rtol=1e-11)
+
+
+@pytest.mark.parametrize("fidelity", ["quasistatic", "equilibrium"])
+def test_the_curve_of_static_states_bends_while_the_driver_accelerates(fidelity):
+    """From rest F_T grows as t^2; it is linear in the position of the driver."""
+    T = 20e-3
+    scene = driven(setup1(L=0.02, H=0.0125, F_N=400.0), ((T, 1e-3),), V=0.0)
+    record = pyfric.simulate(scene, T, fidelity=fidelity, progress=False)
+    assert not len(record.events)
+    curve = record.curve
+    t, most = np.linspace(0, T, 200), curve["F_T"].iloc[-1]
+    assert most > 0
+    np.testing.assert_allclose(
+        np.interp(t, curve["t"], curve["F_T"]), most * (t / T) ** 2, atol=most / 32**2 / 4 * 1.01
+    )
+    np.testing.assert_allclose(curve["F_T"], most * (curve["t"] / T) ** 2, atol=1e-12 * most)
 
 
 def test_the_ladder_climbs_and_descends_as_full_dynamics_does():

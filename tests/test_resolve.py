@@ -62,6 +62,8 @@ def test_a_slab_that_does_not_slide_says_so():
     found = pyfric.resolve(SLAB, 0.05, cache=False, workers=1, progress=False)
     assert "nothing slides as a whole by 0.05 s" in str(found)
     assert math.isnan(found.table.loc["F_T/F_N at onset of sliding", 5e-3])
+    (line,) = (one for one in str(found).splitlines() if one.startswith("F_T/F_N at onset"))
+    assert line.split()[-4:] == ["-"] * 4  # not measured, so it does not say that it converges
 
 
 def test_viscosity_is_named_where_it_matters():

@@ -151,6 +151,7 @@ def test_refused_conditions():
         ("reached = 5 s", "wrong unit"),
         ("L_p = 2", "too large"),
         ("precursors = 0", "too small"),
+        ("main_events = 1.5", "whole number"),
         ("slow = 1 m/s", "takes 2 numbers"),
         ("arrested = 3", "takes 0 numbers"),
         (3, "a list of texts"),

@@ -167,6 +167,7 @@ def test_a_share_of_a_range_is_where_its_value_is(scale, start, ratio):
         ("a range", {"points": "sobol", "n": 8}),
         ("n", {"points": "random", "over": {"driver.h": Span(start=1.0, stop=2.0)}}),
         ("points", {"points": "cube"}),
+        ("n = 3: .*'grid' are not drawn", {"n": 3}),
         ("limits.max_GB", {"max_GB": 0.0}),
         ("at most", {"over": {"driver.h": Span(start=0.0, stop=1.0, step=1e-9)}}),
         ("at most", {"over": dict.fromkeys(("h", "K", "V"), Span(start=1.0, stop=2.0, n=1000))}),

@@ -338,4 +338,5 @@ class State:
                 numbers["u_drv0"] = values["u_drv0"].item()
             return cls.of(values | numbers)
         except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
-            raise StateError(f"{path}: not a state ({error})") from error
+            reason = f"{path}: damaged, or not a state, as State.save writes it"
+            raise StateError(reason) from error

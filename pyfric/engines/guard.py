@@ -62,12 +62,20 @@ class Trouble(NamedTuple):
 
 
 class Energy(NamedTuple):
-    """Step and time (s) of a state, its energy G (J), and the work of constant shear forces (J)."""
+    """Energy of a state at a step and time (s).
+
+    Attributes:
+        step, t: number of the step, and time in s.
+        stored: energy G, in J.
+        shear: work of constant shear forces, in J.
+        changes: bound of the work of changes of loads, relative to u = 0, in J.
+    """
 
     step: int
     t: float
     stored: float
     shear: float
+    changes: float
 
 
 class Guard:
@@ -104,13 +112,13 @@ class Guard:
         scene, u = self.scene, state.y[:, 0]
         shear = float(scene.shear @ u[scene.j_shear] + scene.push_at(state.t)[0] @ u[0])
         stored += self._potential(state) + self.floor
-        return Energy(state.step, state.t, stored, shear)
+        return Energy(state.step, state.t, stored, shear, self._of_changes(state))
 
     def _of_changes(self, state: State) -> float:
-        """Return a bound of the work (J) done by changes of F_N, T and pushes.
+        """Return a bound of the work (J) of changes of F_N, T and pushes up to a displacement.
 
         The potential uses F_N and T at t = 0. The bound uses their largest change over the whole
-        protocol, times the largest displacement.
+        protocol, times the largest displacement. Between two states, it is the sum of both bounds.
         """
         top, parts = self.scene.top, 0.0
         for name, first, c in (("protocol", self.scene.F_N, 1), ("T_protocol", 0.0, 0)):
@@ -133,12 +141,12 @@ class Guard:
             return Trouble("the motion is not finite", *_fastest(before))  # later it has spread
         if base is None:
             return None
-        _, t_0, G_0, W_0 = base
-        _, t_1, G_1, W_1 = self.energy(after)
+        _, t_0, G_0, W_0, changes_0 = base
+        _, t_1, G_1, W_1, changes_1 = self.energy(after)
         driver, most = self.scene.driver, max(G_0, G_1)
         speed = max([driver.V, *(abs(V) for _, V in driver.protocol)])
         work = speed * (t_1 - t_0) * np.sqrt(2 * driver.K * max(most, 0.0))
-        work += self._of_changes(after)
+        work += changes_0 + changes_1
         if not G_1 - G_0 - (W_1 - W_0) <= work + MARGIN * most:
             what = f"the energy grows from {G_0:.3g} J to {G_1:.3g} J, by more than the work done"
             return Trouble(what, *_fastest(after))

@@ -162,7 +162,7 @@ class Options:
             k_f and k_top. None means 1e-6.
         dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
         accuracy: error over F_N that jumps of the hybrid engine may cause in forces of events. None
-            means 1e-6, or a quarter of the tolerance with a plan.
+            means 1e-6, or with a plan a quarter of the tolerance, at most 1e-3.
         budget: whether to keep the energy budget, as columns of the curve; full dynamics only. None
             means yes for fidelity = "dynamic".
         sample: time between two points of the loading curve, in s; None means 5000 points.

@@ -19,6 +19,7 @@ Source: PRL 107, 074301 (2011), for the model.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import time
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -70,6 +71,9 @@ GROWTH = 60
 """Largest number of changes of contact state while a slipping zone grows, over N_x."""
 IDLE = 200
 """Largest number of successive changes of contact state without motion of the driver."""
+
+BENDS = 32
+"""Straight parts of the curve between two changes of contact state while the driver accelerates."""
 
 
 class _Log:
@@ -299,6 +303,22 @@ class QuasistaticRun:
         contact.hold_all()
         log.set(contact, t)
 
+    def _with_bends(self) -> list[tuple[float, float]]:
+        """Return the points of the curve, and more of them where the driver accelerates.
+
+        Between two points F_T is linear in the position of the driver.
+        """
+        scene, found = self.scene, self.rows[:1]
+        for (t, F_T), end in itertools.pairwise(self.rows):
+            if end[0] > t and scene.piece("V", 0.5 * (t + end[0])).slope:
+                times = np.linspace(t, end[0], BENDS + 1).tolist()
+                first, *inside, last = map(scene.drive, times)
+                rate = (end[1] - F_T) / (last - first) if last != first else 0.0
+                forces = [F_T + rate * (drive - first) for drive in inside]
+                found += zip(times[1:-1], forces, strict=True)
+            found.append(end)
+        return found
+
     def record(self, status: str, engine: str | None = None, **columns: Any) -> Record:
         """Return the record of the run so far."""
         start = time.perf_counter()
@@ -312,7 +332,8 @@ class QuasistaticRun:
             t_end=max(self.rows[-1][0], self.t_quiet),
             solver=self.problem,
         )
-        curve = pd.DataFrame(self.rows, columns=["t", "F_T"]).assign(**columns)
+        rows = self.rows if columns else self._with_bends()
+        curve = pd.DataFrame(rows, columns=["t", "F_T"]).assign(**columns)
         f, p = self.initial.f, self.initial.p
         engine = engine or self.name
         t_end, F_T = self.rows[-1][0], max(abs(F) for _, F in self.rows)

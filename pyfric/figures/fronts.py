@@ -24,6 +24,7 @@ from pyfric.figures.style import (
     caption,
     joined,
     legend,
+    listed,
     mark,
     panels,
 )
@@ -96,7 +97,11 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
 
     Args:
         records: runs with the small steps of want = "front_speed".
+
+    Raises:
+        SceneError: there is no record.
     """
+    records = listed(records)
     tables = [fronts(one).assign(run=one.scene.name) for one in records]
     points = pd.concat(tables, ignore_index=True)
     blocks = len(points)

@@ -25,6 +25,7 @@ from pyfric.figures.style import (
     caption,
     joined,
     legend,
+    listed,
     mark,
     panels,
 )
@@ -51,7 +52,11 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
 
     Args:
         records: runs of setup 1 up to sliding; L, h and F_N may differ.
+
+    Raises:
+        SceneError: there is no record.
     """
+    records = listed(records)
     heights = _values(records, lambda scene: scene.driver.h)
     lengths = _values(records, lambda scene: scene.slider.L)
     colour = {h: COLOURS[n % len(COLOURS)] for n, h in enumerate(heights)}
@@ -146,8 +151,9 @@ def fig2b(records: Sequence[Record]) -> DataFigure:
     """Fig. 2(b) of the paper: as Fig. 2(a), for setup 2 and several slopes theta of the load.
 
     Raises:
-        SceneError: a record is not one of setup 2.
+        SceneError: there is no record, or one that is not of setup 2.
     """
+    records = listed(records)
     for one in records:
         if (kind := one.scene.top.kind) != "distributed":
             raise SceneError("scene.top.kind", kind, "", "'distributed', as in setup 2")

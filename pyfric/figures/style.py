@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pyfric.scene import laws, write, written
+from pyfric.scene import SceneError, laws, write, written
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -157,6 +157,19 @@ def time_unit(span: float) -> tuple[float, str]:
 
 
 # --- captions ------------------------------------------------------------------------------------
+
+
+def listed(records: Iterable[Record]) -> list[Record]:
+    """Return records as a list.
+
+    Raises:
+        SceneError: there is none, or one that is not in a list.
+    """
+    if not isinstance(records, Iterable):
+        raise SceneError("records", type(records).__name__, "", "a list of records", "not a list")
+    if not (found := list(records)):
+        raise SceneError("records", found, "", "one or more records", "none is given")
+    return found
 
 
 def caption(records: Record | Sequence[Record], *texts: str) -> str:

@@ -121,7 +121,7 @@ class FrictionCoefficients(NamedTuple):
     Attributes:
         mu_s_macro: the largest static F_T/F_N at which an event started, F_N that of the time.
         mu_k_macro: mean F_T over mean F_N over whole stick-slip cycles; NaN with fewer than two
-            system-size events.
+            system-size events, or if the driver moves back between them.
         R: (mu_s_macro - mu_k)/(mu_s - mu_k): 0 if mu_k alone limits the force, 1 if mu_s does;
             NaN if mu_s = mu_k.
     """
@@ -375,8 +375,15 @@ def friction_coefficients(record: Record) -> FrictionCoefficients:
     mean = np.nan
     if len(sliding) > 1:
         begin, end = sliding["t_start"].iloc[[0, -1]]
-        mean = mean_force(record, begin, end) / _mean_load(scene, begin, end)
+        if not _moves_back(scene, begin, end):
+            mean = mean_force(record, begin, end) / _mean_load(scene, begin, end)
     return FrictionCoefficients(mu_s_macro, mean, float(scene.law.mean.scaled(mu_s_macro)))
+
+
+def _moves_back(scene: Scene, begin: float, end: float) -> bool:
+    """Whether the driver moves back at some time between two times (s)."""
+    speeds = [V for t, V in scene.driver.protocol if begin <= t <= end]
+    return min([*speeds, *(scene.piece("V", t).at(t) for t in (begin, end))]) < 0
 
 
 def _mean_load(scene: Scene, begin: float, end: float) -> float:

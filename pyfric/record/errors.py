@@ -28,6 +28,7 @@ import pandas as pd
 from pyfric.record.analysis import mean_force
 from pyfric.record.pairing import event_distances, in_order, pace
 from pyfric.record.rupture import five_known, front_speed
+from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
     from pyfric.record.record import Record
@@ -77,7 +78,7 @@ class Errors:
         start, arrest, length, stress, rupture, speed_median, speed_95, speed_worst: the errors.
         bounds: numbers that are bounded and not measured: name to the formula.
         compared: name to how many events, or blocks of fronts, were compared for it.
-        events: main events that were compared.
+        events: events that were compared: main events, or all where there are none.
         undetermined: events that two runs do not agree on; the errors are those of all others.
         covered: time up to which they were compared, s.
         t_end: time up to which the run goes, s; None means `covered`.
@@ -178,7 +179,7 @@ class Errors:
             over = f" over {self.compared[name]}" if name in self.compared else ""
             by = f" by {self.bounds[name]}" if how == "bounded" else over
             said[how].append(name if value is None else f"{name} {value:.2g} {unit}{by}")
-        lines, events = [], f"{self.events} main events, to {self.covered:.6g} s"
+        lines, events = [], f"{self.events} events, to {self.covered:.6g} s"
         if said["measured"]:
             lines.append(f"measured errors ({events}): {', '.join(said['measured'])}")
         if said["bounded"]:
@@ -255,7 +256,13 @@ class Differences(NamedTuple):
 
 
 def differences(record: Record, other: Record) -> Differences:
-    """Return how far two runs of a scene are apart, up to where the shorter one ends."""
+    """Return how far two runs of a scene are apart, up to where the shorter one ends.
+
+    Raises:
+        SceneError: the runs have different numbers of blocks.
+    """
+    if other.scene.N_x != (N_x := record.scene.N_x):
+        raise SceneError("other", other.scene.N_x, "", f"a run with {N_x} blocks", "other blocks")
     covered = min(float(one.curve["t"].iloc[-1]) for one in (record, other))
     own, speeds = _Pairs(record, other, covered).rows()
     others, _ = _Pairs(other, record, covered).rows()

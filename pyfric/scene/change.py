@@ -140,7 +140,8 @@ def followed_by(before: Scene, after: Scene, t: float) -> tuple[Scene, list[str]
             if ours[corners] != ends[0][1]:
                 unit = annotations(type(old))[first].unit
                 now, then = (value for at, value in ours[corners] if at == t)
-                said.append(f"{part}.{first} = {then:.6g} {unit} instead of {now:.6g} {unit}")
+                text = f"{part}.{first} = {then:.6g} {unit} instead of {now:.6g} {unit}"
+                said.append(text if then != now else f"another {part}.{corners}")
         whole[part] = dataclasses.replace(old, **ours)
         others[part] = dataclasses.replace(old, **theirs)
     free = {"name": after.name, "stop_when": after.stop_when, "draws": before.drawn}

@@ -116,14 +116,17 @@ class Quantity(Annotation):
 
     def _drawn(self, values: Mapping[str, Any], written: bool) -> Any:
         """Return the object of class `drawn` that a table describes."""
+        name, found = "", dict(values)
         try:
-            found = dict(values)
             for name, mark in self.of_drawn().items():
                 if name in values:
                     found[name] = mark.check(Written(found[name]) if written else found[name])
+            name = ""
             return self.drawn(**found)
         except SceneError as error:
-            raise error.at("") from None
+            what = name or error.field.rpartition(".")[2]
+            reason = f"{what}: {error.reason or 'not allowed'}"
+            raise SceneError("", error.value, error.unit, error.allowed, reason) from None
 
     def written(self, value: Any) -> Any:
         if self.drawn is not None and isinstance(value, self.drawn):

@@ -66,7 +66,10 @@ def condition(text: str) -> tuple[str, tuple[float, ...]]:
         reason = f"{name} takes {len(takes)} numbers"
         raise SceneError("stop_when", text, "", _names(), reason)
     pairs = zip(given, takes, strict=True)
-    return name, tuple(_number(text, value, one.unit, one.limits) for value, one in pairs)
+    numbers = tuple(_number(text, value, one.unit, one.limits) for value, one in pairs)
+    if takes == (COUNT,) and numbers[0] % 1:
+        raise SceneError("stop_when", text, "", "a whole number >= 1", "a number of events")
+    return name, numbers
 
 
 def _number(text: str, value: str | float, unit: str, limits: Mapping[str, float]) -> float:

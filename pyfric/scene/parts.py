@@ -57,7 +57,8 @@ FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f")
 Field = float | tuple[float, ...] | Spread
 """A number, a list with a number for each block from the trailing edge on, or a `Spread`."""
 _field = {"listed": True, "drawn": Spread, "note": FIELD_NOTE}
-_law = OneOf(FrictionLaw, kinds=KINDS, allowed="a friction law, such as pyfric.laws.Ageing")
+A_LAW = "a friction law, such as pyfric.laws.Ageing, or [interface.law] in a scene file"
+_law = OneOf(FrictionLaw, kinds=KINDS, allowed=A_LAW)
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -60,8 +61,10 @@ class Resolution:
         rows = [head]
         for name, row in self.table.iterrows():
             *values, change, converges = row
-            texts = [f"{value:.4g}" for value in values]
-            rows.append([str(name), *texts, f"{change:+.1%}", "yes" if converges else "no"])
+            texts = [f"{value:.4g}" if math.isfinite(value) else "-" for value in values]
+            known = math.isfinite(change)
+            texts += [f"{change:+.1%}", "yes" if converges else "no"] if known else ["-", "-"]
+            rows.append([str(name), *texts])
         wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines = [
             "  ".join([cells[0].ljust(wide[0]), *map(str.rjust, cells[1:], wide[1:])])

@@ -154,6 +154,8 @@ class Sweep:
             whole = isinstance(value, int) and not isinstance(value, bool)
             if (name != "n" or self._drawn) and not (whole and least <= value <= MAX_POINTS):
                 raise SceneError(name, value, "", f"a whole number, {least} … {MAX_POINTS}")
+        if self.n is not None and not self._drawn:
+            raise SceneError("n", self.n, "", f"none: points = {self.points!r} are not drawn")
         lengths = [] if self._drawn else [len(values) for values in self.over.values()]
         if self.points == "list" and len(set(lengths)) > 1:
             raise SceneError("over", lengths, "", "as many values of each field in a list")

@@ -58,6 +58,8 @@ def phase_diagram(
     import pyfric
     from pyfric import figures
 
+    if scene is None and (changes or stop_when or t_end is not None):
+        raise click.UsageError("--set, --t-end and --stop-when need a SCENE.")
     check_folder(out)
     how: dict[str, Any] = {"lines": lines, "cache": not no_cache, "workers": workers}
     if scene is not None:

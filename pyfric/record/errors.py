@@ -269,7 +269,7 @@ def differences(record: Record, other: Record) -> Differences:
     others = others.rename(columns={"event": "other", "other": "event"})
     if not len(own) and not len(others) and record.scene.driver.K:
         begin = float(record.curve["t"].iloc[0])
-        off = _apart(record, other, begin, covered) / record.scene.F_N
+        off = _curves_apart(record, other, covered) / record.scene.F_N
         row = {"event": 0, "other": 0, "t_start": begin, "arrest": off}
         own = pd.DataFrame([dict.fromkeys(own, np.nan) | row])
     both = pd.concat([own.assign(own=True), others.assign(own=False)], ignore_index=True)
@@ -408,6 +408,18 @@ def _apart(a: Record, b: Record, begin: float, end: float, later: float = 0.0) -
     t = t[(t >= begin) & (t <= end)]
     (low, high), (least, most) = _range(a, t), _range(b, t + later)
     return float(np.maximum(low - most, least - high).max(initial=0.0))
+
+
+def _curves_apart(a: Record, b: Record, end: float) -> float:
+    """Return how far forces of two runs without slip are apart, in N, at points of one of them.
+
+    These are the points of the run that has fewer: the other one is linear between its own. Jumps
+    of static states, with two points at a time, are left out.
+    """
+    few, many = sorted((a.curve, b.curve), key=len)
+    t = few["t"][(few["t"] <= end) & ~few["t"].duplicated(keep=False)]
+    t = np.append(t, end)
+    return float(np.abs(np.subtract(*(np.interp(t, c["t"], c["F_T"]) for c in (few, many)))).max())
 
 
 def _range(record: Record, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

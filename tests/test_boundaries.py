@@ -234,3 +234,39 @@ def test_no_point_needs_more_than_one_run_beyond_bisection(jump):
         found = boundary(f, (0.1, 10.0), range(4), known=known)
         check_line(found, line)
         assert found["runs"].max() <= math.ceil(math.log2(cell / 2e-3)) + 1
+
+
+def test_labels_that_are_nan_are_one_label():
+    how = {"scale": "linear", "tolerance": 0.01}
+    nothing = boundary(lambda x, y: float("nan"), (0.0, 1.0), [1.0, 2.0], **how)
+    assert nothing["along"].isna().all()
+    line = boundary(lambda x, y: float("nan") if x < 0.4 else 1.0, (0.0, 1.0), [1.0, 2.0], **how)
+    assert np.abs(line["along"] - 0.4).max() <= 0.01
+    assert line["below"].map(math.isnan).all()
+
+
+def test_no_line_is_reported_only_after_the_lower_end_is_known():
+    def turned(x, y):
+        return (x > 0.3) != (y == 2.0)
+
+    how = {"scale": "linear", "tolerance": 0.01}
+    line = boundary(turned, (0.0, 1.0), [1.0, 2.0, 3.0], **how)
+    assert np.abs(line["along"] - 0.3).max() <= 0.01
+    assert list(line["below"]) == [False, True, False]
+    known = pd.DataFrame({"along": [0.5, 0.6], "over": [1.0, 1.0], "label": [True, True]})
+    line = boundary(lambda x, y: x > 0.3, (0.0, 1.0), [1.0], known=known, **how)
+    assert abs(line["along"][0] - 0.3) <= 0.01
+
+
+def test_what_is_no_label_and_no_number_is_refused():
+    for field, f, measure in (
+        ("f", lambda x, y: np.array([x]), None),
+        ("measure", lambda x, y: x > 0.3, lambda x, y: "a"),
+    ):
+        with pytest.raises(SceneError) as error:
+            boundary(f, (0.0, 1.0), [1.0], scale="linear", measure=measure)
+        assert error.value.field == field
+    with pytest.raises(SceneError, match="over = 3"):
+        boundary(lambda x, y: x, (1.0, 2.0), 3)
+    with pytest.raises(SceneError, match="scales"):
+        label_map(lambda x, y: x, (0.0, 1.0), (0.0, 1.0), 5, scales=("linear",))

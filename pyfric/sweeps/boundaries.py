@@ -55,6 +55,38 @@ def _span(name: str, ends: Sequence[float], scale: Scale) -> Span:
         raise error.at(f"{name}.{error.field}") from None
 
 
+class _Unknown(float):
+    """NaN as a label: equal to itself."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, float) and math.isnan(other)
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    __hash__ = object.__hash__
+
+
+_UNKNOWN = _Unknown("nan")
+
+
+def _one(label: Hashable) -> Hashable:
+    """Return a label, the same one for each NaN."""
+    if not isinstance(label, Hashable):
+        allowed = "text, a number or a truth value"
+        raise SceneError("f", type(label).__name__, "", allowed, "no label to compare")
+    nan = isinstance(label, float | np.floating) and math.isnan(label)
+    return _UNKNOWN if nan else label
+
+
+def _measured(number: float) -> float:
+    """Return what measure has returned, NaN allowed."""
+    try:
+        return float(number)
+    except (TypeError, ValueError):
+        raise SceneError("measure", number, "", "a function that returns a number") from None
+
+
 @at_once()
 def boundary(
     f: Label,
@@ -74,8 +106,8 @@ def boundary(
 
     Args:
         f: a function of a value along and a value over. It returns a label that can be compared,
-            such as text or a truth value. If it makes its runs with `run_all`, they are kept, and
-            a line that was stopped goes on.
+            such as text or a truth value; NaN is one, too. If it makes its runs with `run_all`,
+            they are kept, and a line that was stopped goes on.
         along: ends of the range that is searched, the lower one first.
         over: values at which the line is wanted, rising or falling.
         scale: scale of the range, "log" or "linear".
@@ -92,7 +124,8 @@ def boundary(
         how often f was called. Where both ends of the range have the same label, there is NaN.
 
     Raises:
-        SceneError: an argument is refused; f has not been called.
+        SceneError: an argument is refused, and f has not been called; or f returns no label, or
+            measure no number.
     """
     span = _span("along", along, scale)
     tolerance = check_number("tolerance", tolerance, "", gt=0.0, lt=0.5)
@@ -100,6 +133,8 @@ def boundary(
         raise SceneError("over_scale", over_scale, "", "'linear' or 'log'")
     if known is not None and not {"along", "over", "label"} <= set(known):
         raise SceneError("known", list(known), "", "columns along, over and label")
+    if np.ndim(over) != 1 or isinstance(over, str):
+        raise SceneError("over", over, "", "a list of values, rising or falling")
     least = 0.0 if over_scale == "log" else None
     values = [check_number("over", value, "", gt=least) for value in over]
     steps = np.diff(values)
@@ -131,7 +166,7 @@ class _Column:
             rows = known[np.isclose(known["over"], over, rtol=1e-9, atol=0.0)]
             shares = map(span.share, rows["along"])
             pairs = zip(shares, rows["label"], strict=True)
-            self.labels = {share: label for share, label in sorted(pairs) if 0 <= share <= 1}
+            self.labels = {x: _one(label) for x, label in sorted(pairs) if 0 <= x <= 1}
             if "measure" in rows:
                 self.numbers = dict(
                     zip(map(span.share, rows["along"]), rows["measure"], strict=True)
@@ -140,10 +175,10 @@ class _Column:
     def __call__(self, share: float) -> Hashable:
         if share not in self.labels:
             at = self.span.at(share), self.over
-            self.labels[share] = self.f(*at)
+            self.labels[share] = _one(self.f(*at))
             self.runs += 1
             if self.measure is not None:
-                self.numbers[share] = self.measure(*at)
+                self.numbers[share] = _measured(self.measure(*at))
         return self.labels[share]
 
     def ends(self, below: Hashable) -> tuple[float, float]:
@@ -194,6 +229,9 @@ class _Line:
             self.step = FIRST * self.width
             guess, self.below = None, column(min(column.labels, default=0.0))
             bracket = column.ends(self.below)
+            if column(bracket[1]) == self.below != column(0.0):  # no known label was below the line
+                self.below = column(0.0)
+                bracket = column.ends(self.below)
             if column(bracket[1]) == self.below:
                 none = (math.nan, math.nan, math.nan)
                 return column.over, *none, self.below, self.below, column.runs
@@ -280,9 +318,11 @@ def label_map(
         ``x``, ``y`` and ``label`` of each point, in the order of the calls.
 
     Raises:
-        SceneError: an argument is refused; f has not been called.
+        SceneError: an argument is refused, and f has not been called; or f returns no label.
         ImportError: `adaptive` is not installed.
     """
+    if isinstance(scales, str) or len(scales) != 2:
+        raise SceneError("scales", scales, "", "two of 'linear' and 'log', of x and y")
     spans = [_span(*given) for given in zip("xy", (x, y), scales, strict=True)]
     if isinstance(runs, bool) or not (isinstance(runs, int) and runs >= 4):
         raise SceneError("runs", runs, "", "a whole number >= 4")
@@ -293,7 +333,7 @@ def label_map(
 
     def number(at: tuple[float, float]) -> float:
         point = [span.at(float(share)) for span, share in zip(spans, at, strict=True)]
-        label = f(*point)
+        label = _one(f(*point))
         rows.append((*point, label))
         return float(numbers.setdefault(label, len(numbers)))
 

@@ -552,6 +552,15 @@ def test_figures_of_several_runs_name_what_is_missing(draw):
         draw(made_up_record(lengths=(4,)))
 
 
+DRAWN = ("fig1a", "fig1b", "fig3a", "fig3b", "fig4a")
+
+
+@pytest.mark.parametrize("draw", [figures.FIGURES[name].draw for name in DRAWN])
+def test_figures_of_one_run_refuse_a_list(draw):
+    with pytest.raises(pyfric.SceneError, match=r"record = 'list': not a record; .* one record"):
+        draw([made_up_record(lengths=(4,))])
+
+
 @pytest.mark.parametrize("switching", ["step_end", "located"])
 def test_frames_run_the_event_again(run, switching):
     if switching == "located":

@@ -9,6 +9,7 @@ import numpy as np
 
 from pyfric import core
 from pyfric.engines import simulate
+from pyfric.figures.style import single
 from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ def another_start() -> SceneError:
 
 def check_event(record: Record, event: int) -> None:
     """Raise SceneError unless the record has motion and this event."""
+    single(record)
     if record.method.engine not in ("hybrid", "dynamic"):
         allowed = "a run of the hybrid or the dynamic engine"
         raise SceneError("record", record.method.engine, "", allowed, "it has no motion")

@@ -27,6 +27,7 @@ from pyfric.figures.style import (
     listed,
     mark,
     panels,
+    single,
 )
 from pyfric.record import PER_BIN, collapse_spread, front, fronts
 
@@ -60,6 +61,7 @@ def fig4a(record: Record, event: int | None = None) -> DataFigure:
     Raises:
         SceneError: there is no such event.
     """
+    single(record)
     event = longest_precursor(record) if event is None else event
     table = front(record, event)
     friction, row = record.scene.law.mean, record.events.loc[event]

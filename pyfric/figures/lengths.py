@@ -28,6 +28,7 @@ from pyfric.figures.style import (
     listed,
     mark,
     panels,
+    single,
 )
 from pyfric.record import precursor_lengths
 from pyfric.scene import SceneError
@@ -181,6 +182,7 @@ def fig2b(records: Sequence[Record]) -> DataFigure:
 
 def growth(record: Record) -> DataFigure:
     """Draw the growth of the slipping zone of `prediction_curve`: length against force."""
+    single(record)
     F_T, length = record.curve["F_T"] / record.scene.F_N, record.curve["L_p_over_L"]
     fig, (axes,) = panels(2.4)
     axes.plot(F_T, length, color=BLACK, lw=0.9)

@@ -27,6 +27,7 @@ from pyfric.figures.style import (
     mark,
     panels,
     save_figure,
+    single,
 )
 from pyfric.record import MAIN_EVENT_BLOCKS, numbered
 
@@ -47,6 +48,7 @@ KINDS = {
 @figure("Fig. 1(a): the scene, to scale", runs="fig1")
 def fig1a(record: Record) -> DataFigure:
     """Fig. 1(a) of the paper: the sketch of what was run; see `sketch`."""
+    single(record)
     return sketch(record.scene)
 
 
@@ -66,6 +68,7 @@ def fig1b(record: Record, path: str | os.PathLike[str] | None = None) -> DataFig
     path
         If given, the figure is also written there: see `save_figure`.
     """
+    single(record)
     fig, (top, bottom) = panels(3.3, (1.15, 1), sharex=True)
 
     t, F_T = envelope(record.curve["t"].to_numpy(), record.curve["F_T"].to_numpy())

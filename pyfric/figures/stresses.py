@@ -23,6 +23,7 @@ from pyfric.figures.style import (
     joined,
     legend,
     panels,
+    single,
 )
 from pyfric.record import precursor_lengths, stress_profile, system_size_events
 from pyfric.scene import SceneError
@@ -51,6 +52,7 @@ def fig3a(record: Record, event: int | None = None) -> DataFigure:
     Raises:
         SceneError: there is no such event.
     """
+    single(record)
     event = longest_precursor(record) if event is None else event
     states = {
         "initial": stress_profile(record),
@@ -98,6 +100,7 @@ def fig3b(record: Record) -> DataFigure:
     Raises:
         SceneError: the record holds no precursor or no event over the whole interface.
     """
+    single(record)
     lengths, sliding = precursor_lengths(record), system_size_events(record)
     if lengths.empty or sliding.empty:
         allowed = "a run with precursors and events over the whole interface"
@@ -136,7 +139,9 @@ def longest_precursor(record: Record) -> int:
     found = precursor_lengths(record)
     if found.empty:
         t, allowed = float(record.curve["t"].iloc[-1]), "a run with main precursors"
-        raise SceneError("record", t, "s", allowed, "it ended before one: raise t_end")
+        raise SceneError(
+            "record", t, "s", allowed, "the run ended before a main precursor: raise t_end"
+        )
     return int(found["event"][found["L_p_over_L"].idxmax()])
 
 

@@ -172,6 +172,17 @@ def listed(records: Iterable[Record]) -> list[Record]:
     return found
 
 
+def single(record: Record) -> Record:
+    """Return what is drawn of one run.
+
+    Raises:
+        SceneError: it is no record, such as a list of records.
+    """
+    if not hasattr(record, "curve"):
+        raise SceneError("record", type(record).__name__, "", "one record", "not a record")
+    return record
+
+
 def caption(records: Record | Sequence[Record], *texts: str) -> str:
     """Join texts, and add a line with the scenes and one with the methods of the records."""
     several = [*records] if isinstance(records, Sequence) else [records]

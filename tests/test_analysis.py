@@ -272,6 +272,8 @@ def test_numbers_that_a_run_does_not_have_are_refused():
     for begin, until in ((0.0, 1.01 * end), (end, 0.0), (-1e-3, end), (0.0, np.nan), (None, end)):
         with pytest.raises(pyfric.SceneError, match=r"begin|end"):
             analysis.mean_force(record, begin, until)
+    with pytest.raises(pyfric.SceneError, match=r"^begin = "):
+        analysis.mean_force(record, 2 * end, 3 * end)
     t, F_T = (record.curve[name] for name in ("t", "F_T"))
     for largest in (-1e-3, np.nan):
         with pytest.raises(pyfric.SceneError, match="largest_shift"):
@@ -398,6 +400,8 @@ def test_curves_that_cannot_be_compared_are_refused():
     for t, F_T in (([0.0, 0.1], [1.0]), ([0.1, 0.0], [1.0, 2.0]), ([0.0, np.nan], [1.0, 2.0])):
         refused(lambda t=t, F_T=F_T: analysis.compare_curve(record, t, F_T), "t", "increasing")
     refused(lambda: analysis.compare_curve(record, [5.0, 5.1], [1.0, 2.0]), "t", "outside the run")
+    refused(lambda: analysis.compare_curve(record, "abc", [1.0, 2.0]), "t", "not numbers")
+    refused(lambda: analysis.compare_curve(record, [0.0, 0.1], "abc"), "F_T", "not numbers")
     early = analysis.compare_curve(record, [0.06, 0.09], [1.0, 2.0], largest_shift=0.05)
     assert np.isnan(early.rms)
     assert early.n >= 1

@@ -320,7 +320,7 @@ def compare_curve(
         SceneError: times and forces do not fit together, no shift leaves half of them inside, or
             largest_shift is refused.
     """
-    t, F_T = (np.asarray(values, dtype=float) for values in (t, F_T))
+    t, F_T = _numbers("t", t), _numbers("F_T", F_T)
     right = t.ndim == 1 and t.shape == F_T.shape and len(t) > 1
     if not (right and np.isfinite(F_T).all() and np.isfinite(t).all() and (np.diff(t) > 0).all()):
         allowed = "two or more finite times, increasing, and as many finite forces"
@@ -403,7 +403,7 @@ def mean_force(record: Record, begin: float, end: float) -> float:
         SceneError: the times are not in order, or not in the run.
     """
     t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
-    begin = check_number("begin", begin, "s", ge=float(t[0]))
+    begin = check_number("begin", begin, "s", ge=float(t[0]), le=float(t[-1]))
     end = check_number("end", end, "s", ge=begin, le=float(t[-1]))
     times = np.concatenate([[begin], t[(t > begin) & (t < end)], [end]])
     forces = np.interp(times, t, F_T)
@@ -446,6 +446,13 @@ def collapse_spread(
 
 
 # --- parts ---------------------------------------------------------------------------------------
+
+
+def _numbers(name: str, values: ArrayLike) -> np.ndarray:
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise SceneError(name, values, "", "a list of numbers", "not numbers") from None
 
 
 def _between(x: np.ndarray, edges: np.ndarray) -> np.ndarray:

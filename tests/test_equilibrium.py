@@ -12,7 +12,7 @@ from helpers import mirrored_scene, scaled, small_free, small_rod
 from scipy.sparse.linalg import spsolve
 
 from pyfric import core
-from pyfric.scene import Law, Scene, preset, setup1, setup2
+from pyfric.scene import Law, Scene, SceneError, preset, setup1, setup2
 from pyfric.statics import (
     ContactProblem,
     EquilibriumError,
@@ -669,7 +669,7 @@ def test_no_equilibrium_is_an_error_that_names_its_figures(side):
     ],
 )
 def test_wrong_arguments_are_refused(arguments, word):
-    with pytest.raises(ValueError, match=word):
+    with pytest.raises(SceneError, match=word):
         solve_static(small_rod(), **{"u_x_bottom": np.zeros(13), "drive": 0.0} | arguments)
 
 

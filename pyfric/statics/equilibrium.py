@@ -40,7 +40,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.core import STUCK, check_driven
-from pyfric.scene import FRICTIONLESS, Geometry, PrescribedLoad, as_scene, check_geometry
+from pyfric.scene import (
+    FRICTIONLESS,
+    Geometry,
+    PrescribedLoad,
+    SceneError,
+    as_scene,
+    check_geometry,
+)
 from pyfric.statics.complementarity import Contact, ContactProblem, Route
 from pyfric.statics.contact import States, Unmet, Values, rounding, with_free
 from pyfric.statics.on_junctions import loaded_on_junctions
@@ -150,7 +157,7 @@ class StaticSolver(System):
             The equilibrium. F_T is K (drive - d (u_x - u_drv0)), with the mean over driven blocks.
 
         Raises:
-            ValueError: an argument has the wrong shape or is not finite.
+            SceneError: an argument has the wrong shape or is not finite.
             EquilibriumError: no equilibrium was found.
         """
         check_rests(self.scene)
@@ -162,12 +169,15 @@ class StaticSolver(System):
         loose = np.zeros(N_x, bool) if free is None else np.array(free, dtype=bool)
         for name, value in (("u_x_bottom", given), ("free", loose)):
             if value.shape != (N_x,):
-                raise ValueError(f"{name}: shape {value.shape}, expected ({N_x},)")
+                raise SceneError(name, value.shape, "", f"shape ({N_x},)", "wrong shape")
         if not (np.isfinite(given[~loose]).all() and np.isfinite(drive)):
-            raise ValueError("u_x_bottom and drive must be finite")
+            wrong = given[~loose & ~np.isfinite(given)]
+            field, bad = ("u_x_bottom", wrong[0]) if len(wrong) else ("drive", drive)
+            raise SceneError(field, float(bad), "m", "finite numbers", "not a finite number")
         begin = self.loaded if start is None else start
         if begin.u.shape != self.loaded.u.shape:
-            raise ValueError(f"start.u: shape {begin.u.shape}, expected {self.loaded.u.shape}")
+            allowed = f"shape {self.loaded.u.shape}"
+            raise SceneError("start.u", begin.u.shape, "", allowed, "wrong shape")
         q = self.coordinates(begin.u, begin.rod)
         if not loose.all():  # the slider as a whole may be far from where it began
             q += np.mean((given - begin.u[0, 0])[~loose]) * self.translation()

@@ -208,7 +208,8 @@ def test_an_interface_takes_mu_from_the_ends_of_a_table(tmp_path):
 def test_what_does_not_fall_is_no_weakening(tmp_path):
     (tmp_path / "up.csv").write_text("0,0.4\n1,0.5\n2,0.6\n")
     (tmp_path / "one.csv").write_text("1,0.4\n1,0.5\n")
-    for name in ("up", "one"):
+    (tmp_path / "flat.csv").write_text("0,0.4\n1e-6,0.4\n2e-6,0.4\n")
+    for name in ("up", "one", "flat"):
         with pytest.raises(SceneError, match="does not fall"):
             laws.TabulatedLaw.of(slide=laws.Measured(path=tmp_path / f"{name}.csv"))
     with pytest.raises(SceneError, match="measured mu is slide"):

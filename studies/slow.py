@@ -12,6 +12,7 @@ stretch     the longest run of at least five such blocks one after another, in a
             ruptures all blocks; its speed is that over all of its blocks
 between     its neighbours are faster: the medians of speeds before and after it, of at least two
             blocks each, are both at least 20 times its speed
+accepted    a stretch between fast ones whose own speed is 1 to 3 % of c_S
 slip speed  of a block: its displacement in the 0.2 ms from its first rupture on, over that time
 arrest      the farthest block of the ruptures from the trailing edge since the last one of all
             blocks, which all stopped on the way
@@ -45,8 +46,10 @@ T_END = 1.6
 """Time of the end of each run, s."""
 SAMPLE = 5e-5
 """Time between points of the motion, s."""
-SLOW, RATIO, LEAST = 0.03, 20.0, 5
-"""Speed of slow fronts over c_S; how many times faster what is beside; fewest blocks."""
+BAND, RATIO, LEAST = (0.01, 0.03), 20.0, 5
+"""Speeds of slow fronts over c_S; how many times faster what is beside; fewest blocks."""
+SLOW = BAND[1]
+"""Speed over c_S up to which a block counts as slow."""
 AVERAGED = 4
 """Blocks over which a speed is taken."""
 BESIDE = 2
@@ -132,7 +135,8 @@ def ruptures(record: Record) -> pd.DataFrame:
 
     Columns: event; t_start (s); F_T_start and F_T_arrest over F_N; arrest, from 1; first and last
     block of its slow stretch, from 1, and its speed over c_S; how many times faster the front is
-    before and after it; between: whether both are at least 20; NaN and False where there is none.
+    before and after it; between: whether both are at least 20; accepted: whether also the speed is
+    in the band; NaN and False where there is none.
     """
     scene, rows, since = record.scene, [], 0
     whole = record.events[(record.events["n_blocks"] == scene.N_x) & record.events["is_main"]]
@@ -154,9 +158,10 @@ def ruptures(record: Record) -> pd.DataFrame:
                 known = part[~np.isnan(part)]
                 found[name] = np.median(known) / speed if len(known) >= BESIDE else np.nan
         found["between"] = bool(found["before"] >= RATIO and found["after"] >= RATIO)
+        found["accepted"] = found["between"] and BAND[0] <= found["speed"] <= BAND[1]
         rows.append(found)
     names = ["event", "t_start", "F_T_start", "F_T_arrest", "arrest", "first", "last", "speed",
-             "before", "after", "between"]  # fmt: skip
+             "before", "after", "between", "accepted"]  # fmt: skip
     return pd.DataFrame(rows, columns=names)
 
 
@@ -198,6 +203,7 @@ def summary(record: Record) -> dict[str, float]:
         "ruptures": len(found),
         "slow": len(slow),
         "between": int(found["between"].sum()),
+        "accepted": int(found["accepted"].sum()),
         "speed": slow["speed"].median(),
         "least": slow["speed"].min(),
         "blocks": (slow["last"] - slow["first"] + 1).median(),

@@ -37,7 +37,7 @@ def front(slow_speed, first=20, blocks=12):
 def test_a_slow_stretch_between_fast_ones_is_found():
     made = record(front(10.0))
     (row,) = slow.ruptures(made).itertuples()
-    assert (row.event, row.arrest, row.between) == (2, 25, True)
+    assert (row.event, row.arrest, row.between, row.accepted) == (2, 25, True, True)
     assert row.speed == pytest.approx(10 / slow.c_S(made), rel=1e-9)
     assert abs(row.first - 21) <= 2  # speeds are over five blocks
     assert abs(row.last - 32) <= 2
@@ -49,6 +49,11 @@ def test_fronts_that_are_not_slow_or_only_pause_have_none(speeds):
     (row,) = slow.ruptures(record(speeds)).itertuples()
     assert not row.between
     assert np.isnan(row.speed)
+
+
+def test_a_stretch_below_the_band_is_not_accepted():
+    (row,) = slow.ruptures(record(front(9.0))).itertuples()
+    assert (row.between, row.accepted) == (True, False)
 
 
 def test_a_front_that_stays_slow_is_not_between_fast_ones():

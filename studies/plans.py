@@ -242,6 +242,8 @@ def judged(made: Record, truth: Record, expected: float) -> dict[str, Any]:
     row |= {"until": own.until, "said": not own.holds, "undetermined": len(own.undetermined)}
     row |= {"beyond_tolerance": real.holds is False}
     row |= {"not_measured": own.measured() is None}
+    speeds = sum(len(differences(one, one).speeds) for one in (made, truth))
+    row |= {"no_front_speed": own.want == "front_speed" and not speeds}
     both = None not in (own.measured(), real.measured())
     row |= {"beyond_measured": both and real.measured() > max(own.measured(), ROUNDING)}
     for name in QUANTITIES:
@@ -309,6 +311,8 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
                     (group["beyond_tolerance"] & group["said"]).sum()
                 ),
                 "beyond the measured error": int(group["beyond_measured"].sum()),
+                "not measured": int(group["not_measured"].sum()),
+                "no front has a speed": int(group["no_front_speed"].sum()),
                 "refined": int((group["refined"] > 0).sum()),
                 "moved on from single events": int(group["until"].notna().sum()),
                 "events trusted": f"{group['trusted'].sum() / max(group['events'].sum(), 1):.1%}",

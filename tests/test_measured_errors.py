@@ -302,6 +302,8 @@ def test_the_number_that_was_wanted_has_to_be_known():
     assert Errors(want="stress", **forces).holds is None
     assert Errors(want="stress", **forces, stress=0.003).measured() == 0.003
     assert Errors(want="front_speed", **forces).holds is None
+    short = Errors(want="front_speed", **forces, events=3)
+    assert short.verdict.endswith("NOT MEASURED, no front has a speed")
     assert Errors(want="front_speed", **forces, speed_95=0.1).holds is False
     assert Errors(want="precursors", tolerance=0.01, rupture=0.004).measured() == 0.004
     assert Errors(want="front_speed", tolerance=0.01, rupture=0.004).measured() is None

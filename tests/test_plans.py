@@ -42,6 +42,10 @@ def test_a_promise_is_judged_by_the_real_error(ladder, real, measured, broken, d
     none = Errors(want="stress", tolerance=0.01, start=measured)
     row = plans.judged(dataclasses.replace(ladder, errors=none), truth, 1e-3)
     assert (row["not_measured"], row["said"], row["beyond_measured"]) == (True, True, False)
+    assert not row["no_front_speed"]
+    fast = dataclasses.replace(none, want="front_speed")  # a static state has no front speed
+    row = plans.judged(dataclasses.replace(ladder, errors=fast), truth, 1e-3)
+    assert (row["not_measured"], row["no_front_speed"]) == (True, True)
 
 
 @pytest.mark.slow
@@ -56,10 +60,11 @@ def test_promises_hold_where_jumps_decide_the_order_of_events(seed, n, low):
 
 def test_the_table_counts():
     row = {"want": "stress", "said": True, "refined": 0, "until": np.nan, "trusted": 3, "events": 4}
-    verdicts = [(True, True), (False, True), (False, False)]
-    names = ("beyond_tolerance", "beyond_measured")
+    row |= {"no_front_speed": False}
+    verdicts = [(True, True, False), (False, True, False), (False, False, True)]
+    names = ("beyond_tolerance", "beyond_measured", "not_measured")
     rows = pd.DataFrame([row | dict(zip(names, one, strict=True)) for one in verdicts])
     found = plans.table(rows).set_index("want")
     assert list(found.index) == ["stress", "all"]
-    assert list(found.loc["all"])[:4] == [3, 1, 1, 2]
+    assert list(found.loc["all"])[:6] == [3, 1, 1, 2, 1, 0]
     assert found.loc["all", "events trusted"] == "75.0%"

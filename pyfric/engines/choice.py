@@ -42,7 +42,7 @@ from pyfric.engines.pilot import (
 from pyfric.engines.quasistatic import beyond_ladder
 from pyfric.engines.relaxation import relaxation_time
 from pyfric.engines.stretches import bends
-from pyfric.engines.verification import CHEAP, LOOSEST, budget
+from pyfric.engines.verification import CHEAP, LOOSEST, expected_work
 from pyfric.record import RESOLVED, RESOLVED_ERROR, zone_of_scene
 from pyfric.scene import Geometry, check_number, default_geometry
 from pyfric.signals import at_once
@@ -121,7 +121,7 @@ class Plan:
         error: expected error, in the unit of the tolerance.
         work: expected work of the run, in s on the reference machine of `pyfric.engines.cost`.
         seconds: expected time of the run, in s on one core of this machine, without verification.
-        price: longest time of verification, in s on this machine.
+        price: expected time of verification, in s on this machine.
         lattice: for front speeds, the lattice constant that the tolerance needs, and the time of a
             run with it; "" if the present one suffices, and for other quantities.
     """
@@ -157,7 +157,7 @@ class Plan:
             *(f"rejected: {reason}" for reason in self.reasons),
             f"expected error: {self.error:.2g}",
             f"expected time: about {self.seconds:.2g} s",
-            f"verification: at most {self.price:.2g} s more",
+            f"verification: about {self.price:.2g} s more",
             *([f"lattice: {self.lattice}"] if self.lattice else ()),
         ]
         return "\n".join(lines)
@@ -260,13 +260,14 @@ class _Choice:
 
     def _made(self, **what: object) -> Plan:
         seconds = what["work"] * machine_speed()
-        price = budget(what["work"]) * machine_speed() * (self.options.verify != "none")
+        ladder = what["fidelity"] == "quasistatic"
+        price = expected_work(what["work"], math.inf if ladder else self._full_work())
         return Plan(
             want=self.want,
             tolerance=self.tolerance,
             reasons=tuple(self.reasons),
             seconds=seconds,
-            price=price,
+            price=price * machine_speed() * (self.options.verify != "none"),
             **what,
         )
 
@@ -469,13 +470,13 @@ def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, floa
     geometry = how.geometry or default_geometry(scene)
     t_end = expected_end(scene, t_end, how.on(scene).stop_when)
     dt, size = step_size(scene, how.dt, how.stepper), 1e5 + _events_size(scene, t_end)
-    made = full_work(scene, geometry, dt, t_end, how.stepper)
+    made = full = full_work(scene, geometry, dt, t_end, how.stepper)
     if how.fidelity in ("quasistatic", "equilibrium"):
-        made = quasistatic_work(scene, pilot_run(scene, t_end))
+        made, full = quasistatic_work(scene, pilot_run(scene, t_end)), math.inf
     elif how.fidelity == "hybrid" and made > CHEAP:
         resolved = dataclasses.replace(how, geometry=geometry, dt=dt)
         made = counted(scene, t_end, resolved, pilot_run(scene, t_end))
-    price = budget(made) if how.verify not in (None, "none") else 0.0
+    price = expected_work(made, full) if how.verify not in (None, "none") else 0.0
     return (made + price) * machine_speed(), size
 
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from pyfric.record import Differences, Record
     from pyfric.scene import Geometry, Scene
 
-__all__ = ["CHEAP", "Specification", "budget", "verified"]
+__all__ = ["CHEAP", "Specification", "expected_work", "verified"]
 
 PLAIN, CHEAP = 2.0, 0.5
 """Largest work of verification, in s: `PLAIN` times the work of the run, plus `CHEAP`."""
@@ -71,6 +71,17 @@ PERTURBATION = 1e-9
 def budget(made: float) -> float:
     """Return the largest work that verification of a run may take, in s."""
     return PLAIN * made + CHEAP
+
+
+def expected_work(made: float, full: float) -> float:
+    """Return the expected work of verification, in s: that of the best reference run it can pay.
+
+    Args:
+        made: work of the run, in s.
+        full: work of full dynamics with the same step, in s; infinite for a quasi-static run.
+    """
+    levels = [ratio * one for ratio in RATIOS for one in (full, made) if math.isfinite(full)]
+    return next((one for one in levels if one <= budget(made)), budget(made))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -160,7 +160,9 @@ class Errors:
         if self.tolerance is None:
             return ""
         if self.measured() is None:
-            return f"for {self.want} within {self.tolerance:g}: NOT MEASURED, nothing was compared"
+            none = self.want == "front_speed" and self.events
+            why = "no front has a speed" if none else "nothing was compared"
+            return f"for {self.want} within {self.tolerance:g}: NOT MEASURED, {why}"
         said = "does not hold, BEYOND" if self.holds is False else "within"
         text = f"for {self.want}: measured {self.measured():.2g}, {said} {self.tolerance:g}"
         if self.holds is None:

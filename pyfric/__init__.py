@@ -41,6 +41,7 @@ if TYPE_CHECKING:
         analysis,
         build_catalogue,
         front_speed,
+        load,
     )
     from pyfric.scene import (
         MATERIALS,
@@ -132,6 +133,7 @@ __all__ = [
     "front_speed",
     "label_map",
     "laws",
+    "load",
     "loaded_state",
     "overstressed",
     "phase_diagram",

@@ -20,6 +20,7 @@ from helpers import edited
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import pyfric
 from pyfric.core import ENERGIES, State
 from pyfric.record import (
     GROUPS,
@@ -114,6 +115,12 @@ def make_record(scene=None, n_events=3, **changes):
 
 def through_file(original, tmp_path):
     return Record.load(original.save(tmp_path / "run.nc"))
+
+
+def test_the_short_names_that_everyone_tries(tmp_path):
+    record = make_record(setup1(), 7)
+    assert pyfric.load(record.save(tmp_path / "run.nc")) == record
+    assert record.plot().caption == pyfric.figures.fig1b(record).caption
 
 
 @pytest.mark.parametrize("n_events", [0, 1, 7])

@@ -3,6 +3,8 @@
 import dataclasses
 import json
 import math
+import subprocess
+import sys
 import tomllib
 
 import numpy as np
@@ -418,6 +420,29 @@ def test_the_command_runs_and_goes_on(file, tmp_path):
     assert all((tmp_path / "cache" / f"{key}.nc").exists() for key in table["key"])
     assert "6 finished" in command(file, "--dry-run").stdout
     assert command(file, "--out", out, "--workers", 1).exit_code == 0  # the same folder again
+
+
+WITHOUT_XARRAY = """
+import sys
+sys.modules["xarray"] = sys.modules["h5netcdf"] = None  # as if they were not installed
+import pyfric
+record = pyfric.simulate("fig1", 0.05, fidelity="quasistatic", progress=False)
+assert pyfric.load(record.save("a.nc")) == record
+record.to_csv("tables"), record.to_html("a.html")
+sweep = pyfric.Sweep.from_toml("sweep.toml")
+print(*(path.name for path in sweep.run(cache=None, workers=1, progress=False).save("out")))
+try:
+    record.to_xarray()
+except ImportError as error:
+    print(error.name)
+"""
+
+
+def test_without_xarray_all_else_works(file):
+    """A program of its own: what the tests have imported stays as it is."""
+    command = [sys.executable, "-c", WITHOUT_XARRAY]
+    done = subprocess.run(command, cwd=file.parent, capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["sweep.csv", "sweep.parquet", "xarray"], done.stderr
 
 
 def test_the_command_names_what_is_refused_and_ends_with_2_if_all_is(file):

@@ -36,7 +36,7 @@ from pyfric.record.errors import Differences, Errors, differences, statistics
 from pyfric.record.held import GROUPS, Held, RecordError, block_array, event_column, held_in
 from pyfric.record.method import Method
 from pyfric.record.pairing import paired
-from pyfric.record.record import Record
+from pyfric.record.record import Record, load
 from pyfric.record.report import numbered, summary, text
 from pyfric.record.rupture import front_speed
 from pyfric.record.software import provenance, versions
@@ -90,6 +90,7 @@ __all__ = [
     "fronts",
     "griffith_length",
     "held_in",
+    "load",
     "mean_force",
     "numbered",
     "pace_limits",

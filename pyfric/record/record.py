@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import State
-from pyfric.display import html, page
+from pyfric.display import drawing, html, page
 from pyfric.record import layout
 from pyfric.record.errors import Errors
 from pyfric.record.held import RecordError, checked, found_arrays, held_in, table
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pyfric.record.catalogue import Catalogue
     from pyfric.record.classes import RuptureClass
 
-__all__ = ["Record"]
+__all__ = ["Record", "load"]
 
 TABLES = ("curve", "events", "episodes")
 LOGS = ("quiet", "switches", "motion")
@@ -218,6 +218,10 @@ class Record:
 
     __repr__ = summary
 
+    def plot(self) -> Any:
+        """Return a figure of the loading curve; of a prediction curve, of length against force."""
+        return drawing(self)
+
     def _repr_html_(self) -> str:
         return html(self)
 
@@ -304,6 +308,7 @@ class Record:
         Coordinates are t (s), event (from 1) and x (m, from the trailing edge); n numbers the
         blocks along x. F_T and energies are on t; columns of `events` are on event and begin with
         event_; arrays over blocks are on (event, x). Every variable has units and a long_name.
+        Needs the package xarray.
         """
         return layout.dataset(self)
 
@@ -311,7 +316,7 @@ class Record:
         """All of the record as an `xarray.DataTree`, from which `from_datatree` makes it again.
 
         Groups are curve, events, episodes, interface (arrays over blocks), quiet and switches
-        (the logs) and final_state.
+        (the logs) and final_state. Needs the package xarray.
         """
         return layout.datatree(self)
 
@@ -358,6 +363,11 @@ class Record:
             write(folder / f"{name}.csv", frame.to_csv(index=False).encode())
             for name, frame in layout.csv_tables(self).items()
         ]
+
+
+def load(path: str | os.PathLike[str]) -> Record:
+    """Return the record in a file; see `Record.load`."""
+    return Record.load(path)
 
 
 def _made(kind: type[Record], values: dict[str, Any]) -> Record:

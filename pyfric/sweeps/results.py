@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,7 +109,10 @@ class Results:
         return found.reset_index(drop=not kept)
 
     def to_xarray(self) -> xr.Dataset:
-        """The table as a dataset with units: on the axes of a grid, or else on "point"."""
+        """The table as a dataset with units: on the axes of a grid, or else on "point".
+
+        Needs the package xarray.
+        """
         import xarray as xr  # slow to import
 
         table, names = self.table, list(self.sweep.over)
@@ -133,26 +137,25 @@ class Results:
         return dataset
 
     def save(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write sweep.csv, sweep.nc and, with pyarrow, sweep.parquet; return their paths.
+        """Write sweep.csv, with h5netcdf also sweep.nc, with pyarrow sweep.parquet; return paths.
 
         Raises:
             OSError: a file cannot be written.
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        paths = [folder / "sweep.csv", folder / "sweep.nc"]
+        paths = [folder / "sweep.csv"]
         with written(paths[0]) as draft:
             self.table.to_csv(draft)
-        with written(paths[1]) as draft:
-            self.to_xarray().to_netcdf(draft, engine="h5netcdf")
-        try:
-            import pyarrow  # noqa: F401
-        except ImportError:
-            return paths
-        paths.append(folder / "sweep.parquet")
-        plain = {name: _plain(column) for name, column in self.table.items()}
-        with written(paths[2]) as draft:
-            pd.DataFrame(plain, index=self.table.index).to_parquet(draft)
+        if find_spec("h5netcdf") is not None:  # comes with xarray
+            paths.append(folder / "sweep.nc")
+            with written(paths[-1]) as draft:
+                self.to_xarray().to_netcdf(draft, engine="h5netcdf")
+        if find_spec("pyarrow") is not None:
+            paths.append(folder / "sweep.parquet")
+            plain = {name: _plain(column) for name, column in self.table.items()}
+            with written(paths[-1]) as draft:
+                pd.DataFrame(plain, index=self.table.index).to_parquet(draft)
         return paths
 
 

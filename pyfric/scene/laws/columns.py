@@ -107,7 +107,7 @@ def _falling(knots: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return sums @ nnls(shares @ sums, y)[0]
 
 
-def from_csv(path: str | os.PathLike[str], name: str = "interface.law", unit: str = "") -> Table:
+def from_csv(path: str | os.PathLike[str], name: str, unit: str) -> Table:
     """Return the table in a CSV file of two columns.
 
     Empty lines and lines that start with # are ignored. The first line, or a line with # above the

@@ -40,9 +40,17 @@ contains
       b(:, :, ABOVE:) = 0.0_dp
     end if
     large = strain > (S_SERIES*s%l**2)**2
-    if (large .or. s%along) then
-      call in_closed_form(s, BESIDE, BESIDE, large, q, q, b)
-      if (has_up) call in_closed_form(s, ABOVE, LEFT, large, q, up, b)
+    if (large) then
+      call in_closed_form(s, BESIDE, q, q, b(LB, 1, BESIDE), b(LB, 2, BESIDE))
+      do m = ABOVE, merge(LEFT, BESIDE, has_up)
+        call in_closed_form(s, m, q, up, b(LB, 1, m), b(LB, 2, m))
+      end do
+    end if
+    if (s%along) then
+      call add_dashpots(s, BESIDE, q, q, b(LB, 1, BESIDE), b(LB, 2, BESIDE))
+      do m = ABOVE, merge(LEFT, BESIDE, has_up)
+        call add_dashpots(s, m, q, up, b(LB, 1, m), b(LB, 2, m))
+      end do
     end if
     do m = 1, N_BOND
       if (BOND(m)%first == BOND(m)%second) cycle
@@ -93,41 +101,52 @@ contains
     if (abs(c) > 0.0_dp) x = c*l + dx
   end function plus
 
-  !> The same bonds block by block, with springs in closed form for strains beyond the series, and dashpots along the bonds.
-  pure subroutine in_closed_form(s, m_1, m_2, large, q, row, b)
+  !> Springs of bond m in closed form, for strains beyond the series.
+  pure subroutine in_closed_form(s, m, q, row, fx, fz)
     type(model_t), intent(in) :: s
-    integer, intent(in) :: m_1                    !! first bond
-    integer, intent(in) :: m_2                    !! last bond
-    logical, intent(in) :: large                  !! springs too; else b holds them
-    real(dp), intent(in) :: q(LB:s%n + LANES, 4)             !! the row of their first blocks
-    real(dp), intent(in) :: row(LB:s%n + LANES, 4)           !! that of their second ones
-    real(dp), intent(inout) :: b(LB:s%n + LANES, 2, N_BOND)  !! forces on the first blocks [N]
-    real(dp) :: d(2), du(2), dv(2)
-    integer :: m, i, i_1, i_2
+    integer, intent(in) :: m
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row of their first blocks
+    real(dp), intent(in) :: row(LB:s%n + LANES, 4) !! that of their second ones
+    real(dp), intent(out) :: fx(LB:s%n + LANES)    !! forces on the first blocks [N]
+    real(dp), intent(out) :: fz(LB:s%n + LANES)    !! [N]
+    real(dp) :: k, d(2), l2, dx, dz, t, g
+    integer :: i
 
-    do m = m_1, m_2
-      d = s%l*BOND(m)%d
-      do i = 1, s%n
-        i_1 = i + LANES*BOND(m)%first
-        i_2 = i + LANES*BOND(m)%second
-        du = row(i_2, UX:UZ) - q(i_1, UX:UZ)
-        dv = row(i_2, VX:VZ) - q(i_1, VX:VZ)
-        if (large) b(i, :, m) = spring(BOND(m)%stiffness*s%k, d, du)
-        if (s%along) b(i, :, m) = b(i, :, m) + s%eta*dot_product(d + du, dv)/sum((d + du)**2)*(d + du)
-      end do
+    k = BOND(m)%stiffness*s%k
+    d = s%l*BOND(m)%d
+    l2 = d(1)**2 + d(2)**2
+    do i = 1, s%n
+      dx = row(i + LANES*BOND(m)%second, UX) - q(i + LANES*BOND(m)%first, UX)
+      dz = row(i + LANES*BOND(m)%second, UZ) - q(i + LANES*BOND(m)%first, UZ)
+      t = (dx*(2.0_dp*d(1) + dx) + dz*(2.0_dp*d(2) + dz))/l2
+      g = k*t/((1.0_dp + t) + sqrt(1.0_dp + t))
+      fx(i) = g*(d(1) + dx)
+      fz(i) = g*(d(2) + dz)
     end do
   end subroutine in_closed_form
 
-  !> Force of a spring on its first block [N].
-  pure function spring(k, d, du) result(f)
-    real(dp), intent(in) :: k      !! stiffness [N/m]
-    real(dp), intent(in) :: d(2)   !! reference vector [m]
-    real(dp), intent(in) :: du(2)  !! difference of displacements [m]
-    real(dp) :: f(2), s
+  !> Adds the forces of dashpots along bond m.
+  pure subroutine add_dashpots(s, m, q, row, fx, fz)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: m
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row of their first blocks
+    real(dp), intent(in) :: row(LB:s%n + LANES, 4) !! that of their second ones
+    real(dp), intent(inout) :: fx(LB:s%n + LANES)  !! forces on the first blocks [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)  !! [N]
+    real(dp) :: d(2), x, z, dvx, dvz, g
+    integer :: i
 
-    s = (du(1)*(2.0_dp*d(1) + du(1)) + du(2)*(2.0_dp*d(2) + du(2)))/(d(1)**2 + d(2)**2)
-    f = k*s/((1.0_dp + s) + sqrt(1.0_dp + s))*(d + du)
-  end function spring
+    d = s%l*BOND(m)%d
+    do i = 1, s%n
+      x = d(1) + (row(i + LANES*BOND(m)%second, UX) - q(i + LANES*BOND(m)%first, UX))
+      z = d(2) + (row(i + LANES*BOND(m)%second, UZ) - q(i + LANES*BOND(m)%first, UZ))
+      dvx = row(i + LANES*BOND(m)%second, VX) - q(i + LANES*BOND(m)%first, VX)
+      dvz = row(i + LANES*BOND(m)%second, VZ) - q(i + LANES*BOND(m)%first, VZ)
+      g = s%eta*(x*dvx + z*dvz)/(x**2 + z**2)
+      fx(i) = fx(i) + g*x
+      fz(i) = fz(i) + g*z
+    end do
+  end subroutine add_dashpots
 
   !> One component of the force on a row: its own bonds, and carry from below; then carry for the row above.
   pure subroutine gather(n, b, c, carry, f)

@@ -388,8 +388,11 @@ class Known:
     their accuracy, in start forces.
 
     From main event `chaos` on, steps move them by `noise` (dt/dt_0)^0.1. Steps of more than `turn`
-    dt_0 take a wrong turn: one event is 0.1 L longer, the next one starts at 0.005 F_N more.
+    dt_0 take a wrong turn: one event is 0.1 L longer, the next one starts at 0.005 F_N more. `part`
+    is a shorter run, which those of a quarter of the step or less are.
     """
+
+    part = None
 
     def __init__(self, ladder, step=0.0, bonds=0.0, chaos=None, noise=0.0, jumps=0.0, turn=np.inf):
         self.ladder, self.step, self.bonds, self.chaos = ladder, step, bonds, chaos
@@ -406,8 +409,9 @@ class Known:
         share = options.dt / self.dt_0
         off = self.step * share**4 + self.bonds * (options.geometry == "linear")
         off += self.jumps * (options.accuracy or 0.0)
-        events = self.ladder.events
-        events.loc[self.main, "F_T_start"] += off * scene.F_N
+        ladder = self.part if self.part is not None and share <= 1 / 4 else self.ladder
+        events = ladder.events
+        events.loc[events["is_main"], "F_T_start"] += off * scene.F_N
         if share > self.turn:
             events.loc[self.main[2], "L_p_over_L"] += 0.1
             events.loc[self.main[3], "F_T_start"] += 0.005 * scene.F_N
@@ -417,7 +421,7 @@ class Known:
         made = round(self.evaluations / share)
         blocks = scene.N_x * scene.N_z
         counts = {"block_evaluations": made, "steps": made // (4 * blocks), "attempts": 0}
-        return dataclasses.replace(self.ladder, method=method, events=events, counts=counts)
+        return dataclasses.replace(ladder, method=method, events=events, counts=counts)
 
     def verified(self, mode, tolerance=0.01, geometry="finite"):
         options = pyfric.Options(
@@ -464,16 +468,45 @@ def test_a_run_that_is_too_far_off_gives_way_to_its_reference(ladder):
     """Of which no smaller error is claimed before it is compared with a finer one."""
     known = Known(ladder, step=0.007)
     record = known.verified(None)
-    assert [share for _, share, _ in known.asked] == [1, 1 / 2]
+    assert [share for _, share, _ in known.asked] == [1, 1 / 2, 1 / 4]
     assert record.method.dt == known.dt_0 / 2
     assert any("refined to hybrid, finite geometry" in note for note in record.notes)
-    assert record.errors.until is not None
+    assert record.errors.until is None
+    assert record.errors.holds
     cheap = Known(ladder, step=0.007)
     cheap.evaluations = 3 * 10**6
     record = cheap.verified(None)
     shares = [share for _, share, _ in cheap.asked]
     assert shares[:2] == [1, 1 / 4]
     assert record.method.dt <= cheap.dt_0 / 4
+
+
+def test_events_are_trusted_as_far_as_the_budget_pays_for_a_finer_run(ladder):
+    """The finer run ends after some main events, or before the first one."""
+    main, starts = main_events(ladder), ladder.events["t_start"]
+    known = Known(ladder, step=0.007)
+    known.part = pyfric.simulate(ladder.scene, starts[main[3]] - 1e-3, fidelity="quasistatic")
+    errors = known.verified(None).errors
+    assert known.asked[-1][1] == 1 / 4
+    assert errors.events == 3
+    assert starts[main[2]] <= errors.until < starts[main[3]]
+    assert errors.measured() == pytest.approx(SAFETY * 0.007 / 2**4)
+    assert errors.statistics
+    known.part = pyfric.simulate(ladder.scene, starts[1] - 1e-3, fidelity="quasistatic")
+    errors = known.verified(None).errors  # from the run of twice the step: small events agree
+    assert (errors.minor, errors.holds, errors.measured()) == (True, None, 0)
+    assert errors.until <= starts[main[0]]
+    assert errors.verdict.endswith("NOT MEASURED in any main event")
+
+
+def test_other_small_events_end_the_trust_in_single_ones(ladder):
+    main, starts = main_events(ladder), ladder.events["t_start"]
+    known = Known(ladder, step=0.007, chaos=6, noise=0.1)
+    until = known.verified(None).errors.until
+    assert starts[main[4]] < until < starts[main[6]]
+    (first, *_) = ladder.events.index[(starts > starts[main[2]]) & ~ladder.events["is_main"]]
+    known.part = changed(ladder, first, last_block=1)
+    assert known.verified(None).errors.until < starts[first] < until
 
 
 def test_a_wrong_turn_has_no_order(ladder):

@@ -14,7 +14,9 @@ event.
 
 If only a few of many events still differ, they are named, and all others are measured. Otherwise
 single events cannot be trusted from the first difference on, and later events are compared by their
-statistics.
+statistics. The first difference is that from a run of half the step, as far as the budget pays for
+it, and from the coarser run where that does not reach an event. An event of few blocks counts, too,
+if it slips other blocks.
 
 A reference run that exceeds its budget ends there. Events that it does not cover are not measured.
 
@@ -29,6 +31,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pyfric.core import STEPPERS
 from pyfric.engines.cost import full_work, work, work_so_far
@@ -155,6 +159,15 @@ def _with(record: Record, errors: Errors, notes: list[str]) -> Record:
     if errors.verdict and not errors.holds:
         notes = [*notes, errors.verdict]
     return dataclasses.replace(record, errors=errors, notes=(*record.notes, *notes))
+
+
+def _apart(record: Record, other: Record) -> float:
+    """Return the start (s) of the first event that slips other blocks in another run."""
+    names = ["n_blocks", "first_block", "last_block"]
+    same = min(len(record.events), len(other.events))
+    ours, theirs = (one.events[names].to_numpy()[:same] for one in (record, other))
+    off = record.events["t_start"].to_numpy()[:same][(ours != theirs).any(axis=1)]
+    return float(off[0]) if len(off) else math.inf
 
 
 def _words(record: Record) -> str:
@@ -305,25 +318,60 @@ class _Verification:
             if not self._beyond(rest):
                 named = tuple(int(event) for event in off["event"] if event)
                 return dataclasses.replace(rest, undetermined=named)
+        if self.other.method.dt > self.record.method.dt:
+            first = self._first_part(self.other)
+            if first.events:
+                return first
+        return self._until(errors, self._parted(), self.other)
+
+    def _parted(self) -> float:
+        """Return the start (s) of the first event on which two runs disagree, NaN if none."""
+        options = self.made.options
         off = self.found.beyond(options.tolerance / self._factor(turned=True), options.want)
-        return self._until(errors, off["t_start"].min(), self.other)
+        return float(off["t_start"].min())
+
+    def _first_part(self, coarse: Record) -> Errors:
+        """Return the errors that a finer run measures as far as the budget goes.
+
+        Later events have the statistics of the run and of a coarser one, which disagree.
+        """
+        kept = self.found, self.other, self.factor
+        engine, left = self.record.method.engine, self.left
+        how, ratio = self._at(self.record, engine, RATIOS[1])
+        finer = self.made.again(self.record, lambda run: work_so_far(run) > left, **how)
+        found = differences(self.record, finer)
+        errors = self._measured(found, finer, 1 / (1 - self._shrink(ratio)))
+        t = self._parted()
+        if np.isnan(t) and not errors.partly:
+            return errors
+        errors = self._until(errors, float(np.fmin(t, found.covered)), coarse)
+        if not errors.events:
+            self.found, self.other, self.factor = kept
+            self.notes.pop()
+        return errors
 
     def _until(self, errors: Errors, t: float, other: Record) -> Errors:
         """Return the errors before an event that begins at t (s), and statistics of later events.
 
-        The event may begin a little earlier or later in the other run.
+        The event may begin a little earlier or later in the other run. An event of fewer blocks
+        that slips others in the two runs is the end, too.
         """
         if not t > self.made.t_begin:
             return errors
         events = self.record.events
+        t = min(t, _apart(self.record, self.other))
         ended = events["t_stop"][(events["t_start"] < t) & (events["t_stop"] < t)]
         until = float(max(ended, default=self.made.t_begin))
         together = statistics(self.record, other, until)
         self.notes.append(
             f"single events cannot be trusted from t = {until:.6g} s on: two runs disagree"
         )
-        before = self._scaled(self.found.before(until))
-        return dataclasses.replace(before, until=until, statistics=together)
+        before = self.found.before(until)
+        if minor := not len(before.events):
+            before = differences(self.record, self.other, until)
+        minor = minor and bool(events["is_main"].any())
+        found = dataclasses.replace(self._scaled(before), until=until, statistics=together)
+        return dataclasses.replace(found, minor=minor and found.events > 0)
 
     def _perturbed(self, errors: Errors) -> Errors:
         """Return the errors up to the first event that a slightly faster driver changes."""

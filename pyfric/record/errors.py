@@ -1,11 +1,11 @@
 """Measured errors of a run: two records of one scene, compared event by event.
 
-Each main event of either record (each event, where there are no main ones) is paired with an event
-of the other one (`pairing`). An event that the other run would have had after its end is compared
-with the force that this one reached; one that begins while the last event of the other run goes on
-to the end is part of that: a pause near `t_gap` parts them. What goes on in one of the runs is
-compared as far as both know it: forces on the way in place of arrests, front speeds where both runs
-know the five rupture times of a block. A prescribed interface has no forces: its rupture times are
+Each main event of either record (each event, as long as there are no main ones) is paired with an
+event of the other one (`pairing`). An event that the other run would have had after its end is
+compared with the force that this one reached; one that begins while the last event of the other run
+goes on to the end is part of that: a pause near `t_gap` parts them. What goes on in one of the runs
+is compared as far as both know it: forces on the way in place of arrests, front speeds where both
+runs know the five rupture times of a block. A prescribed interface has no forces: its rupture times are
 compared. Where nothing slips in either run, their loading curves are.
 
 Each number of `Errors` is measured, bounded, or not measured. What was not measured is None, which
@@ -18,6 +18,7 @@ that all earlier events left.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
@@ -83,6 +84,7 @@ class Errors:
         covered: time up to which they were compared, s.
         t_end: time up to which the run goes, s; None means `covered`.
         until: time from which on single events cannot be trusted, s; None if there is no such time.
+        minor: whether there are main events, and all of them are after that.
         statistics: what holds for the events after that, together: name to value and error.
         by: what the run was compared with.
     """
@@ -105,6 +107,7 @@ class Errors:
     covered: float = 0.0
     t_end: float | None = None
     until: float | None = None
+    minor: bool = False
     statistics: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     by: tuple[str, ...] = ()
 
@@ -139,14 +142,15 @@ class Errors:
     def holds(self) -> bool | None:
         """Whether the measured error is within the tolerance.
 
-        None where it was not measured, or not over the whole run, or where there is no tolerance.
+        None where it was not measured, not over the whole run, or in no main event, or where there
+        is no tolerance.
         """
         error = self.measured()
         if error is None or self.tolerance is None:
             return None
         if error > self.tolerance:
             return False
-        return None if self.partly else True
+        return None if self.partly or self.minor else True
 
     @property
     def partly(self) -> bool:
@@ -165,10 +169,12 @@ class Errors:
             return f"for {self.want} within {self.tolerance:g}: NOT MEASURED, {why}"
         said = "does not hold, BEYOND" if self.holds is False else "within"
         text = f"for {self.want}: measured {self.measured():.2g}, {said} {self.tolerance:g}"
-        if self.holds is None:
+        if self.holds is None and self.partly:
             text += f", up to {self.covered:.6g} s; NOT MEASURED from there to {self.t_end:.6g} s"
         if self.until is not None:
             text += f", up to {self.until:.6g} s"
+        if self.minor:
+            text += "; NOT MEASURED in any main event"
         if self.undetermined:
             text += f", but for {len(self.undetermined)} events that are not determined: "
             text += ", ".join(map(str, self.undetermined))
@@ -257,15 +263,17 @@ class Differences(NamedTuple):
         return found | {"compared": compared, "events": events, "covered": self.covered}
 
 
-def differences(record: Record, other: Record) -> Differences:
-    """Return how far two runs of a scene are apart, up to where the shorter one ends.
+def differences(record: Record, other: Record, until: float = math.inf) -> Differences:
+    """Return how far two runs of a scene are apart.
+
+    They are compared up to where the shorter one ends, or up to a time, in s.
 
     Raises:
         SceneError: the runs have different numbers of blocks.
     """
     if other.scene.N_x != (N_x := record.scene.N_x):
         raise SceneError("other", other.scene.N_x, "", f"a run with {N_x} blocks", "other blocks")
-    covered = min(float(one.curve["t"].iloc[-1]) for one in (record, other))
+    covered = min(until, *(float(one.curve["t"].iloc[-1]) for one in (record, other)))
     own, speeds = _Pairs(record, other, covered).rows()
     others, _ = _Pairs(other, record, covered).rows()
     others = others.rename(columns={"event": "other", "other": "event"})
@@ -286,10 +294,10 @@ class _Pairs:
     def __init__(self, a: Record, b: Record, covered: float) -> None:
         self.a, self.b, self.covered = a, b, covered
         self.events, self.partners = a.events, b.events
-        any_main = self.events["is_main"].any() or self.partners["is_main"].any()
-        ours = self.events[self.events["is_main"] | (not any_main)]
-        self.ours = ours[ours["t_start"] <= covered]
+        ours = self.events[self.events["t_start"] <= covered]
         self.theirs = self.partners[self.partners["t_start"] <= covered]
+        any_main = ours["is_main"].any() or self.theirs["is_main"].any()
+        self.ours = ours[ours["is_main"] | (not any_main)]
         self.force = float(np.interp(covered, b.curve["t"], b.curve["F_T"]))
 
     def rows(self) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -38,7 +38,7 @@ __all__ = [
 EVALUATION, BOTTOM, BLOCK = 0.5e-6, 8e-9, {"linear": 3.1e-9, "finite": 6.3e-9}
 """Time of one force evaluation, in s: a constant, a part for each bottom block, and a part for each
 block of the lattice."""
-CALL = 5e-5
+CALL = 7e-5
 """Time of one call of the core, in s. Each point of the loading curve needs at least one call."""
 ATTEMPT = {"linear": (2.5e-3, 1e-6), "finite": (4e-3, 2.5e-6)}
 """Time of one attempt to jump, in s: a constant, and a part for each block. These times affect

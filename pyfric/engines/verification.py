@@ -54,6 +54,9 @@ PLAIN, CHEAP = 2.0, 0.5
 """Largest work of verification, in s: `PLAIN` times the work of the run, plus `CHEAP`."""
 RATIOS = (4.0, 2.0, 1.5, 1.25)
 """Ratios of the step of a run to that of its reference run."""
+HALVED = 2.0
+"""Least ratio for a run with which a coarser one disagrees: with a smaller ratio, both runs could
+deviate in the same event."""
 DYNAMICS, SAFETY, TURNED = 1.25, 2.0, 3.0
 """Factors of safety for reported errors: of a quasi-static run compared with dynamics, of runs with
 two steps, and of runs in which an event ends at another block. They are definitions, as for two
@@ -221,7 +224,7 @@ class _Verification:
             found = differences(self.record, coarse)
             errors = self._measured(found, coarse, TURNED / SAFETY)  # an event may end elsewhere
             level, ratio = self._level(self.record)
-            if not (self._beyond(errors) and self._affordable(level)):
+            if not (self._beyond(errors) and self._affordable(level) and ratio >= HALVED):
                 break
             reference = self._reference(level)
             found = differences(self.record, reference)
@@ -337,7 +340,7 @@ class _Verification:
         """
         kept = self.found, self.other, self.factor
         engine, left = self.record.method.engine, self.left
-        how, ratio = self._at(self.record, engine, RATIOS[1])
+        how, ratio = self._at(self.record, engine, HALVED)
         finer = self.made.again(self.record, lambda run: work_so_far(run) > left, **how)
         found = differences(self.record, finer)
         errors = self._measured(found, finer, 1 / (1 - self._shrink(ratio)))

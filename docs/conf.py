@@ -195,7 +195,7 @@ html_theme_options = {
     "footer_end": [],
     "secondary_sidebar_items": ["page-toc"],
 }
-html_sidebars = {"index": [], "studies": []}
+html_sidebars = {"index": []}
 html_show_sourcelink = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]

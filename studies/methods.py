@@ -355,8 +355,8 @@ def figure(table: pd.DataFrame) -> DataFigure:
         "Fig. 1 scene, from one state; reference: RK4 with located switching in finite geometry, "
         "steps halved until converged. (e) A standing wave in the free lattice, beside LAMMPS. "
         "(f) Four blocks, beside SciPy. "
-        f"Each line is a ladder of steps or tolerances; {len(failed)} points were refused or "
-        "failed and stand in the table with the reason."
+        f"Along each line the step or the tolerance decreases; {len(failed)} points were refused "
+        "or failed and stand in the table with the reason."
     )
     measured = [orders(table, question) for question in QUESTIONS]
     fig.tables = {"points": table, "orders": pd.concat(measured, ignore_index=True)}

@@ -87,8 +87,8 @@ def figure(table: pd.DataFrame) -> DataFigure:
         "Error of start and arrest forces (the largest of main events, over F_N) against processor "
         "time, compared with the paper's method: Fig. 1 scene, up to its fourth main event. The "
         f"hybrid engine is {best['cheaper']:.0f} times cheaper, and its error is {best[WANT]:.1g} "
-        f"instead of {paper[WANT]:.1g}; the cost of what pyfric chooses (blue) holds the "
-        "measurement of its own error."
+        f"instead of {paper[WANT]:.1g}. Blue: pyfric's choice, "
+        "including the cost of measuring its error."
     )
     fig.tables = {"points": table}
     return fig

@@ -149,7 +149,7 @@ def test_episode_begun_before_the_log_starts_at_t_begin():
 def test_contradicting_log_is_refused():
     switches, quiet = Run().slip(0, 1 * MS, 2 * MS).logs()
     switches["old"][1] = STUCK
-    with pytest.raises(LogError, match="do not fit together"):
+    with pytest.raises(LogError, match="contradict each other"):
         build_catalogue(switches, quiet, make_scene())
     switches["block"][:] = 8
     with pytest.raises(LogError, match="outside"):

@@ -331,7 +331,7 @@ REGIMES: tuple[Regime, ...] = (
     ),
     Regime(
         "V too high for quasi-static states", partial(rod, V=1.0), "warning",
-        "the notes give the driver's push during a ring-down",
+        "a note says that the slider does not come to rest between events",
         partial(_noted, note="does not come to rest", fidelity="quasistatic"),
     ),
     Regime(

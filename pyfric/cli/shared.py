@@ -292,8 +292,9 @@ set_option = click.option(
     metavar="KEY=VALUE",
     multiple=True,
     shell_complete=_keys,
-    help="Change a value of SCENE, such as 'h=7.5 mm' or interface.mu_k=0.4; repeatable. Keys are "
-    "names of fields in its TOML, with their part where they need it; numbers without unit are SI.",
+    help="Change a value of SCENE, such as 'h=7.5 mm' or interface.mu_k=0.4; repeatable. A key "
+    "is a field of the scene's TOML, with its table if the name is ambiguous. Numbers without unit "
+    "are SI.",
 )
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 quiet_option = click.option("--quiet", is_flag=True, help="Print nothing but errors.")

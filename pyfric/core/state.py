@@ -256,7 +256,7 @@ class State:
         if self.spring[1] and not (
             0 <= low <= high < N_z and np.size(self.u_drv0) == high - low + 1
         ):
-            raise StateError(f"state.spring: rows {low:g} to {high:g} do not go with the blocks")
+            raise StateError(f"state.spring: rows {low:g} to {high:g} are not in the lattice")
         if not (
             self.dt > 0
             and self.step >= 0

@@ -84,7 +84,7 @@ MODELS = {
 }
 LEFT_OUT = {
     "quasistatic": ["inertia, waves, ring-down"],
-    "hybrid": ["what ring-down leaves of fast modes"],
+    "hybrid": ["fast modes, once they have nearly decayed"],
     "dynamic": [],
 }
 
@@ -242,7 +242,7 @@ class _Choice:
             self.reasons.append(f"quasi-static ({NO_RESTS})")
             return self._full(NO_RESTS)
         if not scene.has_rests:
-            return self._full("a push, or no driver, needs full dynamics")
+            return self._full("scenes with a push, or without a driver, need full dynamics")
         if self.want == "motion":
             return self._full("motion between events is wanted, which only full dynamics has")
         if self.stepped:

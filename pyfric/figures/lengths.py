@@ -129,7 +129,7 @@ def _geometries(records: Sequence[Record]) -> list[str]:
     pairs = [(one, linear[key]) for one in finite if (key := _pushed(one.scene)) in linear]
     if pairs:
         apart = max(_force_apart(*pair) for pair in pairs)
-        text.append(f"At equal length their F_T/F_N differ by up to {apart:.2g}.")
+        text.append(f"At equal length, F_T/F_N of these runs differs by up to {apart:.2g}.")
     return text
 
 

@@ -109,7 +109,7 @@ def _starts_and_stops(
     broken = (block[1:] == block[:-1]) & (old[1:] != new[:-1])
     if broken.any():
         i = int(block[1:][broken][0])
-        raise LogError(f"switch log: the modes of block {i} (column) do not fit together")
+        raise LogError(f"switch log: contact states of block {i} (column) contradict each other")
     was, now = _slips(old), _slips(new)
     edge = np.flatnonzero(was != now)  # starts and stops alternate within a block
     k = np.flatnonzero(now[edge])

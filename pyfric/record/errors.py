@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["Differences", "Errors", "differences", "statistics"]
 
 NOTHING = "not measured: nothing was compared"
-NOT_VERIFIED = f"errors {NOTHING} with this run; plans measure them, and so does verify = 'sample'"
+NOT_VERIFIED = "errors not measured (a planned run, or verify = 'sample', measures them)"
 """What a record says that was not verified."""
 SAME = 0.5
 """Events that share fewer than half of their blocks are not taken for one another, if one of them

@@ -50,7 +50,7 @@ def law_notes(scene: Scene, t_end: float, dt: float | None = None) -> tuple[str,
         by_slip = law.weakens and steepness > 0.25 * growth**2 * scene.m_interface
         over = f"over {with_prefix(slip, 'm')} of slip" if by_slip else "with speed"
         notes.append(
-            f"steps of {dt:.3g} s do not resolve weakening {over}, which takes "
-            f"dt <= {1 / growth:.3g} s; it acts like weakening at once"
+            f"steps of {dt:.3g} s do not resolve weakening {over}: friction drops at once. "
+            f"Resolving it needs dt <= {1 / growth:.3g} s"
         )
     return tuple(notes)

@@ -306,7 +306,7 @@ def label_map(
     """Return labels in a rectangle, with more points where they differ.
 
     Triangles between points are divided, the largest first, those with different labels before
-    others. Needs the package `adaptive`, the extra ``pyfric[sweeps]``.
+    others. Needs the package `adaptive`.
 
     Args:
         f: a function of x and y that returns a label.

@@ -90,7 +90,7 @@ class Resolution:
         for one in self.records:
             if analysis.system_size_events(one).empty:
                 t, l = one.curve["t"].iloc[-1], one.scene.slider.l
-                notes.append(f"l = {l * 1e3:g} mm: nothing slides as a whole by {t:g} s")
+                notes.append(f"l = {l * 1e3:g} mm: no system-size event before t = {t:g} s")
         return tuple(notes)
 
 

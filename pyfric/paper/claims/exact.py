@@ -225,7 +225,7 @@ def _order(runs: Runs, stepper: str = "rk4") -> Iterator[Claim]:
         "E6",
         "the stepper is of order 4 while nothing switches",
         np.log2(errors[0] / errors[1]),
-        between(3.75, 4.25, "4; a quarter is allowed for the next order and the reference"),
+        between(3.75, 4.25, "4, within 0.25 for higher-order terms and the error of the reference"),
         how,
         [to.given("velocity Verlet for RK4", stepper="verlet")],
     )

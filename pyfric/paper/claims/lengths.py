@@ -172,7 +172,7 @@ def _steps_over_h(runs: Runs) -> Iterator[Claim]:
     ]
     yield Claim(
         "3b",
-        "steps of L_p and F_T between precursors lie on lines over h, for small h",
+        "for small h, increments of L_p and F_T between precursors are linear in h",
         max((off[key] / known).max() for key, (_, known) in steps.items()),
         at_most(1, BLOCKS, "blocks/n"),
         "mean steps below L/2 for h = 2.5, 5, 7.5 mm: largest distance from a straight line, "

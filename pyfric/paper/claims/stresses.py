@@ -207,7 +207,7 @@ def _force_at_sliding(runs: Runs) -> Iterator[Claim]:
         "the largest force is only slightly above mu_k F_N, whatever mu_s",
         max(R.values(), key=abs),
         between(-0.1, 0.1, source, "mu_s - mu_k"),
-        "R of the largest static force up to the first event over the whole interface, worst of "
+        "R of the largest static force up to the first system-size event, largest |R| over all "
         "mu_s: "
         + ", ".join(f"{one:.3f} at {mu_s:g}" for mu_s, one in R.items())
         + f"; Fig. 1 scene up to 2 s: {analysis.friction_coefficients(record).R:.3f}",

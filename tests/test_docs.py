@@ -182,5 +182,5 @@ def test_the_version_is_the_same_in_all_release_files():
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     for name in ("CITATION.cff", ".zenodo.json", "scripts/release/meta.yaml"):
         text = (ROOT / name).read_text(encoding="utf-8")
-        (found,) = re.findall(r'^\W*(?:% set )?version\W+(\d[\w.]*)', text, re.MULTILINE)
+        (found,) = re.findall(r"^\W*(?:% set )?version\W+(\d[\w.]*)", text, re.MULTILINE)
         assert found == version, name

@@ -437,5 +437,17 @@ def creeping(out: Path, runs: Path | None, tell: Tell) -> None:
     save_figure(figure, out / "creeping", f"{RUN} creeping", tell)
 
 
+@main.command(section="Physics")
+@figure_out_option
+@telling
+def one_block(out: Path, tell: Tell) -> None:
+    """One block on junctions that is moved at a given speed, beside closed forms (a minute)."""
+    check_folder(out)
+    import one_block as study
+
+    figure = study.figure(study.study(say=tell.step))
+    save_figure(figure, out / "one_block", f"{RUN} one-block", tell)
+
+
 if __name__ == "__main__":
     main(prog_name="studies")

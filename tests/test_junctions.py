@@ -8,7 +8,7 @@ import pytest
 from helpers import GEOMETRIES, advance, bits, log_bits, refused, same_run
 from junction_twin import Junctions as Twin
 from junction_twin import rk4_step
-from scipy.interpolate import BSpline
+from one_block import MU_D, MU_S, U_S, Dragged, irwin_hall, slipping_share
 
 import pyfric
 from pyfric import core
@@ -19,49 +19,7 @@ from pyfric.scene import chain, setup1, setup2
 from pyfric.scene.laws import Junctions
 from pyfric.statics import loaded_state, stability_limit
 
-MU_S, MU_D, U_S = 0.4, 0.17, 1e-6
-
 # --- one block at a given speed, against closed forms ---------------------------------------------
-
-
-class Dragged:
-    """Three blocks so heavy that they move as they are told, each on a third of 1e5 junctions.
-
-    Attributes:
-        t: time, in s.
-    """
-
-    STEPS = 400
-    """To the stretch u_s: a junction breaks late by 1/800 of it in the mean."""
-
-    def __init__(self, t_R, t_R_std=0.0, n_s=33_334, **how):
-        law = Junctions(n_s=n_s, u_s=U_S, t_R=t_R, t_R_std=t_R_std, **how)
-        own = {"L": 5e-3, "p": 1.0, "M": 1e15, "k": 1.0, "K": 1e-9, "V": 0.0, "eta": 0.0}
-        self.scene = chain(mu_s=MU_S, mu_k=MU_D, law=law, **own)
-        assert self.scene.N_x == 3
-        self.state = loaded_state(self.scene, "linear").state(self.scene, 1.0)
-        self.model = core.model(self.scene, "linear", self.state.u_drv0)
-
-    @property
-    def t(self):
-        return self.state.t
-
-    def move(self, v, n, dt, every=1):
-        """Move at v (m/s) for n steps of dt (s); return F/p after every so many."""
-        self.state = self.state.with_dt(dt)
-        self.state.y[:, 2] = v
-        log, found, how = core.Log(3), [], {"budget": False, "stepper": "symplectic_euler"}
-        for _ in range(n // every):
-            assert core.advance(self.model, self.state, log, every, **how) == core.Status.DONE
-            found.append(-core.evaluate(self.model, self.state, self.t).f.mean())
-        return np.array(found)
-
-    def slide(self, v, distance, every=10):
-        """Slide at v over a distance in u_s; return F/p after every so many steps."""
-        return self.move(v, round(distance * self.STEPS), U_S / v / self.STEPS, every)
-
-    def pinned(self):
-        return self.state.pinned.mean()
 
 
 @pytest.fixture(scope="module")
@@ -91,28 +49,15 @@ def test_steady_friction_falls_with_speed(steady, q, distance):
     assert block.pinned() == pytest.approx(1 / (1 + q), abs=5e-3)
 
 
-def irwin_hall(n):
-    """The distribution of the sum of 12 n uniform numbers."""
-    return BSpline.basis_element(np.arange(12 * n + 1)).antiderivative()
-
-
 def test_slipping_share_from_all_pinned():
     """Breaks at (n + 1) t_p after n draws each, until n + 1 of them have ended."""
     t_R, std, v = 1e-3, 0.3e-3, 1e-3
     block, t_p = Dragged(t_R, std), U_S / v
     block.STEPS = 1000
 
-    def ended(n, t):
-        """G_n(t): n draws of mean + std (sum of 12 - 6) are over."""
-        if n == 0:
-            return float(t >= 0)
-        x = (t - n * t_R) / std + 6 * n
-        return float(irwin_hall(n)(np.clip(x, 0, 12 * n)))
-
     for distance in (0.95, 0.35, 0.4, 0.6, 0.7):  # up to 3 u_s in all
         block.slide(v, distance, every=50)
-        t = block.t - t_p
-        share = sum(ended(n, t - n * t_p) - ended(n + 1, t - n * t_p) for n in range(4))
+        share = slipping_share(block.t, t_p, t_R, std)
         assert 1 - block.pinned() == pytest.approx(share, abs=1e5**-0.5)
 
 

@@ -159,6 +159,8 @@ def test_refused_conditions():
         refused(lambda text=text: options(stop_when=text), "stop_when", said)
     beyond = {"stop_when": "reached = 5", "progress": False}
     refused(lambda: pyfric.simulate("fig1", 1.0, **beyond), "stop_when", "beyond the interface")
+    junctions = {"stop_when": "at_rest", "progress": False}
+    refused(lambda: pyfric.simulate("slow", 1e-4, **junctions), "stop_when", "blocks on junctions")
     assert options(stop_when=["arrested"]).stop_when == ("arrested",)
     assert options(stop_when=()).stop_when == ()
     assert all(due.__doc__ for due in CONDITIONS.values())

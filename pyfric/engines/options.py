@@ -269,7 +269,8 @@ class Options:
         """Return the options with the conditions of a scene, unless others were given.
 
         Raises:
-            SceneError: a condition names a position beyond the interface.
+            SceneError: a condition names a position beyond the interface, or needs thresholds of
+                friction, which blocks on junctions do not have.
         """
         ends = scene.stop_when if self.stop_when is None else self.stop_when
         L = scene.slider.L
@@ -277,6 +278,9 @@ class Options:
             if name == "reached" and values[0] > L * (1 + 1e-9):
                 reason = "beyond the interface"
                 raise SceneError("stop_when", text, "", f"reached = 0 to {L!r} m", reason)
+            if name == "at_rest" and not scene.law.rests:
+                reason = "blocks on junctions have no threshold that tells when they stay at rest"
+                raise SceneError("stop_when", text, "", "such as arrested", reason)
         return dataclasses.replace(self, stop_when=ends)
 
     def check_sample(self, length: float) -> None:

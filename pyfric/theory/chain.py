@@ -93,6 +93,8 @@ def chain_prestress(v: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.nd
 def chain_speed(tau_bar: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.ndarray:
     """Return the speed of a steady front, in c: the inverse of `chain_prestress`.
 
+    Such a front need not start or stay: `Record.rupture_class` tells from a run.
+
     Args:
         tau_bar: scaled prestress, between 0 and 1, any shape.
         alpha, eta: as in `chain_prestress`.

@@ -48,10 +48,11 @@ class Junctions(FrictionLaw):
         u_s: stretch at which a junction breaks under the mean load at t = 0, m, > 0; alternatively
         C: the constant in k_j = sqrt(C p/n_s), N/m^2, > 0.
         t_R: mean slip time of a junction, s, >= 0.
-        t_R_std: standard deviation of the slip time, s, >= 0; 0 needs no random numbers.
+        t_R_std: standard deviation of the slip time, s, >= 0; 0: a fixed time, no random numbers.
         t_R_distribution: "normal", cut at 0, or "gamma", whose shape parameter follows from the
             means of t_R and t_R_std over the interface.
-        threshold_std: standard deviation of the thresholds of junctions, over their mean u_s, >= 0.
+        threshold_std: standard deviation of the thresholds of junctions, over their mean u_s, >= 0;
+            0: all are equal.
         threshold_distribution: "weibull", or "uniform" up to a standard deviation of 1/sqrt(3).
         stretch: half width, over u_s, of the uniform distribution of initial stretches, in [0, 1].
         ruptured: share of pinned junctions below which a block is ruptured, in (0, 1].

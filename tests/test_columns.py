@@ -59,6 +59,11 @@ def test_without_a_unit_numbers_are_in_si(tmp_path, heads):
         ("slip (um),mu (N)", "column 2, 'mu (N)': 'N' is no unit"),
         ("# slip in um", "row 1: a comment names um"),
         ("# slip in um\nslip,mu", "row 1: a comment names um"),
+        ("SLIP_UM,MU", "'UM' is a unit"),
+        ("slipUm,mu", "'slipUm' is a unit"),
+        ("slip*1e6,mu", "'*1e6' is a factor"),
+        ("slip (um),mu_N", "'N' is a unit"),
+        ("slip (um),mu Pa", "'Pa' is a unit"),
     ],
 )
 def test_units_that_are_not_understood_are_refused(tmp_path, heads, text):

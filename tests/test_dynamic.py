@@ -379,9 +379,10 @@ def test_a_checkpoint_that_fails_later_does_not_end_the_run(tmp_path, monkeypatc
 
     monkeypatch.setattr(Record, "save", full)
     options = {"checkpoint": tmp_path / "c.nc", "checkpoint_every": 1e-2}
-    with pytest.warns(RuntimeWarning, match="was not written"):
+    with pytest.warns(RuntimeWarning, match="was not written") as said:
         record = simulate(small(), 2e-3, progress=False, sample=3e-4, **options)
     assert record.status == "complete"
+    assert len(said) == 1
 
 
 def test_a_run_that_leaves_the_numbers_keeps_what_was_good():

@@ -14,7 +14,7 @@ from matplotlib.animation import FFMpegWriter
 from matplotlib.collections import LineCollection
 
 import pyfric
-from pyfric import figures
+from pyfric import figures, laws
 from pyfric.figures import fig1b, figure_caption, save_figure, slip_segments, strip
 from pyfric.figures.fronts import wave_speeds
 from pyfric.figures.loading import CURVE_BINS, envelope
@@ -219,6 +219,10 @@ def test_caption_states_slip_weakening():
     assert "mu_k = 0.45, d_c = 5 um." in scene_text(scene)
     assert "d_c" not in scene_text(setup1())
     assert "d_c = 0, 5 um." in scene_text([scene, setup1()])
+    law = laws.TabulatedLaw(slip=(0.0, 3e-6), mu=(0.7, 0.45))
+    text = scene_text(setup1().replace(law=law))
+    assert "law TabulatedLaw(slip 0 to 3 um" in text
+    assert "d_c" not in text
 
 
 def test_record_without_events(tmp_path):
@@ -312,7 +316,7 @@ def test_geometries_of_the_lengths_are_named_with_what_lies_between(run):
     other = dataclasses.replace(run, scene=scene, events=events, method=method)
     fig = figures.fig2a([run, other])
     assert "F_N = 1600 N at h = 5 mm: finite geometry; all others: linear." in fig.caption
-    assert "At equal length their F_T/F_N differ by up to 0.001." in fig.caption
+    assert "At equal length, F_T/F_N of these runs differs by up to 0.001." in fig.caption
     first, second = (line for line in fig.axes[1].get_lines() if line.get_marker() == "o")
     assert first.get_markerfacecolor() != second.get_markerfacecolor()
     shifted = lengths_in_order([other, run])

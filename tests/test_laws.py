@@ -291,6 +291,15 @@ def csv_scene(folder, content, name="friction.csv", table="slide"):
     return file
 
 
+def test_a_table_takes_the_place_of_the_coefficients():
+    law = laws.TabulatedLaw(slip=(0.0, 3e-6), mu=(0.66, 0.41))
+    before = chain(L=5e-3, mu_s=0.7, mu_k=0.45)
+    interface = before.replace(law=law).interface
+    assert (interface.law, interface.mu_s, interface.mu_k) == (law, 0.66, 0.41)
+    with pytest.raises(SceneError, match="mu_k"):
+        before.replace(law=law, mu_k=0.3)
+
+
 def test_scene_files_name_tables_and_records_hold_them(tmp_path, monkeypatch):
     file = csv_scene(tmp_path, CSV)
     scene = pyfric.Scene.from_toml(file)

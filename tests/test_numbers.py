@@ -24,7 +24,7 @@ KINDS = {
         "starts": "EXCESS",
         "uniqueness": "LIMIT",
         "verification": "PLAIN CHEAP RATIOS DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER "
-        "FEW GRACE PERTURBATION",
+        "HALVED FEW GRACE PERTURBATION",
         "analysis": "BINS SHIFTS PER_BIN",
         "catalogue": "T_GAP MAIN_EVENT_BLOCKS",
         "classes": "FROM_BLOCK SLOW LAST",

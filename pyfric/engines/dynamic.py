@@ -121,7 +121,7 @@ class Run:
         stopping: Stopping | None = None,
     ) -> None:
         self.scene, self.method, self.state = scene, method, state
-        self.stopping, self.ending = stopping, ""
+        self.stopping, self.ending, self.unsaved = stopping, "", False
         self.known, self.solver = solver, RememberedStates(solver)
         self.model = core.model(scene, method.geometry, state.u_drv0, just_after(state))
         self.piece: int | None = None  # of the protocols, that the model follows
@@ -271,9 +271,10 @@ class Run:
         try:
             self.record("interrupted").save(path)
         except OSError as error:
-            warnings.warn(
-                f"checkpoint {path} was not written: {error}", RuntimeWarning, stacklevel=4
-            )
+            if not self.unsaved:
+                said = f"checkpoint {path} was not written: {error}"
+                warnings.warn(said, RuntimeWarning, stacklevel=4)
+            self.unsaved = True
 
     def make_steps(self, state: State, n_steps: int) -> core.Status:
         """Make up to n_steps; the state changes in place, and the log is filled.

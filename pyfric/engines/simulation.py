@@ -157,9 +157,10 @@ def _both(before: Record, scene: Scene) -> tuple[Scene, tuple[str, ...]]:
     found = followed_by(before.scene, scene, t)
     if found is None:
         what = "more than the speed of the driver or loads is another"
-        raise StateError(
-            f"initial: the record belongs to another scene ({what}); pass its final_state"
-        )
+        instead = "pass its final_state"
+        if before.final_state is None:
+            instead = "this engine goes on from a record only, and its record holds no motion"
+        raise StateError(f"initial: the record belongs to another scene ({what}); {instead}")
     whole, said = found
     return whole, tuple(f"goes on from t = {t:.9g} s with {one}" for one in said)
 

@@ -157,7 +157,7 @@ def _foundation(axes: Axes, x: np.ndarray, L: float, unit: float, scene: Scene) 
     _wall(axes, (-2 * unit, -depth), (L + 2 * unit, -depth), unit, -1)
     friction = scene.law.mean
     text = rf"$\mu_\mathrm{{s}}$ = {friction.mu_s:.4g}, $\mu_\mathrm{{k}}$ = {friction.mu_k:.4g}"
-    if friction.d_c:
+    if scene.interface.d_c:
         text += rf", $d_\mathrm{{c}}$ = {friction.d_c * 1e6:.4g} $\mu$m"
     if scene.N_z > 1 and not scene.prescribed:
         text = rf"$k_\mathrm{{f}}$ = {np.mean(scene.k_f) / 1e6:.4g} MN/m,  {text}"

@@ -216,11 +216,13 @@ def scene_text(scenes: Scene | Sequence[Scene]) -> str:
         friction = "mu_s = {:g}, mu_k = {:g}".format(*pairs[0])
     else:
         friction = "mu_s/mu_k = " + ", ".join(f"{s:g}/{k:g}" for s, k in pairs)
-    if any(one.law.mean.d_c for one in scenes):
+    if any(one.interface.d_c for one in scenes):
         friction += f", d_c = {of(lambda s: s.law.mean.d_c, 'um', 1e-6)}"
     if any(one.law.mean.alpha for one in scenes):
         friction += f", alpha = {of(lambda s: s.law.mean.alpha, 'N s/m')}"
-    kinds = sorted({one.interface.law.kind for one in scenes} - {laws.LinearWeakening.kind})
+    used = [one.interface.law for one in scenes]
+    kinds = {law.kind if law.ends() is None else str(law) for law in used}
+    kinds = sorted(kinds - {laws.LinearWeakening.kind})
     friction += f", friction law {' and '.join(kinds)}" if kinds else ""
     varied = sorted({name for one in scenes for name in one.varied})
     friction += f" (means; {', '.join(varied)} vary along the interface)" if varied else ""

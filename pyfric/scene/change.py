@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pyfric.scene.checked import Quantity, Written, annotations
 from pyfric.scene.errors import SceneError, unknown
+from pyfric.scene.laws import FrictionLaw
 from pyfric.scene.parts import PARTS, DistributedLoad, PrescribedLoad, Rod
 from pyfric.scene.protocol import followed
 
@@ -96,6 +97,11 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
         if full in names:
             raise SceneError(full, value, "", "one of both", "given twice")
         names[full] = value
+    law = names.get("interface.law")
+    if isinstance(law, FrictionLaw) and law.ends() is not None:  # the table holds mu_s and mu_k
+        for mu in ("interface.mu_s", "interface.mu_k"):
+            if not any(name.startswith(mu) for name in names):
+                names[mu] = None
     return _with(scene, {tuple(name.split(".")): value for name, value in names.items()})
 
 

@@ -34,6 +34,8 @@ _BRACKETS = re.compile(r"[(\[<](?P<unit>[^()\[\]<>]*)[)\]>]\s*$")
 _BETWEEN = re.compile(r"(?P<slash>\s*/\s*)|\s*[:|=]\s*|[\s_]+(?:in[\s_]+)?")
 _MARKUP = re.compile(r"\\(?:mathrm|text|rm|[,;! ])|[${}]")
 _WORD = re.compile(r"[A-Za-zµμ]+")
+_LAST = re.compile(r"[A-Z]?[a-zµμ]+|[A-Z]+")
+_FACTOR = re.compile(r"[*x×]\s*(1e|10\^?)-?\d", re.IGNORECASE)
 
 
 class _Line(NamedTuple):
@@ -236,14 +238,20 @@ def _unit_in(head: str, si: str) -> str:
         raise ValueError(f"what follows / is no unit of {si}")
     if word := _unit_among(head, si):
         raise ValueError(f"{word!r} is a unit, but not where it is looked for")
+    if si and (factor := _FACTOR.search(head)):
+        raise ValueError(f"{factor[0]!r} is a factor, not a unit; a unit such as um is understood")
+    last = re.split(r"[\s_]+", head)[-1]
+    if not si and "/" not in head and last != head and (_fits(last, "N") or _fits(last, "Pa")):
+        raise ValueError(f"{last!r} is a unit, and a friction coefficient has none")
     return ""
 
 
 def _unit_among(text: str, si: str) -> str:
     """Return a word of a text that is a possible unit of a column, or a part of one; else ""."""
     for word in _WORD.findall(text) if si else ():
-        if word != "in" and (_fits(word, si) or (si == "m/s" and _fits(word, "m"))):
-            return word
+        for form in (word, word.lower(), _LAST.findall(word)[-1].lower()):
+            if form != "in" and (_fits(form, si) or (si == "m/s" and _fits(form, "m"))):
+                return word
     return ""
 
 

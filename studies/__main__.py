@@ -400,7 +400,9 @@ def slow(out: Path, runs: Path | None, cases: tuple[str, ...], tell: Tell) -> No
         raise click.BadParameter(f"{unknown[0]!r}; known are {', '.join(slow.CASES)}")
     records = slow.study(folder, cases or tuple(slow.CASES), say=tell.step)
     save_figure(slow.figure(records), out / "slow", f"{RUN} slow", tell)
-    save_figure(slow.speed_figure(records), out / "speeds", f"{RUN} slow", tell)
+    name, record = next(iter(records.items()))
+    fig = slow.speed_figure(record.scene, slow.slip_speeds(record), name)
+    save_figure(fig, out / "speeds", f"{RUN} slow", tell)
 
 
 @main.command(section="Physics")

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from slow import AVERAGED, SLOW, c_S, longest_stretch, passages, speeds
+from slow import AVERAGED, SLOW, longest_stretch, passages, speeds, wave_speed
 
 from pyfric import figures
 from pyfric.engines import Options, step_size
@@ -86,7 +86,7 @@ def _front(record: Record) -> tuple[np.ndarray, tuple[int, int] | None]:
     if record.events.empty:
         return np.full(record.scene.N_x, np.nan), None
     t = passages(record, int(record.events["n_blocks"].idxmax()))
-    return t, longest_stretch(speeds(t, record.scene.slider.l), SLOW * c_S(record))
+    return t, longest_stretch(speeds(t, record.scene.slider.l), SLOW * wave_speed(record.scene))
 
 
 def kind(record: Record) -> str:
@@ -98,12 +98,12 @@ def kind(record: Record) -> str:
 
 
 def slowest(record: Record) -> float:
-    """Return the speed of the slow stretch over c_S, NaN where there is none."""
+    """Return the speed of the slow stretch over wave_speed, NaN where there is none."""
     t, stretch = _front(record)
     if stretch is None:
         return np.nan
     first, last = stretch
-    return (last - first) * record.scene.slider.l / (t[last] - t[first]) / c_S(record)
+    return (last - first) * record.scene.slider.l / (t[last] - t[first]) / wave_speed(record.scene)
 
 
 def diagram(folder: Path) -> PhaseDiagram:

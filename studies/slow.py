@@ -38,10 +38,14 @@ from pyfric.sweeps import Job, run_all
 if TYPE_CHECKING:
     from pyfric.figures import DataFigure
     from pyfric.record import Record
+    from pyfric.scene import Scene
 
-__all__ = ["CASES", "c_S", "figure", "jobs", "longest_stretch", "passages", "report", "ruptures",
-           "slip_speeds", "speed_figure", "speeds", "study", "tables"]  # fmt: skip
+__all__ = ["CASES", "amontons_coulomb", "figure", "jobs", "longest_stretch", "passages",
+           "report", "ruptures", "slip_speeds", "speed_figure", "speeds", "study", "tables",
+           "wave_speed"]  # fmt: skip
 
+STORED = Path(__file__).parents[1] / "reference_data"
+"""Stored runs of the paper."""
 T_END = 1.6
 """Time of the end of each run, s."""
 SAMPLE = 5e-5
@@ -98,10 +102,10 @@ def study(
     return records
 
 
-def c_S(record: Record) -> float:
-    """Return the speed of shear waves, m/s."""
-    slider = record.scene.slider
-    return theory.Material.of_lattice(slider.k, record.scene.m, slider.l, 1.0).c_S
+def wave_speed(scene: Scene) -> float:
+    """Return the speed of shear waves c_S, m/s."""
+    slider = scene.slider
+    return theory.Material.of_lattice(slider.k, scene.m, slider.l, 1.0).c_S
 
 
 def passages(record: Record, event: int) -> np.ndarray:
@@ -149,11 +153,11 @@ def ruptures(record: Record) -> pd.DataFrame:
         since = event
         found |= {name: row[name] / scene.F_N for name in ("F_T_start", "F_T_arrest")}
         found |= dict.fromkeys(("first", "last", "speed", "before", "after"), np.nan)
-        stretch = longest_stretch(v, SLOW * c_S(record))
+        stretch = longest_stretch(v, SLOW * wave_speed(scene))
         if stretch is not None:
             first, last = stretch
             speed = (last - first) * scene.slider.l / (t[last] - t[first])
-            found |= {"first": first + 1, "last": last + 1, "speed": speed / c_S(record)}
+            found |= {"first": first + 1, "last": last + 1, "speed": speed / wave_speed(scene)}
             for name, part in (("before", v[:first]), ("after", v[last + 1 :])):
                 known = part[~np.isnan(part)]
                 found[name] = np.median(known) / speed if len(known) >= BESIDE else np.nan
@@ -250,26 +254,49 @@ def figure(records: Mapping[str, Record]) -> DataFigure:
     return fig
 
 
-def speed_figure(records: Mapping[str, Record]) -> DataFigure:
-    """Return front speeds over prestress, and slip speeds over front speeds, of the first run."""
-    name, record = next(iter(records.items()))
-    found, wave = slip_speeds(record), c_S(record)
+def amontons_coulomb() -> pd.DataFrame:
+    """Return the stored blocks of Fig. 4(b) of the paper: tau_over_p, v_c/c_S, and x/L."""
+    parts = []
+    for name in ("run1", "run2", "run3", "run4"):
+        scene = preset(name)
+        points = pd.read_csv(STORED / f"{name}_finite" / "fronts.csv").dropna()
+        ratio = points["v_c"] / wave_speed(scene)
+        parts.append(points.assign(v=ratio, x=(points["n"] - 1) / (scene.N_x - 1)))
+    return pd.concat(parts, ignore_index=True)
+
+
+def speed_figure(scene: Scene, found: pd.DataFrame, name: str) -> DataFigure:
+    """Return front speeds over prestress, beside the paper's friction, and slip over front speeds.
+
+    Args:
+        scene: interface of junctions.
+        found: table of `slip_speeds`.
+        name: of the run.
+    """
     exponent, r2 = power_law(found)
-    fig = figures.DataFigure(figsize=(7.2, 3.0), layout="constrained")
+    wave, before = wave_speed(scene), amontons_coulomb()
+    fig = figures.DataFigure(figsize=(9.2, 3.1), layout="constrained")
     FigureCanvasAgg(fig)
-    left, right = fig.subplots(1, 2)
-    look = {"c": (found["n"] - 1) / (record.scene.N_x - 1), "s": 5, "cmap": "viridis"}
-    left.scatter(found["tau_over_p"], found["front"] / wave, **look)
-    left.set(xlabel=r"$\tau/p$ before the event", ylabel="$v_c/c_S$", yscale="log")
-    image = right.scatter(found["front"], found["slip"], **look)
-    right.set(xlabel="front speed (m/s)", ylabel="slip speed (m/s)", xscale="log", yscale="log")
-    left.axhline(SLOW, color="grey", lw=0.8)
+    left, middle, right = fig.subplots(1, 3)
+    middle.sharey(left)
+    look = {"s": 5, "cmap": "viridis", "vmin": 0, "vmax": 1}
+    left.scatter(before["tau_over_p"], before["v"], c=before["x"], **look)
+    at = (found["n"] - 1) / (scene.N_x - 1)
+    middle.scatter(found["tau_over_p"], found["front"] / wave, c=at, **look)
+    image = right.scatter(found["front"] / wave, found["slip"], c=at, **look)
+    for axes, title in ((left, "(a) Amontons\N{EN DASH}Coulomb"), (middle, "(b) junctions")):
+        axes.set(xlabel=r"$\tau/p$ before the event", yscale="log", title=title, xlim=(0, 0.75))
+        axes.set_ylabel(r"front speed $v_\mathrm{c}/c_\mathrm{S}$")
+        axes.axhline(SLOW, color="grey", lw=0.8)
+    right.set(xscale="log", yscale="log", title="(c) junctions", ylabel="slip speed (m/s)")
+    right.set_xlabel(r"front speed $v_\mathrm{c}/c_\mathrm{S}$")
     fig.colorbar(image, ax=right, label="$x/L$ from the trailing edge")
     fig.tables = {"speeds": found}
     fig.caption = (
-        f"Blocks of events that rupture all of them, {name}. (a) Front speed over the prestress "
-        f"of the static state before the event; line: {SLOW:g} c_S; speeds beyond c_P are those of "
-        "blocks that the front has passed at nearly one time. (b) Slip speed in the first "
+        "(a) Front speed over the prestress of the static state before the event: blocks of Fig. "
+        "4(b) of the paper, runs 1 to 4 in finite geometry. (b) The same for junctions, "
+        f"{name}, in events that rupture all blocks. Line: {SLOW:g} c_S. Speeds beyond c_P are "
+        "those of blocks that the front has passed at nearly one time. (c) Slip speed in the first "
         f"{1e3 * SLIPS:g} ms over front speed: exponent {exponent:.2f}, r^2 {r2:.2f}."
     )
     return fig

@@ -12,7 +12,14 @@ from hypothesis import strategies as st
 import pyfric
 from pyfric.engines import choice, pilot, plan, relaxation_time, simulate, step_size
 from pyfric.engines.choice import LINEAR, RING_SHARE, SHARE, SPARES, step_error
-from pyfric.engines.cost import full_work, machine_speed, work_so_far
+from pyfric.engines.cost import (
+    counts_so_far,
+    finer_counts,
+    full_work,
+    machine_speed,
+    work,
+    work_so_far,
+)
 from pyfric.engines.pilot import counted, interval, linear_error, pilot_run
 from pyfric.engines.verification import CHEAP, expected_work
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
@@ -239,17 +246,34 @@ def test_work_is_counted(scene, t_end, tolerance):
 
 
 @pytest.mark.parametrize(
-    ("made", "full", "expected"),
+    ("made", "full", "first", "second"),
     [
-        (0.02, 0.02, 0.08),  # a quarter of the step
-        (1.0, 1.0, 2.0),  # half of it
-        (0.1, 1.0, 0.4),  # full dynamics is beyond the budget, a hybrid run is not
-        (0.1, 0.15, 0.6),  # full dynamics is not
-        (0.1, math.inf, 0.7),  # quasi-static: the budget
+        (0.02, 0.02, 0.08, 0.32),  # a quarter of the step, then a sixteenth
+        (1.0, 1.0, 2.0, 0.5),  # half of it, and what is left
+        (0.1, 1.0, 0.4, 0.3),  # full dynamics is beyond the budget, a hybrid run is not
+        (0.1, 0.15, 0.6, 0.1),  # full dynamics is not
+        (0.1, None, 0.7, 0.0),  # quasi-static: the budget
     ],
 )
-def test_work_of_verification(made, full, expected):
-    assert expected_work(made, full) == pytest.approx(expected)
+def test_work_of_verification(made, full, first, second):
+    def at(ratio):
+        return [] if full is None else [ratio * full, ratio * made]
+
+    assert expected_work(made, at, refines=False) == pytest.approx(first)
+    assert expected_work(made, at, refines=True) == pytest.approx(first + second / 2)
+
+
+def test_operations_with_shorter_steps():
+    """Located transitions, points of the curve and attempts to jump stay as many."""
+    scene = small()
+    blocks = scene.N_x * scene.N_z
+    counts = {"steps": 100, "block_evaluations": 500 * blocks, "calls": 7, "attempts": 3}
+    found = finer_counts(scene, counts, 4)
+    assert found == counts | {"steps": 400, "block_evaluations": 1700 * blocks}
+    record = simulate(scene, 0.02, fidelity="dynamic", progress=False, verify="none")
+    finer = simulate(scene, 0.02, fidelity="dynamic", dt=record.method.dt / 4, progress=False)
+    expected = finer_counts(scene, counts_so_far(record), 4)
+    assert work(scene, "finite", expected) == pytest.approx(work_so_far(finer), rel=0.1)
 
 
 def test_work_of_dynamics():
@@ -265,7 +289,7 @@ def test_a_pilot_run_that_spares_nothing_ends_early():
     scene = small(eta=1e-4)
     options = pyfric.Options(geometry="linear", dt=step_size(scene))
     start = time.process_time()
-    made = counted(scene, 1.5, options, pilot_run(scene, 1.5))
+    made = work(scene, "linear", counted(scene, 1.5, options, pilot_run(scene, 1.5)))
     assert made > SPARES * full_work(scene, "linear", options.dt, 1.5)
     assert time.process_time() - start < 5
 

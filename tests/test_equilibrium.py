@@ -686,3 +686,11 @@ def test_a_slider_that_has_gone_far_is_the_same_slider(scene, geometry):
     assert gone.F_T == pytest.approx(near.F_T, rel=1e-7)
     np.testing.assert_allclose(gone.tau, near.tau, rtol=0, atol=1e-7 * scene.F_N / scene.N_x)
     np.testing.assert_allclose(gone.p, near.p, rtol=0, atol=1e-7 * scene.F_N / scene.N_x)
+
+
+def test_what_is_not_known_of_a_failure_is_not_said():
+    error = EquilibriumError("it moves", math.nan, 2e-9, 120)
+    assert str(error) == "no equilibrium: it moves (120 iterations)"
+    assert str(EquilibriumError("it moves", math.nan, 2e-9, 0)) == "no equilibrium: it moves"
+    known = "(residual 0.1 N, limit 2e-09 N, 7 iterations)"
+    assert str(EquilibriumError("it moves", 0.1, 2e-9, 7)).endswith(known)

@@ -38,7 +38,7 @@ def test_a_slow_stretch_between_fast_ones_is_found():
     made = record(front(10.0))
     (row,) = slow.ruptures(made).itertuples()
     assert (row.event, row.arrest, row.between, row.accepted) == (2, 25, True, True)
-    assert row.speed == pytest.approx(10 / slow.c_S(made), rel=1e-9)
+    assert row.speed == pytest.approx(10 / slow.wave_speed(made.scene), rel=1e-9)
     assert abs(row.first - 21) <= 2  # speeds are over five blocks
     assert abs(row.last - 32) <= 2
     assert row.before == row.after == pytest.approx(50)

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.display import html
-from pyfric.engines.cost import SLOWEST, full_work, machine_speed
+from pyfric.engines.cost import RUN, SLOWEST, finer_counts, full_work, machine_speed, work
 from pyfric.engines.options import Fidelity, Options, Want, default_switching, step_size
 from pyfric.engines.pilot import (
     counted,
@@ -49,7 +49,7 @@ from pyfric.signals import at_once
 from pyfric.statics import NO_RESTS, one_thread_if_small, stability_limit
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from pyfric.core import Switching
     from pyfric.engines.pilot import Pilot
@@ -258,16 +258,20 @@ class _Choice:
     def _full_work(self) -> float:
         return full_work(self.scene, self.geometry, self.dt, self.t_end, self.options.stepper)
 
-    def _made(self, **what: object) -> Plan:
-        seconds = what["work"] * machine_speed()
-        ladder = what["fidelity"] == "quasistatic"
-        price = expected_work(what["work"], math.inf if ladder else self._full_work())
+    def _made(self, counts: dict[str, float] | None = None, **what: object) -> Plan:
+        """Return the plan; `counts` are the operations of a hybrid run."""
+        price = 0.0
+        if self.options.verify != "none":
+            at = _references(
+                self.scene, self.options, what["fidelity"], self.dt, self.t_end, counts
+            )
+            price = expected_work(what["work"], at, refines=True)
         return Plan(
             want=self.want,
             tolerance=self.tolerance,
             reasons=tuple(self.reasons),
-            seconds=seconds,
-            price=price * machine_speed() * (self.options.verify != "none"),
+            seconds=what["work"] * machine_speed(),
+            price=price * machine_speed(),
             **what,
         )
 
@@ -336,15 +340,17 @@ class _Choice:
         made = {"geometry": self.geometry, "dt": self.dt, "accuracy": accuracy}
         full = self._full_work()
         counts = counted(self.scene, self.t_end, dataclasses.replace(self.options, **made), pilot)
-        if counts > SPARES * full:
+        spent = RUN + work(self.scene, self.geometry, counts)
+        if spent > SPARES * full:
             spares = "the slider hardly ever comes to rest, so that it spares too little"
-            return self._full(f"{spares} ({counts / full:.2g} of full dynamics)", needs)
+            return self._full(f"{spares} ({spent / full:.2g} of full dynamics)", needs)
         return self._made(
+            counts,
             fidelity="hybrid",
             switching=self.options.switching or "located",
             assumptions=(*needs, self._resolution()),
             error=self.error + accuracy,
-            work=counts,
+            work=spent,
             **made,
         )
 
@@ -470,14 +476,44 @@ def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, floa
     geometry = how.geometry or default_geometry(scene)
     t_end = expected_end(scene, t_end, how.on(scene).stop_when)
     dt, size = step_size(scene, how.dt, how.stepper), 1e5 + _events_size(scene, t_end)
-    made = full = full_work(scene, geometry, dt, t_end, how.stepper)
+    made, counts = full_work(scene, geometry, dt, t_end, how.stepper), None
     if how.fidelity in ("quasistatic", "equilibrium"):
-        made, full = quasistatic_work(scene, pilot_run(scene, t_end)), math.inf
+        made = quasistatic_work(scene, pilot_run(scene, t_end))
     elif how.fidelity == "hybrid" and made > CHEAP:
         resolved = dataclasses.replace(how, geometry=geometry, dt=dt)
-        made = counted(scene, t_end, resolved, pilot_run(scene, t_end))
-    price = expected_work(made, full) if how.verify not in (None, "none") else 0.0
+        counts = counted(scene, t_end, resolved, pilot_run(scene, t_end))
+        made = RUN + work(scene, geometry, counts)
+    price = 0.0
+    if how.verify not in (None, "none"):
+        at = _references(scene, how, how.fidelity, dt, t_end, counts)
+        price = expected_work(made, at, refines=False)
     return (made + price) * machine_speed(), size
+
+
+def _references(
+    scene: Scene,
+    options: Options,
+    fidelity: str,
+    dt: float,
+    t_end: float,
+    counts: dict[str, float] | None,
+) -> Callable[[float], list[float]]:
+    """Return the function that tells the work (s) of reference runs with shorter steps.
+
+    `counts` are the operations of a hybrid run. A quasi-static run has no steps, and no such runs.
+    """
+    geometry = options.geometry or default_geometry(scene)
+
+    def at(ratio: float) -> list[float]:
+        if fidelity in ("quasistatic", "equilibrium"):
+            return []
+        works = [full_work(scene, geometry, dt / ratio, t_end, options.stepper)]
+        if counts is not None:
+            finer = finer_counts(scene, counts, ratio, options.stepper)
+            works.append(RUN + work(scene, geometry, finer))
+        return works
+
+    return at
 
 
 def _events_size(scene: Scene, t_end: float) -> float:

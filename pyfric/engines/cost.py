@@ -28,6 +28,10 @@ __all__ = [
     "POINTS",
     "SetUp",
     "check_memory",
+    "counts_so_far",
+    "evaluations_of_steps",
+    "finer_counts",
+    "full_counts",
     "full_work",
     "machine_speed",
     "set_up",
@@ -87,11 +91,46 @@ def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float
     )
 
 
+def counts_so_far(run: Run | Record) -> dict[str, float]:
+    """Return the operations so far of a run with time steps, or of its record, calls included."""
+    counts, method = run.counts() if callable(run.counts) else run.counts, run.method
+    return {**counts, "calls": counts["steps"] / max(method.sample, 1)}
+
+
 def work_so_far(run: Run | Record) -> float:
     """Return the work so far of a run with time steps, or of its record, in s."""
-    counts, method = run.counts() if callable(run.counts) else run.counts, run.method
-    calls = counts["steps"] / max(method.sample, 1)
-    return work(run.scene, method.geometry, {**counts, "calls": calls})
+    return work(run.scene, run.method.geometry, counts_so_far(run))
+
+
+def full_counts(
+    scene: Scene, dt: float, lasts: float, stepper: str = "rk4", points: int = POINTS
+) -> dict[str, float]:
+    """Return the operations of full dynamics with steps dt over a time `lasts`, both in s.
+
+    Located transitions, whose number is not known before the run, are not counted.
+    """
+    steps = lasts / dt
+    evaluations = len(STEPPERS[stepper].c) * steps * scene.N_x * scene.N_z
+    calls = steps / max(1, round(steps / points))
+    return {"steps": steps, "block_evaluations": evaluations, "calls": calls}
+
+
+def evaluations_of_steps(scene: Scene, counts: Mapping[str, float], stepper: str = "rk4") -> float:
+    """Return the block evaluations of whole steps; all others locate transitions."""
+    of_steps = len(STEPPERS[stepper].c) * counts["steps"] * scene.N_x * scene.N_z
+    return min(of_steps, counts["block_evaluations"])
+
+
+def finer_counts(
+    scene: Scene, counts: Mapping[str, float], ratio: float, stepper: str = "rk4"
+) -> dict[str, float]:
+    """Return the operations of a run with steps shorter by a ratio.
+
+    Jumps, points of the loading curve, and evaluations that locate transitions are as many.
+    """
+    more = (ratio - 1) * evaluations_of_steps(scene, counts, stepper)
+    evaluations = counts["block_evaluations"] + more
+    return {**counts, "steps": ratio * counts["steps"], "block_evaluations": evaluations}
 
 
 def full_work(
@@ -103,10 +142,7 @@ def full_work(
     points: int = POINTS,
 ) -> float:
     """Return the work (s) of full dynamics with steps dt over a time `lasts`, both in s."""
-    steps = lasts / dt
-    evaluations = len(STEPPERS[stepper].c) * steps * scene.N_x * scene.N_z
-    counts = {"block_evaluations": evaluations, "calls": min(steps, points)}
-    return RUN + work(scene, geometry, counts)
+    return RUN + work(scene, geometry, full_counts(scene, dt, lasts, stepper, points))
 
 
 def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:

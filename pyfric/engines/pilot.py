@@ -17,7 +17,7 @@ import numpy as np
 
 from pyfric.core import OPEN
 from pyfric.engines.coarse import coarser
-from pyfric.engines.cost import RUN, full_work, set_up, work, work_so_far
+from pyfric.engines.cost import counts_so_far, full_counts, full_work, work, work_so_far
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
@@ -209,8 +209,8 @@ def _apart(solver: StaticSolver, quiet: Mapping[str, np.ndarray], row: int) -> f
     return float(abs(now.F_T + further.min() - F_T) / scene.F_N)
 
 
-def counted(scene: Scene, t_end: float, options: Options, pilot: Pilot) -> float:
-    """Return the work (s) of a hybrid run, extrapolated from its first part.
+def counted(scene: Scene, t_end: float, options: Options, pilot: Pilot) -> dict[str, float]:
+    """Return the operations of a hybrid run, extrapolated from its first part.
 
     Args:
         scene: the scene.
@@ -232,8 +232,8 @@ def counted(scene: Scene, t_end: float, options: Options, pilot: Pilot) -> float
         last = min(t_end, MAX_STEPS * dt)
         record = integrate(HybridRun, scene, last, plain, progress=False, enough=enough)
     except (RunError, EquilibriumError):
-        return full
-    part = share(float(record.curve["t"].iloc[-1]))
-    made = work_so_far(record)
-    first = min(set_up(scene, "hybrid", geometry).work, made)
-    return RUN + first + (made - first) / max(part, 1e-6)
+        return full_counts(scene, dt, t_end)
+    part = max(share(float(record.curve["t"].iloc[-1])), 1e-6)
+    made = {name: count / part for name, count in counts_so_far(record).items()}
+    bases = record.counts["modal_bases"]
+    return made | {"modal_bases": min(bases, 1) + max(bases - 1, 0) / part}

@@ -35,7 +35,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyfric.core import STEPPERS
-from pyfric.engines.cost import full_work, work, work_so_far
+from pyfric.engines.cost import (
+    RUN,
+    counts_so_far,
+    evaluations_of_steps,
+    finer_counts,
+    full_counts,
+    work,
+    work_so_far,
+)
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.options import ACCURACY
 from pyfric.record import Errors, differences, statistics
@@ -80,15 +88,28 @@ def budget(made: float) -> float:
     return PLAIN * made + CHEAP
 
 
-def expected_work(made: float, full: float) -> float:
-    """Return the expected work of verification, in s: that of the best reference run it can pay.
+def expected_work(made: float, at: Callable[[float], list[float]], *, refines: bool) -> float:
+    """Return the expected work of verification, in s.
+
+    It is that of the best reference run that the budget pays for. If the run may be refined, half
+    of what a second reference run takes is added: whether there is one is not known beforehand.
 
     Args:
         made: work of the run, in s.
-        full: work of full dynamics with the same step, in s; infinite for a quasi-static run.
+        at: returns the work of runs whose steps are a number of times shorter; no run means that
+            the budget is used up.
+        refines: whether the run may be refined.
     """
-    levels = [ratio * one for ratio in RATIOS for one in (full, made) if math.isfinite(full)]
-    return next((one for one in levels if one <= budget(made)), budget(made))
+    left = budget(made)
+    first, ratio = _best(at, 1.0, left)
+    second, _ = _best(at, ratio, left - first)
+    return first + refines * second / 2
+
+
+def _best(at: Callable[[float], list[float]], ratio: float, left: float) -> tuple[float, float]:
+    """Return the work (s) of the best run that can be paid for, and the ratio of its steps."""
+    found = [(one, ratio * r) for r in RATIOS for one in at(ratio * r) if one <= left]
+    return found[0] if found else (left, ratio)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,15 +304,17 @@ class _Verification:
 
     def _counted(self, how: dict[str, Any]) -> float:
         """Return the expected work of a reference run, in s."""
-        made, method, counts = self.made, self.record.method, dict(self.record.counts)
-        if how.get("fidelity") == "dynamic":
-            return full_work(
-                made.scene, self.geometry, how["dt"], made.t_end - made.t_begin, method.stepper
-            )
-        for name in ("block_evaluations", "steps"):
-            counts[name] = counts[name] * method.dt / how.get("dt", method.dt)
-        counts["calls"] = counts["steps"] / max(method.sample, 1)
-        return work(made.scene, self.geometry, counts)
+        scene, method = self.made.scene, self.record.method
+        ratio, counts = method.dt / how.get("dt", method.dt), counts_so_far(self.record)
+        if how.get("fidelity", method.engine) == method.engine:
+            counts = finer_counts(scene, counts, ratio, method.stepper)
+        else:
+            located = counts["block_evaluations"]
+            located -= evaluations_of_steps(scene, counts, method.stepper)
+            lasts = self.made.t_end - self.made.t_begin
+            counts = full_counts(scene, how["dt"], lasts, method.stepper)
+            counts["block_evaluations"] += located
+        return RUN + work(scene, self.geometry, counts)
 
     def _affordable(self, how: dict[str, Any]) -> bool:
         return self._counted(how) <= self.left

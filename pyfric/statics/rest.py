@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -41,10 +42,10 @@ class EquilibriumError(RuntimeError):
         super().__init__(what, residual, limit, iterations)
 
     def __str__(self) -> str:
-        return (
-            f"no equilibrium: {self.args[0]} (residual {self.residual:.3g} N, "
-            f"limit {self.limit:.3g} N, {self.iterations} iterations)"
-        )
+        known = [f"{self.iterations} iterations"] * bool(self.iterations)
+        if not math.isnan(self.residual):
+            known = [f"residual {self.residual:.3g} N", f"limit {self.limit:.3g} N", *known]
+        return f"no equilibrium: {self.args[0]}" + f" ({', '.join(known)})" * bool(known)
 
 
 @dataclass(frozen=True, kw_only=True)

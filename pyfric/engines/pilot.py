@@ -3,7 +3,7 @@
 A quasi-static run, with larger blocks if necessary, finds the events. Static states in both
 geometries give the error of linear geometry. A hybrid run of the first part of the time gives the
 work of that part. The work of the rest is extrapolated in proportion to its events, each weighted
-with the number of blocks that slip.
+with the number of blocks that slip; one that goes on counts in part.
 """
 
 from __future__ import annotations
@@ -85,16 +85,22 @@ class Pilot(NamedTuple):
         """Expected number of events in the whole run."""
         return len(self.times) / max(self.far, 1e-12)
 
-    def weight(self, t: float = math.inf) -> float:
-        """Return the number of events before t (s), weighted with their slipping blocks."""
-        begins, blocks = self.times.T
-        return float(np.sum(1 + blocks[begins < t]))
+    @property
+    def weight(self) -> float:
+        """The number of events and of the blocks that slip in them."""
+        return float(np.sum(1 + self.times[:, 1]))
 
     def share(self, t: float, t_end: float) -> float:
-        """Return the share of the work of a run to t_end that is done at t, both in s."""
-        if not len(self.times):
+        """Return the share of the work of a run to t_end that is done at t, both in s.
+
+        An event and the motion after it take until the next event; its work grows with time.
+        """
+        begins, blocks = self.times.T
+        done = np.concatenate([[0.0], np.cumsum(1 + blocks)])
+        if not len(begins):
             return min(t / t_end, 1.0) if t_end > 0 else 1.0
-        return self.weight(t) / self.weight() * self.far
+        share = np.interp(t, [*begins, self.far * t_end], done) / done[-1]
+        return float(share) * self.far
 
 
 @functools.lru_cache(maxsize=16)
@@ -127,7 +133,7 @@ def pilot_run(scene: Scene, t_end: float) -> Pilot:
 
 def quasistatic_work(scene: Scene, pilot: Pilot) -> float:
     """Return the work of the quasi-static engine, from its pilot run, in s."""
-    releases = pilot.weight() / max(pilot.far, 1e-12)
+    releases = pilot.weight / max(pilot.far, 1e-12)
     return work(scene, "linear", {"releases": releases, "static_events": pilot.events})
 
 
@@ -233,7 +239,8 @@ def counted(scene: Scene, t_end: float, options: Options, pilot: Pilot) -> dict[
         record = integrate(HybridRun, scene, last, plain, progress=False, enough=enough)
     except (RunError, EquilibriumError):
         return full_counts(scene, dt, t_end)
-    part = max(share(float(record.curve["t"].iloc[-1])), 1e-6)
+    t = float(record.curve["t"].iloc[-1])
+    part = max(share(t) or t / t_end, 1e-6)  # the time counts as long as there is no event
     made = {name: count / part for name, count in counts_so_far(record).items()}
     bases = record.counts["modal_bases"]
     return made | {"modal_bases": min(bases, 1) + max(bases - 1, 0) / part}

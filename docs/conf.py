@@ -10,12 +10,14 @@ from pathlib import Path
 
 import click
 import latex2mathml.converter
+import matplotlib
 import pandas as pd
 from docutils import nodes
 from sphinx_gallery.scrapers import figure_rst, matplotlib_scraper
 
 import pyfric
 from pyfric.cli import main
+from pyfric.figures import style as house
 
 # They are attributes of pyfric, and autodoc looks for modules.
 sys.modules |= {"pyfric.analysis": pyfric.analysis, "pyfric.theory": pyfric.theory}
@@ -164,6 +166,20 @@ def pictures(block, block_vars, gallery_conf):
     return shown + matplotlib_scraper(block, block_vars, gallery_conf)
 
 
+def house_style(gallery_conf, name):
+    """Let pictures of scripts look like pyfric's figures."""
+    ticks = {"direction": "in", "labelsize": house.SMALL}
+    colours = house.BLUE, house.VERMILION, house.GREEN, house.ORANGE, house.PURPLE, house.BLACK
+    matplotlib.rc("font", size=house.BODY)
+    matplotlib.rc("axes", linewidth=0.6, prop_cycle=matplotlib.cycler(color=colours))
+    matplotlib.rc("lines", linewidth=1.2, markersize=4)
+    matplotlib.rc("xtick", top=True, **ticks)
+    matplotlib.rc("ytick", right=True, **ticks)
+    matplotlib.rc("legend", fontsize=house.SMALL, frameon=False)
+    matplotlib.rc("figure", figsize=(4.8, 3.2))
+    matplotlib.rc("savefig", dpi=160)
+
+
 # Every script of examples/ that is called plot_* is run; pictures and printed lines make its page.
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
@@ -175,6 +191,7 @@ sphinx_gallery_conf = {
     "within_subsection_order": "ExampleTitleSortKey",
     "min_reported_time": 1,
     "image_scrapers": (pictures,),
+    "reset_modules": ("matplotlib", house_style),
     "show_memory": False,
     "matplotlib_animations": False,
     "nested_sections": False,

@@ -3,8 +3,8 @@
 mu_s of each block is drawn anew for each seed, evenly about 0.7, independent of its neighbours; the
 width is its standard deviation over its mean. Lengths of precursors are those of the ladder in the
 Fig. 1 scene (Fig. 2a), beside the curve through those of the interface without disorder. Front
-speeds are those of located hybrid runs on blocks of 5 mm (Fig. 4), beside the median in bins of the
-prestress over all seeds of one width.
+speeds are those of hybrid runs with located transitions and blocks of 5 mm (Fig. 4); their medians
+in bins of the prestress are over all seeds of one width.
 
 Source: PRL 107, 074301 (2011), Figs. 2(a) and 4.
 """

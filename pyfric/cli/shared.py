@@ -198,8 +198,8 @@ def check_out(
 ) -> None:
     """Refuse an output before anything starts: one rule for the files of all commands.
 
-    The folder it lies in has to be there. A regular file is replaced with --overwrite only; a
-    folder, a device or what the command reads never is.
+    Its folder must exist. A regular file is replaced only with --overwrite. A folder, a device, or
+    an input of the command is never replaced.
 
     Args:
         out: the file, or the stem of the names of several.
@@ -241,10 +241,10 @@ def check_apart(**outputs: Iterable[Path]) -> None:
 
 
 def check_folder(out: Path | None, option: str = "--out") -> None:
-    """Refuse a folder of outputs before anything starts: the rule of `check_out`.
+    """Refuse a folder of outputs before anything starts, as `check_out` refuses a file.
 
-    It is made if it is missing; files in it that have the names of the outputs are replaced. The
-    help of `pyfric` tells users so.
+    A missing folder is made. Files in it with the names of the outputs are replaced, as the help of
+    `pyfric` says.
     """
     if out is None:
         return
@@ -408,7 +408,7 @@ def _provenance_of(table: Path) -> Path:
 
 
 def check_table(out: Path | None, overwrite: bool) -> None:
-    """Refuse a table, beside which goes its provenance, before anything starts: `check_out`."""
+    """Refuse a table or its provenance file before anything starts, as `check_out` does."""
     if out is not None:
         check_out(out, overwrite)
         check_out(_provenance_of(out), overwrite)

@@ -1,4 +1,4 @@
-"""The paper's figures by name. A figure enters where it is drawn, by its decorator."""
+"""The paper's figures by name. A decorator enters the function that draws a figure."""
 
 from __future__ import annotations
 

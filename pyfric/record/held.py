@@ -46,7 +46,7 @@ class Held(NamedTuple):
         dtype: type of its values.
         unit, meaning: for whoever reads them.
         required: False for what some records do not have.
-        find: what finds it, for columns of events and arrays over events and blocks.
+        find: function that computes it, for columns of events and arrays over events and blocks.
         late: whether that takes a whole `Record`.
     """
 

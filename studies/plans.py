@@ -228,7 +228,8 @@ def full_seconds(scene: Scene, made: Record, t_end: float) -> float:
 def judged(made: Record, truth: Record, expected: float) -> dict[str, Any]:
     """Return the errors of a record, expected, measured and real, and what holds."""
     own = made.errors or Errors()
-    until = math.inf if own.until is None else own.until
+    ends = [one for one in (own.until, own.covered) if one is not None]
+    until = min(ends) if own.partly or own.until is not None else math.inf
     apart = differences(made, truth)
     named = apart.events["event"].isin(own.undetermined)
     trusted = apart.without(apart.events[named]).before(until)

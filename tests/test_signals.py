@@ -407,10 +407,10 @@ def test_no_ctrl_c_prevents_the_save_of_a_run(tmp_path):
 replace, catalogue = os.replace, dynamic.Run.catalogue
 
 def press(then):
-    def pressed(*arguments):
+    def pressed(*arguments, **options):
         os.kill(os.getpid(), signal.SIGINT)
         os.kill(os.getpid(), signal.SIGINT)
-        return then(*arguments)
+        return then(*arguments, **options)
     return pressed
 
 os.replace, dynamic.Run.record = press(os.replace), press(dynamic.Run.record)

@@ -35,6 +35,7 @@ __all__ = [
     "full_work",
     "machine_speed",
     "set_up",
+    "steps_of_slide",
     "work",
     "work_so_far",
 ]
@@ -47,6 +48,8 @@ CALL = 7e-5
 ATTEMPT = {"linear": (2.5e-3, 1e-6), "finite": (4e-3, 2.5e-6)}
 """Time of one attempt to jump, in s: a constant, and a part for each block. These times affect
 estimates of cost only, never a result."""
+SLIDE = 1e-2
+"""Additional time of one attempt to jump over stable slip, in s."""
 BASE = 0.02
 """Time to find modes that does not depend on the lattice, in s."""
 POINTS = 5000
@@ -85,10 +88,17 @@ def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float
         counts.get("block_evaluations", 0) / blocks * evaluation
         + counts.get("calls", 0) * CALL
         + counts.get("attempts", 0) * (attempt + of_block * blocks)
+        + counts.get("slides", 0) * SLIDE
         + counts.get("modal_bases", 0) * set_up(scene, "hybrid", geometry).work
         + counts.get("releases", 0) * RELEASE * scene.N_x**2
         + counts.get("static_events", 0) * STATIC_EVENT
     )
+
+
+def steps_of_slide(scene: Scene, geometry: Geometry) -> int:
+    """Return the number of steps that take as long as an attempt to jump over stable slip."""
+    step = {"block_evaluations": len(STEPPERS["rk4"].c) * scene.N_x * scene.N_z}
+    return int(work(scene, geometry, {"attempts": 1, "slides": 1}) / work(scene, geometry, step))
 
 
 def counts_so_far(run: Run | Record) -> dict[str, float]:

@@ -450,8 +450,8 @@ class Run:
         )
         return catalogue, switches, quiet
 
-    def record(self, status: str) -> Record:
-        """Return the record of the run so far."""
+    def record(self, status: str, *, late: bool = True) -> Record:
+        """Return the record of the run so far; `late` adds columns of events that take long."""
         state, scene, method = self.state, self.scene, self.method
         start = time.perf_counter()
         catalogue, switches, quiet = self.catalogue()
@@ -471,6 +471,7 @@ class Run:
             timings["per_block_and_step"] = self.seconds / self.steps / blocks
         return Record.from_catalogue(
             catalogue,
+            late=late,
             scene=scene,
             method=method,
             curve=curve,

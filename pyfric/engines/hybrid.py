@@ -19,7 +19,7 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK
-from pyfric.engines.cost import set_up
+from pyfric.engines.cost import set_up, steps_of_slide
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run, just_after, last_step
 from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
@@ -167,6 +167,10 @@ class HybridRun(Run):
         self.jumped = self.spared = self.attempts = 0
         self.largest_error = 0.0
         self.slid, self.try_at, self.landed = True, self.state.step, self.state.step
+        # An attempt to jump over stable slip takes as long as many steps: the next one waits until
+        # as many were made or spared.
+        self.slides, self.paid = 0, self.state.step
+        self.slide_cost = steps_of_slide(self.scene, self.method.geometry)
         self._creepings: dict[float, Creeping] = {}
         fastest = self.scene.driver.fastest
         self.creeps = Creeping.possible(self.scene, self.method.geometry, fastest)
@@ -209,6 +213,8 @@ class HybridRun(Run):
         if state.step >= self.try_at:
             wait = self.slide(last) if slips else self.jump(last)
             self.try_at = state.step + max(wait, int(LATE * (state.step - self.landed)))
+        if slips:
+            self.try_at = max(self.try_at, self.paid)
 
     def counts(self) -> dict[str, int]:
         """Return numbers of steps, block evaluations, jumps, spared steps, attempts and bases."""
@@ -218,6 +224,7 @@ class HybridRun(Run):
             "jumps": self.jumped + old.get("jumps", 0),
             "steps_spared": self.spared + old.get("steps_spared", 0),
             "attempts": self.attempts + old.get("attempts", 0),
+            "slides": self.slides + old.get("slides", 0),
             "modal_bases": self.rests.bases + old.get("modal_bases", 0),
         }
 
@@ -303,6 +310,7 @@ class HybridRun(Run):
             landing = self.creeping.land(
                 state, lambda: self.rests.system(state.mode != OPEN), state.step + most
             )
+        self.slides, self.paid = self.slides + 1, state.step + self.slide_cost
         if landing is None or landing.n < min(most, TRY):
             return TRY
         t, s = self._samples(landing.n)

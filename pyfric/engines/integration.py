@@ -65,7 +65,7 @@ def integrate(
         with answered() as stop:
             run.advance(last, lambda: stop() or (enough is not None and enough(run)), show, options)
             done = "complete" if run.state.step >= last else "interrupted"
-            return run.record(run.ending or done)
+            return run.record(run.ending or done, late=enough is None)
 
 
 def _last(scene: Scene, state: State, t_end: float) -> int:

@@ -182,7 +182,8 @@ def _errors(found: Differences, made: Specification, factor: float, by: str) -> 
 def _with(record: Record, errors: Errors, notes: list[str]) -> Record:
     if errors.verdict and not errors.holds:
         notes = [*notes, errors.verdict]
-    return dataclasses.replace(record, errors=errors, notes=(*record.notes, *notes))
+    record = dataclasses.replace(record, errors=errors, notes=(*record.notes, *notes))
+    return record.with_late_columns()  # it may have been a reference run
 
 
 def _apart(record: Record, other: Record) -> float:

@@ -197,13 +197,21 @@ class Record:
         return rupture_class(self, event, slow)
 
     @classmethod
-    def from_catalogue(cls, catalogue: Catalogue, **rest: Any) -> Self:
-        """Record of a run from its catalogue and the remaining attributes."""
+    def from_catalogue(cls, catalogue: Catalogue, *, late: bool = True, **rest: Any) -> Self:
+        """Record of a run from its catalogue and the remaining attributes.
+
+        `late` adds columns of events that take long; a reference run does not need them.
+        """
         parts = {name: getattr(catalogue, name) for name in ("events", "episodes", "arrays")}
         record = cls(**parts, **rest)
-        late = {name: one.find(record) for name, one in held_in("events").items() if one.late}
-        late = {name: values for name, values in late.items() if values is not None}
-        return record.replace(events=record.events.assign(**late)) if late else record
+        return record.with_late_columns() if late else record
+
+    def with_late_columns(self) -> Self:
+        """Return the record with the columns of events that are found from a whole record."""
+        columns = {name: one for name, one in held_in("events").items() if one.late}
+        missing = {name: columns[name].find(self) for name in set(columns) - set(self.events)}
+        missing = {name: values for name, values in missing.items() if values is not None}
+        return self.replace(events=self.events.assign(**missing)) if missing else self
 
     def replace(self, **changes: Any) -> Self:
         """Return the record with other values of its attributes, arrays over blocks included."""

@@ -91,8 +91,8 @@ def budget(made: float) -> float:
 def expected_work(made: float, at: Callable[[float], list[float]], *, refines: bool) -> float:
     """Return the expected work of verification, in s.
 
-    It is that of the best reference run that the budget pays for. If the run may be refined, it is
-    that of two: whether there is a second one is not known beforehand.
+    It is that of the best reference run that the budget pays for. If the run may be refined, half
+    of that of a second one is added: whether there is a second one is not known beforehand.
 
     Args:
         made: work of the run, in s.
@@ -103,7 +103,7 @@ def expected_work(made: float, at: Callable[[float], list[float]], *, refines: b
     left = budget(made)
     first, ratio = _best(at, 1.0, left)
     second, _ = _best(at, ratio, left - first)
-    return first + refines * second
+    return first + refines * second / 2
 
 
 def _best(at: Callable[[float], list[float]], ratio: float, left: float) -> tuple[float, float]:

@@ -151,7 +151,7 @@ def write_commands():
 
 
 ROOT = Path(__file__).parents[1]
-tutorials = {}
+shown = {}
 tried = pd.read_csv(ROOT / "reference_data" / "plans" / "plans.csv")
 write_commands()
 myst_substitutions = {
@@ -245,26 +245,27 @@ def plain_bars(app, what, name, obj, options, lines):
     lines[:] = [line.replace("|", "\\|") for line in lines]
 
 
-def start_tutorials(app):
-    """Run the blocks of all tutorials, two pages at a time, while the gallery is made."""
+def start_pages(app):
+    """Run the Python blocks of tutorials and explanations, two pages at a time."""
     if app.builder.name == "html":
-        pool, walk = ThreadPoolExecutor(2), ROOT / "tests" / "walk.py"
-        for page in sorted(Path(app.srcdir, "tutorials").glob("*.md")):
-            folder = Path(app.srcdir, "_build", "tutorials")
-            words = [sys.executable, walk, page, folder, app.srcdir]
-            how = {"check": True, "stdout": subprocess.PIPE, "text": True}
-            tutorials[f"tutorials/{page.stem}"] = pool.submit(subprocess.run, words, **how)
+        pool, walk, source = ThreadPoolExecutor(2), ROOT / "tests" / "walk.py", Path(app.srcdir)
+        for page in sorted([*source.glob("tutorials/*.md"), *source.glob("explanation/*.md")]):
+            if "```python" in page.read_text(encoding="utf-8"):
+                words = [sys.executable, walk, page, source / "_build" / "shown", source]
+                how = {"check": True, "stdout": subprocess.PIPE, "text": True}
+                done = pool.submit(subprocess.run, words, **how)
+                shown[f"{page.parent.name}/{page.stem}"] = done
 
 
-def show_tutorial(app, name, source):
-    """Show what the blocks of a tutorial print and draw."""
-    if name in tutorials:
-        source[0] = tutorials[name].result().stdout
+def show_page(app, name, source):
+    """Show what the blocks of a page print and draw."""
+    if name in shown:
+        source[0] = shown[name].result().stdout
 
 
 def always_new(app, env, added, changed, removed):
-    """Tutorials are run again at each build: what they show depends on pyfric."""
-    return [name for name in env.found_docs if name.startswith("tutorials/")]
+    """These pages are made again at each build: what they show depends on pyfric."""
+    return [name for name in env.found_docs if name in shown]
 
 
 def mathml(writer, node):
@@ -276,7 +277,7 @@ def mathml(writer, node):
 
 def setup(app):
     app.connect("env-get-outdated", always_new)
-    app.connect("builder-inited", start_tutorials, priority=1)
-    app.connect("source-read", show_tutorial)
+    app.connect("builder-inited", start_pages, priority=1)
+    app.connect("source-read", show_page)
     app.connect("autodoc-process-docstring", plain_bars)
     app.add_html_math_renderer("mathml", (mathml, None), (mathml, None))

@@ -28,7 +28,7 @@ for drop in (5e6, 7e6, 9e6):
 axes.axhline(
     theory.rayleigh_speed(rock.c_P, rock.c_S) / rock.c_S, color="0.5", ls="--", label="$c_R$"
 )
-axes.set(xlabel="half length of the crack (km)", ylabel="speed, in $c_S$", xscale="log")
+axes.set(xlabel="half length of the crack (km)", ylabel="speed, in $c_S$")
 axes.legend()
 print(
     pyfric.theory.cohesive_zone(rock, 0.677, 0.525, 120e6, 0.4, bodies=2),

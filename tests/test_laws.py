@@ -291,6 +291,17 @@ def csv_scene(folder, content, name="friction.csv", table="slide"):
     return file
 
 
+def test_the_end_of_a_function_has_a_unit():
+    def fall(s):
+        return 0.7 - 0.25 * min(s / 3e-6, 1.0)
+
+    found = laws.TabulatedLaw.of(slide=(fall, "3 um"))
+    assert found == laws.TabulatedLaw.of(slide=(fall, 3e-6))
+    for end in ("3 N", "-3 um", -1.0, "3"):
+        with pytest.raises(SceneError, match=r"interface\.law\.slide\.end"):
+            laws.TabulatedLaw.of(slide=(fall, end))
+
+
 def test_a_table_takes_the_place_of_the_coefficients():
     law = laws.TabulatedLaw(slip=(0.0, 3e-6), mu=(0.66, 0.41))
     before = chain(L=5e-3, mu_s=0.7, mu_k=0.45)

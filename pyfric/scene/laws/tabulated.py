@@ -9,7 +9,7 @@ from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.columns import Measured, from_csv
 from pyfric.scene.laws.kinds import UNITS, FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table, sampled
-from pyfric.scene.units import with_prefix
+from pyfric.scene.units import check_number, with_prefix
 
 __all__ = ["TabulatedLaw"]
 
@@ -23,7 +23,7 @@ COLUMNS = {
 IN_UNITS = UNITS._replace(slide="m")
 """SI units of the first lists."""
 
-Source = str | Path | Measured | tuple[Callable[[float], float], float]
+Source = str | Path | Measured | tuple[Callable[[float], float], float | str]
 """A CSV file, a measured curve, or a pair of a function and the end of its table."""
 Seconds = Annotated[tuple[float, ...] | None, NotNegative("s", listed=True, optional=True)]
 Numbers = Annotated[tuple[float, ...] | None, NotNegative("", listed=True, optional=True)]
@@ -86,8 +86,8 @@ class TabulatedLaw(FrictionLaw):
 
         Args:
             tables: hold, slide, speed or age. Each is the path of a CSV file of two columns (see
-                `from_csv`), or a pair of a function and the end of its table. slide may also be a
-                `Measured` curve.
+                `from_csv`), or a pair of a function and the end of its table, a number in SI units
+                or text such as "3 um". slide may also be a `Measured` curve.
 
         Raises:
             SceneError: a table is unknown, a file cannot be used, or a function is not a valid law.
@@ -199,4 +199,5 @@ def _made(name: str, source: Source) -> Table:
         return source.table(field, unit)
     if isinstance(source, str | Path):
         return from_csv(source, field, unit)
-    return sampled(*source)
+    function, end = source
+    return sampled(function, check_number(f"{field}.end", end, unit, gt=0.0))

@@ -16,6 +16,7 @@ import pytest
 from helpers import small
 
 import pyfric
+from pyfric import theory
 from pyfric.record import numbered
 from pyfric.scene import Driver, Interface, PrescribedLoad, SceneError, preset
 
@@ -38,8 +39,13 @@ def test_a_scene():
     scene = preset("fig1")
     lines = repr(scene).splitlines()
     assert lines[0] == "Scene fig1: 57 x 31 blocks"
-    assert "h = 0.005 m" in lines[3]
-    assert len(lines) == 5
+    assert "h = 0.005 m" in lines[4]
+    assert len(lines) == 6
+    speeds = dict(re.findall(r"(c_\w) = (\S+) m/s", lines[2]))
+    known = theory.Material.of_lattice(scene.slider.k, scene.m, scene.slider.l, 1.0)
+    for name in ("c_P", "c_S"):
+        assert float(speeds[name]) == pytest.approx(getattr(known, name), rel=1e-5)
+    assert f"F_N/N_x = {scene.F_N / scene.N_x:.6g} N" in lines[2]
     picture, alt, text = drawing(scene)
     assert picture.startswith(b"\x89PNG")
     assert "L = 140 mm" in alt

@@ -2,8 +2,10 @@
 
 import dataclasses
 import functools
+import itertools
 import os
 import signal
+import time
 import warnings
 
 import numpy as np
@@ -499,3 +501,14 @@ def test_fig1_takes_few_steps():
     assert record.counts["steps_spared"] > 1_100_000
     assert record.events["is_main"].sum() == 13
     check_counts(record)
+
+
+def test_a_slow_clock_changes_nothing(monkeypatch):
+    """Where a call of the core ends, and with it a jump, does not depend on a busy machine."""
+    quick = pyfric.simulate(rod(), 0.05, fidelity="hybrid", progress=False)
+    clock = itertools.count(0.0, 10.0)
+    monkeypatch.setattr(time, "perf_counter", lambda: next(clock))
+    slow = pyfric.simulate(rod(), 0.05, fidelity="hybrid", progress=False)
+    assert slow.counts == quick.counts
+    assert slow.curve.equals(quick.curve)
+    assert slow.events.equals(quick.events)

@@ -24,6 +24,7 @@ import pandas as pd
 
 from pyfric import core
 from pyfric.core import State
+from pyfric.engines.cost import work, work_so_far
 from pyfric.engines.guard import STEPS, Energy, Guard, strain_notes
 from pyfric.engines.progress import Progress
 from pyfric.engines.remembered import RememberedStates
@@ -54,8 +55,8 @@ CALL_SECONDS = 0.2
 MAX_CALL = 2**30
 """Most steps of one call of the core."""
 STATIC_SECONDS = 1.0
-"""Time between two searches for the static forces of new events, in s. It grows if the search takes
-more than a tenth of the time. Little is then left to do at the end of a run."""
+"""Work between two searches for the static forces of new events, in s. It is a tenth of the work so
+far if that is more. Little is then left to do at the end of a run."""
 ON_GRID = 1e-9
 """A breakpoint of a protocol this close to the end of a step, over dt, counts as on it."""
 OPEN_BUDGET = 1e-3
@@ -125,6 +126,8 @@ class Run:
         self.known, self.solver = solver, RememberedStates(solver)
         self.model = core.model(scene, method.geometry, state.u_drv0, just_after(state))
         self.piece: int | None = None  # of the protocols, that the model follows
+        step = {"block_evaluations": len(core.STEPPERS[method.stepper].c) * scene.N_x * scene.N_z}
+        self.most_steps = max(1, int(CALL_SECONDS / work(scene, method.geometry, step)))
         self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
         self.log = core.Log(scene.N_x)
         self.t_begin = state.t
@@ -224,13 +227,12 @@ class Run:
         """Make the steps up to number `last`, unless Ctrl-C or a condition ends the run before."""
         state, every = self.state, self.method.sample
         start = saved = shown = time.perf_counter()
-        solve_at = start + STATIC_SECONDS
+        solve_at = STATIC_SECONDS
         while state.step < last and not self.ending and not stop():
             self.before_call(last)
             if state.step < last and not self.ending:
                 to_sample = every - state.step % every
-                in_time = max(1, int(CALL_SECONDS * self.rate)) if self.rate else 1
-                self.call(min(to_sample, in_time, last - state.step, self.call_length()))
+                self.call(min(to_sample, self.in_time(), last - state.step, self.call_length()))
                 if state.step % every == 0:
                     self.sample()
                     self.ending = self.ended()
@@ -241,17 +243,26 @@ class Run:
                 begin = self.rows[0][0]
                 end = state.t0 + last * state.dt
                 show(Progress(state.t, begin, end, force, self.events, self.rate))
-            if now > solve_at:
+            if (done := work_so_far(self)) > solve_at:  # not by the clock: jumps use what is found
                 with warnings.catch_warnings(action="ignore"):
                     self.catalogue()
-                done = time.perf_counter()
-                solve_at = done + max(STATIC_SECONDS, 10 * (done - now))
+                solve_at = done + max(STATIC_SECONDS, 0.1 * done)
             if options.checkpoint is not None and now - saved > options.checkpoint_every:
                 self.save(options.checkpoint)
                 saved = time.perf_counter()
         if self.good is not None:
             self._look(due=True)
         self.timings["stepping"] = time.perf_counter() - start
+
+    def in_time(self) -> int:
+        """Return the most steps of one call.
+
+        Where a call ends decides when a jump is tried, and when a pilot run ends. It therefore
+        follows from counted work. On junctions, whose work is not counted, it is measured.
+        """
+        if self.scene.law.rests:
+            return self.most_steps
+        return max(1, int(CALL_SECONDS * self.rate)) if self.rate else 1
 
     def ended(self) -> str:
         """Return the status of a run that a condition ends now, or "" if none does."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING, Any
 
 from pyfric.scene.checked import quantities
@@ -26,9 +27,19 @@ def scene_text(scene: Scene) -> str:
             if value is not None and value != ()
         ]
         lines.append(f"  {type(part).__name__}: {', '.join(entries)}")
+    lines.insert(2, f"  Each block: {_block(scene)}")
     if scene.stop_when:
         lines.append(f"  ends when: {', or '.join(scene.stop_when)}")
     return "\n".join(lines)
+
+
+def _block(scene: Scene) -> str:
+    """Return mass, load and speeds of long waves, which follow from k; see `Material`."""
+    c = scene.slider.l * math.sqrt(scene.slider.k / scene.m)
+    waves = {"c": c} if scene.N_z == 1 else {"c_P": math.sqrt(1.5) * c, "c_S": math.sqrt(0.5) * c}
+    speeds = [f"{name} = {speed:.6g} m/s" for name, speed in waves.items()]
+    load = f"F_N/N_x = {scene.F_N / scene.N_x:.6g} N"
+    return ", ".join([f"m = {scene.m:.6g} kg", load, *speeds])
 
 
 def _short(value: Any) -> str:

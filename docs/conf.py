@@ -103,7 +103,8 @@ def plans(data):
 
 def plan_costs(data):
     """Return how the time of planned runs compares with the announced one."""
-    ratio = data["seconds_run"] / data["announced"]
+    refined = data["refined"] > 0
+    ratio = data["seconds_run"] / (data["announced"] + refined * data["refinement"])
     near = ratio.between(0.5, 2).mean()
     low, middle, high = ratio.quantile([0.05, 0.5, 0.95])
     return (

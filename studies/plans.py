@@ -214,8 +214,9 @@ def trial(
     row |= {"planned": found.fidelity, "engine": made.method.engine}
     row |= {"geometry": made.method.geometry, "dt": made.method.dt}
     row |= {"seconds_plan": planned - start, "seconds_run": ran - planned}
-    row |= {"announced": found.seconds + found.price, "full_work": full_seconds(scene, made, t_end)}
-    row |= {"seconds_reference": end - ran, "refined": sum("refined to" in n for n in made.notes)}
+    row |= {"announced": found.seconds + found.price, "refinement": found.refinement}
+    row |= {"full_work": full_seconds(scene, made, t_end), "seconds_reference": end - ran}
+    row |= {"refined": sum("refined to" in n for n in made.notes)}
     return row | judged(made, truth, found.error)
 
 

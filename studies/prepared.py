@@ -98,7 +98,7 @@ def kind(record: Record) -> str:
 
 
 def slowest(record: Record) -> float:
-    """Return the speed of the slow stretch over wave_speed, NaN where there is none."""
+    """Return the speed of the slow stretch over c_S, NaN where there is none."""
     t, stretch = _front(record)
     if stretch is None:
         return np.nan

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pyfric
-from pyfric.engines import choice, pilot, plan, relaxation_time, simulate, step_size
+from pyfric.engines import choice, expectation, pilot, plan, relaxation_time, simulate, step_size
 from pyfric.engines.choice import LINEAR, RING_SHARE, SHARE, SPARES, step_error
 from pyfric.engines.cost import (
     counts_so_far,
@@ -21,7 +21,7 @@ from pyfric.engines.cost import (
     work_so_far,
 )
 from pyfric.engines.pilot import counted, interval, linear_error, pilot_run
-from pyfric.engines.verification import CHEAP, expected_work
+from pyfric.engines.price import CHEAP, RATIOS, Reference, verification_work
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
 from pyfric.statics import stability_limit
 
@@ -252,15 +252,17 @@ def test_work_is_counted(scene, t_end, tolerance):
         (1.0, 1.0, 2.0, 0.5),  # half of it, and what is left
         (0.1, 1.0, 0.4, 0.3),  # full dynamics is beyond the budget, a hybrid run is not
         (0.1, 0.15, 0.6, 0.1),  # full dynamics is not
-        (0.1, None, 0.7, 0.0),  # quasi-static: the budget
+        (0.1, None, 0.7, 0.0),  # no reference run: the budget
     ],
 )
 def test_work_of_verification(made, full, first, second):
-    def at(ratio):
-        return [] if full is None else [ratio * full, ratio * made]
+    works = {} if full is None else {"dynamic": full, "hybrid": made}
 
-    assert expected_work(made, at, refines=False) == pytest.approx(first)
-    assert expected_work(made, at, refines=True) == pytest.approx(first + second / 2)
+    def references(ratio):
+        each = [(engine, ratio * r) for r in RATIOS for engine in works]
+        return [Reference(engine, r, r * works[engine]) for engine, r in each]
+
+    assert verification_work(made, references) == pytest.approx((first, second))
 
 
 def test_operations_with_shorter_steps():
@@ -300,19 +302,19 @@ def test_choices_do_not_depend_on_the_machine(monkeypatch):
         monkeypatch.setattr(choice, "machine_speed", lambda speed=speed: speed)
         found.append(plan(small(), t_end=0.7))
     assert found[1].seconds == pytest.approx(10 * found[0].seconds)
-    same = {"seconds": 0.0, "price": 0.0}
+    same = {"seconds": 0.0, "price": 0.0, "refinement": 0.0}
     assert dataclasses.replace(found[0], **same) == dataclasses.replace(found[1], **same)
 
 
 def test_more_than_ten_minutes_is_said_with_the_cheaper_way(monkeypatch, capsys):
-    monkeypatch.setattr(choice, "LONG", 1e-3)
+    monkeypatch.setattr(expectation, "LONG", 1e-3)
     scene = small()
     record = simulate(scene, 1e-3, fidelity="dynamic", geometry="finite", progress=False)
     assert any("minutes on one core; fidelity = 'hybrid' often" in one for one in record.notes)
     assert capsys.readouterr().err == ""
     record = simulate(scene, 1e-3, fidelity="dynamic", geometry="linear")
     assert "larger blocks take less" in capsys.readouterr().err
-    monkeypatch.setattr(choice, "LONG", 600.0)
+    monkeypatch.setattr(expectation, "LONG", 600.0)
     notes = simulate(scene, 1e-4, fidelity="dynamic", progress=False).notes
     assert not any("minutes" in note for note in notes)
 
@@ -367,7 +369,10 @@ def test_text(tolerance, want, left_out):
     for reason in found.reasons:
         assert f"rejected: {reason}" in lines
     assert f"expected error: {found.error:.2g}" in lines
-    assert f"verification: about {found.price:.2g} s more" in lines
+    cost = f"verification: about {found.price:.2g} s more"
+    if found.fidelity != "quasistatic":  # dynamics would replace it
+        cost += f", and {found.refinement:.2g} s if the run has to be refined"
+    assert cost in lines
 
 
 def test_a_chain_has_no_rotation_to_leave_out():

@@ -10,10 +10,11 @@ PAGE = ROOT / "docs" / "explanation" / "numbers.md"
 MOST_FITTED = 15
 KINDS = {
     "definition": {
-        "choice": "SHARE SPARES LONG",
+        "choice": "SHARE SPARES",
         "coarse": "BLOCKS COLUMNS",
         "cost": "POINTS FASTEST SLOWEST",
         "dynamic": "CALL_SECONDS STATIC_SECONDS OPEN_BUDGET",
+        "expectation": "LONG",
         "guard": "STEPS MARGIN LINEAR",
         "hybrid": "MOSTLY LATE BALANCED",
         "integration": "FOLDING",
@@ -23,7 +24,8 @@ KINDS = {
         "relaxation": "AT_REST",
         "starts": "EXCESS",
         "uniqueness": "LIMIT",
-        "verification": "PLAIN CHEAP RATIOS DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER "
+        "price": "PLAIN CHEAP RATIOS",
+        "verification": "DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER "
         "HALVED FEW GRACE PERTURBATION",
         "analysis": "BINS SHIFTS PER_BIN",
         "catalogue": "T_GAP MAIN_EVENT_BLOCKS",

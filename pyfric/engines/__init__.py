@@ -1,9 +1,10 @@
 """Choose a model, run it, measure its errors."""
 
 from pyfric.engines.begun import released
-from pyfric.engines.choice import Assumption, Plan, expected_cost, plan
+from pyfric.engines.choice import Assumption, Plan, plan
 from pyfric.engines.cost import full_work, machine_speed
 from pyfric.engines.dynamic import RunError
+from pyfric.engines.expectation import expected_cost
 from pyfric.engines.guard import folded
 from pyfric.engines.options import OPTION_UNITS, Options, default_switching, step_size
 from pyfric.engines.prediction import prediction_curve

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.display import html
-from pyfric.engines.cost import RUN, SLOWEST, finer_counts, full_work, machine_speed, work
+from pyfric.engines.cost import RUN, full_work, machine_speed, work
 from pyfric.engines.options import Fidelity, Options, Want, default_switching, step_size
 from pyfric.engines.pilot import (
     counted,
@@ -39,24 +39,25 @@ from pyfric.engines.pilot import (
     pilot_run,
     quasistatic_work,
 )
+from pyfric.engines.price import CHEAP, price
 from pyfric.engines.quasistatic import beyond_ladder
 from pyfric.engines.relaxation import relaxation_time
 from pyfric.engines.stretches import bends
-from pyfric.engines.verification import CHEAP, LOOSEST, expected_work
+from pyfric.engines.verification import LOOSEST
 from pyfric.record import RESOLVED, RESOLVED_ERROR, zone_of_scene
 from pyfric.scene import Geometry, check_number, default_geometry
 from pyfric.signals import at_once
 from pyfric.statics import NO_RESTS, one_thread_if_small, stability_limit
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from pyfric.core import Switching
     from pyfric.engines.pilot import Pilot
     from pyfric.record import Record
     from pyfric.scene import Number, Scene, SceneLike
 
-__all__ = ["Assumption", "Plan", "choose", "expected_cost", "long_note", "plan"]
+__all__ = ["Assumption", "Plan", "choose", "plan"]
 
 ERROR_QUASISTATIC = 0.05
 """Largest difference of start forces between the quasi-static engine and dynamics, over F_N. Events
@@ -75,8 +76,6 @@ PHASE = 1 / 120
 """Phase error of one RK4 step for a motion of angular frequency omega, over (omega dt)^5."""
 OVERDAMPED = math.sqrt(3) / 4
 """eta/sqrt(k m) below which a block oscillates: 8 eta < 2 sqrt(3 k m), from its eight bonds."""
-LONG = 600.0
-"""Expected duration above which a run prints a note before it starts, in s."""
 MODELS = {
     "quasistatic": "a sequence of static states; events by a rule without inertia",
     "hybrid": "dynamics inside events, closed forms between them",
@@ -122,6 +121,7 @@ class Plan:
         work: expected work of the run, in s on the reference machine of `pyfric.engines.cost`.
         seconds: expected time of the run, in s on one core of this machine, without verification.
         price: expected time of verification, in s on this machine.
+        refinement: time that is added if the run has to be refined, likewise.
         lattice: for front speeds, the lattice constant that the tolerance needs, and the time of a
             run with it; "" if the present one suffices, and for other quantities.
     """
@@ -139,6 +139,7 @@ class Plan:
     work: float
     seconds: float
     price: float
+    refinement: float
     lattice: str = ""
 
     def __str__(self) -> str:
@@ -157,7 +158,8 @@ class Plan:
             *(f"rejected: {reason}" for reason in self.reasons),
             f"expected error: {self.error:.2g}",
             f"expected time: about {self.seconds:.2g} s",
-            f"verification: about {self.price:.2g} s more",
+            f"verification: about {self.price:.2g} s more"
+            + f", and {self.refinement:.2g} s if the run has to be refined" * (self.refinement > 0),
             *([f"lattice: {self.lattice}"] if self.lattice else ()),
         ]
         return "\n".join(lines)
@@ -260,18 +262,16 @@ class _Choice:
 
     def _made(self, counts: dict[str, float] | None = None, **what: object) -> Plan:
         """Return the plan; `counts` are the operations of a hybrid run."""
-        price = 0.0
-        if self.options.verify != "none":
-            at = _references(
-                self.scene, self.options, what["fidelity"], self.dt, self.t_end, counts
-            )
-            price = expected_work(what["work"], at, refines=True)
+        cost = price(
+            self.scene, self.options, what["fidelity"], self.dt, self.t_end, what["work"], counts
+        )
         return Plan(
             want=self.want,
             tolerance=self.tolerance,
             reasons=tuple(self.reasons),
             seconds=what["work"] * machine_speed(),
-            price=price * machine_speed(),
+            price=cost[0] * machine_speed(),
+            refinement=cost[1] * machine_speed(),
             **what,
         )
 
@@ -463,73 +463,3 @@ def step_error(scene: Scene, want: Want, dt: float) -> float:
     if want == "front_speed":
         return phase
     return phase * max(float(np.max(law.drop)), 1e-6) / scene.N_x
-
-
-# --- expected cost of a run ----------------------------------------------------------------------
-
-
-def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, float]:
-    """Return the expected time of a run to t_end (s) in s, and the size of its record in bytes."""
-    if how.fidelity == "auto":
-        found = choose(scene, how, t_end)
-        return found.seconds + found.price, 1e5 + _events_size(scene, t_end)
-    geometry = how.geometry or default_geometry(scene)
-    t_end = expected_end(scene, t_end, how.on(scene).stop_when)
-    dt, size = step_size(scene, how.dt, how.stepper), 1e5 + _events_size(scene, t_end)
-    made, counts = full_work(scene, geometry, dt, t_end, how.stepper), None
-    if how.fidelity in ("quasistatic", "equilibrium"):
-        made = quasistatic_work(scene, pilot_run(scene, t_end))
-    elif how.fidelity == "hybrid" and made > CHEAP:
-        resolved = dataclasses.replace(how, geometry=geometry, dt=dt)
-        counts = counted(scene, t_end, resolved, pilot_run(scene, t_end))
-        made = RUN + work(scene, geometry, counts)
-    price = 0.0
-    if how.verify not in (None, "none"):
-        at = _references(scene, how, how.fidelity, dt, t_end, counts)
-        price = expected_work(made, at, refines=False)
-    return (made + price) * machine_speed(), size
-
-
-def _references(
-    scene: Scene,
-    options: Options,
-    fidelity: str,
-    dt: float,
-    t_end: float,
-    counts: dict[str, float] | None,
-) -> Callable[[float], list[float]]:
-    """Return the function that tells the work (s) of reference runs with shorter steps.
-
-    `counts` are the operations of a hybrid run. A quasi-static run has no steps, and no such runs.
-    """
-    geometry = options.geometry or default_geometry(scene)
-
-    def at(ratio: float) -> list[float]:
-        if fidelity in ("quasistatic", "equilibrium"):
-            return []
-        works = [full_work(scene, geometry, dt / ratio, t_end, options.stepper)]
-        if counts is not None:
-            finer = finer_counts(scene, counts, ratio, options.stepper)
-            works.append(RUN + work(scene, geometry, finer))
-        return works
-
-    return at
-
-
-def _events_size(scene: Scene, t_end: float) -> float:
-    """Return the size of the events of a record, in bytes."""
-    if not (scene.has_rests and scene.law.rests):
-        return 0.0
-    return 8.0 * pilot_run(scene, t_end).events * (9 * scene.N_x + 40)
-
-
-def long_note(scene: Scene, length: float, geometry: Geometry, dt: float, stepper: str) -> str:
-    """Return a note for full dynamics over `length` (s) that takes long; "" if it does not."""
-    made = full_work(scene, geometry, dt, length, stepper)
-    if made * SLOWEST <= LONG or made * machine_speed() <= LONG:
-        return ""
-    seconds = made * machine_speed()
-    hint = "larger blocks take less: twice l, about a tenth of the time"
-    if scene.law.rests and not scene.prescribed:
-        hint = f"fidelity = 'hybrid' often takes a small part of that; {hint}"
-    return f"dynamic: this run takes about {seconds / 60:.2g} minutes on one core; {hint}"

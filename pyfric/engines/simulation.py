@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from pyfric.core import State, StateError
 from pyfric.engines import quasistatic
-from pyfric.engines.choice import choose, long_note
+from pyfric.engines.choice import choose
 from pyfric.engines.cost import POINTS, check_memory
 from pyfric.engines.dynamic import Run, RunError
+from pyfric.engines.expectation import long_note
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
 from pyfric.engines.options import Options, kept

@@ -35,17 +35,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyfric.core import STEPPERS
-from pyfric.engines.cost import (
-    RUN,
-    counts_so_far,
-    evaluations_of_steps,
-    finer_counts,
-    full_counts,
-    work,
-    work_so_far,
-)
+from pyfric.engines.cost import work, work_so_far
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.options import ACCURACY
+from pyfric.engines.price import CHEAP, RATIOS, Operations, affordable, budget
 from pyfric.record import Errors, differences, statistics
 from pyfric.scene import default_geometry
 from pyfric.statics import EquilibriumError
@@ -53,15 +46,12 @@ from pyfric.statics import EquilibriumError
 if TYPE_CHECKING:
     from pyfric.engines.dynamic import Run
     from pyfric.engines.options import Options
+    from pyfric.engines.price import Reference
     from pyfric.record import Differences, Record
     from pyfric.scene import Geometry, Scene
 
-__all__ = ["CHEAP", "Specification", "expected_work", "verified"]
+__all__ = ["LOOSEST", "Specification", "verified"]
 
-PLAIN, CHEAP = 2.0, 0.5
-"""Largest work of verification, in s: `PLAIN` times the work of the run, plus `CHEAP`."""
-RATIOS = (4.0, 2.0, 1.5, 1.25)
-"""Ratios of the step of a run to that of its reference run."""
 HALVED = 2.0
 """Least ratio for a run with which a coarser one disagrees: with a smaller ratio, both runs could
 deviate in the same event."""
@@ -81,35 +71,6 @@ GRACE = 2.0
 """Work at which a reference run is ended, over its expected work."""
 PERTURBATION = 1e-9
 """Relative increase of the driver's speed in the perturbed run."""
-
-
-def budget(made: float) -> float:
-    """Return the largest work that verification of a run may take, in s."""
-    return PLAIN * made + CHEAP
-
-
-def expected_work(made: float, at: Callable[[float], list[float]], *, refines: bool) -> float:
-    """Return the expected work of verification, in s.
-
-    It is that of the best reference run that the budget pays for. If the run may be refined, half
-    of that of a second one is added: whether there is a second one is not known beforehand.
-
-    Args:
-        made: work of the run, in s.
-        at: returns the work of runs whose steps are a number of times shorter; no run means that
-            the budget is used up.
-        refines: whether the run may be refined.
-    """
-    left = budget(made)
-    first, ratio = _best(at, 1.0, left)
-    second, _ = _best(at, ratio, left - first)
-    return first + refines * second / 2
-
-
-def _best(at: Callable[[float], list[float]], ratio: float, left: float) -> tuple[float, float]:
-    """Return the work (s) of the best run that can be paid for, and the ratio of its steps."""
-    found = [(one, ratio * r) for r in RATIOS for one in at(ratio * r) if one <= left]
-    return found[0] if found else (left, ratio)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,28 +190,25 @@ class _Verification:
 
     def record_with_errors(self) -> Record:
         """Return the run with its errors, or the reference run that replaces it."""
-        made, (level, ratio) = self.made, self._level(self.record)
+        made, level = self.made, self._level()
         reference = self._reference(level)
-        found = differences(self.record, reference)
-        errors = self._measured(found, reference, 1 / (1 - self._shrink(ratio)))
+        errors = self._compared(reference, level.ratio)
         while self._beyond(errors) and made.refines and self.mode != "full" and reference.done:
             off = errors.measured()
             if self.record.method.geometry != reference.method.geometry:
-                self.record = self._reference({"geometry": self.geometry})
+                self.record = self._in_reference_geometry()
                 self.notes.append(f"refined to {_words(self.record)}: measured error {off:.2g}")
-                found = differences(self.record, reference)
-                errors = self._measured(found, reference, 1 / (1 - self._shrink(ratio)))
+                errors = self._compared(reference, level.ratio)
                 continue
             self.notes.append(f"refined to {_words(reference)}: measured error {off:.2g}")
             coarse, self.record = self.record, reference
             found = differences(self.record, coarse)
             errors = self._measured(found, coarse, TURNED / SAFETY)  # an event may end elsewhere
-            level, ratio = self._level(self.record)
-            if not (self._beyond(errors) and self._affordable(level) and ratio >= HALVED):
+            level = self._level()
+            if not self._beyond(errors) or level.work > self.left or level.ratio < HALVED:
                 break
             reference = self._reference(level)
-            found = differences(self.record, reference)
-            errors = self._measured(found, reference, 1 / (1 - self._shrink(ratio)))
+            errors = self._compared(reference, level.ratio)
         if self.mode == "full":
             errors = self._perturbed(errors)
         elif self._beyond(errors):
@@ -268,6 +226,10 @@ class _Verification:
         order = 1 if method.switching == "step_end" else STEPPERS[method.stepper].order
         return ratio**-order
 
+    def _compared(self, other: Record, ratio: float) -> Errors:
+        """Return the errors that follow from a run whose steps are shorter by a ratio."""
+        return self._measured(differences(self.record, other), other, 1 / (1 - self._shrink(ratio)))
+
     def _measured(self, found: Differences, other: Record, factor: float) -> Errors:
         """Return the errors that follow from differences from another run."""
         self.found, self.other, self.factor = found, other, factor
@@ -282,55 +244,43 @@ class _Verification:
 
     # --- reference runs --------------------------------------------------------------------------
 
-    def _level(self, record: Record) -> tuple[dict[str, Any], float]:
-        """Return the options of a reference run, and the ratio of steps.
+    def _operations(self) -> Operations:
+        return Operations.of(self.record, self.made.t_end - self.made.t_begin, self.geometry)
 
-        It is the best one within the budget, or the cheapest one if none is.
-        """
+    def _level(self) -> Reference:
+        """Return the best reference run within the budget, or the cheapest one if none is."""
         ratios = RATIOS[:1] if self.mode == "full" else RATIOS
-        levels = [self._at(record, engine, r) for r in ratios for engine in ("dynamic", "hybrid")]
-        levels = [one for one in levels if one is not None]
-        return next((one for one in levels if self._affordable(one[0])), levels[-1])
+        possible = self._operations().references(ratios=ratios)
+        return affordable(possible, self.left) or possible[-1]
 
-    def _at(self, record: Record, engine: str, ratio: float) -> tuple[dict[str, Any], float] | None:
-        """Return the options of a reference run and the ratio; None if it would leave out more."""
-        method = record.method
-        if engine == "hybrid" and method.engine == "dynamic":
-            return None
+    def _how(self, engine: str, ratio: float) -> dict[str, Any]:
+        """Return the options of a reference run."""
+        method = self.record.method
         how = {"fidelity": engine, "geometry": self.geometry, "dt": method.dt / ratio}
         how |= {"accuracy": None, "rtol": method.rtol and max(method.rtol / ratio**4, 1e-12)}
         if engine == "hybrid":
             how["accuracy"] = max((method.accuracy or ACCURACY) * STRICTER, 1e-9)
-        return how, ratio
+        return how
 
-    def _counted(self, how: dict[str, Any]) -> float:
-        """Return the expected work of a reference run, in s."""
-        scene, method = self.made.scene, self.record.method
-        ratio, counts = method.dt / how.get("dt", method.dt), counts_so_far(self.record)
-        if how.get("fidelity", method.engine) == method.engine:
-            counts = finer_counts(scene, counts, ratio, method.stepper)
-        else:
-            located = counts["block_evaluations"]
-            located -= evaluations_of_steps(scene, counts, method.stepper)
-            lasts = self.made.t_end - self.made.t_begin
-            counts = full_counts(scene, how["dt"], lasts, method.stepper)
-            counts["block_evaluations"] += located
-        return RUN + work(scene, self.geometry, counts)
+    def _reference(self, level: Reference) -> Record:
+        """Make a reference run."""
+        return self._made(self._how(level.engine, level.ratio), level.work)
 
-    def _affordable(self, how: dict[str, Any]) -> bool:
-        return self._counted(how) <= self.left
+    def _in_reference_geometry(self) -> Record:
+        """Repeat the run in the geometry of reference runs."""
+        expected = self._operations().finer(self.record.method.engine, 1.0)
+        return self._made({"geometry": self.geometry}, expected)
 
-    def _reference(self, how: dict[str, Any]) -> Record:
-        """Make a reference run, which is ended if it takes `GRACE` times the expected work."""
-        made = self.made
-        most = GRACE * max(min(self._counted(how), self.left), CHEAP)
+    def _made(self, how: dict[str, Any], expected: float) -> Record:
+        """Make a run, which is ended if it takes `GRACE` times the expected work (s)."""
+        most = GRACE * max(min(expected, self.left), CHEAP)
         if self.mode == "full":
             most = math.inf
 
         def enough(run: Run) -> bool:
             return work_so_far(run) > most
 
-        found = made.again(self.record, enough, **how)
+        found = self.made.again(self.record, enough, **how)
         self.left -= work_so_far(found)
         return found
 
@@ -364,14 +314,13 @@ class _Verification:
         """
         kept = self.found, self.other, self.factor
         engine, left = self.record.method.engine, self.left
-        how, ratio = self._at(self.record, engine, HALVED)
+        how = self._how(engine, HALVED)
         finer = self.made.again(self.record, lambda run: work_so_far(run) > left, **how)
-        found = differences(self.record, finer)
-        errors = self._measured(found, finer, 1 / (1 - self._shrink(ratio)))
+        errors = self._compared(finer, HALVED)
         t = self._parted()
         if np.isnan(t) and not errors.partly:
             return errors
-        errors = self._until(errors, float(np.fmin(t, found.covered)), coarse)
+        errors = self._until(errors, float(np.fmin(t, self.found.covered)), coarse)
         if not errors.events:
             self.found, self.other, self.factor = kept
             self.notes.pop()

@@ -1,0 +1,64 @@
+"""Expected time and size of a run, for announcements."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+from pyfric.engines.choice import choose
+from pyfric.engines.cost import RUN, SLOWEST, full_work, machine_speed, work
+from pyfric.engines.options import step_size
+from pyfric.engines.pilot import counted, expected_end, pilot_run, quasistatic_work
+from pyfric.engines.price import CHEAP, price
+from pyfric.scene import default_geometry
+
+if TYPE_CHECKING:
+    from pyfric.engines.options import Options
+    from pyfric.scene import Geometry, Scene
+
+__all__ = ["expected_cost", "long_note"]
+
+LONG = 600.0
+"""Expected duration above which a run prints a note before it starts, in s."""
+
+
+def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, float]:
+    """Return the expected time of a run to t_end (s) in s, and the size of its record in bytes.
+
+    The time includes verification, but no refinement.
+    """
+    if how.fidelity == "auto":
+        found = choose(scene, how, t_end)
+        return found.seconds + found.price, _size(scene, t_end)
+    geometry = how.geometry or default_geometry(scene)
+    t_end = expected_end(scene, t_end, how.on(scene).stop_when)
+    dt = step_size(scene, how.dt, how.stepper)
+    made, counts = full_work(scene, geometry, dt, t_end, how.stepper), None
+    if how.fidelity in ("quasistatic", "equilibrium"):
+        made = quasistatic_work(scene, pilot_run(scene, t_end))
+    elif how.fidelity == "hybrid" and made > CHEAP:
+        resolved = dataclasses.replace(how, geometry=geometry, dt=dt)
+        counts = counted(scene, t_end, resolved, pilot_run(scene, t_end))
+        made = RUN + work(scene, geometry, counts)
+    if how.verify is not None:
+        made += price(scene, how, how.fidelity, dt, t_end, made, counts)[0]
+    return made * machine_speed(), _size(scene, t_end)
+
+
+def _size(scene: Scene, t_end: float) -> float:
+    """Return the size of a record, in bytes."""
+    if not (scene.has_rests and scene.law.rests):
+        return 1e5
+    return 1e5 + 8.0 * pilot_run(scene, t_end).events * (9 * scene.N_x + 40)
+
+
+def long_note(scene: Scene, length: float, geometry: Geometry, dt: float, stepper: str) -> str:
+    """Return a note for full dynamics over `length` (s) that takes long; "" if it does not."""
+    made = full_work(scene, geometry, dt, length, stepper)
+    if made * SLOWEST <= LONG or made * machine_speed() <= LONG:
+        return ""
+    seconds = made * machine_speed()
+    hint = "larger blocks take less: twice l, about a tenth of the time"
+    if scene.law.rests and not scene.prescribed:
+        hint = f"fidelity = 'hybrid' often takes a small part of that; {hint}"
+    return f"dynamic: this run takes about {seconds / 60:.2g} minutes on one core; {hint}"

@@ -16,6 +16,7 @@ KINDS = {
         "dynamic": "CALL_SECONDS STATIC_SECONDS OPEN_BUDGET",
         "expectation": "LONG",
         "guard": "STEPS MARGIN LINEAR",
+        "jump": "CORRECTED",
         "hybrid": "MOSTLY LATE BALANCED",
         "integration": "FOLDING",
         "options": "ACCURACY AUTO_SHARE LONGEST_LOCATED MAX_STEPS MAX_THREADS NUMBERS RTOL",

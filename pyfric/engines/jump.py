@@ -21,7 +21,7 @@ The estimated error of a jump is a change of gap functions with three causes: wh
 leaves, the truncated part at the end of the jump, and the residual that the modes leave during the
 jump. A refined correction leaves the square of the contraction of a chord iteration. Because the
 path has no cubic term, it also leaves velocities that are off by about K^-1 D/s, which excite
-modes. The correction is repeated until all this is less than the accuracy.
+modes. The correction is repeated until it leaves little of the accuracy.
 
 Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), for
 control of the defect.
@@ -49,6 +49,10 @@ LONGEST = 2**30
 """Longest wait, in steps: the most that one call of the core makes."""
 ROUNDS = 8
 """Most corrections of one path. Each correction gains more digits than the one before."""
+
+
+CORRECTED = 0.01
+"""What corrections may leave, over the accuracy: it hardly adds to the error of a jump."""
 
 
 class Outside:
@@ -288,7 +292,7 @@ class Jump:
                 error = size * self.system.contraction**2 + self._rung(shift / s)
                 self.path = self.path.bent(shift, wrong, s)
             then, least = (self.system.strengthened(self.age + one, gaps)[0] for one in (s, 0.0))
-            if error <= self.accuracy and (least > 0).all():
+            if error <= CORRECTED * self.accuracy and (least > 0).all():
                 defect = self._defect(s) if finite and alive.size else 0.0
                 if defect > self.accuracy:
                     slowest = float(-self.ringing.growth[alive].real.max())
@@ -338,24 +342,35 @@ class Jump:
         """Return the change of the gap functions by the residual of the modes until s (s), in N.
 
         In finite geometry the tangent changes along the path, and large motions are not linear. The
-        residual at a quarter and at half of the jump excites modes, which decay until s. It
-        oscillates at the frequencies of the present modes. A mode with a rate lambda near one of
-        these responds |lambda| over the difference times as much as to a constant force, but at
-        most |lambda| s times as much.
+        residual at a quarter and at half of the jump excites modes, which decay until s. Its part
+        that is odd in the motion oscillates at the frequencies of the present modes. A mode with a
+        rate lambda near one of these responds |lambda| over the difference times as much as to a
+        constant force, but at most |lambda| s times as much. The even part oscillates at sums and
+        differences of frequencies.
         """
         system, outside, found = self.system, self.outside, 0.0
         near = np.maximum(self.ringing.distances(), 1 / s)
         resonance = np.maximum(np.abs(system.rates) / near, 1.0)
         for then in (0.25 * s, 0.5 * s):
-            q, there = at(self.path.q, then), (outside.drive_at(then), outside.load_at(then))
+            q, drive, load = at(self.path.q, then), outside.drive_at(then), outside.load_at(then)
             w, w_v, w_a = system.deviation(*self.ringing.at(then))
-            gain = system.forces(q + w, *there) - system.forces(q, *there)
+            rest = system.forces(q, drive, load)
+            gain = system.forces(q + w, drive, load) - rest
             left = gain - system.C @ w_v - system.M * w_a
-            left[system.held] = 0.0
-            excited = Ringing(system, system.excited(system.answer(left), np.zeros_like(left)))
-            left = np.abs(excited.gaps) @ (resonance * np.exp(excited.growth.real * (s - then)))
-            found = max(found, float(left.max()))
+            change = self._excited(left, s - then) @ resonance
+            if change.max() > self.accuracy:
+                even = 0.5 * (gain + system.forces(q - w, drive, load) - rest)
+                change = self._excited(left - even, s - then) @ resonance
+                change += self._excited(even, s - then).sum(axis=1)
+            found = max(found, float(change.max()))
         return found
+
+    def _excited(self, force: np.ndarray, s: float) -> np.ndarray:
+        """Return changes of gap functions (N), (n_c, n), by modes s (s) after a force (N) began."""
+        force = force.copy()
+        force[self.system.held] = 0.0
+        a = self.system.excited(self.system.answer(force), np.zeros_like(force))
+        return np.abs(self.system.gaps * a) * np.exp(self.system.growth.real * s)
 
     def _rung(self, v: np.ndarray) -> float:
         """Return how far an error v (m/s) of velocities moves a gap function later, in N."""

@@ -40,7 +40,7 @@ KINDS = {
     },
     "rounding": {
         "crossing": "GONE",
-        "dynamic": "ON_GRID",
+        "grid": "ON_GRID",
         "modes": "INDEPENDENT",
         "stretches": "ROUNDING",
         "complementarity": "RATE_TOL",

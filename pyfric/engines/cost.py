@@ -1,8 +1,9 @@
 """Cost of a run: its work and its memory.
 
 Work is counted in operations and expressed in seconds on one core of a reference machine. Decisions
-based on work are therefore the same on every machine. `machine_speed` converts work into seconds
-on this machine.
+based on work are therefore the same on every machine. They are the choice of a model, how far a
+reference run goes, and when an expensive attempt to jump is repeated. `machine_speed` converts work
+into seconds on this machine.
 """
 
 from __future__ import annotations
@@ -46,8 +47,7 @@ block of the lattice."""
 CALL = 7e-5
 """Time of one call of the core, in s. Each point of the loading curve needs at least one call."""
 ATTEMPT = {"linear": (2.5e-3, 1e-6), "finite": (4e-3, 2.5e-6)}
-"""Time of one attempt to jump, in s: a constant, and a part for each block. These times affect
-estimates of cost only, never a result."""
+"""Time of one attempt to jump, in s: a constant, and a part for each block."""
 SLIDE = 1e-2
 """Additional time of one attempt to jump over stable slip, in s."""
 BASE = 0.02

@@ -25,6 +25,7 @@ import pandas as pd
 from pyfric import core
 from pyfric.core import State
 from pyfric.engines.cost import work, work_so_far
+from pyfric.engines.grid import just_after, last_step
 from pyfric.engines.guard import STEPS, Energy, Guard, strain_notes
 from pyfric.engines.progress import Progress
 from pyfric.engines.remembered import RememberedStates
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
     from pyfric.record import Catalogue
     from pyfric.scene import Scene
 
-__all__ = ["Run", "RunError", "just_after", "kept_notes", "last_step"]
+__all__ = ["Run", "RunError", "kept_notes"]
 
 CALL_SECONDS = 0.2
 """Longest time in the core between two checks for Ctrl-C, in s."""
@@ -57,8 +58,6 @@ MAX_CALL = 2**30
 STATIC_SECONDS = 1.0
 """Work between two searches for the static forces of new events, in s. It is a tenth of the work so
 far if that is more. Little is then left to do at the end of a run."""
-ON_GRID = 1e-9
-"""A breakpoint of a protocol this close to the end of a step, over dt, counts as on it."""
 OPEN_BUDGET = 1e-3
 """Relative error of the energy budget above which the record carries a note."""
 UNFINISHED = (core.Status.ENDLESS, core.Status.TOO_SHORT)
@@ -81,16 +80,6 @@ def kept_notes(before: Record | None) -> tuple[str, ...]:
     if before is None:
         return ()
     return tuple(note for note in before.notes if not note.startswith(f"{before.method.engine}: "))
-
-
-def last_step(t0: float, dt: float, t: float) -> int:
-    """Return the number of the first step that ends at t or later, within rounding."""
-    return math.ceil((t - t0) / dt * (1 - 1e-14) - ON_GRID)
-
-
-def just_after(state: State) -> float:
-    """Return a time (s) just after the state, which selects the next piece of a protocol."""
-    return state.t + ON_GRID * state.dt
 
 
 class _Good(NamedTuple):

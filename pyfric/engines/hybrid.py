@@ -21,7 +21,8 @@ from pyfric import core
 from pyfric.core import OPEN, STUCK
 from pyfric.engines.cost import set_up, steps_of_slide
 from pyfric.engines.creeping import Creeping
-from pyfric.engines.dynamic import Run, just_after, last_step
+from pyfric.engines.dynamic import Run
+from pyfric.engines.grid import just_after, last_step
 from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.modes import Linearised
 from pyfric.engines.remembered import RememberedStates

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from pyfric.engines.dynamic import ON_GRID, last_step
+from pyfric.engines.grid import ON_GRID, last_step
 from pyfric.engines.guard import folded, largest_strain
 from pyfric.engines.progress import Progress, run_bar
 from pyfric.engines.stopping import stopping_of

@@ -75,6 +75,7 @@ def test_events_that_are_missing_are_said():
     }
 
 
+@pytest.mark.slow
 def test_every_method_and_plan_has_its_point():
     found = table()
     methods = found[found["kind"] == "method"]
@@ -106,6 +107,7 @@ def test_drawn_scenes_are_those_of_their_seed():
     assert chart.drawn(7) != chart.drawn(8)
 
 
+@pytest.mark.slow
 def test_the_figure_shows_every_want(tmp_path):
     points = table().assign(scene="random")
     fig = chart.figure(points)

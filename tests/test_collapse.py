@@ -56,6 +56,7 @@ def test_fronts_that_began_from_a_coarser_lattice_are_told_apart():
     assert row["fronts"] == 4
 
 
+@pytest.mark.slow
 def test_the_stored_table_is_that_of_the_stored_fronts():
     found = collapse.collapse(pd.read_csv(STORED / "fronts_fronts.csv"))
     stored = pd.read_csv(STORED / "collapse.csv")
@@ -88,6 +89,7 @@ def test_what_is_said_of_little_viscosity():
         assert stored.loc[paper, l]["prestress_value"] == pytest.approx(value, abs=0.01)
 
 
+@pytest.mark.slow
 def test_fronts_with_little_viscosity_start_from_the_same_tractions(tmp_path):
     """With the paper's viscosity they stop where the run's do; with less they are faster."""
     how = {"names": ("run1",), "spacings": (5e-3,), "l": 5e-3}

@@ -35,6 +35,7 @@ def test_half_the_lattice_constant_is_planned_at_eight_times():
     assert fronts.planned(Made.scene, 0.2, None)[0] > 1e6
 
 
+@pytest.mark.slow
 def test_runs_are_kept_and_shown(tmp_path):
     table, said = cracks.Crack(blocks=2.0), []
     a = np.arange(3e3, 12e3, 1e3)

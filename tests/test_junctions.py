@@ -41,7 +41,9 @@ def steady():
     return again
 
 
-@pytest.mark.parametrize(("q", "distance"), [(1.0, 6), (4.0, 5)])
+@pytest.mark.parametrize(
+    ("q", "distance"), [pytest.param(1.0, 6, marks=pytest.mark.slow), (4.0, 5)]
+)
 def test_steady_friction_falls_with_speed(steady, q, distance):
     """F/p = (mu_s/2 + mu_d q)/(1 + q), q = v t_R/u_s, for times t_R of any distribution."""
     block, ratio = steady(q, distance)

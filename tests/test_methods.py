@@ -39,6 +39,7 @@ def order(stepper, switching, geometry, question="rupture"):
     return table.loc[(stepper, switching, geometry), "order"]
 
 
+@pytest.mark.slow
 def test_the_reference_has_converged():
     """Halving its steps takes its changes down by 2^4."""
     for _, line in event()[event()["scene"] == "reference"].groupby("geometry"):
@@ -91,6 +92,7 @@ def slider():
     return pd.DataFrame(beside.slider_points())
 
 
+@pytest.mark.slow
 def test_switch_times_of_the_small_slider():
     table = slider()
     ok = table[table["status"] == "ok"]
@@ -121,6 +123,7 @@ def test_a_free_wave_is_that_of_lammps(monkeypatch):
     np.testing.assert_allclose(one, other, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_figure_shows_every_question(tmp_path):
     table = pd.concat([event(), slider()], ignore_index=True)
     table["displacement"] = np.nan

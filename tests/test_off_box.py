@@ -73,10 +73,10 @@ def test_hybrid_is_full_dynamics(name):
 
 ESTIMATED = (
     "digest_fig1_linear",
-    "digest_law_finite",
+    pytest.param("digest_law_finite", marks=pytest.mark.slow),
     "protocol_finite",
     "slender_finite",
-    "steep_finite",
+    pytest.param("steep_finite", marks=pytest.mark.slow),
 )
 TIMES, STEPS_LEAVE = 5.0, 1e-9
 """Real error over the estimate; what steps of rk4 themselves leave, over F_N."""

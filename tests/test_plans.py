@@ -12,6 +12,7 @@ import pyfric
 from pyfric.record import Errors
 
 
+@pytest.mark.slow
 def test_a_trial_is_always_the_same():
     assert plans.drawn(7, 0) == plans.drawn(7, 0) != plans.drawn(7, 5)
 

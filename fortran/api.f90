@@ -11,6 +11,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   use pyfric_contact, only: contact_t
   use pyfric_log, only: log_t, new_log
   use pyfric_table_stepper, only: new_table
+  use pyfric_status, only: NO_MEMORY
   use pyfric_stepping, only: method_t, run_t, advance_steps
   implicit none
   !f2py threadsafe
@@ -74,6 +75,8 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   block = run%block
   t_block = run%t
   status = run%status
+  n_log = [log%n_switch, log%n_quiet]
+  if (status == NO_MEMORY) return
   mode = contact%mode
   corner = contact%corner
   margin = contact%margin
@@ -84,7 +87,6 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   parts(:, 1) = budget%above
   parts(:, 2) = budget%viscous
   work = budget%work
-  n_log = [log%n_switch, log%n_quiet]
   switch_i(:, :n_log(1)) = log%switch_i(:, :n_log(1))
   switch_r(:, :n_log(1)) = log%switch_r(:, :n_log(1))
   quiet_i(:, :n_log(2)) = log%quiet_i(:, :n_log(2))
@@ -93,7 +95,7 @@ end subroutine advance
 
 !> All forces, accelerations and powers, with fixed contact states.
 subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n_times, y, rod, mode, memory, &
-                    a, a_rod, f, p, f_t, dissipated, heat, work)
+                    a, a_rod, f, p, f_t, dissipated, heat, work, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_law, only: whole_memory
@@ -122,6 +124,7 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   real(c_double), intent(out) :: dissipated(nz)              !! power in the bonds of each row [W]
   real(c_double), intent(out) :: heat(nx)                    !! friction power [W]
   real(c_double), intent(out) :: work(2)                     !! power of driver and of the forces on the top [W]
+  integer(c_int), intent(out) :: status                      !! see pyfric_status
   type(model_t) :: model
   type(budget_t) :: power
 
@@ -131,7 +134,7 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   work = 0
   power = new_budget(model, dissipated, heat, heat, heat, work)
   call all_forces(model, t, n_times, y, rod, mode, whole_memory(model%law, nx, memory), &
-                  a, a_rod, f, p, f_t, power)
+                  a, a_rod, f, p, f_t, power, status)
   dissipated = power%dissipated
   heat = power%heat
   work = power%work
@@ -172,8 +175,11 @@ subroutine uniforms(n, key, counter, u)
   integer(c_long), intent(in) :: key(2)           !! see pyfric_random
   integer(c_long), intent(in) :: counter(4)       !! see pyfric_random
   real(c_double), intent(out) :: u(n)             !! numbers
+  integer(int64) :: words(2), at(4)
 
-  u = drawn(int(key, int64), int(counter, int64), n)
+  words = key
+  at = counter
+  u = drawn(words, at, n)
 end subroutine uniforms
 
 !> Additions in registers, for timing.

@@ -116,7 +116,10 @@ contains
     column = column_shares(s)
     row = with_images(s, q)
     above_it = with_images(s, up)
-    if (j == s%nz) above_it = spread([1.0_dp, -1.0_dp, 1.0_dp, -1.0_dp], 2, s%nx + 2)*row
+    if (j == s%nz) then
+      above_it(1:3:2, :) = row(1:3:2, :)
+      above_it(2:4:2, :) = -row(2:4:2, :)
+    end if
     total = 0.0_dp
     do i = 0, s%nx, stride
       total = total + of_bond(BESIDE, i, row)

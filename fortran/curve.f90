@@ -19,12 +19,15 @@ contains
     integer(ip), intent(in) :: n
     real(dp), intent(in) :: xy(2, n)
     type(curve_t) :: curve
-    integer :: c
+    integer :: c, failed
 
     curve%n = n
-    allocate (curve%x, source=xy(1, :))
-    allocate (curve%y, source=xy(2, :))
-    allocate (curve%slope, source=[((xy(2, c + 1) - xy(2, c))/(xy(1, c + 1) - xy(1, c)), c=1, n - 1)])
+    allocate (curve%x, source=xy(1, :), stat=failed)
+    allocate (curve%y, source=xy(2, :), stat=failed)
+    allocate (curve%slope(max(n - 1, 0)), source=0.0_dp, stat=failed)
+    do c = 1, n - 1
+      curve%slope(c) = (xy(2, c + 1) - xy(2, c))/(xy(1, c + 1) - xy(1, c))
+    end do
   end function new_curve
 
   !> Index of the last knot at or before x, by bisection; 0 if there is none.

@@ -5,6 +5,7 @@ module pyfric_evaluation
   use pyfric_model, only: model_t
   use pyfric_boundaries, only: rod_acceleration, driver_force
   use pyfric_rows, only: row_t, new_row, row_forces, row_powers, take_shared, budget_t
+  use pyfric_status, only: DONE, NO_MEMORY
   use pyfric_workspace, only: reserve, aligned, widen, FX, FZ, CARRY, BONDS, COLUMNS
   implicit none (type, external)
   private
@@ -13,7 +14,7 @@ module pyfric_evaluation
 contains
 
   !> Accelerations, contact forces and powers; repeated n_times, which only takes time.
-  subroutine all_forces(s, t, n_times, y, rod, mode, memory, a, a_rod, f, p, f_t, power)
+  subroutine all_forces(s, t, n_times, y, rod, mode, memory, a, a_rod, f, p, f_t, power, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                   !! time [s]
     integer, intent(in) :: n_times              !! evaluations to make
@@ -27,18 +28,22 @@ contains
     real(dp), intent(out) :: p(s%nx)            !! foundation force [N]
     real(dp), intent(out) :: f_t                !! driver force [N]
     type(budget_t), intent(inout) :: power      !! powers are added [W]
-    real(dp), allocatable :: state(:), rows(:)
+    integer(ip), intent(out) :: status          !! see pyfric_status
+    real(dp), allocatable :: state(:, :), rows(:, :)
     type(row_t) :: w
     integer :: k
 
-    call reserve(s, 4*s%nz, state)
-    call reserve(s, COLUMNS, rows)
+    status = NO_MEMORY
+    call reserve(s, 4*s%nz, 1, state)
+    call reserve(s, COLUMNS, 1, rows)
+    if (.not. (allocated(state) .and. allocated(rows))) return
+    status = DONE
     rows = 0.0_dp
     w = new_row(s)
     a_rod = 0.0_dp
-    call widen(s, y, state(aligned(state)))
+    call widen(s, y, state(aligned(state(:, 1)), 1))
     do k = 1, n_times
-      call sweep(k == n_times, state(aligned(state)), rows(aligned(rows)))
+      call sweep(k == n_times, state(aligned(state(:, 1)), 1), rows(aligned(rows(:, 1)), 1))
     end do
     call take_shared(power)
     f = w%f

@@ -76,19 +76,24 @@ contains
     real(dp), intent(in) :: fields(nx, 5)  !! mu_s, mu_d, C, t_R, its standard deviation
     real(dp), intent(in) :: theta(:)       !! thresholds, junction by junction; none: all 1
     type(junctions_t) :: of
+    integer :: i, failed
 
     of%n = n
     of%fewest = share*n
     of%seed = ior(iand(int(seed(1), int64), int(z'FFFFFFFF', int64)), shiftl(int(seed(2), int64), 32))
     of%from_right = from_right
     of%quantiles = quantiles
-    of%mu_s = fields(:, 1)
-    of%mu_d = fields(:, 2)
-    of%c = fields(:, 3)
-    of%t_r = fields(:, 4)
-    of%t_r_std = fields(:, 5)
-    allocate (of%theta(n, nx), source=1.0_dp)
-    if (size(theta) > 0) of%theta = reshape(theta, [n, nx])
+    allocate (of%theta(n, nx), source=1.0_dp, stat=failed)
+    allocate (of%mu_s, source=fields(:, 1), stat=failed)
+    allocate (of%mu_d, source=fields(:, 2), stat=failed)
+    allocate (of%c, source=fields(:, 3), stat=failed)
+    allocate (of%t_r, source=fields(:, 4), stat=failed)
+    allocate (of%t_r_std, source=fields(:, 5), stat=failed)
+    if (size(theta) > 0) then
+      do i = 1, nx
+        of%theta(:, i) = theta((i - 1)*n + 1:i*n)
+      end do
+    end if
     of%weakest = minval(of%theta)
   end function new_junctions
 

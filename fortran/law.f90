@@ -64,7 +64,7 @@ contains
     real(dp), intent(in) :: knots(:)
     real(dp), intent(in) :: fields(nx, N_FIELDS)
     type(law_t) :: law
-    integer :: at(0:N_TABLES), k
+    integer :: at(0:N_TABLES), k, failed
 
     at(0) = 0
     do k = 1, N_TABLES
@@ -74,10 +74,10 @@ contains
     law%slide = new_curve(n_knots(2), knots(at(1) + 1:at(2)))
     law%speed = new_curve(n_knots(3), knots(at(2) + 1:at(3)))
     law%age = new_curve(n_knots(4), knots(at(3) + 1:at(4)))
-    law%mu_s = fields(:, 1)
-    law%mu_k = fields(:, 2)
-    law%d_c = fields(:, 3)
-    law%alpha = fields(:, 4)
+    allocate (law%mu_s, source=fields(:, 1), stat=failed)
+    allocate (law%mu_k, source=fields(:, 2), stat=failed)
+    allocate (law%d_c, source=fields(:, 3), stat=failed)
+    allocate (law%alpha, source=fields(:, 4), stat=failed)
     law%n_memory = n_memory
     law%kinked = law%slide%n > 0 .or. law%speed%n > 0
     law%simple = all(n_knots == 0) .and. all(law%alpha <= 0.0_dp)

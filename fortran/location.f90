@@ -89,13 +89,13 @@ contains
     type(budget_t), intent(in) :: budget
     type(row_t), intent(inout) :: w
     type(step_control_t), intent(out) :: control
-    integer :: n
+    integer :: n, failed
 
     control%located = located
     control%longest = longest
     n = N_CONTACT + merge(N_KNOT, 0, s%law%kinked)
-    allocate (control%g_0(n, s%nx), control%g_a(n, s%nx), control%g_b(n, s%nx), control%g(n, s%nx))
-    allocate (control%margin(s%nx), control%marks(N_MARK, s%nx))
+    allocate (control%g_0(n, s%nx), control%g_a(n, s%nx), control%g_b(n, s%nx), control%g(n, s%nx), &
+              control%margin(s%nx), control%marks(N_MARK, s%nx), stat=failed)
     call mark_knots(s, y(LB, 1, 1), contact, w, control)
     call evaluate_events(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), contact, control%marks, w, control%g_0, control%margin)
     call plan_substep(s, t, dt, contact, budget, control)
@@ -306,7 +306,10 @@ contains
 
     if (any(control%g(:N_CONTACT, :) < 0.0_dp)) then
       control%n_instants = control%n_instants + 1
-      control%block = findloc(any(control%g(:N_CONTACT, :) < 0.0_dp, dim=1), .true., dim=1)
+      control%block = 1
+      do while (.not. any(control%g(:N_CONTACT, control%block) < 0.0_dp))
+        control%block = control%block + 1
+      end do
       if (control%n_instants > max_instants(s) .or. .not. has_room(log, s%nx, 1)) then
         status = ENDLESS
         return

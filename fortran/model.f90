@@ -121,18 +121,18 @@ contains
 
   !> The model from the plain arrays that Python passes.
   pure function new_model(counts, numbers) result(s)
-    integer(ip), intent(in) :: counts(:)   !! see counts_t
-    real(dp), intent(in) :: numbers(:)     !! see constants_t; u_drv0 of each driven block less the mean [m]; see take_rows
+    integer(ip), contiguous, intent(in) :: counts(:)   !! see counts_t
+    real(dp), contiguous, intent(in) :: numbers(:)     !! see constants_t; u_drv0 of each driven block less the mean [m];
+                                                       !! see take_rows
     type(model_t) :: s
     type(counts_t) :: n
     type(constants_t) :: c
-    integer :: first, last
+    integer :: first, last, failed
 
     n = transfer(counts, n)
     s%nx = n%nx
     s%nz = n%nz
     s%n = padded(s%nx)
-    s%at = elements(s%n)
     s%finite = n%finite == 1
     s%rigid = n%rigid == 1
     s%i_h = n%i_h
@@ -148,8 +148,8 @@ contains
     c = transfer(numbers(:first), c)
     call take_constants(c, s)
     last = first + s%j_h_top - s%j_h + 1
-    allocate (s%u_drv0(s%j_h:s%j_h_top))
-    s%u_drv0 = c%u_drv0 + numbers(first + 1:last)
+    allocate (s%at, source=elements(s%n), stat=failed)
+    allocate (s%u_drv0(s%j_h:s%j_h_top), source=c%u_drv0 + numbers(first + 1:last), stat=failed)
     call take_rows(numbers(last + 1:), n, c%ruptured, s)
     s%sheared = s%k_top > 0.0_dp .or. abs(s%shear_rate) > 0.0_dp .or. any(abs(s%shear) > 0.0_dp)
     s%pushed = any(abs(s%push) > 0.0_dp) .or. any(abs(s%push_rate) > 0.0_dp)
@@ -158,24 +158,24 @@ contains
   !> Rows of N_x numbers: x [m], load, shear and push [N], rate of push [N/s], k_f [N/m], the fields of the law; then the
   !> knots of its tables, and thresholds of junctions.
   pure subroutine take_rows(numbers, n, ruptured, s)
-    real(dp), intent(in) :: numbers(:)
+    real(dp), contiguous, intent(in) :: numbers(:)
     type(counts_t), intent(in) :: n
     real(dp), intent(in) :: ruptured  !! share of pinned junctions
     type(model_t), intent(inout) :: s
     integer, parameter :: ROWS = 6
-    integer :: nx, last
+    integer :: nx, last, failed
 
     nx = s%nx
-    s%x = numbers(:nx)
-    s%load = numbers(nx + 1:2*nx)
-    s%shear = numbers(2*nx + 1:3*nx)
-    s%push = numbers(3*nx + 1:4*nx)
-    s%push_rate = numbers(4*nx + 1:5*nx)
-    s%k_f = numbers(5*nx + 1:6*nx)
+    allocate (s%x, source=numbers(:nx), stat=failed)
+    allocate (s%load, source=numbers(nx + 1:2*nx), stat=failed)
+    allocate (s%shear, source=numbers(2*nx + 1:3*nx), stat=failed)
+    allocate (s%push, source=numbers(3*nx + 1:4*nx), stat=failed)
+    allocate (s%push_rate, source=numbers(4*nx + 1:5*nx), stat=failed)
+    allocate (s%k_f, source=numbers(5*nx + 1:6*nx), stat=failed)
     last = (ROWS + N_FIELDS)*nx
     s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%d < 0.0_dp, ruptured, &
                     [n%n_hold, n%n_slide, n%n_speed, n%n_age], numbers(last + 1:), &
-                    reshape(numbers(ROWS*nx + 1:last), [nx, N_FIELDS]))
+                    numbers(ROWS*nx + 1:last))
   end subroutine take_rows
 
   pure subroutine take_constants(c, s)

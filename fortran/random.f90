@@ -30,13 +30,16 @@ contains
     integer :: i, word
 
     of_key = in_limbs(key)
-    now = reshape(in_limbs(counter), [LIMBS*WORDS])
+    mixed = in_limbs(counter)
+    do i = 1, WORDS
+      now(LIMBS*(i - 1) + 1:LIMBS*i) = mixed(:, i)
+    end do
     do i = 1, n
       word = 1 + mod(i - 1, WORDS)
       if (word == 1) then
         now(1) = now(1) + 1
         now = carried(now)
-        mixed = philox(of_key, reshape(now, [LIMBS, WORDS]))
+        mixed = philox(of_key, now)
       end if
       u(i) = uniform(mixed(:, word))
     end do

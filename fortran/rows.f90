@@ -38,8 +38,9 @@ contains
   pure function new_row(s) result(w)
     type(model_t), intent(in) :: s
     type(row_t) :: w
+    integer :: failed
 
-    allocate (w%zeros(LB:s%n + LANES, 4), w%p(s%nx), w%f(s%nx))
+    allocate (w%zeros(LB:s%n + LANES, 4), w%p(s%nx), w%f(s%nx), stat=failed)
     w%zeros = 0.0_dp
     w%p = 0.0_dp
     w%f = 0.0_dp
@@ -55,9 +56,11 @@ contains
     real(dp), intent(in) :: viscous(:)
     real(dp), intent(in) :: work(2)
     type(budget_t) :: budget
+    integer :: failed
 
     budget = budget_t(dissipated, heat, above, viscous, work)
-    if (s%j_h_top > s%j_h) allocate (budget%driven(s%j_h:s%j_h_top), source=0.0_dp)
+    if (s%j_h_top == s%j_h) return
+    allocate (budget%driven(s%j_h:s%j_h_top), source=0.0_dp, stat=failed)
   end function new_budget
 
   !> Forces of all springs and dashpots on row j. In finite geometry, carry is that from the row below, on return that for

@@ -10,7 +10,7 @@ module pyfric_stepping
   use pyfric_contact, only: contact_t, switch_contacts
   use pyfric_log, only: log_t, has_room
   use pyfric_location, only: step_control_t, new_control, test_substep, complete_substep, max_switches, MAX_QUIET
-  use pyfric_status, only: DONE, LOG_FULL
+  use pyfric_status, only: DONE, LOG_FULL, NO_MEMORY
 !$ use omp_lib, only: omp_get_thread_num, omp_get_num_threads
   implicit none (type, external)
   private
@@ -61,23 +61,28 @@ contains
     type(contact_t), intent(inout) :: contact
     type(budget_t), intent(inout) :: budget
     type(log_t), intent(inout) :: log
-    real(dp), allocatable :: states(:), stage(:), forces(:)
+    real(dp), allocatable :: states(:, :), stage(:, :), forces(:, :), work(:, :)
 
-    call reserve(s, 8*s%nz, states)
-    call reserve(s, 4*s%nz, stage)
-    call reserve(s, 2*MAX_STAGES*s%nz, forces)  ! memory that a stepper does not touch costs nothing
+    call reserve(s, 8*s%nz, 1, states)
+    call reserve(s, 4*s%nz, 1, stage)
+    call reserve(s, 2*MAX_STAGES*s%nz, 1, forces)  ! memory that a stepper does not touch costs nothing
+    call reserve(s, COLUMNS, method%n_threads, work)
+    if (.not. (allocated(states) .and. allocated(stage) .and. allocated(forces) .and. allocated(work) .and. log%allocated)) then
+      run%status = NO_MEMORY
+      return
+    end if
     if (method%table%stages > 0) then
       stage = 0.0_dp
       forces = 0.0_dp
     end if
-    call steps(s, method, run, y, states(aligned(states)), stage(aligned(stage)), forces(aligned(forces)), rod, contact, &
-               budget, log)
+    call steps(s, method, run, y, states(aligned(states(:, 1)), 1), stage(aligned(stage(:, 1)), 1), &
+               forces(aligned(forces(:, 1)), 1), size(work, 1), work, rod, contact, budget, log)
     if (run%status == DONE .and. run%step < run%end_step) run%status = LOG_FULL
     if (.not. run%no_substeps) run%sub = run%control%longest
   end subroutine advance_steps
 
   !> The same with rows of bounds LB:n+LANES. Each step reads one of two states and writes the other.
-  subroutine steps(s, method, run, narrow_y, y, stage, forces, rod, contact, budget, log)
+  subroutine steps(s, method, run, narrow_y, y, stage, forces, n_work, work, rod, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
     type(run_t), intent(inout) :: run
@@ -85,6 +90,8 @@ contains
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz, 2)      !! work space: the state and the next one
     real(dp), intent(inout) :: stage(LB:s%n + LANES, 4, s%nz)     !! work space of tables: a stage
     real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! and forces of all stages [N]
+    integer, intent(in) :: n_work                                 !! work space of each thread
+    real(dp), intent(inout) :: work(n_work, method%n_threads)     !! see `reserve`
     real(dp), intent(inout) :: rod(6)                             !! rod
     type(contact_t), intent(inout) :: contact
     type(budget_t), intent(inout) :: budget
@@ -93,11 +100,12 @@ contains
 
     call widen(s, narrow_y, y(LB, 1, 1, 1))
     call widen(s, narrow_y, y(LB, 1, 1, 2))
-    rods = spread(rod, 2, 2)
+    rods(:, 1) = rod
+    rods(:, 2) = rod
     call prepare(s, method, y(LB, 1, 1, 1), contact, budget, log, run)
     !$omp parallel default(none) num_threads(method%n_threads) &
-    !$omp shared(s, method, run, y, stage, forces, rods, contact, budget, log)
-    call thread_steps(s, method, run, y, stage, forces, rods, contact, budget, log)
+    !$omp shared(s, method, run, y, stage, forces, n_work, work, rods, contact, budget, log)
+    call thread_steps(s, method, run, y, stage, forces, n_work, work, rods, contact, budget, log)
     !$omp end parallel
     call narrow(s, y(LB, 1, 1, run%current), narrow_y)
     rod = rods(:, run%current)
@@ -113,10 +121,11 @@ contains
     type(log_t), intent(in) :: log
     type(run_t), intent(inout) :: run
     real(dp) :: stiffest
+    integer :: failed
 
     run%t = method%t0 + run%step*method%dt
     run%end_step = run%step + method%n_steps
-    allocate (run%err(2, method%n_threads))
+    allocate (run%err(2, method%n_threads), stat=failed)
     run%err = 0.0_dp
     stiffest = max(s%k, maxval(s%k_f), s%k_top)
     run%allowed = method%rtol*s%f_n/s%nx/[stiffest, sqrt(stiffest*s%m)]
@@ -134,18 +143,19 @@ contains
   end subroutine prepare
 
   !> Makes the steps of the rows that one thread owns; the first thread also switches the contacts.
-  subroutine thread_steps(s, method, run, y, stage, forces, rods, contact, budget, log)
+  subroutine thread_steps(s, method, run, y, stage, forces, n_work, work, rods, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
     type(run_t), intent(inout) :: run
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz, 2)      !! the state and the next one
     real(dp), intent(inout) :: stage(LB:s%n + LANES, 4, s%nz)     !! work space of tables: a stage
     real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! and forces of all stages [N]
+    integer, intent(in) :: n_work                                 !! work space of each thread
+    real(dp), intent(inout) :: work(n_work, method%n_threads)     !! see `reserve`
     real(dp), intent(inout) :: rods(6, 2)                         !! the rod at both states
     type(contact_t), intent(inout) :: contact
     type(budget_t), intent(inout) :: budget
     type(log_t), intent(inout) :: log
-    real(dp), allocatable :: work(:)
     type(row_t) :: w
     integer :: thread, n_team, j0, j1, at
     logical :: bottom_first
@@ -156,10 +166,9 @@ contains
     !$ n_team = omp_get_num_threads()
     j0 = 1 + (thread*s%nz)/n_team
     j1 = ((thread + 1)*s%nz)/n_team
-    call reserve(s, COLUMNS, work)
-    work = 0.0_dp
+    work(:, thread + 1) = 0.0_dp
     w = new_row(s)
-    at = aligned(work)
+    at = aligned(work(:, thread + 1))
     bottom_first = run%bottom_first .and. s%nz >= 2*n_team   ! the first thread owns both bottom rows
     do
       if (.not. run%goes_on) exit
@@ -187,7 +196,7 @@ contains
       integer, intent(in) :: first
       integer, intent(in) :: last
 
-      call advance_rows(s, method, run, j0, j1, first, last, y, stage, forces, rods, contact, budget, work(at), w, &
+      call advance_rows(s, method, run, j0, j1, first, last, y, stage, forces, rods, contact, budget, work(at, thread + 1), w, &
                     run%err(:, thread + 1))
     end subroutine sweep
   end subroutine thread_steps
@@ -234,7 +243,7 @@ contains
     type(contact_t), intent(in) :: contact
 
     if (run%no_substeps) return
-    run%error = maxval(maxval(run%err, dim=2)/run%allowed)
+    run%error = max(maxval(run%err(1, :))/run%allowed(1), maxval(run%err(2, :))/run%allowed(2))
     call test_substep(s, run%step, method%t0, method%dt, run%error, old, new, contact, run%bottom_row, run%control, run%status)
   end subroutine test_step
 

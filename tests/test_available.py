@@ -55,3 +55,39 @@ except pyfric.SceneError as error:
 def test_a_run_beyond_the_limit_of_the_process_is_refused():
     found = run_python(REFUSED)
     assert found.stdout == "slider.l True\n", found.stderr
+
+
+WITHOUT = """
+import resource
+from pyfric import core
+from pyfric.scene import setup1
+from pyfric.statics import loaded_state, stability_limit
+scene = setup1(L=0.5, H=0.25)
+dt = 0.5 * stability_limit(scene)[0]
+state = loaded_state(scene, "linear").state(scene, dt)
+model, log, before = core.model(scene, "linear", state.u_drv0), core.Log(scene.N_x), state.copy()
+pages = open("/proc/self/statm").read().split()
+size = int(pages[0]) * resource.getpagesize() + 10_000_000
+resource.setrlimit(resource.RLIMIT_AS, (size, resource.RLIM_INFINITY))
+taken = []
+try:
+    while True:
+        taken.append(bytearray(500_000))
+except MemoryError:
+    pass
+for call in (lambda: core.advance(model, state, log, 1), lambda: core.evaluate(model, state, 0.0)):
+    try:
+        call()
+    except MemoryError as error:
+        print(error)
+del taken
+resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+assert state.step == 0 and (state.y == before.y).all()
+print(core.advance(model, state, log, 1).name, state.step)
+"""
+
+
+def test_a_core_without_memory_says_so_and_goes_on_later():
+    found = run_python(WITHOUT)
+    said = "the core has no memory for 201 x 101 blocks"
+    assert found.stdout.splitlines() == [said, said, "DONE 1"], found.stderr

@@ -464,6 +464,13 @@ def test_status_codes_are_those_of_the_core():
 # --- builds --------------------------------------------------------------------------------------
 
 
+def test_the_core_needs_no_fortran_library():
+    """It has no I/O and no stop, so that a wheel carries OpenMP only."""
+    files = list(Path(core.__file__).parent.glob("_core_*"))
+    assert files
+    assert not any(b"libgfortran" in file.read_bytes() for file in files)
+
+
 def test_variant_is_chosen_by_the_environment():
     known = core.variants()
     name = [n for n, runs in known.items() if runs][-1]

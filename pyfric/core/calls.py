@@ -73,6 +73,7 @@ def advance(
 
     Raises:
         ValueError: arrays do not fit the model, or a number is out of range.
+        MemoryError: there is no memory for the work space; the state is unchanged.
     """
     N_x = model.N_x
     state.check(N_x, n_memory=model.n_memory)
@@ -114,12 +115,19 @@ def advance(
         log.quiet_i,
         log.quiet_r,
     )
+    _check_memory(status, state.y.shape)
     state.step, log.tried, log.block = int(step[0]), tried, block - 1
     state.drive = model.drive(state.t)
     if STEPPERS[stepper].adaptive:
         state.sub = float(sub[0])
     log.n_switch, log.n_quiet = int(n_log[0]), int(n_log[1])
     return Status(status)
+
+
+def _check_memory(status: int, shape: tuple[int, ...]) -> None:
+    """Raise MemoryError if the core could not allocate its work space; shape: (N_z, 4, N_x)."""
+    if status == Status.NO_MEMORY:
+        raise MemoryError(f"the core has no memory for {shape[2]} x {shape[0]} blocks")
 
 
 class Forces(NamedTuple):
@@ -164,9 +172,10 @@ def evaluate(
     state.check(model.N_x, n_memory=model.n_memory)
     if not 1 <= n_times < 2**31:
         raise ValueError(f"n_times = {n_times}: must be in 1 … {2**31 - 1}")
-    a, *rest = load_variant(variant).evaluate(
+    a, *rest, status = load_variant(variant).evaluate(
         *model, t, n_times, state.y.T, state.rod, state.mode, state.numbers.T
     )
+    _check_memory(status, state.y.shape)
     return Forces(a.T, *rest)
 
 
@@ -184,11 +193,9 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
 
     def forces(u: np.ndarray) -> np.ndarray:
         y[:, :2] = u.reshape(scene.N_z, 2, scene.N_x)
-        return (
-            load_variant(VARIANT)
-            .evaluate(*bare, 0.0, 1, y.T, rod, mode, memory)[0]
-            .T.reshape(u.shape)
-        )
+        a, *_, status = load_variant(VARIANT).evaluate(*bare, 0.0, 1, y.T, rod, mode, memory)
+        _check_memory(status, y.shape)
+        return a.T.reshape(u.shape)
 
     return forces
 

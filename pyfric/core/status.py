@@ -14,6 +14,7 @@ class Status(enum.IntEnum):
     LOG_FULL = 1
     ENDLESS = 2
     TOO_SHORT = 3
+    NO_MEMORY = 4
 
     @property
     def message(self) -> str:
@@ -22,4 +23,5 @@ class Status(enum.IntEnum):
             Status.LOG_FULL: "stopped early: the log has no room for one more step",
             Status.ENDLESS: "stopped inside a step: contacts switch too often in it",
             Status.TOO_SHORT: "stopped inside a step: its error stays too large",
+            Status.NO_MEMORY: "nothing was done: its memory could not be allocated",
         }[self]

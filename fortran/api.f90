@@ -62,10 +62,17 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   type(method_t) :: method
   type(run_t) :: run
 
+  status = NO_MEMORY
+  n_log = 0
+  tried = 0
+  block = 0
+  t_block = t0
   model = new_model(counts, numbers)
+  if (.not. model%complete) return
   contact = contact_t(mode, corner, margin, loss, whole_memory(model%law, nx, memory))
   budget = new_budget(model, dissipated, heat, parts(:, 1), parts(:, 2), work)
   log = new_log(nx, max_switch, max_quiet)
+  if (.not. (budget%complete .and. log%complete)) return
   method = method_t(new_table(stages, table), located == 1, rtol, t0, dt, n_steps, n_threads, keep_budget == 1)
   run = run_t(step(1), sub(1))
   call advance_steps(model, method, run, y, rod, contact, budget, log)
@@ -75,7 +82,6 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   block = run%block
   t_block = run%t
   status = run%status
-  n_log = [log%n_switch, log%n_quiet]
   if (status == NO_MEMORY) return
   mode = contact%mode
   corner = contact%corner
@@ -87,6 +93,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   parts(:, 1) = budget%above
   parts(:, 2) = budget%viscous
   work = budget%work
+  n_log = [log%n_switch, log%n_quiet]
   switch_i(:, :n_log(1)) = log%switch_i(:, :n_log(1))
   switch_r(:, :n_log(1)) = log%switch_r(:, :n_log(1))
   quiet_i(:, :n_log(2)) = log%quiet_i(:, :n_log(2))
@@ -101,6 +108,7 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   use pyfric_law, only: whole_memory
   use pyfric_rows, only: budget_t, new_budget
   use pyfric_evaluation, only: all_forces
+  use pyfric_status, only: NO_MEMORY
   implicit none
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
@@ -128,7 +136,9 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   type(model_t) :: model
   type(budget_t) :: power
 
+  status = NO_MEMORY
   model = new_model(counts, numbers)
+  if (.not. model%complete) return
   dissipated = 0
   heat = 0
   work = 0
@@ -141,11 +151,12 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
 end subroutine evaluate
 
 !> Energies of a state.
-subroutine energy(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, y, rod, memory, e)
+subroutine energy(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, y, rod, memory, e, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_law, only: whole_memory
   use pyfric_energy, only: energies
+  use pyfric_status, only: DONE, NO_MEMORY
   implicit none
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
@@ -159,9 +170,13 @@ subroutine energy(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, y, 
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
   real(c_double), intent(in) :: memory(n_memory, nx)         !! see pyfric_law
   real(c_double), intent(out) :: e(7)                        !! see pyfric_energy [J]
+  integer(c_int), intent(out) :: status                      !! see pyfric_status
   type(model_t) :: model
 
+  status = NO_MEMORY
   model = new_model(counts, numbers)
+  if (.not. model%complete) return
+  status = DONE
   e = energies(model, t, y, rod, whole_memory(model%law, nx, memory))
 end subroutine energy
 

@@ -7,6 +7,7 @@ module pyfric_curve
 
   !> A function that is linear between knots and constant beyond them.
   type :: curve_t
+    logical :: complete = .false.   !! there was enough memory
     integer :: n                    !! knots, 0 for none
     real(dp), allocatable :: x(:)
     real(dp), allocatable :: y(:)
@@ -22,12 +23,14 @@ contains
     integer :: c, failed
 
     curve%n = n
-    allocate (curve%x, source=xy(1, :), stat=failed)
-    allocate (curve%y, source=xy(2, :), stat=failed)
-    allocate (curve%slope(max(n - 1, 0)), source=0.0_dp, stat=failed)
+    allocate (curve%x(n), curve%y(n), curve%slope(max(n - 1, 0)), stat=failed)
+    if (failed /= 0) return
+    curve%x(:) = xy(1, :)
+    curve%y(:) = xy(2, :)
     do c = 1, n - 1
       curve%slope(c) = (xy(2, c + 1) - xy(2, c))/(xy(1, c + 1) - xy(1, c))
     end do
+    curve%complete = .true.
   end function new_curve
 
   !> Index of the last knot at or before x, by bisection; 0 if there is none.

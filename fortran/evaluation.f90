@@ -31,15 +31,17 @@ contains
     integer(ip), intent(out) :: status          !! see pyfric_status
     real(dp), allocatable :: state(:, :), rows(:, :)
     type(row_t) :: w
+    logical :: complete
     integer :: k
 
     status = NO_MEMORY
-    call reserve(s, 4*s%nz, 1, state)
-    call reserve(s, COLUMNS, 1, rows)
-    if (.not. (allocated(state) .and. allocated(rows))) return
+    w = new_row(s)
+    complete = w%complete .and. power%complete
+    call reserve(s, 4*s%nz, 1, state, complete)
+    call reserve(s, COLUMNS, 1, rows, complete)
+    if (.not. complete) return
     status = DONE
     rows = 0.0_dp
-    w = new_row(s)
     a_rod = 0.0_dp
     call widen(s, y, state(aligned(state(:, 1)), 1))
     do k = 1, n_times

@@ -34,6 +34,7 @@ module pyfric_junctions
   real(dp), parameter :: AT_LIMIT = 1e-9_dp
 
   type :: junctions_t
+    logical :: complete = .false.   !! there was enough memory
     integer :: n = 0                       !! junctions of a block
     real(dp) :: fewest                     !! a block with fewer pinned ones is ruptured
     integer(int64) :: seed                 !! of the times that junctions slip
@@ -83,12 +84,15 @@ contains
     of%seed = ior(iand(int(seed(1), int64), int(z'FFFFFFFF', int64)), shiftl(int(seed(2), int64), 32))
     of%from_right = from_right
     of%quantiles = quantiles
-    allocate (of%theta(n, nx), source=1.0_dp, stat=failed)
-    allocate (of%mu_s, source=fields(:, 1), stat=failed)
-    allocate (of%mu_d, source=fields(:, 2), stat=failed)
-    allocate (of%c, source=fields(:, 3), stat=failed)
-    allocate (of%t_r, source=fields(:, 4), stat=failed)
-    allocate (of%t_r_std, source=fields(:, 5), stat=failed)
+    allocate (of%mu_s(nx), of%mu_d(nx), of%c(nx), of%t_r(nx), of%t_r_std(nx), of%theta(n, nx), stat=failed)
+    of%complete = failed == 0 .and. quantiles%complete
+    if (.not. of%complete) return
+    of%mu_s(:) = fields(:, 1)
+    of%mu_d(:) = fields(:, 2)
+    of%c(:) = fields(:, 3)
+    of%t_r(:) = fields(:, 4)
+    of%t_r_std(:) = fields(:, 5)
+    of%theta(:, :) = 1.0_dp
     if (size(theta) > 0) then
       do i = 1, nx
         of%theta(:, i) = theta((i - 1)*n + 1:i*n)

@@ -33,6 +33,7 @@ module pyfric_law
   integer, parameter :: SLIP = 1, SINCE = 2
 
   type :: law_t
+    logical :: complete = .false.   !! there was enough memory
     integer :: n_memory                !! state variables of each block
     logical :: rests                   !! blocks come to rest; otherwise they are on junctions
     integer :: per_block = 1           !! junctions of a block; 1 without junctions
@@ -74,10 +75,13 @@ contains
     law%slide = new_curve(n_knots(2), knots(at(1) + 1:at(2)))
     law%speed = new_curve(n_knots(3), knots(at(2) + 1:at(3)))
     law%age = new_curve(n_knots(4), knots(at(3) + 1:at(4)))
-    allocate (law%mu_s, source=fields(:, 1), stat=failed)
-    allocate (law%mu_k, source=fields(:, 2), stat=failed)
-    allocate (law%d_c, source=fields(:, 3), stat=failed)
-    allocate (law%alpha, source=fields(:, 4), stat=failed)
+    allocate (law%mu_s(nx), law%mu_k(nx), law%d_c(nx), law%alpha(nx), stat=failed)
+    law%complete = failed == 0 .and. law%hold%complete .and. law%slide%complete .and. law%speed%complete .and. law%age%complete
+    if (.not. law%complete) return
+    law%mu_s(:) = fields(:, 1)
+    law%mu_k(:) = fields(:, 2)
+    law%d_c(:) = fields(:, 3)
+    law%alpha(:) = fields(:, 4)
     law%n_memory = n_memory
     law%kinked = law%slide%n > 0 .or. law%speed%n > 0
     law%simple = all(n_knots == 0) .and. all(law%alpha <= 0.0_dp)
@@ -88,6 +92,7 @@ contains
     law%simple = .false.
     law%kinked = .true.
     law%junctions = new_junctions(nx, n_junctions, seed, from_right, share, law%hold, fields, knots(at(N_TABLES) + 1:))
+    law%complete = law%junctions%complete
   end function new_law
 
   !> State variables that are saved, and quantities that follow from them.

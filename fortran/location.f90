@@ -33,6 +33,7 @@ module pyfric_location
 
   !> Step control: progress within a step.
   type :: step_control_t
+    logical :: complete = .false.   !! there was enough memory
     logical :: located             !! locate switches; otherwise they occur at the end of the step
     real(dp) :: start = 0.0_dp     !! start of the sub-step, counted from the start of the step [s]
     real(dp) :: remaining = 0.0_dp !! time from there to the end of the step [s]
@@ -96,6 +97,8 @@ contains
     n = N_CONTACT + merge(N_KNOT, 0, s%law%kinked)
     allocate (control%g_0(n, s%nx), control%g_a(n, s%nx), control%g_b(n, s%nx), control%g(n, s%nx), &
               control%margin(s%nx), control%marks(N_MARK, s%nx), stat=failed)
+    if (failed /= 0) return
+    control%complete = .true.
     call mark_knots(s, y(LB, 1, 1), contact, w, control)
     call evaluate_events(s, t, y(LB, 1, 1), y(LB, 1, min(2, s%nz)), contact, control%marks, w, control%g_0, control%margin)
     call plan_substep(s, t, dt, contact, budget, control)

@@ -8,7 +8,7 @@ module pyfric_log
   type :: log_t
     integer :: n_switch = 0
     integer :: n_quiet = 0
-    logical :: allocated = .false.                !! there was enough memory
+    logical :: complete = .false.   !! there was enough memory
     integer(ip), allocatable :: switch_i(:, :)    !! block from 0, old state, new state, corner
     real(dp), allocatable :: switch_r(:, :)       !! step, time [s], u_x [m], p [N]
     integer(ip), allocatable :: quiet_i(:, :)     !! +1 first slip or -1 last stick, then contact states
@@ -26,7 +26,7 @@ contains
 
     allocate (log%switch_i(4, switches), log%switch_r(4, switches), &
               log%quiet_i(nx + 1, quiet), log%quiet_r(nx + 3, quiet), stat=failed)
-    log%allocated = failed == 0
+    log%complete = failed == 0
   end function new_log
 
   !> True if the log has room for so many more entries.

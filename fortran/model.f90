@@ -67,6 +67,7 @@ module pyfric_model
   end type constants_t
 
   type :: model_t
+    logical :: complete = .false.   !! there was enough memory
     integer :: nx           !! blocks along the interface
     integer :: nz           !! rows
     integer :: n            !! nx rounded up to LANES
@@ -148,9 +149,12 @@ contains
     c = transfer(numbers(:first), c)
     call take_constants(c, s)
     last = first + s%j_h_top - s%j_h + 1
-    allocate (s%at, source=elements(s%n), stat=failed)
-    allocate (s%u_drv0(s%j_h:s%j_h_top), source=c%u_drv0 + numbers(first + 1:last), stat=failed)
+    allocate (s%at(s%n), s%u_drv0(s%j_h:s%j_h_top), stat=failed)
+    if (failed /= 0) return
+    s%at(:) = elements(s%n)
+    s%u_drv0(:) = c%u_drv0 + numbers(first + 1:last)
     call take_rows(numbers(last + 1:), n, c%ruptured, s)
+    if (.not. s%complete) return
     s%sheared = s%k_top > 0.0_dp .or. abs(s%shear_rate) > 0.0_dp .or. any(abs(s%shear) > 0.0_dp)
     s%pushed = any(abs(s%push) > 0.0_dp) .or. any(abs(s%push_rate) > 0.0_dp)
   end function new_model
@@ -166,16 +170,19 @@ contains
     integer :: nx, last, failed
 
     nx = s%nx
-    allocate (s%x, source=numbers(:nx), stat=failed)
-    allocate (s%load, source=numbers(nx + 1:2*nx), stat=failed)
-    allocate (s%shear, source=numbers(2*nx + 1:3*nx), stat=failed)
-    allocate (s%push, source=numbers(3*nx + 1:4*nx), stat=failed)
-    allocate (s%push_rate, source=numbers(4*nx + 1:5*nx), stat=failed)
-    allocate (s%k_f, source=numbers(5*nx + 1:6*nx), stat=failed)
+    allocate (s%x(nx), s%load(nx), s%shear(nx), s%push(nx), s%push_rate(nx), s%k_f(nx), stat=failed)
+    if (failed /= 0) return
+    s%x(:) = numbers(:nx)
+    s%load(:) = numbers(nx + 1:2*nx)
+    s%shear(:) = numbers(2*nx + 1:3*nx)
+    s%push(:) = numbers(3*nx + 1:4*nx)
+    s%push_rate(:) = numbers(4*nx + 1:5*nx)
+    s%k_f(:) = numbers(5*nx + 1:6*nx)
     last = (ROWS + N_FIELDS)*nx
     s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%d < 0.0_dp, ruptured, &
                     [n%n_hold, n%n_slide, n%n_speed, n%n_age], numbers(last + 1:), &
                     numbers(ROWS*nx + 1:last))
+    s%complete = s%law%complete
   end subroutine take_rows
 
   pure subroutine take_constants(c, s)

@@ -16,6 +16,7 @@ module pyfric_rows
 
   !> Work space of one row. Forces on the blocks and bonds lie elsewhere, on vectors.
   type :: row_t
+    logical :: complete = .false.   !! there was enough memory
     real(dp), allocatable :: zeros(:, :)  !! zeros, in place of a row that does not exist (:, 4)
     real(dp), allocatable :: p(:)        !! foundation force, bottom row [N]
     real(dp), allocatable :: f(:)        !! friction force along +x, bottom row [N]
@@ -24,6 +25,7 @@ module pyfric_rows
 
   !> Works and dissipations since the start [J].
   type :: budget_t
+    logical :: complete = .true.    !! there was enough memory
     real(dp), allocatable :: dissipated(:)  !! in the bonds that start in each row
     real(dp), allocatable :: heat(:)        !! by friction under each bottom block
     real(dp), allocatable :: above(:)       !! of it by what is above the kinetic strength; on junctions that of dragging
@@ -41,6 +43,8 @@ contains
     integer :: failed
 
     allocate (w%zeros(LB:s%n + LANES, 4), w%p(s%nx), w%f(s%nx), stat=failed)
+    if (failed /= 0) return
+    w%complete = .true.
     w%zeros = 0.0_dp
     w%p = 0.0_dp
     w%f = 0.0_dp
@@ -58,9 +62,11 @@ contains
     type(budget_t) :: budget
     integer :: failed
 
-    budget = budget_t(dissipated, heat, above, viscous, work)
+    budget = budget_t(.true., dissipated, heat, above, viscous, work)
     if (s%j_h_top == s%j_h) return
-    allocate (budget%driven(s%j_h:s%j_h_top), source=0.0_dp, stat=failed)
+    allocate (budget%driven(s%j_h:s%j_h_top), stat=failed)
+    budget%complete = failed == 0
+    if (budget%complete) budget%driven(:) = 0.0_dp
   end function new_budget
 
   !> Forces of all springs and dashpots on row j. In finite geometry, carry is that from the row below, on return that for

@@ -62,15 +62,15 @@ contains
     type(budget_t), intent(inout) :: budget
     type(log_t), intent(inout) :: log
     real(dp), allocatable :: states(:, :), stage(:, :), forces(:, :), work(:, :)
+    logical :: complete
 
-    call reserve(s, 8*s%nz, 1, states)
-    call reserve(s, 4*s%nz, 1, stage)
-    call reserve(s, 2*MAX_STAGES*s%nz, 1, forces)  ! memory that a stepper does not touch costs nothing
-    call reserve(s, COLUMNS, method%n_threads, work)
-    if (.not. (allocated(states) .and. allocated(stage) .and. allocated(forces) .and. allocated(work) .and. log%allocated)) then
-      run%status = NO_MEMORY
-      return
-    end if
+    complete = .true.
+    call reserve(s, 8*s%nz, 1, states, complete)
+    call reserve(s, 4*s%nz, 1, stage, complete)
+    call reserve(s, 2*MAX_STAGES*s%nz, 1, forces, complete)  ! memory that a stepper does not touch costs nothing
+    call reserve(s, COLUMNS, method%n_threads, work, complete)
+    if (.not. complete) run%status = NO_MEMORY
+    if (.not. complete) return
     if (method%table%stages > 0) then
       stage = 0.0_dp
       forces = 0.0_dp
@@ -78,7 +78,7 @@ contains
     call steps(s, method, run, y, states(aligned(states(:, 1)), 1), stage(aligned(stage(:, 1)), 1), &
                forces(aligned(forces(:, 1)), 1), size(work, 1), work, rod, contact, budget, log)
     if (run%status == DONE .and. run%step < run%end_step) run%status = LOG_FULL
-    if (.not. run%no_substeps) run%sub = run%control%longest
+    if (run%status /= NO_MEMORY .and. .not. run%no_substeps) run%sub = run%control%longest
   end subroutine advance_steps
 
   !> The same with rows of bounds LB:n+LANES. Each step reads one of two states and writes the other.
@@ -97,22 +97,24 @@ contains
     type(budget_t), intent(inout) :: budget
     type(log_t), intent(inout) :: log
     real(dp) :: rods(6, 2)
+    type(row_t) :: w(method%n_threads)
 
     call widen(s, narrow_y, y(LB, 1, 1, 1))
     call widen(s, narrow_y, y(LB, 1, 1, 2))
     rods(:, 1) = rod
     rods(:, 2) = rod
-    call prepare(s, method, y(LB, 1, 1, 1), contact, budget, log, run)
+    call prepare(s, method, y(LB, 1, 1, 1), contact, budget, log, run, w)
+    if (run%status == NO_MEMORY) return
     !$omp parallel default(none) num_threads(method%n_threads) &
-    !$omp shared(s, method, run, y, stage, forces, n_work, work, rods, contact, budget, log)
-    call thread_steps(s, method, run, y, stage, forces, n_work, work, rods, contact, budget, log)
+    !$omp shared(s, method, run, y, stage, forces, n_work, work, w, rods, contact, budget, log)
+    call thread_steps(s, method, run, y, stage, forces, n_work, work, w, rods, contact, budget, log)
     !$omp end parallel
     call narrow(s, y(LB, 1, 1, run%current), narrow_y)
     rod = rods(:, run%current)
   end subroutine steps
 
   !> Plans the first step.
-  subroutine prepare(s, method, y, contact, budget, log, run)
+  subroutine prepare(s, method, y, contact, budget, log, run, w)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)     !! state
@@ -120,21 +122,29 @@ contains
     type(budget_t), intent(in) :: budget
     type(log_t), intent(in) :: log
     type(run_t), intent(inout) :: run
+    type(row_t), intent(out) :: w(method%n_threads)        !! one for each thread
     real(dp) :: stiffest
-    integer :: failed
+    integer :: failed, i
 
     run%t = method%t0 + run%step*method%dt
     run%end_step = run%step + method%n_steps
     allocate (run%err(2, method%n_threads), stat=failed)
+    run%bottom_row = new_row(s)
+    do i = 1, method%n_threads
+      w(i) = new_row(s)
+    end do
+    if (failed /= 0 .or. .not. (run%bottom_row%complete .and. all(w%complete))) run%status = NO_MEMORY
+    if (run%status == NO_MEMORY) return
     run%err = 0.0_dp
     stiffest = max(s%k, maxval(s%k_f), s%k_top)
     run%allowed = method%rtol*s%f_n/s%nx/[stiffest, sqrt(stiffest*s%m)]
-    run%bottom_row = new_row(s)
     run%no_substeps = .not. method%located .and. all(abs(method%table%e) <= 0.0_dp)
     if (run%no_substeps) then
       run%sub = method%dt
     else
       call new_control(s, run%t, method%dt, method%located, run%sub, y, contact, budget, run%bottom_row, run%control)
+      if (.not. run%control%complete) run%status = NO_MEMORY
+      if (run%status == NO_MEMORY) return
       run%sub = run%control%length
     end if
     run%bottom_first = method%located .and. method%table%stages == 0 .and. s%nz > BOTTOM_FRONT
@@ -143,7 +153,7 @@ contains
   end subroutine prepare
 
   !> Makes the steps of the rows that one thread owns; the first thread also switches the contacts.
-  subroutine thread_steps(s, method, run, y, stage, forces, n_work, work, rods, contact, budget, log)
+  subroutine thread_steps(s, method, run, y, stage, forces, n_work, work, w, rods, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
     type(run_t), intent(inout) :: run
@@ -152,11 +162,11 @@ contains
     real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! and forces of all stages [N]
     integer, intent(in) :: n_work                                 !! work space of each thread
     real(dp), intent(inout) :: work(n_work, method%n_threads)     !! see `reserve`
+    type(row_t), intent(inout) :: w(method%n_threads)             !! one for each thread
     real(dp), intent(inout) :: rods(6, 2)                         !! the rod at both states
     type(contact_t), intent(inout) :: contact
     type(budget_t), intent(inout) :: budget
     type(log_t), intent(inout) :: log
-    type(row_t) :: w
     integer :: thread, n_team, j0, j1, at
     logical :: bottom_first
 
@@ -167,7 +177,6 @@ contains
     j0 = 1 + (thread*s%nz)/n_team
     j1 = ((thread + 1)*s%nz)/n_team
     work(:, thread + 1) = 0.0_dp
-    w = new_row(s)
     at = aligned(work(:, thread + 1))
     bottom_first = run%bottom_first .and. s%nz >= 2*n_team   ! the first thread owns both bottom rows
     do
@@ -196,8 +205,8 @@ contains
       integer, intent(in) :: first
       integer, intent(in) :: last
 
-      call advance_rows(s, method, run, j0, j1, first, last, y, stage, forces, rods, contact, budget, work(at, thread + 1), w, &
-                    run%err(:, thread + 1))
+      call advance_rows(s, method, run, j0, j1, first, last, y, stage, forces, rods, contact, budget, &
+                        work(at, thread + 1), w(thread + 1), run%err(:, thread + 1))
     end subroutine sweep
   end subroutine thread_steps
 

@@ -18,15 +18,17 @@ module pyfric_workspace
 
 contains
 
-  !> Allocates n_rows rows for each thread, and `aligned` additional elements. Not allocated on return: no memory.
-  pure subroutine reserve(s, n_rows, n_threads, memory)
+  !> Allocates n_rows rows for each thread, and `aligned` additional elements.
+  pure subroutine reserve(s, n_rows, n_threads, memory, complete)
     type(model_t), intent(in) :: s
     integer, intent(in) :: n_rows                          !! rows of single fields
     integer, intent(in) :: n_threads
     real(dp), allocatable, intent(out) :: memory(:, :)
+    logical, intent(inout) :: complete                     !! becomes false without memory
     integer :: failed
 
     allocate (memory((s%n + 2*LANES)*n_rows + LANES, n_threads), stat=failed)
+    complete = complete .and. failed == 0
   end subroutine reserve
 
   !> Index of the first element of a that lies on a vector of LANES.

@@ -209,7 +209,8 @@ def energies(model: Model, state: State, t: float) -> dict[str, float]:
         ValueError: arrays do not fit the model.
     """
     state.check(model.N_x, n_memory=model.n_memory)
-    values = _core.energy(*model, t, state.y.T, state.rod, state.numbers.T)
+    values, status = _core.energy(*model, t, state.y.T, state.rod, state.numbers.T)
+    _check_memory(status, state.y.shape)
     found = dict(zip((*ENERGIES, JUNCTIONS), values.tolist(), strict=True))
     if not model.on_junctions:
         del found[JUNCTIONS]

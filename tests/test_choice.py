@@ -10,7 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pyfric
-from pyfric.engines import choice, expectation, pilot, plan, relaxation_time, simulate, step_size
+from pyfric.engines import (
+    Options,
+    choice,
+    expectation,
+    expected_cost,
+    pilot,
+    plan,
+    relaxation_time,
+    simulate,
+    step_size,
+)
 from pyfric.engines.choice import LINEAR, RING_SHARE, SHARE, SPARES, step_error
 from pyfric.engines.cost import (
     counts_so_far,
@@ -20,7 +30,14 @@ from pyfric.engines.cost import (
     work,
     work_so_far,
 )
-from pyfric.engines.pilot import counted, interval, linear_error, pilot_run
+from pyfric.engines.pilot import (
+    Pilot,
+    counted,
+    interval,
+    linear_error,
+    pilot_run,
+    quasistatic_work,
+)
 from pyfric.engines.price import CHEAP, RATIOS, Reference, verification_work
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
 from pyfric.statics import stability_limit
@@ -377,3 +394,28 @@ def test_text(tolerance, want, left_out):
 
 def test_a_chain_has_no_rotation_to_leave_out():
     assert "rotation" not in str(plan(chain(), "front_speed", tolerance=0.1, t_end=0.1))
+
+
+def test_cost_of_the_papers_method_counts_its_steps():
+    """0.2 us in setup 2, however the engine is named; other methods take longer ones."""
+    costs = [
+        expected_cost(preset("setup2"), 0.01, Options(method="paper", fidelity=engine))[0]
+        for engine in ("auto", "dynamic")
+    ]
+    assert costs[0] == costs[1]
+    usual = expected_cost(preset("setup2"), 0.01, Options(fidelity="dynamic"))[0]
+    assert costs[0] > 1.5 * usual
+
+
+@pytest.mark.parametrize("eta", [1e-9, 1e-4])
+def test_a_phase_error_ends_at_one(eta):
+    scene = preset("fig1").replace({"eta": eta})
+    assert step_error(scene, "front_speed", step_size(scene)) <= 1.0
+    least = plan(preset("fig1").replace({"eta": 1.0}), "precursors", 0.01, t_end=0.01).dt / 20
+    assert plan(scene, "precursors", 0.01, t_end=0.01).dt > least
+
+
+def test_set_up_of_the_quasistatic_engine_is_counted():
+    scene = preset("fig1", l=0.5e-3)
+    run = Pilot(None, np.zeros((0, 2)), math.inf, 0, 1.0, "")
+    assert quasistatic_work(scene, run) > 1.0

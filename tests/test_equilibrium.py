@@ -307,16 +307,6 @@ def test_result_does_not_depend_on_what_was_solved_before():
         assert_same(after[-1], alone)
 
 
-def test_start_changes_only_the_way():
-    scene = small_rod()
-    solver = StaticSolver(scene, "finite")
-    u_x, drive = a_held_interface(scene)
-    near = solver.solve(u_x, 1.001 * drive)
-    one, two = solver.solve(u_x, drive), solver.solve(u_x, drive, start=near)
-    np.testing.assert_allclose(one.u, two.u, rtol=0, atol=1e-11 * np.abs(one.u).max())
-    assert two.iterations <= one.iterations
-
-
 def test_zero_of_the_driver_can_be_given():
     scene = small_rod()
     moved = StaticSolver(scene, u_drv0=1e-6)
@@ -664,7 +654,6 @@ def test_no_equilibrium_is_an_error_that_names_its_figures(side):
         ({"u_x_bottom": np.full(13, np.nan)}, "finite"),
         ({"drive": math.inf}, "finite"),
         ({"free": np.zeros(4, dtype=bool)}, "free"),
-        ({"start": loaded_state(setup2())}, "start"),
         ({"geometry": "cubic"}, "geometry"),
     ],
 )

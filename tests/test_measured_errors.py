@@ -12,6 +12,7 @@ from helpers import small_rod
 
 import pyfric
 from pyfric.cli import main
+from pyfric.engines import Options
 from pyfric.engines.cost import full_work, work_so_far
 from pyfric.engines.verification import (
     DYNAMICS,
@@ -21,12 +22,13 @@ from pyfric.engines.verification import (
     STRICTER,
     TURNED,
     Specification,
+    _Verification,
     budget,
     verified,
 )
 from pyfric.record import Errors, Record, differences, statistics, summary
 from pyfric.record.errors import UNITS
-from pyfric.scene import chain, setup1, slab
+from pyfric.scene import chain, preset, setup1, slab
 from pyfric.statics import stability_limit
 
 
@@ -617,3 +619,30 @@ def test_a_ladder_is_compared_with_dynamics():
     other = pyfric.simulate(scene, 0.7, fidelity="hybrid", progress=False)
     found = differences(record, other).before(record.errors.covered).errors(DYNAMICS)
     assert record.errors.start == pytest.approx(found["start"], rel=0.05)
+
+
+def test_the_perturbed_driver_follows_its_protocol_faster():
+    scene = preset("fig1", V=0.0).replace({"driver.protocol": ((0.0, 1e-3),)})
+    seen = []
+
+    def run(scene, t_end, options, enough=None):
+        seen.append(scene)
+        return record
+
+    record = pyfric.simulate(scene, 1e-3, fidelity="dynamic", progress=False)
+    made = Specification(scene=scene, t_begin=0.0, t_end=1e-3, options=Options(), run=run)
+    check = _Verification(record, "full", made)
+    check._perturbed(Errors())
+    assert seen[0].driver.protocol == ((0.0, 1e-3 * (1 + PERTURBATION)),)
+    still = dataclasses.replace(made, scene=scene.replace({"driver.protocol": ()}))
+    check = _Verification(record, "full", still)
+    check._perturbed(Errors())
+    assert check.notes == ["sensitivity was not measured: no driver moves"]
+
+
+def test_a_continued_run_says_that_it_was_not_verified():
+    first = pyfric.simulate("fig1", 1e-3, fidelity="dynamic", progress=False)
+    again = pyfric.simulate(
+        "fig1", 2e-3, fidelity="dynamic", initial=first, verify="sample", progress=False
+    )
+    assert any("errors were not measured: the run continues" in note for note in again.notes)

@@ -56,7 +56,7 @@ KINDS = {
     "derived": {
         "choice": "PHASE OVERDAMPED",
         "creeping": "APART",
-        "modes": "LANCZOS",
+        "modes": "LANCZOS SLOWEST",
         "pilot": "NEARBY",
         "relaxation": "SLOWEST",
         "lattice": "DIRECTIONS",

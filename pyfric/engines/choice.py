@@ -459,7 +459,7 @@ def step_error(scene: Scene, want: Want, dt: float) -> float:
         stiff = 2 * slider.k + scene.k_top + scene.driver.K
     omega2 = stiff / scene.m
     lasts = 2 * slider.k / (scene.eta * omega2) if scene.eta else 1 / math.sqrt(omega2)
-    phase = PHASE * lasts * dt**4 * omega2**2.5
+    phase = min(PHASE * lasts * dt**4 * omega2**2.5, 1.0)  # out of phase
     if want == "front_speed":
         return phase
     return phase * max(float(np.max(law.drop)), 1e-6) / scene.N_x

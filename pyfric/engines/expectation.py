@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from pyfric.engines.choice import choose
 from pyfric.engines.cost import RUN, SLOWEST, full_work, machine_speed, work
-from pyfric.engines.options import step_size
 from pyfric.engines.pilot import counted, expected_end, pilot_run, quasistatic_work
 from pyfric.engines.price import CHEAP, price
 from pyfric.scene import default_geometry
@@ -27,17 +26,19 @@ def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, floa
 
     The time includes verification, but no refinement.
     """
+    how = how.on(scene)
     if how.fidelity == "auto":
         found = choose(scene, how, t_end)
         return found.seconds + found.price, _size(scene, t_end)
     geometry = how.geometry or default_geometry(scene)
-    t_end = expected_end(scene, t_end, how.on(scene).stop_when)
-    dt = step_size(scene, how.dt, how.stepper)
+    t_end = expected_end(scene, t_end, how.stop_when)
+    dt, switching = how.steps_on(scene)
     made, counts = full_work(scene, geometry, dt, t_end, how.stepper), None
     if how.fidelity in ("quasistatic", "equilibrium"):
         made = quasistatic_work(scene, pilot_run(scene, t_end))
     elif how.fidelity == "hybrid" and made > CHEAP:
-        resolved = dataclasses.replace(how, geometry=geometry, dt=dt)
+        made_of = {"geometry": geometry, "dt": dt, "switching": switching, "method": None}
+        resolved = dataclasses.replace(how, **made_of)
         counts = counted(scene, t_end, resolved, pilot_run(scene, t_end))
         made = RUN + work(scene, geometry, counts)
     if how.verify is not None:

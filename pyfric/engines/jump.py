@@ -115,20 +115,6 @@ class Path(NamedTuple):
         of_gaps[2] += 2 / s**2 * gaps
         return self._replace(q=q, gaps=of_gaps)
 
-    def remember(self, system: Linearised, outside: Outside) -> None:
-        """Keep the second derivatives of this path as a start for the next one."""
-        if outside.steady and outside.V and not any(outside.gain):
-            system.bend = [part[2] / outside.V**2 for part in (self.q, self.gaps)]
-
-    def as_before(self, system: Linearised, outside: Outside) -> Path:
-        """Return the path with the second derivatives of the last one, if only the driver moves."""
-        if system.bend is None or not outside.steady or any(outside.gain):
-            return self
-        q, gaps = self.q.copy(), self.gaps.copy()
-        for part, bend in zip((q, gaps), system.bend, strict=True):
-            part[2] += outside.V**2 * bend
-        return self._replace(q=q, gaps=gaps)
-
 
 def at(polynomial: np.ndarray, s: float) -> np.ndarray:
     """Return the value of a polynomial of `Path` at s (s)."""
@@ -235,8 +221,7 @@ def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.nd
     gaps[0] += system.gaps_of(l_0, left_0 + drag - pull)
     if not steady:
         gaps[1] += system.gaps_of(l_1, -(system.C @ q_2) - system.restoring(l_1, stiffer))
-    path = Path(np.array([q, q_1, q_2]), np.array([l_0, l_1, zero]), gaps)
-    return path.as_before(system, outside)
+    return Path(np.array([q, q_1, q_2]), np.array([l_0, l_1, zero]), gaps)
 
 
 class Jump:
@@ -270,7 +255,7 @@ class Jump:
 
     def land(self, most: int) -> Landing | Wait | Stale:
         """Return the end of the jump after at most `most` steps, or how long to wait."""
-        finite, known = self.system.solver.geometry == "finite", False
+        finite = self.system.solver.geometry == "finite"
         for round_ in range(ROUNDS):
             n = self._longest(most)
             if isinstance(n, Wait):
@@ -288,7 +273,6 @@ class Jump:
             error = 0.0
             if finite:
                 size = float(np.abs(wrong).max())
-                known = known or size > self.accuracy
                 error = size * self.system.contraction**2 + self._rung(shift / s)
                 self.path = self.path.bent(shift, wrong, s)
             then, least = (self.system.strengthened(self.age + one, gaps)[0] for one in (s, 0.0))
@@ -297,8 +281,6 @@ class Jump:
                 if defect > self.accuracy:
                     slowest = float(-self.ringing.growth[alive].real.max())
                     return Stale(self._wait(defect / self.accuracy, slowest, n).steps)
-                if known:  # otherwise the second derivative is as small as its error
-                    self.path.remember(self.system, self.outside)
                 return Landing(n, q, v, then, left + error + defect, self)
         return Wait(TRY)
 

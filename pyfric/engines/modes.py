@@ -18,7 +18,8 @@ inequality, E bounds the change of contact forces by the truncated part at any l
 truncated part also decays. A mode of frequency omega with at least half of its elastic energy in
 bonds has -Re lambda >= eta omega^2/(4 k). The reason is that the viscosity of a bond resists the
 whole relative motion, and its spring only one component. Here omega is at least the frequency of
-the fastest undamped mode in B. The slower one of two overdamped modes decays at its own |lambda|.
+the fastest undamped mode in B. The slower one of two overdamped modes decays at least at the ratio
+of elastic to viscous forces, which is k/(6 eta) or more in plane waves.
 
 Contact states are monitored with gap functions in N, which are positive while no state changes.
 They are mu_s p + f and mu_s p - f for stuck blocks, and k_f u_z for open blocks.
@@ -61,6 +62,9 @@ end of a jump."""
 LANCZOS = 1e-6
 """Relative error of squared frequencies. It need not be small, because the part of a mode that the
 space misses counts as truncated."""
+SLOWEST = 7.0
+"""Viscous over elastic forces of overdamped motion, over eta/k: 6 in plane waves. Edges of a
+lattice raise it to 6.6."""
 INDEPENDENT = 1e-10
 """Inertia that a shape adds to the space, over the largest, below which it is rounding."""
 
@@ -96,8 +100,6 @@ class Linearised:
         solver: static states of the scene in its geometry.
         stuck: stuck blocks, shape (N_x,), bool; all others are open.
         dt: step of RK4 that the ring-down follows, in s; None means exact time.
-        at: coordinates of the state whose tangent is taken, shape (n_q,); None means the loaded
-            state.
         modes: number of undamped modes in the space.
 
     Attributes:
@@ -120,7 +122,6 @@ class Linearised:
         solver: StaticSolver,
         stuck: np.ndarray,
         dt: float | None = None,
-        at: np.ndarray | None = None,
         modes: int = N_MODES,
     ) -> None:
         scene = solver.scene
@@ -129,17 +130,19 @@ class Linearised:
         self.k_f = np.broadcast_to(scene.k_f, scene.N_x)
         mode = np.where(stuck, STUCK, OPEN).astype(np.int8)
         self._contact = States(scene, mode, FRICTIONLESS)
-        self.K, self._factor, self.free = solver.tangent(stuck, at)
+        self.K, self._factor, self.free = solver.tangent(stuck)
         self.M, self.C, self.n_q = mass(scene), damping(scene), self.K.shape[0]
-        self.contraction, self.bend = 0.0, None
+        self.contraction = 0.0
         if solver.geometry == "finite":
             self.contraction = 1.0
             loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
-            self._bonds = solver.bond_tangents(loaded if at is None else at)
+            self._bonds = solver.bond_tangents(loaded)
         self.cut = cut = self._find_space(modes)
         self._find_modes()
         self.growth = self.stepped(self.rates)
-        self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), cut)
+        overdamped = scene.slider.k / (SLOWEST * scene.eta) if scene.eta else np.inf
+        self.fastest = min(cut, overdamped)
+        self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), self.fastest)
         self.fade = self._fade(cut)
         self._find_bound()
 
@@ -206,7 +209,7 @@ class Linearised:
         if not len(waves):
             return self.decay
         least = float(np.min(-waves.real / np.abs(waves) ** 2))
-        return min(max(least * cut**2, self.decay), cut)
+        return min(max(least * cut**2, self.decay), self.fastest)
 
     def _find_bound(self) -> None:
         """Find the largest change of each gap function by a truncated part of 1 J.

@@ -268,6 +268,8 @@ class Options:
     def on(self, scene: Scene) -> Options:
         """Return the options with the conditions of a scene, unless others were given.
 
+        The paper's method belongs to full dynamics, unless another engine was named.
+
         Raises:
             SceneError: a condition names a position beyond the interface, or needs thresholds of
                 friction, which blocks on junctions do not have.
@@ -281,7 +283,14 @@ class Options:
             if name == "at_rest" and not scene.law.rests:
                 reason = "blocks on junctions have no threshold that tells when they stay at rest"
                 raise SceneError("stop_when", text, "", "such as arrested", reason)
-        return dataclasses.replace(self, stop_when=ends)
+        paper = self.method is not None and self.fidelity == "auto"
+        engine = "dynamic" if paper else self.fidelity
+        return dataclasses.replace(self, stop_when=ends, fidelity=engine)
+
+    def steps_on(self, scene: Scene) -> tuple[float, Switching]:
+        """Return the time step (s), and where contacts switch."""
+        dt = step_size(scene, self.dt if self.method is None else _paper_step(scene), self.stepper)
+        return dt, self.switching or default_switching(scene, self.method)
 
     def check_sample(self, length: float) -> None:
         """Raise SceneError if the sampling interval exceeds the length of the run (s)."""
@@ -326,8 +335,7 @@ class Options:
         if self.budget and not engine.keeps_budget:
             allowed = "False, or fidelity = 'dynamic', which follows all motion"
             raise SceneError("budget", self.budget, "", allowed)
-        dt = step_size(scene, self.dt if self.method is None else _paper_step(scene), self.stepper)
-        switching = self.switching or default_switching(scene, self.method)
+        dt, switching = self.steps_on(scene)
         if switching == "located":
             _check_located(scene, self.stepper, dt)
         steps = (t_end - t_begin) / dt

@@ -17,7 +17,7 @@ import numpy as np
 
 from pyfric.core import OPEN
 from pyfric.engines.coarse import coarser
-from pyfric.engines.cost import counts_so_far, full_counts, full_work, work, work_so_far
+from pyfric.engines.cost import counts_so_far, full_counts, full_work, set_up, work, work_so_far
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
@@ -134,7 +134,8 @@ def pilot_run(scene: Scene, t_end: float) -> Pilot:
 def quasistatic_work(scene: Scene, pilot: Pilot) -> float:
     """Return the work of the quasi-static engine, from its pilot run, in s."""
     releases = pilot.weight / max(pilot.far, 1e-12)
-    return work(scene, "linear", {"releases": releases, "static_events": pilot.events})
+    made = {"releases": releases, "static_events": pilot.events}
+    return work(scene, "linear", made) + set_up(scene, "quasistatic", "linear").work
 
 
 def expected_end(scene: Scene, t_end: float, stop_when: tuple[str, ...] | None) -> float:

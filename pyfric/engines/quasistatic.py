@@ -351,7 +351,11 @@ class QuasistaticRun:
             switches=switches,
             versions=versions(),
             timings=self.timings | {"catalogue": time.perf_counter() - start},
-            counts={"releases": int((np.abs(switches["new"]) == 1).sum()), "block_evaluations": 0},
+            counts={
+                "releases": int((np.abs(switches["new"]) == 1).sum()),
+                "static_events": self.events,
+                "block_evaluations": 0,
+            },
             notes=(*self.notes, *warned),
             status=status,
         )

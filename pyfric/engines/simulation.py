@@ -51,12 +51,13 @@ def simulate(
 ) -> Record:
     """Simulate a scene from the loaded slider, or continue another run.
 
-    A `Record` as `initial` continues its run, and the result holds the whole run. Its engine,
-    geometry, stepper, switching, step, rtol, budget, sampling and t_gap are kept; other values of
-    these options are ignored. The speed of the driver or the loads may differ from then on; the
-    scene of the result then has a protocol that joins both. The driver continues from its position,
-    so that F_T does not jump. Times of protocols count from t = 0. Full dynamics continues with the
-    same bits. The hybrid engine finds the same events, with forces that agree to its accuracy.
+    A `Record` as `initial` continues its run, and the result holds the whole run. Another engine is
+    refused. Geometry, stepper, switching, step, rtol, accuracy, budget, sampling and t_gap are
+    kept; other values of these options are ignored, and errors are not measured. The speed of the
+    driver or the loads may differ from then on; the scene of the result then has a protocol that
+    joins both. The driver continues from its position, so that F_T does not jump. Times of
+    protocols count from t = 0. Full dynamics continues with the same bits. The hybrid engine finds
+    the same events, with forces that agree to its accuracy.
 
     Ctrl-C ends a run with status "interrupted". The record is then valid, and `initial=record`
     continues the run. The next call of `simulate`, `plan`, `run_all` or `prediction_curve` in the
@@ -111,8 +112,6 @@ def simulate(
         scene, notes = _both(initial, scene)
     else:
         options.check_sample(t_end - (0.0 if initial is None else initial.t))
-    if options.method is not None and options.fidelity == "auto":
-        options = dataclasses.replace(options, fidelity="dynamic")
     if options.geometry is not None:
         check_geometry(options.geometry, scene)
     if options.checkpoint is not None:
@@ -125,8 +124,10 @@ def simulate(
     if options.fidelity == "auto":
         return _planned(made, initial)
     record = _with_notes(run(scene, t_end, options), *notes)
-    if options.verify in (None, "none") or not record.done or isinstance(initial, Record):
+    if options.verify in (None, "none") or not record.done:
         return record
+    if isinstance(initial, Record):
+        return _with_notes(record, "errors were not measured: the run continues another one")
     return verified(record, options.verify, _until(made, record))
 
 

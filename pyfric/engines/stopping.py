@@ -132,7 +132,8 @@ def force_to_come(scene: Scene, t: float, t_end: float) -> float:
     ramp = any(scene.piece(what, t).slope for what in ("F_N", "T"))
     if (scene.load_at(t) is not None or scene.top.push) and (later or ramp):
         return math.inf
-    ways = [scene.drive(one) - scene.drive(t) for one in (*later, t_end)]
+    turns = [leg.t_end for leg in scene.legs(t_end) if leg.t_end > t]
+    ways = [scene.drive(one) - scene.drive(t) for one in (*later, *turns, t_end)]
     return scene.driver.K * max(map(abs, ways))
 
 

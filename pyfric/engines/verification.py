@@ -312,7 +312,7 @@ class _Verification:
 
         Later events have the statistics of the run and of a coarser one, which disagree.
         """
-        kept = self.found, self.other, self.factor
+        kept, notes = (self.found, self.other, self.factor), [*self.notes]
         engine, left = self.record.method.engine, self.left
         how = self._how(engine, HALVED)
         finer = self.made.again(self.record, lambda run: work_so_far(run) > left, **how)
@@ -322,8 +322,7 @@ class _Verification:
             return errors
         errors = self._until(errors, float(np.fmin(t, self.found.covered)), coarse)
         if not errors.events:
-            self.found, self.other, self.factor = kept
-            self.notes.pop()
+            (self.found, self.other, self.factor), self.notes = kept, notes
         return errors
 
     def _until(self, errors: Errors, t: float, other: Record) -> Errors:
@@ -352,8 +351,13 @@ class _Verification:
     def _perturbed(self, errors: Errors) -> Errors:
         """Return the errors up to the first event that a slightly faster driver changes."""
         made, driver = self.made, self.made.scene.driver
-        driver = dataclasses.replace(driver, V=driver.V * (1 + PERTURBATION))
+        faster = 1 + PERTURBATION
+        protocol = tuple((t, V * faster) for t, V in driver.protocol)
+        driver = dataclasses.replace(driver, V=driver.V * faster, protocol=protocol)
         scene = dataclasses.replace(made.scene, driver=driver)
+        if scene == made.scene:
+            self.notes.append("sensitivity was not measured: no driver moves")
+            return errors
         other = dataclasses.replace(made, scene=scene).again(self.record)
         off = differences(self.record, other).beyond(
             made.options.tolerance / SAFETY, made.options.want

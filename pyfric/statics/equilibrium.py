@@ -58,10 +58,7 @@ from pyfric.statics.uniqueness import LIMIT, definiteness
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from scipy.sparse.linalg import SuperLU
-
     from pyfric.scene import OnDriven, Scene, SceneLike
-    from pyfric.statics.banded import BandedCholesky
 
 __all__ = ["StaticSolver", "loaded_state", "solve_static"]
 
@@ -132,10 +129,7 @@ class StaticSolver(System):
         drive: float,
         *,
         free: np.ndarray | None = None,
-        start: Equilibrium | None = None,
-        enough: float = 0.0,
         load: tuple[float, float] | None = None,
-        factor: BandedCholesky | SuperLU | None = None,
     ) -> Equilibrium:
         """Return the equilibrium with the interface held.
 
@@ -147,11 +141,7 @@ class StaticSolver(System):
             drive: displacement V t of the driver since t = 0, in m.
             free: blocks without friction (open ones), shape (N_x,), bool; their u_x is a
                 result. They carry p if they touch the foundation. None means no block.
-            start: state from which the iteration starts; None means the loaded state.
-            enough: residual force at which the iteration may end, in N; 0 means rounding.
             load: F_N and T, in N; None means those at t = 0.
-            factor: factors of a nearby tangent, with free blocks open and all others held; None
-                means those of the loaded state.
 
         Returns:
             The equilibrium. F_T is K (drive - d (u_x - u_drv0)), with the mean over driven blocks.
@@ -162,8 +152,7 @@ class StaticSolver(System):
         """
         check_rests(self.scene)
         if load is not None:
-            how = {"free": free, "start": start, "enough": enough, "factor": factor}
-            return self.under(load).solve(u_x_bottom, drive, **how)
+            return self.under(load).solve(u_x_bottom, drive, free=free)
         scene, N_x = self.scene, self.scene.N_x
         given, drive = np.array(u_x_bottom, dtype=float), float(drive)
         loose = np.zeros(N_x, bool) if free is None else np.array(free, dtype=bool)
@@ -174,16 +163,11 @@ class StaticSolver(System):
             wrong = given[~loose & ~np.isfinite(given)]
             field, bad = ("u_x_bottom", wrong[0]) if len(wrong) else ("drive", drive)
             raise SceneError(field, float(bad), "m", "finite numbers", "not a finite number")
-        begin = self.loaded if start is None else start
-        if begin.u.shape != self.loaded.u.shape:
-            allowed = f"shape {self.loaded.u.shape}"
-            raise SceneError("start.u", begin.u.shape, "", allowed, "wrong shape")
-        q = self.coordinates(begin.u, begin.rod)
+        q = self.coordinates(self.loaded.u, self.loaded.rod)
         if not loose.all():  # the slider as a whole may be far from where it began
-            q += np.mean((given - begin.u[0, 0])[~loose]) * self.translation()
+            q += np.mean((given - self.loaded.u[0, 0])[~loose]) * self.translation()
 
-        near = {} if factor is None else {with_free(scene, ~loose, loose).tobytes(): factor}
-        states = States(scene, with_free(scene, ~begin.open, loose), FRICTIONLESS)
+        states = States(scene, with_free(scene, ~self.loaded.open, loose), FRICTIONLESS)
 
         def settle(contact: Contact) -> None:
             contact.hold_at(given, loose | (contact.slip != 0))
@@ -191,7 +175,7 @@ class StaticSolver(System):
         def unmet(now: Values) -> Unmet | None:
             return states.misplaced(now, STUCK, given)
 
-        return self._rest(q, states, given, drive, unmet, settle, enough, near)
+        return self._rest(q, states, given, drive, unmet, settle)
 
     def _load_slider(self) -> Equilibrium:
         """Return the loaded state. Bottom blocks slip only if they exceed their strength."""
@@ -224,8 +208,6 @@ class StaticSolver(System):
         drive: float | None,
         unmet: Callable[[Values], Unmet | None],
         settle: Callable[[Contact], None],
-        enough: float = 0.0,
-        near: dict[bytes, BandedCholesky | SuperLU] | None = None,
     ) -> Equilibrium:
         """Return the static state whose contact states meet their conditions.
 
@@ -240,13 +222,11 @@ class StaticSolver(System):
             drive: displacement of the driver since t = 0, in m; None means that there is no driver.
             unmet: returns the violated conditions.
             settle: makes the contact solver meet the conditions.
-            enough: residual force at which Newton's method may end, in N.
-            near: factors of a nearby tangent, by contact states.
         """
         scene, N_x, steps = self.scene, self.scene.N_x, 0
         for _ in range(CORRECTIONS):
             q[:N_x][states.stuck] = given[states.stuck]
-            found = self._newton(q, states, drive, enough, (near or {}).get(states.mode.tobytes()))
+            found = self._newton(q, states, drive)
             q, steps = found.q.copy(), steps + found.steps
             states.tol = rounding(scene, self.largest(q))
             f = states.slip * (states.law.slide(scene.k_f) * q[N_x : 2 * N_x])
@@ -277,14 +257,7 @@ class StaticSolver(System):
         problem = problem.corrected(now, at)
         return Contact(problem, given, at, states.mode, law=law, driven=driven)
 
-    def _newton(
-        self,
-        q: np.ndarray,
-        states: States,
-        drive: float | None,
-        enough: float,
-        factor: BandedCholesky | SuperLU | None,
-    ) -> _Found:
+    def _newton(self, q: np.ndarray, states: States, drive: float | None) -> _Found:
         """Return the static state for one set of contact states.
 
         The factors are those of the reference state (a chord iteration); they are renewed if it
@@ -296,7 +269,7 @@ class StaticSolver(System):
             unknown = slice(unknown[0], unknown[-1] + 1)
         how = {"driven": states.driven}
         how["friction"] = -states.law.slide(self.scene.k_f) * states.slip
-        factor = factor or self.factor(states.mode, **how)
+        factor = self.factor(states.mode, **how)
         arm, limit, renewed = self.arm[unknown], ACCEPTED * unit, False
         best, least, previous = None, np.inf, np.inf
         for step in range(MAX_NEWTON + 1):  # noqa: B007 (returned after the loop)
@@ -309,7 +282,7 @@ class StaticSolver(System):
             rounded = 2.0**-52 * self.largest(q)
             if residual < least:
                 best, least = (q, forces, F_T), residual
-            if residual <= max(rounded / 4, enough):
+            if residual <= rounded / 4:
                 break
             if residual > 0.5 * previous:
                 if least <= 16 * rounded or (renewed and least <= limit):
@@ -318,7 +291,7 @@ class StaticSolver(System):
             previous = residual
             q = q.copy()
             q[unknown] += factor.solve(force)
-        limit = max(limit, enough, 16 * 2.0**-52 * self.largest(best[0] if best else q))
+        limit = max(limit, 16 * 2.0**-52 * self.largest(best[0] if best else q))
         if not least <= limit:
             raise EquilibriumError("Newton's method does not converge", least, limit, step)
         if drive is not None and self.geometry == "finite" and self.largest_turn(best[0]) > 1:
@@ -395,9 +368,8 @@ def solve_static(
     *,
     geometry: Geometry = "linear",
     free: np.ndarray | None = None,
-    start: Equilibrium | None = None,
 ) -> Equilibrium:
     """Return the equilibrium with the interface held: see `StaticSolver.solve`."""
     scene = as_scene(scene)
     check_geometry(geometry, scene)
-    return _solver(scene, geometry).solve(u_x_bottom, drive, free=free, start=start)
+    return _solver(scene, geometry).solve(u_x_bottom, drive, free=free)

@@ -223,13 +223,12 @@ class System:
         return self._assembly.matrix(of_bonds, held)
 
     def tangent(
-        self, stuck: np.ndarray, at: np.ndarray | None = None
+        self, stuck: np.ndarray
     ) -> tuple[sp.csr_array, BandedCholesky | SuperLU, np.ndarray]:
-        """Return the tangent stiffness with foundation and driver.
+        """Return the tangent stiffness of `linearise` with foundation and driver.
 
         Args:
             stuck: blocks that are closed and held, shape (N_x,), bool; the others are open.
-            at: coordinates of the state, shape (n_q,); None means the loaded one.
 
         Returns:
             K, shape (n_q, n_q), in N/m; its factorisation for the free coordinates; their indices.
@@ -241,10 +240,8 @@ class System:
         if not stuck.any():  # singular: rounding would decide whether it can be factorised
             what = "the slider is not supported: all blocks are open"
             raise EquilibriumError(what, np.nan, 0.0, 0)
-        tangents = self._tangents if at is None else self.bond_tangents(at)
-        K = self.stiffness(tangents, mode, driven=True)
-        factor = self._factorised(K, mode) if at is not None else self.factor(mode, driven=True)
-        return K, factor, self.unknown(mode)
+        K = self.stiffness(self._tangents, mode, driven=True)
+        return K, self.factor(mode, driven=True), self.unknown(mode)
 
     def factor(
         self, mode: np.ndarray, *, driven: bool, friction: np.ndarray | float = 0.0

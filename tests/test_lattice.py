@@ -136,11 +136,6 @@ def test_finite_bonds_ignore_a_rigid_rotation():
     assert np.abs(spring_forces(lattice, small, "linear")).max() < 1e-14 * scale
 
 
-def test_unknown_geometry_is_refused():
-    with pytest.raises(ValueError, match="geometry"):
-        spring_forces(bonds(small_scene()), displacements(small_scene(), 0.1), "cubic")
-
-
 # --- elasticity ----------------------------------------------------------------------------------
 
 

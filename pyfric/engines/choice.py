@@ -9,7 +9,7 @@ hybrid        linear     rotation of bonds, the end of each ring-down
 hybrid        finite     the end of each ring-down
 dynamic       finite     nothing
 
-- Full dynamics is chosen if it is cheap, or cheaper than the hybrid engine.
+- Full dynamics is chosen if it is cheap, or if no other engine is chosen.
 - The quasi-static engine is chosen if its assumptions hold.
 - Linear geometry is chosen if two static states show that its error is small.
 - The hybrid engine is chosen if a pilot run shows that it saves at least half of the work.

@@ -65,13 +65,12 @@ class Energy(NamedTuple):
     """Energy of a state at a step and time (s).
 
     Attributes:
-        step, t: number of the step, and time in s.
+        t: time, in s.
         stored: energy G, in J.
         shear: work of constant shear forces, in J.
         changes: bound of the work of changes of loads, relative to u = 0, in J.
     """
 
-    step: int
     t: float
     stored: float
     shear: float
@@ -112,7 +111,7 @@ class Guard:
         scene, u = self.scene, state.y[:, 0]
         shear = float(scene.shear @ u[scene.j_shear] + scene.push_at(state.t)[0] @ u[0])
         stored += self._potential(state) + self.floor
-        return Energy(state.step, state.t, stored, shear, self._of_changes(state))
+        return Energy(state.t, stored, shear, self._of_changes(state))
 
     def _of_changes(self, state: State) -> float:
         """Return a bound of the work (J) of changes of F_N, T and pushes up to a displacement.
@@ -141,11 +140,10 @@ class Guard:
             return Trouble("the motion is not finite", *_fastest(before))  # later it has spread
         if base is None:
             return None
-        _, t_0, G_0, W_0, changes_0 = base
-        _, t_1, G_1, W_1, changes_1 = self.energy(after)
+        t_0, G_0, W_0, changes_0 = base
+        t_1, G_1, W_1, changes_1 = self.energy(after)
         driver, most = self.scene.driver, max(G_0, G_1)
-        speed = max([driver.V, *(abs(V) for _, V in driver.protocol)])
-        work = speed * (t_1 - t_0) * np.sqrt(2 * driver.K * max(most, 0.0))
+        work = driver.fastest * (t_1 - t_0) * np.sqrt(2 * driver.K * max(most, 0.0))
         work += changes_0 + changes_1
         if not G_1 - G_0 - (W_1 - W_0) <= work + MARGIN * most:
             what = f"the energy grows from {G_0:.3g} J to {G_1:.3g} J, by more than the work done"

@@ -13,7 +13,7 @@ Source: PRL 107, 074301 (2011) for the model.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from pyfric.engines.grid import just_after, last_step
 from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.modes import Linearised
 from pyfric.engines.remembered import RememberedStates
-from pyfric.statics import Memory
+from pyfric.statics import Memory, Static
 
 if TYPE_CHECKING:
     from pyfric.statics import Equilibrium, StaticSolver
@@ -46,14 +46,6 @@ memory; and memory of the paths on which static states are found, in bytes."""
 LATE = 1 / 8
 """Shortest wait after a refused jump, over the steps since the last jump. It limits the number of
 attempts; a jump can come late by this share."""
-
-
-class Static(NamedTuple):
-    """A state of rest for the catalogue: F_T (N); tau and p, shape (N_x,), in N."""
-
-    F_T: float
-    tau: np.ndarray
-    p: np.ndarray
 
 
 class RestStates:
@@ -166,7 +158,6 @@ class HybridRun(Run):
         self.rests = RestStates(self.known, self.method.dt)
         self.solver = RememberedStates(self.rests)
         self.jumped = self.spared = self.attempts = 0
-        self.largest_error = 0.0
         self.slid, self.try_at, self.landed = True, self.state.step, self.state.step
         # An attempt to jump over stable slip takes as long as many steps: the next one waits until
         # as many were made or spared.
@@ -358,7 +349,6 @@ class HybridRun(Run):
         self._put(landing.q, landing.v, state.y[0, 0].copy(), landing.n)
         state.margin[:] = 0.0
         state.margin[system.held] = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])
-        self.largest_error = max(self.largest_error, landing.error)
 
     def _put(self, q: np.ndarray, v: np.ndarray, u_x: np.ndarray, n: int) -> None:
         """Set coordinates q and rates v, n steps later; stuck blocks stay at u_x."""

@@ -45,7 +45,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
-from pyfric.core import OPEN, STUCK
+from pyfric.core import OPEN, STEPPERS, STUCK
 from pyfric.scene import FRICTIONLESS, of
 from pyfric.statics import States, damping, mass
 
@@ -233,7 +233,7 @@ class Linearised:
         if self.dt is None:
             return rates
         z = rates * self.dt
-        growth = np.log(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) / self.dt
+        growth = np.log(STEPPERS["rk4"].growth(z)) / self.dt
         growth.real = np.minimum(growth.real, 0.0)
         return growth
 

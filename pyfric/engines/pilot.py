@@ -206,7 +206,6 @@ def _apart(solver: StaticSolver, quiet: Mapping[str, np.ndarray], row: int) -> f
     scene, t = solver.scene, float(quiet["t"][row])
     free, u_x, F_T = quiet["mode"][row] == OPEN, quiet["u_x"][row], float(quiet["F_T"][row])
     load, drive = scene.load_at(t), scene.drive(t)
-    load = None if load is None else (load[0], load[1])
     back = np.copysign(NEARBY * scene.F_N / scene.driver.K, F_T)
     now, before = (solver.solve(u_x, drive - x, free=free, load=load) for x in (0.0, back))
     margins = [np.array(scene.law.margins(at.p, at.f))[:, ~free] for at in (now, before)]
@@ -225,7 +224,7 @@ def counted(scene: Scene, t_end: float, options: Options, pilot: Pilot) -> dict[
         options: options of the run, with its geometry and step.
         pilot: quasi-static pilot run of the scene.
     """
-    geometry, dt = options.geometry or "finite", options.dt
+    geometry, dt = options.geometry, options.dt
     full = full_work(scene, geometry, dt, t_end)
     plain = dataclasses.replace(options, fidelity="hybrid", checkpoint=None, verify=None)
 

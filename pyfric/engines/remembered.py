@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pyfric.statics import EquilibriumError
+from pyfric.statics import EquilibriumError, Static
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from pyfric.statics import Equilibrium, StaticSolver
+    from pyfric.statics import StaticSolver
 
 __all__ = ["RememberedStates"]
 
@@ -19,7 +19,7 @@ class RememberedStates:
 
     def __init__(self, solver: StaticSolver) -> None:
         self.finder = solver
-        self.found: dict[tuple[Any, ...], Equilibrium | EquilibriumError] = {}
+        self.found: dict[tuple[Any, ...], Static | EquilibriumError] = {}
 
     def solve(
         self,
@@ -28,11 +28,12 @@ class RememberedStates:
         *,
         free: np.ndarray,
         load: tuple[float, float] | None = None,
-    ) -> Equilibrium:
+    ) -> Static:
         key = u_x_bottom.tobytes(), float(drive), free.tobytes(), load
         if key not in self.found:
             try:
-                self.found[key] = self.finder.solve(u_x_bottom, drive, free=free, load=load)
+                rest = self.finder.solve(u_x_bottom, drive, free=free, load=load)
+                self.found[key] = Static(rest.F_T, rest.tau, rest.p)
             except EquilibriumError as error:
                 self.found[key] = error
         found = self.found[key]

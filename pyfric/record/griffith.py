@@ -87,6 +87,13 @@ def griffith_length(table: pd.DataFrame) -> float:
     return (first + run) / len(table)
 
 
+def condensed(record: Record) -> tuple[ContactProblem, float]:
+    """Return the condensed slider of a record, and the driver's position at t = 0, in m."""
+    scene, u_drv0 = record.scene, getattr(record.final_state, "u_drv0", None)
+    u_drv0 = loaded_state(scene).u_drv0 if u_drv0 is None else u_drv0
+    return ContactProblem(scene, u_drv0), scene.d * float(np.mean(u_drv0))
+
+
 def _before(record: Record, event: int) -> Contact:
     """Return the interface just before an event, held; open blocks are free."""
     scene, of_event = record.scene, record.row(event)
@@ -95,17 +102,14 @@ def _before(record: Record, event: int) -> Contact:
         allowed = "an event before which all blocks are stuck"
         raise SceneError("event", event, "", allowed, "the record holds no state before it")
     u_x, mode = (record.quiet[name][row] for name in ("u_x", "mode"))
-    u_drv0 = getattr(record.final_state, "u_drv0", None)
-    u_drv0 = loaded_state(scene).u_drv0 if u_drv0 is None else u_drv0
     times = record.rupture_times[of_event]
     known = times[np.isfinite(times)]
     t = known.max() if known.size else record.events["t_start"].loc[event]
     if scene.load_at(0.0) is not None:
         reason = "static states under a changing F_N or T are not computed"
         raise SceneError("top.protocol", scene.load_at(float(t)), "N", "none", reason)
-    drive = scene.d * float(np.mean(u_drv0)) + scene.drive(float(t))
-    problem = ContactProblem(scene, u_drv0)
-    return Contact(problem, u_x, drive, np.where(mode == OPEN, OPEN, STUCK))
+    problem, begin = condensed(record)
+    return Contact(problem, u_x, begin + scene.drive(float(t)), np.where(mode == OPEN, OPEN, STUCK))
 
 
 def _speeds(record: Record, G: np.ndarray, Gamma: np.ndarray) -> np.ndarray:

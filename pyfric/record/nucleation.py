@@ -19,8 +19,9 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import OPEN
+from pyfric.record.griffith import condensed
 from pyfric.scene import SceneError
-from pyfric.statics import LARGE, ContactProblem, Creep, EquilibriumError, creeps, loaded_state
+from pyfric.statics import LARGE, ContactProblem, Creep, EquilibriumError, creeps
 
 if TYPE_CHECKING:
     from pyfric.record.record import Record
@@ -49,9 +50,7 @@ def nucleations(record: Record) -> pd.DataFrame:
             "interface.d_c", scene.interface.d_c, "m", "> 0, and a law of slip alone",
             "slip does not lose stability",
         )  # fmt: skip
-    u_drv0 = getattr(record.final_state, "u_drv0", None)
-    u_drv0 = loaded_state(scene).u_drv0 if u_drv0 is None else u_drv0
-    problem, begin = ContactProblem(scene, u_drv0), scene.d * float(np.mean(u_drv0))
+    problem, begin = condensed(record)
     rows = []
     for event, row in record.events["quiet_start"].items():
         if row >= 0:

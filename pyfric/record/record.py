@@ -81,7 +81,7 @@ class Record:
     curve
         Data frame with t (s), F_T (N) and, when the budget was kept, energies (J).
     events, episodes
-        Data frames of the catalogue: see `pyfric.record.events` and `episodes`. The index of events
+        Data frames of the catalogue: see `pyfric.record.catalogue`. The index of events
         is their number, as in ``record.events.loc[3]``; episodes have it as a column.
     arrays
         Arrays over events and blocks by name, shape (n_events, N_x). Each is also an attribute:
@@ -362,8 +362,8 @@ class Record:
         """Write the tables as CSV into ``folder`` (made if missing) and return the paths.
 
         curve.csv, events.csv and episodes.csv are the data frames; stresses.csv has the arrays over
-        blocks, one row per event and block, with event 0 for t = 0; columns.csv gives unit and
-        meaning of every column. Floats are written with all digits that distinguish them.
+        blocks, one row per event and block; interface.csv has the loaded interface; columns.csv
+        gives unit and meaning of every column. Floats are written with all digits that distinguish them.
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)

@@ -2,7 +2,7 @@
 
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.blas import one_thread, one_thread_if_small
-from pyfric.statics.complementarity import Contact, ContactProblem, Route
+from pyfric.statics.complementarity import Contact, ContactProblem, Route, Static
 from pyfric.statics.condensation import LARGE
 from pyfric.statics.contact import States, Values
 from pyfric.statics.creep import Change, Creep, Point, creeps
@@ -37,6 +37,7 @@ __all__ = [
     "Point",
     "Route",
     "States",
+    "Static",
     "StaticSolver",
     "System",
     "Values",

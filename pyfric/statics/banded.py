@@ -59,11 +59,6 @@ class BandedCholesky:
             D = below[:, n:] - self._B.T @ self._AB
             self._inverse = np.linalg.inv((D + D.T) / 2)
 
-    @property
-    def nbytes(self) -> int:
-        """Memory of the factor, in bytes."""
-        return self._factor.nbytes
-
     def _solved(self, b: np.ndarray) -> np.ndarray:
         return dpbtrs(self._factor, b)[0]
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from pyfric.scene import Geometry, check_geometry
+from pyfric.scene import Geometry
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
@@ -148,12 +148,8 @@ def spring_forces(lattice: Bonds, u: np.ndarray, geometry: Geometry = "linear") 
     Returns:
         Forces in N, in the shape of u.
 
-    Raises:
-        ValueError: unknown geometry.
-
     Source: PRL 107, 074301 (2011), force k_ij (r_ij - l_ij) dx_ij / r_ij.
     """
-    check_geometry(geometry)
     flat = u.reshape(-1)
     if geometry == "linear":
         D_x, D_z = lattice.difference
@@ -177,11 +173,7 @@ def spring_tangents(
         lattice: from `bonds`.
         u: displacements at which the finite geometry is linearised, in m; None means 0.
         geometry: "linear" or "finite".
-
-    Raises:
-        ValueError: unknown geometry.
     """
-    check_geometry(geometry)
     X, Z = lattice.d.T
     r, isotropic = lattice.l, 0.0
     if geometry == "finite" and u is not None:

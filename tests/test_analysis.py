@@ -405,3 +405,23 @@ def test_curves_that_cannot_be_compared_are_refused():
     early = analysis.compare_curve(record, [0.06, 0.09], [1.0, 2.0], largest_shift=0.05)
     assert np.isnan(early.rms)
     assert early.n >= 1
+
+
+def test_friction_counts_the_shear_force():
+    """T pulls with the driver: the slider slides when F_T + T is its friction."""
+    how = {"fidelity": "quasistatic", "progress": False}
+    with_T, without = (
+        pyfric.analysis.friction_coefficients(
+            pyfric.simulate(pyfric.setup2(l="2 mm", T=T), 0.8, **how)
+        )
+        for T in ("80 N", "0 N")
+    )
+    assert with_T.mu_k_macro == pytest.approx(without.mu_k_macro, rel=0.05)
+    assert 0 <= with_T.R <= 1
+
+
+def test_griffith_length_is_the_end_of_the_longest_stretch():
+    table = pd.DataFrame({"G": [2.0, 0, 0, 2, 2, 2, 0, 0, 2, 0], "Gamma": 1.0})
+    assert pyfric.analysis.griffith_length(table) == 0.6
+    assert pyfric.analysis.griffith_length(table.assign(G=0.0)) == 0.0
+    assert pyfric.analysis.griffith_length(table.assign(G=2.0)) == 1.0

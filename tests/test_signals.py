@@ -18,6 +18,7 @@ from helpers import WATCHED, small
 
 import pyfric
 from pyfric.cli import main
+from pyfric.engines import pilot
 from pyfric.scene import written
 from pyfric.signals import (
     SIGNALS,
@@ -67,6 +68,19 @@ def test_other_calls_end_a_loop_too(call):
     with pytest.raises(KeyboardInterrupt):
         call()
     call()
+
+
+def test_planning_ends_at_once(monkeypatch):
+    """A pilot run is part of no result."""
+    work = pilot.work_so_far
+
+    def pressed(run):
+        press()
+        return work(run)
+
+    monkeypatch.setattr(pilot, "work_so_far", pressed)
+    with pytest.raises(KeyboardInterrupt):
+        pyfric.simulate("fig1", 0.4, tolerance=0.01, progress=False)
 
 
 def test_an_interrupted_record_goes_on():

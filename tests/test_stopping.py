@@ -297,3 +297,21 @@ def test_a_driver_that_comes_back_counts_where_it_turns():
     far = scene.drive(1.0)  # V is 0 there
     assert force_to_come(scene, 0.0, 2.0) == pytest.approx(scene.driver.K * far)
     assert scene.drive(2.0) == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("condition", ["arrested", "at_rest"])
+def test_a_front_from_released_blocks_is_not_at_rest(condition):
+    scene = pyfric.chain(L=0.0475, p=10.0, tau=6.25, K=0.0, V=0.0)
+    how = {"fidelity": "dynamic", "initial": pyfric.released(scene, 5), "progress": False}
+    ended, whole = two_runs(scene, 1e-4, condition, **how)
+    assert np.isfinite(whole.rupture_times[0]).sum() == scene.N_x - 5
+    assert np.isfinite(ended.rupture_times[0]).sum() == scene.N_x - 5
+
+
+def test_released_blocks_count_as_slipping():
+    scene = pyfric.chain(L=0.0475, p=10.0, tau=6.25, K=0.0, V=0.0)
+    how = {"fidelity": "dynamic", "initial": pyfric.released(scene, 5), "progress": False}
+    for condition in ("reached = 5 mm", "L_p = 0.25"):
+        record = pyfric.simulate(scene, 1e-4, stop_when=condition, **how)
+        assert ended_by_condition(record)
+        assert record.curve["t"].iloc[-1] < 1e-5

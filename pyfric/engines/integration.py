@@ -59,6 +59,8 @@ def integrate(
         dt = method.dt
         state = solver.loaded.state(scene, dt) if initial is None else initial.with_dt(dt)
         stopping = stopping_of(options.stop_when, scene, method.t_gap, before, t_end)
+        if stopping is not None and before is None:
+            stopping.begin(state)
         run = engine(scene, method, solver, state, before, stopping)
         run.timings["set-up"] = time.perf_counter() - start
         last = _last(scene, state, t_end)

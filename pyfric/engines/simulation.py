@@ -21,7 +21,7 @@ from pyfric.engines.stopping import ended_by_condition
 from pyfric.engines.verification import Specification, verified
 from pyfric.record import Record
 from pyfric.scene import SceneError, check_geometry, check_number, check_writable, followed_by
-from pyfric.signals import forget, nothing_to_save, raise_if_asked
+from pyfric.signals import at_once, forget, nothing_to_save, raise_if_asked
 from pyfric.statics import EquilibriumError, one_thread_if_small
 
 if TYPE_CHECKING:
@@ -220,14 +220,16 @@ def _begin(initial: State | Record | None) -> float:
 def _planned(made: Specification, initial: State | None) -> Record:
     """Run the chosen model and measure its errors; if a quasi-static run fails, run dynamics."""
     options, scene = made.options, made.scene
-    plan = choose(scene, options, made.t_end - made.t_begin, ladder=initial is None)
+    with at_once():
+        plan = choose(scene, options, made.t_end - made.t_begin, ladder=initial is None)
     notes = [_chosen(plan)]
     if plan.fidelity == "quasistatic":
         record, reason = _static(plan, made)
         if not reason:
             return _with_notes(record, *notes)
         nothing_to_save()
-        plan = choose(scene, options, made.t_end - made.t_begin, ladder=False)
+        with at_once():
+            plan = choose(scene, options, made.t_end - made.t_begin, ladder=False)
         notes.append(f"quasistatic was not enough: {reason}; {_chosen(plan)}")
     level = _resolved(options, plan)
     try:

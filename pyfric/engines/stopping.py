@@ -190,6 +190,12 @@ class Stopping:
 
     # --- what a run reports ----------------------------------------------------------------------
 
+    def begin(self, state: State) -> None:
+        """Count the blocks that slip in an initial state as slipping from its time on."""
+        slipping = (np.abs(state.mode) == 1) & (state.corner == 0)
+        self.slips, self.region = bool(slipping.any()), slipping
+        self.first[slipping] = state.t
+
     def take(self, switches: Mapping[str, np.ndarray], quiet: Mapping[str, np.ndarray]) -> None:
         """Add the log entries since the last call."""
         self._logs.append((switches, quiet))

@@ -18,7 +18,8 @@ statistics. The first difference is that from a run of half the step, as far as 
 it, and from the coarser run where that does not reach an event. An event of few blocks counts, too,
 if it slips other blocks.
 
-A reference run ends at `GRACE` times its expected work. Events that it does not cover are not measured.
+A reference run ends at `GRACE` times its expected work. Events that it does not cover are not
+measured.
 
 Source: P. J. Roache, J. Fluids Eng. 116, 405 (1994), factors of safety for two grids.
 """

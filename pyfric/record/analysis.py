@@ -119,8 +119,8 @@ class FrictionCoefficients(NamedTuple):
     """Friction of the slider as a whole.
 
     Attributes:
-        mu_s_macro: the largest static F_T/F_N at which an event started, F_N that of the time.
-        mu_k_macro: mean F_T over mean F_N over whole stick-slip cycles; NaN with fewer than two
+        mu_s_macro: the largest static (F_T + T)/F_N at which an event started, with the loads then.
+        mu_k_macro: mean F_T + T over mean F_N over whole stick-slip cycles; NaN with fewer than two
             system-size events, or if the driver moves back between them.
         R: (mu_s_macro - mu_k)/(mu_s - mu_k): 0 if mu_k alone limits the force, 1 if mu_s does;
             NaN if mu_s = mu_k.
@@ -357,6 +357,8 @@ def compare_curve(
 def friction_coefficients(record: Record) -> FrictionCoefficients:
     """Return the friction coefficients of the slider as a whole.
 
+    The friction force is that of the driver and the shear force T together.
+
     Args:
         record: a run that reaches a system-size event.
 
@@ -370,13 +372,14 @@ def friction_coefficients(record: Record) -> FrictionCoefficients:
         allowed = "a run with a system-size event"
         raise SceneError("record", t_end, "s", allowed, "the run ended before one: raise t_end")
     scene, events = record.scene, record.events
-    F_N = [scene.piece("F_N", t).at(t) for t in events["t_start"]]
-    mu_s_macro = float((events["F_T_start"] / F_N).max())
+    F_N, T = ([scene.piece(what, t).at(t) for t in events["t_start"]] for what in ("F_N", "T"))
+    mu_s_macro = float(((events["F_T_start"] + T) / F_N).max())
     mean = np.nan
     if len(sliding) > 1:
         begin, end = sliding["t_start"].iloc[[0, -1]]
         if not _moves_back(scene, begin, end):
-            mean = mean_force(record, begin, end) / _mean_load(scene, begin, end)
+            F_N, T = (_mean_load(scene, what, begin, end) for what in ("F_N", "T"))
+            mean = (mean_force(record, begin, end) + T) / F_N
     return FrictionCoefficients(mu_s_macro, mean, float(scene.law.mean.scaled(mu_s_macro)))
 
 
@@ -386,11 +389,11 @@ def _moves_back(scene: Scene, begin: float, end: float) -> bool:
     return min([*speeds, *(scene.piece("V", t).at(t) for t in (begin, end))]) < 0
 
 
-def _mean_load(scene: Scene, begin: float, end: float) -> float:
-    """Return the mean of F_N between two times (s), in N."""
-    if not scene.top.protocol:
-        return scene.F_N
-    first, last = (scene.piece("F_N", t).integral_at(t) for t in (begin, end))
+def _mean_load(scene: Scene, what: str, begin: float, end: float) -> float:
+    """Return the mean of a load, "F_N" or "T", between two times (s), in N."""
+    if not (scene.top.protocol or scene.top.T_protocol):
+        return scene.piece(what, begin).at(begin)
+    first, last = (scene.piece(what, t).integral_at(t) for t in (begin, end))
     return (last - first) / (end - begin)
 
 

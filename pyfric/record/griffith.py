@@ -51,8 +51,12 @@ def energy_release(record: Record, event: int) -> pd.DataFrame:
         or slips already. v is 0 where G < Gamma, and NaN for a chain.
 
     Raises:
-        SceneError: no such event, or the record holds no state just before it.
+        SceneError: no such event, the record holds no state just before it, or the interface has
+            junctions, whose fracture energy is not defined.
     """
+    if not record.scene.law.rests:
+        kind, reason = record.scene.interface.law.kind, "their fracture energy is not defined"
+        raise SceneError("interface.law", kind, "", "a law without junctions", reason)
     contact, scene = _before(record, event), record.scene
     law, order = scene.law, np.argsort(scene.n_of_i)
     G, Gamma = np.full(scene.N_x, np.nan), np.full(scene.N_x, np.nan)
@@ -72,19 +76,18 @@ def energy_release(record: Record, event: int) -> pd.DataFrame:
 def griffith_length(table: pd.DataFrame) -> float:
     """Return L_p/L where a front stops without inertia: past the last block where G reaches Gamma.
 
-    The front starts where G first exceeds Gamma, and stops where it no longer does. 0 if it never
-    does.
+    It is the end of the longest stretch in which G exceeds Gamma, 0 if there is none. Before this
+    stretch slip is stable; single blocks there may exceed Gamma, too.
 
     Args:
         table: what `energy_release` returned.
     """
     pays = (table["G"] > table["Gamma"]).to_numpy()
-    if not pays.any():
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], pays, [False]]).astype(int)))
+    if not ends.size:
         return 0.0
-    first = int(np.argmax(pays))
-    stays = pays[first:]
-    run = len(stays) if stays.all() else int(np.argmin(stays))
-    return (first + run) / len(table)
+    first, last = ends[::2], ends[1::2]
+    return int(last[np.argmax(last - first)]) / len(table)
 
 
 def condensed(record: Record) -> tuple[ContactProblem, float]:

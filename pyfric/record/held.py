@@ -1,8 +1,8 @@
 """What a record holds: one table, from which file, Dataset, DataTree, CSV and page follow.
 
 Each quantity has a group, a name, dimensions, a type, a unit and a meaning. Columns of events and
-arrays over blocks enter the table where they are found (`pyfric.record.catalogue`), by the decorators
-`event_column` and `block_array`; all others stand here.
+arrays over blocks enter the table where they are found (`pyfric.record.catalogue`), by the
+decorators `event_column` and `block_array`; all others stand here.
 
 x is the distance from the trailing edge, the driven side, and events are counted from 1. Arrays run
 over blocks from left to right, whichever side is driven.

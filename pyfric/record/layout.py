@@ -14,8 +14,8 @@ its unit and meaning. Its attributes:
 
 Variables of the curve and of the interface carry their plain names, those of the other groups begin
 with ``event_``, ``episode_``, ``quiet_``, ``switch_``, ``motion_`` and ``final_``. Numbers are
-stored as they are in memory, so that a loaded record equals the saved one bit for bit. The last line of the file
-is the SHA-256 of all before it, which readers of netCDF do not see.
+stored as they are in memory, so that a loaded record equals the saved one bit for bit. The last
+line of the file is the SHA-256 of all before it, which readers of netCDF do not see.
 """
 
 from __future__ import annotations

@@ -363,7 +363,8 @@ class Record:
 
         curve.csv, events.csv and episodes.csv are the data frames; stresses.csv has the arrays over
         blocks, one row per event and block; interface.csv has the loaded interface; columns.csv
-        gives unit and meaning of every column. Floats are written with all digits that distinguish them.
+        gives unit and meaning of every column. Floats are written with all digits that distinguish
+        them.
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)

@@ -336,6 +336,14 @@ def test_more_than_ten_minutes_is_said_with_the_cheaper_way(monkeypatch, capsys)
     assert not any("minutes" in note for note in notes)
 
 
+def test_planned_runs_that_take_long_say_so(monkeypatch, capsys):
+    monkeypatch.setattr(expectation, "LONG", 1e-3)
+    record = simulate("fig1", 0.05, tolerance=0.01)
+    assert record.method.engine == "hybrid"
+    assert any(note.startswith("hybrid: this run takes about") for note in record.notes)
+    assert "hybrid: this run takes about" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     "scene",
     [setup1(l=0.25e-3), setup2(L=0.1009, H=0.0199, l=1e-4, h=7e-4), chain(L=1.0, l=1e-4)],

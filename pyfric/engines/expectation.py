@@ -13,9 +13,10 @@ from pyfric.scene import default_geometry
 
 if TYPE_CHECKING:
     from pyfric.engines.options import Options
-    from pyfric.scene import Geometry, Scene
+    from pyfric.record import Method
+    from pyfric.scene import Scene
 
-__all__ = ["expected_cost", "long_note"]
+__all__ = ["expected_cost", "expected_dynamics", "long_note"]
 
 LONG = 600.0
 """Expected duration above which a run prints a note before it starts, in s."""
@@ -53,13 +54,17 @@ def _size(scene: Scene, t_end: float) -> float:
     return 1e5 + 8.0 * pilot_run(scene, t_end).events * (9 * scene.N_x + 40)
 
 
-def long_note(scene: Scene, length: float, geometry: Geometry, dt: float, stepper: str) -> str:
-    """Return a note for full dynamics over `length` (s) that takes long; "" if it does not."""
-    made = full_work(scene, geometry, dt, length, stepper)
-    if made * SLOWEST <= LONG or made * machine_speed() <= LONG:
+def long_note(scene: Scene, engine: str, seconds: float) -> str:
+    """Return a note for a run that is expected to take long; "" if it is not."""
+    if seconds <= LONG:
         return ""
-    seconds = made * machine_speed()
     hint = "larger blocks take less: twice l, about a tenth of the time"
-    if scene.law.rests and not scene.prescribed:
+    if engine == "dynamic" and scene.law.rests and not scene.prescribed:
         hint = f"fidelity = 'hybrid' often takes a small part of that; {hint}"
-    return f"dynamic: this run takes about {seconds / 60:.2g} minutes on one core; {hint}"
+    return f"{engine}: this run takes about {seconds / 60:.2g} minutes on one core; {hint}"
+
+
+def expected_dynamics(scene: Scene, length: float, method: Method) -> float:
+    """Return the expected time of full dynamics over `length` (s), in s; 0 if it cannot be long."""
+    made = full_work(scene, method.geometry, method.dt, length, method.stepper)
+    return made * machine_speed() if made * SLOWEST > LONG else 0.0

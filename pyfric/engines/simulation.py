@@ -12,7 +12,7 @@ from pyfric.engines import quasistatic
 from pyfric.engines.choice import choose
 from pyfric.engines.cost import POINTS, check_memory
 from pyfric.engines.dynamic import Run, RunError
-from pyfric.engines.expectation import long_note
+from pyfric.engines.expectation import expected_dynamics, long_note
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
 from pyfric.engines.options import Options, kept
@@ -64,8 +64,8 @@ def simulate(
     same script or cell raises KeyboardInterrupt, so that loops end. Before the first step, Ctrl-C
     raises KeyboardInterrupt at once.
 
-    A run expected to take more than ten minutes carries a note that suggests faster options. The
-    note is also printed on stderr before the start, unless progress is False or a function.
+    Full dynamics and planned runs that are expected to take more than ten minutes carry a note. It
+    is also printed on stderr before the start, unless progress is False or a function.
 
     Args:
         scene: a scene, the name of a preset, or the path of a scene file.
@@ -122,7 +122,7 @@ def simulate(
         scene=scene, t_begin=_begin(initial), t_end=t_end, options=options, run=run
     )
     if options.fidelity == "auto":
-        return _planned(made, initial)
+        return _planned(made, initial, progress)
     record = _with_notes(run(scene, t_end, options), *notes)
     if options.verify in (None, "none") or not record.done:
         return record
@@ -193,9 +193,8 @@ def _run(
         check_memory(scene, method.engine, method.geometry)
         note = ""
         if method.engine == "dynamic":
-            note = long_note(scene, t_end - begin, method.geometry, method.dt, method.stepper)
-        if note and progress in (None, True) and sys.stderr is not None:
-            print(note, file=sys.stderr, flush=True)
+            seconds = expected_dynamics(scene, t_end - begin, method)
+            note = _said(scene, "dynamic", seconds, progress)
         record = integrate(ENGINES[options.fidelity], scene, t_end, options, enough=enough, **how)
         return _with_notes(record, *pause_notes(record), *([note] if note else []))
     options.check_static()
@@ -203,6 +202,14 @@ def _run(
     how |= {"t_gap": options.t_gap, "stop_when": options.stop_when}
     record = quasistatic.simulate(options.fidelity, scene, t_end, **how)
     return _with_notes(record, *pause_notes(record))
+
+
+def _said(scene: Scene, engine: str, seconds: float, progress: object) -> str:
+    """Return the note on a run that is expected to take long, and print it; "" if there is none."""
+    note = long_note(scene, engine, seconds)
+    if note and progress in (None, True) and sys.stderr is not None:
+        print(note, file=sys.stderr, flush=True)
+    return note
 
 
 def _with_notes(record: Record, *notes: str) -> Record:
@@ -217,7 +224,7 @@ def _begin(initial: State | Record | None) -> float:
     return 0.0 if initial is None else initial.t
 
 
-def _planned(made: Specification, initial: State | None) -> Record:
+def _planned(made: Specification, initial: State | None, progress: object) -> Record:
     """Run the chosen model and measure its errors; if a quasi-static run fails, run dynamics."""
     options, scene = made.options, made.scene
     with at_once():
@@ -232,6 +239,9 @@ def _planned(made: Specification, initial: State | None) -> Record:
             plan = choose(scene, options, made.t_end - made.t_begin, ladder=False)
         notes.append(f"quasistatic was not enough: {reason}; {_chosen(plan)}")
     level = _resolved(options, plan)
+    if plan.fidelity == "hybrid":
+        note = _said(scene, "hybrid", plan.seconds + plan.price, progress)
+        notes += [note] if note else []
     try:
         record = made.run(scene, made.t_end, level)
     except RunError as error:

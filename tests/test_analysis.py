@@ -397,8 +397,15 @@ def test_a_curve_that_is_shifted_is_found(shift):
 
 def test_curves_that_cannot_be_compared_are_refused():
     record = pyfric.simulate("fig1", 0.05, fidelity="quasistatic", progress=False)
-    for t, F_T in (([0.0, 0.1], [1.0]), ([0.1, 0.0], [1.0, 2.0]), ([0.0, np.nan], [1.0, 2.0])):
-        refused(lambda t=t, F_T=F_T: analysis.compare_curve(record, t, F_T), "t", "increasing")
+    for t, F_T, field, text in (
+        ([0.0, 0.1], [1.0], "t", "shapes do not fit"),
+        ([[0.0, 0.1]], [[1.0, 2.0]], "t", "shapes do not fit"),
+        ([0.1, 0.0], [1.0, 2.0], "t[1]", "not later than the time before"),
+        ([0.0, 0.1, 0.1], [1.0, 2.0, 3.0], "t[2]", "not later than the time before"),
+        ([0.0, np.nan], [1.0, 2.0], "t[1]", "not finite"),
+        ([0.0, 0.1], [np.nan, 2.0], "F_T[0]", "not finite"),
+    ):
+        refused(lambda t=t, F_T=F_T: analysis.compare_curve(record, t, F_T), field, text)
     refused(lambda: analysis.compare_curve(record, [5.0, 5.1], [1.0, 2.0]), "t", "outside the run")
     refused(lambda: analysis.compare_curve(record, "abc", [1.0, 2.0]), "t", "not numbers")
     refused(lambda: analysis.compare_curve(record, [0.0, 0.1], "abc"), "F_T", "not numbers")

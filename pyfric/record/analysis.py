@@ -321,10 +321,7 @@ def compare_curve(
             largest_shift is refused.
     """
     t, F_T = _numbers("t", t), _numbers("F_T", F_T)
-    right = t.ndim == 1 and t.shape == F_T.shape and len(t) > 1
-    if not (right and np.isfinite(F_T).all() and np.isfinite(t).all() and (np.diff(t) > 0).all()):
-        allowed = "two or more finite times, increasing, and as many finite forces"
-        raise SceneError("t", f"{t.shape} beside {F_T.shape}", "s", allowed)
+    _check_measured(t, F_T)
     known, forces = (record.curve[name].to_numpy() for name in ("t", "F_T"))
     most = 0.5 * (t[-1] - t[0]) if largest_shift is None else largest_shift
     most = check_number("largest_shift", most, "s", ge=0.0)
@@ -349,6 +346,22 @@ def compare_curve(
     inside = (t + shift >= known[0]) & (t + shift <= known[-1])
     now = rms(0.0, 0.0)
     return Beside(now if now < np.inf else np.nan, float(shift), least, int(inside.sum()))
+
+
+def _check_measured(t: np.ndarray, F_T: np.ndarray) -> None:
+    """Raise SceneError unless these are times (s) and forces (N) of a measured curve."""
+    if t.ndim != 1 or t.shape != F_T.shape or len(t) < 2:
+        allowed = "two or more times, and as many forces"
+        raise SceneError("t", f"{t.shape} beside {F_T.shape}", "", allowed, "shapes do not fit")
+    wrong = ~(np.isfinite(t) & np.isfinite(F_T))
+    wrong[1:] |= ~(np.diff(t) > 0)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        bad = "F_T" if np.isfinite(t[row]) and not np.isfinite(F_T[row]) else "t"
+        value = float((F_T if bad == "F_T" else t)[row])
+        reason = "not finite" if not np.isfinite(value) else "not later than the time before"
+        allowed = "finite forces" if bad == "F_T" else "finite times that increase"
+        raise SceneError(f"{bad}[{row}]", value, "N" if bad == "F_T" else "s", allowed, reason)
 
 
 # --- numbers -------------------------------------------------------------------------------------

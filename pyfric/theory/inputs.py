@@ -31,8 +31,11 @@ def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np
         limits: gt, ge, le, lt: >, >=, <=, <.
 
     Raises:
-        ValueError: not real numbers, none, or one of them not finite or outside the limits.
+        ValueError: not real numbers, none, or one of them not finite or outside the limits. A
+            quantity of a library of units is refused, because an array would drop its unit.
     """
+    if hasattr(value, "magnitude") or any(hasattr(v, "magnitude") for v in _listed(value)):
+        raise refusal(field, value, unit, f"numbers without a unit, in {unit or '1'}")
     try:
         array = np.asarray(value)
     except ValueError:  # rows of different lengths
@@ -48,6 +51,10 @@ def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np
         allowed = " ".join(["a finite number", " and ".join(ranges), unit]).strip()
         raise refusal(field, float(array[~fits][0]), unit, allowed)
     return array
+
+
+def _listed(value: Any) -> Any:
+    return value if isinstance(value, list | tuple) else ()
 
 
 def checked(field: str, value: Any, unit: str = "", **limits: float) -> float:

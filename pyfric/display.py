@@ -9,12 +9,13 @@ from __future__ import annotations
 import base64
 import html as markup
 import io
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["Painter", "drawing", "html", "page", "paint_with"]
+__all__ = ["Painter", "drawing", "html", "page", "paint_with", "plain"]
 
 
 class Painter(NamedTuple):
@@ -60,3 +61,16 @@ def _image(figure: Any) -> str:
 def page(record: Any) -> str:
     """Return a page about a record, as HTML."""
     return _painters[0].page(record)
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON can hold it, in full precision; None for a number that is not finite.
+
+    Dicts and lists are converted with all that they hold, scalars of NumPy to those of Python.
+    """
+    if isinstance(value, dict):
+        return {str(key): plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(inner) for inner in value]
+    value = value.item() if hasattr(value, "item") else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value

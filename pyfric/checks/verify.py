@@ -25,6 +25,7 @@ import numpy as np
 from pyfric import core, theory
 from pyfric.checks import ladder, regression, tolerances, tpv3
 from pyfric.checks.check import Check
+from pyfric.display import plain
 from pyfric.engines import simulate, step_size
 from pyfric.paper.claims import CLAIMS
 from pyfric.scene import chain, laws, preset, setup1
@@ -126,7 +127,7 @@ def table(groups: list[Group]) -> list[dict[str, Any]]:
         {
             "group": group.name,
             **dataclasses.asdict(check),
-            "value": float(check.value) if math.isfinite(check.value) else None,
+            "value": plain(float(check.value)),
             "tolerance": float(check.tolerance),
             "holds": check.holds,
         }

@@ -379,7 +379,9 @@ class Tell:
 
     def table(self, frame: pd.DataFrame, report: Callable[[pd.DataFrame], str]) -> None:
         """Tell a table; numbers that are not known are null."""
-        self.result(json.loads(frame.to_json(orient="records")), lambda: report(frame))
+        from pyfric.display import plain
+
+        self.result(plain(frame.to_dict("records")), lambda: report(frame))
 
     def files(self, files: Iterable[Path], **more: Any) -> None:
         """Tell which files were written."""

@@ -2,6 +2,9 @@
 
 import dataclasses
 import functools
+import shlex
+import sys
+import tomllib
 
 import numpy as np
 import pytest
@@ -12,7 +15,7 @@ import pyfric
 from pyfric.cli import main
 from pyfric.figures import phase_map, save_figure
 from pyfric.scene import Scene, chain
-from pyfric.sweeps import Job, chain_job, phase_diagram
+from pyfric.sweeps import Job, chain_job, phase_diagram, phases
 from pyfric.theory import chain_prestress, chain_speed
 
 
@@ -162,6 +165,13 @@ def test_a_phase_diagram_of_the_chain(tmp_path):
     assert {path.name for path in files} >= {"phases.png", "phases_table.csv", "phases_lines.csv"}
 
 
+def test_the_two_numbers_of_the_chain_go_by_their_names():
+    """They were taken in their order: alpha for tau_bar."""
+    axes = ("tau_bar", [0.2, 0.3]), ("alpha", [2.0, 3.0])
+    job, _ = phases._jobs(None, *axes, None, None)
+    assert job(0.2, 3.0).scene == chain_job(alpha=3.0, tau_bar=0.2).scene
+
+
 def test_a_phase_diagram_of_any_scene(tmp_path):
     def length(record):
         return bool(len(record.events))
@@ -222,6 +232,11 @@ def test_refused_diagrams():
     refused(lambda: phase_diagram("fig1", **axes, t_end=1.0), "y", "another field")
     axes["y"] = ("h", [2.5e-3, 5e-3])
     refused(lambda: phase_diagram("fig1", **axes, t_end=1.0), "driver.h", "given twice")
+    refused(lambda: phase_diagram("fig1", x=("h", 5), y=("mu_s", [0.6, 0.7])), "x", "not a list")
+    refused(lambda: phase_diagram(x=("beta", [0.1, 0.5])), "x, y", "numbers of the chain")
+    refused(lambda: phase_diagram(tolerance=-1.0), "tolerance", "too small")
+    refused(lambda: phase_diagram(t_end=1.0), "t_end", "their own")
+    refused(lambda: phase_diagram(options={"dt": 1e-6}), "options", "their own")
     refused(lambda: chain_job(0.0, 0.5), "alpha", "too small")
     refused(lambda: chain_job(1.0, 1.0), "tau_bar", "too large")
 
@@ -229,8 +244,12 @@ def test_refused_diagrams():
 def test_the_command(tmp_path, monkeypatch):
     monkeypatch.setenv("PYFRIC_CACHE", str(tmp_path / "cache"))
     command = ["phase-diagram", "--x", "alpha=0.3:1:2:log", "--y", "tau_bar=0.05:0.5:2:log"]
-    done = CliRunner().invoke(main, [*command, "--no-lines", "--workers", "1", "--out", tmp_path])
+    command += ["--no-lines", "--workers", "1", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", ["bin/pyfric", *command])
+    done = CliRunner().invoke(main, command)
     assert done.exit_code == 0, done.output
+    about = tomllib.loads((tmp_path / "phases_provenance.toml").read_text(encoding="utf-8"))
+    assert shlex.split(about["command"]) == ["pyfric", *command]
     assert (tmp_path / "phases.png").exists()
     done = CliRunner().invoke(main, ["phase-diagram", "--x", "alpha=3"])
     assert done.exit_code == 2

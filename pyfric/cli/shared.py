@@ -7,6 +7,7 @@ import errno
 import functools
 import json
 import os
+import shlex
 import signal
 import sys
 import tempfile
@@ -414,6 +415,11 @@ def check_table(out: Path | None, overwrite: bool) -> None:
     if out is not None:
         check_out(out, overwrite)
         check_out(_provenance_of(out), overwrite)
+
+
+def command_line() -> str:
+    """Return the command as it was given, for `provenance`."""
+    return shlex.join(["pyfric", *sys.argv[1:]])
 
 
 def save_table(table: pd.DataFrame, out: Path | None, command: str, digits: str) -> None:

@@ -165,12 +165,13 @@ def phase_diagram(
     Args:
         scene: a scene, the name of a preset or the path of a scene file, or a function of x and y
             that returns a `Job`. None means `chain_job`.
-        x, y: each the name of a field, such as "driver.h", and its values, rising. None means alpha
-            and tau_bar of the chain as in the paper, 20 values each.
+        x, y: each the name of a field, such as "driver.h", and its values, rising. Those of the
+            chain are "alpha" and "tau_bar", in either order; None means alpha along x and tau_bar
+            along y as in the paper, 20 values each.
         label: a function of a record that labels the run, or several by name. None means kind and
             pace of `Record.rupture_class`, "nothing slipped" without events.
-        t_end: end of the runs of a scene, s.
-        options: options of the runs of a scene.
+        t_end: end of the runs of a scene, s; None for the chain and for a function.
+        options: options of the runs of a scene; None for the chain and for a function.
         lines: whether to find the lines on which labels change, along y.
         tolerance: largest error of lines, in decades if y is spaced logarithmically, else over the
             range of y.
@@ -182,6 +183,7 @@ def phase_diagram(
 
     Source: see the module.
     """
+    tolerance = check_number("tolerance", tolerance, "", gt=0.0, lt=0.5)
     job, axes = _jobs(scene, x, y, t_end, options)
     (x_name, xs), (y_name, ys) = axes
     labels = LABELS if label is None else label
@@ -233,15 +235,23 @@ def _jobs(
     for side, axis in (("x", x), ("y", y)):
         if not (isinstance(axis, tuple) and len(axis) == 2 and isinstance(axis[0], str)):
             raise SceneError(side, axis, "", "the name of a field and its values")
+        if not np.iterable(axis[1]) or isinstance(axis[1], str):
+            raise SceneError(side, axis[1], "", "at least two values, rising", "not a list")
         values = [check_number(f"{side} {axis[0]}", one, "") for one in axis[1]]
         if len(values) < 2 or not (np.diff(values) > 0).all():
             raise SceneError(side, axis[1], "", "at least two values, rising")
         checked.append((axis[0], values))
     if checked[0][0] == checked[1][0]:
         raise SceneError("y", checked[1][0], "", "another field than that of x")
+    names = [name for name, _ in checked]
+    if own and set(names) != {"alpha", "tau_bar"}:
+        raise SceneError("x, y", names, "", "'alpha' and 'tau_bar', the numbers of the chain")
     if own or (callable(scene) and not isinstance(scene, Scene)):
-        return chain_job if own else scene, tuple(checked)
-    base, names = as_scene(scene), [name for name, _ in checked]
+        for name, value in (("t_end", t_end), ("options", options)):
+            if value is not None:
+                raise SceneError(name, value, "", "None without a scene: the jobs have their own")
+        return (_named_chain(*names) if own else scene), tuple(checked)
+    base = as_scene(scene)
     if t_end is None:
         raise SceneError("t_end", None, "s", "the end of the runs of a scene", "missing")
 
@@ -250,6 +260,11 @@ def _jobs(
         return Job(scene=changed, t_end=t_end, options=options or Options())
 
     return job, tuple(checked)
+
+
+def _named_chain(x: str, y: str) -> Callable[[float, float], Job]:
+    """Return the run of a chain as a function of its two numbers in this order."""
+    return lambda a, b: chain_job(**{x: a, y: b})
 
 
 def _front(record: Record) -> dict[str, Any]:

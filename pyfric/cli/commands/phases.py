@@ -14,6 +14,7 @@ from pyfric.cli.shared import (
     Seconds,
     Tell,
     check_folder,
+    command_line,
     figure_out_option,
     no_cache_option,
     save_figure,
@@ -67,7 +68,7 @@ def phase_diagram(
     what = None if scene is None else scene_of(scene, changes)
     axes = {side: given and _axis(side, given) for side, given in (("x", x), ("y", y))}
     found = pyfric.phase_diagram(what, **axes, progress=tell.progress, **how)
-    save_figure(figures.phase_map(found), out / "phases", "pyfric phase-diagram", tell)
+    save_figure(figures.phase_map(found), out / "phases", command_line(), tell)
 
 
 def _axis(side: str, given: str) -> tuple[str, list[float]]:

@@ -142,9 +142,14 @@ def test_drawn_points_follow_their_seed_and_ranges(kind):
 def test_ranges():
     assert Span(start=1.0, stop=100.0, n=3, scale="log").values("x") == [1.0, 10.0, 100.0]
     assert Span(start=2e-3, stop=1e-2, step=2e-3).values("x") == [2e-3, 4e-3, 6e-3, 8e-3, 1e-2]
-    whole = Span(start=1, stop=4, step=1).values("x")
-    assert whole == [1, 2, 3, 4]
+    span = Span(start=1, stop=4, step=1)
+    whole = [*span.values("x"), span.at(0.2), span.at(1.0)]
+    assert whole == [1, 2, 3, 4, 2, 4]
     assert {type(number) for number in whole} == {int}
+    assert Span(start=0, stop=10, step=6).at(1.0) == 6  # not 12, beyond the range
+    seeds = {"interface.mu_s.seed": Span(start=1, stop=9, step=1)}
+    jobs = swept(scene=RANDOM, over=seeds, points="random", n=4).jobs
+    assert all(isinstance(job, Job) for job in jobs), jobs
 
 
 @given(st.sampled_from(["linear", "log"]), st.floats(1e-9, 1e9), st.floats(1.001, 1e9))
@@ -190,6 +195,8 @@ def test_bad_sweeps_are_refused(text, changes):
         ("step", {"step": 0.0}),
         ("n", {"n": 1}),
         ("n", {"n": 2.0}),
+        ("n", {"n": 2, "step": 0.5}),
+        ("scale", {"scale": "log", "step": 0.5}),
     ],
 )
 def test_bad_ranges_are_refused(field, changes):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+import re
 import subprocess
 import sys
 from unittest import mock
@@ -524,6 +525,12 @@ def test_sketch_shows_the_scene_with_its_numbers(scene, texts):
             box = text.get_window_extent()
             assert -1 <= box.x0 <= box.x1 <= right + 1
             assert -1 <= box.y0 <= box.y1 <= top + 1
+
+
+def test_sketch_shows_a_field_of_the_law_that_varies():
+    fig = figures.sketch(pyfric.preset("slow", u_s=pyfric.Spread(mean=1e-6, std=1e-7)))
+    shown = [text.get_text() for text in fig.findobj(matplotlib.text.Text)]
+    assert any(re.fullmatch(r"u_s \d\S*e-07\$-\$1\.\d+e-06 m", text) for text in shown)
 
 
 @pytest.mark.filterwarnings("error")

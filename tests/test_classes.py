@@ -251,8 +251,10 @@ def test_the_command(tmp_path, monkeypatch):
     about = tomllib.loads((tmp_path / "phases_provenance.toml").read_text(encoding="utf-8"))
     assert shlex.split(about["command"]) == ["pyfric", *command]
     assert (tmp_path / "phases.png").exists()
-    done = CliRunner().invoke(main, ["phase-diagram", "--x", "alpha=3"])
-    assert done.exit_code == 2
+    for axis in ("alpha=3", "alpha=0.3:1:2:log:more"):
+        done = CliRunner().invoke(main, ["phase-diagram", "--x", axis])
+        assert done.exit_code == 2
+        assert "FIELD=FROM:TO:N" in done.output
     for option in (("--set", "mu_s=3"), ("--t-end", "1"), ("--stop-when", "arrested")):
         done = CliRunner().invoke(main, ["phase-diagram", *option, "--out", tmp_path])
         assert done.exit_code == 2

@@ -79,9 +79,9 @@ def _axis(side: str, given: str) -> tuple[str, list[float]]:
     name, _, values = given.partition("=")
     parts = values.split(":")
     try:
-        start, stop, n = float(parts[0]), float(parts[1]), int(parts[2])
-        scale = parts[3] if len(parts) == 4 else "linear"
-    except (ValueError, IndexError):
+        start, stop, n, scale = [*parts, *["linear"] * (len(parts) == 3)]
+        start, stop, n = float(start), float(stop), int(n)
+    except ValueError:
         allowed = "FIELD=FROM:TO:N, or FIELD=FROM:TO:N:log, numbers in SI"
         raise SceneError(side, given, "", allowed, "not a range of this form") from None
     return name.strip(), Span(start=start, stop=stop, n=n, scale=scale).values(name)

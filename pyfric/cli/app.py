@@ -114,7 +114,10 @@ def _code(error: Exception) -> Exit | None:
     """Return the exit code of a refusal or failure; None for what nobody expects."""
     import pyfric
 
-    if isinstance(error, pyfric.SceneError | pyfric.StateError | pyfric.RecordError):
+    variant = isinstance(error, ImportError) and str(error).startswith("PYFRIC_VARIANT")
+    if variant or isinstance(error, pyfric.SceneError):  # the others need the core
+        return Exit.BAD_INPUT
+    if isinstance(error, pyfric.StateError | pyfric.RecordError):
         return Exit.BAD_INPUT
     if isinstance(error, OSError) and error.errno == errno.EPIPE:
         return None  # the reader of stdout has left: click ends quietly

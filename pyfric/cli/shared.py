@@ -164,15 +164,15 @@ def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
     Raises:
         SceneError: no such preset or file, or a name or value is refused.
     """
-    from pyfric.scene import as_scene, spoken
+    from pyfric.scene import as_scene, once, spoken
 
-    values = {}
+    values = []
     for change in changes:
         key, equals, text = (part.strip() for part in change.partition("="))
         if not (key and equals):
             raise click.UsageError(f"--set {change}: write KEY=VALUE, such as 'h=7.5 mm'.")
-        values[key] = text if key == "name" else spoken(text)
-    return as_scene(name, values)
+        values.append((key, text if key == "name" else spoken(text)))
+    return as_scene(name, once(values))
 
 
 def record_of(path: str) -> Record:

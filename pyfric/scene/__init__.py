@@ -1,7 +1,7 @@
 """The simulated system: parts, scenes, presets, units, geometry."""
 
 from pyfric.scene import laws
-from pyfric.scene.change import followed_by, full_name, read_value, scene_fields, spoken
+from pyfric.scene.change import followed_by, full_name, once, read_value, scene_fields, spoken
 from pyfric.scene.checked import Quantity, quantities
 from pyfric.scene.consistency import check_push
 from pyfric.scene.ends import checked_conditions, condition
@@ -98,6 +98,7 @@ __all__ = [
     "names_file",
     "nearest",
     "of",
+    "once",
     "paper_step",
     "parse_quantity",
     "parsed",

@@ -7,6 +7,7 @@ import sys
 import tomllib
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 from helpers import refused, small
@@ -221,6 +222,32 @@ def test_a_phase_diagram_with_points_at_which_nothing_slips(tmp_path):
     for speed in (1e-4, 30.0):  # beyond the range of colours
         table = found.table.assign(speed_over_c=speed)
         save_figure(phase_map(dataclasses.replace(found, table=table)), tmp_path / "phases")
+
+
+def diagram(labels, alpha=(1.0, 20.0)):
+    """A diagram of so many labels over alpha and tau_bar, without runs or lines."""
+    tau_bar = np.linspace(0.1, 0.9, labels)
+    points = [(a, b, f"label {n:02}") for a in alpha for n, b in enumerate(tau_bar)]
+    table = pd.DataFrame(points, columns=["alpha", "tau_bar", "kind"])
+    table = table.assign(speed=1e3, speed_over_c=0.5, reached=100, status="complete")
+    return phases.PhaseDiagram("alpha", "tau_bar", table, pd.DataFrame(columns=LINE))
+
+
+LINE = ["label", "below", "above", "alpha", "tau_bar", "low", "high", "runs"]
+
+
+def test_a_map_shows_all_labels_and_theory_as_far_as_it_goes():
+    fig = phase_map(diagram(12))
+    texts = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
+    assert texts == [*(f"label {n:02}" for n in range(12)), "v = c", "v = 0.1 c"]
+    drawn = [line for line in fig.axes[0].get_lines() if line.get_label().startswith("label")]
+    assert len({(line.get_marker(), line.get_color()) for line in drawn}) == 12
+    theory = fig.axes[0].get_lines()[-1].get_xdata()
+    assert (theory.min(), theory.max()) == pytest.approx((1.0, 10.0))
+    assert "Black lines" not in fig.caption
+    assert "Red lines" in fig.caption
+    assert "Red lines" not in phase_map(diagram(2, alpha=(11.0, 20.0))).caption
+    refused(lambda: phase_map(diagram(2), "pace"), "label", "unknown")
 
 
 def test_refused_diagrams():

@@ -264,6 +264,7 @@ def test_refused_diagrams():
     refused(lambda: phase_diagram(tolerance=-1.0), "tolerance", "too small")
     refused(lambda: phase_diagram(t_end=1.0), "t_end", "their own")
     refused(lambda: phase_diagram(options={"dt": 1e-6}), "options", "their own")
+    refused(lambda: chain_job(1.0, 0.5, blocks=20.5), "blocks", "not a whole number")
     refused(lambda: chain_job(0.0, 0.5), "alpha", "too small")
     refused(lambda: chain_job(1.0, 1.0), "tau_bar", "too large")
 

@@ -139,6 +139,14 @@ def test_drawn_points_follow_their_seed_and_ranges(kind):
         assert np.diff(np.sort(np.log10(rows["driver.K"].astype(float)))).max() < 3 * 2 / 100
 
 
+def test_numbers_of_points_are_whole():
+    over = {"driver.h": Span(start=2.5e-3, stop=1e-2, n=np.int64(3))}
+    assert len(swept(over=over).jobs) == 3
+    assert len(swept(over=over, points="sobol", n=np.int64(2), seed=np.uint8(3)).jobs) == 2
+    refused(lambda: swept(over=over, points="random", n=2.0), "n")
+    refused(lambda: Sweep.from_toml(5), "sweep")
+
+
 def test_ranges():
     assert Span(start=1.0, stop=100.0, n=3, scale="log").values("x") == [1.0, 10.0, 100.0]
     assert Span(start=2e-3, stop=1e-2, step=2e-3).values("x") == [2e-3, 4e-3, 6e-3, 8e-3, 1e-2]
@@ -167,6 +175,9 @@ def test_a_share_of_a_range_is_where_its_value_is(scale, start, ratio):
         ("in several parts", {"over": {"protocol": [()]}}),
         ("interface.mu_s.seed: unknown|unknown", {"over": {"interface.mu_s.seed": [1]}}),
         ("over", {"over": {}}),
+        ("over", {"over": "h"}),
+        ("over", {"over": ["h"]}),
+        ("over.5", {"over": {5: [1]}}),
         ("over.driver.h", {"over": {"driver.h": []}}),
         ("over.driver.h", {"over": {"driver.h": "5 mm"}}),
         ("over.driver.h", {"over": {"driver.h": 5e-3}}),
@@ -365,6 +376,7 @@ def test_a_scene_in_the_file_names_files_beside_it(file):
         ("[options]", "[option]", "did you mean 'options'"),
         ("fidelity", "fidelty", "fidelty"),
         ("step =", "stepp =", "did you mean 'step'"),
+        ('"2.5 mm", to', '"9 mm", to', "over.driver.h.from"),
         ('"1.2 ms"', "1.2", "missing unit"),
         ("scene.toml", "nothing.toml", "cannot be read"),
         ("[over]", "[over", "not TOML"),

@@ -19,7 +19,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pyfric.engines import RunError, default_switching, full_work, machine_speed, simulate
 from pyfric.figures import DataFigure
 from pyfric.record import differences
-from pyfric.scene import SceneError, as_scene, default_geometry
+from pyfric.scene import SceneError, as_scene, check_number, default_geometry
 from pyfric.signals import at_once
 from pyfric.statics import EquilibriumError, stability_limit
 from pyfric.theory import Material
@@ -100,11 +100,11 @@ def chart(
         "ok", or why there is no answer.
 
     Raises:
-        SceneError: no scene.
+        SceneError: no scene, or t_end is refused.
         RunError: the reference left the range of numbers.
     """
     scene, begin = as_scene(scene), time.process_time()
-    t_end = _default_end(scene) if t_end is None else t_end
+    t_end = _default_end(scene) if t_end is None else check_number("t_end", t_end, "s", gt=0.0)
     finest = _reference(scene, t_end, budget / 2)
     say(f"reference: {_named(finest)}, up to {t_end:.3g} s")
     truth, seconds = run(scene, t_end, finest, _step(scene, finest))

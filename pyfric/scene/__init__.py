@@ -49,7 +49,7 @@ from pyfric.scene.push import Push
 from pyfric.scene.scene import OnDriven, Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.toml import parsed
-from pyfric.scene.units import check_number, parse_quantity, range_text
+from pyfric.scene.units import check_number, check_whole, parse_quantity, range_text
 from pyfric.scene.version import __version__
 
 __all__ = [
@@ -83,6 +83,7 @@ __all__ = [
     "check_geometry",
     "check_number",
     "check_push",
+    "check_whole",
     "check_writable",
     "checked_conditions",
     "clean_drafts",

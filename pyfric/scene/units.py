@@ -4,13 +4,13 @@ import math
 import re
 from fractions import Fraction
 from functools import lru_cache
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any
 
 from pyfric.scene.errors import NO_UNIT, SceneError, show
 
-__all__ = ["LARGEST", "SMALLEST", "check_number", "in_si", "parse_quantity", "range_text",
-           "with_prefix"]  # fmt: skip
+__all__ = ["LARGEST", "SMALLEST", "check_number", "check_whole", "in_si", "parse_quantity",
+           "range_text", "with_prefix"]  # fmt: skip
 
 SMALLEST = 1e-30
 """Smallest accepted non-zero magnitude (SI); products of smaller values could underflow."""
@@ -105,6 +105,28 @@ def check_number(
     if number and not SMALLEST <= abs(number) <= LARGEST:
         raise refused("out of range", number, f", of magnitude {SMALLEST:g} to {LARGEST:g}")
     return number
+
+
+def check_whole(
+    field: str, value: Any, least: int, most: int | None = None, *, note: str = ""
+) -> int:
+    """Return `value` as a Python integer if it is a whole number inside the limits.
+
+    Args:
+        field: dotted name used in the error.
+        value: an integer of Python or NumPy. Booleans, and floats such as 2.0, are refused.
+        least, most: limits, both included.
+        note: other allowed values, appended to the range in the error.
+
+    Raises:
+        SceneError: another type, or outside the limits.
+    """
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if not whole or value < least or (most is not None and value > most):
+        allowed = f">= {least}" if most is None else f"from {least} to {most}"
+        reason = "" if whole else "not a whole number"
+        raise SceneError(field, value, "", f"a whole number {allowed}{note}", reason)
+    return int(value)
 
 
 def in_si(field: str, value: Any, unit: str, *, allowed: str = "") -> Any:

@@ -25,7 +25,7 @@ import pandas as pd
 
 from pyfric.engines import Options
 from pyfric.record import SLOW, pace_limits
-from pyfric.scene import Scene, SceneError, as_scene, chain, check_number
+from pyfric.scene import Scene, SceneError, as_scene, chain, check_number, check_whole
 from pyfric.signals import at_once
 from pyfric.sweeps.boundaries import boundary
 from pyfric.sweeps.jobs import Job
@@ -113,7 +113,7 @@ def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS, step: float = 
     """
     alpha = check_number("alpha", alpha, "sqrt(k m)", gt=0.0)
     tau_bar = check_number("tau_bar", tau_bar, "", gt=0.0, lt=1.0)
-    check_number("blocks", blocks, "", ge=20.0)
+    blocks = check_whole("blocks", blocks, 20)
     base = chain()
     k, m, l, p = base.slider.k, base.m, base.slider.l, base.F_N / base.N_x
     mu_s, mu_k = 0.7, 0.45

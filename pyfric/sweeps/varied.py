@@ -16,6 +16,7 @@ from pyfric.scene import (
     Scene,
     SceneError,
     check_number,
+    check_whole,
     full_name,
     scene_fields,
     unknown,
@@ -66,9 +67,8 @@ class Span:
                 raise SceneError("n", self.n, "", "n or step, not both")
             if self.scale == "log":
                 raise SceneError("scale", self.scale, "", "'linear' with a step")
-        whole = isinstance(self.n, int) and not isinstance(self.n, bool)
-        if self.n is not None and not (whole and 2 <= self.n <= MAX_POINTS):
-            raise SceneError("n", self.n, "", f"a whole number, 2 … {MAX_POINTS}")
+        if self.n is not None:
+            check_whole("n", self.n, 2, MAX_POINTS)
 
     def values(self, name: str) -> list[float]:
         """Return the values in a grid or list.
@@ -158,5 +158,5 @@ def full_field(scene: Scene, name: str, values: Any) -> str:
         return full_name(scene, name)
     except SceneError as error:
         if error.reason.startswith("unknown"):
-            raise unknown(f"over.{name}", values, name, known) from None
+            raise unknown(f"over.{name}", values, str(name), known) from None
         raise error.at(f"over.{name}") from None

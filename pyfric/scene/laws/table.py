@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -40,28 +39,7 @@ class Table:
 
     def __call__(self, x: Any) -> Any:
         """Return the values at x, of any shape."""
-        return self.on(self.piece(x), x)[0]
-
-    @functools.cached_property
-    def _arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The knots, the values, and the slopes after the knots."""
-        return np.array(self.x), np.array(self.y), np.append(self.slopes, 0.0)
-
-    def piece(self, x: Any) -> Any:
-        """Return the index of the last knot at or before x, of any shape."""
-        return np.maximum(np.searchsorted(self._arrays[0], x, side="right") - 1, 0)
-
-    def on(self, piece: Any, x: Any) -> tuple[Any, Any]:
-        """Return values at x and slopes of linear pieces, which are extrapolated beyond their ends.
-
-        Args:
-            piece: indices of the first knots of the pieces; after the last knot y is constant.
-            x: arguments, of any shape.
-        """
-        knots, values, slopes = self._arrays
-        slope = slopes[piece]
-        beyond = np.where(slope == 0, 0.0, np.subtract(x, knots[piece]))  # x may be inf
-        return values[piece] + slope * beyond, slope
+        return np.interp(x, self.x, self.y)
 
     @property
     def slopes(self) -> np.ndarray:

@@ -1,8 +1,7 @@
 """Command line: runs, scenes, figures, claims and timings.
 
 Every command ends with a code of `Exit`; refusals and failures are one message on stderr, without
-a traceback. SIGTERM and other signals act as Ctrl-C does. Commands are in `pyfric.cli.commands`:
-every module there is read, and adds its own to `main`.
+a traceback. SIGTERM and other signals act as Ctrl-C does. Commands are in `pyfric.cli.commands`.
 """
 
 from __future__ import annotations

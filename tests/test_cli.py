@@ -188,7 +188,7 @@ def test_what_is_pruned_has_a_finite_limit(option, value, monkeypatch, tmp_path)
 def test_a_core_that_is_not_there_is_bad_input(command):
     asked = os.environ | {"PYFRIC_VARIANT": "foo"}
     how = {"env": asked, "capture_output": True, "text": True}
-    done = subprocess.run([sys.executable, "-P", "-m", "pyfric.cli", *command], **how)
+    done = subprocess.run([sys.executable, "-P", "-m", "pyfric", *command], **how)
     assert done.returncode == Exit.BAD_INPUT
     assert done.stderr.startswith("Error: PYFRIC_VARIANT = 'foo': not installed")
     assert done.stderr.count("\n") == 1

@@ -137,25 +137,9 @@ class Seconds(click.ParamType):
         self.words = words
 
     def convert(self, value: Any, param: Any, ctx: Any) -> float | str:
-        return value if value in self.words else number(param.name, value, "s", ge=0.0)
+        from pyfric.scene import read_number
 
-
-def number(field: str, text: str, unit: str, **limits: float | None) -> float:
-    """Return a bare SI number, or a quantity with its unit, as a number in SI.
-
-    Raises:
-        SceneError: it is neither, or outside the limits.
-    """
-    from pyfric.scene import SceneError, check_number, parse_quantity, range_text
-
-    allowed = range_text(unit, **limits)
-    try:
-        number = float(text)
-    except ValueError:
-        if not unit:
-            raise SceneError(field, text, "", allowed, "not a number") from None
-        number = parse_quantity(field, text, unit, allowed=allowed)
-    return check_number(field, number, unit, **limits)
+        return value if value in self.words else read_number(param.name, value, "s", ge=0.0)
 
 
 def scene_of(name: str, changes: tuple[str, ...]) -> Scene:

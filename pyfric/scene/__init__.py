@@ -49,7 +49,7 @@ from pyfric.scene.push import Push
 from pyfric.scene.scene import OnDriven, Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.toml import parsed
-from pyfric.scene.units import check_number, check_whole, parse_quantity, range_text
+from pyfric.scene.units import check_number, check_whole, parse_quantity, range_text, read_number
 from pyfric.scene.version import __version__
 
 __all__ = [
@@ -107,6 +107,7 @@ __all__ = [
     "presets",
     "quantities",
     "range_text",
+    "read_number",
     "read_value",
     "scene_fields",
     "sealed",

@@ -10,7 +10,7 @@ from typing import Any
 from pyfric.scene.errors import NO_UNIT, SceneError, show
 
 __all__ = ["LARGEST", "SMALLEST", "check_number", "check_whole", "in_si", "parse_quantity",
-           "range_text", "with_prefix"]  # fmt: skip
+           "range_text", "read_number", "with_prefix"]  # fmt: skip
 
 SMALLEST = 1e-30
 """Smallest accepted non-zero magnitude (SI); products of smaller values could underflow."""
@@ -190,6 +190,28 @@ def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> f
         return float(Fraction(match["number"]) * factor)
     except OverflowError:
         return math.copysign(math.inf, number)
+
+
+def read_number(field: str, text: str | float, unit: str, **limits: float | None) -> float:
+    """Return a number in SI from text: a bare number in SI, or a quantity with its unit.
+
+    Args:
+        field: dotted name used in the error.
+        text: the text, or a number.
+        unit: SI unit, ``""`` for a pure number.
+        limits: gt, ge, le, lt of `check_number`.
+
+    Raises:
+        SceneError: it is neither, or outside the limits.
+    """
+    allowed = range_text(unit, **limits)
+    try:
+        number = float(text)
+    except ValueError:
+        if not unit:
+            raise SceneError(field, text, "", allowed, "not a number") from None
+        number = parse_quantity(field, text, unit, allowed=allowed)
+    return check_number(field, number, unit, **limits)
 
 
 PREFIXES = {0: "", -1: "m", -2: "u", -3: "n", 1: "k", 2: "M", 3: "G"}

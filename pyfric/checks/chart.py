@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pyfric.engines import RunError, default_switching, full_work, machine_speed, simulate
 from pyfric.figures import DataFigure
@@ -281,8 +280,7 @@ def figure(table: pd.DataFrame) -> DataFigure:
     """Return error over processor time, one panel for each question that has an answer."""
     wants = [want for want in WANTS if want in table and table[want].notna().any()]
     rows = math.ceil(max(len(wants), 1) / 2)
-    fig = DataFigure(figsize=(7.2, 3.0 * rows + 0.4), layout="constrained")
-    FigureCanvasAgg(fig)
+    fig = DataFigure(figsize=(7.2, 3.0 * rows + 0.4))
     panels = fig.subplots(rows, 2, sharex=True, squeeze=False).ravel()
     ran, shown = table[table["status"] == "ok"], {}
     for want, axes in zip(wants, panels, strict=False):

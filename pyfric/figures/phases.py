@@ -21,6 +21,7 @@ from pyfric.figures.style import (
     panels,
 )
 from pyfric.scene import unknown
+from pyfric.sweeps import even_scale
 from pyfric.theory import LARGEST_VISCOSITY, chain_prestress
 
 if TYPE_CHECKING:
@@ -74,8 +75,7 @@ def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
     if theory:
         _theory(axes, table[x].min(), highest)
     for name, set_scale in ((x, axes.set_xscale), (y, axes.set_yscale)):
-        if _even_in_log(np.unique(table[name])):
-            set_scale("log")
+        set_scale(even_scale(np.unique(table[name])))
     axes.set_ylim(*_edges(np.unique(table[y]))[[0, -1]])
     axes.set_xlabel(NAMES.get(x, x))
     axes.set_ylabel(NAMES.get(y, y))
@@ -115,16 +115,9 @@ def _theory(axes: Axes, low: float, high: float) -> None:
         axes.plot(alpha, tau_bar, style, color=VERMILION, lw=0.8, label=text)
 
 
-def _even_in_log(values: np.ndarray) -> bool:
-    if values[0] <= 0 or len(values) < 3:
-        return False
-    linear, log = np.diff(values), np.diff(np.log(values))
-    return bool(np.ptp(log) / log.mean() < np.ptp(linear) / linear.mean())
-
-
 def _edges(values: np.ndarray) -> np.ndarray:
     """Return the edges of cells about values, (n + 1,)."""
-    if _even_in_log(values):
+    if even_scale(values) == "log":
         return np.exp(_edges(np.log(values)))
     middle = (values[1:] + values[:-1]) / 2
     return np.array([2 * values[0] - middle[0], *middle, 2 * values[-1] - middle[-1]])

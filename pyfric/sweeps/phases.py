@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pyfric.sweeps.store import Cache
     from pyfric.sweeps.varied import Scale
 
-__all__ = ["LABELS", "PhaseDiagram", "chain_job", "phase_diagram"]
+__all__ = ["LABELS", "PhaseDiagram", "chain_job", "even_scale", "phase_diagram"]
 
 Labels = Mapping[str, Callable[["Record"], Hashable]]
 Axis = tuple[str, Sequence[float] | np.ndarray]
@@ -324,8 +324,8 @@ def _line(
         is_below,
         along=(ys[0], ys[-1]),
         over=list(changes["x"]),
-        scale=_scale(ys),
-        over_scale=_scale(xs),
+        scale=even_scale(ys),
+        over_scale=even_scale(xs),
         tolerance=tolerance,
         known=pd.DataFrame(known),
         measure=None if measure is None else lambda b, a: measure(seen[b, a]),
@@ -336,7 +336,7 @@ def _line(
     return line.rename(columns={"over": x, "along": y})
 
 
-def _scale(values: np.ndarray) -> Scale:
+def even_scale(values: np.ndarray) -> Scale:
     """Return in which scale values are more even."""
     if values[0] <= 0 or len(values) < 3:
         return "linear"

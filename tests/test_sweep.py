@@ -221,7 +221,7 @@ def test_results_are_those_of_simulate_with_units(tmp_path):
     found = swept(over={"interface.mu_k": [0.3, 0.4], "driver.h": [2.5e-3, 5e-3]}).run(
         tmp_path, workers=1, progress=False
     )
-    assert found.done
+    assert set(found.table["status"]) == {"complete"}
     table, axes = found.table, found.to_xarray()
     record = simulate(small(mu_k=0.4, h=2.5e-3), 1.2e-3, OPTIONS, progress=False)
     (row,) = table.query("`interface.mu_k` == 0.4 and `driver.h` == 0.0025").to_dict("records")
@@ -249,7 +249,6 @@ def test_failed_and_refused_points_are_named_and_the_others_run(tmp_path, monkey
     assert list(found.table["status"]) == ["complete", "failed", "refused", "complete"]
     assert "the lattice folds" in found.failed["reason"][1]
     assert "mu_k" in found.failed["reason"][2]
-    assert not found.done
     assert math.isnan(found.table["F_max"][1])
     later = found.sweep.status(tmp_path)
     assert list(later.table["status"]) == list(found.table["status"])

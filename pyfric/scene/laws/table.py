@@ -16,7 +16,7 @@ __all__ = ["MAX_KNOTS", "Table", "sampled"]
 MAX_KNOTS = 1000
 """Largest number of knots of a table."""
 CLOSE = 1e-3
-"""Default error of `sampled`, over the range of the function."""
+"""Error of `sampled`, over the range of the function."""
 
 
 @dataclass(frozen=True)
@@ -82,16 +82,15 @@ class Table:
         return self
 
 
-def sampled(function: Callable[[float], float], end: float, *, close: float = CLOSE) -> Table:
+def sampled(function: Callable[[float], float], end: float) -> Table:
     """Return a table that follows a function on [0, end].
 
     Intervals are halved until the chord is close to the function at their quarters. The allowed
-    error is `close` times the range of the function on 17 points.
+    error is `CLOSE` times the range of the function on 17 points.
 
     Args:
         function: a function of one number.
         end: end of the table, in the unit of the argument.
-        close: allowed error, over the range of the function.
 
     Raises:
         SceneError: a value is not a finite number, or more than `MAX_KNOTS` would be needed.
@@ -102,7 +101,7 @@ def sampled(function: Callable[[float], float], end: float, *, close: float = CL
         return check_number(f"the law at {x:.6g}", function(x), "")
 
     coarse = [value(end * n / 16) for n in range(17)]
-    allowed = close * (max(coarse) - min(coarse))
+    allowed = CLOSE * (max(coarse) - min(coarse))
     x, y, todo = [0.0], [coarse[0]], [(0.0, end)]
     while todo:
         a, b = todo.pop()

@@ -31,10 +31,11 @@ def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np
         limits: gt, ge, le, lt: >, >=, <=, <.
 
     Raises:
-        ValueError: not real numbers, none, or one of them not finite or outside the limits. A
-            quantity of a library of units is refused, because an array would drop its unit.
+        ValueError: not real numbers, none, or one of them not finite or outside the limits. Text
+            and quantities of a library of units are refused: an array would drop the unit.
     """
-    if hasattr(value, "magnitude") or any(hasattr(v, "magnitude") for v in _listed(value)):
+    given = value if isinstance(value, list | tuple) else [value]
+    if any(isinstance(one, str) or hasattr(one, "magnitude") for one in given):
         raise refusal(field, value, unit, f"numbers without a unit, in {unit or '1'}")
     try:
         array = np.asarray(value)
@@ -51,10 +52,6 @@ def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np
         allowed = " ".join(["a finite number", " and ".join(ranges), unit]).strip()
         raise refusal(field, float(array[~fits][0]), unit, allowed)
     return array
-
-
-def _listed(value: Any) -> Any:
-    return value if isinstance(value, list | tuple) else ()
 
 
 def checked(field: str, value: Any, unit: str = "", **limits: float) -> float:

@@ -16,7 +16,7 @@ import sys
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
-from pyfric.display import Painter, paint_with
+from pyfric import display
 
 if TYPE_CHECKING:
     from pyfric import figures, theory
@@ -207,19 +207,7 @@ except ImportError as error:
     raise
 
 
-def _drawing(shown: Any) -> Any:
-    from pyfric import figures
-
-    return figures.drawing(shown)
-
-
-def _page(record: Any) -> str:
-    from pyfric import figures
-
-    return figures.record_page(record)
-
-
-paint_with(Painter(_drawing, _page))
+display.figures = lambda: importlib.import_module("pyfric.figures")
 
 
 def __getattr__(name: str) -> Any:

@@ -1,7 +1,6 @@
 """How objects of all rooms show themselves in notebooks and as pages.
 
-What draws them, `pyfric.figures`, stands above them. `pyfric` puts a `Painter` here that imports it
-when something is drawn.
+What draws them, `pyfric.figures`, stands above them. It is imported when something is drawn.
 """
 
 from __future__ import annotations
@@ -9,37 +8,18 @@ from __future__ import annotations
 import base64
 import html as markup
 import io
-from typing import TYPE_CHECKING, Any, NamedTuple
+import math
+from typing import Any
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+__all__ = ["drawing", "html", "page", "plain"]
 
-__all__ = ["Painter", "drawing", "html", "page", "paint_with"]
-
-
-class Painter(NamedTuple):
-    """What draws.
-
-    Attributes:
-        figure: of an object, a figure with a caption; None for what has no drawing.
-        page: of a record, a page as HTML.
-    """
-
-    figure: Callable[[Any], Any]
-    page: Callable[[Any], str]
-
-
-_painters: list[Painter] = []
-
-
-def paint_with(painter: Painter) -> None:
-    """Let all objects be drawn by this painter from now on."""
-    _painters[:] = [painter]
+figures: Any = None
+"""A function that imports and returns `pyfric.figures`; `pyfric` sets it."""
 
 
 def drawing(shown: Any) -> Any:
     """Return the figure of an object, None for what has no drawing."""
-    return _painters[0].figure(shown)
+    return figures().drawing(shown)
 
 
 def html(shown: Any) -> str:
@@ -59,4 +39,17 @@ def _image(figure: Any) -> str:
 
 def page(record: Any) -> str:
     """Return a page about a record, as HTML."""
-    return _painters[0].page(record)
+    return figures().record_page(record)
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON can hold it, in full precision; None for a number that is not finite.
+
+    Dicts and lists are converted with all that they hold, scalars of NumPy to those of Python.
+    """
+    if isinstance(value, dict):
+        return {str(key): plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(inner) for inner in value]
+    value = value.item() if hasattr(value, "item") else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value

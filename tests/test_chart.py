@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from helpers import refused
 
 import pyfric
 from pyfric.checks import chart, stability
@@ -116,6 +117,10 @@ def test_a_table_of_limits(tmp_path):
     assert "limits_growth.csv" in names
     nothing = stability.stability(setup1(L=0.0175, H=0.01), budget=0.0)
     assert nothing["measured"].isna().all()
+
+
+def test_the_end_of_a_chart_is_a_time():
+    refused(lambda: chart.chart("fig1", "1 kg"), "t_end", "wrong unit")
 
 
 @pytest.mark.parametrize("command", ["chart", "stability"])

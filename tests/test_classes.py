@@ -2,8 +2,12 @@
 
 import dataclasses
 import functools
+import shlex
+import sys
+import tomllib
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 from helpers import refused, small
@@ -12,7 +16,7 @@ import pyfric
 from pyfric.cli import main
 from pyfric.figures import phase_map, save_figure
 from pyfric.scene import Scene, chain
-from pyfric.sweeps import Job, chain_job, phase_diagram
+from pyfric.sweeps import Job, chain_job, phase_diagram, phases
 from pyfric.theory import chain_prestress, chain_speed
 
 
@@ -162,6 +166,13 @@ def test_a_phase_diagram_of_the_chain(tmp_path):
     assert {path.name for path in files} >= {"phases.png", "phases_table.csv", "phases_lines.csv"}
 
 
+def test_the_two_numbers_of_the_chain_go_by_their_names():
+    """They were taken in their order: alpha for tau_bar."""
+    axes = ("tau_bar", [0.2, 0.3]), ("alpha", [2.0, 3.0])
+    job, _ = phases._jobs(None, *axes, None, None)
+    assert job(0.2, 3.0).scene == chain_job(alpha=3.0, tau_bar=0.2).scene
+
+
 def test_a_phase_diagram_of_any_scene(tmp_path):
     def length(record):
         return bool(len(record.events))
@@ -213,6 +224,32 @@ def test_a_phase_diagram_with_points_at_which_nothing_slips(tmp_path):
         save_figure(phase_map(dataclasses.replace(found, table=table)), tmp_path / "phases")
 
 
+def diagram(labels, alpha=(1.0, 20.0)):
+    """A diagram of so many labels over alpha and tau_bar, without runs or lines."""
+    tau_bar = np.linspace(0.1, 0.9, labels)
+    points = [(a, b, f"label {n:02}") for a in alpha for n, b in enumerate(tau_bar)]
+    table = pd.DataFrame(points, columns=["alpha", "tau_bar", "kind"])
+    table = table.assign(speed=1e3, speed_over_c=0.5, reached=100, status="complete")
+    return phases.PhaseDiagram("alpha", "tau_bar", table, pd.DataFrame(columns=LINE))
+
+
+LINE = ["label", "below", "above", "alpha", "tau_bar", "low", "high", "runs"]
+
+
+def test_a_map_shows_all_labels_and_theory_as_far_as_it_goes():
+    fig = phase_map(diagram(12))
+    texts = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
+    assert texts == [*(f"label {n:02}" for n in range(12)), "v = c", "v = 0.1 c"]
+    drawn = [line for line in fig.axes[0].get_lines() if line.get_label().startswith("label")]
+    assert len({(line.get_marker(), line.get_color()) for line in drawn}) == 12
+    theory = fig.axes[0].get_lines()[-1].get_xdata()
+    assert (theory.min(), theory.max()) == pytest.approx((1.0, 10.0))
+    assert "Black lines" not in fig.caption
+    assert "Red lines" in fig.caption
+    assert "Red lines" not in phase_map(diagram(2, alpha=(11.0, 20.0))).caption
+    refused(lambda: phase_map(diagram(2), "pace"), "label", "unknown")
+
+
 def test_refused_diagrams():
     refused(lambda: phase_diagram("fig1"), "x", "the name of a field")
     axes = {"x": ("driver.h", [2.5e-3, 5e-3]), "y": ("mu_s", [0.6, 0.7])}
@@ -222,6 +259,12 @@ def test_refused_diagrams():
     refused(lambda: phase_diagram("fig1", **axes, t_end=1.0), "y", "another field")
     axes["y"] = ("h", [2.5e-3, 5e-3])
     refused(lambda: phase_diagram("fig1", **axes, t_end=1.0), "driver.h", "given twice")
+    refused(lambda: phase_diagram("fig1", x=("h", 5), y=("mu_s", [0.6, 0.7])), "x", "not a list")
+    refused(lambda: phase_diagram(x=("beta", [0.1, 0.5])), "x, y", "numbers of the chain")
+    refused(lambda: phase_diagram(tolerance=-1.0), "tolerance", "too small")
+    refused(lambda: phase_diagram(t_end=1.0), "t_end", "their own")
+    refused(lambda: phase_diagram(options={"dt": 1e-6}), "options", "their own")
+    refused(lambda: chain_job(1.0, 0.5, blocks=20.5), "blocks", "not a whole number")
     refused(lambda: chain_job(0.0, 0.5), "alpha", "too small")
     refused(lambda: chain_job(1.0, 1.0), "tau_bar", "too large")
 
@@ -229,11 +272,17 @@ def test_refused_diagrams():
 def test_the_command(tmp_path, monkeypatch):
     monkeypatch.setenv("PYFRIC_CACHE", str(tmp_path / "cache"))
     command = ["phase-diagram", "--x", "alpha=0.3:1:2:log", "--y", "tau_bar=0.05:0.5:2:log"]
-    done = CliRunner().invoke(main, [*command, "--no-lines", "--workers", "1", "--out", tmp_path])
+    command += ["--no-lines", "--workers", "1", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", ["bin/pyfric", *command])
+    done = CliRunner().invoke(main, command)
     assert done.exit_code == 0, done.output
+    about = tomllib.loads((tmp_path / "phases_provenance.toml").read_text(encoding="utf-8"))
+    assert shlex.split(about["command"]) == ["pyfric", *command]
     assert (tmp_path / "phases.png").exists()
-    done = CliRunner().invoke(main, ["phase-diagram", "--x", "alpha=3"])
-    assert done.exit_code == 2
+    for axis in ("alpha=3", "alpha=0.3:1:2:log:more"):
+        done = CliRunner().invoke(main, ["phase-diagram", "--x", axis])
+        assert done.exit_code == 2
+        assert "FIELD=FROM:TO:N" in done.output
     for option in (("--set", "mu_s=3"), ("--t-end", "1"), ("--stop-when", "arrested")):
         done = CliRunner().invoke(main, ["phase-diagram", *option, "--out", tmp_path])
         assert done.exit_code == 2

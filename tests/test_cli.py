@@ -158,10 +158,40 @@ def test_a_preset_wins_over_a_file_of_its_name(tmp_path, monkeypatch):
         ("name=" + "x" * 300, ["name = ", "at most 200 characters"]),
         ("h", ["KEY=VALUE"]),
         ("=3", ["KEY=VALUE"]),
+        ("slider=3", ["slider = 3", "a Slider"]),
     ],
 )
 def test_refused_changes(change, texts):
     assert refused(pyf("scene", "fig1", "--set", change), *texts)
+
+
+def test_a_key_is_set_once():
+    for twice in (("h=5e-3", "driver.h=7.5e-3"), ("h=5e-3", "h=7.5e-3")):
+        options = [word for change in twice for word in ("--set", change)]
+        assert refused(pyf("scene", "fig1", *options), "h = 0.0075", "given twice")
+
+
+@pytest.mark.parametrize("text", [".005", "5.e-3", "+5E-03", "5e-3"])
+def test_a_number_is_written_in_any_usual_way(text):
+    shown = pyf("scene", "fig1", "--set", f"h={text}")
+    assert pyfric.Scene.from_toml(shown.stdout).driver.h == 5e-3
+
+
+@pytest.mark.parametrize("option", ["--most", "--older-than"])
+@pytest.mark.parametrize("value", ["nan", "inf"])
+def test_what_is_pruned_has_a_finite_limit(option, value, monkeypatch, tmp_path):
+    monkeypatch.setenv("PYFRIC_CACHE", str(tmp_path))
+    assert refused(pyf("cache", "prune", option, value), f"{option} = {value}", "not a finite")
+
+
+@pytest.mark.parametrize("command", [["info"], ["run", "fig1", "--t-end", "1 ms"]])
+def test_a_core_that_is_not_there_is_bad_input(command):
+    asked = os.environ | {"PYFRIC_VARIANT": "foo"}
+    how = {"env": asked, "capture_output": True, "text": True}
+    done = subprocess.run([sys.executable, "-P", "-m", "pyfric", *command], **how)
+    assert done.returncode == Exit.BAD_INPUT
+    assert done.stderr.startswith("Error: PYFRIC_VARIANT = 'foo': not installed")
+    assert done.stderr.count("\n") == 1
 
 
 def test_a_name_can_be_set():
@@ -373,8 +403,8 @@ def test_fidelity(fidelity, tmp_path):
 
 
 def test_auto_says_what_it_took():
-    slow = ("--set", "V=0.5 mm/s")
-    result = run(*slow, "--want", "stress", "--tolerance", "0.1", "--json", t_end="1.2 s")
+    slow = ("run", "fig1", *SMALL[:-1], "V=0.5 mm/s", "--t-end", "1.2 s")
+    result = pyf(*slow, "--want", "stress", "--tolerance", "0.1", "--json")
     summary = json.loads(result.stdout)
     assert summary["method"]["engine"] == "quasistatic"
     assert "planned for stress within 0.1: quasistatic, linear geometry" in summary["notes"]
@@ -446,7 +476,8 @@ def test_plan_of_a_file_and_of_odd_scenes(tmp_path):
     assert told["fidelity"] == "dynamic"
     assert any("hybrid (" in reason for reason in told["reasons"])
     for change in ("V=0", "mu_k=0", "side=right", "K=1"):
-        result = pyf("plan", "fig1", *SMALL, "--set", change, "--tolerance", "0.5", "--json")
+        small = SMALL[:-2] if change.startswith("V") else SMALL
+        result = pyf("plan", "fig1", *small, "--set", change, "--tolerance", "0.5", "--json")
         assert result.exit_code == Exit.COMPLETE, result.output
     assert (
         json.loads(pyf("plan", "chain", "--t-end", "0", "--json").stdout)["fidelity"] == "dynamic"

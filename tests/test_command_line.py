@@ -2,10 +2,12 @@
 
 import io
 import json
+import math
 import sys
 import warnings
 
 import click
+import pandas as pd
 import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
@@ -118,3 +120,11 @@ def test_a_warning_is_one_line_and_said_once():
     with warnings.catch_warnings(action="always"):
         said = CliRunner().invoke(group, ["minutes"]).stderr
     assert said == "Warning: not written\nWarning: not unique\n"
+
+
+def test_json_has_all_digits_and_null_for_what_is_not_finite(capsys):
+    frame = pd.DataFrame({"dt": [1 / 3e7, math.inf], "n": [1, 2], "name": ["a", None]})
+    Tell(quiet=False, as_json=True).table(frame, str)
+    first, second = json.loads(capsys.readouterr().out)
+    assert first == {"dt": 1 / 3e7, "n": 1, "name": "a"}
+    assert second == {"dt": None, "n": 2, "name": None}

@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+import re
 import subprocess
 import sys
 from unittest import mock
@@ -16,8 +17,8 @@ from matplotlib.collections import LineCollection
 import pyfric
 from pyfric import figures, laws
 from pyfric.figures import fig1b, figure_caption, save_figure, slip_segments, strip
-from pyfric.figures.fronts import wave_speeds
 from pyfric.figures.loading import CURVE_BINS, envelope
+from pyfric.figures.spacetime import speeds as wave_speeds
 from pyfric.figures.strip import event_frames, frame_times
 from pyfric.figures.style import scene_text
 from pyfric.paper import reproduction
@@ -439,7 +440,8 @@ def test_front_speed_and_prestress_of_one_event(run):
     pd.testing.assert_frame_equal(fig.tables["front"], analysis.front(run, event))
     top = fig.axes[0]
     speeds = [line.get_ydata()[0] for line in top.get_lines() if len(line.get_xdata()) == 2]
-    np.testing.assert_allclose(speeds, wave_speeds(run.scene))
+    known = wave_speeds(run.scene)
+    np.testing.assert_allclose(sorted(speeds), [known["c_S"], known["c_L"]])
     shown = next(line for line in top.get_lines() if line.get_marker() == "o")
     np.testing.assert_array_equal(shown.get_ydata(), fig.tables["front"]["v_c"])
     assert f"{fig.tables['front']['v_c'].count()} points" in fig.caption
@@ -449,18 +451,25 @@ def test_front_speed_and_prestress_of_one_event(run):
 def test_wave_speeds_are_the_paper_s():
     scene = setup1()
     blocks = (scene.N_x - 1) * (scene.N_z - 1) / (scene.N_x * scene.N_z)
-    np.testing.assert_allclose(
-        np.array(wave_speeds(scene)) * np.sqrt(blocks), [1677, 968], rtol=1e-3
-    )
+    speeds = [wave_speeds(scene)[name] * np.sqrt(blocks) for name in ("c_L", "c_S")]
+    np.testing.assert_allclose(speeds, [1677, 968], rtol=1e-3)
+
+
+def test_a_chain_has_one_wave_speed():
+    scene = pyfric.chain(L=0.025)
+    fig = figures.fig4b([simulated(scene, 1e-3)])
+    assert [text.get_text() for text in fig.axes[0].texts] == ["$c$"]
+    c = scene.slider.l * np.sqrt(scene.slider.k / scene.m)
+    assert fig.axes[0].get_lines()[-1].get_ydata()[0] == pytest.approx(c)
 
 
 def test_speeds_of_several_runs(run):
-    weak = small(mu_s=0.5, mu_k=0.2, name="weak")
+    weak = small(mu_s=0.5, mu_k=0.2)  # of the same name
     fig = figures.fig4b([run, weak])
     points = fig.tables["points"]
-    for record in (run, weak):
+    for n, record in enumerate((run, weak), 1):
         all_fronts = analysis.fronts(record)
-        mine = points[points["run"] == record.scene.name]
+        mine = points[points["run"] == n]
         known = all_fronts["v_c"].notna() & all_fronts["tau_over_p"].notna()
         assert len(mine) == known.sum() > 20
         mu_s, mu_k = record.scene.interface.mu_s, record.scene.interface.mu_k
@@ -471,11 +480,11 @@ def test_speeds_of_several_runs(run):
         drawn = [line for line in lines if line.get_linestyle() == "None"]
         assert sum(len(line.get_xdata()) for line in drawn) == len(points)
         medians = [one for one in lines if one not in drawn]
-        for line, name in zip(medians, ("small", "weak"), strict=True):
-            mine = points[points["run"] == name]
+        for n, line in enumerate(medians, 1):
+            mine = points[points["run"] == n]
             far = mine[mine[x] >= mine[x].quantile(0.9)]
             assert line.get_ydata()[-1] == pytest.approx(far["v_c"].median(), rel=0.1)
-    assert set(fig.tables["medians"]["run"]) == {"small", "weak"}
+    assert set(fig.tables["medians"]["run"]) == {1, 2}
     spread = analysis.collapse_spread(points["scaled"].to_numpy(), points["v_c"].to_numpy()).rms
     assert any(f"{spread:.2f}" in text.get_text() for text in both[1].texts)
     assert "mu_s/mu_k = 0.5/0.2, 0.7/0.45" in fig.caption
@@ -516,6 +525,12 @@ def test_sketch_shows_the_scene_with_its_numbers(scene, texts):
             box = text.get_window_extent()
             assert -1 <= box.x0 <= box.x1 <= right + 1
             assert -1 <= box.y0 <= box.y1 <= top + 1
+
+
+def test_sketch_shows_a_field_of_the_law_that_varies():
+    fig = figures.sketch(pyfric.preset("slow", u_s=pyfric.Spread(mean=1e-6, std=1e-7)))
+    shown = [text.get_text() for text in fig.findobj(matplotlib.text.Text)]
+    assert any(re.fullmatch(r"u_s \d\S*e-07\$-\$1\.\d+e-06 m", text) for text in shown)
 
 
 @pytest.mark.filterwarnings("error")

@@ -253,6 +253,7 @@ def test_refusals_name_knot_and_value():
         (lambda: laws.TabulatedLaw.of(slide=(lambda s: 0.7 if s < 0.3 else 0.45, 1.0)), "jumps"),
         (lambda: laws.TabulatedLaw.of(slide=(lambda s: math.nan, 1.0)), "finite"),
         (lambda: laws.TabulatedLaw.of(slide="nowhere.csv"), "CSV"),
+        (lambda: laws.TabulatedLaw.of(slide=5), "a CSV file, a function"),
         (lambda: laws.ExponentialWeakening(), "d_c"),
     ):  # fmt: skip
         with pytest.raises(SceneError, match=text):

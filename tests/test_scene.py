@@ -841,3 +841,35 @@ def test_a_shear_force_beyond_friction_is_named():
     assert str(error).startswith("top.T = 281.0 N: ")
     assert "mu_s F_N = 280.0 N" in str(error)
     assert setup2(T=-280.0).top.T == -280.0
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "fields"),
+    [
+        ("fig1", {"driver.h": 7.5e-3, "h": 5e-3}, {}),
+        ("fig1", {"h": 7.5e-3}, {"h": 5e-3}),
+        ("tpv3", {"slider.l": 200.0}, {"l": 100.0}),
+    ],
+)
+def test_a_field_is_given_once(name, changes, fields):
+    """The last one counted, and nothing was said."""
+    assert refused(lambda: preset(name, changes, **fields)).reason == "given twice"
+
+
+def test_changes_take_the_place_of_values_of_a_preset():
+    assert preset("run3", {"driver.h": 5e-3}).driver.h == preset("run3", h=5e-3).driver.h == 5e-3
+
+
+def test_what_is_no_part_or_no_change_is_refused():
+    assert refused(lambda: preset("fig1", slider=None)).field == "slider"
+    assert refused(lambda: preset("fig1", {"slider": 3})).field == "slider"
+    assert refused(lambda: preset("fig1", 5)).field == "changes"
+    assert refused(lambda: preset("fig1").replace({"h": 1e-2}, h=5e-3)).reason == "given twice"
+
+
+def test_a_number_of_a_spread_may_have_the_unit_of_its_field():
+    scene = preset("fig1", d_c=Spread(mean=1e-6, std=1e-8))
+    spread = scene.replace({"interface.d_c.mean": "3 um", "interface.d_c.seed": 2}).interface.d_c
+    assert spread == Spread(mean=3e-6, std=1e-8, seed=2)
+    error = refused(lambda: scene.replace({"interface.d_c.mean": "3 kg"}))
+    assert (error.field, error.unit) == ("interface.d_c.mean", "m")

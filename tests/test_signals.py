@@ -264,7 +264,7 @@ def check_stops(process, number=signal.SIGINT):
     [("run fig1 --t-end 1", "click"), ("run fig1 --t-end 1", "numpy"), ("plan fig1", "pydantic")],
 )
 def test_the_first_moments_end_without_traceback(command, moment):
-    with started("-X", "importtime", "-m", "pyfric.cli", *command.split()) as process:
+    with started("-X", "importtime", "-m", "pyfric", *command.split()) as process:
         wait_for(process, f" {moment}\n".encode())
         check_stops(process)
 

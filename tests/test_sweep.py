@@ -139,12 +139,25 @@ def test_drawn_points_follow_their_seed_and_ranges(kind):
         assert np.diff(np.sort(np.log10(rows["driver.K"].astype(float)))).max() < 3 * 2 / 100
 
 
+def test_numbers_of_points_are_whole():
+    over = {"driver.h": Span(start=2.5e-3, stop=1e-2, n=np.int64(3))}
+    assert len(swept(over=over).jobs) == 3
+    assert len(swept(over=over, points="sobol", n=np.int64(2), seed=np.uint8(3)).jobs) == 2
+    refused(lambda: swept(over=over, points="random", n=2.0), "n")
+    refused(lambda: Sweep.from_toml(5), "sweep")
+
+
 def test_ranges():
     assert Span(start=1.0, stop=100.0, n=3, scale="log").values("x") == [1.0, 10.0, 100.0]
     assert Span(start=2e-3, stop=1e-2, step=2e-3).values("x") == [2e-3, 4e-3, 6e-3, 8e-3, 1e-2]
-    whole = Span(start=1, stop=4, step=1).values("x")
-    assert whole == [1, 2, 3, 4]
+    span = Span(start=1, stop=4, step=1)
+    whole = [*span.values("x"), span.at(0.2), span.at(1.0)]
+    assert whole == [1, 2, 3, 4, 2, 4]
     assert {type(number) for number in whole} == {int}
+    assert Span(start=0, stop=10, step=6).at(1.0) == 6  # not 12, beyond the range
+    seeds = {"interface.mu_s.seed": Span(start=1, stop=9, step=1)}
+    jobs = swept(scene=RANDOM, over=seeds, points="random", n=4).jobs
+    assert all(isinstance(job, Job) for job in jobs), jobs
 
 
 @given(st.sampled_from(["linear", "log"]), st.floats(1e-9, 1e9), st.floats(1.001, 1e9))
@@ -162,6 +175,9 @@ def test_a_share_of_a_range_is_where_its_value_is(scale, start, ratio):
         ("in several parts", {"over": {"protocol": [()]}}),
         ("interface.mu_s.seed: unknown|unknown", {"over": {"interface.mu_s.seed": [1]}}),
         ("over", {"over": {}}),
+        ("over", {"over": "h"}),
+        ("over", {"over": ["h"]}),
+        ("over.5", {"over": {5: [1]}}),
         ("over.driver.h", {"over": {"driver.h": []}}),
         ("over.driver.h", {"over": {"driver.h": "5 mm"}}),
         ("over.driver.h", {"over": {"driver.h": 5e-3}}),
@@ -190,6 +206,8 @@ def test_bad_sweeps_are_refused(text, changes):
         ("step", {"step": 0.0}),
         ("n", {"n": 1}),
         ("n", {"n": 2.0}),
+        ("n", {"n": 2, "step": 0.5}),
+        ("scale", {"scale": "log", "step": 0.5}),
     ],
 )
 def test_bad_ranges_are_refused(field, changes):
@@ -203,7 +221,7 @@ def test_results_are_those_of_simulate_with_units(tmp_path):
     found = swept(over={"interface.mu_k": [0.3, 0.4], "driver.h": [2.5e-3, 5e-3]}).run(
         tmp_path, workers=1, progress=False
     )
-    assert found.done
+    assert set(found.table["status"]) == {"complete"}
     table, axes = found.table, found.to_xarray()
     record = simulate(small(mu_k=0.4, h=2.5e-3), 1.2e-3, OPTIONS, progress=False)
     (row,) = table.query("`interface.mu_k` == 0.4 and `driver.h` == 0.0025").to_dict("records")
@@ -231,7 +249,6 @@ def test_failed_and_refused_points_are_named_and_the_others_run(tmp_path, monkey
     assert list(found.table["status"]) == ["complete", "failed", "refused", "complete"]
     assert "the lattice folds" in found.failed["reason"][1]
     assert "mu_k" in found.failed["reason"][2]
-    assert not found.done
     assert math.isnan(found.table["F_max"][1])
     later = found.sweep.status(tmp_path)
     assert list(later.table["status"]) == list(found.table["status"])
@@ -358,6 +375,7 @@ def test_a_scene_in_the_file_names_files_beside_it(file):
         ("[options]", "[option]", "did you mean 'options'"),
         ("fidelity", "fidelty", "fidelty"),
         ("step =", "stepp =", "did you mean 'step'"),
+        ('"2.5 mm", to', '"9 mm", to', "over.driver.h.from"),
         ('"1.2 ms"', "1.2", "missing unit"),
         ("scene.toml", "nothing.toml", "cannot be read"),
         ("[over]", "[over", "not TOML"),

@@ -5,6 +5,7 @@ import warnings
 
 import numpy as np
 import pandas as pd
+import pint
 import pytest
 from scipy import integrate
 from scipy.special import beta
@@ -558,6 +559,15 @@ def test_pressure_balances_force_and_torque(drive):
 )  # fmt: skip
 def test_refusals(field, call):
     refused(field, call)
+
+
+def test_a_quantity_does_not_lose_its_unit():
+    """5 mm was taken for 5 m."""
+    units = pint.UnitRegistry()
+    for given in (5 * units.mm, [5 * units.mm], units.Quantity([1.0, 2.0], "mm"), "5 mm"):
+        with pytest.raises(ValueError, match=r"(?s)^a = .*; allowed: numbers without a unit, in m"):
+            theory.stress_intensity(given, 1e6)
+    refused("E", theory.Material.plane_stress, 3 * units.GPa, 0.3, 1200.0)
 
 
 def test_shapes():

@@ -31,7 +31,7 @@ main(["verify", "--json"])
     [
         pytest.param(["-c", SOME], 2, 1, id="two groups"),
         pytest.param(
-            ["-m", "pyfric.cli", "verify", "--json"],
+            ["-m", "pyfric", "verify", "--json"],
             len(list(verify._all())),
             5,
             id="all",

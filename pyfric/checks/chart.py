@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pyfric.engines import RunError, default_switching, full_work, machine_speed, simulate
 from pyfric.figures import DataFigure
 from pyfric.record import differences
-from pyfric.scene import SceneError, as_scene, default_geometry
+from pyfric.scene import SceneError, as_scene, check_number, default_geometry
 from pyfric.signals import at_once
 from pyfric.statics import EquilibriumError, stability_limit
 from pyfric.theory import Material
@@ -100,11 +99,11 @@ def chart(
         "ok", or why there is no answer.
 
     Raises:
-        SceneError: no scene.
+        SceneError: no scene, or t_end is refused.
         RunError: the reference left the range of numbers.
     """
     scene, begin = as_scene(scene), time.process_time()
-    t_end = _default_end(scene) if t_end is None else t_end
+    t_end = _default_end(scene) if t_end is None else check_number("t_end", t_end, "s", gt=0.0)
     finest = _reference(scene, t_end, budget / 2)
     say(f"reference: {_named(finest)}, up to {t_end:.3g} s")
     truth, seconds = run(scene, t_end, finest, _step(scene, finest))
@@ -281,8 +280,7 @@ def figure(table: pd.DataFrame) -> DataFigure:
     """Return error over processor time, one panel for each question that has an answer."""
     wants = [want for want in WANTS if want in table and table[want].notna().any()]
     rows = math.ceil(max(len(wants), 1) / 2)
-    fig = DataFigure(figsize=(7.2, 3.0 * rows + 0.4), layout="constrained")
-    FigureCanvasAgg(fig)
+    fig = DataFigure(figsize=(7.2, 3.0 * rows + 0.4))
     panels = fig.subplots(rows, 2, sharex=True, squeeze=False).ravel()
     ran, shown = table[table["status"] == "ok"], {}
     for want, axes in zip(wants, panels, strict=False):

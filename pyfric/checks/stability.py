@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pyfric import core
 from pyfric.core import OPEN
@@ -183,8 +182,7 @@ def report(table: pd.DataFrame) -> str:
 
 def figure(table: pd.DataFrame) -> DataFigure:
     """Return growth in a step over the step, one line for each stepper."""
-    fig = DataFigure(figsize=(4.6, 3.2), layout="constrained")
-    FigureCanvasAgg(fig)
+    fig = DataFigure(figsize=(4.6, 3.2))
     axes, colours = fig.subplots(), ("#0072B2", "#009E73", "#D55E00")
     for (stepper, rows), colour in zip(table.groupby("stepper", sort=False), colours, strict=True):
         text = f"{stepper.replace('_', ' ')}: limit {rows['computed'].iloc[0]:.3g} s"

@@ -25,6 +25,7 @@ import numpy as np
 from pyfric import core, theory
 from pyfric.checks import ladder, regression, tolerances, tpv3
 from pyfric.checks.check import Check
+from pyfric.display import plain
 from pyfric.engines import simulate, step_size
 from pyfric.paper.claims import CLAIMS
 from pyfric.scene import chain, laws, preset, setup1
@@ -103,8 +104,7 @@ def _limited(seconds: float) -> Iterator[None]:
     text = f"not run: all checks together may take {LIMIT:g} s of processor time"
     if seconds <= 0:
         raise _OutOfTime(text)
-    main = threading.current_thread() is threading.main_thread()
-    if not (main and hasattr(signal, "SIGPROF")):
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
 
@@ -126,7 +126,7 @@ def table(groups: list[Group]) -> list[dict[str, Any]]:
         {
             "group": group.name,
             **dataclasses.asdict(check),
-            "value": float(check.value) if math.isfinite(check.value) else None,
+            "value": plain(float(check.value)),
             "tolerance": float(check.tolerance),
             "holds": check.holds,
         }

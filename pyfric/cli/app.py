@@ -1,8 +1,7 @@
 """Command line: runs, scenes, figures, claims and timings.
 
 Every command ends with a code of `Exit`; refusals and failures are one message on stderr, without
-a traceback. SIGTERM and other signals act as Ctrl-C does. Commands are in `pyfric.cli.commands`:
-every module there is read, and adds its own to `main`.
+a traceback. SIGTERM and other signals act as Ctrl-C does. Commands are in `pyfric.cli.commands`.
 """
 
 from __future__ import annotations
@@ -114,7 +113,10 @@ def _code(error: Exception) -> Exit | None:
     """Return the exit code of a refusal or failure; None for what nobody expects."""
     import pyfric
 
-    if isinstance(error, pyfric.SceneError | pyfric.StateError | pyfric.RecordError):
+    variant = isinstance(error, ImportError) and str(error).startswith("PYFRIC_VARIANT")
+    if variant or isinstance(error, pyfric.SceneError):  # the others need the core
+        return Exit.BAD_INPUT
+    if isinstance(error, pyfric.StateError | pyfric.RecordError):
         return Exit.BAD_INPUT
     if isinstance(error, OSError) and error.errno == errno.EPIPE:
         return None  # the reader of stdout has left: click ends quietly

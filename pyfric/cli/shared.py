@@ -7,6 +7,7 @@ import errno
 import functools
 import json
 import os
+import shlex
 import signal
 import sys
 import tempfile
@@ -136,25 +137,9 @@ class Seconds(click.ParamType):
         self.words = words
 
     def convert(self, value: Any, param: Any, ctx: Any) -> float | str:
-        return value if value in self.words else number(param.name, value, "s", ge=0.0)
+        from pyfric.scene import read_number
 
-
-def number(field: str, text: str, unit: str, **limits: float | None) -> float:
-    """Return a bare SI number, or a quantity with its unit, as a number in SI.
-
-    Raises:
-        SceneError: it is neither, or outside the limits.
-    """
-    from pyfric.scene import SceneError, check_number, parse_quantity, range_text
-
-    allowed = range_text(unit, **limits)
-    try:
-        number = float(text)
-    except ValueError:
-        if not unit:
-            raise SceneError(field, text, "", allowed, "not a number") from None
-        number = parse_quantity(field, text, unit, allowed=allowed)
-    return check_number(field, number, unit, **limits)
+        return value if value in self.words else read_number(param.name, value, "s", ge=0.0)
 
 
 def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
@@ -163,15 +148,15 @@ def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
     Raises:
         SceneError: no such preset or file, or a name or value is refused.
     """
-    from pyfric.scene import as_scene, spoken
+    from pyfric.scene import as_scene, once, spoken
 
-    values = {}
+    values = []
     for change in changes:
         key, equals, text = (part.strip() for part in change.partition("="))
         if not (key and equals):
             raise click.UsageError(f"--set {change}: write KEY=VALUE, such as 'h=7.5 mm'.")
-        values[key] = text if key == "name" else spoken(text)
-    return as_scene(name, values)
+        values.append((key, text if key == "name" else spoken(text)))
+    return as_scene(name, once(values))
 
 
 def record_of(path: str) -> Record:
@@ -379,7 +364,9 @@ class Tell:
 
     def table(self, frame: pd.DataFrame, report: Callable[[pd.DataFrame], str]) -> None:
         """Tell a table; numbers that are not known are null."""
-        self.result(json.loads(frame.to_json(orient="records")), lambda: report(frame))
+        from pyfric.display import plain
+
+        self.result(plain(frame.to_dict("records")), lambda: report(frame))
 
     def files(self, files: Iterable[Path], **more: Any) -> None:
         """Tell which files were written."""
@@ -412,6 +399,11 @@ def check_table(out: Path | None, overwrite: bool) -> None:
     if out is not None:
         check_out(out, overwrite)
         check_out(_provenance_of(out), overwrite)
+
+
+def command_line() -> str:
+    """Return the command as it was given, for `provenance`."""
+    return shlex.join(["pyfric", *sys.argv[1:]])
 
 
 def save_table(table: pd.DataFrame, out: Path | None, command: str, digits: str) -> None:

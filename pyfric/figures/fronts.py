@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from pyfric.figures.registry import figure
+from pyfric.figures.spacetime import LOOKS as LINES
+from pyfric.figures.spacetime import speeds
 from pyfric.figures.stresses import longest_precursor
 from pyfric.figures.style import (
     BLUE,
@@ -41,12 +42,6 @@ MEDIANS = 10
 """Bins of the medians of a run."""
 
 
-def wave_speeds(scene: Scene) -> tuple[float, float]:
-    """Return the speeds of long longitudinal and shear waves in the lattice, m/s."""
-    unit = scene.slider.l * math.sqrt(scene.slider.k / scene.m)
-    return math.sqrt(1.5) * unit, math.sqrt(0.5) * unit
-
-
 @figure("Fig. 4(a): front speed and prestress in one precursor", runs="fig4a", precursor=11)
 def fig4a(record: Record, event: int | None = None) -> DataFigure:
     """Fig. 4(a) of the paper: front speed and prestress along the interface in one precursor.
@@ -68,7 +63,7 @@ def fig4a(record: Record, event: int | None = None) -> DataFigure:
     fig, (top, bottom) = panels(3.4, sharex=True, ratios=(1.2, 1))
     _speeds(top, record.scene)
     top.plot(table["x_over_L"], table["v_c"], color=BLUE, lw=0.9, marker="o", ms=2.8)
-    top.set_ylim(0, 1.1 * np.nanmax([*table["v_c"], wave_speeds(record.scene)[0]]))
+    top.set_ylim(0, 1.1 * np.nanmax([*table["v_c"], *_wave_speeds(record.scene).values()]))
     top.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)")
     mark(bottom, friction.mu_s, r"$\mu_\mathrm{s}$", at=0.97, away=(0, 1), ha="right")
     mark(bottom, friction.mu_k, r"$\mu_\mathrm{k}$", at=0.97, away=(0, 1), ha="right")
@@ -104,7 +99,7 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
         SceneError: there is no record.
     """
     records = listed(records)
-    tables = [fronts(one).assign(run=one.scene.name) for one in records]
+    tables = [fronts(one).assign(run=n, scene=one.scene.name) for n, one in enumerate(records, 1)]
     points = pd.concat(tables, ignore_index=True)
     blocks = len(points)
     points = points[np.isfinite(points["v_c"]) & np.isfinite(points["tau_over_p"])]
@@ -146,11 +141,11 @@ def _draw_runs(
     """Draw the points of each run; return one legend handle for each."""
     handles = []
     counts = points["run"].value_counts()
-    for n, one in enumerate(records):
-        colour, shape = LOOKS[n % len(LOOKS)]
-        rows, friction = points[points["run"] == one.scene.name], one.scene.law.mean
+    for n, one in enumerate(records, 1):
+        colour, shape = LOOKS[(n - 1) % len(LOOKS)]
+        rows, friction = points[points["run"] == n], one.scene.law.mean
         look = {"ls": "", "marker": shape, "ms": 1.8, "color": colour, "alpha": 0.35, "mew": 0.3}
-        look["zorder"] = 3 - counts.get(one.scene.name, 0) / max(len(points), 1)  # few on top
+        look["zorder"] = 3 - counts.get(n, 0) / max(len(points), 1)  # few on top
         look["rasterized"] = len(rows) > 5000
         for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
             axes.plot(rows[x], rows["v_c"], **look)
@@ -163,13 +158,13 @@ def _draw_runs(
 def _draw_medians(
     both: Sequence[Axes], records: Sequence[Record], points: pd.DataFrame
 ) -> pd.DataFrame:
-    """Draw the medians of each run over its points; return them: run, axis, its median, v_c."""
+    """Draw the medians of each run over its points; return run, scene, axis, its median, v_c."""
     tables = []
-    for n, one in enumerate(records):
-        rows = points[points["run"] == one.scene.name]
+    for n, one in enumerate(records, 1):
+        rows = points[points["run"] == n]
         if len(rows) < PER_BIN * MEDIANS:
             continue
-        colour, shape = LOOKS[n % len(LOOKS)]
+        colour, shape = LOOKS[(n - 1) % len(LOOKS)]
         look = {
             "color": colour,
             "marker": shape,
@@ -185,8 +180,9 @@ def _draw_medians(
             )
             table = bins[[x, "v_c"]].median().rename(columns={x: "at"})
             axes.plot(table["at"], table["v_c"], lw=1.2, **look)
-            tables.append(table.reset_index(drop=True).assign(run=one.scene.name, axis=x))
-    return pd.concat(tables) if tables else pd.DataFrame(columns=["at", "v_c", "run", "axis"])
+            tables.append(table.reset_index(drop=True).assign(run=n, scene=one.scene.name, axis=x))
+    columns = ["at", "v_c", "run", "scene", "axis"]
+    return pd.concat(tables) if tables else pd.DataFrame(columns=columns)
 
 
 def _draw_spreads(both: Sequence[Axes], points: pd.DataFrame) -> list[str]:
@@ -205,6 +201,10 @@ def _draw_spreads(both: Sequence[Axes], points: pd.DataFrame) -> list[str]:
 
 
 def _speeds(axes: Axes, scene: Scene) -> None:
-    names = (r"$c_\mathrm{L}$", r"$c_\mathrm{S}$")
-    for speed, name in zip(wave_speeds(scene), names, strict=True):
-        mark(axes, speed, name, at=0.985, away=(0, 1), ha="right")
+    for name, speed in _wave_speeds(scene).items():
+        mark(axes, speed, LINES[name][-1], at=0.985, away=(0, 1), ha="right")
+
+
+def _wave_speeds(scene: Scene) -> dict[str, float]:
+    """Return the speeds of long waves that the paper shows, c_L and c_S, or c of a chain, m/s."""
+    return {name: speed for name, speed in speeds(scene).items() if name != "c_R"}

@@ -72,11 +72,11 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
         axes[0].plot(curve["F_T_over_F_N"], curve["L_p_over_L"], color="0.75", lw=0.6, zorder=1)
     for (L, h), rows in points.groupby(["L_mm", "h_mm"]):
         one = colour[_nearest(heights, h)]
-        _draw(axes[0], rows, one, one, shape[_nearest(lengths, L)])
+        _draw(axes[0], rows, one, shape[_nearest(lengths, L)])
     handles = [_dot(colour[h], f"{h * 1e3:g} mm") for h in heights]
     legend(axes[0], handles=handles, title=r"height $h$", loc="upper left")
     axes[0].add_artist(axes[0].get_legend())
-    handles = [_dot("0.3", f"$L$ = {L * 1e3:g} mm", "0.3", shape[L]) for L in lengths]
+    handles = [_dot("0.3", f"$L$ = {L * 1e3:g} mm", shape[L]) for L in lengths]
     handles += [Line2D([], [], color="0.75", lw=1, label=PREDICTED)]
     legend(axes[0], handles=handles, loc="upper left", bbox_to_anchor=(0.25, 1.0))
     _frame(axes[0], records)
@@ -104,7 +104,7 @@ def _draw_loads(
             curve = curves[(curves["L_mm"] == L) & (curves["h_mm"] == h)]
             axes.plot(curve["F_T_over_F_N"] + n * SHIFT, curve["L_p_over_L"], color="0.75", lw=0.6)
             some = some.assign(F_T_over_F_N=some["F_T_over_F_N"] + n * SHIFT)
-            _draw(axes, some, colour, colour, shape[_nearest(list(shape), L)])
+            _draw(axes, some, colour, shape[_nearest(list(shape), L)])
         shift = f" (+{n * SHIFT:g})" if n else ""
         handles.append(_dot(colour, rf"$F_\mathrm{{N}}$ = {F_N:g} N{shift}"))
     heights = joined(f"{h:g}" for h in sorted(points["h_mm"].unique()))
@@ -165,8 +165,8 @@ def fig2b(records: Sequence[Record]) -> DataFigure:
         colour, shape = (BLUE, BLACK, VERMILION, GREEN)[n % 4], MARKERS[n % 4]
         curve = curves[curves["theta"] == theta]
         axes.plot(curve["F_T_over_F_N"], curve["L_p_over_L"], color=colour, lw=0.8, zorder=1)
-        _draw(axes, points[points["theta"] == theta], colour, colour, shape)
-        handles.append(_dot(colour, rf"$\theta = {theta:g}$", None, shape))
+        _draw(axes, points[points["theta"] == theta], colour, shape)
+        handles.append(_dot(colour, rf"$\theta = {theta:g}$", shape))
     handles.append(Line2D([], [], color="0.3", lw=0.8, label=PREDICTED))
     legend(axes, handles=handles, loc="upper left")
     _frame(axes, records)
@@ -245,18 +245,16 @@ def _values(records: Sequence[Record], get: object) -> list[float]:
     return sorted({get(one.scene) for one in records})
 
 
-def _draw(
-    axes: Axes, rows: pd.DataFrame, colour: str, face: str, shape: str, size: float = 3.2
-) -> None:
+def _draw(axes: Axes, rows: pd.DataFrame, colour: str, shape: str) -> None:
     ahead, behind = rows[rows["advances"]], rows[~rows["advances"]]
     axes.plot(
         ahead["F_T_over_F_N"],
         ahead["L_p_over_L"],
         ls="",
         marker=shape,
-        ms=size,
+        ms=3.2,
         mec="white",
-        mfc=face,
+        mfc=colour,
         mew=0.3,
         zorder=3,
     )
@@ -269,10 +267,8 @@ def _nearest(lengths: Sequence[float], mm: float) -> float:
     return min(lengths, key=lambda one: abs(one * 1e3 - mm))
 
 
-def _dot(
-    colour: str, label: str, face: str | None = None, shape: str = "o", size: float = 3.5
-) -> Line2D:
-    look = {"mec": colour, "mfc": colour if face is None else face, "mew": 0.7, "ms": size}
+def _dot(colour: str, label: str, shape: str = "o") -> Line2D:
+    look = {"mec": colour, "mfc": colour, "mew": 0.7, "ms": 3.5}
     return Line2D([], [], ls="", marker=shape, label=label, **look)
 
 

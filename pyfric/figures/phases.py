@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,13 +12,17 @@ from pyfric.figures.style import (
     BLACK,
     COLUMN_WIDTH,
     GREY,
+    ORANGE,
+    PURPLE,
     VERMILION,
     DataFigure,
     colour_bar,
     legend,
     panels,
 )
-from pyfric.theory import chain_prestress
+from pyfric.scene import unknown
+from pyfric.sweeps import even_scale
+from pyfric.theory import LARGEST_VISCOSITY, chain_prestress
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,6 +33,8 @@ __all__ = ["phase_map"]
 
 SYMBOLS = ("x", "o", "s", "^", "D", "v", "*", "+")
 """Symbols of labels, in alphabetical order."""
+COLOURS = (GREY, BLACK, ORANGE, PURPLE)
+"""Colours of labels, each with all symbols."""
 THEORY = ((1.0, "-", "v = c"), (0.1, "--", "v = 0.1 c"))
 """Speeds of the chain whose lines are drawn, and how."""
 
@@ -40,26 +47,35 @@ def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
         label: which of its labels is shown by symbols; None means the first one.
 
     Colours are speeds of fronts over c = l sqrt(k/m). For a chain over alpha and tau_bar the speeds
-    c and 0.1 c of steady fronts are drawn, by `pyfric.theory.chain_prestress`. White: no front
+    c and 0.1 c of steady fronts are drawn, by `pyfric.theory.chain_prestress`, as far as it goes
+    (alpha <= 10). White: no front
     reached the end.
 
     Returns:
         The figure. Its tables are those of the diagram, "table" and "lines".
+
+    Raises:
+        SceneError: the diagram has no such label.
     """
     x, y, table = diagram.x, diagram.y, diagram.table
     own = [x, y, "speed", "speed_over_c", "reached", "status"]
-    label = label or next(name for name in table if name not in own)
+    labels = [name for name in table if name not in own]
+    label = label or labels[0]
+    if label not in labels:
+        raise unknown("label", label, str(label), labels)
     fig, (axes,) = panels(0.85 * COLUMN_WIDTH)
     _speeds(axes, diagram)
-    for symbol, (value, rows) in zip(SYMBOLS, table.groupby(label), strict=False):
-        axes.plot(rows[x], rows[y], symbol, ms=2, color=GREY, mfc="none", mew=0.5, label=value)
+    looks = itertools.cycle(itertools.product(COLOURS, SYMBOLS))
+    for (colour, symbol), (value, rows) in zip(looks, table.groupby(label), strict=False):
+        axes.plot(rows[x], rows[y], symbol, ms=2, color=colour, mfc="none", mew=0.5, label=value)
     for _, line in diagram.lines.sort_values(x).groupby(["label", "below", "above"]):
         axes.plot(line[x], line[y], "-", color=BLACK, lw=1)
-    if (x, y) == ("alpha", "tau_bar"):
-        _theory(axes, table[x].min(), table[x].max())
+    highest = min(table[x].max(), LARGEST_VISCOSITY)
+    theory = (x, y) == ("alpha", "tau_bar") and table[x].min() <= highest
+    if theory:
+        _theory(axes, table[x].min(), highest)
     for name, set_scale in ((x, axes.set_xscale), (y, axes.set_yscale)):
-        if _even_in_log(np.unique(table[name])):
-            set_scale("log")
+        set_scale(even_scale(np.unique(table[name])))
     axes.set_ylim(*_edges(np.unique(table[y]))[[0, -1]])
     axes.set_xlabel(NAMES.get(x, x))
     axes.set_ylabel(NAMES.get(y, y))
@@ -67,9 +83,12 @@ def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
     fig.tables = {"table": table, "lines": diagram.lines}
     fig.caption = (
         f"Phase diagram over {x} and {y}: {len(table)} runs. Colours: speed of the front over c; "
-        f"white where no front reached the end. Symbols: {label}. Black lines: where labels "
-        "change, by bisection. Red lines: steady fronts of the chain, by theory."
+        f"white where no front reached the end. Symbols: {label}."
     )
+    if len(diagram.lines):
+        fig.caption += " Black lines: where labels change."
+    if theory:
+        fig.caption += " Red lines: steady fronts of the chain, by theory."
     return fig
 
 
@@ -96,16 +115,9 @@ def _theory(axes: Axes, low: float, high: float) -> None:
         axes.plot(alpha, tau_bar, style, color=VERMILION, lw=0.8, label=text)
 
 
-def _even_in_log(values: np.ndarray) -> bool:
-    if values[0] <= 0 or len(values) < 3:
-        return False
-    linear, log = np.diff(values), np.diff(np.log(values))
-    return bool(np.ptp(log) / log.mean() < np.ptp(linear) / linear.mean())
-
-
 def _edges(values: np.ndarray) -> np.ndarray:
     """Return the edges of cells about values, (n + 1,)."""
-    if _even_in_log(values):
+    if even_scale(values) == "log":
         return np.exp(_edges(np.log(values)))
     middle = (values[1:] + values[:-1]) / 2
     return np.array([2 * values[0] - middle[0], *middle, 2 * values[-1] - middle[-1]])

@@ -26,7 +26,7 @@ from pyfric.figures.style import (
     panels,
     scene_text,
 )
-from pyfric.scene import as_scene
+from pyfric.scene import as_scene, quantities
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene, SceneLike
@@ -180,7 +180,9 @@ def _fields(axes: Axes, x: np.ndarray, unit: float, scene: Scene) -> None:
             lw=LINE,
         )
         times, of = FIELD_UNITS.get(name, (1.0, ""))
-        text = f"{FIELD_NAMES[name]} {low * times:.3g}$-${high * times:.3g}{of}"
+        if name not in FIELD_NAMES:  # a field of the friction law
+            of = f" {quantities(type(scene.interface.law))[name].unit}"
+        text = f"{FIELD_NAMES.get(name, name)} {low * times:.3g}$-${high * times:.3g}{of}"
         side = {"ha": "right"} if scene.d > 0 else {"ha": "left"}
         place = -3 * unit if scene.d > 0 else L + 3 * unit
         _text(axes, (place, bottom + high_at / 2), text, GREEN, **side)

@@ -1,7 +1,7 @@
 """The simulated system: parts, scenes, presets, units, geometry."""
 
 from pyfric.scene import laws
-from pyfric.scene.change import followed_by, full_name, read_value, scene_fields, spoken
+from pyfric.scene.change import followed_by, full_name, once, read_value, scene_fields, spoken
 from pyfric.scene.checked import Quantity, quantities
 from pyfric.scene.consistency import check_push
 from pyfric.scene.ends import checked_conditions, condition
@@ -49,7 +49,7 @@ from pyfric.scene.push import Push
 from pyfric.scene.scene import OnDriven, Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.toml import parsed
-from pyfric.scene.units import check_number, parse_quantity, range_text
+from pyfric.scene.units import check_number, check_whole, parse_quantity, range_text, read_number
 from pyfric.scene.version import __version__
 
 __all__ = [
@@ -83,6 +83,7 @@ __all__ = [
     "check_geometry",
     "check_number",
     "check_push",
+    "check_whole",
     "check_writable",
     "checked_conditions",
     "clean_drafts",
@@ -98,6 +99,7 @@ __all__ = [
     "names_file",
     "nearest",
     "of",
+    "once",
     "paper_step",
     "parse_quantity",
     "parsed",
@@ -105,6 +107,7 @@ __all__ = [
     "presets",
     "quantities",
     "range_text",
+    "read_number",
     "read_value",
     "scene_fields",
     "sealed",

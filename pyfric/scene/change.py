@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,16 @@ if TYPE_CHECKING:
 
     Parts = Scene | Mapping[str, Any]
 
-__all__ = ["changed", "followed_by", "full_name", "read_value", "scene_fields", "spoken"]
+__all__ = [
+    "changed",
+    "followed_by",
+    "full_name",
+    "joined",
+    "once",
+    "read_value",
+    "scene_fields",
+    "spoken",
+]
 
 PROTOCOLS = {
     "driver": (("V", "protocol"),),
@@ -91,18 +100,46 @@ def full_name(scene: Parts, name: str, value: Any = None) -> str:
 def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     """Return the scene with changed values; see `Scene.replace`."""
     parts = {name: changes.get(name, getattr(scene, name)) for name in PARTS}
-    names: dict[str, Any] = {}
-    for name, value in changes.items():
-        full = full_name(parts, name, value)
-        if full in names:
-            raise SceneError(full, value, "", "one of both", "given twice")
-        names[full] = value
+    names = once((full_name(parts, name, value), value) for name, value in changes.items())
+    known = scene_fields(parts) if any(name.count(".") > 1 for name in names) else {}
+    for name, value in names.items():  # in a `Spread`, numbers have the unit of its field
+        mark = known.get(name)
+        if mark and known.get(name.rpartition(".")[0]):
+            try:
+                names[name] = mark.check(value)
+            except SceneError as error:
+                raise error.at(name) from None
     law = names.get("interface.law")
     if isinstance(law, FrictionLaw) and law.ends() is not None:  # the table holds mu_s and mu_k
         for mu in ("interface.mu_s", "interface.mu_k"):
             if not any(name.startswith(mu) for name in names):
                 names[mu] = None
     return _with(scene, {tuple(name.split(".")): value for name, value in names.items()})
+
+
+def once(changes: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    """Return names and values as a dict.
+
+    Raises:
+        SceneError: a name is given twice.
+    """
+    found: dict[str, Any] = {}
+    for name, value in changes:
+        if name in found:
+            raise SceneError(name, value, "", "one of both", "given twice")
+        found[name] = value
+    return found
+
+
+def joined(changes: Mapping[str, Any] | None, fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return changes by name and as keywords in one dict.
+
+    Raises:
+        SceneError: a name is given twice, or the changes are no mapping.
+    """
+    if not isinstance(changes, Mapping | None):
+        raise SceneError("changes", changes, "", "a mapping from names of fields to values")
+    return once([*(changes or {}).items(), *fields.items()])
 
 
 def _with(owner: Any, changes: Mapping[tuple[str, ...], Any]) -> Any:
@@ -181,9 +218,14 @@ def spoken(text: str) -> Any:
     """Return a value from a line of text, such as the argument of `--set`.
 
     The text is read as TOML: a number in SI, a list, or a table such as {mean = 0.7, std = 0.02}.
-    If it is not TOML, it is returned as text, such as "7.5 mm" or "left".
+    Numbers that TOML does not know, such as .005 and 1.e-3, are numbers, too. What is neither is
+    returned as text, such as "7.5 mm" or "left".
     """
     try:
         return tomllib.loads(f"value = {text}").get("value", text)
     except (ValueError, RecursionError):
+        pass
+    try:
+        return float(text)
+    except ValueError:
         return text

@@ -18,7 +18,7 @@ import pydantic
 from pydantic_core import ArgsKwargs, core_schema
 
 from pyfric.scene.errors import SceneError, unknown
-from pyfric.scene.units import check_number, in_si, parse_quantity, range_text
+from pyfric.scene.units import check_number, check_whole, in_si, parse_quantity, range_text
 
 __all__ = ["Annotation", "Name", "NotNegative", "OneOf", "Positive", "Quantity", "Whole", "Written",
            "annotations", "from_entries", "from_table", "part", "quantities", "table"]  # fmt: skip
@@ -148,10 +148,7 @@ class Whole(Annotation):
 
     def check(self, value: Any) -> int:
         value = value.value if isinstance(value, Written) else value
-        whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-        if not whole or not 0 <= value <= self.largest:
-            raise SceneError("", value, "", self.allowed, "" if whole else "not a whole number")
-        return int(value)
+        return check_whole("", value, 0, self.largest)
 
 
 @dataclasses.dataclass(frozen=True)

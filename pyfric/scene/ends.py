@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from pyfric.scene.checked import Annotation, Written
 from pyfric.scene.errors import SceneError, unknown
-from pyfric.scene.units import check_number, parse_quantity
+from pyfric.scene.units import read_number
 
 __all__ = ["Conditions", "checked_conditions", "condition"]
 
@@ -66,22 +66,10 @@ def condition(text: str) -> tuple[str, tuple[float, ...]]:
         reason = f"{name} takes {len(takes)} numbers"
         raise SceneError("stop_when", text, "", _names(), reason)
     pairs = zip(given, takes, strict=True)
-    numbers = tuple(_number(text, value, one.unit, one.limits) for value, one in pairs)
+    numbers = tuple(read_number("stop_when", value, one.unit, **one.limits) for value, one in pairs)
     if takes == (COUNT,) and numbers[0] % 1:
         raise SceneError("stop_when", text, "", "a whole number >= 1", "a number of events")
     return name, numbers
-
-
-def _number(text: str, value: str | float, unit: str, limits: Mapping[str, float]) -> float:
-    """Return a value of a condition in SI, from a number or text with a unit."""
-    try:
-        number: Any = float(value)
-    except ValueError:
-        if not unit:
-            reason = f"{value!r} is no number"
-            raise SceneError("stop_when", text, "", _names(), reason) from None
-        number = parse_quantity("stop_when", value, unit)
-    return check_number("stop_when", number, unit, **limits)
 
 
 def checked_conditions(given: Any) -> tuple[str, ...]:

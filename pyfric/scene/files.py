@@ -81,7 +81,7 @@ def read_at_most(path: str | os.PathLike[str], size: int) -> bytes:
     """
 
     def at_once(name: str, flags: int) -> int:
-        return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+        return os.open(name, flags | os.O_NONBLOCK)
 
     with open(path, "rb", opener=at_once) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
@@ -169,7 +169,7 @@ def drafts(folder: Path) -> list[Path]:
 
 
 def _left_behind(draft: Path, host: str, process: int) -> bool:
-    if os.name == "posix" and host == _host():
+    if host == _host():
         try:
             os.kill(process, 0)  # signal 0 only checks that the process exists
         except ProcessLookupError:

@@ -3,12 +3,12 @@
 A block that has slipped by s since it last stuck, at speed v, resists with mu p + alpha v:
 
     stuck       |f| <= mu_s p                                            `Law.hold`
-    slips       mu = mu_k + (mu_s - mu_k) slide(s/d_c), times factors    `Law.slide`
+    slips       mu = mu_k + (mu_s - mu_k) slide(s/d_c), times factors
     open        no friction
 
 Static states, the quasi-static sequence and the prediction curve do not resolve slip weakening: a
-slipping block has mu_k, which is Amontons-Coulomb friction. The core evaluates the same law in
-Fortran.
+slipping block has mu_k, which is Amontons-Coulomb friction (`Law.slide`). The core evaluates the
+whole law, in Fortran.
 
 The slip path needs only one stored number: s = s_0 + mode u_x while a block slips, otherwise s_0.
 
@@ -62,43 +62,12 @@ class Law:
         gain = self.tables.hold
         return self.mu_s * p if gain is None else (self.mu_s + gain(age)) * p
 
-    def slide(self, p: Any, slip: Any = math.inf) -> Any:
-        """Return the strength of blocks that have slipped by `slip` (m), in units of p.
+    def slide(self, p: Any) -> Any:
+        """Return the strength of slipping blocks after any weakening with slip, in units of p.
 
         Factors of speed and of time, and alpha, are left out.
         """
-        if self.tables.slide is None or (np.ndim(slip) == 0 and slip == math.inf):
-            return self.mu_k * p
-        return self.weakening(slip)[0] * p
-
-    def piece(self, slip: Any) -> np.ndarray:
-        """Return the linear piece of mu(s) for blocks that have slipped by `slip` (m).
-
-        It is the index of the last knot at or before the slip, from 0.
-        """
-        return self.tables.slide.piece(self._in_units_of_d_c(slip))
-
-    def weakening(self, slip: Any, piece: Any = None) -> tuple[Any, Any]:
-        """Return mu of blocks that have slipped by `slip` (m), and dmu/ds (1/m).
-
-        Args:
-            slip: slip path since the last stick, in m, a number or one for each column.
-            piece: linear pieces to use, from `piece`; None means those of the slip.
-        """
-        x, table = self._in_units_of_d_c(slip), self.tables.slide
-        left, slope = table.on(table.piece(x) if piece is None else piece, x)
-        rate = np.divide(self.drop * slope, self.d_c, out=np.zeros(x.shape), where=slope != 0)
-        return self.mu_k + self.drop * left, rate
-
-    def next_knot(self, piece: np.ndarray) -> np.ndarray:
-        """Return the slip (m) at which linear pieces end; inf for the last one."""
-        ends = np.append(self.tables.slide.x[1:], math.inf)[piece]
-        return ends * np.where(np.equal(self.d_c, 0), 1.0, self.d_c)
-
-    def _in_units_of_d_c(self, slip: Any) -> np.ndarray:
-        """Return slip/d_c, or inf if d_c = 0, because friction has then fallen at once."""
-        slip, d_c = np.broadcast_arrays(np.asarray(slip, float), self.d_c)
-        return np.divide(slip, d_c, out=np.full(slip.shape, math.inf), where=d_c > 0)
+        return self.mu_k * p
 
     def at(self, which: Any) -> Law:
         """Return the law of some columns."""

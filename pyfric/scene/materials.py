@@ -7,10 +7,7 @@ from typing import Annotated, ClassVar, NamedTuple
 from pyfric.scene.checked import Name, NotNegative, Positive, part
 from pyfric.scene.errors import SceneError, unknown
 
-__all__ = ["MATERIALS", "POISSON", "Known", "Material"]
-
-POISSON = 1 / 3
-"""Poisson's ratio of the lattice in plane stress, for every material."""
+__all__ = ["MATERIALS", "Known", "Material"]
 
 
 class Known(NamedTuple):
@@ -19,33 +16,46 @@ class Known(NamedTuple):
     Attributes:
         E: Young's modulus, Pa.
         density: density, kg/m^3.
-        poisson: Poisson's ratio, for information only: the lattice has 1/3.
         source: the source.
     """
 
     E: float
     density: float | None
-    poisson: float | None
     source: str
 
 
 MATERIALS: Mapping[str, Known] = MappingProxyType(
     {
-        "PMMA": Known(3.3e9, 1190.0, None, "PTEROFLAT XT acrylic sheets, technical data sheet "
-                      "(Politem): tensile modulus by ISO 527-2, density by ISO 1183"),
-        "glass": Known(70e9, 2500.0, 0.2, "EN 572-1, basic soda-lime silicate glass"),
-        "borosilicate glass": Known(64e9, 2230.0, 0.2, "BOROFLOAT 33, mechanical properties "
-                                    "(Schott)"),
-        "steel": Known(210e9, 7850.0, 0.3, "EN 1993-1-1, 3.2.6; density: EN 1991-1-1, table A.4"),
-        "natural rubber": Known(1.5e6, 950.0, None, "MatWeb, Natural Rubber, Vulcanized: three "
-                                "times the shear modulus of 0.5 MPa; density uncompounded"),
-        "PDMS 10:1": Known(2.0e6, None, None, "Z. Wang, A. A. Volinsky, N. D. Gallant, J. Appl. "
-                           "Polym. Sci. 131, 41050 (2014): 20 MPa over the ratio of base to curing "
-                           "agent, in compression"),
-        "gelatine 20:1": Known(4.34e3, None, None, "J. E. Bonavia et al., arXiv:2512.20502 (2025): "
-                               "instantaneous, in compression, 20 parts of water to 1 of powder"),
+        "PMMA": Known(
+            3.3e9,
+            1190.0,
+            "PTEROFLAT XT acrylic sheets, technical data sheet "
+            "(Politem): tensile modulus by ISO 527-2, density by ISO 1183",
+        ),
+        "glass": Known(70e9, 2500.0, "EN 572-1, basic soda-lime silicate glass"),
+        "borosilicate glass": Known(64e9, 2230.0, "BOROFLOAT 33, mechanical properties (Schott)"),
+        "steel": Known(210e9, 7850.0, "EN 1993-1-1, 3.2.6; density: EN 1991-1-1, table A.4"),
+        "natural rubber": Known(
+            1.5e6,
+            950.0,
+            "MatWeb, Natural Rubber, Vulcanized: three "
+            "times the shear modulus of 0.5 MPa; density uncompounded",
+        ),
+        "PDMS 10:1": Known(
+            2.0e6,
+            None,
+            "Z. Wang, A. A. Volinsky, N. D. Gallant, J. Appl. "
+            "Polym. Sci. 131, 41050 (2014): 20 MPa over the ratio of base to curing "
+            "agent, in compression",
+        ),
+        "gelatine 20:1": Known(
+            4.34e3,
+            None,
+            "J. E. Bonavia et al., arXiv:2512.20502 (2025): "
+            "instantaneous, in compression, 20 parts of water to 1 of powder",
+        ),
     }
-)  # fmt: skip
+)
 """Materials by name, each with its source."""
 
 

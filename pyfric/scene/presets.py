@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 
-from pyfric.scene.change import changed, full_name, scene_fields
+from pyfric.scene.change import changed, full_name, joined, once, scene_fields
 from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.laws import FrictionLaw
 from pyfric.scene.laws.junctions import Junctions
@@ -154,8 +154,13 @@ def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
         given: names of fields to values.
         rules: part_field to a rule, which gives the value if it is missing or None.
     """
+    for part in given.keys() & PARTS:
+        try:
+            PARTS[part].check(given[part])
+        except SceneError as error:
+            raise error.at(part) from None
     parts = {part: given.get(part, getattr(base, part)) for part in PARTS}
-    given = {full_name(parts, n, v): v for n, v in given.items()}
+    given = once((full_name(parts, n, v), v) for n, v in given.items())
     named = {name.replace("_", ".", 1): rule for name, rule in rules.items()}
     given = {n: v for n, v in given.items() if n not in named or v is not None}
     named = {n: rule for n, rule in named.items() if n.partition(".")[0] not in given}
@@ -184,7 +189,7 @@ def setup1(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
     Source: PRL 107, 074301 (2011), Fig. 1 and its caption.
     """
-    return _made(_SETUP1, {**(changes or {}), **fields}, slider_M=_mass)
+    return _made(_SETUP1, joined(changes, fields), slider_M=_mass)
 
 
 def slow(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
@@ -205,7 +210,7 @@ def slow(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
     Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014).
     """
-    given = {**(changes or {}), **fields}
+    given = joined(changes, fields)
     return _made(_SLOW, given, slider_M=_mass, interface_k_f=lambda slider: slider.k / 2)
 
 
@@ -225,7 +230,7 @@ def setup2(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
     Source: PRL 107, 074301 (2011), setup 2.
     """
-    return _made(_SETUP2, {**(changes or {}), **fields})
+    return _made(_SETUP2, joined(changes, fields))
 
 
 def chain(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
@@ -250,7 +255,7 @@ def chain(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
     Source: PRL 107, 074301 (2011), setup 1.
     """
-    given = {**(changes or {}), **fields}
+    given = joined(changes, fields)
     rules: dict[str, Rule] = {"slider_k": lambda slider: 1.35e6 / slider.l, "slider_M": _mass}
     return _made(_CHAIN, given, **rules, top_p=lambda slider: 3500.0 / slider.N_x)
 
@@ -323,8 +328,9 @@ def tpv3(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
     Source: R. A. Harris et al., Seismol. Res. Lett. 80, 119 (2009), and the SCEC benchmarks.
     """
-    given = {"l": 100.0, "L": 18e3, "H": 12e3}
-    given |= {n.removeprefix("slider."): v for n, v in {**(changes or {}), **fields}.items()}
+    own = joined(changes, fields).items()
+    own = once((str(n).removeprefix("slider."), v) for n, v in own)
+    given = {"l": 100.0, "L": 18e3, "H": 12e3} | own
     l = check_number("slider.l", given.pop("l"), "m", gt=0.0, le=1500.0)
     N_x, N_z = (
         round(check_number(f"slider.{n}", given.pop(n), "m", ge=2 * l) / l) for n in ("L", "H")
@@ -357,7 +363,9 @@ class Preset(NamedTuple):
 
     def __call__(self, changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
         """Return the scene with changes; see `preset`."""
-        return self.setup({**self.values, **(changes or {}), **fields})
+        given = joined(changes, fields)
+        ends = {n.partition(".")[2] or n for n in map(str, given)}
+        return self.setup({n: v for n, v in self.values.items() if n not in ends} | given)
 
 
 PRESETS: MappingProxyType[str, Preset] = MappingProxyType(

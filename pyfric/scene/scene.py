@@ -19,7 +19,7 @@ import numpy as np
 
 from pyfric.display import drawing, html
 from pyfric.scene import toml
-from pyfric.scene.change import changed
+from pyfric.scene.change import changed, joined
 from pyfric.scene.checked import Name, annotations, from_table, part
 from pyfric.scene.consistency import check
 from pyfric.scene.ends import Conditions
@@ -444,7 +444,7 @@ class Scene:
         >>> pyfric.preset("fig1").replace({"driver.h": "7.5 mm"}, mu_s=0.6).driver.h
         0.0075
         """
-        return changed(self, {**(changes or {}), **keywords})
+        return changed(self, joined(changes, keywords))
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
         """Return the scene as TOML; with `path`, also write it to that file.

@@ -4,13 +4,13 @@ import math
 import re
 from fractions import Fraction
 from functools import lru_cache
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any
 
 from pyfric.scene.errors import NO_UNIT, SceneError, show
 
-__all__ = ["LARGEST", "SMALLEST", "check_number", "in_si", "parse_quantity", "range_text",
-           "with_prefix"]  # fmt: skip
+__all__ = ["LARGEST", "SMALLEST", "check_number", "check_whole", "in_si", "parse_quantity",
+           "range_text", "read_number", "with_prefix"]  # fmt: skip
 
 SMALLEST = 1e-30
 """Smallest accepted non-zero magnitude (SI); products of smaller values could underflow."""
@@ -107,6 +107,28 @@ def check_number(
     return number
 
 
+def check_whole(
+    field: str, value: Any, least: int, most: int | None = None, *, note: str = ""
+) -> int:
+    """Return `value` as a Python integer if it is a whole number inside the limits.
+
+    Args:
+        field: dotted name used in the error.
+        value: an integer of Python or NumPy. Booleans, and floats such as 2.0, are refused.
+        least, most: limits, both included.
+        note: other allowed values, appended to the range in the error.
+
+    Raises:
+        SceneError: another type, or outside the limits.
+    """
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if not whole or value < least or (most is not None and value > most):
+        allowed = f">= {least}" if most is None else f"from {least} to {most}"
+        reason = "" if whole else "not a whole number"
+        raise SceneError(field, value, "", f"a whole number {allowed}{note}", reason)
+    return int(value)
+
+
 def in_si(field: str, value: Any, unit: str, *, allowed: str = "") -> Any:
     """Convert text with a unit, or a quantity of pint, to SI; return anything else unchanged.
 
@@ -168,6 +190,28 @@ def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> f
         return float(Fraction(match["number"]) * factor)
     except OverflowError:
         return math.copysign(math.inf, number)
+
+
+def read_number(field: str, text: str | float, unit: str, **limits: float | None) -> float:
+    """Return a number in SI from text: a bare number in SI, or a quantity with its unit.
+
+    Args:
+        field: dotted name used in the error.
+        text: the text, or a number.
+        unit: SI unit, ``""`` for a pure number.
+        limits: gt, ge, le, lt of `check_number`.
+
+    Raises:
+        SceneError: it is neither, or outside the limits.
+    """
+    allowed = range_text(unit, **limits)
+    try:
+        number = float(text)
+    except ValueError:
+        if not unit:
+            raise SceneError(field, text, "", allowed, "not a number") from None
+        number = parse_quantity(field, text, unit, allowed=allowed)
+    return check_number(field, number, unit, **limits)
 
 
 PREFIXES = {0: "", -1: "m", -2: "u", -3: "n", 1: "k", 2: "M", 3: "G"}

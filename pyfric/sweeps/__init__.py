@@ -2,7 +2,7 @@
 
 from pyfric.sweeps.boundaries import boundary, label_map
 from pyfric.sweeps.jobs import Job, JobError
-from pyfric.sweeps.phases import PhaseDiagram, chain_job, phase_diagram
+from pyfric.sweeps.phases import PhaseDiagram, chain_job, even_scale, phase_diagram
 from pyfric.sweeps.results import Results
 from pyfric.sweeps.runs import run_all, side_by_side
 from pyfric.sweeps.spacings import Resolution, resolve
@@ -24,6 +24,7 @@ __all__ = [
     "Sweep",
     "boundary",
     "chain_job",
+    "even_scale",
     "label_map",
     "phase_diagram",
     "resolve",

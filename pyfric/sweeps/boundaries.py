@@ -26,7 +26,7 @@ from typing import Any, get_args
 import numpy as np
 import pandas as pd
 
-from pyfric.scene import SceneError, check_number
+from pyfric.scene import SceneError, check_number, check_whole
 from pyfric.signals import at_once
 from pyfric.sweeps.varied import Scale, Span
 
@@ -324,8 +324,7 @@ def label_map(
     if isinstance(scales, str) or len(scales) != 2:
         raise SceneError("scales", scales, "", "two of 'linear' and 'log', of x and y")
     spans = [_span(*given) for given in zip("xy", (x, y), scales, strict=True)]
-    if isinstance(runs, bool) or not (isinstance(runs, int) and runs >= 4):
-        raise SceneError("runs", runs, "", "a whole number >= 4")
+    runs = check_whole("runs", runs, 4)
     import adaptive
 
     rows: list[tuple[float, float, Hashable]] = []

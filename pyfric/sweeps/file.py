@@ -108,7 +108,8 @@ def _over(
             try:
                 over[name] = Span(**ends, **rest)
             except SceneError as error:
-                raise error.at(field) from None
+                entry = {"start": "from", "stop": "to"}.get(error.field, error.field)
+                raise error.at(f"{field}.{entry}") from None
         else:
             allowed = "a list of values, or a range with from and to"
             raise SceneError(field, value, "", allowed)

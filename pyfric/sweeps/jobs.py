@@ -109,7 +109,7 @@ def code_version() -> str:
     package = Path(__file__).parents[1]
     for path in sorted(package.rglob("*")):
         inside = path.relative_to(package).parts
-        if path.suffix in (".so", ".pyd") or (path.suffix == ".py" and inside[0] in ROOMS):
+        if path.suffix == ".so" or (path.suffix == ".py" and inside[0] in ROOMS):
             name = path.relative_to(package).as_posix().encode()
             found.update(name + b"\0" + hashlib.sha256(path.read_bytes()).digest())
     return found.hexdigest()

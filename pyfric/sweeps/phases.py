@@ -25,7 +25,7 @@ import pandas as pd
 
 from pyfric.engines import Options
 from pyfric.record import SLOW, pace_limits
-from pyfric.scene import Scene, SceneError, as_scene, chain, check_number
+from pyfric.scene import Scene, SceneError, as_scene, chain, check_number, check_whole
 from pyfric.signals import at_once
 from pyfric.sweeps.boundaries import boundary
 from pyfric.sweeps.jobs import Job
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pyfric.sweeps.store import Cache
     from pyfric.sweeps.varied import Scale
 
-__all__ = ["LABELS", "PhaseDiagram", "chain_job", "phase_diagram"]
+__all__ = ["LABELS", "PhaseDiagram", "chain_job", "even_scale", "phase_diagram"]
 
 Labels = Mapping[str, Callable[["Record"], Hashable]]
 Axis = tuple[str, Sequence[float] | np.ndarray]
@@ -113,7 +113,7 @@ def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS, step: float = 
     """
     alpha = check_number("alpha", alpha, "sqrt(k m)", gt=0.0)
     tau_bar = check_number("tau_bar", tau_bar, "", gt=0.0, lt=1.0)
-    check_number("blocks", blocks, "", ge=20.0)
+    blocks = check_whole("blocks", blocks, 20)
     base = chain()
     k, m, l, p = base.slider.k, base.m, base.slider.l, base.F_N / base.N_x
     mu_s, mu_k = 0.7, 0.45
@@ -165,12 +165,13 @@ def phase_diagram(
     Args:
         scene: a scene, the name of a preset or the path of a scene file, or a function of x and y
             that returns a `Job`. None means `chain_job`.
-        x, y: each the name of a field, such as "driver.h", and its values, rising. None means alpha
-            and tau_bar of the chain as in the paper, 20 values each.
+        x, y: each the name of a field, such as "driver.h", and its values, rising. Those of the
+            chain are "alpha" and "tau_bar", in either order; None means alpha along x and tau_bar
+            along y as in the paper, 20 values each.
         label: a function of a record that labels the run, or several by name. None means kind and
             pace of `Record.rupture_class`, "nothing slipped" without events.
-        t_end: end of the runs of a scene, s.
-        options: options of the runs of a scene.
+        t_end: end of the runs of a scene, s; None for the chain and for a function.
+        options: options of the runs of a scene; None for the chain and for a function.
         lines: whether to find the lines on which labels change, along y.
         tolerance: largest error of lines, in decades if y is spaced logarithmically, else over the
             range of y.
@@ -182,6 +183,7 @@ def phase_diagram(
 
     Source: see the module.
     """
+    tolerance = check_number("tolerance", tolerance, "", gt=0.0, lt=0.5)
     job, axes = _jobs(scene, x, y, t_end, options)
     (x_name, xs), (y_name, ys) = axes
     labels = LABELS if label is None else label
@@ -233,15 +235,23 @@ def _jobs(
     for side, axis in (("x", x), ("y", y)):
         if not (isinstance(axis, tuple) and len(axis) == 2 and isinstance(axis[0], str)):
             raise SceneError(side, axis, "", "the name of a field and its values")
+        if not np.iterable(axis[1]) or isinstance(axis[1], str):
+            raise SceneError(side, axis[1], "", "at least two values, rising", "not a list")
         values = [check_number(f"{side} {axis[0]}", one, "") for one in axis[1]]
         if len(values) < 2 or not (np.diff(values) > 0).all():
             raise SceneError(side, axis[1], "", "at least two values, rising")
         checked.append((axis[0], values))
     if checked[0][0] == checked[1][0]:
         raise SceneError("y", checked[1][0], "", "another field than that of x")
+    names = [name for name, _ in checked]
+    if own and set(names) != {"alpha", "tau_bar"}:
+        raise SceneError("x, y", names, "", "'alpha' and 'tau_bar', the numbers of the chain")
     if own or (callable(scene) and not isinstance(scene, Scene)):
-        return chain_job if own else scene, tuple(checked)
-    base, names = as_scene(scene), [name for name, _ in checked]
+        for name, value in (("t_end", t_end), ("options", options)):
+            if value is not None:
+                raise SceneError(name, value, "", "None without a scene: the jobs have their own")
+        return (_named_chain(*names) if own else scene), tuple(checked)
+    base = as_scene(scene)
     if t_end is None:
         raise SceneError("t_end", None, "s", "the end of the runs of a scene", "missing")
 
@@ -250,6 +260,11 @@ def _jobs(
         return Job(scene=changed, t_end=t_end, options=options or Options())
 
     return job, tuple(checked)
+
+
+def _named_chain(x: str, y: str) -> Callable[[float, float], Job]:
+    """Return the run of a chain as a function of its two numbers in this order."""
+    return lambda a, b: chain_job(**{x: a, y: b})
 
 
 def _front(record: Record) -> dict[str, Any]:
@@ -309,8 +324,8 @@ def _line(
         is_below,
         along=(ys[0], ys[-1]),
         over=list(changes["x"]),
-        scale=_scale(ys),
-        over_scale=_scale(xs),
+        scale=even_scale(ys),
+        over_scale=even_scale(xs),
         tolerance=tolerance,
         known=pd.DataFrame(known),
         measure=None if measure is None else lambda b, a: measure(seen[b, a]),
@@ -321,7 +336,7 @@ def _line(
     return line.rename(columns={"over": x, "along": y})
 
 
-def _scale(values: np.ndarray) -> Scale:
+def even_scale(values: np.ndarray) -> Scale:
     """Return in which scale values are more even."""
     if values[0] <= 0 or len(values) < 3:
         return "linear"

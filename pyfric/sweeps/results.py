@@ -72,11 +72,6 @@ class Results:
         table = self.table
         return table[table["status"].isin(("failed", "refused"))]
 
-    @property
-    def done(self) -> bool:
-        """Whether all points are complete."""
-        return all(isinstance(outcome, Record) for outcome in self.outcomes)
-
     def mean(self, column: str, over: Sequence[str] | None = None) -> pd.DataFrame:
         """Return the mean of a column of `MEASURED` over finished points that differ in seeds only.
 

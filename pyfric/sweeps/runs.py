@@ -15,7 +15,7 @@ from __future__ import annotations
 import dataclasses
 import secrets
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import closing
 from typing import Any, Literal, overload
@@ -23,7 +23,7 @@ from typing import Any, Literal, overload
 from pyfric import core
 from pyfric.engines import jobs_bar, simulate
 from pyfric.record import Record
-from pyfric.scene import SceneError
+from pyfric.scene import SceneError, check_whole
 from pyfric.signals import at_once, saved_first
 from pyfric.sweeps.jobs import Job, JobError
 from pyfric.sweeps.store import MAX_BYTES, Cache, Store
@@ -100,6 +100,8 @@ def run_all(
             stopped; those that were complete are in the cache.
         KeyboardInterrupt: after Ctrl-C.
     """
+    if not isinstance(jobs, Iterable):
+        raise SceneError("jobs", jobs, "", "a list of Job")
     jobs = list(jobs)
     for job in jobs:
         if not isinstance(job, Job):
@@ -140,9 +142,7 @@ def side_by_side(jobs: Sequence[Job], workers: int | None) -> Workers | InThisPr
 def _count(workers: int | None) -> int:
     if workers is None:
         return core.processors()
-    if isinstance(workers, bool) or not (isinstance(workers, int) and workers >= 1):
-        raise SceneError("workers", workers, "", "a whole number >= 1, or None")
-    return workers
+    return check_whole("workers", workers, 1, note=", or None")
 
 
 def _belonging(found: Record | Exception, job: Job) -> Record | JobError:

@@ -14,7 +14,7 @@ import pandas as pd
 from pyfric.display import html
 from pyfric.engines import Options
 from pyfric.record import analysis
-from pyfric.scene import PrescribedLoad, SceneError, as_scene
+from pyfric.scene import PrescribedLoad, SceneError, as_scene, check_whole
 from pyfric.sweeps.jobs import Job, JobError
 from pyfric.sweeps.runs import run_all
 
@@ -141,11 +141,12 @@ def resolve(
     if isinstance(scene.top, PrescribedLoad):
         reason = "forces on single blocks are defined for one l only"
         raise SceneError("top.kind", scene.top.kind, "", "'rod' or 'distributed'", reason)
-    if isinstance(levels, bool) or levels not in range(2, 6):
-        raise SceneError("levels", levels, "", "a whole number from 2 to 5")
+    levels = check_whole("levels", levels, 2, 5)
     options = {"fidelity": "quasistatic"} if options is None else options
     if isinstance(options, Options):
         options = options.given()
+    if not isinstance(options, Mapping):
+        raise SceneError("options", options, "", "Options, or a mapping")
     how = {"stop_when": "system_size", **options}
     jobs = [Job(scene=_finer(scene, 2**n), t_end=t_end, options=how) for n in range(levels)]
     try:

@@ -48,7 +48,7 @@ import pandas as pd
 from pyfric.display import html
 from pyfric.engines import Options, check_run, expected_cost
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, check_number, unknown
+from pyfric.scene import Scene, SceneError, check_number, check_whole, unknown
 from pyfric.sweeps.file import read_sweep
 from pyfric.sweeps.jobs import Job, JobError
 from pyfric.sweeps.results import FailedBefore, Results
@@ -150,10 +150,9 @@ class Sweep:
             if getattr(self, name) is not None:
                 check_number(f"limits.{name}", getattr(self, name), "", gt=0.0)
         for name, least in (("n", 1), ("seed", 0)):
-            value = getattr(self, name)
-            whole = isinstance(value, int) and not isinstance(value, bool)
-            if (name != "n" or self._drawn) and not (whole and least <= value <= MAX_POINTS):
-                raise SceneError(name, value, "", f"a whole number, {least} … {MAX_POINTS}")
+            if name != "n" or self._drawn:
+                value = check_whole(name, getattr(self, name), least, MAX_POINTS)
+                object.__setattr__(self, name, value)
         if self.n is not None and not self._drawn:
             raise SceneError("n", self.n, "", f"none: points = {self.points!r} are not drawn")
         lengths = [] if self._drawn else [len(values) for values in self.over.values()]
@@ -168,6 +167,9 @@ class Sweep:
 
     def _listed(self) -> dict[str, list[Any] | Span]:
         """Return the fields by their full names, with lists of values, or ranges to draw from."""
+        if not isinstance(self.over, Mapping | pd.DataFrame):
+            allowed = "a mapping from names to values, or a DataFrame"
+            raise SceneError("over", self.over, "", allowed)
         marks, listed = varied(self.scene), {}
         for given, values in dict(self.over).items():
             name = full_field(self.scene, given, values)
@@ -281,6 +283,8 @@ class Sweep:
         Raises:
             SceneError: it cannot be read, or a value is refused.
         """
+        if not isinstance(path, str | os.PathLike):
+            raise SceneError("sweep", path, "", "the path of a sweep file")
         return cls(**read_sweep(Path(path)))
 
 

@@ -16,6 +16,7 @@ from pyfric.scene import (
     Scene,
     SceneError,
     check_number,
+    check_whole,
     full_name,
     scene_fields,
     unknown,
@@ -37,9 +38,10 @@ class Span:
 
     Args:
         start, stop: its ends, in SI, the lower one first.
-        n: number of values in a grid or list, ends included, at least 2.
-        step: distance of the values; drawn values are rounded to it.
-        scale: "linear" or "log".
+        n: number of values in a grid or list, ends included, at least 2; None with a step.
+        step: distance of the values from `start` on; drawn values are rounded to them. If ends and
+            step are integers, so are the values.
+        scale: "linear" or "log"; "linear" with a step.
 
     Raises:
         SceneError: a value is refused.
@@ -61,26 +63,37 @@ class Span:
             raise SceneError("start", self.start, "", f"below {self.stop!r}, the upper end")
         if self.step is not None:
             check_number("step", self.step, "", gt=0.0)
-        whole = isinstance(self.n, int) and not isinstance(self.n, bool)
-        if self.n is not None and not (whole and 2 <= self.n <= MAX_POINTS):
-            raise SceneError("n", self.n, "", f"a whole number, 2 … {MAX_POINTS}")
+            if self.n is not None:
+                raise SceneError("n", self.n, "", "n or step, not both")
+            if self.scale == "log":
+                raise SceneError("scale", self.scale, "", "'linear' with a step")
+        if self.n is not None:
+            check_whole("n", self.n, 2, MAX_POINTS)
 
     def values(self, name: str) -> list[float]:
-        """Return the values in a grid or list: integers if ends and step are integers.
+        """Return the values in a grid or list.
 
         Raises:
             SceneError: there are too many, or neither n nor step says how many; it has this name.
         """
         if self.step is not None:
-            count = math.floor((self.stop - self.start) / self.step * (1 + 1e-12)) + 1
+            count = self._steps(self.step) + 1
             if count > MAX_POINTS:
                 raise SceneError(name, count, "", f"at most {MAX_POINTS} values")
-            if all(isinstance(number, int) for number in (self.start, self.stop, self.step)):
-                return list(range(self.start, self.stop + 1, self.step))
-            return [_short(self.start + i * self.step) for i in range(count)]
+            return [self._stepped(self.step, i) for i in range(count)]
         if self.n is None:
             raise SceneError(name, None, "", "a range with n or step", "how many values?")
         return [self.at(share) for share in np.linspace(0.0, 1.0, self.n)]
+
+    def _steps(self, step: float) -> int:
+        """Return how many steps fit into the range."""
+        return math.floor((self.stop - self.start) / step * (1 + 1e-12))
+
+    def _stepped(self, step: float, n: int) -> float:
+        """Return the value n steps from the start, an integer if ends and step are integers."""
+        value = self.start + n * step
+        whole = all(isinstance(number, int) for number in (self.start, self.stop, step))
+        return value if whole else _short(value)
 
     def share(self, value: float) -> float:
         """Return the position of a value in the range, 0 to 1: the inverse of `at`."""
@@ -94,9 +107,10 @@ class Span:
             value = self.start * (self.stop / self.start) ** share
         else:
             value = self.start + share * (self.stop - self.start)
-        if self.step is not None:
-            value = self.start + round((value - self.start) / self.step) * self.step
-        return _short(value)
+        if self.step is None:
+            return _short(value)
+        n = round((value - self.start) / self.step)
+        return self._stepped(self.step, min(n, self._steps(self.step)))
 
 
 def _short(value: float) -> float:
@@ -144,5 +158,5 @@ def full_field(scene: Scene, name: str, values: Any) -> str:
         return full_name(scene, name)
     except SceneError as error:
         if error.reason.startswith("unknown"):
-            raise unknown(f"over.{name}", values, name, known) from None
+            raise unknown(f"over.{name}", values, str(name), known) from None
         raise error.at(f"over.{name}") from None

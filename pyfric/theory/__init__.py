@@ -1,6 +1,7 @@
 """What theory says about fronts: wave speeds, fracture mechanics, the exact chain."""
 
 from pyfric.theory.chain import (
+    LARGEST_VISCOSITY,
     chain_prestress,
     chain_prestress_overdamped,
     chain_speed,
@@ -38,6 +39,7 @@ from pyfric.theory.weakening import (
 __all__ = [
     "ANDREWS_S",
     "A_II",
+    "LARGEST_VISCOSITY",
     "D",
     "I_v",
     "Material",

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 __all__ = [
+    "LARGEST_VISCOSITY",
     "chain_prestress",
     "chain_prestress_overdamped",
     "chain_speed",

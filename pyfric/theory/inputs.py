@@ -31,8 +31,12 @@ def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np
         limits: gt, ge, le, lt: >, >=, <=, <.
 
     Raises:
-        ValueError: not real numbers, none, or one of them not finite or outside the limits.
+        ValueError: not real numbers, none, or one of them not finite or outside the limits. Text
+            and quantities of a library of units are refused: an array would drop the unit.
     """
+    given = value if isinstance(value, list | tuple) else [value]
+    if any(isinstance(one, str) or hasattr(one, "magnitude") for one in given):
+        raise refusal(field, value, unit, f"numbers without a unit, in {unit or '1'}")
     try:
         array = np.asarray(value)
     except ValueError:  # rows of different lengths

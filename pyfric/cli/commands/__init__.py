@@ -1,17 +1,29 @@
-"""Commands by topic. Every module here is read when the command line starts; see `_read`."""
-
-import importlib
-import pkgutil
+"""Commands by topic: each module adds its own to `main`."""
 
 from pyfric.cli.app import main
+from pyfric.cli.commands import (
+    build,
+    cache,
+    methods,
+    paper,
+    phases,
+    resolve,
+    run,
+    scenes,
+    show,
+    sweep,
+)
 
-__all__ = ["main"]
-
-
-def _read() -> None:
-    """Import all modules here, each of which adds its commands to `main`."""
-    for module in pkgutil.iter_modules(__path__):
-        importlib.import_module(f"{__name__}.{module.name}")
-
-
-_read()
+__all__ = [
+    "build",
+    "cache",
+    "main",
+    "methods",
+    "paper",
+    "phases",
+    "resolve",
+    "run",
+    "scenes",
+    "show",
+    "sweep",
+]

@@ -66,6 +66,11 @@ def size(as_json: bool) -> None:
 @json_option
 def prune(older_than: float | None, most: float | None, damaged: bool, as_json: bool) -> None:
     """Delete what killed processes left behind, and the runs named by the options."""
+    from pyfric.scene import check_number
+
+    for name, value in (("older-than", older_than), ("most", most)):
+        if value is not None:
+            check_number(f"--{name}", value, "", ge=0.0)
     most = None if most is None else int(most * MB)
     gone, drafts = _store().prune(most, older_than, damaged)
     size = sum(entry.size for entry in gone)

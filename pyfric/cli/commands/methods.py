@@ -15,6 +15,7 @@ from pyfric.cli.shared import (
     Tell,
     check_folder,
     check_table,
+    command_line,
     figure_out_option,
     file_option,
     overwrite_option,
@@ -64,7 +65,7 @@ def chart(
     from pyfric import checks
 
     table = checks.chart.chart(scene_of(scene, changes), t_end, budget=budget, say=tell.step)
-    _tell(checks.chart, table, out, f"chart {scene}", tell)
+    _tell(checks.chart, table, out / "chart", tell)
 
 
 @main.command(section="Methods")
@@ -82,13 +83,12 @@ def stability(scene: str, budget: float, changes: tuple[str, ...], out: Path, te
     from pyfric import checks
 
     table = checks.stability.stability(scene_of(scene, changes), budget=budget, say=tell.step)
-    _tell(checks.stability, table, out, f"stability {scene}", tell)
+    _tell(checks.stability, table, out / "stability", tell)
 
 
-def _tell(made: Any, table: pd.DataFrame, out: Path, command: str, tell: Tell) -> None:
+def _tell(made: Any, table: pd.DataFrame, stem: Path, tell: Tell) -> None:
     """Tell a table and save its figure, whose files are told to nobody."""
-    stem = out / command.split()[0]
-    save_figure(made.figure(table), stem, f"pyfric {command}", Tell(quiet=True, as_json=False))
+    save_figure(made.figure(table), stem, command_line(), Tell(quiet=True, as_json=False))
     tell.table(table, made.report)
 
 
@@ -105,7 +105,7 @@ def regimes(out: Path | None, overwrite: bool, tell: Tell) -> None:
     from pyfric import checks
 
     table = checks.regimes.observe(progress=tell.step)
-    save_table(table, out, "pyfric regimes", "%.3g")
+    save_table(table, out, command_line(), "%.3g")
     tell.table(table, checks.regimes.report)
     if not table["as_stated"].all():
         stop(Exit.FAILED, "Error: not everything is as stated")

@@ -14,6 +14,7 @@ from pyfric.cli.shared import (
     Seconds,
     Tell,
     check_folder,
+    command_line,
     figure_out_option,
     no_cache_option,
     save_figure,
@@ -67,7 +68,7 @@ def phase_diagram(
     what = None if scene is None else scene_of(scene, changes)
     axes = {side: given and _axis(side, given) for side, given in (("x", x), ("y", y))}
     found = pyfric.phase_diagram(what, **axes, progress=tell.progress, **how)
-    save_figure(figures.phase_map(found), out / "phases", "pyfric phase-diagram", tell)
+    save_figure(figures.phase_map(found), out / "phases", command_line(), tell)
 
 
 def _axis(side: str, given: str) -> tuple[str, list[float]]:
@@ -78,9 +79,9 @@ def _axis(side: str, given: str) -> tuple[str, list[float]]:
     name, _, values = given.partition("=")
     parts = values.split(":")
     try:
-        start, stop, n = float(parts[0]), float(parts[1]), int(parts[2])
-        scale = parts[3] if len(parts) == 4 else "linear"
-    except (ValueError, IndexError):
+        start, stop, n, scale = [*parts, *["linear"] * (len(parts) == 3)]
+        start, stop, n = float(start), float(stop), int(n)
+    except ValueError:
         allowed = "FIELD=FROM:TO:N, or FIELD=FROM:TO:N:log, numbers in SI"
         raise SceneError(side, given, "", allowed, "not a range of this form") from None
     return name.strip(), Span(start=start, stop=stop, n=n, scale=scale).values(name)

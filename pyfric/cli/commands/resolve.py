@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import click
 
 from pyfric.cli.app import main
@@ -57,6 +55,7 @@ def resolve(
     interface. Finished runs are kept: after Ctrl-C the same command goes on.
     """
     import pyfric
+    from pyfric.display import plain
 
     found = pyfric.resolve(
         scene_of(scene, changes),
@@ -67,9 +66,5 @@ def resolve(
         cache=not no_cache,
         progress=tell.progress,
     )
-    rows = {
-        str(name): {f"{key}": None if value != value or value in (math.inf, -math.inf) else value
-                    for key, value in row.items()}
-        for name, row in found.table.to_dict("index").items()
-    }  # fmt: skip
+    rows = plain(found.table.to_dict("index"))
     tell.result({"quantities": rows, "notes": list(found.notes)}, lambda: str(found))

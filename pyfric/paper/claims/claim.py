@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 
+from pyfric.display import plain
 from pyfric.scene import __version__, write
 
 if TYPE_CHECKING:
@@ -122,8 +123,8 @@ class Claim:
     def as_dict(self) -> dict[str, Any]:
         """Attributes, those of the band among them, and the verdict."""
         names = ("number", "text", "value", "how", "note", "damage", "damaged", "seconds")
-        plain = {name: getattr(self, name) for name in names}
-        return plain | vars(self.band) | {"band": str(self.band), "verdict": self.verdict}
+        own = {name: getattr(self, name) for name in names}
+        return own | vars(self.band) | {"band": str(self.band), "verdict": self.verdict}
 
     def tried(self, values: Mapping[str, Mapping[str, float]]) -> Claim:
         """Return the claim with its value when damaged, from all values by damage and number."""
@@ -214,8 +215,4 @@ def save(claims: Iterable[Claim], folder: str | os.PathLike[str]) -> list[Path]:
 
 def table(claims: Iterable[Claim]) -> list[dict[str, Any]]:
     """Return the claims as plain dicts; None stands for numbers that are not finite."""
-    return [{name: _plain(value) for name, value in claim.as_dict().items()} for claim in claims]
-
-
-def _plain(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return plain([claim.as_dict() for claim in claims])

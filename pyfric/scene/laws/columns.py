@@ -18,7 +18,7 @@ import numpy as np
 from pyfric.scene.errors import SceneError
 from pyfric.scene.files import read_at_most
 from pyfric.scene.laws.table import MAX_KNOTS, Table
-from pyfric.scene.units import check_number, parse_quantity
+from pyfric.scene.units import check_number, check_whole, parse_quantity
 
 __all__ = ["Measured", "from_csv"]
 
@@ -72,9 +72,7 @@ class Measured:
     knots: int = 20
 
     def __post_init__(self) -> None:
-        whole = isinstance(self.knots, int) and not isinstance(self.knots, bool)
-        if not whole or not 2 <= self.knots <= MAX_KNOTS:
-            raise SceneError("knots", self.knots, "", f"a whole number from 2 to {MAX_KNOTS}")
+        check_whole("knots", self.knots, 2, MAX_KNOTS)
 
     def table(self, name: str, unit: str) -> Table:
         """Return the table.

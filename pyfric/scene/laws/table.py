@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,7 +16,7 @@ __all__ = ["MAX_KNOTS", "Table", "sampled"]
 MAX_KNOTS = 1000
 """Largest number of knots of a table."""
 CLOSE = 1e-3
-"""Default error of `sampled`, over the range of the function."""
+"""Error of `sampled`, over the range of the function."""
 
 
 @dataclass(frozen=True)
@@ -40,28 +39,7 @@ class Table:
 
     def __call__(self, x: Any) -> Any:
         """Return the values at x, of any shape."""
-        return self.on(self.piece(x), x)[0]
-
-    @functools.cached_property
-    def _arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The knots, the values, and the slopes after the knots."""
-        return np.array(self.x), np.array(self.y), np.append(self.slopes, 0.0)
-
-    def piece(self, x: Any) -> Any:
-        """Return the index of the last knot at or before x, of any shape."""
-        return np.maximum(np.searchsorted(self._arrays[0], x, side="right") - 1, 0)
-
-    def on(self, piece: Any, x: Any) -> tuple[Any, Any]:
-        """Return values at x and slopes of linear pieces, which are extrapolated beyond their ends.
-
-        Args:
-            piece: indices of the first knots of the pieces; after the last knot y is constant.
-            x: arguments, of any shape.
-        """
-        knots, values, slopes = self._arrays
-        slope = slopes[piece]
-        beyond = np.where(slope == 0, 0.0, np.subtract(x, knots[piece]))  # x may be inf
-        return values[piece] + slope * beyond, slope
+        return np.interp(x, self.x, self.y)
 
     @property
     def slopes(self) -> np.ndarray:
@@ -104,16 +82,15 @@ class Table:
         return self
 
 
-def sampled(function: Callable[[float], float], end: float, *, close: float = CLOSE) -> Table:
+def sampled(function: Callable[[float], float], end: float) -> Table:
     """Return a table that follows a function on [0, end].
 
     Intervals are halved until the chord is close to the function at their quarters. The allowed
-    error is `close` times the range of the function on 17 points.
+    error is `CLOSE` times the range of the function on 17 points.
 
     Args:
         function: a function of one number.
         end: end of the table, in the unit of the argument.
-        close: allowed error, over the range of the function.
 
     Raises:
         SceneError: a value is not a finite number, or more than `MAX_KNOTS` would be needed.
@@ -124,7 +101,7 @@ def sampled(function: Callable[[float], float], end: float, *, close: float = CL
         return check_number(f"the law at {x:.6g}", function(x), "")
 
     coarse = [value(end * n / 16) for n in range(17)]
-    allowed = close * (max(coarse) - min(coarse))
+    allowed = CLOSE * (max(coarse) - min(coarse))
     x, y, todo = [0.0], [coarse[0]], [(0.0, end)]
     while todo:
         a, b = todo.pop()

@@ -199,5 +199,8 @@ def _made(name: str, source: Source) -> Table:
         return source.table(field, unit)
     if isinstance(source, str | Path):
         return from_csv(source, field, unit)
+    if not (isinstance(source, tuple | list) and len(source) == 2 and callable(source[0])):
+        allowed = "a CSV file, a function with the end of its table, or a Measured curve"
+        raise SceneError(field, source, "", allowed)
     function, end = source
     return sampled(function, check_number(f"{field}.end", end, unit, gt=0.0))

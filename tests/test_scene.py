@@ -301,6 +301,22 @@ def test_quantities(text, unit, value):
 
 
 @pytest.mark.parametrize(
+    ("text", "unit", "reading"),
+    [
+        ("75.6 gr", "kg", "grain"),
+        ("5 Mm", "m", "megameter"),
+        ("5 th", "m", "thou"),
+        ("5 pc", "m", "parsec"),
+        ("1 c", "m/s", "speed of light"),
+        ("1 kt", "m/s", "knot"),
+        ("2 Ms", "s", "megasecond"),
+    ],
+)
+def test_units_that_are_slips_of_the_pen_are_refused(text, unit, reading):
+    assert f"would be a {reading}" in str(refused(lambda: parse_quantity("x", text, unit)))
+
+
+@pytest.mark.parametrize(
     "text",
     [
         *("", " ", "mm", "5", "five mm", "5 mmm", "5 kg", "5 m m", "5 degC", "5 m*dB", "5 %"),

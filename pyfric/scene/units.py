@@ -31,6 +31,18 @@ EXAMPLES = {
 }
 """SI unit -> an example for messages."""
 
+# fmt: off
+USUAL = frozenset({
+    "angstrom", "bar", "day", "degree", "dimensionless", "dyne", "foot", "force_kilogram",
+    "force_pound", "gram", "hertz", "hour", "inch", "joule", "kilogram_force", "meter",
+    "metric_ton", "micron", "minute", "newton", "pascal", "percent", "poise", "pound",
+    "pound_force_per_square_inch", "radian", "second", "standard_atmosphere",
+})
+# fmt: on
+"""Units, as pint names them. Others are slips: gr is a grain, th a mil, kt a knot, c a speed."""
+UNUSUAL = ("megameter", "gigameter", "megasecond", "gigasecond", "petameter")
+"""Units that stand for another one with a small letter: Mm for mm, Ms for ms."""
+
 # pint evaluates arithmetic, which may take long. Units may therefore contain no numbers, except
 # exponents of one digit.
 _FACTOR = r"[A-Za-zµμ%]+(?:(?:\^|\*\*)-?[1-9]|[²³])?"
@@ -247,6 +259,10 @@ def _factor(name: str, unit: str) -> Fraction:
         raise ValueError(f"unknown unit {shown}") from None
     if not same:
         raise ValueError(f"wrong unit: {shown} does not convert to {unit}")
+    for full, _ in registry.Quantity(1, given).unit_items():
+        _, root, _ = registry.parse_unit_name(full)[0]
+        if root not in USUAL or full in UNUSUAL:
+            raise ValueError(f"{shown} would be a {full.replace('_', ' ')}: write a usual unit")
     try:
         factor = Fraction(registry.convert(Fraction(1), given, wanted))
     except Exception:  # offset and logarithmic units in a product

@@ -103,3 +103,8 @@ def test_materials_have_sources_and_say_what_they_lack(name):
     if known.density is None:
         with pytest.raises(SceneError, match="density"):
             pyfric.Material(name=name, width=B)
+
+
+def test_a_material_may_be_named_by_keyword():
+    slab = {"L": "60 mm", "H": "20 mm", "l": "5 mm", "width": "6 mm"}
+    assert Slider.of_material(name="glass", **slab) == Slider.of_material("glass", **slab)

@@ -509,3 +509,11 @@ def test_points_that_the_engine_refuses_are_refused_before_any_run():
     assert status.table["status"].tolist() == ["waiting", "refused"]
     assert "cannot follow friction that depends on time" in status.failed["reason"].iloc[0]
     assert points.estimate(False).refused == 1
+
+
+def test_results_are_shown_as_their_table(tmp_path):
+    found = Sweep(scene="fig1", t_end=0.01, over={"driver.h": [5e-3, 6e-3]}).run(
+        cache=tmp_path, workers=1, progress=False
+    )
+    assert repr(found).splitlines()[0] == "Results of 2 points"
+    assert len(repr(found).splitlines()) == 5  # two lines of head, two rows

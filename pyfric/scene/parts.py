@@ -77,7 +77,8 @@ class Slider:
         H: height, m; a multiple of l, at least l, or 0 for a chain under a `PrescribedLoad`.
         l: lattice constant, m; N_x N_z may not exceed `MAX_BLOCKS`.
         k: stiffness of the nearest-neighbour springs, N/m (3 B E / 4, independent of l).
-        M: mass, kg.
+        M: mass, kg. `replace` and sweeps over L or H leave it as it is: the density changes, and
+            with it the wave speeds.
         eta: viscosity of every bond, N s/m, >= 0, independent of l. None means sqrt(damping k m),
             which falls with l.
         damping: eta^2/(k m) if eta is None, >= 0; None means 0.1, as in the paper.
@@ -106,7 +107,6 @@ class Slider:
     def of_material(
         cls,
         name: str = "",
-        /,
         *,
         width: float | str,
         E: float | str | None = None,

@@ -55,6 +55,9 @@ class Results:
     sweep: Sweep
     outcomes: tuple[Record | JobError | SceneError | None, ...]
 
+    def __repr__(self) -> str:
+        return f"Results of {len(self.outcomes)} points\n{self.table.to_string(max_rows=20, max_cols=8)}"
+
     @property
     def table(self) -> pd.DataFrame:
         """One row for each point: its fields, status, reason, engine, key, and `MEASURED`."""

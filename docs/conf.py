@@ -108,8 +108,8 @@ def plan_costs(data):
     near = ratio.between(0.5, 2).mean()
     low, middle, high = ratio.quantile([0.05, 0.5, 0.95])
     return (
-        f"Plan, run and verification take {middle:.2g} times the announced time (median; 90 % lie "
-        f"between {low:.2g} and {high:.2g}, {near:.0%} within a factor of 2, and the largest is "
+        f"Run and verification take {middle:.2g} times the time announced for them (median; 90 % "
+        f"lie between {low:.2g} and {high:.2g}, {near:.0%} within a factor of 2, and the largest is "
         f"{ratio.max():.2g})."
     )
 

@@ -56,7 +56,8 @@ class Results:
     outcomes: tuple[Record | JobError | SceneError | None, ...]
 
     def __repr__(self) -> str:
-        return f"Results of {len(self.outcomes)} points\n{self.table.to_string(max_rows=20, max_cols=8)}"
+        table = self.table.to_string(max_rows=20, max_cols=8)
+        return f"Results of {len(self.outcomes)} points\n{table}"
 
     @property
     def table(self) -> pd.DataFrame:

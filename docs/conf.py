@@ -109,8 +109,8 @@ def plan_costs(data):
     low, middle, high = ratio.quantile([0.05, 0.5, 0.95])
     return (
         f"Run and verification take {middle:.2g} times the time announced for them (median; 90 % "
-        f"lie between {low:.2g} and {high:.2g}, {near:.0%} within a factor of 2, and the largest is "
-        f"{ratio.max():.2g})."
+        f"lie between {low:.2g} and {high:.2g}, {near:.0%} within a factor of 2, and the largest "
+        f"is {ratio.max():.2g})."
     )
 
 

@@ -58,7 +58,7 @@ HALVED = 2.0
 deviate in the same event."""
 DYNAMICS, SAFETY, TURNED = 1.25, 2.0, 3.0
 """Factors of safety for reported errors: of a quasi-static run compared with dynamics, of runs with
-two steps, and of runs in which an event ends at another block. They are definitions, as for two
+two steps, and of any runs in which an event ends at another block. They are definitions, as for two
 grids."""
 LOOSEST = 1e-3
 """Largest error of jumps that a plan accepts, over F_N."""
@@ -174,7 +174,9 @@ def _quasistatic(record: Record, mode: str | None, made: Specification) -> Recor
         return work_so_far(run) > most
 
     by = made.again(record, enough, **how)
-    errors = _errors(differences(record, by), made, DYNAMICS, f"dynamics ({_words(by)})")
+    found = differences(record, by)
+    factor = TURNED if found.turned else DYNAMICS
+    errors = _errors(found, made, factor, f"dynamics ({_words(by)})")
     if made.refines and errors.measured() is not None and errors.measured() > errors.tolerance:
         return None
     return _with(record, errors, [])

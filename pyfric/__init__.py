@@ -207,7 +207,13 @@ except ImportError as error:
     raise
 
 
-display.figures = lambda: importlib.import_module("pyfric.figures")
+def _figures() -> Any:
+    from pyfric import figures
+
+    return figures
+
+
+display.figures = _figures
 
 
 def __getattr__(name: str) -> Any:

@@ -41,10 +41,11 @@ def test_numbers_are_those_of_single_runs(tmp_path):
     assert "viscosity plays no part" in str(found)
 
 
-def test_what_has_a_limit_changes_less_than_what_has_none():
+@pytest.mark.parametrize("levels", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_what_has_a_limit_changes_less_than_what_has_none(levels):
     """Start forces on the curve of length against force, and the onset, against counts."""
-    found = pyfric.resolve("fig1", cache=False, workers=1, progress=False).table
-    steps = found[[2.5e-3, 1.25e-3]].astype(float)
+    found = pyfric.resolve("fig1", levels=levels, cache=False, workers=1, progress=False).table
+    steps = found[[2.5e-3, 1.25e-3, 6.25e-4][:levels]].astype(float)
     largest = steps.diff(axis=1).abs().max(axis=1) / steps[2.5e-3]
     assert largest[found["converges"]].max() < 0.02
     assert largest[~found["converges"]].max() > 0.3

@@ -7,9 +7,9 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_law, only: whole_memory
-  use pyfric_rows, only: budget_t, new_budget
-  use pyfric_contact, only: contact_t
-  use pyfric_log, only: log_t, new_log
+  use pyfric_rows, only: budget_t, new_budget, save_budget
+  use pyfric_contact, only: contact_t, save_contact
+  use pyfric_log, only: log_t, new_log, save_log
   use pyfric_table_stepper, only: new_table
   use pyfric_status, only: NO_MEMORY
   use pyfric_stepping, only: method_t, run_t, advance_steps
@@ -83,21 +83,9 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   t_block = run%t
   status = run%status
   if (status == NO_MEMORY) return
-  mode = contact%mode
-  corner = contact%corner
-  margin = contact%margin
-  loss = contact%loss
-  memory = contact%memory(:n_memory, :)
-  dissipated = budget%dissipated
-  heat = budget%heat
-  parts(:, 1) = budget%above
-  parts(:, 2) = budget%viscous
-  work = budget%work
-  n_log = [log%n_switch, log%n_quiet]
-  switch_i(:, :n_log(1)) = log%switch_i(:, :n_log(1))
-  switch_r(:, :n_log(1)) = log%switch_r(:, :n_log(1))
-  quiet_i(:, :n_log(2)) = log%quiet_i(:, :n_log(2))
-  quiet_r(:, :n_log(2)) = log%quiet_r(:, :n_log(2))
+  call save_contact(contact, mode, corner, margin, loss, memory)
+  call save_budget(budget, dissipated, heat, parts(:, 1), parts(:, 2), work)
+  call save_log(log, n_log, switch_i, switch_r, quiet_i, quiet_r)
 end subroutine advance
 
 !> All forces, accelerations and powers, with fixed contact states.

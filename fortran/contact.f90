@@ -9,7 +9,7 @@ module pyfric_contact
   use pyfric_rows, only: row_t, other_forces
   implicit none (type, external)
   private
-  public :: contact_t, switch_contacts
+  public :: contact_t, save_contact, switch_contacts
 
   !> Variables of the contact in the state.
   type :: contact_t
@@ -22,6 +22,22 @@ module pyfric_contact
   end type contact_t
 
 contains
+
+  !> The variables of the contact as the plain arrays that Python keeps.
+  pure subroutine save_contact(contact, mode, corner, margin, loss, memory)
+    type(contact_t), intent(in) :: contact
+    integer(ip), intent(out) :: mode(:)      !! these: see contact_t
+    integer(ip), intent(out) :: corner(:)
+    real(dp), intent(out) :: margin(:)
+    real(dp), intent(out) :: loss(:)
+    real(dp), intent(out) :: memory(:, :)    !! without the quantities that follow from others
+
+    mode = contact%mode
+    corner = contact%corner
+    margin = contact%margin
+    loss = contact%loss
+    memory = contact%memory(:size(memory, 1), :)
+  end subroutine save_contact
 
   !> New contact states at the end of step number `step`, at time t. The time of a release is interpolated inside the step,
   !> at the zero of the linear margin; the state itself switches at the end of the step.

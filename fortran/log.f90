@@ -3,7 +3,7 @@ module pyfric_log
   use pyfric_kinds, only: dp, ip
   implicit none (type, external)
   private
-  public :: log_t, new_log, log_switch, log_quiet, has_room
+  public :: log_t, new_log, save_log, log_switch, log_quiet, has_room
 
   type :: log_t
     integer :: n_switch = 0
@@ -28,6 +28,22 @@ contains
               log%quiet_i(nx + 1, quiet), log%quiet_r(nx + 3, quiet), stat=failed)
     log%complete = failed == 0
   end function new_log
+
+  !> The entries as the plain arrays that Python keeps.
+  pure subroutine save_log(log, n_log, switch_i, switch_r, quiet_i, quiet_r)
+    type(log_t), intent(in) :: log
+    integer(ip), intent(out) :: n_log(2)           !! switches and quiet transitions
+    integer(ip), intent(inout) :: switch_i(:, :)   !! these: see log_t
+    real(dp), intent(inout) :: switch_r(:, :)
+    integer(ip), intent(inout) :: quiet_i(:, :)
+    real(dp), intent(inout) :: quiet_r(:, :)
+
+    n_log = [log%n_switch, log%n_quiet]
+    switch_i(:, :n_log(1)) = log%switch_i(:, :n_log(1))
+    switch_r(:, :n_log(1)) = log%switch_r(:, :n_log(1))
+    quiet_i(:, :n_log(2)) = log%quiet_i(:, :n_log(2))
+    quiet_r(:, :n_log(2)) = log%quiet_r(:, :n_log(2))
+  end subroutine save_log
 
   !> True if the log has room for so many more entries.
   pure function has_room(log, switches, quiet) result(yes)

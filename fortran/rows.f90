@@ -12,7 +12,7 @@ module pyfric_rows
   use pyfric_law, only: friction_force, friction_powers
   implicit none (type, external)
   private
-  public :: row_t, new_row, other_forces, row_forces, row_powers, take_shared, budget_t, new_budget
+  public :: row_t, new_row, other_forces, row_forces, row_powers, take_shared, budget_t, new_budget, save_budget
 
   !> Work space of one row. Forces on the blocks and bonds lie elsewhere, on vectors.
   type :: row_t
@@ -50,6 +50,22 @@ contains
     w%f = 0.0_dp
     w%f_t = 0.0_dp
   end function new_row
+
+  !> The works and dissipations as the plain arrays that Python keeps.
+  pure subroutine save_budget(budget, dissipated, heat, above, viscous, work)
+    type(budget_t), intent(in) :: budget
+    real(dp), intent(out) :: dissipated(:)   !! these: see budget_t
+    real(dp), intent(out) :: heat(:)
+    real(dp), intent(out) :: above(:)
+    real(dp), intent(out) :: viscous(:)
+    real(dp), intent(out) :: work(2)
+
+    dissipated = budget%dissipated
+    heat = budget%heat
+    above = budget%above
+    viscous = budget%viscous
+    work = budget%work
+  end subroutine save_budget
 
   !> The works and dissipations that Python passes.
   pure function new_budget(s, dissipated, heat, above, viscous, work) result(budget)

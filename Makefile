@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
-.PHONY: figures docs test test-broken test-faults test-slow test-oldest test-portable mutations mutations-random sanitize digests lint format studies bench wheels \
+.PHONY: figures docs test test-broken test-faults test-slow test-oldest test-portable mutations mutations-random sanitize digests lint format studies bench wheels conda \
 	setup clean
 
 # Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
@@ -88,6 +88,10 @@ bench: setup .venv/peers
 # An sdist and repaired manylinux wheels in dist/, each tried where there is no compiler; ARGS="--twice": built again and compared.
 wheels:
 	$(PYTHON) -P scripts/wheels $(ARGS)
+
+# The conda package in dist/, built and tested against a local channel with this machine's compilers and Python.
+conda:
+	$(PYTHON) -P scripts/conda
 
 setup: .venv/installed
 

@@ -182,7 +182,7 @@ def test_blocks_of_a_page_keep_their_lines():
 
 def test_the_version_is_the_same_in_all_release_files():
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
-    for name in ("CITATION.cff", ".zenodo.json", "scripts/release/meta.yaml"):
+    for name in ("CITATION.cff", ".zenodo.json", "scripts/release/recipe.yaml"):
         text = (ROOT / name).read_text(encoding="utf-8")
         (found,) = re.findall(r"^\W*(?:% set )?version\W+(\d[\w.]*)", text, re.MULTILINE)
         assert found == version, name

@@ -2,8 +2,9 @@
 
 !> Steps of an explicit stepper, with contacts switched at their ends or located inside them.
 subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, numbers, table, located, rtol, t0, dt, n_steps, &
-                   n_threads, keep_budget, max_switch, max_quiet, step, sub, y, rod, mode, corner, margin, loss, memory, &
-                   dissipated, heat, parts, work, n_log, switch_i, switch_r, quiet_i, quiet_r, tried, block, t_block, status)
+                   n_threads, keep_budget, max_switch, max_quiet, every, max_force, step, sub, y, rod, mode, corner, margin, loss, &
+                   memory, dissipated, heat, parts, work, n_log, switch_i, switch_r, quiet_i, quiet_r, f_t, tried, block, &
+                   t_block, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_law, only: whole_memory
@@ -33,6 +34,8 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   integer(c_int), intent(in) :: keep_budget                  !! 1: integrate works and dissipations
   integer(c_int), intent(in) :: max_switch                   !! room for switches
   integer(c_int), intent(in) :: max_quiet                    !! room for quiet transitions
+  integer(c_int), intent(in) :: every                        !! steps between two values of F_T, 0: none
+  integer(c_int), intent(in) :: max_force                    !! room for them
   real(c_double), intent(inout) :: step(1)                   !! steps made
   real(c_double), intent(inout) :: sub(1)                    !! longest sub-step that the error allows [s]
   real(c_double), intent(inout) :: y(nx, 4, nz)              !! u_x, u_z [m], v_x, v_z [m/s]
@@ -46,11 +49,12 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   real(c_double), intent(inout) :: heat(nx)                  !! friction heat [J]
   real(c_double), intent(inout) :: parts(nx, 2)              !! of it by what is above the kinetic strength, and by alpha [J]
   real(c_double), intent(inout) :: work(2)                   !! driver, forces on the top [J]
-  integer(c_int), intent(out) :: n_log(2)                    !! switches and quiet transitions logged
+  integer(c_int), intent(out) :: n_log(3)                    !! switches, quiet transitions and values of F_T logged
   integer(c_int), intent(inout) :: switch_i(4, max_switch)   !! block from 0, old, new, corner
   real(c_double), intent(inout) :: switch_r(4, max_switch)   !! step, t [s], u_x [m], p [N]
   integer(c_int), intent(inout) :: quiet_i(nx + 1, max_quiet)  !! kind, contact states
   real(c_double), intent(inout) :: quiet_r(nx + 3, max_quiet)  !! step, t [s], F_T [N], u_x [m]
+  real(c_double), intent(inout) :: f_t(max_force)            !! F_T after each multiple of `every` steps [N]
   real(c_double), intent(out) :: tried                       !! steps and sub-steps computed
   integer(c_int), intent(out) :: block                       !! where status is not done: block from 1, 0 for none
   real(c_double), intent(out) :: t_block                     !! and the time [s]
@@ -71,7 +75,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   if (.not. model%complete) return
   contact = contact_t(mode, corner, margin, loss, whole_memory(model%law, nx, memory))
   budget = new_budget(model, dissipated, heat, parts(:, 1), parts(:, 2), work)
-  log = new_log(nx, max_switch, max_quiet)
+  log = new_log(nx, max_switch, max_quiet, every, max_force)
   if (.not. (budget%complete .and. log%complete)) return
   method = method_t(new_table(stages, table), located == 1, rtol, t0, dt, n_steps, n_threads, keep_budget == 1)
   run = run_t(step(1), sub(1))
@@ -85,7 +89,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   if (status == NO_MEMORY) return
   call save_contact(contact, mode, corner, margin, loss, memory)
   call save_budget(budget, dissipated, heat, parts(:, 1), parts(:, 2), work)
-  call save_log(log, n_log, switch_i, switch_r, quiet_i, quiet_r)
+  call save_log(log, n_log, switch_i, switch_r, quiet_i, quiet_r, f_t)
 end subroutine advance
 
 !> All forces, accelerations and powers, with fixed contact states.

@@ -97,6 +97,7 @@ def advance(
         n_steps,
         min(threads, state.y.shape[0]),
         int(budget),
+        log.every,
         step,
         sub,
         state.y.T,
@@ -114,13 +115,14 @@ def advance(
         log.switch_r,
         log.quiet_i,
         log.quiet_r,
+        log.F_T,
     )
     _check_memory(status, state.y.shape)
     state.step, log.tried, log.block = int(step[0]), tried, block - 1
     state.drive = model.drive(state.t)
     if STEPPERS[stepper].adaptive:
         state.sub = float(sub[0])
-    log.n_switch, log.n_quiet = int(n_log[0]), int(n_log[1])
+    log.n_switch, log.n_quiet, log.n_force = n_log.tolist()
     return Status(status)
 
 

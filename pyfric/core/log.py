@@ -10,6 +10,8 @@ import numpy as np
 __all__ = ["Log", "Switching", "room_of_step"]
 
 Switching = Literal["step_end", "located"]
+FORCES = 512
+"""Room for values of F_T: so many that calls of the core take little of the time."""
 
 
 def room_of_step(N_x: int, switching: Switching) -> tuple[int, int]:
@@ -21,7 +23,13 @@ def room_of_step(N_x: int, switching: Switching) -> tuple[int, int]:
 
 
 class Log:
-    """Buffers for switches and for starts and ends of slip (see `pyfric.record.episodes`).
+    """Buffers for switches, for starts and ends of slip (see `pyfric.record.episodes`), and for F_T.
+
+    Args:
+        N_x: number of blocks along the interface.
+        switches: room for switches; None means enough for many steps.
+        quiet: room for starts and ends of slip.
+        every: number of steps between two values of F_T; 0 means that none is kept.
 
     Attributes:
         tried: number of steps and sub-steps that the last call computed. A step that RK4 rejected
@@ -30,14 +38,17 @@ class Log:
         t: time at which the last call failed, in s.
     """
 
-    def __init__(self, N_x: int, switches: int | None = None, quiet: int = 256) -> None:
+    def __init__(
+        self, N_x: int, switches: int | None = None, quiet: int = 256, every: int = 0
+    ) -> None:
         switches = 16 * N_x + 1024 if switches is None else switches
         self.N_x, self.tried, self.block, self.t = N_x, 0.0, -1, math.nan
         self.switch_i = np.zeros((4, switches), dtype=np.int32, order="F")
         self.switch_r = np.zeros((4, switches), order="F")
         self.quiet_i = np.zeros((N_x + 1, quiet), dtype=np.int32, order="F")
         self.quiet_r = np.zeros((N_x + 3, quiet), order="F")
-        self.n_switch = self.n_quiet = 0
+        self.every, self.F_T = every, np.zeros(FORCES if every else 0)
+        self.n_switch = self.n_quiet = self.n_force = 0
 
     def switches(self) -> dict[str, np.ndarray]:
         """Return the columns of the switch log, as copies."""

@@ -118,7 +118,10 @@ class Run:
         step = {"block_evaluations": len(core.STEPPERS[method.stepper].c) * scene.N_x * scene.N_z}
         self.most_steps = max(1, int(CALL_SECONDS / work(scene, method.geometry, step)))
         self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
-        self.log = core.Log(scene.N_x)
+        # The core samples F_T; other columns, motion and conditions need a call for each point.
+        alone = not (method.budget or stopping or scene.law.in_motion(state.memory))
+        self.every = method.sample if alone else 0
+        self.log = core.Log(scene.N_x, every=self.every)
         self.t_begin = state.t
         self.switches: list[Mapping[str, np.ndarray]] = []
         self.quiet: list[Mapping[str, np.ndarray]] = []
@@ -220,9 +223,9 @@ class Run:
         while state.step < last and not self.ending and not stop():
             self.before_call(last)
             if state.step < last and not self.ending:
-                to_sample = every - state.step % every
-                self.call(min(to_sample, self.in_time(), last - state.step, self.call_length()))
-                if state.step % every == 0:
+                most = min(self.in_time(), last - state.step, self.call_length())
+                self.call(most if self.every else min(most, every - state.step % every))
+                if state.step % every == 0 and not self.every:
                     self.sample()
                     self.ending = self.ended()
             now = time.perf_counter()
@@ -341,6 +344,10 @@ class Run:
         self.steps += state.step - step
         self.seconds += seconds
         self.rate = self.steps / self.seconds
+        if self.log.n_force:
+            begin = step // self.every + 1
+            times = state.t0 + np.arange(begin, begin + self.log.n_force) * self.every * state.dt
+            self.rows += np.column_stack([times, self.log.F_T[: self.log.n_force]]).tolist()
         if self.log.n_switch or self.log.n_quiet:
             self._add_logs(self.log.switches(), self.log.quiet())
 
@@ -420,8 +427,9 @@ class Run:
         self.state, every = state.copy(), self.method.sample
         del self.motion[len(self.rows) :]
         while self.state.step < step:
-            self._make(min(step, (self.state.step // every + 1) * every) - self.state.step)
-            if self.state.step % every == 0:
+            end = step if self.every else min(step, (self.state.step // every + 1) * every)
+            self._make(end - self.state.step)
+            if self.state.step % every == 0 and not self.every:
                 self.sample()
 
     def _again(self, good: State, step: int) -> State:

@@ -153,7 +153,7 @@ class HybridRun(Run):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         _, quiet = core.room_of_step(self.scene.N_x, self.method.switching)
-        self.log = core.Log(self.scene.N_x, quiet=quiet)
+        self.log = core.Log(self.scene.N_x, quiet=quiet, every=self.every)
         self.accuracy = self.method.accuracy * self.scene.F_N / AMPLIFIED  # of one jump, N
         self.rests = RestStates(self.known, self.method.dt)
         self.solver = RememberedStates(self.rests)

@@ -2,8 +2,8 @@
 
 !> Steps of an explicit stepper, with contacts switched at their ends or located inside them.
 subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, numbers, table, located, rtol, t0, dt, n_steps, &
-                   n_threads, keep_budget, max_switch, max_quiet, every, max_force, step, sub, y, rod, mode, corner, margin, loss, &
-                   memory, dissipated, heat, parts, work, n_log, switch_i, switch_r, quiet_i, quiet_r, f_t, tried, block, &
+                   n_threads, keep_budget, max_switch, max_quiet, every, max_point, step, sub, y, rod, mode, corner, margin, loss, &
+                   memory, dissipated, heat, parts, work, n_log, switch_i, switch_r, quiet_i, quiet_r, points, tried, block, &
                    t_block, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
@@ -34,8 +34,8 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   integer(c_int), intent(in) :: keep_budget                  !! 1: integrate works and dissipations
   integer(c_int), intent(in) :: max_switch                   !! room for switches
   integer(c_int), intent(in) :: max_quiet                    !! room for quiet transitions
-  integer(c_int), intent(in) :: every                        !! steps between two values of F_T, 0: none
-  integer(c_int), intent(in) :: max_force                    !! room for them
+  integer(c_int), intent(in) :: every                        !! steps between two points of the loading curve, 0: none
+  integer(c_int), intent(in) :: max_point                    !! room for them
   real(c_double), intent(inout) :: step(1)                   !! steps made
   real(c_double), intent(inout) :: sub(1)                    !! longest sub-step that the error allows [s]
   real(c_double), intent(inout) :: y(nx, 4, nz)              !! u_x, u_z [m], v_x, v_z [m/s]
@@ -49,12 +49,12 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   real(c_double), intent(inout) :: heat(nx)                  !! friction heat [J]
   real(c_double), intent(inout) :: parts(nx, 2)              !! of it by what is above the kinetic strength, and by alpha [J]
   real(c_double), intent(inout) :: work(2)                   !! driver, forces on the top [J]
-  integer(c_int), intent(out) :: n_log(3)                    !! switches, quiet transitions and values of F_T logged
+  integer(c_int), intent(out) :: n_log(3)                    !! switches, quiet transitions and points of the curve logged
   integer(c_int), intent(inout) :: switch_i(4, max_switch)   !! block from 0, old, new, corner
   real(c_double), intent(inout) :: switch_r(4, max_switch)   !! step, t [s], u_x [m], p [N]
   integer(c_int), intent(inout) :: quiet_i(nx + 1, max_quiet)  !! kind, contact states
   real(c_double), intent(inout) :: quiet_r(nx + 3, max_quiet)  !! step, t [s], F_T [N], u_x [m]
-  real(c_double), intent(inout) :: f_t(max_force)            !! F_T after each multiple of `every` steps [N]
+  real(c_double), intent(inout) :: points(15, max_point)     !! after each multiple of `every` steps, see pyfric_energy
   real(c_double), intent(out) :: tried                       !! steps and sub-steps computed
   integer(c_int), intent(out) :: block                       !! where status is not done: block from 1, 0 for none
   real(c_double), intent(out) :: t_block                     !! and the time [s]
@@ -75,7 +75,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   if (.not. model%complete) return
   contact = contact_t(mode, corner, margin, loss, whole_memory(model%law, nx, memory))
   budget = new_budget(model, dissipated, heat, parts(:, 1), parts(:, 2), work)
-  log = new_log(nx, max_switch, max_quiet, every, max_force)
+  log = new_log(nx, max_switch, max_quiet, every, max_point)
   if (.not. (budget%complete .and. log%complete)) return
   method = method_t(new_table(stages, table), located == 1, rtol, t0, dt, n_steps, n_threads, keep_budget == 1)
   run = run_t(step(1), sub(1))
@@ -89,7 +89,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   if (status == NO_MEMORY) return
   call save_contact(contact, mode, corner, margin, loss, memory)
   call save_budget(budget, dissipated, heat, parts(:, 1), parts(:, 2), work)
-  call save_log(log, n_log, switch_i, switch_r, quiet_i, quiet_r, f_t)
+  call save_log(log, n_log, switch_i, switch_r, quiet_i, quiet_r, points)
 end subroutine advance
 
 !> All forces, accelerations and powers, with fixed contact states.
@@ -142,12 +142,15 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   work = power%work
 end subroutine evaluate
 
-!> Energies of a state.
-subroutine energy(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, y, rod, memory, e, status)
+!> A point of the loading curve, with the energy budget.
+subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, y, rod, memory, dissipated, heat, loss, parts, &
+                       work, point, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_law, only: whole_memory
-  use pyfric_energy, only: energies
+  use pyfric_energy, only: found => curve_point
+  use pyfric_rows, only: budget_t, new_budget
+  use pyfric_workspace, only: reserve, aligned, widen
   use pyfric_status, only: DONE, NO_MEMORY
   implicit none
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
@@ -161,16 +164,29 @@ subroutine energy(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, y, 
   real(c_double), intent(in) :: y(nx, 4, nz)                 !! u_x, u_z [m], v_x, v_z [m/s]
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
   real(c_double), intent(in) :: memory(n_memory, nx)         !! see pyfric_law
-  real(c_double), intent(out) :: e(7)                        !! see pyfric_energy [J]
+  real(c_double), intent(in) :: dissipated(nz)               !! bond dissipation [J]
+  real(c_double), intent(in) :: heat(nx)                     !! friction heat [J]
+  real(c_double), intent(in) :: loss(nx)                     !! switching loss [J]
+  real(c_double), intent(in) :: parts(nx, 2)                 !! of the heat, see `advance` [J]
+  real(c_double), intent(in) :: work(2)                      !! driver, forces on the top [J]
+  real(c_double), intent(out) :: point(15)                   !! see pyfric_energy [N, J]
   integer(c_int), intent(out) :: status                      !! see pyfric_status
   type(model_t) :: model
+  type(budget_t) :: budget
+  real(c_double), allocatable :: state(:, :)
+  logical :: complete
 
   status = NO_MEMORY
   model = new_model(counts, numbers)
-  if (.not. model%complete) return
+  complete = model%complete
+  if (complete) budget = new_budget(model, dissipated, heat, parts(:, 1), parts(:, 2), work)
+  complete = complete .and. budget%complete
+  call reserve(model, 4*nz, 1, state, complete)
+  if (.not. complete) return
   status = DONE
-  e = energies(model, t, y, rod, whole_memory(model%law, nx, memory))
-end subroutine energy
+  call widen(model, y, state(aligned(state(:, 1)), 1))
+  point = found(model, t, state(aligned(state(:, 1)), 1), rod, whole_memory(model%law, nx, memory), .true., budget, loss)
+end subroutine curve_point
 
 !> Random numbers in [0, 1) by counter.
 subroutine uniforms(n, key, counter, u)

@@ -1,60 +1,85 @@
-!> Energies of a state.
+!> Energies of a state, and points of the loading curve.
 module pyfric_energy
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, row_share, column_shares
   use pyfric_bond_energy, only: bond_energy
-  use pyfric_boundaries, only: driver_on, foundation
+  use pyfric_boundaries, only: driver_on, driver_force, foundation
+  use pyfric_rows, only: budget_t
   use pyfric_law, only: interface_energy
   implicit none (type, external)
   private
-  public :: energies
+  public :: curve_point, N_POINT
+
+  integer, parameter :: N_ENERGY = 7             !! energies of a state
+  integer, parameter :: N_POINT = N_ENERGY + 8   !! numbers of a point of the loading curve
 
 contains
+
+  !> F_T [N], and with a budget energies, works of driver and load, and dissipations by bonds, friction, switches and the two
+  !> parts of friction heat [J].
+  pure function curve_point(s, t, y, rod, memory, keep_budget, budget, loss) result(point)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: t                                  !! time [s]
+    real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)         !! state
+    real(dp), intent(in) :: rod(6)                             !! rod
+    real(dp), intent(in) :: memory(s%law%n_memory, s%nx)       !! see pyfric_law
+    logical, intent(in) :: keep_budget
+    type(budget_t), intent(in) :: budget
+    real(dp), intent(in) :: loss(s%nx)                         !! switching loss [J]
+    real(dp) :: point(N_POINT)
+
+    point = 0.0_dp
+    point(1) = driver_force(s, t, y(s%at(s%i_h), UX, s%j_h:s%j_h_top))
+    if (.not. keep_budget) return
+    point(2:N_ENERGY + 1) = energies(s, t, y, rod, memory)
+    point(N_ENERGY + 2:) = [budget%work, sum(budget%dissipated), sum(budget%heat), sum(loss), sum(budget%above), &
+                            sum(budget%viscous)]
+  end function curve_point
 
   !> Kinetic (blocks, rod) and elastic (bonds, foundation, mattress or k_top, driver spring, junctions) energies [J].
   pure function energies(s, t, y, rod, memory) result(e)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                  !! time [s]
-    real(dp), intent(in) :: y(s%nx, 4, s%nz)   !! state
+    real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)   !! state
     real(dp), intent(in) :: rod(6)             !! rod
     real(dp), intent(in) :: memory(s%law%n_memory, s%nx) !! see pyfric_law
-    real(dp) :: e(7), p(s%nx), bottom(LB:s%n + LANES, 4)
+    real(dp) :: e(N_ENERGY), p(s%nx), bottom(LB:s%n + LANES, 4)
     integer :: j
 
     e = 0.0_dp
     do j = 1, s%nz
-      e(1) = e(1) + 0.5_dp*s%m*row_share(s, j)*sum(column_shares(s)*(y(:, VX, j)**2 + y(:, VZ, j)**2))
+      e(1) = e(1) + 0.5_dp*s%m*row_share(s, j)*sum(column_shares(s)*(y(s%at(:s%nx), VX, j)**2 + y(s%at(:s%nx), VZ, j)**2))
       e(3) = e(3) + bond_energy(s, j, row(j), row(min(j + 1, s%nz)))
     end do
     if (.not. s%prescribed) then
-      e(4) = 0.5_dp*s%k_f(1)*sum(s%k_f/s%k_f(1)*min(y(:, UZ, 1), 0.0_dp)**2)
+      e(4) = 0.5_dp*s%k_f(1)*sum(s%k_f/s%k_f(1)*min(y(s%at(:s%nx), UZ, 1), 0.0_dp)**2)
     end if
     if (s%rigid) then
       e(2) = 0.5_dp*(s%m_rod*(rod(4)**2 + rod(5)**2) + s%i_rod*rod(6)**2)
       e(5) = 0.5_dp*s%kappa*rod(3)**2
     else if (s%sheared) then
-      e(5) = 0.5_dp*s%k_top*sum(y(:, UX, s%nz)**2)
+      e(5) = 0.5_dp*s%k_top*sum(y(s%at(:s%nx), UX, s%nz)**2)
     end if
     if (s%k_drv > 0.0_dp) then
       do j = s%j_h, s%j_h_top
-        e(6) = e(6) + 0.5_dp*driver_on(s, j, t, y(s%i_h, UX, j))**2/s%k_drv
+        e(6) = e(6) + 0.5_dp*driver_on(s, j, t, y(s%at(s%i_h), UX, j))**2/s%k_drv
       end do
     end if
     if (s%law%rests) return
     bottom = row(1)
     call foundation(s, bottom(LB, UZ), p)
-    e(7) = interface_energy(s%law, s%nx, memory, y(:, UX, 1), p)
+    e(7) = interface_energy(s%law, s%nx, memory, y(s%at(:s%nx), UX, 1), p)
 
   contains
 
-    !> A row as it lies in the core.
+    !> A row without the columns beyond the sides.
     pure function row(j) result(q)
       integer, intent(in) :: j
       real(dp) :: q(LB:s%n + LANES, 4)
 
       q = 0.0_dp
-      q(s%at(:s%nx), :) = y(:, :, j)
+      q(s%at(:s%nx), :) = y(s%at(:s%nx), :, j)
     end function row
   end function energies
 end module pyfric_energy

@@ -1,9 +1,10 @@
-!> The log of a run: switches of single blocks, the state of the interface at each start and end of slip, and F_T at times.
+!> The log of a run: switches of single blocks, the state of the interface at each start and end of slip, and points of the loading curve.
 module pyfric_log
   use pyfric_kinds, only: dp, ip
+  use pyfric_energy, only: N_POINT
   implicit none (type, external)
   private
-  public :: log_t, new_log, save_log, log_switch, log_quiet, log_force, has_room
+  public :: log_t, new_log, save_log, log_switch, log_quiet, log_point, has_room
 
   type :: log_t
     integer :: n_switch = 0
@@ -13,44 +14,44 @@ module pyfric_log
     real(dp), allocatable :: switch_r(:, :)       !! step, time [s], u_x [m], p [N]
     integer(ip), allocatable :: quiet_i(:, :)     !! +1 first slip or -1 last stick, then contact states
     real(dp), allocatable :: quiet_r(:, :)        !! step, time [s], F_T [N], then u_x [m]
-    integer :: every = 0                          !! steps between two values of F_T; 0: none
-    integer :: n_force = 0
-    real(dp), allocatable :: f_t(:)               !! F_T after each multiple of `every` steps [N]
+    integer :: every = 0                          !! steps between two points of the loading curve; 0: none
+    integer :: n_point = 0
+    real(dp), allocatable :: points(:, :)         !! after each multiple of `every` steps, see pyfric_energy
   end type log_t
 
 contains
 
-  pure function new_log(nx, switches, quiet, every, forces) result(log)
+  pure function new_log(nx, switches, quiet, every, points) result(log)
     integer, intent(in) :: nx          !! blocks
     integer, intent(in) :: switches    !! room for switches
     integer, intent(in) :: quiet       !! and for quiet transitions
-    integer, intent(in) :: every       !! steps between two values of F_T; 0: none
-    integer, intent(in) :: forces      !! room for them
+    integer, intent(in) :: every       !! steps between two points of the loading curve; 0: none
+    integer, intent(in) :: points      !! room for them
     type(log_t) :: log
     integer :: failed
 
     allocate (log%switch_i(4, switches), log%switch_r(4, switches), &
-              log%quiet_i(nx + 1, quiet), log%quiet_r(nx + 3, quiet), log%f_t(forces), stat=failed)
+              log%quiet_i(nx + 1, quiet), log%quiet_r(nx + 3, quiet), log%points(N_POINT, points), stat=failed)
     log%every = every
     log%complete = failed == 0
   end function new_log
 
   !> The entries as the plain arrays that Python keeps.
-  pure subroutine save_log(log, n_log, switch_i, switch_r, quiet_i, quiet_r, f_t)
+  pure subroutine save_log(log, n_log, switch_i, switch_r, quiet_i, quiet_r, points)
     type(log_t), intent(in) :: log
-    integer(ip), intent(out) :: n_log(3)           !! switches, quiet transitions and values of F_T
+    integer(ip), intent(out) :: n_log(3)           !! switches, quiet transitions and points
     integer(ip), intent(inout) :: switch_i(:, :)   !! these: see log_t
     real(dp), intent(inout) :: switch_r(:, :)
     integer(ip), intent(inout) :: quiet_i(:, :)
     real(dp), intent(inout) :: quiet_r(:, :)
-    real(dp), intent(inout) :: f_t(:)
+    real(dp), intent(inout) :: points(:, :)
 
-    n_log = [log%n_switch, log%n_quiet, log%n_force]
+    n_log = [log%n_switch, log%n_quiet, log%n_point]
     switch_i(:, :n_log(1)) = log%switch_i(:, :n_log(1))
     switch_r(:, :n_log(1)) = log%switch_r(:, :n_log(1))
     quiet_i(:, :n_log(2)) = log%quiet_i(:, :n_log(2))
     quiet_r(:, :n_log(2)) = log%quiet_r(:, :n_log(2))
-    f_t(:n_log(3)) = log%f_t(:n_log(3))
+    points(:, :n_log(3)) = log%points(:, :n_log(3))
   end subroutine save_log
 
   !> True if the log has room for so many more entries.
@@ -61,7 +62,7 @@ contains
     logical :: yes
 
     yes = log%n_switch + switches <= size(log%switch_r, 2) .and. log%n_quiet + quiet <= size(log%quiet_r, 2) &
-          .and. (log%every == 0 .or. log%n_force < size(log%f_t))
+          .and. (log%every == 0 .or. log%n_point < size(log%points, 2))
   end function has_room
 
   !> Logs a switch of block i.
@@ -81,14 +82,14 @@ contains
     log%switch_r(:, log%n_switch) = [step, t, u_x, p]
   end subroutine log_switch
 
-  !> Logs F_T.
-  pure subroutine log_force(log, f_t)
+  !> Logs a point of the loading curve.
+  pure subroutine log_point(log, point)
     type(log_t), intent(inout) :: log
-    real(dp), intent(in) :: f_t         !! driver force [N]
+    real(dp), intent(in) :: point(N_POINT)
 
-    log%n_force = log%n_force + 1
-    log%f_t(log%n_force) = f_t
-  end subroutine log_force
+    log%n_point = log%n_point + 1
+    log%points(:, log%n_point) = point
+  end subroutine log_point
 
   !> Logs that the first block slips, or that the last one has stopped.
   pure subroutine log_quiet(log, active, mode, step, t, f_t, u_x)

@@ -1,15 +1,15 @@
 !> Many steps, with contact states switched between or inside them, on one or more threads.
 module pyfric_stepping
   use pyfric_kinds, only: dp, ip
-  use pyfric_layout, only: UX, LB, LANES
+  use pyfric_layout, only: LB, LANES
   use pyfric_model, only: model_t
   use pyfric_rows, only: budget_t, row_t, new_row, take_shared
   use pyfric_workspace, only: reserve, aligned, widen, narrow, RINGS, CARRY, BONDS, FX, FZ, COLUMNS, MAX_STAGES
   use pyfric_rk4, only: rk4_step, BOTTOM_FRONT, BOTTOM_ROWS
   use pyfric_table_stepper, only: table_t, table_step
   use pyfric_contact, only: contact_t, switch_contacts
-  use pyfric_boundaries, only: driver_force
-  use pyfric_log, only: log_t, log_force, has_room
+  use pyfric_energy, only: curve_point
+  use pyfric_log, only: log_t, log_point, has_room
   use pyfric_location, only: step_control_t, new_control, test_substep, complete_substep, max_switches, MAX_QUIET
   use pyfric_status, only: DONE, LOG_FULL, NO_MEMORY
 !$ use omp_lib, only: omp_get_thread_num, omp_get_num_threads
@@ -194,7 +194,7 @@ contains
       !$omp barrier
       if (thread == 0) then
         if (.not. bottom_first) call test_step(s, method, run, y(LB, 1, 1, run%current), y(LB, 1, 1, 3 - run%current), contact)
-        call complete_step(s, method, run, y(LB, 1, 1, 3 - run%current), contact, budget, log)
+        call complete_step(s, method, run, y(LB, 1, 1, 3 - run%current), rods(:, 3 - run%current), contact, budget, log)
       end if
       !$omp barrier
     end do
@@ -258,11 +258,12 @@ contains
   end subroutine test_step
 
   !> Finishes a step or sub-step: switches contacts and plans the next one.
-  subroutine complete_step(s, method, run, new, contact, budget, log)
+  subroutine complete_step(s, method, run, new, rod, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
     type(run_t), intent(inout) :: run
     real(dp), intent(inout) :: new(LB:s%n + LANES, 4, s%nz)    !! state at the end
+    real(dp), intent(in) :: rod(6)                             !! rod at the end
     type(contact_t), intent(inout) :: contact
     type(budget_t), intent(inout) :: budget
     type(log_t), intent(inout) :: log
@@ -288,19 +289,24 @@ contains
     if (run%control%finished) run%step = next
     run%t = method%t0 + run%step*method%dt
     if (.not. run%no_substeps) run%t = run%t + run%control%start
-    if (run%control%finished .and. log%every > 0) call sample(s, run, new, log)
-    if (run%control%finished) run%goes_on = run%step < run%end_step .and. log_has_room(s, method, log)
+    if (.not. run%control%finished) return
+    if (log%every > 0) call sample(s, method, run, new, rod, contact, budget, log)
+    run%goes_on = run%step < run%end_step .and. log_has_room(s, method, log)
   end subroutine complete_step
 
-  !> Logs F_T if this is the end of a multiple of `every` steps.
-  subroutine sample(s, run, y, log)
+  !> Logs a point of the loading curve if this is the end of a multiple of `every` steps.
+  subroutine sample(s, method, run, y, rod, contact, budget, log)
     type(model_t), intent(in) :: s
+    type(method_t), intent(in) :: method
     type(run_t), intent(in) :: run
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)     !! state
+    real(dp), intent(in) :: rod(6)                         !! rod
+    type(contact_t), intent(in) :: contact
+    type(budget_t), intent(in) :: budget
     type(log_t), intent(inout) :: log
 
     if (modulo(run%step, real(log%every, dp)) > 0.0_dp) return
-    call log_force(log, driver_force(s, run%t, y(s%at(s%i_h), UX, s%j_h:s%j_h_top)))
+    call log_point(log, curve_point(s, run%t, y, rod, contact%memory, method%keep_budget, budget, contact%loss))
   end subroutine sample
 
   !> True while one more step cannot overflow the log.

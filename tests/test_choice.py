@@ -23,7 +23,6 @@ from pyfric.engines import (
 )
 from pyfric.engines.choice import LINEAR, RING_SHARE, SHARE, SPARES, step_error
 from pyfric.engines.cost import (
-    counts_so_far,
     finer_counts,
     full_work,
     machine_speed,
@@ -291,7 +290,7 @@ def test_operations_with_shorter_steps():
     assert found == counts | {"steps": 400, "block_evaluations": 1700 * blocks}
     record = simulate(scene, 0.02, fidelity="dynamic", progress=False, verify="none")
     finer = simulate(scene, 0.02, fidelity="dynamic", dt=record.method.dt / 4, progress=False)
-    expected = finer_counts(scene, counts_so_far(record), 4)
+    expected = finer_counts(scene, record.counts, 4)
     assert work(scene, "finite", expected) == pytest.approx(work_so_far(finer), rel=0.1)
 
 
@@ -300,7 +299,7 @@ def test_work_of_dynamics():
     found = plan(scene, "motion", t_end=2e-3)
     how = {"fidelity": "dynamic", "dt": found.dt, "budget": False, "sample": 2e-3 / 500}
     record = simulate(scene, 2e-3, progress=False, **how)
-    made = full_work(scene, "finite", found.dt, 2e-3, points=500) - full_work(scene, "finite", 1, 0)
+    made = full_work(scene, "finite", found.dt, 2e-3) - full_work(scene, "finite", 1, 0)
     assert work_so_far(record) == pytest.approx(made, rel=0.1)
 
 

@@ -245,6 +245,26 @@ def test_a_run_in_parts_is_the_whole_run(kind, geometry, tmp_path):
     assert same_run(rest, whole, status="complete")
 
 
+@pytest.mark.parametrize("kind", ["rod", "free"])
+def test_points_of_the_curve_are_those_of_the_state(kind):
+    """The core samples the curve; the last point follows from the last state."""
+    scene = small(kind)
+    scene = scene.replace({"driver.h_top": scene.driver.h + scene.slider.l})
+    record = simulate(scene, 3e-3, sample=1e-5, progress=False)
+    apart = record.method.sample * record.method.dt
+    assert np.diff(record.curve["t"])[:-1] == pytest.approx(apart, rel=1e-9)
+    last, state = record.curve.iloc[-1], record.final_state
+    assert last["t"] == state.t
+    F_T = scene.driver_force(scene.drive(state.t), scene.u_driven(state.y), state.u_drv0)
+    assert last["F_T"] == pytest.approx(F_T, rel=1e-9)
+    assert last["friction_heat"] == pytest.approx(state.heat.sum(), rel=1e-12)
+    assert last["dissipated_bonds"] == pytest.approx(state.dissipated.sum(), rel=1e-12)
+    assert last["work_driver"] == state.work[0]
+    assert budget_error(record) < 1e-3
+    bare = simulate(scene, 3e-3, sample=1e-5, budget=False, progress=False).curve
+    assert bare.equals(record.curve[["t", "F_T"]])
+
+
 def test_doubling_load_and_speed_doubles_a_whole_run():
     """From the loaded state to the catalogue, in linear geometry, bit for bit."""
     one, two = small(), small(F_N=7000.0, V=1.0)

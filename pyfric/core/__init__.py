@@ -10,7 +10,14 @@ from pyfric.core.builds import (
     useful_threads,
     variants,
 )
-from pyfric.core.calls import ENERGIES, advance, bond_forces, energies, evaluate
+from pyfric.core.calls import (
+    ENERGIES,
+    advance,
+    bond_forces,
+    curve_point,
+    energies,
+    evaluate,
+)
 from pyfric.core.log import Log, Switching, room_of_step
 from pyfric.core.memory import available
 from pyfric.core.packing import (
@@ -50,6 +57,7 @@ __all__ = [
     "bond_forces",
     "build_info",
     "check_driven",
+    "curve_point",
     "energies",
     "evaluate",
     "model",

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pyfric.core.state import State
     from pyfric.scene import Geometry, Scene
 
-__all__ = ["ENERGIES", "Forces", "advance", "bond_forces", "energies", "evaluate"]
+__all__ = ["ENERGIES", "Forces", "advance", "bond_forces", "curve_point", "energies", "evaluate"]
 
 SWITCHING = get_args(Switching)
 _core = load_variant(VARIANT)
@@ -115,14 +115,14 @@ def advance(
         log.switch_r,
         log.quiet_i,
         log.quiet_r,
-        log.F_T,
+        log.points,
     )
     _check_memory(status, state.y.shape)
     state.step, log.tried, log.block = int(step[0]), tried, block - 1
     state.drive = model.drive(state.t)
     if STEPPERS[stepper].adaptive:
         state.sub = float(sub[0])
-    log.n_switch, log.n_quiet, log.n_force = n_log.tolist()
+    log.n_switch, log.n_quiet, log.n_point = n_log.tolist()
     return Status(status)
 
 
@@ -202,6 +202,23 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
     return forces
 
 
+def curve_point(model: Model, state: State, t: float) -> np.ndarray:
+    """Return a point of the loading curve at time t (s), shape (15,).
+
+    It has F_T (N), seven energies, the works of driver and load, and what bonds, friction, switches
+    and the two parts of friction heat have dissipated (J).
+
+    Raises:
+        ValueError: arrays do not fit the model.
+    """
+    state.check(model.N_x, n_memory=model.n_memory)
+    budget = state.dissipated, state.heat, state.loss, state.parts.T, state.work
+    here = state.y.T, state.rod, state.numbers.T
+    values, status = _core.curve_point(*model, t, *here, *budget)
+    _check_memory(status, state.y.shape)
+    return values
+
+
 def energies(model: Model, state: State, t: float) -> dict[str, float]:
     """Return the energies of a state at time t (s), in J, by the names of `ENERGIES`.
 
@@ -210,10 +227,8 @@ def energies(model: Model, state: State, t: float) -> dict[str, float]:
     Raises:
         ValueError: arrays do not fit the model.
     """
-    state.check(model.N_x, n_memory=model.n_memory)
-    values, status = _core.energy(*model, t, state.y.T, state.rod, state.numbers.T)
-    _check_memory(status, state.y.shape)
-    found = dict(zip((*ENERGIES, JUNCTIONS), values.tolist(), strict=True))
+    values = curve_point(model, state, t)[1:8].tolist()
+    found = dict(zip((*ENERGIES, JUNCTIONS), values, strict=True))
     if not model.on_junctions:
         del found[JUNCTIONS]
     return found

@@ -10,8 +10,8 @@ import numpy as np
 __all__ = ["Log", "Switching", "room_of_step"]
 
 Switching = Literal["step_end", "located"]
-FORCES = 512
-"""Room for values of F_T: so many that calls of the core take little of the time."""
+POINTS = 512
+"""Room for points of the loading curve: so many that calls take little of the time."""
 
 
 def room_of_step(N_x: int, switching: Switching) -> tuple[int, int]:
@@ -23,13 +23,13 @@ def room_of_step(N_x: int, switching: Switching) -> tuple[int, int]:
 
 
 class Log:
-    """Buffers for switches, for starts and ends of slip (see `pyfric.record.episodes`), and for F_T.
+    """Buffers for switches, starts and ends of slip (see `pyfric.record.episodes`), and the curve.
 
     Args:
         N_x: number of blocks along the interface.
         switches: room for switches; None means enough for many steps.
         quiet: room for starts and ends of slip.
-        every: number of steps between two values of F_T; 0 means that none is kept.
+        every: number of steps between two points of the loading curve; 0: none is kept.
 
     Attributes:
         tried: number of steps and sub-steps that the last call computed. A step that RK4 rejected
@@ -47,8 +47,9 @@ class Log:
         self.switch_r = np.zeros((4, switches), order="F")
         self.quiet_i = np.zeros((N_x + 1, quiet), dtype=np.int32, order="F")
         self.quiet_r = np.zeros((N_x + 3, quiet), order="F")
-        self.every, self.F_T = every, np.zeros(FORCES if every else 0)
-        self.n_switch = self.n_quiet = self.n_force = 0
+        self.every = every
+        self.points = np.zeros((15, POINTS if every else 0), order="F")
+        self.n_switch = self.n_quiet = self.n_point = 0
 
     def switches(self) -> dict[str, np.ndarray]:
         """Return the columns of the switch log, as copies."""

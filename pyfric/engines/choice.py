@@ -258,7 +258,8 @@ class _Choice:
         return self._hybrid(pilot, needs)
 
     def _full_work(self) -> float:
-        return full_work(self.scene, self.geometry, self.dt, self.t_end, self.options.stepper)
+        how = self.options.stepper, self.options.calls
+        return full_work(self.scene, self.geometry, self.dt, self.t_end, *how)
 
     def _made(self, counts: dict[str, float] | None = None, **what: object) -> Plan:
         """Return the plan; `counts` are the operations of a hybrid run."""

@@ -30,7 +30,6 @@ __all__ = [
     "POINTS",
     "SetUp",
     "check_memory",
-    "counts_so_far",
     "evaluations_of_steps",
     "finer_counts",
     "full_counts",
@@ -42,11 +41,12 @@ __all__ = [
     "work_so_far",
 ]
 
-EVALUATION, BOTTOM, BLOCK = 0.5e-6, 8e-9, {"linear": 3.1e-9, "finite": 6.3e-9}
+EVALUATION, BOTTOM, BLOCK = 0.9e-6, 5e-9, {"linear": 3.1e-9, "finite": 6.3e-9}
 """Time of one force evaluation, in s: a constant, a part for each bottom block, and a part for each
 block of the lattice."""
-CALL = 7e-5
-"""Time of one call of the core, in s. Each point of the loading curve needs at least one call."""
+CALL = 1e-4
+"""Time of one call of the core, in s. A run that conditions can end needs one for each point of the
+loading curve."""
 ATTEMPT = {"linear": (2.5e-3, 1e-6), "finite": (4e-3, 2.5e-6)}
 """Time of one attempt to jump, in s: a constant, and a part for each block."""
 SLIDE = 1e-2
@@ -102,19 +102,14 @@ def steps_of_slide(scene: Scene, geometry: Geometry) -> int:
     return int(work(scene, geometry, {"attempts": 1, "slides": 1}) / work(scene, geometry, step))
 
 
-def counts_so_far(run: Run | Record) -> dict[str, float]:
-    """Return the operations so far of a run with time steps, or of its record, calls included."""
-    counts, method = run.counts() if callable(run.counts) else run.counts, run.method
-    return {**counts, "calls": counts["steps"] / max(method.sample, 1)}
-
-
 def work_so_far(run: Run | Record) -> float:
     """Return the work so far of a run with time steps, or of its record, in s."""
-    return work(run.scene, run.method.geometry, counts_so_far(run))
+    counts = run.counts() if callable(run.counts) else run.counts
+    return work(run.scene, run.method.geometry, counts)
 
 
 def full_counts(
-    scene: Scene, dt: float, lasts: float, stepper: str = "rk4", points: int = POINTS
+    scene: Scene, dt: float, lasts: float, stepper: str = "rk4", calls: int = 0
 ) -> dict[str, float]:
     """Return the operations of full dynamics with steps dt over a time `lasts`, both in s.
 
@@ -122,8 +117,7 @@ def full_counts(
     """
     steps = lasts / dt
     evaluations = len(STEPPERS[stepper].c) * steps * scene.N_x * scene.N_z
-    calls = steps / max(1, round(steps / points))
-    return {"steps": steps, "block_evaluations": evaluations, "calls": calls}
+    return {"steps": steps, "block_evaluations": evaluations, "calls": min(calls, steps)}
 
 
 def evaluations_of_steps(scene: Scene, counts: Mapping[str, float], stepper: str = "rk4") -> float:
@@ -137,7 +131,7 @@ def finer_counts(
 ) -> dict[str, float]:
     """Return the operations of a run with steps shorter by a ratio.
 
-    Jumps, points of the loading curve, and evaluations that locate transitions are as many.
+    Jumps, calls, and evaluations that locate transitions are as many.
     """
     more = (ratio - 1) * evaluations_of_steps(scene, counts, stepper)
     evaluations = counts["block_evaluations"] + more
@@ -150,10 +144,10 @@ def full_work(
     dt: float,
     lasts: float,
     stepper: str = "rk4",
-    points: int = POINTS,
+    calls: int = 0,
 ) -> float:
     """Return the work (s) of full dynamics with steps dt over a time `lasts`, both in s."""
-    return RUN + work(scene, geometry, full_counts(scene, dt, lasts, stepper, points))
+    return RUN + work(scene, geometry, full_counts(scene, dt, lasts, stepper, calls))
 
 
 def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:

@@ -26,7 +26,7 @@ from pyfric import core
 from pyfric.core import State
 from pyfric.engines.cost import work, work_so_far
 from pyfric.engines.grid import just_after, last_step
-from pyfric.engines.guard import STEPS, Energy, Guard, strain_notes
+from pyfric.engines.guard import STEPS, Energy, Guard, strain_notes, unfinished
 from pyfric.engines.progress import Progress
 from pyfric.engines.remembered import RememberedStates
 from pyfric.record import (
@@ -51,8 +51,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Run", "RunError", "kept_notes"]
 
-CALL_SECONDS = 0.2
-"""Longest time in the core between two checks for Ctrl-C, in s."""
+CALL_SECONDS = 0.02
+"""Work of one call of the core, in s, after which limits and Ctrl-C are looked at."""
 MAX_CALL = 2**30
 """Most steps of one call of the core."""
 STATIC_SECONDS = 1.0
@@ -116,11 +116,12 @@ class Run:
         self.model = core.model(scene, method.geometry, state.u_drv0, just_after(state))
         self.piece: int | None = None  # of the protocols, that the model follows
         step = {"block_evaluations": len(core.STEPPERS[method.stepper].c) * scene.N_x * scene.N_z}
-        self.most_steps = max(1, int(CALL_SECONDS / work(scene, method.geometry, step)))
+        steps = int(CALL_SECONDS / work(scene, method.geometry, step))
+        self.most_steps = min(max(steps, 1), STEPS)
         self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
-        # The core samples F_T; other columns, motion and conditions need a call for each point.
-        alone = not (method.budget or stopping or scene.law.in_motion(state.memory))
-        self.every = method.sample if alone else 0
+        # The core samples the curve; motion and conditions need a call for each point.
+        alone = stopping is None and not scene.law.in_motion(state.memory)
+        self.every = method.sample if alone and method.sample <= MAX_CALL else 0
         self.log = core.Log(scene.N_x, every=self.every)
         self.t_begin = state.t
         self.switches: list[Mapping[str, np.ndarray]] = []
@@ -189,20 +190,23 @@ class Run:
     def sample(self) -> None:
         """Add the present state to the loading curve."""
         state, scene = self.state, self.scene
-        u_x = scene.u_driven(state.y)
-        F_T = scene.driver_force(scene.drive(state.t), u_x, state.u_drv0)
-        row = [state.t, F_T]
-        if self.method.budget:
-            row += core.energies(self.model, state, state.t).values()
-            row += state.work.tolist()
-            of_interface = scene.law.budget(state.heat, state.loss, state.parts)
-            row += [math.fsum(part.tolist()) for part in (state.dissipated, *of_interface)]
-        self.rows.append(row)
+        self._follow(just_after(state))
+        self._add_points(state.t, core.curve_point(self.model, state, state.t)[:, None])
         if motion := scene.law.in_motion(state.memory):
             f = core.evaluate(self.model, state, state.t).f
             motion |= {"u_x": state.y[0, 0].copy(), "v_x": state.y[0, 2], "f": f}
             types = held_in("motion")
             self.motion.append({k: v.astype(types[k].dtype) for k, v in motion.items()})
+
+    def _add_points(self, t: float | np.ndarray, points: np.ndarray) -> None:
+        """Add n points of the loading curve of the core, shape (15, n), at times t (s)."""
+        F_T, *energies = points[:8]
+        *before, heat, loss, above, viscous = points[8:]
+        columns = [F_T]
+        if self.method.budget:
+            del energies[6 + self.model.on_junctions :]
+            columns += [*energies, *before, *self.scene.law.budget(heat, loss, (above, viscous))]
+        self.rows += np.column_stack([np.broadcast_to(t, len(F_T)), *columns]).tolist()
 
     def _motion(self) -> dict[str, np.ndarray]:
         """Return the motion so far, arrays (points of the curve, N_x) by name."""
@@ -288,12 +292,8 @@ class Run:
         scene, t = self.scene, just_after(state)
         if not scene.corners:
             return self._in_core(state, n_steps)
-        piece = bisect.bisect_right(scene.corners, t)
-        if piece != self.piece:
-            self.piece = piece
-            self.model = core.model(scene, self.method.geometry, state.u_drv0, t)
-            self.guard.model = self.model
-        corner = scene.corners[piece] if piece < len(scene.corners) else math.inf
+        self._follow(t)
+        corner = next((one for one in scene.corners if one > t), math.inf)
         if not corner < state.t0 + (state.step + n_steps) * state.dt:
             return self._in_core(state, n_steps)
         last = last_step(state.t0, state.dt, corner)
@@ -304,6 +304,14 @@ class Run:
         status = self._in_core(state, 1)
         state.t0, state.dt = corner - state.step * dt, dt
         return status
+
+    def _follow(self, t: float) -> None:
+        """Let the model follow the protocols at t (s)."""
+        piece = bisect.bisect_right(self.scene.corners, t)
+        if piece != self.piece and self.scene.corners:
+            self.piece = piece
+            self.model = core.model(self.scene, self.method.geometry, self.state.u_drv0, t)
+            self.guard.model = self.model
 
     def _in_core(self, state: State, n_steps: int) -> core.Status:
         return core.advance(
@@ -338,16 +346,16 @@ class Run:
         per_step = core.STEPPERS[self.method.stepper].evaluations * self.scene.N_x * self.scene.N_z
         self.evaluations += round(self.log.tried * per_step)
         if status in UNFINISHED:
-            message = self._stuck_at(status)
+            message = unfinished(self.scene, self.method, self.log, status)
             self._back_to(step)
             raise RunError(message, self.record(f"failed: {message}"))
         self.steps += state.step - step
         self.seconds += seconds
         self.rate = self.steps / self.seconds
-        if self.log.n_force:
-            begin = step // self.every + 1
-            times = state.t0 + np.arange(begin, begin + self.log.n_force) * self.every * state.dt
-            self.rows += np.column_stack([times, self.log.F_T[: self.log.n_force]]).tolist()
+        if self.log.n_point:
+            numbers = step // self.every + 1 + np.arange(self.log.n_point)
+            times = state.t0 + numbers * self.every * state.dt
+            self._add_points(times, self.log.points[:, : self.log.n_point])
         if self.log.n_switch or self.log.n_quiet:
             self._add_logs(self.log.switches(), self.log.quiet())
 
@@ -376,21 +384,6 @@ class Run:
         for t, kind in zip(quiet["t"], quiet["kind"], strict=True):
             self.events += kind > 0 and parts(t - self.last_slip, self.method.t_gap)
             self.last_slip = t
-
-    def _stuck_at(self, status: core.Status) -> str:
-        """Return the message of a step that the core could not finish."""
-        method, t, dt = self.method, self.log.t, self.state.dt
-        if status == core.Status.TOO_SHORT:
-            return (
-                f"the error of an adaptive sub-step stays above rtol = {method.rtol:g} at "
-                f"t = {t:.9g} s, however short it is; increase rtol"
-            )
-        return (
-            f"contacts switch without end inside one step of dt = {dt:g} s: block "
-            f"{self.scene.n_of_i[self.log.block]} (1 at the trailing edge) between stick, slip and "
-            f"gap at t = {t:.12g} s, more often than {len(self.scene.x) * 2 + 100} times are "
-            "allowed; switching = 'step_end' or a smaller dt goes on"
-        )
 
     def _fail(self) -> None:
         """Return to the last step that passes all checks and raise RunError for the next one."""

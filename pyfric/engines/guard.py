@@ -29,6 +29,7 @@ from pyfric.core import State
 from pyfric.scene import default_geometry
 
 if TYPE_CHECKING:
+    from pyfric.record import Method
     from pyfric.scene import Geometry, Scene
     from pyfric.statics import Equilibrium
 
@@ -41,6 +42,7 @@ __all__ = [
     "largest_load",
     "largest_strain",
     "strain_notes",
+    "unfinished",
 ]
 
 STEPS = 250
@@ -214,4 +216,19 @@ def strain_notes(scene: Scene, engine: str, F_T: float, t_end: float) -> tuple[s
     return (
         f"{engine}: strains reach about {strain:.2g}, above {LINEAR:g}, where linear geometry, "
         f"which leaves out the rotation and the change of length of bonds, means little{instead}",
+    )
+
+
+def unfinished(scene: Scene, method: Method, log: core.Log, status: core.Status) -> str:
+    """Return the message of a step that the core could not finish."""
+    if status == core.Status.TOO_SHORT:
+        return (
+            f"the error of an adaptive sub-step stays above rtol = {method.rtol:g} at "
+            f"t = {log.t:.9g} s, however short it is; increase rtol"
+        )
+    return (
+        f"contacts switch without end inside one step of dt = {method.dt:g} s: block "
+        f"{scene.n_of_i[log.block]} (1 at the trailing edge) between stick, slip and gap at "
+        f"t = {log.t:.12g} s, more often than {len(scene.x) * 2 + 100} times are allowed; "
+        "switching = 'step_end' or a smaller dt goes on"
     )

@@ -209,7 +209,7 @@ class HybridRun(Run):
             self.try_at = max(self.try_at, self.paid)
 
     def counts(self) -> dict[str, int]:
-        """Return numbers of steps, block evaluations, jumps, spared steps, attempts and bases."""
+        """Return those of steps, and numbers of jumps, spared steps, attempts and bases."""
         made = super().counts()
         old = self.before.counts if self.before else {}
         return made | {

@@ -17,7 +17,7 @@ import numpy as np
 
 from pyfric.core import OPEN
 from pyfric.engines.coarse import coarser
-from pyfric.engines.cost import counts_so_far, full_counts, full_work, set_up, work, work_so_far
+from pyfric.engines.cost import full_counts, full_work, set_up, work, work_so_far
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
@@ -241,6 +241,6 @@ def counted(scene: Scene, t_end: float, options: Options, pilot: Pilot) -> dict[
         return full_counts(scene, dt, t_end)
     t = float(record.curve["t"].iloc[-1])
     part = max(share(t) or t / t_end, 1e-6)  # the time counts as long as there is no event
-    made = {name: count / part for name, count in counts_so_far(record).items()}
+    made = {name: count / part for name, count in record.counts.items()}
     bases = record.counts["modal_bases"]
     return made | {"modal_bases": min(bases, 1) + max(bases - 1, 0) / part}

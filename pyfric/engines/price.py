@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pyfric.engines.cost import (
     RUN,
-    counts_so_far,
     evaluations_of_steps,
     finer_counts,
     full_counts,
@@ -81,7 +80,7 @@ class Operations:
             dt=method.dt,
             stepper=method.stepper,
             lasts=lasts,
-            counts=counts_so_far(record),
+            counts=record.counts,
             geometry=geometry,
         )
 
@@ -162,7 +161,7 @@ def price(
         dt=dt,
         stepper=options.stepper,
         lasts=t_end,
-        counts=counts or full_counts(scene, dt, t_end, options.stepper),
+        counts=counts or full_counts(scene, dt, t_end, options.stepper, options.calls),
         geometry=options.geometry or default_geometry(scene),
     )
     return verification_work(made, run.references)

@@ -51,8 +51,6 @@ if TYPE_CHECKING:
     from pyfric.record.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["MAIN_EVENT_BLOCKS", "T_GAP", "Catalogue", "build_catalogue", "count_main", "parts"]
-
 ROUNDED = 1e-9
 """Share of t_gap below which a difference is rounding of times."""
 

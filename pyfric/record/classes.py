@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from pyfric.record.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["SLOW", "RuptureClass", "creeps_to_rest", "pace_limits", "rupture_class"]
-
 FROM_BLOCK = 5
 """First block whose stick before the next one slips makes a front alternate: a definition."""
 SLOW = 0.1

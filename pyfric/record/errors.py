@@ -34,8 +34,6 @@ from pyfric.scene import SceneError
 if TYPE_CHECKING:
     from pyfric.record.record import Record
 
-__all__ = ["Differences", "Errors", "differences", "statistics"]
-
 NOTHING = "not measured: nothing was compared"
 NOT_VERIFIED = "errors not measured (a planned run, or verify = 'sample', measures them)"
 """What a record says that was not verified."""

@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from pyfric.record.netcdf import Variable
     from pyfric.record.record import Record
 
-__all__ = ["SCHEMA", "attributes", "csv_tables", "dataset", "datatree", "fields", "grouped"]
-
 SCHEMA = 8
 """Version of the file layout that this module writes and reads."""
 DRAWN = "drawn_"

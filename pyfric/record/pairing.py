@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from pyfric.scene import Scene
 
-__all__ = ["event_distances", "in_order", "pace", "paired"]
-
 
 def paired(
     a: pd.DataFrame, b: pd.DataFrame, scene: Scene, span: float | None = None

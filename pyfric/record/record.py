@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from pyfric.record.catalogue import Catalogue
     from pyfric.record.classes import RuptureClass
 
-__all__ = ["Record", "load"]
-
 TABLES = ("curve", "events", "episodes")
 LOGS = ("quiet", "switches", "motion")
 EDGES = ("tau_initial", "p_initial")

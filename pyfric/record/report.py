@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from pyfric.record.errors import Errors
     from pyfric.record.record import Record
 
-__all__ = ["numbered", "summary", "text"]
-
 MAIN_COLUMNS = (
     "event",
     "t_start",

@@ -24,15 +24,6 @@ import numpy as np
 if TYPE_CHECKING:
     from pyfric.scene import Scene
 
-__all__ = [
-    "count_not_increasing",
-    "default_link_time",
-    "first_slips",
-    "five_known",
-    "front_speed",
-    "rupture_front",
-]
-
 AVERAGED = 4
 """Blocks that a front passes in the time of which its speed is the average, as in the paper."""
 SLOWEST = 0.1

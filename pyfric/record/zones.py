@@ -39,18 +39,6 @@ if TYPE_CHECKING:
     from pyfric.record.catalogue import Catalogue
     from pyfric.scene import Scene
 
-__all__ = [
-    "RESOLVED",
-    "RESOLVED_ERROR",
-    "can_rupture",
-    "chain_notes",
-    "viscous_error",
-    "zone_at_rest",
-    "zone_moving",
-    "zone_notes",
-    "zone_of_scene",
-]
-
 RESOLVED = 6
 """Fewest blocks in X_c0 with which a front is resolved: fronts of a crack under uniform stress drop
 then run within 5 % of fracture mechanics where viscosity is low (`reference_data/fronts`)."""

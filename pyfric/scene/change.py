@@ -19,17 +19,6 @@ if TYPE_CHECKING:
 
     Parts = Scene | Mapping[str, Any]
 
-__all__ = [
-    "changed",
-    "followed_by",
-    "full_name",
-    "joined",
-    "once",
-    "read_value",
-    "scene_fields",
-    "spoken",
-]
-
 PROTOCOLS = {
     "driver": (("V", "protocol"),),
     "top": (("F_N", "protocol"), ("T", "T_protocol")),

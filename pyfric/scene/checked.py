@@ -20,9 +20,6 @@ from pydantic_core import ArgsKwargs, core_schema
 from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.units import check_number, check_whole, in_si, parse_quantity, range_text
 
-__all__ = ["Annotation", "Name", "NotNegative", "OneOf", "Positive", "Quantity", "Whole", "Written",
-           "annotations", "from_entries", "from_table", "part", "quantities", "table"]  # fmt: skip
-
 MAX_LISTED = 10_000
 """Largest number of values in a list."""
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from pyfric.scene.push import Push
     from pyfric.scene.scene import Scene
 
-__all__ = ["check", "check_push"]
-
 
 def check(scene: Scene) -> None:
     """Check the conditions that involve several parts of a scene.

@@ -15,8 +15,6 @@ from pyfric.scene.checked import Annotation, Written
 from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.units import read_number
 
-__all__ = ["Conditions", "checked_conditions", "condition"]
-
 
 class Value(NamedTuple):
     """A value of a condition: its unit, limits and default."""

@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["NO_UNIT", "SceneError", "nearest", "show", "unknown"]
-
 NO_UNIT = "missing unit"
 LIKE = 0.6
 """Smallest similarity of two words, between 0 and 1, for which one is suggested for the other."""

@@ -26,8 +26,6 @@ import numpy as np
 
 from pyfric.scene.laws import Tables
 
-__all__ = ["FRICTIONLESS", "Law", "clock", "of", "slipped"]
-
 CLOCKS = np.dtype([("s_0", float), ("t_0", float)])
 """State variables of a block: s_0 (m), and t_0 (s), the time at which it stuck or began to slip."""
 

@@ -9,8 +9,6 @@ from pyfric.scene.errors import SceneError
 if TYPE_CHECKING:
     from pyfric.scene.scene import Scene
 
-__all__ = ["Geometry", "check_geometry", "default_geometry"]
-
 Geometry = Literal["linear", "finite"]
 """Relation of bond forces to displacements."""
 

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from pyfric.scene.laws.junctions import Junctions
     from pyfric.scene.scene import Scene
 
-__all__ = ["JunctionLaw"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class JunctionLaw(Law):

@@ -29,23 +29,6 @@ from pyfric.scene.protocol import Corners, Protocol
 from pyfric.scene.push import Pushed, Pushes
 from pyfric.scene.spread import Spread
 
-__all__ = [
-    "CHAIN_NOTE",
-    "FIELDS",
-    "MAX_BLOCKS",
-    "PARTS",
-    "DistributedLoad",
-    "Driver",
-    "Field",
-    "Interface",
-    "PrescribedLoad",
-    "Rod",
-    "Slider",
-    "Top",
-    "Walls",
-    "steps_in",
-]
-
 MAX_BLOCKS = 20_000_000
 """Largest number of blocks N_x N_z. It prevents a mistyped l from exhausting the memory."""
 MULTIPLE_RTOL = 1e-9

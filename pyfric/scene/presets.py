@@ -28,26 +28,6 @@ from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.units import check_number
 
-__all__ = [
-    "PRESETS",
-    "Fields",
-    "Number",
-    "Preset",
-    "SceneLike",
-    "as_scene",
-    "chain",
-    "names_file",
-    "paper_step",
-    "preset",
-    "presets",
-    "settings",
-    "setup1",
-    "setup2",
-    "slab",
-    "slow",
-    "tpv3",
-]
-
 Number = float | str
 """A number in SI units, text with a unit such as "5 mm", or a quantity of a unit library."""
 Numbers = Number | Sequence[Number]

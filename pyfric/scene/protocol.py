@@ -17,8 +17,6 @@ from typing import Any, NamedTuple
 from pyfric.scene.checked import Quantity, Written
 from pyfric.scene.errors import SceneError
 
-__all__ = ["Corners", "Leg", "Piece", "Protocol", "followed", "legs", "piece_at", "pieces"]
-
 MAX_CORNERS = 1000
 """Largest number of breakpoints of one protocol."""
 

@@ -11,8 +11,6 @@ import numpy as np
 from pyfric.scene.checked import Annotation, Quantity, Whole, Written
 from pyfric.scene.errors import SceneError
 
-__all__ = ["Push", "Pushed", "Pushes", "pushes_at"]
-
 FOR_EVER = (math.inf, "inf s")
 """Values that mean no end, in Python and in files."""
 MAX_PUSHES = 1000

@@ -43,8 +43,6 @@ from pyfric.scene.push import pushes_at
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import scene_text
 
-__all__ = ["OnDriven", "Scene"]
-
 OnDriven = float | np.ndarray
 """A number for one driven block, or an array for several."""
 MAX_NAME = 200

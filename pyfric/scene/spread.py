@@ -7,8 +7,6 @@ import numpy as np
 from pyfric.scene.checked import NotNegative, Whole, part
 from pyfric.scene.errors import SceneError
 
-__all__ = ["Spread"]
-
 SUMMED = 12
 """Uniform numbers in a sum that approximates a normal number; the sum has variance 1."""
 

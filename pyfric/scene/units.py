@@ -9,9 +9,6 @@ from typing import Any
 
 from pyfric.scene.errors import NO_UNIT, SceneError, show
 
-__all__ = ["LARGEST", "SMALLEST", "check_number", "check_whole", "in_si", "parse_quantity",
-           "range_text", "read_number", "with_prefix"]  # fmt: skip
-
 SMALLEST = 1e-30
 """Smallest accepted non-zero magnitude (SI); products of smaller values could underflow."""
 LARGEST = 1e30

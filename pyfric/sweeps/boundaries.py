@@ -30,8 +30,6 @@ from pyfric.scene import SceneError, check_number, check_whole
 from pyfric.signals import at_once
 from pyfric.sweeps.varied import Scale, Span
 
-__all__ = ["boundary", "label_map"]
-
 Label = Callable[[float, float], Hashable]
 Measure = Callable[[float, float], float]
 

@@ -20,8 +20,6 @@ from pyfric.scene import (
 )
 from pyfric.sweeps.varied import Span, full_field, varied
 
-__all__ = ["read_sweep"]
-
 ENTRIES = ("scene", "t_end", "points", "n", "seed", "over", "options", "limits")
 LIMITS = ("max_hours", "max_GB")
 NAMES = {"from": "start", "to": "stop", "step": "step"}

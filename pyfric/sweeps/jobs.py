@@ -20,8 +20,6 @@ from pyfric.scene import Scene, SceneError, __version__, as_scene, check_number,
 if TYPE_CHECKING:
     from pyfric.scene import Number, SceneLike
 
-__all__ = ["OPTIONS", "Job", "JobError"]
-
 ELSEWHERE = ("threads", "checkpoint", "checkpoint_every")
 """Options that do not change what a run gives; jobs leave them to `run_all`."""
 OPTIONS = tuple(known.name for known in dataclasses.fields(Options) if known.name not in ELSEWHERE)

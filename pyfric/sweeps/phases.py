@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from pyfric.sweeps.store import Cache
     from pyfric.sweeps.varied import Scale
 
-__all__ = ["LABELS", "PhaseDiagram", "chain_job", "even_scale", "phase_diagram"]
-
 Labels = Mapping[str, Callable[["Record"], Hashable]]
 Axis = tuple[str, Sequence[float] | np.ndarray]
 

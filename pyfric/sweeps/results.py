@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from pyfric.sweeps.sweep import Sweep
 
-__all__ = ["MEASURED", "FailedBefore", "Results"]
-
 MEASURED = {
     "n_events": ("1", "number of events"),
     "n_main_events": ("1", "number of events of at least 4 blocks"),

@@ -29,8 +29,6 @@ from pyfric.sweeps.jobs import Job, JobError
 from pyfric.sweeps.store import MAX_BYTES, Cache, Store
 from pyfric.sweeps.workers import InThisProcess, Workers, stopping
 
-__all__ = ["run_all", "side_by_side"]
-
 POLL = 0.05
 """Time between two looks at runs elsewhere, s."""
 MAX_LOSSES = 10

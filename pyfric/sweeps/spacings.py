@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from pyfric.scene import Number, Scene, SceneLike
     from pyfric.sweeps.store import Cache
 
-__all__ = ["Resolution", "resolve"]
-
 AT = 0.5
 """L_p/L at which forces are compared, those of the paper's Fig. 2, where an event stops."""
 QUANTITIES = {

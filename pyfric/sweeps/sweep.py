@@ -59,8 +59,6 @@ from pyfric.sweeps.varied import MAX_POINTS, Span, drawn, full_field, varied
 if TYPE_CHECKING:
     from pyfric.scene import Number, SceneLike
 
-__all__ = ["Estimate", "Sweep"]
-
 Kind = Literal["grid", "list", "random", "sobol", "halton", "latin"]
 ASKED = 5
 """The cost of a sweep is that of so many of its points, on average."""

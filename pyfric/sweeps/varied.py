@@ -23,8 +23,6 @@ from pyfric.scene import (
 )
 from pyfric.sweeps.jobs import OPTIONS
 
-__all__ = ["MAX_POINTS", "Scale", "Span", "drawn", "full_field", "varied"]
-
 MAX_POINTS = 1_000_000
 """Most points of a sweep."""
 Scale = Literal["linear", "log"]

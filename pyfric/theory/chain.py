@@ -47,16 +47,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-__all__ = [
-    "LARGEST_VISCOSITY",
-    "chain_prestress",
-    "chain_prestress_overdamped",
-    "chain_speed",
-    "chain_speed_critical",
-    "chain_speed_overdamped",
-    "chain_speed_undamped",
-]
-
 SLOWEST, FASTEST = 1e-4, 1e4
 """Range of front speeds, in c."""
 LARGEST_VISCOSITY = 10.0

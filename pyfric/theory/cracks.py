@@ -37,20 +37,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-__all__ = [
-    "A_II",
-    "D",
-    "I_v",
-    "alpha_d",
-    "alpha_s",
-    "crack_length",
-    "crack_speed",
-    "energy_release_rate",
-    "g_II",
-    "k_II",
-    "stress_intensity",
-]
-
 Bodies = Literal[1, 2]
 StressDrop = "float | Callable[[float], float]"
 

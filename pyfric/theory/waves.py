@@ -23,16 +23,6 @@ from pyfric.theory.inputs import checked, checked_array, choice, refusal
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = [
-    "Material",
-    "Polarisation",
-    "Waves",
-    "density_factor",
-    "lattice_waves",
-    "rayleigh_speed",
-    "reduced_D",
-]
-
 Polarisation = Literal["longitudinal", "shear", "chain"]
 
 STIFFEST = 1e3

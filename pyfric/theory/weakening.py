@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from pyfric.theory.cracks import Bodies
     from pyfric.theory.waves import Material
 
-__all__ = ["ANDREWS_S", "cohesive_zone", "fracture_energy", "strength_excess"]
-
 ANDREWS_S = 1.77
 """In two dimensions a crack can become supershear only where S is below this (Andrews 1985)."""
 

@@ -20,8 +20,6 @@ from pyfric.scene.files import read_at_most
 from pyfric.scene.laws.table import MAX_KNOTS, Table
 from pyfric.scene.units import check_number, check_whole, parse_quantity
 
-__all__ = ["Measured", "from_csv"]
-
 MAX_BYTES = 1_048_576
 """Largest CSV file that is read."""
 NO_UNIT = ("", "-", "–", "1")

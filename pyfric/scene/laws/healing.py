@@ -8,8 +8,6 @@ from pyfric.scene.checked import NotNegative, Positive, part
 from pyfric.scene.laws.kinds import FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table, sampled
 
-__all__ = ["Ageing", "ExponentialHealing"]
-
 PER_DECADE, DECADES = 32, 9
 """Knots for each decade of time after t_c, and the number of decades of the table."""
 FAR = 8.0

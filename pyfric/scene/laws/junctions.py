@@ -12,8 +12,6 @@ from pyfric.scene.laws.kinds import FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table
 from pyfric.scene.spread import Spread
 
-__all__ = ["Junctions"]
-
 MOST = 1_000_000
 """Largest number of junctions of a block."""
 PARTS = 512

@@ -19,8 +19,6 @@ import numpy as np
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.table import Table
 
-__all__ = ["KINDS", "UNITS", "FrictionLaw", "Means", "Tables", "check_tables", "law"]
-
 Kind = TypeVar("Kind", bound="type[FrictionLaw]")
 
 KINDS: dict[str, type[FrictionLaw]] = {}

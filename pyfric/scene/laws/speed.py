@@ -6,8 +6,6 @@ from pyfric.scene.checked import NotNegative, part
 from pyfric.scene.laws.kinds import FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table
 
-__all__ = ["SpeedDependent"]
-
 
 @law
 @part

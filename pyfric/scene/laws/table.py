@@ -11,8 +11,6 @@ import numpy as np
 from pyfric.scene.errors import SceneError
 from pyfric.scene.units import check_number
 
-__all__ = ["MAX_KNOTS", "Table", "sampled"]
-
 MAX_KNOTS = 1000
 """Largest number of knots of a table."""
 CLOSE = 1e-3

@@ -11,8 +11,6 @@ from pyfric.scene.laws.kinds import UNITS, FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table, sampled
 from pyfric.scene.units import check_number, with_prefix
 
-__all__ = ["TabulatedLaw"]
-
 COLUMNS = {
     "slide": ("slip", "mu"),
     "hold": ("contact_time", "gain"),

@@ -9,8 +9,6 @@ from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.kinds import FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table, sampled
 
-__all__ = ["ExponentialWeakening", "LinearWeakening"]
-
 FAR = 8.0
 """End of the exponential in units of d_c; there exp(-8) = 3.4e-4 of it is left."""
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pyfric.scene.checked import Quantity, Written, annotations
-from pyfric.scene.errors import SceneError, unknown
+from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws import FrictionLaw
 from pyfric.scene.parts import PARTS, DistributedLoad, PrescribedLoad, Rod
 from pyfric.scene.protocol import followed
@@ -94,10 +94,8 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     for name, value in names.items():  # in a `Spread`, numbers have the unit of its field
         mark = known.get(name)
         if mark and known.get(name.rpartition(".")[0]):
-            try:
+            with naming(name):
                 names[name] = mark.check(value)
-            except SceneError as error:
-                raise error.at(name) from None
     law = names.get("interface.law")
     if isinstance(law, FrictionLaw) and law.ends() is not None:  # the table holds mu_s and mu_k
         for mu in ("interface.mu_s", "interface.mu_k"):
@@ -198,7 +196,7 @@ def read_value(name: str, value: Any, mark: Quantity | None, folder: Path) -> An
     of_part = annotations(PARTS[part].classes[0]) if part in PARTS else {}
     mark = PARTS.get(name) or mark or of_part.get(field)
     try:
-        return value if mark is None else mark.check(Written(value, folder))
+        return value if mark is None else mark.check(value, Written(value, folder))
     except SceneError as error:
         raise (error if error.field else error.at(name)) from None
 

@@ -90,8 +90,8 @@ class Conditions(Annotation):
 
     allowed: str = dataclasses.field(default_factory=lambda: f"a list of {_names()}")
 
-    def check(self, value: Any) -> tuple[str, ...]:
-        return checked_conditions(value.value if isinstance(value, Written) else value)
+    def check(self, value: Any, written: Written | None = None) -> tuple[str, ...]:
+        return checked_conditions(value)
 
     def written(self, value: tuple[str, ...]) -> list[str]:
         return list(value)

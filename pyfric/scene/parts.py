@@ -136,7 +136,7 @@ class Slider:
         """Return the slider that a table of a scene file describes, possibly by its material."""
         if "material" not in entries:
             return from_entries(cls, entries, folder)
-        material = OneOf(Material).check(Written(entries["material"]))
+        material = OneOf(Material).check(entries["material"], Written(entries))
         marks = annotations(cls)
         rest = {n: Written(v) if n in marks else v for n, v in entries.items() if n != "material"}
         return cls._of(material, rest)

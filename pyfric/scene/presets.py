@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 
 from pyfric.scene.change import changed, full_name, joined, once, scene_fields
-from pyfric.scene.errors import SceneError, unknown
+from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws import FrictionLaw
 from pyfric.scene.laws.junctions import Junctions
 from pyfric.scene.parts import (
@@ -135,10 +135,8 @@ def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
         rules: part_field to a rule, which gives the value if it is missing or None.
     """
     for part in given.keys() & PARTS:
-        try:
+        with naming(part):
             PARTS[part].check(given[part])
-        except SceneError as error:
-            raise error.at(part) from None
     parts = {part: given.get(part, getattr(base, part)) for part in PARTS}
     given = once((full_name(parts, n, v), v) for n, v in given.items())
     named = {name.replace("_", ".", 1): rule for name, rule in rules.items()}

@@ -1,5 +1,6 @@
 """Numbers with units: checks of all numeric inputs, and conversion from text."""
 
+import contextlib
 import math
 import re
 from fractions import Fraction
@@ -213,14 +214,9 @@ def read_number(field: str, text: str | float, unit: str, **limits: float | None
     Raises:
         SceneError: it is neither, or outside the limits.
     """
-    allowed = range_text(unit, **limits)
-    try:
-        number = float(text)
-    except ValueError:
-        if not unit:
-            raise SceneError(field, text, "", allowed, "not a number") from None
-        number = parse_quantity(field, text, unit, allowed=allowed)
-    return check_number(field, number, unit, **limits)
+    with contextlib.suppress(ValueError):
+        text = float(text)
+    return check_number(field, text, unit, **limits)
 
 
 PREFIXES = {0: "", -1: "m", -2: "u", -3: "n", 1: "k", 2: "M", 3: "G"}

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pyfric.scene.errors import SceneError
+from pyfric.scene.errors import SceneError, naming
 from pyfric.scene.files import read_at_most
 from pyfric.scene.laws.table import MAX_KNOTS, Table
 from pyfric.scene.units import check_number, check_whole, parse_quantity
@@ -142,12 +142,9 @@ def _read(path: str | os.PathLike[str], name: str, unit: str, ge: float | None =
     numbers: tuple[list[float], list[float]] = ([], [])
     for n, cells in lines.rows:
         for c, (cell, given, (si, least)) in enumerate(zip(cells, written, columns, strict=True)):
-            try:
+            with naming(where=f"{os.fspath(path)}, row {n}, column {c + 1}"):
                 number = parse_quantity(name, f"{cell} {given}", si) if given else float(cell)
                 numbers[c].append(check_number(name, number, si, ge=least))
-            except SceneError as error:
-                where = f"row {n}, column {c + 1}: {error.reason}"
-                raise _refused(name, error.value, error.allowed, path, where) from None
     places = tuple(f"{os.fspath(path)}, row {n}" for n, _ in lines.rows)
     return Table(tuple(numbers[0]), tuple(numbers[1]), places)
 

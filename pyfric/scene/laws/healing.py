@@ -4,7 +4,7 @@ import functools
 import math
 from typing import Annotated, ClassVar
 
-from pyfric.scene.checked import NotNegative, Positive, part
+from pyfric.scene.checked import NotNegative, Positive
 from pyfric.scene.laws.kinds import FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table, sampled
 
@@ -15,7 +15,6 @@ FAR = 8.0
 
 
 @law
-@part
 class Ageing(FrictionLaw):
     """mu_s + B log10(1 + t/t_c) after a block has stuck for t; it slips like `LinearWeakening`.
 
@@ -43,7 +42,6 @@ class Ageing(FrictionLaw):
 
 
 @law
-@part
 class ExponentialHealing(FrictionLaw):
     """mu_s + gain (1 - exp(-t/t_c)) after a block has stuck for t, within 1e-3 gain.
 

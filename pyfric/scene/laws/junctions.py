@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from pyfric.scene.checked import NotNegative, Positive, Quantity, Whole, part
+from pyfric.scene.checked import NotNegative, Positive, Quantity, Whole
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.kinds import FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table
@@ -26,7 +26,6 @@ _field: dict[str, Any] = {"listed": True, "drawn": Spread, "note": ", or a list,
 
 
 @law
-@part
 class Junctions(FrictionLaw):
     """Each block has n_s junctions, which carry equal shares of its normal force p.
 

@@ -12,10 +12,11 @@ friction, each as a `Table`:
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar, dataclass_transform
 
 import numpy as np
 
+from pyfric.scene.checked import part
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.table import Table
 
@@ -94,8 +95,10 @@ def _short(value: Any) -> str:
     return repr(value)
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True)
 def law(kind: Kind) -> Kind:
-    """Register a class of friction laws by its attribute `kind`."""
+    """Make a class a part (`pyfric.scene.checked`), and register it by its attribute `kind`."""
+    kind = part(kind)
     KINDS[kind.kind] = kind
     kind.__repr__ = kind.text
     return kind

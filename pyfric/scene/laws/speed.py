@@ -2,13 +2,12 @@
 
 from typing import Annotated, Any, ClassVar
 
-from pyfric.scene.checked import NotNegative, part
+from pyfric.scene.checked import NotNegative
 from pyfric.scene.laws.kinds import FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table
 
 
 @law
-@part
 class SpeedDependent(FrictionLaw):
     """`LinearWeakening` with mu of a slipping block multiplied by a factor that depends on speed.
 

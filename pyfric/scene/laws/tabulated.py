@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
-from pyfric.scene.checked import NotNegative, from_entries, part
+from pyfric.scene.checked import NotNegative, from_entries
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.columns import Measured, from_csv
 from pyfric.scene.laws.kinds import UNITS, FrictionLaw, Means, law
@@ -28,7 +28,6 @@ Numbers = Annotated[tuple[float, ...] | None, NotNegative("", listed=True, optio
 
 
 @law
-@part
 class TabulatedLaw(FrictionLaw):
     """A law given by tables: each one by two lists of equal length, linear between knots.
 

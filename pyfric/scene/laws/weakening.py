@@ -4,7 +4,6 @@ import functools
 import math
 from typing import ClassVar
 
-from pyfric.scene.checked import part
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.kinds import FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table, sampled
@@ -14,7 +13,6 @@ FAR = 8.0
 
 
 @law
-@part
 class LinearWeakening(FrictionLaw):
     """mu = mu_s - (mu_s - mu_k) min(s/d_c, 1); with d_c = 0 it is Amontons-Coulomb friction.
 
@@ -25,7 +23,6 @@ class LinearWeakening(FrictionLaw):
 
 
 @law
-@part
 class ExponentialWeakening(FrictionLaw):
     """mu = mu_k + (mu_s - mu_k) exp(-s/d_c), within 1e-3 (mu_s - mu_k), up to s = 8 d_c.
 

@@ -1,11 +1,11 @@
 """The simulated system: parts, scenes, presets, units, geometry."""
 
 from pyfric.scene import laws
-from pyfric.scene.change import followed_by, full_name, once, read_value, scene_fields, spoken
-from pyfric.scene.checked import Quantity, quantities
+from pyfric.scene.change import followed_by, full_name, once, scene_fields, spoken
+from pyfric.scene.checked import Annotation, Quantity, Written, quantities
 from pyfric.scene.consistency import check_push
 from pyfric.scene.ends import checked_conditions, condition
-from pyfric.scene.errors import SceneError, nearest, unknown
+from pyfric.scene.errors import SceneError, naming, nearest, unknown
 from pyfric.scene.files import (
     check_writable,
     clean_drafts,

@@ -5,6 +5,8 @@ Values come from Python or from a scene file (`Written`). In a file, quantities 
 unit, and parts are tables.
 """
 
+from __future__ import annotations
+
 import dataclasses
 import functools
 import typing
@@ -37,6 +39,7 @@ class Annotation:
 
     unit: str = ""
     allowed: str = ""
+    drawn: type | None = None
 
     def check(self, value: Any, written: Written | None = None) -> Any:
         """Return the checked value, in Python or, if it is part of an entry `written`, in a file.
@@ -44,11 +47,18 @@ class Annotation:
         Raises:
             SceneError: the value is refused; the error does not name the field.
         """
-        raise NotImplementedError
+        return value
 
     def written(self, value: Any) -> Any:
         """Return a value in the form of a scene file."""
         return value
+
+    def of_drawn(self) -> dict[str, Annotation]:
+        """Return the annotations of the class `drawn`; some of its numbers have this unit."""
+        return {
+            name: dataclasses.replace(mark, unit=self.unit) if name in self.drawn.in_unit else mark
+            for name, mark in (annotations(self.drawn).items() if self.drawn else ())
+        }
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
         def checked(value: Any) -> Any:
@@ -97,13 +107,6 @@ class Quantity(Annotation):
         if written and self.unit:
             value = parse_quantity("", value, self.unit, allowed=self.allowed)
         return check_number("", value, self.unit, **self._limits, note=self.note)
-
-    def of_drawn(self) -> dict[str, Annotation]:
-        """Return the annotations of the class `drawn`; some of its numbers have this unit."""
-        return {
-            name: dataclasses.replace(mark, unit=self.unit) if name in self.drawn.in_unit else mark
-            for name, mark in annotations(self.drawn).items()
-        }
 
     def _drawn(self, values: Mapping[str, Any], written: Written | None) -> Any:
         """Return the object of class `drawn` that a table describes."""

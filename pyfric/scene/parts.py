@@ -420,23 +420,6 @@ class Interface:
         """Return the interface with Amontons-Coulomb friction, as used for static states."""
         return dataclasses.replace(self, law=LinearWeakening(), d_c=0.0, alpha=0.0)
 
-    def on(self, N_x: int, fields: Mapping[str, np.ndarray]) -> Self:
-        """Return the interface with another number of blocks.
-
-        `fields` are those of the interface and of its friction law, from the trailing edge on.
-        """
-        at = np.linspace(0, 1, N_x)
-
-        def varied(part: Any) -> dict[str, tuple[float, ...]]:
-            return {
-                name: tuple(np.interp(at, np.linspace(0, 1, len(values)), values).tolist())
-                for name, values in fields.items()
-                if not isinstance(getattr(part, name, None), float | None)
-            }
-
-        law = dataclasses.replace(self.law, **varied(self.law))
-        return dataclasses.replace(self, law=law, **varied(self))
-
     @property
     def tables(self) -> Tables:
         """The tables of the law."""

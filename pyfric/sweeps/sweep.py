@@ -48,7 +48,7 @@ import pandas as pd
 from pyfric.display import html
 from pyfric.engines import Options, check_run, expected_cost
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, check_number, check_whole, unknown
+from pyfric.scene import Annotation, Scene, SceneError, check_number, check_whole, unknown
 from pyfric.sweeps.file import read_sweep
 from pyfric.sweeps.jobs import Job, JobError
 from pyfric.sweeps.results import FailedBefore, Results
@@ -181,7 +181,7 @@ class Sweep:
                 raise SceneError(f"over.{name}", values, "", allowed)
             if isinstance(values, str | Mapping) or not isinstance(values, Iterable):
                 raise SceneError(f"over.{name}", values, "", "a list of values, or a range")
-            listed[name] = [_as_in_scene(value, marks.get(name)) for value in values]
+            listed[name] = [_as_in_scene(value, marks[name]) for value in values]
             if not listed[name]:
                 raise SceneError(f"over.{name}", values, "", "at least one value")
         if not listed:
@@ -286,15 +286,13 @@ class Sweep:
         return cls(**read_sweep(Path(path)))
 
 
-def _as_in_scene(value: Any, mark: Any) -> Any:
+def _as_in_scene(value: Any, mark: Annotation) -> Any:
     """Return a value as the scene will have it; what it refuses is left to the point."""
     value = value.item() if isinstance(value, np.generic) else value
-    if mark is not None:
-        try:
-            return mark.check(value)
-        except SceneError:
-            pass
-    return value
+    try:
+        return mark.check(value)
+    except SceneError:
+        return value
 
 
 def _found(store: Store, job: Job) -> Record | JobError | None:

@@ -28,7 +28,7 @@ import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -50,6 +50,7 @@ from pyfric.statics import EquilibriumError
 if TYPE_CHECKING:
     from pyfric.record.record import Record
     from pyfric.scene import Scene
+    from pyfric.statics import StaticSolver
 
 ROUNDED = 1e-9
 """Share of t_gap below which a difference is rounding of times."""
@@ -59,10 +60,6 @@ T_GAP = 1e-3
 
 MAIN_EVENT_BLOCKS = 4
 """Fewest distinct blocks that slip in a main event: a definition."""
-
-
-class _Solver(Protocol):
-    def solve(self, u_x_bottom: np.ndarray, drive: float, **how: Any) -> Any: ...
 
 
 @dataclass(kw_only=True)
@@ -89,7 +86,7 @@ class Catalogue:
     switches: Mapping[str, np.ndarray]
     t_gap: float
     t_end: float
-    solver: _Solver | None
+    solver: StaticSolver | None
     link_time: float
     _found: dict[str, np.ndarray] = field(default_factory=dict)
 
@@ -184,7 +181,7 @@ def build_catalogue(
     t_gap: float = T_GAP,
     t_begin: float = 0.0,
     t_end: float | None = None,
-    solver: _Solver | None = None,
+    solver: StaticSolver | None = None,
     link_time: float | None = None,
 ) -> Catalogue:
     """Build the catalogue of a run from its logs.

@@ -21,7 +21,6 @@ line of the file is the SHA-256 of all before it, which readers of netCDF do not
 from __future__ import annotations
 
 import dataclasses
-import functools
 import json
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
@@ -61,12 +60,12 @@ CSV = {
 COUNTED = {name: held_in("interface")[name] for name in ("event", "n")}
 """What rows of events, and of stresses, are counted by."""
 TEXTS = {
-    "method": Method,
-    "versions": dict[str, str],
-    "timings": dict[str, float],
-    "counts": dict[str, int | float],
-    "notes": tuple[str, ...],
-    "errors": Errors | None,
+    "method": pydantic.TypeAdapter(Method),
+    "versions": pydantic.TypeAdapter(dict[str, str]),
+    "timings": pydantic.TypeAdapter(dict[str, float]),
+    "counts": pydantic.TypeAdapter(dict[str, int | float]),
+    "notes": pydantic.TypeAdapter(tuple[str, ...]),
+    "errors": pydantic.TypeAdapter(Errors | None),
 }
 """Attributes that are JSON -> what they hold."""
 
@@ -238,14 +237,9 @@ def _text(attributes: Mapping[str, Any], name: str) -> str:
     return attributes[name]
 
 
-@functools.cache
-def _adapter(name: str) -> pydantic.TypeAdapter[Any]:
-    return pydantic.TypeAdapter(TEXTS[name])
-
-
 def _from_json(name: str, text: str) -> Any:
     try:
-        return _adapter(name).validate_json(text, strict=True)
+        return TEXTS[name].validate_json(text, strict=True)
     except pydantic.ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         where = ".".join([name, *map(str, first["loc"])])

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pyfric.display import plain
 from pyfric.record.errors import NOT_VERIFIED
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def summary(record: Record, files: list[Path]) -> dict[str, Any]:
             "micro": len(events) - len(main),
         },
         "main_events": [
-            {name: _plain(row[name]) for name in MAIN_COLUMNS} for _, row in main.iterrows()
+            plain({name: row[name] for name in MAIN_COLUMNS}) for _, row in main.iterrows()
         ],
         "timings": {name: float(value) for name, value in record.timings.items()},
         "method": {name: getattr(record.method, name) for name in METHOD}
@@ -64,14 +64,9 @@ def _errors(errors: Errors | None) -> dict[str, Any]:
     if errors is None:
         return {"measured": None, "holds": None, "text": NOT_VERIFIED}
     known = {one.name: getattr(errors, one.name) for one in dataclasses.fields(errors)}
-    plain = {name: dict(v) if isinstance(v, Mapping) else v for name, v in known.items()}
+    known = {name: dict(v) if isinstance(v, Mapping) else v for name, v in known.items()}
     verdict = {"measured": errors.measured(), "holds": errors.holds, "text": str(errors)}
-    return plain | verdict
-
-
-def _plain(value: Any) -> Any:
-    value = value.item() if hasattr(value, "item") else value
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return known | verdict
 
 
 def numbered(n: int, name: str) -> str:

@@ -1,5 +1,7 @@
 """The simulated system: parts, scenes, presets, units, geometry."""
 
+from importlib.metadata import version
+
 from pyfric.scene import laws
 from pyfric.scene.change import followed_by, full_name, once, scene_fields, spoken
 from pyfric.scene.checked import Annotation, Quantity, Written, quantities
@@ -48,4 +50,5 @@ from pyfric.scene.scene import OnDriven, Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.toml import parsed
 from pyfric.scene.units import check_number, check_whole, parse_quantity, read_number
-from pyfric.scene.version import __version__
+
+__version__ = version("pyfric")

@@ -248,7 +248,9 @@ def _jobs(
         for name, value in (("t_end", t_end), ("options", options)):
             if value is not None:
                 raise SceneError(name, value, "", "None without a scene: the jobs have their own")
-        return (_named_chain(*names) if own else scene), tuple(checked)
+        if own:
+            return lambda a, b: chain_job(**dict(zip(names, (a, b), strict=True))), tuple(checked)
+        return scene, tuple(checked)
     base = as_scene(scene)
     if t_end is None:
         raise SceneError("t_end", None, "s", "the end of the runs of a scene", "missing")
@@ -260,21 +262,16 @@ def _jobs(
     return job, tuple(checked)
 
 
-def _named_chain(x: str, y: str) -> Callable[[float, float], Job]:
-    """Return the run of a chain as a function of its two numbers in this order."""
-    return lambda a, b: chain_job(**{x: a, y: b})
-
-
 def _front(record: Record) -> dict[str, Any]:
     """Return speed and length of the front of a run, and how the run ended."""
-    slider, status = record.scene.slider, {"status": record.status}
-    found = record.rupture_class()
+    slider, found = record.scene.slider, record.rupture_class()
     c = slider.l * math.sqrt(slider.k / record.scene.m)
     return {
         "speed": found.speed,
         "speed_over_c": found.speed / c,
         "reached": found.reached,
-    } | status
+        "status": record.status,
+    }
 
 
 def _changes(table: pd.DataFrame, x: str, y: str, name: str) -> pd.DataFrame:

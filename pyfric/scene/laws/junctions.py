@@ -10,7 +10,7 @@ from pyfric.scene.checked import NotNegative, Positive, Quantity, Whole
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.kinds import FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table
-from pyfric.scene.spread import Spread
+from pyfric.scene.spread import Spread, uniform
 
 MOST = 1_000_000
 """Largest number of junctions of a block."""
@@ -129,14 +129,7 @@ class Junctions(FrictionLaw):
         """
         if self.threshold_std == 0:
             return np.zeros((0, self.n_s))
-        key = np.array([self.seed, 1], dtype=np.uint64)
-        raw = (
-            np.random.Philox(key=key, counter=np.array([0, i, 0, 0], dtype=np.uint64)).random_raw(
-                self.n_s
-            )
-            for i in numbers
-        )
-        u = np.array([(one >> np.uint64(11)).astype(float) * 2.0**-53 for one in raw])
+        u = np.array([uniform(self.n_s, self.seed, 1, i) for i in numbers])
         if self.threshold_distribution == "uniform":
             return 1 + self.threshold_std * math.sqrt(3) * (2 * u - 1)
         return _weibull(self.threshold_std)(u)

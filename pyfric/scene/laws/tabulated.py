@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
 from pyfric.scene.checked import NotNegative, from_entries
-from pyfric.scene.errors import SceneError
+from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.laws.columns import Measured, from_csv
 from pyfric.scene.laws.kinds import UNITS, FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table, sampled
@@ -91,8 +91,7 @@ class TabulatedLaw(FrictionLaw):
         """
         for name in tables:
             if name not in COLUMNS:
-                allowed = f"one of {', '.join(COLUMNS)}"
-                raise SceneError(name, tables[name], "", allowed, "unknown")
+                raise unknown(name, tables[name], name, COLUMNS)
         return cls._made({name: _made(name, source) for name, source in tables.items()}, {})
 
     @classmethod
@@ -113,17 +112,14 @@ class TabulatedLaw(FrictionLaw):
             if twice := [column for column in columns if column in rest]:
                 allowed = f"either {name}, or {' and '.join(columns)}"
                 raise SceneError(f"interface.law.{twice[0]}", rest[twice[0]], "", allowed, "twice")
-            measured = isinstance(source, dict) and {"measured"} <= {*source} <= {
-                "measured",
-                "knots",
-            }
-            path = source["measured"] if measured else source
+            known = isinstance(source, dict) and source.keys() <= {"measured", "knots"}
+            path = source.get("measured") if known else source
             if not isinstance(path, str):
                 allowed = "the path of a CSV file, from the scene file on, or {measured = path}"
                 raise SceneError(field, source, "", allowed, "no path")
-            knots = {"knots": source["knots"]} if measured and "knots" in source else {}
-            read = Measured(path=folder / path, **knots) if measured else folder / path
-            tables[name] = _made(name, read)
+            how = {"knots": source["knots"]} if known and "knots" in source else {}
+            path = folder / path
+            tables[name] = _made(name, Measured(path=path, **how) if known else path)
         return cls._made(tables, rest)
 
     @classmethod

@@ -243,11 +243,6 @@ class Differences(NamedTuple):
             names = ("rupture",)
         return self.events[(self.events[list(names)] > tolerance).any(axis=1)]
 
-    def parted(self, tolerance: float, want: str | None = None) -> float | None:
-        """Return the start of the first event that is further apart than this, s."""
-        off = self.beyond(tolerance, want)["t_start"]
-        return float(off.min()) if len(off) else None
-
     def errors(self, factor: float = 1.0) -> dict[str, Any]:
         """Return the differences as fields of `Errors`, times a factor."""
         values = {name: self.events[name].dropna().to_numpy() for name in BY_EVENT}

@@ -17,7 +17,7 @@ from pyfric.scene.files import (
     write,
     written,
 )
-from pyfric.scene.friction import FRICTIONLESS, Law, clock, of, slipped
+from pyfric.scene.friction import FRICTIONLESS, Law, of, slipped
 from pyfric.scene.geometry import Geometry, check_geometry, default_geometry
 from pyfric.scene.materials import MATERIALS, Material
 from pyfric.scene.notes import law_notes

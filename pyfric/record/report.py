@@ -104,14 +104,9 @@ def text(summary: dict[str, Any]) -> str:
         lines.append("  ".join([f"{event['event']:>5}", *numbers]))
     if summary["main_events"]:
         lines.append("")
-    lines.append(
-        ", ".join(
-            [method["words"]]
-            + ([f"variant {method['variant']}"] if method["variant"] else [])
-            + [f"{method['threads']} thread{'s' if method['threads'] > 1 else ''}"]
-        )
-    )
-    lines.append(f"time taken: {took}")
+    variant = [f"variant {method['variant']}"] if method["variant"] else []
+    words = [method["words"], *variant, numbered(method["threads"], "thread")]
+    lines += [", ".join(words), f"time taken: {took}"]
     if per_step is not None:
         lines.append(f"per block and step: {per_step * 1e9:.1f} ns")
     lines.append(summary["errors"]["text"])

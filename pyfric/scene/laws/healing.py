@@ -5,7 +5,7 @@ import math
 from typing import Annotated, ClassVar
 
 from pyfric.scene.checked import NotNegative, Positive
-from pyfric.scene.laws.kinds import FrictionLaw, Means, law
+from pyfric.scene.laws.kinds import FrictionLaw, Means, Tables, law
 from pyfric.scene.laws.table import Table, sampled
 
 PER_DECADE, DECADES = 32, 9
@@ -34,11 +34,12 @@ class Ageing(FrictionLaw):
     kind: ClassVar[str] = "ageing"
     example: ClassVar[dict[str, float]] = {"B": 0.02, "t_c": 1e-5}
 
-    def hold(self, of: Means) -> Table | None:
-        """Return the gain, on knots evenly spaced in log(1 + t/t_c)."""
+    def tables(self, of: Means) -> Tables:
+        """Return the tables, with the gain on knots evenly spaced in log(1 + t/t_c)."""
         decades = [n / PER_DECADE for n in range(PER_DECADE * DECADES + 1)]
         x = (self.t_c * (10.0**n - 1) for n in decades)
-        return Table(tuple(x), tuple(self.B * n for n in decades)) if self.B else None
+        gain = Table(tuple(x), tuple(self.B * n for n in decades)) if self.B else None
+        return super().tables(of)._replace(hold=gain)
 
 
 @law
@@ -61,11 +62,12 @@ class ExponentialHealing(FrictionLaw):
     kind: ClassVar[str] = "healing"
     example: ClassVar[dict[str, float]] = {"gain": 0.05, "t_c": 1e-4}
 
-    def hold(self, of: Means) -> Table | None:
-        """Return the gain."""
+    def tables(self, of: Means) -> Tables:
+        """Return the tables, with the gain."""
         unit = _unit()
         x = tuple(self.t_c * time for time in unit.x)
-        return Table(x, tuple(self.gain * share for share in unit.y)) if self.gain else None
+        gain = Table(x, tuple(self.gain * share for share in unit.y)) if self.gain else None
+        return super().tables(of)._replace(hold=gain)
 
 
 @functools.cache

@@ -1,7 +1,7 @@
 """Friction laws as up to four tables, and the registry of their kinds.
 
-A kind is a frozen dataclass under `@law`. Its methods return the deviations from Amontons-Coulomb
-friction, each as a `Table`:
+A kind is a frozen dataclass under `@law`. Its method `tables` returns the deviations from
+Amontons-Coulomb friction, each as a `Table`:
 
     hold    gain of mu_s                 over the time since the block stuck, s
     slide   share of mu_s - mu_k left    over slip/d_c
@@ -61,18 +61,9 @@ class FrictionLaw:
     example: ClassVar[dict[str, Any]] = {}
     _section: ClassVar[str] = "interface.law"
 
-    def hold(self, of: Means) -> Table | None:
-        """Return the gain of mu_s over the time since the block stuck (s)."""
-
-    def slide(self, of: Means) -> Table | None:
-        """Return the remaining share of mu_s - mu_k over slip/d_c."""
-        return STRAIGHT if of.d_c > 0 else None
-
-    def speed(self, of: Means) -> Table | None:
-        """Return the factor of mu over |v| (m/s)."""
-
-    def age(self, of: Means) -> Table | None:
-        """Return the factor of mu over the time since slip began (s)."""
+    def tables(self, of: Means) -> Tables:
+        """Return the tables of the law for an interface with these means."""
+        return Tables(slide=STRAIGHT if of.d_c > 0 else None)
 
     def ends(self) -> tuple[float, float] | None:
         """Return the first and the last mu if the law is a table of mu, None otherwise."""
@@ -82,10 +73,6 @@ class FrictionLaw:
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         shown = (f"{name}={_short(x)}" for name, x in values.items() if x is not None)
         return f"{type(self).__name__}({', '.join(shown)})"
-
-    def tables(self, of: Means) -> Tables:
-        """Return the tables of the law for an interface with these means."""
-        return Tables(self.hold(of), self.slide(of), self.speed(of), self.age(of))
 
 
 def _short(value: Any) -> str:

@@ -5,7 +5,7 @@ import math
 from typing import ClassVar
 
 from pyfric.scene.errors import SceneError
-from pyfric.scene.laws.kinds import FrictionLaw, Means, law
+from pyfric.scene.laws.kinds import FrictionLaw, Means, Tables, law
 from pyfric.scene.laws.table import Table, sampled
 
 FAR = 8.0
@@ -33,12 +33,12 @@ class ExponentialWeakening(FrictionLaw):
 
     kind: ClassVar[str] = "exponential"
 
-    def slide(self, of: Means) -> Table:
+    def tables(self, of: Means) -> Tables:
         """Return the exponential; its last value is 0."""
         if not of.d_c > 0:
             allowed = "a finite number > 0 m with an exponential law"
             raise SceneError("interface.d_c", of.d_c, "m", allowed, "nothing to decay over")
-        return _decay()
+        return Tables(slide=_decay())
 
 
 @functools.cache

@@ -6,7 +6,6 @@ It is the same in Python, on the command line, in scene files and in sweep files
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -84,14 +83,12 @@ def checked_conditions(given: Any) -> tuple[str, ...]:
     return tuple(texts)
 
 
-@dataclasses.dataclass(frozen=True)
 class Conditions(Annotation):
     """Annotation of conditions: a text, or a list of texts."""
 
-    allowed: str = dataclasses.field(default_factory=lambda: f"a list of {_names()}")
+    @property
+    def allowed(self) -> str:
+        return f"a list of {_names()}"
 
     def check(self, value: Any, written: Written | None = None) -> tuple[str, ...]:
         return checked_conditions(value)
-
-    def written(self, value: tuple[str, ...]) -> list[str]:
-        return list(value)

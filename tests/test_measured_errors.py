@@ -314,7 +314,7 @@ def test_the_number_that_was_wanted_has_to_be_known():
 
 def test_a_bound_names_its_formula():
     errors = Errors(want="precursors", tolerance=0.1, arrest=0.01, events=3, covered=0.5)
-    errors = errors.bounded("what ladders leave out", start=0.05)
+    errors = dataclasses.replace(errors, start=0.05, bounds={"start": "what ladders leave out"})
     assert [errors.state(name) for name in ("start", "arrest", "length")] == [
         "bounded", "measured", "not measured",
     ]  # fmt: skip

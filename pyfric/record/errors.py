@@ -17,7 +17,6 @@ that all earlier events left.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -116,11 +115,6 @@ class Errors:
         if getattr(self, name) is None:
             return "not measured"
         return "bounded" if name in self.bounds else "measured"
-
-    def bounded(self, formula: str, **values: float) -> Errors:
-        """Return the errors with numbers that a formula bounds."""
-        bounds = {**self.bounds, **dict.fromkeys(values, formula)}
-        return dataclasses.replace(self, bounds=bounds, **values)
 
     def measured(self, want: str | None = None) -> float | None:
         """Return the error that a tolerance bounds, None where it was not measured.

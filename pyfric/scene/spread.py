@@ -80,3 +80,10 @@ class Spread:
         for first in range(over):
             total += normal[first : first + n]
         return self.mean + (self.std / np.sqrt(float(over))) * total
+
+
+Field = float | tuple[float, ...] | Spread
+"""A number, a list with a number for each block from the trailing edge on, or a `Spread`."""
+LIST_NOTE = ", or a list of N_x of them"
+FIELD = {"listed": True, "drawn": Spread, "note": LIST_NOTE + ", or a Spread"}
+"""What the annotations of fields have in common."""

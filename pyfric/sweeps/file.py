@@ -98,14 +98,9 @@ def _over(
             over[name] = [read(name, entry, field) for entry in value]
         elif isinstance(value, dict) and {"from", "to"} <= set(value):
             _check_keys(f"{field}.", value, RANGE)
-            ends = {
-                NAMES[key]: read(name, value[key], f"{field}.{key}")
-                for key in NAMES
-                if key in value
-            }
-            rest = {key: value[key] for key in ("n", "scale") if key in value}
+            ends = {key: read(name, value[key], f"{field}.{key}") for key in NAMES if key in value}
             try:
-                over[name] = Span(**ends, **rest)
+                over[name] = Span(**{NAMES.get(k, k): v for k, v in (value | ends).items()})
             except SceneError as error:
                 entry = {"start": "from", "stop": "to"}.get(error.field, error.field)
                 raise error.at(f"{field}.{entry}") from None

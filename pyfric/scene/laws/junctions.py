@@ -10,7 +10,7 @@ from pyfric.scene.checked import NotNegative, Positive, Quantity, Whole
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.kinds import FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table
-from pyfric.scene.spread import Spread, uniform
+from pyfric.scene.spread import FIELD, Field, uniform
 
 MOST = 1_000_000
 """Largest number of junctions of a block."""
@@ -20,9 +20,6 @@ TAIL = 1e-6
 """Probability beyond the last knots of such a table; its first and last parts are halved down to
 it.
 """
-
-Field = float | tuple[float, ...] | Spread
-_field: dict[str, Any] = {"listed": True, "drawn": Spread, "note": ", or a list, or a Spread"}
 
 
 @law
@@ -69,10 +66,10 @@ class Junctions(FrictionLaw):
     """
 
     n_s: Annotated[int, Whole(MOST)] = 100
-    u_s: Annotated[Field | None, Positive("m", optional=True, **_field)] = None
-    C: Annotated[Field | None, Positive("N/m^2", optional=True, **_field)] = None
-    t_R: Annotated[Field, NotNegative("s", **_field)] = 2e-3
-    t_R_std: Annotated[Field, NotNegative("s", **_field)] = 0.0
+    u_s: Annotated[Field | None, Positive("m", optional=True, **FIELD)] = None
+    C: Annotated[Field | None, Positive("N/m^2", optional=True, **FIELD)] = None
+    t_R: Annotated[Field, NotNegative("s", **FIELD)] = 2e-3
+    t_R_std: Annotated[Field, NotNegative("s", **FIELD)] = 0.0
     t_R_distribution: Literal["normal", "gamma"] = "normal"
     threshold_std: Annotated[float, NotNegative("")] = 0.0
     threshold_distribution: Literal["weibull", "uniform"] = "weibull"

@@ -45,12 +45,11 @@ from pyfric.record.rupture import (
     rupture_front,
 )
 from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving
-from pyfric.statics import EquilibriumError
+from pyfric.scene import Scene
+from pyfric.statics import EquilibriumError, StaticSolver
 
 if TYPE_CHECKING:
     from pyfric.record.record import Record
-    from pyfric.scene import Scene
-    from pyfric.statics import StaticSolver
 
 ROUNDED = 1e-9
 """Share of t_gap below which a difference is rounding of times."""

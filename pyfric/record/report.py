@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pyfric.display import plain
-from pyfric.record.errors import NOT_VERIFIED
+from pyfric.record.errors import NOT_VERIFIED, Errors
 
 if TYPE_CHECKING:
-    from pyfric.record.errors import Errors
     from pyfric.record.record import Record
 
 MAIN_COLUMNS = (

@@ -17,9 +17,9 @@ import numpy as np
 from pyfric.scene.errors import SceneError
 from pyfric.scene.friction import Law
 from pyfric.scene.laws import Tables
+from pyfric.scene.laws.junctions import Junctions
 
 if TYPE_CHECKING:
-    from pyfric.scene.laws.junctions import Junctions
     from pyfric.scene.scene import Scene
 
 

@@ -9,16 +9,22 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy
 
 from pyfric.engines import Options
-from pyfric.scene import Scene, SceneError, __version__, as_scene, check_number, unknown
-
-if TYPE_CHECKING:
-    from pyfric.scene import Number, SceneLike
+from pyfric.scene import (
+    Number,
+    Scene,
+    SceneError,
+    SceneLike,
+    __version__,
+    as_scene,
+    check_number,
+    unknown,
+)
 
 ELSEWHERE = ("threads", "checkpoint", "checkpoint_every")
 """Options that do not change what a run gives; jobs leave them to `run_all`."""

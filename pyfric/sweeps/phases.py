@@ -18,24 +18,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from pyfric.engines import Options
-from pyfric.record import SLOW, pace_limits
-from pyfric.scene import Scene, SceneError, as_scene, chain, check_number, check_whole
+from pyfric.record import SLOW, Record, pace_limits
+from pyfric.scene import Scene, SceneError, SceneLike, as_scene, chain, check_number, check_whole
 from pyfric.signals import at_once
 from pyfric.sweeps.boundaries import boundary
 from pyfric.sweeps.jobs import Job
 from pyfric.sweeps.runs import run_all
-
-if TYPE_CHECKING:
-    from pyfric.record import Record
-    from pyfric.scene import SceneLike
-    from pyfric.sweeps.store import Cache
-    from pyfric.sweeps.varied import Scale
+from pyfric.sweeps.store import Cache
+from pyfric.sweeps.varied import Scale
 
 Labels = Mapping[str, Callable[["Record"], Hashable]]
 Axis = tuple[str, Sequence[float] | np.ndarray]

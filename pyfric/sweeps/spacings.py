@@ -6,22 +6,18 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from pyfric.display import html
 from pyfric.engines import Options
-from pyfric.record import analysis
-from pyfric.scene import PrescribedLoad, SceneError, as_scene, check_whole
+from pyfric.record import Record, analysis
+from pyfric.scene import Number, PrescribedLoad, Scene, SceneError, SceneLike, as_scene, check_whole
 from pyfric.sweeps.jobs import Job, JobError
 from pyfric.sweeps.runs import run_all
-
-if TYPE_CHECKING:
-    from pyfric.record import Record
-    from pyfric.scene import Number, Scene, SceneLike
-    from pyfric.sweeps.store import Cache
+from pyfric.sweeps.store import Cache
 
 AT = 0.5
 """L_p/L at which forces are compared, those of the paper's Fig. 2, where an event stops."""

@@ -40,7 +40,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, get_args
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 import pandas as pd
@@ -48,16 +48,22 @@ import pandas as pd
 from pyfric.display import html
 from pyfric.engines import Options, check_run, expected_cost
 from pyfric.record import Record
-from pyfric.scene import Annotation, Scene, SceneError, check_number, check_whole, unknown
+from pyfric.scene import (
+    Annotation,
+    Number,
+    Scene,
+    SceneError,
+    SceneLike,
+    check_number,
+    check_whole,
+    unknown,
+)
 from pyfric.sweeps.file import read_sweep
 from pyfric.sweeps.jobs import DEFAULTS, Job, JobError
 from pyfric.sweeps.results import FailedBefore, Results
 from pyfric.sweeps.runs import run_all
 from pyfric.sweeps.store import Cache, Store
 from pyfric.sweeps.varied import MAX_POINTS, Span, drawn, full_field, varied
-
-if TYPE_CHECKING:
-    from pyfric.scene import Number, SceneLike
 
 Kind = Literal["grid", "list", "random", "sobol", "halton", "latin"]
 ASKED = 5

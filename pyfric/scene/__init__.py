@@ -3,7 +3,7 @@
 from importlib.metadata import version
 
 from pyfric.scene import laws
-from pyfric.scene.change import followed_by, full_name, once, scene_fields, spoken
+from pyfric.scene.change import followed_by, full_name, once, scene_fields
 from pyfric.scene.checked import Annotation, Quantity, Written, quantities
 from pyfric.scene.consistency import check_push
 from pyfric.scene.ends import checked_conditions, condition
@@ -49,6 +49,6 @@ from pyfric.scene.push import Push
 from pyfric.scene.scene import OnDriven, Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.toml import parsed
-from pyfric.scene.units import check_number, check_whole, parse_quantity, read_number
+from pyfric.scene.units import check_number, check_whole, parse_quantity, spoken
 
 __version__ = version("pyfric")

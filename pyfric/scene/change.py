@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -172,20 +171,3 @@ def followed_by(before: Scene, after: Scene, t: float) -> tuple[Scene, list[str]
     if dataclasses.replace(before, **others, **free) != after:
         return None
     return dataclasses.replace(before, **whole, **free), said
-
-
-def spoken(text: str) -> Any:
-    """Return a value from a line of text, such as the argument of `--set`.
-
-    The text is read as TOML: a number in SI, a list, or a table such as {mean = 0.7, std = 0.02}.
-    Numbers that TOML does not know, such as .005 and 1.e-3, are numbers, too. What is neither is
-    returned as text, such as "7.5 mm" or "left".
-    """
-    try:
-        return tomllib.loads(f"value = {text}").get("value", text)
-    except (ValueError, RecursionError):
-        pass
-    try:
-        return float(text)
-    except ValueError:
-        return text

@@ -1,8 +1,8 @@
 """Numbers with units: checks of all numeric inputs, and conversion from text."""
 
-import contextlib
 import math
 import re
+import tomllib
 from fractions import Fraction
 from functools import lru_cache
 from numbers import Integral, Real
@@ -202,21 +202,21 @@ def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> f
         return math.copysign(math.inf, number)
 
 
-def read_number(field: str, text: str | float, unit: str, **limits: float | None) -> float:
-    """Return a number in SI from text: a bare number in SI, or a quantity with its unit.
+def spoken(text: str) -> Any:
+    """Return a value from a line of text, such as the argument of `--set`.
 
-    Args:
-        field: dotted name used in the error.
-        text: the text, or a number.
-        unit: SI unit, ``""`` for a pure number.
-        limits: gt, ge, le, lt of `check_number`.
-
-    Raises:
-        SceneError: it is neither, or outside the limits.
+    The text is read as TOML: a number in SI, a list, or a table such as {mean = 0.7, std = 0.02}.
+    Numbers that TOML does not know, such as .005 and 1.e-3, are numbers, too. What is neither is
+    returned as text, such as "7.5 mm" or "left".
     """
-    with contextlib.suppress(ValueError):
-        text = float(text)
-    return check_number(field, text, unit, **limits)
+    try:
+        return tomllib.loads(f"value = {text}").get("value", text)
+    except (ValueError, RecursionError):
+        pass
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 PREFIXES = {0: "", -1: "m", -2: "u", -3: "n", 1: "k", 2: "M", 3: "G"}

@@ -5,7 +5,7 @@ from importlib.metadata import version
 from pyfric.scene import laws
 from pyfric.scene.change import followed_by, full_name, once, scene_fields
 from pyfric.scene.checked import Annotation, Quantity, Written, quantities
-from pyfric.scene.consistency import check_push
+from pyfric.scene.consistency import Geometry, check_geometry, check_push, default_geometry
 from pyfric.scene.ends import checked_conditions, condition
 from pyfric.scene.errors import SceneError, naming, nearest, unknown
 from pyfric.scene.files import (
@@ -18,7 +18,6 @@ from pyfric.scene.files import (
     written,
 )
 from pyfric.scene.friction import FRICTIONLESS, Law, of, slipped
-from pyfric.scene.geometry import Geometry, check_geometry, default_geometry
 from pyfric.scene.materials import MATERIALS, Material
 from pyfric.scene.notes import law_notes
 from pyfric.scene.parts import (

@@ -1,6 +1,7 @@
 """Numbers with units: checks of all numeric inputs, and conversion from text."""
 
 import math
+import operator
 import re
 import tomllib
 from fractions import Fraction
@@ -52,30 +53,24 @@ _QUANTITY = re.compile(
 _LONGEST = 80  # characters in a quantity
 
 
-def range_text(
-    unit: str,
-    *,
-    gt: float | None = None,
-    ge: float | None = None,
-    le: float | None = None,
-    lt: float | None = None,
-) -> str:
+LIMITS = {
+    "gt": (">", operator.gt, "too small"),
+    "ge": (">=", operator.ge, "too small"),
+    "le": ("<=", operator.le, "too large"),
+    "lt": ("<", operator.lt, "too large"),
+}
+"""Name of a limit -> its sign, the comparison with it, and what is wrong beyond it."""
+
+
+def range_text(unit: str, **limits: float | None) -> str:
     """Return the allowed range in words, such as ``"a finite number > 0.0 m"``."""
-    limits = ((">", gt), (">=", ge), ("<=", le), ("<", lt))
-    ranges = [f"{sign} {limit:.12g}" for sign, limit in limits if limit is not None]
+    given = {name: limits[name] for name in LIMITS if limits.get(name) is not None}
+    ranges = [f"{LIMITS[name][0]} {limit:.12g}" for name, limit in given.items()]
     return " ".join(["a finite number", " and ".join(ranges), unit]).replace("  ", " ").strip()
 
 
 def check_number(
-    field: str,
-    value: Any,
-    unit: str,
-    *,
-    gt: float | None = None,
-    ge: float | None = None,
-    le: float | None = None,
-    lt: float | None = None,
-    note: str = "",
+    field: str, value: Any, unit: str, *, note: str = "", **limits: float | None
 ) -> float:
     """Return `value` in SI as a float if it is a finite real number inside the given limits.
 
@@ -84,8 +79,8 @@ def check_number(
         value: a Python or NumPy real scalar, in SI. If there is a unit, also text such as "5 mm" or
             a quantity of a library of units, see `in_si`. Booleans and arrays are refused.
         unit: SI unit, ``""`` for a pure number.
-        gt, ge, le, lt: limits (>, >=, <=, <), in the same unit.
         note: other allowed values, appended to the range in the error.
+        limits: gt, ge, le, lt (>, >=, <=, <), in the same unit; None means no limit.
 
     Returns:
         The number as a Python float; -0.0 becomes 0.0.
@@ -94,7 +89,7 @@ def check_number(
         SceneError: wrong type or unit, NaN, infinite, outside the limits, or a non-zero magnitude
             outside `SMALLEST` … `LARGEST`.
     """
-    allowed = range_text(unit, gt=gt, ge=ge, le=le, lt=lt)
+    allowed = range_text(unit, **limits)
     value = in_si(field, value, unit, allowed=allowed + note)
 
     def refused(reason: str, shown: Any = value, size: str = "") -> SceneError:
@@ -108,10 +103,10 @@ def check_number(
         raise refused("too large for a floating-point number") from None
     if not math.isfinite(number):
         raise refused("not a finite number", number)
-    below = (gt is not None and not number > gt) or (ge is not None and not number >= ge)
-    above = (le is not None and not number <= le) or (lt is not None and not number < lt)
-    if below or above:
-        raise refused("too small" if below else "too large", number)
+    for name, limit in limits.items():
+        _, fits, wrong = LIMITS[name]
+        if limit is not None and not fits(number, limit):
+            raise refused(wrong, number)
     if number and not SMALLEST <= abs(number) <= LARGEST:
         raise refused("out of range", number, f", of magnitude {SMALLEST:g} to {LARGEST:g}")
     return number

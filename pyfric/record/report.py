@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,10 +61,8 @@ def _errors(errors: Errors | None) -> dict[str, Any]:
     """Return measured errors and what they come to; None stands for what was not measured."""
     if errors is None:
         return {"measured": None, "holds": None, "text": NOT_VERIFIED}
-    known = {one.name: getattr(errors, one.name) for one in dataclasses.fields(errors)}
-    known = {name: dict(v) if isinstance(v, Mapping) else v for name, v in known.items()}
     verdict = {"measured": errors.measured(), "holds": errors.holds, "text": str(errors)}
-    return known | verdict
+    return dataclasses.asdict(errors) | verdict
 
 
 def numbered(n: int, name: str) -> str:

@@ -42,7 +42,7 @@ class Annotation:
     drawn: type | None = None
 
     def check(self, value: Any, written: Written | None = None) -> Any:
-        """Return the checked value, in Python or, if it is part of an entry `written`, in a file.
+        """Return the checked value, which is of Python, or of an entry `written` in a scene file.
 
         Raises:
             SceneError: the value is refused; the error does not name the field.

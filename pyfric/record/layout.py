@@ -59,15 +59,23 @@ CSV = {
 """Group and dimensions -> the CSV file that holds them."""
 COUNTED = {name: held_in("interface")[name] for name in ("event", "n")}
 """What rows of events, and of stresses, are counted by."""
-TEXTS = {
-    "method": pydantic.TypeAdapter(Method),
-    "versions": pydantic.TypeAdapter(dict[str, str]),
-    "timings": pydantic.TypeAdapter(dict[str, float]),
-    "counts": pydantic.TypeAdapter(dict[str, int | float]),
-    "notes": pydantic.TypeAdapter(tuple[str, ...]),
-    "errors": pydantic.TypeAdapter(Errors | None),
-}
-"""Attributes that are JSON -> what they hold."""
+
+
+class Texts(pydantic.BaseModel):
+    """Attributes of a file that are text, and what those in JSON hold."""
+
+    scene: str
+    status: str
+    method: pydantic.Json[Method]
+    versions: pydantic.Json[dict[str, str]]
+    timings: pydantic.Json[dict[str, float]]
+    counts: pydantic.Json[dict[str, int | float]]
+    notes: pydantic.Json[tuple[str, ...]]
+    errors: pydantic.Json[Errors | None]
+
+
+TEXTS = tuple(name for name in Texts.model_fields if name not in ("scene", "status"))
+"""Attributes that are JSON."""
 
 
 def held_by(record: Record) -> Iterator[tuple[Held, np.ndarray]]:
@@ -217,33 +225,21 @@ def fields(
     """
     sizes: dict[str, int] = {}
     interface = checked("interface", groups["interface"], sizes)
-    known = {name: _text(attributes, name) for name in ("scene", "status", *TEXTS)}
-    scene = _scene(known["scene"], interface)
+    try:
+        known = Texts.model_validate(dict(attributes), strict=True)
+    except pydantic.ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        raise RecordError(f"attribute {where}: {first['msg']}") from None
+    scene = _scene(known.scene, interface)
     return {
+        **vars(known),
         "scene": scene,
-        "status": known["status"],
-        **{name: _from_json(name, known[name]) for name in TEXTS},
         **{name: checked(name, groups[name], sizes) for name in PLAIN},
         "arrays": {name: interface[name] for name in found_arrays()},
         **{name: interface[name] for name in ("tau_initial", "p_initial")},
         "final_state": _state(groups["final_state"], scene),
     }
-
-
-def _text(attributes: Mapping[str, Any], name: str) -> str:
-    if not isinstance(attributes.get(name), str):
-        reason = "is not text" if name in attributes else "is missing"
-        raise RecordError(f"attribute {name} {reason}")
-    return attributes[name]
-
-
-def _from_json(name: str, text: str) -> Any:
-    try:
-        return TEXTS[name].validate_json(text, strict=True)
-    except pydantic.ValidationError as error:
-        first = error.errors(include_url=False, include_context=False)[0]
-        where = ".".join([name, *map(str, first["loc"])])
-        raise RecordError(f"attribute {where}: {first['msg']}") from None
 
 
 def _scene(text: str, interface: Mapping[str, np.ndarray]) -> Scene:

@@ -222,7 +222,7 @@ def __getattr__(name: str) -> Any:
         return importlib.import_module(f"pyfric.{name}")
     for room in ROOMS if name in __all__ else ():
         found = importlib.import_module(f"pyfric.{room}")
-        if name in found.__all__:
+        if hasattr(found, name):
             return globals().setdefault(name, getattr(found, name))
     raise AttributeError(f"module 'pyfric' has no attribute {name!r}")
 

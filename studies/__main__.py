@@ -311,13 +311,13 @@ def fronts(
     planned to take is said before it starts: 8 times the one before it. Precursors on a lattice of
     --finer start just before the first slip, from the tractions of the run with twice the l.
     """
-    from pyfric.scene import read_number
+    from pyfric.scene import check_number, spoken
 
     folder = out / "runs" if runs is None else runs
-    given = {"collapse": [read_number("collapse", one, "m", gt=0.0) for one in collapse]}
-    given["finer"] = [read_number("finer", one, "m", gt=0.0) for one in finer]
+    given = {"collapse": [check_number("collapse", spoken(one), "m", gt=0.0) for one in collapse]}
+    given["finer"] = [check_number("finer", spoken(one), "m", gt=0.0) for one in finer]
     if spacings:
-        given["spacings"] = [read_number("l", one, "m", gt=0.0) for one in spacings]
+        given["spacings"] = [check_number("l", spoken(one), "m", gt=0.0) for one in spacings]
     names = {"--l": spacings, "--collapse": collapse, "--finer": finer}
     words = [word for name, values in names.items() for one in values for word in (name, one)]
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pyfric.scene import FRICTIONLESS, Law, clock, setup1, slipped
+from pyfric.scene import FRICTIONLESS, Law, setup1, slipped
 
 p = np.array([0.0, 1.5, 40.0])
 f = np.array([0.0, -0.9, 20.0])
@@ -50,7 +50,7 @@ def test_weakening_runs_away():
 def test_the_clock_counts_slip_and_nothing_else():
     mode = np.array([0, 1, -1, 2], dtype=np.int32)
     u_x = np.array([1e-3, 2e-3, 3e-3, 4e-3])
-    s_0 = clock(np.array([0.0, 5e-6, 6e-6, 7e-6]), mode, u_x)
+    s_0 = np.array([0.0, 5e-6, 6e-6, 7e-6]) - np.where(np.abs(mode) == 1, mode * u_x, 0.0)
     np.testing.assert_array_equal(s_0[[0, 3]], [0.0, 7e-6])
     later = slipped(s_0, mode, u_x + np.array([1.0, 1e-6, -1e-6, 1.0]))
     np.testing.assert_allclose(later, [0.0, 6e-6, 7e-6, 7e-6], rtol=1e-9)

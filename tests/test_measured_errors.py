@@ -92,9 +92,9 @@ def test_known_differences_are_found(ladder):
     assert errors["length"] == pytest.approx(0.1)
     assert errors["stress"] == pytest.approx(0.03)
     starts = ladder.events["t_start"]
-    assert found.parted(0.005) == starts[main[2]]
-    assert found.parted(0.015) == starts[main[4]]
-    assert found.parted(0.025) is None
+    assert found.beyond(0.005)["t_start"].min() == starts[main[2]]
+    assert found.beyond(0.015)["t_start"].min() == starts[main[4]]
+    assert found.beyond(0.025).empty
     assert found.before(starts[main[2]]).errors()["start"] == 0
 
 
@@ -314,7 +314,7 @@ def test_the_number_that_was_wanted_has_to_be_known():
 
 def test_a_bound_names_its_formula():
     errors = Errors(want="precursors", tolerance=0.1, arrest=0.01, events=3, covered=0.5)
-    errors = errors.bounded("what ladders leave out", start=0.05)
+    errors = dataclasses.replace(errors, start=0.05, bounds={"start": "what ladders leave out"})
     assert [errors.state(name) for name in ("start", "arrest", "length")] == [
         "bounded", "measured", "not measured",
     ]  # fmt: skip
@@ -376,8 +376,11 @@ def test_a_prescribed_interface_is_compared_by_its_rupture_times():
     errors = Errors(want="precursors", tolerance=0.01, **differences(late, run).errors())
     assert errors.measured() == pytest.approx(1e-6 / span)
     assert errors.holds is False
-    assert differences(late, run).parted(0.5e-6 / span) == run.events["t_start"].loc[1]
-    assert differences(late, run).parted(2e-6 / span) is None
+    assert (
+        differences(late, run).beyond(0.5e-6 / span)["t_start"].min()
+        == run.events["t_start"].loc[1]
+    )
+    assert differences(late, run).beyond(2e-6 / span).empty
     lost = differences(run, without(run, [1])).errors()  # it never ruptures
     assert lost["rupture"] == pytest.approx(run.curve["t"].iloc[-1] / span)
 

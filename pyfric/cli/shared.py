@@ -137,9 +137,11 @@ class Seconds(click.ParamType):
         self.words = words
 
     def convert(self, value: Any, param: Any, ctx: Any) -> float | str:
-        from pyfric.scene import read_number
+        from pyfric.scene import check_number, spoken
 
-        return value if value in self.words else read_number(param.name, value, "s", ge=0.0)
+        if value in self.words:
+            return value
+        return check_number(param.name, spoken(value), "s", ge=0.0)
 
 
 def scene_of(name: str, changes: tuple[str, ...]) -> Scene:

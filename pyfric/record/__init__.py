@@ -11,7 +11,6 @@ from pyfric.record.analysis import (
     front,
     fronts,
     griffith_length,
-    mean_force,
     precursor_lengths,
     stress_profile,
     system_size_events,
@@ -31,9 +30,9 @@ from pyfric.record.classes import (
     pace_limits,
     rupture_class,
 )
-from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS, LogError
+from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
 from pyfric.record.errors import Differences, Errors, differences, statistics
-from pyfric.record.held import GROUPS, Held, RecordError, block_array, event_column, held_in
+from pyfric.record.held import GROUPS, RecordError, block_array, event_column, held_in
 from pyfric.record.method import Method
 from pyfric.record.pairing import paired
 from pyfric.record.record import Record, load
@@ -51,63 +50,3 @@ from pyfric.record.zones import (
     zone_notes,
     zone_of_scene,
 )
-
-__all__ = [
-    "GROUPS",
-    "MAIN_EVENT_BLOCKS",
-    "PER_BIN",
-    "QUIET_COLUMNS",
-    "RESOLVED",
-    "RESOLVED_ERROR",
-    "SLOW",
-    "SWITCH_COLUMNS",
-    "T_GAP",
-    "Catalogue",
-    "Collapse",
-    "Differences",
-    "Errors",
-    "Held",
-    "LogError",
-    "Method",
-    "Record",
-    "RecordError",
-    "RuptureClass",
-    "analysis",
-    "block_array",
-    "budget_error",
-    "budget_left",
-    "build_catalogue",
-    "can_rupture",
-    "chain_notes",
-    "collapse_spread",
-    "count_main",
-    "creeps_to_rest",
-    "differences",
-    "energy_release",
-    "event_column",
-    "front",
-    "front_speed",
-    "fronts",
-    "griffith_length",
-    "held_in",
-    "load",
-    "mean_force",
-    "numbered",
-    "pace_limits",
-    "paired",
-    "parts",
-    "precursor_lengths",
-    "provenance",
-    "rupture_class",
-    "statistics",
-    "stress_profile",
-    "summary",
-    "system_size_events",
-    "text",
-    "versions",
-    "viscous_error",
-    "zone_at_rest",
-    "zone_moving",
-    "zone_notes",
-    "zone_of_scene",
-]

@@ -19,18 +19,16 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
 from pyfric.record.griffith import energy_release, griffith_length
 from pyfric.record.nucleation import nucleations
 from pyfric.record.rupture import front_speed
-from pyfric.scene import SceneError, check_number
+from pyfric.scene import Scene, SceneError, check_number
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from pyfric.record.record import Record
-    from pyfric.scene import Scene
 
 __all__ = [
     "Beside",

@@ -28,7 +28,7 @@ import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -45,13 +45,11 @@ from pyfric.record.rupture import (
     rupture_front,
 )
 from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving
-from pyfric.statics import EquilibriumError
+from pyfric.scene import Scene
+from pyfric.statics import EquilibriumError, StaticSolver
 
 if TYPE_CHECKING:
     from pyfric.record.record import Record
-    from pyfric.scene import Scene
-
-__all__ = ["MAIN_EVENT_BLOCKS", "T_GAP", "Catalogue", "build_catalogue", "count_main", "parts"]
 
 ROUNDED = 1e-9
 """Share of t_gap below which a difference is rounding of times."""
@@ -61,10 +59,6 @@ T_GAP = 1e-3
 
 MAIN_EVENT_BLOCKS = 4
 """Fewest distinct blocks that slip in a main event: a definition."""
-
-
-class _Solver(Protocol):
-    def solve(self, u_x_bottom: np.ndarray, drive: float, **how: Any) -> Any: ...
 
 
 @dataclass(kw_only=True)
@@ -91,7 +85,7 @@ class Catalogue:
     switches: Mapping[str, np.ndarray]
     t_gap: float
     t_end: float
-    solver: _Solver | None
+    solver: StaticSolver | None
     link_time: float
     _found: dict[str, np.ndarray] = field(default_factory=dict)
 
@@ -186,7 +180,7 @@ def build_catalogue(
     t_gap: float = T_GAP,
     t_begin: float = 0.0,
     t_end: float | None = None,
-    solver: _Solver | None = None,
+    solver: StaticSolver | None = None,
     link_time: float | None = None,
 ) -> Catalogue:
     """Build the catalogue of a run from its logs.

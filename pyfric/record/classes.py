@@ -27,20 +27,15 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from pyfric import core
-from pyfric.core import OPEN
-from pyfric.scene import check_number
+from pyfric.core import OPEN, State
+from pyfric.scene import Scene, check_number
 from pyfric.theory import Material
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-    from pyfric.core import State
     from pyfric.record.record import Record
-    from pyfric.scene import Scene
-
-__all__ = ["SLOW", "RuptureClass", "creeps_to_rest", "pace_limits", "rupture_class"]
 
 FROM_BLOCK = 5
 """First block whose stick before the next one slips makes a front alternate: a definition."""

@@ -17,15 +17,6 @@ import pandas as pd
 
 from pyfric.record.held import held_in
 
-__all__ = [
-    "QUIET_COLUMNS",
-    "SWITCH_COLUMNS",
-    "LogError",
-    "build_episodes",
-    "columns_of",
-    "quiet_columns",
-]
-
 SWITCH_COLUMNS = {name: held.dtype for name, held in held_in("switches").items()}
 """Columns of the switch log: one row per change of a block's contact mode, in order of time."""
 

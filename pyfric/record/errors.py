@@ -17,7 +17,6 @@ that all earlier events left.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -33,8 +32,6 @@ from pyfric.scene import SceneError
 
 if TYPE_CHECKING:
     from pyfric.record.record import Record
-
-__all__ = ["Differences", "Errors", "differences", "statistics"]
 
 NOTHING = "not measured: nothing was compared"
 NOT_VERIFIED = "errors not measured (a planned run, or verify = 'sample', measures them)"
@@ -118,11 +115,6 @@ class Errors:
         if getattr(self, name) is None:
             return "not measured"
         return "bounded" if name in self.bounds else "measured"
-
-    def bounded(self, formula: str, **values: float) -> Errors:
-        """Return the errors with numbers that a formula bounds."""
-        bounds = {**self.bounds, **dict.fromkeys(values, formula)}
-        return dataclasses.replace(self, bounds=bounds, **values)
 
     def measured(self, want: str | None = None) -> float | None:
         """Return the error that a tolerance bounds, None where it was not measured.
@@ -244,11 +236,6 @@ class Differences(NamedTuple):
         if self.events[list(FORCES)].isna().all(axis=None):
             names = ("rupture",)
         return self.events[(self.events[list(names)] > tolerance).any(axis=1)]
-
-    def parted(self, tolerance: float, want: str | None = None) -> float | None:
-        """Return the start of the first event that is further apart than this, s."""
-        off = self.beyond(tolerance, want)["t_start"]
-        return float(off.min()) if len(off) else None
 
     def errors(self, factor: float = 1.0) -> dict[str, Any]:
         """Return the differences as fields of `Errors`, times a factor."""

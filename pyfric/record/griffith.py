@@ -31,8 +31,6 @@ from pyfric.theory import Material, g_II
 if TYPE_CHECKING:
     from pyfric.record.record import Record
 
-__all__ = ["energy_release", "griffith_length"]
-
 SPEEDS = 2001
 """Speeds up to c_R between which g_II is taken as straight: a root is off by less than c_R/2000
 (rounding)."""

@@ -16,18 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-__all__ = [
-    "GROUPS",
-    "Held",
-    "RecordError",
-    "block_array",
-    "checked",
-    "event_column",
-    "found_arrays",
-    "held_in",
-    "table",
-]
-
 Find = Callable[[Any], Any]
 Enter = Callable[[Find], Find]
 

@@ -21,7 +21,6 @@ line of the file is the SHA-256 of all before it, which readers of netCDF do not
 from __future__ import annotations
 
 import dataclasses
-import functools
 import json
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
@@ -42,8 +41,6 @@ if TYPE_CHECKING:
     from pyfric.record.netcdf import Variable
     from pyfric.record.record import Record
 
-__all__ = ["SCHEMA", "attributes", "csv_tables", "dataset", "datatree", "fields", "grouped"]
-
 SCHEMA = 8
 """Version of the file layout that this module writes and reads."""
 DRAWN = "drawn_"
@@ -62,15 +59,23 @@ CSV = {
 """Group and dimensions -> the CSV file that holds them."""
 COUNTED = {name: held_in("interface")[name] for name in ("event", "n")}
 """What rows of events, and of stresses, are counted by."""
-TEXTS = {
-    "method": Method,
-    "versions": dict[str, str],
-    "timings": dict[str, float],
-    "counts": dict[str, int | float],
-    "notes": tuple[str, ...],
-    "errors": Errors | None,
-}
-"""Attributes that are JSON -> what they hold."""
+
+
+class Texts(pydantic.BaseModel):
+    """Attributes of a file that are text, and what those in JSON hold."""
+
+    scene: str
+    status: str
+    method: pydantic.Json[Method]
+    versions: pydantic.Json[dict[str, str]]
+    timings: pydantic.Json[dict[str, float]]
+    counts: pydantic.Json[dict[str, int | float]]
+    notes: pydantic.Json[tuple[str, ...]]
+    errors: pydantic.Json[Errors | None]
+
+
+TEXTS = tuple(name for name in Texts.model_fields if name not in ("scene", "status"))
+"""Attributes that are JSON."""
 
 
 def held_by(record: Record) -> Iterator[tuple[Held, np.ndarray]]:
@@ -220,38 +225,21 @@ def fields(
     """
     sizes: dict[str, int] = {}
     interface = checked("interface", groups["interface"], sizes)
-    known = {name: _text(attributes, name) for name in ("scene", "status", *TEXTS)}
-    scene = _scene(known["scene"], interface)
+    try:
+        known = Texts.model_validate(dict(attributes), strict=True)
+    except pydantic.ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        raise RecordError(f"attribute {where}: {first['msg']}") from None
+    scene = _scene(known.scene, interface)
     return {
+        **vars(known),
         "scene": scene,
-        "status": known["status"],
-        **{name: _from_json(name, known[name]) for name in TEXTS},
         **{name: checked(name, groups[name], sizes) for name in PLAIN},
         "arrays": {name: interface[name] for name in found_arrays()},
         **{name: interface[name] for name in ("tau_initial", "p_initial")},
         "final_state": _state(groups["final_state"], scene),
     }
-
-
-def _text(attributes: Mapping[str, Any], name: str) -> str:
-    if not isinstance(attributes.get(name), str):
-        reason = "is not text" if name in attributes else "is missing"
-        raise RecordError(f"attribute {name} {reason}")
-    return attributes[name]
-
-
-@functools.cache
-def _adapter(name: str) -> pydantic.TypeAdapter[Any]:
-    return pydantic.TypeAdapter(TEXTS[name])
-
-
-def _from_json(name: str, text: str) -> Any:
-    try:
-        return _adapter(name).validate_json(text, strict=True)
-    except pydantic.ValidationError as error:
-        first = error.errors(include_url=False, include_context=False)[0]
-        where = ".".join([name, *map(str, first["loc"])])
-        raise RecordError(f"attribute {where}: {first['msg']}") from None
 
 
 def _scene(text: str, interface: Mapping[str, np.ndarray]) -> Scene:

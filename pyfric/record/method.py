@@ -7,8 +7,6 @@ from typing import Any, ClassVar
 
 from pyfric.record.catalogue import T_GAP
 
-__all__ = ["Method"]
-
 SWITCH = {
     "located": "stick-slip transitions located within time steps",
     "step_end": "stick-slip transitions at step ends, as in the paper",

@@ -26,8 +26,6 @@ from pyfric.statics import LARGE, ContactProblem, Creep, EquilibriumError, creep
 if TYPE_CHECKING:
     from pyfric.record.record import Record
 
-__all__ = ["nucleation_lengths", "nucleations"]
-
 
 def nucleations(record: Record) -> pd.DataFrame:
     """Return where the events of a record lose stability; see the module.

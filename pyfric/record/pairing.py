@@ -12,16 +12,10 @@ each 0 for equal events, and of the order of 1 for events that have nothing in c
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from pyfric.scene import Scene
-
-__all__ = ["event_distances", "in_order", "pace", "paired"]
+from pyfric.scene import Scene
 
 
 def paired(

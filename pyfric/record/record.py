@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import functools
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
 
     from pyfric.record.catalogue import Catalogue
     from pyfric.record.classes import RuptureClass
-
-__all__ = ["Record", "load"]
 
 TABLES = ("curve", "events", "episodes")
 LOGS = ("quiet", "switches", "motion")
@@ -250,7 +249,7 @@ class Record:
         """Records are pickled and copied as what they are made from, and stay read-only."""
         values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
         plain = {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in values.items()}
-        return _made, (type(self), plain)
+        return functools.partial(type(self), **plain), ()
 
     # --- files -----------------------------------------------------------------------------------
 
@@ -377,10 +376,6 @@ class Record:
 def load(path: str | os.PathLike[str]) -> Record:
     """Return the record in a file; see `Record.load`."""
     return Record.load(path)
-
-
-def _made(kind: type[Record], values: dict[str, Any]) -> Record:
-    return kind(**values)
 
 
 def _read_only(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pyfric.record.errors import NOT_VERIFIED
+from pyfric.display import plain
+from pyfric.record.errors import NOT_VERIFIED, Errors
 
 if TYPE_CHECKING:
-    from pyfric.record.errors import Errors
     from pyfric.record.record import Record
-
-__all__ = ["numbered", "summary", "text"]
 
 MAIN_COLUMNS = (
     "event",
@@ -49,7 +45,7 @@ def summary(record: Record, files: list[Path]) -> dict[str, Any]:
             "micro": len(events) - len(main),
         },
         "main_events": [
-            {name: _plain(row[name]) for name in MAIN_COLUMNS} for _, row in main.iterrows()
+            plain({name: row[name] for name in MAIN_COLUMNS}) for _, row in main.iterrows()
         ],
         "timings": {name: float(value) for name, value in record.timings.items()},
         "method": {name: getattr(record.method, name) for name in METHOD}
@@ -65,15 +61,8 @@ def _errors(errors: Errors | None) -> dict[str, Any]:
     """Return measured errors and what they come to; None stands for what was not measured."""
     if errors is None:
         return {"measured": None, "holds": None, "text": NOT_VERIFIED}
-    known = {one.name: getattr(errors, one.name) for one in dataclasses.fields(errors)}
-    plain = {name: dict(v) if isinstance(v, Mapping) else v for name, v in known.items()}
     verdict = {"measured": errors.measured(), "holds": errors.holds, "text": str(errors)}
-    return plain | verdict
-
-
-def _plain(value: Any) -> Any:
-    value = value.item() if hasattr(value, "item") else value
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return dataclasses.asdict(errors) | verdict
 
 
 def numbered(n: int, name: str) -> str:
@@ -111,14 +100,9 @@ def text(summary: dict[str, Any]) -> str:
         lines.append("  ".join([f"{event['event']:>5}", *numbers]))
     if summary["main_events"]:
         lines.append("")
-    lines.append(
-        ", ".join(
-            [method["words"]]
-            + ([f"variant {method['variant']}"] if method["variant"] else [])
-            + [f"{method['threads']} thread{'s' if method['threads'] > 1 else ''}"]
-        )
-    )
-    lines.append(f"time taken: {took}")
+    variant = [f"variant {method['variant']}"] if method["variant"] else []
+    words = [method["words"], *variant, numbered(method["threads"], "thread")]
+    lines += [", ".join(words), f"time taken: {took}"]
     if per_step is not None:
         lines.append(f"per block and step: {per_step * 1e9:.1f} ns")
     lines.append(summary["errors"]["text"])

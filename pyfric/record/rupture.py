@@ -17,21 +17,10 @@ Arrays over blocks run from left to right, times are in s, speeds in m/s.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from pyfric.scene import Scene
-
-__all__ = [
-    "count_not_increasing",
-    "default_link_time",
-    "first_slips",
-    "five_known",
-    "front_speed",
-    "rupture_front",
-]
+from pyfric.scene import Scene
 
 AVERAGED = 4
 """Blocks that a front passes in the time of which its speed is the average, as in the paper."""

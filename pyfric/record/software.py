@@ -12,8 +12,6 @@ import tomli_w
 from pyfric import core
 from pyfric.scene import __version__, write
 
-__all__ = ["provenance", "versions"]
-
 
 def versions() -> dict[str, str]:
     """Return what a record says about the software that made it."""

@@ -30,26 +30,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pyfric.core import State
 from pyfric.record.rupture import front_speed
-from pyfric.scene import PrescribedLoad
+from pyfric.scene import PrescribedLoad, Scene
 from pyfric.theory import A_II, Material
 
 if TYPE_CHECKING:
-    from pyfric.core import State
     from pyfric.record.catalogue import Catalogue
-    from pyfric.scene import Scene
-
-__all__ = [
-    "RESOLVED",
-    "RESOLVED_ERROR",
-    "can_rupture",
-    "chain_notes",
-    "viscous_error",
-    "zone_at_rest",
-    "zone_moving",
-    "zone_notes",
-    "zone_of_scene",
-]
 
 RESOLVED = 6
 """Fewest blocks in X_c0 with which a front is resolved: fronts of a crack under uniform stress drop

@@ -1,11 +1,13 @@
 """The simulated system: parts, scenes, presets, units, geometry."""
 
+from importlib.metadata import version
+
 from pyfric.scene import laws
-from pyfric.scene.change import followed_by, full_name, once, read_value, scene_fields, spoken
-from pyfric.scene.checked import Quantity, quantities
-from pyfric.scene.consistency import check_push
+from pyfric.scene.change import followed_by, full_name, once, scene_fields
+from pyfric.scene.checked import Annotation, Quantity, Written, quantities
+from pyfric.scene.consistency import Geometry, check_geometry, check_push, default_geometry
 from pyfric.scene.ends import checked_conditions, condition
-from pyfric.scene.errors import SceneError, nearest, unknown
+from pyfric.scene.errors import SceneError, naming, nearest, unknown
 from pyfric.scene.files import (
     check_writable,
     clean_drafts,
@@ -15,12 +17,10 @@ from pyfric.scene.files import (
     write,
     written,
 )
-from pyfric.scene.friction import FRICTIONLESS, Law, clock, of, slipped
-from pyfric.scene.geometry import Geometry, check_geometry, default_geometry
+from pyfric.scene.friction import FRICTIONLESS, Law, of, slipped
 from pyfric.scene.materials import MATERIALS, Material
 from pyfric.scene.notes import law_notes
 from pyfric.scene.parts import (
-    FIELDS,
     DistributedLoad,
     Driver,
     Interface,
@@ -35,7 +35,6 @@ from pyfric.scene.presets import (
     SceneLike,
     as_scene,
     chain,
-    names_file,
     paper_step,
     preset,
     presets,
@@ -44,81 +43,11 @@ from pyfric.scene.presets import (
     setup2,
     slab,
 )
-from pyfric.scene.protocol import Leg, Piece, legs
+from pyfric.scene.protocol import Leg, legs
 from pyfric.scene.push import Push
 from pyfric.scene.scene import OnDriven, Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.toml import parsed
-from pyfric.scene.units import check_number, check_whole, parse_quantity, range_text, read_number
-from pyfric.scene.version import __version__
+from pyfric.scene.units import check_number, check_whole, parse_quantity, spoken
 
-__all__ = [
-    "FIELDS",
-    "FRICTIONLESS",
-    "MATERIALS",
-    "PRESETS",
-    "DistributedLoad",
-    "Driver",
-    "Geometry",
-    "Interface",
-    "Law",
-    "Leg",
-    "Material",
-    "Number",
-    "OnDriven",
-    "Piece",
-    "PrescribedLoad",
-    "Push",
-    "Quantity",
-    "Rod",
-    "Scene",
-    "SceneError",
-    "SceneLike",
-    "Slider",
-    "Spread",
-    "Walls",
-    "__version__",
-    "as_scene",
-    "chain",
-    "check_geometry",
-    "check_number",
-    "check_push",
-    "check_whole",
-    "check_writable",
-    "checked_conditions",
-    "clean_drafts",
-    "clock",
-    "condition",
-    "default_geometry",
-    "drafts",
-    "followed_by",
-    "full_name",
-    "law_notes",
-    "laws",
-    "legs",
-    "names_file",
-    "nearest",
-    "of",
-    "once",
-    "paper_step",
-    "parse_quantity",
-    "parsed",
-    "preset",
-    "presets",
-    "quantities",
-    "range_text",
-    "read_number",
-    "read_value",
-    "scene_fields",
-    "sealed",
-    "settings",
-    "setup1",
-    "setup2",
-    "slab",
-    "slipped",
-    "spoken",
-    "unknown",
-    "unsealed",
-    "write",
-    "written",
-]
+__version__ = version("pyfric")

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pyfric.scene.checked import Quantity, Written, annotations
-from pyfric.scene.errors import SceneError, unknown
+from pyfric.scene.checked import Annotation, annotations
+from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws import FrictionLaw
 from pyfric.scene.parts import PARTS, DistributedLoad, PrescribedLoad, Rod
 from pyfric.scene.protocol import followed
@@ -19,17 +17,6 @@ if TYPE_CHECKING:
 
     Parts = Scene | Mapping[str, Any]
 
-__all__ = [
-    "changed",
-    "followed_by",
-    "full_name",
-    "joined",
-    "once",
-    "read_value",
-    "scene_fields",
-    "spoken",
-]
-
 PROTOCOLS = {
     "driver": (("V", "protocol"),),
     "top": (("F_N", "protocol"), ("T", "T_protocol")),
@@ -37,36 +24,31 @@ PROTOCOLS = {
 """Parts whose fields may change with time: names of the first value and of the breakpoints."""
 
 
-def scene_fields(scene: Parts) -> dict[str, Quantity | None]:
-    """Return the names of all fields of a scene that can be changed, as in a scene file.
+def scene_fields(scene: Parts) -> dict[str, Annotation]:
+    """Return all fields of a scene that can be changed, as in a scene file, and their annotations.
 
     Examples are "name", "top", "driver.h", "interface.law.t_c", and "interface.mu_s.seed" if mu_s
-    is a `Spread`. Numbers come with their `Quantity`.
+    is a `Spread`. Fields that are one of a few words have an empty `Annotation`.
 
     Args:
         scene: a scene, or its parts by name.
     """
     parts = scene if isinstance(scene, Mapping) else {name: getattr(scene, name) for name in PARTS}
-    found: dict[str, Quantity | None] = {"name": None, "stop_when": None}
+    found: dict[str, Annotation] = {"name": Annotation(), "stop_when": Annotation()}
     for name, part in parts.items():
-        found |= {name: None} | _inside(part, name, annotations(type(part)))
+        found |= {name: PARTS[name]} | _inside(part, name, annotations(type(part)))
     return found
 
 
-def _inside(owner: Any, prefix: str, marks: Mapping[str, Any]) -> dict[str, Quantity | None]:
+def _inside(owner: Any, prefix: str, marks: Mapping[str, Annotation]) -> dict[str, Annotation]:
     """Return the fields of a part and of the parts inside it; `marks` are their annotations."""
-    found: dict[str, Quantity | None] = {}
+    found: dict[str, Annotation] = {}
     if not dataclasses.is_dataclass(owner) or isinstance(owner, type):
         return found
     for field in dataclasses.fields(owner):
-        name, value, mark = (
-            f"{prefix}.{field.name}",
-            getattr(owner, field.name),
-            marks.get(field.name),
-        )
-        found[name] = mark if isinstance(mark, Quantity) else None
-        drawn = isinstance(mark, Quantity) and mark.drawn is not None
-        found |= _inside(value, name, mark.of_drawn() if drawn else annotations(type(value)))
+        name, value = f"{prefix}.{field.name}", getattr(owner, field.name)
+        found[name] = mark = marks.get(field.name, Annotation())
+        found |= _inside(value, name, mark.of_drawn() or annotations(type(value)))
     return found
 
 
@@ -103,12 +85,10 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     names = once((full_name(parts, name, value), value) for name, value in changes.items())
     known = scene_fields(parts) if any(name.count(".") > 1 for name in names) else {}
     for name, value in names.items():  # in a `Spread`, numbers have the unit of its field
-        mark = known.get(name)
-        if mark and known.get(name.rpartition(".")[0]):
-            try:
-                names[name] = mark.check(value)
-            except SceneError as error:
-                raise error.at(name) from None
+        owner = known.get(name.rpartition(".")[0])
+        if owner and owner.drawn:
+            with naming(name):
+                names[name] = known[name].check(value)
     law = names.get("interface.law")
     if isinstance(law, FrictionLaw) and law.ends() is not None:  # the table holds mu_s and mu_k
         for mu in ("interface.mu_s", "interface.mu_k"):
@@ -191,41 +171,3 @@ def followed_by(before: Scene, after: Scene, t: float) -> tuple[Scene, list[str]
     if dataclasses.replace(before, **others, **free) != after:
         return None
     return dataclasses.replace(before, **whole, **free), said
-
-
-def read_value(name: str, value: Any, mark: Quantity | None, folder: Path) -> Any:
-    """Return the value of a field from its entry in a scene file.
-
-    Args:
-        name: dotted name of the field.
-        value: the entry; for a part or a friction law, its table.
-        mark: the `Quantity` of the field; None if the field is not a number.
-        folder: folder of files that the entry names.
-
-    Raises:
-        SceneError: the value is refused.
-    """
-    part, _, field = name.partition(".")
-    of_part = annotations(PARTS[part].classes[0]) if part in PARTS else {}
-    mark = PARTS.get(name) or mark or of_part.get(field)
-    try:
-        return value if mark is None else mark.check(Written(value, folder))
-    except SceneError as error:
-        raise (error if error.field else error.at(name)) from None
-
-
-def spoken(text: str) -> Any:
-    """Return a value from a line of text, such as the argument of `--set`.
-
-    The text is read as TOML: a number in SI, a list, or a table such as {mean = 0.7, std = 0.02}.
-    Numbers that TOML does not know, such as .005 and 1.e-3, are numbers, too. What is neither is
-    returned as text, such as "7.5 mm" or "left".
-    """
-    try:
-        return tomllib.loads(f"value = {text}").get("value", text)
-    except (ValueError, RecursionError):
-        pass
-    try:
-        return float(text)
-    except ValueError:
-        return text

@@ -5,11 +5,13 @@ Values come from Python or from a scene file (`Written`). In a file, quantities 
 unit, and parts are tables.
 """
 
+from __future__ import annotations
+
 import dataclasses
 import functools
 import typing
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +19,8 @@ import numpy as np
 import pydantic
 from pydantic_core import ArgsKwargs, core_schema
 
-from pyfric.scene.errors import SceneError, unknown
+from pyfric.scene.errors import SceneError, naming, numbered, unknown
 from pyfric.scene.units import check_number, check_whole, in_si, parse_quantity, range_text
-
-__all__ = ["Annotation", "Name", "NotNegative", "OneOf", "Positive", "Quantity", "Whole", "Written",
-           "annotations", "from_entries", "from_table", "part", "quantities", "table"]  # fmt: skip
 
 MAX_LISTED = 10_000
 """Largest number of values in a list."""
@@ -40,21 +39,33 @@ class Annotation:
 
     unit: str = ""
     allowed: str = ""
+    drawn: type | None = None
 
-    def check(self, value: Any) -> Any:
-        """Return the checked value, from a value in Python or `Written` in a file.
+    def check(self, value: Any, written: Written | None = None) -> Any:
+        """Return the checked value, which is of Python, or of an entry `written` in a scene file.
 
         Raises:
             SceneError: the value is refused; the error does not name the field.
         """
-        raise NotImplementedError
+        return value
 
     def written(self, value: Any) -> Any:
         """Return a value in the form of a scene file."""
         return value
 
+    def of_drawn(self) -> dict[str, Annotation]:
+        """Return the annotations of the class `drawn`; some of its numbers have this unit."""
+        return {
+            name: dataclasses.replace(mark, unit=self.unit) if name in self.drawn.in_unit else mark
+            for name, mark in (annotations(self.drawn).items() if self.drawn else ())
+        }
+
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.check)
+        def checked(value: Any) -> Any:
+            written = isinstance(value, Written)
+            return self.check(value.value, value) if written else self.check(value)
+
+        return core_schema.no_info_plain_validator_function(checked)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,9 +89,9 @@ class Quantity(Annotation):
     def allowed(self) -> str:
         return range_text(self.unit, **self._limits) + self.note
 
-    def check(self, value: Any) -> Any:
-        written = isinstance(value, Written)
-        value = value.value if written else in_si("", value, self.unit, allowed=self.allowed)
+    def check(self, value: Any, written: Written | None = None) -> Any:
+        if not written:
+            value = in_si("", value, self.unit, allowed=self.allowed)
         if value is None and self.optional:
             return None
         if self.drawn is not None and isinstance(value, self.drawn):
@@ -89,44 +100,25 @@ class Quantity(Annotation):
             return self._drawn(value, written)
         several = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim)
         if self.listed and several:
-            return self._each([Written(v) for v in value] if written else value)
+            if len(value) > MAX_LISTED:
+                raise SceneError("", value, "", f"at most {MAX_LISTED} numbers", "too many")
+            number = dataclasses.replace(self, listed=False, drawn=None, optional=False, note="")
+            return numbered("block", lambda one: number.check(one, written), value)
         if written and self.unit:
             value = parse_quantity("", value, self.unit, allowed=self.allowed)
         return check_number("", value, self.unit, **self._limits, note=self.note)
 
-    def _each(self, values: Sequence[Any]) -> tuple[float, ...]:
-        if len(values) > MAX_LISTED:
-            raise SceneError("", values, "", f"at most {MAX_LISTED} numbers", "too many")
-        numbers = []
-        number = dataclasses.replace(self, listed=False, drawn=None, optional=False, note="")
-        for n, value in enumerate(values, 1):
-            try:
-                numbers.append(number.check(value))
-            except SceneError as error:
-                reason = f"block {n}: {error.reason}"
-                raise SceneError("", error.value, self.unit, error.allowed, reason) from None
-        return tuple(numbers)
-
-    def of_drawn(self) -> dict[str, Annotation]:
-        """Return the annotations of the class `drawn`; some of its numbers have this unit."""
-        return {
-            name: dataclasses.replace(mark, unit=self.unit) if name in self.drawn.in_unit else mark
-            for name, mark in annotations(self.drawn).items()
-        }
-
-    def _drawn(self, values: Mapping[str, Any], written: bool) -> Any:
+    def _drawn(self, values: Mapping[str, Any], written: Written | None) -> Any:
         """Return the object of class `drawn` that a table describes."""
-        name, found = "", dict(values)
+        found = dict(values)
+        for name, mark in self.of_drawn().items():
+            if name in values:
+                with naming(where=name):
+                    found[name] = mark.check(found[name], written)
         try:
-            for name, mark in self.of_drawn().items():
-                if name in values:
-                    found[name] = mark.check(Written(found[name]) if written else found[name])
-            name = ""
             return self.drawn(**found)
         except SceneError as error:
-            what = name or error.field.rpartition(".")[2]
-            reason = f"{what}: {error.reason or 'not allowed'}"
-            raise SceneError("", error.value, error.unit, error.allowed, reason) from None
+            raise error.at("", error.field.rpartition(".")[2]) from None
 
     def written(self, value: Any) -> Any:
         if self.drawn is not None and isinstance(value, self.drawn):
@@ -146,8 +138,7 @@ class Whole(Annotation):
     def allowed(self) -> str:
         return f"a whole number from 0 to {self.largest}"
 
-    def check(self, value: Any) -> int:
-        value = value.value if isinstance(value, Written) else value
+    def check(self, value: Any, written: Written | None = None) -> int:
         return check_whole("", value, 0, self.largest)
 
 
@@ -161,8 +152,7 @@ class Name(Annotation):
     def allowed(self) -> str:
         return f"text of at most {self.longest} characters"
 
-    def check(self, value: Any) -> str:
-        value = value.value if isinstance(value, Written) else value
+    def check(self, value: Any, written: Written | None = None) -> str:
         if not isinstance(value, str):
             raise SceneError("", value, "", self.allowed, f"not text, but {type(value).__name__}")
         if len(value) > self.longest:
@@ -203,18 +193,18 @@ class OneOf(Annotation):
         listed = ", ".join(names[:-1]) + " or " * (len(names) > 1) + names[-1]
         self.allowed = allowed or listed
 
-    def check(self, value: Any) -> Any:
+    def check(self, value: Any, written: Written | None = None) -> Any:
         if isinstance(value, self.classes):
             return value
-        if not isinstance(value, Written):
+        if not written:
             reason = f"{type(value).__name__} is something else"
             raise SceneError("", value, "", self.allowed, reason)
-        if not isinstance(value.value, dict):
-            reason = "missing" if value.value is None else "not a table"
-            raise SceneError(self.section, value.value, "", f"a table [{self.section}]", reason)
-        entries = dict(value.value)
+        if not isinstance(value, dict):
+            reason = "missing" if value is None else "not a table"
+            raise SceneError(self.section, value, "", f"a table [{self.section}]", reason)
+        entries = dict(value)
         cls = self._asked(entries.pop("kind", None)) if self.kinds else self.classes[0]
-        return from_table(cls, entries, value.folder)
+        return from_table(cls, entries, written.folder)
 
     def fields(self, kind: Any) -> list[str]:
         """Return the names of the fields of a kind; an empty list if it is unknown."""

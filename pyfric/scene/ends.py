@@ -6,38 +6,25 @@ It is the same in Python, on the command line, in scene files and in sweep files
 
 from __future__ import annotations
 
-import dataclasses
 import functools
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
-from pyfric.scene.checked import Annotation, Written
-from pyfric.scene.errors import SceneError, unknown
-from pyfric.scene.units import read_number
+from pyfric.scene.checked import Annotation, NotNegative, Positive, Quantity, Written
+from pyfric.scene.errors import SceneError, naming, unknown
+from pyfric.scene.units import spoken
 
-__all__ = ["Conditions", "checked_conditions", "condition"]
-
-
-class Value(NamedTuple):
-    """A value of a condition: its unit, limits and default."""
-
-    unit: str
-    limits: Mapping[str, float]
-    default: float | None = None
-
-
-COUNT = Value("", {"ge": 1.0}, 1.0)
-TAKES: dict[str, tuple[Value, ...]] = {
+COUNT = Quantity("", ge=1.0)
+TAKES: dict[str, tuple[Quantity, ...]] = {
     "arrested": (),
     "at_rest": (),
-    "reached": (Value("m", {"ge": 0.0}),),
-    "L_p": (Value("", {"gt": 0.0, "le": 1.0}),),
+    "reached": (NotNegative("m"),),
+    "L_p": (Quantity("", gt=0.0, le=1.0),),
     "precursors": (COUNT,),
     "main_events": (COUNT,),
     "system_size": (COUNT,),
-    "slow": (Value("m/s", {"gt": 0.0}), Value("s", {"ge": 0.0})),
+    "slow": (Positive("m/s"), NotNegative("s")),
 }
-"""Name of a condition -> its values."""
+"""Name of a condition -> its values; a number of events may be left out, and is then 1."""
 
 
 def _names() -> str:
@@ -61,12 +48,13 @@ def condition(text: str) -> tuple[str, tuple[float, ...]]:
         raise SceneError("stop_when", text, "", _names(), refused.reason)
     takes = TAKES[name]
     given = [one.strip() for one in values.split(",")] if values else []
-    given += [one.default for one in takes[len(given) :] if one.default is not None]
+    given = given or ["1"] * takes.count(COUNT)
     if len(given) != len(takes):
         reason = f"{name} takes {len(takes)} numbers"
         raise SceneError("stop_when", text, "", _names(), reason)
-    pairs = zip(given, takes, strict=True)
-    numbers = tuple(read_number("stop_when", value, one.unit, **one.limits) for value, one in pairs)
+    with naming("stop_when"):
+        pairs = zip(given, takes, strict=True)
+        numbers = tuple(mark.check(spoken(value)) for value, mark in pairs)
     if takes == (COUNT,) and numbers[0] % 1:
         raise SceneError("stop_when", text, "", "a whole number >= 1", "a number of events")
     return name, numbers
@@ -86,14 +74,12 @@ def checked_conditions(given: Any) -> tuple[str, ...]:
     return tuple(texts)
 
 
-@dataclasses.dataclass(frozen=True)
 class Conditions(Annotation):
     """Annotation of conditions: a text, or a list of texts."""
 
-    allowed: str = dataclasses.field(default_factory=lambda: f"a list of {_names()}")
+    @property
+    def allowed(self) -> str:
+        return f"a list of {_names()}"
 
-    def check(self, value: Any) -> tuple[str, ...]:
-        return checked_conditions(value.value if isinstance(value, Written) else value)
-
-    def written(self, value: tuple[str, ...]) -> list[str]:
-        return list(value)
+    def check(self, value: Any, written: Written | None = None) -> tuple[str, ...]:
+        return checked_conditions(value)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import difflib
 import pickle
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-
-__all__ = ["NO_UNIT", "SceneError", "nearest", "show", "unknown"]
 
 NO_UNIT = "missing unit"
 LIKE = 0.6
@@ -80,9 +79,10 @@ class SceneError(ValueError):
             value = _Text(show(value))
         return type(self), (field, value, *rest), vars(self) | {"value": value}
 
-    def at(self, field: str) -> SceneError:
-        """Return the same error under another dotted name."""
-        return type(self)(field, *self.args[1:])
+    def at(self, field: str, where: str = "") -> SceneError:
+        """Return the same error under another dotted name, its reason after a place."""
+        reason = f"{where}: {self.reason or 'not allowed'}" if where else self.reason
+        return type(self)(field, self.value, self.unit, self.allowed, reason, self.others)
 
     def flat(self) -> list[SceneError]:
         """Return this problem and all others, each as a separate error."""
@@ -93,6 +93,24 @@ class SceneError(ValueError):
         """Return one error that lists all `errors` (at least one), with attributes of the first."""
         first, *others = [each for error in errors for each in error.flat()]
         return cls(*first.args[:-1], others)
+
+
+@contextmanager
+def naming(field: str = "", where: str = "") -> Iterator[None]:
+    """Give a `SceneError` of the block a dotted name, and put a place before its reason."""
+    try:
+        yield
+    except SceneError as error:
+        raise error.at(field or error.field, where) from None
+
+
+def numbered(what: str, check: Callable[[Any], Any], values: Iterable[Any]) -> tuple[Any, ...]:
+    """Return checked values; errors number the refused one, from 1 on."""
+    found = []
+    for n, value in enumerate(values, 1):
+        with naming(where=f"{what} {n}"):
+            found.append(check(value))
+    return tuple(found)
 
 
 def show(value: Any) -> str:

@@ -18,17 +18,6 @@ from pathlib import Path
 
 from pyfric.signals import held_back
 
-__all__ = [
-    "check_writable",
-    "clean_drafts",
-    "drafts",
-    "read_at_most",
-    "sealed",
-    "unsealed",
-    "write",
-    "written",
-]
-
 MARK = b"\npyfric sha256 "
 SEAL_LENGTH = len(MARK) + 64 + 1
 DRAFT = re.compile(r"\.pyfric-(?P<host>.+)-(?P<process>\d{1,9})-[0-9a-f]{8}\.tmp(\.\w+)?")

@@ -26,8 +26,6 @@ import numpy as np
 
 from pyfric.scene.laws import Tables
 
-__all__ = ["FRICTIONLESS", "Law", "clock", "of", "slipped"]
-
 CLOCKS = np.dtype([("s_0", float), ("t_0", float)])
 """State variables of a block: s_0 (m), and t_0 (s), the time at which it stuck or began to slip."""
 
@@ -215,8 +213,3 @@ def of(field: Any, which: Any) -> Any:
 def slipped(s_0: np.ndarray, mode: np.ndarray, u_x: np.ndarray) -> np.ndarray:
     """Return the slip path (m) of blocks since they last stuck, from s_0 (m)."""
     return s_0 + np.where(np.abs(mode) == 1, mode * u_x, 0.0)
-
-
-def clock(slip: np.ndarray | float, mode: np.ndarray, u_x: np.ndarray) -> np.ndarray:
-    """Return s_0 (m) of blocks that have slipped by `slip` (m) and are at u_x (m)."""
-    return slip - np.where(np.abs(mode) == 1, mode * u_x, 0.0)

@@ -17,12 +17,10 @@ import numpy as np
 from pyfric.scene.errors import SceneError
 from pyfric.scene.friction import Law
 from pyfric.scene.laws import Tables
+from pyfric.scene.laws.junctions import Junctions
 
 if TYPE_CHECKING:
-    from pyfric.scene.laws.junctions import Junctions
     from pyfric.scene.scene import Scene
-
-__all__ = ["JunctionLaw"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,12 +50,13 @@ class JunctionLaw(Law):
         """
         kind = scene.interface.law
         mu_s, mu_k, alpha = map(scene.given_field, ("mu_s", "mu_k", "alpha"))
-        for name, value, allowed in (("alpha", alpha, 0.0), ("mu_s", mu_s, None)):
-            wrong = np.any(value) if allowed == 0.0 else not np.all(value)
+        for name, value, wrong, allowed in (
+            ("alpha", alpha, np.any(alpha), "0 N s/m"),
+            ("mu_s", mu_s, not np.all(mu_s), "> 0"),
+        ):
             if wrong:
-                said = "0 N s/m" if allowed == 0.0 else "> 0"
                 reason = "an interface of junctions"
-                raise SceneError(f"interface.{name}", float(np.max(value)), "", said, reason)
+                raise SceneError(f"interface.{name}", float(np.max(value)), "", allowed, reason)
         t_R, t_R_std = scene.given_field("t_R"), scene.given_field("t_R_std")
         if kind.u_s is None:
             C = scene.given_field("C")

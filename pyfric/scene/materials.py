@@ -7,8 +7,6 @@ from typing import Annotated, ClassVar, NamedTuple
 from pyfric.scene.checked import Name, NotNegative, Positive, part
 from pyfric.scene.errors import SceneError, unknown
 
-__all__ = ["MATERIALS", "Known", "Material"]
-
 
 class Known(NamedTuple):
     """Properties of a material from a source; None if the source does not give one.

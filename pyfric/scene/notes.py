@@ -12,8 +12,6 @@ from pyfric.scene.units import with_prefix
 if TYPE_CHECKING:
     from pyfric.scene.scene import Scene
 
-__all__ = ["law_notes"]
-
 LEFT = 0.01
 """Remaining share of mu_s - mu_k at which friction counts as fallen."""
 

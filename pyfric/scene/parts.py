@@ -27,36 +27,14 @@ from pyfric.scene.laws.weakening import LinearWeakening
 from pyfric.scene.materials import Material
 from pyfric.scene.protocol import Corners, Protocol
 from pyfric.scene.push import Pushed, Pushes
-from pyfric.scene.spread import Spread
-
-__all__ = [
-    "CHAIN_NOTE",
-    "FIELDS",
-    "MAX_BLOCKS",
-    "PARTS",
-    "DistributedLoad",
-    "Driver",
-    "Field",
-    "Interface",
-    "PrescribedLoad",
-    "Rod",
-    "Slider",
-    "Top",
-    "Walls",
-    "steps_in",
-]
+from pyfric.scene.spread import FIELD, LIST_NOTE, Field, Spread
 
 MAX_BLOCKS = 20_000_000
 """Largest number of blocks N_x N_z. It prevents a mistyped l from exhausting the memory."""
 MULTIPLE_RTOL = 1e-9
 """Relative tolerance of "L, H and h are multiples of l"."""
-LIST_NOTE = ", or a list of N_x of them"
-FIELD_NOTE = LIST_NOTE + ", or a Spread"
 FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f")
 """Names of the fields of an interface."""
-Field = float | tuple[float, ...] | Spread
-"""A number, a list with a number for each block from the trailing edge on, or a `Spread`."""
-_field = {"listed": True, "drawn": Spread, "note": FIELD_NOTE}
 A_LAW = "a friction law, such as pyfric.laws.Ageing, or [interface.law] in a scene file"
 _law = OneOf(FrictionLaw, kinds=KINDS, allowed=A_LAW)
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
@@ -153,7 +131,7 @@ class Slider:
         """Return the slider that a table of a scene file describes, possibly by its material."""
         if "material" not in entries:
             return from_entries(cls, entries, folder)
-        material = OneOf(Material).check(Written(entries["material"]))
+        material = OneOf(Material).check(entries["material"], Written(entries))
         marks = annotations(cls)
         rest = {n: Written(v) if n in marks else v for n, v in entries.items() if n != "material"}
         return cls._of(material, rest)
@@ -408,11 +386,11 @@ class Interface:
     Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
     """
 
-    mu_s: Annotated[Field, NotNegative("", optional=True, **_field)] = None  # set by __post_init__
-    mu_k: Annotated[Field, NotNegative("", optional=True, **_field)] = None
-    k_f: Annotated[Field | None, Positive("N/m", optional=True, **_field)] = None
-    d_c: Annotated[Field, NotNegative("m", **_field)] = 0.0
-    alpha: Annotated[Field, NotNegative("N s/m", **_field)] = 0.0
+    mu_s: Annotated[Field, NotNegative("", optional=True, **FIELD)] = None  # set by __post_init__
+    mu_k: Annotated[Field, NotNegative("", optional=True, **FIELD)] = None
+    k_f: Annotated[Field | None, Positive("N/m", optional=True, **FIELD)] = None
+    d_c: Annotated[Field, NotNegative("m", **FIELD)] = 0.0
+    alpha: Annotated[Field, NotNegative("N s/m", **FIELD)] = 0.0
     law: Annotated[FrictionLaw, _law] = LinearWeakening()
 
     _section: ClassVar[str] = "interface"
@@ -436,23 +414,6 @@ class Interface:
     def coulomb(self) -> Self:
         """Return the interface with Amontons-Coulomb friction, as used for static states."""
         return dataclasses.replace(self, law=LinearWeakening(), d_c=0.0, alpha=0.0)
-
-    def on(self, N_x: int, fields: Mapping[str, np.ndarray]) -> Self:
-        """Return the interface with another number of blocks.
-
-        `fields` are those of the interface and of its friction law, from the trailing edge on.
-        """
-        at = np.linspace(0, 1, N_x)
-
-        def varied(part: Any) -> dict[str, tuple[float, ...]]:
-            return {
-                name: tuple(np.interp(at, np.linspace(0, 1, len(values)), values).tolist())
-                for name, values in fields.items()
-                if not isinstance(getattr(part, name, None), float | None)
-            }
-
-        law = dataclasses.replace(self.law, **varied(self.law))
-        return dataclasses.replace(self, law=law, **varied(self))
 
     @property
     def tables(self) -> Tables:

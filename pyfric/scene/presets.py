@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 
 from pyfric.scene.change import changed, full_name, joined, once, scene_fields
-from pyfric.scene.errors import SceneError, unknown
+from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws import FrictionLaw
 from pyfric.scene.laws.junctions import Junctions
 from pyfric.scene.parts import (
@@ -27,26 +27,6 @@ from pyfric.scene.parts import (
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.units import check_number
-
-__all__ = [
-    "PRESETS",
-    "Fields",
-    "Number",
-    "Preset",
-    "SceneLike",
-    "as_scene",
-    "chain",
-    "names_file",
-    "paper_step",
-    "preset",
-    "presets",
-    "settings",
-    "setup1",
-    "setup2",
-    "slab",
-    "slow",
-    "tpv3",
-]
 
 Number = float | str
 """A number in SI units, text with a unit such as "5 mm", or a quantity of a unit library."""
@@ -155,10 +135,8 @@ def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
         rules: part_field to a rule, which gives the value if it is missing or None.
     """
     for part in given.keys() & PARTS:
-        try:
+        with naming(part):
             PARTS[part].check(given[part])
-        except SceneError as error:
-            raise error.at(part) from None
     parts = {part: given.get(part, getattr(base, part)) for part in PARTS}
     given = once((full_name(parts, n, v), v) for n, v in given.items())
     named = {name.replace("_", ".", 1): rule for name, rule in rules.items()}

@@ -15,9 +15,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from pyfric.scene.checked import Quantity, Written
-from pyfric.scene.errors import SceneError
-
-__all__ = ["Corners", "Leg", "Piece", "Protocol", "followed", "legs", "piece_at", "pieces"]
+from pyfric.scene.errors import SceneError, numbered
 
 MAX_CORNERS = 1000
 """Largest number of breakpoints of one protocol."""
@@ -138,35 +136,26 @@ class Protocol(Quantity):
     def allowed(self) -> str:
         return f"pairs of a time >= 0 s, in order, and {self._numbers[1].allowed}"
 
-    def check(self, value: Any) -> Corners:
-        written = isinstance(value, Written)
-        pairs = value.value if written else value
-        if not isinstance(pairs, list | tuple) or len(pairs) > MAX_CORNERS:
+    def check(self, value: Any, written: Written | None = None) -> Corners:
+        if not isinstance(value, list | tuple) or len(value) > MAX_CORNERS:
             reason = f"not a list of pairs, or more than {MAX_CORNERS}"
-            raise SceneError("", pairs, self.unit, self.allowed, reason)
-        corners: list[tuple[float, float]] = []
-        for n, pair in enumerate(pairs, 1):
-            try:
-                corners.append(self._corner(pair, written, corners))
-            except SceneError as error:
-                reason = f"corner {n}: {error.reason}"
-                raise SceneError("", error.value, error.unit, error.allowed, reason) from None
-        return tuple(corners)
+            raise SceneError("", value, self.unit, self.allowed, reason)
+        times: list[float] = []
 
-    def _corner(self, pair: Any, written: bool, before: Sequence[tuple[float, float]]) -> Any:
-        """Return a checked breakpoint that follows others."""
-        if not isinstance(pair, list | tuple) or len(pair) != 2:
-            raise SceneError("", pair, self.unit, self.allowed, "not a pair")
-        t, value = (
-            number.check(Written(x) if written else x)
-            for number, x in zip(self._numbers, pair, strict=True)
-        )
-        if before and t < before[-1][0]:
-            allowed = f">= {before[-1][0]!r} s, the time of corner {len(before)}"
-            raise SceneError("", t, "s", allowed, "out of order")
-        if len(before) > 1 and t == before[-2][0]:
-            raise SceneError("", t, "s", "at most two", "two corners are at this time already")
-        return t, value
+        def corner(pair: Any) -> tuple[float, float]:
+            if not isinstance(pair, list | tuple) or len(pair) != 2:
+                raise SceneError("", pair, self.unit, self.allowed, "not a pair")
+            of_t, of_value = self._numbers
+            t = of_t.check(pair[0], written)
+            if times and t < times[-1]:
+                allowed = f">= {times[-1]!r} s, the time of corner {len(times)}"
+                raise SceneError("", t, "s", allowed, "out of order")
+            if len(times) > 1 and t == times[-2]:
+                raise SceneError("", t, "s", "at most two", "two corners are at this time already")
+            times.append(t)
+            return t, of_value.check(pair[1], written)
+
+        return numbered("corner", corner, value)
 
     def written(self, value: Corners) -> Any:
         time, size = self._numbers

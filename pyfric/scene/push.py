@@ -9,9 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pyfric.scene.checked import Annotation, Quantity, Whole, Written
-from pyfric.scene.errors import SceneError
-
-__all__ = ["Push", "Pushed", "Pushes", "pushes_at"]
+from pyfric.scene.errors import SceneError, numbered
 
 FOR_EVER = (math.inf, "inf s")
 """Values that mean no end, in Python and in files."""
@@ -53,29 +51,20 @@ class Pushes(Annotation):
         "lists of a block's number, a force in N, and perhaps begin and end in s and a rate in N/s"
     )
 
-    def check(self, value: Any) -> tuple[Push, ...]:
-        written = isinstance(value, Written)
-        pushes = value.value if written else value
-        if not isinstance(pushes, list | tuple) or len(pushes) > MAX_PUSHES:
+    def check(self, value: Any, written: Written | None = None) -> tuple[Push, ...]:
+        if not isinstance(value, list | tuple) or len(value) > MAX_PUSHES:
             reason = f"not a list of pushes, or more than {MAX_PUSHES}"
-            raise SceneError("", pushes, "N", self.allowed, reason)
-        found = []
-        for n, push in enumerate(pushes, 1):
-            try:
-                found.append(self._push(push, written))
-            except SceneError as error:
-                reason = f"push {n}: {error.reason}"
-                raise SceneError("", error.value, error.unit, error.allowed, reason) from None
-        return tuple(found)
+            raise SceneError("", value, "N", self.allowed, reason)
+        return numbered("push", lambda one: self._push(one, written), value)
 
-    def _push(self, given: Any, written: bool) -> Push:
+    def _push(self, given: Any, written: Written | None) -> Push:
         if not isinstance(given, list | tuple) or not 2 <= len(given) <= 5:
             raise SceneError("", given, "N", self.allowed, "not two to five numbers")
         block, *rest = given
         block = Whole(1_000_000_000).check(block)
         marks = (Quantity("N"), Quantity("s", ge=0.0), Quantity("s", gt=0.0), Quantity("N/s"))
         numbers = [
-            math.inf if n == 2 and x in FOR_EVER else mark.check(Written(x) if written else x)
+            math.inf if n == 2 and x in FOR_EVER else mark.check(x, written)
             for n, (mark, x) in enumerate(zip(marks, rest, strict=False))
         ]
         push = Push(block, *numbers)

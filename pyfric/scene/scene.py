@@ -43,8 +43,6 @@ from pyfric.scene.push import pushes_at
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import scene_text
 
-__all__ = ["OnDriven", "Scene"]
-
 OnDriven = float | np.ndarray
 """A number for one driven block, or an array for several."""
 MAX_NAME = 200
@@ -186,13 +184,21 @@ class Scene:
 
         Fields are interpolated; alpha of a block is proportional to its length.
         """
-        order = np.argsort(self.n_of_i)
-        fields = {name: self.field(name)[order] for name in self.fields}
-        interface = self.interface.on(N_x, fields)
+        order, at, now = (
+            np.argsort(self.n_of_i),
+            np.linspace(0, 1, N_x),
+            np.linspace(0, 1, self.N_x),
+        )
+        new = {
+            name: tuple(np.interp(at, now, self.field(name)[order]).tolist())
+            for name in self.fields
+            if not isinstance(self._given(name), float | None)
+        }
+        law = {name: new.pop(name) for name in self.interface.law.fields if name in new}
         share = (self.N_x - 1) / (N_x - 1)
-        alpha = np.multiply(interface.alpha, share).tolist()
-        alpha = tuple(alpha) if isinstance(alpha, list) else alpha
-        return replace(interface, alpha=alpha)
+        alpha = np.multiply(new.get("alpha", self.interface.alpha), share).tolist()
+        new["alpha"] = tuple(alpha) if isinstance(alpha, list) else alpha
+        return replace(self.interface, law=replace(self.interface.law, **law), **new)
 
     @property
     def drawn(self) -> dict[str, tuple[float, ...]]:

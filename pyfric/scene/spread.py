@@ -7,10 +7,18 @@ import numpy as np
 from pyfric.scene.checked import NotNegative, Whole, part
 from pyfric.scene.errors import SceneError
 
-__all__ = ["Spread"]
-
 SUMMED = 12
 """Uniform numbers in a sum that approximates a normal number; the sum has variance 1."""
+
+
+def uniform(n: int, seed: int, stream: int = 0, block: int = 0) -> np.ndarray:
+    """Return n numbers in [0, 1), multiples of 2^-53, of Philox under the key (seed, stream).
+
+    They follow the counter (0, block, 0, 0).
+    """
+    key, counter = np.array([[seed, stream], [0, block]], dtype=np.uint64)
+    raw = np.random.Philox(key=key, counter=[*counter, 0, 0]).random_raw(n)
+    return (raw >> np.uint64(11)).astype(float) * 2.0**-53
 
 
 @part
@@ -62,10 +70,10 @@ class Spread:
     def draw(self, n: int, l: float) -> np.ndarray:
         """Return the field on n blocks with spacing l (m), from the trailing edge on."""
         if self.range is not None:
-            return self.mean + self.range * (2 * self._uniform(n) - 1)
+            return self.mean + self.range * (2 * uniform(n, self.seed) - 1)
         over = max(1, round(self.correlation_length / l))
         normal = np.zeros(n + over - 1)
-        for each in self._uniform(SUMMED * len(normal)).reshape(SUMMED, -1):
+        for each in uniform(SUMMED * len(normal), self.seed).reshape(SUMMED, -1):
             normal += each
         normal -= SUMMED / 2
         total = np.zeros(n)
@@ -73,7 +81,9 @@ class Spread:
             total += normal[first : first + n]
         return self.mean + (self.std / np.sqrt(float(over))) * total
 
-    def _uniform(self, n: int) -> np.ndarray:
-        """Return n numbers in [0, 1), multiples of 2^-53."""
-        raw = np.random.Philox(key=np.array([self.seed, 0], dtype=np.uint64)).random_raw(n)
-        return (raw >> np.uint64(11)).astype(float) * 2.0**-53
+
+Field = float | tuple[float, ...] | Spread
+"""A number, a list with a number for each block from the trailing edge on, or a `Spread`."""
+LIST_NOTE = ", or a list of N_x of them"
+FIELD = {"listed": True, "drawn": Spread, "note": LIST_NOTE + ", or a Spread"}
+"""What the annotations of fields have in common."""

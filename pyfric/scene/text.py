@@ -11,8 +11,6 @@ from pyfric.scene.checked import quantities
 if TYPE_CHECKING:
     from pyfric.scene.scene import Scene
 
-__all__ = ["scene_text"]
-
 
 def scene_text(scene: Scene) -> str:
     """Return a text with a line for each part of a scene; numbers are in SI units."""

@@ -52,8 +52,6 @@ from pyfric.scene.errors import SceneError
 from pyfric.scene.files import read_at_most
 from pyfric.scene.parts import PARTS
 
-__all__ = ["MAX_FILE", "folder_of", "parsed", "placed", "text"]
-
 MAX_FILE = 1_048_576
 """Largest size of a scene file, in bytes; two lists of `checked.MAX_LISTED` forces fit."""
 

@@ -1,16 +1,15 @@
 """Numbers with units: checks of all numeric inputs, and conversion from text."""
 
 import math
+import operator
 import re
+import tomllib
 from fractions import Fraction
 from functools import lru_cache
 from numbers import Integral, Real
 from typing import Any
 
 from pyfric.scene.errors import NO_UNIT, SceneError, show
-
-__all__ = ["LARGEST", "SMALLEST", "check_number", "check_whole", "in_si", "parse_quantity",
-           "range_text", "read_number", "with_prefix"]  # fmt: skip
 
 SMALLEST = 1e-30
 """Smallest accepted non-zero magnitude (SI); products of smaller values could underflow."""
@@ -54,30 +53,24 @@ _QUANTITY = re.compile(
 _LONGEST = 80  # characters in a quantity
 
 
-def range_text(
-    unit: str,
-    *,
-    gt: float | None = None,
-    ge: float | None = None,
-    le: float | None = None,
-    lt: float | None = None,
-) -> str:
+LIMITS = {
+    "gt": (">", operator.gt, "too small"),
+    "ge": (">=", operator.ge, "too small"),
+    "le": ("<=", operator.le, "too large"),
+    "lt": ("<", operator.lt, "too large"),
+}
+"""Name of a limit -> its sign, the comparison with it, and what is wrong beyond it."""
+
+
+def range_text(unit: str, **limits: float | None) -> str:
     """Return the allowed range in words, such as ``"a finite number > 0.0 m"``."""
-    limits = ((">", gt), (">=", ge), ("<=", le), ("<", lt))
-    ranges = [f"{sign} {limit:.12g}" for sign, limit in limits if limit is not None]
+    given = {name: limits[name] for name in LIMITS if limits.get(name) is not None}
+    ranges = [f"{LIMITS[name][0]} {limit:.12g}" for name, limit in given.items()]
     return " ".join(["a finite number", " and ".join(ranges), unit]).replace("  ", " ").strip()
 
 
 def check_number(
-    field: str,
-    value: Any,
-    unit: str,
-    *,
-    gt: float | None = None,
-    ge: float | None = None,
-    le: float | None = None,
-    lt: float | None = None,
-    note: str = "",
+    field: str, value: Any, unit: str, *, note: str = "", **limits: float | None
 ) -> float:
     """Return `value` in SI as a float if it is a finite real number inside the given limits.
 
@@ -86,8 +79,8 @@ def check_number(
         value: a Python or NumPy real scalar, in SI. If there is a unit, also text such as "5 mm" or
             a quantity of a library of units, see `in_si`. Booleans and arrays are refused.
         unit: SI unit, ``""`` for a pure number.
-        gt, ge, le, lt: limits (>, >=, <=, <), in the same unit.
         note: other allowed values, appended to the range in the error.
+        limits: gt, ge, le, lt (>, >=, <=, <), in the same unit; None means no limit.
 
     Returns:
         The number as a Python float; -0.0 becomes 0.0.
@@ -96,7 +89,7 @@ def check_number(
         SceneError: wrong type or unit, NaN, infinite, outside the limits, or a non-zero magnitude
             outside `SMALLEST` … `LARGEST`.
     """
-    allowed = range_text(unit, gt=gt, ge=ge, le=le, lt=lt)
+    allowed = range_text(unit, **limits)
     value = in_si(field, value, unit, allowed=allowed + note)
 
     def refused(reason: str, shown: Any = value, size: str = "") -> SceneError:
@@ -110,10 +103,10 @@ def check_number(
         raise refused("too large for a floating-point number") from None
     if not math.isfinite(number):
         raise refused("not a finite number", number)
-    below = (gt is not None and not number > gt) or (ge is not None and not number >= ge)
-    above = (le is not None and not number <= le) or (lt is not None and not number < lt)
-    if below or above:
-        raise refused("too small" if below else "too large", number)
+    for name, limit in limits.items():
+        _, fits, wrong = LIMITS[name]
+        if limit is not None and not fits(number, limit):
+            raise refused(wrong, number)
     if number and not SMALLEST <= abs(number) <= LARGEST:
         raise refused("out of range", number, f", of magnitude {SMALLEST:g} to {LARGEST:g}")
     return number
@@ -204,26 +197,21 @@ def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> f
         return math.copysign(math.inf, number)
 
 
-def read_number(field: str, text: str | float, unit: str, **limits: float | None) -> float:
-    """Return a number in SI from text: a bare number in SI, or a quantity with its unit.
+def spoken(text: str) -> Any:
+    """Return a value from a line of text, such as the argument of `--set`.
 
-    Args:
-        field: dotted name used in the error.
-        text: the text, or a number.
-        unit: SI unit, ``""`` for a pure number.
-        limits: gt, ge, le, lt of `check_number`.
-
-    Raises:
-        SceneError: it is neither, or outside the limits.
+    The text is read as TOML: a number in SI, a list, or a table such as {mean = 0.7, std = 0.02}.
+    Numbers that TOML does not know, such as .005 and 1.e-3, are numbers, too. What is neither is
+    returned as text, such as "7.5 mm" or "left".
     """
-    allowed = range_text(unit, **limits)
     try:
-        number = float(text)
+        return tomllib.loads(f"value = {text}").get("value", text)
+    except (ValueError, RecursionError):
+        pass
+    try:
+        return float(text)
     except ValueError:
-        if not unit:
-            raise SceneError(field, text, "", allowed, "not a number") from None
-        number = parse_quantity(field, text, unit, allowed=allowed)
-    return check_number(field, number, unit, **limits)
+        return text
 
 
 PREFIXES = {0: "", -1: "m", -2: "u", -3: "n", 1: "k", 2: "M", 3: "G"}

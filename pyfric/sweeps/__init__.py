@@ -9,25 +9,3 @@ from pyfric.sweeps.spacings import Resolution, resolve
 from pyfric.sweeps.store import MAX_BYTES, Entry, Store
 from pyfric.sweeps.sweep import Estimate, Sweep
 from pyfric.sweeps.varied import Span
-
-__all__ = [
-    "MAX_BYTES",
-    "Entry",
-    "Estimate",
-    "Job",
-    "JobError",
-    "PhaseDiagram",
-    "Resolution",
-    "Results",
-    "Span",
-    "Store",
-    "Sweep",
-    "boundary",
-    "chain_job",
-    "even_scale",
-    "label_map",
-    "phase_diagram",
-    "resolve",
-    "run_all",
-    "side_by_side",
-]

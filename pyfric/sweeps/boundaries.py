@@ -30,8 +30,6 @@ from pyfric.scene import SceneError, check_number, check_whole
 from pyfric.signals import at_once
 from pyfric.sweeps.varied import Scale, Span
 
-__all__ = ["boundary", "label_map"]
-
 Label = Callable[[float, float], Hashable]
 Measure = Callable[[float, float], float]
 
@@ -55,28 +53,13 @@ def _span(name: str, ends: Sequence[float], scale: Scale) -> Span:
         raise error.at(f"{name}.{error.field}") from None
 
 
-class _Unknown(float):
-    """NaN as a label: equal to itself."""
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, float) and math.isnan(other)
-
-    def __ne__(self, other: object) -> bool:
-        return not self == other
-
-    __hash__ = object.__hash__
-
-
-_UNKNOWN = _Unknown("nan")
-
-
 def _one(label: Hashable) -> Hashable:
-    """Return a label, the same one for each NaN."""
+    """Return a label, the same object for each NaN: `in` finds it in a list."""
     if not isinstance(label, Hashable):
         allowed = "text, a number or a truth value"
         raise SceneError("f", type(label).__name__, "", allowed, "no label to compare")
     nan = isinstance(label, float | np.floating) and math.isnan(label)
-    return _UNKNOWN if nan else label
+    return math.nan if nan else label
 
 
 def _measured(number: float) -> float:
@@ -183,7 +166,8 @@ class _Column:
 
     def ends(self, below: Hashable) -> tuple[float, float]:
         """Return the known bracket, in shares, of the point at which the label changes."""
-        high = min((share for share in self.labels if self.labels[share] != below), default=1.0)
+        above = (share for share, label in self.labels.items() if label not in [below])
+        high = min(above, default=1.0)
         return max((share for share in self.labels if share < high), default=0.0), high
 
     def root(self, low: float, high: float) -> float | None:
@@ -214,6 +198,9 @@ class _Line:
         self.points: list[tuple[float, float]] = []  # over in its scale, share
         self.below: Hashable = None
 
+    def _is_below(self, label: Hashable) -> bool:
+        return label in [self.below]
+
     def point(self, column: _Column, x: float) -> tuple[Any, ...]:
         """Return the row of the next value, x in its scale."""
         guess, bracket = None, None
@@ -229,10 +216,10 @@ class _Line:
             self.step = FIRST * self.width
             guess, self.below = None, column(min(column.labels, default=0.0))
             bracket = column.ends(self.below)
-            if column(bracket[1]) == self.below != column(0.0):  # no known label was below the line
-                self.below = column(0.0)
+            if self._is_below(column(bracket[1])) and not self._is_below(column(0.0)):
+                self.below = column(0.0)  # no known label was below the line
                 bracket = column.ends(self.below)
-            if column(bracket[1]) == self.below:
+            if self._is_below(column(bracket[1])):
                 none = (math.nan, math.nan, math.nan)
                 return column.over, *none, self.below, self.below, column.runs
         low, high = self._narrowed(column, *bracket)
@@ -257,7 +244,7 @@ class _Line:
             elif root is not None and slow:  # just beyond it, as seen from the end that stays
                 beyond = NEAR / 2 * self.width
                 share = root + (beyond if high - root > root - low else -beyond)
-            low, high = (share, high) if column(share) == self.below else (low, share)
+            low, high = (share, high) if self._is_below(column(share)) else (low, share)
             slow += root is not None and high - low > length / 2
         return low, high
 
@@ -268,7 +255,7 @@ class _Line:
         most = math.inf  # runs that are left if the next one does not bracket the line
         if {low, high} <= column.labels.keys():
             most = math.ceil(math.log2(max((high - low) / self.width, 1.0)))
-        side = column(guess) == self.below
+        side = self._is_below(column(guess))
         share, step = guess, self.step if side else -self.step
         while True:
             most -= 1
@@ -278,7 +265,7 @@ class _Line:
             before, share = share, min(max(share + step, low), high)
             if share == before:
                 return None
-            if (column(share) == self.below) != side:
+            if self._is_below(column(share)) != side:
                 return min(before, share), max(before, share)
             step *= 2
 

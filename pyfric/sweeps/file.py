@@ -11,16 +11,16 @@ import tomli_w
 
 from pyfric.scene import (
     PRESETS,
+    Quantity,
     Scene,
     SceneError,
+    Written,
+    naming,
     parsed,
     preset,
-    read_value,
     unknown,
 )
 from pyfric.sweeps.varied import Span, full_field, varied
-
-__all__ = ["read_sweep"]
 
 ENTRIES = ("scene", "t_end", "points", "n", "seed", "over", "options", "limits")
 LIMITS = ("max_hours", "max_GB")
@@ -44,17 +44,16 @@ def read_sweep(path: Path) -> dict[str, Any]:
     scene = _scene(document["scene"], path.parent)
     free = {"gt": None, "ge": None, "le": None}  # what is out of range is refused at its point
     marks = {
-        name: mark and dataclasses.replace(mark, **free) for name, mark in varied(scene).items()
+        name: dataclasses.replace(mark, **free) if isinstance(mark, Quantity) else mark
+        for name, mark in varied(scene).items()
     }
 
     def read(name: str, value: Any, field: str = "") -> Any:
         """Return a value of the file, in SI."""
         if name not in marks or value == "auto":
             return value  # what is unknown is refused where it is used
-        try:
-            return read_value(name, value, marks[name], path.parent)
-        except SceneError as error:
-            raise error.at(field or name) from None
+        with naming(field or name):
+            return marks[name].check(value, Written(value, path.parent))
 
     return {
         "scene": scene,
@@ -99,14 +98,9 @@ def _over(
             over[name] = [read(name, entry, field) for entry in value]
         elif isinstance(value, dict) and {"from", "to"} <= set(value):
             _check_keys(f"{field}.", value, RANGE)
-            ends = {
-                NAMES[key]: read(name, value[key], f"{field}.{key}")
-                for key in NAMES
-                if key in value
-            }
-            rest = {key: value[key] for key in ("n", "scale") if key in value}
+            ends = {key: read(name, value[key], f"{field}.{key}") for key in NAMES if key in value}
             try:
-                over[name] = Span(**ends, **rest)
+                over[name] = Span(**{NAMES.get(k, k): v for k, v in (value | ends).items()})
             except SceneError as error:
                 entry = {"start": "from", "stop": "to"}.get(error.field, error.field)
                 raise error.at(f"{field}.{entry}") from None

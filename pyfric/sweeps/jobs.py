@@ -7,25 +7,30 @@ import functools
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy
 
 from pyfric.engines import Options
-from pyfric.scene import Scene, SceneError, __version__, as_scene, check_number, unknown
-
-if TYPE_CHECKING:
-    from pyfric.scene import Number, SceneLike
-
-__all__ = ["OPTIONS", "Job", "JobError"]
+from pyfric.scene import (
+    Number,
+    Scene,
+    SceneError,
+    SceneLike,
+    __version__,
+    as_scene,
+    check_number,
+    unknown,
+)
 
 ELSEWHERE = ("threads", "checkpoint", "checkpoint_every")
 """Options that do not change what a run gives; jobs leave them to `run_all`."""
 OPTIONS = tuple(known.name for known in dataclasses.fields(Options) if known.name not in ELSEWHERE)
 """Options that a job may have."""
+DEFAULTS = Options()
 ROOMS = ("scene", "theory", "core", "statics", "record", "engines")
 """Rooms whose code determines what a run gives."""
 
@@ -46,7 +51,7 @@ class JobError(RuntimeError):
         return f"{self.job}: {type(self.error).__name__}: {self.error}"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, init=False)
 class Job:
     """One run: what `pyfric.simulate` is called with.
 
@@ -61,32 +66,24 @@ class Job:
 
     scene: Scene
     t_end: float
-    options: Options = field(default_factory=Options)
+    options: Options
 
-    if TYPE_CHECKING:  # what may be given
-
-        def __init__(
-            self, *, scene: SceneLike, t_end: Number, options: Options | Mapping[str, Any] = ...
-        ) -> None: ...
+    def __init__(
+        self, *, scene: SceneLike, t_end: Number, options: Options | Mapping[str, Any] = DEFAULTS
+    ) -> None:
+        scene, t_end = as_scene(scene), check_number("t_end", t_end, "s", ge=0.0)
+        if not isinstance(options, Options | Mapping):
+            raise SceneError("options", options, "", "Options, or a mapping")
+        given = options.given() if isinstance(options, Options) else options
+        for name, value in given.items():
+            if name not in OPTIONS:
+                raise unknown(f"options.{name}", value, str(name), OPTIONS)
+        options = options if isinstance(options, Options) else Options(**options)
+        options.check_sample(t_end)
+        vars(self).update(scene=scene, t_end=t_end, options=options)
 
     def __repr__(self) -> str:
         return f"Job: {self}"
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "scene", as_scene(self.scene))
-        object.__setattr__(self, "t_end", check_number("t_end", self.t_end, "s", ge=0.0))
-        options = self.options
-        if isinstance(options, Mapping):
-            for name, value in options.items():
-                if name not in OPTIONS:
-                    raise unknown(f"options.{name}", value, str(name), OPTIONS)
-            options = Options(**options)
-            object.__setattr__(self, "options", options)
-        if not isinstance(options, Options):
-            raise SceneError("options", options, "", "Options, or a mapping")
-        options.check_sample(self.t_end)
-        for name in options.given().keys() & ELSEWHERE:
-            raise unknown(f"options.{name}", getattr(options, name), name, OPTIONS)
 
     def __str__(self) -> str:
         options = "".join(f", {name} = {value}" for name, value in self.options.given().items())

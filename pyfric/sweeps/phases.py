@@ -18,26 +18,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from pyfric.engines import Options
-from pyfric.record import SLOW, pace_limits
-from pyfric.scene import Scene, SceneError, as_scene, chain, check_number, check_whole
+from pyfric.record import SLOW, Record, pace_limits
+from pyfric.scene import Scene, SceneError, SceneLike, as_scene, chain, check_number, check_whole
 from pyfric.signals import at_once
 from pyfric.sweeps.boundaries import boundary
 from pyfric.sweeps.jobs import Job
 from pyfric.sweeps.runs import run_all
-
-if TYPE_CHECKING:
-    from pyfric.record import Record
-    from pyfric.scene import SceneLike
-    from pyfric.sweeps.store import Cache
-    from pyfric.sweeps.varied import Scale
-
-__all__ = ["LABELS", "PhaseDiagram", "chain_job", "even_scale", "phase_diagram"]
+from pyfric.sweeps.store import Cache
+from pyfric.sweeps.varied import Scale
 
 Labels = Mapping[str, Callable[["Record"], Hashable]]
 Axis = tuple[str, Sequence[float] | np.ndarray]
@@ -250,7 +244,9 @@ def _jobs(
         for name, value in (("t_end", t_end), ("options", options)):
             if value is not None:
                 raise SceneError(name, value, "", "None without a scene: the jobs have their own")
-        return (_named_chain(*names) if own else scene), tuple(checked)
+        if own:
+            return lambda a, b: chain_job(**dict(zip(names, (a, b), strict=True))), tuple(checked)
+        return scene, tuple(checked)
     base = as_scene(scene)
     if t_end is None:
         raise SceneError("t_end", None, "s", "the end of the runs of a scene", "missing")
@@ -262,21 +258,16 @@ def _jobs(
     return job, tuple(checked)
 
 
-def _named_chain(x: str, y: str) -> Callable[[float, float], Job]:
-    """Return the run of a chain as a function of its two numbers in this order."""
-    return lambda a, b: chain_job(**{x: a, y: b})
-
-
 def _front(record: Record) -> dict[str, Any]:
     """Return speed and length of the front of a run, and how the run ended."""
-    slider, status = record.scene.slider, {"status": record.status}
-    found = record.rupture_class()
+    slider, found = record.scene.slider, record.rupture_class()
     c = slider.l * math.sqrt(slider.k / record.scene.m)
     return {
         "speed": found.speed,
         "speed_over_c": found.speed / c,
         "reached": found.reached,
-    } | status
+        "status": record.status,
+    }
 
 
 def _changes(table: pd.DataFrame, x: str, y: str, name: str) -> pd.DataFrame:

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from pyfric.sweeps.sweep import Sweep
 
-__all__ = ["MEASURED", "FailedBefore", "Results"]
-
 MEASURED = {
     "n_events": ("1", "number of events"),
     "n_main_events": ("1", "number of events of at least 4 blocks"),
@@ -130,7 +128,7 @@ class Results:
         }
         dataset = xr.Dataset(data, coordinates, {"title": "pyfric sweep"})
         for name in names:
-            dataset[name].attrs["units"] = (marks[name] and marks[name].unit) or "1"
+            dataset[name].attrs["units"] = marks[name].unit or "1"
         for name, (unit, meaning) in MEASURED.items():
             dataset[name].attrs.update(units=unit, long_name=meaning)
         return dataset

@@ -29,8 +29,6 @@ from pyfric.sweeps.jobs import Job, JobError
 from pyfric.sweeps.store import MAX_BYTES, Cache, Store
 from pyfric.sweeps.workers import InThisProcess, Workers, stopping
 
-__all__ = ["run_all", "side_by_side"]
-
 POLL = 0.05
 """Time between two looks at runs elsewhere, s."""
 MAX_LOSSES = 10
@@ -130,7 +128,13 @@ def run_all(
                 show(done, len(by_key))
     if todo:
         store.prune(MAX_BYTES if store.own else None)
-    return [_belonging(found[job.key], job) for job in jobs]
+    outcomes = ((found[job.key], job) for job in jobs)
+    return [
+        JobError(job, one)
+        if isinstance(one, Exception)
+        else dataclasses.replace(one, scene=job.scene)
+        for one, job in outcomes
+    ]
 
 
 def side_by_side(jobs: Sequence[Job], workers: int | None) -> Workers | InThisProcess:
@@ -143,13 +147,6 @@ def _count(workers: int | None) -> int:
     if workers is None:
         return core.processors()
     return check_whole("workers", workers, 1, note=", or None")
-
-
-def _belonging(found: Record | Exception, job: Job) -> Record | JobError:
-    """Return what was found for a job, under the name of its own scene."""
-    if isinstance(found, Exception):
-        return JobError(job, found)
-    return dataclasses.replace(found, scene=job.scene)
 
 
 # --- running -------------------------------------------------------------------------------------
@@ -222,14 +219,10 @@ def _made(job: Job, store: Store, key: str, wanted: str) -> Record:
         record = store.load(key, job.scene)
         if record is None:
             with saved_first():
-                record = _simulated(job, look)
+                start = time.process_time()
+                record = simulate(job.scene, job.t_end, job.options, threads=1, progress=look)
+                took = {"processor": time.process_time() - start}
+                record = dataclasses.replace(record, timings={**record.timings, **took})
                 if record.done:
                     store.save(key, record)
     return record
-
-
-def _simulated(job: Job, look: Callable[[Any], None]) -> Record:
-    start = time.process_time()
-    record = simulate(job.scene, job.t_end, job.options, threads=1, progress=look)
-    timings = {**record.timings, "processor": time.process_time() - start}
-    return dataclasses.replace(record, timings=timings)

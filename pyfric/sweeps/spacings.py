@@ -6,24 +6,18 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from pyfric.display import html
 from pyfric.engines import Options
-from pyfric.record import analysis
-from pyfric.scene import PrescribedLoad, SceneError, as_scene, check_whole
+from pyfric.record import Record, analysis
+from pyfric.scene import Number, PrescribedLoad, Scene, SceneError, SceneLike, as_scene, check_whole
 from pyfric.sweeps.jobs import Job, JobError
 from pyfric.sweeps.runs import run_all
-
-if TYPE_CHECKING:
-    from pyfric.record import Record
-    from pyfric.scene import Number, Scene, SceneLike
-    from pyfric.sweeps.store import Cache
-
-__all__ = ["Resolution", "resolve"]
+from pyfric.sweeps.store import Cache
 
 AT = 0.5
 """L_p/L at which forces are compared, those of the paper's Fig. 2, where an event stops."""
@@ -57,20 +51,16 @@ class Resolution:
     records: tuple[Record, ...]
 
     def __str__(self) -> str:
-        head = ["l (mm)", *(f"{1e3 * l:g}" for l in self.table.columns[:-2]), "change", "converges"]
-        rows = [head]
-        for name, row in self.table.iterrows():
-            *values, change, converges = row
-            texts = [f"{value:.4g}" if math.isfinite(value) else "-" for value in values]
-            known = math.isfinite(change)
-            texts += [f"{change:+.1%}", "yes" if converges else "no"] if known else ["-", "-"]
-            rows.append([str(name), *texts])
-        wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = [
-            "  ".join([cells[0].ljust(wide[0]), *map(str.rjust, cells[1:], wide[1:])])
-            for cells in rows
-        ]
-        return "\n".join([*lines, "", *self.notes])
+        def shown(values: pd.Series, form: str) -> list[str]:
+            return [format(one, form) if math.isfinite(one) else "-" for one in values]
+
+        table = self.table
+        texts = {f"{1e3 * l:g}": shown(table[l], ".4g") for l in table.columns[:-2]}
+        texts["change"] = shown(table["change"], "+.1%")
+        limits = table["converges"].map({True: "yes", False: "no"})
+        texts["converges"] = limits.where(np.isfinite(table["change"]), "-")
+        text = pd.DataFrame(texts, index=table.index).rename_axis(columns="l (mm)").to_string()
+        return "\n".join([text, "", *self.notes])
 
     __repr__ = __str__
 
@@ -158,14 +148,9 @@ def resolve(
     columns = {one.scene.slider.l: _measured(one) for one in records}
     table = pd.DataFrame(columns, index=list(QUANTITIES))
     before, last = (table.iloc[:, n] for n in (-2, -1))
-    return Resolution(
-        table.assign(change=(last - before) / before, converges=_converges(scene)), tuple(records)
-    )
-
-
-def _converges(scene: Scene) -> list[bool]:
-    """Say of each quantity whether it has a limit."""
-    return [known or bool(scene.law.weakens) for known in QUANTITIES.values()]
+    limits = [known or bool(scene.law.weakens) for known in QUANTITIES.values()]
+    table = table.assign(change=(last - before) / before, converges=limits)
+    return Resolution(table, tuple(records))
 
 
 def _finer(scene: Scene, n: int) -> Scene:

@@ -29,8 +29,6 @@ from pyfric.scene import Scene, SceneError, clean_drafts, write
 if TYPE_CHECKING:
     from filelock import BaseFileLock
 
-__all__ = ["CACHE_VARIABLE", "MAX_BYTES", "Cache", "Entry", "Store"]
-
 CACHE_VARIABLE = "PYFRIC_CACHE"
 """Environment variable that names another folder for finished runs."""
 MAX_BYTES = 2**30

@@ -38,9 +38,9 @@ import itertools
 import math
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, get_args
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 import pandas as pd
@@ -48,18 +48,22 @@ import pandas as pd
 from pyfric.display import html
 from pyfric.engines import Options, check_run, expected_cost
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, check_number, check_whole, unknown
+from pyfric.scene import (
+    Annotation,
+    Number,
+    Scene,
+    SceneError,
+    SceneLike,
+    check_number,
+    check_whole,
+    unknown,
+)
 from pyfric.sweeps.file import read_sweep
-from pyfric.sweeps.jobs import Job, JobError
+from pyfric.sweeps.jobs import DEFAULTS, Job, JobError
 from pyfric.sweeps.results import FailedBefore, Results
 from pyfric.sweeps.runs import run_all
 from pyfric.sweeps.store import Cache, Store
 from pyfric.sweeps.varied import MAX_POINTS, Span, drawn, full_field, varied
-
-if TYPE_CHECKING:
-    from pyfric.scene import Number, SceneLike
-
-__all__ = ["Estimate", "Sweep"]
 
 Kind = Literal["grid", "list", "random", "sobol", "halton", "latin"]
 ASKED = 5
@@ -83,7 +87,7 @@ class Estimate(NamedTuple):
         )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, init=False, repr=False)
 class Sweep:
     """One scene at many points.
 
@@ -105,29 +109,46 @@ class Sweep:
 
     scene: Scene
     t_end: float
-    over: Mapping[str, Iterable[Any] | Span] | pd.DataFrame
-    points: Kind = "grid"
-    n: int | None = None
-    seed: int = 0
-    options: Options = field(default_factory=Options)
-    max_hours: float | None = None
-    max_GB: float | None = None
+    over: dict[str, list[Any] | Span]
+    points: Kind
+    n: int | None
+    seed: int
+    options: Options
+    max_hours: float | None
+    max_GB: float | None
 
-    if TYPE_CHECKING:  # what may be given
-
-        def __init__(
-            self,
-            *,
-            scene: SceneLike,
-            t_end: Number,
-            over: Mapping[str, Iterable[Any] | Span] | pd.DataFrame,
-            points: Kind = ...,
-            n: int | None = ...,
-            seed: int = ...,
-            options: Options | Mapping[str, Any] = ...,
-            max_hours: float | None = ...,
-            max_GB: float | None = ...,
-        ) -> None: ...
+    def __init__(
+        self,
+        *,
+        scene: SceneLike,
+        t_end: Number,
+        over: Mapping[str, Iterable[Any] | Span] | pd.DataFrame,
+        points: Kind = "grid",
+        n: int | None = None,
+        seed: int = 0,
+        options: Options | Mapping[str, Any] = DEFAULTS,
+        max_hours: float | None = None,
+        max_GB: float | None = None,
+    ) -> None:
+        first = Job(scene=scene, t_end=t_end, options=options)
+        vars(self).update(scene=first.scene, t_end=first.t_end, options=first.options)
+        points = "list" if isinstance(over, pd.DataFrame) else points
+        if points not in get_args(Kind):
+            raise unknown("points", points, str(points), get_args(Kind))
+        vars(self).update(points=points, max_hours=max_hours, max_GB=max_GB)
+        vars(self).update(over=self._listed(over))
+        for name, limit in (("max_hours", max_hours), ("max_GB", max_GB)):
+            if limit is not None:
+                check_number(f"limits.{name}", limit, "", gt=0.0)
+        n = check_whole("n", n, 1, MAX_POINTS) if self._drawn else n
+        vars(self).update(n=n, seed=check_whole("seed", seed, 0, MAX_POINTS))
+        if n is not None and not self._drawn:
+            raise SceneError("n", n, "", f"none: points = {points!r} are not drawn")
+        lengths = [] if self._drawn else [len(values) for values in self.over.values()]
+        if points == "list" and len(set(lengths)) > 1:
+            raise SceneError("over", lengths, "", "as many values of each field in a list")
+        if math.prod(lengths if points == "grid" else lengths[:1]) > MAX_POINTS:
+            raise SceneError("over", lengths, "", f"at most {MAX_POINTS} points")
 
     def __repr__(self) -> str:
         fields = ", ".join(self.over)
@@ -137,41 +158,17 @@ class Sweep:
     def _repr_html_(self) -> str:
         return html(self)
 
-    def __post_init__(self) -> None:
-        first = Job(scene=self.scene, t_end=self.t_end, options=self.options)
-        for name in ("scene", "t_end", "options"):
-            object.__setattr__(self, name, getattr(first, name))
-        if isinstance(self.over, pd.DataFrame):
-            object.__setattr__(self, "points", "list")
-        if self.points not in get_args(Kind):
-            raise unknown("points", self.points, str(self.points), get_args(Kind))
-        object.__setattr__(self, "over", self._listed())
-        for name in ("max_hours", "max_GB"):
-            if getattr(self, name) is not None:
-                check_number(f"limits.{name}", getattr(self, name), "", gt=0.0)
-        for name, least in (("n", 1), ("seed", 0)):
-            if name != "n" or self._drawn:
-                value = check_whole(name, getattr(self, name), least, MAX_POINTS)
-                object.__setattr__(self, name, value)
-        if self.n is not None and not self._drawn:
-            raise SceneError("n", self.n, "", f"none: points = {self.points!r} are not drawn")
-        lengths = [] if self._drawn else [len(values) for values in self.over.values()]
-        if self.points == "list" and len(set(lengths)) > 1:
-            raise SceneError("over", lengths, "", "as many values of each field in a list")
-        if math.prod(lengths if self.points == "grid" else lengths[:1]) > MAX_POINTS:
-            raise SceneError("over", lengths, "", f"at most {MAX_POINTS} points")
-
     @property
     def _drawn(self) -> bool:
         return self.points not in ("grid", "list")
 
-    def _listed(self) -> dict[str, list[Any] | Span]:
+    def _listed(self, over: Any) -> dict[str, list[Any] | Span]:
         """Return the fields by their full names, with lists of values, or ranges to draw from."""
-        if not isinstance(self.over, Mapping | pd.DataFrame):
+        if not isinstance(over, Mapping | pd.DataFrame):
             allowed = "a mapping from names to values, or a DataFrame"
-            raise SceneError("over", self.over, "", allowed)
+            raise SceneError("over", over, "", allowed)
         marks, listed = varied(self.scene), {}
-        for given, values in dict(self.over).items():
+        for given, values in dict(over).items():
             name = full_field(self.scene, given, values)
             if name in listed:
                 raise SceneError(f"over.{given}", values, "", "each field once")
@@ -183,11 +180,11 @@ class Sweep:
                 raise SceneError(f"over.{name}", values, "", allowed)
             if isinstance(values, str | Mapping) or not isinstance(values, Iterable):
                 raise SceneError(f"over.{name}", values, "", "a list of values, or a range")
-            listed[name] = [_as_in_scene(value, marks.get(name)) for value in values]
+            listed[name] = [_as_in_scene(value, marks[name]) for value in values]
             if not listed[name]:
                 raise SceneError(f"over.{name}", values, "", "at least one value")
         if not listed:
-            raise SceneError("over", self.over, "", "at least one field with its values")
+            raise SceneError("over", over, "", "at least one field with its values")
         return listed
 
     @functools.cached_property
@@ -288,15 +285,13 @@ class Sweep:
         return cls(**read_sweep(Path(path)))
 
 
-def _as_in_scene(value: Any, mark: Any) -> Any:
+def _as_in_scene(value: Any, mark: Annotation) -> Any:
     """Return a value as the scene will have it; what it refuses is left to the point."""
     value = value.item() if isinstance(value, np.generic) else value
-    if mark is not None:
-        try:
-            return mark.check(value)
-        except SceneError:
-            pass
-    return value
+    try:
+        return mark.check(value)
+    except SceneError:
+        return value
 
 
 def _found(store: Store, job: Job) -> Record | JobError | None:

@@ -12,6 +12,7 @@ import scipy
 
 from pyfric.engines import OPTION_UNITS
 from pyfric.scene import (
+    Annotation,
     Quantity,
     Scene,
     SceneError,
@@ -22,8 +23,6 @@ from pyfric.scene import (
     unknown,
 )
 from pyfric.sweeps.jobs import OPTIONS
-
-__all__ = ["MAX_POINTS", "Scale", "Span", "drawn", "full_field", "varied"]
 
 MAX_POINTS = 1_000_000
 """Most points of a sweep."""
@@ -138,10 +137,10 @@ def drawn(spans: Sequence[Span], kind: str, n: int, seed: int) -> list[list[floa
     return [[span.at(share) for span, share in zip(spans, row, strict=True)] for row in shares]
 
 
-def varied(scene: Scene) -> dict[str, Quantity | None]:
-    """Return the names of all that may vary; those of numbers come with their `Quantity`."""
+def varied(scene: Scene) -> dict[str, Annotation]:
+    """Return all that may vary, with annotations; those of options are of their numbers only."""
     numbers = {name: Quantity(unit) for name, unit in OPTION_UNITS.items()}
-    options = {f"options.{name}": numbers.get(name) for name in OPTIONS}
+    options = {f"options.{name}": numbers.get(name, Annotation()) for name in OPTIONS}
     return {"t_end": Quantity("s", ge=0.0)} | scene_fields(scene) | options
 
 

@@ -27,8 +27,6 @@ from pyfric.signals import SIGNALS, held_back
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-__all__ = ["InThisProcess", "Workers", "stopping"]
-
 GRACE = 1.5
 """Time in which a worker that is to stop can do so by itself, s."""
 

@@ -35,27 +35,14 @@ Source: derived here (Wiener-Hopf), after L. I. Slepyan, Models and Phenomena in
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
 from pyfric.theory.inputs import checked, checked_array, refusal
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike
-
-__all__ = [
-    "LARGEST_VISCOSITY",
-    "chain_prestress",
-    "chain_prestress_overdamped",
-    "chain_speed",
-    "chain_speed_critical",
-    "chain_speed_overdamped",
-    "chain_speed_undamped",
-]
 
 SLOWEST, FASTEST = 1e-4, 1e4
 """Range of front speeds, in c."""

@@ -24,32 +24,15 @@ K. B. Broberg, Cracks and Fracture (1999); D. J. Andrews, J. Geophys. Res. 81, 5
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable, Sequence
+from typing import Literal
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
 from pyfric.theory.inputs import checked, checked_array, choice, refusal, same_shape
 from pyfric.theory.waves import Material, reduced_D
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike
-
-__all__ = [
-    "A_II",
-    "D",
-    "I_v",
-    "alpha_d",
-    "alpha_s",
-    "crack_length",
-    "crack_speed",
-    "energy_release_rate",
-    "g_II",
-    "k_II",
-    "stress_intensity",
-]
 
 Bodies = Literal[1, 2]
 StressDrop = "float | Callable[[float], float]"

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["checked", "checked_array", "choice", "refusal", "same_shape"]
-
 _LIMITS = {
     "gt": (">", np.greater),
     "ge": (">=", np.greater_equal),

@@ -14,24 +14,12 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple, Self, get_args
+from typing import Literal, NamedTuple, Self, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pyfric.theory.inputs import checked, checked_array, choice, refusal
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-__all__ = [
-    "Material",
-    "Polarisation",
-    "Waves",
-    "density_factor",
-    "lattice_waves",
-    "rayleigh_speed",
-    "reduced_D",
-]
 
 Polarisation = Literal["longitudinal", "shear", "chain"]
 

@@ -8,20 +8,12 @@ Res. 81, 5679 (1976) and Bull. Seismol. Soc. Am. 75, 1 (1985).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
-from pyfric.theory.cracks import A_II
+from pyfric.theory.cracks import A_II, Bodies
 from pyfric.theory.inputs import checked, checked_array, choice, refusal, same_shape
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from pyfric.theory.cracks import Bodies
-    from pyfric.theory.waves import Material
-
-__all__ = ["ANDREWS_S", "cohesive_zone", "fracture_energy", "strength_excess"]
+from pyfric.theory.waves import Material
 
 ANDREWS_S = 1.77
 """In two dimensions a crack can become supershear only where S is below this (Andrews 1985)."""

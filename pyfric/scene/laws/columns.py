@@ -15,12 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pyfric.scene.errors import SceneError
+from pyfric.scene.errors import SceneError, naming
 from pyfric.scene.files import read_at_most
 from pyfric.scene.laws.table import MAX_KNOTS, Table
 from pyfric.scene.units import check_number, check_whole, parse_quantity
-
-__all__ = ["Measured", "from_csv"]
 
 MAX_BYTES = 1_048_576
 """Largest CSV file that is read."""
@@ -43,14 +41,6 @@ class _Line(NamedTuple):
 
     n: int
     cells: list[str]
-
-
-class _Lines(NamedTuple):
-    """Content of a file: comments, heads of the two columns (or None), rows of numbers."""
-
-    comments: list[_Line]
-    heads: _Line | None
-    rows: list[_Line]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,28 +124,27 @@ def from_csv(path: str | os.PathLike[str], name: str, unit: str) -> Table:
 
 def _read(path: str | os.PathLike[str], name: str, unit: str, ge: float | None = None) -> Table:
     """Return the rows of a file in SI units, in their order; slip must be at least `ge`."""
-    lines = _lines(path, name)
+    comments, heads, rows = _lines(path, name)
     columns = ((unit, ge), ("", 0.0))
     try:
-        written = _units(lines, unit)
+        written = _units(comments, heads, rows[0].n, unit)
     except ValueError as error:
         allowed = f'heads such as "name ({unit})", "name/{unit}" or "name_{unit}"'
         raise _refused(name, None, allowed, path, str(error)) from None
     numbers: tuple[list[float], list[float]] = ([], [])
-    for n, cells in lines.rows:
+    for n, cells in rows:
         for c, (cell, given, (si, least)) in enumerate(zip(cells, written, columns, strict=True)):
-            try:
+            with naming(where=f"{os.fspath(path)}, row {n}, column {c + 1}"):
                 number = parse_quantity(name, f"{cell} {given}", si) if given else float(cell)
                 numbers[c].append(check_number(name, number, si, ge=least))
-            except SceneError as error:
-                where = f"row {n}, column {c + 1}: {error.reason}"
-                raise _refused(name, error.value, error.allowed, path, where) from None
-    places = tuple(f"{os.fspath(path)}, row {n}" for n, _ in lines.rows)
+    places = tuple(f"{os.fspath(path)}, row {n}" for n, _ in rows)
     return Table(tuple(numbers[0]), tuple(numbers[1]), places)
 
 
-def _lines(path: str | os.PathLike[str], name: str) -> _Lines:
-    """Return the lines of a file; all except comments and heads must be two numbers."""
+def _lines(
+    path: str | os.PathLike[str], name: str
+) -> tuple[list[_Line], _Line | None, list[_Line]]:
+    """Return the comments of a file, the heads of its two columns (or None), and its numbers."""
     allowed = f"a CSV file with two columns of numbers, of at most {MAX_BYTES} bytes"
     try:
         content = read_at_most(path, MAX_BYTES + 1)
@@ -178,7 +167,7 @@ def _lines(path: str | os.PathLike[str], name: str) -> _Lines:
                 raise _refused(name, None, "a number", path, f"row {n}, column {c}: not a number")
     if not rows:
         raise _refused(name, 0, f"2 to {MAX_KNOTS} rows of numbers", path, "rows")
-    return _Lines(comments, heads, rows)
+    return comments, heads, rows
 
 
 def _cells(lines: Iterable[tuple[int, str]]) -> list[_Line]:
@@ -190,15 +179,14 @@ def _cells(lines: Iterable[tuple[int, str]]) -> list[_Line]:
     ]
 
 
-def _units(lines: _Lines, si: str) -> tuple[str, str]:
-    """Return the units in the heads of the two columns, "" for SI units.
+def _units(comments: list[_Line], heads: _Line | None, first: int, si: str) -> tuple[str, str]:
+    """Return the units in the heads of the two columns, "" for SI units; numbers begin at `first`.
 
     Raises:
         ValueError: a head names an unclear unit, or only a comment names a unit.
     """
-    heads = lines.heads
-    for n, cells in lines.comments:  # as numpy.savetxt writes heads
-        if heads is None and n == lines.rows[0].n - 1 and len(cells) == 2:
+    for n, cells in comments:  # as numpy.savetxt writes heads
+        if heads is None and n == first - 1 and len(cells) == 2:
             heads = _Line(n, cells) if not re.search(r"\d", "".join(cells)) else None
     found = ["", ""]
     for c, (cell, unit) in enumerate(zip(heads.cells, (si, ""), strict=True) if heads else ()):
@@ -206,7 +194,7 @@ def _units(lines: _Lines, si: str) -> tuple[str, str]:
             found[c] = _unit_in(cell, unit)
         except ValueError as error:
             raise ValueError(f"row {heads.n}, column {c + 1}, {cell!r}: {error}") from None
-    for n, cells in lines.comments if not found[0] else ():
+    for n, cells in comments if not found[0] else ():
         if word := _unit_among(" ".join(cells), si):
             raise ValueError(f"row {n}: a comment names {word}, but no column head has a unit")
     return found[0], found[1]

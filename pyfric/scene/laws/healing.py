@@ -4,11 +4,9 @@ import functools
 import math
 from typing import Annotated, ClassVar
 
-from pyfric.scene.checked import NotNegative, Positive, part
-from pyfric.scene.laws.kinds import FrictionLaw, Means, law
+from pyfric.scene.checked import NotNegative, Positive
+from pyfric.scene.laws.kinds import FrictionLaw, Means, Tables, law
 from pyfric.scene.laws.table import Table, sampled
-
-__all__ = ["Ageing", "ExponentialHealing"]
 
 PER_DECADE, DECADES = 32, 9
 """Knots for each decade of time after t_c, and the number of decades of the table."""
@@ -17,7 +15,6 @@ FAR = 8.0
 
 
 @law
-@part
 class Ageing(FrictionLaw):
     """mu_s + B log10(1 + t/t_c) after a block has stuck for t; it slips like `LinearWeakening`.
 
@@ -37,15 +34,15 @@ class Ageing(FrictionLaw):
     kind: ClassVar[str] = "ageing"
     example: ClassVar[dict[str, float]] = {"B": 0.02, "t_c": 1e-5}
 
-    def hold(self, of: Means) -> Table | None:
-        """Return the gain, on knots evenly spaced in log(1 + t/t_c)."""
+    def tables(self, of: Means) -> Tables:
+        """Return the tables, with the gain on knots evenly spaced in log(1 + t/t_c)."""
         decades = [n / PER_DECADE for n in range(PER_DECADE * DECADES + 1)]
         x = (self.t_c * (10.0**n - 1) for n in decades)
-        return Table(tuple(x), tuple(self.B * n for n in decades)) if self.B else None
+        gain = Table(tuple(x), tuple(self.B * n for n in decades)) if self.B else None
+        return super().tables(of)._replace(hold=gain)
 
 
 @law
-@part
 class ExponentialHealing(FrictionLaw):
     """mu_s + gain (1 - exp(-t/t_c)) after a block has stuck for t, within 1e-3 gain.
 
@@ -65,11 +62,12 @@ class ExponentialHealing(FrictionLaw):
     kind: ClassVar[str] = "healing"
     example: ClassVar[dict[str, float]] = {"gain": 0.05, "t_c": 1e-4}
 
-    def hold(self, of: Means) -> Table | None:
-        """Return the gain."""
+    def tables(self, of: Means) -> Tables:
+        """Return the tables, with the gain."""
         unit = _unit()
         x = tuple(self.t_c * time for time in unit.x)
-        return Table(x, tuple(self.gain * share for share in unit.y)) if self.gain else None
+        gain = Table(x, tuple(self.gain * share for share in unit.y)) if self.gain else None
+        return super().tables(of)._replace(hold=gain)
 
 
 @functools.cache

@@ -6,13 +6,11 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from pyfric.scene.checked import NotNegative, Positive, Quantity, Whole, part
+from pyfric.scene.checked import NotNegative, Positive, Quantity, Whole
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.kinds import FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table
-from pyfric.scene.spread import Spread
-
-__all__ = ["Junctions"]
+from pyfric.scene.spread import FIELD, Field, uniform
 
 MOST = 1_000_000
 """Largest number of junctions of a block."""
@@ -23,12 +21,8 @@ TAIL = 1e-6
 it.
 """
 
-Field = float | tuple[float, ...] | Spread
-_field: dict[str, Any] = {"listed": True, "drawn": Spread, "note": ", or a list, or a Spread"}
-
 
 @law
-@part
 class Junctions(FrictionLaw):
     """Each block has n_s junctions, which carry equal shares of its normal force p.
 
@@ -72,10 +66,10 @@ class Junctions(FrictionLaw):
     """
 
     n_s: Annotated[int, Whole(MOST)] = 100
-    u_s: Annotated[Field | None, Positive("m", optional=True, **_field)] = None
-    C: Annotated[Field | None, Positive("N/m^2", optional=True, **_field)] = None
-    t_R: Annotated[Field, NotNegative("s", **_field)] = 2e-3
-    t_R_std: Annotated[Field, NotNegative("s", **_field)] = 0.0
+    u_s: Annotated[Field | None, Positive("m", optional=True, **FIELD)] = None
+    C: Annotated[Field | None, Positive("N/m^2", optional=True, **FIELD)] = None
+    t_R: Annotated[Field, NotNegative("s", **FIELD)] = 2e-3
+    t_R_std: Annotated[Field, NotNegative("s", **FIELD)] = 0.0
     t_R_distribution: Literal["normal", "gamma"] = "normal"
     threshold_std: Annotated[float, NotNegative("")] = 0.0
     threshold_distribution: Literal["weibull", "uniform"] = "weibull"
@@ -132,14 +126,7 @@ class Junctions(FrictionLaw):
         """
         if self.threshold_std == 0:
             return np.zeros((0, self.n_s))
-        key = np.array([self.seed, 1], dtype=np.uint64)
-        raw = (
-            np.random.Philox(key=key, counter=np.array([0, i, 0, 0], dtype=np.uint64)).random_raw(
-                self.n_s
-            )
-            for i in numbers
-        )
-        u = np.array([(one >> np.uint64(11)).astype(float) * 2.0**-53 for one in raw])
+        u = np.array([uniform(self.n_s, self.seed, 1, i) for i in numbers])
         if self.threshold_distribution == "uniform":
             return 1 + self.threshold_std * math.sqrt(3) * (2 * u - 1)
         return _weibull(self.threshold_std)(u)

@@ -1,7 +1,7 @@
 """Friction laws as up to four tables, and the registry of their kinds.
 
-A kind is a frozen dataclass under `@law`. Its methods return the deviations from Amontons-Coulomb
-friction, each as a `Table`:
+A kind is a frozen dataclass under `@law`. Its method `tables` returns the deviations from
+Amontons-Coulomb friction, each as a `Table`:
 
     hold    gain of mu_s                 over the time since the block stuck, s
     slide   share of mu_s - mu_k left    over slip/d_c
@@ -12,14 +12,13 @@ friction, each as a `Table`:
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar, dataclass_transform
 
 import numpy as np
 
+from pyfric.scene.checked import part
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.table import Table
-
-__all__ = ["KINDS", "UNITS", "FrictionLaw", "Means", "Tables", "check_tables", "law"]
 
 Kind = TypeVar("Kind", bound="type[FrictionLaw]")
 
@@ -62,18 +61,9 @@ class FrictionLaw:
     example: ClassVar[dict[str, Any]] = {}
     _section: ClassVar[str] = "interface.law"
 
-    def hold(self, of: Means) -> Table | None:
-        """Return the gain of mu_s over the time since the block stuck (s)."""
-
-    def slide(self, of: Means) -> Table | None:
-        """Return the remaining share of mu_s - mu_k over slip/d_c."""
-        return STRAIGHT if of.d_c > 0 else None
-
-    def speed(self, of: Means) -> Table | None:
-        """Return the factor of mu over |v| (m/s)."""
-
-    def age(self, of: Means) -> Table | None:
-        """Return the factor of mu over the time since slip began (s)."""
+    def tables(self, of: Means) -> Tables:
+        """Return the tables of the law for an interface with these means."""
+        return Tables(slide=STRAIGHT if of.d_c > 0 else None)
 
     def ends(self) -> tuple[float, float] | None:
         """Return the first and the last mu if the law is a table of mu, None otherwise."""
@@ -84,10 +74,6 @@ class FrictionLaw:
         shown = (f"{name}={_short(x)}" for name, x in values.items() if x is not None)
         return f"{type(self).__name__}({', '.join(shown)})"
 
-    def tables(self, of: Means) -> Tables:
-        """Return the tables of the law for an interface with these means."""
-        return Tables(self.hold(of), self.slide(of), self.speed(of), self.age(of))
-
 
 def _short(value: Any) -> str:
     """Return the text of a value; for a long list, its length and ends."""
@@ -96,8 +82,10 @@ def _short(value: Any) -> str:
     return repr(value)
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True)
 def law(kind: Kind) -> Kind:
-    """Register a class of friction laws by its attribute `kind`."""
+    """Make a class a part (`pyfric.scene.checked`), and register it by its attribute `kind`."""
+    kind = part(kind)
     KINDS[kind.kind] = kind
     kind.__repr__ = kind.text
     return kind

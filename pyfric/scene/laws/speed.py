@@ -2,15 +2,12 @@
 
 from typing import Annotated, Any, ClassVar
 
-from pyfric.scene.checked import NotNegative, part
-from pyfric.scene.laws.kinds import FrictionLaw, Means, law
+from pyfric.scene.checked import NotNegative
+from pyfric.scene.laws.kinds import FrictionLaw, Means, Tables, law
 from pyfric.scene.laws.table import Table
-
-__all__ = ["SpeedDependent"]
 
 
 @law
-@part
 class SpeedDependent(FrictionLaw):
     """`LinearWeakening` with mu of a slipping block multiplied by a factor that depends on speed.
 
@@ -27,6 +24,6 @@ class SpeedDependent(FrictionLaw):
     kind: ClassVar[str] = "speed"
     example: ClassVar[dict[str, Any]] = {"v": (0.0, 0.02, 0.1), "factor": (1.0, 0.7, 0.85)}
 
-    def speed(self, of: Means) -> Table:
-        """Return the factor."""
-        return Table(self.v, self.factor)
+    def tables(self, of: Means) -> Tables:
+        """Return the tables, with the factor."""
+        return super().tables(of)._replace(speed=Table(self.v, self.factor))

@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pyfric.scene.errors import SceneError
+from pyfric.scene.errors import SceneError, naming
 from pyfric.scene.units import check_number
-
-__all__ = ["MAX_KNOTS", "Table", "sampled"]
 
 MAX_KNOTS = 1000
 """Largest number of knots of a table."""
@@ -65,12 +63,9 @@ class Table:
             allowed = f"2 to {MAX_KNOTS} knots, each with one value"
             raise SceneError(name, [len(self.x), len(self.y)], "", allowed, "lengths do not fit")
         for n, (x, y) in enumerate(zip(self.x, self.y, strict=True)):
-            try:
+            with naming(where=self.place(n)):
                 check_number(name, x, unit, ge=0.0)
                 check_number(name, y, "")
-            except SceneError as error:
-                reason = f"{self.place(n)}: {error.reason}"
-                raise SceneError(name, error.value, error.unit, error.allowed, reason) from None
         if self.x[0] != 0:
             reason = f"{self.place(0)}: tables start at 0"
             raise SceneError(name, self.x[0], unit, f"0 {unit}".strip(), reason)

@@ -4,14 +4,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
-from pyfric.scene.checked import NotNegative, from_entries, part
-from pyfric.scene.errors import SceneError
+from pyfric.scene.checked import NotNegative, from_entries
+from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.laws.columns import Measured, from_csv
-from pyfric.scene.laws.kinds import UNITS, FrictionLaw, Means, law
+from pyfric.scene.laws.kinds import UNITS, FrictionLaw, Means, Tables, law
 from pyfric.scene.laws.table import Table, sampled
 from pyfric.scene.units import check_number, with_prefix
-
-__all__ = ["TabulatedLaw"]
 
 COLUMNS = {
     "slide": ("slip", "mu"),
@@ -30,7 +28,6 @@ Numbers = Annotated[tuple[float, ...] | None, NotNegative("", listed=True, optio
 
 
 @law
-@part
 class TabulatedLaw(FrictionLaw):
     """A law given by tables: each one by two lists of equal length, linear between knots.
 
@@ -94,8 +91,7 @@ class TabulatedLaw(FrictionLaw):
         """
         for name in tables:
             if name not in COLUMNS:
-                allowed = f"one of {', '.join(COLUMNS)}"
-                raise SceneError(name, tables[name], "", allowed, "unknown")
+                raise unknown(name, tables[name], name, COLUMNS)
         return cls._made({name: _made(name, source) for name, source in tables.items()}, {})
 
     @classmethod
@@ -116,17 +112,14 @@ class TabulatedLaw(FrictionLaw):
             if twice := [column for column in columns if column in rest]:
                 allowed = f"either {name}, or {' and '.join(columns)}"
                 raise SceneError(f"interface.law.{twice[0]}", rest[twice[0]], "", allowed, "twice")
-            measured = isinstance(source, dict) and {"measured"} <= {*source} <= {
-                "measured",
-                "knots",
-            }
-            path = source["measured"] if measured else source
+            known = isinstance(source, dict) and source.keys() <= {"measured", "knots"}
+            path = source.get("measured") if known else source
             if not isinstance(path, str):
                 allowed = "the path of a CSV file, from the scene file on, or {measured = path}"
                 raise SceneError(field, source, "", allowed, "no path")
-            knots = {"knots": source["knots"]} if measured and "knots" in source else {}
-            read = Measured(path=folder / path, **knots) if measured else folder / path
-            tables[name] = _made(name, read)
+            how = {"knots": source["knots"]} if known and "knots" in source else {}
+            path = folder / path
+            tables[name] = _made(name, Measured(path=path, **how) if known else path)
         return cls._made(tables, rest)
 
     @classmethod
@@ -157,37 +150,29 @@ class TabulatedLaw(FrictionLaw):
         x, y = (getattr(self, column) for column in COLUMNS[name])
         return None if x is None else Table(x, y, self._places.get(name, ()))
 
-    def hold(self, of: Means) -> Table | None:
-        """Return the gain of mu_s."""
-        return self._table("hold")
+    def tables(self, of: Means) -> Tables:
+        """Return the tables."""
+        found = Tables(**{name: self._table(name) for name in COLUMNS})
+        slide = _shares(found.slide, of) if found.slide else super().tables(of).slide
+        return found._replace(slide=slide)
 
-    def slide(self, of: Means) -> Table | None:
-        """Return the remaining share of mu_s - mu_k over slip/d_c, or over slip if d_c = 0."""
-        table = self._table("slide")
-        if table is None:
-            return super().slide(of)
-        if table.y[-1] != of.mu_k:
-            last = f"{table.y[-1]!r}, at {table.place(len(table.y) - 1)}"
-            allowed = f"the last mu of the table, {last}; or none: it is taken from there"
-            raise SceneError("interface.mu_k", of.mu_k, "", allowed, "the table ends elsewhere")
-        n = max(range(len(table.y)), key=table.y.__getitem__)
-        drop = of.mu_s - of.mu_k
-        if not drop > 0 or table.y[n] > of.mu_s:
-            slip = with_prefix(table.x[n], "m")
-            reason = f"mu too large, or too small to weaken: slip {slip}, {table.place(n)}"
-            allowed = f"at most mu_s = {of.mu_s!r}, which is more than mu_k = {of.mu_k!r}"
-            raise SceneError("interface.law.mu", table.y[n], "", allowed, reason)
-        unit = of.d_c or 1.0
-        x = tuple(slip / unit for slip in table.x)
-        return Table(x, tuple((mu - of.mu_k) / drop for mu in table.y), table.places)
 
-    def speed(self, of: Means) -> Table | None:
-        """Return the factor of the speed."""
-        return self._table("speed")
-
-    def age(self, of: Means) -> Table | None:
-        """Return the factor of the time since slip began."""
-        return self._table("age")
+def _shares(table: Table, of: Means) -> Table:
+    """Return the remaining share of mu_s - mu_k over slip/d_c, or over slip if d_c = 0."""
+    if table.y[-1] != of.mu_k:
+        last = f"{table.y[-1]!r}, at {table.place(len(table.y) - 1)}"
+        allowed = f"the last mu of the table, {last}; or none: it is taken from there"
+        raise SceneError("interface.mu_k", of.mu_k, "", allowed, "the table ends elsewhere")
+    n = max(range(len(table.y)), key=table.y.__getitem__)
+    drop = of.mu_s - of.mu_k
+    if not drop > 0 or table.y[n] > of.mu_s:
+        slip = with_prefix(table.x[n], "m")
+        reason = f"mu too large, or too small to weaken: slip {slip}, {table.place(n)}"
+        allowed = f"at most mu_s = {of.mu_s!r}, which is more than mu_k = {of.mu_k!r}"
+        raise SceneError("interface.law.mu", table.y[n], "", allowed, reason)
+    unit = of.d_c or 1.0
+    x = tuple(slip / unit for slip in table.x)
+    return Table(x, tuple((mu - of.mu_k) / drop for mu in table.y), table.places)
 
 
 def _made(name: str, source: Source) -> Table:

@@ -4,19 +4,15 @@ import functools
 import math
 from typing import ClassVar
 
-from pyfric.scene.checked import part
 from pyfric.scene.errors import SceneError
-from pyfric.scene.laws.kinds import FrictionLaw, Means, law
+from pyfric.scene.laws.kinds import FrictionLaw, Means, Tables, law
 from pyfric.scene.laws.table import Table, sampled
-
-__all__ = ["ExponentialWeakening", "LinearWeakening"]
 
 FAR = 8.0
 """End of the exponential in units of d_c; there exp(-8) = 3.4e-4 of it is left."""
 
 
 @law
-@part
 class LinearWeakening(FrictionLaw):
     """mu = mu_s - (mu_s - mu_k) min(s/d_c, 1); with d_c = 0 it is Amontons-Coulomb friction.
 
@@ -27,7 +23,6 @@ class LinearWeakening(FrictionLaw):
 
 
 @law
-@part
 class ExponentialWeakening(FrictionLaw):
     """mu = mu_k + (mu_s - mu_k) exp(-s/d_c), within 1e-3 (mu_s - mu_k), up to s = 8 d_c.
 
@@ -38,12 +33,12 @@ class ExponentialWeakening(FrictionLaw):
 
     kind: ClassVar[str] = "exponential"
 
-    def slide(self, of: Means) -> Table:
+    def tables(self, of: Means) -> Tables:
         """Return the exponential; its last value is 0."""
         if not of.d_c > 0:
             allowed = "a finite number > 0 m with an exponential law"
             raise SceneError("interface.d_c", of.d_c, "m", allowed, "nothing to decay over")
-        return _decay()
+        return Tables(slide=_decay())
 
 
 @functools.cache

@@ -1,5 +1,0 @@
-"""Version of the installed package."""
-
-from importlib.metadata import version
-
-__version__ = version("pyfric")

@@ -20,7 +20,7 @@ from pyfric.scene import __version__, write
 if TYPE_CHECKING:
     from pyfric.record import Record
 
-__all__ = ["CLAIMS", "Band", "Claim", "Damage", "at_least", "at_most", "between", "claim"]
+__all__ = ["CLAIMS", "Band", "Claim", "Damage", "claim"]
 
 Runs = Mapping[str, "Record"]
 Measure = Callable[..., "Iterator[Claim]"]
@@ -68,18 +68,6 @@ class Band:
         low = -math.inf if self.low is None else self.low
         high = math.inf if self.high is None else self.high
         return float(max(low - value, value - high, 0.0))
-
-
-def at_least(low: float, source: str, unit: str = "") -> Band:
-    return Band(low, None, source, unit)
-
-
-def at_most(high: float, source: str, unit: str = "") -> Band:
-    return Band(None, high, source, unit)
-
-
-def between(low: float, high: float, source: str, unit: str = "") -> Band:
-    return Band(low, high, source, unit)
 
 
 @dataclass(frozen=True)

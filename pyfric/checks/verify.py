@@ -26,9 +26,9 @@ from pyfric import core, theory
 from pyfric.checks import ladder, regression, tolerances, tpv3
 from pyfric.checks.check import Check
 from pyfric.display import plain
-from pyfric.engines import simulate, step_size
-from pyfric.paper.claims import CLAIMS
-from pyfric.scene import chain, laws, preset, setup1
+from pyfric.engines import step_size
+from pyfric.paper.claims import CLAIMS, chain_front
+from pyfric.scene import laws, preset, setup1
 from pyfric.signals import at_once
 from pyfric.statics import loaded_state
 
@@ -272,26 +272,10 @@ def _chains() -> Made:
     checks = []
     for tau_bar, eta2 in ((0.7, 0.1), (0.5, 1.0)):
         known = float(theory.chain_speed(tau_bar, 0.0, math.sqrt(eta2)))
-        error = abs(_chain_front(tau_bar, math.sqrt(eta2), known) / known - 1)
+        error = abs(chain_front(tau_bar, math.sqrt(eta2), known, 0.04) / known - 1)
         what = f"tau_bar = {tau_bar:g}, eta^2 = {eta2:g} k m: relative error of the speed"
         checks.append(Check(what, error, 1e-6))
     return checks, "mean over blocks 150 to 300, located switches, 25 steps from block to block"
-
-
-def _chain_front(tau_bar: float, eta: float, guess: float) -> float:
-    """Return the speed of a front over l sqrt(k/m); eta is over sqrt(k m), the guess sets steps."""
-    mu_s, mu_k, p, n, released = 0.7, 0.45, 10.0, 300, 20
-    about = {"L": (n - 1) * 2.5e-3, "p": p, "tau": p * (mu_k + tau_bar * (mu_s - mu_k))}
-    scene = chain(**about, mu_s=mu_s, mu_k=mu_k, K=1e-3, V=0.0)
-    unit = math.sqrt(scene.m / scene.slider.k)
-    slider = dataclasses.replace(scene.slider, eta=eta * scene.slider.k * unit)
-    scene = dataclasses.replace(scene, slider=slider)
-    state = loaded_state(scene).state(scene, 0.04 * unit / guess)
-    state.mode[:released] = 1
-    how = {"fidelity": "dynamic", "switching": "located", "budget": False, "t_gap": 1.0}
-    how |= {"dt": state.dt, "initial": state, "progress": False}
-    times = simulate(scene, 1.05 * (n - released) * unit / guess, **how).rupture_times[0][n // 2 :]
-    return float(np.polyfit(times, np.arange(n // 2, n), 1)[0] * unit)
 
 
 def _tpv3() -> Made:

@@ -52,40 +52,33 @@ def ladder_event_by_event(
         blocks: tolerance of lengths.
         last: tolerance of the last, longest one; None means the same.
     """
-    if len(b.length) < len(a.length):
-        return [Check("quasi-static: missing precursors", math.nan, 0, "", NO_INERTIA)]
+    more = len(b.length) - len(a.length)
+    if more < 0:
+        return [_check("missing precursors", math.nan, 0)]
     _, k = paired(a.events, b.events, a.scene)
     off = np.abs(b.length[k] - a.length)
     return [
-        Check(
-            "quasi-static: precursors more", abs(len(b.length) - len(a.length)), 1, "", NO_INERTIA
-        ),
-        Check("quasi-static: lengths, blocks", largest(off[:-1]), blocks, "", NO_INERTIA),
-        Check("quasi-static: longest precursor, blocks", off[-1], last or blocks, "", NO_INERTIA),
-        Check(
-            "quasi-static: start, over F_N", largest(b.start[k] - a.start), LADDER, "", NO_INERTIA
-        ),
-        Check(
-            "quasi-static: arrest, over F_N",
-            largest(b.arrest[k] - a.arrest),
-            LADDER,
-            "",
-            NO_INERTIA,
-        ),
+        _check("precursors more", more, 1),
+        _check("lengths, blocks", largest(off[:-1]), blocks),
+        _check("longest precursor, blocks", off[-1], last or blocks),
+        _check("start, over F_N", largest(b.start[k] - a.start), LADDER),
+        _check("arrest, over F_N", largest(b.arrest[k] - a.arrest), LADDER),
     ]
 
 
 def ladder_at_given_length(a: Ladder, b: Ladder) -> list[Check]:
     """Compare the forces at which precursors of a length start and stop, where both have some."""
     common = (a.length >= b.length[0]) & (a.length <= b.length[-1])
-    checks = [Check("quasi-static: lengths that do not grow", (np.diff(b.length) <= 0).sum(), 0)]
-    checks.append(
-        Check("quasi-static: precursors out of range", (~common).sum(), 2, "", NO_INERTIA)
-    )
+    checks = [
+        _check("lengths that do not grow", (np.diff(b.length) <= 0).sum(), 0),
+        _check("precursors out of range", (~common).sum(), 2),
+    ]
     for force in ("start", "arrest"):
         at_length = np.interp(a.length[common], b.length, getattr(b, force))
         error = largest(at_length - getattr(a, force)[common])
-        checks.append(
-            Check(f"quasi-static: {force} at given length, over F_N", error, LADDER, "", NO_INERTIA)
-        )
+        checks.append(_check(f"{force} at given length, over F_N", error, LADDER))
     return checks
+
+
+def _check(what: str, value: float, tolerance: float) -> Check:
+    return Check(f"quasi-static: {what}", value, tolerance, why=NO_INERTIA)

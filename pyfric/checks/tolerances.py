@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
+
+from pyfric.checks.check import Check
 
 __all__ = ["DYNAMIC", "HYBRID", "STEP_END", "Tolerances"]
 
@@ -38,6 +41,18 @@ class Tolerances:
     spread: float
     curve: float | None
     why: str
+
+    def checks(self, *measured: tuple[Any, ...]) -> list[Check]:
+        """Return checks of what was measured, for the reason of these tolerances.
+
+        Args:
+            measured: name, value, tolerance (None where it is not compared) and, maybe, unit.
+        """
+        return [
+            Check(name, float(value), limit, *unit, why=self.why)
+            for name, value, limit, *unit in measured
+            if limit is not None
+        ]
 
 
 HYBRID = {

@@ -39,18 +39,11 @@ class Exit(enum.IntEnum):
 EXIT_CODES = """\b
 Exit codes:
     0  complete
-    1  the run failed; --out holds the results until then
-    2  bad input; nothing was started
-  130  interrupted by Ctrl-C; --out holds the results until then
-128+n  the same by another signal: 143 SIGTERM, 129 SIGHUP, 138 SIGUSR1
-"""
-SHORT_EXIT_CODES = """\b
-Exit codes:
-    0  complete
     1  a run failed or a file could not be written
     2  bad input; nothing was started
-  130  interrupted by Ctrl-C; finished runs are kept
+  130  interrupted by Ctrl-C
 128+n  the same by another signal: 143 SIGTERM, 129 SIGHUP, 138 SIGUSR1
+Finished runs are kept, and --out of pyfric run holds the results until a failure or a signal.
 """
 
 
@@ -108,15 +101,6 @@ class SceneName(click.ParamType):
 
         found = [CompletionItem(name) for name in PRESETS if name.startswith(incomplete)]
         return [*found, CompletionItem(incomplete, type="file")]
-
-
-class FileName(click.ParamType):
-    """The name of a file that a command reads."""
-
-    name = "file"
-
-    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
-        return [CompletionItem(incomplete, type="file")]
 
 
 def _keys(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[str]:
@@ -195,7 +179,7 @@ def check_out(
     """
     if out is None:
         return
-    _check_parent(out, option)
+    _check_writable(out.parent, out, option)
     read = [Path(one) for one in reads if one is not None and Path(one).exists()]
     for end in ends:
         path = out.with_name(out.name + end)
@@ -234,12 +218,9 @@ def check_folder(out: Path | None, option: str = "--out") -> None:
     if out is None:
         return
     _check_links(out, option)
-    if not out.is_dir():
-        _check_parent(out, option)
-        if out.exists():
-            raise click.UsageError(f"{option} {out}: this is a file, not a folder.")
-    elif not _writable(out):
-        raise click.UsageError(f"{option} {out}: the folder is not writable.")
+    if out.exists() and not out.is_dir():
+        raise click.UsageError(f"{option} {out}: this is a file, not a folder.")
+    _check_writable(out if out.is_dir() else out.parent, out, option)
 
 
 def _check_links(path: Path, option: str) -> None:
@@ -251,19 +232,16 @@ def _check_links(path: Path, option: str) -> None:
             raise click.UsageError(f"{option} {path}: {error.strerror}.") from None
 
 
-def _check_parent(out: Path, option: str) -> None:
-    if not out.parent.is_dir():
-        raise click.UsageError(f"{option} {out}: there is no folder {out.parent}.")
-    if not _writable(out.parent):
-        raise click.UsageError(f"{option} {out}: the folder {out.parent} is not writable.")
-
-
-def _writable(folder: Path) -> bool:
+def _check_writable(folder: Path, out: Path, option: str) -> None:
+    """Refuse an output in a folder that is not there, or in which nothing can be written."""
+    if not folder.is_dir():
+        raise click.UsageError(f"{option} {out}: there is no folder {folder}.")
     try:
         with tempfile.TemporaryFile(dir=folder):
-            return True
+            pass
     except OSError:
-        return False
+        message = f"{option} {out}: the folder {folder} is not writable."
+        raise click.UsageError(message) from None
 
 
 def figure_ends(*tables: str) -> tuple[str, ...]:
@@ -282,10 +260,6 @@ set_option = click.option(
     "are SI.",
 )
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist.")
-quiet_option = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
-json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-
-
 want_option = click.option(
     "--want",
     type=click.Choice(["loading_curve", "precursors", "stress", "front_speed", "motion"]),
@@ -358,7 +332,7 @@ class Tell:
     def result(self, value: Any, text: Callable[[], str]) -> None:
         """Tell a result: `value` as JSON, or else `text`."""
         if self.as_json:
-            print_json(value)
+            click.echo(json.dumps(value, indent=2, allow_nan=False))
         elif not self.quiet:
             click.echo(text())
 
@@ -377,17 +351,13 @@ class Tell:
 def telling(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options --quiet and --json, and the argument `tell`."""
 
-    @quiet_option
-    @json_option
+    @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+    @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
     @functools.wraps(command)
     def told(*args: Any, quiet: bool, as_json: bool, **rest: Any) -> Any:
         return command(*args, tell=Tell(quiet, as_json), **rest)
 
     return told
-
-
-def print_json(value: Any) -> None:
-    click.echo(json.dumps(value, indent=2, allow_nan=False))
 
 
 def _provenance_of(table: Path) -> Path:

@@ -7,31 +7,25 @@ import os
 import click
 
 from pyfric.cli.app import main
-from pyfric.cli.shared import (
-    Exit,
-    FileName,
-    Tell,
-    json_option,
-    print_json,
-    record_of,
-    stop,
-    telling,
-)
+from pyfric.cli.shared import Exit, Tell, record_of, stop, telling
 
 
 @main.command(section="This build")
-@click.argument("record", required=False, metavar="[RECORD]", type=FileName())
-@json_option
-def info(record: str | None, as_json: bool) -> None:
+@click.argument("record", required=False, metavar="[RECORD]", type=click.Path())
+@telling
+def info(record: str | None, tell: Tell) -> None:
     """Show version, compiler, instruction sets and threads; of a RECORD, what it holds.
 
     It prints what `pyfric run` prints: events, method, notes, expected and measured errors.
     """
-    import platform
-
     if record is not None:
-        _record_info(record, as_json)
+        from pyfric.record import summary, text
+
+        held = summary(record_of(record), [])
+        tell.result(held, lambda: text(held))
         return
+
+    import platform
 
     import numpy as np
 
@@ -51,9 +45,6 @@ def info(record: str | None, as_json: bool) -> None:
         "numpy": np.__version__,
         "machine": platform.machine(),
     }
-    if as_json:
-        print_json(found)
-        return
     installed = [
         name if runs else f"{name} (not on this processor)"
         for name, runs in found["variants"].items()
@@ -75,16 +66,7 @@ def info(record: str | None, as_json: bool) -> None:
         "python": found["python"],
         "numpy": found["numpy"],
     }
-    for name, value in rows.items():
-        click.echo(f"{name:<11} {value}")
-
-
-def _record_info(path: str, as_json: bool) -> None:
-    """Show what a record file holds."""
-    from pyfric.record import summary, text
-
-    found = summary(record_of(path), [])
-    print_json(found) if as_json else click.echo(text(found))
+    tell.result(found, lambda: "\n".join(f"{name:<11} {value}" for name, value in rows.items()))
 
 
 @main.command(

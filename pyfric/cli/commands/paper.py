@@ -9,7 +9,7 @@ import click
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
-    SHORT_EXIT_CODES,
+    EXIT_CODES,
     Registered,
     SceneName,
     Seconds,
@@ -39,7 +39,7 @@ def _figures() -> list[str]:
     return [*sorted(FIGURES), "all"]
 
 
-@main.command(section="The paper", epilog=SHORT_EXIT_CODES)
+@main.command(section="The paper", epilog=EXIT_CODES)
 @click.argument("names", nargs=-1, type=Registered("figure", _figures))
 @folder_option(
     "--out", metavar="DIR", default="figures", show_default=True, help="Folder for the files."
@@ -64,7 +64,7 @@ def reproduce(
     tell.files(files)
 
 
-@main.command(section="The paper", epilog=SHORT_EXIT_CODES)
+@main.command(section="The paper", epilog=EXIT_CODES)
 @click.argument("numbers", nargs=-1, metavar="[N]...")
 @folder_option("--out", metavar="DIR", help="Also write claims.json and claims.csv there.")
 @workers_option

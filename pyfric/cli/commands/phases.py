@@ -9,7 +9,7 @@ import click
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
-    SHORT_EXIT_CODES,
+    EXIT_CODES,
     SceneName,
     Seconds,
     Tell,
@@ -25,7 +25,7 @@ from pyfric.cli.shared import (
 )
 
 
-@main.command("phase-diagram", section="Simulate", epilog=SHORT_EXIT_CODES)
+@main.command("phase-diagram", section="Simulate", epilog=EXIT_CODES)
 @click.argument("scene", type=SceneName(), required=False)
 @set_option
 @click.option("--x", metavar="FIELD=FROM:TO:N[:log]", help="Field along x, with its values in SI.")

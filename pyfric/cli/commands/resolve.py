@@ -6,7 +6,7 @@ import click
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
-    SHORT_EXIT_CODES,
+    EXIT_CODES,
     SceneName,
     Seconds,
     Tell,
@@ -18,7 +18,7 @@ from pyfric.cli.shared import (
 )
 
 
-@main.command(section="Simulate", epilog=SHORT_EXIT_CODES)
+@main.command(section="Simulate", epilog=EXIT_CODES)
 @click.argument("scene", type=SceneName())
 @click.option("--t-end", type=Seconds(), default=3.0, help="Latest end time. [default: 3 s]")
 @set_option

@@ -179,7 +179,7 @@ def run(
         if out is None:
             raise click.UsageError("--resume without a file continues the one in --out: name it.")
         resume = str(out)
-    goes_on = _same_file(out, resume)
+    goes_on = bool(out and resume) and Path(resume).resolve() == out.resolve()
     check_out(out, overwrite or goes_on, reads=[scene, None if goes_on else resume])
     reads = [scene, resume, out]
     check_out(figure, overwrite, option="--figure", ends=DRAWN, reads=reads)
@@ -192,7 +192,11 @@ def run(
     before = None if resume is None else _record_to_continue(resume, what, ctx)
     record, files = _run(what, t_end, before, out, tell.progress, how)
     if record.done and not asked_to_stop():
-        files += _drawn(record, figure, csv)
+        if figure is not None:
+            from pyfric import figures  # takes its time, and so after the record is saved
+
+            files += figures.save_figure(figures.fig1b(record), figure)
+        files += [] if csv is None else record.to_csv(csv)
     from pyfric.record import summary, text
 
     found = summary(record, files)
@@ -226,16 +230,6 @@ def _run(
     return record, files
 
 
-def _drawn(record: Record, figure: Path | None, csv: Path | None) -> list[Path]:
-    """Write figure and tables."""
-    files: list[Path] = []
-    if figure is not None:
-        from pyfric import figures  # takes its time, and so after the record is saved
-
-        files += figures.save_figure(figures.fig1b(record), figure)
-    return files + ([] if csv is None else record.to_csv(csv))
-
-
 def _saved(record: Record, out: Path) -> Path:
     """Write the record; where that fails, write it elsewhere, say where, and stop."""
     try:
@@ -261,12 +255,6 @@ def _hint(scene: str, changes: tuple[str, ...], t_end: float, out: Path | None) 
     arguments = ["pyfric", "run", scene, *(f"--set={change}" for change in changes)]
     arguments += ["--t-end", repr(t_end), "--out", str(out), "--resume"]
     return f"continue with: {shlex.join(arguments)}"
-
-
-def _same_file(one: Path | None, other: str | None) -> bool:
-    if one is None or other is None:
-        return False
-    return one.exists() and Path(other).exists() and one.samefile(other)
 
 
 def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:

@@ -8,7 +8,6 @@ import click
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
-    FileName,
     Tell,
     check_out,
     file_option,
@@ -19,7 +18,7 @@ from pyfric.cli.shared import (
 
 
 @main.command(section="Look")
-@click.argument("record", type=FileName())
+@click.argument("record", type=click.Path())
 @file_option("--out", metavar="FILE", help="The page. [default: name of the record, .html]")
 @overwrite_option
 @telling

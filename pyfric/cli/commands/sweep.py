@@ -9,7 +9,7 @@ import click
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
-    SHORT_EXIT_CODES,
+    EXIT_CODES,
     Exit,
     Tell,
     check_folder,
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pyfric.sweeps import Estimate
 
 
-@main.command(section="Simulate", epilog=SHORT_EXIT_CODES)
+@main.command(section="Simulate", epilog=EXIT_CODES)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--dry-run",

@@ -275,12 +275,22 @@ tolerance_option = click.option(
     help="Accepted error over F_N; relative for front speeds.",
 )
 
-workers_option = click.option(
-    "--workers",
-    type=click.IntRange(1, 4096),
-    help="Largest number of runs at a time. [default: processors]",
-)
-no_cache_option = click.option("--no-cache", is_flag=True, help="Repeat all runs and store none.")
+
+def running(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options of `pyfric.run_all`: --workers and --no-cache."""
+    workers = click.option(
+        "--workers",
+        type=click.IntRange(1, 4096),
+        help="Largest number of runs at a time. [default: processors]",
+    )
+    cache = click.option(
+        "--no-cache",
+        "cache",
+        flag_value=False,
+        default=True,
+        help="Repeat all runs and store none.",
+    )
+    return workers(cache(command))
 
 
 class _File(click.Path):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,14 +20,13 @@ from pyfric.cli.shared import (
     figure_ends,
     file_option,
     folder_option,
-    no_cache_option,
     overwrite_option,
     record_of,
+    running,
     scene_of,
     set_option,
     stop_unless_complete,
     telling,
-    workers_option,
 )
 
 if TYPE_CHECKING:
@@ -44,12 +44,9 @@ def _figures() -> list[str]:
 @folder_option(
     "--out", metavar="DIR", default="figures", show_default=True, help="Folder for the files."
 )
-@workers_option
-@no_cache_option
+@running
 @telling
-def reproduce(
-    names: tuple[str, ...], out: Path, workers: int | None, no_cache: bool, tell: Tell
-) -> None:
+def reproduce(names: tuple[str, ...], out: Path, tell: Tell, **how: Any) -> None:
     """Make the paper's figures from runs of the model: all, or those named.
 
     Each figure is PNG and PDF with its caption and data; index.html shows them. Runs are made in
@@ -60,19 +57,15 @@ def reproduce(
 
     check_folder(out)
     chosen = () if "all" in names else names
-    files = reproduce(chosen, out, workers=workers, cache=not no_cache, progress=tell.progress)
-    tell.files(files)
+    tell.files(reproduce(chosen, out, progress=tell.progress, **how))
 
 
 @main.command(section="The paper", epilog=EXIT_CODES)
 @click.argument("numbers", nargs=-1, metavar="[N]...")
 @folder_option("--out", metavar="DIR", help="Also write claims.json and claims.csv there.")
-@workers_option
-@no_cache_option
+@running
 @telling
-def claims(
-    numbers: tuple[str, ...], out: Path | None, workers: int | None, no_cache: bool, tell: Tell
-) -> None:
+def claims(numbers: tuple[str, ...], out: Path | None, tell: Tell, **how: Any) -> None:
     """Measure the claims of the paper: all, or those named (1 to 16, E1 to E10, 3a).
 
     A value outside its band is a miss and stays in the table; the exit code is 0 all the same. If
@@ -81,9 +74,7 @@ def claims(
     from pyfric.paper import claims, write_index
 
     check_folder(out)
-    found = claims.measure(
-        numbers or None, workers=workers, cache=not no_cache, progress=tell.progress
-    )
+    found = claims.measure(numbers or None, progress=tell.progress, **how)
     files = [] if out is None else claims.save(found, out)
     if out is not None and (out / "index.html").is_file():
         files.append(write_index(out))
@@ -91,22 +82,31 @@ def claims(
     tell.result(claims.table(found), lambda: "\n".join(told))
 
 
-event_option = click.option(
-    "--event",
-    type=click.IntRange(1),
-    required=True,
-    metavar="N",
-    help="Number of the event, from 1, as `pyfric info` and tables have it.",
-)
+def of_event(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command what says of which event it is."""
+    for add in (
+        click.argument("source", metavar="SCENE|RECORD", type=SceneName()),
+        click.option(
+            "--event",
+            type=click.IntRange(1),
+            required=True,
+            metavar="N",
+            help="Number of the event, from 1, as `pyfric info` and tables have it.",
+        ),
+        click.option(
+            "--t-end",
+            type=Seconds(),
+            default=1.0,
+            help="End time of the run of a scene. [default: 1 s]",
+        ),
+        set_option,
+    )[::-1]:
+        command = add(command)
+    return command
 
 
 @main.command(section="Look")
-@click.argument("source", metavar="SCENE|RECORD", type=SceneName())
-@event_option
-@click.option(
-    "--t-end", type=Seconds(), default=1.0, help="End time of the run of a scene. [default: 1 s]"
-)
-@set_option
+@of_event
 @file_option("--out", metavar="STEM", help="Names of the files. [default: event_N]")
 @click.option("--mp4", is_flag=True, help="Also write STEM.mp4, a film; that needs ffmpeg.")
 @click.option("--gif", is_flag=True, help="Also write STEM.gif, a film that needs no ffmpeg.")
@@ -144,12 +144,7 @@ def movie(
 
 
 @main.command(section="Look")
-@click.argument("source", metavar="SCENE|RECORD", type=SceneName())
-@event_option
-@click.option(
-    "--t-end", type=Seconds(), default=1.0, help="End time of the run of a scene. [default: 1 s]"
-)
-@set_option
+@of_event
 @file_option("--out", metavar="STEM", help="Names of the files. [default: spacetime_N]")
 @overwrite_option
 @telling

@@ -16,12 +16,11 @@ from pyfric.cli.shared import (
     check_folder,
     command_line,
     figure_out_option,
-    no_cache_option,
+    running,
     save_figure,
     scene_of,
     set_option,
     telling,
-    workers_option,
 )
 
 
@@ -34,8 +33,7 @@ from pyfric.cli.shared import (
 @click.option("--stop-when", multiple=True, metavar="CONDITION", help="As in pyfric run.")
 @click.option("--lines/--no-lines", default=True, help="Find where labels change. [default: yes]")
 @figure_out_option
-@workers_option
-@no_cache_option
+@running
 @telling
 def phase_diagram(
     scene: str | None,
@@ -44,11 +42,9 @@ def phase_diagram(
     y: str | None,
     t_end: float | None,
     stop_when: tuple[str, ...],
-    lines: bool,
     out: Path,
-    workers: int | None,
-    no_cache: bool,
     tell: Tell,
+    **how: Any,
 ) -> None:
     """Map the largest rupture of SCENE over two fields: its class and its speed.
 
@@ -62,7 +58,6 @@ def phase_diagram(
     if scene is None and (changes or stop_when or t_end is not None):
         raise click.UsageError("--set, --t-end and --stop-when need a SCENE.")
     check_folder(out)
-    how: dict[str, Any] = {"lines": lines, "cache": not no_cache, "workers": workers}
     if scene is not None:
         how |= {"t_end": t_end, "options": {"stop_when": stop_when or None}}
     what = None if scene is None else scene_of(scene, changes)

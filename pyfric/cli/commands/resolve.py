@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from pyfric.cli.app import main
@@ -10,11 +12,10 @@ from pyfric.cli.shared import (
     SceneName,
     Seconds,
     Tell,
-    no_cache_option,
+    running,
     scene_of,
     set_option,
     telling,
-    workers_option,
 )
 
 
@@ -36,8 +37,7 @@ from pyfric.cli.shared import (
     show_default=True,
     help="Model; quasistatic takes seconds.",
 )
-@workers_option
-@no_cache_option
+@running
 @telling
 def resolve(
     scene: str,
@@ -45,9 +45,8 @@ def resolve(
     changes: tuple[str, ...],
     levels: int,
     fidelity: str,
-    workers: int | None,
-    no_cache: bool,
     tell: Tell,
+    **how: Any,
 ) -> None:
     """Measure which results of SCENE change with the size of its blocks, and by how much.
 
@@ -62,9 +61,8 @@ def resolve(
         t_end,
         levels=levels,
         options={"fidelity": fidelity},
-        workers=workers,
-        cache=not no_cache,
         progress=tell.progress,
+        **how,
     )
     rows = plain(found.table.to_dict("index"))
     tell.result({"quantities": rows, "notes": list(found.notes)}, lambda: str(found))

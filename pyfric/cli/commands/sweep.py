@@ -14,10 +14,9 @@ from pyfric.cli.shared import (
     Tell,
     check_folder,
     folder_option,
-    no_cache_option,
+    running,
     stop,
     telling,
-    workers_option,
 )
 
 if TYPE_CHECKING:
@@ -35,8 +34,7 @@ if TYPE_CHECKING:
     "--status", is_flag=True, help="Show which points are finished or failed; run nothing."
 )
 @folder_option("--out", metavar="DIR", help="Write the table there: CSV, netCDF and Parquet.")
-@workers_option
-@no_cache_option
+@running
 @telling
 def sweep(
     file: Path,
@@ -44,7 +42,7 @@ def sweep(
     status: bool,
     out: Path | None,
     workers: int | None,
-    no_cache: bool,
+    cache: bool,
     tell: Tell,
 ) -> None:
     """Run the scene of FILE (TOML) at many points.
@@ -57,7 +55,7 @@ def sweep(
     if dry_run and status:
         raise click.UsageError("--dry-run and --status exclude each other.")
     check_folder(out)
-    what, cache = Sweep.from_toml(file), not no_cache
+    what = Sweep.from_toml(file)
     if dry_run or status:
         results = what.status(cache)
     else:

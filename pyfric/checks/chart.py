@@ -159,7 +159,7 @@ def _expected(scene: Scene, t_end: float, method: Method) -> float:
     """Return the time that full dynamics takes, s; 0 for other levels, which take less."""
     if method.fidelity != "dynamic" or method.share is None:
         return 0.0
-    dt = method.share * stability_limit(scene, method.stepper)[0]
+    dt = _step(scene, method)
     geometry = method.geometry or default_geometry(scene)
     return full_work(scene, geometry, dt, t_end) * machine_speed()
 
@@ -215,18 +215,17 @@ def _measured(
 def _errors(record: Record, truth: Record, t_end: float) -> dict[str, Any]:
     """Return the errors of `WANTS`; NaN where nothing was compared."""
     off = differences(record, truth)
-    worst = off.events[["start", "arrest", "stress", "rupture"]].max()
-    speeds = off.speeds["error"].to_numpy()
+    worst = {name: math.nan if one is None else one for name, one in off.errors().items()}
     t = truth.curve["t"].to_numpy()
     t = t[t <= off.covered]
     apart = [np.interp(t, one.curve["t"], one.curve["F_T"]) for one in (record, truth)]
     curve = float(np.sqrt(np.mean((apart[0] - apart[1]) ** 2))) / truth.scene.F_N
-    stepped, forces = record.method.dt is not None, worst[["start", "arrest"]].max()
+    stepped, forces = record.method.dt is not None, np.fmax(worst["start"], worst["arrest"])
     found = {
         "loading_curve": curve if truth.scene.driver.K else math.nan,
         "precursors": float(forces if np.isfinite(forces) or not stepped else worst["rupture"]),
         "stress": float(worst["stress"]),
-        "front_speed": float(np.quantile(speeds, 0.95)) if speeds.size and stepped else math.nan,
+        "front_speed": float(worst["speed_95"]) if stepped else math.nan,
     }
     covered = off.covered / float(t_end)
     return found | {"covered": covered, "events": len(record.events), "status": "ok"}

@@ -71,7 +71,8 @@ def fig3a(record: Record, event: int | None = None) -> DataFigure:
         bottom.plot(table["x_over_L"], table["tau"], **look)
     _thresholds(bottom, states, friction)
     legend(top, loc="upper left", bbox_to_anchor=(0.1, 1.0))
-    _mark_tip(top, bottom, _tip(record, event))
+    N_x = record.scene.N_x
+    _mark_tip(top, bottom, (row["L_p_over_L"] * N_x - 1) / (N_x - 1))
     top.set_ylim(bottom=0)
     top.set_ylabel(r"$p\,N_x/F_\mathrm{N}$")
     bottom.set_ylabel(r"$\tau\,N_x/F_\mathrm{N}$")
@@ -169,6 +170,7 @@ def _thresholds(axes: Axes, states: dict[str, pd.DataFrame], friction: Law) -> N
 
 
 def _mark_tip(top: Axes, bottom: Axes, tip: float) -> None:
+    """A line at x/L of the last block of an event."""
     for axes in (top, bottom):
         axes.axvline(tip, color="0.6", lw=0.6, ls=(0, (1, 2)), zorder=0)
     bottom.axhline(0, color="0.6", lw=0.5, zorder=0)
@@ -209,12 +211,6 @@ def _after_sliding(axes: Axes, record: Record, events: list[int]) -> list[pd.Dat
     axes.set_ylim(bottom=0)
     axes.set_ylabel(r"$p\,N_x/F_\mathrm{N}$")
     return after
-
-
-def _tip(record: Record, event: int) -> float:
-    """x/L of the last block of an event."""
-    N_x = record.scene.N_x
-    return (record.events["L_p_over_L"].loc[event] * N_x - 1) / (N_x - 1)
 
 
 def _drop(record: Record, profiles: list[pd.DataFrame]) -> float:

@@ -172,15 +172,10 @@ def listed(records: Iterable[Record]) -> list[Record]:
     return found
 
 
-def single(record: Record) -> Record:
-    """Return what is drawn of one run.
-
-    Raises:
-        SceneError: it is no record, such as a list of records.
-    """
+def single(record: Record) -> None:
+    """Raise SceneError unless this is one record, and no list of records."""
     if not hasattr(record, "curve"):
         raise SceneError("record", type(record).__name__, "", "one record", "not a record")
-    return record
 
 
 def caption(records: Record | Sequence[Record], *texts: str) -> str:
@@ -240,14 +235,11 @@ def scene_text(scenes: Scene | Sequence[Scene]) -> str:
     )
 
 
-def engine_text(records: Record | Sequence[Record]) -> str:
+def engine_text(records: Sequence[Record]) -> str:
     """Engine, geometry, step and gap of the records, what they left open, and the version."""
-    records = [records] if not isinstance(records, Sequence) else list(records)
-    hows, text = [str(one.method) for one in records], []
+    hows = "; ".join(dict.fromkeys(str(one.method) for one in records))
     gaps = joined(f"{gap * 1e3:g} ms" for gap in sorted({one.method.t_gap for one in records}))
-    text.append(
-        f"Method: {'; '.join(dict.fromkeys(hows))}; events joined over pauses up to {gaps}."
-    )
+    text = [f"Method: {hows}; events joined over pauses up to {gaps}."]
     for status in dict.fromkeys(one.status for one in records if one.status != "complete"):
         text.append(f"Run {status}.")
     known = {one.versions["pyfric"] for one in records if "pyfric" in one.versions}

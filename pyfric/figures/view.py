@@ -120,27 +120,26 @@ def _event_rows(record: Record, kept: np.ndarray) -> list[dict[str, Any]]:
 
 
 def _details(record: Record, kept: np.ndarray, room: int) -> dict[str, Any]:
-    """Stresses and slip of the events, largest first, as many as there is room for (bytes)."""
+    """Stresses and slip of the events, largest first, as many as there is room for (bytes).
+
+    Stresses are static tau and p over F_N/N_x from the trailing edge on.
+    """
+    order, unit = np.argsort(record.scene.n_of_i), record.scene.F_N / record.scene.N_x
     episodes = {event: rows for event, rows in record.episodes.groupby("event") if event}
     largest_first = kept[np.argsort(-record.events["n_blocks"].to_numpy()[kept - 1], kind="stable")]
     details = {}
     for event in map(int, largest_first):
-        one = _stresses(record, event) | {"slips": _slips(record, event, episodes.get(event))}
+        one: dict[str, Any] = {
+            name: _rounded(record.arrays[name][event - 1][order] / unit, 4)
+            for name in ("tau_before", "p_before", "tau_after", "p_after")
+        }
+        one["slips"] = _slips(record, event, episodes.get(event))
         one["columns"] = _rounded(record.events.loc[event].astype(float))
         room -= len(_json(one)) + len(str(event)) + 4
         if room < 0:
             break
         details[str(event)] = one
     return details
-
-
-def _stresses(record: Record, event: int) -> dict[str, Any]:
-    """Static tau and p over F_N/N_x from the trailing edge on."""
-    order, unit = np.argsort(record.scene.n_of_i), record.scene.F_N / record.scene.N_x
-    return {
-        name: _rounded(record.arrays[name][event - 1][order] / unit, 4)
-        for name in ("tau_before", "p_before", "tau_after", "p_after")
-    }
 
 
 def _slips(record: Record, event: int, episodes: pd.DataFrame | None) -> list[list[float | None]]:

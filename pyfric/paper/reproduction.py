@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -70,20 +70,15 @@ def reproduce(
     with side_by_side(every, workers) as pool:
         made = run_all(every, cache=cache, progress=progress, executor=pool)
         records = dict(zip(every, made, strict=True))
-        calls = []
+        made = []
+        if FILMED in names and film:  # it takes longest
+            made.append(pool.submit(_film, records[jobs[FILMED][0]], out))
         for name in names:
             mine = [records[job] for job in jobs[name]]
             one = isinstance(runs[FIGURES[name].runs], Job)
-            if name == FILMED and film:  # it takes longest
-                calls.insert(0, (_film, mine[0], out))
-            calls.append((_drawn, name, jobs[name], mine, one, out))
-        paths = [path for paths in pool.map(_done, calls) for path in paths]
+            made.append(pool.submit(_drawn, name, jobs[name], mine, one, out))
+        paths = [path for paths in made for path in paths.result()]
     return [*paths, write_index(out)]
-
-
-def _done(call: tuple[Any, ...]) -> list[Path]:
-    function, *arguments = call
-    return function(*arguments)
 
 
 def _drawn(

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import json
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -114,12 +113,6 @@ class Claim:
         own = {name: getattr(self, name) for name in names}
         return own | vars(self.band) | {"band": str(self.band), "verdict": self.verdict}
 
-    def tried(self, values: Mapping[str, Mapping[str, float]]) -> Claim:
-        """Return the claim with its value when damaged, from all values by damage and number."""
-        found = {one.what: values[one.what][self.number] for one in self.damages}
-        nearest = min(found, key=lambda what: self.band.outside(found[what]))
-        return dataclasses.replace(self, damages=(), damage=nearest, damaged=found[nearest])
-
 
 class Measured(NamedTuple):
     """A claim that can be measured: the names of its runs, and what measures its parts."""
@@ -130,7 +123,7 @@ class Measured(NamedTuple):
     def __call__(self, runs: Runs, **given: Any) -> list[Claim]:
         """Return the parts of the claim as measured."""
         found = self.measure(runs, **given)
-        return [dataclasses.replace(one, value=float(one.value)) for one in found]
+        return [replace(one, value=float(one.value)) for one in found]
 
     def tried(self, runs: Runs) -> list[Claim]:
         """Return them with their values when damaged.
@@ -144,7 +137,12 @@ class Measured(NamedTuple):
             what: {claim.number: claim.value for claim in self(one.change(runs), **one.given)}
             for what, one in damages.items()
         }
-        return [claim.tried(values) for claim in claims]
+        tried = []
+        for claim in claims:
+            found = {one.what: values[one.what][claim.number] for one in claim.damages}
+            what = min(found, key=lambda what: claim.band.outside(found[what]))
+            tried.append(replace(claim, damages=(), damage=what, damaged=found[what]))
+        return tried
 
 
 CLAIMS: dict[str, Measured] = {}

@@ -32,22 +32,7 @@ class _Listed:
 
 
 class _Command(_Listed, click.Command):
-    """A command that signals end."""
-
-    def invoke(self, ctx: click.Context) -> Any:
-        from pyfric.signals import asked_to_stop, commanded
-
-        with commanded():
-            try:
-                return super().invoke(ctx)
-            except KeyboardInterrupt:
-                stop(signalled(), "interrupted")
-            except (click.ClickException, click.exceptions.Exit, click.Abort):
-                raise
-            except Exception:
-                if asked_to_stop():  # such as an import that was cut short
-                    stop(signalled(), "interrupted")
-                raise
+    """A command of `Commands`."""
 
 
 class Commands(_Listed, click.Group):
@@ -69,17 +54,25 @@ class Commands(_Listed, click.Group):
                 formatter.write_dl([(one.name, one.get_short_help_str()) for one in listed])
 
     def invoke(self, ctx: click.Context) -> Any:
-        try:
-            with warnings.catch_warnings():
-                warnings.showwarning = _once()
+        from pyfric.signals import asked_to_stop, commanded
+
+        if ctx.parent is not None:
+            return super().invoke(ctx)
+        with warnings.catch_warnings(), commanded():
+            warnings.showwarning = _once()
+            try:
                 return super().invoke(ctx)
-        except (click.ClickException, click.exceptions.Exit, click.Abort):
-            raise
-        except Exception as error:
-            code = _code(error)
-            if code is None:
+            except (click.ClickException, click.exceptions.Exit, click.Abort):
                 raise
-            stop(code, f"Error: {str(error) or 'out of memory'}")
+            except KeyboardInterrupt:
+                stop(signalled(), "interrupted")
+            except Exception as error:
+                if asked_to_stop():  # such as an import that was cut short
+                    stop(signalled(), "interrupted")
+                code = _code(error)
+                if code is None:
+                    raise
+                stop(code, f"Error: {str(error) or 'out of memory'}")
 
 
 def _once() -> Callable[..., None]:

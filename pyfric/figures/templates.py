@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import jinja2
@@ -12,10 +12,7 @@ __all__ = ["template"]
 
 
 def template(beside: str, name: str) -> jinja2.Template:
-    """Return the template of this name that lies beside a file, or beside this one.
-
-    Its tests know `numeric`.
-    """
+    """Return the template of this name that lies beside a file, or beside this one."""
     import jinja2  # slow to import
 
     environment = jinja2.Environment(
@@ -26,13 +23,4 @@ def template(beside: str, name: str) -> jinja2.Template:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.tests["numeric"] = _is_number
     return environment.get_template(name)
-
-
-def _is_number(value: Any) -> bool:
-    try:
-        float(value)
-    except (TypeError, ValueError):
-        return False
-    return True

@@ -1,4 +1,4 @@
-"""Scenes: show, draw, plan."""
+"""Scenes: show, plan."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from pyfric.cli.shared import (
     Seconds,
     Tell,
     check_out,
-    figure_ends,
     file_option,
     overwrite_option,
     scene_of,
@@ -35,24 +34,6 @@ def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: boo
     text = what.to_toml(out)
     if out is None:
         click.echo(text, nl=False)
-
-
-@main.command(section="Look")
-@click.argument("scene", type=SceneName())
-@set_option
-@file_option("--out", metavar="STEM", help="Names of the files. [default: sketch_SCENE]")
-@overwrite_option
-@telling
-def draw(
-    scene: str, changes: tuple[str, ...], out: Path | None, overwrite: bool, tell: Tell
-) -> None:
-    """Draw a sketch of SCENE, to scale: STEM.png and STEM.pdf, with caption and data."""
-    from pyfric import figures
-
-    what = scene_of(scene, changes)
-    stem = out or Path(f"sketch_{Path(scene).stem}")
-    check_out(stem, overwrite, ends=figure_ends("columns"), reads=[scene])
-    tell.files(figures.save_figure(figures.sketch(what), stem))
 
 
 @main.command(section="Simulate")

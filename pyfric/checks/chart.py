@@ -125,14 +125,14 @@ def after_events(scene: Scene, events: int) -> float | None:
         scene: what is simulated, with a driver.
         events: number of main events.
     """
-    t_end = 0.0
-    for _ in range(10):
-        t_end += 0.2 * scene.F_N / (scene.driver.K * scene.driver.V)
-        found = simulate(scene, t_end, fidelity="quasistatic", progress=False).events
-        starts = found["t_start"][found["is_main"]].to_list()
-        if len(starts) > events:
-            return float(np.mean(starts[events - 1 : events + 1]))
-    return None
+    t_end, until = (
+        2.0 * scene.F_N / (scene.driver.K * scene.driver.V),
+        f"main_events = {events + 1}",
+    )
+    how = {"fidelity": "quasistatic", "stop_when": until, "progress": False}
+    found = simulate(scene, t_end, **how).events
+    starts = found["t_start"][found["is_main"]].to_list()
+    return float(np.mean(starts[events - 1 : events + 1])) if len(starts) > events else None
 
 
 def _default_end(scene: Scene) -> float:

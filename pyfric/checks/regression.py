@@ -7,12 +7,15 @@ located switching up to its first event over the whole interface. Three comparis
     stresses        tau and p at first slip and last stick of the main events, tau/p behind the tip
     crack_speeds    rupture times, v_c, and the collapse of v_c on the scaled prestress
 
+The quasi-static sequence is compared by the lengths and forces of its precursors (`Ladder`).
+
 Events are compared, not trajectories: forces over F_N, stresses over F_N/N_x, lengths in blocks.
 What a run may differ by is in `pyfric.checks.tolerances`: one for each engine, with its reason.
 """
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,10 +23,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pandas as pd
 
-from pyfric.checks.check import Check, largest, rms
-from pyfric.checks.tolerances import Tolerances
+from pyfric.checks.tolerances import Check, Tolerances, largest, rms
 from pyfric.engines import simulate
-from pyfric.record import Collapse, collapse_spread, fronts
+from pyfric.record import Collapse, collapse_spread, fronts, paired
 from pyfric.scene import Scene
 
 if TYPE_CHECKING:
@@ -34,11 +36,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "INSTALLED",
+    "LADDER",
+    "Ladder",
     "Reference",
     "compare",
     "crack_speeds",
     "dynamic",
     "hybrid",
+    "ladder_at_given_length",
+    "ladder_event_by_event",
     "load",
     "loading_curve",
     "quasistatic",
@@ -58,6 +64,10 @@ LEAST = 0.02
 """Blocks that carry less than this share of F_N/N_x have no tau/p worth comparing."""
 BEFORE, AFTER = 2e-4, 5e-3
 """Times that a run of one event begins before its first slip, and ends after its last stick, s."""
+
+LADDER = 0.03
+"""Forces of the quasi-static sequence, over F_N: it has no inertia, so that nothing overshoots."""
+NO_INERTIA = "no inertia: nothing overshoots, and steps are a little shorter"
 
 
 class Reference(NamedTuple):
@@ -245,6 +255,74 @@ def _spread(curve: Collapse, x: pd.Series, v_c: pd.Series) -> float:
     last = len(curve.median) - 1
     in_bin = np.clip(np.searchsorted(curve.edges, x.to_numpy()[kept], side="right") - 1, 0, last)
     return rms(np.log(v_c.to_numpy()[kept] / curve.median[in_bin]))
+
+
+# --- the quasi-static sequence: precursors by length and force -----------------------------------
+
+
+class Ladder(NamedTuple):
+    """Main precursors from the trailing edge: lengths in blocks, forces over F_N; their table."""
+
+    length: np.ndarray
+    start: np.ndarray
+    arrest: np.ndarray
+    events: pd.DataFrame
+    scene: Scene
+
+    @classmethod
+    def of(cls, events: pd.DataFrame, scene: Scene) -> Ladder:
+        """Return the precursors before the first system-size event.
+
+        The length is the farthest block: L_p is 0 where a corner block that hardly carries load did
+        not move.
+        """
+        main = events[events["is_main"] & events["at_trailing_edge"]]
+        main = main[(main["last_block"] == scene.N_x).cumsum() == 0]
+        forces = main[["F_T_start", "F_T_arrest"]].to_numpy().T / scene.F_N
+        return cls(main["last_block"].to_numpy(), *forces, main, scene)
+
+
+def ladder_event_by_event(
+    a: Ladder, b: Ladder, blocks: int, last: int | None = None
+) -> list[Check]:
+    """Compare a ladder b with a, each event of a with one of b; b may have one more.
+
+    Args:
+        a: of full dynamics.
+        b: of the quasi-static engine, in the same geometry.
+        blocks: tolerance of lengths.
+        last: tolerance of the last, longest one; None means the same.
+    """
+    more = len(b.length) - len(a.length)
+    if more < 0:
+        return [_laddered("missing precursors", math.nan, 0)]
+    _, k = paired(a.events, b.events, a.scene)
+    off = np.abs(b.length[k] - a.length)
+    return [
+        _laddered("precursors more", more, 1),
+        _laddered("lengths, blocks", largest(off[:-1]), blocks),
+        _laddered("longest precursor, blocks", off[-1], last or blocks),
+        _laddered("start, over F_N", largest(b.start[k] - a.start), LADDER),
+        _laddered("arrest, over F_N", largest(b.arrest[k] - a.arrest), LADDER),
+    ]
+
+
+def ladder_at_given_length(a: Ladder, b: Ladder) -> list[Check]:
+    """Compare the forces at which precursors of a length start and stop, where both have some."""
+    common = (a.length >= b.length[0]) & (a.length <= b.length[-1])
+    checks = [
+        _laddered("lengths that do not grow", (np.diff(b.length) <= 0).sum(), 0),
+        _laddered("precursors out of range", (~common).sum(), 2),
+    ]
+    for force in ("start", "arrest"):
+        at_length = np.interp(a.length[common], b.length, getattr(b, force))
+        error = largest(at_length - getattr(a, force)[common])
+        checks.append(_laddered(f"{force} at given length, over F_N", error, LADDER))
+    return checks
+
+
+def _laddered(what: str, value: float, tolerance: float) -> Check:
+    return Check(f"quasi-static: {what}", value, tolerance, why=NO_INERTIA)
 
 
 # --- parts ---------------------------------------------------------------------------------------

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from pyfric import core, theory
-from pyfric.checks import ladder, regression, tolerances, tpv3
-from pyfric.checks.check import Check
+from pyfric.checks import regression, tolerances, tpv3
+from pyfric.checks.tolerances import Check
 from pyfric.display import plain
 from pyfric.engines import step_size
 from pyfric.paper.claims import CLAIMS, chain_front
@@ -307,8 +307,8 @@ def _dynamic(event: int) -> Made:
 def _ladder() -> Made:
     known = regression.load("fig1_linear")
     made = regression.quasistatic(known)
-    a, b = (ladder.Ladder.of(one, known.scene) for one in (known.events, made.events))
+    a, b = (regression.Ladder.of(one, known.scene) for one in (known.events, made.events))
     return [
-        *ladder.ladder_event_by_event(a, b, 2),
-        *ladder.ladder_at_given_length(a, b),
+        *regression.ladder_event_by_event(a, b, 2),
+        *regression.ladder_at_given_length(a, b),
     ], ""

@@ -244,18 +244,16 @@ def _named(method: Any) -> str:
 
 def report(table: pd.DataFrame) -> str:
     """Return the chart as text: methods by cost, then those without an answer."""
-    head = "".join(f"{want:>15}" for want in WANTS)
     lines = [
-        f"errors compared with full dynamics at a small step, up to {table['t_end'].iloc[0]:.3g} s"
+        f"errors compared with full dynamics at a small step, up to {table['t_end'].iloc[0]:.3g} s",
+        "method, its step over the limit, processor time (s), and the share of the time compared",
     ]
-    lines += [f"{'method, step over the limit':<48}{'s':>8}{head}"]
     ran = table[table["status"].isin(["ok", "reference"])].sort_values("seconds")
-    for row in ran.itertuples():
-        values = [getattr(row, want, math.nan) for want in WANTS]
-        text = "".join(f"{'-' if math.isnan(v) else format(v, '.2g'):>15}" for v in values)
-        text = f"{'reference':>15}" if row.status == "reference" else text
-        part = f"  (of {100 * row.covered:.0f} % of the time)" if row.covered < 0.99 else ""
-        lines.append(f"{_named(row):<48}{row.seconds:>8.3g}{text}{part}")
+    names = [
+        f"{_named(row)}{' (reference)' * (row.status == 'reference')}" for row in ran.itertuples()
+    ]
+    shown = ran.reindex(columns=["seconds", *WANTS, "covered"]).set_axis(names)
+    lines.append(shown.to_string(na_rep="-", float_format="{:.2g}".format))
     without = table[~table["status"].isin(["ok", "reference"])]
     for status, rows in without.groupby("status", sort=False):
         names = "; ".join(_named(row) for row in rows.itertuples())

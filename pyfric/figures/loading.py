@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
-from pyfric.figures.registry import figure
 from pyfric.figures.sketch import sketch
 from pyfric.figures.style import (
     BLACK,
@@ -23,6 +22,7 @@ from pyfric.figures.style import (
     VERMILION,
     DataFigure,
     caption,
+    figure,
     legend,
     mark,
     panels,

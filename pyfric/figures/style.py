@@ -1,12 +1,12 @@
-"""What all figures share: size, colours, panels, parts of captions, and their files."""
+"""What all figures share: names, size, colours, panels, parts of captions, and their files."""
 
 from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -31,6 +31,8 @@ BLUE, VERMILION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#999999"
 
 PAPER = "Phys. Rev. Lett. 107, 074301"
 
+Draw = TypeVar("Draw", bound=Callable[..., Any])
+
 
 class DataFigure(Figure):
     """A figure with its ``caption`` (text) and ``tables`` (name -> data frame behind it)."""
@@ -45,6 +47,37 @@ class DataFigure(Figure):
         picture = io.BytesIO()
         self.savefig(picture, format="png", dpi=150)
         return picture.getvalue()
+
+
+class PaperFigure(NamedTuple):
+    """A figure of the paper.
+
+    Attributes:
+        title: its title.
+        runs: name of what it is drawn from, a key of `pyfric.paper.RUNS`.
+        draw: function of a record, or of a list of records if there are several runs.
+        precursor: which main precursor of the first loading the paper shows, counted from 1; None
+            for figures that are not of one event.
+    """
+
+    title: str
+    runs: str
+    draw: Callable[..., DataFigure]
+    precursor: int | None = None
+
+
+FIGURES: dict[str, PaperFigure] = {}
+"""Name -> figure, in the order of the modules; `sorted` gives the paper's."""
+
+
+def figure(title: str, *, runs: str, precursor: int | None = None) -> Callable[[Draw], Draw]:
+    """Enter the function below as a figure of the paper, under its own name."""
+
+    def enter(draw: Draw) -> Draw:
+        FIGURES[draw.__name__] = PaperFigure(title, runs, draw, precursor)
+        return draw
+
+    return enter
 
 
 def panels(

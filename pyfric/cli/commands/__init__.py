@@ -8,7 +8,6 @@ from pyfric.cli.commands import (  # noqa: F401
     methods,
     paper,
     run,
-    scenes,
     sweep,
 )
 

@@ -1,4 +1,4 @@
-"""`pyfric run`."""
+"""One run: its scene, its plan, and the run."""
 
 from __future__ import annotations
 
@@ -57,6 +57,48 @@ def _steppers() -> list[str]:
     from pyfric.core import STEPPERS
 
     return list(STEPPERS)
+
+
+@main.command(section="Simulate")
+@click.argument("scene", type=SceneName())
+@set_option
+@file_option("--out", metavar="FILE", help="Write a file instead of stdout.")
+@overwrite_option
+def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: bool) -> None:
+    """Print SCENE as TOML, to be changed."""
+    what = scene_of(scene, changes)
+    check_out(out, overwrite, reads=[scene])
+    text = what.to_toml(out)
+    if out is None:
+        click.echo(text, nl=False)
+
+
+@main.command(section="Simulate")
+@click.argument("scene", type=SceneName())
+@click.option("--t-end", type=Seconds(), default=1.0, help="End time. [default: 1 s]")
+@set_option
+@want_option
+@tolerance_option
+@click.option("--stop-when", multiple=True, metavar="CONDITION", help="As in pyfric run.")
+@telling
+def plan(
+    scene: str,
+    t_end: float,
+    changes: tuple[str, ...],
+    want: str,
+    tolerance: float,
+    stop_when: tuple[str, ...],
+    tell: Tell,
+) -> None:
+    """Choose the model of SCENE that meets a tolerance, with reasons and cost."""
+    import dataclasses
+
+    import pyfric
+
+    how = {"t_end": t_end, "stop_when": stop_when or None}
+    found = pyfric.plan(scene_of(scene, changes), want, tolerance, **how)
+    listed = [one._asdict() | {"holds": one.holds} for one in found.assumptions]
+    tell.result(dataclasses.asdict(found) | {"assumptions": listed}, lambda: str(found))
 
 
 @main.command(section="Simulate", epilog=EXIT_CODES)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import os
@@ -188,13 +187,12 @@ def save(claims: Iterable[Claim], folder: str | os.PathLike[str]) -> list[Path]:
     Raises:
         OSError: a file cannot be written.
     """
-    claims, folder, text = list(claims), Path(folder), io.StringIO()
+    claims, folder = list(claims), Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     content = {"pyfric": __version__, "claims": table(claims)}
-    pd.DataFrame([claim.as_dict() for claim in claims]).to_csv(text, index=False)
     files = {
         "claims.json": json.dumps(content, indent=2, allow_nan=False) + "\n",
-        "claims.csv": text.getvalue(),
+        "claims.csv": pd.DataFrame([claim.as_dict() for claim in claims]).to_csv(index=False),
     }
     return [write(folder / name, text.encode()) for name, text in files.items()]
 

@@ -6,7 +6,6 @@ Exact answers, bits, and stored full dynamics (`pyfric.checks.regression`).
 from __future__ import annotations
 
 import dataclasses
-import functools
 import hashlib
 import math
 import signal
@@ -17,20 +16,24 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pyfric import core, theory
-from pyfric.checks import regression, tolerances, tpv3
-from pyfric.checks.tolerances import Check
+from pyfric.checks import regression, tpv3
+from pyfric.checks.tolerances import DYNAMIC, HYBRID, STEP_END, Check, Tolerances
 from pyfric.display import plain
 from pyfric.engines import step_size
 from pyfric.paper.claims import CLAIMS, chain_front
 from pyfric.scene import laws, preset, setup1
 from pyfric.signals import at_once
 from pyfric.statics import loaded_state
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
 
 __all__ = ["Group", "report", "table", "verify"]
 
@@ -162,11 +165,14 @@ def _all() -> Iterator[tuple[str, Callable[[], Made]]]:
     yield "speed of fronts in chains against the exact one", _chains
     yield "rupture of TPV3 against spectral elements", _tpv3
     for name in ("fig1_linear", "run1_linear", "setup2_linear", "fig1_finite"):
-        yield f"{name}: hybrid engine against stored full dynamics", lambda name=name: _hybrid(name)
-    yield "fig1_linear: switching at step ends", _step_end
+        made = partial(_stored, name, regression.hybrid, HYBRID)
+        yield f"{name}: hybrid engine against stored full dynamics", made
+    at_ends = partial(regression.hybrid, switching="step_end")
+    made = partial(_stored, "fig1_linear", at_ends, {"linear": STEP_END})
+    yield "fig1_linear: switching at step ends", made
     for event in (5, 37):  # a short and a long one
-        name = f"fig1_linear: full dynamics of event {event}, from a hybrid state before it"
-        yield name, lambda event=event: _dynamic(event)
+        made = partial(_stored, "fig1_linear", partial(regression.dynamic, event=event), DYNAMIC)
+        yield f"fig1_linear: full dynamics of event {event}, from a hybrid state before it", made
     yield "fig1_linear: quasi-static sequence", _ladder
 
 
@@ -199,7 +205,7 @@ def _bits() -> Made:
     others |= {"saved and continued": (core.VARIANT, 1, True)}
     switches = []
     for law, geometry, switching in RUNS:
-        run = functools.partial(digest, law, geometry, switching)
+        run = partial(digest, law, geometry, switching)
         first, n = run(core.VARIANT, 1)
         switches.append(n)
         how = f"{geometry}, {switching.replace('_', ' ')}, law {law!r}"
@@ -287,21 +293,13 @@ def _tpv3() -> Made:
     return [Check(what, tpv3.misfit(arrivals), 0.002)], "at 2 to 14 km from the middle"
 
 
-def _hybrid(name: str) -> Made:
+def _stored(
+    name: str, run: Callable[[regression.Reference], Record], within: dict[str, Tolerances]
+) -> Made:
+    """A run of a stored set against it, within the tolerances of its geometry."""
     known = regression.load(name)
-    within = tolerances.HYBRID[known.about["geometry"]]
-    return regression.compare(known, regression.hybrid(known), within), within.why
-
-
-def _step_end() -> Made:
-    known, within = regression.load("fig1_linear"), tolerances.STEP_END
-    made = regression.hybrid(known, switching="step_end")
-    return regression.compare(known, made, within), within.why
-
-
-def _dynamic(event: int) -> Made:
-    known, within = regression.load("fig1_linear"), tolerances.DYNAMIC["linear"]
-    return regression.compare(known, regression.dynamic(known, event), within), within.why
+    allowed = within[known.about["geometry"]]
+    return regression.compare(known, run(known), allowed), allowed.why
 
 
 def _ladder() -> Made:

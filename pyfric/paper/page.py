@@ -11,7 +11,7 @@ import json
 import os
 import re
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pandas as pd
 from markupsafe import Markup, escape
@@ -28,16 +28,6 @@ CLAIM_VALUES = (
 FILMS = ("event.mp4", "event.gif")
 """The film of an event, by the first of these names that is there."""
 FILM_TEXT = "event.txt"
-
-
-class Shown(NamedTuple):
-    """A figure on the page; `files` lie beside it."""
-
-    name: str
-    title: str
-    caption: Markup
-    details: Markup
-    files: list[str]
 
 
 def write_index(folder: str | os.PathLike[str]) -> Path:
@@ -64,12 +54,17 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
     return write(folder / "index.html", text.encode())
 
 
-def _figure(folder: Path, name: str) -> Shown:
+def _figure(folder: Path, name: str) -> dict[str, Any]:
+    """What the page says of a figure, and the files that lie beside it."""
     caption = (folder / f"{name}.txt").read_text(encoding="utf-8").strip()
-    files = [f"{name}.pdf", *sorted(path.name for path in folder.glob(f"{name}_*.csv"))]
     what, _, details = caption.partition("\n")
-    shown = mathematical(what), mathematical(details)
-    return Shown(name, FIGURES[name].title, *shown, files)
+    return {
+        "name": name,
+        "title": FIGURES[name].title,
+        "caption": mathematical(what),
+        "details": mathematical(details),
+        "files": [f"{name}.pdf", *sorted(path.name for path in folder.glob(f"{name}_*.csv"))],
+    }
 
 
 SYMBOL = re.compile(

@@ -64,7 +64,10 @@ def reproduce(
             raise unknown("names", name, str(name), FIGURES)
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
-    jobs = {name: _listed(runs[FIGURES[name].runs]) for name in names}
+    jobs = {}
+    for name in names:
+        asked = runs[FIGURES[name].runs]
+        jobs[name] = (asked,) if isinstance(asked, Job) else asked
     every = list(dict.fromkeys(job for name in names for job in jobs[name]))
     every.sort(key=lambda job: job not in LONG)  # begun last they would be waited for
     with side_by_side(every, workers) as pool:
@@ -119,10 +122,6 @@ def _film(record: Record, out: Path) -> list[Path]:
     for other in set(FILMS) - {path.name}:
         (out / other).unlink(missing_ok=True)
     return [path, write(out / FILM_TEXT, f"{text}\n".encode())]
-
-
-def _listed(runs: Job | Sequence[Job]) -> Sequence[Job]:
-    return (runs,) if isinstance(runs, Job) else runs
 
 
 def runs_table(jobs: Sequence[Job], records: Sequence[Record]) -> pd.DataFrame:

@@ -74,21 +74,15 @@ def stop_unless_complete(record: Record, hint: str) -> None:
 # --- parameters ----------------------------------------------------------------------------------
 
 
-class Registered(click.ParamType):
+class Registered(click.Choice):
     """A name from a registry, which is loaded only where its names are needed: that takes time."""
 
-    def __init__(self, name: str, names: Callable[[], list[str]]) -> None:
-        self.name, self._names = name, names
+    def __init__(self, names: Callable[[], list[str]]) -> None:
+        self.case_sensitive, self._names = True, names
 
-    @property
+    @functools.cached_property
     def choices(self) -> tuple[str, ...]:
         return tuple(self._names())
-
-    def get_metavar(self, *where: Any, **rest: Any) -> str | None:
-        return click.Choice(self.choices).get_metavar(*where, **rest)
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> str:
-        return click.Choice(self.choices).convert(value, param, ctx)
 
 
 class SceneName(click.ParamType):

@@ -44,7 +44,7 @@ MEDIAN = {"mec": "black", "mew": 0.5, "ms": 3.4}
 """Look of their markers."""
 
 
-@figure("Fig. 4(a): front speed and prestress in one precursor", runs="fig4a", precursor=11)
+@figure("Fig. 4(a): front speed and prestress in one precursor", runs="fig1", precursor=11)
 def fig4a(record: Record, event: int | None = None) -> DataFigure:
     """Fig. 4(a) of the paper: front speed and prestress along the interface in one precursor.
 

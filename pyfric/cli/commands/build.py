@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
 import click
 
 from pyfric.cli.app import main
@@ -32,41 +30,29 @@ def info(record: str | None, tell: Tell) -> None:
     from pyfric import core
     from pyfric.scene import __version__
 
-    build = core.build_info()
     found = {
         "pyfric": __version__,
         "variant": core.VARIANT,
         "variants": core.variants(),
         "environment": core.ENVIRONMENT,
-        **build,
+        **core.build_info(),
         "processors": core.processors(),
         "blocks_per_thread": core.BLOCKS_PER_THREAD,
         "python": platform.python_version(),
         "numpy": np.__version__,
         "machine": platform.machine(),
     }
-    installed = [
+    kinds = [
         name if runs else f"{name} (not on this processor)"
         for name, runs in found["variants"].items()
     ]
-    if os.environ.get(core.ENVIRONMENT):
-        how = f"from {core.ENVIRONMENT}"
-    else:
-        how = f"the best one here; {core.ENVIRONMENT} names another"
-    threads = f"one for every {core.BLOCKS_PER_THREAD} blocks, at most {core.processors()}"
-    rows = {
-        "pyfric": __version__,
-        "variant": f"{core.VARIANT} ({how})",
-        "installed": ", ".join(installed),
-        "compiler": build["compiler"],
-        "flags": build["flags"],
-        "OpenMP": "yes" if build["openmp"] else "no",
-        "processors": core.processors(),
-        "threads": threads if build["openmp"] else "1",
-        "python": found["python"],
-        "numpy": found["numpy"],
+    rows = found | {
+        "variants": ", ".join(kinds),
+        "environment": f"{core.ENVIRONMENT} names another variant",
+        "openmp": "yes" if found["openmp"] else "no",
+        "blocks_per_thread": f"{core.BLOCKS_PER_THREAD} at least",
     }
-    tell.result(found, lambda: "\n".join(f"{name:<11} {value}" for name, value in rows.items()))
+    tell.result(found, lambda: "\n".join(f"{name:<18} {value}" for name, value in rows.items()))
 
 
 @main.command(

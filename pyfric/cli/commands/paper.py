@@ -26,7 +26,7 @@ def _figures() -> list[str]:
 
 
 @main.command(section="The paper", epilog=EXIT_CODES)
-@click.argument("names", nargs=-1, type=Registered("figure", _figures))
+@click.argument("names", nargs=-1, type=Registered(_figures))
 @folder_option(
     "--out", metavar="DIR", default="figures", show_default=True, help="Folder for the files."
 )

@@ -131,7 +131,7 @@ def plan(
 )
 @click.option(
     "--stepper",
-    type=Registered("stepper", _steppers),
+    type=Registered(_steppers),
     default="rk4",
     show_default=True,
     help="Stepper; all but rk4 need full dynamics.",

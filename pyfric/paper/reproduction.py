@@ -38,7 +38,6 @@ def reproduce(
     cache: bool | str | os.PathLike[str] = True,
     progress: bool | None = None,
     runs: Mapping[str, Job | Sequence[Job]] = RUNS,
-    film: bool = True,
 ) -> list[Path]:
     """Run what the figures need, side by side, and draw them.
 
@@ -47,7 +46,6 @@ def reproduce(
         out: folder of the files; made if missing.
         workers, cache, progress: see `pyfric.run_all`.
         runs: what figures are drawn from, by the names that they ask for.
-        film: whether the event of Fig. 3(a) is also a film, with that figure.
 
     Returns:
         The files: for each figure PNG, PDF, caption and tables (see `save_figure`), among them
@@ -74,7 +72,7 @@ def reproduce(
         made = run_all(every, cache=cache, progress=progress, executor=pool)
         records = dict(zip(every, made, strict=True))
         made = []
-        if FILMED in names and film:  # it takes longest
+        if FILMED in names:  # it takes longest
             made.append(pool.submit(_film, records[jobs[FILMED][0]], out))
         for name in names:
             mine = [records[job] for job in jobs[name]]

@@ -234,8 +234,8 @@ def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Che
         ours.append(b)
     checks = within.checks(
         ("blocks in only one of two fronts", largest(alone), within.blocks),
-        ("v_c of blocks, RMS of its ln", rms(_joined(ratios)), within.speed),
-        ("rupture times in events", largest(_joined(times)), within.rupture, "s"),
+        ("v_c of blocks, RMS of its ln", rms(np.concatenate([*ratios, []])), within.speed),
+        ("rupture times in events", largest(np.concatenate([*times, []])), within.rupture, "s"),
     )
     if sum(map(len, theirs)) >= MANY:
         law = known.scene.law.mean
@@ -353,7 +353,3 @@ def _still(known: Reference, t: np.ndarray) -> np.ndarray:
     for start, stop in known.events[["t_start", "t_stop"]].to_numpy():
         quiet &= ~((t > start - 1e-5) & (t < stop + 2e-4))
     return quiet
-
-
-def _joined(parts: list[pd.Series]) -> np.ndarray:
-    return np.concatenate([*parts, []])

@@ -11,7 +11,7 @@ import pandas as pd
 
 from pyfric.figures import FIGURES, event_movie, has_ffmpeg, save_figure
 from pyfric.paper.page import FILM_TEXT, FILMS, write_index
-from pyfric.paper.runs import FIG2B, RUNS
+from pyfric.paper.runs import RUNS
 from pyfric.record import precursor_lengths
 from pyfric.scene import SceneError, unknown, write
 from pyfric.sweeps import Job, run_all, side_by_side
@@ -24,10 +24,6 @@ __all__ = ["reproduce", "runs_table"]
 
 FILMED = "fig3a"
 """The figure whose event is filmed."""
-
-
-LONG = frozenset(FIG2B)
-"""Runs of which one takes longer than the others."""
 
 
 def reproduce(
@@ -67,7 +63,6 @@ def reproduce(
         asked = runs[FIGURES[name].runs]
         jobs[name] = (asked,) if isinstance(asked, Job) else asked
     every = list(dict.fromkeys(job for name in names for job in jobs[name]))
-    every.sort(key=lambda job: job not in LONG)  # begun last they would be waited for
     with side_by_side(every, workers) as pool:
         made = run_all(every, cache=cache, progress=progress, executor=pool)
         records = dict(zip(every, made, strict=True))

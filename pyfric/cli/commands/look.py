@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -62,31 +61,24 @@ def draw(
     tell.files(figures.save_figure(figures.sketch(what), stem))
 
 
-def of_event(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command what says of which event it is."""
-    for add in (
-        click.argument("source", metavar="SCENE|RECORD", type=SceneName()),
-        click.option(
-            "--event",
-            type=click.IntRange(1),
-            required=True,
-            metavar="N",
-            help="Number of the event, from 1, as `pyfric info` and tables have it.",
-        ),
-        click.option(
-            "--t-end",
-            type=Seconds(),
-            default=1.0,
-            help="End time of the run of a scene. [default: 1 s]",
-        ),
-        set_option,
-    )[::-1]:
-        command = add(command)
-    return command
+source_argument = click.argument("source", metavar="SCENE|RECORD", type=SceneName())
+event_option = click.option(
+    "--event",
+    type=click.IntRange(1),
+    required=True,
+    metavar="N",
+    help="Number of the event, from 1, as `pyfric info` and tables have it.",
+)
+t_end_option = click.option(
+    "--t-end", type=Seconds(), default=1.0, help="End time of the run of a scene. [default: 1 s]"
+)
 
 
 @main.command(section="Look")
-@of_event
+@source_argument
+@event_option
+@t_end_option
+@set_option
 @file_option("--out", metavar="STEM", help="Names of the files. [default: event_N]")
 @click.option("--mp4", is_flag=True, help="Also write STEM.mp4, a film; that needs ffmpeg.")
 @click.option("--gif", is_flag=True, help="Also write STEM.gif, a film that needs no ffmpeg.")
@@ -124,7 +116,10 @@ def movie(
 
 
 @main.command(section="Look")
-@of_event
+@source_argument
+@event_option
+@t_end_option
+@set_option
 @file_option("--out", metavar="STEM", help="Names of the files. [default: spacetime_N]")
 @overwrite_option
 @telling

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import base64
 import html as markup
-import io
 import math
 from typing import Any
 
@@ -26,15 +25,12 @@ def html(shown: Any) -> str:
     """Return the text of an object as HTML, below its drawing where there is one."""
     text = f'<pre style="white-space: pre-wrap">{markup.escape(str(shown))}</pre>'
     figure = drawing(shown)
-    return text if figure is None else _image(figure) + text
-
-
-def _image(figure: Any) -> str:
-    picture = io.BytesIO()
-    figure.savefig(picture, format="png", dpi=150)
-    data = base64.b64encode(picture.getvalue()).decode()
+    if figure is None:
+        return text
+    data = base64.b64encode(figure._repr_png_()).decode()
     alt = markup.escape(figure.caption, quote=True)
-    return f'<img alt="{alt}" src="data:image/png;base64,{data}" style="max-width:100%">'
+    image = f'<img alt="{alt}" src="data:image/png;base64,{data}" style="max-width:100%">'
+    return image + text
 
 
 def page(record: Any) -> str:

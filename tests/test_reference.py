@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import pyfric
-from pyfric.checks import ladder, regression
-from pyfric.checks.check import Check
-from pyfric.checks.ladder import Ladder
-from pyfric.checks.tolerances import DYNAMIC, HYBRID, STEP_END
+from pyfric.checks import regression
+from pyfric.checks.regression import Ladder
+from pyfric.checks.tolerances import DYNAMIC, HYBRID, STEP_END, Check
 from pyfric.scene import preset
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference_data"
@@ -212,14 +211,14 @@ def ladders(name, geometry):
 def test_ladder_event_by_event(name):
     """At the same geometry, the linear one. The ladder of fig1 makes two steps of the first."""
     blocks, last = LADDER_BLOCKS[name]
-    assert_all(ladder.ladder_event_by_event(*ladders(name, "linear"), blocks, last))
+    assert_all(regression.ladder_event_by_event(*ladders(name, "linear"), blocks, last))
 
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("name", CLEAN)
 def test_ladder_at_given_length(name, geometry):
     """Forces at which precursors of a length start and stop, between those the ladder has."""
-    assert_all(ladder.ladder_at_given_length(*ladders(name, geometry)))
+    assert_all(regression.ladder_at_given_length(*ladders(name, geometry)))
 
 
 # --- the comparisons notice ----------------------------------------------------------------------

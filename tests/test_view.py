@@ -13,7 +13,7 @@ from test_page import Page
 import pyfric
 from pyfric.cli import main
 from pyfric.figures import record_page, view
-from pyfric.figures.drawing import drawing
+from pyfric.figures.view import drawing
 from pyfric.record import held_in
 
 

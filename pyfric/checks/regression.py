@@ -7,12 +7,15 @@ located switching up to its first event over the whole interface. Three comparis
     stresses        tau and p at first slip and last stick of the main events, tau/p behind the tip
     crack_speeds    rupture times, v_c, and the collapse of v_c on the scaled prestress
 
+The quasi-static sequence is compared by the lengths and forces of its precursors (`Ladder`).
+
 Events are compared, not trajectories: forces over F_N, stresses over F_N/N_x, lengths in blocks.
 What a run may differ by is in `pyfric.checks.tolerances`: one for each engine, with its reason.
 """
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,10 +23,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pandas as pd
 
-from pyfric.checks.check import Check, largest, rms
-from pyfric.checks.tolerances import Tolerances
+from pyfric.checks.tolerances import Check, Tolerances, largest, rms
 from pyfric.engines import simulate
-from pyfric.record import Collapse, collapse_spread, fronts
+from pyfric.record import Collapse, collapse_spread, fronts, paired
 from pyfric.scene import Scene
 
 if TYPE_CHECKING:
@@ -34,11 +36,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "INSTALLED",
+    "LADDER",
+    "Ladder",
     "Reference",
     "compare",
     "crack_speeds",
     "dynamic",
     "hybrid",
+    "ladder_at_given_length",
+    "ladder_event_by_event",
     "load",
     "loading_curve",
     "quasistatic",
@@ -48,6 +54,7 @@ __all__ = [
 INSTALLED = Path(__file__).parent / "reference"
 """Sets that come with the package."""
 COMPARED = ("F_T_start", "F_T_arrest", "t_start", "first_block", "last_block")
+STATES = ("tau_before", "p_before", "tau_after", "p_after")
 TABLES = ("events", "curve", "stresses", "fronts")
 BINS = 10
 """Bins of the scaled prestress: at least 5 points in each, for run 1 with its 6 main events."""
@@ -57,6 +64,10 @@ LEAST = 0.02
 """Blocks that carry less than this share of F_N/N_x have no tau/p worth comparing."""
 BEFORE, AFTER = 2e-4, 5e-3
 """Times that a run of one event begins before its first slip, and ends after its last stick, s."""
+
+LADDER = 0.03
+"""Forces of the quasi-static sequence, over F_N: it has no inertia, so that nothing overshoots."""
+NO_INERTIA = "no inertia: nothing overshoots, and steps are a little shorter"
 
 
 class Reference(NamedTuple):
@@ -150,34 +161,29 @@ def compare(known: Reference, made: Record, within: Tolerances) -> list[Check]:
 def loading_curve(known: Reference, made: Record, within: Tolerances) -> list[Check]:
     """Compare the events of a run, and F_T(t) between them, with those of a set."""
     a, b = _events(known, made, within)
-    which = "main events" if within.small is None else "events"
-    checks = [_check(f"{which} that are missing or new", abs(len(a) - len(b)), 0, within)]
     n, F_N = min(len(a), len(b)), known.scene.F_N
+    missing = abs(len(a) - len(b))
     a, b = a.iloc[:n], b.iloc[:n]
     error = pd.DataFrame({name: b[name].to_numpy() - a[name].to_numpy() for name in COMPARED})
+    forces, blocks = error[["F_T_start", "F_T_arrest"]] / F_N, error[["first_block", "last_block"]]
     main = a["is_main"].to_numpy(dtype=bool)
-    for name, column, unit, limit in (
-        ("static force at first slip, over F_N", "F_T_start", F_N, within.start),
-        ("static force at last stick, over F_N", "F_T_arrest", F_N, within.arrest),
-        ("start", "t_start", 1.0, within.time),
-    ):
-        value = largest(error[column][main] / unit)
-        of = "s" if column == "t_start" else ""
-        checks.append(_check(f"main events: {name}", value, limit, within, of))
-    if within.small is not None and not main.all():
-        value = largest(error.loc[~main, ["F_T_start", "F_T_arrest"]].to_numpy().ravel() / F_N)
-        checks.append(_check("small events: static forces, over F_N", value, within.small, within))
-    value = largest(error[["first_block", "last_block"]].to_numpy().ravel())
-    checks.append(_check(f"{which}: first and last block", value, within.blocks, within))
-    if within.curve is not None:
-        _, i, j = np.intersect1d(known.curve["t"], made.curve["t"], return_indices=True)
-        t = known.curve["t"].to_numpy()[i]
-        error = made.curve["F_T"].to_numpy()[j] - known.curve["F_T"].to_numpy()[i]
-        error = error[_still(known, t)] / F_N
-        checks.append(
-            _check("F_T(t) where nothing slips, over F_N", largest(error), within.curve, within)
-        )
-    return checks
+    small, first, last = (
+        largest(one.to_numpy().ravel())
+        for one in (forces[~main], forces["F_T_start"][main], forces["F_T_arrest"][main])
+    )
+    _, i, j = np.intersect1d(known.curve["t"], made.curve["t"], return_indices=True)
+    still = _still(known, known.curve["t"].to_numpy()[i])
+    curve = (made.curve["F_T"].to_numpy()[j] - known.curve["F_T"].to_numpy()[i])[still] / F_N
+    which = "main events" if within.small is None else "events"
+    return within.checks(
+        (f"{which} that are missing or new", missing, 0),
+        ("main events: static force at first slip, over F_N", first, within.start),
+        ("main events: static force at last stick, over F_N", last, within.arrest),
+        ("main events: start", largest(error["t_start"][main]), within.time, "s"),
+        ("small events: static forces, over F_N", small, None if main.all() else within.small),
+        (f"{which}: first and last block", largest(blocks.to_numpy().ravel()), within.blocks),
+        ("F_T(t) where nothing slips, over F_N", largest(curve), within.curve),
+    )
 
 
 def stresses(known: Reference, made: Record, within: Tolerances) -> list[Check]:
@@ -189,32 +195,23 @@ def stresses(known: Reference, made: Record, within: Tolerances) -> list[Check]:
     for event, other in _main(known, made, within):
         table = known.stresses[known.stresses["event"] == event].sort_values("n")
         row, about = made.row(other), known.events.loc[event]
-        for when, found in errors.items():
-            for name in (f"tau_{when}", f"p_{when}"):
-                error = made.arrays[name][row][order] - table[name].to_numpy()
-                found.append(rms(error) / unit)
+        ours = {name: made.arrays[name][row][order] for name in STATES}
+        for name in STATES:
+            error = ours[name] - table[name].to_numpy()
+            errors[name.partition("_")[2]].append(rms(error) / unit)
         n, p = table["n"].to_numpy(), table["p_after"].to_numpy()
         slid = (n >= about["first_block"]) & (n < about["last_block"]) & (p > LEAST * unit)
-        scaled = [
-            rms(law.scaled(tau[slid] / p[slid]))
-            for tau, p in (
-                (table["tau_after"].to_numpy(), p),
-                (made.tau_after[row][order], made.p_after[row][order]),
-            )
-        ]
-        behind.append(scaled[1] - scaled[0])
-    return [
-        *(
-            _check(
-                f"tau and p {when} main events, RMS, over F_N/N_x",
-                largest(found),
-                within.stress,
-                within,
-            )
-            for when, found in errors.items()
-        ),
-        _check("scaled tau/p behind the tip, RMS", largest(behind), within.behind, within),
-    ]
+        stored, own = (
+            rms(law.scaled(np.asarray(one["tau_after"])[slid] / np.asarray(one["p_after"])[slid]))
+            for one in (table, ours)
+        )
+        behind.append(own - stored)
+    about = "main events, RMS, over F_N/N_x"
+    return within.checks(
+        (f"tau and p before {about}", largest(errors["before"]), within.stress),
+        (f"tau and p after {about}", largest(errors["after"]), within.stress),
+        ("scaled tau/p behind the tip, RMS", largest(behind), within.behind),
+    )
 
 
 def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Check]:
@@ -235,13 +232,11 @@ def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Che
         ratios.append(np.log(both["v_c_b"] / both["v_c_a"]).dropna())
         theirs.append(a)
         ours.append(b)
-    checks = [
-        _check("blocks in only one of two fronts", largest(alone), within.blocks, within),
-        _check("v_c of blocks, RMS of its ln", rms(_joined(ratios)), within.speed, within),
-    ]
-    if within.rupture is not None:
-        error = largest(_joined(times))
-        checks.append(_check("rupture times in events", error, within.rupture, within, "s"))
+    checks = within.checks(
+        ("blocks in only one of two fronts", largest(alone), within.blocks),
+        ("v_c of blocks, RMS of its ln", rms(np.concatenate([*ratios, []])), within.speed),
+        ("rupture times in events", largest(np.concatenate([*times, []])), within.rupture, "s"),
+    )
     if sum(map(len, theirs)) >= MANY:
         law = known.scene.law.mean
         stored = pd.concat(theirs)
@@ -250,7 +245,7 @@ def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Che
         points = pd.concat(ours)
         difference = abs(_spread(curve, points["scaled"], points["v_c"]) - curve.rms)
         name = f"collapse of v_c: spread less the stored {curve.rms:.3f}"
-        checks.append(_check(name, difference, within.spread, within))
+        checks += within.checks((name, difference, within.spread))
     return checks
 
 
@@ -260,6 +255,74 @@ def _spread(curve: Collapse, x: pd.Series, v_c: pd.Series) -> float:
     last = len(curve.median) - 1
     in_bin = np.clip(np.searchsorted(curve.edges, x.to_numpy()[kept], side="right") - 1, 0, last)
     return rms(np.log(v_c.to_numpy()[kept] / curve.median[in_bin]))
+
+
+# --- the quasi-static sequence: precursors by length and force -----------------------------------
+
+
+class Ladder(NamedTuple):
+    """Main precursors from the trailing edge: lengths in blocks, forces over F_N; their table."""
+
+    length: np.ndarray
+    start: np.ndarray
+    arrest: np.ndarray
+    events: pd.DataFrame
+    scene: Scene
+
+    @classmethod
+    def of(cls, events: pd.DataFrame, scene: Scene) -> Ladder:
+        """Return the precursors before the first system-size event.
+
+        The length is the farthest block: L_p is 0 where a corner block that hardly carries load did
+        not move.
+        """
+        main = events[events["is_main"] & events["at_trailing_edge"]]
+        main = main[(main["last_block"] == scene.N_x).cumsum() == 0]
+        forces = main[["F_T_start", "F_T_arrest"]].to_numpy().T / scene.F_N
+        return cls(main["last_block"].to_numpy(), *forces, main, scene)
+
+
+def ladder_event_by_event(
+    a: Ladder, b: Ladder, blocks: int, last: int | None = None
+) -> list[Check]:
+    """Compare a ladder b with a, each event of a with one of b; b may have one more.
+
+    Args:
+        a: of full dynamics.
+        b: of the quasi-static engine, in the same geometry.
+        blocks: tolerance of lengths.
+        last: tolerance of the last, longest one; None means the same.
+    """
+    more = len(b.length) - len(a.length)
+    if more < 0:
+        return [_laddered("missing precursors", math.nan, 0)]
+    _, k = paired(a.events, b.events, a.scene)
+    off = np.abs(b.length[k] - a.length)
+    return [
+        _laddered("precursors more", more, 1),
+        _laddered("lengths, blocks", largest(off[:-1]), blocks),
+        _laddered("longest precursor, blocks", off[-1], last or blocks),
+        _laddered("start, over F_N", largest(b.start[k] - a.start), LADDER),
+        _laddered("arrest, over F_N", largest(b.arrest[k] - a.arrest), LADDER),
+    ]
+
+
+def ladder_at_given_length(a: Ladder, b: Ladder) -> list[Check]:
+    """Compare the forces at which precursors of a length start and stop, where both have some."""
+    common = (a.length >= b.length[0]) & (a.length <= b.length[-1])
+    checks = [
+        _laddered("lengths that do not grow", (np.diff(b.length) <= 0).sum(), 0),
+        _laddered("precursors out of range", (~common).sum(), 2),
+    ]
+    for force in ("start", "arrest"):
+        at_length = np.interp(a.length[common], b.length, getattr(b, force))
+        error = largest(at_length - getattr(a, force)[common])
+        checks.append(_laddered(f"{force} at given length, over F_N", error, LADDER))
+    return checks
+
+
+def _laddered(what: str, value: float, tolerance: float) -> Check:
+    return Check(f"quasi-static: {what}", value, tolerance, why=NO_INERTIA)
 
 
 # --- parts ---------------------------------------------------------------------------------------
@@ -290,11 +353,3 @@ def _still(known: Reference, t: np.ndarray) -> np.ndarray:
     for start, stop in known.events[["t_start", "t_stop"]].to_numpy():
         quiet &= ~((t > start - 1e-5) & (t < stop + 2e-4))
     return quiet
-
-
-def _check(name: str, value: float, limit: float, within: Tolerances, unit: str = "") -> Check:
-    return Check(name, float(value), limit, unit, within.why)
-
-
-def _joined(parts: list[pd.Series]) -> np.ndarray:
-    return np.concatenate([*parts, []])

@@ -152,8 +152,8 @@ def stability(
         for share in BEYOND:
             late = time.process_time() - begin > budget
             rate = math.nan if late else growth(still, stepper, share * computed)
-            rows.append({"stepper": stepper, "computed": computed, "share": share,
-                         "dt": share * computed, "growth": rate})  # fmt: skip
+            about = {"stepper": stepper, "computed": computed, "share": share}
+            rows.append(about | {"dt": share * computed, "growth": rate})
         if time.process_time() - begin < budget:
             say(f"{stepper}: largest stable step")
             measured = measured_limit(still, stepper, computed)
@@ -165,19 +165,15 @@ def stability(
 
 def report(table: pd.DataFrame) -> str:
     """Return the table as text: a line for each stepper."""
-    shares = [share for share in BEYOND if share >= 0.98]
-    head = "".join(f"{share:>9g}" for share in shares)
-    lines = ["largest stable step (s), and ln of growth in a step at steps over the computed limit"]
-    lines += [f"{'stepper':<17}{'computed':>10}{'measured':>10}{'ratio':>7}{head}"]
-    for stepper, rows in table.groupby("stepper", sort=False):
-        first, rates = rows.iloc[0], rows.set_index("share")["growth"]
-        text = "".join(f"{rates[share]:>9.2g}" for share in shares)
-        lines.append(
-            f"{stepper:<17}{first['computed']:>10.3g}{first['measured']:>10.3g}"
-            f"{first['ratio']:>7.3f}{text}"
-        )
-    lines.append("runs with steps beyond the computed limit are refused; adaptive has no limit")
-    return "\n".join(lines)
+    about = ["stepper", "computed", "measured", "ratio"]
+    beyond = (
+        table[table["share"] >= 0.98].set_index([*about, "share"])["growth"].unstack(sort=False)
+    )
+    return (
+        "largest stable step (s), and ln of growth in a step at steps over the computed limit\n"
+        f"{beyond.reset_index().to_string(index=False, float_format='{:.3g}'.format)}\n"
+        "runs with steps beyond the computed limit are refused; adaptive has no limit"
+    )
 
 
 def figure(table: pd.DataFrame) -> DataFigure:

@@ -1,10 +1,52 @@
-"""What engines may differ by from full dynamics with located switching, and why."""
+"""Checks: values within tolerances, and what engines may differ by from full dynamics."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from typing import Any
 
-__all__ = ["DYNAMIC", "HYBRID", "STEP_END", "Tolerances"]
+import numpy as np
+
+__all__ = ["DYNAMIC", "HYBRID", "STEP_END", "Check", "Tolerances", "largest", "rms"]
+
+
+@dataclass(frozen=True)
+class Check:
+    """A value that has to stay within a tolerance.
+
+    Attributes:
+        name: what was measured.
+        value: not negative; NaN where there was nothing to measure.
+        tolerance: largest value that holds.
+        unit: of both; "" for pure numbers.
+        why: the reason of the tolerance.
+    """
+
+    name: str
+    value: float
+    tolerance: float
+    unit: str = ""
+    why: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the value is within the tolerance; NaN never is."""
+        return bool(self.value <= self.tolerance)
+
+    def __str__(self) -> str:
+        verdict = "holds" if self.holds else "FAILS"
+        number = f"{self.value:.3g} {self.unit}".strip()
+        return f"{verdict}: {self.name}: {number} (up to {self.tolerance:.3g})"
+
+
+def largest(error: np.ndarray | list[float]) -> float:
+    """Largest size, NaN if one is missing or there are none."""
+    return float(np.max(np.abs(error))) if len(error) else math.nan
+
+
+def rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(error)))) if len(error) else math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +80,18 @@ class Tolerances:
     spread: float
     curve: float | None
     why: str
+
+    def checks(self, *measured: tuple[Any, ...]) -> list[Check]:
+        """Return checks of what was measured, for the reason of these tolerances.
+
+        Args:
+            measured: name, value, tolerance (None where it is not compared) and, maybe, unit.
+        """
+        return [
+            Check(name, float(value), limit, *unit, why=self.why)
+            for name, value, limit, *unit in measured
+            if limit is not None
+        ]
 
 
 HYBRID = {

@@ -6,7 +6,6 @@ Exact answers, bits, and stored full dynamics (`pyfric.checks.regression`).
 from __future__ import annotations
 
 import dataclasses
-import functools
 import hashlib
 import math
 import signal
@@ -17,20 +16,24 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pyfric import core, theory
-from pyfric.checks import ladder, regression, tolerances, tpv3
-from pyfric.checks.check import Check
+from pyfric.checks import regression, tpv3
+from pyfric.checks.tolerances import DYNAMIC, HYBRID, STEP_END, Check, Tolerances
 from pyfric.display import plain
-from pyfric.engines import simulate, step_size
-from pyfric.paper.claims import CLAIMS
-from pyfric.scene import chain, laws, preset, setup1
+from pyfric.engines import step_size
+from pyfric.paper.claims import CLAIMS, chain_front
+from pyfric.scene import laws, preset, setup1
 from pyfric.signals import at_once
 from pyfric.statics import loaded_state
+
+if TYPE_CHECKING:
+    from pyfric.record import Record
 
 __all__ = ["Group", "report", "table", "verify"]
 
@@ -162,11 +165,14 @@ def _all() -> Iterator[tuple[str, Callable[[], Made]]]:
     yield "speed of fronts in chains against the exact one", _chains
     yield "rupture of TPV3 against spectral elements", _tpv3
     for name in ("fig1_linear", "run1_linear", "setup2_linear", "fig1_finite"):
-        yield f"{name}: hybrid engine against stored full dynamics", lambda name=name: _hybrid(name)
-    yield "fig1_linear: switching at step ends", _step_end
+        made = partial(_stored, name, regression.hybrid, HYBRID)
+        yield f"{name}: hybrid engine against stored full dynamics", made
+    at_ends = partial(regression.hybrid, switching="step_end")
+    made = partial(_stored, "fig1_linear", at_ends, {"linear": STEP_END})
+    yield "fig1_linear: switching at step ends", made
     for event in (5, 37):  # a short and a long one
-        name = f"fig1_linear: full dynamics of event {event}, from a hybrid state before it"
-        yield name, lambda event=event: _dynamic(event)
+        made = partial(_stored, "fig1_linear", partial(regression.dynamic, event=event), DYNAMIC)
+        yield f"fig1_linear: full dynamics of event {event}, from a hybrid state before it", made
     yield "fig1_linear: quasi-static sequence", _ladder
 
 
@@ -199,7 +205,7 @@ def _bits() -> Made:
     others |= {"saved and continued": (core.VARIANT, 1, True)}
     switches = []
     for law, geometry, switching in RUNS:
-        run = functools.partial(digest, law, geometry, switching)
+        run = partial(digest, law, geometry, switching)
         first, n = run(core.VARIANT, 1)
         switches.append(n)
         how = f"{geometry}, {switching.replace('_', ' ')}, law {law!r}"
@@ -272,26 +278,10 @@ def _chains() -> Made:
     checks = []
     for tau_bar, eta2 in ((0.7, 0.1), (0.5, 1.0)):
         known = float(theory.chain_speed(tau_bar, 0.0, math.sqrt(eta2)))
-        error = abs(_chain_front(tau_bar, math.sqrt(eta2), known) / known - 1)
+        error = abs(chain_front(tau_bar, math.sqrt(eta2), known, 0.04) / known - 1)
         what = f"tau_bar = {tau_bar:g}, eta^2 = {eta2:g} k m: relative error of the speed"
         checks.append(Check(what, error, 1e-6))
     return checks, "mean over blocks 150 to 300, located switches, 25 steps from block to block"
-
-
-def _chain_front(tau_bar: float, eta: float, guess: float) -> float:
-    """Return the speed of a front over l sqrt(k/m); eta is over sqrt(k m), the guess sets steps."""
-    mu_s, mu_k, p, n, released = 0.7, 0.45, 10.0, 300, 20
-    about = {"L": (n - 1) * 2.5e-3, "p": p, "tau": p * (mu_k + tau_bar * (mu_s - mu_k))}
-    scene = chain(**about, mu_s=mu_s, mu_k=mu_k, K=1e-3, V=0.0)
-    unit = math.sqrt(scene.m / scene.slider.k)
-    slider = dataclasses.replace(scene.slider, eta=eta * scene.slider.k * unit)
-    scene = dataclasses.replace(scene, slider=slider)
-    state = loaded_state(scene).state(scene, 0.04 * unit / guess)
-    state.mode[:released] = 1
-    how = {"fidelity": "dynamic", "switching": "located", "budget": False, "t_gap": 1.0}
-    how |= {"dt": state.dt, "initial": state, "progress": False}
-    times = simulate(scene, 1.05 * (n - released) * unit / guess, **how).rupture_times[0][n // 2 :]
-    return float(np.polyfit(times, np.arange(n // 2, n), 1)[0] * unit)
 
 
 def _tpv3() -> Made:
@@ -303,28 +293,20 @@ def _tpv3() -> Made:
     return [Check(what, tpv3.misfit(arrivals), 0.002)], "at 2 to 14 km from the middle"
 
 
-def _hybrid(name: str) -> Made:
+def _stored(
+    name: str, run: Callable[[regression.Reference], Record], within: dict[str, Tolerances]
+) -> Made:
+    """A run of a stored set against it, within the tolerances of its geometry."""
     known = regression.load(name)
-    within = tolerances.HYBRID[known.about["geometry"]]
-    return regression.compare(known, regression.hybrid(known), within), within.why
-
-
-def _step_end() -> Made:
-    known, within = regression.load("fig1_linear"), tolerances.STEP_END
-    made = regression.hybrid(known, switching="step_end")
-    return regression.compare(known, made, within), within.why
-
-
-def _dynamic(event: int) -> Made:
-    known, within = regression.load("fig1_linear"), tolerances.DYNAMIC["linear"]
-    return regression.compare(known, regression.dynamic(known, event), within), within.why
+    allowed = within[known.about["geometry"]]
+    return regression.compare(known, run(known), allowed), allowed.why
 
 
 def _ladder() -> Made:
     known = regression.load("fig1_linear")
     made = regression.quasistatic(known)
-    a, b = (ladder.Ladder.of(one, known.scene) for one in (known.events, made.events))
+    a, b = (regression.Ladder.of(one, known.scene) for one in (known.events, made.events))
     return [
-        *ladder.ladder_event_by_event(a, b, 2),
-        *ladder.ladder_at_given_length(a, b),
+        *regression.ladder_event_by_event(a, b, 2),
+        *regression.ladder_at_given_length(a, b),
     ], ""

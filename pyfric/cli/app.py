@@ -20,81 +20,59 @@ if TYPE_CHECKING:
 __all__ = ["Commands", "main"]
 
 
-class _Whole:
-    """A command of which a list of commands shows the whole first paragraph, not its beginning."""
+class _Listed:
+    """A command in a section of a list, which shows its whole first paragraph."""
+
+    def __init__(self, *given: Any, section: str = "Commands", **more: Any) -> None:
+        super().__init__(*given, **more)
+        self.section = section
 
     def get_short_help_str(self, limit: int = 0) -> str:
         return " ".join((self.help or "").partition("\n\n")[0].split())
 
 
-class _Command(_Whole, click.Command):
-    """A command that signals end; its section is where the list of commands has it."""
-
-    def __init__(self, *given: Any, section: str = "", **more: Any) -> None:
-        super().__init__(*given, **more)
-        self.section = section
-
-    def invoke(self, ctx: click.Context) -> Any:
-        from pyfric.signals import asked_to_stop, commanded
-
-        with commanded():
-            try:
-                return super().invoke(ctx)
-            except KeyboardInterrupt:
-                stop(signalled(), "interrupted")
-            except (click.ClickException, click.exceptions.Exit, click.Abort):
-                raise
-            except Exception:
-                if asked_to_stop():  # such as an import that was cut short
-                    stop(signalled(), "interrupted")
-                raise
+class _Command(_Listed, click.Command):
+    """A command of `Commands`."""
 
 
-class Commands(_Whole, click.Group):
+class Commands(_Listed, click.Group):
     """A group that ends with `Exit` codes, and lists its commands in sections."""
 
     command_class = _Command
     group_class = type
 
-    def __init__(
-        self, *given: Any, section: str = "", sections: Sequence[str] = (), **more: Any
-    ) -> None:
+    def __init__(self, *given: Any, sections: Sequence[str] = ("Commands",), **more: Any) -> None:
         super().__init__(*given, **more)
-        self.section, self.sections = section, tuple(sections)
+        self.sections = sections
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write a list for each section; where there is none, all commands as click does."""
-        if not self.sections:
-            super().format_commands(ctx, formatter)
-            return
+        """Write a list for each section."""
         for section in self.sections:
             listed = [self.commands[name] for name in self.list_commands(ctx)]
             listed = [command for command in listed if command.section == section]
             with formatter.section(section):
                 formatter.write_dl([(one.name, one.get_short_help_str()) for one in listed])
 
-    def add_command(self, cmd: click.Command, name: str | None = None) -> None:
-        """Add a command, which says in which section it is.
-
-        Raises:
-            ValueError: it names none of the sections.
-        """
-        if self.sections and cmd.section not in self.sections:
-            raise ValueError(f"{cmd.name}: section {cmd.section!r} is none of {self.sections}")
-        super().add_command(cmd, name)
-
     def invoke(self, ctx: click.Context) -> Any:
-        try:
-            with warnings.catch_warnings():
-                warnings.showwarning = _once()
+        from pyfric.signals import asked_to_stop, commanded
+
+        if ctx.parent is not None:
+            return super().invoke(ctx)
+        with warnings.catch_warnings(), commanded():
+            warnings.showwarning = _once()
+            try:
                 return super().invoke(ctx)
-        except (click.ClickException, click.exceptions.Exit, click.Abort):
-            raise
-        except Exception as error:
-            code = _code(error)
-            if code is None:
+            except (click.ClickException, click.exceptions.Exit, click.Abort):
                 raise
-            stop(code, f"Error: {str(error) or 'out of memory'}")
+            except KeyboardInterrupt:
+                stop(signalled(), "interrupted")
+            except Exception as error:
+                if asked_to_stop():  # such as an import that was cut short
+                    stop(signalled(), "interrupted")
+                code = _code(error)
+                if code is None:
+                    raise
+                stop(code, f"Error: {str(error) or 'out of memory'}")
 
 
 def _once() -> Callable[..., None]:

@@ -39,18 +39,11 @@ class Exit(enum.IntEnum):
 EXIT_CODES = """\b
 Exit codes:
     0  complete
-    1  the run failed; --out holds the results until then
-    2  bad input; nothing was started
-  130  interrupted by Ctrl-C; --out holds the results until then
-128+n  the same by another signal: 143 SIGTERM, 129 SIGHUP, 138 SIGUSR1
-"""
-SHORT_EXIT_CODES = """\b
-Exit codes:
-    0  complete
     1  a run failed or a file could not be written
     2  bad input; nothing was started
-  130  interrupted by Ctrl-C; finished runs are kept
+  130  interrupted by Ctrl-C
 128+n  the same by another signal: 143 SIGTERM, 129 SIGHUP, 138 SIGUSR1
+Finished runs are kept, and --out of pyfric run holds the results until a failure or a signal.
 """
 
 
@@ -81,21 +74,15 @@ def stop_unless_complete(record: Record, hint: str) -> None:
 # --- parameters ----------------------------------------------------------------------------------
 
 
-class Registered(click.ParamType):
+class Registered(click.Choice):
     """A name from a registry, which is loaded only where its names are needed: that takes time."""
 
-    def __init__(self, name: str, names: Callable[[], list[str]]) -> None:
-        self.name, self._names = name, names
+    def __init__(self, names: Callable[[], list[str]]) -> None:
+        self.case_sensitive, self._names = True, names
 
-    @property
+    @functools.cached_property
     def choices(self) -> tuple[str, ...]:
         return tuple(self._names())
-
-    def get_metavar(self, *where: Any, **rest: Any) -> str | None:
-        return click.Choice(self.choices).get_metavar(*where, **rest)
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> str:
-        return click.Choice(self.choices).convert(value, param, ctx)
 
 
 class SceneName(click.ParamType):
@@ -108,15 +95,6 @@ class SceneName(click.ParamType):
 
         found = [CompletionItem(name) for name in PRESETS if name.startswith(incomplete)]
         return [*found, CompletionItem(incomplete, type="file")]
-
-
-class FileName(click.ParamType):
-    """The name of a file that a command reads."""
-
-    name = "file"
-
-    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
-        return [CompletionItem(incomplete, type="file")]
 
 
 def _keys(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[str]:
@@ -197,7 +175,7 @@ def check_out(
     """
     if out is None:
         return
-    _check_parent(out, option)
+    _check_writable(out.parent, out, option)
     read = [Path(one) for one in reads if one is not None and Path(one).exists()]
     for end in ends:
         path = out.with_name(out.name + end)
@@ -236,12 +214,9 @@ def check_folder(out: Path | None, option: str = "--out") -> None:
     if out is None:
         return
     _check_links(out, option)
-    if not out.is_dir():
-        _check_parent(out, option)
-        if out.exists():
-            raise click.UsageError(f"{option} {out}: this is a file, not a folder.")
-    elif not _writable(out):
-        raise click.UsageError(f"{option} {out}: the folder is not writable.")
+    if out.exists() and not out.is_dir():
+        raise click.UsageError(f"{option} {out}: this is a file, not a folder.")
+    _check_writable(out if out.is_dir() else out.parent, out, option)
 
 
 def _check_links(path: Path, option: str) -> None:
@@ -253,19 +228,16 @@ def _check_links(path: Path, option: str) -> None:
             raise click.UsageError(f"{option} {path}: {error.strerror}.") from None
 
 
-def _check_parent(out: Path, option: str) -> None:
-    if not out.parent.is_dir():
-        raise click.UsageError(f"{option} {out}: there is no folder {out.parent}.")
-    if not _writable(out.parent):
-        raise click.UsageError(f"{option} {out}: the folder {out.parent} is not writable.")
-
-
-def _writable(folder: Path) -> bool:
+def _check_writable(folder: Path, out: Path, option: str) -> None:
+    """Refuse an output in a folder that is not there, or in which nothing can be written."""
+    if not folder.is_dir():
+        raise click.UsageError(f"{option} {out}: there is no folder {folder}.")
     try:
         with tempfile.TemporaryFile(dir=folder):
-            return True
+            pass
     except OSError:
-        return False
+        message = f"{option} {out}: the folder {folder} is not writable."
+        raise click.UsageError(message) from None
 
 
 def figure_ends(*tables: str) -> tuple[str, ...]:
@@ -284,10 +256,6 @@ set_option = click.option(
     "are SI.",
 )
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist.")
-quiet_option = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
-json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-
-
 want_option = click.option(
     "--want",
     type=click.Choice(["loading_curve", "precursors", "stress", "front_speed", "motion"]),
@@ -303,12 +271,22 @@ tolerance_option = click.option(
     help="Accepted error over F_N; relative for front speeds.",
 )
 
-workers_option = click.option(
-    "--workers",
-    type=click.IntRange(1, 4096),
-    help="Largest number of runs at a time. [default: processors]",
-)
-no_cache_option = click.option("--no-cache", is_flag=True, help="Repeat all runs and store none.")
+
+def running(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options of `pyfric.run_all`: --workers and --no-cache."""
+    workers = click.option(
+        "--workers",
+        type=click.IntRange(1, 4096),
+        help="Largest number of runs at a time. [default: processors]",
+    )
+    cache = click.option(
+        "--no-cache",
+        "cache",
+        flag_value=False,
+        default=True,
+        help="Repeat all runs and store none.",
+    )
+    return workers(cache(command))
 
 
 class _File(click.Path):
@@ -360,7 +338,7 @@ class Tell:
     def result(self, value: Any, text: Callable[[], str]) -> None:
         """Tell a result: `value` as JSON, or else `text`."""
         if self.as_json:
-            print_json(value)
+            click.echo(json.dumps(value, indent=2, allow_nan=False))
         elif not self.quiet:
             click.echo(text())
 
@@ -379,17 +357,13 @@ class Tell:
 def telling(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options --quiet and --json, and the argument `tell`."""
 
-    @quiet_option
-    @json_option
+    @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+    @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
     @functools.wraps(command)
     def told(*args: Any, quiet: bool, as_json: bool, **rest: Any) -> Any:
         return command(*args, tell=Tell(quiet, as_json), **rest)
 
     return told
-
-
-def print_json(value: Any) -> None:
-    click.echo(json.dumps(value, indent=2, allow_nan=False))
 
 
 def _provenance_of(table: Path) -> Path:

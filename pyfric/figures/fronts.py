@@ -10,7 +10,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from pyfric.figures.registry import figure
 from pyfric.figures.spacetime import LOOKS as LINES
 from pyfric.figures.spacetime import speeds
 from pyfric.figures.stresses import longest_precursor
@@ -23,6 +22,7 @@ from pyfric.figures.style import (
     VERMILION,
     DataFigure,
     caption,
+    figure,
     joined,
     legend,
     listed,
@@ -40,9 +40,11 @@ LOOKS = ((BLUE, "o"), (ORANGE, "s"), (GREEN, "^"), (VERMILION, "D"))
 """Colour and marker of each run."""
 MEDIANS = 10
 """Bins of the medians of a run."""
+MEDIAN = {"mec": "black", "mew": 0.5, "ms": 3.4}
+"""Look of their markers."""
 
 
-@figure("Fig. 4(a): front speed and prestress in one precursor", runs="fig4a", precursor=11)
+@figure("Fig. 4(a): front speed and prestress in one precursor", runs="fig1", precursor=11)
 def fig4a(record: Record, event: int | None = None) -> DataFigure:
     """Fig. 4(a) of the paper: front speed and prestress along the interface in one precursor.
 
@@ -112,8 +114,8 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
         _speeds(axes, records[0].scene)
         axes.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)")
     if len(medians):
-        large = {"marker": "o", "mfc": "white", "mec": "black", "mew": 0.5, "ms": 3.4}
-        handles.append(Line2D([], [], color="0.4", label="medians", **large))
+        look = {"marker": "o", "mfc": "white", "color": "0.4", **MEDIAN}
+        handles.append(Line2D([], [], label="medians", **look))
     legend(both[0], handles=handles, loc="lower right")
     both[0].set_xlabel(r"prestress $\tau/p$")
     scaled = r"(\tau/p-\mu_\mathrm{k})/(\mu_\mathrm{s}-\mu_\mathrm{k})"
@@ -165,21 +167,13 @@ def _draw_medians(
         if len(rows) < PER_BIN * MEDIANS:
             continue
         colour, shape = LOOKS[(n - 1) % len(LOOKS)]
-        look = {
-            "color": colour,
-            "marker": shape,
-            "mec": "black",
-            "mew": 0.5,
-            "ms": 3.4,
-            "zorder": 5,
-        }
+        look = {"color": colour, "marker": shape, "lw": 1.2, "zorder": 5, **MEDIAN}
         for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
             edges = collapse_spread(rows[x], rows["v_c"], bins=MEDIANS).edges
-            bins = rows.groupby(
-                pd.cut(rows[x], np.unique(edges), include_lowest=True), observed=True
-            )
+            cut = pd.cut(rows[x], np.unique(edges), include_lowest=True)
+            bins = rows.groupby(cut, observed=True)
             table = bins[[x, "v_c"]].median().rename(columns={x: "at"})
-            axes.plot(table["at"], table["v_c"], lw=1.2, **look)
+            axes.plot(table["at"], table["v_c"], **look)
             tables.append(table.reset_index(drop=True).assign(run=n, scene=one.scene.name, axis=x))
     columns = ["at", "v_c", "run", "scene", "axis"]
     return pd.concat(tables) if tables else pd.DataFrame(columns=columns)
@@ -193,10 +187,8 @@ def _draw_spreads(both: Sequence[Axes], points: pd.DataFrame) -> list[str]:
     for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
         rms = collapse_spread(points[x].to_numpy(), points["v_c"].to_numpy()).rms
         spreads.append(f"{rms:.2f}")
-        axes.text(
-            0.02, 0.12, rf"rms of $\ln v_\mathrm{{c}}$: {rms:.2f}", transform=axes.transAxes,
-            ha="left", va="bottom", fontsize=SMALL,
-        )  # fmt: skip
+        text = rf"rms of $\ln v_\mathrm{{c}}$: {rms:.2f}"
+        axes.text(0.02, 0.12, text, transform=axes.transAxes, va="bottom", fontsize=SMALL)
     return spreads
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from pyfric.engines import prediction_curve
-from pyfric.figures.registry import figure
 from pyfric.figures.style import (
     BLACK,
     BLUE,
@@ -23,6 +23,7 @@ from pyfric.figures.style import (
     VERMILION,
     DataFigure,
     caption,
+    figure,
     joined,
     legend,
     listed,
@@ -58,12 +59,10 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
         SceneError: there is no record.
     """
     records = listed(records)
-    heights = _values(records, lambda scene: scene.driver.h)
-    lengths = _values(records, lambda scene: scene.slider.L)
-    colour = {h: COLOURS[n % len(COLOURS)] for n, h in enumerate(heights)}
-    shape = {L: MARKERS[n % len(MARKERS)] for n, L in enumerate(lengths)}
     predicted = {_pushed(one.scene): one.scene for one in records}
     points, curves = lengths_of(records), _predictions(list(predicted.values()))
+    colour = dict(zip(sorted(curves["h_mm"].unique()), cycle(COLOURS), strict=False))
+    shape = dict(zip(sorted(curves["L_mm"].unique()), cycle(MARKERS), strict=False))
     several = points.groupby(["L_mm", "h_mm"])["F_N"].transform("nunique") > 1
 
     both = several.any()
@@ -71,12 +70,11 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
     for _, curve in curves.groupby(["L_mm", "h_mm", "theta"], dropna=False):
         axes[0].plot(curve["F_T_over_F_N"], curve["L_p_over_L"], color="0.75", lw=0.6, zorder=1)
     for (L, h), rows in points.groupby(["L_mm", "h_mm"]):
-        one = colour[_nearest(heights, h)]
-        _draw(axes[0], rows, one, shape[_nearest(lengths, L)])
-    handles = [_dot(colour[h], f"{h * 1e3:g} mm") for h in heights]
+        _draw(axes[0], rows, colour[h], shape[L])
+    handles = [_dot(one, f"{h:g} mm") for h, one in colour.items()]
     legend(axes[0], handles=handles, title=r"height $h$", loc="upper left")
     axes[0].add_artist(axes[0].get_legend())
-    handles = [_dot("0.3", f"$L$ = {L * 1e3:g} mm", shape[L]) for L in lengths]
+    handles = [_dot("0.3", f"$L$ = {L:g} mm", one) for L, one in shape.items()]
     handles += [Line2D([], [], color="0.75", lw=1, label=PREDICTED)]
     legend(axes[0], handles=handles, loc="upper left", bbox_to_anchor=(0.25, 1.0))
     _frame(axes[0], records)
@@ -104,7 +102,7 @@ def _draw_loads(
             curve = curves[(curves["L_mm"] == L) & (curves["h_mm"] == h)]
             axes.plot(curve["F_T_over_F_N"] + n * SHIFT, curve["L_p_over_L"], color="0.75", lw=0.6)
             some = some.assign(F_T_over_F_N=some["F_T_over_F_N"] + n * SHIFT)
-            _draw(axes, some, colour, shape[_nearest(list(shape), L)])
+            _draw(axes, some, colour, shape[L])
         shift = f" (+{n * SHIFT:g})" if n else ""
         handles.append(_dot(colour, rf"$F_\mathrm{{N}}$ = {F_N:g} N{shift}"))
     heights = joined(f"{h:g}" for h in sorted(points["h_mm"].unique()))
@@ -135,16 +133,12 @@ def _geometries(records: Sequence[Record]) -> list[str]:
 
 def _force_apart(one: Record, other: Record) -> float:
     """Return the largest difference in F_T/F_N at the lengths of one that the other spans."""
-    (length, force), (known, there) = (_advancing(record) for record in (one, other))
+    tables = (lengths_of([record]).query("advances") for record in (one, other))
+    (length, force), (known, there) = (
+        table[["L_p_over_L", "F_T_over_F_N"]].to_numpy().T for table in tables
+    )
     inside = (known[0] <= length) & (length <= known[-1])
     return float(np.abs(force - np.interp(length, known, there))[inside].max(initial=0.0))
-
-
-def _advancing(record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """Length and force of the precursors that reach further than all before."""
-    table = lengths_of([record])
-    table = table[table["advances"]]
-    return table["L_p_over_L"].to_numpy(), table["F_T_over_F_N"].to_numpy()
 
 
 @figure("Fig. 2(b): precursor length against force, setup 2", runs="fig2b")
@@ -183,14 +177,14 @@ def fig2b(records: Sequence[Record]) -> DataFigure:
 def growth(record: Record) -> DataFigure:
     """Draw the growth of the slipping zone of `prediction_curve`: length against force."""
     single(record)
-    F_T, length = record.curve["F_T"] / record.scene.F_N, record.curve["L_p_over_L"]
+    curve = _prediction(record)
     fig, (axes,) = panels(2.4)
-    axes.plot(F_T, length, color=BLACK, lw=0.9)
-    axes.set_xlim(0, 1.05 * max(F_T.max(), 1e-9))
+    axes.plot(curve["F_T_over_F_N"], curve["L_p_over_L"], color=BLACK, lw=0.9)
+    axes.set_xlim(0, 1.05 * max(curve["F_T_over_F_N"].max(), 1e-9))
     axes.set_ylim(0, 1.02)
     axes.set_xlabel(r"force $F_\mathrm{T}/F_\mathrm{N}$")
     axes.set_ylabel(r"slipping zone $L_\mathrm{p}/L$")
-    fig.tables = {"prediction": pd.DataFrame({"F_T_over_F_N": F_T, "L_p_over_L": length})}
+    fig.tables = {"prediction": curve}
     mu = record.scene.law.mean.mu_k
     what = f"Length L_p/L of the slipping zone against F_T/F_N for mu_s = mu_k = {mu:g}."
     fig.caption = caption(record, what)
@@ -206,34 +200,35 @@ def lengths_of(records: Sequence[Record]) -> pd.DataFrame:
     tables = []
     for record in records:
         table = precursor_lengths(record).rename(columns={"force": "F_T_over_F_N"})
-        length = table["L_p_over_L"].to_numpy()
-        before = np.maximum.accumulate(np.concatenate([[0.0], length]))[:-1]
-        for column, value in reversed(_parameters(record.scene).items()):
-            table.insert(0, column, value)
-        tables.append(table.assign(advances=length > before))
+        before = table["L_p_over_L"].cummax().shift(fill_value=0.0)
+        table["advances"] = table["L_p_over_L"] > before
+        tables.append(_named(record.scene, table))
     return pd.concat(tables, ignore_index=True)
 
 
-def _parameters(scene: Scene) -> dict[str, str | float]:
-    return {
+def _named(scene: Scene, table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table behind columns that say which scene it is of."""
+    columns = {
         "scene": scene.name,
         "L_mm": round(scene.slider.L * 1e3, 9),
         "h_mm": round(scene.driver.h * 1e3, 9),
         "F_N": scene.F_N,
         "theta": getattr(scene.top, "theta", np.nan),
     }
+    return pd.DataFrame(columns, index=table.index).join(table)
 
 
 def _predictions(scenes: Sequence[Scene]) -> pd.DataFrame:
     tables = []
     for scene in scenes:
-        curve = prediction_curve(scene).curve
-        named = _parameters(scene) | {
-            "F_T_over_F_N": curve["F_T"] / scene.F_N,
-            "L_p_over_L": curve["L_p_over_L"],
-        }
-        tables.append(pd.DataFrame(named))
+        tables.append(_named(scene, _prediction(prediction_curve(scene))))
     return pd.concat(tables, ignore_index=True)
+
+
+def _prediction(record: Record) -> pd.DataFrame:
+    curve = record.curve
+    force = curve["F_T"] / record.scene.F_N
+    return pd.DataFrame({"F_T_over_F_N": force, "L_p_over_L": curve["L_p_over_L"]})
 
 
 def _pushed(scene: Scene) -> tuple[float, float, float | None]:
@@ -246,25 +241,11 @@ def _values(records: Sequence[Record], get: object) -> list[float]:
 
 
 def _draw(axes: Axes, rows: pd.DataFrame, colour: str, shape: str) -> None:
-    ahead, behind = rows[rows["advances"]], rows[~rows["advances"]]
-    axes.plot(
-        ahead["F_T_over_F_N"],
-        ahead["L_p_over_L"],
-        ls="",
-        marker=shape,
-        ms=3.2,
-        mec="white",
-        mfc=colour,
-        mew=0.3,
-        zorder=3,
-    )
-    axes.plot(
-        behind["F_T_over_F_N"], behind["L_p_over_L"], ls="", marker=".", ms=2, mec=colour, zorder=2
-    )
-
-
-def _nearest(lengths: Sequence[float], mm: float) -> float:
-    return min(lengths, key=lambda one: abs(one * 1e3 - mm))
+    ahead = {"marker": shape, "ms": 3.2, "mec": "white", "mfc": colour, "mew": 0.3, "zorder": 3}
+    behind = {"marker": ".", "ms": 2, "mec": colour, "zorder": 2}
+    for advances, look in ((True, ahead), (False, behind)):
+        some = rows[rows["advances"] == advances]
+        axes.plot(some["F_T_over_F_N"], some["L_p_over_L"], ls="", **look)
 
 
 def _dot(colour: str, label: str, shape: str = "o") -> Line2D:
@@ -274,8 +255,7 @@ def _dot(colour: str, label: str, shape: str = "o") -> Line2D:
 
 def _frame(axes: Axes, records: Sequence[Record]) -> None:
     for mu_k in _values(records, lambda scene: scene.law.mean.mu_k):
-        name = r"$\mu_\mathrm{k}$"
-        mark(axes, mu_k, name, vertical=True, at=0.02, away=(3, 2))
+        mark(axes, mu_k, r"$\mu_\mathrm{k}$", vertical=True, at=0.02, away=(3, 2))
     axes.set_xlim(0, 1.1 * max(one.scene.law.mean.mu_k for one in records))
     axes.set_ylim(0, 1.02)
     axes.set_xlabel(r"force after arrest $F_\mathrm{T}/F_\mathrm{N}$")

@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
-from pyfric.figures.registry import figure
 from pyfric.figures.sketch import sketch
 from pyfric.figures.style import (
     BLACK,
@@ -23,6 +22,7 @@ from pyfric.figures.style import (
     VERMILION,
     DataFigure,
     caption,
+    figure,
     legend,
     mark,
     panels,
@@ -74,7 +74,11 @@ def fig1b(record: Record, path: str | os.PathLike[str] | None = None) -> DataFig
     t, F_T = envelope(record.curve["t"].to_numpy(), record.curve["F_T"].to_numpy())
     force = F_T / record.scene.F_N
     segments = slip_segments(record)
-    _draw_curve(top, t, force, record.scene.law.mean.mu_k)
+    mu_k = record.scene.law.mean.mu_k
+    mark(top, mu_k, r"$\mu_\mathrm{k}$", at=0, away=(6, -2), va="top")
+    top.plot(t, force, color=BLACK, lw=0.9, solid_joinstyle="round")
+    top.set_ylim(0, 1.12 * max(mu_k, np.max(force, initial=0.0)))
+    top.set_ylabel(r"force $F_\mathrm{T}/F_\mathrm{N}$")
     handles = _draw_segments(bottom, segments)
     if handles:  # where there is room: below a long curve, above a short one
         legend(top, handles=handles, title="slip in (b)", loc="best")
@@ -166,13 +170,6 @@ def envelope(t: np.ndarray, y: np.ndarray, bins: int = CURVE_BINS) -> tuple[np.n
     extremes = [(a + np.argmin(y[a:b]), a + np.argmax(y[a:b])) for a, b in pairwise(edges)]
     kept = np.unique(np.concatenate([[0, t.size - 1], np.ravel(extremes)]))
     return t[kept], y[kept]
-
-
-def _draw_curve(axes: Axes, t: np.ndarray, force: np.ndarray, mu_k: float) -> None:
-    mark(axes, mu_k, r"$\mu_\mathrm{k}$", at=0, away=(6, -2), va="top")
-    axes.plot(t, force, color=BLACK, lw=0.9, solid_joinstyle="round")
-    axes.set_ylim(0, 1.12 * max(mu_k, np.max(force, initial=0.0)))
-    axes.set_ylabel(r"force $F_\mathrm{T}/F_\mathrm{N}$")
 
 
 def _draw_segments(axes: Axes, segments: pd.DataFrame) -> list[Line2D]:

@@ -73,7 +73,10 @@ def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
     highest = min(table[x].max(), LARGEST_VISCOSITY)
     theory = (x, y) == ("alpha", "tau_bar") and table[x].min() <= highest
     if theory:
-        _theory(axes, table[x].min(), highest)
+        alpha = np.geomspace(table[x].min(), highest, 60)
+        for v, look, text in THEORY:
+            line = [chain_prestress(v, one) for one in alpha]
+            axes.plot(alpha, line, look, color=VERMILION, lw=0.8, label=text)
     for name, set_scale in ((x, axes.set_xscale), (y, axes.set_yscale)):
         set_scale(even_scale(np.unique(table[name])))
     axes.set_ylim(*_edges(np.unique(table[y]))[[0, -1]])
@@ -106,13 +109,6 @@ def _speeds(axes: Axes, diagram: PhaseDiagram) -> None:
     norm = LogNorm(*np.clip([speeds.min(), speeds.max()], 1e-3, 10.0))
     mesh = axes.pcolormesh(*edges, speeds, norm=norm, cmap="viridis", rasterized=True)
     colour_bar(axes.figure, mesh, axes, "$v/c$")
-
-
-def _theory(axes: Axes, low: float, high: float) -> None:
-    alpha = np.geomspace(low, high, 60)
-    for v, style, text in THEORY:
-        tau_bar = [chain_prestress(v, one) for one in alpha]
-        axes.plot(alpha, tau_bar, style, color=VERMILION, lw=0.8, label=text)
 
 
 def _edges(values: np.ndarray) -> np.ndarray:

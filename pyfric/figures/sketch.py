@@ -37,16 +37,14 @@ MOST_SPRINGS = 6
 """Of a plate as many springs are drawn at most."""
 FIELD_ROOM = 9
 """Height of a field below the interface, in hundredths of L."""
-FIELD_NAMES = {
-    "mu_s": r"$\mu_\mathrm{s}$",
-    "mu_k": r"$\mu_\mathrm{k}$",
-    "d_c": r"$d_\mathrm{c}$",
-    "alpha": r"$\alpha$",
-    "k_f": r"$k_\mathrm{f}$",
+FIELDS = {
+    "mu_s": (r"$\mu_\mathrm{s}$", 1.0, ""),
+    "mu_k": (r"$\mu_\mathrm{k}$", 1.0, ""),
+    "d_c": (r"$d_\mathrm{c}$", 1e6, r" $\mu$m"),
+    "alpha": (r"$\alpha$", 1.0, " N s/m"),
+    "k_f": (r"$k_\mathrm{f}$", 1e-6, " MN/m"),
 }
-"""Name of a field -> how it is written."""
-FIELD_UNITS = {"d_c": (1e6, r" $\mu$m"), "alpha": (1.0, " N s/m"), "k_f": (1e-6, " MN/m")}
-"""Unit in which a field is written, and its name."""
+"""Name of a field -> how it is written, what times its value, and its unit."""
 LINE = 0.8  # of springs and outlines, pt
 
 
@@ -172,17 +170,13 @@ def _fields(axes: Axes, x: np.ndarray, unit: float, scene: Scene) -> None:
         low, high = values.min(), values.max()
         bottom, high_at = -(19 + FIELD_ROOM * (n + 1) - 3) * unit, 5 * unit
         at = np.arange(scene.N_x) * scene.slider.l * 1e3
-        axes.step(
-            at,
-            bottom + high_at * (values - low) / (high - low),
-            where="mid",
-            color=GREEN,
-            lw=LINE,
-        )
-        times, of = FIELD_UNITS.get(name, (1.0, ""))
-        if name not in FIELD_NAMES:  # a field of the friction law
-            of = f" {quantities(type(scene.interface.law))[name].unit}"
-        text = f"{FIELD_NAMES.get(name, name)} {low * times:.3g}$-${high * times:.3g}{of}"
+        height = bottom + high_at * (values - low) / (high - low)
+        axes.step(at, height, where="mid", color=GREEN, lw=LINE)
+        if name in FIELDS:
+            shown, times, of = FIELDS[name]
+        else:  # a field of the friction law
+            shown, times, of = name, 1.0, f" {quantities(type(scene.interface.law))[name].unit}"
+        text = f"{shown} {low * times:.3g}$-${high * times:.3g}{of}"
         side = {"ha": "right"} if scene.d > 0 else {"ha": "left"}
         place = -3 * unit if scene.d > 0 else L + 3 * unit
         _text(axes, (place, bottom + high_at / 2), text, GREEN, **side)

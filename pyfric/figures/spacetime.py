@@ -146,12 +146,9 @@ def theory_times(record: Record, event: int) -> pd.DataFrame:
         name, v = "LEFM", grown["v"].reindex(table["n"]).to_numpy()
     else:
         return nothing
-    runs = np.flatnonzero(v > 0)
-    if not runs.size:
-        return nothing
-    first = int(runs[0])
-    gone = np.flatnonzero(~(v[first:] > 0))
-    last = first + int(gone[0]) if gone.size else len(v)
+    runs = np.append(v > 0, False)
+    first = int(runs.argmax())
+    last = first + int(runs[first:].argmin())
     if last - first < 2:
         return nothing
     x, v = table["x_over_L"].to_numpy()[first:last], v[first:last]

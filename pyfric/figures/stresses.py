@@ -8,9 +8,7 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 
-from pyfric.figures.registry import figure
 from pyfric.figures.style import (
     BLACK,
     BLUE,
@@ -20,6 +18,7 @@ from pyfric.figures.style import (
     VERMILION,
     DataFigure,
     caption,
+    figure,
     joined,
     legend,
     panels,
@@ -63,14 +62,17 @@ def fig3a(record: Record, event: int | None = None) -> DataFigure:
     friction, row = record.scene.law.at(order), record.events.loc[event]
 
     fig, (top, bottom) = panels(3.6, (1, 1.35), sharex=True)
+    force = {"initial": 0.0, "before": row["F_T_start"], "after": row["F_T_arrest"]}
     for state, table in states.items():
         colour, line, width = STATES[state]
         look = {"color": colour, "ls": line, "lw": width, "zorder": 3}
-        top.plot(table["x_over_L"], table["p"], **look)
+        text = rf"$F_\mathrm{{T}}/F_\mathrm{{N}}$ = {force[state] / record.scene.F_N:.3g}"
+        top.plot(table["x_over_L"], table["p"], label=f"{state}, {text}", **look)
         bottom.plot(table["x_over_L"], table["tau"], **look)
     _thresholds(bottom, states, friction)
-    _states_legend(top, row, record.scene.F_N)
-    _mark_tip(top, bottom, _tip(record, event))
+    legend(top, loc="upper left", bbox_to_anchor=(0.1, 1.0))
+    N_x = record.scene.N_x
+    _mark_tip(top, bottom, (row["L_p_over_L"] * N_x - 1) / (N_x - 1))
     top.set_ylim(bottom=0)
     top.set_ylabel(r"$p\,N_x/F_\mathrm{N}$")
     bottom.set_ylabel(r"$\tau\,N_x/F_\mathrm{N}$")
@@ -167,24 +169,8 @@ def _thresholds(axes: Axes, states: dict[str, pd.DataFrame], friction: Law) -> N
         )
 
 
-def _states_legend(axes: Axes, event: pd.Series, F_N: float) -> None:
-    force = {"initial": 0.0, "before": event["F_T_start"], "after": event["F_T_arrest"]}
-    ratio = r"$F_\mathrm{T}/F_\mathrm{N}$"
-    handles = [
-        Line2D(
-            [],
-            [],
-            color=colour,
-            ls=line,
-            lw=width,
-            label=f"{state}, {ratio} = {force[state] / F_N:.3g}",
-        )
-        for state, (colour, line, width) in STATES.items()
-    ]
-    legend(axes, handles=handles, loc="upper left", bbox_to_anchor=(0.1, 1.0))
-
-
 def _mark_tip(top: Axes, bottom: Axes, tip: float) -> None:
+    """A line at x/L of the last block of an event."""
     for axes in (top, bottom):
         axes.axvline(tip, color="0.6", lw=0.6, ls=(0, (1, 2)), zorder=0)
     bottom.axhline(0, color="0.6", lw=0.5, zorder=0)
@@ -202,44 +188,29 @@ def _after_precursors(axes: Axes, record: Record, chosen: pd.DataFrame) -> list[
         event = int(one["event"])
         table = stress_profile(record, event, "after")
         tip = round(one["L_p_over_L"] * len(table)) - 1
-        axes.plot(table["x_over_L"], table["p_over_p_initial"], color=colour, lw=0.9)
-        axes.plot(table["x_over_L"][tip], table["p_over_p_initial"][tip], "o", color=colour, ms=3)
+        look = {"color": colour, "lw": 0.9, "marker": "o", "ms": 3, "markevery": [tip]}
+        text = f"{one['L_p_over_L']:.2f}"
+        axes.plot(table["x_over_L"], table["p_over_p_initial"], label=text, **look)
         profiles.append(table.assign(event=event, L_p_over_L=one["L_p_over_L"]))
     axes.axhline(1, color="0.6", lw=0.5, zorder=0)
-    handles = [
-        Line2D([], [], color=colour, lw=1.2, marker="o", ms=3, label=f"{length:.2f}")
-        for length, colour in zip(chosen["L_p_over_L"], colours, strict=True)
-    ]
-    legend(axes, handles=handles, title=r"$L_\mathrm{p}/L$", loc="upper center", ncols=2)
+    legend(axes, title=r"$L_\mathrm{p}/L$", loc="upper center", ncols=2)
     axes.set_ylabel(r"$p/p_\mathrm{initial}$")
     return profiles
 
 
 def _after_sliding(axes: Axes, record: Record, events: list[int]) -> list[pd.DataFrame]:
     """Draw p after each event over the whole interface; return the profiles."""
-    after = []
-    for n, event in enumerate(events):
-        table = stress_profile(record, event, "after")
-        width = 1.3 if n == 0 else 0.8
-        look = {"color": BLACK if n == 0 else BLUE, "ls": "--" if n == 0 else "-"}
-        axes.plot(table["x_over_L"], table["p"], lw=width, **look)
-        after.append(table.assign(event=event))
-    first = stress_profile(record)
-    axes.plot(first["x_over_L"], first["p"], color=GREY, lw=1.2, ls=":")
-    handles = [Line2D([], [], color=GREY, lw=1.2, ls=":", label=r"initial")]
-    handles.append(Line2D([], [], color=BLACK, lw=1.3, ls="--", label="after the first"))
-    rest = f"after the next {len(events) - 1}"
-    handles += [Line2D([], [], color=BLUE, label=rest)] if len(events) > 1 else []
-    legend(axes, handles=handles, title="events over the whole interface", loc="upper center")
+    after = [stress_profile(record, event, "after").assign(event=event) for event in events]
+    loaded, (first, *rest) = stress_profile(record), after
+    axes.plot(loaded["x_over_L"], loaded["p"], ":", color=GREY, lw=1.2, zorder=3, label="initial")
+    axes.plot(first["x_over_L"], first["p"], "--", color=BLACK, lw=1.3, label="after the first")
+    texts = [f"after the next {len(rest)}", *[None] * len(rest)]
+    for table, text in zip(rest, texts, strict=False):
+        axes.plot(table["x_over_L"], table["p"], color=BLUE, lw=0.8, label=text)
+    legend(axes, title="events over the whole interface", loc="upper center")
     axes.set_ylim(bottom=0)
     axes.set_ylabel(r"$p\,N_x/F_\mathrm{N}$")
     return after
-
-
-def _tip(record: Record, event: int) -> float:
-    """x/L of the last block of an event."""
-    N_x = record.scene.N_x
-    return (record.events["L_p_over_L"].loc[event] * N_x - 1) / (N_x - 1)
 
 
 def _drop(record: Record, profiles: list[pd.DataFrame]) -> float:

@@ -1,12 +1,12 @@
-"""What all figures share: size, colours, panels, parts of captions, and their files."""
+"""What all figures share: names, size, colours, panels, parts of captions, and their files."""
 
 from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -31,6 +31,8 @@ BLUE, VERMILION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#999999"
 
 PAPER = "Phys. Rev. Lett. 107, 074301"
 
+Draw = TypeVar("Draw", bound=Callable[..., Any])
+
 
 class DataFigure(Figure):
     """A figure with its ``caption`` (text) and ``tables`` (name -> data frame behind it)."""
@@ -45,6 +47,37 @@ class DataFigure(Figure):
         picture = io.BytesIO()
         self.savefig(picture, format="png", dpi=150)
         return picture.getvalue()
+
+
+class PaperFigure(NamedTuple):
+    """A figure of the paper.
+
+    Attributes:
+        title: its title.
+        runs: name of what it is drawn from, a key of `pyfric.paper.RUNS`.
+        draw: function of a record, or of a list of records if there are several runs.
+        precursor: which main precursor of the first loading the paper shows, counted from 1; None
+            for figures that are not of one event.
+    """
+
+    title: str
+    runs: str
+    draw: Callable[..., DataFigure]
+    precursor: int | None = None
+
+
+FIGURES: dict[str, PaperFigure] = {}
+"""Name -> figure, in the order of the modules; `sorted` gives the paper's."""
+
+
+def figure(title: str, *, runs: str, precursor: int | None = None) -> Callable[[Draw], Draw]:
+    """Enter the function below as a figure of the paper, under its own name."""
+
+    def enter(draw: Draw) -> Draw:
+        FIGURES[draw.__name__] = PaperFigure(title, runs, draw, precursor)
+        return draw
+
+    return enter
 
 
 def panels(
@@ -124,23 +157,15 @@ def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path
     ``path_stem`` is a path without suffix; the files are stem.png, stem.pdf, stem.txt and
     stem_<table>.csv. Missing folders are made. Returns the paths.
     """
-    from matplotlib.backends.backend_pdf import FigureCanvasPdf  # slow to import
-
     stem = Path(path_stem)
     stem.parent.mkdir(parents=True, exist_ok=True)
     paths = [stem.with_name(stem.name + suffix) for suffix in (".png", ".pdf", ".txt")]
     png, pdf, txt = paths
-    dpi, layout = fig.dpi, fig.get_layout_engine()
-    fig.set_dpi(PNG_DPI)
-    with written(png) as draft:  # savefig would draw everything twice, to lay it out
-        FigureCanvasAgg(fig).print_png(draft, metadata={"Description": fig.caption})
-    fig.set_layout_engine("none")  # laid out already
+    with written(png) as draft:
+        fig.savefig(draft, format="png", dpi=PNG_DPI, metadata={"Description": fig.caption})
     with written(pdf) as draft:
         about = {"Subject": fig.caption, "CreationDate": None}
-        FigureCanvasPdf(fig).print_pdf(draft, metadata=about)
-    FigureCanvasAgg(fig)
-    fig.set_dpi(dpi)
-    fig.set_layout_engine(layout)
+        fig.savefig(draft, format="pdf", dpi=PNG_DPI, metadata=about)
     write(txt, f"{fig.caption}\n".encode())
     for name, table in fig.tables.items():
         path = stem.with_name(f"{stem.name}_{name}.csv")
@@ -172,15 +197,10 @@ def listed(records: Iterable[Record]) -> list[Record]:
     return found
 
 
-def single(record: Record) -> Record:
-    """Return what is drawn of one run.
-
-    Raises:
-        SceneError: it is no record, such as a list of records.
-    """
+def single(record: Record) -> None:
+    """Raise SceneError unless this is one record, and no list of records."""
     if not hasattr(record, "curve"):
         raise SceneError("record", type(record).__name__, "", "one record", "not a record")
-    return record
 
 
 def caption(records: Record | Sequence[Record], *texts: str) -> str:
@@ -240,14 +260,11 @@ def scene_text(scenes: Scene | Sequence[Scene]) -> str:
     )
 
 
-def engine_text(records: Record | Sequence[Record]) -> str:
+def engine_text(records: Sequence[Record]) -> str:
     """Engine, geometry, step and gap of the records, what they left open, and the version."""
-    records = [records] if not isinstance(records, Sequence) else list(records)
-    hows, text = [str(one.method) for one in records], []
+    hows = "; ".join(dict.fromkeys(str(one.method) for one in records))
     gaps = joined(f"{gap * 1e3:g} ms" for gap in sorted({one.method.t_gap for one in records}))
-    text.append(
-        f"Method: {'; '.join(dict.fromkeys(hows))}; events joined over pauses up to {gaps}."
-    )
+    text = [f"Method: {hows}; events joined over pauses up to {gaps}."]
     for status in dict.fromkeys(one.status for one in records if one.status != "complete"):
         text.append(f"Run {status}.")
     known = {one.versions["pyfric"] for one in records if "pyfric" in one.versions}

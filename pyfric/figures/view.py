@@ -1,7 +1,8 @@
-"""One page for a record: `Record.to_html`.
+"""What notebooks and pages show of objects.
 
-The page is one file that loads nothing else. What it looks like is in ``view.html``, what answers
-to the mouse and the keys in ``view.js``; here are the numbers that both show.
+The page of a record, `Record.to_html`, is one file that loads nothing else. What it looks like is
+in ``view.html``, what answers to the mouse and the keys in ``view.js``; here are the numbers that
+both show. ``head.html`` is how every page begins, up to its own style.
 """
 
 from __future__ import annotations
@@ -9,20 +10,32 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pyfric.figures.loading import CURVE_BINS, KINDS, envelope, event_kinds, slip_segments
-from pyfric.figures.templates import template
-from pyfric.record import GROUPS, MAIN_EVENT_BLOCKS, held_in, summary
+from pyfric.figures.lengths import growth
+from pyfric.figures.loading import (
+    CURVE_BINS,
+    KINDS,
+    envelope,
+    event_kinds,
+    fig1b,
+    slip_segments,
+)
+from pyfric.figures.sketch import sketch
+from pyfric.record import GROUPS, MAIN_EVENT_BLOCKS, Record, held_in, summary
+from pyfric.scene import Scene
+from pyfric.sweeps import Sweep
 
 if TYPE_CHECKING:
+    import jinja2
     import pandas as pd
 
-    from pyfric.record import Record
+    from pyfric.figures.style import DataFigure
 
-__all__ = ["record_page"]
+__all__ = ["drawing", "record_page", "template"]
 
 LARGEST = 2_000_000
 """Most bytes of a page."""
@@ -31,6 +44,19 @@ SPARE = 20_000
 MOST_EVENTS = 3000
 """Most events of a page: the main ones and the micro-slips of most blocks."""
 KIND_NAMES = {"whole": "whole interface", "partial": "partial", "micro": "micro-slip"}
+
+
+def drawing(shown: Any) -> DataFigure | None:
+    """Return the loading curve of a record (of a prediction, length against force), a sketch of a
+    scene; None for what has no drawing."""
+    match shown:
+        case Record():
+            return (growth if "L_p_over_L" in shown.curve else fig1b)(shown)
+        case Scene():
+            return sketch(shown)
+        case Sweep():
+            return sketch(shown.scene)
+    return None
 
 
 def record_page(record: Record) -> str:
@@ -120,27 +146,26 @@ def _event_rows(record: Record, kept: np.ndarray) -> list[dict[str, Any]]:
 
 
 def _details(record: Record, kept: np.ndarray, room: int) -> dict[str, Any]:
-    """Stresses and slip of the events, largest first, as many as there is room for (bytes)."""
+    """Stresses and slip of the events, largest first, as many as there is room for (bytes).
+
+    Stresses are static tau and p over F_N/N_x from the trailing edge on.
+    """
+    order, unit = np.argsort(record.scene.n_of_i), record.scene.F_N / record.scene.N_x
     episodes = {event: rows for event, rows in record.episodes.groupby("event") if event}
     largest_first = kept[np.argsort(-record.events["n_blocks"].to_numpy()[kept - 1], kind="stable")]
     details = {}
     for event in map(int, largest_first):
-        one = _stresses(record, event) | {"slips": _slips(record, event, episodes.get(event))}
+        one: dict[str, Any] = {
+            name: _rounded(record.arrays[name][event - 1][order] / unit, 4)
+            for name in ("tau_before", "p_before", "tau_after", "p_after")
+        }
+        one["slips"] = _slips(record, event, episodes.get(event))
         one["columns"] = _rounded(record.events.loc[event].astype(float))
         room -= len(_json(one)) + len(str(event)) + 4
         if room < 0:
             break
         details[str(event)] = one
     return details
-
-
-def _stresses(record: Record, event: int) -> dict[str, Any]:
-    """Static tau and p over F_N/N_x from the trailing edge on."""
-    order, unit = np.argsort(record.scene.n_of_i), record.scene.F_N / record.scene.N_x
-    return {
-        name: _rounded(record.arrays[name][event - 1][order] / unit, 4)
-        for name in ("tau_before", "p_before", "tau_after", "p_after")
-    }
 
 
 def _slips(record: Record, event: int, episodes: pd.DataFrame | None) -> list[list[float | None]]:
@@ -167,3 +192,18 @@ def _number(value: float, digits: int = 6) -> float | int | None:
         return None
     short = float(f"{value:.{digits}g}")
     return int(short) if short.is_integer() else short
+
+
+def template(beside: str, name: str) -> jinja2.Template:
+    """Return the template of this name that lies beside a file, or beside this one."""
+    import jinja2  # slow to import
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([Path(beside).parent, Path(__file__).parent]),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(name)

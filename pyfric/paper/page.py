@@ -11,7 +11,7 @@ import json
 import os
 import re
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pandas as pd
 from markupsafe import Markup, escape
@@ -25,31 +25,9 @@ CLAIM_VALUES = (
     *("number", "text", "value", "unit", "band", "verdict", "how", "note", "source"),
     *("damage", "damaged"),
 )
-COST_COLUMNS = (
-    "scene",
-    "figure",
-    "to t (s)",
-    "engine",
-    "step (µs)",
-    "events",
-    "block evaluations",
-    "processor time (s)",
-)
-
-
 FILMS = ("event.mp4", "event.gif")
 """The film of an event, by the first of these names that is there."""
 FILM_TEXT = "event.txt"
-
-
-class Shown(NamedTuple):
-    """A figure on the page; `files` lie beside it."""
-
-    name: str
-    title: str
-    caption: Markup
-    details: Markup
-    files: list[str]
 
 
 def write_index(folder: str | os.PathLike[str]) -> Path:
@@ -61,7 +39,6 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
     folder = Path(folder)
     film = next((name for name in FILMS if (folder / name).is_file()), None)
     names = [name for name in sorted(FIGURES) if (folder / f"{name}.png").is_file()]
-    runs = [pd.read_csv(folder / f"{name}_runs.csv").assign(figure=name) for name in names]
     claims = folder / "claims.json"
     found = _claims(claims) if claims.is_file() else None
     text = template(__file__, "page.html").render(
@@ -72,17 +49,22 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
         has_claims=claims.is_file(),
         claims=found,
         missed=[one["number"] for one in found or () if one["verdict"] == "misses"],
-        cost=_cost(pd.concat(runs, ignore_index=True)) if runs else None,
+        runs=_runs(folder, names),
     )
     return write(folder / "index.html", text.encode())
 
 
-def _figure(folder: Path, name: str) -> Shown:
+def _figure(folder: Path, name: str) -> dict[str, Any]:
+    """What the page says of a figure, and the files that lie beside it."""
     caption = (folder / f"{name}.txt").read_text(encoding="utf-8").strip()
-    files = [f"{name}.pdf", *sorted(path.name for path in folder.glob(f"{name}_*.csv"))]
     what, _, details = caption.partition("\n")
-    shown = mathematical(what), mathematical(details)
-    return Shown(name, FIGURES[name].title, *shown, files)
+    return {
+        "name": name,
+        "title": FIGURES[name].title,
+        "caption": mathematical(what),
+        "details": mathematical(details),
+        "files": [f"{name}.pdf", *sorted(path.name for path in folder.glob(f"{name}_*.csv"))],
+    }
 
 
 SYMBOL = re.compile(
@@ -119,25 +101,17 @@ def _claims(path: Path) -> list[dict[str, Markup]] | None:
         return None
 
 
-def _cost(runs: pd.DataFrame) -> dict[str, Any]:
-    """Each run once, with the figures that it is for, and the processor time of all."""
-    which = [column for column in runs if column != "figure"]
-    grouped = runs.groupby(which, dropna=False, sort=False)["figure"]
-    merged = grouped.agg(lambda names: ", ".join(dict.fromkeys(names))).reset_index()
-    rows = [
-        [
-            row["scene"],
-            row["figure"],
-            f"{row['t_end_s']:.3g}",
-            f"{row['engine']}, {row['geometry']}",
-            "" if pd.isna(row["dt_us"]) else f"{row['dt_us']:.2g}",
-            row["events"],
-            f"{row['block_evaluations']:.2g}",
-            f"{row['seconds']:.2f}",
-        ]
-        for _, row in merged.iterrows()
-    ]
-    return {"head": COST_COLUMNS, "rows": rows, "seconds": merged["seconds"].sum()}
+def _runs(folder: Path, names: list[str]) -> list[dict[str, Any]]:
+    """Each run once, with the figures that it is for."""
+    tables = [pd.read_csv(folder / f"{name}_runs.csv").assign(figure=name) for name in names]
+    if not tables:
+        return []
+    every = pd.concat(tables, ignore_index=True)
+    which = [column for column in every if column != "figure"]
+    found = every.groupby(which, dropna=False, sort=False)["figure"].agg(
+        lambda of: ", ".join(of.unique())
+    )
+    return found.reset_index().to_dict("records")
 
 
 def _plain(value: Any) -> str:

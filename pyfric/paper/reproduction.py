@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from pyfric.figures import FIGURES, event_movie, has_ffmpeg, save_figure
 from pyfric.paper.page import FILM_TEXT, FILMS, write_index
-from pyfric.paper.runs import FIG2B, RUNS
+from pyfric.paper.runs import RUNS
 from pyfric.record import precursor_lengths
 from pyfric.scene import SceneError, unknown, write
 from pyfric.sweeps import Job, run_all, side_by_side
@@ -26,10 +26,6 @@ FILMED = "fig3a"
 """The figure whose event is filmed."""
 
 
-LONG = frozenset(FIG2B)
-"""Runs of which one takes longer than the others."""
-
-
 def reproduce(
     names: Iterable[str] = (),
     out: str | os.PathLike[str] = "figures",
@@ -38,7 +34,6 @@ def reproduce(
     cache: bool | str | os.PathLike[str] = True,
     progress: bool | None = None,
     runs: Mapping[str, Job | Sequence[Job]] = RUNS,
-    film: bool = True,
 ) -> list[Path]:
     """Run what the figures need, side by side, and draw them.
 
@@ -47,7 +42,6 @@ def reproduce(
         out: folder of the files; made if missing.
         workers, cache, progress: see `pyfric.run_all`.
         runs: what figures are drawn from, by the names that they ask for.
-        film: whether the event of Fig. 3(a) is also a film, with that figure.
 
     Returns:
         The files: for each figure PNG, PDF, caption and tables (see `save_figure`), among them
@@ -64,26 +58,23 @@ def reproduce(
             raise unknown("names", name, str(name), FIGURES)
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
-    jobs = {name: _listed(runs[FIGURES[name].runs]) for name in names}
+    jobs = {}
+    for name in names:
+        asked = runs[FIGURES[name].runs]
+        jobs[name] = (asked,) if isinstance(asked, Job) else asked
     every = list(dict.fromkeys(job for name in names for job in jobs[name]))
-    every.sort(key=lambda job: job not in LONG)  # begun last they would be waited for
     with side_by_side(every, workers) as pool:
         made = run_all(every, cache=cache, progress=progress, executor=pool)
         records = dict(zip(every, made, strict=True))
-        calls = []
+        made = []
+        if FILMED in names:  # it takes longest
+            made.append(pool.submit(_film, records[jobs[FILMED][0]], out))
         for name in names:
             mine = [records[job] for job in jobs[name]]
             one = isinstance(runs[FIGURES[name].runs], Job)
-            if name == FILMED and film:  # it takes longest
-                calls.insert(0, (_film, mine[0], out))
-            calls.append((_drawn, name, jobs[name], mine, one, out))
-        paths = [path for paths in pool.map(_done, calls) for path in paths]
+            made.append(pool.submit(_drawn, name, jobs[name], mine, one, out))
+        paths = [path for paths in made for path in paths.result()]
     return [*paths, write_index(out)]
-
-
-def _done(call: tuple[Any, ...]) -> list[Path]:
-    function, *arguments = call
-    return function(*arguments)
 
 
 def _drawn(
@@ -124,10 +115,6 @@ def _film(record: Record, out: Path) -> list[Path]:
     for other in set(FILMS) - {path.name}:
         (out / other).unlink(missing_ok=True)
     return [path, write(out / FILM_TEXT, f"{text}\n".encode())]
-
-
-def _listed(runs: Job | Sequence[Job]) -> Sequence[Job]:
-    return (runs,) if isinstance(runs, Job) else runs
 
 
 def runs_table(jobs: Sequence[Job], records: Sequence[Record]) -> pd.DataFrame:

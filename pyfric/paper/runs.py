@@ -16,7 +16,7 @@ from __future__ import annotations
 from pyfric.scene import preset, setup1
 from pyfric.sweeps import Job
 
-__all__ = ["FIG1", "FIG2A", "FIG2B", "FIG4A", "FIG4B", "RUNS"]
+__all__ = ["FIG1", "FIG2A", "FIG2B", "FIG4B", "RUNS"]
 
 FINITE = {"fidelity": "hybrid", "geometry": "finite", "switching": "located"}
 LINEAR = {"fidelity": "hybrid", "geometry": "linear", "switching": "located"}
@@ -58,14 +58,10 @@ FIG2B = tuple(
 )
 """Setup 2 with theta = -0.833, 0 and 0.833, up to about the first event over the interface."""
 
-FIG4A = FIG1
-"""Its 11th main precursor."""
-
 RUNS: dict[str, Job | tuple[Job, ...]] = {
     "fig1": FIG1,
     "fig2a": FIG2A,
     "fig2b": FIG2B,
-    "fig4a": FIG4A,
     "fig4b": FIG4B,
 }
 """What figures are drawn from (`pyfric.figures.FIGURES`): one run, or several."""

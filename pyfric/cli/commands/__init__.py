@@ -1,29 +1,14 @@
 """Commands by topic: each module adds its own to `main`."""
 
 from pyfric.cli.app import main
-from pyfric.cli.commands import (
+from pyfric.cli.commands import (  # noqa: F401
     build,
     cache,
+    look,
     methods,
     paper,
-    phases,
-    resolve,
     run,
-    scenes,
-    show,
     sweep,
 )
 
-__all__ = [
-    "build",
-    "cache",
-    "main",
-    "methods",
-    "paper",
-    "phases",
-    "resolve",
-    "run",
-    "scenes",
-    "show",
-    "sweep",
-]
+__all__ = ["main"]

@@ -2,89 +2,57 @@
 
 from __future__ import annotations
 
-import os
-
 import click
 
 from pyfric.cli.app import main
-from pyfric.cli.shared import (
-    Exit,
-    FileName,
-    Tell,
-    json_option,
-    print_json,
-    record_of,
-    stop,
-    telling,
-)
+from pyfric.cli.shared import Exit, Tell, record_of, stop, telling
 
 
 @main.command(section="This build")
-@click.argument("record", required=False, metavar="[RECORD]", type=FileName())
-@json_option
-def info(record: str | None, as_json: bool) -> None:
+@click.argument("record", required=False, metavar="[RECORD]", type=click.Path())
+@telling
+def info(record: str | None, tell: Tell) -> None:
     """Show version, compiler, instruction sets and threads; of a RECORD, what it holds.
 
     It prints what `pyfric run` prints: events, method, notes, expected and measured errors.
     """
-    import platform
-
     if record is not None:
-        _record_info(record, as_json)
+        from pyfric.record import summary, text
+
+        held = summary(record_of(record), [])
+        tell.result(held, lambda: text(held))
         return
+
+    import platform
 
     import numpy as np
 
     from pyfric import core
     from pyfric.scene import __version__
 
-    build = core.build_info()
     found = {
         "pyfric": __version__,
         "variant": core.VARIANT,
         "variants": core.variants(),
         "environment": core.ENVIRONMENT,
-        **build,
+        **core.build_info(),
         "processors": core.processors(),
         "blocks_per_thread": core.BLOCKS_PER_THREAD,
         "python": platform.python_version(),
         "numpy": np.__version__,
         "machine": platform.machine(),
     }
-    if as_json:
-        print_json(found)
-        return
-    installed = [
+    kinds = [
         name if runs else f"{name} (not on this processor)"
         for name, runs in found["variants"].items()
     ]
-    if os.environ.get(core.ENVIRONMENT):
-        how = f"from {core.ENVIRONMENT}"
-    else:
-        how = f"the best one here; {core.ENVIRONMENT} names another"
-    threads = f"one for every {core.BLOCKS_PER_THREAD} blocks, at most {core.processors()}"
-    rows = {
-        "pyfric": __version__,
-        "variant": f"{core.VARIANT} ({how})",
-        "installed": ", ".join(installed),
-        "compiler": build["compiler"],
-        "flags": build["flags"],
-        "OpenMP": "yes" if build["openmp"] else "no",
-        "processors": core.processors(),
-        "threads": threads if build["openmp"] else "1",
-        "python": found["python"],
-        "numpy": found["numpy"],
+    rows = found | {
+        "variants": ", ".join(kinds),
+        "environment": f"{core.ENVIRONMENT} names another variant",
+        "openmp": "yes" if found["openmp"] else "no",
+        "blocks_per_thread": f"{core.BLOCKS_PER_THREAD} at least",
     }
-    for name, value in rows.items():
-        click.echo(f"{name:<11} {value}")
-
-
-def _record_info(path: str, as_json: bool) -> None:
-    """Show what a record file holds."""
-    from pyfric.record import summary, text
-
-    found = summary(record_of(path), [])
-    print_json(found) if as_json else click.echo(text(found))
+    tell.result(found, lambda: "\n".join(f"{name:<18} {value}" for name, value in rows.items()))
 
 
 @main.command(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pyfric.cli.app import main
-from pyfric.cli.shared import Exit, json_option, print_json, stop
+from pyfric.cli.shared import Exit, Tell, stop, telling
 
 if TYPE_CHECKING:
     from pyfric.sweeps import Entry, Store
@@ -26,35 +26,34 @@ def cache() -> None:
 
 
 @cache.command(name="list")
-@json_option
-def list_(as_json: bool) -> None:
+@telling
+def list_(tell: Tell) -> None:
     """List the runs, those used last first."""
-    _show([_row(entry) for entry in _entries()], as_json)
+    rows = [_row(entry) for entry in _store().entries()]
+    tell.result(rows, lambda: "\n".join(map(_line, rows)) or "no finished runs")
 
 
 @cache.command()
-@json_option
-def check(as_json: bool) -> None:
+@telling
+def check(tell: Tell) -> None:
     """Compare every file with its hash; the exit code is 1 if one is damaged."""
-    rows = [_row(entry) for entry in _entries()]
+    rows = [_row(entry) for entry in _store().entries()]
     damaged = [row for row in rows if "problem" in row]
-    _show(damaged, as_json)
-    if not as_json:
-        click.echo(f"{len(rows)} runs, {len(damaged)} damaged")
+    last = f"{len(rows)} runs, {len(damaged)} damaged"
+    tell.result(damaged, lambda: "\n".join([*map(_line, damaged), last]))
     if damaged:
         stop(Exit.FAILED)
 
 
 @cache.command()
-@json_option
-def size(as_json: bool) -> None:
+@telling
+def size(tell: Tell) -> None:
     """Show the folder, the number of runs and their size."""
-    store, found = _store(), _entries()
-    folder, size = store.folder, sum(entry.size for entry in found)
-    if as_json:
-        print_json({"folder": str(folder), "runs": len(found), "bytes": size})
-    else:
-        click.echo(f"{folder}: {len(found)} runs, {size / MB:.1f} MB")
+    store = _store()
+    sizes = [entry.size for entry in store.entries()]
+    found = {"folder": str(store.folder), "runs": len(sizes), "bytes": sum(sizes)}
+    text = f"{store.folder}: {len(sizes)} runs, {sum(sizes) / MB:.1f} MB"
+    tell.result(found, lambda: text)
 
 
 @cache.command()
@@ -63,8 +62,8 @@ def size(as_json: bool) -> None:
     "--most", type=click.FloatRange(0), metavar="MB", help="Used least recently, beyond MB in all."
 )
 @click.option("--damaged", is_flag=True, help="Damaged, or of another version.")
-@json_option
-def prune(older_than: float | None, most: float | None, damaged: bool, as_json: bool) -> None:
+@telling
+def prune(older_than: float | None, most: float | None, damaged: bool, tell: Tell) -> None:
     """Delete what killed processes left behind, and the runs named by the options."""
     from pyfric.scene import check_number
 
@@ -74,20 +73,14 @@ def prune(older_than: float | None, most: float | None, damaged: bool, as_json: 
     most = None if most is None else int(most * MB)
     gone, drafts = _store().prune(most, older_than, damaged)
     size = sum(entry.size for entry in gone)
-    if as_json:
-        print_json({"runs": len(gone), "bytes": size, "drafts": drafts})
-    else:
-        click.echo(f"deleted: {len(gone)} runs, {size / MB:.1f} MB; {drafts} unfinished files")
+    text = f"deleted: {len(gone)} runs, {size / MB:.1f} MB; {drafts} unfinished files"
+    tell.result({"runs": len(gone), "bytes": size, "drafts": drafts}, lambda: text)
 
 
 def _store() -> Store:
     from pyfric.sweeps import Store
 
     return Store.at(True)
-
-
-def _entries() -> list[Entry]:
-    return _store().entries()
 
 
 def _row(entry: Entry) -> dict[str, Any]:
@@ -104,14 +97,10 @@ def _row(entry: Entry) -> dict[str, Any]:
     }
 
 
-def _show(rows: list[dict[str, Any]], as_json: bool) -> None:
-    if as_json:
-        print_json(rows)
-        return
-    for row in rows:
-        used = time.strftime("%Y-%m-%d %H:%M", time.localtime(row["used"]))
-        what = row.get("problem") or (
-            f"{row['scene'] or 'scene'} to t = {row['t']:.4g} s, {row['engine']}, "
-            f"{row['events']} events"
-        )
-        click.echo(f"{row['key'][:12]}  {used}  {row['bytes'] / MB:7.2f} MB  {what}")
+def _line(row: dict[str, Any]) -> str:
+    used = time.strftime("%Y-%m-%d %H:%M", time.localtime(row["used"]))
+    what = row.get("problem") or (
+        f"{row['scene'] or 'scene'} to t = {row['t']:.4g} s, {row['engine']}, "
+        f"{row['events']} events"
+    )
+    return f"{row['key'][:12]}  {used}  {row['bytes'] / MB:7.2f} MB  {what}"

@@ -1,4 +1,4 @@
-"""`pyfric run`."""
+"""One run: its scene, its plan, and the run."""
 
 from __future__ import annotations
 
@@ -59,6 +59,48 @@ def _steppers() -> list[str]:
     return list(STEPPERS)
 
 
+@main.command(section="Simulate")
+@click.argument("scene", type=SceneName())
+@set_option
+@file_option("--out", metavar="FILE", help="Write a file instead of stdout.")
+@overwrite_option
+def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: bool) -> None:
+    """Print SCENE as TOML, to be changed."""
+    what = scene_of(scene, changes)
+    check_out(out, overwrite, reads=[scene])
+    text = what.to_toml(out)
+    if out is None:
+        click.echo(text, nl=False)
+
+
+@main.command(section="Simulate")
+@click.argument("scene", type=SceneName())
+@click.option("--t-end", type=Seconds(), default=1.0, help="End time. [default: 1 s]")
+@set_option
+@want_option
+@tolerance_option
+@click.option("--stop-when", multiple=True, metavar="CONDITION", help="As in pyfric run.")
+@telling
+def plan(
+    scene: str,
+    t_end: float,
+    changes: tuple[str, ...],
+    want: str,
+    tolerance: float,
+    stop_when: tuple[str, ...],
+    tell: Tell,
+) -> None:
+    """Choose the model of SCENE that meets a tolerance, with reasons and cost."""
+    import dataclasses
+
+    import pyfric
+
+    how = {"t_end": t_end, "stop_when": stop_when or None}
+    found = pyfric.plan(scene_of(scene, changes), want, tolerance, **how)
+    listed = [one._asdict() | {"holds": one.holds} for one in found.assumptions]
+    tell.result(dataclasses.asdict(found) | {"assumptions": listed}, lambda: str(found))
+
+
 @main.command(section="Simulate", epilog=EXIT_CODES)
 @click.argument("scene", type=SceneName())
 @click.option(
@@ -89,7 +131,7 @@ def _steppers() -> list[str]:
 )
 @click.option(
     "--stepper",
-    type=Registered("stepper", _steppers),
+    type=Registered(_steppers),
     default="rk4",
     show_default=True,
     help="Stepper; all but rk4 need full dynamics.",
@@ -179,7 +221,7 @@ def run(
         if out is None:
             raise click.UsageError("--resume without a file continues the one in --out: name it.")
         resume = str(out)
-    goes_on = _same_file(out, resume)
+    goes_on = bool(out and resume) and Path(resume).resolve() == out.resolve()
     check_out(out, overwrite or goes_on, reads=[scene, None if goes_on else resume])
     reads = [scene, resume, out]
     check_out(figure, overwrite, option="--figure", ends=DRAWN, reads=reads)
@@ -192,7 +234,11 @@ def run(
     before = None if resume is None else _record_to_continue(resume, what, ctx)
     record, files = _run(what, t_end, before, out, tell.progress, how)
     if record.done and not asked_to_stop():
-        files += _drawn(record, figure, csv)
+        if figure is not None:
+            from pyfric import figures  # takes its time, and so after the record is saved
+
+            files += figures.save_figure(figures.fig1b(record), figure)
+        files += [] if csv is None else record.to_csv(csv)
     from pyfric.record import summary, text
 
     found = summary(record, files)
@@ -226,16 +272,6 @@ def _run(
     return record, files
 
 
-def _drawn(record: Record, figure: Path | None, csv: Path | None) -> list[Path]:
-    """Write figure and tables."""
-    files: list[Path] = []
-    if figure is not None:
-        from pyfric import figures  # takes its time, and so after the record is saved
-
-        files += figures.save_figure(figures.fig1b(record), figure)
-    return files + ([] if csv is None else record.to_csv(csv))
-
-
 def _saved(record: Record, out: Path) -> Path:
     """Write the record; where that fails, write it elsewhere, say where, and stop."""
     try:
@@ -261,12 +297,6 @@ def _hint(scene: str, changes: tuple[str, ...], t_end: float, out: Path | None) 
     arguments = ["pyfric", "run", scene, *(f"--set={change}" for change in changes)]
     arguments += ["--t-end", repr(t_end), "--out", str(out), "--resume"]
     return f"continue with: {shlex.join(arguments)}"
-
-
-def _same_file(one: Path | None, other: str | None) -> bool:
-    if one is None or other is None:
-        return False
-    return one.exists() and Path(other).exists() and one.samefile(other)
 
 
 def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:

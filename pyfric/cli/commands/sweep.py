@@ -1,30 +1,36 @@
-"""`pyfric sweep`."""
+"""Many runs: sweeps, phase diagrams, and lattices of other block sizes."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
-    SHORT_EXIT_CODES,
+    EXIT_CODES,
     Exit,
+    SceneName,
+    Seconds,
     Tell,
     check_folder,
+    command_line,
+    figure_out_option,
     folder_option,
-    no_cache_option,
+    running,
+    save_figure,
+    scene_of,
+    set_option,
     stop,
     telling,
-    workers_option,
 )
 
 if TYPE_CHECKING:
     from pyfric.sweeps import Estimate
 
 
-@main.command(section="Simulate", epilog=SHORT_EXIT_CODES)
+@main.command(section="Simulate", epilog=EXIT_CODES)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--dry-run",
@@ -35,8 +41,7 @@ if TYPE_CHECKING:
     "--status", is_flag=True, help="Show which points are finished or failed; run nothing."
 )
 @folder_option("--out", metavar="DIR", help="Write the table there: CSV, netCDF and Parquet.")
-@workers_option
-@no_cache_option
+@running
 @telling
 def sweep(
     file: Path,
@@ -44,7 +49,7 @@ def sweep(
     status: bool,
     out: Path | None,
     workers: int | None,
-    no_cache: bool,
+    cache: bool,
     tell: Tell,
 ) -> None:
     """Run the scene of FILE (TOML) at many points.
@@ -57,7 +62,7 @@ def sweep(
     if dry_run and status:
         raise click.UsageError("--dry-run and --status exclude each other.")
     check_folder(out)
-    what, cache = Sweep.from_toml(file), not no_cache
+    what = Sweep.from_toml(file)
     if dry_run or status:
         results = what.status(cache)
     else:
@@ -95,3 +100,110 @@ def _too_large(found: Estimate, cache: bool) -> list[str]:
 
 def _short(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+@main.command("phase-diagram", section="Simulate", epilog=EXIT_CODES)
+@click.argument("scene", type=SceneName(), required=False)
+@set_option
+@click.option("--x", metavar="FIELD=FROM:TO:N[:log]", help="Field along x, with its values in SI.")
+@click.option("--y", metavar="FIELD=FROM:TO:N[:log]", help="Field along y, likewise.")
+@click.option("--t-end", type=Seconds(), help="End time of the runs of SCENE.")
+@click.option("--stop-when", multiple=True, metavar="CONDITION", help="As in pyfric run.")
+@click.option("--lines/--no-lines", default=True, help="Find where labels change. [default: yes]")
+@figure_out_option
+@running
+@telling
+def phase_diagram(
+    scene: str | None,
+    changes: tuple[str, ...],
+    x: str | None,
+    y: str | None,
+    t_end: float | None,
+    stop_when: tuple[str, ...],
+    out: Path,
+    tell: Tell,
+    **how: Any,
+) -> None:
+    """Map the largest rupture of SCENE over two fields: its class and its speed.
+
+    Without SCENE: the chain of Thogersen et al. (2019), over alpha/sqrt(k m) and tau_bar. DIR gets
+    phases.png, phases.pdf and the points and lines as CSV. Finished runs are kept, so that the same
+    command continues a stopped map.
+    """
+    import pyfric
+    from pyfric import figures
+
+    if scene is None and (changes or stop_when or t_end is not None):
+        raise click.UsageError("--set, --t-end and --stop-when need a SCENE.")
+    check_folder(out)
+    if scene is not None:
+        how |= {"t_end": t_end, "options": {"stop_when": stop_when or None}}
+    what = None if scene is None else scene_of(scene, changes)
+    axes = {side: given and _axis(side, given) for side, given in (("x", x), ("y", y))}
+    found = pyfric.phase_diagram(what, **axes, progress=tell.progress, **how)
+    save_figure(figures.phase_map(found), out / "phases", command_line(), tell)
+
+
+def _axis(side: str, given: str) -> tuple[str, list[float]]:
+    """Return the name of a field and its values, from the text of an option."""
+    from pyfric.scene import SceneError
+    from pyfric.sweeps import Span
+
+    name, _, values = given.partition("=")
+    parts = values.split(":")
+    try:
+        start, stop, n, scale = [*parts, *["linear"] * (len(parts) == 3)]
+        start, stop, n = float(start), float(stop), int(n)
+    except ValueError:
+        allowed = "FIELD=FROM:TO:N, or FIELD=FROM:TO:N:log, numbers in SI"
+        raise SceneError(side, given, "", allowed, "not a range of this form") from None
+    return name.strip(), Span(start=start, stop=stop, n=n, scale=scale).values(name)
+
+
+@main.command(section="Simulate", epilog=EXIT_CODES)
+@click.argument("scene", type=SceneName())
+@click.option("--t-end", type=Seconds(), default=3.0, help="Latest end time. [default: 3 s]")
+@set_option
+@click.option(
+    "--levels",
+    type=click.IntRange(2, 5),
+    default=2,
+    show_default=True,
+    help="Number of lattices: l, l/2, l/4 and so on.",
+)
+@click.option(
+    "--fidelity",
+    type=click.Choice(["quasistatic", "hybrid", "dynamic"]),
+    default="quasistatic",
+    show_default=True,
+    help="Model; quasistatic takes seconds.",
+)
+@running
+@telling
+def resolve(
+    scene: str,
+    t_end: float,
+    changes: tuple[str, ...],
+    levels: int,
+    fidelity: str,
+    tell: Tell,
+    **how: Any,
+) -> None:
+    """Measure which results of SCENE change with the size of its blocks, and by how much.
+
+    The same slab is run with blocks of l, l/2 and so on, up to the first event of the whole
+    interface. Finished runs are kept: after Ctrl-C the same command goes on.
+    """
+    import pyfric
+    from pyfric.display import plain
+
+    found = pyfric.resolve(
+        scene_of(scene, changes),
+        t_end,
+        levels=levels,
+        options={"fidelity": fidelity},
+        progress=tell.progress,
+        **how,
+    )
+    rows = plain(found.table.to_dict("index"))
+    tell.result({"quantities": rows, "notes": list(found.notes)}, lambda: str(found))

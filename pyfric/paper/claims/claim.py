@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-import io
 import json
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,7 +18,7 @@ from pyfric.scene import __version__, write
 if TYPE_CHECKING:
     from pyfric.record import Record
 
-__all__ = ["CLAIMS", "Band", "Claim", "Damage", "at_least", "at_most", "between", "claim"]
+__all__ = ["CLAIMS", "Band", "Claim", "Damage", "claim"]
 
 Runs = Mapping[str, "Record"]
 Measure = Callable[..., "Iterator[Claim]"]
@@ -70,18 +68,6 @@ class Band:
         return float(max(low - value, value - high, 0.0))
 
 
-def at_least(low: float, source: str, unit: str = "") -> Band:
-    return Band(low, None, source, unit)
-
-
-def at_most(high: float, source: str, unit: str = "") -> Band:
-    return Band(None, high, source, unit)
-
-
-def between(low: float, high: float, source: str, unit: str = "") -> Band:
-    return Band(low, high, source, unit)
-
-
 @dataclass(frozen=True)
 class Claim:
     """One claim, or a part of one, as measured.
@@ -126,12 +112,6 @@ class Claim:
         own = {name: getattr(self, name) for name in names}
         return own | vars(self.band) | {"band": str(self.band), "verdict": self.verdict}
 
-    def tried(self, values: Mapping[str, Mapping[str, float]]) -> Claim:
-        """Return the claim with its value when damaged, from all values by damage and number."""
-        found = {one.what: values[one.what][self.number] for one in self.damages}
-        nearest = min(found, key=lambda what: self.band.outside(found[what]))
-        return dataclasses.replace(self, damages=(), damage=nearest, damaged=found[nearest])
-
 
 class Measured(NamedTuple):
     """A claim that can be measured: the names of its runs, and what measures its parts."""
@@ -142,7 +122,7 @@ class Measured(NamedTuple):
     def __call__(self, runs: Runs, **given: Any) -> list[Claim]:
         """Return the parts of the claim as measured."""
         found = self.measure(runs, **given)
-        return [dataclasses.replace(one, value=float(one.value)) for one in found]
+        return [replace(one, value=float(one.value)) for one in found]
 
     def tried(self, runs: Runs) -> list[Claim]:
         """Return them with their values when damaged.
@@ -156,7 +136,12 @@ class Measured(NamedTuple):
             what: {claim.number: claim.value for claim in self(one.change(runs), **one.given)}
             for what, one in damages.items()
         }
-        return [claim.tried(values) for claim in claims]
+        tried = []
+        for claim in claims:
+            found = {one.what: values[one.what][claim.number] for one in claim.damages}
+            what = min(found, key=lambda what: claim.band.outside(found[what]))
+            tried.append(replace(claim, damages=(), damage=what, damaged=found[what]))
+        return tried
 
 
 CLAIMS: dict[str, Measured] = {}
@@ -202,13 +187,12 @@ def save(claims: Iterable[Claim], folder: str | os.PathLike[str]) -> list[Path]:
     Raises:
         OSError: a file cannot be written.
     """
-    claims, folder, text = list(claims), Path(folder), io.StringIO()
+    claims, folder = list(claims), Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     content = {"pyfric": __version__, "claims": table(claims)}
-    pd.DataFrame([claim.as_dict() for claim in claims]).to_csv(text, index=False)
     files = {
         "claims.json": json.dumps(content, indent=2, allow_nan=False) + "\n",
-        "claims.csv": text.getvalue(),
+        "claims.csv": pd.DataFrame([claim.as_dict() for claim in claims]).to_csv(index=False),
     }
     return [write(folder / name, text.encode()) for name, text in files.items()]
 

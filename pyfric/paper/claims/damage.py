@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -43,7 +42,7 @@ def given(what: str, **instead: Any) -> Damage:
 
 def with_events(record: Record, **columns: Any) -> Record:
     """Return the record with other columns of its events."""
-    return dataclasses.replace(record, events=record.events.assign(**columns))
+    return record.replace(events=record.events.assign(**columns))
 
 
 def with_force(function: Callable[[Record, np.ndarray], np.ndarray]) -> Change:
@@ -54,16 +53,6 @@ def with_force(function: Callable[[Record, np.ndarray], np.ndarray]) -> Change:
         names = ("F_T_start", "F_T_arrest")
         new = {name: F_N * function(record, events[name].to_numpy() / F_N) for name in names}
         return with_events(record, **new)
-
-    return changed
-
-
-def with_stress(function: Callable[[Record, np.ndarray, np.ndarray], np.ndarray]) -> Change:
-    """Return a change of a record: tau after events becomes a function of it, tau and p."""
-
-    def changed(record: Record) -> Record:
-        new = function(record, record.tau_after, record.p_after)
-        return record.replace(tau_after=new)
 
     return changed
 
@@ -81,15 +70,11 @@ def every_second(record: Record) -> Record:
     return with_events(record, finished=events["finished"] & kept)
 
 
-def up_to(length: float) -> Change:
-    """Return a change of a record: precursors beyond L_p/L are not finished."""
-
-    def changed(record: Record) -> Record:
-        events = record.events
-        short = (events["L_p_over_L"] <= length) | (events["L_p_over_L"] == 1)
-        return with_events(record, finished=events["finished"] & short)
-
-    return changed
+def without_long(record: Record) -> Record:
+    """Precursors beyond 0.8 L are not finished."""
+    events = record.events
+    short = (events["L_p_over_L"] <= 0.8) | (events["L_p_over_L"] == 1)
+    return with_events(record, finished=events["finished"] & short)
 
 
 def lengths_backwards(record: Record) -> Record:
@@ -165,12 +150,6 @@ def _with_intervals(record: Record, change: Callable[[np.ndarray], np.ndarray]) 
     return record.replace(rupture_times=times)
 
 
-def friction(**changes: float) -> Change:
-    """Return a change of a record: its scene has another friction."""
-
-    def changed(record: Record) -> Record:
-        interface = dataclasses.replace(record.scene.interface, **changes)
-        scene = dataclasses.replace(record.scene, interface=interface)
-        return dataclasses.replace(record, scene=scene)
-
-    return changed
+def in_scene(**changes: float) -> Change:
+    """Return a change of a record: its scene has other values."""
+    return lambda record: record.replace(scene=record.scene.replace(**changes))

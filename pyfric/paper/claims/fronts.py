@@ -12,7 +12,7 @@ import pandas as pd
 
 from pyfric.engines import relaxation_time
 from pyfric.paper.claims import damage as to
-from pyfric.paper.claims.claim import Band, Claim, Damage, Runs, at_least, at_most, between, claim
+from pyfric.paper.claims.claim import Band, Claim, Damage, Runs, claim
 from pyfric.paper.claims.quantities import furthest, growing, listed
 from pyfric.paper.claims.runs import BASE, BY_ETA, BY_K_F, FRONTS, SPEEDS
 from pyfric.paper.claims.shares import DRAWS, SCATTER, position_alone, shares, told
@@ -48,7 +48,7 @@ def _front_of_fig4a(runs: Runs, speeds: Speeds = lambda points: points) -> Itera
             f"12{letters[0]}",
             f"fronts start at about 2400 m/s near the trailing edge: {what}",
             first[what],
-            between(2350, 2450, ABOUT, "m/s"),
+            Band(2350, 2450, ABOUT, "m/s"),
             f"{how}largest at x < L/4; {listed(first, '.0f')}",
             [backwards],
         )
@@ -56,7 +56,7 @@ def _front_of_fig4a(runs: Runs, speeds: Speeds = lambda points: points) -> Itera
             f"12{letters[1]}",
             f"and come down to about 400 m/s before arrest: {what}",
             last[what],
-            between(350, 450, ABOUT, "m/s"),
+            Band(350, 450, ABOUT, "m/s"),
             f"{how}the last one; {listed(last, '.0f')}",
             [backwards],
         )
@@ -122,7 +122,7 @@ def _above_position(found: pd.DataFrame, share: str, least: float, source: str) 
     """The band of a share: from the least on, and above what the position alone reaches."""
     null = math.ceil(100 * found.loc["null", share]) / 100
     alone = f"and no less than the {null:.2f} of data that depend on the position alone"
-    return at_least(max(least, null), f"{source}; {alone}")
+    return Band(max(least, null), None, f"{source}; {alone}")
 
 
 def _described(found: pd.DataFrame, share: str, what: str, points: pd.DataFrame) -> str:
@@ -162,8 +162,10 @@ def _collapse(
         "13b",
         "against tau/p, the pairs have different curves",
         math.sqrt((1 - one) / (1 - several)),
-        at_least(
-            1.1, "1 if pairs had the same curve; a tenth more is allowed: the paper has no number"
+        Band(
+            1.1,
+            None,
+            "1 if pairs had the same curve; a tenth more is allowed: the paper has no number",
         ),
         f"RMS of ln v_c about one curve for all (explains {one:.2f}) over that about one for each "
         f"pair ({several:.2f})",
@@ -191,7 +193,7 @@ def _collapse(
         "13e",
         "and more than the position along the front does",
         scaled.loc["low", "more"],
-        at_least(0, f"the lower end of {OVER_FRONTS} is not below 0"),
+        Band(0, None, f"the lower end of {OVER_FRONTS} is not below 0"),
         _described(scaled, "more", "what it explains beyond the position", points),
         _without_prestress()[:-1],
         "each may explain part of what the other leaves, see 13d",
@@ -213,7 +215,7 @@ def _waves(runs: Runs, scene: Scene | None = None) -> Iterator[Claim]:
             number,
             f"{name} waves travel at {expected} m/s",
             speed * factor,
-            between(expected - 0.5, expected + 0.5, "the paper's digits", "m/s"),
+            Band(expected - 0.5, expected + 0.5, "the paper's digits", "m/s"),
             f"plane wave of 2 pi 1000 l in the lattice: {speed:.1f} m/s with m = M/N, times "
             f"sqrt((N_x-1)(N_z-1)/(N_x N_z)) = {factor:.4f} for the mass per area",
             [to.given("1 % less stiffness", scene=soft)],
@@ -250,7 +252,7 @@ def _viscosity_and_foundation(runs: Runs) -> Iterator[Claim]:
             number,
             what,
             value,
-            at_most(0.5, "half a step: the paper says similar, without a number", "steps"),
+            Band(None, 0.5, "half a step: the paper says similar, without a number", "steps"),
             "largest distance in force, at equal length, from the default, over the mean step "
             f"between precursors; with their number, {count[BASE]} at the default: "
             + ", ".join(f"{name}: {one:.4f} F_N ({count[name]})" for name, one in each)
@@ -262,7 +264,7 @@ def _viscosity_and_foundation(runs: Runs) -> Iterator[Claim]:
         "15c",
         "viscosity and foundation do not change the number of precursors",
         max(more.values()),
-        at_most(1, "one precursor more or fewer: the paper says 'similar'", "precursors"),
+        Band(None, 1, "one precursor more or fewer: the paper says 'similar'", "precursors"),
         f"largest difference from {count[BASE]}, of all these runs; by viscosity alone "
         f"{max(more[name] for name in BY_ETA)}; at k_f = k, "
         f"{', '.join(f'{share:g} k' for share in BY_K_F.values())}: "
@@ -283,7 +285,7 @@ def _no_slow_fronts(runs: Runs) -> Iterator[Claim]:
         "16",
         "no very slow fronts with Amontons-Coulomb friction",
         min(slowest.values()),
-        at_least(0.05, source, "c_s"),
+        Band(0.05, None, source, "c_s"),
         f"smallest v_c within the fronts of all main events: {listed(slowest)}",
         [to.each("fronts 20 times slower", to.fronts_slower(20.0))],
     )

@@ -9,7 +9,7 @@ import pandas as pd
 
 from pyfric.engines import prediction_curve
 from pyfric.paper.claims import damage as to
-from pyfric.paper.claims.claim import Claim, Runs, at_least, at_most, between, claim
+from pyfric.paper.claims.claim import Band, Claim, Runs, claim
 from pyfric.paper.claims.quantities import (
     exponent,
     force_at,
@@ -46,7 +46,7 @@ def _precursors(runs: Runs) -> Iterator[Claim]:
         "1a",
         "at least 11 precursors before sliding",
         len(table),
-        at_least(11, WORDS),
+        Band(11, None, WORDS),
         "main events with 0 < L_p < L before the first event over the whole interface",
         [to.each("every second main event left out", to.every_second)],
     )
@@ -54,7 +54,7 @@ def _precursors(runs: Runs) -> Iterator[Claim]:
         "1b",
         "all of them nucleate at the trailing edge",
         table["at_trailing_edge"].mean(),
-        at_least(1, WORDS),
+        Band(1, None, WORDS),
         "share with first slip at x <= h + l",
         [to.each("seen from the leading edge", to.mirrored)],
     )
@@ -62,7 +62,7 @@ def _precursors(runs: Runs) -> Iterator[Claim]:
         "1c",
         "their lengths increase",
         np.diff(table["L_p_over_L"]).min() * record.scene.N_x,
-        at_least(1, WORDS, "blocks"),
+        Band(1, None, WORDS, "blocks"),
         "smallest step of L_p from one precursor to the next",
         [to.each("lengths in reverse order", to.lengths_backwards)],
     )
@@ -70,7 +70,7 @@ def _precursors(runs: Runs) -> Iterator[Claim]:
         "1d",
         "the force drops at each of them",
         (drops > 0).mean(),
-        at_least(1, WORDS),
+        Band(1, None, WORDS),
         "share of precursors with a static force at last stick below that at first slip; the drops "
         f"are {drops.min():.4f} to {drops.max():.4f} F_N",
         [to.each("start and arrest exchanged", to.drops_undone)],
@@ -91,7 +91,7 @@ def _collapse(runs: Runs) -> Iterator[Claim]:
         "2a",
         "length against force is one curve for all L, h and F_N",
         spread.rms / step,
-        at_most(0.5, HALF, "steps"),
+        Band(None, 0.5, HALF, "steps"),
         f"RMS of F_T/F_N about its median in bins of L_p/L ({spread.rms:.4f}) over the mean step "
         f"between precursors ({step:.4f}); {spread.n} precursors, {len(GRID)} scenes",
         [other_unit],
@@ -100,7 +100,7 @@ def _collapse(runs: Runs) -> Iterator[Claim]:
         "2b",
         "the same with F_N alone, in finite geometry",
         furthest([tables[name] for name in AT_F_N], tables["fig1"])[0],
-        at_most(0.5, HALF, "steps"),
+        Band(None, 0.5, HALF, "steps"),
         "largest distance in force, at equal length, of the Fig. 1 scene at 1750 and 2700 N from "
         "3500 N",
         [other_unit],
@@ -114,7 +114,7 @@ def _collapse(runs: Runs) -> Iterator[Claim]:
         "2c",
         "near linear up to half the length",
         bent[-1][0],
-        at_most(1, BLOCKS, "blocks"),
+        Band(None, 1, BLOCKS, "blocks"),
         "RMS distance of L_p < L/2 from a straight line over the force, worst scene "
         f"({bent[-1][1]}), of {len(bent)}; in the middle {bent[len(bent) // 2][0]:.2f}",
         [SQUARED],
@@ -125,7 +125,7 @@ def _collapse(runs: Runs) -> Iterator[Claim]:
         "2d",
         "faster beyond half the length",
         high / low,
-        at_least(1, WORDS),
+        Band(1, None, WORDS),
         f"slope dL_p/dF_T above L/2 ({high:.2f} L/F_N) over that below ({low:.2f} L/F_N), all "
         "scenes",
         [to.each("curves turned by half a turn", to.turned)],
@@ -156,7 +156,7 @@ def _steps_over_h(runs: Runs) -> Iterator[Claim]:
         "3a",
         "steps of L_p and F_T between precursors are almost proportional to h, for small h",
         max(powers.values(), key=lambda one: abs(one - 1)),
-        between(0.75, 1.25, "1 means proportional; almost: nearer to 1 than to 1/2 or 3/2"),
+        Band(0.75, 1.25, "1 means proportional; almost: nearer to 1 than to 1/2 or 3/2"),
         "exponent of the mean step below L/2 over h = 2.5, 5, 7.5 mm, mean of both L, the one "
         f"further from 1 ({listed(powers, '.2f')}); {'; '.join(texts)}",
         [to.exchanged("h = 5 mm in all runs", ONE_H)],
@@ -174,7 +174,7 @@ def _steps_over_h(runs: Runs) -> Iterator[Claim]:
         "3b",
         "for small h, increments of L_p and F_T between precursors are linear in h",
         max((off[key] / known).max() for key, (_, known) in steps.items()),
-        at_most(1, BLOCKS, "blocks/n"),
+        Band(None, 1, BLOCKS, "blocks/n"),
         "mean steps below L/2 for h = 2.5, 5, 7.5 mm: largest distance from a straight line, "
         f"over one block per n steps; {'; '.join(texts)}",
         [to.exchanged("h = 2.5 and 5 mm exchanged", FIRST_AND_SECOND)],
@@ -185,7 +185,7 @@ def _steps_over_h(runs: Runs) -> Iterator[Claim]:
         "3c",
         "larger L gives more precursors",
         (numbers[1] - numbers[0]).min(),
-        at_least(1, WORDS),
+        Band(1, None, WORDS),
         "smallest difference of their numbers between L = 200 and 140 mm, of six h: "
         f"{numbers[1].tolist()} and {numbers[0].tolist()}",
         [to.exchanged("runs of the two lengths exchanged", LENGTHS_EXCHANGED)],
@@ -194,7 +194,7 @@ def _steps_over_h(runs: Runs) -> Iterator[Claim]:
         "3d",
         "smaller h gives more precursors",
         (numbers[:, :3] - numbers[:, 1:4]).min(),
-        at_least(1, WORDS),
+        Band(1, None, WORDS),
         "smallest difference of their numbers between h = 2.5, 5, 7.5, 10 mm and the next",
         [to.exchanged("runs in reverse order of h", HEIGHTS_BACKWARDS)],
         "beyond h = 10 mm their number no longer falls",
@@ -230,7 +230,7 @@ def _load_on_the_trailing_edge(runs: Runs) -> Iterator[Claim]:
         "4a",
         text + "order of the three curves",
         np.nanmin(gaps),
-        at_least(0, WORDS, "F_N"),
+        Band(0, None, WORDS, "F_N"),
         f"{how}, 0.2 ... as far as the data reach ({np.isfinite(gaps).sum()} distances)",
         [damage],
         "the curves meet at L_p = L, where the force is about mu_k F_N",
@@ -240,7 +240,7 @@ def _load_on_the_trailing_edge(runs: Runs) -> Iterator[Claim]:
         "4b",
         text + "the curves are apart",
         np.nanmin(gaps[:, lengths < 0.55]),
-        at_least(0.024, source, "F_N"),
+        Band(0.024, None, source, "F_N"),
         f"{how} ... 0.5",
         [damage],
     )
@@ -248,7 +248,7 @@ def _load_on_the_trailing_edge(runs: Runs) -> Iterator[Claim]:
 
 @claim("5", *GRID, BASE, *SETUP2, *BY_V)
 def _prediction(runs: Runs) -> Iterator[Claim]:
-    damage = to.each("prediction of mu_s = mu_k = 0.3", to.friction(mu_k=0.3))
+    damage = to.each("prediction of mu_s = mu_k = 0.3", to.in_scene(mu_k=0.3))
     for number, what, names in (("5a", "setup 1", GRID), ("5b", "setup 2", SETUP2)):
         errors = {name: prediction_error(runs[name]) for name in names}
         every = np.concatenate(list(errors.values()))
@@ -259,7 +259,7 @@ def _prediction(runs: Runs) -> Iterator[Claim]:
             number,
             f"with mu_s = mu_k, equilibrium gives the lengths at arrest: {what}",
             shares[worst],
-            at_most(0.5, NEARER, "steps"),
+            Band(None, 0.5, NEARER, "steps"),
             "RMS of F_arrest - F_pred(n) over the mean step between precursors, worst of "
             f"{len(names)} scenes ({worst}); the Fig. 1 scene or the first one "
             f"{shares.get('fig1', shares[names[0]]):.3f}; over F_N, all together: RMS "
@@ -271,7 +271,7 @@ def _prediction(runs: Runs) -> Iterator[Claim]:
         "5c",
         "whatever the driving speed",
         furthest([growing(runs[name]) for name in BY_V], growing(runs[BASE]))[0],
-        at_most(0.5, NEARER, "steps"),
+        Band(None, 0.5, NEARER, "steps"),
         "largest difference in force at equal length, V/2 and 2 V compared with V",
         [to.each("force in proportion to V", faster, BY_V)],
     )
@@ -286,7 +286,7 @@ def _one_dimension(runs: Runs) -> Iterator[Claim]:
         "6a",
         "one dimension, homogeneous load: length is linear in force",
         one,
-        at_most(1, BLOCKS, "blocks"),
+        Band(None, 1, BLOCKS, "blocks"),
         f"RMS distance of the lengths from a straight line over the force, {scene.N_x} blocks; the "
         f"prediction curve: {straight(curve.iloc[1:], scene.N_x):.1e}",
         [SQUARED],
@@ -295,7 +295,7 @@ def _one_dimension(runs: Runs) -> Iterator[Claim]:
         "6b",
         "two dimensions: it is not",
         two,
-        at_least(1, "resolution, as in 6a", "blocks"),
+        Band(1, None, "resolution, as in 6a", "blocks"),
         f"the same distance in the Fig. 1 scene, {two / one:.2g} times that of the chain",
         [to.exchanged("the chain's lengths for those of the Fig. 1 scene", {"fig1": "chain"})],
     )

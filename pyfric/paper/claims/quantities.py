@@ -45,14 +45,11 @@ def force_at(table: pd.DataFrame, lengths: Iterable[float]) -> np.ndarray:
 
 def furthest(tables: Iterable[pd.DataFrame], base: pd.DataFrame) -> tuple[float, list[float]]:
     """Largest distance in force from a base at equal length, over its mean step; each over F_N."""
-    apart = [_distance(table, base) for table in tables]
+    apart = [
+        float(np.abs(table["force"] - force_at(base, table["L_p_over_L"])).max())
+        for table in tables
+    ]
     return float(np.max(apart)) / force_step(base), apart
-
-
-def _distance(table: pd.DataFrame, base: pd.DataFrame) -> float:
-    """Largest distance in force at equal length; NaN without common lengths."""
-    apart = np.abs(table["force"] - force_at(base, table["L_p_over_L"])).dropna()
-    return float(apart.max())
 
 
 def straight(table: pd.DataFrame, N_x: int) -> float:

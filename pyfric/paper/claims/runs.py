@@ -62,7 +62,7 @@ def jobs() -> dict[str, Job]:
         return Job(scene=preset("fig1", **changes), t_end=t_end, options=LINEAR)
 
     found = dict(zip(GRID, paper.FIG2A, strict=True))
-    found |= {"fig4a": paper.FIG4A, BASE: fig(0.95)}
+    found |= {"fig4a": paper.FIG1, BASE: fig(0.95)}
     found |= {job.scene.name: job for job in (*paper.FIG2B, *paper.FIG4B)}
     F_N = 2700.0
     job = Job(scene=preset("fig1", F_N=F_N), t_end=0.95 * F_N / 3500, options=FINITE)

@@ -24,7 +24,7 @@ D. L. Miller, Rev. Econ. Stat. 90, 414 (2008), signs by groups of dependent poin
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -41,6 +41,9 @@ SCATTER = ("shuffled", "signs")
 """Ways to scatter what the curve over the position leaves."""
 ZERO = 1e-10
 """Eigenvalues below this share of the largest are 0: two curves have a constant in common."""
+Groups = list[tuple[np.ndarray, np.ndarray, np.ndarray]]
+"""Points with curves of their own: their rows, and which bin of s and of x each lies in. Bins are
+columns that are 1 in the bin and 0 elsewhere."""
 
 
 def shares(points: pd.DataFrame, prestress: str, by: str = "") -> pd.DataFrame:
@@ -94,25 +97,14 @@ def position_alone(points: pd.DataFrame, by: str = "", scatter: str = "signs") -
     return points.assign(v_c=np.exp(np.log(points["v_c"]).mean() + alone))
 
 
-class _Group(NamedTuple):
-    """Points with curves of their own: their rows, and which bin of s and of x each lies in.
-
-    Bins are columns that are 1 in the bin and 0 elsewhere.
-    """
-
-    rows: np.ndarray
-    s: np.ndarray
-    x: np.ndarray
-
-
 def _prepared(
     points: pd.DataFrame, prestress: str, by: str
-) -> tuple[np.ndarray, np.ndarray, list[_Group]]:
+) -> tuple[np.ndarray, np.ndarray, Groups]:
     """ln v_c about its mean, the number of the front, and the groups."""
     y = np.log(points["v_c"].to_numpy())
     every = points.groupby(by).indices.values() if by else [np.arange(y.size)]
     groups = [
-        _Group(rows, *(_bins(points[name].to_numpy()[rows]) for name in (prestress, "place")))
+        (rows, *(_bins(points[name].to_numpy()[rows]) for name in (prestress, "place")))
         for rows in every
     ]
     return y - y.mean(), pd.factorize(points["front"])[0], groups
@@ -123,7 +115,7 @@ def _bins(x: np.ndarray) -> np.ndarray:
 
 
 def _alone(
-    y: np.ndarray, front: np.ndarray, groups: list[_Group], scatter: str, draws: int
+    y: np.ndarray, front: np.ndarray, groups: Groups, scatter: str, draws: int
 ) -> np.ndarray:
     """The curve over the position, and what it leaves, scattered; shape (draws, points)."""
     rng, made = np.random.default_rng(0), np.empty((draws, y.size))
@@ -136,7 +128,7 @@ def _alone(
     return made
 
 
-def _explained(y: np.ndarray, groups: list[_Group], weight: np.ndarray) -> pd.DataFrame:
+def _explained(y: np.ndarray, groups: Groups, weight: np.ndarray) -> pd.DataFrame:
     """Shares for each row of y or of the weights, shape (draws or 1, points)."""
     mean = (weight * y).sum(axis=1, keepdims=True) / weight.sum(axis=1, keepdims=True)
     left: Any = 0.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pyfric.paper.claims import damage as to
-from pyfric.paper.claims.claim import Claim, Damage, Runs, at_least, at_most, between, claim
+from pyfric.paper.claims.claim import Band, Claim, Damage, Runs, claim
 from pyfric.paper.claims.lengths import HEIGHTS_BACKWARDS
 from pyfric.paper.claims.quantities import (
     corner,
@@ -45,7 +44,7 @@ def _loading(runs: Runs) -> Iterator[Claim]:
             number,
             f"at F_T = 0, {name} is {what}",
             np.abs(start[name] + sign * start[name].to_numpy()[::-1]).max(),
-            at_most(1e-9, rounding, "F_N/N_x"),
+            Band(None, 1e-9, rounding, "F_N/N_x"),
             f"largest |{name}(n) {'+' if sign > 0 else '-'} {name}(N_x + 1 - n)|",
             [loaded],
         )
@@ -54,7 +53,7 @@ def _loading(runs: Runs) -> Iterator[Claim]:
         "7c",
         "loading raises tau near the trailing edge over a distance of about h",
         max(lengths, key=lambda x: abs(math.log(x))),
-        between(0.5, 2, "about, read as within a factor of two", "h"),
+        Band(0.5, 2, "about, read as within a factor of two", "h"),
         "distance from the peak of the rise before the first slip to 1/e of it; the one furthest "
         f"from h in {len(lengths)} scenes with h = 2.5 to 15 mm; all: {min(lengths):.2f} to "
         f"{max(lengths):.2f} h",
@@ -77,8 +76,7 @@ def _other_h(runs: Runs) -> Runs:
     """Each run of Fig. 2(a) as if h were that of the run in its place in reverse order."""
     changed = dict(runs)
     for name, other in HEIGHTS_BACKWARDS.items():
-        scene = dataclasses.replace(runs[name].scene, driver=runs[other].scene.driver)
-        changed[name] = dataclasses.replace(runs[name], scene=scene)
+        changed[name] = to.in_scene(h=runs[other].scene.driver.h)(runs[name])
     return changed
 
 
@@ -92,7 +90,7 @@ def _behind_a_precursor(runs: Runs) -> Iterator[Claim]:
         "8",
         "a precursor leaves tau = mu_k p behind it",
         size(left),
-        at_most(0.1, TENTH, "mu_s - mu_k"),
+        Band(None, 0.1, TENTH, "mu_s - mu_k"),
         "RMS of (tau/p - mu_k)/(mu_s - mu_k) after arrest over the slipped, closed blocks, tip "
         f"block left out, {len(events)} precursors; {weighted(left)}; without the last precursor "
         f"{size(left_behind(record, events[:-1])):.3f}; one by one: {each}",
@@ -102,8 +100,6 @@ def _behind_a_precursor(runs: Runs) -> Iterator[Claim]:
 
 
 FORCE_AS_MU_S = to.with_force(lambda record, force: force * record.scene.interface.mu_s / 0.7)
-TAU_AS_MU_S = to.with_stress(lambda record, tau, p: tau * record.scene.interface.mu_s / 0.7)
-MIDDLE = to.with_stress(lambda record, tau, p: 0.5 * (tau + record.scene.interface.mu_s * p))
 
 
 @claim("9", BASE, *BY_MU_S, *BY_D_C)
@@ -113,15 +109,12 @@ def _state_at_arrest(runs: Runs) -> Iterator[Claim]:
         mu_s: left_behind(record)["tau_over_p"] - record.scene.interface.mu_k
         for mu_s, record in by_mu_s.items()
     }
-    both = to.each(
-        "tau and F_T at arrest in proportion to mu_s",
-        lambda record: FORCE_AS_MU_S(TAU_AS_MU_S(record)),
-    )
+    both = to.each("tau and F_T at arrest in proportion to mu_s", _as_mu_s)
     yield Claim(
         "9a",
         "the state at arrest depends only weakly on mu_s: tau/p",
         _slope({mu_s: float(np.mean(one)) for mu_s, one in ratio.items()}),
-        at_most(0.1, "0 is no dependence, 1 is tau = mu_s p; a tenth: the paper has no number"),
+        Band(None, 0.1, "0 is no dependence, 1 is tau = mu_s p; a tenth: the paper has no number"),
         "slope over mu_s = 0.5 ... 0.9 of the mean tau/p that precursors leave; its RMS distance "
         "from mu_k is " + ", ".join(f"{rms(one):.3f} at {mu_s:g}" for mu_s, one in ratio.items()),
         [both],
@@ -131,7 +124,7 @@ def _state_at_arrest(runs: Runs) -> Iterator[Claim]:
         "9b",
         "the state at arrest depends only weakly on mu_s: force at equal length",
         _slope(apart),
-        at_most(0.1, "0 is no dependence, 1 is F_T = mu_s F_N; the paper gives no number"),
+        Band(None, 0.1, "0 is no dependence, 1 is F_T = mu_s F_N; the paper gives no number"),
         "slope over mu_s of the mean F_arrest - F_pred(n), over F_N: "
         + ", ".join(f"{one:.4f} at {mu_s:g}" for mu_s, one in apart.items()),
         [both],
@@ -141,7 +134,7 @@ def _state_at_arrest(runs: Runs) -> Iterator[Claim]:
     worst = max(far[name] for name, d_c in BY_D_C.items() if 0 < d_c <= 2e-6)
     middle = to.each(
         "tau halfway from mu_k p to mu_s p, with weakening",
-        MIDDLE,
+        _towards_mu_s,
         [name for name, d_c in BY_D_C.items() if d_c > 0],
     )
     texts = [
@@ -153,7 +146,7 @@ def _state_at_arrest(runs: Runs) -> Iterator[Claim]:
         "9c",
         "it holds with slip weakening over less than a few um",
         worst,
-        at_most(0.1, TENTH, "mu_s - mu_k"),
+        Band(None, 0.1, TENTH, "mu_s - mu_k"),
         f"claim 8's RMS, worst of d_c = 0.5, 1, 2 um; at d_c in um: {', '.join(texts)}",
         [middle],
         "the last precursor raises it, as in claim 8 (linear geometry here). From about 5 um on, "
@@ -164,10 +157,20 @@ def _state_at_arrest(runs: Runs) -> Iterator[Claim]:
         "9d",
         "and is no further from mu_k p than without weakening",
         worst / far["d_c 0"],
-        at_most(1.1, "1 is as far as without; a tenth more is allowed: the paper has no number"),
+        Band(None, 1.1, "1 is as far as without; a tenth more is allowed: the paper has no number"),
         "the value of 9c, over that at d_c = 0",
         [middle],
     )
+
+
+def _as_mu_s(record: Record) -> Record:
+    tau = record.tau_after * record.scene.interface.mu_s / 0.7
+    return FORCE_AS_MU_S(record).replace(tau_after=tau)
+
+
+def _towards_mu_s(record: Record) -> Record:
+    tau = 0.5 * (record.tau_after + record.scene.interface.mu_s * record.p_after)
+    return record.replace(tau_after=tau)
 
 
 def _by_mu_s(runs: Runs) -> dict[float, Record]:
@@ -187,18 +190,18 @@ def _force_at_sliding(runs: Runs) -> Iterator[Claim]:
         "10a",
         "the last precursor nearly spans the interface",
         last["L_p_over_L"],
-        at_least(0.9, "nearly, read as nine tenths: the paper has no number", "L"),
+        Band(0.9, None, "nearly, read as nine tenths: the paper has no number", "L"),
         "largest L_p/L before the first event over the whole interface, Fig. 1 scene",
-        [to.each("without the precursors beyond 0.8 L", to.up_to(0.8))],
+        [to.each("without the precursors beyond 0.8 L", to.without_long)],
     )
     yield Claim(
         "10b",
         "it leaves a force of about mu_k F_N",
         record.scene.law.scaled(last["force"]),
-        between(-0.1, 0.1, TENTH, "mu_s - mu_k"),
+        Band(-0.1, 0.1, TENTH, "mu_s - mu_k"),
         "R = (F_T/F_N - mu_k)/(mu_s - mu_k) of the static force at arrest, "
         f"{last['force']:.4f} F_N",
-        [to.each("mu_k = 0.4", to.friction(mu_k=0.4))],
+        [to.each("mu_k = 0.4", to.in_scene(mu_k=0.4))],
     )
     R = {mu_s: _largest(one) for mu_s, one in _by_mu_s(runs).items()}
     source = "as in 10b: 0 where mu_k sets the force, 1 where mu_s does"
@@ -206,7 +209,7 @@ def _force_at_sliding(runs: Runs) -> Iterator[Claim]:
         "10c",
         "the largest force is only slightly above mu_k F_N, whatever mu_s",
         max(R.values(), key=abs),
-        between(-0.1, 0.1, source, "mu_s - mu_k"),
+        Band(-0.1, 0.1, source, "mu_s - mu_k"),
         "R of the largest static force up to the first system-size event, largest |R| over all "
         "mu_s: "
         + ", ".join(f"{one:.3f} at {mu_s:g}" for mu_s, one in R.items())
@@ -236,7 +239,7 @@ def _normal_force(runs: Runs) -> Iterator[Claim]:
         "11a",
         "p falls behind a precursor, by up to 30 %",
         max(falls),
-        between(0.25, 0.35, "30 % to the nearest ten per cent"),
+        Band(0.25, 0.35, "30 % to the nearest ten per cent"),
         "largest 1 - p/p_initial after arrest over h + l < x < L_p, of all precursors; in order: "
         + ", ".join(f"{one:.3f}" for one in falls)
         + "; in linear geometry, by the stiffness of the mattress: "
@@ -249,7 +252,7 @@ def _normal_force(runs: Runs) -> Iterator[Claim]:
         "11b",
         "p is unchanged ahead of it",
         rms(np.concatenate(ahead)),
-        at_most(0.1, "a third of the 30 % behind: the paper has no number"),
+        Band(None, 0.1, "a third of the 30 % behind: the paper has no number"),
         "RMS of p/p_initial - 1 over x > L_p + h, all precursors; in order: "
         + ", ".join(f"{rms(one):.3f}" for one in ahead),
         [to.each("seen from the leading edge", to.mirrored)],
@@ -263,7 +266,7 @@ def _normal_force(runs: Runs) -> Iterator[Claim]:
         "11c",
         "p(x) is reproducible between events over the whole interface",
         np.std(np.array(after)[:, corner(record) :], axis=0).max() if enough else np.nan,
-        at_most(0.03, "a tenth of the 30 %: the paper has no number"),
+        Band(None, 0.03, "a tenth of the 30 %: the paper has no number"),
         f"largest standard deviation of p/p_initial at x > h + l just after {len(after)} such "
         "events",
         [to.each("p/p_initial shuffled along the interface", to.p_shuffled)],

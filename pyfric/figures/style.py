@@ -157,15 +157,23 @@ def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path
     ``path_stem`` is a path without suffix; the files are stem.png, stem.pdf, stem.txt and
     stem_<table>.csv. Missing folders are made. Returns the paths.
     """
+    from matplotlib.backends.backend_pdf import FigureCanvasPdf  # slow to import
+
     stem = Path(path_stem)
     stem.parent.mkdir(parents=True, exist_ok=True)
     paths = [stem.with_name(stem.name + suffix) for suffix in (".png", ".pdf", ".txt")]
     png, pdf, txt = paths
-    with written(png) as draft:
-        fig.savefig(draft, format="png", dpi=PNG_DPI, metadata={"Description": fig.caption})
+    dpi, layout = fig.dpi, fig.get_layout_engine()
+    fig.set_dpi(PNG_DPI)
+    with written(png) as draft:  # savefig would draw everything twice, to lay it out
+        FigureCanvasAgg(fig).print_png(draft, metadata={"Description": fig.caption})
+    fig.set_layout_engine("none")  # laid out already
     with written(pdf) as draft:
         about = {"Subject": fig.caption, "CreationDate": None}
-        fig.savefig(draft, format="pdf", dpi=PNG_DPI, metadata=about)
+        FigureCanvasPdf(fig).print_pdf(draft, metadata=about)
+    FigureCanvasAgg(fig)
+    fig.set_dpi(dpi)
+    fig.set_layout_engine(layout)
     write(txt, f"{fig.caption}\n".encode())
     for name, table in fig.tables.items():
         path = stem.with_name(f"{stem.name}_{name}.csv")

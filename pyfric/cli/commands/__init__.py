@@ -1,7 +1,7 @@
 """Commands by topic: each module adds its own to `main`."""
 
 from pyfric.cli.app import main
-from pyfric.cli.commands import (  # noqa: F401
+from pyfric.cli.commands import (
     build,
     cache,
     look,

@@ -4,7 +4,7 @@ module pyfric_energy
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, row_share, column_shares
   use pyfric_bond_energy, only: bond_energy
-  use pyfric_boundaries, only: driver_on, driver_force, foundation
+  use pyfric_boundaries, only: driver_on, driver_force, foundation, mirror_sum
   use pyfric_rows, only: budget_t
   use pyfric_law, only: interface_energy
   implicit none (type, external)
@@ -33,8 +33,8 @@ contains
     point(1) = driver_force(s, t, y(s%at(s%i_h), UX, s%j_h:s%j_h_top))
     if (.not. keep_budget) return
     point(2:N_ENERGY + 1) = energies(s, t, y, rod, memory)
-    point(N_ENERGY + 2:) = [budget%work, sum(budget%dissipated), sum(budget%heat), sum(loss), sum(budget%above), &
-                            sum(budget%viscous)]
+    point(N_ENERGY + 2:) = [budget%work, sum(budget%dissipated), mirror_sum(s%nx, budget%heat), mirror_sum(s%nx, loss), &
+                            mirror_sum(s%nx, budget%above), mirror_sum(s%nx, budget%viscous)]
   end function curve_point
 
   !> Kinetic (blocks, rod) and elastic (bonds, foundation, mattress or k_top, driver spring, junctions) energies [J].

@@ -231,11 +231,8 @@ def judged(made: Record, truth: Record, expected: float) -> dict[str, Any]:
     own = made.errors or Errors()
     ends = [one for one in (own.until, own.covered) if one is not None]
     until = min(ends) if own.partly or own.until is not None else math.inf
-    apart = differences(made, truth)
-    named = apart.events["event"].isin(own.undetermined)
-    trusted = apart.without(apart.events[named]).before(until)
-    if not len(trusted.events):  # no main event
-        trusted = differences(made, truth, until)
+    apart, trusted = differences(made, truth), differences(made, truth, until)
+    trusted = trusted.without(trusted.events[trusted.events["event"].isin(own.undetermined)])
     real = Errors(want=own.want, tolerance=own.tolerance, **trusted.errors())
     row: dict[str, Any] = {"events": len(apart.events), "trusted": len(trusted.events)}
     row |= {"covered": own.covered, "by": "; ".join(own.by)}

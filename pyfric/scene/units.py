@@ -256,5 +256,5 @@ def _factor(name: str, unit: str) -> Fraction:
     except Exception:  # offset and logarithmic units in a product
         raise ValueError(f"unit {shown} does not convert to {unit} by a factor") from None
     if not factor > 0:
-        raise ValueError(f"unit {shown} has no positive factor")
+        raise ValueError(f"unit {shown}: its factor to {unit} is not positive")
     return factor

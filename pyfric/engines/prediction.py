@@ -99,7 +99,7 @@ def _warn_if_ambiguous(contact: Contact) -> None:
     warnings.warn(
         f"mu = {mu:g}: the solution may not be the only one, because the definiteness of the slip "
         f"operator is {found:.3g}, below {LEAST_DEFINITENESS:g}, if all blocks slip one way. The "
-        f"curve ends where a second solution shows. It is unique up to mu = {most:.3g}",
+        f"curve ends where a second solution appears. It is unique up to mu = {most:.3g}",
         RuntimeWarning,
         stacklevel=3,
     )

@@ -254,7 +254,7 @@ def _factor(name: str, unit: str) -> Fraction:
     try:
         factor = Fraction(registry.convert(Fraction(1), given, wanted))
     except Exception:  # offset and logarithmic units in a product
-        raise ValueError(f"unit {shown} does not convert to {unit} by a factor") from None
+        raise ValueError(f"no factor converts unit {shown} to {unit}") from None
     if not factor > 0:
         raise ValueError(f"unit {shown}: its factor to {unit} is not positive")
     return factor

@@ -99,7 +99,7 @@ def _tell(made: Any, table: pd.DataFrame, stem: Path, tell: Tell) -> None:
 def regimes(out: Path | None, overwrite: bool, tell: Tell) -> None:
     """Run scenes at the edges of the model and report what happens (about 15 s).
 
-    The provenance is written next to --out. The exit code is 1 if a result is not as expected.
+    The provenance is written beside the table. The exit code is 1 if a result is not as expected.
     """
     check_table(out, overwrite)
     from pyfric import checks

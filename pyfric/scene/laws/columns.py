@@ -214,7 +214,7 @@ def _unit_in(head: str, si: str) -> str:
             return ""
         if _fits(unit, si):
             return unit
-        raise ValueError(f"{unit!r} is no unit of {si or 'a number without one'}")
+        raise ValueError(f"{unit!r} is no unit of {si or 'a pure number'}")
     for between in [None, *_BETWEEN.finditer(head)]:
         unit = head if between is None else head[between.end() :]
         plain = len(unit) > 1 or unit == si or (between is not None and between["slash"])

@@ -383,7 +383,7 @@ def command_line() -> str:
 
 
 def save_table(table: pd.DataFrame, out: Path | None, command: str, digits: str) -> None:
-    """Save a table as CSV and the command that makes it beside the table, if `out` is given."""
+    """If `out` is given, save a table as CSV, and beside it the command that makes it."""
     from pyfric.record import provenance
     from pyfric.scene import write
 

@@ -98,8 +98,8 @@ def _warn_if_ambiguous(contact: Contact) -> None:
     most = mu * (1 - LEAST_DEFINITENESS) / (1 - found)  # the definiteness falls linearly in mu
     warnings.warn(
         f"mu = {mu:g}: the solution may not be the only one. If all blocks slip one way, the "
-        f"definiteness of the slip operator is {found:.3g}, below {LEAST_DEFINITENESS:g}. The curve "
-        f"ends where a second solution appears. Up to mu = {most:.3g} the solution is unique",
+        f"definiteness of the slip operator is {found:.3g}, below {LEAST_DEFINITENESS:g}. The "
+        f"curve ends where a second solution appears. Up to mu = {most:.3g} the solution is unique",
         RuntimeWarning,
         stacklevel=3,
     )

@@ -161,7 +161,7 @@ def check_out(
     ends: tuple[str, ...] = ("",),
     reads: Iterable[str | Path | None] = (),
 ) -> None:
-    """Refuse an output before anything starts: one rule for the files of all commands.
+    """Refuse an output before anything starts, by the same rule for all commands.
 
     Its folder must exist. A regular file is replaced only with --overwrite. A folder, a device, or
     an input of the command is never replaced.

@@ -36,7 +36,7 @@ class _Command(_Listed, click.Command):
 
 
 class Commands(_Listed, click.Group):
-    """A group that ends with `Exit` codes, and lists its commands in sections."""
+    """A group of commands that returns `Exit` codes and lists its commands in sections."""
 
     command_class = _Command
     group_class = type

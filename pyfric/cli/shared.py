@@ -393,7 +393,7 @@ def save_table(table: pd.DataFrame, out: Path | None, command: str, digits: str)
 
 
 def save_figure(figure: DataFigure, stem: Path, command: str, tell: Tell) -> None:
-    """Save a figure and its provenance (the command that makes it), and tell the files."""
+    """Save a figure and its provenance (the command that makes it), and print their names."""
     from pyfric import figures
     from pyfric.record import provenance
 

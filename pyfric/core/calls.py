@@ -81,7 +81,8 @@ def advance(
     if log.N_x != N_x or log.switch_r.shape[1] < switches or log.quiet_r.shape[1] < quiet:
         raise ValueError(f"log: room for {log.N_x} blocks, expected {N_x}")
     if stepper not in STEPPERS or switching not in SWITCHING or not rtol > 0:
-        raise ValueError(f"stepper = {stepper!r}, switching = {switching!r}, rtol = {rtol}")
+        given = f"stepper = {stepper!r}, switching = {switching!r}, rtol = {rtol}"
+        raise ValueError(f"{given}: the core has no such method")
     if not 0 <= n_steps < 2**31:
         raise ValueError(f"n_steps = {n_steps}: must be in 0 … {2**31 - 1}")
     if not 1 <= threads <= 4096:

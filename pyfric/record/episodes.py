@@ -46,9 +46,9 @@ def build_episodes(
     Returns
     -------
     DataFrame
-        The columns of the group "episodes" (`pyfric.record.held`) but event. Of an unfinished
-        episode t_stop, u_x_stop and slip are NaN; of one that began before the log u_x_start, slip
-        and p_start.
+        The columns of the group "episodes" (`pyfric.record.held`) except event. If an episode is
+        unfinished, its t_stop, u_x_stop and slip are NaN. If an episode began before the log, its
+        u_x_start, slip and p_start are NaN.
 
     Raises
     ------

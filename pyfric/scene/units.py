@@ -164,7 +164,8 @@ def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> f
         allowed: the allowed range, used in the error.
 
     Raises:
-        SceneError: not text, no number, no unit, an unknown unit or one of another dimension.
+        SceneError: the value is not text, has no number or no unit, or its unit is unknown or of
+            another dimension.
     """
     example = EXAMPLES.get(unit, f"1 {unit}")
     allowed = f'{allowed or range_text(unit)}, written with a unit such as "{example}"'

@@ -123,7 +123,7 @@ class Seconds(click.ParamType):
 
 
 def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
-    """Return the preset of this name, or the scene in this file, with what --set changes.
+    """Return the preset of this name, or the scene in this file, with the changes of --set.
 
     Raises:
         SceneError: no such preset or file, or a name or value is refused.

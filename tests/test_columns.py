@@ -55,7 +55,7 @@ def test_without_a_unit_numbers_are_in_si(tmp_path, heads):
         ("slip (um) filtered,mu", "'um' is a unit"),
         ("slip (s),mu", "'s' is no unit of m"),
         ("slip (-),mu", "'-' is no unit of m"),
-        ("slip/d_c,mu", "what follows / is no unit of m"),
+        ("slip/d_c,mu", "the text after / is no unit of m"),
         ("slip (um),mu (N)", "column 2, 'mu (N)': 'N' is no unit"),
         ("# slip in um", "row 1: a comment names um"),
         ("# slip in um\nslip,mu", "row 1: a comment names um"),

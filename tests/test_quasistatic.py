@@ -529,7 +529,7 @@ def test_records_are_saved_and_continued(tmp_path):
     assert again.events.equals(whole.events)
     assert again.curve.equals(whole.curve)
     np.testing.assert_array_equal(again.tau_after, whole.tau_after)
-    with pytest.raises(StateError, match=r"another scene .* holds no motion"):
+    with pytest.raises(StateError, match=r"another scene .* hold no motion"):
         ladder(small_rod(), 1.0, initial=loaded)
     predicted = prediction_curve(SMALL["rod"])
     predicted.save(tmp_path / "curve.nc")

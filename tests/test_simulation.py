@@ -345,7 +345,7 @@ def test_a_record_goes_on_with_its_engine(fidelity, halves):
     assert record.curve["t"].iloc[-1] == pytest.approx(0.07, abs=2e-6)
     assert len(record.events) > len(half.events) >= 2
     for other in {"quasistatic", "hybrid", "dynamic"} - {fidelity}:
-        with pytest.raises(StateError, match=f"comes from the {fidelity} engine, this is {other}"):
+        with pytest.raises(StateError, match=f"is from the {fidelity} engine, not from {other}"):
             simulate(small(), 0.07, initial=half, fidelity=other)
     with pytest.raises(StateError, match="another scene"):
         simulate(small(mu_k=0.4), 0.07, initial=half)

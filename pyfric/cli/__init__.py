@@ -1,4 +1,4 @@
-"""The command line: `start` is the command `pyfric`, `main` all its commands."""
+"""The command line: `start` is the command `pyfric`; `main` holds all its subcommands."""
 
 import os
 import signal

@@ -1,7 +1,7 @@
 """Command line: runs, scenes, figures, claims and timings.
 
-Every command ends with a code of `Exit`; refusals and failures are one message on stderr, without
-a traceback. SIGTERM and other signals act as Ctrl-C does. Commands are in `pyfric.cli.commands`.
+Every command ends with a code of `Exit`. A refusal or failure prints one message on stderr, and no
+traceback. SIGTERM and other signals act as Ctrl-C does. Commands are in `pyfric.cli.commands`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class _Command(_Listed, click.Command):
 
 
 class Commands(_Listed, click.Group):
-    """A group that ends with `Exit` codes, and lists its commands in sections."""
+    """A group of commands that returns `Exit` codes and lists its commands in sections."""
 
     command_class = _Command
     group_class = type
@@ -112,7 +112,7 @@ def main() -> None:
     """Simulate how an elastic block starts to slide on a frictional surface.
 
     A command that writes one file, or files named after one stem, replaces existing files only with
-    --overwrite. A command that writes into a folder makes the folder and replaces files of the same
-    names. --json prints the result as JSON, --quiet prints errors only. Progress is shown in a
-    terminal only.
+    --overwrite. A command that writes into a folder makes the folder and replaces files with the
+    same names. --json prints the result as JSON, and --quiet prints errors only. Progress is shown
+    only in a terminal.
     """

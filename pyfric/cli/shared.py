@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Exit(enum.IntEnum):
-    """Exit codes; a command that signal n ended has the code 128 + n."""
+    """Exit codes. If signal n ends a command, its exit code is 128 + n."""
 
     COMPLETE = 0
     FAILED = 1
@@ -75,7 +75,7 @@ def stop_unless_complete(record: Record, hint: str) -> None:
 
 
 class Registered(click.Choice):
-    """A name from a registry, which is loaded only where its names are needed: that takes time."""
+    """A name from a registry. Loading a registry is slow, and is done only if names are needed."""
 
     def __init__(self, names: Callable[[], list[str]]) -> None:
         self.case_sensitive, self._names = True, names
@@ -123,7 +123,7 @@ class Seconds(click.ParamType):
 
 
 def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
-    """Return the preset of this name, or the scene in this file, with what --set changes.
+    """Return the preset of this name, or the scene in this file, with the changes of --set.
 
     Raises:
         SceneError: no such preset or file, or a name or value is refused.
@@ -161,13 +161,13 @@ def check_out(
     ends: tuple[str, ...] = ("",),
     reads: Iterable[str | Path | None] = (),
 ) -> None:
-    """Refuse an output before anything starts: one rule for the files of all commands.
+    """Refuse an output before anything starts, by the same rule for all commands.
 
     Its folder must exist. A regular file is replaced only with --overwrite. A folder, a device, or
     an input of the command is never replaced.
 
     Args:
-        out: the file, or the stem of the names of several.
+        out: the file, or the common stem of several files.
         overwrite: whether files may be replaced.
         option: what names it.
         ends: what comes after the stem.
@@ -191,7 +191,7 @@ def check_out(
 
 
 def check_apart(**outputs: Iterable[Path]) -> None:
-    """Refuse outputs of which two are one file, whether they are there or not.
+    """Refuse outputs if two of them are the same file, even if it does not exist yet.
 
     Args:
         outputs: the files of each option.
@@ -208,7 +208,7 @@ def check_apart(**outputs: Iterable[Path]) -> None:
 def check_folder(out: Path | None, option: str = "--out") -> None:
     """Refuse a folder of outputs before anything starts, as `check_out` refuses a file.
 
-    A missing folder is made. Files in it with the names of the outputs are replaced, as the help of
+    A missing folder is made. Existing files with the names of outputs are replaced, as the help of
     `pyfric` says.
     """
     if out is None:
@@ -220,7 +220,7 @@ def check_folder(out: Path | None, option: str = "--out") -> None:
 
 
 def _check_links(path: Path, option: str) -> None:
-    """Refuse a link that leads nowhere, because it leads to itself."""
+    """Refuse a link that leads to itself."""
     try:
         path.stat()
     except OSError as error:
@@ -241,7 +241,7 @@ def _check_writable(folder: Path, out: Path, option: str) -> None:
 
 
 def figure_ends(*tables: str) -> tuple[str, ...]:
-    """Return the ends of the names of the files of a figure with these tables."""
+    """Return the endings of the file names of a figure with these tables."""
     return (".png", ".pdf", ".txt", *(f"_{name}.csv" for name in tables))
 
 
@@ -317,9 +317,9 @@ figure_out_option = folder_option(
 
 @dataclass(frozen=True)
 class Tell:
-    """What a command tells: its result on stdout, as JSON with --json, nothing with --quiet.
+    """What a command prints: its result on stdout, as JSON with --json, nothing with --quiet.
 
-    How it goes on is told on stderr, and only to a terminal.
+    Progress is shown on stderr, if stderr is a terminal.
     """
 
     quiet: bool
@@ -327,7 +327,7 @@ class Tell:
 
     @property
     def progress(self) -> bool:
-        """Whether somebody looks on."""
+        """Whether to show progress."""
         return not (self.quiet or self.as_json) and sys.stderr is not None and sys.stderr.isatty()
 
     def step(self, text: str) -> None:
@@ -336,20 +336,20 @@ class Tell:
             click.echo(text, err=True)
 
     def result(self, value: Any, text: Callable[[], str]) -> None:
-        """Tell a result: `value` as JSON, or else `text`."""
+        """Print a result: `value` as JSON, or else `text`."""
         if self.as_json:
             click.echo(json.dumps(value, indent=2, allow_nan=False))
         elif not self.quiet:
             click.echo(text())
 
     def table(self, frame: pd.DataFrame, report: Callable[[pd.DataFrame], str]) -> None:
-        """Tell a table; numbers that are not known are null."""
+        """Print a table; unknown numbers are null."""
         from pyfric.display import plain
 
         self.result(plain(frame.to_dict("records")), lambda: report(frame))
 
     def files(self, files: Iterable[Path], **more: Any) -> None:
-        """Tell which files were written."""
+        """Print the names of the written files."""
         names = [str(path) for path in files]
         self.result(more | {"files": names}, lambda: "\n".join(names))
 
@@ -383,7 +383,7 @@ def command_line() -> str:
 
 
 def save_table(table: pd.DataFrame, out: Path | None, command: str, digits: str) -> None:
-    """Save a table as CSV, if it is wanted, and beside it the command that makes it again."""
+    """If `out` is given, save a table as CSV, and beside it the command that makes it."""
     from pyfric.record import provenance
     from pyfric.scene import write
 
@@ -393,7 +393,7 @@ def save_table(table: pd.DataFrame, out: Path | None, command: str, digits: str)
 
 
 def save_figure(figure: DataFigure, stem: Path, command: str, tell: Tell) -> None:
-    """Save a figure and its provenance, the command that makes it again, and tell the files."""
+    """Save a figure and its provenance (the command that makes it), and print their names."""
     from pyfric import figures
     from pyfric.record import provenance
 

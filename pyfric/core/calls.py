@@ -81,11 +81,12 @@ def advance(
     if log.N_x != N_x or log.switch_r.shape[1] < switches or log.quiet_r.shape[1] < quiet:
         raise ValueError(f"log: room for {log.N_x} blocks, expected {N_x}")
     if stepper not in STEPPERS or switching not in SWITCHING or not rtol > 0:
-        raise ValueError(f"stepper = {stepper!r}, switching = {switching!r}, rtol = {rtol}")
+        given = f"stepper = {stepper!r}, switching = {switching!r}, rtol = {rtol}"
+        raise ValueError(f"{given}: the core has no such method")
     if not 0 <= n_steps < 2**31:
-        raise ValueError(f"n_steps = {n_steps}: must be in 0 … {2**31 - 1}")
+        raise ValueError(f"n_steps = {n_steps}: must be from 0 to {2**31 - 1}")
     if not 1 <= threads <= 4096:
-        raise ValueError(f"threads = {threads}: must be in 1 … 4096")
+        raise ValueError(f"threads = {threads}: must be from 1 to 4096")
     step, sub = np.array([float(state.step)]), np.array([state.sub or state.dt])
     n_log, tried, block, log.t, status = load_variant(variant).advance(
         *model,
@@ -173,7 +174,7 @@ def evaluate(
     """
     state.check(model.N_x, n_memory=model.n_memory)
     if not 1 <= n_times < 2**31:
-        raise ValueError(f"n_times = {n_times}: must be in 1 … {2**31 - 1}")
+        raise ValueError(f"n_times = {n_times}: must be from 1 to {2**31 - 1}")
     a, *rest, status = load_variant(variant).evaluate(
         *model, t, n_times, state.y.T, state.rod, state.mode, state.numbers.T
     )

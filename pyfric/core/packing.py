@@ -116,7 +116,7 @@ def check_driven(scene: Scene, u_drv0: OnDriven) -> None:
     if np.shape(u_drv0) != expected:
         raise ValueError(
             f"u_drv0: shape {np.shape(u_drv0)}, expected {expected}: the driver pushes "
-            f"{scene.n_driven} of the blocks from h to h_top"
+            f"{scene.n_driven} blocks, from h to h_top"
         )
 
 

@@ -209,7 +209,7 @@ class State:
         if d != scene.d:
             side = "left" if d > 0 else "right"
             raise StateError(
-                f"state: its driver is on the {side}; the scene's is on the other side"
+                f"state: its driver is on the {side}, but the scene has it on the other side"
             )
         u = scene.u_driven(self.y)
         if not scene.driver.K:
@@ -276,7 +276,8 @@ class State:
         n = sum(part.itemsize for part in parts) // REAL.itemsize
         if not right or n * REAL.itemsize != found.dtype.itemsize or n_memory not in (None, n):
             many = "" if n_memory is None else f"{n_memory} "
-            raise StateError(f"state.memory: expected {many}named {REAL} of each of {N_x} blocks")
+            needed = f"needs {many}named {REAL} values for each of {N_x} blocks"
+            raise StateError(f"state.memory: {needed}")
 
     def check_physics(self, scene: Scene) -> None:
         """Check a state from a user or a file before a run continues from it.
@@ -289,7 +290,7 @@ class State:
         self.check(scene.N_x, scene.N_z)
         if self.memory.dtype != scene.law.memory:
             names = ", ".join(scene.law.memory.names or ())
-            raise StateError(f"state.memory: holds {self.memory.dtype}, its law remembers {names}")
+            raise StateError(f"state.memory: holds {self.memory.dtype}, its law needs {names}")
         for name, value in self.values().items():
             if not np.isfinite(value).all():
                 raise StateError(f"state.{name}: holds values that are not finite")

@@ -97,9 +97,9 @@ def _warn_if_ambiguous(contact: Contact) -> None:
         return
     most = mu * (1 - LEAST_DEFINITENESS) / (1 - found)  # the definiteness falls linearly in mu
     warnings.warn(
-        f"mu = {mu:g}: the definiteness of the slip operator, all blocks slipping one way, is "
-        f"{found:.3g} (at least {LEAST_DEFINITENESS:g}), so that the solution may not be the only "
-        f"one; the curve ends where that shows. It is unique up to mu = {most:.3g}",
+        f"mu = {mu:g}: the solution may not be the only one. If all blocks slip one way, the "
+        f"definiteness of the slip operator is {found:.3g}, below {LEAST_DEFINITENESS:g}. The "
+        f"curve ends where a second solution appears. Up to mu = {most:.3g} the solution is unique",
         RuntimeWarning,
         stacklevel=3,
     )

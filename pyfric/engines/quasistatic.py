@@ -397,7 +397,7 @@ def simulate(
     that continues a record is computed again from its start, which gives the same bits.
     """
     if not isinstance(initial, Record | None):
-        raise StateError(f"initial: the {engine} engine goes on from records only")
+        raise StateError(f"initial: the {engine} engine continues records only")
     check_ladder(engine, scene)
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     gap = longest_pause(scene) if t_gap is None else t_gap

@@ -144,7 +144,7 @@ def _going_on(before: Record, options: Options) -> Options:
     """Return the options with the engine of a record that is continued."""
     engine = before.method.engine
     if engine not in (*ENGINES, *quasistatic.ENGINES):
-        raise StateError(f"initial: a record of the {engine} engine does not go on")
+        raise StateError(f"initial: a record of the {engine} engine cannot be continued")
     if options.fidelity == "auto":
         options = dataclasses.replace(options, fidelity=engine)
     _check_continues(before, options.fidelity)
@@ -158,10 +158,10 @@ def _both(before: Record, scene: Scene) -> tuple[Scene, tuple[str, ...]]:
     t = _begin(before)
     found = followed_by(before.scene, scene, t)
     if found is None:
-        what = "more than the speed of the driver or loads is another"
+        what = "not only the speed of the driver or the loads differ"
         instead = "pass its final_state"
         if before.final_state is None:
-            instead = "this engine goes on from a record only, and its record holds no motion"
+            instead = "this engine continues records only, and its records hold no motion"
         raise StateError(f"initial: the record belongs to another scene ({what}); {instead}")
     whole, said = found
     return whole, tuple(f"goes on from t = {t:.9g} s with {one}" for one in said)
@@ -171,7 +171,7 @@ def _check_continues(before: Record, engine: str) -> None:
     """Raise StateError unless an engine can continue this record."""
     made = before.method.engine
     if made != engine:
-        raise StateError(f"initial: the record comes from the {made} engine, this is {engine}")
+        raise StateError(f"initial: the record is from the {made} engine, not from {engine}")
     if engine in ("dynamic", "hybrid") and not isinstance(before.final_state, State):
         raise StateError("initial: this record holds no state of the dynamics to go on from")
 

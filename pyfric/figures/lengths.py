@@ -49,8 +49,9 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
     """Fig. 2(a) of the paper: precursor length against force after arrest, setup 1.
 
     Colours are h, markers L. Lines are `prediction_curve`, one for each L and h. Small dots are
-    precursors that reach no further than an earlier one. If F_N differs at equal L and h, panel (b)
-    shows these runs once more, each F_N shifted to the right with its prediction.
+    precursors that reach no further than an earlier one. If runs with equal L and h
+    have different F_N, panel (b) shows these runs again. Each F_N and its prediction are shifted to
+    the right.
 
     Args:
         records: runs of setup 1 up to sliding; L, h and F_N may differ.

@@ -133,7 +133,7 @@ def fig3b(record: Record) -> DataFigure:
 
 
 def longest_precursor(record: Record) -> int:
-    """Return the longest main precursor of the first loading, the first one of equals.
+    """Return the longest main precursor of the first loading, the first one if several are equal.
 
     Raises:
         SceneError: there is none.

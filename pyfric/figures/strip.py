@@ -91,7 +91,7 @@ class Frame:
 def frame_times(record: Record, event: int, moments: Sequence[float] = MOMENTS) -> np.ndarray:
     """Return times in s: the first slip plus `moments` times the time that the front takes.
 
-    Where no front is resolved, the duration of the event stands for that time.
+    If no front is resolved, the duration of the event is used instead of this time.
     """
     check_event(record, event)
     row, times = record.events.loc[event], record.rupture_times[record.row(event)]

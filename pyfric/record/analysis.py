@@ -445,7 +445,7 @@ def collapse_spread(
     x, y = x[kept], y[kept]
     if bins < 1 or x.size < PER_BIN * bins:
         reason = f"{x.size} points are too few"
-        raise SceneError("bins", bins, "", f"1 to 1/{PER_BIN} of the number of points", reason)
+        raise SceneError("bins", bins, "", f"1 to n/{PER_BIN} for n points", reason)
     if log and not (y > 0).all():
         raise SceneError("y", float(y.min()), "", "positive values, or log=False")
     values = np.log(y) if log else y

@@ -9,9 +9,9 @@ kind
     alternating: block N slips, and some block n >= 5 sticks before block n + 1 slips.
     pulse: block N slips, and blocks behind the front are stuck by then.
     crack: block N slips, and all others slip or are open then.
-    unfinished: none of this yet.
+    unfinished: none of these yet.
 pace, of fronts that reach block N
-    slow: v < `slow` times the limit, 0.1 unless it is said otherwise.
+    slow: v < `slow` times the limit; `slow` is 0.1 by default.
     sub-Rayleigh: slower than the limit: c in a chain, c_R in two dimensions.
     supershear: faster than c in a chain, than c_S in two dimensions; "beyond c_R" between c_R
     and c_S.

@@ -46,9 +46,9 @@ def build_episodes(
     Returns
     -------
     DataFrame
-        The columns of the group "episodes" (`pyfric.record.held`) but event. Of an unfinished
-        episode t_stop, u_x_stop and slip are NaN; of one that began before the log u_x_start, slip
-        and p_start.
+        The columns of the group "episodes" (`pyfric.record.held`) except event. If an episode is
+        unfinished, its t_stop, u_x_stop and slip are NaN. If an episode began before the log, its
+        u_x_start, slip and p_start are NaN.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def build_episodes(
     n_of_i = np.asarray(n_of_i, dtype=np.int64)
     log = columns_of(switches, SWITCH_COLUMNS, "switch log")
     if log["block"].size and (log["block"].min() < 0 or log["block"].max() >= n_of_i.size):
-        raise LogError(f"switch log: block outside 0...{n_of_i.size - 1}")
+        raise LogError(f"switch log: block number outside 0...{n_of_i.size - 1}")
     log = _with_earlier_starts(log, t_begin)
 
     order = np.argsort(log["block"], kind="stable")  # block by block, in order of time

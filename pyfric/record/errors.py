@@ -62,14 +62,14 @@ PROMISED = {"stress": (*FORCES, "stress"), "front_speed": ("speed_95",)}
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """What a run may be off by, measured by runs that leave out less, or more, than it does.
+    """The errors of a run, measured by comparison with runs of more, or less, complete models.
 
     Forces are over F_N and of main events, lengths over L, stresses over F_N/N_x (root mean square
     over the interface), rupture times (root mean square over a front) over the time that the front
     takes, front speeds relative. Each is the largest one, but for the median and the 95th
-    percentile of front speeds. `arrest` holds also how far apart forces are on the way: in events
-    that go on to the end, and where nothing slips. None means that nothing was compared: such a
-    number is not measured.
+    percentile of front speeds. `arrest` also includes differences of forces elsewhere: in events
+    that last to the end of the run, and while nothing slips. None means that nothing was compared,
+    so this number is not measured.
 
     Attributes:
         want, tolerance, expected: of the plan; None where there was none.

@@ -268,5 +268,5 @@ def _state(values: Mapping[str, np.ndarray], scene: Scene) -> State | None:
         raise RecordError(f"final_state: {error}") from None
     if state.memory.dtype != scene.law.memory:
         names = ", ".join(scene.law.memory.names or ())
-        raise RecordError(f"final_state and its law differ in the number of blocks, {names}")
+        raise RecordError(f"final_state: its state variables are not those of its law, {names}")
     return state

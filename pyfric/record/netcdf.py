@@ -101,8 +101,8 @@ def _numbers(name: str, variable: Any) -> np.ndarray:
         raise ValueError(f"{name} lies in another file")
     known = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE)
     if any(how.get_filter(n)[0] not in known for n in range(how.get_nfilters())):
-        raise ValueError(f"{name} is stored with filters that records do not have")
+        raise ValueError(f"{name} is stored with filters that records do not use")
     if variable.nbytes > DEFLATE * variable.id.get_storage_size():
-        raise ValueError(f"{name} is larger than what the file holds of it")
+        raise ValueError(f"{name} claims more data than the file holds")
     values = variable[()]
     return values.astype(bool) if variable.attrs.get("dtype") == "bool" else values

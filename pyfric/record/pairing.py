@@ -51,7 +51,7 @@ def event_distances(
 
 
 def pace(scene: Scene, span: float) -> float:
-    """Return what a difference in time counts beside one of forces over F_N, in 1/s."""
+    """Return the weight of a difference in time relative to one in forces over F_N, in 1/s."""
     rate = scene.driver.K * scene.driver.fastest / scene.F_N
     return rate if rate or span <= 0 else 1 / span
 

@@ -9,7 +9,7 @@ show up as a very slow front.
 The default ``link_time`` is 40 l/c_s with c_s = l sqrt(k/(2 m)), the shear speed of the lattice.
 One pause of that length makes v_c = 4 l/(40 l/c_s) = 0.1 c_s, so one pause cannot by itself pass
 for a slow front (v_c < 0.05 c_s), while a steady front is followed down to 0.025 c_s. On junctions
-fronts wait for those that slip: there it is the mean time t_R of that, if that is longer.
+a front waits while junctions slip, so the default is at least their mean time of slip t_R.
 
 Arrays over blocks run from left to right, times are in s, speeds in m/s.
 """

@@ -39,9 +39,9 @@ def law_notes(scene: Scene, t_end: float, dt: float | None = None) -> tuple[str,
         table_of_mu = scene.interface.law.ends() is not None
         if table_of_mu and driven and slip > path > 0:
             far = with_prefix(path, "m")
-            notes.append(f"{falls}, beyond the {far} that the driver goes: mu_k is not reached")
+            notes.append(f"{falls}, but the driver moves only {far}: mu_k is not reached")
         elif table_of_mu and slip > l:
-            notes.append(f"{falls}, more than a block, l = {with_prefix(l, 'm')}")
+            notes.append(f"{falls}, more than the block size l = {with_prefix(l, 'm')}")
     growth = law.growth(scene.F_N / scene.N_x, scene.m_interface)
     if dt is not None and (law.weakens or law.tables.speed is not None) and dt * growth > 1:
         steepness = law.steepness(scene.F_N / scene.N_x)

@@ -164,7 +164,8 @@ def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> f
         allowed: the allowed range, used in the error.
 
     Raises:
-        SceneError: not text, no number, no unit, an unknown unit or one of another dimension.
+        SceneError: the value is not text, has no number or no unit, or its unit is unknown or of
+            another dimension.
     """
     example = EXAMPLES.get(unit, f"1 {unit}")
     allowed = f'{allowed or range_text(unit)}, written with a unit such as "{example}"'
@@ -254,7 +255,7 @@ def _factor(name: str, unit: str) -> Fraction:
     try:
         factor = Fraction(registry.convert(Fraction(1), given, wanted))
     except Exception:  # offset and logarithmic units in a product
-        raise ValueError(f"unit {shown} does not convert to {unit} by a factor") from None
+        raise ValueError(f"no factor converts unit {shown} to {unit}") from None
     if not factor > 0:
-        raise ValueError(f"unit {shown} has no positive factor")
+        raise ValueError(f"unit {shown}: its factor to {unit} is not positive")
     return factor

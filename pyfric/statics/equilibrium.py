@@ -323,10 +323,9 @@ def _warn_if_ambiguous(contact: Contact) -> None:
     found = definiteness(*contact.slip_operator(contact.slip))
     if found < LIMIT:
         warnings.warn(
-            f"{np.count_nonzero(contact.slip)} blocks slip while F_N is applied, and the "
-            f"definiteness of their slip operator is {found:.3g} (at least {LIMIT:g}): friction is "
-            "so strong that the loaded state may not be the only one; a smaller mu_k makes it "
-            "unique",
+            "friction is so strong that the loaded state may not be the only one. While F_N is "
+            f"applied, {np.count_nonzero(contact.slip)} blocks slip, and the definiteness of their "
+            f"slip operator is {found:.3g}, below {LIMIT:g}. A smaller mu_k makes the state unique",
             RuntimeWarning,
             stacklevel=8,
         )

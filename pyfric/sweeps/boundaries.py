@@ -6,15 +6,16 @@
 
     line = boundary(label, along=(-1.0, 1.0), over=[1e-3, 2e-3, 3e-3], scale="linear")
 
-A label costs a run, so runs are what counts. The first point of a line is found by bisection. Then
-the points before say where the line will be: a first run tells the side, a second one, half as far
-away as the last prediction was off, or further ones, each twice as far as the one before, bracket
-the line, and bisection does the rest. Between labels that are known, steps
-are such that no point needs more than one run beyond bisection.
+Each label costs a run, so the search needs few labels. The first point of a line is found by
+bisection. For each later point, the earlier points predict where the line is. A first run tells the
+side of the prediction on which the line lies. A second run is half as far away as the error of the
+last prediction. Further runs, each twice as far away as the one before, bracket the line, and
+bisection does the rest. Between known labels, steps are such that no point needs more than one run
+beyond bisection.
 
-Where a label is the sign of a number that changes continuously, such as a speed less its limit,
-that number may be given, too (`measure`). Then the line is a root, found by interpolation between
-the two ends of what brackets it: two or three runs.
+If a label is the sign of a number that changes continuously, such as a speed minus its limit, this
+number may be given, too (`measure`). Then the line is a root. Interpolation between the two ends of
+its bracket finds the root in two or three runs.
 """
 
 from __future__ import annotations

@@ -74,9 +74,9 @@ class PhaseDiagram:
         x, y: names of the fields.
         table: a row for each point: the fields, the labels, ``speed`` of the front (m/s),
             ``speed_over_c`` with c = l sqrt(k/m), ``reached`` (blocks), ``status``.
-        lines: where labels change along y: the name of the ``label``, and what it is ``below`` and
-            ``above``; the fields, y as the middle of its last bracket; its ends ``low`` and
-            ``high``; ``runs``, how many that took.
+        lines: points at which a label changes along y. The columns are the name of the ``label``
+            and its values ``below`` and ``above``; the fields, with y in the middle of the last
+            bracket; the ends ``low`` and ``high`` of this bracket; and the number of ``runs``.
     """
 
     x: str

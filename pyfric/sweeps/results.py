@@ -37,7 +37,7 @@ MEASURED = {
 
 
 class FailedBefore(Exception):
-    """Why a run failed the last time, in its words."""
+    """The reason why a run failed the last time, as the run gave it."""
 
 
 @dataclass(frozen=True)

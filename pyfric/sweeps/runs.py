@@ -80,13 +80,13 @@ def run_all(
             says; a path names another folder; False or None does neither.
         progress: True for a bar on stderr, a function of (number done, number of all), False for
             nothing; None shows the bar if stderr is a terminal.
-        errors: "raise" stops at the first run that fails; "return" goes on, and gives its
-            `JobError` in the place of its record.
-        executor: makes the runs instead of `workers`. Its `submit(function, *arguments)` gives a
+        errors: "raise" stops at the first run that fails; "return" makes the other runs, and gives
+            the `JobError` in the place of the record.
+        executor: makes the runs instead of `workers`. Its `submit(function, *arguments)` returns a
             future with `done()`, `result()` and `cancel()`, like that of `concurrent.futures`,
-            `distributed.Client` or `submitit.AutoExecutor`. It stays open. All its machines have
-            to see the folder of `cache`; through it, runs learn that they are no longer wanted.
-            Without a cache, runs that have begun go on.
+            `distributed.Client` or `submitit.AutoExecutor`. The executor stays open. All its
+            machines must see the folder of `cache`, through which a run that has begun can be
+            stopped. Without a cache, runs that have begun continue to their end.
 
     Returns:
         The records, in the order of the jobs. `timings["processor"]` is the processor time of the

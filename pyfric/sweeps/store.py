@@ -1,10 +1,10 @@
 """The store of finished runs: record files in one folder, named by the hash of what was run.
 
 Records are kept in the folder that `PYFRIC_CACHE` names, or else in the user's cache folder. Files
-come and go whole, and carry the hash of their content. Processes and machines may share a folder:
-who makes a run holds a lock on a file beside the place of its record, which the system releases
-when its holder ends, however it ends. Where a lock cannot be had or is lost, a run is made twice,
-with the same result.
+are written and deleted whole, and carry the hash of their content. Processes and machines may share
+a folder. The process that makes a run holds a lock on a file beside the place of its record. The
+system releases the lock when this process ends, however it ends. If a lock is not available or is
+lost, a run is made twice, with the same result.
 """
 
 from __future__ import annotations
@@ -163,7 +163,7 @@ class Store:
     # --- locks -----------------------------------------------------------------------------------
 
     def lock_file(self, key: str) -> Path:
-        """Return the file that who makes a run holds."""
+        """Return the file that is locked while a run is made."""
         return (self.folder or Path()) / f".{key}{LOCK}"
 
     @contextmanager

@@ -143,7 +143,7 @@ class Sweep:
         n = check_whole("n", n, 1, MAX_POINTS) if self._drawn else n
         vars(self).update(n=n, seed=check_whole("seed", seed, 0, MAX_POINTS))
         if n is not None and not self._drawn:
-            raise SceneError("n", n, "", f"none: points = {points!r} are not drawn")
+            raise SceneError("n", n, "", f"none: points = {points!r} are not drawn at random")
         lengths = [] if self._drawn else [len(values) for values in self.over.values()]
         if points == "list" and len(set(lengths)) > 1:
             raise SceneError("over", lengths, "", "as many values of each field in a list")

@@ -34,7 +34,7 @@ def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np
     """
     given = value if isinstance(value, list | tuple) else [value]
     if any(isinstance(one, str) or hasattr(one, "magnitude") for one in given):
-        raise refusal(field, value, unit, f"numbers without a unit, in {unit or '1'}")
+        raise refusal(field, value, unit, f"plain numbers{unit and f', in {unit}'}")
     try:
         array = np.asarray(value)
     except ValueError:  # rows of different lengths

@@ -12,9 +12,10 @@ from pyfric.cli.shared import Exit, Tell, record_of, stop, telling
 @click.argument("record", required=False, metavar="[RECORD]", type=click.Path())
 @telling
 def info(record: str | None, tell: Tell) -> None:
-    """Show version, compiler, instruction sets and threads; of a RECORD, what it holds.
+    """Show version, compiler, instruction sets and threads, or the content of a RECORD.
 
-    It prints what `pyfric run` prints: events, method, notes, expected and measured errors.
+    For a RECORD it prints what `pyfric run` prints: events, method, notes, and expected and
+    measured errors.
     """
     if record is not None:
         from pyfric.record import summary, text
@@ -65,7 +66,7 @@ Exit codes:
 )
 @telling
 def verify(tell: Tell) -> None:
-    """Check this build (a minute): bits, exact answers, stored full dynamics."""
+    """Check this build (a minute): bits, exact answers, and stored runs of full dynamics."""
     from pyfric import checks
 
     groups = checks.verify.verify(progress=lambda group: tell.step(f"{group.name} ..."))

@@ -20,15 +20,15 @@ MB = 10**6
 def cache() -> None:
     """List, check, size and prune the finished runs that are kept.
 
-    They are in the user's cache folder, or in the one that PYFRIC_CACHE names. Other processes may
-    use it at the same time.
+    Runs are in the user's cache folder, or in the folder that PYFRIC_CACHE names. Other processes
+    may use this folder at the same time.
     """
 
 
 @cache.command(name="list")
 @telling
 def list_(tell: Tell) -> None:
-    """List the runs, those used last first."""
+    """List the runs, the most recently used first."""
     rows = [_row(entry) for entry in _store().entries()]
     tell.result(rows, lambda: "\n".join(map(_line, rows)) or "no finished runs")
 
@@ -36,7 +36,7 @@ def list_(tell: Tell) -> None:
 @cache.command()
 @telling
 def check(tell: Tell) -> None:
-    """Compare every file with its hash; the exit code is 1 if one is damaged."""
+    """Compare every file with its hash. The exit code is 1 if a file is damaged."""
     rows = [_row(entry) for entry in _store().entries()]
     damaged = [row for row in rows if "problem" in row]
     last = f"{len(rows)} runs, {len(damaged)} damaged"

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 def show(record: str, out: Path | None, overwrite: bool, tell: Tell) -> None:
     """Write an HTML page of RECORD (.nc): loading curve, slip, events, stresses, method.
 
-    The page is one file of at most 2 MB that needs no network: open it with a browser.
+    The page is one file of at most 2 MB. Open it with a browser; it needs no network.
     """
     out = out or Path(f"{Path(record).stem}.html")
     check_out(out, overwrite, reads=[record])
@@ -97,8 +97,8 @@ def movie(
 ) -> None:
     """Draw one event as a strip of frames: velocity field, with the interface below it.
 
-    SCENE is a preset or a TOML file; RECORD (.nc) comes from the hybrid or dynamic engine with rk4
-    and begins at the loaded state. The event is run again with full dynamics from a state just
+    SCENE is a preset or a TOML file. RECORD (.nc) must come from the hybrid or dynamic engine with
+    rk4, and begin at the loaded state. The event is run again with full dynamics from a state just
     before it.
     """
     from pyfric import figures
@@ -134,8 +134,8 @@ def spacetime(
 ) -> None:
     """Draw the slip rate of one event over space and time, with wave speeds and theory as lines.
 
-    From a scene or a record, as in `pyfric movie`. The suffix .png of a name may be left out. The
-    event is run again with full dynamics from a state just before it.
+    SCENE and RECORD are as in `pyfric movie`. The suffix .png of a name is optional. The event is
+    run again with full dynamics from a state just before it.
     """
     from pyfric import figures
 
@@ -163,7 +163,7 @@ def _run_of(
 
     if source.lower().endswith(".nc"):
         if changes:
-            raise click.UsageError(f"--set changes scenes; {source} is a record.")
+            raise click.UsageError(f"--set changes scenes, but {source} is a record.")
         record = record_of(source)
     else:
         scene = scene_of(source, changes)

@@ -56,10 +56,10 @@ def chart(
     out: Path,
     tell: Tell,
 ) -> None:
-    """Run SCENE with every fidelity and stepper: error against cost, for every question.
+    """Measure error and cost of every fidelity and stepper for SCENE, for every question.
 
     The reference is full dynamics at a small step. Methods that refuse SCENE are listed with
-    the reason. DIR gets chart.png, chart.pdf, the points as CSV, and their provenance.
+    the reason. The files in DIR are chart.png, chart.pdf, the points as CSV, and their provenance.
     """
     check_folder(out)
     from pyfric import checks
@@ -75,9 +75,9 @@ def chart(
 @figure_out_option
 @telling
 def stability(scene: str, budget: float, changes: tuple[str, ...], out: Path, tell: Tell) -> None:
-    """Measure the largest stable step of each stepper for SCENE, and growth beyond it.
+    """Measure each stepper's largest stable step for SCENE, and how errors grow beyond it.
 
-    DIR gets stability.png, stability.pdf, the table as CSV, and their provenance.
+    The files in DIR are stability.png, stability.pdf, the table as CSV, and their provenance.
     """
     check_folder(out)
     from pyfric import checks
@@ -99,7 +99,7 @@ def _tell(made: Any, table: pd.DataFrame, stem: Path, tell: Tell) -> None:
 def regimes(out: Path | None, overwrite: bool, tell: Tell) -> None:
     """Run scenes at the edges of the model and report what happens (about 15 s).
 
-    The provenance is written next to --out. The exit code is 1 if a result is not as stated.
+    The provenance is written beside the table. The exit code is 1 if a result is not as expected.
     """
     check_table(out, overwrite)
     from pyfric import checks

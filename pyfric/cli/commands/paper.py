@@ -33,11 +33,11 @@ def _figures() -> list[str]:
 @running
 @telling
 def reproduce(names: tuple[str, ...], out: Path, tell: Tell, **how: Any) -> None:
-    """Make the paper's figures from runs of the model: all, or those named.
+    """Make the figures of the paper from runs of the model: all, or those that you name.
 
-    Each figure is PNG and PDF with its caption and data; index.html shows them. Runs are made in
-    parallel. Finished ones are kept in the user's cache folder, or the one that PYFRIC_CACHE names,
-    and used again; see `pyfric cache`.
+    Each figure is PNG and PDF with its caption and data; index.html shows all figures. Runs are
+    made in parallel. Finished runs are kept and used again (see `pyfric cache`). They are in the
+    user's cache folder, or in the folder that PYFRIC_CACHE names.
     """
     from pyfric.paper import reproduce
 
@@ -52,10 +52,10 @@ def reproduce(names: tuple[str, ...], out: Path, tell: Tell, **how: Any) -> None
 @running
 @telling
 def claims(numbers: tuple[str, ...], out: Path | None, tell: Tell, **how: Any) -> None:
-    """Measure the claims of the paper: all, or those named (1 to 16, E1 to E10, 3a).
+    """Measure the claims of the paper: all, or those that you name (1 to 16, E1 to E10, 3a).
 
-    A value outside its band is a miss and stays in the table; the exit code is 0 all the same. If
-    the page of `pyfric reproduce` is in --out, it shows the claims too.
+    A value outside its band is a miss. It stays in the table, and the exit code is still 0. If the
+    page of `pyfric reproduce` is in --out, this page shows the claims, too.
     """
     from pyfric.paper import claims, write_index
 

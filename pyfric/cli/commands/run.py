@@ -65,7 +65,7 @@ def _steppers() -> list[str]:
 @file_option("--out", metavar="FILE", help="Write a file instead of stdout.")
 @overwrite_option
 def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: bool) -> None:
-    """Print SCENE as TOML, to be changed."""
+    """Print SCENE as a TOML file that you can change."""
     what = scene_of(scene, changes)
     check_out(out, overwrite, reads=[scene])
     text = what.to_toml(out)
@@ -90,7 +90,7 @@ def plan(
     stop_when: tuple[str, ...],
     tell: Tell,
 ) -> None:
-    """Choose the model of SCENE that meets a tolerance, with reasons and cost."""
+    """Choose a model of SCENE that meets a tolerance, and print the reasons and the cost."""
     import dataclasses
 
     import pyfric
@@ -211,8 +211,8 @@ def run(
 ) -> None:
     """Simulate SCENE: a preset, such as fig1, or a TOML file.
 
-    Figure and CSV are written when the run is complete. `pyfric scene` shows a scene as TOML. The
-    result is printed also if the run fails or stops.
+    Figure and CSV are written if the run is complete. The result is printed even if the run fails
+    or stops. `pyfric scene` shows a scene as TOML.
     """
     from pyfric.signals import asked_to_stop
 
@@ -314,7 +314,7 @@ def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
     if before.scene != scene and followed_by(before.scene, scene, t) is None:
         reason = "only V, F_N, T and their protocols may differ"
         raise pyfric.RecordError(
-            f"{path}: the record of another scene cannot be continued: {reason}"
+            f"{path}: this record of another scene cannot be continued: {reason}"
         )
     method = before.method
 

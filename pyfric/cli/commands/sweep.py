@@ -54,8 +54,8 @@ def sweep(
 ) -> None:
     """Run the scene of FILE (TOML) at many points.
 
-    Finished runs are kept in the user's cache folder, or in PYFRIC_CACHE: after Ctrl-C, or
-    with more points, the same command goes on. Points that fail are named with their reason.
+    Finished runs are kept in the user's cache folder, or in PYFRIC_CACHE. After Ctrl-C, or if
+    points are added, the same command continues the sweep. Failed points are listed with reasons.
     """
     from pyfric.sweeps import Sweep
 
@@ -124,11 +124,11 @@ def phase_diagram(
     tell: Tell,
     **how: Any,
 ) -> None:
-    """Map the largest rupture of SCENE over two fields: its class and its speed.
+    """Map the class and the speed of the largest rupture of SCENE over two fields.
 
-    Without SCENE: the chain of Thogersen et al. (2019), over alpha/sqrt(k m) and tau_bar. DIR gets
-    phases.png, phases.pdf and the points and lines as CSV. Finished runs are kept, so that the same
-    command continues a stopped map.
+    Without SCENE, map the chain of Thogersen et al. (2019) over alpha/sqrt(k m) and tau_bar. The
+    files in DIR are phases.png, phases.pdf, and the points and lines as CSV. Finished runs are
+    kept, so the same command continues a stopped map.
     """
     import pyfric
     from pyfric import figures
@@ -192,7 +192,7 @@ def resolve(
     """Measure which results of SCENE change with the size of its blocks, and by how much.
 
     The same slab is run with blocks of l, l/2 and so on, up to the first event of the whole
-    interface. Finished runs are kept: after Ctrl-C the same command goes on.
+    interface. Finished runs are kept, so the same command continues after Ctrl-C.
     """
     import pyfric
     from pyfric.display import plain

@@ -214,18 +214,18 @@ def _unit_in(head: str, si: str) -> str:
             return ""
         if _fits(unit, si):
             return unit
-        raise ValueError(f"{unit!r} is no unit of {si or 'a number without one'}")
+        raise ValueError(f"{unit!r} is no unit of {si or 'a pure number'}")
     for between in [None, *_BETWEEN.finditer(head)]:
         unit = head if between is None else head[between.end() :]
         plain = len(unit) > 1 or unit == si or (between is not None and between["slash"])
         if plain and unit != "in" and _fits(unit, si):  # the h of t_h need not be a unit
             return unit
     if si and "/" in head:
-        raise ValueError(f"what follows / is no unit of {si}")
+        raise ValueError(f"the text after / is no unit of {si}")
     if word := _unit_among(head, si):
-        raise ValueError(f"{word!r} is a unit, but not where it is looked for")
+        raise ValueError(f"{word!r} is a unit; write it in brackets at the end of the head")
     if si and (factor := _FACTOR.search(head)):
-        raise ValueError(f"{factor[0]!r} is a factor, not a unit; a unit such as um is understood")
+        raise ValueError(f"{factor[0]!r} is a factor, not a unit; write a unit such as um")
     last = re.split(r"[\s_]+", head)[-1]
     if not si and "/" not in head and last != head and (_fits(last, "N") or _fits(last, "Pa")):
         raise ValueError(f"{last!r} is a unit, and a friction coefficient has none")

@@ -107,7 +107,7 @@ def sampled(function: Callable[[float], float], end: float) -> Table:
         )
         if off > allowed and len(x) + len(todo) > MAX_KNOTS:
             reason = "it jumps, or is too rough"
-            raise SceneError("law", b, "", f"a function that {MAX_KNOTS} knots follow", reason)
+            raise SceneError("law", b, "", f"a function that {MAX_KNOTS} knots can follow", reason)
         if off > allowed:
             todo += [((a + b) / 2, b), (a, (a + b) / 2)]
         else:

@@ -1,4 +1,4 @@
-!> The log of a run: switches of single blocks, the state of the interface at each start and end of slip, and points of the loading curve.
+!> The log of a run: switches of single blocks, the interface at each start and end of slip, and points of the loading curve.
 module pyfric_log
   use pyfric_kinds, only: dp, ip
   use pyfric_energy, only: N_POINT

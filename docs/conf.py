@@ -59,6 +59,11 @@ def table(head, rows):
     return "\n".join(f"| {' | '.join(str(cell) for cell in line)} |" for line in lines)
 
 
+def stored(path):
+    """Return a table of reference_data."""
+    return pd.read_csv(ROOT / "reference_data" / path)
+
+
 def held():
     """Return what a record holds."""
     return table(
@@ -114,16 +119,44 @@ def plan_costs(data):
     )
 
 
+def method_costs(data):
+    """Return errors and costs of methods in the Fig. 1 scene, beside the paper's method."""
+    named = data[data["kind"].isin(["method", "peer"]) & data["name"].notna()]
+    rows = [
+        [one["name"].replace("\n", " "), f"{one['precursors']:.1e}", f"{one['cheaper']:.3g}"]
+        for _, one in named.sort_values("cheaper").iterrows()
+    ]
+    return table(["method", "error of start and arrest forces ($F_N$)", "times cheaper"], rows)
+
+
+def prestress(data, other):
+    """Return the share of the variance of ln v_c that the scaled prestress explains."""
+    little = other[other["viscosity"] != "the paper's"]
+    every = pd.concat([data, little.assign(precursors="little")])
+    words = {"all": "all", "last": "last two of a run", "little": "last two, little viscosity"}
+    rows = [
+        [
+            f"{one['d_c'] * 1e6:g}",
+            f"{one['l'] * 1e3:g}",
+            words[one["precursors"]],
+            "{prestress_value:.2f} ({prestress_low:.2f} to {prestress_high:.2f})".format(**one),
+            f"{one['prestress_null']:.2f}",
+        ]
+        for _, one in every.sort_values(["d_c", "l"], ascending=[True, False]).iterrows()
+    ]
+    return table(["d_c (um)", "l (mm)", "precursors", "scaled prestress", "position alone"], rows)
+
+
 def regimes():
     """Return what happens at the edges of the model."""
-    data = pd.read_csv(ROOT / "reference_data" / "regimes" / "regimes.csv")
+    data = stored("regimes/regimes.csv")
     data = data[["regime", "stated", "text"]].astype(str)
     return table(["edge", "behaviour", "what is seen"], data.to_numpy().tolist())
 
 
 def half_step(name, head):
     """Return points of the phase diagram of the chain, or of its lines, with half the step too."""
-    data = pd.read_csv(ROOT / "reference_data" / "phases" / name)
+    data = stored(f"phases/{name}")
     return table(
         head,
         [
@@ -153,7 +186,7 @@ def write_commands():
 
 ROOT = Path(__file__).parents[1]
 shown = {}
-tried = pd.read_csv(ROOT / "reference_data" / "plans" / "plans.csv")
+tried = stored("plans/plans.csv")
 write_commands()
 myst_substitutions = {
     "held": held(),
@@ -163,7 +196,9 @@ myst_substitutions = {
     "half_step_lines": half_step(
         "half_step_lines.csv", ["line", "alpha", "tau_bar", "tau_bar, half the step"]
     ),
+    "method_costs": method_costs(stored("chart/price_points.csv")),
     "modules": modules(),
+    "prestress": prestress(stored("fronts/collapse.csv"), stored("fronts/low_viscosity.csv")),
     "plan_costs": plan_costs(tried),
     "plans": plans(tried),
     "regimes": regimes(),

@@ -14,7 +14,7 @@ SPEED = laws.SpeedDependent(v=(0.0, 1e-3), factor=(1.0, 0.2))
     [
         ({"law": LONG}, 0.3, "slip of 8 mm, but the driver moves only 236.2 um"),
         ({"law": LONG}, 60.0, "slip of 8 mm, more than the block size l = 2.5 mm"),
-        ({"law": SHORT}, 1e-3, "slip of 3 um, beyond the 787.5 nm"),
+        ({"law": SHORT}, 1e-3, "slip of 3 um, but the driver moves only 787.5 nm"),
         ({"law": SHORT}, 5e-3, ""),
         ({"d_c": 1e-6}, 1e-3, ""),
         ({"law": SPEED}, 0.3, ""),

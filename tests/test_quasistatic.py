@@ -274,7 +274,7 @@ def test_prediction_says_where_it_may_not_be_unique(mu, rows, nearly):
     assert len(said) == (mu > 3.64)
     for one in said:
         assert "may not be the only one" in str(one.message)
-        assert "at least 0.01" in str(one.message)
+        assert "below 0.01" in str(one.message)
         assert "unique up to mu = 3.64" in str(one.message)
     ends = mu >= 5
     assert sum("may not be unique beyond" in note for note in record.notes) == ends

@@ -275,7 +275,7 @@ def test_prediction_says_where_it_may_not_be_unique(mu, rows, nearly):
     for one in said:
         assert "may not be the only one" in str(one.message)
         assert "below 0.01" in str(one.message)
-        assert "unique up to mu = 3.64" in str(one.message)
+        assert "Up to mu = 3.64" in str(one.message)
     ends = mu >= 5
     assert sum("may not be unique beyond" in note for note in record.notes) == ends
     assert len(record.curve) == rows

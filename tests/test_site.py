@@ -14,6 +14,8 @@ SITE = Path(__file__).parents[1] / "docs" / "_build" / "html"
 SECTIONS = ["Tutorials", "How-to", "Gallery", "Explanation", "API", "Studies"]
 SCREENS = Path(__file__).with_name("screens")
 WIDTHS = (1300, 800)
+TEXT = 229.3
+"""Width of a text with the fonts of the stored screens, in pixels."""
 LOOKED_AT = (
     "index",
     "tutorials/first_run",
@@ -113,6 +115,13 @@ def test_pages_fit_and_have_no_error(page, name, width):
     assert not [x for x in page.events if x["method"] == "Runtime.exceptionThrown"]
 
 
+WIDTH_OF_TEXT = """(() => {
+    const canvas = document.createElement("canvas").getContext("2d");
+    canvas.font = getComputedStyle(document.body).font;
+    return canvas.measureText("From static to kinetic friction").width;
+})()"""
+
+
 @pytest.mark.parametrize("name", LOOKED_AT)
 def test_the_first_screen_looks_as_before(page, name, tmp_path):
     """Greys of squares of 50 pixels, light and dark, at both widths; to renew one, remove its file.
@@ -124,6 +133,8 @@ def test_the_first_screen_looks_as_before(page, name, tmp_path):
     for width in WIDTHS:
         for scheme in ("light", "dark"):
             opened(page, name, width, scheme)
+            if page.js(WIDTH_OF_TEXT) != pytest.approx(TEXT, rel=0.01):
+                pytest.skip("other fonts, which break lines elsewhere")
             page.picture(tmp_path / "screen.png")
             with Image.open(tmp_path / "screen.png") as screen:
                 grey = screen.convert("L").resize((width // 50, 18), Image.Resampling.BOX)

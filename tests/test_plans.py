@@ -1,6 +1,7 @@
 """The study of promises: draws that stay, verdicts on errors that are known, counts."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pandas as pd
@@ -49,17 +50,31 @@ def test_a_promise_is_judged_by_the_real_error(ladder, real, measured, broken, d
     assert (row["not_measured"], row["no_front_speed"]) == (True, True)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("seed", "n", "low"), [(3, 36, 0.1), (12, 33, 0.05), (12, 86, 0.05)])
-def test_promises_hold_where_jumps_decide_the_order_of_events(seed, n, low):
-    """Little viscosity: two hybrid runs of equally strict jumps agreed on a wrong turn.
+WRONG_TURNS = [(3, 36, 0.1), (12, 33, 0.05), (12, 86, 0.05)]
+"""Seed, number and least viscosity of trials in which two equally strict hybrid runs were wrong."""
 
-    How many events are trusted depends on what the budget pays for; at least one was compared.
-    """
-    row = plans.trial(*plans.drawn(seed, n, (low, 2.0 if low == 0.1 else 0.33)))
+
+@functools.cache
+def turned(seed, n, low):
+    return plans.trial(*plans.drawn(seed, n, (low, 2.0 if low == 0.1 else 0.33)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("one", WRONG_TURNS)
+def test_promises_hold_where_jumps_decide_the_order_of_events(one):
+    row = turned(*one)
     assert not row["beyond_tolerance"]
     assert not row["beyond_measured"]
     assert row["trusted"] >= 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("one", WRONG_TURNS)
+def test_two_events_are_trusted_where_jumps_decide_their_order(one, request):
+    if one[:2] == (12, 33):
+        reason = "the budget pays for a comparison of the first event only"
+        request.applymarker(pytest.mark.xfail(reason=reason, strict=False))
+    assert turned(*one)["trusted"] >= 2
 
 
 def test_the_table_counts():

@@ -142,9 +142,9 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   work = power%work
 end subroutine evaluate
 
-!> A point of the loading curve, with the energy budget.
+!> A point of the loading curve.
 subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, y, rod, memory, dissipated, heat, loss, parts, &
-                       work, point, status)
+                       work, keep_budget, point, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_law, only: whole_memory
@@ -169,6 +169,7 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
   real(c_double), intent(in) :: loss(nx)                     !! switching loss [J]
   real(c_double), intent(in) :: parts(nx, 2)                 !! of the heat, see `advance` [J]
   real(c_double), intent(in) :: work(2)                      !! driver, forces on the top [J]
+  integer(c_int), intent(in) :: keep_budget                  !! 1: with the energy budget
   real(c_double), intent(out) :: point(15)                   !! see pyfric_energy [N, J]
   integer(c_int), intent(out) :: status                      !! see pyfric_status
   type(model_t) :: model
@@ -185,7 +186,8 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
   if (.not. complete) return
   status = DONE
   call widen(model, y, state(aligned(state(:, 1)), 1))
-  point = found(model, t, state(aligned(state(:, 1)), 1), rod, whole_memory(model%law, nx, memory), .true., budget, loss)
+  point = found(model, t, state(aligned(state(:, 1)), 1), rod, whole_memory(model%law, nx, memory), keep_budget == 1, &
+                budget, loss)
 end subroutine curve_point
 
 !> Random numbers in [0, 1) by counter.

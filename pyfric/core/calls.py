@@ -203,19 +203,19 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
     return forces
 
 
-def curve_point(model: Model, state: State, t: float) -> np.ndarray:
+def curve_point(model: Model, state: State, t: float, budget: bool = True) -> np.ndarray:
     """Return a point of the loading curve at time t (s), shape (15,).
 
     It has F_T (N), seven energies, the works of driver and load, and what bonds, friction, switches
-    and the two parts of friction heat have dissipated (J).
+    and the two parts of friction heat have dissipated (J). Without `budget` all but F_T are 0.
 
     Raises:
         ValueError: arrays do not fit the model.
     """
     state.check(model.N_x, n_memory=model.n_memory)
-    budget = state.dissipated, state.heat, state.loss, state.parts.T, state.work
+    spent = state.dissipated, state.heat, state.loss, state.parts.T, state.work
     here = state.y.T, state.rod, state.numbers.T
-    values, status = _core.curve_point(*model, t, *here, *budget)
+    values, status = _core.curve_point(*model, t, *here, *spent, int(budget))
     _check_memory(status, state.y.shape)
     return values
 

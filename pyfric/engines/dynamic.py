@@ -191,7 +191,8 @@ class Run:
         """Add the present state to the loading curve."""
         state, scene = self.state, self.scene
         self._follow(just_after(state))
-        self._add_points(state.t, core.curve_point(self.model, state, state.t)[:, None])
+        point = core.curve_point(self.model, state, state.t, self.method.budget)
+        self._add_points(state.t, point[:, None])
         if motion := scene.law.in_motion(state.memory):
             f = core.evaluate(self.model, state, state.t).f
             motion |= {"u_x": state.y[0, 0].copy(), "v_x": state.y[0, 2], "f": f}

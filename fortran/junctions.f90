@@ -10,26 +10,21 @@
 !>     open       p = 0: all slip, and pin at u_x when contact returns
 !>
 !> Stages of a step read anchors and drag those of slipping junctions temporarily; only the end of a step or sub-step
-!> writes them. For pinned junctions a stage needs only their number and the sum of their anchors. This sum is computed
-!> anew, in the order of junctions, when one breaks or pins, so that its bits do not depend on the history. Source:
-!> J. Trømborg et al., PNAS 111, 8764 (2014). The use of the present p, and the behaviour of slipping junctions when motion
-!> reverses, are choices made here.
+!> writes them. Source: J. Trømborg et al., PNAS 111, 8764 (2014). The use of the present p, and the behaviour of slipping
+!> junctions when motion reverses, are choices made here.
 module pyfric_junctions
   use, intrinsic :: iso_fortran_env, only: int64
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES
   use pyfric_curve, only: curve_t, at_x
+  use pyfric_junction_memory, only: ANCHOR, PINNED, RELEASE, BREAKS, N_PARTS, N_SUMS, COUNT, TOTAL, CENTRE, SQUARES, LEAST, &
+                                    GREATEST, EARLIEST, LOOSE, n_saved, n_whole, prepare
   use pyfric_random, only: uniforms
   implicit none (type, external)
   private
-  public :: junctions_t, new_junctions, n_saved, n_whole, prepare
+  public :: junctions_t, new_junctions
   public :: forces, powers, stored_energy, settle, next_break, next_release, drag_limits, drag_functions
 
-  !> Saved for each junction: anchor [m], 1 pinned or 0 slipping, time at which it pins or pinned [s], number of breaks.
-  integer, parameter :: ANCHOR = 1, PINNED = 2, RELEASE = 3, BREAKS = 4, N_PARTS = 4, N_SUMS = 8
-  !> Derived quantities. Pinned junctions: their number; sum, mean, sum of squared deviations, least and greatest of their
-  !> anchors. Slipping junctions: time at which the first one pins; their number; then their anchors and indices.
-  integer, parameter :: COUNT = 1, TOTAL = 2, CENTRE = 3, SQUARES = 4, LEAST = 5, GREATEST = 6, EARLIEST = 7, LOOSE = 8
   !> Distance at which a stretch counts as u_d, over u_d: rounding of displacements.
   real(dp), parameter :: AT_LIMIT = 1e-9_dp
 
@@ -50,22 +45,6 @@ module pyfric_junctions
   end type junctions_t
 
 contains
-
-  !> Numbers that are saved of a block with n junctions.
-  elemental function n_saved(n) result(numbers)
-    integer, intent(in) :: n
-    integer :: numbers
-
-    numbers = N_PARTS*n
-  end function n_saved
-
-  !> The same number with the derived quantities.
-  elemental function n_whole(n) result(numbers)
-    integer, intent(in) :: n
-    integer :: numbers
-
-    numbers = n_saved(n) + N_SUMS + 2*n
-  end function n_whole
 
   pure function new_junctions(nx, n, seed, from_right, share, quantiles, fields, theta) result(of)
     integer, intent(in) :: nx              !! blocks
@@ -119,51 +98,6 @@ contains
 
     y = max(-limit, min(limit, x))
   end function within
-
-  !> Computes all state variables of a block from the saved ones.
-  pure subroutine prepare(n, memory)
-    integer, intent(in) :: n
-    real(dp), intent(inout) :: memory(n_whole(n))
-    integer :: s
-
-    s = n_saved(n)
-    call summarise(n, memory(:s), memory(s + 1:s + N_SUMS), memory(s + N_SUMS + 1:s + N_SUMS + n), memory(s + N_SUMS + n + 1:))
-  end subroutine prepare
-
-  !> Sums over the pinned junctions, in their order; the slipping ones one after another.
-  pure subroutine summarise(n, saved, sums, loose_anchors, loose_numbers)
-    integer, intent(in) :: n
-    real(dp), intent(in) :: saved(n, N_PARTS)
-    real(dp), intent(out) :: sums(N_SUMS)
-    real(dp), intent(inout) :: loose_anchors(n)   !! [m]
-    real(dp), intent(inout) :: loose_numbers(n)
-    integer :: j, m
-
-    sums = 0.0_dp
-    sums(LEAST) = huge(1.0_dp)
-    sums(GREATEST) = -huge(1.0_dp)
-    sums(EARLIEST) = huge(1.0_dp)
-    m = 0
-    do j = 1, n
-      if (saved(j, PINNED) > 0.0_dp) then
-        sums(COUNT) = sums(COUNT) + 1.0_dp
-        sums(TOTAL) = sums(TOTAL) + saved(j, ANCHOR)
-        sums(LEAST) = min(sums(LEAST), saved(j, ANCHOR))
-        sums(GREATEST) = max(sums(GREATEST), saved(j, ANCHOR))
-      else
-        m = m + 1
-        loose_anchors(m) = saved(j, ANCHOR)
-        loose_numbers(m) = j
-        sums(EARLIEST) = min(sums(EARLIEST), saved(j, RELEASE))
-      end if
-    end do
-    sums(LOOSE) = m
-    if (m == n) return
-    sums(CENTRE) = sums(TOTAL)/sums(COUNT)
-    do j = 1, n
-      if (saved(j, PINNED) > 0.0_dp) sums(SQUARES) = sums(SQUARES) + (saved(j, ANCHOR) - sums(CENTRE))**2
-    end do
-  end subroutine summarise
 
   !> f = -k_j (sum of the stretches): of pinned junctions n u_x - sum a_j; of slipping ones each within u_d.
   pure subroutine forces(of, nx, n, at, memory, u_x, p, f)

@@ -13,8 +13,9 @@ module pyfric_law
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES
   use pyfric_curve, only: curve_t, new_curve, cell, at_x
-  use pyfric_junctions, only: junctions_t, new_junctions, n_whole, prepare, forces, powers, stored_energy, settle, &
-                              next_break, next_release, drag_limits, drag_functions
+  use pyfric_junction_memory, only: n_whole, prepare
+  use pyfric_junctions, only: junctions_t, new_junctions, forces, powers, stored_energy, settle, next_break, next_release, &
+                              drag_limits, drag_functions
   implicit none (type, external)
   private
   public :: law_t, new_law, whole_memory, friction_force, friction_powers, interface_energy

@@ -45,12 +45,13 @@ def test_the_door_opens_the_rooms_from_the_ground_up():
 def test_no_string_names_a_room_to_import():
     found = set()
     for file, tree in trees():
-        calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and node.args]
-        calls = [node for node in calls if isinstance(node.args[0], ast.Constant)]
+        nodes = list(ast.walk(tree))
+        calls = [node for node in nodes if isinstance(node, ast.Call)]
+        calls = [node for node in calls if getattr(node.func, "id", "") == "eval"]
         harmless = [node.func for node in calls if ast.unparse(node) == "eval('0')"]
-        names = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
+        names = [node for node in nodes if isinstance(node, ast.Name)]
         names = {node.id for node in names if node not in harmless}
-        names |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+        names |= {node.attr for node in nodes if isinstance(node, ast.Attribute)}
         if names & BY_NAME:
             found.add(file)
     assert found == {DOOR, *OF_THEIR_OWN}

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene, SceneLike
 
-__all__ = ["WANTS", "Method", "after_events", "chart", "figure", "report", "run"]
-
 WANTS = {
     "loading_curve": "loading curve: RMS of F_T over F_N",
     "precursors": "start and arrest forces over F_N, or rupture times; worst",

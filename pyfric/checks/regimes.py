@@ -33,8 +33,6 @@ from pyfric.scene import Scene, SceneError, chain, setup1, setup2
 from pyfric.signals import at_once
 from pyfric.statics import StaticSolver, stability_limit
 
-__all__ = ["REGIMES", "Behaviour", "Observed", "Regime", "observe", "report"]
-
 Behaviour = Literal["refusal", "stop", "warning", "switch", "answer"]
 
 FORCE = 1e-6

@@ -34,23 +34,6 @@ if TYPE_CHECKING:
     from pyfric.core import Switching
     from pyfric.record import Record
 
-__all__ = [
-    "INSTALLED",
-    "LADDER",
-    "Ladder",
-    "Reference",
-    "compare",
-    "crack_speeds",
-    "dynamic",
-    "hybrid",
-    "ladder_at_given_length",
-    "ladder_event_by_event",
-    "load",
-    "loading_curve",
-    "quasistatic",
-    "stresses",
-]
-
 INSTALLED = Path(__file__).parent / "reference"
 """Sets that come with the package."""
 COMPARED = ("F_T_start", "F_T_arrest", "t_start", "first_block", "last_block")

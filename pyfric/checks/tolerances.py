@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["DYNAMIC", "HYBRID", "STEP_END", "Check", "Tolerances", "largest", "rms"]
-
 
 @dataclass(frozen=True)
 class Check:

@@ -22,8 +22,6 @@ from pyfric.statics import loaded_state
 if TYPE_CHECKING:
     from pyfric.scene import Scene
 
-__all__ = ["PLACES", "REFERENCE", "STATIONS", "distance", "misfit", "ruptured"]
-
 STATIONS = np.arange(2.0, 15.0)
 """Distances from the middle, km."""
 REFERENCE = np.array(
@@ -33,8 +31,6 @@ REFERENCE = np.array(
     ]
 )
 """Rupture times there, s, converged to 1 ms: spectral elements of 125 m with 6 nodes."""
-PLACES = {5: (4.93, 5.153), 10: (7.63, 4.1435)}
-"""km: largest slip rate (m/s, within 1 % at 5 km) and slip at 6 s (m) of the reference."""
 SLIP_RATE = 0.5e-3
 """Slip rate of one body at which the front passes, m/s."""
 

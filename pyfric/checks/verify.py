@@ -35,8 +35,6 @@ from pyfric.statics import loaded_state
 if TYPE_CHECKING:
     from pyfric.record import Record
 
-__all__ = ["Group", "report", "table", "verify"]
-
 STEPS, SWITCHES = 300, 50
 """Steps of the runs whose bits are compared, and how many contacts have to switch in them."""
 RUNS = (

@@ -17,8 +17,6 @@ from pyfric.cli.shared import Exit, signalled, stop
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-__all__ = ["Commands", "main"]
-
 
 class _Listed:
     """A command in a section of a list, which shows its whole first paragraph."""

@@ -19,17 +19,6 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = [
-    "BLOCKS_PER_THREAD",
-    "ENVIRONMENT",
-    "VARIANT",
-    "additions",
-    "build_info",
-    "load_variant",
-    "useful_threads",
-    "variants",
-]
-
 ENVIRONMENT = "PYFRIC_VARIANT"
 BLOCKS_PER_THREAD = 5_000
 """Smallest number of blocks per thread for which threads save time (`python studies threads`)."""

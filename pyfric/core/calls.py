@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from pyfric.core.state import State
     from pyfric.scene import Geometry, Scene
 
-__all__ = ["ENERGIES", "Forces", "advance", "bond_forces", "curve_point", "energies", "evaluate"]
-
 SWITCHING = get_args(Switching)
 _core = load_variant(VARIANT)
 

@@ -7,8 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-__all__ = ["Log", "Switching", "room_of_step"]
-
 Switching = Literal["step_end", "located"]
 POINTS = 512
 """Room for points of the loading curve: so many that calls take little of the time."""

@@ -11,8 +11,6 @@ from pyfric.scene import Geometry, check_geometry
 if TYPE_CHECKING:
     from pyfric.scene import OnDriven, Scene
 
-__all__ = ["CORNER_SHARE", "Constants", "Counts", "Model", "check_driven", "model", "springs"]
-
 CORNER_SHARE = 0.02
 """Normal force, over F_N/N_x, below which a start of slip is a corner episode."""
 BEYOND = {"free": 0, "mirrored": 1, "absorbing": 2, "held": 3}

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     from pyfric.scene import OnDriven, Scene
 
-__all__ = ["OPEN", "STUCK", "State", "StateError", "spring_of"]
-
 STUCK, OPEN = 0, 2
 """Contact states; a slipping block has the sign of its motion, +1 or -1."""
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import enum
 
-__all__ = ["Status"]
-
 
 class Status(enum.IntEnum):
     """Status codes of the core (pyfric_status in Fortran); `message` explains them."""

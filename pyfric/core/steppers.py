@@ -17,8 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["STEPPERS", "Stepper"]
-
 
 def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Return left @ right with additions in a fixed order, so that all processors agree in bits."""

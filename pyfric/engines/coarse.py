@@ -11,8 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     from pyfric.scene import Scene
 
-__all__ = ["BLOCKS", "COLUMNS", "coarser"]
-
 BLOCKS, COLUMNS = 5_000, 250
 """Most blocks, and most columns of blocks, that a lattice keeps; a larger one is coarsened."""
 

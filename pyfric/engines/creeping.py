@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
     from pyfric.statics import Point, StaticSolver
 
-__all__ = ["Creeping", "Landing"]
-
 INERTIA = 200.0
 """Largest sqrt(k m) v at a slip speed v, over the accuracy of forces divided by N_x. Fitted: with
 500, and ten times the truncated part, forces of a slider of 9 x 6 blocks are off by 1.2e-4 F_N

@@ -33,18 +33,6 @@ if TYPE_CHECKING:
     from pyfric.scene import Geometry, Scene
     from pyfric.statics import Equilibrium
 
-__all__ = [
-    "STEPS",
-    "Energy",
-    "Guard",
-    "Trouble",
-    "folded",
-    "largest_load",
-    "largest_strain",
-    "strain_notes",
-    "unfinished",
-]
-
 STEPS = 250
 """Steps between two checks of energy and lattice. A run that fails returns to the last one."""
 MARGIN = 0.1

@@ -40,18 +40,6 @@ if TYPE_CHECKING:
     from pyfric.engines.dynamic import Run
     from pyfric.scene import Number, Scene, SceneLike
 
-__all__ = [
-    "AUTO_SHARE",
-    "RTOL",
-    "Fidelity",
-    "Keywords",
-    "Options",
-    "Verify",
-    "Want",
-    "kept",
-    "step_size",
-]
-
 AUTO_SHARE = 0.5
 """dt = "auto" is this share of the stability limit, rounded down to two digits.
 

@@ -37,17 +37,6 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = [
-    "Pilot",
-    "counted",
-    "expected_end",
-    "interval",
-    "linear_error",
-    "most_open",
-    "pilot_run",
-    "quasistatic_work",
-]
-
 EVENTS, CHANGES = 300, 2e8
 """Most events, and most changes of contact state times N_x^2, of the quasi-static pilot run."""
 NEARBY = 1e-3

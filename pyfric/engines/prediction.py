@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from pyfric.scene import SceneLike
     from pyfric.statics import Contact
 
-__all__ = ["prediction_curve"]
-
 
 @at_once()
 @one_thread_if_small

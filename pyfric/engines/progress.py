@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from pyfric.scene import Scene
 
-__all__ = ["Progress", "jobs_bar", "run_bar"]
-
 
 class Progress(NamedTuple):
     """State of a run: times in s, F_T over F_N, events so far, steps per second."""

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["CONDITIONS", "Stopping", "ended_by_condition", "stopping_of"]
-
 ENDED = "ended by stop_when ("
 """Beginning of the status of a run that a condition ended."""
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from pyfric.core import State
     from pyfric.record import Record
 
-__all__ = ["LEAD", "Again", "check_event"]
-
 LEAD = 20
 """Steps between the state that a run up to it gives and the event."""
 

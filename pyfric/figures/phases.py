@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
     from pyfric.sweeps import PhaseDiagram
 
-__all__ = ["phase_map"]
-
 SYMBOLS = ("x", "o", "s", "^", "D", "v", "*", "+")
 """Symbols of labels, in alphabetical order."""
 COLOURS = (GREY, BLACK, ORANGE, PURPLE)

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["space_time", "theory_times", "wave_lines"]
-
 BEFORE, AFTER = 0.15, 0.5
 """What is shown before and after the front, in units of the time that it takes."""
 ROWS, FEWEST = 500, 100

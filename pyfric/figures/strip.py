@@ -47,8 +47,6 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["Frame", "event_frames", "event_movie", "event_strip", "frame_times", "has_ffmpeg"]
-
 MOMENTS = (0.05, 0.3, 0.55, 0.8, 1.0, 1.6)
 """Frames of a strip, in units of the time the front takes."""
 FILM_DPI = 150

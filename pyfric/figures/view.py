@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 
     from pyfric.figures.style import DataFigure
 
-__all__ = ["drawing", "record_page", "template"]
-
 LARGEST = 2_000_000
 """Most bytes of a page."""
 SPARE = 20_000

@@ -19,8 +19,6 @@ from markupsafe import Markup, escape
 from pyfric.figures import FIGURES, template
 from pyfric.scene import __version__, write
 
-__all__ = ["write_index"]
-
 CLAIM_VALUES = (
     *("number", "text", "value", "unit", "band", "verdict", "how", "note", "source"),
     *("damage", "damaged"),

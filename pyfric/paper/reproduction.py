@@ -19,8 +19,6 @@ from pyfric.sweeps import Job, run_all, side_by_side
 if TYPE_CHECKING:
     from pyfric.record import Record
 
-__all__ = ["reproduce", "runs_table"]
-
 
 FILMED = "fig3a"
 """The figure whose event is filmed."""

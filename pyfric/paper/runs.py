@@ -16,8 +16,6 @@ from __future__ import annotations
 from pyfric.scene import preset, setup1
 from pyfric.sweeps import Job
 
-__all__ = ["FIG1", "FIG2A", "FIG2B", "FIG4B", "RUNS"]
-
 FINITE = {"fidelity": "hybrid", "geometry": "finite", "switching": "located"}
 LINEAR = {"fidelity": "hybrid", "geometry": "linear", "switching": "located"}
 SETUP2 = LINEAR | {"dt": 4.5e-7}

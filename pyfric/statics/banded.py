@@ -19,8 +19,6 @@ from scipy.linalg.lapack import dpbtrs
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
-__all__ = ["BandedCholesky"]
-
 
 class BandedCholesky:
     """A factorised symmetric, positive definite matrix.

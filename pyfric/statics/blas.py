@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from contextlib import AbstractContextManager
 
-__all__ = ["SMALL", "one_thread", "one_thread_if_small"]
-
 SMALL = 250
 """Largest N_x that runs on one BLAS thread; matrices have 2 N_x rows."""
 ARITHMETIC = {"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
     from pyfric.scene import Law, OnDriven, Scene
 
-__all__ = ["Contact", "ContactProblem", "Route", "Static"]
-
 RATE_TOL = 1e-11
 """Rate of a force, over stiffness times rate of displacement, below which it is rounding."""
 LEAST = 1e-6

@@ -34,8 +34,6 @@ from pyfric.statics.rest import EquilibriumError
 if TYPE_CHECKING:
     from pyfric.scene import OnDriven, Scene
 
-__all__ = ["LARGE", "Condensed", "Plate", "condense"]
-
 LARGE = 10_000
 """Number of unknowns above which condensation takes seconds. It needs 3 N_z (2 N_x)^3 operations:
 7e8 in the Fig. 1 scene, 1e12 with 561 x 301 blocks."""

@@ -30,8 +30,6 @@ from pyfric.statics.rest import EquilibriumError
 if TYPE_CHECKING:
     from pyfric.scene import Law, Scene
 
-__all__ = ["States", "Unmet", "Values", "rounding", "with_free"]
-
 
 class Values(NamedTuple):
     """Values of the interface in a static state, in m and N; arrays have shape (N_x,)."""

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from pyfric.scene import Law
     from pyfric.statics.complementarity import ContactProblem
 
-__all__ = ["Change", "Creep", "Point", "creeps"]
-
 ENOUGH = 1e-10
 """Largest accepted residual force of static states, over F_N/N_x."""
 ROUNDED = 10 * ENOUGH

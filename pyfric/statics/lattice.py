@@ -21,16 +21,6 @@ from pyfric.scene import Geometry
 if TYPE_CHECKING:
     from pyfric.scene import Scene
 
-__all__ = [
-    "DIRECTIONS",
-    "Assembly",
-    "Bonds",
-    "bonds",
-    "spring_forces",
-    "spring_stiffness",
-    "spring_tangents",
-]
-
 DIRECTIONS = ((1, 0, 1.0), (0, 1, 1.0), (1, 1, 0.5), (1, -1, 0.5))
 """Bonds of a block of the square lattice, each once: columns and rows to the neighbour, and the
 stiffness over k."""

@@ -24,8 +24,6 @@ from pyfric.statics.rest import Equilibrium, EquilibriumError
 if TYPE_CHECKING:
     from pyfric.scene import Geometry, Scene
 
-__all__ = ["loaded_on_junctions"]
-
 STEPS = 100
 """Largest number of steps of the iteration."""
 ROUNDED = 1e-12

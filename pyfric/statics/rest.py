@@ -15,15 +15,6 @@ from pyfric.scene import SceneError
 if TYPE_CHECKING:
     from pyfric.scene import OnDriven, Scene
 
-__all__ = [
-    "NO_RESTS",
-    "Equilibrium",
-    "EquilibriumError",
-    "as_prescribed",
-    "check_rests",
-    "check_sticks",
-]
-
 NO_RESTS = "junctions break and pin all the time under load: no jump over a rest gains anything"
 """Why junctions need full dynamics."""
 

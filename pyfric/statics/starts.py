@@ -27,8 +27,6 @@ from pyfric.statics.rest import EquilibriumError
 if TYPE_CHECKING:
     from pyfric.scene import Scene, SceneLike
 
-__all__ = ["check_pushes", "forced", "overstressed", "ramped"]
-
 EXCESS = 0.05
 """Default stress of patches beyond their strength, over the strength."""
 

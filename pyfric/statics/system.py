@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from pyfric.scene import Geometry, OnDriven, Scene
     from pyfric.statics.contact import States
 
-__all__ = ["System"]
-
 KEPT = 12
 """Number of factorisations that are kept; on large lattices, one."""
 

@@ -22,8 +22,6 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf
 
-__all__ = ["LIMIT", "definiteness", "is_definite"]
-
 LIMIT = 0.01
 """Definiteness below which a state may not be unique."""
 

@@ -18,8 +18,6 @@ from pyfric.scene import __version__, write
 if TYPE_CHECKING:
     from pyfric.record import Record
 
-__all__ = ["CLAIMS", "Band", "Claim", "Damage", "claim"]
-
 Runs = Mapping[str, "Record"]
 Measure = Callable[..., "Iterator[Claim]"]
 """Yields the parts of a claim from its runs; some take what they rely on as keywords."""

@@ -16,8 +16,6 @@ from pyfric.scene import SceneError, nearest
 from pyfric.signals import at_once
 from pyfric.sweeps import run_all, side_by_side
 
-__all__ = ["NUMBERS", "measure"]
-
 NUMBERS = tuple(sorted(CLAIMS, key=lambda number: (number[0] == "E", int(number.lstrip("E")))))
 """Numbers of the claims, in order."""
 

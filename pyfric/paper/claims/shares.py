@@ -29,8 +29,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-__all__ = ["DRAWS", "SCATTER", "position_alone", "shares", "told"]
-
 BINS = 10
 """Bins of a curve."""
 DRAWS = 999

@@ -106,6 +106,12 @@ def plans(data):
     return table(head, rows)
 
 
+def promises(data):
+    """Return what records say where a promise is hard to keep, beside what was found."""
+    data = data[["scene", "quantity", "said", "found"]].astype(str)
+    return table(["scene", "quantity", "stated", "found"], data.to_numpy().tolist())
+
+
 def plan_costs(data):
     """Return how the time of planned runs compares with the announced one."""
     refined = data["refined"] > 0
@@ -201,6 +207,7 @@ myst_substitutions = {
     "prestress": prestress(stored("fronts/collapse.csv"), stored("fronts/low_viscosity.csv")),
     "plan_costs": plan_costs(tried),
     "plans": plans(tried),
+    "promises": promises(stored("plans/promises.csv")),
     "regimes": regimes(),
 }
 

@@ -227,6 +227,26 @@ def plans(
     tell.table(plans.table(rows), lambda table: table.to_string(index=False))
 
 
+@main.command(section="Methods")
+@click.argument("cases", nargs=-1)
+@file_option("--out", metavar="FILE", help="Write the table as CSV.")
+@overwrite_option
+@telling
+def promises(cases: tuple[str, ...], out: Path | None, overwrite: bool, tell: Tell) -> None:
+    """Show what records say where a promise is hard to keep, beside what is true (four minutes).
+
+    CASES are names of cases; all without one. Beside --out goes its provenance.
+    """
+    check_table(out, overwrite)
+    import promises
+
+    if unknown := sorted(set(cases) - set(promises.CASES)):
+        raise click.BadParameter(f"{unknown[0]}: one of {', '.join(promises.CASES)}")
+    frame = promises.table(cases or promises.CASES)
+    save_table(frame, out, shlex.join([*RUN.split(), "promises", *cases]), "%.3g")
+    tell.table(frame, lambda table: table.drop(columns="scene").to_string(index=False))
+
+
 def _short(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 

@@ -43,7 +43,7 @@ def test_ruptures_come_near_the_reference_on_a_coarse_lattice():
     assert tpv3.misfit(arrivals + 0.1) > 0.02
     assert (np.diff(times[(x > 2) & inside]) > 0).all()
     assert 2 < 2 * rate[x < 10].max() < 15
-    assert 2 * np.interp(5.0, x, slip) == pytest.approx(tpv3.PLACES[5][1], rel=0.04)
+    assert 2 * np.interp(5.0, x, slip) == pytest.approx(study.PLACES[5][1], rel=0.04)
 
 
 def test_the_report_says_misfits_and_orders():

@@ -6,7 +6,7 @@ from pyfric.statics.complementarity import Contact, ContactProblem, Route, Stati
 from pyfric.statics.condensation import LARGE
 from pyfric.statics.contact import States, Values
 from pyfric.statics.creep import Change, Creep, Point, creeps
-from pyfric.statics.equilibrium import StaticSolver, loaded_state, solve_static
+from pyfric.statics.equilibrium import RememberedStates, StaticSolver, loaded_state, solve_static
 from pyfric.statics.lattice import bonds, spring_stiffness
 from pyfric.statics.memory import Memory
 from pyfric.statics.operators import damping, dispersion, mass, stiffness
@@ -35,6 +35,7 @@ __all__ = [
     "EquilibriumError",
     "Memory",
     "Point",
+    "RememberedStates",
     "Route",
     "States",
     "Static",

@@ -35,7 +35,7 @@ from __future__ import annotations
 
 import functools
 import warnings
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -48,7 +48,7 @@ from pyfric.scene import (
     as_scene,
     check_geometry,
 )
-from pyfric.statics.complementarity import Contact, ContactProblem, Route
+from pyfric.statics.complementarity import Contact, ContactProblem, Route, Static
 from pyfric.statics.contact import States, Unmet, Values, rounding, with_free
 from pyfric.statics.on_junctions import loaded_on_junctions
 from pyfric.statics.rest import Equilibrium, EquilibriumError, as_prescribed, check_rests
@@ -59,8 +59,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pyfric.scene import OnDriven, Scene, SceneLike
-
-__all__ = ["StaticSolver", "loaded_state", "solve_static"]
 
 MAX_NEWTON = 60
 """Largest number of Newton steps for one set of contact states."""
@@ -372,3 +370,31 @@ def solve_static(
     scene = as_scene(scene)
     check_geometry(geometry, scene)
     return _solver(scene, geometry).solve(u_x_bottom, drive, free=free)
+
+
+class RememberedStates:
+    """A `StaticSolver` that keeps its solutions, so that the same state is solved only once."""
+
+    def __init__(self, solver: StaticSolver) -> None:
+        self.finder = solver
+        self.found: dict[tuple[Any, ...], Static | EquilibriumError] = {}
+
+    def solve(
+        self,
+        u_x_bottom: np.ndarray,
+        drive: float,
+        *,
+        free: np.ndarray,
+        load: tuple[float, float] | None = None,
+    ) -> Static:
+        key = u_x_bottom.tobytes(), float(drive), free.tobytes(), load
+        if key not in self.found:
+            try:
+                rest = self.finder.solve(u_x_bottom, drive, free=free, load=load)
+                self.found[key] = Static(rest.F_T, rest.tau, rest.p)
+            except EquilibriumError as error:
+                self.found[key] = error
+        found = self.found[key]
+        if isinstance(found, EquilibriumError):
+            raise found
+        return found

@@ -17,19 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pyfric.scene import Scene
-from pyfric.statics.lattice import DIRECTIONS, Assembly, bonds, spring_stiffness
-
-__all__ = [
-    "Operators",
-    "coordinates",
-    "damping",
-    "dispersion",
-    "driven_dofs",
-    "ground",
-    "mass",
-    "operators",
-    "stiffness",
-]
+from pyfric.statics.lattice import DIRECTIONS, Assembly, Bonds, bonds, spring_stiffness
 
 
 def coordinates(scene: Scene) -> sp.csr_array:
@@ -99,10 +87,17 @@ def stiffness(
         closed: bottom blocks that touch the foundation, shape (N_x,), bool; None means all.
         driver: whether the driver spring is attached.
     """
-    T = coordinates(scene)
     closed = np.ones(scene.N_x, dtype=bool) if closed is None else closed
-    held = sp.diags_array(ground(scene, T, closed, driver=driver))
-    return (T.T @ spring_stiffness(bonds(scene)) @ T + held).tocsr()
+    return _stiffnesses(scene, bonds(scene), coordinates(scene), [closed], driver=driver)[0]
+
+
+def _stiffnesses(
+    scene: Scene, lattice: Bonds, T: sp.csr_array, contacts: list[np.ndarray], *, driver: bool
+) -> list[sp.csr_array]:
+    """Return `stiffness` for each set of closed blocks."""
+    springs = T.T @ spring_stiffness(lattice) @ T
+    held = (ground(scene, T, closed, driver=driver) for closed in contacts)
+    return [(springs + sp.diags_array(one)).tocsr() for one in held]
 
 
 def damping(scene: Scene) -> sp.csr_array:
@@ -112,7 +107,10 @@ def damping(scene: Scene) -> sp.csr_array:
     relative velocity, so that bonds within a rigid top row resist its rotation. Alternatively only
     the component along the bond counts (`Slider.dashpots`).
     """
-    lattice, T = bonds(scene), coordinates(scene)
+    return _damping(scene, bonds(scene), coordinates(scene))
+
+
+def _damping(scene: Scene, lattice: Bonds, T: sp.csr_array) -> sp.csr_array:
     x, z = (lattice.d / lattice.l[:, None]).T
     along = scene.slider.dashpots == "along"
     of_bonds = np.array([x * x, x * z, z * z] if along else [x * x + z * z, 0 * x, x * x + z * z])
@@ -150,7 +148,38 @@ def operators(scene: Scene, closed: np.ndarray | None = None) -> Operators:
         scene: the scene.
         closed: bottom blocks that touch the foundation, shape (N_x,), bool; None means all.
     """
-    return Operators(mass(scene), stiffness(scene, closed=closed), damping(scene))
+    closed = np.ones(scene.N_x, dtype=bool) if closed is None else closed
+    M, (K,), C = operators_at(scene, [closed])
+    return Operators(M, K, C)
+
+
+def operators_at(
+    scene: Scene, contacts: list[np.ndarray]
+) -> tuple[np.ndarray, list[sp.csr_array], sp.csr_array]:
+    """Return M, K for each set of closed bottom blocks, and C; see `operators`."""
+    lattice, T = bonds(scene), coordinates(scene)
+    K = _stiffnesses(scene, lattice, T, contacts, driver=True)
+    return mass(scene), K, _damping(scene, lattice, T)
+
+
+class Medium(NamedTuple):
+    """What plane waves depend on: l (m), k (N/m), m (kg), eta (N s/m), dashpots, one or two rows.
+
+    More rows than two have the waves of two.
+    """
+
+    l: float
+    k: float
+    m: float
+    eta: float
+    dashpots: str
+    rows: int
+
+    @classmethod
+    def of(cls, scene: Scene) -> Medium:
+        """Return that of a scene."""
+        slider = scene.slider
+        return cls(slider.l, slider.k, scene.m, scene.eta, slider.dashpots, min(scene.N_z, 2))
 
 
 def dispersion(
@@ -171,12 +200,19 @@ def dispersion(
         the bonds damping is a matrix, too. Then gamma has shape (..., 2): the damping of each
         undamped wave, without the coupling of the two waves.
     """
-    l, k, m = scene.slider.l, scene.slider.k, scene.m
+    return waves(Medium.of(scene), wave_vectors, ground)
+
+
+def waves(
+    medium: Medium, wave_vectors: np.ndarray, ground: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies and damping rates in a medium; see `dispersion`."""
+    l, k, m, eta, dashpots, rows = medium
     D = np.zeros((*wave_vectors.shape[:-1], 2, 2))
     C = np.zeros_like(D)
     gamma = np.zeros(wave_vectors.shape[:-1])
     for dx, dz, factor in DIRECTIONS:
-        if abs(dz) >= scene.N_z:
+        if abs(dz) >= rows:
             continue
         d = np.array([dx, dz], dtype=float)
         s = 4 * np.sin(wave_vectors @ (d * l / 2)) ** 2
@@ -184,10 +220,10 @@ def dispersion(
         C += s[..., None, None] * np.outer(d, d) / (d @ d)
         gamma += s
     D += np.diag(ground) / k
-    if scene.slider.dashpots == "along":
+    if dashpots == "along":
         values, shapes = np.linalg.eigh(D)
         gamma = np.einsum("...ik,...ij,...jk->...k", shapes, C, shapes)
     else:
         values = np.linalg.eigvalsh(D)
     omega = np.sqrt(k / m) * np.sqrt(np.maximum(values, 0.0))
-    return omega, gamma * (scene.eta / m)
+    return omega, gamma * (eta / m)

@@ -22,15 +22,13 @@ from pyfric.scene import (
     Slider,
     as_scene,
 )
-from pyfric.statics.operators import dispersion, operators, stiffness
+from pyfric.statics.operators import Medium, operators_at, waves
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from pyfric.core import Stepper
     from pyfric.scene import SceneLike
-
-__all__ = ["radius", "stability_limit"]
 
 ROUNDED = 1e-7
 """Growth in one step that rounding can cause. Rounding splits double eigenvalues on the unit circle
@@ -95,7 +93,7 @@ def _pair_limits(stepper: Stepper, omega: np.ndarray, gamma: np.ndarray) -> np.n
     return low
 
 
-def _bulk_limit(scene: Scene, stepper: Stepper) -> float:
+def _bulk_limit(scene: Scene, stepper: str) -> float:
     """Return the smallest limit over the Brillouin zone, in s.
 
     In a chain every block has springs to the foundation (unless it is open) and k_top, so that they
@@ -106,11 +104,15 @@ def _bulk_limit(scene: Scene, stepper: Stepper) -> float:
         hold = scene.k_top + _on_springs(scene)
         grounds = [(hold, float(np.max(scene.k_f))), (hold, 0.0)]
         drags = sorted({0.0, float(np.max(scene.law.alpha)) / scene.m})
-    return min(_waves_limit(scene, ground, drag, stepper) for ground in grounds for drag in drags)
+    medium = Medium.of(scene)
+    return min(_waves_limit(medium, ground, drag, stepper) for ground in grounds for drag in drags)
 
 
-def _waves_limit(scene: Scene, ground: tuple[float, float], drag: float, stepper: Stepper) -> float:
+@functools.lru_cache(maxsize=256)
+def _waves_limit(medium: Medium, ground: tuple[float, float], drag: float, stepper: str) -> float:
     """Return `_bulk_limit` for blocks held by `ground` (`dispersion`) and by drag -m drag v.
+
+    Scenes of one material share it.
 
     The stiffness is even in q_x and q_z, so that q l in [0, pi]^2 suffices. The grid is refined
     16-fold around its best point, five times, to a resolution of 1.5e-6.
@@ -119,9 +121,9 @@ def _waves_limit(scene: Scene, ground: tuple[float, float], drag: float, stepper
     for _ in range(5):
         axes = [np.clip(c + np.linspace(-width, width, 33), 0, np.pi) for c in centre]
         ql = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        omega, gamma = dispersion(scene, ql / scene.slider.l, ground)
+        omega, gamma = waves(medium, ql / medium.l, ground)
         gamma = np.broadcast_to(gamma.reshape(len(gamma), -1), omega.shape) + drag
-        limits = _pair_limits(stepper, omega, gamma)
+        limits = _pair_limits(STEPPERS[stepper], omega, gamma)
         if limits.min() < best:
             best, centre = float(limits.min()), ql[np.argmin(limits.min(axis=1))]
         width = width / 16
@@ -195,10 +197,9 @@ def _matrices(scene: Scene, on: float) -> Iterator[tuple[np.ndarray, np.ndarray]
     springs `on` (N/m).
     """
     unit = np.sqrt(scene.slider.k / scene.m)
-    M, K_closed, C = operators(scene)
-    K_open = stiffness(scene, closed=np.zeros(scene.N_x, dtype=bool))
+    M, stiffnesses, C = operators_at(scene, list(np.repeat([[True], [False]], scene.N_x, axis=1)))
     root = np.sqrt(M)
-    for K in (K_closed, K_open):
+    for K in stiffnesses:
         for first in (0, scene.N_x):  # bottom u_x, the first N_x coordinates: free or held
             scale = np.outer(root[first:], root[first:])
             stiff = K.toarray()[first:, first:] / (scale * unit**2)
@@ -327,7 +328,8 @@ def _plain(scene: Scene) -> Scene:
 @functools.lru_cache(maxsize=256)
 def _limit(scene: Scene, stepper: str) -> tuple[float, Mapping[str, Any]]:
     """Return the result of `stability_limit`; results are cached."""
-    table, small = STEPPERS[stepper], _reduced(scene)
+    small = _reduced(scene)
     info = MappingProxyType({"shape": (small.N_z, small.N_x), "exact": small is scene})
-    waves = np.inf if small is scene else _bulk_limit(scene, table)
-    return min(waves, _small_limit(small, table, waves, _on_springs(scene))), info
+    bulk = np.inf if small is scene else _bulk_limit(scene, stepper)
+    of_modes = _small_limit(small, STEPPERS[stepper], bulk, _on_springs(scene))
+    return min(bulk, of_modes), info

@@ -35,6 +35,7 @@ Source: derived here (Wiener-Hopf), after L. I. Slepyan, Models and Phenomena in
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -210,7 +211,7 @@ def _damped(v: float, alpha: float, eta: float) -> float:
 def _overdamped(w: float) -> float:
     """tau_bar(w): as `_damped`, with W = 1/(i u), u = w q."""
     ends = 2 * np.pi * np.arange(_PERIODS + 1.0)
-    near = _panels(ends, w, of=lambda q, w: np.arctan2(4 * np.sin(q / 2) ** 2, w * q) / q)
+    near = _panels(ends, w, of=lambda q, w: math.atan2(4 * math.sin(q / 2) ** 2, w * q) / q)
     return np.exp(-(near + _beyond(lambda u: -1j / u, lambda u: 1j / u**2, w)) / np.pi)
 
 

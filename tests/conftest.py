@@ -21,8 +21,10 @@ settings.load_profile("pyfric")
 # All that is collected stays: to look through it again and again takes time.
 gc.disable()
 
-# What is started in the background may ignore Ctrl-C, and tests send it.
+# What is started in the background may ignore Ctrl-C, and under nohup SIGHUP; tests send both.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGHUP"):
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 LAPACK = (
     *("banded", "chart", "choice", "claims", "coarse", "complementarity", "condensation"),
@@ -54,6 +56,7 @@ def coarse_curves(monkeypatch):
 
 def pytest_collection_finish():
     gc.freeze()
+    gc.set_threshold(20_000, 20, 20)  # records and figures leave little to find
     gc.enable()
 
 

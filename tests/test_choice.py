@@ -13,19 +13,23 @@ import pyfric
 from pyfric.engines import (
     Options,
     choice,
-    expectation,
     expected_cost,
     pilot,
     plan,
     relaxation_time,
     simulate,
+    simulation,
     step_size,
 )
 from pyfric.engines.choice import LINEAR, RING_SHARE, SHARE, SPARES, step_error
 from pyfric.engines.cost import (
+    CHEAP,
+    RATIOS,
+    Reference,
     finer_counts,
     full_work,
     machine_speed,
+    verification_work,
     work,
     work_so_far,
 )
@@ -37,7 +41,6 @@ from pyfric.engines.pilot import (
     pilot_run,
     quasistatic_work,
 )
-from pyfric.engines.price import CHEAP, RATIOS, Reference, verification_work
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
 from pyfric.statics import stability_limit
 
@@ -323,20 +326,20 @@ def test_choices_do_not_depend_on_the_machine(monkeypatch):
 
 
 def test_more_than_ten_minutes_is_said_with_the_cheaper_way(monkeypatch, capsys):
-    monkeypatch.setattr(expectation, "LONG", 1e-3)
+    monkeypatch.setattr(simulation, "LONG", 1e-3)
     scene = small()
     record = simulate(scene, 1e-3, fidelity="dynamic", geometry="finite", progress=False)
     assert any("minutes on one core; fidelity = 'hybrid' often" in one for one in record.notes)
     assert capsys.readouterr().err == ""
     record = simulate(scene, 1e-3, fidelity="dynamic", geometry="linear")
     assert "larger blocks take less" in capsys.readouterr().err
-    monkeypatch.setattr(expectation, "LONG", 600.0)
+    monkeypatch.setattr(simulation, "LONG", 600.0)
     notes = simulate(scene, 1e-4, fidelity="dynamic", progress=False).notes
     assert not any("minutes" in note for note in notes)
 
 
 def test_planned_runs_that_take_long_say_so(monkeypatch, capsys):
-    monkeypatch.setattr(expectation, "LONG", 1e-3)
+    monkeypatch.setattr(simulation, "LONG", 1e-3)
     record = simulate("fig1", 0.05, tolerance=0.01)
     assert record.method.engine == "hybrid"
     assert any(note.startswith("hybrid: this run takes about") for note in record.notes)

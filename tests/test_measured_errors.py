@@ -331,6 +331,23 @@ def test_a_record_that_nothing_was_compared_with_says_so(ladder):
     assert summary(record, [])["errors"]["holds"] is None
 
 
+def test_rupture_times_of_blocks_that_one_front_alone_passes_count(ladder):
+    """Three blocks have no front speed, but rupture times; a block that one front misses is 1."""
+    times, e = np.full(ladder.rupture_times.shape, np.nan), main_events(ladder)[0] - 1
+    times[e, ladder.scene.n_of_i <= 3] = 1e-6 * np.arange(3)
+    front, slow = (ladder.replace(rupture_times=by * times) for by in (1.0, 1.04))
+    times[e, ladder.scene.n_of_i == 3] = np.nan
+    short = ladder.replace(rupture_times=times)
+    least = ladder.replace(rupture_times=np.where(ladder.scene.n_of_i == 1, times, np.nan))
+    off = 0.04 * np.std([0.0, 0.5, 1.0])
+    pairs = [(slow, front, off), (short, front, np.sqrt(1 / 3)), (front, short, np.sqrt(1 / 3))]
+    for one, other, known in [*pairs, (least, front, 1.0)]:
+        errors = Errors(want="front_speed", tolerance=0.02, **differences(one, other).errors())
+        assert errors.rupture == pytest.approx(known)
+        assert (errors.speed_95, errors.holds) == (None, None)
+    assert differences(least, least).errors()["rupture"] is None
+
+
 def test_fronts_of_an_event_that_goes_on_are_compared_as_far_as_both_have_come(ladder):
     """One run is some blocks further; where both have been, its times are 3 % longer."""
     N_x, event, short = ladder.scene.N_x, main_events(ladder)[-1], 4
@@ -428,14 +445,13 @@ class Known:
         counts = {"block_evaluations": made, "steps": made // (4 * blocks), "attempts": 0}
         return dataclasses.replace(ladder, method=method, events=events, counts=counts)
 
-    def verified(self, mode, tolerance=0.01, geometry="finite"):
+    def verified(self, mode, tolerance=0.01, geometry="finite", work=np.inf):
         options = pyfric.Options(
             fidelity="hybrid", geometry=geometry, dt=self.dt_0, tolerance=tolerance, accuracy=1e-4
         )
         scene = self.ladder.scene
-        made = Specification(
-            scene=scene, t_begin=0.0, t_end=1.5, options=options, run=self.run, refines=True
-        )
+        how = {"options": options, "run": self.run, "refines": True, "work": work}
+        made = Specification(scene=scene, t_begin=0.0, t_end=1.5, **how)
         return verified(self.run(scene, 1.5, options), mode, made)
 
 
@@ -467,6 +483,17 @@ def test_the_reference_is_the_best_that_is_paid_for(ladder):
     assert seen[0] == (1 / 4, False)  # a quarter of the step is cheap
     assert seen[-1][1]  # dynamics spares nothing there
     assert seen[1] == (1 / 2, False)
+
+
+def test_verification_costs_what_the_plan_announced(ladder):
+    """A run that takes longer than its plan said has a reference run with longer steps."""
+    shares = []
+    for announced in (np.inf, 1e-3):
+        known = Known(ladder, step=1e-6)
+        record = known.verified(None, work=announced)
+        shares.append(known.asked[1][1])
+    assert budget(1e-3) < work_so_far(record)
+    assert shares == pytest.approx([1 / 2, 1 / 1.25])
 
 
 def test_a_run_that_is_too_far_off_gives_way_to_its_reference(ladder):
@@ -571,6 +598,21 @@ def test_what_no_refinement_helps_is_said(ladder):
     record = Known(ladder, step=1e4).verified(None)
     assert record.errors.holds is None
     assert "NOT MEASURED" in record.notes[-1]
+
+
+def test_a_trust_that_ends_at_the_beginning_measures_nothing(ladder):
+    """The first event slips other blocks with each step."""
+    known = Known(ladder, step=1e4)
+    plain = known.run
+
+    def run(scene, t_end, options, enough=None):
+        record = plain(scene, t_end, options)
+        return changed(record, 1, last_block=round(known.dt_0 / options.dt))
+
+    known.run = run
+    errors = known.verified(None).errors
+    assert (errors.until, errors.measured(), errors.holds) == (0.0, None, None)
+    assert {errors.state(name) for name in UNITS} == {"not measured"}
 
 
 def test_a_part_that_was_not_compared_is_said(ladder):

@@ -46,9 +46,9 @@ def lemke(M: np.ndarray, r: np.ndarray) -> np.ndarray:
     row, enters = int(np.argmin(r)), 2 * n
     for _ in range(50 * n):
         table[row] /= table[row, enters]
-        for other in np.flatnonzero(table[:, enters]):
-            if other != row:
-                table[other] -= table[other, enters] * table[row]
+        share = table[:, enters].copy()
+        share[row] = 0.0
+        table -= np.outer(share, table[row])
         leaves, basis[row] = basis[row], enters
         if leaves == 2 * n:
             z = np.zeros(2 * n)

@@ -8,7 +8,7 @@ import pytest
 from scipy import linalg
 
 import pyfric
-from pyfric.engines.relaxation import loading_while_relaxing, relaxation_time
+from pyfric.engines.pauses import loading_while_relaxing, relaxation_time
 from pyfric.scene import chain, preset, setup1, setup2, slab
 from pyfric.statics import StaticSolver, damping, mass
 

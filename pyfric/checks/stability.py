@@ -25,20 +25,9 @@ from pyfric.signals import at_once
 from pyfric.statics import loaded_state, stability_limit
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from pyfric.scene import Scene, SceneLike
-
-__all__ = [
-    "BEYOND",
-    "LIMITED",
-    "figure",
-    "grows",
-    "growth",
-    "measured_limit",
-    "report",
-    "stability",
-]
 
 LIMITED = ("rk4", "verlet", "symplectic_euler")
 """Explicit steppers with uniform steps."""
@@ -83,13 +72,14 @@ def measured_limit(scene: Scene, stepper: str, around: float) -> float:
 
 def grows(scene: Scene, stepper: str, dt: float) -> bool:
     """Whether a disturbance grows by `GROWTH` within `STEPS` steps, stuck or lifted off."""
-    return any(not sizes[-1] < GROWTH * sizes[0] for sizes in _shaken(scene, stepper, dt))
+    found = _shaken(scene, stepper, dt, LOOKS // 10)
+    return any(not sizes[-1] < GROWTH * sizes[0] for sizes in found)
 
 
 def growth(scene: Scene, stepper: str, dt: float) -> float:
     """Return by what a disturbance grows in a step, as ln(after/before); negative: it decays."""
     rates = []
-    for sizes in _shaken(scene, stepper, dt):
+    for sizes in _shaken(scene, stepper, dt, LOOKS):
         half = (len(sizes) - 1) // 2
         steps = (len(sizes) - 1 - half) * (STEPS // LOOKS)
         ratio = max(sizes[-1], TINY) / max(sizes[half], TINY)
@@ -98,9 +88,9 @@ def growth(scene: Scene, stepper: str, dt: float) -> float:
     return max(rates)
 
 
-def _shaken(scene: Scene, stepper: str, dt: float) -> list[list[float]]:
-    """Return largest speeds (m/s) over time, stuck and lifted off, until they are far too large."""
-    rest, found = loaded_state(scene), []
+def _shaken(scene: Scene, stepper: str, dt: float, looks: int) -> Iterator[list[float]]:
+    """Yield largest speeds (m/s) over time, stuck and lifted off, until they are far too large."""
+    rest = loaded_state(scene)
     chain, lifting = scene.N_z == 1, not scene.prescribed
     for lifted in (False, True) if lifting and not chain else (lifting,):
         state, rng = rest.state(scene, dt), np.random.default_rng(1)
@@ -116,13 +106,12 @@ def _shaken(scene: Scene, stepper: str, dt: float) -> list[list[float]]:
         if chain:
             state.y[:, 3] = 0.0
         log, sizes = core.Log(scene.N_x), [float(np.abs(state.y[:, 2:]).max())]
-        while len(sizes) <= LOOKS and sizes[-1] < GROWTH**10 * sizes[0]:
-            core.advance(model, state, log, STEPS // LOOKS, stepper=stepper, budget=False)
+        while len(sizes) <= looks and sizes[-1] < GROWTH**10 * sizes[0]:
+            core.advance(model, state, log, STEPS // looks, stepper=stepper, budget=False)
             with np.errstate(all="ignore"):
                 now = float(np.abs(state.y[:, 2:]).max())
             sizes.append(now if math.isfinite(now) else GROWTH**10 * sizes[0])
-        found.append(sizes)
-    return found
+        yield sizes
 
 
 @at_once()

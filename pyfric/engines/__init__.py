@@ -1,17 +1,15 @@
 """Choose a model, run it, measure its errors."""
 
-from pyfric.engines.begun import released
 from pyfric.engines.choice import Assumption, Plan, plan
 from pyfric.engines.cost import full_work, machine_speed
 from pyfric.engines.dynamic import RunError
-from pyfric.engines.expectation import expected_cost
 from pyfric.engines.guard import folded
 from pyfric.engines.options import OPTION_UNITS, Options, default_switching, step_size
+from pyfric.engines.pauses import relaxation_time
 from pyfric.engines.prediction import prediction_curve
 from pyfric.engines.progress import Progress, jobs_bar
 from pyfric.engines.quasistatic import QuasistaticRun
-from pyfric.engines.relaxation import relaxation_time
-from pyfric.engines.simulation import check_run, simulate
+from pyfric.engines.simulation import check_run, expected_cost, released, simulate
 
 __all__ = [
     "OPTION_UNITS",

@@ -28,8 +28,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.display import html
-from pyfric.engines.cost import RUN, full_work, machine_speed, work
+from pyfric.engines.cost import CHEAP, RUN, full_work, machine_speed, price, work
 from pyfric.engines.options import Fidelity, Options, Want, default_switching, step_size
+from pyfric.engines.pauses import relaxation_time
 from pyfric.engines.pilot import (
     counted,
     expected_end,
@@ -39,12 +40,10 @@ from pyfric.engines.pilot import (
     pilot_run,
     quasistatic_work,
 )
-from pyfric.engines.price import CHEAP, price
 from pyfric.engines.quasistatic import beyond_ladder
-from pyfric.engines.relaxation import relaxation_time
 from pyfric.engines.stretches import bends
 from pyfric.engines.verification import LOOSEST
-from pyfric.record import RESOLVED, RESOLVED_ERROR, zone_of_scene
+from pyfric.record import blocks_needed, zone_of_scene
 from pyfric.scene import Geometry, check_number, default_geometry
 from pyfric.signals import at_once
 from pyfric.statics import NO_RESTS, one_thread_if_small, stability_limit
@@ -56,8 +55,6 @@ if TYPE_CHECKING:
     from pyfric.engines.pilot import Pilot
     from pyfric.record import Record
     from pyfric.scene import Number, Scene, SceneLike
-
-__all__ = ["Assumption", "Plan", "choose", "plan"]
 
 ERROR_QUASISTATIC = 0.05
 """Largest difference of start forces between the quasi-static engine and dynamics, over F_N. Events
@@ -74,6 +71,9 @@ SPARES = 0.5
 """Largest work of the hybrid engine, over that of full dynamics, for which it is chosen."""
 PHASE = 1 / 120
 """Phase error of one RK4 step for a motion of angular frequency omega, over (omega dt)^5."""
+MOVING = 0.8
+"""Front speed over the limiting one, c_R or the speed of sound in a chain, at which plans state the
+length of the cohesive zone, too."""
 OVERDAMPED = math.sqrt(3) / 4
 """eta/sqrt(k m) below which a block oscillates: 8 eta < 2 sqrt(3 k m), from its eight bonds."""
 MODELS = {
@@ -382,12 +382,16 @@ class _Choice:
         scene = self.scene
         if chosen.want != "front_speed" or not scene.law.rests:
             return chosen
-        blocks = zone_of_scene(scene)
-        need = RESOLVED * max(1.0, RESOLVED_ERROR / chosen.tolerance)
+        blocks, moving = zone_of_scene(scene), zone_of_scene(scene, MOVING)
+        little, need = blocks_needed(scene, chosen.tolerance)
         if not blocks < need:
             return chosen
         within = f"front speeds within {chosen.tolerance:g}"
-        what = f"X_c0/l = {blocks:.2g}, and {within} need {need:.2g}"
+        what = f"X_c0/l = {blocks:.2g} ({moving:.2g} at {MOVING:g} of the limiting speed), and "
+        what += f"{within} need {need:.2g}"
+        if need > little:
+            eta = scene.eta / math.sqrt(scene.slider.k * scene.m)
+            what += f" with eta = {eta:.2g} sqrt(k m), {little:.2g} with little viscosity"
         if blocks == 0:
             text = f"{what}: no l resolves a front whose friction does not weaken over a length d_c"
             return dataclasses.replace(chosen, lattice=text)

@@ -10,8 +10,6 @@ import math
 
 import numpy as np
 
-__all__ = ["first_crossing"]
-
 GONE = 1e-16
 """A mode is dropped once it changes no gap function by more than this share of the largest c:
 rounding."""
@@ -64,7 +62,7 @@ def first_crossing(
             continue
         grid, alive = s + h * np.arange(GRID + 1), size.max(axis=0) * decay > GONE * np.max(c)
         value = c[near, None] + rate[near, None] * grid + np.outer(bend[near], 0.5 * grid**2)
-        waves = np.exp(np.outer(rates[alive], grid))
+        waves = _exponentials(rates[alive], grid)
         value += (modal[near][:, alive] @ waves).real
         curve = np.maximum(bend[near], 0.0)[:, None] * (h**2 / 8)
         fast = size[near][:, alive] * np.abs(rates[alive]) ** 2
@@ -79,3 +77,12 @@ def first_crossing(
         else:
             h = max(h / 4, ds / 2)
     return s_end if math.isfinite(s_end) else s
+
+
+def _exponentials(rates: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Return exp(rates s) at evenly spaced s, shape (len(rates), len(grid)), from products."""
+    n = math.isqrt(len(grid) - 1) + 1
+    far = np.exp(np.outer(rates, grid[::n]))
+    near = np.exp(np.outer(rates, grid[:n] - grid[0]))
+    both = far[:, :, None] * near[:, None, :]
+    return both.reshape(len(rates), far.shape[1] * n)[:, : len(grid)]

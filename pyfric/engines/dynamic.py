@@ -25,10 +25,9 @@ import pandas as pd
 from pyfric import core
 from pyfric.core import State
 from pyfric.engines.cost import work, work_so_far
-from pyfric.engines.grid import just_after, last_step
 from pyfric.engines.guard import STEPS, Energy, Guard, strain_notes, unfinished
 from pyfric.engines.progress import Progress
-from pyfric.engines.remembered import RememberedStates
+from pyfric.engines.stretches import just_after, last_step
 from pyfric.record import (
     Method,
     Record,
@@ -41,15 +40,13 @@ from pyfric.record import (
     zone_notes,
 )
 from pyfric.scene import law_notes
-from pyfric.statics import StaticSolver, stability_limit
+from pyfric.statics import RememberedStates, StaticSolver, stability_limit
 
 if TYPE_CHECKING:
     from pyfric.engines.options import Options
     from pyfric.engines.stopping import Stopping
     from pyfric.record import Catalogue
     from pyfric.scene import Scene
-
-__all__ = ["Run", "RunError", "kept_notes"]
 
 CALL_SECONDS = 0.02
 """Work of one call of the core, in s, after which limits and Ctrl-C are looked at."""

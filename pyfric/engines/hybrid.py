@@ -22,16 +22,13 @@ from pyfric.core import OPEN, STUCK
 from pyfric.engines.cost import set_up, steps_of_slide
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run
-from pyfric.engines.grid import just_after, last_step
 from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.modes import Linearised
-from pyfric.engines.remembered import RememberedStates
-from pyfric.statics import Memory, Static
+from pyfric.engines.stretches import just_after, last_step
+from pyfric.statics import Memory, RememberedStates, Static
 
 if TYPE_CHECKING:
     from pyfric.statics import Equilibrium, StaticSolver
-
-__all__ = ["HybridRun"]
 
 AMPLIFIED = 250.0
 """Factor by which events amplify errors of jumps. The error of forces in later events was at most
@@ -84,17 +81,20 @@ class RestStates:
         drive: float,
         load: tuple[float, float] | None,
         enough: float,
+        near: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Return coordinates (m) and forces (N) of the static state, or None if none is found.
 
         The search starts on the path of a state with the same blocks at the same positions. If
-        there is none, it starts at the latest state with the same contact states.
+        there is none, it starts at `near` (m), or at the latest state with the same contact states.
         """
         system, key = self.system(stuck), stuck.tobytes()
         place = key, u_x[system.held].tobytes()
         if place in self._rests:
             there, path = self._rests[place]
             q = at(path, drive - there)
+        elif near is not None:
+            q = near.copy()
         elif key in self._latest:
             q = self._latest[key].copy()
         else:
@@ -251,7 +251,8 @@ class HybridRun(Run):
             return TRY
         self.attempts += 1
         outside = Outside(known, state.t, just_after(state))
-        start = self.rests.at(state.y[0, 0], stuck, outside.drive, outside.load, self.accuracy)
+        where, q = (state.y[0, 0], stuck, outside.drive, outside.load), self._coordinates()[0]
+        start = self.rests.at(*where, self.accuracy, q)
         if start is None:
             return TRY
         system = self.rests.system(stuck)
@@ -312,6 +313,12 @@ class HybridRun(Run):
         state.margin[:] = np.where(state.mode == OPEN, 0.0, self.scene.law.margin(point.p, point.f))
         return TRY
 
+    def _coordinates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the present coordinates (m) and their rates (m/s), shape (n_q,)."""
+        state, known = self.state, self.known
+        q = known.coordinates(state.y[:, :2], state.rod[:3])
+        return q, known.coordinates(state.y[:, 2:], state.rod[3:])
+
     def _landing(
         self,
         system: Linearised,
@@ -320,10 +327,8 @@ class HybridRun(Run):
         most: int,
     ) -> Landing | Wait | Stale:
         """Return the end of a jump from the present state, or a reason to wait."""
-        state, known = self.state, self.known
-        path = path_from(system, outside, *start)
-        q = known.coordinates(state.y[:, :2], state.rod[:3])
-        v = known.coordinates(state.y[:, 2:], state.rod[3:])
+        state, path = self.state, path_from(system, outside, *start)
+        q, v = self._coordinates()
         behind, slower = path.q[0] + path.lag[0], path.q[1] + path.lag[1]
         motion = system.split(q - behind, v - slower)
         how = {"dt": state.dt, "accuracy": self.accuracy, "age": state.t - state.t_0}

@@ -7,10 +7,10 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from pyfric.engines.grid import ON_GRID, last_step
 from pyfric.engines.guard import folded, largest_strain
 from pyfric.engines.progress import Progress, run_bar
 from pyfric.engines.stopping import stopping_of
+from pyfric.engines.stretches import ON_GRID, last_step
 from pyfric.record import Record
 from pyfric.scene import SceneError, check_number
 from pyfric.signals import answered
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from pyfric.engines.dynamic import Run
     from pyfric.engines.options import Options
     from pyfric.scene import Geometry, OnDriven, Scene
-
-__all__ = ["integrate"]
 
 FOLDING = 0.2
 """Strain of bonds above which F_N is reported as too large if no loaded state is found."""

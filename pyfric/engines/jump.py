@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from pyfric.engines.modes import Linearised, Motion
     from pyfric.statics import StaticSolver
 
-__all__ = ["TRY", "Jump", "Landing", "Outside", "Path", "Stale", "Wait", "at", "path_from", "rest"]
-
 TRY = 12
 """Smallest number of steps of a jump, and between two attempts: an attempt takes about as long."""
 LONGEST = 2**30
@@ -208,6 +206,11 @@ def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.nd
 
     b_1, b_2 = outside.rates()
     steady, plain = outside.steady, not any(outside.gain)
+    if stiffer is None and steady and plain:
+        V, of_drift, of_lag = outside.V, *system.steady_gaps
+        gaps = system.gaps_of(q, forces) + V * of_lag, V * of_drift, np.zeros_like(of_lag)
+        lag = np.array([V * system.lag, zero, zero])
+        return Path(np.array([q, V * system.drift, zero]), lag, np.array(gaps))
     q_1, left_1 = answer(b_1, outside.V * system.drift if plain else system.answer(b_1))
     q_2, left_2, l_1 = zero, zero, zero
     if not steady:
@@ -349,9 +352,7 @@ class Jump:
 
     def _excited(self, force: np.ndarray, s: float) -> np.ndarray:
         """Return changes of gap functions (N), (n_c, n), by modes s (s) after a force (N) began."""
-        force = force.copy()
-        force[self.system.held] = 0.0
-        a = self.system.excited(self.system.answer(force), np.zeros_like(force))
+        a = self.system.pushed(force)
         return np.abs(self.system.gaps * a) * np.exp(self.system.growth.real * s)
 
     def _rung(self, v: np.ndarray) -> float:

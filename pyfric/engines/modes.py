@@ -52,8 +52,6 @@ from pyfric.statics import States, damping, mass
 if TYPE_CHECKING:
     from pyfric.statics import StaticSolver
 
-__all__ = ["Linearised", "Motion", "Ringing", "orthonormal"]
-
 N_MODES = 40
 """Number of undamped modes in the space."""
 SLOW = 6
@@ -178,7 +176,7 @@ class Linearised:
             more = self._factor.solve(np.hstack([M[:, None] * slow, C @ slow]))
             shapes = np.hstack([shapes, viscous, more])
         shapes = orthonormal(shapes, M)
-        self.B = np.zeros((self.n_q, shapes.shape[1]))
+        self.B = np.zeros((self.n_q, shapes.shape[1]), order="F")
         self.B[free] = shapes
         return 1 / math.sqrt(squares.min())
 
@@ -187,9 +185,10 @@ class Linearised:
         B, N_x, solver = self.B, len(self.stuck), self.solver
         self._works: dict[int, np.ndarray] = {}
         KB, CB, r = self.K @ B, self.C @ B, B.shape[1]
-        self._CB = B.T @ CB
+        BKB, self._CB = B.T @ KB, B.T @ CB
+        self._compliances = np.linalg.inv(BKB)
         zero, one = np.zeros((r, r)), np.eye(r)
-        rates, x = np.linalg.eig(np.block([[zero, one], [-(B.T @ KB), -self._CB]]))
+        rates, x = np.linalg.eig(np.block([[zero, one], [-BKB, -self._CB]]))
         one_of_pair = rates.imag >= 0
         rates, x = rates[one_of_pair], x[:r, one_of_pair]
         self.rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
@@ -276,6 +275,15 @@ class Linearised:
     def lag(self) -> np.ndarray:
         """Lag of the slider behind its static state per speed of the driver, (n_q,), in s."""
         return self.answer(-(self.C @ self.drift))
+
+    @functools.cached_property
+    def steady_gaps(self) -> tuple[np.ndarray, np.ndarray]:
+        """Gap functions of `drift` (N/m) and `lag` (N s/m) at a steady speed, shape (n_c,)."""
+        pull = self.solver.push, -(self.C @ self.drift)
+        return tuple(
+            self.gaps_of(x, force - self.K @ x)
+            for x, force in zip((self.drift, self.lag), pull, strict=True)
+        )
 
     def forces(
         self, q: np.ndarray, drive: float, load: tuple[float, float] | None = None
@@ -365,6 +373,11 @@ class Linearised:
     def excited(self, w: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the amplitudes of modes in a deviation w (m) with velocity v (m/s), shape (n,)."""
         return self.amplitudes(np.array([self.M * w, self.M * v]) @ self.B)
+
+    def pushed(self, force: np.ndarray) -> np.ndarray:
+        """Return the amplitudes of modes, (n,), in their static response to a force, (n_q,)."""
+        y = self._compliances @ (force @ self.B)
+        return self.amplitudes(np.array([y, np.zeros_like(y)]))
 
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and truncated part.

@@ -30,9 +30,8 @@ import pandas as pd
 from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
 from pyfric.engines.dynamic import kept_notes
 from pyfric.engines.guard import strain_notes
-from pyfric.engines.pauses import longest_pause
+from pyfric.engines.pauses import loading_notes, longest_pause
 from pyfric.engines.progress import Progress, run_bar
-from pyfric.engines.relaxation import loading_notes
 from pyfric.engines.stopping import stopping_of
 from pyfric.engines.stretches import Stretch, check_straight, stretches
 from pyfric.record import (
@@ -60,8 +59,6 @@ if TYPE_CHECKING:
     from pyfric.engines.stopping import Stopping
     from pyfric.scene import Scene
     from pyfric.statics import Values
-
-__all__ = ["QuasistaticRun", "check_ladder", "simulate"]
 
 SOFTEST = 0.05
 """Largest k over the steepest weakening slope for which the weakening may be left out. In the Fig.

@@ -5,35 +5,59 @@ from __future__ import annotations
 import dataclasses
 import functools
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
 
 from pyfric.core import State, StateError
 from pyfric.engines import quasistatic
 from pyfric.engines.choice import choose
-from pyfric.engines.cost import POINTS, check_memory
+from pyfric.engines.cost import (
+    CHEAP,
+    POINTS,
+    RUN,
+    SLOWEST,
+    check_memory,
+    full_work,
+    machine_speed,
+    price,
+    work,
+)
 from pyfric.engines.dynamic import Run, RunError
-from pyfric.engines.expectation import expected_dynamics, long_note
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
-from pyfric.engines.options import Options, kept
+from pyfric.engines.options import Options, kept, step_size
 from pyfric.engines.pauses import pause_notes
+from pyfric.engines.pilot import counted, expected_end, pilot_run, quasistatic_work
 from pyfric.engines.stopping import ended_by_condition
 from pyfric.engines.verification import Specification, verified
 from pyfric.record import Record
-from pyfric.scene import SceneError, check_geometry, check_number, check_writable, followed_by
+from pyfric.scene import (
+    SceneError,
+    as_scene,
+    check_geometry,
+    check_number,
+    check_writable,
+    default_geometry,
+    followed_by,
+)
 from pyfric.signals import at_once, forget, nothing_to_save, raise_if_asked
-from pyfric.statics import EquilibriumError, one_thread_if_small
+from pyfric.statics import EquilibriumError, check_sticks, loaded_state, one_thread_if_small
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Unpack
 
+    from pyfric.core import State
     from pyfric.engines.choice import Plan
-    from pyfric.engines.options import Keywords
+    from pyfric.engines.options import Keywords, Options
     from pyfric.engines.progress import Progress
+    from pyfric.record import Method
     from pyfric.scene import Number, Scene, SceneLike
 
-__all__ = ["check_run", "simulate"]
+LONG = 600.0
+"""Expected duration above which a run prints a note before it starts, in s."""
+
 
 ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
 """The engines with time steps."""
@@ -305,5 +329,80 @@ def _as_planned(made: Specification, plan: Plan, level: Options) -> Specificatio
     """Return the specification of a planned run; options given by the user stay fixed."""
     asked = made.options
     free = asked.dt == "auto" and asked.stepper == "rk4"
-    promise = {"expected": plan.error, "refines": free}
+    promise = {"expected": plan.error, "work": plan.work, "refines": free}
     return dataclasses.replace(made, options=level, geometry=asked.geometry, **promise)
+
+
+def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, float]:
+    """Return the expected time of a run to t_end (s) in s, and the size of its record in bytes.
+
+    The time includes verification, but no refinement.
+    """
+    how = how.on(scene)
+    if how.fidelity == "auto":
+        found = choose(scene, how, t_end)
+        return found.seconds + found.price, _size(scene, t_end)
+    geometry = how.geometry or default_geometry(scene)
+    t_end = expected_end(scene, t_end, how.stop_when)
+    dt, switching = how.steps_on(scene)
+    made, counts = full_work(scene, geometry, dt, t_end, how.stepper, how.calls), None
+    if how.fidelity in ("quasistatic", "equilibrium"):
+        made = quasistatic_work(scene, pilot_run(scene, t_end))
+    elif how.fidelity == "hybrid" and made > CHEAP:
+        made_of = {"geometry": geometry, "dt": dt, "switching": switching, "method": None}
+        resolved = dataclasses.replace(how, **made_of)
+        counts = counted(scene, t_end, resolved, pilot_run(scene, t_end))
+        made = RUN + work(scene, geometry, counts)
+    if how.verify is not None:
+        made += price(scene, how, how.fidelity, dt, t_end, made, counts)[0]
+    return made * machine_speed(), _size(scene, t_end)
+
+
+def _size(scene: Scene, t_end: float) -> float:
+    """Return the size of a record, in bytes."""
+    if not (scene.has_rests and scene.law.rests):
+        return 1e5
+    return 1e5 + 8.0 * pilot_run(scene, t_end).events * (9 * scene.N_x + 40)
+
+
+def long_note(scene: Scene, engine: str, seconds: float) -> str:
+    """Return a note for a run that is expected to take long; "" if it is not."""
+    if seconds <= LONG:
+        return ""
+    hint = "larger blocks take less: twice l, about a tenth of the time"
+    if engine == "dynamic" and scene.law.rests and not scene.prescribed:
+        hint = f"fidelity = 'hybrid' often takes a small part of that; {hint}"
+    return f"{engine}: this run takes about {seconds / 60:.2g} minutes on one core; {hint}"
+
+
+def expected_dynamics(scene: Scene, length: float, method: Method) -> float:
+    """Return the expected time of full dynamics over `length` (s), in s; 0 if it cannot be long."""
+    made = full_work(scene, method.geometry, method.dt, length, method.stepper)
+    return made * machine_speed() if made * SLOWEST > LONG else 0.0
+
+
+def released(scene: SceneLike, blocks: int, dt: float | Literal["auto"] = "auto") -> State:
+    """Return the loaded state with the first blocks from the trailing edge released.
+
+    The released blocks start with zero velocity and slip in the drive direction. Their friction has
+    already fallen to mu_k. This starts a front in a chain or on a prescribed interface:
+    ``simulate(scene, t_end, initial=released(scene, 20), fidelity="dynamic")``.
+
+    Args:
+        scene: the scene, the name of a preset, or the path of a scene file.
+        blocks: number of released blocks, 1 to N_x.
+        dt: time step of the run, as in `step_size`.
+
+    Raises:
+        SceneError: the number of blocks is out of range, the friction law has no static states, or
+            the step is refused.
+    """
+    scene = as_scene(scene)
+    check_sticks(scene)
+    if not (isinstance(blocks, int | np.integer) and 1 <= blocks <= scene.N_x):
+        raise SceneError("blocks", blocks, "", f"a whole number from 1 to N_x = {scene.N_x}")
+    state, first = loaded_state(scene).state(scene, step_size(scene, dt)), scene.n_of_i <= blocks
+    state.mode[first] = scene.d
+    weakened = np.broadcast_to(scene.law.d_c, first.shape)[first]
+    state.s_0[first] = weakened - scene.d * state.y[0, 0][first]
+    return state

@@ -2,9 +2,10 @@
 
 The reference run is in finite geometry. Its jumps are ten times as accurate, or it makes none. Its
 step is r times shorter, with the largest r of 4, 2, 1.5 and 1.25 within the budget. The budget is
-twice the work of the run and half a second. If the error is of order p in the step, it is
-1/(1 - r^-p) times the difference of the two runs; `SAFETY` times that is reported. If an event ends
-at another block, the difference has no order; `TURNED` times the difference is reported.
+half a second and twice the work of the run, or twice the work that the plan announced if that is
+less. If the error is of order p in the step, it is 1/(1 - r^-p) times the difference of the two
+runs; `SAFETY` times that is reported. If an event ends at another block, the difference has no
+order; `TURNED` times the difference is reported.
 
 If the error of a planned run exceeds the tolerance, the run is refined. A run in linear geometry is
 repeated in finite geometry. A run in finite geometry is replaced by its reference run, for which no
@@ -36,22 +37,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyfric.core import STEPPERS
-from pyfric.engines.cost import work, work_so_far
+from pyfric.engines.cost import CHEAP, RATIOS, Operations, affordable, budget, work, work_so_far
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.options import ACCURACY
-from pyfric.engines.price import CHEAP, RATIOS, Operations, affordable, budget
 from pyfric.record import Errors, differences, statistics
 from pyfric.scene import default_geometry
 from pyfric.statics import EquilibriumError
 
 if TYPE_CHECKING:
+    from pyfric.engines.cost import Reference
     from pyfric.engines.dynamic import Run
     from pyfric.engines.options import Options
-    from pyfric.engines.price import Reference
     from pyfric.record import Differences, Record
     from pyfric.scene import Geometry, Scene
-
-__all__ = ["LOOSEST", "Specification", "verified"]
 
 HALVED = 2.0
 """Least ratio for a run with which a coarser one disagrees: with a smaller ratio, both runs could
@@ -85,6 +83,7 @@ class Specification:
         run: function that runs a scene to a time (s) with options; `enough` can end the run.
         refines: whether steps and geometry may be changed.
         expected: error that the plan expects.
+        work: work of the run that the plan expects, in s; inf without a plan.
         geometry: geometry of reference runs; None means finite, or linear for a chain.
     """
 
@@ -95,6 +94,7 @@ class Specification:
     run: Callable[..., Record]
     refines: bool = False
     expected: float | None = None
+    work: float = math.inf
     geometry: Geometry | None = None
 
     def again(
@@ -166,7 +166,8 @@ def _words(record: Record) -> str:
 def _quasistatic(record: Record, mode: str | None, made: Specification) -> Record | None:
     """Compare a quasi-static run with dynamics, as far as the budget allows."""
     scene, geometry = made.scene, made.geometry or default_geometry(made.scene)
-    most = math.inf if mode == "full" else budget(work(scene, "linear", record.counts))
+    spent = min(work(scene, "linear", record.counts), made.work)
+    most = math.inf if mode == "full" else budget(spent)
     how = {"fidelity": "hybrid", "dt": "auto", "switching": "located", "geometry": geometry}
     how |= {"accuracy": min(LADDER * made.options.tolerance, LOOSEST), "budget": False}
 
@@ -188,7 +189,8 @@ class _Verification:
     def __init__(self, record: Record, mode: str | None, made: Specification) -> None:
         self.record, self.mode, self.made = record, mode, made
         self.geometry = made.geometry or default_geometry(made.scene)
-        self.left = math.inf if mode == "full" else budget(work_so_far(record))
+        spent = min(work_so_far(record), made.work)
+        self.left = math.inf if mode == "full" else budget(spent)
         self.notes: list[str] = []
 
     def record_with_errors(self) -> Record:
@@ -345,7 +347,7 @@ class _Verification:
             f"single events cannot be trusted from t = {until:.6g} s on: two runs disagree"
         )
         before = self.found.before(until)
-        if minor := not len(before.events):
+        if (minor := not len(before.events)) and until > self.made.t_begin:
             before = differences(self.record, self.other, until)
         minor = minor and bool(events["is_main"].any())
         found = dataclasses.replace(self._scaled(before), until=until, statistics=together)

@@ -41,7 +41,7 @@ from pyfric.record.rupture import front_speed
 from pyfric.record.software import provenance, versions
 from pyfric.record.zones import (
     RESOLVED,
-    RESOLVED_ERROR,
+    blocks_needed,
     can_rupture,
     chain_notes,
     viscous_error,

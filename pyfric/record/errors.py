@@ -120,15 +120,14 @@ class Errors:
         """Return the error that a tolerance bounds, None where it was not measured.
 
         What is wanted decides which numbers that are: `PROMISED`. Where forces are not known, as on
-        a prescribed interface, it is that of rupture times.
+        a prescribed interface, it is that of rupture times; front speeds have no substitute.
         """
-        names = PROMISED.get(want or self.want or "")
-        known = [getattr(self, name) is not None for name in names or ()]
-        if names is not None and not known[-1] and (any(known) or names[-1] not in BY_EVENT):
-            return None
-        known = [getattr(self, name) for name in names or FORCES]
-        known = [value for value in known if value is not None]
-        return max(known) if known else self.rupture
+        want = want or self.want or ""
+        values = [getattr(self, name) for name in PROMISED.get(want, FORCES)]
+        known = [value for value in values if value is not None]
+        if not known:
+            return None if want == "front_speed" else self.rupture
+        return None if want in PROMISED and values[-1] is None else max(known)
 
     @property
     def holds(self) -> bool | None:
@@ -321,7 +320,7 @@ class _Pairs:
             "arrest": abs(arrest) / F_N if np.isfinite(start) else np.nan,
             "length": abs(one["L_p_over_L"] - two["L_p_over_L"]) if ended else np.nan,
             "stress": self._stress(e, k, ended),
-            "rupture": self._rupture(e, k, forces=bool(np.isfinite(start))),
+            "rupture": self._rupture(e, k, forces=bool(np.isfinite(start)), ended=ended),
         }
         return row, self._speeds(e, k, ended)
 
@@ -365,19 +364,25 @@ class _Pairs:
         off = [np.sqrt(np.mean(np.subtract(*self._of_both(name, e, k)) ** 2)) for name in names]
         return float(np.fmax.reduce(off)) * self.a.scene.N_x / self.a.scene.F_N
 
-    def _rupture(self, e: int, k: int, *, forces: bool) -> float:
+    def _rupture(self, e: int, k: int, *, forces: bool, ended: bool) -> float:
         """Return the root mean square of differences of rupture times, over the front's time.
 
         The front may be earlier or later as a whole, which start forces tell; without forces it may
-        not.
+        not. Where the event has ended in both runs, a block that one front alone has passed counts
+        as 1.
         """
         t, other = self._of_both("rupture_times", e, k)
-        both = np.isfinite(t) & np.isfinite(other)
-        if not both.any() or not min(np.ptp(t[both]), np.ptp(other[both])) > 0:
+        known, others = np.isfinite(t), np.isfinite(other)
+        if not (known.any() and others.any()):
             return np.nan
+        both, alone = known & others, int((known ^ others).sum()) if ended else 0
+        lasts = min(np.ptp(t[both]), np.ptp(other[both])) if both.any() else 0.0
+        if not lasts > 0:
+            return 1.0 if alone else np.nan
         off = (t - other)[both]
         off -= off.mean() if forces else 0.0
-        return float(np.sqrt(np.mean(off**2)) / np.ptp(other[both]))
+        square = np.sum((off / np.ptp(other[both])) ** 2)
+        return float(np.sqrt((square + alone) / (len(off) + alone)))
 
     def _speeds(self, e: int, k: int, ended: bool) -> np.ndarray:
         """Return relative differences of front speeds, |v - w| over the larger one.

@@ -103,16 +103,33 @@ def can_rupture(scene: Scene) -> np.ndarray:
     return np.abs(scene.shear) > scene.law.slide(p)
 
 
-def zone_of_scene(scene: Scene) -> float:
-    """Return the least X_c0/l over the blocks of a scene that can rupture; NaN if none can.
+def zone_of_scene(scene: Scene, speed: float = 0.0) -> float:
+    """Return the least X_c(v)/l over the blocks of a scene that can rupture; NaN if none can.
 
     Where p is not given it is F_N/N_x.
+
+    Args:
+        scene: the scene.
+        speed: v over c_R, or over c in a chain; below 1.
     """
-    blocks = zone_at_rest(scene, np.full(scene.N_x, scene.F_N / scene.N_x))
-    if isinstance(scene.top, PrescribedLoad):
-        blocks = zone_at_rest(scene, np.full(scene.N_x, np.nan))
+    slider, given = scene.slider, isinstance(scene.top, PrescribedLoad)
+    c = slider.l * math.sqrt(slider.k / scene.m)
+    if scene.N_z > 1:
+        c = Material.of_lattice(slider.k, scene.m, slider.l, 1.0).c_R
+    p = np.full(scene.N_x, np.nan if given else scene.F_N / scene.N_x)
+    blocks = zone_moving(scene, p, np.full(scene.N_x, speed * c))
     blocks = blocks[can_rupture(scene) & np.isfinite(blocks)]
     return float(blocks.min()) if blocks.size else math.nan
+
+
+def blocks_needed(scene: Scene, tolerance: float) -> tuple[float, float]:
+    """Return how many blocks in X_c0 resolve front speeds within a tolerance.
+
+    The first number is for little viscosity, the second one for that of the scene.
+    """
+    little = RESOLVED * max(1.0, RESOLVED_ERROR / tolerance)
+    viscous = RESOLVED * (viscous_error(scene, RESOLVED) / tolerance) ** 2
+    return little, float(np.fmax(little, viscous))
 
 
 def viscous_error(scene: Scene, blocks: float) -> float:

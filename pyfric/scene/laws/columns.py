@@ -148,7 +148,7 @@ def _lines(
     allowed = f"a CSV file with two columns of numbers, of at most {MAX_BYTES} bytes"
     try:
         content = read_at_most(path, MAX_BYTES + 1)
-        text = content.decode("utf-8-sig")
+        text = content.decode("utf-8-sig") if len(content) <= MAX_BYTES else ""
         lines = [(n, t) for n, t in enumerate(map(str.strip, text.splitlines()), 1) if t]
         rows = _cells((n, t) for n, t in lines if t[0] != "#")
         comments = _cells((n, t.lstrip("# ")) for n, t in lines if t[0] == "#")

@@ -70,12 +70,11 @@ def threads(tell: Tell, quick: bool) -> None:
 
 @main.command(section="Speed")
 @telling
-@_quick_option
-def limit(tell: Tell, quick: bool) -> None:
+def limit(tell: Tell) -> None:
     """How near the core is to what this processor can do."""
     import bench
 
-    tell.table(bench.limit(quick=quick), bench.report)
+    tell.table(bench.limit(), bench.report)
 
 
 @main.command(section="Speed")

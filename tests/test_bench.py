@@ -62,9 +62,10 @@ def test_threads_compares_with_one():
 
 
 @pytest.mark.usefixtures("tiny")
-def test_limit_is_below_what_is_measured():
+def test_limit_is_below_what_is_measured(monkeypatch):
     """No kernel makes its additions faster than they can be made."""
-    frame = bench.limit(quick=True)
+    monkeypatch.setattr(bench, "REPEATS", 40)  # short turns: some of each are undisturbed
+    frame = bench.limit()
     assert set(frame["what"]) == {"pyfric", "pyfric, forces only"}
     assert frame.attrs["peak"] > 0
     assert (frame["limit"] < frame["ns"]).all()

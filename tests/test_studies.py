@@ -56,7 +56,7 @@ def test_a_table_goes_beside_the_command_that_makes_it(tmp_path, monkeypatch):
 def test_they_run_from_their_folder_beside_the_installed_package():
     """The folder's name, as `make studies` says it, puts no source of pyfric on the path."""
     folder = STUDIES.callback.__code__.co_filename.rpartition("/")[0]
-    run = [sys.executable, "-P", folder, "limit", "--quick", "--json"]
+    run = [sys.executable, "-P", folder, "limit", "--json"]
     found = subprocess.run(run, capture_output=True, text=True, check=True)
     assert json.loads(found.stdout)[0]["ns"] > 0
 

@@ -1,11 +1,14 @@
 """Cholesky factors of banded matrices with a border, against dense NumPy."""
 
+from unittest import mock
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pyfric.statics import banded
 from pyfric.statics.banded import BandedCholesky
 
 
@@ -27,9 +30,10 @@ def bordered(n, width, n_border, seed):
     width=st.integers(0, 8),
     n_border=st.integers(0, 3),
     columns=st.sampled_from([None, 1, 5]),
+    together=st.sampled_from([1, banded.TOGETHER]),
     seed=st.integers(0, 100),
 )
-def test_solutions_are_those_of_numpy(n, width, n_border, columns, seed):
+def test_solutions_are_those_of_numpy(n, width, n_border, columns, together, seed):
     """Of the unknown rows and columns of a larger matrix; the right-hand side stays."""
     A, order = bordered(n, width, n_border, seed)
     rng = np.random.default_rng(seed)
@@ -39,7 +43,8 @@ def test_solutions_are_those_of_numpy(n, width, n_border, columns, seed):
     K[np.setdiff1d(np.arange(len(K)), unknown)] = 7.0  # not looked at
     b = rng.standard_normal(len(A) if columns is None else (len(A), columns))
     given_b = b.copy()
-    x = BandedCholesky(sp.csr_array(K), unknown, order, n_border).solve(b)
+    with mock.patch.object(banded, "TOGETHER", together):
+        x = BandedCholesky(sp.csr_array(K), unknown, order, n_border).solve(b)
     np.testing.assert_allclose(x, np.linalg.solve(A, b), rtol=1e-9, atol=1e-12)
     np.testing.assert_array_equal(b, given_b)
 

@@ -12,6 +12,7 @@ Source: PRL 107, 074301 (2011) for the model.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,7 @@ from pyfric.engines.cost import set_up, steps_of_slide
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run
 from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
-from pyfric.engines.modes import Linearised
+from pyfric.engines.modes import N_MODES, Linearised
 from pyfric.engines.stretches import just_after, last_step
 from pyfric.statics import Memory, RememberedStates, Static
 
@@ -40,6 +41,8 @@ MOSTLY = 0.5
 KEPT, PATHS = 8, 1e8
 """Sets of contact states whose modes are kept, fewer where they do not fit into the available
 memory; and memory of the paths on which static states are found, in bytes."""
+EXTRA = 4
+"""Shapes that a released block adds to a space. More than the undamped modes are not added."""
 LATE = 1 / 8
 """Shortest wait after a refused jump, over the steps since the last jump. It limits the number of
 attempts; a jump can come late by this share."""
@@ -54,7 +57,7 @@ class RestStates:
     """
 
     def __init__(self, solver: StaticSolver, dt: float) -> None:
-        self.known, self.dt = solver, dt
+        self.known, self.dt, self._loaded = solver, dt, ~solver.loaded.open
         room = core.available() / set_up(solver.scene, "hybrid", solver.geometry).bytes
         self._systems: Memory[Linearised] = Memory(int(min(max(room, 1), KEPT)))
         paths = PATHS / (3 * 8 * len(solver.arm))
@@ -67,8 +70,17 @@ class RestStates:
         return self._systems.get(stuck.tobytes(), lambda: self._linearised(stuck))
 
     def _linearised(self, stuck: np.ndarray) -> Linearised:
+        """Extend the space of the loaded slider, if few of its blocks were released."""
         self.bases += 1
-        return Linearised(self.known, stuck, self.dt)
+        if (stuck == self._loaded).all():
+            return self._of_loaded
+        released = self._loaded & ~stuck
+        few = EXTRA * released.sum() <= N_MODES and not (stuck & ~self._loaded).any()
+        return Linearised(self.known, stuck, self.dt, self._of_loaded if few else None)
+
+    @functools.cached_property
+    def _of_loaded(self) -> Linearised:
+        return Linearised(self.known, self._loaded, self.dt)
 
     def renew(self, stuck: np.ndarray, q: np.ndarray) -> Linearised:
         """Return the slider linearised at a state q, and keep it for later calls of `system`."""
@@ -158,6 +170,9 @@ class HybridRun(Run):
         self.rests = RestStates(self.known, self.method.dt)
         self.solver = RememberedStates(self.rests)
         self.jumped = self.spared = self.attempts = 0
+        # An attempt to jump solves twice with the banded factor, of 64 min(N_x, N_z) bytes for each
+        # block. That takes as long as min(N_x, N_z) steps.
+        self.least = TRY + min(self.scene.N_x, self.scene.N_z)
         self.slid, self.try_at, self.landed = True, self.state.step, self.state.step
         # An attempt to jump over stable slip takes as long as many steps: the next one waits until
         # as many were made or spared.
@@ -331,8 +346,8 @@ class HybridRun(Run):
         q, v = self._coordinates()
         behind, slower = path.q[0] + path.lag[0], path.q[1] + path.lag[1]
         motion = system.split(q - behind, v - slower)
-        how = {"dt": state.dt, "accuracy": self.accuracy, "age": state.t - state.t_0}
-        return Jump(system, outside, path, motion, **how).land(most)
+        how = {"dt": state.dt, "accuracy": self.accuracy, "least": self.least}
+        return Jump(system, outside, path, motion, state.t - state.t_0, **how).land(most)
 
     def _samples(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the sample times in a jump of n steps: since t = 0, and since now, in s."""

@@ -8,8 +8,8 @@ s:
     q(s) = q_0 + q_1 s + q_2 s^2/2 + l_0 + l_1 s + w(s) ,
     K q_1 = b' ,   K q_2 = b'' ,   K l_1 = -C q_2 ,   K l_0 = -C (q_1 + l_1) - M q_2 .
 
-In linear geometry this is exact except for the truncated part of the modes. In finite geometry it
-is a prediction. The residual of the equation of motion at the end of the jump,
+In linear geometry this is exact except for what the modes leave. In finite geometry it is a
+prediction. The residual of the equation of motion at the end of the jump,
 
     D = forces(q) - C q' - M q'' ,
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from pyfric.statics import StaticSolver
 
 TRY = 12
-"""Smallest number of steps of a jump, and between two attempts: an attempt takes about as long."""
+"""Number of steps that take as long as an attempt to jump without its solutions."""
 LONGEST = 2**30
 """Longest wait, in steps: the most that one call of the core makes."""
 ROUNDS = 8
@@ -235,9 +235,10 @@ class Jump:
         outside: driver and loads.
         path: the quasi-static path.
         motion: deviation from the path.
+        age: time since each block stuck, shape (N_x,), in s.
         dt: step, in s.
         accuracy: largest estimated error of contact forces, in N.
-        age: time since each block stuck, shape (N_x,), in s.
+        least: smallest number of steps of a jump and of a wait.
     """
 
     def __init__(
@@ -246,13 +247,14 @@ class Jump:
         outside: Outside,
         path: Path,
         motion: Motion,
+        age: np.ndarray,
         *,
         dt: float,
         accuracy: float,
-        age: np.ndarray,
+        least: int,
     ) -> None:
         self.system, self.outside, self.path, self.motion = system, outside, path, motion
-        self.dt, self.accuracy, self.age = dt, accuracy, age
+        self.age, self.dt, self.accuracy, self.least = age, dt, accuracy, least
         self.ringing = Ringing(system, motion.a)
         self.bound = system.bound * math.sqrt(motion.energy)
 
@@ -273,11 +275,11 @@ class Jump:
                 self.ringing.follow(*ends, s, alive)
             q, v, gaps, shift = self._landed(s)
             wrong = gaps - self._gaps(s)
-            error = 0.0
+            error, bent = 0.0, self.path.bent(shift, wrong, s)
             if finite:
                 size = float(np.abs(wrong).max())
                 error = size * self.system.contraction**2 + self._rung(shift / s)
-                self.path = self.path.bent(shift, wrong, s)
+                self.path = bent
             then, least = (self.system.strengthened(self.age + one, gaps)[0] for one in (s, 0.0))
             if error <= CORRECTED * self.accuracy and (least > 0).all():
                 defect = self._defect(s) if finite and alive.size else 0.0
@@ -285,7 +287,8 @@ class Jump:
                     slowest = float(-self.ringing.growth[alive].real.max())
                     return Stale(self._wait(defect / self.accuracy, slowest, n).steps)
                 return Landing(n, q, v, then, left + error + defect, self)
-        return Wait(TRY)
+            self.path = bent
+        return Wait(self.least)
 
     def _longest(self, most: int) -> int | Wait:
         """Return the number of steps until just before a gap function may reach zero."""
@@ -301,7 +304,7 @@ class Jump:
         c, slope, bend = polynomial
         s = first_crossing(c, slope, waves, rates, most * self.dt, self.dt, bend)
         n = min(math.floor(s / self.dt), most)
-        return Wait(max(n + 1, TRY)) if n < min(most, TRY) else n
+        return Wait(max(n + 1, self.least)) if n < min(most, self.least) else n
 
     def _left(self, s: float) -> float:
         """Return the expected change of the gap functions by the truncated part at s (s), in N.
@@ -321,7 +324,7 @@ class Jump:
         may be possible.
         """
         steps = math.log(times) / (decay * self.dt) if decay > 0 and times < math.inf else 0.0
-        return Wait(math.ceil(max(min(steps, most), TRY)))
+        return Wait(math.ceil(max(min(steps, most), self.least)))
 
     def _defect(self, s: float) -> float:
         """Return the change of the gap functions by the residual of the modes until s (s), in N.

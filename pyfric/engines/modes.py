@@ -50,13 +50,15 @@ from pyfric.scene import FRICTIONLESS, of
 from pyfric.statics import States, damping, mass
 
 if TYPE_CHECKING:
+    import scipy.sparse as sp
+
     from pyfric.statics import StaticSolver
 
 N_MODES = 40
 """Number of undamped modes in the space."""
-SLOW = 6
-"""Number of slowest modes with viscous corrections of second order: their motion lasts until the
-end of a jump."""
+FAST = 6
+"""Number of modes with viscous corrections of second order: the fastest, for which those of first
+order are the least accurate."""
 LANCZOS = 1e-6
 """Relative error of squared frequencies. It need not be small, because the part of a mode that the
 space misses counts as truncated."""
@@ -73,6 +75,42 @@ def orthonormal(shapes: np.ndarray, M: np.ndarray) -> np.ndarray:
     inertia, axes = np.linalg.eigh(shapes.T @ (M[:, None] * shapes))
     independent = inertia > INDEPENDENT * inertia[-1]
     return shapes @ (axes[:, independent] / np.sqrt(inertia[independent]))
+
+
+class Released:
+    """Static solutions after some blocks were released, from those while they were stuck.
+
+    A solution is the one with these blocks stuck, plus a combination of the responses to
+    displacements u_x of the released blocks and to forces on their u_z.
+
+    Args:
+        near: the slider with these blocks stuck.
+        blocks: the released blocks, shape (m,).
+        K: stiffness afterwards, shape (n_q, n_q), in N/m.
+        free: free coordinates afterwards, shape (n,).
+
+    Attributes:
+        shapes: the responses, shape (n_q, 2 m).
+    """
+
+    def __init__(
+        self, near: Linearised, blocks: np.ndarray, K: sp.csr_array, free: np.ndarray
+    ) -> None:
+        self.near, self.free, lifted = near, free, len(near.stuck) + blocks
+        force = np.zeros((near.n_q, len(blocks)))
+        force[lifted, np.arange(len(blocks))] = 1.0
+        self.shapes = shapes = np.hstack([near.moved(blocks), near.answer(force)])
+        self._at = np.concatenate([blocks, lifted])
+        self._K = K[self._at]
+        self._responses = shapes @ np.linalg.inv(shapes.T @ (K @ shapes))
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return x with K x = b for the free coordinates, shape (n,) or (n, columns)."""
+        force = np.zeros((self.near.n_q, *b.shape[1:]))
+        force[self.free] = b
+        x = self.near.answer(force)
+        left = force[self._at] - self._K @ x
+        return (x + self._responses @ (self.shapes[self._at].T @ left))[self.free]
 
 
 class Motion(NamedTuple):
@@ -98,7 +136,9 @@ class Linearised:
         solver: static states of the scene in its geometry.
         stuck: stuck blocks, shape (N_x,), bool; all others are open.
         dt: step of RK4 that the ring-down follows, in s; None means exact time.
-        modes: number of undamped modes in the space.
+        near: the slider with more stuck blocks, at the tangent that is factorised, whose space is
+            extended; None: a new space.
+        modes: number of undamped modes in a new space.
 
     Attributes:
         rates: eigenvalues of the damped modes, one of each conjugate pair, shape (n,), in 1/s.
@@ -120,6 +160,7 @@ class Linearised:
         solver: StaticSolver,
         stuck: np.ndarray,
         dt: float | None = None,
+        near: Linearised | None = None,
         modes: int = N_MODES,
     ) -> None:
         scene = solver.scene
@@ -128,14 +169,19 @@ class Linearised:
         self.k_f = np.broadcast_to(scene.k_f, scene.N_x)
         mode = np.where(stuck, STUCK, OPEN).astype(np.int8)
         self._contact = States(scene, mode, FRICTIONLESS)
-        self.K, self._factor, self.free = solver.tangent(stuck)
+        if near is None:
+            self.K, self._factor, self.free = solver.tangent(stuck)
+        else:
+            self.K, self.free = solver.tangents(mode), solver.unknown(mode)
+            blocks = np.flatnonzero(near.stuck & ~stuck)
+            self._factor = Released(near, blocks, self.K, self.free)
         self.M, self.C, self.n_q = mass(scene), damping(scene), self.K.shape[0]
         self.contraction = 0.0
         if solver.geometry == "finite":
             self.contraction = 1.0
             loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
             self._bonds = solver.bond_tangents(loaded)
-        self.cut = cut = self._find_space(modes)
+        self.cut = cut = self._find_space(modes) if near is None else self._extend_space(near)
         self._find_modes()
         self.growth = self.stepped(self.rates)
         overdamped = scene.slider.k / (SLOWEST * scene.eta) if scene.eta else np.inf
@@ -168,17 +214,41 @@ class Linearised:
         with contextlib.suppress(ArpackError):  # without modes, all other motion is truncated
             inverse = LinearOperator(shape, lambda x: root * self._factor.solve(root * x), float)
             squares, modes = eigsh(inverse, count, v0=root * driven, tol=LANCZOS)
-            shapes = np.column_stack([modes / root[:, None], driven])
+            shapes = np.column_stack([modes / root[:, None], driven])  # the fastest first
         if scene.eta > 0:
-            C = self.C[free][:, free]
-            viscous = self._factor.solve(C @ shapes)
-            slow = viscous[:, :SLOW]
-            more = self._factor.solve(np.hstack([M[:, None] * slow, C @ slow]))
-            shapes = np.hstack([shapes, viscous, more])
-        shapes = orthonormal(shapes, M)
-        self.B = np.zeros((self.n_q, shapes.shape[1]), order="F")
-        self.B[free] = shapes
+            C, n = self.C[free][:, free], shapes.shape[1]
+            shapes = self._with_viscous(shapes)
+            fast = shapes[:, n : n + FAST]
+            more = self._factor.solve(np.hstack([M[:, None] * fast, C @ fast]))
+            shapes = np.hstack([shapes, more])
+        self._span(shapes)
         return 1 / math.sqrt(squares.min())
+
+    def _extend_space(self, near: Linearised) -> float:
+        """Extend the space of the slider with more stuck blocks; return its largest frequency.
+
+        Added are the responses to displacements and forces of the released blocks (`Released`),
+        and their viscous corrections. Any motion w is a combination of these responses and of a
+        motion w_0 without displacements of the released blocks, which is orthogonal to them in K.
+        If w is orthogonal in M to the new space, w'M w = w'M w_0 is at most |w| times the part of
+        w_0 outside the old modes, whose elastic energy is at most that of w. So no such motion is
+        slower than the modes that the old space lacks.
+        """
+        shapes = self._with_viscous(self._factor.shapes[self.free])
+        self._span(np.hstack([near.B[self.free], shapes]))
+        return near.cut
+
+    def _with_viscous(self, shapes: np.ndarray) -> np.ndarray:
+        """Return shapes (n_free, m) and their viscous corrections K^-1 C phi, (n_free, 2 m)."""
+        if not self.solver.scene.eta:
+            return shapes
+        return np.hstack([shapes, self._factor.solve(self.C[self.free][:, self.free] @ shapes)])
+
+    def _span(self, shapes: np.ndarray) -> None:
+        """Let B span shapes of the free coordinates, (n_free, m)."""
+        shapes = orthonormal(shapes, self.M[self.free])
+        self.B = np.zeros((self.n_q, shapes.shape[1]), order="F")
+        self.B[self.free] = shapes
 
     def _find_modes(self) -> None:
         """Find the eigenpairs of the reduced system, and their effect on contacts and driver."""

@@ -238,8 +238,11 @@ class System:
         if not stuck.any():  # singular: rounding would decide whether it can be factorised
             what = "the slider is not supported: all blocks are open"
             raise EquilibriumError(what, np.nan, 0.0, 0)
-        K = self.stiffness(self._tangents, mode, driven=True)
-        return K, self.factor(mode, driven=True), self.unknown(mode)
+        return self.tangents(mode), self.factor(mode, driven=True), self.unknown(mode)
+
+    def tangents(self, mode: np.ndarray) -> sp.csr_array:
+        """Return the tangent stiffness of `linearise` with foundation and driver, (n_q, n_q)."""
+        return self.stiffness(self._tangents, mode, driven=True)
 
     def factor(
         self, mode: np.ndarray, *, driven: bool, friction: np.ndarray | float = 0.0

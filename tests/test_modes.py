@@ -1,0 +1,71 @@
+"""Modes of the slider at fixed contact states, against dense matrices and one another."""
+
+import functools
+
+import numpy as np
+import pytest
+from scipy import linalg
+
+from pyfric.engines.modes import Linearised
+from pyfric.scene import setup1, setup2
+from pyfric.statics import StaticSolver
+
+SCENES = {
+    "rod": (setup1(L=0.04, H=0.02), "linear"),
+    "free": (setup2(L=0.012, H=0.004), "linear"),
+    "finite": (setup1(L=0.04, H=0.02), "finite"),
+}
+
+
+@functools.cache
+def systems(name):
+    """Return the closed slider, and with eight released blocks: extended, and on its own."""
+    solver = StaticSolver(*SCENES[name])
+    stuck = np.ones(solver.scene.N_x, dtype=bool)
+    closed = Linearised(solver, stuck.copy(), modes=24)
+    stuck[[0, 1, 2, 3, 4, 5, 9, -1]] = False
+    return closed, Linearised(solver, stuck, None, closed), Linearised(solver, stuck, modes=24)
+
+
+def slowest_outside(system):
+    """Return the smallest frequency of motion that is orthogonal to the space, in 1/s."""
+    free, root = system.free, np.sqrt(system.M[system.free])
+    A = system.K[free][:, free].toarray() / np.outer(root, root)
+    outside = linalg.null_space((system.B[free] * root[:, None]).T)
+    return np.sqrt(linalg.eigvalsh(outside.T @ A @ outside)[0])
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_statics_of_released_blocks(name):
+    _, extended, own = systems(name)
+    force = np.random.default_rng(1).standard_normal((own.n_q, 3))
+    for b in (force, force[:, 0]):
+        expected = own.answer(b)
+        limit = 1e-11 * np.abs(expected).max()
+        np.testing.assert_allclose(extended.answer(b), expected, rtol=0, atol=limit)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_slow_modes_of_released_blocks(name):
+    _, extended, own = systems(name)
+    found, expected = (
+        np.sort(np.abs(one.rates[one.rates.imag > 0]))[:6] for one in (extended, own)
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_motion_outside_the_space_is_no_slower_than_the_cut(name):
+    """Also that of the extended space, whose cut is that of the closed slider."""
+    closed, extended, own = systems(name)
+    assert extended.cut == closed.cut
+    for one in (closed, extended, own):
+        assert slowest_outside(one) > (1 - 1e-6) * one.cut
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_closed_space_alone_misses_slower_motion(name):
+    closed, extended, _ = systems(name)
+    alone = Linearised(extended.solver, extended.stuck, None, closed)
+    alone.B = closed.B
+    assert slowest_outside(alone) < 0.95 * closed.cut

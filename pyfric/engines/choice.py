@@ -14,8 +14,9 @@ dynamic       finite     nothing
 - Linear geometry is chosen if two static states show that its error is small.
 - The hybrid engine is chosen if a pilot run shows that it saves at least half of the work.
 
-The step follows from the tolerance and the error of RK4. The accuracy of jumps is a share of the
-tolerance. The choice rests on expected errors; `pyfric.engines.verification` measures them.
+The step follows from the tolerance and the error of RK4. It resolves weakening of friction, too, if
+steps of reference runs can. The accuracy of jumps is a share of the tolerance. The choice rests on
+expected errors; `pyfric.engines.verification` measures them.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.display import html
-from pyfric.engines.cost import CHEAP, RUN, full_work, machine_speed, price, work
+from pyfric.engines.cost import CHEAP, RATIOS, RUN, full_work, machine_speed, price, work
 from pyfric.engines.options import Fidelity, Options, Want, default_switching, step_size
 from pyfric.engines.pauses import relaxation_time
 from pyfric.engines.pilot import (
@@ -44,7 +45,7 @@ from pyfric.engines.quasistatic import beyond_ladder
 from pyfric.engines.stretches import bends
 from pyfric.engines.verification import LOOSEST
 from pyfric.record import blocks_needed, zone_of_scene
-from pyfric.scene import Geometry, check_number, default_geometry
+from pyfric.scene import Geometry, check_number, default_geometry, resolving_step
 from pyfric.signals import at_once
 from pyfric.statics import NO_RESTS, one_thread_if_small, stability_limit
 
@@ -363,6 +364,9 @@ class _Choice:
         if options.dt != "auto" or options.stepper != "rk4" or error == 0:
             return auto, error
         dt = auto * (SHARE * self.tolerance / error) ** 0.25
+        resolves = resolving_step(scene)
+        if resolves * RATIOS[0] >= min(dt, auto):  # otherwise friction drops at once
+            dt = min(dt, resolves)
         if dt >= auto:
             return auto, error
         digit = 10.0 ** (math.floor(math.log10(dt)) - 1)

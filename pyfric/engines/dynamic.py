@@ -25,7 +25,7 @@ import pandas as pd
 from pyfric import core
 from pyfric.core import State
 from pyfric.engines.cost import work, work_so_far
-from pyfric.engines.guard import STEPS, Energy, Guard, strain_notes, unfinished
+from pyfric.engines.guard import STEPS, Guard, strain_notes, unfinished
 from pyfric.engines.progress import Progress
 from pyfric.engines.stretches import just_after, last_step
 from pyfric.record import (
@@ -80,10 +80,10 @@ def kept_notes(before: Record | None) -> tuple[str, ...]:
 
 
 class _Good(NamedTuple):
-    """A state that passed the checks of `Guard`, its energy, and the logs until then."""
+    """A state that passed the checks of `Guard`, its model, and the logs until then."""
 
     state: State
-    energy: Energy
+    model: core.Model
     steps: int
     evaluations: int
     rows: list[list[float]]
@@ -360,13 +360,12 @@ class Run:
     def _kept(self) -> _Good:
         """Return a copy of the run to which it returns if it fails later."""
         made, logs = (self.steps, self.evaluations), (self.rows, self.switches, self.quiet)
-        energy = self.guard.energy(self.state)
-        return _Good(self.state.copy(), energy, *made, *(log[:] for log in logs))
+        return _Good(self.state.copy(), self.model, *made, *(log[:] for log in logs))
 
     def _look(self, due: bool) -> None:
         """Raise RunError if the state fails a check; energy and lattice are checked if due."""
         good = self.good
-        base = good.energy if due else None
+        base = self.guard.energy(good.state, good.model) if due else None
         if self.guard.trouble(good.state, self.state, base) is not None:
             self._fail()
         if due:
@@ -385,7 +384,8 @@ class Run:
 
     def _fail(self) -> None:
         """Return to the last step that passes all checks and raise RunError for the next one."""
-        good, base, fine, wrong = *self.good[:2], self.good.state.step, self.state.step
+        good, fine, wrong = self.good.state, self.good.state.step, self.state.step
+        base = self.guard.energy(good, self.good.model)
         while wrong - fine > 1:
             middle = (fine + wrong) // 2
             if self.guard.trouble(good, self._again(good, middle), base) is None:

@@ -71,10 +71,12 @@ INDEPENDENT = 1e-10
 
 def orthonormal(shapes: np.ndarray, M: np.ndarray) -> np.ndarray:
     """Return shapes with B'M B = 1 that span the same space, (n, r); M is diagonal, (n,), in kg."""
-    shapes = shapes / np.sqrt(np.sum(shapes * (M[:, None] * shapes), axis=0))
-    inertia, axes = np.linalg.eigh(shapes.T @ (M[:, None] * shapes))
+    rows = np.ascontiguousarray(shapes.T) * np.sqrt(M)
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    inertia, axes = np.linalg.eigh(rows @ rows.T)
     independent = inertia > INDEPENDENT * inertia[-1]
-    return shapes @ (axes[:, independent] / np.sqrt(inertia[independent]))
+    axes = axes[:, independent] / np.sqrt(inertia[independent])
+    return (axes.T @ rows / np.sqrt(M)).T
 
 
 class Released:
@@ -247,8 +249,9 @@ class Linearised:
     def _span(self, shapes: np.ndarray) -> None:
         """Let B span shapes of the free coordinates, (n_free, m)."""
         shapes = orthonormal(shapes, self.M[self.free])
-        self.B = np.zeros((self.n_q, shapes.shape[1]), order="F")
-        self.B[self.free] = shapes
+        rows = np.zeros((shapes.shape[1], self.n_q))
+        rows[:, self.free] = shapes.T
+        self.B = rows.T  # columns are contiguous
 
     def _find_modes(self) -> None:
         """Find the eigenpairs of the reduced system, and their effect on contacts and driver."""
@@ -455,15 +458,15 @@ class Linearised:
         For the truncated part, M w, M v and K w are orthogonal to B, but viscosity couples it to
         the modes. It adds phi.C w/(phi.C phi + 2 lambda phi.M phi) to the amplitude of a mode phi.
         """
-        y_0, y_1, drawn = np.array([self.M * w, self.M * v, self.C @ w]) @ self.B
-        y = np.array([y_0, y_1])
-        w, v = np.array([w, v]) - y @ self.B.T
+        B = self.B
+        y_0, y_1, drawn = (x @ B for x in (self.M * w, self.M * v, self.C @ w))
+        w, v = w - B @ y_0, v - B @ y_1
         force, drag, momentum = self.K @ w, self.C @ v, self.M * v
         twice_kinetic = float(v @ momentum)
         energy = 0.5 * (twice_kinetic + float(w @ force))
         decay = float(v @ drag) / (2 * twice_kinetic) if twice_kinetic > 0 else 0.0
         gaps = self.gaps_of(w, -(force + drag))
-        a = self.amplitudes(y) + (drawn - self._CB @ y_0) @ self._pulled
+        a = self.amplitudes(np.array([y_0, y_1])) + (drawn - self._CB @ y_0) @ self._pulled
         return Motion(a, max(energy, 0.0), gaps, max(decay, self.decay))
 
     def deviation(
@@ -471,7 +474,7 @@ class Linearised:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return w (m), w' (m/s) and w'' (m/s^2), shape (n_q,), of modes with rates (1/s)."""
         y = np.array([a, a * rates, a * rates**2]) @ self.x.T
-        return tuple(y.real @ self.B.T)
+        return tuple(self.B @ row for row in y.real)
 
 
 class Ringing:

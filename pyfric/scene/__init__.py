@@ -19,7 +19,7 @@ from pyfric.scene.files import (
 )
 from pyfric.scene.friction import FRICTIONLESS, Law, of, slipped
 from pyfric.scene.materials import MATERIALS, Material
-from pyfric.scene.notes import law_notes
+from pyfric.scene.notes import law_notes, resolving_step
 from pyfric.scene.parts import (
     DistributedLoad,
     Driver,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,12 +17,24 @@ LEFT = 0.01
 """Remaining share of mu_s - mu_k at which friction counts as fallen."""
 
 
+def resolving_step(scene: Scene) -> float:
+    """Return the longest step (s) that resolves weakening: 1 over the growth rate of slip.
+
+    The rate is that of `Law.growth`. Without weakening with slip or speed the step is inf.
+    """
+    law = scene.law
+    if not law.weakens and law.tables.speed is None:
+        return math.inf
+    growth = law.growth(scene.F_N / scene.N_x, scene.m_interface)
+    return float(1 / growth) if growth > 0 else math.inf
+
+
 def law_notes(scene: Scene, t_end: float, dt: float | None = None) -> tuple[str, ...]:
     """Return notes on the law of a scene.
 
     If a table of mu falls over more slip than the displacement of the driver, mu_k is not reached.
-    If it falls over more than a block, the unit of slip may be wrong. Steps resolve weakening if dt
-    times the growth rate of slip (`Law.growth`) is below 1.
+    If it falls over more than a block, the unit of slip may be wrong. Steps that do not resolve
+    weakening (`resolving_step`) have a note, too.
 
     Args:
         scene: the scene.
@@ -42,13 +55,13 @@ def law_notes(scene: Scene, t_end: float, dt: float | None = None) -> tuple[str,
             notes.append(f"{falls}, but the driver moves only {far}: mu_k is not reached")
         elif table_of_mu and slip > l:
             notes.append(f"{falls}, more than the block size l = {with_prefix(l, 'm')}")
-    growth = law.growth(scene.F_N / scene.N_x, scene.m_interface)
-    if dt is not None and (law.weakens or law.tables.speed is not None) and dt * growth > 1:
+    resolves = resolving_step(scene)
+    if dt is not None and dt > resolves:
         steepness = law.steepness(scene.F_N / scene.N_x)
-        by_slip = law.weakens and steepness > 0.25 * growth**2 * scene.m_interface
+        by_slip = law.weakens and steepness > 0.25 / resolves**2 * scene.m_interface
         over = f"over {with_prefix(slip, 'm')} of slip" if by_slip else "with speed"
         notes.append(
             f"steps of {dt:.3g} s do not resolve weakening {over}: friction drops at once. "
-            f"Resolving it needs dt <= {1 / growth:.3g} s"
+            f"Resolving it needs dt <= {resolves:.3g} s"
         )
     return tuple(notes)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 AMPLIFIED = 250.0
 """Factor by which events amplify errors of jumps. The error of forces in later events was at most
 this many times the largest estimated error of a jump, in 27 sets of off-box scenes."""
-BALANCED = 1e-11
+BALANCED = 1e-10
 """Largest error of a contact force in static states of events, over F_N."""
 MOSTLY = 0.5
 """Integrated share of the time above which the record carries a note."""

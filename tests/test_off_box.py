@@ -9,7 +9,7 @@ import pytest
 
 from pyfric.core import Status
 from pyfric.engines.hybrid import HybridRun
-from pyfric.engines.modes import Ringing
+from pyfric.engines.jump import Ringing
 
 FORCE = 1e-6
 """Start and arrest forces of every event, over F_N."""

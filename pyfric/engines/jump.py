@@ -35,7 +35,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.engines.crossing import first_crossing
-from pyfric.engines.modes import Ringing
 
 if TYPE_CHECKING:
     from pyfric.engines.modes import Linearised, Motion
@@ -225,6 +224,54 @@ def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.nd
     if not steady:
         gaps[1] += system.gaps_of(l_1, -(system.C @ q_2) - system.restoring(l_1, stiffer))
     return Path(np.array([q, q_1, q_2]), np.array([l_0, l_1, zero]), gaps)
+
+
+class Ringing:
+    """Amplitudes of modes over a time s, with rates that change along the path in finite geometry.
+
+    Each amplitude is a sqrt(lambda(0)/lambda(s)) exp(int_0^s lambda), with lambda linear in s (the
+    WKB approximation).
+
+    Args:
+        system: the slider at its contact states.
+        a: amplitudes at s = 0, shape (n,).
+
+    Attributes:
+        growth: mean rates of the amplitudes, shape (n,), in 1/s.
+        gaps: gap functions of the modes at s = 0, shape (n_c, n), complex, in N.
+    """
+
+    def __init__(self, system: Linearised, a: np.ndarray) -> None:
+        self.system, self.a, self.gaps = system, a, system.gaps * a
+        self.rates, self.change, self.growth = system.rates, 0.0, system.growth
+
+    def follow(self, begin: np.ndarray, end: np.ndarray, s: float, which: np.ndarray) -> None:
+        """Let some modes follow the change of the tangent up to s (s).
+
+        Args:
+            begin, end: changes of bond stiffness at 0 and s, shape (3, n_bonds), in N/m.
+            s: time, in s.
+            which: indices of the modes, shape (m,).
+        """
+        self.rates, last = (self.system.rates_at(one, which) for one in (begin, end))
+        self.change = (last - self.rates) / s
+        self.growth = self.system.stepped((self.rates + last) / 2)
+
+    def at(self, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return amplitudes and rates (1/s) at s (s), shape (n,)."""
+        rates = self.rates + s * self.change
+        grown = np.exp(self.system.stepped((self.rates + rates) / 2) * s)
+        return self.a * np.sqrt(self.rates / rates) * grown, rates
+
+    def distances(self) -> np.ndarray:
+        """Return the distance of each rate from the nearest other rate, (n,), in 1/s."""
+        apart = np.abs(self.rates[:, None] - self.rates)
+        np.fill_diagonal(apart, np.inf)
+        return apart.min(axis=1, initial=np.inf)
+
+    def levels(self, s: float) -> np.ndarray:
+        """Return the largest change of a gap function by each mode at s (s), shape (n,), in N."""
+        return np.abs(self.gaps).max(axis=0, initial=0.0) * np.exp(self.growth.real * s)
 
 
 class Jump:

@@ -13,7 +13,7 @@ KINDS = {
     "definition": {
         "choice": "SHARE SPARES MOVING",
         "coarse": "BLOCKS COLUMNS",
-        "cost": "POINTS FASTEST SLOWEST PLAIN CHEAP RATIOS",
+        "cost": "POINTS FASTEST SLOWEST",
         "dynamic": "CALL_SECONDS STATIC_SECONDS OPEN_BUDGET",
         "guard": "STEPS MARGIN LINEAR",
         "jump": "CORRECTED",
@@ -25,7 +25,7 @@ KINDS = {
         "simulation": "LONG",
         "starts": "EXCESS",
         "uniqueness": "LIMIT",
-        "verification": "DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER "
+        "verification": "PLAIN CHEAP RATIOS DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER "
         "HALVED FEW GRACE PERTURBATION",
         "analysis": "BINS SHIFTS PER_BIN",
         "catalogue": "T_GAP MAIN_EVENT_BLOCKS",

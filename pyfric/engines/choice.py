@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.display import html
-from pyfric.engines.cost import CHEAP, RUN, full_work, machine_speed, price, work
+from pyfric.engines.cost import RUN, full_work, machine_speed, work
 from pyfric.engines.options import Fidelity, Options, Want, default_switching, step_size
 from pyfric.engines.pauses import relaxation_time
 from pyfric.engines.pilot import (
@@ -42,7 +42,7 @@ from pyfric.engines.pilot import (
 )
 from pyfric.engines.quasistatic import beyond_ladder
 from pyfric.engines.stretches import bends
-from pyfric.engines.verification import LOOSEST
+from pyfric.engines.verification import CHEAP, LOOSEST, price
 from pyfric.record import blocks_needed, zone_of_scene
 from pyfric.scene import Geometry, check_number, default_geometry
 from pyfric.signals import at_once

@@ -13,14 +13,12 @@ from pyfric.core import State, StateError
 from pyfric.engines import quasistatic
 from pyfric.engines.choice import choose
 from pyfric.engines.cost import (
-    CHEAP,
     POINTS,
     RUN,
     SLOWEST,
     check_memory,
     full_work,
     machine_speed,
-    price,
     work,
 )
 from pyfric.engines.dynamic import Run, RunError
@@ -30,7 +28,7 @@ from pyfric.engines.options import Options, kept, step_size
 from pyfric.engines.pauses import pause_notes
 from pyfric.engines.pilot import counted, expected_end, pilot_run, quasistatic_work
 from pyfric.engines.stopping import ended_by_condition
-from pyfric.engines.verification import Specification, verified
+from pyfric.engines.verification import CHEAP, Specification, price, verified
 from pyfric.record import Record
 from pyfric.scene import (
     SceneError,

@@ -21,12 +21,11 @@ from pyfric.engines import (
     simulation,
     step_size,
 )
-from pyfric.engines.choice import LINEAR, RING_SHARE, SHARE, SPARES, step_error
+from pyfric.engines.choice import LINEAR, RING_SHARE, SHARE, SPARES, interval, step_error
 from pyfric.engines.cost import finer_counts, full_work, machine_speed, work, work_so_far
 from pyfric.engines.pilot import (
     Pilot,
     counted,
-    interval,
     linear_error,
     pilot_run,
     quasistatic_work,
@@ -418,5 +417,5 @@ def test_a_phase_error_ends_at_one(eta):
 
 def test_set_up_of_the_quasistatic_engine_is_counted():
     scene = preset("fig1", l=0.5e-3)
-    run = Pilot(None, np.zeros((0, 2)), math.inf, 0, 1.0, "")
+    run = Pilot(None, np.zeros((0, 2)), 1.0, "")
     assert quasistatic_work(scene, run) > 1.0

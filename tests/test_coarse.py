@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pyfric.engines import coarse
-from pyfric.engines.coarse import coarser
+from pyfric.engines.pauses import coarser
 from pyfric.scene import chain, setup1, setup2
 from pyfric.scene.laws import Junctions
 

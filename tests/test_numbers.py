@@ -12,7 +12,6 @@ MOST_FITTED = 15
 KINDS = {
     "definition": {
         "choice": "SHARE SPARES MOVING",
-        "coarse": "BLOCKS COLUMNS",
         "cost": "POINTS FASTEST SLOWEST",
         "dynamic": "CALL_SECONDS STATIC_SECONDS OPEN_BUDGET",
         "guard": "STEPS MARGIN LINEAR",
@@ -20,7 +19,7 @@ KINDS = {
         "hybrid": "MOSTLY LATE BALANCED EXTRA",
         "integration": "FOLDING",
         "options": "ACCURACY AUTO_SHARE LONGEST_LOCATED MAX_STEPS MAX_THREADS NUMBERS RTOL",
-        "pauses": "DRIVER_SHARE RING_DOWN TRANSITS AT_REST",
+        "pauses": "DRIVER_SHARE RING_DOWN TRANSITS AT_REST BLOCKS COLUMNS",
         "pilot": "EVENTS CHANGES MOST_EVENTS PART DEAR LONGEST",
         "simulation": "LONG",
         "starts": "EXCESS",

@@ -16,13 +16,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.core import OPEN
-from pyfric.engines.coarse import coarser
 from pyfric.engines.cost import full_counts, full_work, set_up, work, work_so_far
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
 from pyfric.engines.options import MAX_STEPS
-from pyfric.engines.pauses import longest_pause
+from pyfric.engines.pauses import coarser, longest_pause
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.stopping import stopping_of
 from pyfric.scene import SceneError

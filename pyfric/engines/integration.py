@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from pyfric.display import Progress, run_bar
 from pyfric.engines.guard import folded, largest_strain
-from pyfric.engines.progress import Progress, run_bar
 from pyfric.engines.stopping import stopping_of
 from pyfric.engines.stretches import ON_GRID, last_step
 from pyfric.record import Record
@@ -51,7 +51,7 @@ def integrate(
     method = options.settled(scene, engine, t_begin, t_end)
 
     # One BLAS thread from here on: banded matrices and small products get slower with more.
-    with run_bar(progress, scene, t_begin, t_end) as show, one_thread():
+    with run_bar(progress, scene.name, t_begin, t_end) as show, one_thread():
         start = time.perf_counter()
         solver = _loaded(scene, method.geometry, None if initial is None else initial.u_drv0)
         dt = method.dt

@@ -28,10 +28,10 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
+from pyfric.display import Progress, run_bar
 from pyfric.engines.dynamic import kept_notes
 from pyfric.engines.guard import strain_notes
 from pyfric.engines.pauses import loading_notes, longest_pause
-from pyfric.engines.progress import Progress, run_bar
 from pyfric.engines.stopping import stopping_of
 from pyfric.engines.stretches import Stretch, check_straight, stretches
 from pyfric.record import (
@@ -399,7 +399,7 @@ def simulate(
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     gap = longest_pause(scene) if t_gap is None else t_gap
     run = ENGINES[engine](scene, gap, stopping_of(stop_when, scene, gap, initial, t_end))
-    with run_bar(progress, scene, 0.0, t_end) as bar, answered() as stop:
+    with run_bar(progress, scene.name, 0.0, t_end) as bar, answered() as stop:
 
         def show(t: float, F_T: float, events: int) -> None:
             bar(Progress(t, 0.0, t_end, F_T / scene.F_N, events, math.nan))

@@ -47,9 +47,9 @@ if TYPE_CHECKING:
     from typing import Unpack
 
     from pyfric.core import State
+    from pyfric.display import Progress
     from pyfric.engines.choice import Plan
     from pyfric.engines.options import Keywords, Options
-    from pyfric.engines.progress import Progress
     from pyfric.record import Method
     from pyfric.scene import Number, Scene, SceneLike
 

@@ -4,7 +4,7 @@ from pyfric.display import Progress
 from pyfric.engines.choice import Assumption, Plan, plan
 from pyfric.engines.cost import full_work, machine_speed
 from pyfric.engines.dynamic import RunError
-from pyfric.engines.guard import folded
+from pyfric.engines.integration import folded
 from pyfric.engines.options import OPTION_UNITS, Options, default_switching, step_size
 from pyfric.engines.pauses import relaxation_time
 from pyfric.engines.prediction import prediction_curve

@@ -30,7 +30,7 @@ import pandas as pd
 from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
 from pyfric.display import Progress, run_bar
 from pyfric.engines.dynamic import kept_notes
-from pyfric.engines.guard import strain_notes
+from pyfric.engines.integration import strain_notes
 from pyfric.engines.pauses import loading_notes, longest_pause
 from pyfric.engines.stopping import stopping_of
 from pyfric.engines.stretches import Stretch, check_straight, stretches

@@ -1,4 +1,4 @@
-"""Protocols on the time grid of steps, and as straight paths for static states.
+"""Protocols as straight paths for static states.
 
 While loads are constant, static states depend only on the position of the driver. While F_N or T
 change, the speed of the driver must be constant, so that driver and loads follow a straight line
@@ -7,19 +7,14 @@ over time. When a load jumps, the driver stays at one position.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from pyfric.scene import Leg, SceneError, legs
 from pyfric.statics import Route
 
 if TYPE_CHECKING:
-    from pyfric.core import State
     from pyfric.scene import Scene
 
-
-ON_GRID = 1e-9
-"""A breakpoint of a protocol this close to the end of a step, over dt, counts as on it."""
 ROUNDING = 1e-12
 """Changes of loads below this share of F_N count as rounding."""
 
@@ -94,13 +89,3 @@ def _cut(scene: Scene) -> list:
         one._replace(t=t, value=one.at(t), integral=one.integral_at(t))
         for t, one in zip(times, whole, strict=True)
     ]
-
-
-def last_step(t0: float, dt: float, t: float) -> int:
-    """Return the number of the first step that ends at t or later, within rounding."""
-    return math.ceil((t - t0) / dt * (1 - 1e-14) - ON_GRID)
-
-
-def just_after(state: State) -> float:
-    """Return a time (s) just after the state, which selects the next piece of a protocol."""
-    return state.t + ON_GRID * state.dt

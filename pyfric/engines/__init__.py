@@ -7,8 +7,7 @@ from pyfric.engines.dynamic import RunError
 from pyfric.engines.integration import folded
 from pyfric.engines.options import OPTION_UNITS, Options, default_switching, step_size
 from pyfric.engines.pauses import relaxation_time
-from pyfric.engines.prediction import prediction_curve
-from pyfric.engines.quasistatic import QuasistaticRun
+from pyfric.engines.quasistatic import QuasistaticRun, prediction_curve
 from pyfric.engines.simulation import check_run, expected_cost, released, simulate
 
 __all__ = [

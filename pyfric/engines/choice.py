@@ -39,8 +39,7 @@ from pyfric.engines.pilot import (
     pilot_run,
     quasistatic_work,
 )
-from pyfric.engines.quasistatic import beyond_ladder
-from pyfric.engines.stretches import bends
+from pyfric.engines.stretches import bends, beyond_ladder
 from pyfric.engines.verification import CHEAP, LOOSEST, price
 from pyfric.record import blocks_needed, build_catalogue, zone_of_scene
 from pyfric.scene import Geometry, check_number, default_geometry

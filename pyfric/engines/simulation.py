@@ -28,6 +28,7 @@ from pyfric.engines.options import Options, kept, step_size
 from pyfric.engines.pauses import pause_notes
 from pyfric.engines.pilot import counted, expected_end, pilot_run, quasistatic_work
 from pyfric.engines.stopping import ended_by_condition
+from pyfric.engines.stretches import check_ladder
 from pyfric.engines.verification import CHEAP, Specification, price, verified
 from pyfric.record import Record
 from pyfric.scene import (
@@ -159,7 +160,7 @@ def check_run(scene: Scene, options: Options) -> None:
         check_geometry(options.geometry, scene)
     if options.fidelity in quasistatic.ENGINES:
         options.check_static()
-        quasistatic.check_ladder(options.fidelity, scene)
+        check_ladder(options.fidelity, scene)
 
 
 def _going_on(before: Record, options: Options) -> Options:

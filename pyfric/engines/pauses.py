@@ -8,7 +8,7 @@ the default:
 
 driver      time in which the driver adds `DRIVER_SHARE` of F_N to F_T; a longer pause is loading
 ring-down   `RING_DOWN` relaxation times of the slow motion after an event
-transit     time of a shear wave to cross the interface `TRANSITS` times; a shorter pause can be a
+transit     time of a shear wave to cross the interface three times; a shorter pause can be a
             front that waits for a wave from the other end
 
 t_gap is the shorter one of the first two times, but at least the third. It is rounded to 1 or 3
@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pyfric.engines.modes import Linearised
+from pyfric.engines.stopping import pause_of_waves
 from pyfric.record import count_main
 from pyfric.statics import System
 
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
 
 DRIVER_SHARE = 1.2e-3
 RING_DOWN = 4.0
-TRANSITS = 3.0
 SLOWEST = 10
 """Undamped modes in which the slowest decay is sought; the slowest waves have it."""
 AT_REST = 0.05
@@ -59,12 +59,6 @@ def longest_pause(scene: Scene) -> float:
         return _rounded(max(loading, transits))
     ringing = RING_DOWN * relaxation_time(scene)
     return _rounded(max(min(loading, ringing), transits))
-
-
-def pause_of_waves(scene: Scene) -> float:
-    """Return the time of a shear wave to cross the interface `TRANSITS` times, in s."""
-    slider = scene.slider
-    return TRANSITS * slider.L / (slider.l * math.sqrt(slider.k / (2 * scene.m)))
 
 
 def _rounded(t: float) -> float:

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pyfric.core import OPEN
-from pyfric.engines.pauses import pause_of_waves
 from pyfric.record import build_catalogue, creeps_to_rest, parts
 from pyfric.scene import condition
 
@@ -34,8 +33,8 @@ if TYPE_CHECKING:
 
 ENDED = "ended by stop_when ("
 """Beginning of the status of a run that a condition ended."""
-
-
+TRANSITS = 3.0
+"""Transits of a shear wave in a pause after which slip is over; see `pyfric.engines.pauses`."""
 CONDITIONS: dict[str, Callable[..., float]] = {}
 """Name of a condition -> function of the history and the values of the condition."""
 
@@ -133,6 +132,12 @@ def force_to_come(scene: Scene, t: float, t_end: float) -> float:
     turns = [leg.t_end for leg in scene.legs(t_end) if leg.t_end > t]
     ways = [scene.drive(one) - scene.drive(t) for one in (*later, *turns, t_end)]
     return scene.driver.K * max(map(abs, ways))
+
+
+def pause_of_waves(scene: Scene) -> float:
+    """Return the time of a shear wave to cross the interface `TRANSITS` times, in s."""
+    slider = scene.slider
+    return TRANSITS * slider.L / (slider.l * math.sqrt(slider.k / (2 * scene.m)))
 
 
 def stopping_of(

@@ -61,7 +61,7 @@ def arrested(seen: Stopping) -> float:
 @holds
 def at_rest(seen: Stopping) -> float:
     """As `arrested`, and the displacement of the driver until t_end makes no block slip."""
-    more = seen.to_come()
+    more = force_to_come(seen.scene, seen.t, seen.t_end)
     if not more < seen.weakest():
         return math.inf
     if seen.slips:
@@ -266,10 +266,6 @@ class Stopping:
         if self.scene.N_z > 1:
             return self.quiet(self.t_rest)
         return min(self.quiet(self.t_rest), self.t_rest + pause_of_waves(self.scene))
-
-    def to_come(self) -> float:
-        """Return the largest change (N) of the driver force until t_end; inf if loads change."""
-        return force_to_come(self.scene, self.t, self.t_end)
 
     def weakest(self) -> float:
         """Return the smallest additional force (N) that makes a block in contact slip."""

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pyfric.engines import coarse
-from pyfric.engines.coarse import coarser
+from pyfric.engines import pauses
+from pyfric.engines.pauses import coarser
 from pyfric.scene import chain, setup1, setup2
 from pyfric.scene.laws import Junctions
 
@@ -19,7 +19,7 @@ from pyfric.scene.laws import Junctions
 )
 def test_coarser_keeps_the_slider(scene):
     less = coarser(scene)
-    assert less.N_x * less.N_z <= coarse.BLOCKS
+    assert less.N_x * less.N_z <= pauses.BLOCKS
     for name in ("L", "H", "M", "k"):
         assert getattr(less.slider, name) == getattr(scene.slider, name)
     assert less.eta == scene.eta
@@ -52,7 +52,7 @@ def test_coarser_takes_the_least_whole_factor_that_will_do():
 def test_coarser_where_no_blocks_fit():
     scene = setup2(L=0.1009, H=0.0199, l=1e-4, h=7e-4)  # 1009 and 199 are primes
     less = coarser(scene)
-    assert less.N_x * less.N_z <= coarse.BLOCKS
+    assert less.N_x * less.N_z <= pauses.BLOCKS
     assert (less.slider.L, less.eta) == (scene.slider.L, scene.eta)
     assert less.slider.H == pytest.approx(scene.slider.H, abs=less.slider.l)
     assert less.driver.h == pytest.approx(scene.driver.h, abs=less.slider.l)
@@ -65,7 +65,7 @@ def test_coarser_chain_is_the_same_rod(side):
     tau = tuple(0.7 * np.array(p) * np.linspace(-1, 1, n))
     scene = chain(L=0.2, l=1e-4, p=p, tau=tau, k_top=1e3, side=side, damping=0.01)
     less = coarser(scene)
-    assert less.N_x == coarse.COLUMNS
+    assert less.N_x == pauses.COLUMNS
     assert less.slider.L == scene.slider.L
     for make in (
         lambda s: s.slider.k * s.slider.l,

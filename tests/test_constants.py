@@ -50,10 +50,10 @@ CHOOSE = {
     "choice.ERROR_QUASISTATIC": {},
     "choice.RING_SHARE": {},
     "choice.OPEN_BLOCKS": {},
-    "quasistatic.SOFTEST": {"d_c": 5e-8},
+    "stretches.SOFTEST": {"d_c": 5e-8},
 }
 """Number -> changes of the Fig. 1 scene in which it decides."""
-DECIDE = {"choice.ERROR_QUASISTATIC": 2.0, "quasistatic.SOFTEST": 0.5}
+DECIDE = {"choice.ERROR_QUASISTATIC": 2.0, "stretches.SOFTEST": 0.5}
 """Those with which another engine is taken there, and by which factor."""
 TOLERANCE = 0.06
 

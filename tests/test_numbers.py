@@ -12,20 +12,19 @@ MOST_FITTED = 15
 KINDS = {
     "definition": {
         "choice": "SHARE SPARES MOVING",
-        "coarse": "BLOCKS COLUMNS",
-        "cost": "POINTS FASTEST SLOWEST PLAIN CHEAP RATIOS",
+        "cost": "POINTS FASTEST SLOWEST",
         "dynamic": "CALL_SECONDS STATIC_SECONDS OPEN_BUDGET",
-        "guard": "STEPS MARGIN LINEAR",
         "jump": "CORRECTED",
         "hybrid": "MOSTLY LATE BALANCED EXTRA",
-        "integration": "FOLDING",
+        "integration": "FOLDING STEPS MARGIN LINEAR",
         "options": "ACCURACY AUTO_SHARE LONGEST_LOCATED MAX_STEPS MAX_THREADS NUMBERS RTOL",
-        "pauses": "DRIVER_SHARE RING_DOWN TRANSITS AT_REST",
+        "pauses": "DRIVER_SHARE RING_DOWN AT_REST BLOCKS COLUMNS",
+        "stopping": "TRANSITS",
         "pilot": "EVENTS CHANGES MOST_EVENTS PART DEAR LONGEST",
         "simulation": "LONG",
         "starts": "EXCESS",
         "uniqueness": "LIMIT",
-        "verification": "DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER "
+        "verification": "PLAIN CHEAP RATIOS DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER "
         "HALVED FEW GRACE PERTURBATION",
         "analysis": "BINS SHIFTS PER_BIN",
         "catalogue": "T_GAP MAIN_EVENT_BLOCKS",
@@ -40,7 +39,8 @@ KINDS = {
     "rounding": {
         "crossing": "GONE",
         "modes": "INDEPENDENT",
-        "stretches": "ON_GRID ROUNDING",
+        "integration": "ON_GRID",
+        "stretches": "ROUNDING",
         "complementarity": "RATE_TOL",
         "contact": "CONTACT_TOL",
         "creep": "ENOUGH ROUNDED",

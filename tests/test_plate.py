@@ -23,7 +23,7 @@ from twin import STUCK
 import pyfric
 from pyfric import core
 from pyfric.core import State, StateError
-from pyfric.engines.coarse import coarser
+from pyfric.engines.pauses import coarser
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.record import Record, RecordError
 from pyfric.scene import Scene, setup1, setup2, slab

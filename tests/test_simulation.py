@@ -41,7 +41,7 @@ def sure(monkeypatch):
     pilot = choice.pilot_run
 
     def sees(scene, t_end):
-        return pilot(scene, t_end)._replace(interval=np.inf, open=0, failed="")
+        return pilot(scene, t_end)._replace(record=None, failed="")
 
     monkeypatch.setattr(choice, "pilot_run", sees)
 

@@ -1,14 +1,13 @@
 """Choose a model, run it, measure its errors."""
 
+from pyfric.display import Progress
 from pyfric.engines.choice import Assumption, Plan, plan
 from pyfric.engines.cost import full_work, machine_speed
 from pyfric.engines.dynamic import RunError
-from pyfric.engines.guard import folded
+from pyfric.engines.integration import folded
 from pyfric.engines.options import OPTION_UNITS, Options, default_switching, step_size
 from pyfric.engines.pauses import relaxation_time
-from pyfric.engines.prediction import prediction_curve
-from pyfric.engines.progress import Progress, jobs_bar
-from pyfric.engines.quasistatic import QuasistaticRun
+from pyfric.engines.quasistatic import QuasistaticRun, prediction_curve
 from pyfric.engines.simulation import check_run, expected_cost, released, simulate
 
 __all__ = [
@@ -24,7 +23,6 @@ __all__ = [
     "expected_cost",
     "folded",
     "full_work",
-    "jobs_bar",
     "machine_speed",
     "plan",
     "prediction_curve",

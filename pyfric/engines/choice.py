@@ -28,23 +28,21 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from pyfric.core import OPEN
 from pyfric.display import html
-from pyfric.engines.cost import CHEAP, RATIOS, RUN, full_work, machine_speed, price, work
+from pyfric.engines.cost import RUN, full_work, machine_speed, work
 from pyfric.engines.options import Fidelity, Options, Want, default_switching, step_size
 from pyfric.engines.pauses import relaxation_time
 from pyfric.engines.pilot import (
     counted,
     expected_end,
-    interval,
     linear_error,
-    most_open,
     pilot_run,
     quasistatic_work,
 )
-from pyfric.engines.quasistatic import beyond_ladder
-from pyfric.engines.stretches import bends
-from pyfric.engines.verification import LOOSEST
-from pyfric.record import blocks_needed, zone_of_scene
+from pyfric.engines.stretches import bends, beyond_ladder
+from pyfric.engines.verification import CHEAP, LOOSEST, RATIOS, price
+from pyfric.record import blocks_needed, build_catalogue, zone_of_scene
 from pyfric.scene import Geometry, check_number, default_geometry, resolving_step
 from pyfric.signals import at_once
 from pyfric.statics import NO_RESTS, one_thread_if_small, stability_limit
@@ -174,8 +172,7 @@ class Plan:
         """Return the assumptions that the record of a run contradicts."""
         if self.fidelity != "quasistatic":
             return []
-        needs = _needs(record.scene, interval(record), most_open(record))
-        return [one for one in needs if not one.holds]
+        return [one for one in _needs(record.scene, record) if not one.holds]
 
 
 @at_once()
@@ -293,9 +290,9 @@ class _Choice:
     def _ladder(self, pilot: Pilot) -> Plan | None:
         """Return the plan of the quasi-static engine, or None if it is rejected."""
         scene, options = self.scene, self.options
-        needs = _needs(scene, pilot.interval, pilot.open)
-        error = max(ERROR_QUASISTATIC, _drop(pilot))
-        reason = ""
+        record, needs, error, reason = pilot.record, (), ERROR_QUASISTATIC, ""
+        if record is not None:
+            needs, error = _needs(scene, record), max(error, _drop(record))
         if self.want == "front_speed":
             reason = "it has no front speed"
         elif beyond := beyond_ladder(scene):
@@ -411,21 +408,16 @@ class _Choice:
 LINEAR = "error of linear geometry"
 
 
-def _needs(scene: Scene, between: float, most: int) -> tuple[Assumption, ...]:
-    """Return the assumptions of the quasi-static engine.
-
-    Args:
-        scene: the scene.
-        between: time between main events, in s.
-        most: largest number of blocks open at a time.
-    """
-    relaxes = relaxation_time(scene)
+def _needs(scene: Scene, record: Record) -> tuple[Assumption, ...]:
+    """Return the assumptions of the quasi-static engine, from a record of a scene's events."""
+    relaxes, between = relaxation_time(scene), interval(record)
     share = 0.0 if relaxes == 0 else math.inf
     if between > 0 and math.isfinite(relaxes):
         share = relaxes / between
     lasts = f"{relaxes * 1e3:.3g} ms" if math.isfinite(relaxes) else "for ever"
     within = f"{between * 1e3:.3g} ms" if math.isfinite(between) else "all of the run"
     name = "relaxation time over time between main events"
+    most = int((record.quiet["mode"] == OPEN).sum(axis=1).max(initial=0))
     ratio = scene.eta / math.sqrt(scene.slider.k * scene.m)
     return (
         Assumption(name, share, RING_SHARE, f"{lasts} in {within}"),
@@ -434,18 +426,29 @@ def _needs(scene: Scene, between: float, most: int) -> tuple[Assumption, ...]:
     )
 
 
-def _drop(pilot: Pilot) -> float:
-    """Return the largest drop of F_T in system-size events of the pilot run, over F_N.
+def interval(record: Record) -> float:
+    """Return the median time between main events of a quasi-static run, in s; inf without any.
+
+    Events are separated here by any pause, because at high V t_gap would join many into one.
+    """
+    log = record.switches, record.quiet, record.scene
+    events = build_catalogue(*log, t_gap=0.0).events
+    starts = events["t_start"].to_numpy()[events["is_main"].to_numpy()]
+    if len(starts) > 1:
+        return float(np.median(np.diff(starts)))
+    return float(record.curve["t"].iloc[-1]) if len(starts) else math.inf
+
+
+def _drop(record: Record) -> float:
+    """Return the largest drop of F_T in system-size events of a quasi-static run, over F_N.
 
     Without viscosity a slider overshoots by as much as F_T dropped. The quasi-static engine leaves
     this overshoot out.
     """
-    if pilot.record is None:
-        return 0.0
-    events = pilot.record.events
-    whole = events[events["is_main"] & (events["n_blocks"] == pilot.record.scene.N_x)]
+    events = record.events
+    whole = events[events["is_main"] & (events["n_blocks"] == record.scene.N_x)]
     fall = (whole["F_T_start"] - whole["F_T_arrest"]).max()
-    return float(fall / pilot.record.scene.F_N) if fall > 0 else 0.0
+    return float(fall / record.scene.F_N) if fall > 0 else 0.0
 
 
 def step_error(scene: Scene, want: Want, dt: float) -> float:

@@ -24,10 +24,16 @@ import pandas as pd
 
 from pyfric import core
 from pyfric.core import State
+from pyfric.display import Progress
 from pyfric.engines.cost import work, work_so_far
-from pyfric.engines.guard import STEPS, Guard, strain_notes, unfinished
-from pyfric.engines.progress import Progress
-from pyfric.engines.stretches import just_after, last_step
+from pyfric.engines.integration import (
+    STEPS,
+    Guard,
+    just_after,
+    last_step,
+    strain_notes,
+    unfinished,
+)
 from pyfric.record import (
     Method,
     Record,

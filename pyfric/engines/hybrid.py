@@ -23,9 +23,9 @@ from pyfric.core import OPEN, STUCK
 from pyfric.engines.cost import set_up, steps_of_slide
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run
+from pyfric.engines.integration import just_after, last_step
 from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.modes import N_MODES, Linearised
-from pyfric.engines.stretches import just_after, last_step
 from pyfric.statics import Memory, RememberedStates, Static
 
 if TYPE_CHECKING:

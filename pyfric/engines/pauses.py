@@ -1,11 +1,14 @@
 """Relaxation time of the stuck slider, and t_gap, the longest pause inside an event.
 
+The relaxation time of a large lattice is that of the same slider with larger blocks, on which pilot
+runs are made, too.
+
 If slip pauses for less than t_gap, it belongs to the same event. Three times of the scene determine
 the default:
 
 driver      time in which the driver adds `DRIVER_SHARE` of F_N to F_T; a longer pause is loading
 ring-down   `RING_DOWN` relaxation times of the slow motion after an event
-transit     time of a shear wave to cross the interface `TRANSITS` times; a shorter pause can be a
+transit     time of a shear wave to cross the interface three times; a shorter pause can be a
             front that waits for a wave from the other end
 
 t_gap is the shorter one of the first two times, but at least the third. It is rounded to 1 or 3
@@ -15,14 +18,15 @@ no other event, and t_gap is the third time.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pyfric.engines.coarse import coarser
 from pyfric.engines.modes import Linearised
+from pyfric.engines.stopping import pause_of_waves
 from pyfric.record import count_main
 from pyfric.statics import System
 
@@ -32,12 +36,13 @@ if TYPE_CHECKING:
 
 DRIVER_SHARE = 1.2e-3
 RING_DOWN = 4.0
-TRANSITS = 3.0
 SLOWEST = 10
 """Undamped modes in which the slowest decay is sought; the slowest waves have it."""
 AT_REST = 0.05
 """Increase of F_T during a relaxation time, over F_N, above which a quasi-static run carries a
 note. It defines whether the slider comes to rest between events."""
+BLOCKS, COLUMNS = 5_000, 250
+"""Most blocks, and most columns of blocks, that a lattice keeps; a larger one is coarsened."""
 
 
 def longest_pause(scene: Scene) -> float:
@@ -54,12 +59,6 @@ def longest_pause(scene: Scene) -> float:
         return _rounded(max(loading, transits))
     ringing = RING_DOWN * relaxation_time(scene)
     return _rounded(max(min(loading, ringing), transits))
-
-
-def pause_of_waves(scene: Scene) -> float:
-    """Return the time of a shear wave to cross the interface `TRANSITS` times, in s."""
-    slider = scene.slider
-    return TRANSITS * slider.L / (slider.l * math.sqrt(slider.k / (2 * scene.m)))
 
 
 def _rounded(t: float) -> float:
@@ -127,3 +126,56 @@ def loading_notes(scene: Scene, engine: str) -> tuple[str, ...]:
         f"driver adds {share:.2g} F_N to F_T (limit {AT_REST:g}): the slider does not come to rest "
         "between events",
     )
+
+
+def coarser(scene: Scene) -> Scene:
+    """Return the scene with larger blocks, so that `BLOCKS` and `COLUMNS` are not exceeded.
+
+    If a larger lattice constant divides all lengths, L, H, h, h_top and eta stay the same.
+    Otherwise L and eta stay the same, and the heights are rounded.
+    """
+    N_x, N_z = scene.N_x, scene.N_z
+    if N_x * N_z <= BLOCKS and N_x <= COLUMNS:
+        return scene
+    if N_z == 1:
+        return _coarser_chain(scene)
+    n = math.gcd(N_x - 1, N_z - 1, scene.j_h, scene.j_h_top)
+    for q in range(2, n + 1):
+        n_x, n_z = (N_x - 1) // q, (N_z - 1) // q
+        few = (n_x + 1) * (n_z + 1) <= BLOCKS and n_x < COLUMNS
+        if n % q == 0 and few and n_x >= 2:
+            slider = dataclasses.replace(
+                scene.slider, l=scene.slider.l * q, eta=scene.eta, damping=None
+            )
+            interface = scene.interface_on(n_x + 1)
+            return dataclasses.replace(scene, slider=slider, interface=interface)
+    q = max((N_x - 1) / (COLUMNS - 1), math.sqrt(N_x * N_z / BLOCKS))
+    n_x = max(math.floor((N_x - 1) / q), 2)
+    while n_x > 2 and (n_x + 1) * (round(n_x * (N_z - 1) / (N_x - 1)) + 1) > BLOCKS:
+        n_x -= 1
+    l = scene.slider.L / n_x
+    n_z = max(round(scene.slider.H / l), 1)
+    slider = dataclasses.replace(scene.slider, l=l, H=l * n_z, eta=scene.eta, damping=None)
+    heights = {"h": scene.driver.h, "h_top": scene.driver.h_top}
+    rows = {n: min(max(round(z / l), 1), n_z) for n, z in heights.items() if z is not None}
+    driver = dataclasses.replace(scene.driver, **{name: l * j for name, j in rows.items()})
+    interface = scene.interface_on(n_x + 1)
+    return dataclasses.replace(scene, slider=slider, driver=driver, interface=interface)
+
+
+def _coarser_chain(scene: Scene) -> Scene:
+    """Return a chain of fewer blocks: the same rod under the same forces per length."""
+    slider, top, N_x, N = scene.slider, scene.top, scene.N_x, COLUMNS
+    q, at = (N_x - 1) / (N - 1), np.linspace(0, N_x - 1, N)
+    p, tau = (
+        np.interp(at, np.arange(N_x), np.broadcast_to(value, N_x)) * (N_x / N)
+        for value in (top.p, top.tau)
+    )
+    interface = scene.interface_on(N)
+    most = (1 - 1e-12) * np.asarray(interface.mu_s) * p
+    tau = np.clip(tau, -most, most)
+    top = dataclasses.replace(top, p=tuple(p), tau=tuple(tau), k_top=top.k_top * q)
+    slider = dataclasses.replace(
+        slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q, damping=None
+    )
+    return dataclasses.replace(scene, slider=slider, top=top, interface=interface)

@@ -16,16 +16,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.core import OPEN
-from pyfric.engines.coarse import coarser
 from pyfric.engines.cost import full_counts, full_work, set_up, work, work_so_far
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
 from pyfric.engines.options import MAX_STEPS
-from pyfric.engines.pauses import longest_pause
+from pyfric.engines.pauses import coarser, longest_pause
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.engines.stopping import stopping_of
-from pyfric.record import build_catalogue
 from pyfric.scene import SceneError
 from pyfric.statics import EquilibriumError, StaticSolver
 
@@ -56,16 +54,12 @@ class Pilot(NamedTuple):
     Attributes:
         record: record of the pilot run; None if it had no static states.
         times: start times (s) and numbers of slipping blocks of events, shape (n, 2).
-        interval: median time between main events, in s.
-        open: largest number of blocks open at a time.
         far: share of the time that the pilot run covers.
         failed: why the quasi-static engine cannot be used; "" if it can.
     """
 
     record: Record | None
     times: np.ndarray
-    interval: float
-    open: int
     far: float
     failed: str
 
@@ -106,15 +100,13 @@ def pilot_run(scene: Scene, t_end: float) -> Pilot:
         run.advance(t_end, enough, lambda *_: None)
         record = run.record("complete")
     except EquilibriumError as error:
-        return Pilot(None, np.zeros((0, 2)), math.inf, 0, 0.0, str(error))
+        return Pilot(None, np.zeros((0, 2)), 0.0, str(error))
     far = min(run.rows[-1][0] / max(t_end, 1e-30), 1.0)
     events, many = record.events, run.events / max(far, 1e-12) > MOST_EVENTS
     blocks = events["n_blocks"] * (scene.N_x / small.N_x)
     return Pilot(
         record=record,
         times=np.column_stack([events["t_start"], blocks]),
-        interval=interval(record),
-        open=most_open(record),
         far=far,
         failed=f"about {run.events / far:.0e} events up to t_end" if many else "",
     )
@@ -151,24 +143,6 @@ def expected_end(scene: Scene, t_end: float, stop_when: tuple[str, ...] | None) 
 
 def _rows(log: Mapping[str, np.ndarray], begin: int, end: int) -> dict[str, np.ndarray]:
     return {name: values[begin:end] for name, values in log.items()}
-
-
-def interval(record: Record) -> float:
-    """Return the median time between main events of the pilot run, in s; inf if there are none.
-
-    Events are separated here by any pause, because at high V t_gap would join many into one.
-    """
-    log = record.switches, record.quiet, record.scene
-    events = build_catalogue(*log, t_gap=0.0).events
-    starts = events["t_start"].to_numpy()[events["is_main"].to_numpy()]
-    if len(starts) > 1:
-        return float(np.median(np.diff(starts)))
-    return float(record.curve["t"].iloc[-1]) if len(starts) else math.inf
-
-
-def most_open(record: Record) -> int:
-    """Return the largest number of blocks open at a time."""
-    return int((record.quiet["mode"] == OPEN).sum(axis=1).max(initial=0))
 
 
 def linear_error(pilot: Pilot) -> float | None:

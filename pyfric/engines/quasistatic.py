@@ -11,9 +11,9 @@ blocks. Without overshoot, events are shorter.
 For mu_s = mu_k slip grows continuously. It is followed exactly: between two changes of contact
 state all quantities are linear in the drive. The signs of the rates decide which blocks at their
 threshold slip and which stick. A sequence with negligible mu_s - mu_k is treated in the same way,
-because it would have too many events. `prediction` treats any scene in this way.
+because it would have too many events. `prediction_curve` treats any scene in this way.
 
-Source: PRL 107, 074301 (2011), for the model.
+Source: PRL 107, 074301 (2011), for the model, and for arrest lengths with mu_s = mu_k.
 """
 
 from __future__ import annotations
@@ -22,18 +22,19 @@ import dataclasses
 import itertools
 import math
 import time
-from typing import TYPE_CHECKING, Any, NamedTuple
+import warnings
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
+from pyfric.display import Progress, run_bar
 from pyfric.engines.dynamic import kept_notes
-from pyfric.engines.guard import strain_notes
+from pyfric.engines.integration import strain_notes
 from pyfric.engines.pauses import loading_notes, longest_pause
-from pyfric.engines.progress import Progress, run_bar
 from pyfric.engines.stopping import stopping_of
-from pyfric.engines.stretches import Stretch, check_straight, stretches
+from pyfric.engines.stretches import Stretch, bends, check_ladder, stretches
 from pyfric.record import (
     QUIET_COLUMNS,
     SWITCH_COLUMNS,
@@ -43,27 +44,23 @@ from pyfric.record import (
     versions,
     zone_notes,
 )
-from pyfric.scene import SceneError, check_number
-from pyfric.signals import answered
+from pyfric.scene import check_number
+from pyfric.signals import answered, at_once
 from pyfric.statics import (
     LEAST_DEFINITENESS,
     Contact,
     ContactProblem,
     EquilibriumError,
-    check_sticks,
+    one_thread_if_small,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pyfric.engines.stopping import Stopping
-    from pyfric.scene import Scene
+    from pyfric.scene import Scene, SceneLike
     from pyfric.statics import Values
 
-SOFTEST = 0.05
-"""Largest k over the steepest weakening slope for which the weakening may be left out. In the Fig.
-1 scene, d_c = 50 nm gives 0.044; start forces then differ from those of d_c = 0 by at most 8e-4
-F_N. At 0.088 they differ by 0.01 F_N, and fronts stop at other blocks."""
 GROWTH = 60
 """Largest number of changes of contact state while a slipping zone grows, over N_x."""
 IDLE = 200
@@ -109,16 +106,15 @@ class _Log:
 
     def new(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Return the rows of both logs since the last call, as columns."""
-        (i, j), self.told = self.told, (len(self.switch), len(self.quiet))
-        return _columns(self.switch[i:], SWITCH_COLUMNS), _columns(
-            self.quiet[j:], QUIET_COLUMNS, self.scene.N_x
-        )
+        begin, self.told = self.told, (len(self.switch), len(self.quiet))
+        return self.columns(begin)
 
-    def columns(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Return both logs as columns."""
-        return _columns(self.switch, SWITCH_COLUMNS), _columns(
-            self.quiet, QUIET_COLUMNS, self.scene.N_x
-        )
+    def columns(
+        self, begin: tuple[int, int] = (0, 0)
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Return both logs as columns, from these rows on."""
+        switch, quiet = self.switch[begin[0] :], self.quiet[begin[1] :]
+        return _columns(switch, SWITCH_COLUMNS), _columns(quiet, QUIET_COLUMNS, self.scene.N_x)
 
 
 def _columns(rows: list[Any], kinds: Any, N_x: int = 0) -> dict[str, np.ndarray]:
@@ -399,7 +395,7 @@ def simulate(
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     gap = longest_pause(scene) if t_gap is None else t_gap
     run = ENGINES[engine](scene, gap, stopping_of(stop_when, scene, gap, initial, t_end))
-    with run_bar(progress, scene, 0.0, t_end) as bar, answered() as stop:
+    with run_bar(progress, scene.name, 0.0, t_end) as bar, answered() as stop:
 
         def show(t: float, F_T: float, events: int) -> None:
             bar(Progress(t, 0.0, t_end, F_T / scene.F_N, events, math.nan))
@@ -409,53 +405,80 @@ def simulate(
     return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
 
 
-def check_ladder(engine: str, scene: Scene) -> None:
-    """Raise SceneError if an engine without inertia cannot follow a scene."""
-    check_straight(scene)
-    check_sticks(scene)
-    beyond = beyond_ladder(scene) if engine == "quasistatic" else None
-    if beyond:
-        allowed = f"{beyond.allowed}, or fidelity = 'hybrid' or 'dynamic'"
-        raise SceneError(beyond.field, beyond.value, beyond.unit, allowed, beyond.reason)
+@at_once()
+@one_thread_if_small
+def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
+    """Return the growth of the slipping zone with mu_s = mu_k, up to sliding.
 
+    The speed of the driver does not matter: t is its displacement over V, or over 1 m/s if it never
+    moves. Protocols are followed. If the driver moves back, blocks slip back.
 
-class Beyond(NamedTuple):
-    """A property of a friction law that the quasi-static sequence cannot leave out."""
+    Args:
+        scene: the scene, the name of a preset, or the path of a scene file; its friction
+            coefficients are replaced.
+        mu: the friction coefficient; None means the scene's mu_k.
 
-    field: str
-    value: object
-    unit: str
-    allowed: str
-    reason: str
+    Returns:
+        A record of engine "prediction". Each row of its curve is a change of contact state, with
+        columns t (s), F_T (N), drive (m) and L_p_over_L. L_p is the length from the trailing edge
+        over which all blocks have slipped or are open. The curve ends when all blocks slip, when no
+        further block can slip, or when the solution may not be unique; a note then says so.
 
+    Raises:
+        SceneError: mu is not a number >= 0.
+        EquilibriumError: no equilibrium was found.
 
-def beyond_ladder(scene: Scene) -> Beyond | None:
-    """Return why the quasi-static sequence cannot treat a friction law, or None if it can.
+    Warns:
+        RuntimeWarning: mu is so large that the solution may not be unique.
 
-    In the sequence, slipping blocks have friction mu_k. Weakening over a slip length may be left
-    out if it is so steep that no block slips stably meanwhile; `SOFTEST` is the limit.
+    Source: PRL 107, 074301 (2011), Fig. 2.
+
+    >>> curve = pyfric.prediction_curve(pyfric.chain()).curve
+    >>> F_T = np.interp(0.5, curve["L_p_over_L"], curve["F_T"])
+    >>> round(float(F_T / curve["F_T"].iloc[-1]), 2)  # half the interface slips at half the force
+    0.5
     """
-    law, tables = scene.law, scene.law.tables
-    if tables.hold or tables.speed or tables.age:
-        kind = scene.interface.law.kind
-        reason = "the quasi-static sequence cannot follow friction that depends on time or speed"
-        return Beyond("interface.law", kind, "", "a law of slip alone", reason)
-    if np.any(law.alpha):
-        alpha = float(np.max(law.alpha))
-        return Beyond(
-            "interface.alpha",
-            alpha,
-            "N s/m",
-            "0",
-            "the quasi-static sequence cannot follow viscosity",
-        )
-    if not law.weakens:
-        return None
-    soft = scene.slider.k / law.steepness(float(np.max(scene.F_N / scene.N_x)))
-    if soft <= SOFTEST:
-        return None
-    reason = (
-        "the quasi-static sequence knows slip at mu_k only, and friction falls too slowly for it: "
-        f"k over its steepest fall is {soft:.3g}, more than {SOFTEST:g}"
+    mu = scene.interface.mu_k if mu is None else check_number("mu", mu, "", ge=0.0)
+    if (error := bends(scene)) is not None:
+        raise error
+    V = scene.driver.V if scene.driver.fastest or scene.load_at(0.0) else 1.0
+    scene = dataclasses.replace(
+        scene,
+        interface=dataclasses.replace(scene.interface.coulomb(), mu_s=mu, mu_k=mu),
+        driver=dataclasses.replace(scene.driver, V=V),
     )
-    return Beyond("interface.d_c", scene.interface.d_c, "m", "a smaller d_c", reason)
+    run = QuasistaticRun(scene)
+    _warn_if_ambiguous(run.contact)
+    start = time.perf_counter()
+    contact, order = run.contact, np.argsort(scene.n_of_i)
+    slipped = np.zeros(scene.N_x, dtype=bool)
+    reached: list[float] = []
+
+    def note(*_: Any) -> None:
+        nonlocal slipped
+        slipped |= contact.slip != 0
+        over = (slipped | ~contact.closed)[order]
+        length = scene.N_x if over.all() else int(np.argmin(over))
+        reached.append(length / scene.N_x)
+
+    run.sample()
+    note()
+    run.follow(math.inf, lambda: False, note)
+    run.timings["path"] = time.perf_counter() - start
+    drive = [scene.drive(t) for t, _ in run.rows]
+    return run.record("complete", "prediction", drive=drive, L_p_over_L=reached)
+
+
+def _warn_if_ambiguous(contact: Contact) -> None:
+    """Warn if the solution for slip may not be unique."""
+    mu, found = contact.law.mean.mu_k, contact.definiteness_of_sliding()
+    if found >= LEAST_DEFINITENESS:
+        return
+    most = mu * (1 - LEAST_DEFINITENESS) / (1 - found)  # the definiteness falls linearly in mu
+    warnings.warn(
+        f"mu = {mu:g}: the solution may not be the only one. If all blocks slip one way, the "
+        f"definiteness of the slip operator is {found:.3g}, below {LEAST_DEFINITENESS:g}. The "
+        f"curve ends where a second solution appears. Up to mu = {most:.3g} the solution is unique",
+        RuntimeWarning,
+        stacklevel=3,
+    )

@@ -13,14 +13,12 @@ from pyfric.core import State, StateError
 from pyfric.engines import quasistatic
 from pyfric.engines.choice import choose
 from pyfric.engines.cost import (
-    CHEAP,
     POINTS,
     RUN,
     SLOWEST,
     check_memory,
     full_work,
     machine_speed,
-    price,
     work,
 )
 from pyfric.engines.dynamic import Run, RunError
@@ -30,7 +28,8 @@ from pyfric.engines.options import Options, kept, step_size
 from pyfric.engines.pauses import pause_notes
 from pyfric.engines.pilot import counted, expected_end, pilot_run, quasistatic_work
 from pyfric.engines.stopping import ended_by_condition
-from pyfric.engines.verification import Specification, verified
+from pyfric.engines.stretches import check_ladder
+from pyfric.engines.verification import CHEAP, Specification, price, verified
 from pyfric.record import Record
 from pyfric.scene import (
     SceneError,
@@ -49,10 +48,9 @@ if TYPE_CHECKING:
     from typing import Unpack
 
     from pyfric.core import State
+    from pyfric.display import Progress
     from pyfric.engines.choice import Plan
     from pyfric.engines.options import Keywords, Options
-    from pyfric.engines.progress import Progress
-    from pyfric.record import Method
     from pyfric.scene import Number, Scene, SceneLike
 
 LONG = 600.0
@@ -161,7 +159,7 @@ def check_run(scene: Scene, options: Options) -> None:
         check_geometry(options.geometry, scene)
     if options.fidelity in quasistatic.ENGINES:
         options.check_static()
-        quasistatic.check_ladder(options.fidelity, scene)
+        check_ladder(options.fidelity, scene)
 
 
 def _going_on(before: Record, options: Options) -> Options:
@@ -171,7 +169,12 @@ def _going_on(before: Record, options: Options) -> Options:
         raise StateError(f"initial: a record of the {engine} engine cannot be continued")
     if options.fidelity == "auto":
         options = dataclasses.replace(options, fidelity=engine)
-    _check_continues(before, options.fidelity)
+    if engine != options.fidelity:
+        raise StateError(
+            f"initial: the record is from the {engine} engine, not from {options.fidelity}"
+        )
+    if engine in ENGINES and not isinstance(before.final_state, State):
+        raise StateError("initial: this record holds no state of the dynamics to go on from")
     return options
 
 
@@ -191,15 +194,6 @@ def _both(before: Record, scene: Scene) -> tuple[Scene, tuple[str, ...]]:
     return whole, tuple(f"goes on from t = {t:.9g} s with {one}" for one in said)
 
 
-def _check_continues(before: Record, engine: str) -> None:
-    """Raise StateError unless an engine can continue this record."""
-    made = before.method.engine
-    if made != engine:
-        raise StateError(f"initial: the record is from the {made} engine, not from {engine}")
-    if engine in ("dynamic", "hybrid") and not isinstance(before.final_state, State):
-        raise StateError("initial: this record holds no state of the dynamics to go on from")
-
-
 def _run(
     scene: Scene,
     t_end: float,
@@ -215,12 +209,12 @@ def _run(
         begin = _begin(initial)
         method = options.settled(scene, ENGINES[options.fidelity], begin, t_end)
         check_memory(scene, method.engine, method.geometry)
-        note = ""
-        if method.engine == "dynamic":
-            seconds = expected_dynamics(scene, t_end - begin, method)
-            note = _said(scene, "dynamic", seconds, progress)
+        made = full_work(scene, method.geometry, method.dt, t_end - begin, method.stepper)
+        said = []
+        if method.engine == "dynamic" and made * SLOWEST > LONG:
+            said = _said(scene, "dynamic", made * machine_speed(), progress)
         record = integrate(ENGINES[options.fidelity], scene, t_end, options, enough=enough, **how)
-        return _with_notes(record, *pause_notes(record), *([note] if note else []))
+        return _with_notes(record, *pause_notes(record), *said)
     options.check_static()
     check_memory(scene, options.fidelity, "linear")
     how |= {"t_gap": options.t_gap, "stop_when": options.stop_when}
@@ -228,12 +222,17 @@ def _run(
     return _with_notes(record, *pause_notes(record))
 
 
-def _said(scene: Scene, engine: str, seconds: float, progress: object) -> str:
-    """Return the note on a run that is expected to take long, and print it; "" if there is none."""
-    note = long_note(scene, engine, seconds)
-    if note and progress in (None, True) and sys.stderr is not None:
+def _said(scene: Scene, engine: str, seconds: float, progress: object) -> list[str]:
+    """Return the note on a run that is expected to take long, and print it; none if it is not."""
+    if seconds <= LONG:
+        return []
+    hint = "larger blocks take less: twice l, about a tenth of the time"
+    if engine == "dynamic" and scene.law.rests and not scene.prescribed:
+        hint = f"fidelity = 'hybrid' often takes a small part of that; {hint}"
+    note = f"{engine}: this run takes about {seconds / 60:.2g} minutes on one core; {hint}"
+    if progress in (None, True) and sys.stderr is not None:
         print(note, file=sys.stderr, flush=True)
-    return note
+    return [note]
 
 
 def _with_notes(record: Record, *notes: str) -> Record:
@@ -264,8 +263,7 @@ def _planned(made: Specification, initial: State | None, progress: object) -> Re
         notes.append(f"quasistatic was not enough: {reason}; {_chosen(plan)}")
     level = _resolved(options, plan)
     if plan.fidelity == "hybrid":
-        note = _said(scene, "hybrid", plan.seconds + plan.price, progress)
-        notes += [note] if note else []
+        notes += _said(scene, "hybrid", plan.seconds + plan.price, progress)
     try:
         record = made.run(scene, made.t_end, level)
     except RunError as error:
@@ -363,22 +361,6 @@ def _size(scene: Scene, t_end: float) -> float:
     if not (scene.has_rests and scene.law.rests):
         return 1e5
     return 1e5 + 8.0 * pilot_run(scene, t_end).events * (9 * scene.N_x + 40)
-
-
-def long_note(scene: Scene, engine: str, seconds: float) -> str:
-    """Return a note for a run that is expected to take long; "" if it is not."""
-    if seconds <= LONG:
-        return ""
-    hint = "larger blocks take less: twice l, about a tenth of the time"
-    if engine == "dynamic" and scene.law.rests and not scene.prescribed:
-        hint = f"fidelity = 'hybrid' often takes a small part of that; {hint}"
-    return f"{engine}: this run takes about {seconds / 60:.2g} minutes on one core; {hint}"
-
-
-def expected_dynamics(scene: Scene, length: float, method: Method) -> float:
-    """Return the expected time of full dynamics over `length` (s), in s; 0 if it cannot be long."""
-    made = full_work(scene, method.geometry, method.dt, length, method.stepper)
-    return made * machine_speed() if made * SLOWEST > LONG else 0.0
 
 
 def released(scene: SceneLike, blocks: int, dt: float | Literal["auto"] = "auto") -> State:

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pyfric.core import OPEN
-from pyfric.engines.pauses import pause_of_waves
 from pyfric.record import build_catalogue, creeps_to_rest, parts
 from pyfric.scene import condition
 
@@ -34,8 +33,8 @@ if TYPE_CHECKING:
 
 ENDED = "ended by stop_when ("
 """Beginning of the status of a run that a condition ended."""
-
-
+TRANSITS = 3.0
+"""Transits of a shear wave in a pause after which slip is over; see `pyfric.engines.pauses`."""
 CONDITIONS: dict[str, Callable[..., float]] = {}
 """Name of a condition -> function of the history and the values of the condition."""
 
@@ -62,7 +61,7 @@ def arrested(seen: Stopping) -> float:
 @holds
 def at_rest(seen: Stopping) -> float:
     """As `arrested`, and the displacement of the driver until t_end makes no block slip."""
-    more = seen.to_come()
+    more = force_to_come(seen.scene, seen.t, seen.t_end)
     if not more < seen.weakest():
         return math.inf
     if seen.slips:
@@ -133,6 +132,12 @@ def force_to_come(scene: Scene, t: float, t_end: float) -> float:
     turns = [leg.t_end for leg in scene.legs(t_end) if leg.t_end > t]
     ways = [scene.drive(one) - scene.drive(t) for one in (*later, *turns, t_end)]
     return scene.driver.K * max(map(abs, ways))
+
+
+def pause_of_waves(scene: Scene) -> float:
+    """Return the time of a shear wave to cross the interface `TRANSITS` times, in s."""
+    slider = scene.slider
+    return TRANSITS * slider.L / (slider.l * math.sqrt(slider.k / (2 * scene.m)))
 
 
 def stopping_of(
@@ -261,10 +266,6 @@ class Stopping:
         if self.scene.N_z > 1:
             return self.quiet(self.t_rest)
         return min(self.quiet(self.t_rest), self.t_rest + pause_of_waves(self.scene))
-
-    def to_come(self) -> float:
-        """Return the largest change (N) of the driver force until t_end; inf if loads change."""
-        return force_to_come(self.scene, self.t, self.t_end)
 
     def weakest(self) -> float:
         """Return the smallest additional force (N) that makes a block in contact slip."""

@@ -1,4 +1,4 @@
-"""Protocols on the time grid of steps, and as straight paths for static states.
+"""What engines without inertia can follow: friction laws, and protocols as straight paths.
 
 While loads are constant, static states depend only on the position of the driver. While F_N or T
 change, the speed of the driver must be constant, so that driver and loads follow a straight line
@@ -7,19 +7,20 @@ over time. When a load jumps, the driver stays at one position.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from pyfric.scene import Leg, SceneError, legs
-from pyfric.statics import Route
+from pyfric.statics import Route, check_sticks
 
 if TYPE_CHECKING:
-    from pyfric.core import State
     from pyfric.scene import Scene
 
-
-ON_GRID = 1e-9
-"""A breakpoint of a protocol this close to the end of a step, over dt, counts as on it."""
+SOFTEST = 0.05
+"""Largest k over the steepest weakening slope for which the weakening may be left out. In the Fig.
+1 scene, d_c = 50 nm gives 0.044; start forces then differ from those of d_c = 0 by at most 8e-4
+F_N. At 0.088 they differ by 0.01 F_N, and fronts stop at other blocks."""
 ROUNDING = 1e-12
 """Changes of loads below this share of F_N count as rounding."""
 
@@ -35,6 +36,45 @@ class Stretch(NamedTuple):
     route: Route | None = None
 
 
+def check_ladder(engine: str, scene: Scene) -> None:
+    """Raise SceneError if an engine without inertia cannot follow a scene."""
+    if (error := bends(scene)) is not None:
+        raise error
+    check_sticks(scene)
+    if engine == "quasistatic" and (error := beyond_ladder(scene)) is not None:
+        raise error
+
+
+def beyond_ladder(scene: Scene) -> SceneError | None:
+    """Return the error if the quasi-static sequence cannot treat a friction law, None if it can.
+
+    In the sequence, slipping blocks have friction mu_k. Weakening over a slip length may be left
+    out if it is so steep that no block slips stably meanwhile; `SOFTEST` is the limit.
+    """
+    law, tables, instead = scene.law, scene.law.tables, "or fidelity = 'hybrid' or 'dynamic'"
+    if tables.hold or tables.speed or tables.age:
+        reason = "the quasi-static sequence cannot follow friction that depends on time or speed"
+        kind, allowed = scene.interface.law.kind, f"a law of slip alone, {instead}"
+        return SceneError("interface.law", kind, "", allowed, reason)
+    if np.any(law.alpha):
+        reason, alpha = (
+            "the quasi-static sequence cannot follow viscosity",
+            float(np.max(law.alpha)),
+        )
+        return SceneError("interface.alpha", alpha, "N s/m", f"0, {instead}", reason)
+    if not law.weakens:
+        return None
+    soft = scene.slider.k / law.steepness(float(np.max(scene.F_N / scene.N_x)))
+    if soft <= SOFTEST:
+        return None
+    reason = (
+        "the quasi-static sequence knows slip at mu_k only, and friction falls too slowly for it: "
+        f"k over its steepest fall is {soft:.3g}, more than {SOFTEST:g}"
+    )
+    allowed = f"a smaller d_c, {instead}"
+    return SceneError("interface.d_c", scene.interface.d_c, "m", allowed, reason)
+
+
 def bends(scene: Scene) -> SceneError | None:
     """Return the error if speed and loads change at the same time, None if they do not."""
     for t in (0.0, *scene.corners):
@@ -44,13 +84,6 @@ def bends(scene: Scene) -> SceneError | None:
             reason = f"from {t:g} s on speed and load change, and static states go straight"
             return SceneError("driver.protocol", V.slope, "m/s^2", allowed, reason)
     return None
-
-
-def check_straight(scene: Scene) -> None:
-    """Raise SceneError if speed and loads change at the same time."""
-    bend = bends(scene)
-    if bend is not None:
-        raise bend
 
 
 def stretches(scene: Scene, drive_0: float, t_end: float) -> list[Stretch]:
@@ -94,13 +127,3 @@ def _cut(scene: Scene) -> list:
         one._replace(t=t, value=one.at(t), integral=one.integral_at(t))
         for t, one in zip(times, whole, strict=True)
     ]
-
-
-def last_step(t0: float, dt: float, t: float) -> int:
-    """Return the number of the first step that ends at t or later, within rounding."""
-    return math.ceil((t - t0) / dt * (1 - 1e-14) - ON_GRID)
-
-
-def just_after(state: State) -> float:
-    """Return a time (s) just after the state, which selects the next piece of a protocol."""
-    return state.t + ON_GRID * state.dt

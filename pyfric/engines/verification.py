@@ -1,11 +1,12 @@
 """Errors of a run, measured by comparison with a reference run that leaves out less.
 
 The reference run is in finite geometry. Its jumps are ten times as accurate, or it makes none. Its
-step is r times shorter, with the largest r of 4, 2, 1.5 and 1.25 within the budget. The budget is
-half a second and twice the work of the run, or twice the work that the plan announced if that is
-less. If the error is of order p in the step, it is 1/(1 - r^-p) times the difference of the two
-runs; `SAFETY` times that is reported. If an event ends at another block, the difference has no
-order; `TURNED` times the difference is reported.
+step is r times shorter, with the largest r of 4, 2, 1.5 and 1.25 within the budget, and it is full
+dynamics rather than a hybrid run if the budget pays for both. The budget is half a second and twice
+the work of the run, or twice the work that the plan announced if that is less. If the error is of
+order p in the step, it is 1/(1 - r^-p) times the difference of the two runs; `SAFETY` times that is
+reported. If an event ends at another block, the difference has no order; `TURNED` times the
+difference is reported.
 
 If the error of a planned run exceeds the tolerance, the run is refined. A run in linear geometry is
 repeated in finite geometry. A run in finite geometry is replaced by its reference run, for which no
@@ -28,16 +29,17 @@ Source: P. J. Roache, J. Fluids Eng. 116, 405 (1994), factors of safety for two 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pyfric.core import STEPPERS
-from pyfric.engines.cost import CHEAP, RATIOS, Operations, affordable, budget, work, work_so_far
+from pyfric.engines.cost import RUN, finer_counts, full_counts, located, work, work_so_far
 from pyfric.engines.dynamic import RunError
 from pyfric.engines.options import ACCURACY
 from pyfric.record import Errors, differences, statistics
@@ -45,12 +47,15 @@ from pyfric.scene import default_geometry
 from pyfric.statics import EquilibriumError
 
 if TYPE_CHECKING:
-    from pyfric.engines.cost import Reference
     from pyfric.engines.dynamic import Run
     from pyfric.engines.options import Options
     from pyfric.record import Differences, Record
     from pyfric.scene import Geometry, Scene
 
+PLAIN, CHEAP = 2.0, 0.5
+"""Largest work of verification, in s: `PLAIN` times the work of the run, plus `CHEAP`."""
+RATIOS = (4.0, 2.0, 1.5, 1.25)
+"""Ratios of the step of a run to that of its reference run."""
 HALVED = 2.0
 """Least ratio for a run with which a coarser one disagrees: with a smaller ratio, both runs could
 deviate in the same event."""
@@ -70,6 +75,113 @@ GRACE = 2.0
 """Work at which a reference run is ended, over its expected work."""
 PERTURBATION = 1e-9
 """Relative increase of the driver's speed in the perturbed run."""
+
+
+class Reference(NamedTuple):
+    """A possible reference run: engine, ratio of the step of the run to its own, work in s."""
+
+    engine: str
+    ratio: float
+    work: float
+
+
+def operations(
+    scene: Scene, engine: str, counts: Mapping[str, float], full: Mapping[str, float], stepper: str
+) -> dict[str, Mapping[str, float]]:
+    """Return the operations of full dynamics and of a run with the same step, by engine.
+
+    Args:
+        scene: the scene.
+        engine: engine of the run.
+        counts: its operations, see `pyfric.engines.cost.work`.
+        full: those of full dynamics, without located transitions, of which there are as many.
+        stepper: the stepper of both.
+    """
+    evaluations = full["block_evaluations"] + located(scene, counts, stepper)
+    return {"dynamic": {**full, "block_evaluations": evaluations}} | {engine: counts}
+
+
+def references(
+    scene: Scene,
+    geometry: Geometry,
+    runs: Mapping[str, Mapping[str, float]],
+    stepper: str,
+    ratios: Sequence[float] = RATIOS,
+) -> list[Reference]:
+    """Return possible reference runs, the best one first.
+
+    Args:
+        scene: the scene.
+        geometry: geometry of reference runs.
+        runs: result of `operations`.
+        stepper: the stepper.
+        ratios: ratios of the step of the run to those of reference runs.
+    """
+    found = []
+    for ratio in ratios:
+        for engine, counts in runs.items():
+            finer = finer_counts(scene, counts, ratio, stepper)
+            found.append(Reference(engine, ratio, RUN + work(scene, geometry, finer)))
+    return found
+
+
+def budget(made: float) -> float:
+    """Return the largest work of verification, in s, for a run whose work is `made`."""
+    return PLAIN * made + CHEAP
+
+
+def affordable(possible: Sequence[Reference], left: float) -> Reference | None:
+    """Return the best reference run whose work is at most `left` (s), or None."""
+    return next((one for one in possible if one.work <= left), None)
+
+
+def verification_work(
+    made: float, possible: Callable[[Sequence[float]], Sequence[Reference]]
+) -> tuple[float, float]:
+    """Return the work (s) of verification, and what is added if the run has to be refined.
+
+    The refined run is the first reference run. It is compared with a second one. Whatever cannot be
+    paid for otherwise uses up the budget.
+
+    Args:
+        made: work of the run, in s.
+        possible: function that returns the reference runs with these ratios of steps.
+    """
+    left = budget(made)
+    first = affordable(possible(RATIOS), left) or Reference("", 1.0, left)
+    left -= first.work
+    second = affordable(possible([first.ratio * ratio for ratio in RATIOS]), left)
+    return first.work, second.work if second else left
+
+
+def price(
+    scene: Scene,
+    options: Options,
+    engine: str,
+    dt: float,
+    t_end: float,
+    made: float,
+    counts: dict[str, float] | None = None,
+) -> tuple[float, float]:
+    """Return the work (s) of verification, and what is added if the run has to be refined.
+
+    Args:
+        scene: the scene.
+        options: options of the run.
+        engine: its engine.
+        dt: its step, in s.
+        t_end: its length, in s.
+        made: its work, in s.
+        counts: operations of a hybrid run.
+    """
+    if options.verify == "none":
+        return 0.0, 0.0
+    if engine in ("quasistatic", "equilibrium"):
+        return budget(made), 0.0
+    stepper, geometry = options.stepper, options.geometry or default_geometry(scene)
+    full = full_counts(scene, dt, t_end, stepper, options.calls)
+    runs = operations(scene, engine, counts or full, full | {"calls": 0}, stepper)
+    return verification_work(made, functools.partial(references, scene, geometry, runs, stepper))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,13 +361,17 @@ class _Verification:
 
     # --- reference runs --------------------------------------------------------------------------
 
-    def _operations(self) -> Operations:
-        return Operations.of(self.record, self.made.t_end - self.made.t_begin, self.geometry)
+    def _references(self, ratios: Sequence[float]) -> list[Reference]:
+        """Return the reference runs of the run as it is now, with these ratios of steps."""
+        scene, method, counts = self.record.scene, self.record.method, self.record.counts
+        lasts = self.made.t_end - self.made.t_begin
+        full = full_counts(scene, method.dt, lasts, method.stepper)
+        runs = operations(scene, method.engine, counts, full, method.stepper)
+        return references(scene, self.geometry, runs, method.stepper, ratios)
 
     def _level(self) -> Reference:
         """Return the best reference run within the budget, or the cheapest one if none is."""
-        ratios = RATIOS[:1] if self.mode == "full" else RATIOS
-        possible = self._operations().references(ratios=ratios)
+        possible = self._references(RATIOS[:1] if self.mode == "full" else RATIOS)
         return affordable(possible, self.left) or possible[-1]
 
     def _how(self, engine: str, ratio: float) -> dict[str, Any]:
@@ -273,8 +389,7 @@ class _Verification:
 
     def _in_reference_geometry(self) -> Record:
         """Repeat the run in the geometry of reference runs."""
-        expected = self._operations().finer(self.record.method.engine, 1.0)
-        return self._made({"geometry": self.geometry}, expected)
+        return self._made({"geometry": self.geometry}, self._references([1.0])[-1].work)
 
     def _made(self, how: dict[str, Any], expected: float) -> Record:
         """Make a run, which is ended if it takes `GRACE` times the expected work (s)."""

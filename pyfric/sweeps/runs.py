@@ -21,7 +21,8 @@ from contextlib import closing
 from typing import Any, Literal, overload
 
 from pyfric import core
-from pyfric.engines import jobs_bar, simulate
+from pyfric.display import jobs_bar
+from pyfric.engines import simulate
 from pyfric.record import Record
 from pyfric.scene import SceneError, check_whole
 from pyfric.signals import at_once, saved_first

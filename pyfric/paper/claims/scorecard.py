@@ -8,7 +8,7 @@ import re
 import time
 from collections.abc import Callable, Iterable
 
-from pyfric.engines import jobs_bar
+from pyfric.display import jobs_bar
 from pyfric.paper.claims import exact, fronts, lengths, stresses  # noqa: F401 they enter claims
 from pyfric.paper.claims.claim import CLAIMS, Claim, Runs
 from pyfric.paper.claims.runs import jobs

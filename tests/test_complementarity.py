@@ -36,7 +36,8 @@ def direct(i: ContactProblem, held: np.ndarray, X: float, slip: np.ndarray, clos
     for b in range(N):
         A[N + b, N + b] += k_f * closed[b]
         A[b, N + b] -= slip[b] * mu * k_f * closed[b]
-    g = s.G @ [X, 1, 0, 0]
+    w = [X, 1, scene.F_N, scene.top.T]
+    g = s.G @ w
     stuck = closed & (slip == 0)
     unknown = np.concatenate([~stuck, np.ones(N, dtype=bool)])
     v = np.concatenate([np.where(stuck, held, 0.0), np.zeros(N)])
@@ -44,7 +45,7 @@ def direct(i: ContactProblem, held: np.ndarray, X: float, slip: np.ndarray, clos
     v[unknown] = np.linalg.solve(A[np.ix_(unknown, unknown)], rest[unknown])
     p = np.where(closed, -k_f * v[N:], 0.0)
     f = np.where(stuck, (s.S @ v - g)[:N], -slip * mu * p)
-    return v[:N], f, v[N:], p, s.c @ [X, 1, 0, 0] - s.G[:, 0] @ v
+    return v[:N], f, v[N:], p, s.c @ w - s.G[:, 0] @ v
 
 
 def assert_same(contact: Contact, expected, rtol: float = 1e-9) -> None:

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers import operators
 import scipy.sparse as sp
 from scipy.sparse.linalg import eigs
 from test_lattice import neighbours, small_rod, small_scene, twin_forces
@@ -12,7 +13,7 @@ from test_lattice import neighbours, small_rod, small_scene, twin_forces
 from pyfric.core import STEPPERS
 from pyfric.scene import Driver, Scene, setup1, setup2
 from pyfric.statics import damping, dispersion, mass, stability_limit, stiffness
-from pyfric.statics.operators import coordinates, operators
+from pyfric.statics.operators import coordinates
 from pyfric.statics.stability import _limit, radius
 
 # --- generalised coordinates ---------------------------------------------------------------------

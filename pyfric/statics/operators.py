@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pyfric.scene import Scene
-from pyfric.statics.lattice import DIRECTIONS, Assembly, Bonds, bonds, spring_stiffness
+from pyfric.statics.lattice import DIRECTIONS, assembled, bonds, spring_stiffness
 
 
 def coordinates(scene: Scene) -> sp.csr_array:
@@ -87,17 +87,9 @@ def stiffness(
         closed: bottom blocks that touch the foundation, shape (N_x,), bool; None means all.
         driver: whether the driver spring is attached.
     """
-    closed = np.ones(scene.N_x, dtype=bool) if closed is None else closed
-    return _stiffnesses(scene, bonds(scene), coordinates(scene), [closed], driver=driver)[0]
-
-
-def _stiffnesses(
-    scene: Scene, lattice: Bonds, T: sp.csr_array, contacts: list[np.ndarray], *, driver: bool
-) -> list[sp.csr_array]:
-    """Return `stiffness` for each set of closed blocks."""
-    springs = T.T @ spring_stiffness(lattice) @ T
-    held = (ground(scene, T, closed, driver=driver) for closed in contacts)
-    return [(springs + sp.diags_array(one)).tocsr() for one in held]
+    closed, T = np.ones(scene.N_x, bool) if closed is None else closed, coordinates(scene)
+    springs = T.T @ spring_stiffness(bonds(scene)) @ T
+    return (springs + sp.diags_array(ground(scene, T, closed, driver=driver))).tocsr()
 
 
 def damping(scene: Scene) -> sp.csr_array:
@@ -107,14 +99,12 @@ def damping(scene: Scene) -> sp.csr_array:
     relative velocity, so that bonds within a rigid top row resist its rotation. Alternatively only
     the component along the bond counts (`Slider.dashpots`).
     """
-    return _damping(scene, bonds(scene), coordinates(scene))
-
-
-def _damping(scene: Scene, lattice: Bonds, T: sp.csr_array) -> sp.csr_array:
+    lattice, T = bonds(scene), coordinates(scene)
     x, z = (lattice.d / lattice.l[:, None]).T
     along = scene.slider.dashpots == "along"
     of_bonds = np.array([x * x, x * z, z * z] if along else [x * x + z * z, 0 * x, x * x + z * z])
-    C = Assembly(lattice).matrix(scene.eta * lattice.share * of_bonds, _absorbing(scene))
+    E = sp.vstack(lattice.difference).tocsr()
+    C = assembled(E, scene.eta * lattice.share * of_bonds, _absorbing(scene))
     return (T.T @ C @ T).tocsr()
 
 
@@ -131,35 +121,6 @@ def _absorbing(scene: Scene) -> np.ndarray:
         c[-1] += np.outer([z_s, z_p], columns)
         c[-1, 0, columns < 1] -= z_s / 2
     return c.ravel()
-
-
-class Operators(NamedTuple):
-    """Mass (diagonal, shape (n_q,)), stiffness and damping (sparse, shape (n_q, n_q))."""
-
-    M: np.ndarray
-    K: sp.csr_array
-    C: sp.csr_array
-
-
-def operators(scene: Scene, closed: np.ndarray | None = None) -> Operators:
-    """Return M, K, C of the linear geometry, without friction.
-
-    Args:
-        scene: the scene.
-        closed: bottom blocks that touch the foundation, shape (N_x,), bool; None means all.
-    """
-    closed = np.ones(scene.N_x, dtype=bool) if closed is None else closed
-    M, (K,), C = operators_at(scene, [closed])
-    return Operators(M, K, C)
-
-
-def operators_at(
-    scene: Scene, contacts: list[np.ndarray]
-) -> tuple[np.ndarray, list[sp.csr_array], sp.csr_array]:
-    """Return M, K for each set of closed bottom blocks, and C; see `operators`."""
-    lattice, T = bonds(scene), coordinates(scene)
-    K = _stiffnesses(scene, lattice, T, contacts, driver=True)
-    return mass(scene), K, _damping(scene, lattice, T)
 
 
 class Medium(NamedTuple):

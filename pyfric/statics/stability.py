@@ -22,7 +22,7 @@ from pyfric.scene import (
     Slider,
     as_scene,
 )
-from pyfric.statics.operators import Medium, operators_at, waves
+from pyfric.statics.operators import Medium, damping, mass, stiffness, waves
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -197,13 +197,14 @@ def _matrices(scene: Scene, on: float) -> Iterator[tuple[np.ndarray, np.ndarray]
     springs `on` (N/m).
     """
     unit = np.sqrt(scene.slider.k / scene.m)
-    M, stiffnesses, C = operators_at(scene, list(np.repeat([[True], [False]], scene.N_x, axis=1)))
+    M, C = mass(scene), damping(scene).toarray()
     root = np.sqrt(M)
-    for K in stiffnesses:
+    for closed in (True, False):
+        K = stiffness(scene, closed=np.full(scene.N_x, closed)).toarray()
         for first in (0, scene.N_x):  # bottom u_x, the first N_x coordinates: free or held
             scale = np.outer(root[first:], root[first:])
-            stiff = K.toarray()[first:, first:] / (scale * unit**2)
-            damped = C.toarray()[first:, first:] / (scale * unit)
+            stiff = K[first:, first:] / (scale * unit**2)
+            damped = C[first:, first:] / (scale * unit)
             yield stiff, damped
             if first == 0 and on:
                 springs = np.zeros(len(M))

@@ -20,7 +20,7 @@ from pyfric import core
 from pyfric.core import OPEN, STUCK
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.condensation import LARGE
-from pyfric.statics.lattice import Assembly, bonds, spring_forces, spring_stiffness, spring_tangents
+from pyfric.statics.lattice import assembled, bonds, spring_forces, spring_stiffness, spring_tangents
 from pyfric.statics.memory import Memory
 from pyfric.statics.operators import coordinates, driven_dofs, ground
 from pyfric.statics.rest import EquilibriumError
@@ -182,16 +182,17 @@ class System:
         return spring_tangents(self._lattice, self._T @ q, self.geometry)
 
     @functools.cached_property
-    def _assembly(self) -> Assembly:
-        return Assembly(self._lattice, self._T)
+    def _differences(self) -> sp.csr_array:
+        """Derivatives of du_x and du_z over each bond by coordinates, shape (2 n_bonds, n_q)."""
+        return sp.vstack([D @ self._T for D in self._lattice.difference]).tocsr()
 
     @functools.cached_property
     def _gather(self) -> sp.csr_array:
-        return self._assembly.differences.T.tocsr()
+        return self._differences.T.tocsr()
 
     def elongations(self, shapes: np.ndarray) -> list[np.ndarray]:
         """Return du_x and du_z over each bond, shape (n_bonds, n), of shapes (n_q, n)."""
-        return np.split(self._assembly.differences @ shapes, 2)
+        return np.split(self._differences @ shapes, 2)
 
     def largest_turn(self, q: np.ndarray) -> float:
         """Return the largest relative displacement of the ends of a bond, over l."""
@@ -218,7 +219,7 @@ class System:
         held = ground(self.scene, self._T, mode != OPEN, driver=driven)
         if self.geometry == "linear":
             return (self._K + sp.diags_array(held)).tocsr()
-        return self._assembly.matrix(of_bonds, held)
+        return assembled(self._differences, of_bonds, held)
 
     def tangent(
         self, stuck: np.ndarray

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pyfric.core import OPEN, STUCK
 from pyfric.scene import Law, Scene, chain, preset, setup2
 from pyfric.statics import Contact, ContactProblem, StaticSolver, loaded_state
-from pyfric.statics.uniqueness import LIMIT, definiteness, is_definite
+from pyfric.statics.contact import LEAST_DEFINITENESS, definiteness, is_definite
 
 SCENES = {
     "rod": small_rod(),
@@ -199,7 +199,7 @@ def test_definiteness_falls_linearly_with_friction():
     limit = 1 / (1 - found[2])
     for mu, definite in ((0.98 * limit, True), (0.995 * limit, False)):  # 0.99 limit: 0.01
         contact.law = Law(mu, mu)
-        assert (contact.definiteness_of_sliding() > LIMIT) == definite
+        assert (contact.definiteness_of_sliding() > LEAST_DEFINITENESS) == definite
         operators = [contact.slip_operator(np.full(contact.N_x, way)) for way in (1, -1)]
         assert all(is_definite(*one) for one in operators) == definite
 

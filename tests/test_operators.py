@@ -5,8 +5,8 @@ import math
 
 import numpy as np
 import pytest
-from helpers import operators
 import scipy.sparse as sp
+from helpers import operators
 from scipy.sparse.linalg import eigs
 from test_lattice import neighbours, small_rod, small_scene, twin_forces
 

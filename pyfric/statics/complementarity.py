@@ -23,10 +23,17 @@ from scipy.linalg.lapack import dposv
 from pyfric.core import OPEN, STUCK
 from pyfric.scene import FRICTIONLESS, of
 from pyfric.statics.condensation import condense
-from pyfric.statics.contact import States, Unmet, Values, rounding, with_free
+from pyfric.statics.contact import (
+    States,
+    Unmet,
+    Values,
+    definiteness,
+    is_definite,
+    rounding,
+    with_free,
+)
 from pyfric.statics.memory import Memory
 from pyfric.statics.rest import EquilibriumError, check_rests
-from pyfric.statics.uniqueness import definiteness, is_definite
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -143,10 +143,9 @@ class System:
 
     def pushed(self, drive: float) -> np.ndarray:
         """Return the forces of the driver on the coordinates at u = 0, shape (n_q,), in N."""
-        scene = self.scene
-        if scene.n_driven == 1:
-            return (drive + scene.d * self.u_drv0) * self.push
-        return drive * self.push + self._driven.T @ (scene.driver.K / scene.n_driven * self.u_drv0)
+        scene, n = self.scene, self.scene.n_driven
+        each = scene.driver.K / n * (scene.d * drive + self.u_drv0)
+        return self._driven.T @ np.broadcast_to(each, n)
 
     def forces(
         self, q: np.ndarray, contact: States, drive: float | None
@@ -163,23 +162,14 @@ class System:
         force[0, 1] += p
         force[0, 0] -= contact.slip * contact.law.slide(p)
         if drive is not None:
-            F_T = self._drive(drive, u, force)
+            moved = scene.u_driven(u) - self.u_drv0
+            F_T = scene.driver_force(drive, moved, 0.0)
+            each = scene.driver.K / scene.n_driven * (drive - scene.d * moved)
+            force[scene.j_h : scene.j_h_top + 1, 0, scene.i_h] += scene.d * each
         force = self._T_transposed @ force.ravel()
         if scene.rigid:
             force[-2:] += self.load[-2], -scene.kappa * q[-1]
         return force, F_T
-
-    def _drive(self, drive: float, u: np.ndarray, force: np.ndarray) -> float:
-        """Add the driver's forces to `force`, (N_z, 2, N_x), in N; return their sum along the
-        drive.
-        """
-        scene, moved = self.scene, self.scene.u_driven(u) - self.u_drv0
-        F_T = scene.driver_force(drive, moved, 0.0)
-        each = F_T
-        if scene.n_driven > 1:
-            each = scene.driver.K / scene.n_driven * (drive - scene.d * moved)
-        force[scene.j_h : scene.j_h_top + 1, 0, scene.i_h] += scene.d * each
-        return F_T
 
     # --- tangents --------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from pyfric import core
 from pyfric.core import OPEN
 from pyfric.record import budget_left
 from pyfric.scene import SceneError, sealed, setup1, setup2, unsealed
-from pyfric.statics import loaded_state
+from pyfric.statics import damping, loaded_state, mass, stiffness
 
 GEOMETRIES = ("linear", "finite")
 ENERGY_IN = ["work_driver", "work_load"]
@@ -152,3 +152,8 @@ def edited(path):
     with h5netcdf.File(path, "a") as file:
         yield file
     path.write_bytes(sealed(path.read_bytes()))
+
+
+def operators(scene, closed=None):
+    """M (diagonal), K and C of the linear geometry, without friction."""
+    return mass(scene), stiffness(scene, closed=closed), damping(scene)

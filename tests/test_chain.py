@@ -11,7 +11,7 @@ import scipy.linalg
 import tomli_w
 import twin
 from click.testing import CliRunner
-from helpers import ENERGY_IN, ENERGY_OUT, budget_error, refused
+from helpers import ENERGY_IN, ENERGY_OUT, budget_error, operators, refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -26,7 +26,6 @@ from pyfric.scene import PrescribedLoad, Scene, SceneError, Slider, chain, prese
 from pyfric.scene.checked import MAX_LISTED
 from pyfric.scene.presets import settings as names_of
 from pyfric.statics import StaticSolver, loaded_state, stability_limit, stiffness
-from pyfric.statics.operators import operators
 from pyfric.statics.stability import radius
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", sample=1e-5)  # few points

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pyfric.core import OPEN, STUCK
 from pyfric.scene import Law, Scene, chain, preset, setup2
 from pyfric.statics import Contact, ContactProblem, StaticSolver, loaded_state
-from pyfric.statics.uniqueness import LIMIT, definiteness, is_definite
+from pyfric.statics.contact import LEAST_DEFINITENESS, definiteness, is_definite
 
 SCENES = {
     "rod": small_rod(),
@@ -36,7 +36,8 @@ def direct(i: ContactProblem, held: np.ndarray, X: float, slip: np.ndarray, clos
     for b in range(N):
         A[N + b, N + b] += k_f * closed[b]
         A[b, N + b] -= slip[b] * mu * k_f * closed[b]
-    g = s.G @ [X, 1, 0, 0]
+    w = [X, 1, scene.F_N, scene.top.T]
+    g = s.G @ w
     stuck = closed & (slip == 0)
     unknown = np.concatenate([~stuck, np.ones(N, dtype=bool)])
     v = np.concatenate([np.where(stuck, held, 0.0), np.zeros(N)])
@@ -44,7 +45,7 @@ def direct(i: ContactProblem, held: np.ndarray, X: float, slip: np.ndarray, clos
     v[unknown] = np.linalg.solve(A[np.ix_(unknown, unknown)], rest[unknown])
     p = np.where(closed, -k_f * v[N:], 0.0)
     f = np.where(stuck, (s.S @ v - g)[:N], -slip * mu * p)
-    return v[:N], f, v[N:], p, s.c @ [X, 1, 0, 0] - s.G[:, 0] @ v
+    return v[:N], f, v[N:], p, s.c @ w - s.G[:, 0] @ v
 
 
 def assert_same(contact: Contact, expected, rtol: float = 1e-9) -> None:
@@ -198,7 +199,7 @@ def test_definiteness_falls_linearly_with_friction():
     limit = 1 / (1 - found[2])
     for mu, definite in ((0.98 * limit, True), (0.995 * limit, False)):  # 0.99 limit: 0.01
         contact.law = Law(mu, mu)
-        assert (contact.definiteness_of_sliding() > LIMIT) == definite
+        assert (contact.definiteness_of_sliding() > LEAST_DEFINITENESS) == definite
         operators = [contact.slip_operator(np.full(contact.N_x, way)) for way in (1, -1)]
         assert all(is_definite(*one) for one in operators) == definite
 

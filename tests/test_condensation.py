@@ -57,13 +57,13 @@ def full(scene: Scene, v: np.ndarray, X: float) -> tuple[np.ndarray, float]:
     return (K @ q - load)[:b], F_T
 
 
-def outside(X: float) -> np.ndarray:
+def outside(scene: Scene, X: float) -> np.ndarray:
     """The driver at X, loads as at t = 0."""
-    return np.array([X, 1.0, 0.0, 0.0])
+    return np.array([X, 1.0, scene.F_N, scene.top.T])
 
 
-def force(slider: Condensed, v: np.ndarray, X: float) -> float:
-    return float(slider.c @ outside(X) - slider.G[:, 0] @ v)
+def force(scene: Scene, slider: Condensed, v: np.ndarray, X: float) -> float:
+    return float(slider.c @ outside(scene, X) - slider.G[:, 0] @ v)
 
 
 def states(scene: Scene, seed: int):
@@ -77,20 +77,20 @@ def states(scene: Scene, seed: int):
 
 @pytest.mark.parametrize("scene", SCENES, ids=name)
 def test_forces_are_those_of_the_full_matrix(scene):
-    slider = condense(scene)
+    slider = condense(scene).driven(scene)
     for v, X in states(scene, 1):
         forces, F_T = full(scene, v, X)
         pull = scene.driver.K * max(abs(X), np.abs(v).max())
         scale = max(np.abs(forces).max(), scene.F_N / scene.N_x)
-        here = slider.S @ v - slider.G @ outside(X)
+        here = slider.S @ v - slider.G @ outside(scene, X)
         np.testing.assert_allclose(here, forces, rtol=0, atol=1e-12 * max(scale, pull))
-        assert force(slider, v, X) == pytest.approx(F_T, rel=0, abs=1e-12 * max(scale, pull))
+        assert force(scene, slider, v, X) == pytest.approx(F_T, rel=0, abs=1e-12 * max(scale, pull))
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=name)
 def test_the_potential_is_symmetric(scene):
     """S = S^T; the driver pushes the interface as the interface pushes the driver."""
-    slider, N_x = condense(scene), scene.N_x
+    slider, N_x = condense(scene).driven(scene), scene.N_x
     np.testing.assert_allclose(slider.S, slider.S.T, rtol=0, atol=1e-14 * np.abs(slider.S).max())
     zero = np.zeros(2 * N_x)
     at_0, F_0 = full(scene, zero, 0.0)
@@ -108,17 +108,18 @@ def test_the_potential_is_symmetric(scene):
 
     def U(v, X):
         quadratic = v @ slider.S @ v / 2 + slider.c[0] * X**2 / 2
-        return quadratic - v @ slider.G @ outside(X) + slider.c[1] * X
+        at_0 = slider.c @ outside(scene, 0.0)
+        return quadratic - v @ slider.G @ outside(scene, X) + at_0 * X
 
     v, X = next(s for s in states(scene, 2) if s[1])
     slope = (U(v, X * 1.5) - U(v, X * 0.5)) / X  # exact: U is quadratic
-    size = max(abs(force(slider, v, X)), scene.driver.K * abs(X), scene.F_N)
-    assert slope == pytest.approx(force(slider, v, X), abs=1e-9 * size)
+    size = max(abs(force(scene, slider, v, X)), scene.driver.K * abs(X), scene.F_N)
+    assert slope == pytest.approx(force(scene, slider, v, X), abs=1e-9 * size)
 
 
 @pytest.mark.parametrize("scene", [*ROWS, *FLAT, small_chain(), chain()], ids=name)
 def test_states_are_those_of_the_static_solver(scene):
-    solver, slider = StaticSolver(scene, "linear"), condense(scene)
+    solver, slider = StaticSolver(scene, "linear"), condense(scene).driven(scene)
     rng, size = np.random.default_rng(3), scene.F_N / scene.N_x / scene.slider.k
     for _ in range(3):
         drive = 0.1 * scene.F_N / scene.driver.K * rng.random()
@@ -126,53 +127,56 @@ def test_states_are_those_of_the_static_solver(scene):
         state = solver.solve(u_x, drive)
         v = np.concatenate(state.u[0])
         X = drive + scene.d * state.u_drv0
-        forces = slider.S @ v - slider.G @ outside(X)
+        forces = slider.S @ v - slider.G @ outside(scene, X)
         scale = 1e-12 * scene.F_N
         np.testing.assert_allclose(forces, [*state.f, *state.p], rtol=0, atol=scale)
-        assert force(slider, v, X) == pytest.approx(state.F_T, rel=0, abs=scale)
+        assert force(scene, slider, v, X) == pytest.approx(state.F_T, rel=0, abs=scale)
 
 
 @pytest.mark.parametrize("name", ["fig1", "setup2+"])
 def test_the_papers_lattices(name):
     scene = preset(name)
-    slider = condense(scene)
+    slider = condense(scene).driven(scene)
     v, X = list(states(scene, 4))[1]
     forces, F_T = full(scene, v, X)
-    here = slider.S @ v - slider.G @ outside(X)
+    here = slider.S @ v - slider.G @ outside(scene, X)
     np.testing.assert_allclose(here, forces, rtol=0, atol=1e-12 * np.abs(forces).max())
-    assert force(slider, v, X) == pytest.approx(F_T, rel=1e-11)
+    assert force(scene, slider, v, X) == pytest.approx(F_T, rel=1e-11)
 
 
 def test_doubling_all_forces_doubles_all_loads():
-    one, two = condense(small_rod(F_N=1750.0)), condense(small_rod(F_N=3500.0))
+    scenes = small_rod(F_N=1750.0), small_rod(F_N=3500.0)
+    one, two = (condense(scene).driven(scene) for scene in scenes)
     np.testing.assert_array_equal(one.S, two.S)
     np.testing.assert_array_equal(one.G[:, 0], two.G[:, 0])
-    np.testing.assert_array_equal(2 * one.G[:, 1], two.G[:, 1])
-    assert 2 * one.c[1] == two.c[1]
+    at_one, at_two = (outside(scene, 0.0) for scene in scenes)
+    np.testing.assert_array_equal(2 * (one.G @ at_one), two.G @ at_two)
+    assert 2 * (one.c @ at_one) == two.c @ at_two
 
 
 @pytest.mark.parametrize(
     "scene", [small_rod(), small_free(theta=0.4).replace({"top.T": 7.0})], ids=name
 )
 def test_loads_at_the_start_are_those_of_F_N_and_T(scene):
-    slider, T = condense(scene), getattr(scene.top, "T", 0.0)
-    by_loads = np.array([0.0, 0.0, scene.F_N, T])
-    scale = np.abs(slider.G[:, 1]).max()
-    np.testing.assert_allclose(slider.G @ by_loads, slider.G[:, 1], rtol=0, atol=1e-13 * scale)
-    assert slider.c @ by_loads == pytest.approx(slider.c[1], rel=1e-12)
+    slider = condense(scene).driven(scene)
+    forces, F_T = full(scene, np.zeros(2 * scene.N_x), 0.0)
+    loads = slider.G @ outside(scene, 0.0)
+    np.testing.assert_allclose(loads, -forces, rtol=0, atol=1e-13 * np.abs(loads).max())
+    assert slider.c @ outside(scene, 0.0) == pytest.approx(F_T, rel=1e-12)
+    assert not slider.G[:, 1].any()
 
 
 @pytest.mark.parametrize("scene", [small_rod(h=0.01), small_free(K=1e9), small_chain()], ids=name)
 def test_without_the_driver_no_force_moves_it(scene):
     """The driver is where F_T = 0: the interface then carries what it does without it."""
-    slider = condense(scene)
-    free = slider.undriven()
+    free = condense(scene)
+    slider = free.driven(scene)
     for v, _ in states(scene, 5):
-        X = (slider.G[:, 0] @ v - slider.c[1]) / slider.c[0]
+        X = -force(scene, slider, v, 0.0) / slider.c[0]
         expected, F_T = full(scene, v, X)
         scale = max(np.abs(expected).max(), scene.F_N / scene.N_x)
         assert F_T == pytest.approx(0, abs=1e-9 * scale)
-        forces = free.S @ v - free.G @ outside(0.0)
+        forces = free.S @ v - free.G @ outside(scene, 0.0)
         np.testing.assert_allclose(forces, expected, rtol=0, atol=1e-9 * scale)
     assert not free.c.any()
 

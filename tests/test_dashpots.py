@@ -5,13 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 import twin
-from helpers import GEOMETRIES, advance, budget_error, shaken, small
+from helpers import GEOMETRIES, advance, budget_error, operators, shaken, small
 
 import pyfric
 from pyfric import core
 from pyfric.scene import Scene, SceneError, Walls, slab
 from pyfric.statics import stability_limit
-from pyfric.statics.operators import operators
 
 
 def along(scene, **changes):

@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
 from pyfric.scene import Scene, setup1, setup2
 from pyfric.statics import bonds, spring_stiffness
-from pyfric.statics.lattice import Assembly, Bonds, spring_forces
+from pyfric.statics.lattice import Bonds, assembled, spring_forces
 from pyfric.statics.operators import coordinates
 
 
@@ -118,7 +119,8 @@ def test_assembled_matrices_are_sums_over_the_bonds(scene):
             for other, there in zip((-1, 1), at, strict=True):
                 block = np.ix_([here, here + scene.N_x], [there, there + scene.N_x])
                 expected[block] += one * other * np.array([[xx, xz], [xz, zz]])
-    K = Assembly(lattice, T).matrix(of_bonds, held)
+    E = sp.vstack([D @ T for D in lattice.difference]).tocsr()
+    K = assembled(E, of_bonds, held)
     T = T.toarray()
     np.testing.assert_allclose(K.toarray(), T.T @ expected @ T + np.diag(held), atol=1e-13)
 

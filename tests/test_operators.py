@@ -6,13 +6,14 @@ import math
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from helpers import operators
 from scipy.sparse.linalg import eigs
 from test_lattice import neighbours, small_rod, small_scene, twin_forces
 
 from pyfric.core import STEPPERS
 from pyfric.scene import Driver, Scene, setup1, setup2
 from pyfric.statics import damping, dispersion, mass, stability_limit, stiffness
-from pyfric.statics.operators import coordinates, operators
+from pyfric.statics.operators import coordinates
 from pyfric.statics.stability import _limit, radius
 
 # --- generalised coordinates ---------------------------------------------------------------------

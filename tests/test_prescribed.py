@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import tomli_w
 import twin
-from helpers import ENERGY_IN, ENERGY_OUT, advance, bits, budget_error, refused, same_run
+from helpers import ENERGY_IN, ENERGY_OUT, advance, bits, budget_error, operators, refused, same_run
 from tolerances import ROUNDING
 
 import pyfric
@@ -156,8 +156,6 @@ def test_the_start_has_the_forces_of_the_core():
 @pytest.mark.parametrize("walls", WALLS)
 @pytest.mark.parametrize("dashpots", ["full", "along"])
 def test_matrices_are_the_forces_of_the_core(walls, dashpots):
-    from pyfric.statics.operators import operators
-
     scene = small(6, 4, walls, K=0.0, tau=0.0, dashpots=dashpots)
     state = shaken(scene)
     state.mode[:] = 1

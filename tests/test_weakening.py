@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers import budget_error
+from helpers import budget_error, operators
 from scipy.linalg import expm
 from tolerances import FORCE, FORCE_FINITE
 
@@ -16,7 +16,6 @@ from pyfric.engines.options import AUTO_SHARE
 from pyfric.record import Record
 from pyfric.scene import Scene, SceneError, chain, preset, setup1
 from pyfric.statics import loaded_state, stability_limit
-from pyfric.statics.operators import operators
 
 P, MU_S, MU_K, D_C = 60.0, 0.7, 0.45, 2e-6
 SLOPE = (MU_S - MU_K) * P / D_C

@@ -27,23 +27,22 @@ from pyfric.record.classes import (
     SLOW,
     RuptureClass,
     creeps_to_rest,
-    pace_limits,
     rupture_class,
 )
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
 from pyfric.record.errors import Differences, Errors, differences, statistics
 from pyfric.record.held import GROUPS, RecordError, block_array, event_column, held_in
-from pyfric.record.method import Method
+from pyfric.record.method import Method, provenance, versions
 from pyfric.record.pairing import paired
 from pyfric.record.record import Record, load
 from pyfric.record.report import numbered, summary, text
 from pyfric.record.rupture import front_speed
-from pyfric.record.software import provenance, versions
 from pyfric.record.zones import (
     RESOLVED,
     blocks_needed,
     can_rupture,
     chain_notes,
+    pace_limits,
     viscous_error,
     zone_at_rest,
     zone_moving,

@@ -31,8 +31,8 @@ import pandas as pd
 
 from pyfric import core
 from pyfric.core import OPEN, State
+from pyfric.record.zones import pace_limits
 from pyfric.scene import Scene, check_number
-from pyfric.theory import Material
 
 if TYPE_CHECKING:
     from pyfric.record.record import Record
@@ -143,14 +143,6 @@ def _speed(t: np.ndarray, scene: Scene) -> float:
     n = math.floor(len(t) * (1 - LAST))
     lasts = t[-1] - t[n - 1]
     return (len(t) - n) * scene.slider.l / lasts if lasts > 0 else math.nan
-
-
-def pace_limits(scene: Scene) -> tuple[float, float]:
-    """Return c_R and c_S of a scene, both c in a chain, in m/s."""
-    slider = scene.slider
-    c = slider.l * math.sqrt(slider.k / scene.m)
-    material = Material.of_lattice(slider.k, scene.m, slider.l, 1.0)
-    return (c, c) if scene.N_z == 1 else (material.c_R, material.c_S)
 
 
 def _pace(v: float, slow: float, scene: Scene) -> str:

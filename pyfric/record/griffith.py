@@ -24,9 +24,10 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import OPEN, STUCK
+from pyfric.record.zones import material_of
 from pyfric.scene import SceneError
 from pyfric.statics import Contact, ContactProblem, loaded_state
-from pyfric.theory import Material, g_II
+from pyfric.theory import g_II
 
 if TYPE_CHECKING:
     from pyfric.record.record import Record
@@ -118,7 +119,7 @@ def _speeds(record: Record, G: np.ndarray, Gamma: np.ndarray) -> np.ndarray:
     scene = record.scene
     if scene.N_z == 1:
         return np.full(G.shape, np.nan)
-    material = Material.of_lattice(scene.slider.k, scene.m, scene.slider.l, 1.0)
+    material = material_of(scene)
     v = np.linspace(0, material.c_R, SPEEDS)
     with np.errstate(divide="ignore", invalid="ignore"):
         need = np.where(G > 0, Gamma / G, np.where(np.isnan(G), np.nan, np.inf))

@@ -48,6 +48,20 @@ VISCOUS = {"full": 0.136, "along": 0.05}
 of dashpots: measured, with cracks; see the module."""
 
 
+def material_of(scene: Scene) -> Material:
+    """Return the material of a lattice; speeds and g_II do not depend on its width, here 1 m."""
+    return Material.of_lattice(scene.slider.k, scene.m, scene.slider.l, 1.0)
+
+
+def pace_limits(scene: Scene) -> tuple[float, float]:
+    """Return c_R and c_S of a scene, both c in a chain, in m/s."""
+    if scene.N_z == 1:
+        c = scene.slider.l * math.sqrt(scene.slider.k / scene.m)
+        return c, c
+    material = material_of(scene)
+    return material.c_R, material.c_S
+
+
 def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
     """Return X_c0/l at each block: 0 without weakening, NaN where p is 0 or NaN.
 
@@ -79,11 +93,10 @@ def zone_moving(scene: Scene, p: np.ndarray, v: np.ndarray) -> np.ndarray:
 
     Source: see the module; above c_R, where cracks have no such zone, it has no value.
     """
-    slider, at_rest = scene.slider, zone_at_rest(scene, p)
+    at_rest = zone_at_rest(scene, p)
     if scene.N_z == 1:
-        c = slider.l * math.sqrt(slider.k / scene.m)
-        return at_rest * np.sqrt(np.abs(1 - (v / c) ** 2))
-    material = Material.of_lattice(slider.k, scene.m, slider.l, 1.0)  # speeds do not depend on B
+        return at_rest * np.sqrt(np.abs(1 - (v / pace_limits(scene)[0]) ** 2))
+    material = material_of(scene)
     at_rest, v = np.broadcast_arrays(at_rest, np.abs(v))
     below, blocks = v < material.c_R, np.full(v.shape, np.nan)
     if below.any():
@@ -112,10 +125,7 @@ def zone_of_scene(scene: Scene, speed: float = 0.0) -> float:
         scene: the scene.
         speed: v over c_R, or over c in a chain; below 1.
     """
-    slider, given = scene.slider, isinstance(scene.top, PrescribedLoad)
-    c = slider.l * math.sqrt(slider.k / scene.m)
-    if scene.N_z > 1:
-        c = Material.of_lattice(slider.k, scene.m, slider.l, 1.0).c_R
+    given, c = isinstance(scene.top, PrescribedLoad), pace_limits(scene)[0]
     p = np.full(scene.N_x, np.nan if given else scene.F_N / scene.N_x)
     blocks = zone_moving(scene, p, np.full(scene.N_x, speed * c))
     blocks = blocks[can_rupture(scene) & np.isfinite(blocks)]

@@ -4,7 +4,7 @@ from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.blas import one_thread, one_thread_if_small
 from pyfric.statics.complementarity import Contact, ContactProblem, Route, Static
 from pyfric.statics.condensation import LARGE
-from pyfric.statics.contact import States, Values
+from pyfric.statics.contact import LEAST_DEFINITENESS, States, Values
 from pyfric.statics.creep import Change, Creep, Point, creeps
 from pyfric.statics.equilibrium import RememberedStates, StaticSolver, loaded_state, solve_static
 from pyfric.statics.lattice import bonds, spring_stiffness
@@ -20,7 +20,6 @@ from pyfric.statics.rest import (
 from pyfric.statics.stability import stability_limit
 from pyfric.statics.starts import check_pushes, forced, overstressed, ramped
 from pyfric.statics.system import System
-from pyfric.statics.uniqueness import LIMIT as LEAST_DEFINITENESS
 
 __all__ = [
     "LARGE",

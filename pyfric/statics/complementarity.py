@@ -22,11 +22,18 @@ from scipy.linalg.lapack import dposv
 
 from pyfric.core import OPEN, STUCK
 from pyfric.scene import FRICTIONLESS, of
-from pyfric.statics.condensation import Plate, condense
-from pyfric.statics.contact import States, Unmet, Values, rounding, with_free
+from pyfric.statics.condensation import condense
+from pyfric.statics.contact import (
+    States,
+    Unmet,
+    Values,
+    definiteness,
+    is_definite,
+    rounding,
+    with_free,
+)
 from pyfric.statics.memory import Memory
 from pyfric.statics.rest import EquilibriumError, check_rests
-from pyfric.statics.uniqueness import definiteness, is_definite
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -81,36 +88,34 @@ class ContactProblem:
     def __init__(self, scene: Scene, u_drv0: OnDriven | None = None) -> None:
         check_rests(scene)
         self.scene, self.unit = scene, scene.F_N / scene.N_x
-        found = condense(scene)
-        if isinstance(found, Plate):
-            if u_drv0 is None:
-                self.slider = found.slider
-                self._look(np.eye(4, 2))
-                now = self._applied.values()
-                u_drv0 = found.at(np.concatenate([now.u_x, now.u_z]))
-            found = found.drives(scene, u_drv0)
-        self.slider = found
-        self._look(np.eye(4, 2))
+        self._undriven = self.slider = condense(scene)
+        begin = scene.F_N, scene.top.T
+        self._look(Route(0.0, 1.0, begin))
+        if u_drv0 is None and scene.n_driven > 1:
+            now, moved = self._applied.values(), self.slider
+            v, w = np.concatenate([now.u_x, now.u_z]), np.array([0.0, 1.0, *begin])
+            u_drv0 = moved.P.T @ v + moved.D @ w
+        self.slider = self._undriven.driven(scene, 0.0 if u_drv0 is None else u_drv0)
+        self._look(self._route)
 
-    def _look(self, outside: np.ndarray) -> None:
-        """Set driver and loads: w of `condensation` as coefficients of s and 1, shape (4, 2)."""
-        self._loads, self._F_T = self.slider.G @ outside, self.slider.c @ outside
-        if self.slider.always is not None:
-            self._loads[:, 1] += self.slider.always[0]
-            self._F_T[1] += self.slider.always[1]
+    def _look(self, route: Route) -> None:
+        """Set driver and loads along a route."""
+        self._route, (F_N, T), (F_N_gain, T_gain) = route, route.load, route.gain
+        w = np.array([[route.way, route.drive], [0.0, 1.0], [F_N_gain, F_N], [T_gain, T]])
+        self._loads, self._F_T = self.slider.G @ w, self.slider.c @ w
         self._bases: Memory[np.ndarray] = Memory(BASES)
 
     def along(self, route: Route) -> ContactProblem:
         """Return the problem in which "drive" means the parameter s of a route."""
-        other, (F_N, T), (F_N_gain, T_gain) = copy.copy(self), route.load, route.gain
-        other._look(np.array([[route.way, route.drive], [0.0, 0.0], [F_N_gain, F_N], [T_gain, T]]))
+        other = copy.copy(self)
+        other._look(route)
         return other
 
     def undriven(self) -> ContactProblem:
         """Return the problem without the driver, so that F_T = 0 for all displacements."""
         other = copy.copy(self)
-        other.slider = self.slider.undriven()
-        other._look(np.eye(4, 2))
+        other.slider = self._undriven
+        other._look(self._route)
         return other
 
     def corrected(self, now: Values, drive: float) -> ContactProblem:

@@ -23,6 +23,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.linalg import eigh
+from scipy.linalg.lapack import dpotrf
 
 from pyfric.core import OPEN, STUCK
 from pyfric.statics.rest import EquilibriumError
@@ -152,3 +154,38 @@ def rounding(scene: Scene, force: float) -> float:
 
 CONTACT_TOL = 1e-11
 """Violation of conditions, over F_N/N_x, below which it is rounding at any displacement."""
+LEAST_DEFINITENESS = 0.01
+"""Definiteness below which a state may not be unique."""
+
+
+def definiteness(W: np.ndarray, F: np.ndarray) -> float:
+    """Return the definiteness of a slip operator, which decides on uniqueness; 1 if n = 0.
+
+    The slip operator W gives the forces that resist slip per displacement of the slipping blocks.
+    The slider on its foundation contributes a symmetric, positive definite matrix F. Friction adds
+    a term, because p changes when blocks move: W = F + sigma mu_k dp/du_x, which is not symmetric.
+    If the symmetric part of W is positive definite, forces and driver determine the slip uniquely.
+    The definiteness is the smallest delta with
+
+        (W + W')/2 x = delta F x .
+
+    It is 1 without friction and falls linearly as mu_k grows. It is 0 if there is a slip for which
+    friction supplies the whole work. Below `LEAST_DEFINITENESS`, a solution may not be unique. The
+    definiteness is accurate to about 1e-12, so that rounding does not decide.
+
+    Args:
+        W: slip operator, shape (n, n), in N/m.
+        F: slip operator without friction, (n, n), in N/m.
+
+    Source: A. Klarbring, Examples of non-uniqueness and non-existence of solutions to quasistatic
+    contact problems with friction, Ingenieur-Archiv 60, 529 (1990), for the phenomenon.
+    """
+    if not len(W):
+        return 1.0
+    values = eigh(W + W.T, F + F.T, eigvals_only=True, subset_by_index=[0, 0])
+    return float(values[0])
+
+
+def is_definite(W: np.ndarray, F: np.ndarray) -> bool:
+    """Return whether `definiteness` is above `LEAST_DEFINITENESS`, without computing its value."""
+    return not len(W) or dpotrf(W + W.T - LEAST_DEFINITENESS * (F + F.T))[1] == 0

@@ -38,8 +38,10 @@ import warnings
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
-from pyfric.core import STUCK, check_driven
+from pyfric.core import OPEN, STUCK, check_driven
 from pyfric.scene import (
     FRICTIONLESS,
     Geometry,
@@ -49,11 +51,17 @@ from pyfric.scene import (
     check_geometry,
 )
 from pyfric.statics.complementarity import Contact, ContactProblem, Route, Static
-from pyfric.statics.contact import States, Unmet, Values, rounding, with_free
-from pyfric.statics.on_junctions import loaded_on_junctions
+from pyfric.statics.contact import (
+    LEAST_DEFINITENESS,
+    States,
+    Unmet,
+    Values,
+    definiteness,
+    rounding,
+    with_free,
+)
 from pyfric.statics.rest import Equilibrium, EquilibriumError, as_prescribed, check_rests
 from pyfric.statics.system import System
-from pyfric.statics.uniqueness import LIMIT, definiteness
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -66,6 +74,10 @@ ACCEPTED = 1e-9
 """Largest accepted residual force, over F_N/N_x, if rounding prevents a smaller one."""
 CORRECTIONS = 10
 """Largest number of calls of the contact solver for one static state; about 2 are needed."""
+JUNCTION_STEPS = 100
+"""Largest number of steps to the loaded state on junctions."""
+JUNCTION_ROUNDED = 1e-12
+"""Residual force on junctions that counts as rounding, over F_N/N_x."""
 
 
 class _Found(NamedTuple):
@@ -179,7 +191,7 @@ class StaticSolver(System):
         """Return the loaded state. Bottom blocks slip only if they exceed their strength."""
         scene, home = self.scene, np.zeros(self.scene.N_x)
         if not (scene.law.rests or isinstance(scene.top, PrescribedLoad)):
-            return loaded_on_junctions(scene, self.geometry)
+            return self._load_on_junctions()
         states = States(scene, home, scene.law, driven=False)
 
         def settle(contact: Contact) -> None:
@@ -190,6 +202,40 @@ class StaticSolver(System):
             return states.unmet_in_loading(now, home) if scene.N_z > 1 else None
 
         return self._rest(np.zeros(len(self.arm)), states, home, None, unmet, settle)
+
+    def _load_on_junctions(self) -> Equilibrium:
+        """Return the loaded state on junctions, which are pinned at u_x = 0 before F_N is applied.
+
+        They add n_s k_j = sqrt(n_s C p) to the stiffness of each bottom block along x, with the
+        present p. The tangent of the chord iteration is that of linear geometry, with the stiffness
+        of the junctions at the last p.
+        """
+        scene, N_x, unit = self.scene, self.scene.N_x, self.scene.F_N / self.scene.N_x
+        states = States(scene, np.zeros(N_x), scene.law, driven=False)
+        q, p, least = np.zeros(len(self.arm)), np.full(N_x, unit), np.inf
+        of_bonds = self.bond_tangents(q)
+        for step in range(JUNCTION_STEPS):
+            u_x, u_z = q[:N_x], q[N_x : 2 * N_x]
+            if step:
+                states.enter(slice(None), np.where(u_z < 0, STUCK, OPEN))
+                p = np.where(states.closed, -scene.k_f * u_z, 0.0)
+            held = scene.law.stiffness(p)
+            forces, F_T = self.forces(q, states, None)
+            forces[:N_x] -= held * u_x
+            residual = float(np.max(np.abs(forces)))
+            rounded = JUNCTION_ROUNDED * unit
+            if residual <= rounded or (least <= 1e3 * rounded and residual >= least):
+                found = _Found(q, forces, F_T, residual, step)
+                return self._result(
+                    found, states, Values(u_x, -held * u_x, u_z, p, F_T), None, step
+                )
+            least = min(least, residual)
+            springs = np.zeros(len(q))
+            springs[:N_x] = held
+            K = self.stiffness(of_bonds, states.mode, driven=False) + sp.diags_array(springs)
+            q = q + splu(K.tocsc()).solve(forces)
+        what = "the slider on junctions does not settle under its load"
+        raise EquilibriumError(what, residual, rounded, JUNCTION_STEPS)
 
     # --- Newton's method, and the contact solver -------------------------------------------------
 
@@ -317,13 +363,14 @@ class StaticSolver(System):
 
 
 def _warn_if_ambiguous(contact: Contact) -> None:
-    """Warn if the definiteness of the slip operator is below `LIMIT`."""
+    """Warn if the definiteness of the slip operator is below `LEAST_DEFINITENESS`."""
     found = definiteness(*contact.slip_operator(contact.slip))
-    if found < LIMIT:
+    if found < LEAST_DEFINITENESS:
         warnings.warn(
             "friction is so strong that the loaded state may not be the only one. While F_N is "
             f"applied, {np.count_nonzero(contact.slip)} blocks slip, and the definiteness of their "
-            f"slip operator is {found:.3g}, below {LIMIT:g}. A smaller mu_k makes the state unique",
+            f"slip operator is {found:.3g}, below {LEAST_DEFINITENESS:g}. A smaller mu_k makes the "
+            "state unique",
             RuntimeWarning,
             stacklevel=8,
         )

@@ -173,48 +173,22 @@ def spring_tangents(
     return np.array([along * X * X + isotropic, along * X * Z, along * Z * Z + isotropic])
 
 
-class Assembly:
-    """Matrices in coordinates, K = E' B E, from 2 x 2 matrices of bonds.
-
-    E maps coordinates to their differences over the bonds, first x and then z, and to themselves.
-    B contains the matrices of the bonds, and the springs that connect coordinates to the ground.
+def assembled(
+    differences: sp.csr_array, of_bonds: np.ndarray, ground: np.ndarray | float = 0.0
+) -> sp.csr_array:
+    """Return the matrix E' B E + diag(ground) of 2 x 2 matrices B of bonds, shape (n_q, n_q).
 
     Args:
-        lattice: the bonds.
-        T: matrix from coordinates to displacements of all blocks, sparse, (2 N_x N_z, n_q); None
-            means that the displacements are the coordinates.
-
-    Attributes:
-        differences: du_x and then du_z over each bond by coordinates, shape (2 n_bonds, n_q).
+        differences: E, du_x and then du_z over each bond by coordinates, shape (2 n_bonds, n_q).
+        of_bonds: entries xx, xz and zz for each bond, shape (3, n_bonds).
+        ground: spring (or dashpot) from each coordinate to the ground, shape (n_q,).
     """
-
-    def __init__(self, lattice: Bonds, T: sp.csr_array | None = None) -> None:
-        parts = [D if T is None else D @ T for D in lattice.difference]
-        self.differences = sp.vstack(parts).tocsr()
-        n, n_q = len(lattice.a), self.differences.shape[1]
-        self._E = sp.vstack([self.differences, sp.eye_array(n_q)]).tocsr()
-        self._E.eliminate_zeros()
-        self._E_transposed = self._E.T.tocsr()
-        i, ground = np.arange(n, dtype=np.int32), np.arange(n_q + 1, dtype=np.int32)
-        self._columns = np.append(np.tile([i, i + n], 2).ravel("F"), 2 * n + ground[:-1])
-        self._rows = np.concatenate([2 * i, 2 * (i + n), 4 * n + ground])
-
-    def matrix(self, of_bonds: np.ndarray, ground: np.ndarray | float = 0.0) -> sp.csr_array:
-        """Return a matrix, shape (n_q, n_q).
-
-        Args:
-            of_bonds: entries xx, xz and zz for each bond, shape (3, n_bonds).
-            ground: spring (or dashpot) from each coordinate to the ground, shape (n_q,).
-        """
-        xx, xz, zz = of_bonds
-        n_q = self._E.shape[1]
-        entries = np.column_stack([np.append(xx, xz), np.append(xz, zz)]).ravel()
-        entries = np.append(entries, np.broadcast_to(ground, n_q))
-        size = (self._E.shape[0],) * 2
-        B = sp.csr_array((entries, self._columns, self._rows), shape=size)
-        K = self._E_transposed @ (B @ self._E)
-        K.sort_indices()
-        return K
+    (xx, xz, zz), n = of_bonds, of_bonds.shape[1]
+    entries = np.array([[xx, xz], [xz, zz]]).transpose(0, 2, 1).ravel()
+    columns = np.tile(np.arange(2 * n).reshape(2, n).T.ravel(), 2)
+    B = sp.csr_array((entries, columns, np.arange(0, 4 * n + 1, 2)), shape=(2 * n, 2 * n))
+    K = differences.T.tocsr() @ (B @ differences)
+    return (K + sp.diags_array(np.broadcast_to(ground, K.shape[0]))).tocsr()
 
 
 def spring_stiffness(
@@ -227,4 +201,5 @@ def spring_stiffness(
     Returns:
         Symmetric sparse matrix, shape (2 N_x N_z, 2 N_x N_z), in N/m.
     """
-    return Assembly(lattice).matrix(spring_tangents(lattice, u, geometry))
+    E = sp.vstack(lattice.difference).tocsr()
+    return assembled(E, spring_tangents(lattice, u, geometry))

@@ -11,13 +11,11 @@ Source: PRL 107, 074301 (2011), model section.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.sparse as sp
 
 from pyfric.scene import Scene
-from pyfric.statics.lattice import DIRECTIONS, Assembly, Bonds, bonds, spring_stiffness
+from pyfric.statics.lattice import DIRECTIONS, assembled, bonds, spring_stiffness
 
 
 def coordinates(scene: Scene) -> sp.csr_array:
@@ -87,17 +85,9 @@ def stiffness(
         closed: bottom blocks that touch the foundation, shape (N_x,), bool; None means all.
         driver: whether the driver spring is attached.
     """
-    closed = np.ones(scene.N_x, dtype=bool) if closed is None else closed
-    return _stiffnesses(scene, bonds(scene), coordinates(scene), [closed], driver=driver)[0]
-
-
-def _stiffnesses(
-    scene: Scene, lattice: Bonds, T: sp.csr_array, contacts: list[np.ndarray], *, driver: bool
-) -> list[sp.csr_array]:
-    """Return `stiffness` for each set of closed blocks."""
-    springs = T.T @ spring_stiffness(lattice) @ T
-    held = (ground(scene, T, closed, driver=driver) for closed in contacts)
-    return [(springs + sp.diags_array(one)).tocsr() for one in held]
+    closed, T = np.ones(scene.N_x, bool) if closed is None else closed, coordinates(scene)
+    springs = T.T @ spring_stiffness(bonds(scene)) @ T
+    return (springs + sp.diags_array(ground(scene, T, closed, driver=driver))).tocsr()
 
 
 def damping(scene: Scene) -> sp.csr_array:
@@ -107,14 +97,12 @@ def damping(scene: Scene) -> sp.csr_array:
     relative velocity, so that bonds within a rigid top row resist its rotation. Alternatively only
     the component along the bond counts (`Slider.dashpots`).
     """
-    return _damping(scene, bonds(scene), coordinates(scene))
-
-
-def _damping(scene: Scene, lattice: Bonds, T: sp.csr_array) -> sp.csr_array:
+    lattice, T = bonds(scene), coordinates(scene)
     x, z = (lattice.d / lattice.l[:, None]).T
     along = scene.slider.dashpots == "along"
     of_bonds = np.array([x * x, x * z, z * z] if along else [x * x + z * z, 0 * x, x * x + z * z])
-    C = Assembly(lattice).matrix(scene.eta * lattice.share * of_bonds, _absorbing(scene))
+    E = sp.vstack(lattice.difference).tocsr()
+    C = assembled(E, scene.eta * lattice.share * of_bonds, _absorbing(scene))
     return (T.T @ C @ T).tocsr()
 
 
@@ -131,55 +119,6 @@ def _absorbing(scene: Scene) -> np.ndarray:
         c[-1] += np.outer([z_s, z_p], columns)
         c[-1, 0, columns < 1] -= z_s / 2
     return c.ravel()
-
-
-class Operators(NamedTuple):
-    """Mass (diagonal, shape (n_q,)), stiffness and damping (sparse, shape (n_q, n_q))."""
-
-    M: np.ndarray
-    K: sp.csr_array
-    C: sp.csr_array
-
-
-def operators(scene: Scene, closed: np.ndarray | None = None) -> Operators:
-    """Return M, K, C of the linear geometry, without friction.
-
-    Args:
-        scene: the scene.
-        closed: bottom blocks that touch the foundation, shape (N_x,), bool; None means all.
-    """
-    closed = np.ones(scene.N_x, dtype=bool) if closed is None else closed
-    M, (K,), C = operators_at(scene, [closed])
-    return Operators(M, K, C)
-
-
-def operators_at(
-    scene: Scene, contacts: list[np.ndarray]
-) -> tuple[np.ndarray, list[sp.csr_array], sp.csr_array]:
-    """Return M, K for each set of closed bottom blocks, and C; see `operators`."""
-    lattice, T = bonds(scene), coordinates(scene)
-    K = _stiffnesses(scene, lattice, T, contacts, driver=True)
-    return mass(scene), K, _damping(scene, lattice, T)
-
-
-class Medium(NamedTuple):
-    """What plane waves depend on: l (m), k (N/m), m (kg), eta (N s/m), dashpots, one or two rows.
-
-    More rows than two have the waves of two.
-    """
-
-    l: float
-    k: float
-    m: float
-    eta: float
-    dashpots: str
-    rows: int
-
-    @classmethod
-    def of(cls, scene: Scene) -> Medium:
-        """Return that of a scene."""
-        slider = scene.slider
-        return cls(slider.l, slider.k, scene.m, scene.eta, slider.dashpots, min(scene.N_z, 2))
 
 
 def dispersion(
@@ -200,19 +139,13 @@ def dispersion(
         the bonds damping is a matrix, too. Then gamma has shape (..., 2): the damping of each
         undamped wave, without the coupling of the two waves.
     """
-    return waves(Medium.of(scene), wave_vectors, ground)
-
-
-def waves(
-    medium: Medium, wave_vectors: np.ndarray, ground: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies and damping rates in a medium; see `dispersion`."""
-    l, k, m, eta, dashpots, rows = medium
+    slider, m = scene.slider, scene.m
+    l, k = slider.l, slider.k
     D = np.zeros((*wave_vectors.shape[:-1], 2, 2))
     C = np.zeros_like(D)
     gamma = np.zeros(wave_vectors.shape[:-1])
     for dx, dz, factor in DIRECTIONS:
-        if abs(dz) >= rows:
+        if abs(dz) >= scene.N_z:
             continue
         d = np.array([dx, dz], dtype=float)
         s = 4 * np.sin(wave_vectors @ (d * l / 2)) ** 2
@@ -220,10 +153,10 @@ def waves(
         C += s[..., None, None] * np.outer(d, d) / (d @ d)
         gamma += s
     D += np.diag(ground) / k
-    if dashpots == "along":
+    if slider.dashpots == "along":
         values, shapes = np.linalg.eigh(D)
         gamma = np.einsum("...ik,...ij,...jk->...k", shapes, C, shapes)
     else:
         values = np.linalg.eigvalsh(D)
     omega = np.sqrt(k / m) * np.sqrt(np.maximum(values, 0.0))
-    return omega, gamma * (eta / m)
+    return omega, gamma * (scene.eta / m)

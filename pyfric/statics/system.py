@@ -20,7 +20,13 @@ from pyfric import core
 from pyfric.core import OPEN, STUCK
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.condensation import LARGE
-from pyfric.statics.lattice import Assembly, bonds, spring_forces, spring_stiffness, spring_tangents
+from pyfric.statics.lattice import (
+    assembled,
+    bonds,
+    spring_forces,
+    spring_stiffness,
+    spring_tangents,
+)
 from pyfric.statics.memory import Memory
 from pyfric.statics.operators import coordinates, driven_dofs, ground
 from pyfric.statics.rest import EquilibriumError
@@ -137,10 +143,9 @@ class System:
 
     def pushed(self, drive: float) -> np.ndarray:
         """Return the forces of the driver on the coordinates at u = 0, shape (n_q,), in N."""
-        scene = self.scene
-        if scene.n_driven == 1:
-            return (drive + scene.d * self.u_drv0) * self.push
-        return drive * self.push + self._driven.T @ (scene.driver.K / scene.n_driven * self.u_drv0)
+        scene, n = self.scene, self.scene.n_driven
+        each = scene.driver.K / n * (scene.d * drive + self.u_drv0)
+        return self._driven.T @ np.broadcast_to(each, n)
 
     def forces(
         self, q: np.ndarray, contact: States, drive: float | None
@@ -157,23 +162,14 @@ class System:
         force[0, 1] += p
         force[0, 0] -= contact.slip * contact.law.slide(p)
         if drive is not None:
-            F_T = self._drive(drive, u, force)
+            moved = scene.u_driven(u) - self.u_drv0
+            F_T = scene.driver_force(drive, moved, 0.0)
+            each = scene.driver.K / scene.n_driven * (drive - scene.d * moved)
+            force[scene.j_h : scene.j_h_top + 1, 0, scene.i_h] += scene.d * each
         force = self._T_transposed @ force.ravel()
         if scene.rigid:
             force[-2:] += self.load[-2], -scene.kappa * q[-1]
         return force, F_T
-
-    def _drive(self, drive: float, u: np.ndarray, force: np.ndarray) -> float:
-        """Add the driver's forces to `force`, (N_z, 2, N_x), in N; return their sum along the
-        drive.
-        """
-        scene, moved = self.scene, self.scene.u_driven(u) - self.u_drv0
-        F_T = scene.driver_force(drive, moved, 0.0)
-        each = F_T
-        if scene.n_driven > 1:
-            each = scene.driver.K / scene.n_driven * (drive - scene.d * moved)
-        force[scene.j_h : scene.j_h_top + 1, 0, scene.i_h] += scene.d * each
-        return F_T
 
     # --- tangents --------------------------------------------------------------------------------
 
@@ -182,16 +178,17 @@ class System:
         return spring_tangents(self._lattice, self._T @ q, self.geometry)
 
     @functools.cached_property
-    def _assembly(self) -> Assembly:
-        return Assembly(self._lattice, self._T)
+    def _differences(self) -> sp.csr_array:
+        """Derivatives of du_x and du_z over each bond by coordinates, shape (2 n_bonds, n_q)."""
+        return sp.vstack([D @ self._T for D in self._lattice.difference]).tocsr()
 
     @functools.cached_property
     def _gather(self) -> sp.csr_array:
-        return self._assembly.differences.T.tocsr()
+        return self._differences.T.tocsr()
 
     def elongations(self, shapes: np.ndarray) -> list[np.ndarray]:
         """Return du_x and du_z over each bond, shape (n_bonds, n), of shapes (n_q, n)."""
-        return np.split(self._assembly.differences @ shapes, 2)
+        return np.split(self._differences @ shapes, 2)
 
     def largest_turn(self, q: np.ndarray) -> float:
         """Return the largest relative displacement of the ends of a bond, over l."""
@@ -218,7 +215,7 @@ class System:
         held = ground(self.scene, self._T, mode != OPEN, driver=driven)
         if self.geometry == "linear":
             return (self._K + sp.diags_array(held)).tocsr()
-        return self._assembly.matrix(of_bonds, held)
+        return assembled(self._differences, of_bonds, held)
 
     def tangent(
         self, stuck: np.ndarray

@@ -23,7 +23,7 @@ from pyfric.scene.checked import (
 )
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws import KINDS, FrictionLaw, Means, Tables, check_tables
-from pyfric.scene.laws.weakening import LinearWeakening
+from pyfric.scene.laws.simple import LinearWeakening
 from pyfric.scene.materials import Material
 from pyfric.scene.protocol import Corners, Protocol
 from pyfric.scene.push import Pushed, Pushes

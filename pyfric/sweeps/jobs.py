@@ -40,15 +40,23 @@ class JobError(RuntimeError):
 
     Attributes:
         job: its job.
-        error: what went wrong; a `RunError` has the record until then.
+        error: what went wrong; a `RunError` has the record until then. Of a run that failed
+            earlier, the reason that was noted, as text.
     """
 
-    def __init__(self, job: Job, error: Exception) -> None:
+    def __init__(self, job: Job, error: Exception | str) -> None:
         super().__init__(job, error)
         self.job, self.error = job, error
 
+    @property
+    def reason(self) -> str:
+        """What went wrong, after its type."""
+        if isinstance(self.error, str):
+            return self.error
+        return f"{type(self.error).__name__}: {self.error}"
+
     def __str__(self) -> str:
-        return f"{self.job}: {type(self.error).__name__}: {self.error}"
+        return f"{self.job}: {self.reason}"
 
 
 @dataclass(frozen=True, init=False)

@@ -36,10 +36,6 @@ MEASURED = {
 """Column -> unit and meaning."""
 
 
-class FailedBefore(Exception):
-    """The reason why a run failed the last time, as the run gave it."""
-
-
 @dataclass(frozen=True)
 class Results:
     """What became of each point of a sweep: its record, or why there is none.
@@ -170,9 +166,7 @@ def _status(outcome: Any) -> dict[str, str]:
     if outcome is None:
         return {"status": "waiting", "reason": "", "engine": ""}
     if isinstance(outcome, JobError):
-        before = isinstance(outcome.error, FailedBefore)
-        kind = "" if before else f"{type(outcome.error).__name__}: "
-        return {"status": "failed", "reason": f"{kind}{outcome.error}", "engine": ""}
+        return {"status": "failed", "reason": outcome.reason, "engine": ""}
     return {"status": "refused", "reason": str(outcome), "engine": ""}
 
 

@@ -118,9 +118,10 @@ def run_all(
         with closing(_outcomes(todo, min(count, len(todo)), store, executor)) as outcomes:
             for key, made in outcomes:
                 if isinstance(made, Exception):
-                    store.note_failure(key, f"{type(made).__name__}: {made}")
+                    error = JobError(todo[key], made)
+                    store.note_failure(key, error.reason)
                     if errors == "raise":
-                        raise JobError(todo[key], made) from made
+                        raise error from made
                 elif not made.done:
                     raise KeyboardInterrupt
                 found[key] = made

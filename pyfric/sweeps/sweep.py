@@ -60,7 +60,7 @@ from pyfric.scene import (
 )
 from pyfric.sweeps.file import read_sweep
 from pyfric.sweeps.jobs import DEFAULTS, Job, JobError
-from pyfric.sweeps.results import FailedBefore, Results
+from pyfric.sweeps.results import Results
 from pyfric.sweeps.runs import run_all
 from pyfric.sweeps.store import Cache, Store
 from pyfric.sweeps.varied import MAX_POINTS, Span, drawn, full_field, varied
@@ -298,5 +298,5 @@ def _found(store: Store, job: Job) -> Record | JobError | None:
     """Return the finished record of a job, or why it failed, or None."""
     record = store.load(job.key, job.scene)
     if record is None and (reason := store.failure(job.key)):
-        return JobError(job, FailedBefore(reason))
+        return JobError(job, reason)
     return record

@@ -67,18 +67,18 @@ def _check_fields(scene: Scene) -> None:
 
 def _check_height(scene: Scene) -> None:
     """Check that driven blocks are on rows above the bottom one."""
-    h, l, H = scene.driver.h, scene.slider.l, scene.slider.H
-    steps = steps_in(h, l)
-    if steps is None or not 1 <= steps < scene.N_z:
-        allowed = f"a multiple of l = {l!r} m, from l to H = {H!r} m"
-        reason = "not on a row" if steps is None else "not on a row that can be driven"
-        raise SceneError("driver.h", h, "m", allowed, reason)
-    top = scene.driver.h_top
-    steps_to_top = steps if top is None else steps_in(top, l)
-    if steps_to_top is None or not steps <= steps_to_top < scene.N_z:
-        allowed = f"a multiple of l = {l!r} m, from h = {h!r} m to H = {H!r} m"
-        reason = "not on a row" if steps_to_top is None else "not on the driven side above h"
-        raise SceneError("driver.h_top", top, "m", allowed, reason)
+    l, H, lowest = scene.slider.l, scene.slider.H, 1
+    for name, least, where in (
+        ("h", "l", "not on a row that can be driven"),
+        ("h_top", f"h = {scene.driver.h!r} m", "not on the driven side above h"),
+    ):
+        height = getattr(scene.driver, name)
+        steps = lowest if height is None else steps_in(height, l)
+        if steps is None or not lowest <= steps < scene.N_z:
+            allowed = f"a multiple of l = {l!r} m, from {least} to H = {H!r} m"
+            reason = "not on a row" if steps is None else where
+            raise SceneError(f"driver.{name}", height, "m", allowed, reason)
+        lowest = steps
 
 
 def _check_prescribed(scene: Scene) -> None:

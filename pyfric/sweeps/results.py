@@ -15,7 +15,7 @@ import pandas as pd
 
 from pyfric.record import Record, analysis
 from pyfric.scene import SceneError, unknown, written
-from pyfric.sweeps.jobs import Job, JobError
+from pyfric.sweeps.runs import Job, JobError
 from pyfric.sweeps.varied import varied
 
 if TYPE_CHECKING:

@@ -59,9 +59,8 @@ from pyfric.scene import (
     unknown,
 )
 from pyfric.sweeps.file import read_sweep
-from pyfric.sweeps.jobs import DEFAULTS, Job, JobError
 from pyfric.sweeps.results import Results
-from pyfric.sweeps.runs import run_all
+from pyfric.sweeps.runs import DEFAULTS, Job, JobError, run_all
 from pyfric.sweeps.store import Cache, Store
 from pyfric.sweeps.varied import MAX_POINTS, Span, drawn, full_field, varied
 

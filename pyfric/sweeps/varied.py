@@ -22,7 +22,7 @@ from pyfric.scene import (
     naming,
     scene_fields,
 )
-from pyfric.sweeps.jobs import OPTIONS
+from pyfric.sweeps.runs import OPTIONS
 
 MAX_POINTS = 1_000_000
 """Most points of a sweep."""

@@ -43,8 +43,7 @@ from pyfric.scene.presets import (
     setup2,
     slab,
 )
-from pyfric.scene.protocol import Leg, legs
-from pyfric.scene.push import Push
+from pyfric.scene.protocol import Leg, Push, legs
 from pyfric.scene.scene import OnDriven, Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.toml import parsed

@@ -9,7 +9,7 @@ import numpy as np
 from pyfric.scene.checked import quantities
 from pyfric.scene.errors import SceneError
 from pyfric.scene.parts import CHAIN_NOTE, Interface, PrescribedLoad, steps_in
-from pyfric.scene.push import Push
+from pyfric.scene.protocol import Push
 from pyfric.scene.spread import Spread
 
 if TYPE_CHECKING:

@@ -10,7 +10,6 @@ import pytest
 import pyfric
 from pyfric.checks.verify import _OutOfTime
 from pyfric.record.episodes import LogError
-from pyfric.sweeps import results
 from pyfric.sweeps.runs import Unwanted
 
 
@@ -22,7 +21,6 @@ def run_error():
 
 
 EXAMPLES = {
-    results.FailedBefore: lambda: results.FailedBefore("the motion is not finite"),
     pyfric.EquilibriumError: lambda: pyfric.EquilibriumError("no way", np.nan, 1e-9, 7),
     pyfric.JobError: lambda: pyfric.JobError(
         pyfric.Job(scene=pyfric.preset("fig1"), t_end=0.1), run_error()

@@ -12,7 +12,7 @@ from helpers import same_run, small
 from in_workers import counted
 
 import pyfric
-from pyfric.sweeps import Job, JobError, Store, jobs, run_all, runs, side_by_side
+from pyfric.sweeps import Job, JobError, Store, run_all, runs, side_by_side
 
 HYBRID = {"fidelity": "hybrid", "geometry": "linear"}
 QUICK = {"fidelity": "quasistatic"}
@@ -58,32 +58,32 @@ def test_key_holds_all_that_determines_a_run(monkeypatch):
     assert job(name="a").key == job(name="b").key
     assert job(options=pyfric.Options(**QUICK)).key == job().key
     before = job().key
-    monkeypatch.setattr(jobs, "code_version", lambda: "another code")
+    monkeypatch.setattr(runs, "code_version", lambda: "another code")
     assert job().key != before
 
 
 def test_code_version_follows_the_installed_files(monkeypatch, tmp_path):
     def version():
-        jobs.code_version.cache_clear()
-        return jobs.code_version()
+        runs.code_version.cache_clear()
+        return runs.code_version()
 
     real = version()
-    monkeypatch.setattr(jobs, "__file__", str(tmp_path / "sweeps" / "jobs.py"))
-    for room in (*jobs.ROOMS, "sweeps", "figures", "paper", "checks", "cli"):
+    monkeypatch.setattr(runs, "__file__", str(tmp_path / "sweeps" / "runs.py"))
+    for room in (*runs.ROOMS, "sweeps", "figures", "paper", "checks", "cli"):
         (tmp_path / room).mkdir()
         (tmp_path / room / "a.py").write_text("a")
     found = {real, version()}
     for room in ("sweeps", "figures", "paper", "checks", "cli"):  # a caption voids no stored run
         (tmp_path / room / "a.py").write_text("b")
         assert version() in found
-    for room in jobs.ROOMS:
+    for room in runs.ROOMS:
         (tmp_path / room / "a.py").write_text("b")
         assert version() not in found
         found.add(version())
     (tmp_path / "_core_v2.so").write_bytes(b"c")
     assert version() not in found
     found.add(version())
-    monkeypatch.setattr(jobs.scipy, "__version__", "0.0")
+    monkeypatch.setattr(runs.scipy, "__version__", "0.0")
     assert version() not in found
     monkeypatch.undo()
     assert version() == real

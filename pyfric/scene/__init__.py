@@ -19,7 +19,6 @@ from pyfric.scene.files import (
 )
 from pyfric.scene.friction import FRICTIONLESS, Law, of, slipped
 from pyfric.scene.materials import MATERIALS, Material
-from pyfric.scene.notes import law_notes, resolving_step
 from pyfric.scene.parts import (
     DistributedLoad,
     Driver,
@@ -43,10 +42,10 @@ from pyfric.scene.presets import (
     setup2,
     slab,
 )
-from pyfric.scene.protocol import Leg, legs
-from pyfric.scene.push import Push
+from pyfric.scene.protocol import Leg, Push, legs
 from pyfric.scene.scene import OnDriven, Scene
 from pyfric.scene.spread import Spread
+from pyfric.scene.text import law_notes, resolving_step
 from pyfric.scene.toml import parsed
 from pyfric.scene.units import check_number, check_whole, parse_quantity, spoken
 

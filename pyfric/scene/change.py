@@ -52,18 +52,19 @@ def _inside(owner: Any, prefix: str, marks: Mapping[str, Annotation]) -> dict[st
     return found
 
 
-def full_name(scene: Parts, name: str, value: Any = None) -> str:
+def full_name(scene: Parts, name: str, value: Any = None, more: Iterable[str] = ()) -> str:
     """Return the name of a field with its part: "driver.h" for "h", "interface.law.B" for "law.B".
 
     Args:
         scene: a scene, or its parts by name.
         name: a dotted name, or its end. If several names fit, the one with the fewest dots counts.
         value: the new value, for the error message.
+        more: names of what else there is.
 
     Raises:
         SceneError: no field, or more than one, has this name.
     """
-    name, known = str(name), scene_fields(scene)
+    name, known = str(name), dict.fromkeys([*scene_fields(scene), *more])
     found = [full for full in known if f".{full}".endswith(f".{name}")]
     depth = min((full.count(".") for full in found), default=0)
     found = [full for full in found if full.count(".") == depth]

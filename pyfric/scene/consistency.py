@@ -9,7 +9,7 @@ import numpy as np
 from pyfric.scene.checked import quantities
 from pyfric.scene.errors import SceneError
 from pyfric.scene.parts import CHAIN_NOTE, Interface, PrescribedLoad, steps_in
-from pyfric.scene.push import Push
+from pyfric.scene.protocol import Push
 from pyfric.scene.spread import Spread
 
 if TYPE_CHECKING:
@@ -29,15 +29,14 @@ def check(scene: Scene) -> None:
     _check_pushed(scene)
     if isinstance(scene.top, PrescribedLoad):
         _check_prescribed(scene)
-    if scene.N_z == 1:
-        _check_chain(scene)
-        return
-    _check_height(scene)
-    _check_T(scene)
-    if scene.prescribed:
-        _check_surface(scene)
-    else:
-        _check_free(scene)
+    elif scene.N_z == 1:
+        allowed = f"a multiple of l = {scene.slider.l!r} m, >= l{CHAIN_NOTE}"
+        reason = f"too small where top.kind = {scene.top.kind!r}"
+        raise SceneError("slider.H", scene.slider.H, "m", allowed, reason)
+    if scene.N_z > 1:
+        _check_height(scene)
+        _check_T(scene)
+    _check_absent(scene)
 
 
 def _check_fields(scene: Scene) -> None:
@@ -68,18 +67,18 @@ def _check_fields(scene: Scene) -> None:
 
 def _check_height(scene: Scene) -> None:
     """Check that driven blocks are on rows above the bottom one."""
-    h, l, H = scene.driver.h, scene.slider.l, scene.slider.H
-    steps = steps_in(h, l)
-    if steps is None or not 1 <= steps < scene.N_z:
-        allowed = f"a multiple of l = {l!r} m, from l to H = {H!r} m"
-        reason = "not on a row" if steps is None else "not on a row that can be driven"
-        raise SceneError("driver.h", h, "m", allowed, reason)
-    top = scene.driver.h_top
-    steps_to_top = steps if top is None else steps_in(top, l)
-    if steps_to_top is None or not steps <= steps_to_top < scene.N_z:
-        allowed = f"a multiple of l = {l!r} m, from h = {h!r} m to H = {H!r} m"
-        reason = "not on a row" if steps_to_top is None else "not on the driven side above h"
-        raise SceneError("driver.h_top", top, "m", allowed, reason)
+    l, H, lowest = scene.slider.l, scene.slider.H, 1
+    for name, least, where in (
+        ("h", "l", "not on a row that can be driven"),
+        ("h_top", f"h = {scene.driver.h!r} m", "not on the driven side above h"),
+    ):
+        height = getattr(scene.driver, name)
+        steps = lowest if height is None else steps_in(height, l)
+        if steps is None or not lowest <= steps < scene.N_z:
+            allowed = f"a multiple of l = {l!r} m, from {least} to H = {H!r} m"
+            reason = "not on a row" if steps is None else where
+            raise SceneError(f"driver.{name}", height, "m", allowed, reason)
+        lowest = steps
 
 
 def _check_prescribed(scene: Scene) -> None:
@@ -144,40 +143,29 @@ def check_push(scene: Scene, push: Push, f: np.ndarray, strength: np.ndarray) ->
         raise SceneError("top.push", push.force, "N", allowed, "does not let it slip")
 
 
-def _check_chain(scene: Scene) -> None:
-    if not isinstance(scene.top, PrescribedLoad):
-        allowed = f"a multiple of l = {scene.slider.l!r} m, >= l{CHAIN_NOTE}"
-        reason = f"too small where top.kind = {scene.top.kind!r}"
-        raise SceneError("slider.H", scene.slider.H, "m", allowed, reason)
-    _check_free(scene)
-    if scene.driver.h:
-        reason = "a chain is driven at its only row"
-        raise SceneError("driver.h", scene.driver.h, "m", "0 m", reason)
-    if scene.driver.h_top:
-        reason = "a chain is driven at its only row"
-        raise SceneError("driver.h_top", scene.driver.h_top, "m", "None, or 0 m", reason)
-
-
-def _check_free(scene: Scene) -> None:
-    """Refuse options that only a prescribed interface in two dimensions has."""
-    for side in ("left", "right", "top"):
-        if (beyond := getattr(scene.walls, side)) != "free":
+def _check_absent(scene: Scene) -> None:
+    """Refuse what only other kinds of scenes have."""
+    absent: dict[str, tuple[str, str]] = {}
+    if scene.prescribed:
+        absent["top.k_top"] = "0 N/m", "a chain has springs to a rigid top; here walls.top = 'held'"
+        absent["interface.k_f"] = "None", "a prescribed interface has no foundation"
+    else:
+        for side in ("left", "right", "top"):
             reason = "walls need top.kind = 'prescribed' and at least two rows"
-            raise SceneError(f"walls.{side}", beyond, "", "'free'", reason)
-    if scene.driver.K == 0 and scene.N_z > 1:
+            absent[f"walls.{side}"] = "'free'", reason
+    if scene.N_z == 1:
+        reason = "a chain is driven at its only row"
+        absent |= {"driver.h": ("0 m", reason), "driver.h_top": ("None, or 0 m", reason)}
+    for name, (allowed, reason) in absent.items():
+        part, _, field = name.partition(".")
+        owner = getattr(scene, part)
+        value, mark = getattr(owner, field), quantities(type(owner)).get(field)
+        if value not in (None, 0, "free"):
+            raise SceneError(name, value, mark.unit if mark else "", allowed, reason)
+    if scene.driver.K == 0 and scene.N_z > 1 and not scene.prescribed:
         reason = "only a prescribed interface, or a chain, goes without a driver"
         raise SceneError("driver.K", 0.0, "N/m", "> 0 N/m", reason)
-
-
-def _check_surface(scene: Scene) -> None:
-    """Refuse options that a prescribed interface in two dimensions does not have."""
-    if scene.top.k_top:
-        reason = "a chain has springs to a rigid top; here walls.top = 'held'"
-        raise SceneError("top.k_top", scene.top.k_top, "N/m", "0 N/m", reason)
-    if scene.interface.k_f is not None:
-        reason = "a prescribed interface has no foundation"
-        raise SceneError("interface.k_f", scene.interface.k_f, "N/m", "None", reason)
-    if scene.walls.top == "held" and scene.j_h_top == scene.N_z - 1:
+    if scene.prescribed and scene.walls.top == "held" and scene.j_h_top == scene.N_z - 1:
         name = "h" if scene.driver.h_top is None else "h_top"
         highest = f"at most {(scene.N_z - 2) * scene.slider.l!r} m"
         value = getattr(scene.driver, name)

@@ -23,10 +23,9 @@ from pyfric.scene.checked import (
 )
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws import KINDS, FrictionLaw, Means, Tables, check_tables
-from pyfric.scene.laws.weakening import LinearWeakening
+from pyfric.scene.laws.simple import LinearWeakening
 from pyfric.scene.materials import Material
-from pyfric.scene.protocol import Corners, Protocol
-from pyfric.scene.push import Pushed, Pushes
+from pyfric.scene.protocol import Corners, Protocol, Pushed, Pushes
 from pyfric.scene.spread import FIELD, LIST_NOTE, Field, Spread
 
 MAX_BLOCKS = 20_000_000

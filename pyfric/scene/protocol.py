@@ -1,8 +1,8 @@
-"""Loading protocols: piecewise linear functions of time.
+"""Loads that change with time: piecewise linear protocols, and pushes of single blocks.
 
 A protocol is a value at t = 0 and breakpoints (`corners`), which are pairs of a time and a value.
 It is linear between breakpoints and constant after the last one. Two breakpoints at the same time
-are a jump.
+are a jump. A push is a constant or growing force on one block of an interface.
 """
 
 from __future__ import annotations
@@ -11,14 +11,18 @@ import bisect
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from pyfric.scene.checked import Quantity, Written
+import numpy as np
+
+from pyfric.scene.checked import Annotation, Quantity, Whole, Written
 from pyfric.scene.errors import SceneError, numbered
 
-MAX_CORNERS = 1000
-"""Largest number of breakpoints of one protocol."""
+MOST = 1000
+"""Largest number of breakpoints of one protocol, and of pushes of one scene."""
+FOR_EVER = (math.inf, "inf s")
+"""Values that mean no end of a push, in Python and in files."""
 
 Corners = tuple[tuple[float, float], ...]
 
@@ -124,6 +128,16 @@ def legs(course: Sequence[Piece], t_end: float) -> list[Leg]:
     return found
 
 
+def _rows(
+    of: Annotation, what: tuple[str, str], value: Any, check: Callable[[Any], Any]
+) -> tuple[Any, ...]:
+    """Return the checked rows of a list; `what` names a row and a list of them."""
+    if not isinstance(value, list | tuple) or len(value) > MOST:
+        reason = f"not a list of {what[1]}, or more than {MOST}"
+        raise SceneError("", value, of.unit, of.allowed, reason)
+    return numbered(what[0], check, value)
+
+
 @dataclasses.dataclass(frozen=True)
 class Protocol(Quantity):
     """Annotation of breakpoints: pairs of a time in s and a value in `unit`."""
@@ -137,9 +151,6 @@ class Protocol(Quantity):
         return f"pairs of a time >= 0 s, in order, and {self._numbers[1].allowed}"
 
     def check(self, value: Any, written: Written | None = None) -> Corners:
-        if not isinstance(value, list | tuple) or len(value) > MAX_CORNERS:
-            reason = f"not a list of pairs, or more than {MAX_CORNERS}"
-            raise SceneError("", value, self.unit, self.allowed, reason)
         times: list[float] = []
 
         def corner(pair: Any) -> tuple[float, float]:
@@ -155,8 +166,84 @@ class Protocol(Quantity):
             times.append(t)
             return t, of_value.check(pair[1], written)
 
-        return numbered("corner", corner, value)
+        return _rows(self, ("corner", "pairs"), value, corner)
 
     def written(self, value: Corners) -> Any:
         time, size = self._numbers
         return [[time.written(t), size.written(y)] for t, y in value]
+
+
+# --- pushes --------------------------------------------------------------------------------------
+
+
+class Push(NamedTuple):
+    """A force in the drive direction on a block, counted from 1 at the trailing edge.
+
+    The force is `force` + `rate` (t - `begin`), in N, from `begin` to `end` (s), which may be inf.
+    """
+
+    block: int
+    force: float
+    begin: float = 0.0
+    end: float = math.inf
+    rate: float = 0.0
+
+    def at(self, t: float) -> float:
+        """Return the force at t (s), in N, without regard to `end`."""
+        return self.force + self.rate * (t - self.begin)
+
+    @property
+    def ever(self) -> bool:
+        """Whether the force is constant from t = 0 on, without end."""
+        return not (self.rate or self.begin) and self.end == math.inf
+
+
+Pushed = tuple[tuple[float, ...], ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Pushes(Annotation):
+    """Annotation of pushes: lists of a block, a force, and perhaps begin, end and rate."""
+
+    unit: str = "N"
+    allowed: str = (
+        "lists of a block's number, a force in N, and perhaps begin and end in s and a rate in N/s"
+    )
+
+    def check(self, value: Any, written: Written | None = None) -> tuple[Push, ...]:
+        return _rows(self, ("push", "pushes"), value, lambda one: self._push(one, written))
+
+    def _push(self, given: Any, written: Written | None) -> Push:
+        if not isinstance(given, list | tuple) or not 2 <= len(given) <= 5:
+            raise SceneError("", given, "N", self.allowed, "not two to five numbers")
+        block, *rest = given
+        block = Whole(1_000_000_000).check(block)
+        marks = (Quantity("N"), Quantity("s", ge=0.0), Quantity("s", gt=0.0), Quantity("N/s"))
+        numbers = [
+            math.inf if n == 2 and x in FOR_EVER else mark.check(x, written)
+            for n, (mark, x) in enumerate(zip(marks, rest, strict=False))
+        ]
+        push = Push(block, *numbers)
+        if not push.end > push.begin:
+            raise SceneError("", push.end, "s", f"> {push.begin!r} s", "ends before it begins")
+        return push
+
+    def written(self, value: tuple[Push, ...]) -> Any:
+        return [
+            [one.block, f"{one.force!r} N", f"{one.begin!r} s"]
+            + ([f"{one.end!r} s"] if math.isfinite(one.end) or one.rate else [])
+            + ([f"{one.rate!r} N/s"] if one.rate else [])
+            for one in value
+        ]
+
+
+def pushes_at(pushes: tuple[Push, ...], n_blocks: int, t: float, now: float) -> np.ndarray:
+    """Return forces (N) and rates (N/s) at time `now` (s) of the pushes that act at t (s).
+
+    The shape is (2, n_blocks), from the trailing edge on.
+    """
+    found = np.zeros((2, n_blocks))
+    for one in pushes:
+        if one.begin <= t < one.end:
+            found[:, one.block - 1] += one.at(now), one.rate
+    return found

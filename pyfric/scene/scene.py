@@ -38,8 +38,7 @@ from pyfric.scene.parts import (
     Slider,
     Walls,
 )
-from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
-from pyfric.scene.push import pushes_at
+from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces, pushes_at
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import scene_text
 

@@ -207,23 +207,22 @@ class _Line:
         guess, bracket = None, None
         if self.points:
             low, high = column.ends(self.below)
-            if column.root(low, high) is not None:
-                bracket = low, high
-        if self.points and bracket is None:
             guess = min(max(_extended(self.points[-POINTS:], x), low), high)
-            bracket = self._across(column, guess, low, high)
+            bracket = self._narrowed(column, low, high, guess)
         if bracket is None:
             self.points.clear()
             self.step = FIRST * self.width
             guess, self.below = None, column(min(column.labels, default=0.0))
-            bracket = column.ends(self.below)
-            if self._is_below(column(bracket[1])) and not self._is_below(column(0.0)):
+            low, high = column.ends(self.below)
+            if self._is_below(column(high)) and not self._is_below(column(0.0)):
                 self.below = column(0.0)  # no known label was below the line
-                bracket = column.ends(self.below)
-            if self._is_below(column(bracket[1])):
-                none = (math.nan, math.nan, math.nan)
-                return column.over, *none, self.below, self.below, column.runs
-        low, high = self._narrowed(column, *bracket)
+                low, high = column.ends(self.below)
+            if not self._is_below(column(high)):
+                bracket = self._narrowed(column, low, high)
+        if bracket is None:
+            none = (math.nan, math.nan, math.nan)
+            return column.over, *none, self.below, self.below, column.runs
+        low, high = bracket
         share = (low + high) / 2
         if guess is not None:
             half = max(abs(share - guess) / 2 / self.width, 1.0)
@@ -232,43 +231,37 @@ class _Line:
         ends = column.span.at(share), column.span.at(low), column.span.at(high)
         return column.over, *ends, column(low), column(high), column.runs
 
-    def _narrowed(self, column: _Column, low: float, high: float) -> tuple[float, float]:
-        """Return a bracket as narrow as wanted, from a wider one."""
-        slow = 0  # roots that left more than half of the bracket
-        while high - low > (1 + 1e-9) * self.width:
-            length, root = high - low, column.root(low, high) if slow < 2 else None
-            share = (low + high) / 2 if root is None else root
-            if root is not None and root - low < NEAR * self.width:
-                share = low + self.width
-            elif root is not None and high - root < NEAR * self.width:
-                share = high - self.width
-            elif root is not None and slow:  # just beyond it, as seen from the end that stays
-                beyond = NEAR / 2 * self.width
-                share = root + (beyond if high - root > root - low else -beyond)
-            low, high = (share, high) if self._is_below(column(share)) else (low, share)
-            slow += root is not None and high - low > length / 2
-        return low, high
-
-    def _across(
-        self, column: _Column, guess: float, low: float, high: float
+    def _narrowed(
+        self, column: _Column, low: float, high: float, guess: float | None = None
     ) -> tuple[float, float] | None:
-        """Return a bracket that is found from a guess; None where the range ends before it."""
-        most = math.inf  # runs that are left if the next one does not bracket the line
-        if {low, high} <= column.labels.keys():
-            most = math.ceil(math.log2(max((high - low) / self.width, 1.0)))
-        side = self._is_below(column(guess))
-        share, step = guess, self.step if side else -self.step
-        while True:
-            most -= 1
-            left = high - share if side else share - low
-            length = min(max(abs(step), left - self.width * 2.0**most), self.width * 2.0**most)
-            step = math.copysign(length, step)
-            before, share = share, min(max(share + step, low), high)
-            if share == before:
+        """Return a bracket as narrow as wanted, from a wider one; None where the range ends first.
+
+        A run is where the line is expected: at the root of the measure, or at the guess and then,
+        until labels differ, further and further away. It is so near to the middle of a known
+        bracket that no more than one run beyond those of bisection is needed.
+        """
+        left, step, guess_is_below = math.inf, self.step, None
+        while high - low > (1 + 1e-9) * self.width:
+            if left == math.inf and {low, high} <= column.labels.keys():
+                left = math.ceil(math.log2((high - low) / self.width)) + 1
+            left -= 1
+            middle, root = (low + high) / 2, column.root(low, high)
+            share = middle if guess is None else guess
+            if root is not None:
+                end = low if root < middle else high
+                near = abs(root - end) < NEAR * self.width
+                share = end + math.copysign(self.width, middle - root) if near else root
+            reach = self.width * 2.0**left
+            share = min(max(share, low, high - reach), high, low + reach)
+            is_below = self._is_below(column(share))
+            if share == (high if is_below else low):
                 return None
-            if self._is_below(column(share)) != side:
-                return min(before, share), max(before, share)
-            step *= 2
+            low, high = (share, high) if is_below else (low, share)
+            if guess is not None:
+                guess_is_below = is_below if guess_is_below is None else guess_is_below
+                guess = share + (step if is_below else -step)
+                guess, step = guess if is_below == guess_is_below else None, 2 * step
+        return low, high
 
 
 def _extended(points: Sequence[tuple[float, float]], x: float) -> float:

@@ -28,8 +28,7 @@ from pyfric.record import SLOW, Record, pace_limits
 from pyfric.scene import Scene, SceneError, SceneLike, as_scene, chain, check_number, check_whole
 from pyfric.signals import at_once
 from pyfric.sweeps.boundaries import boundary
-from pyfric.sweeps.jobs import Job
-from pyfric.sweeps.runs import run_all
+from pyfric.sweeps.runs import Job, run_all
 from pyfric.sweeps.store import Cache
 from pyfric.sweeps.varied import Scale
 

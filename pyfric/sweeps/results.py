@@ -15,7 +15,7 @@ import pandas as pd
 
 from pyfric.record import Record, analysis
 from pyfric.scene import SceneError, unknown, written
-from pyfric.sweeps.jobs import Job, JobError
+from pyfric.sweeps.runs import Job, JobError
 from pyfric.sweeps.varied import varied
 
 if TYPE_CHECKING:
@@ -34,10 +34,6 @@ MEASURED = {
     "seconds": ("s", "processor time of the run"),
 }
 """Column -> unit and meaning."""
-
-
-class FailedBefore(Exception):
-    """The reason why a run failed the last time, as the run gave it."""
 
 
 @dataclass(frozen=True)
@@ -170,9 +166,7 @@ def _status(outcome: Any) -> dict[str, str]:
     if outcome is None:
         return {"status": "waiting", "reason": "", "engine": ""}
     if isinstance(outcome, JobError):
-        before = isinstance(outcome.error, FailedBefore)
-        kind = "" if before else f"{type(outcome.error).__name__}: "
-        return {"status": "failed", "reason": f"{kind}{outcome.error}", "engine": ""}
+        return {"status": "failed", "reason": outcome.reason, "engine": ""}
     return {"status": "refused", "reason": str(outcome), "engine": ""}
 
 

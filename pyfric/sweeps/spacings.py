@@ -15,8 +15,7 @@ from pyfric.display import html
 from pyfric.engines import Options
 from pyfric.record import Record, analysis
 from pyfric.scene import Number, PrescribedLoad, Scene, SceneError, SceneLike, as_scene, check_whole
-from pyfric.sweeps.jobs import Job, JobError
-from pyfric.sweeps.runs import run_all
+from pyfric.sweeps.runs import Job, JobError, run_all
 from pyfric.sweeps.store import Cache
 
 AT = 0.5

@@ -19,10 +19,10 @@ from pyfric.scene import (
     check_number,
     check_whole,
     full_name,
+    naming,
     scene_fields,
-    unknown,
 )
-from pyfric.sweeps.jobs import OPTIONS
+from pyfric.sweeps.runs import OPTIONS
 
 MAX_POINTS = 1_000_000
 """Most points of a sweep."""
@@ -150,12 +150,5 @@ def full_field(scene: Scene, name: str, values: Any) -> str:
     Raises:
         SceneError: there is no such field, or it is in several parts.
     """
-    known = varied(scene)
-    if name in known:
-        return name
-    try:
-        return full_name(scene, name)
-    except SceneError as error:
-        if error.reason.startswith("unknown"):
-            raise unknown(f"over.{name}", values, str(name), known) from None
-        raise error.at(f"over.{name}") from None
+    with naming(f"over.{name}"):
+        return full_name(scene, name, values, varied(scene))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -87,13 +87,12 @@ t_end_option = click.option(
 def movie(
     source: str,
     event: int,
-    t_end: float,
-    changes: tuple[str, ...],
     out: Path | None,
     mp4: bool,
     gif: bool,
     overwrite: bool,
     tell: Tell,
+    **how: Any,
 ) -> None:
     """Draw one event as a strip of frames: velocity field, with the interface below it.
 
@@ -108,7 +107,7 @@ def movie(
     check_out(stem, overwrite, ends=(*figure_ends("interface", "field"), *films), reads=[source])
     if mp4 and not figures.has_ffmpeg():
         raise click.UsageError("--mp4 needs ffmpeg or the extra 'movies'; --gif needs neither.")
-    record = _run_of(source, event, t_end, changes, tell)
+    record = _run_of(source, event, tell, **how)
     files = figures.save_figure(figures.event_strip(record, event), stem)
     for end in films:
         files.append(figures.event_movie(record, event, stem.with_name(stem.name + end)))
@@ -124,13 +123,7 @@ def movie(
 @overwrite_option
 @telling
 def spacetime(
-    source: str,
-    event: int,
-    t_end: float,
-    changes: tuple[str, ...],
-    out: Path | None,
-    overwrite: bool,
-    tell: Tell,
+    source: str, event: int, out: Path | None, overwrite: bool, tell: Tell, **how: Any
 ) -> None:
     """Draw the slip rate of one event over space and time, with wave speeds and theory as lines.
 
@@ -143,17 +136,11 @@ def spacetime(
     stem = stem.with_suffix("") if stem.suffix == ".png" else stem
     ends = figure_ends("slip_rate", "lines", "front")
     check_out(stem, overwrite, ends=ends, reads=[source])
-    record = _run_of(source, event, t_end, changes, tell)
+    record = _run_of(source, event, tell, **how)
     tell.files(figures.save_figure(figures.space_time(record, event), stem))
 
 
-def _run_of(
-    source: str,
-    event: int,
-    t_end: float,
-    changes: tuple[str, ...],
-    tell: Tell,
-) -> Record:
+def _run_of(source: str, event: int, tell: Tell, t_end: float, changes: tuple[str, ...]) -> Record:
     """Return the record in a file, or that of a scene; say by which method it was made.
 
     Raises:

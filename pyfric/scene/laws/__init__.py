@@ -6,9 +6,13 @@ from pyfric.scene.laws.kinds import KINDS, FrictionLaw, Means, Tables, check_tab
 from pyfric.scene.laws.table import Table, sampled
 
 # The kinds are in this order in `KINDS`.
-from pyfric.scene.laws.weakening import ExponentialWeakening, LinearWeakening
-from pyfric.scene.laws.healing import Ageing, ExponentialHealing
-from pyfric.scene.laws.speed import SpeedDependent
+from pyfric.scene.laws.simple import (
+    Ageing,
+    ExponentialHealing,
+    ExponentialWeakening,
+    LinearWeakening,
+    SpeedDependent,
+)
 from pyfric.scene.laws.tabulated import TabulatedLaw
 from pyfric.scene.laws.junctions import Junctions
 # isort: on

@@ -29,7 +29,9 @@ def steady():
     @functools.cache
     def made(q, distance):
         block, v = Dragged(1e-3, 1e-3, t_R_distribution="gamma", stretch=1.0), q * U_S / 1e-3
-        block.slide(v, distance - 2, every=80)
+        fine, block.STEPS = block.STEPS, 80
+        block.slide(v, distance - 2, every=16)
+        block.STEPS = fine  # over 2 u_s all break again, in short steps
         ratio = block.slide(v, 2, every=40).mean()
         return block, block.state, ratio
 
@@ -55,10 +57,11 @@ def test_slipping_share_from_all_pinned():
     """Breaks at (n + 1) t_p after n draws each, until n + 1 of them have ended."""
     t_R, std, v = 1e-3, 0.3e-3, 1e-3
     block, t_p = Dragged(t_R, std), U_S / v
-    block.STEPS = 1000
 
-    for distance in (0.95, 0.35, 0.4, 0.6, 0.7):  # up to 3 u_s in all
-        block.slide(v, distance, every=50)
+    # Up to 3 u_s in all; before the first break long steps are exact.
+    for distance, steps in ((0.95, 20), (0.35, 600), (0.4, 600), (0.6, 600), (0.7, 600)):
+        block.STEPS = steps
+        block.slide(v, distance, every=round(distance * steps))
         share = slipping_share(block.t, t_p, t_R, std)
         assert 1 - block.pinned() == pytest.approx(share, abs=1e5**-0.5)
 

@@ -89,7 +89,9 @@ def test_the_command(tmp_path, monkeypatch):
     shown = CliRunner().invoke(main, ["resolve", str(scene), "--workers", "1"])
     assert shown.exit_code == 0
     assert "precursors" in shown.stdout
-    told = CliRunner().invoke(main, ["resolve", str(scene), "--t-end", "50 ms", "--json"])
+    told = CliRunner().invoke(
+        main, ["resolve", str(scene), "--t-end", "50 ms", "--workers", "1", "--json"]
+    )
     quantities = json.loads(told.stdout)["quantities"]
     assert quantities["F_T/F_N at onset of sliding"]["0.005"] is None
 

@@ -222,7 +222,7 @@ def test_presets_round_trip_exactly(name, tmp_path):
 awkward = st.floats(1e-3, 1e3, allow_nan=False)
 
 
-@settings(max_examples=80)
+@settings(max_examples=30)
 @given(
     spacing=st.floats(1e-6, 1.0),
     columns=st.integers(2, 50),

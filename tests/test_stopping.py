@@ -91,7 +91,7 @@ def test_slip_that_is_slow():
 def test_creep_comes_to_rest():
     """With alpha = 4 sqrt(k m) blocks behind a front never stop: it is seen that nothing starts."""
     tau = np.where(np.arange(N) < 20, 0.6, 0.31)  # mu_k p is 0.45 N
-    scene, t_end = pushed(0.5, 4.0).replace({"top.tau": (0.7, *tau[1:])}), 3e4 * UNIT
+    scene, t_end = pushed(0.5, 4.0).replace({"top.tau": (0.7, *tau[1:])}), 2e4 * UNIT
     ended, whole = two_runs(scene, t_end, "arrested", fidelity="dynamic")
     assert ended.status == "ended by stop_when (arrested)"
     assert (abs(ended.final_state.mode) == 1).any()

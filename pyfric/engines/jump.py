@@ -407,8 +407,9 @@ class Jump:
 
     def _rung(self, v: np.ndarray) -> float:
         """Return how far an error v (m/s) of velocities moves a gap function later, in N."""
-        excited = Ringing(self.system, self.system.excited(np.zeros_like(v), v))
-        return float(np.abs(excited.gaps).sum(axis=1).max(initial=0.0))
+        system = self.system
+        a = np.abs(system.excited(np.zeros_like(v), v))
+        return float((np.abs(system.gaps) @ a).max(initial=0.0))
 
     def _landed(self, s: float) -> tuple[np.ndarray, ...]:
         """Return q, q' and gap functions at s (s), corrected by a shift, and the shift of q."""

@@ -445,7 +445,7 @@ class Linearised:
 
     def excited(self, w: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the amplitudes of modes in a deviation w (m) with velocity v (m/s), shape (n,)."""
-        return self.amplitudes(np.array([self.M * w, self.M * v]) @ self.B)
+        return self.amplitudes(np.array([(self.M * x) @ self.B for x in (w, v)]))
 
     def pushed(self, force: np.ndarray) -> np.ndarray:
         """Return the amplitudes of modes, (n,), in their static response to a force, (n_q,)."""

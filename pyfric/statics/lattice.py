@@ -19,6 +19,8 @@ import scipy.sparse as sp
 from pyfric.scene import Geometry
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from pyfric.scene import Scene
 
 DIRECTIONS = ((1, 0, 1.0), (0, 1, 1.0), (1, 1, 0.5), (1, -1, 0.5))
@@ -116,11 +118,9 @@ def _over_walls(
     return found
 
 
-def _stretch(lattice: Bonds, u_full: np.ndarray) -> tuple[np.ndarray, ...]:
+def _stretch(lattice: Bonds, du: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
     """Return D = d + du as (D_x, D_z), r = |D| and r - l = (2 d.du + |du|^2)/(r + l)."""
-    D_x, D_z = lattice.difference
-    du_x, du_z = D_x @ u_full, D_z @ u_full
-    d_x, d_z = lattice.d.T
+    (du_x, du_z), (d_x, d_z) = du, lattice.d.T
     X, Z = d_x + du_x, d_z + du_z
     r = np.sqrt(X * X + Z * Z)
     e = (du_x * (d_x + X) + du_z * (d_z + Z)) / (r + lattice.l)
@@ -140,20 +140,19 @@ def spring_forces(lattice: Bonds, u: np.ndarray, geometry: Geometry = "linear") 
 
     Source: PRL 107, 074301 (2011), force k_ij (r_ij - l_ij) dx_ij / r_ij.
     """
-    flat = u.reshape(-1)
+    du_x, du_z = (D @ u.reshape(-1) for D in lattice.difference)
     if geometry == "linear":
-        D_x, D_z = lattice.difference
         X, Z = lattice.d.T
-        tension = lattice.k * (X * (D_x @ flat) + Z * (D_z @ flat)) / lattice.l**2
+        tension = lattice.k * (X * du_x + Z * du_z) / lattice.l**2
     else:
-        X, Z, r, e = _stretch(lattice, flat)
+        X, Z, r, e = _stretch(lattice, (du_x, du_z))
         tension = lattice.k * e / r
     gather_x, gather_z = lattice.gather
     return (gather_x @ (tension * X) + gather_z @ (tension * Z)).reshape(u.shape)
 
 
 def spring_tangents(
-    lattice: Bonds, u: np.ndarray | None = None, geometry: Geometry = "linear"
+    lattice: Bonds, du: Sequence[np.ndarray] | None = None, geometry: Geometry = "linear"
 ) -> np.ndarray:
     """Return the entries xx, xz and zz of the stiffness of each bond, shape (3, n_bonds), in N/m.
 
@@ -161,13 +160,14 @@ def spring_tangents(
 
     Args:
         lattice: from `bonds`.
-        u: displacements at which the finite geometry is linearised, in m; None means 0.
+        du: du_x and du_z over each bond, where the finite geometry is linearised, each of shape
+            (n_bonds,), in m; None means 0.
         geometry: "linear" or "finite".
     """
     X, Z = lattice.d.T
     r, isotropic = lattice.l, 0.0
-    if geometry == "finite" and u is not None:
-        X, Z, r, e = _stretch(lattice, u.reshape(-1))
+    if geometry == "finite" and du is not None:
+        X, Z, r, e = _stretch(lattice, du)
         isotropic = lattice.k * e / r
     along = lattice.k * lattice.l / r**3
     return np.array([along * X * X + isotropic, along * X * Z, along * Z * Z + isotropic])
@@ -196,10 +196,11 @@ def spring_stiffness(
 ) -> sp.csr_array:
     """Return the derivative of minus `spring_forces` with respect to u_full.
 
-    Arguments and errors are those of `spring_tangents`.
+    Arguments are those of `spring_forces`; u = None means 0.
 
     Returns:
         Symmetric sparse matrix, shape (2 N_x N_z, 2 N_x N_z), in N/m.
     """
+    du = None if u is None else [D @ u.reshape(-1) for D in lattice.difference]
     E = sp.vstack(lattice.difference).tocsr()
-    return assembled(E, spring_tangents(lattice, u, geometry))
+    return assembled(E, spring_tangents(lattice, du, geometry))

@@ -60,7 +60,7 @@ class System:
         self._springs = functools.partial(spring_forces, self._lattice)
         if geometry == "finite":
             self._springs = core.bond_forces(scene, geometry)
-        self._T_transposed, n = self._T.T.tocsr(), self._T.shape[1]
+        n = self._T.shape[1]
         self._loads: tuple[float, float] | None = None
         self._load = np.zeros((scene.N_z, 2, scene.N_x))
         self._load[-1] = scene.shear, -scene.load
@@ -100,8 +100,16 @@ class System:
 
     def displacements(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return u, shape (N_z, 2, N_x), and rod, shape (3,), from q; a rod sets the top row."""
-        u = (self._T @ q).reshape(self._load.shape)
-        return u, q[-3:].copy() if self.scene.rigid else np.zeros(3)
+        return self._spread(q), q[-3:].copy() if self.scene.rigid else np.zeros(3)
+
+    def _spread(self, q: np.ndarray) -> np.ndarray:
+        """Return T q, the displacements u, shape (N_z, 2, N_x)."""
+        u, n = np.zeros(self._load.shape), len(q) - (3 if self.scene.rigid else 0)
+        u.reshape(-1)[:n] = q[:n]
+        if self.scene.rigid:
+            X, Z, phi = q[n:]
+            u[-1] = np.full(self.scene.N_x, X), Z + phi * self.scene.x
+        return u
 
     def translation(self) -> np.ndarray:
         """Return the coordinates of a unit displacement along the interface, shape (n_q,)."""
@@ -121,7 +129,7 @@ class System:
     @functools.cached_property
     def load(self) -> np.ndarray:
         """Constant forces on the coordinates, shape (n_q,), in N."""
-        load = self._T_transposed @ self._load.ravel()
+        load = self._T.T @ self._load.ravel()
         if self.scene.rigid:
             load[-2] -= self.scene.F_N if self._loads is None else self._loads[0]
         return load
@@ -154,7 +162,7 @@ class System:
 
         drive = None means that there is no driver spring.
         """
-        scene, u, F_T = self.scene, (self._T @ q).reshape(self._load.shape), 0.0
+        scene, u, F_T = self.scene, self._spread(q), 0.0
         force = self._springs(u) + self._load
         if scene.k_top:
             force[-1, 0] -= scene.k_top * u[-1, 0]
@@ -166,16 +174,19 @@ class System:
             F_T = scene.driver_force(drive, moved, 0.0)
             each = scene.driver.K / scene.n_driven * (drive - scene.d * moved)
             force[scene.j_h : scene.j_h_top + 1, 0, scene.i_h] += scene.d * each
-        force = self._T_transposed @ force.ravel()
+        top = force[-1]
+        force = self.coordinates(force, np.zeros(3))  # T' force, without the top under a rod
         if scene.rigid:
-            force[-2:] += self.load[-2], -scene.kappa * q[-1]
+            turning = scene.x @ top[1] - scene.kappa * q[-1]
+            force[-3:] = top[0].sum(), top[1].sum() + self.load[-2], turning
         return force, F_T
 
     # --- tangents --------------------------------------------------------------------------------
 
     def bond_tangents(self, q: np.ndarray) -> np.ndarray:
         """Return the stiffnesses xx, xz and zz of each bond at q, shape (3, n_bonds), in N/m."""
-        return spring_tangents(self._lattice, self._T @ q, self.geometry)
+        du = self.elongations(q) if self.geometry == "finite" else None
+        return spring_tangents(self._lattice, du, self.geometry)
 
     @functools.cached_property
     def _differences(self) -> sp.csr_array:

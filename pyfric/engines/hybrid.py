@@ -173,7 +173,7 @@ class HybridRun(Run):
         # An attempt to jump solves twice with the banded factor, of 64 min(N_x, N_z) bytes for each
         # block. That takes as long as min(N_x, N_z) steps.
         self.least = TRY + min(self.scene.N_x, self.scene.N_z)
-        self.try_at = self.landed = self.state.step
+        self.slid, self.try_at, self.landed = True, self.state.step, self.state.step
         # An attempt to jump over stable slip takes as long as many steps: the next one waits until
         # as many were made or spared.
         self.slides, self.paid = 0, self.state.step
@@ -213,6 +213,8 @@ class HybridRun(Run):
     def before_call(self, last: int) -> None:
         """Jump if nothing slips, or over stable slip, if an attempt is due."""
         state, slips = self.state, bool(self._slips().any())
+        if slips != self.slid or (slips and self.creeping is None):
+            self.try_at, self.slid = state.step + TRY * (self.steps > 0), slips
         if slips and self.creeping is None:
             return
         if state.step >= self.try_at:

@@ -11,6 +11,8 @@ Source: PRL 107, 074301 (2011), model section.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -121,6 +123,26 @@ def _absorbing(scene: Scene) -> np.ndarray:
     return c.ravel()
 
 
+class Medium(NamedTuple):
+    """What plane waves depend on: l (m), k (N/m), m (kg), eta (N s/m), dashpots, one or two rows.
+
+    More rows than two have the waves of two.
+    """
+
+    l: float
+    k: float
+    m: float
+    eta: float
+    dashpots: str
+    rows: int
+
+    @classmethod
+    def of(cls, scene: Scene) -> Medium:
+        """Return that of a scene."""
+        slider = scene.slider
+        return cls(slider.l, slider.k, scene.m, scene.eta, slider.dashpots, min(scene.N_z, 2))
+
+
 def dispersion(
     scene: Scene, wave_vectors: np.ndarray, ground: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -139,13 +161,19 @@ def dispersion(
         the bonds damping is a matrix, too. Then gamma has shape (..., 2): the damping of each
         undamped wave, without the coupling of the two waves.
     """
-    slider, m = scene.slider, scene.m
-    l, k = slider.l, slider.k
+    return waves(Medium.of(scene), wave_vectors, ground)
+
+
+def waves(
+    medium: Medium, wave_vectors: np.ndarray, ground: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies and damping rates in a medium; see `dispersion`."""
+    l, k, m, eta, dashpots, rows = medium
     D = np.zeros((*wave_vectors.shape[:-1], 2, 2))
     C = np.zeros_like(D)
     gamma = np.zeros(wave_vectors.shape[:-1])
     for dx, dz, factor in DIRECTIONS:
-        if abs(dz) >= scene.N_z:
+        if abs(dz) >= rows:
             continue
         d = np.array([dx, dz], dtype=float)
         s = 4 * np.sin(wave_vectors @ (d * l / 2)) ** 2
@@ -153,10 +181,10 @@ def dispersion(
         C += s[..., None, None] * np.outer(d, d) / (d @ d)
         gamma += s
     D += np.diag(ground) / k
-    if slider.dashpots == "along":
+    if dashpots == "along":
         values, shapes = np.linalg.eigh(D)
         gamma = np.einsum("...ik,...ij,...jk->...k", shapes, C, shapes)
     else:
         values = np.linalg.eigvalsh(D)
     omega = np.sqrt(k / m) * np.sqrt(np.maximum(values, 0.0))
-    return omega, gamma * (scene.eta / m)
+    return omega, gamma * (eta / m)

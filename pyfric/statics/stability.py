@@ -22,7 +22,7 @@ from pyfric.scene import (
     Slider,
     as_scene,
 )
-from pyfric.statics.operators import damping, dispersion, mass, stiffness
+from pyfric.statics.operators import Medium, damping, mass, stiffness, waves
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -104,13 +104,15 @@ def _bulk_limit(scene: Scene, stepper: str) -> float:
         hold = scene.k_top + _on_springs(scene)
         grounds = [(hold, float(np.max(scene.k_f))), (hold, 0.0)]
         drags = sorted({0.0, float(np.max(scene.law.alpha)) / scene.m})
-    return min(
-        _waves_limit(scene, ground, drag, STEPPERS[stepper]) for ground in grounds for drag in drags
-    )
+    medium = Medium.of(scene)
+    return min(_waves_limit(medium, ground, drag, stepper) for ground in grounds for drag in drags)
 
 
-def _waves_limit(scene: Scene, ground: tuple[float, float], drag: float, stepper: Stepper) -> float:
+@functools.lru_cache(maxsize=256)
+def _waves_limit(medium: Medium, ground: tuple[float, float], drag: float, stepper: str) -> float:
     """Return `_bulk_limit` for blocks held by `ground` (`dispersion`) and by drag -m drag v.
+
+    Scenes of one material share it.
 
     The stiffness is even in q_x and q_z, so that q l in [0, pi]^2 suffices. The grid is refined
     16-fold around its best point, five times, to a resolution of 1.5e-6.
@@ -119,9 +121,9 @@ def _waves_limit(scene: Scene, ground: tuple[float, float], drag: float, stepper
     for _ in range(5):
         axes = [np.clip(c + np.linspace(-width, width, 33), 0, np.pi) for c in centre]
         ql = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        omega, gamma = dispersion(scene, ql / scene.slider.l, ground)
+        omega, gamma = waves(medium, ql / medium.l, ground)
         gamma = np.broadcast_to(gamma.reshape(len(gamma), -1), omega.shape) + drag
-        limits = _pair_limits(stepper, omega, gamma)
+        limits = _pair_limits(STEPPERS[stepper], omega, gamma)
         if limits.min() < best:
             best, centre = float(limits.min()), ql[np.argmin(limits.min(axis=1))]
         width = width / 16

@@ -227,10 +227,15 @@ class Differences(NamedTuple):
         return Differences(events, speeds, self.covered)
 
     def beyond(self, tolerance: float, want: str | None = None) -> pd.DataFrame:
-        """Return the rows of `events` that are further apart than this."""
+        """Return the rows of `events` that are further apart than this.
+
+        If front speeds are wanted, these include events that end at another block: their fronts are
+        not the same.
+        """
         if want == "front_speed":
             by_event = self.speeds.groupby("event")["error"].quantile(0.95)
-            return self.events[self.events["event"].isin(by_event.index[by_event > tolerance])]
+            off = self.events["event"].isin(by_event.index[by_event > tolerance])
+            return self.events[off | (self.events["length"] > 0)]
         names = PROMISED.get(want or "", FORCES)
         if self.events[list(FORCES)].isna().all(axis=None):
             names = ("rupture",)

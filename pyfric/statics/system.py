@@ -20,7 +20,13 @@ from pyfric import core
 from pyfric.core import OPEN, STUCK
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.condensation import LARGE
-from pyfric.statics.lattice import assembled, bonds, spring_forces, spring_stiffness, spring_tangents
+from pyfric.statics.lattice import (
+    assembled,
+    bonds,
+    spring_forces,
+    spring_stiffness,
+    spring_tangents,
+)
 from pyfric.statics.memory import Memory
 from pyfric.statics.operators import coordinates, driven_dofs, ground
 from pyfric.statics.rest import EquilibriumError

@@ -43,7 +43,6 @@ def first_crossing(
         bend: twice the coefficients of s^2, shape (n_c,) or 0, in N/s^2.
     """
     size, bend = np.abs(modal), np.broadcast_to(bend, c.shape)
-    parts = np.stack([modal.real, -modal.imag], axis=1)
     fastest = np.max(np.abs(rates), initial=1 / s_end)
     s, h = 0.0, 0.1 / fastest
     while s < s_end:
@@ -64,9 +63,7 @@ def first_crossing(
         grid, alive = s + h * np.arange(GRID + 1), size.max(axis=0) * decay > GONE * np.max(c)
         value = c[near, None] + rate[near, None] * grid + np.outer(bend[near], 0.5 * grid**2)
         waves = _exponentials(rates[alive], grid)
-        value += parts[near][:, :, alive].reshape(len(value), -1) @ np.vstack(
-            [waves.real, waves.imag]
-        )
+        value += (modal[near][:, alive] @ waves).real
         curve = np.maximum(bend[near], 0.0)[:, None] * (h**2 / 8)
         fast = size[near][:, alive] * np.abs(rates[alive]) ** 2
         curve = curve + fast @ np.abs(waves[:, :-1]) * (h**2 / 8)

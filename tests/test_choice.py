@@ -31,7 +31,7 @@ from pyfric.engines.pilot import (
     quasistatic_work,
 )
 from pyfric.engines.verification import CHEAP, Reference, verification_work
-from pyfric.scene import SceneError, chain, preset, setup1, setup2
+from pyfric.scene import SceneError, chain, laws, preset, setup1, setup2
 from pyfric.statics import stability_limit
 
 WANTS = ("loading_curve", "precursors", "stress", "front_speed", "motion")
@@ -104,6 +104,18 @@ def test_steps_follow_from_the_order_of_rk4():
         assert 0.9 * auto / steps < found[tolerance].dt <= auto / steps
     speeds = [plan(scene, "front_speed", tol, t_end=1e-3).dt for tol in (1e-3, 1e-3 / 16)]
     assert speeds[1] == pytest.approx(speeds[0] / 2, rel=0.1)
+
+
+def test_steps_resolve_weakening_as_far_as_those_of_reference_runs_can():
+    """A factor that falls to 0.9 over a speed v gives the growth rate mu_s p 0.1/(v m)."""
+    scene = setup1(L=0.05, H=0.025, h=5e-3, F_N=1290.0)
+    auto = step_size(scene)
+    for wanted, expected in ((2.0, 1.0), (0.5, 0.5), (0.3, 0.3), (0.2, 1.0)):  # over auto
+        v = 0.1 * 0.7 * scene.F_N / scene.N_x * wanted * auto / scene.m
+        law = laws.SpeedDependent(v=(0.0, v), factor=(1.0, 0.9))
+        found = plan(scene.replace({"interface.law": law}), tolerance=0.1, t_end=0.01)
+        assert found.dt == pytest.approx(expected * auto, rel=0.1), wanted
+        assert found.dt <= expected * auto * (1 + 1e-9)
 
 
 @settings(max_examples=20)

@@ -114,6 +114,15 @@ def test_front_speeds_are_relative_and_lost_ones_count(ladder):
     assert differences(none, none).errors()["speed_95"] is None
 
 
+def test_fronts_of_events_that_end_elsewhere_are_not_the_same(ladder):
+    """Events without a single speed in common part runs, too, if front speeds are wanted."""
+    main = main_events(ladder)
+    longer = differences(changed(ladder, main[2], L_p_over_L=0.1), ladder)
+    assert list(longer.beyond(0.01, "front_speed")["event"]) == [main[2]]
+    assert longer.beyond(0.01).empty
+    assert differences(ladder, ladder).beyond(0.01, "front_speed").empty
+
+
 def test_an_event_after_the_end_is_compared_with_the_force_there(ladder):
     """A run that ends just before its last event is not a run without it."""
     main = main_events(ladder)

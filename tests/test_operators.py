@@ -12,7 +12,7 @@ from test_lattice import neighbours, small_rod, small_scene, twin_forces
 
 from pyfric.core import STEPPERS
 from pyfric.scene import Driver, Scene, setup1, setup2
-from pyfric.statics import damping, dispersion, mass, stability_limit, stiffness
+from pyfric.statics import StaticSolver, damping, dispersion, mass, stability_limit, stiffness
 from pyfric.statics.operators import coordinates
 from pyfric.statics.stability import _limit, radius
 
@@ -29,6 +29,14 @@ def test_rod_moves_the_top_row_rigidly():
     np.testing.assert_allclose(u[-1, 1], q[-2] + q[-1] * scene.x, rtol=1e-15)
     free = small_scene()
     assert abs(coordinates(free) - sp.eye_array(2 * 7 * 5)).max() == 0
+
+
+@pytest.mark.parametrize("scene", [small_rod(), small_scene()])
+def test_states_have_the_displacements_of_their_coordinates(scene):
+    solver, T = StaticSolver(scene), coordinates(scene)
+    q = np.random.default_rng(4).standard_normal(T.shape[1])
+    u, _ = solver.displacements(q)
+    np.testing.assert_allclose(u.ravel(), T @ q, rtol=1e-15, atol=0)
 
 
 def test_mass_of_rod_and_blocks():

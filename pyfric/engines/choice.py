@@ -43,7 +43,7 @@ from pyfric.engines.pilot import (
 from pyfric.engines.stretches import bends, beyond_ladder
 from pyfric.engines.verification import CHEAP, LOOSEST, RATIOS, price
 from pyfric.record import blocks_needed, build_catalogue, zone_of_scene
-from pyfric.scene import Geometry, check_number, default_geometry, resolving_step
+from pyfric.scene import Geometry, check_number, default_geometry
 from pyfric.signals import at_once
 from pyfric.statics import NO_RESTS, one_thread_if_small, stability_limit
 
@@ -361,7 +361,7 @@ class _Choice:
         if options.dt != "auto" or options.stepper != "rk4" or error == 0:
             return auto, error
         dt = auto * (SHARE * self.tolerance / error) ** 0.25
-        resolves = resolving_step(scene)
+        resolves = scene.law.resolving_step(scene.F_N / scene.N_x, scene.m_interface)
         if resolves * RATIOS[0] >= min(dt, auto):  # otherwise friction drops at once
             dt = min(dt, resolves)
         if dt >= auto:

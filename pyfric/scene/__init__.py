@@ -45,7 +45,7 @@ from pyfric.scene.presets import (
 from pyfric.scene.protocol import Leg, Push, legs
 from pyfric.scene.scene import OnDriven, Scene
 from pyfric.scene.spread import Spread
-from pyfric.scene.text import law_notes, resolving_step
+from pyfric.scene.text import law_notes
 from pyfric.scene.toml import parsed
 from pyfric.scene.units import check_number, check_whole, parse_quantity, spoken
 

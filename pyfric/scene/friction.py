@@ -201,6 +201,16 @@ class Law:
         by_speed = float(np.max(self.mu_s)) * falls * p / m
         return math.hypot(math.sqrt(self.steepness(p) / m), by_speed / 2) + by_speed / 2
 
+    def resolving_step(self, p: float, m: float) -> float:
+        """Return the longest step (s) that resolves weakening: 1 over `growth`, inf without any.
+
+        Friction that falls at once, with d_c = 0, has no weakening to resolve.
+        """
+        if not self.weakens and self.tables.speed is None:
+            return math.inf
+        growth = self.growth(p, m)
+        return 1 / growth if growth > 0 else math.inf
+
 
 FRICTIONLESS = Law(0.0, 0.0)
 

@@ -53,24 +53,12 @@ def _short(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def resolving_step(scene: Scene) -> float:
-    """Return the longest step (s) that resolves weakening: 1 over the growth rate of slip.
-
-    The rate is that of `Law.growth`. Without weakening with slip or speed the step is inf.
-    """
-    law = scene.law
-    if not law.weakens and law.tables.speed is None:
-        return math.inf
-    growth = law.growth(scene.F_N / scene.N_x, scene.m_interface)
-    return float(1 / growth) if growth > 0 else math.inf
-
-
 def law_notes(scene: Scene, t_end: float, dt: float | None = None) -> tuple[str, ...]:
     """Return notes on the law of a scene.
 
     If a table of mu falls over more slip than the displacement of the driver, mu_k is not reached.
     If it falls over more than a block, the unit of slip may be wrong. Steps that do not resolve
-    weakening (`resolving_step`) have a note, too.
+    weakening (`Law.resolving_step`) have a note, too.
 
     Args:
         scene: the scene.
@@ -91,7 +79,7 @@ def law_notes(scene: Scene, t_end: float, dt: float | None = None) -> tuple[str,
             notes.append(f"{falls}, but the driver moves only {far}: mu_k is not reached")
         elif table_of_mu and slip > l:
             notes.append(f"{falls}, more than the block size l = {with_prefix(l, 'm')}")
-    resolves = resolving_step(scene)
+    resolves = law.resolving_step(scene.F_N / scene.N_x, scene.m_interface)
     if dt is not None and dt > resolves:
         steepness = law.steepness(scene.F_N / scene.N_x)
         by_slip = law.weakens and steepness > 0.25 / resolves**2 * scene.m_interface

@@ -101,6 +101,16 @@ def test_the_door_alone_imports_no_room_and_no_library():
     assert found.stdout == "set()\n"
 
 
+def test_a_run_waits_for_no_library_that_it_does_not_use():
+    slow = "{'scipy.optimize', 'scipy.stats', 'scipy.integrate', 'matplotlib', 'xarray', 'pint'}"
+    code = (
+        "import sys; from pyfric import preset, simulate; from pyfric.analysis import precursors;"
+        f"simulate(preset('fig1'), 1e-5, progress=False); print(sys.modules.keys() & {slow})"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "set()\n"
+
+
 def test_a_scene_is_drawn_though_nobody_imported_figures():
     code = (
         "import sys; from pyfric.scene import preset; scene = preset('fig1');"

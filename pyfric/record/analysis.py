@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import ArrayLike
-from scipy.optimize import minimize_scalar
 
 from pyfric.record.griffith import energy_release, griffith_length
 from pyfric.record.nucleation import nucleations
@@ -339,7 +339,9 @@ def compare_curve(
         allowed = f"times of which half lie within the run, {known[0]:g} to {known[-1]:g} s"
         raise SceneError("t", float(t[0]), "s", allowed, "outside the run")
     ends = shifts[max(n - 1, 0)], shifts[min(n + 1, SHIFTS - 1)]
-    found = minimize_scalar(rms, bounds=ends, method="bounded", options={"xatol": 1e-9 * most})
+    found = scipy.optimize.minimize_scalar(  # slow to import: first use does
+        rms, bounds=ends, method="bounded", options={"xatol": 1e-9 * most}
+    )
     shift, least = (found.x, found.fun) if found.fun < tried[n] else (shifts[n], tried[n])
     inside = (t + shift >= known[0]) & (t + shift <= known[-1])
     now = rms(0.0, 0.0)

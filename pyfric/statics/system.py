@@ -136,13 +136,13 @@ class System:
 
     @functools.cached_property
     def _driven(self) -> sp.csr_array:
-        """Derivatives of u_x of the driven blocks by the coordinates, shape (n_driven, n_q)."""
-        return self._T[driven_dofs(self.scene)]
+        """Derivatives of u_x of the driven blocks by the coordinates, shape (n_q, n_driven)."""
+        return self._T[driven_dofs(self.scene)].T.tocsr()
 
     @functools.cached_property
     def driven_row(self) -> np.ndarray:
         """Derivatives of the mean u_x of the driven blocks by the coordinates, shape (n_q,)."""
-        return self._driven.toarray().mean(axis=0)
+        return self._driven.mean(axis=1)
 
     @functools.cached_property
     def push(self) -> np.ndarray:
@@ -153,7 +153,7 @@ class System:
         """Return the forces of the driver on the coordinates at u = 0, shape (n_q,), in N."""
         scene, n = self.scene, self.scene.n_driven
         each = scene.driver.K / n * (scene.d * drive + self.u_drv0)
-        return self._driven.T @ np.broadcast_to(each, n)
+        return self._driven @ np.broadcast_to(each, n)
 
     def forces(
         self, q: np.ndarray, contact: States, drive: float | None

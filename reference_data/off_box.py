@@ -132,10 +132,11 @@ class Reference(NamedTuple):
     about: dict[str, Any]
     tables: dict[str, pd.DataFrame]
 
-    def hybrid(self) -> pyfric.Record:
+    def hybrid(self, accuracy: float | None = None) -> pyfric.Record:
         """Return its run by the hybrid engine, with the same steps."""
         about = self.about
         how = {"dt": about["dt"], "sample": about["sample"] * about["dt"], "t_gap": about["t_gap"]}
+        how |= {"accuracy": accuracy}
         return run(self.scene, about["t_end"], "hybrid", about["geometry"], **how)
 
     def apart(self, record: pyfric.Record) -> dict[str, float]:

@@ -99,11 +99,13 @@ class Path(NamedTuple):
         q: static coordinates, shape (3, n_q).
         lag: lag of the coordinates, shape (3, n_q).
         gaps: gap functions including the lag, shape (3, n_c), in N.
+        stiffer: change of bond stiffness at s = 0, shape (3, n_bonds), in N/m; None if linear.
     """
 
     q: np.ndarray
     lag: np.ndarray
     gaps: np.ndarray
+    stiffer: np.ndarray | None
 
     def bent(self, shift: np.ndarray, gaps: np.ndarray, s: float) -> Path:
         """Return the path with the same start, moved by shift (m) and gaps (N) at s (s)."""
@@ -209,7 +211,7 @@ def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.nd
         V, of_drift, of_lag = outside.V, *system.steady_gaps
         gaps = system.gaps_of(q, forces) + V * of_lag, V * of_drift, np.zeros_like(of_lag)
         lag = np.array([V * system.lag, zero, zero])
-        return Path(np.array([q, V * system.drift, zero]), lag, np.array(gaps))
+        return Path(np.array([q, V * system.drift, zero]), lag, np.array(gaps), stiffer)
     q_1, left_1 = answer(b_1, outside.V * system.drift if plain else system.answer(b_1))
     q_2, left_2, l_1 = zero, zero, zero
     if not steady:
@@ -223,7 +225,7 @@ def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.nd
     gaps[0] += system.gaps_of(l_0, left_0 + drag - pull)
     if not steady:
         gaps[1] += system.gaps_of(l_1, -(system.C @ q_2) - system.restoring(l_1, stiffer))
-    return Path(np.array([q, q_1, q_2]), np.array([l_0, l_1, zero]), gaps)
+    return Path(np.array([q, q_1, q_2]), np.array([l_0, l_1, zero]), gaps, stiffer)
 
 
 class Ringing:
@@ -318,8 +320,8 @@ class Jump:
                 return self._wait(left / self.accuracy, self.motion.decay, n)
             alive = np.flatnonzero(self.ringing.levels(s) > self.accuracy)
             if finite and not round_ and alive.size:
-                ends = (self.system.stiffer(at(self.path.q, one)) for one in (0.0, s))
-                self.ringing.follow(*ends, s, alive)
+                end = self.system.stiffer(at(self.path.q, s))
+                self.ringing.follow(self.path.stiffer, end, s, alive)
             q, v, gaps, shift = self._landed(s)
             wrong = gaps - self._gaps(s)
             error, bent = 0.0, self.path.bent(shift, wrong, s)
@@ -408,7 +410,7 @@ class Jump:
     def _rung(self, v: np.ndarray) -> float:
         """Return how far an error v (m/s) of velocities moves a gap function later, in N."""
         system = self.system
-        a = np.abs(system.excited(np.zeros_like(v), v))
+        a = np.abs(system.excited(v))
         return float((np.abs(system.gaps) @ a).max(initial=0.0))
 
     def _landed(self, s: float) -> tuple[np.ndarray, ...]:

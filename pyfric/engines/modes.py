@@ -443,9 +443,9 @@ class Linearised:
         """
         return (self._CB @ y[0] + y[1]) @ self._pulled + self.rates * (y[0] @ self._pulled)
 
-    def excited(self, w: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Return the amplitudes of modes in a deviation w (m) with velocity v (m/s), shape (n,)."""
-        return self.amplitudes(np.array([(self.M * x) @ self.B for x in (w, v)]))
+    def excited(self, v: np.ndarray) -> np.ndarray:
+        """Return the amplitudes of modes, (n,), in velocities v (m/s) without displacements."""
+        return ((self.M * v) @ self.B) @ self._pulled
 
     def pushed(self, force: np.ndarray) -> np.ndarray:
         """Return the amplitudes of modes, (n,), in their static response to a force, (n_q,)."""
@@ -458,9 +458,8 @@ class Linearised:
         For the truncated part, M w, M v and K w are orthogonal to B, but viscosity couples it to
         the modes. It adds phi.C w/(phi.C phi + 2 lambda phi.M phi) to the amplitude of a mode phi.
         """
-        B = self.B
-        y_0, y_1, drawn = (x @ B for x in (self.M * w, self.M * v, self.C @ w))
-        w, v = w - B @ y_0, v - B @ y_1
+        y_0, y_1, drawn = np.array([self.M * w, self.M * v, self.C @ w]) @ self.B
+        w, v = np.array([w, v]) - np.array([y_0, y_1]) @ self.B.T
         force, drag, momentum = self.K @ w, self.C @ v, self.M * v
         twice_kinetic = float(v @ momentum)
         energy = 0.5 * (twice_kinetic + float(w @ force))
@@ -473,5 +472,5 @@ class Linearised:
         self, a: np.ndarray, rates: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return w (m), w' (m/s) and w'' (m/s^2), shape (n_q,), of modes with rates (1/s)."""
-        y = np.array([a, a * rates, a * rates**2]) @ self.x.T
-        return tuple(self.B @ row for row in y.real)
+        y = (np.array([a, a * rates, a * rates**2]) @ self.x.T).real
+        return tuple(y @ self.B.T)

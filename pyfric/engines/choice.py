@@ -341,7 +341,7 @@ class _Choice:
         counts = counted(self.scene, self.t_end, dataclasses.replace(self.options, **made), pilot)
         spent = RUN + work(self.scene, self.geometry, counts)
         if spent > SPARES * full:
-            spares = "the slider hardly ever comes to rest, so that it spares too little"
+            spares = "the slider slips or rings down most of the time, so that it spares too little"
             return self._full(f"{spares} ({spent / full:.2g} of full dynamics)", needs)
         return self._made(
             counts,

@@ -236,7 +236,7 @@ class HybridRun(Run):
         }
 
     def notes(self) -> tuple[str, ...]:
-        """Return the notes, with one more if the slider hardly ever came to rest."""
+        """Return the notes, with one more if jumps spared little."""
         notes, done = super().notes(), self.counts()
         share = done["steps"] / max(done["steps"] + done["steps_spared"], 1)
         if share <= MOSTLY or done["steps"] < 1000:
@@ -244,7 +244,8 @@ class HybridRun(Run):
         return (
             *notes,
             f"hybrid: {100 * share:.0f} % of the time was integrated like in full dynamics (more "
-            f"than {100 * MOSTLY:.0f} %), because the slider was hardly ever at rest",
+            f"than {100 * MOSTLY:.0f} %): the slider slipped, or its ring-down was too large for jumps "
+            f"with an accuracy of {self.method.accuracy:g} F_N",
         )
 
     def _piece_ends(self, last: int) -> int:

@@ -65,7 +65,7 @@ def nucleation_lengths(record: Record) -> np.ndarray | None:
     lattices of more than `LARGE` unknowns, for which it takes too long to be done unasked.
     """
     scene = record.scene
-    if not creeps(scene.law) or scene.prescribed or 2 * scene.N_x * scene.N_z > LARGE:
+    if not creeps(scene.law) or not scene.has_rests or 2 * scene.N_x * scene.N_z > LARGE:
         return None
     lengths = np.full(len(record.events), np.nan)
     if len(lengths):

@@ -578,10 +578,17 @@ def test_a_front_without_inertia_needs_so_many_blocks(blocks, runs, side):
     assert runs or f"{100 * (blocks + 1) * 0.2:.0f} %" in told[0]
 
 
-def test_released_blocks_have_weakened():
-    scene = chain(L=29 * 2.5e-3, p=10.0, tau=5.0, K=0.0, V=0.0, d_c=1e-5)
+@pytest.mark.parametrize("law", [pyfric.laws.LinearWeakening(), pyfric.laws.ExponentialWeakening()])
+def test_released_blocks_have_weakened(law):
+    """They begin with the acceleration (tau - mu_k p)/m, apart from the last one."""
+    scene = chain(L=29 * 2.5e-3, p=10.0, tau=5.0, K=0.0, V=0.0, d_c=1e-5, law=law)
     state = pyfric.released(scene, 4)
-    np.testing.assert_array_equal(state.slip[:4], 1e-5)
+    how = {"fidelity": "dynamic", "initial": state, "progress": False}
+    dt = pyfric.step_size(scene)
+    v = pyfric.simulate(scene, dt, dt=dt, **how).final_state.y[0, 2, 0]
+    mu_k = scene.interface.mu_k
+    assert v * scene.m / dt == pytest.approx(5.0 - 10.0 * mu_k, rel=0.02)
+    np.testing.assert_array_equal(state.slip[:4], 1e-5 * scene.law.tables.slide.x[-1])
     np.testing.assert_array_equal(state.mode, [1] * 4 + [0] * 26)
     for wrong in (0, 31, 2.5):
         with pytest.raises(pyfric.SceneError, match="blocks"):

@@ -50,3 +50,13 @@ def test_nucleation_is_refused_without_weakening():
     record = pyfric.simulate(links(5, d_c=0.0), 1e-4, fidelity="quasistatic", progress=False)
     with pytest.raises(SceneError, match=r"interface\.d_c"):
         analysis.nucleations(record)
+
+
+@pytest.mark.parametrize("K", [0.0, 4e6])
+def test_a_pushed_slider_with_weakening_has_a_record(K):
+    """It has no static states, from which nucleation could be followed."""
+    scene = pyfric.chain(L=0.025, d_c="1 um", push=((1, 250.0),), K=K)
+    record = pyfric.simulate(scene, 2e-4, fidelity="dynamic", progress=False)
+    assert record.done
+    assert len(record.events)
+    assert record.events["nucleation_length"].isna().all()

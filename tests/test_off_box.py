@@ -65,6 +65,21 @@ def test_a_looser_accuracy_is_kept(name):
     assert record.counts["jumps"] >= 1
 
 
+@pytest.mark.slow
+def test_what_jumps_spare_is_what_the_page_says():
+    page = (off_box.HERE.parent / "docs" / "explanation" / "hybrid.md").read_text(encoding="utf-8")
+    for name, accuracy, said in (
+        ("viscosity_20_finite", FORCE, "spares none of its"),
+        ("viscosity_20_finite", LOOSER, "{:.0f} % at $10^{{-5}}$"),
+        ("viscosity_20_finite", 1e-3, "{:.0f} % at $10^{{-3}}$"),
+        ("viscosity_20_linear", FORCE, "In linear geometry it spares {:.0f} % at $10^{{-6}}$"),
+    ):
+        counts = reference(name).hybrid(accuracy).counts
+        share = 100 * counts["steps_spared"] / (counts["steps"] + counts["steps_spared"])
+        assert said.format(share) in page
+        assert (share == 0) == ("none" in said)
+
+
 ESTIMATED = ("digest_fig1_linear", "protocol_finite", "slender_finite")
 MORE = ("digest_law_finite", "steep_finite")
 """Sets on which the estimates of jumps are compared with steps."""

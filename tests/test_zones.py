@@ -212,3 +212,11 @@ def test_the_plan_of_front_speeds_names_the_lattice_and_its_price():
         scene = preset("fig1", d_c=d_c, L=0.07, H=0.0375, damping=damping)
         assert (not pyfric.plan(scene, "front_speed", 0.05, t_end=0.1).lattice) == enough
     assert pyfric.plan(paper, "stress", 0.05, t_end=0.1).lattice == ""
+
+
+def test_zones_of_blocks_without_weakening_are_left_out_of_the_median():
+    """The median of X_c0 was 0 here, and the run was lost by a division."""
+    d_c = [0.0] * 10 + [1e-6] * 11
+    scene = preset("setup2", l="5 mm", h="5 mm", d_c=d_c)
+    record = pyfric.simulate(scene, 0.4, fidelity="hybrid", geometry="linear", progress=False)
+    assert any("X_c0/l below" in note for note in record.notes)

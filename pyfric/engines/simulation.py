@@ -385,6 +385,7 @@ def released(scene: SceneLike, blocks: int, dt: float | Literal["auto"] = "auto"
         raise SceneError("blocks", blocks, "", f"a whole number from 1 to N_x = {scene.N_x}")
     state, first = loaded_state(scene).state(scene, step_size(scene, dt)), scene.n_of_i <= blocks
     state.mode[first] = scene.d
-    weakened = np.broadcast_to(scene.law.d_c, first.shape)[first]
+    slide, d_c = scene.law.tables.slide, np.broadcast_to(scene.law.d_c, first.shape)
+    weakened = d_c[first] * (1.0 if slide is None else slide.x[-1])
     state.s_0[first] = weakened - scene.d * state.y[0, 0][first]
     return state

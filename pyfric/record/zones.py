@@ -182,7 +182,8 @@ def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ..
         if share:
             span = f"{known.min():.2g} to {known.max():.2g}"
             why.append(f"{100 * share:.0f} % of blocks have {name}/l below {RESOLVED} ({span})")
-    slow = viscous_error(scene, float(np.median(blocks)))
+    weakens = blocks[blocks > 0]  # others have d_c = 0
+    slow = viscous_error(scene, float(np.median(weakens))) if weakens.size else 0.0
     if slow > RESOLVED_ERROR:
         why.append(f"viscosity slows fronts by about {100 * slow:.0f} %")
     return (f"{engine}: front speeds of a continuum may differ: {'; '.join(why)}",) if why else ()

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import pyfric
 from pyfric.scene import chain, setup2
 from pyfric.statics import ContactProblem, Creep
 
@@ -131,3 +132,15 @@ def test_a_block_without_a_length_of_weakening_is_unstable_at_once():
     _, changes = creep.nucleate(drive, drive + 80e-6)
     assert [(one.what, one.block) for one in changes[:2]] == [("slip +", 0), ("slip +", 1)]
     assert changes[2].what == "unstable"
+
+
+def test_a_margin_that_rounding_has_used_up_does_not_stop_a_path(monkeypatch):
+    """The drive went on by rounding only, 39 000 times, until the first block slipped."""
+    p = (4.3, 1.0, 2.4, 24.3, 2.8, 4.5, 3.7, 4.8, 1.4, 2.9, 4.4, 2.1)
+    how = {"mu_s": 0.28, "mu_k": 0.14, "d_c": 1.8e-9, "K": 1e5, "k_top": 6e4, "V": 8.75e-3}
+    scene = chain(L=11 * 2.5e-3, p=p, eta=42.9, **how)
+    steps, step = [], Creep._step
+    monkeypatch.setattr(Creep, "_step", lambda *known: steps.append(step(*known)) or steps[-1])
+    record = pyfric.simulate(scene, 0.018, fidelity="dynamic", progress=False)
+    assert record.events["nucleation_length"].notna().any()
+    assert len(steps) < 100 * len(record.events)

@@ -103,6 +103,8 @@ class Creep:
         self.N_x, self.k_f = scene.N_x, np.broadcast_to(np.asarray(scene.k_f, float), scene.N_x)
         self.way, self.closed = way.astype(float), closed.copy()
         self.clock, self.u_x = clock.copy(), u_x.copy()
+        force = ROUNDED * problem.unit
+        self.small = np.array([force, force, RATE, force, force / scene.slider.k])  # see `wrong`
         table = self.law.tables.slide
         self._x, self._y = np.array(table.x), np.array(table.y)
         self._slopes = np.append(table.slopes, 0.0)
@@ -298,7 +300,9 @@ class Creep:
             middle = (low.drive + high) / 2
             if change.block >= 0 and n % 4 < 3:  # secant steps; every fourth is a bisection
                 row = WHAT.index(change.what)
-                here, there = (one.margins[row, change.block] for one in (low, at))
+                here, there = (
+                    one.margins[row, change.block] + self.small[row] for one in (low, at)
+                )
                 if here > there:  # otherwise it is violated at the start, too
                     middle = low.drive + max(here, 0.0) / (here - there) * (high - low.drive)
             middle = min(max(middle, low.drive + close), max(high - close, low.drive + close / 2))
@@ -317,7 +321,8 @@ class Creep:
     def _step(self, now: Point) -> float:
         """Return the next step of the drive (m).
 
-        It is a part of d_c in slip, or goes just past the next change by linear extrapolation.
+        It is a part of d_c in slip of blocks that weaken, or goes just past the next change by
+        linear extrapolation.
         """
         N_x, table = self.N_x, self.problem.base(self.closed)
         v = table[:, :N_x] @ now.rate + table[:, N_x]
@@ -326,17 +331,18 @@ class Creep:
         gap, none = np.where(self.closed, p, self.k_f * u_z), np.zeros(N_x)
         slopes = np.array([*self.law.margins(p, f), none, gap, -self.way * now.rate])
         falls = np.isfinite(now.margins) & (slopes < 0)
-        ahead = np.divide(-now.margins, slopes, out=np.full(falls.shape, math.inf), where=falls)
-        speed, far = np.abs(now.rate).max(), PART * self._x[1] * float(np.max(self.law.d_c))
+        left, never = now.margins + self.small[:, None], np.full(falls.shape, math.inf)
+        ahead = np.divide(-left, slopes, out=never, where=falls)
+        weakens = self.cell < len(self._x) - 1
+        speed = np.abs(now.rate[weakens]).max(initial=0.0)
+        far = PART * self._x[1] * float(np.max(self.law.d_c))
         return min(far / speed if speed > 0 else math.inf, 1.01 * max(float(ahead.min()), 0.0))
 
     def wrong(self, point: Point | None, fastest: float) -> Change | None:
         """Return the worst violation at a state as a change, or None if there is none."""
         if point is None:
             return Change("unstable")
-        force = ROUNDED * self.problem.unit
-        small = np.array([force, force, RATE, force, force / self.problem.scene.slider.k])
-        over = -point.margins / small[:, None]
+        over = -point.margins / self.small[:, None]
         if over.max() > 1:
             row, block = np.unravel_index(int(np.argmax(over)), over.shape)
             return Change(WHAT[row], int(block))

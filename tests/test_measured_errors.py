@@ -12,10 +12,11 @@ from helpers import small_rod
 
 import pyfric
 from pyfric.cli import main
-from pyfric.engines import Options
+from pyfric.engines import Options, verification
 from pyfric.engines.cost import full_work, work_so_far
 from pyfric.engines.verification import (
     DYNAMICS,
+    GRACE,
     PERTURBATION,
     RATIOS,
     SAFETY,
@@ -428,6 +429,7 @@ class Known:
     def __init__(self, ladder, step=0.0, bonds=0.0, chaos=None, noise=0.0, jumps=0.0, turn=np.inf):
         self.ladder, self.step, self.bonds, self.chaos = ladder, step, bonds, chaos
         self.noise, self.asked, self.jumps, self.turn = noise, [], jumps, turn
+        self.ends = []
         self.dt_0 = pyfric.step_size(ladder.scene)
         self.main, self.evaluations = main_events(ladder), 10**8
 
@@ -449,6 +451,7 @@ class Known:
         if self.chaos is not None:
             events.loc[self.main[self.chaos :], "F_T_start"] += self.noise * share**0.1 * scene.F_N
         self.asked.append((options.geometry, share, options.accuracy))
+        self.ends.append(enough)
         made = round(self.evaluations / share)
         blocks = scene.N_x * scene.N_z
         counts = {"block_evaluations": made, "steps": made // (4 * blocks), "attempts": 0}
@@ -495,14 +498,18 @@ def test_the_reference_is_the_best_that_is_paid_for(ladder):
 
 
 def test_verification_costs_what_the_plan_announced(ladder):
-    """A run that takes longer than its plan said has a reference run with longer steps."""
-    shares = []
+    """The reference run of a run that takes longer than its plan said ends earlier.
+
+    Its step is never longer than half: both runs could deviate in the same event.
+    """
+    ended = []
     for announced in (np.inf, 1e-3):
         known = Known(ladder, step=1e-6)
         record = known.verified(None, work=announced)
-        shares.append(known.asked[1][1])
-    assert budget(1e-3) < work_so_far(record)
-    assert shares == pytest.approx([1 / 2, 1 / 1.25])
+        assert known.asked[1][1] == 1 / RATIOS[-1] == 1 / 2
+        ended.append(known.ends[1](record))  # with as much work as the run
+    assert work_so_far(record) > GRACE * budget(1e-3)
+    assert ended == [False, True]
 
 
 def test_a_run_that_is_too_far_off_gives_way_to_its_reference(ladder):
@@ -562,6 +569,7 @@ def test_linear_geometry_gives_way(ladder):
     assert record.method.geometry == "finite"
     assert [geometry for geometry, _, _ in known.asked] == ["linear", "finite", "finite"]
     assert known.asked[-1][1:] == known.asked[0][1:]
+    assert known.ends[-1] is None  # this run is the result: no budget ends it
     assert record.errors.start < 1e-12
 
 
@@ -587,6 +595,21 @@ def test_a_few_events_that_are_not_determined_are_named(ladder):
     assert record.errors.holds
     assert record.errors.arrest < 1e-9
     assert f"but for 1 events that are not determined: {event}" in str(record.errors)
+
+
+def test_an_event_of_the_other_run_alone_is_no_undetermined_one(ladder, monkeypatch):
+    """It has no number in this run, by which it could be named."""
+    begin, plain = ladder.events["t_start"][main_events(ladder)[5]], verification.differences
+
+    def planted(a, b, *more):
+        found = plain(a, b, *more)
+        row = {"event": 0, "other": 1, "t_start": begin, "start": 0.3, "own": False}
+        return found._replace(events=pd.concat([found.events, pd.DataFrame([row])]))
+
+    monkeypatch.setattr(verification, "differences", planted)
+    errors = Known(ladder, step=1e-6).verified(None).errors
+    assert not errors.undetermined
+    assert errors.until < begin
 
 
 def test_from_when_on_single_events_cannot_be_trusted_is_said(ladder):

@@ -25,7 +25,7 @@ KINDS = {
         "starts": "EXCESS",
         "contact": "LEAST_DEFINITENESS",
         "verification": "PLAIN CHEAP RATIOS DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER "
-        "HALVED FEW GRACE PERTURBATION",
+        "FEW GRACE PERTURBATION",
         "analysis": "BINS SHIFTS PER_BIN",
         "catalogue": "T_GAP MAIN_EVENT_BLOCKS",
         "classes": "FROM_BLOCK SLOW LAST",

@@ -289,3 +289,14 @@ def test_unresolved_weakening_is_noted():
     )
     assert not fine.notes
     assert any("do not resolve weakening over 1 nm" in note for note in coarse.notes)
+
+
+def test_unresolved_weakening_is_not_measured():
+    """In both runs friction drops at once: that they agree says nothing."""
+    scene, how = rod(d_c=1e-9, V=1.0), {"tolerance": 0.05, "want": "precursors", "progress": False}
+    record = pyfric.simulate(scene, 1e-3, **how)
+    assert record.errors.holds is None
+    assert record.errors.measured() is None
+    assert any("do not resolve weakening, which needs" in note for note in record.notes)
+    resolved = pyfric.simulate(scene.replace({"interface.d_c": 1e-6}), 1e-3, **how)
+    assert resolved.errors.holds

@@ -361,9 +361,11 @@ class _Choice:
         if options.dt != "auto" or options.stepper != "rk4" or error == 0:
             return auto, error
         dt = auto * (SHARE * self.tolerance / error) ** 0.25
-        resolves = scene.law.resolving_step(scene.F_N / scene.N_x, scene.m_interface)
-        if resolves * RATIOS[0] >= min(dt, auto):  # otherwise friction drops at once
-            dt = min(dt, resolves)
+        resolving = scene.resolving_step, RATIOS[-1] * scene.resolving_step
+        for longest in resolving:  # of the run, or else of its reference run
+            if RATIOS[0] * longest >= min(dt, auto):  # otherwise friction drops at once
+                dt = min(dt, longest)
+                break
         if dt >= auto:
             return auto, error
         digit = 10.0 ** (math.floor(math.log10(dt)) - 1)

@@ -123,6 +123,11 @@ class Scene:
         """Mass of a block of the bottom row, in kg: m, or m/2 on a prescribed interface."""
         return self.m / 2 if self.prescribed else self.m
 
+    @property
+    def resolving_step(self) -> float:
+        """Longest step that resolves weakening, in s (`Law.resolving_step`)."""
+        return self.law.resolving_step(self.F_N / self.N_x, self.m_interface)
+
     @functools.cached_property
     def shares(self) -> tuple[np.ndarray, np.ndarray]:
         """Share of whole blocks in each row, shape (N_z,), and in each column, shape (N_x,).

@@ -79,8 +79,7 @@ def law_notes(scene: Scene, t_end: float, dt: float | None = None) -> tuple[str,
             notes.append(f"{falls}, but the driver moves only {far}: mu_k is not reached")
         elif table_of_mu and slip > l:
             notes.append(f"{falls}, more than the block size l = {with_prefix(l, 'm')}")
-    resolves = law.resolving_step(scene.F_N / scene.N_x, scene.m_interface)
-    if dt is not None and dt > resolves:
+    if dt is not None and dt > (resolves := scene.resolving_step):
         steepness = law.steepness(scene.F_N / scene.N_x)
         by_slip = law.weakens and steepness > 0.25 / resolves**2 * scene.m_interface
         over = f"over {with_prefix(slip, 'm')} of slip" if by_slip else "with speed"

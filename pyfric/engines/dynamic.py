@@ -38,6 +38,7 @@ from pyfric.record import (
     Method,
     Record,
     budget_error,
+    budget_left,
     build_catalogue,
     chain_notes,
     held_in,
@@ -168,15 +169,15 @@ class Run:
         if self.method.geometry == "linear":
             F_T = max(abs(row[1]) for row in self.rows)
             notes = strain_notes(scene, self.name, F_T, self.state.t)
-        missing = budget_error(self.curve()) if self.method.budget else 0.0
-        if missing > OPEN_BUDGET:
+        curve = self.curve()
+        left = budget_left(curve).abs().max() if self.method.budget else 0.0
+        if left > self.guard.rounding and (missing := budget_error(curve)) > OPEN_BUDGET:
             notes += (
                 f"{self.name}: the energy budget misses {missing:.2g} of what went through it "
                 f"(limit {OPEN_BUDGET:g}): steps of {dt:.3g} s damp fast motion; take a smaller "
                 + ("rtol" if self.method.rtol else "dt"),
             )
-        told = law_notes(scene, self.state.t, dt)
-        return (*notes, *(f"{self.name}: {note}" for note in told))
+        return (*notes, *(f"{self.name}: {note}" for note in law_notes(scene, self.state.t, dt)))
 
     def columns(self) -> list[str]:
         """Return the names of the columns of the curve."""
@@ -451,6 +452,7 @@ class Run:
             t_gap=self.method.t_gap,
             t_begin=self.t_begin,
             t_end=self.state.t,
+            last=self.state,
             solver=self.solver if self.scene.has_rests else None,
         )
         return catalogue, switches, quiet
@@ -465,7 +467,7 @@ class Run:
             self.sample()
         state.drive = scene.drive(state.t)
         curve, notes = self.curve(), self.notes() + zone_notes(scene, self.name, catalogue)
-        notes += chain_notes(scene, self.name, catalogue, state)
+        notes += chain_notes(scene, self.name, catalogue)
         motion = self._motion()
         del self.rows[here:], self.motion[here:]
         timings = self.timings | {"catalogue": time.perf_counter() - start}

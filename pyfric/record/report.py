@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pyfric.display import plain
+from pyfric.record.analysis import precursors
 from pyfric.record.errors import NOT_VERIFIED, Errors
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def summary(record: Record, files: list[Path]) -> dict[str, Any]:
         "events": {
             "all": len(events),
             "main": len(main),
-            "precursors": int(main["is_precursor"].sum()),
+            "precursors": len(precursors(record)),
             "micro": len(events) - len(main),
         },
         "main_events": [
@@ -78,10 +79,11 @@ def text(summary: dict[str, Any]) -> str:
     events, timings, method = summary["events"], dict(summary["timings"]), summary["method"]
     per_step = timings.pop("per_block_and_step", None)
     took = ", ".join(f"{name} {value:.2f} s" for name, value in timings.items())
-    status = summary["status"].partition(":")[0]
+    status, _, why = summary["status"].partition(": ")
     lines = [
         f"{summary['scene'] or 'run'}: {status} at t = {summary['t']:.6g} s, "
         f"F_T/F_N = {summary['F_T_over_F_N']:.4f}",
+        *([why] if why else []),
         f"events: {events['main']} main, of which {numbered(events['precursors'], 'precursor')}; "
         f"{numbered(events['micro'], 'micro-slip')}",
     ]

@@ -594,3 +594,17 @@ def test_a_static_state_that_is_not_found_is_nan_and_said():
     assert catalogue.events["F_T_start"].iloc[0] == 1.0
     assert np.isnan(catalogue.events["F_T_arrest"].iloc[0])
     assert np.isnan(catalogue["tau_after"]).all()
+
+
+def test_blocks_that_slip_throughout_count():
+    """They are not in the logs; their rupture times are not known."""
+    logs, scene = Run().slip(3, 1 * MS, 2 * MS).logs(), make_scene()
+    last = SimpleNamespace(mode=np.array([1, 1, 1, 0, 0, 0, 0, 0]), corner=np.zeros(8, dtype=bool))
+    how = {"t_begin": 0.5 * MS, "t_end": 9 * MS}
+    catalogue = build_catalogue(*logs, scene, last=last, **how)
+    event = catalogue.events.iloc[0]
+    assert event["n_blocks"] == 4
+    assert event["t_start"] == 0.5 * MS
+    assert not event["finished"]
+    assert np.flatnonzero(np.isfinite(catalogue.arrays["rupture_times"][0])).tolist() == [3]
+    assert len(build_catalogue(*logs, scene, **how).episodes) == 1

@@ -109,14 +109,16 @@ def test_every_record_says_how_well_its_fronts_are_resolved(side, tmp_path):
 def noted(scene, at_rest, moving, speed=1.0):
     """Return the notes of one main event whose blocks have these zones; NaN has no speed."""
     times = np.arange(len(at_rest)) * scene.slider.l / speed
-    catalogue = SimpleNamespace(
-        events=pd.DataFrame({"is_main": [True]}),
-        arrays={
-            "rupture_times": times[None],
-            "X_c0_over_l": np.array([at_rest]),
-            "X_c_over_l": np.array([moving]),
-        },
-    )
+    known = {
+        "rupture_times": times,
+        "X_c0_over_l": at_rest,
+        "X_c_over_l": moving,
+        "p_before": times,
+    }
+    rows = {name: np.full((1, scene.N_x), np.nan) for name in known}
+    for name, values in known.items():
+        rows[name][0, : len(values)] = values
+    catalogue = SimpleNamespace(events=pd.DataFrame({"is_main": [True]}), arrays=rows)
     return zone_notes(scene, "dynamic", catalogue)
 
 
@@ -143,6 +145,15 @@ def test_amontons_coulomb_takes_a_short_note():
     assert main.any()
     assert any("d_c = 0: front speeds are set by the lattice" in one for one in record.notes)
     assert (record.events.loc[main, "share_X_c0"] == 0).all()
+
+
+@pytest.mark.parametrize(("d_c", "said"), [(0.0, "set by the lattice"), (2e-6, "X_c(v)/l below 6")])
+def test_pushed_fronts_have_a_note(d_c, said):
+    """Their static states are not known; the mean normal force stands for them."""
+    scene = pyfric.setup2(L=0.06, H=0.02, l=0.002, F_N=200.0, V=0.0, d_c=d_c, push=((1, 80.0),))
+    record = pyfric.simulate(scene, 2e-4, fidelity="dynamic", progress=False)
+    assert np.isnan(record.p_before).all()
+    assert any(said in note for note in record.notes)
 
 
 def test_viscosity_slows_fronts_as_in_the_cracks_of_the_study():

@@ -56,7 +56,7 @@ class Again:
         engine = "hybrid" if scene.has_rests and scene.law.rests else "dynamic"
         again = simulate(scene, begin, fidelity=engine, initial=initial, **how, **self.steps)
         self.state: State = again.final_state
-        before = record.events["t_stop"] < begin
+        before = record.events["t_start"] <= begin
         same = np.array_equal(record.final_state.u_drv0, self.state.u_drv0)
         same = same and len(again.events) == before.sum()
         if not same:

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from pyfric.core import OPEN
+from pyfric.core import OPEN, State
 from pyfric.record.episodes import SWITCH_COLUMNS, build_episodes, columns_of, quiet_columns
 from pyfric.record.held import block_array, event_column, found_arrays, held_in, table
 from pyfric.record.nucleation import nucleation_lengths
@@ -180,6 +180,7 @@ def build_catalogue(
     t_gap: float = T_GAP,
     t_begin: float = 0.0,
     t_end: float | None = None,
+    last: State | None = None,
     solver: StaticSolver | None = None,
     link_time: float | None = None,
 ) -> Catalogue:
@@ -198,6 +199,9 @@ def build_catalogue(
     t_end
         Time at which the run ended, s. If given, an event that stopped within ``t_gap`` of it is
         not finished, because a later episode could still have joined it.
+    last
+        State at the end of the logs. Blocks that slip in it and are not in the logs slipped all the
+        time; without it they do not count.
     solver
         A `StaticSolver` for the static forces and stresses; without it they are NaN.
     link_time
@@ -224,7 +228,7 @@ def build_catalogue(
     if not t_gap >= 0:
         raise ValueError(f"t_gap = {t_gap!r} s: must be at least 0")
     switches = columns_of(switches, SWITCH_COLUMNS, "switch log")
-    episodes = build_episodes(switches, scene.n_of_i, t_begin=t_begin)
+    episodes = build_episodes(switches, scene.n_of_i, t_begin=t_begin, last=last)
     episodes["event"] = _event_numbers(episodes, t_gap)
     return Catalogue(
         scene=scene,

@@ -10,12 +10,15 @@ edge, the driven side. Times are in s, lengths in m, forces in N.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from pyfric.record.held import held_in
+
+if TYPE_CHECKING:
+    from pyfric.core import State
 
 SWITCH_COLUMNS = {name: held.dtype for name, held in held_in("switches").items()}
 """Columns of the switch log: one row per change of a block's contact mode, in order of time."""
@@ -30,7 +33,11 @@ class LogError(ValueError):
 
 
 def build_episodes(
-    switches: Mapping[str, np.ndarray] | np.ndarray, n_of_i: np.ndarray, *, t_begin: float = 0.0
+    switches: Mapping[str, np.ndarray] | np.ndarray,
+    n_of_i: np.ndarray,
+    *,
+    t_begin: float = 0.0,
+    last: State | None = None,
 ) -> pd.DataFrame:
     """Slip episodes, one row each, ordered by start (ties: by step, then by block number).
 
@@ -42,6 +49,9 @@ def build_episodes(
         (N_x,) block number from the trailing edge of each column.
     t_begin
         Time at which the log begins, s.
+    last
+        State at the end of the log. A block that slips in it and is not in the log has slipped from
+        t_begin on. Without it, such blocks have no episode.
 
     Returns
     -------
@@ -59,7 +69,7 @@ def build_episodes(
     log = columns_of(switches, SWITCH_COLUMNS, "switch log")
     if log["block"].size and (log["block"].min() < 0 or log["block"].max() >= n_of_i.size):
         raise LogError(f"switch log: block number outside 0...{n_of_i.size - 1}")
-    log = _with_earlier_starts(log, t_begin)
+    log = _with_earlier_starts(log, t_begin, last)
 
     order = np.argsort(log["block"], kind="stable")  # block by block, in order of time
     block, old, new = (log[name][order] for name in ("block", "old", "new"))
@@ -137,21 +147,27 @@ def _slips(mode: np.ndarray) -> np.ndarray:
     return np.abs(mode) == 1
 
 
-def _with_earlier_starts(log: dict[str, np.ndarray], t_begin: float) -> dict[str, np.ndarray]:
-    """Add a start at ``t_begin`` for each block whose first switch finds it slipping."""
-    _, first = np.unique(log["block"], return_index=True)
-    first = first[_slips(log["old"][first])]
-    if first.size == 0:
-        return log
+def _with_earlier_starts(
+    log: dict[str, np.ndarray], t_begin: float, last: State | None
+) -> dict[str, np.ndarray]:
+    """Add a start at ``t_begin`` for each block that slips until its first switch or the end."""
+    blocks, first = np.unique(log["block"], return_index=True)
+    slips = _slips(log["old"][first])
+    blocks, mode, corner = (of[slips] for of in (blocks, log["old"][first], log["corner"][first]))
+    if last is not None:
+        never = np.setdiff1d(np.flatnonzero(_slips(last.mode)), log["block"])
+        blocks = np.append(blocks, never)
+        mode, corner = np.append(mode, last.mode[never]), np.append(corner, last.corner[never])
+    unknown = np.full(blocks.size, np.nan)
     earlier = {
-        "step": np.full(first.size, -1),
-        "block": log["block"][first],
-        "old": np.zeros(first.size),
-        "new": log["old"][first],
-        "corner": log["corner"][first],
-        "t": np.full(first.size, t_begin),
-        "u_x": np.full(first.size, np.nan),
-        "p": np.full(first.size, np.nan),
+        "step": np.full(blocks.size, -1),
+        "block": blocks,
+        "old": np.zeros(blocks.size),
+        "new": mode,
+        "corner": corner,
+        "t": np.full(blocks.size, t_begin),
+        "u_x": unknown,
+        "p": unknown,
     }
     return {
         key: np.concatenate([earlier[key].astype(kind), log[key]])

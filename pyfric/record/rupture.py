@@ -111,15 +111,17 @@ def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
 def first_slips(joined: Mapping[str, np.ndarray], n_events: int, N_x: int) -> np.ndarray:
     """(n_events, N_x) start of the first slip of each block in each event, s, NaN where none.
 
+    It is NaN, too, for slip that was under way when the log began.
+
     Args:
         joined: columns of episodes that are part of events, in order of time: row of the event
-            (from 0), i, t_start.
+            (from 0), i, t_start, step_start.
         n_events: number of events.
         N_x: number of columns.
     """
     t = np.full(n_events * N_x, np.nan)
     at, first = np.unique(joined["row"] * N_x + joined["i"], return_index=True)
-    t[at] = joined["t_start"][first]
+    t[at] = np.where(joined["step_start"] < 0, np.nan, joined["t_start"])[first]
     return t.reshape(n_events, N_x)
 
 

@@ -30,7 +30,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pyfric.core import State
 from pyfric.record.rupture import front_speed
 from pyfric.scene import PrescribedLoad, Scene
 from pyfric.theory import A_II, Material
@@ -116,6 +115,12 @@ def can_rupture(scene: Scene) -> np.ndarray:
     return np.abs(scene.shear) > scene.law.slide(p)
 
 
+def _mean_p(scene: Scene) -> np.ndarray:
+    """Return F_N/N_x for each block, NaN where p is prescribed, shape (N_x,), in N."""
+    given = isinstance(scene.top, PrescribedLoad)
+    return np.full(scene.N_x, np.nan if given else scene.F_N / scene.N_x)
+
+
 def zone_of_scene(scene: Scene, speed: float = 0.0) -> float:
     """Return the least X_c(v)/l over the blocks of a scene that can rupture; NaN if none can.
 
@@ -125,9 +130,8 @@ def zone_of_scene(scene: Scene, speed: float = 0.0) -> float:
         scene: the scene.
         speed: v over c_R, or over c in a chain; below 1.
     """
-    given, c = isinstance(scene.top, PrescribedLoad), pace_limits(scene)[0]
-    p = np.full(scene.N_x, np.nan if given else scene.F_N / scene.N_x)
-    blocks = zone_moving(scene, p, np.full(scene.N_x, speed * c))
+    v = np.full(scene.N_x, speed * pace_limits(scene)[0])
+    blocks = zone_moving(scene, _mean_p(scene), v)
     blocks = blocks[can_rupture(scene) & np.isfinite(blocks)]
     return float(blocks.min()) if blocks.size else math.nan
 
@@ -157,6 +161,8 @@ def viscous_error(scene: Scene, blocks: float) -> float:
 def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ...]:
     """Return what to know about front speeds: whether lattice or dashpots set them; and of counts.
 
+    Where no static state is known, as under a push, p is F_N/N_x.
+
     Args:
         scene: the scene.
         engine: name of the engine.
@@ -165,18 +171,20 @@ def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ..
     main = catalogue.events["is_main"].to_numpy(dtype=bool)
     speeds = front_speed(catalogue.arrays["rupture_times"], scene.slider.l, scene.d)
     fast = np.isfinite(speeds) & main[:, None]
-    blocks = catalogue.arrays["X_c0_over_l"][fast]
-    blocks = blocks[np.isfinite(blocks)]
     if not scene.law.rests:  # on junctions there is no cohesive zone
         return ()
     if not scene.law.weakens:
         short = bool((main & catalogue.events["is_precursor"]).any())
-        said = ["front speeds are set by the lattice"] * bool(blocks.size)
+        said = ["front speeds are set by the lattice"] * bool(fast.any())
         said += ["number and lengths of short precursors depend on l (see pyfric resolve)"] * short
         return (f"{engine}: d_c = 0: {', '.join(said)}",) if said else ()
+    mean, unknown = _mean_p(scene), np.isnan(catalogue.arrays["p_before"])
+    at_rest = np.where(unknown, zone_at_rest(scene, mean), catalogue.arrays["X_c0_over_l"])[fast]
+    moving = zone_moving(scene, mean, speeds)
+    moving = np.where(unknown, moving, catalogue.arrays["X_c_over_l"])[fast]
+    blocks, why = at_rest[np.isfinite(at_rest)], []
     if not blocks.size:
         return ()
-    why, moving = [], catalogue.arrays["X_c_over_l"][fast]
     for name, known in (("X_c0", blocks), ("X_c(v)", moving[np.isfinite(moving)])):
         share = np.mean(known < RESOLVED) if known.size else 0.0
         if share:
@@ -189,15 +197,14 @@ def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ..
     return (f"{engine}: front speeds of a continuum may differ: {'; '.join(why)}",) if why else ()
 
 
-def chain_notes(scene: Scene, engine: str, catalogue: Catalogue, last: State) -> tuple[str, ...]:
+def chain_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ...]:
     """Return a note where slip from the trailing edge of a chain is too short to go on by itself.
 
     Blocks 1 to m that come to rest at mu_k p leave what they carried beyond that to block m + 1:
     it slips if the sum of tau_i - mu_k p_i up to it exceeds (mu_s - mu_k) p. Without inertia a
     front needs m >= 1/tau_bar - 1 blocks at a uniform scaled prestress tau_bar; with it, fewer.
     """
-    top, slipped = scene.top, scene.n_of_i[np.abs(last.mode) == 1]
-    slipped = np.concatenate([slipped, catalogue.episodes["n"].to_numpy()])
+    top, slipped = scene.top, catalogue.episodes["n"].to_numpy()
     alone = scene.driver.K * scene.driver.fastest == 0 and not top.push
     if scene.N_z > 1 or not alone or top.k_top or not (scene.law.rests and slipped.size):
         return ()

@@ -272,7 +272,7 @@ def test_json(tmp_path):
     assert summary["status"] == "complete"
     assert summary["t"] == record.curve["t"].iloc[-1]
     assert summary["F_T_over_F_N"] == record.curve["F_T"].iloc[-1] / record.scene.F_N
-    assert summary["events"] == {"all": 1, "main": 1, "precursors": 1, "micro": 0}
+    assert summary["events"] == {"all": 1, "main": 1, "precursors": 0, "micro": 0}
     (event,) = summary["main_events"]
     assert event["F_T_start_over_F_N"] == record.events["F_T_start"][1] / record.scene.F_N
     assert event["L_p_over_L"] == record.events["L_p_over_L"][1]

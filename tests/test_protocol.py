@@ -527,3 +527,21 @@ def test_holds_and_ramps_only_move_events_in_time():
     np.testing.assert_allclose(events["F_T_start"], steady.events["F_T_start"], rtol=1e-11)
     drive = [held.drive(t) for t in events["t_start"]]
     np.testing.assert_allclose(drive, 0.02 * steady.events["t_start"], rtol=1e-11)
+
+
+@pytest.mark.parametrize("made", [np.array, pd.DataFrame, list])
+def test_arrays_are_lists_of_rows(made):
+    """Of NumPy or pandas; a number of the block in them may be 2.0."""
+    loads, pushes = made([[0.1, 410.0], [0.2, 420.0]]), made([[2, 0.25], [3, 0.5]])
+    scene = setup1({"top.protocol": loads, "top.push": pushes})
+    assert scene.top.protocol == ((0.1, 410.0), (0.2, 420.0))
+    assert [(one.block, one.force) for one in scene.top.push] == [(2, 0.25), (3, 0.5)]
+    assert setup1(mu_s=pd.Series([0.7] * 57)).interface.mu_s == (0.7,) * 57
+    refused(lambda: setup1(push=made([[2.5, 0.25]])), "top.push", "not a whole number")
+
+
+def test_a_state_of_another_lattice_is_refused():
+    scene = setup1(L=0.04, H=0.01, l=0.0025)
+    state = pyfric.loaded_state(scene).state(scene, 1e-7)
+    with pytest.raises(pyfric.StateError, match=r"of 17 x 5 blocks; needed: 25 x 5"):
+        simulate(setup1(L=0.06, H=0.01, l=0.0025), 1e-5, initial=state, progress=False)

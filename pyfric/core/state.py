@@ -230,8 +230,10 @@ class State:
         Raises:
             StateError: an array has the wrong shape, type or memory order, or dt is not positive.
         """
+        N_z, found = len(self.y) if N_z is None else N_z, np.shape(self.y)
+        if len(found) == 3 and found[::2] != (N_z, N_x):
+            raise StateError(f"state.y: of {found[2]} x {found[0]} blocks; needed: {N_x} x {N_z}")
         self._check_memory(N_x, n_memory)
-        N_z = len(self.y) if N_z is None else N_z
         blocks = (N_x,)
         for name, shape, dtype in (
             ("y", (N_z, 4, N_x), REAL),

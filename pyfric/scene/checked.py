@@ -15,12 +15,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pydantic
 from pydantic_core import ArgsKwargs, core_schema
 
 from pyfric.scene.errors import SceneError, naming, numbered, unknown
-from pyfric.scene.units import check_number, check_whole, in_si, parse_quantity, range_text
+from pyfric.scene.units import (
+    as_list,
+    check_number,
+    check_whole,
+    in_si,
+    parse_quantity,
+    range_text,
+)
 
 MAX_LISTED = 10_000
 """Largest number of values in a list."""
@@ -78,6 +84,7 @@ class Quantity(Annotation):
     le: float | None = None
     optional: bool = False
     listed: bool = False  # or a sequence of numbers, which becomes a tuple
+    each: str = "number"  # what one of them is called
     drawn: type | None = None  # or an object of this class, a table in a scene file
     note: str = ""
 
@@ -98,12 +105,12 @@ class Quantity(Annotation):
             return value
         if self.drawn is not None and isinstance(value, Mapping):
             return self._drawn(value, written)
-        several = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim)
-        if self.listed and several:
+        value = as_list(value)
+        if self.listed and isinstance(value, list | tuple):
             if len(value) > MAX_LISTED:
                 raise SceneError("", value, "", f"at most {MAX_LISTED} numbers", "too many")
             number = dataclasses.replace(self, listed=False, drawn=None, optional=False, note="")
-            return numbered("block", lambda one: number.check(one, written), value)
+            return numbered(self.each, lambda one: number.check(one, written), value)
         if written and self.unit:
             value = parse_quantity("", value, self.unit, allowed=self.allowed)
         return check_number("", value, self.unit, **self._limits, note=self.note)

@@ -62,10 +62,10 @@ class Material:
     """An elastic, viscous solid and the width of a slab of it, from which a `Slider` follows.
 
     The lattice has plane stress and a fixed Poisson's ratio of 1/3. Then k = 3 B E/4, the shear
-    modulus is 3 E/8, and waves have speeds sqrt(9 E/(8 rho)) and sqrt(3 E/(8 rho)). Nearly
-    incompressible solids (rubber, gels) have a ratio near 1/2 and a shear modulus of E/3. For them
-    use E from tension of a strip, or 8/3 of the shear modulus if shear matters. Their pressure
-    waves are not reproduced.
+    modulus is 3 E/8, and waves have speeds sqrt(9 E/(8 rho)) and sqrt(3 E/(8 rho)). In a slab of
+    few blocks they are faster; see `Slider.of_material`. Nearly incompressible solids (rubber,
+    gels) have a ratio near 1/2 and a shear modulus of E/3. For them use E from tension of a strip,
+    or 8/3 of the shear modulus if shear matters. Their pressure waves are not reproduced.
 
     Args:
         width: B, width of the slab, m.

@@ -26,7 +26,7 @@ from pyfric.scene.laws import KINDS, FrictionLaw, Means, Tables, check_tables
 from pyfric.scene.laws.simple import LinearWeakening
 from pyfric.scene.materials import Material
 from pyfric.scene.protocol import Corners, Protocol, Pushed, Pushes
-from pyfric.scene.spread import FIELD, LIST_NOTE, Field, Spread
+from pyfric.scene.spread import BLOCKS, FIELD, Field, Spread
 
 MAX_BLOCKS = 20_000_000
 """Largest number of blocks N_x N_z. It prevents a mistyped l from exhausting the memory."""
@@ -271,8 +271,8 @@ class PrescribedLoad(Top):
     prescribed stresses.
     """
 
-    p: Annotated[float | tuple[float, ...], Positive("N", listed=True, note=LIST_NOTE)]
-    tau: Annotated[float | tuple[float, ...], Quantity("N", listed=True, note=LIST_NOTE)] = 0.0
+    p: Annotated[float | tuple[float, ...], Positive("N", **BLOCKS)]
+    tau: Annotated[float | tuple[float, ...], Quantity("N", **BLOCKS)] = 0.0
     k_top: Annotated[float, NotNegative("N/m")] = 0.0
     push: Annotated[Pushed, Pushes()] = ()
 

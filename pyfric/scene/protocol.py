@@ -18,6 +18,7 @@ import numpy as np
 
 from pyfric.scene.checked import Annotation, Quantity, Whole, Written
 from pyfric.scene.errors import SceneError, numbered
+from pyfric.scene.units import as_list
 
 MOST = 1000
 """Largest number of breakpoints of one protocol, and of pushes of one scene."""
@@ -132,6 +133,7 @@ def _rows(
     of: Annotation, what: tuple[str, str], value: Any, check: Callable[[Any], Any]
 ) -> tuple[Any, ...]:
     """Return the checked rows of a list; `what` names a row and a list of them."""
+    value = as_list(value)
     if not isinstance(value, list | tuple) or len(value) > MOST:
         reason = f"not a list of {what[1]}, or more than {MOST}"
         raise SceneError("", value, of.unit, of.allowed, reason)
@@ -154,6 +156,7 @@ class Protocol(Quantity):
         times: list[float] = []
 
         def corner(pair: Any) -> tuple[float, float]:
+            pair = as_list(pair)
             if not isinstance(pair, list | tuple) or len(pair) != 2:
                 raise SceneError("", pair, self.unit, self.allowed, "not a pair")
             of_t, of_value = self._numbers
@@ -214,9 +217,12 @@ class Pushes(Annotation):
         return _rows(self, ("push", "pushes"), value, lambda one: self._push(one, written))
 
     def _push(self, given: Any, written: Written | None) -> Push:
+        given = as_list(given)
         if not isinstance(given, list | tuple) or not 2 <= len(given) <= 5:
             raise SceneError("", given, "N", self.allowed, "not two to five numbers")
         block, *rest = given
+        if isinstance(block, float) and block.is_integer():  # from an array
+            block = int(block)
         block = Whole(1_000_000_000).check(block)
         marks = (Quantity("N"), Quantity("s", ge=0.0), Quantity("s", gt=0.0), Quantity("N/s"))
         numbers = [

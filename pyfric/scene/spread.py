@@ -84,6 +84,7 @@ class Spread:
 
 Field = float | tuple[float, ...] | Spread
 """A number, a list with a number for each block from the trailing edge on, or a `Spread`."""
-LIST_NOTE = ", or a list of N_x of them"
-FIELD = {"listed": True, "drawn": Spread, "note": LIST_NOTE + ", or a Spread"}
+BLOCKS = {"listed": True, "each": "block", "note": ", or a list of N_x of them"}
+"""What the annotations of values of each block have in common."""
+FIELD = BLOCKS | {"drawn": Spread, "note": BLOCKS["note"] + ", or a Spread"}
 """What the annotations of fields have in common."""

@@ -9,6 +9,8 @@ from functools import lru_cache
 from numbers import Integral, Real
 from typing import Any
 
+import numpy as np
+
 from pyfric.scene.errors import NO_UNIT, SceneError, show
 
 SMALLEST = 1e-30
@@ -149,6 +151,12 @@ def in_si(field: str, value: Any, unit: str, *, allowed: str = "") -> Any:
     except Exception as error:  # each library has its own
         allowed = allowed or f"a quantity in {unit or '1'}"
         raise SceneError(field, str(value), unit, allowed, str(error)) from None
+
+
+def as_list(value: Any) -> Any:
+    """Return an array of NumPy or pandas as a list; anything else, or one with a unit, as it is."""
+    plain = getattr(value, "ndim", 0) and not (hasattr(value, "unit") or hasattr(value, "units"))
+    return np.asarray(value).tolist() if plain else value
 
 
 def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> float:

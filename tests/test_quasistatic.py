@@ -784,3 +784,8 @@ def test_equilibrium_without_slip_ends_where_it_is_told():
 def test_a_hasty_driver_is_said_where_speed_matters(fidelity, said):
     record = simulate(preset("fig1", V=1.0), 1e-5, fidelity=fidelity, progress=False)
     assert any("does not come to rest" in note for note in record.notes) == said
+
+
+def test_a_prediction_names_the_friction_that_it_takes():
+    with pytest.raises(SceneError, match=r"T = 200.0 N: mu_s = mu_k here: more than"):
+        prediction_curve(setup2(T=200.0))

@@ -44,7 +44,7 @@ from pyfric.record import (
     versions,
     zone_notes,
 )
-from pyfric.scene import check_number
+from pyfric.scene import check_number, naming
 from pyfric.signals import answered, at_once
 from pyfric.statics import (
     LEAST_DEFINITENESS,
@@ -442,11 +442,10 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     if (error := bends(scene)) is not None:
         raise error
     V = scene.driver.V if scene.driver.fastest or scene.load_at(0.0) else 1.0
-    scene = dataclasses.replace(
-        scene,
-        interface=dataclasses.replace(scene.interface.coulomb(), mu_s=mu, mu_k=mu),
-        driver=dataclasses.replace(scene.driver, V=V),
-    )
+    interface = dataclasses.replace(scene.interface.coulomb(), mu_s=mu, mu_k=mu)
+    driver = dataclasses.replace(scene.driver, V=V)
+    with naming(where="mu_s = mu_k here"):
+        scene = dataclasses.replace(scene, interface=interface, driver=driver)
     run = QuasistaticRun(scene)
     _warn_if_ambiguous(run.contact)
     start = time.perf_counter()

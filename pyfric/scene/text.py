@@ -65,11 +65,12 @@ def law_notes(scene: Scene, t_end: float, dt: float | None = None) -> tuple[str,
         t_end: end of the motion of the driver, in s.
         dt: step, in s; None for an engine without steps.
     """
-    law, notes, slip = scene.law, [], 0.0
+    law, notes, least = scene.law, [], 0.0
     if law.weakens:
         table = law.tables.slide
         fallen = np.append(np.flatnonzero(np.array(table.y) > LEFT) + 1, 0).max()
-        slip, l = table.x[min(fallen, len(table.x) - 1)] * float(np.max(law.d_c)), scene.slider.l
+        d_c, far = np.atleast_1d(law.d_c), table.x[min(fallen, len(table.x) - 1)]
+        slip, least, l = far * float(d_c.max()), far * float(d_c[d_c > 0].min()), scene.slider.l
         path = max(abs(x) for leg in scene.legs(t_end) for x in (leg.first, leg.last))
         falls = f"friction falls until a slip of {with_prefix(slip, 'm')}"
         driven = scene.driver.K and not isinstance(scene.top, PrescribedLoad)
@@ -82,7 +83,7 @@ def law_notes(scene: Scene, t_end: float, dt: float | None = None) -> tuple[str,
     if dt is not None and dt > (resolves := scene.resolving_step):
         steepness = law.steepness(scene.F_N / scene.N_x)
         by_slip = law.weakens and steepness > 0.25 / resolves**2 * scene.m_interface
-        over = f"over {with_prefix(slip, 'm')} of slip" if by_slip else "with speed"
+        over = f"over {with_prefix(least, 'm')} of slip" if by_slip else "with speed"
         notes.append(
             f"steps of {dt:.3g} s do not resolve weakening {over}: friction drops at once. "
             f"Resolving it needs dt <= {resolves:.3g} s"

@@ -250,6 +250,17 @@ def test_a_map_shows_all_labels_and_theory_as_far_as_it_goes():
     refused(lambda: phase_map(diagram(2), "pace"), "label", "unknown")
 
 
+def test_a_line_of_one_point_is_seen():
+    points = [("kind", "label 00", "label 01", 1.0, 0.5, 0.4, 0.6, 3)]
+    one = dataclasses.replace(diagram(2), lines=pd.DataFrame(points, columns=LINE))
+    drawn = [
+        tuple(line.get_xydata()[0])
+        for line in phase_map(one).axes[0].get_lines()
+        if line.get_marker() == "_"
+    ]
+    assert drawn == [(1.0, 0.5)]
+
+
 def test_refused_diagrams():
     refused(lambda: phase_diagram("fig1"), "x", "the name of a field")
     axes = {"x": ("driver.h", [2.5e-3, 5e-3]), "y": ("mu_s", [0.6, 0.7])}

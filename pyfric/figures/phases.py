@@ -67,7 +67,7 @@ def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
     for (colour, symbol), (value, rows) in zip(looks, table.groupby(label), strict=False):
         axes.plot(rows[x], rows[y], symbol, ms=2, color=colour, mfc="none", mew=0.5, label=value)
     for _, line in diagram.lines.sort_values(x).groupby(["label", "below", "above"]):
-        axes.plot(line[x], line[y], "-", color=BLACK, lw=1)
+        axes.plot(line[x], line[y], "-" if len(line) > 1 else "_", color=BLACK, lw=1)
     highest = min(table[x].max(), LARGEST_VISCOSITY)
     theory = (x, y) == ("alpha", "tau_bar") and table[x].min() <= highest
     if theory:

@@ -169,7 +169,7 @@ def test_a_phase_diagram_of_the_chain(tmp_path):
 def test_the_two_numbers_of_the_chain_go_by_their_names():
     """They were taken in their order: alpha for tau_bar."""
     axes = ("tau_bar", [0.2, 0.3]), ("alpha", [2.0, 3.0])
-    job, _ = phases._jobs(None, *axes, None, None)
+    job, *_ = phases._jobs(None, *axes, None, None)
     assert job(0.2, 3.0).scene == chain_job(alpha=3.0, tau_bar=0.2).scene
 
 
@@ -190,6 +190,8 @@ def test_a_phase_diagram_of_any_scene(tmp_path):
     )
     assert set(found.table["label"]) == {True, False}
     assert (found.lines["high"] - found.lines["low"] <= 0.019).all()
+    axes = phase_map(found).axes[0]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("driver.V (m/s)", "mu_s")
 
     def job(mu_s, V):
         return Job(scene=small(mu_s=mu_s, V=V), t_end=1e-4, options={"fidelity": "quasistatic"})

@@ -78,8 +78,11 @@ def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
     for name, set_scale in ((x, axes.set_xscale), (y, axes.set_yscale)):
         set_scale(even_scale(np.unique(table[name])))
     axes.set_ylim(*_edges(np.unique(table[y]))[[0, -1]])
-    axes.set_xlabel(NAMES.get(x, x))
-    axes.set_ylabel(NAMES.get(y, y))
+    texts = [
+        f"{name} ({unit})" if unit else NAMES.get(name, name)
+        for name, unit in zip((x, y), diagram.units, strict=True)
+    ]
+    axes.set(xlabel=texts[0], ylabel=texts[1])
     legend(axes, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     fig.tables = {"table": table, "lines": diagram.lines}
     fig.caption = (

@@ -25,7 +25,17 @@ import pandas as pd
 
 from pyfric.engines import Options
 from pyfric.record import SLOW, Record, pace_limits
-from pyfric.scene import Scene, SceneError, SceneLike, as_scene, chain, check_number, check_whole
+from pyfric.scene import (
+    Scene,
+    SceneError,
+    SceneLike,
+    as_scene,
+    chain,
+    check_number,
+    check_whole,
+    full_name,
+    scene_fields,
+)
 from pyfric.signals import at_once
 from pyfric.sweeps.boundaries import boundary
 from pyfric.sweeps.runs import Job, run_all
@@ -76,12 +86,14 @@ class PhaseDiagram:
         lines: points at which a label changes along y. The columns are the name of the ``label``
             and its values ``below`` and ``above``; the fields, with y in the middle of the last
             bracket; the ends ``low`` and ``high`` of this bracket; and the number of ``runs``.
+        units: SI units of the fields; "" without one, and for the numbers of a function.
     """
 
     x: str
     y: str
     table: pd.DataFrame
     lines: pd.DataFrame
+    units: tuple[str, str] = ("", "")
 
     def __repr__(self) -> str:
         runs = len(self.table) + int(self.lines["runs"].sum())
@@ -177,7 +189,7 @@ def phase_diagram(
     Source: see the module.
     """
     tolerance = check_number("tolerance", tolerance, "", gt=0.0, lt=0.5)
-    job, axes = _jobs(scene, x, y, t_end, options)
+    job, axes, units = _jobs(scene, x, y, t_end, options)
     (x_name, xs), (y_name, ys) = axes
     labels = LABELS if label is None else label
     labels = labels if isinstance(labels, Mapping) else {"label": labels}
@@ -214,13 +226,13 @@ def phase_diagram(
     ]
     columns = ["label", "below", "above", x_name, y_name, "low", "high", "runs"]
     joined = pd.concat([pd.DataFrame(columns=columns), *found], ignore_index=True)
-    return PhaseDiagram(x_name, y_name, table, joined[columns].infer_objects())
+    return PhaseDiagram(x_name, y_name, table, joined[columns].infer_objects(), units)
 
 
 def _jobs(
     scene: Any, x: Axis | None, y: Axis | None, t_end: Any, options: Any
-) -> tuple[Callable[[float, float], Job], tuple[Axis, Axis]]:
-    """Return the function from x and y to jobs, and the axes with checked values."""
+) -> tuple[Callable[[float, float], Job], tuple[Axis, Axis], tuple[str, str]]:
+    """Return the function from x and y to jobs, the axes with checked values, and their units."""
     own = scene is None
     if own:
         x, y = x or ("alpha", ALPHA), y or ("tau_bar", TAU_BAR)
@@ -244,8 +256,8 @@ def _jobs(
             if value is not None:
                 raise SceneError(name, value, "", "None without a scene: the jobs have their own")
         if own:
-            return lambda a, b: chain_job(**dict(zip(names, (a, b), strict=True))), tuple(checked)
-        return scene, tuple(checked)
+            return lambda a, b: chain_job(**{names[0]: a, names[1]: b}), tuple(checked), ("", "")
+        return scene, tuple(checked), ("", "")
     base = as_scene(scene)
     if t_end is None:
         raise SceneError("t_end", None, "s", "the end of the runs of a scene", "missing")
@@ -254,7 +266,9 @@ def _jobs(
         changed = base.replace(dict(zip(names, (a, b), strict=True)))
         return Job(scene=changed, t_end=t_end, options=options or Options())
 
-    return job, tuple(checked)
+    fields = scene_fields(base)
+    marks = [fields[full_name(base, name)] for name in names]
+    return job, tuple(checked), tuple(mark.unit for mark in marks)
 
 
 def _front(record: Record) -> dict[str, Any]:

@@ -247,8 +247,8 @@ def test_a_map_shows_all_labels_and_theory_as_far_as_it_goes():
     theory = fig.axes[0].get_lines()[-1].get_xdata()
     assert (theory.min(), theory.max()) == pytest.approx((1.0, 10.0))
     assert "Black lines" not in fig.caption
-    assert "Red lines" in fig.caption
-    assert "Red lines" not in phase_map(diagram(2, alpha=(11.0, 20.0))).caption
+    assert "Lines of constant v" in fig.caption
+    assert "Lines of constant v" not in phase_map(diagram(2, alpha=(11.0, 20.0))).caption
     refused(lambda: phase_map(diagram(2), "pace"), "label", "unknown")
 
 

@@ -12,8 +12,8 @@ from pyfric.figures.style import (
     BLACK,
     COLUMN_WIDTH,
     GREY,
-    ORANGE,
     PURPLE,
+    SKY,
     VERMILION,
     DataFigure,
     colour_bar,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 SYMBOLS = ("x", "o", "s", "^", "D", "v", "*", "+")
 """Symbols of labels, in alphabetical order."""
-COLOURS = (GREY, BLACK, ORANGE, PURPLE)
+COLOURS = (GREY, BLACK, SKY, PURPLE)
 """Colours of labels, each with all symbols."""
 THEORY = ((1.0, "-", "v = c"), (0.1, "--", "v = 0.1 c"))
 """Speeds of the chain whose lines are drawn, and how."""
@@ -92,7 +92,7 @@ def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
     if len(diagram.lines):
         fig.caption += " Black lines: where labels change."
     if theory:
-        fig.caption += " Red lines: steady fronts of the chain, by theory."
+        fig.caption += " Lines of constant v: steady fronts of the chain, by theory."
     return fig
 
 

@@ -20,7 +20,7 @@ from pyfric.figures import fig1b, figure_caption, save_figure, slip_segments, st
 from pyfric.figures.loading import CURVE_BINS, envelope
 from pyfric.figures.spacetime import speeds as wave_speeds
 from pyfric.figures.strip import event_frames, frame_times
-from pyfric.figures.style import scene_text
+from pyfric.figures.style import SMALL, colour_bar, panels, scene_text
 from pyfric.paper import reproduction
 from pyfric.record import (
     QUIET_COLUMNS,
@@ -489,6 +489,17 @@ def test_speeds_of_several_runs(run):
     assert any(f"{spread:.2f}" in text.get_text() for text in both[1].texts)
     assert "mu_s/mu_k = 0.5/0.2, 0.7/0.45" in fig.caption
     inside_and_readable(fig)
+
+
+def test_labels_of_less_than_a_decade_are_as_small_as_others():
+    fig, (axes,) = panels(2.0)
+    axes.set(yscale="log", ylim=(600, 1300))
+    norm = matplotlib.colors.LogNorm(0.45, 0.55)
+    colour_bar(fig, matplotlib.cm.ScalarMappable(norm), axes, "")
+    for one in fig.axes:
+        labels = [label for label in one.get_yticklabels(which="both") if label.get_text()]
+        assert len(labels) > 1
+        assert {label.get_fontsize() for label in labels} == {SMALL}
 
 
 # --- sketch, strip and movie ---------------------------------------------------------------------

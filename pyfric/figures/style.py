@@ -99,8 +99,9 @@ def style(axes: Axes, letter: str = "") -> None:
     """Ticks, frame, sizes of the labels and letter of a panel."""
     for axis in (axes.xaxis, axes.yaxis):
         axis.label.set_size(BODY)
-    axes.tick_params(direction="in", top=True, right=True, labelsize=SMALL, width=0.6, length=3)
-    axes.tick_params(which="minor", direction="in", top=True, right=True, width=0.4, length=1.5)
+    axes.tick_params(which="both", direction="in", top=True, right=True, labelsize=SMALL)
+    axes.tick_params(width=0.6, length=3)
+    axes.tick_params(which="minor", width=0.4, length=1.5)
     for spine in axes.spines.values():
         spine.set_linewidth(0.6)
     if letter:
@@ -146,7 +147,8 @@ def colour_bar(
 ) -> None:
     """A bar of the colours of an image, beside the axes."""
     bar = fig.colorbar(image, ax=axes, extend=extend, pad=0.01, aspect=30, **where)
-    bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2)
+    bar.ax.tick_params(which="both", labelsize=SMALL)
+    bar.ax.tick_params(width=0.6, length=2)
     bar.outline.set_linewidth(0.6)
     bar.set_label(text, fontsize=SMALL)
 

@@ -215,6 +215,15 @@ def test_caption_states_scene_engine_and_counts(ladder):
     assert "Run interrupted." in figure_caption(interrupted)
 
 
+def test_an_event_that_has_not_ended_is_no_precursor(ladder):
+    last = ladder.events.index[ladder.events["is_main"] & ladder.events["is_precursor"]][-1]
+    finished = ladder.events["finished"] & (ladder.events.index != last)
+    cut = ladder.replace(events=ladder.events.assign(finished=finished))
+    counts = "18 main precursors, 3 events over the whole interface, 1 unfinished main event, "
+    assert counts in figure_caption(cut)
+    assert "unfinished" not in figure_caption(ladder)
+
+
 def test_caption_states_slip_weakening():
     scene = setup1(d_c=5e-6)
     assert "mu_k = 0.45, d_c = 5 um." in scene_text(scene)

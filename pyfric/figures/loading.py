@@ -29,7 +29,7 @@ from pyfric.figures.style import (
     save_figure,
     single,
 )
-from pyfric.record import MAIN_EVENT_BLOCKS, numbered
+from pyfric.record import MAIN_EVENT_BLOCKS, analysis, numbered
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -142,11 +142,13 @@ def figure_caption(record: Record) -> str:
     t_end = record.curve["t"].iloc[-1] if len(record.curve) else 0.0
     main = events["is_main"].to_numpy()
     whole = int((main & (events["L_p_over_L"].to_numpy() == 1)).sum())
-    precursors = int((main & events["is_precursor"].to_numpy()).sum())
-    interior = int(main.sum()) - whole - precursors
+    precursors = len(analysis.precursors(record))
+    open_at_end = int((main & events["is_precursor"] & ~events["finished"]).sum())
+    interior = int(main.sum()) - whole - precursors - open_at_end
     counts = [
         numbered(precursors, "main precursor"),
         f"{numbered(whole, 'event')} over the whole interface",
+        *([numbered(open_at_end, "unfinished main event")] if open_at_end else []),
         *([f"{numbered(interior, 'main event')} away from the trailing edge"] if interior else []),
         f"{numbered(len(events) - int(main.sum()), 'micro-slip')} of fewer than "
         f"{MAIN_EVENT_BLOCKS} blocks",

@@ -155,6 +155,15 @@ def test_curve_and_bars_are_drawn(ladder):
     assert fig.get_figwidth() == 3.4
 
 
+def test_times_of_a_short_run_are_in_milliseconds(ladder):
+    curve = ladder.curve[ladder.curve["t"] < 0.01]
+    top, bottom = fig1b(ladder.replace(curve=curve)).axes
+    assert "(ms)" in bottom.get_xlabel()
+    np.testing.assert_allclose(top.get_lines()[-1].get_xdata(), 1e3 * curve["t"])
+    starts = [one[0, 0] for bars in bottom.collections for one in bars.get_segments()]
+    np.testing.assert_allclose(sorted(starts), np.sort(1e3 * slip_segments(ladder)["t_s"]))
+
+
 def test_all_text_stays_inside_and_is_readable(ladder):
     inside_and_readable(fig1b(ladder))
 

@@ -28,6 +28,7 @@ from pyfric.figures.style import (
     panels,
     save_figure,
     single,
+    time_unit,
 )
 from pyfric.record import MAIN_EVENT_BLOCKS, analysis, numbered
 
@@ -76,15 +77,17 @@ def fig1b(record: Record, path: str | os.PathLike[str] | None = None) -> DataFig
     segments = slip_segments(record)
     mu_k = record.scene.law.mean.mu_k
     mark(top, mu_k, r"$\mu_\mathrm{k}$", at=0, away=(6, -2), va="top")
-    top.plot(t, force, color=BLACK, lw=0.9, solid_joinstyle="round")
+    span = t[-1] - t[0] if t.size else 0.0
+    scale, unit = time_unit(span)
+    top.plot(scale * t, force, color=BLACK, lw=0.9, solid_joinstyle="round")
     top.set_ylim(0, 1.12 * max(mu_k, np.max(force, initial=0.0)))
     top.set_ylabel(r"force $F_\mathrm{T}/F_\mathrm{N}$")
-    handles = _draw_segments(bottom, segments)
+    handles = _draw_segments(bottom, segments, scale)
     if handles:  # where there is room: below a long curve, above a short one
         legend(top, handles=handles, title="slip in (b)", loc="best")
-    bottom.set_xlabel(r"time $t$ (s)")
-    if t.size and t[-1] > t[0]:
-        bottom.set_xlim(t[0], t[-1] + 0.01 * (t[-1] - t[0]))
+    bottom.set_xlabel(rf"time $t$ ({unit})")
+    if span > 0:
+        bottom.set_xlim(scale * t[0], scale * (t[-1] + 0.01 * span))
     fig.align_ylabels([top, bottom])
 
     fig.caption = figure_caption(record)
@@ -174,14 +177,14 @@ def envelope(t: np.ndarray, y: np.ndarray, bins: int = CURVE_BINS) -> tuple[np.n
     return t[kept], y[kept]
 
 
-def _draw_segments(axes: Axes, segments: pd.DataFrame) -> list[Line2D]:
-    """Draw the bars; return one legend handle per kind that occurs."""
+def _draw_segments(axes: Axes, segments: pd.DataFrame, scale: float) -> list[Line2D]:
+    """Draw the bars, with times times scale; return one legend handle per kind that occurs."""
     handles = []
     for kind, (label, colour, width, order) in KINDS.items():
         rows = segments[segments["kind"] == kind]
         if rows.empty:
             continue
-        t = rows["t_s"].to_numpy()
+        t = scale * rows["t_s"].to_numpy()
         ends = [np.column_stack([t, rows[x].to_numpy()]) for x in ("x_from", "x_to")]
         widths = np.where(rows["slipped"], width, width / 3)
         lines = LineCollection(

@@ -186,7 +186,7 @@ def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path
 def time_unit(span: float) -> tuple[float, str]:
     """Return how many units a second has, and the unit, for times of such a span (s)."""
     for unit, scale in ((r"$\mu$s", 1e6), ("ms", 1e3)):
-        if span * scale < 2e3:
+        if span * scale < 1e3:
             return scale, unit
     return 1.0, "s"
 

@@ -413,6 +413,22 @@ def test_figures_of_one_event_show_the_longest_precursor_by_default(run, short, 
         figure(none)
 
 
+def test_stresses_of_a_chain_are_all_seen():
+    """Its p does not change: dotted over dashed over solid, beside the legend."""
+    run = simulated(pyfric.chain(L=0.05, V=0.05), 1e-3)
+    fig = figures.fig3a(run, 1)
+    fig.draw_without_rendering()
+    top, bottom = fig.axes
+    assert [line.get_linestyle() for line in top.lines[:3]] == ["-", "--", ":"]
+    texts = [text.get_text().split(",")[0] for text in top.get_legend().get_texts()]
+    assert texts == ["initial", "before", "after"]
+    box = top.get_legend().get_window_extent()
+    for line in top.lines[:3]:
+        assert not box.count_contains(top.transData.transform(line.get_xydata()))
+    name = next(one for one in bottom.texts if "before" in one.get_text())
+    assert name.get_window_extent().y1 < bottom.get_window_extent().y1
+
+
 def test_the_paper_s_event_is_counted_where_the_paper_counts_it(run):
     """The eleventh main precursor of the first loading, whatever its number in the record."""
     assert {one.precursor for one in figures.FIGURES.values()} == {None, 11}

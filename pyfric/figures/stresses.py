@@ -63,18 +63,19 @@ def fig3a(record: Record, event: int | None = None) -> DataFigure:
 
     fig, (top, bottom) = panels(3.6, (1, 1.35), sharex=True)
     force = {"initial": 0.0, "before": row["F_T_start"], "after": row["F_T_arrest"]}
-    for state, table in states.items():
+    for state, table in reversed(states.items()):  # lines with gaps on top: equal ones are all seen
         colour, line, width = STATES[state]
         look = {"color": colour, "ls": line, "lw": width, "zorder": 3}
         text = rf"$F_\mathrm{{T}}/F_\mathrm{{N}}$ = {force[state] / record.scene.F_N:.3g}"
         top.plot(table["x_over_L"], table["p"], label=f"{state}, {text}", **look)
         bottom.plot(table["x_over_L"], table["tau"], **look)
     _thresholds(bottom, states, friction)
-    legend(top, loc="upper left", bbox_to_anchor=(0.1, 1.0))
+    legend(top, loc="best", reverse=True)
     N_x = record.scene.N_x
     _mark_tip(top, bottom, (row["L_p_over_L"] * N_x - 1) / (N_x - 1))
     top.set_ylim(bottom=0)
     top.set_ylabel(r"$p\,N_x/F_\mathrm{N}$")
+    bottom.margins(y=0.12)  # room for the name of a threshold that is the highest
     bottom.set_ylabel(r"$\tau\,N_x/F_\mathrm{N}$")
     bottom.set_xlabel(r"position $x/L$ from the trailing edge")
     bottom.set_xlim(0, 1)

@@ -575,7 +575,16 @@ def test_sketch_shows_the_scene_with_its_numbers(scene, texts):
 def test_sketch_shows_a_field_of_the_law_that_varies():
     fig = figures.sketch(pyfric.preset("slow", u_s=pyfric.Spread(mean=1e-6, std=1e-7)))
     shown = [text.get_text() for text in fig.findobj(matplotlib.text.Text)]
-    assert any(re.fullmatch(r"u_s \d\S*e-07\$-\$1\.\d+e-06 m", text) for text in shown)
+    assert any(re.fullmatch(r"u_s 0\.\d+\$-\$1\.\d+ \$\\mu\$m", text) for text in shown)
+
+
+def test_numbers_of_a_large_scene_are_in_large_units():
+    fig = figures.sketch("tpv3")
+    shown = " ".join(text.get_text() for text in fig.findobj(matplotlib.text.Text))
+    for text in ("$L$ = 17.9 km", "$H$ = 11.9 km", "= 200 mm", "12 to 120 GN", "up to 8.16 GN"):
+        assert text in shown
+    assert "L = 17.9 km, H = 11.9 km, l = 100 m " in fig.caption
+    assert "e+" not in shown + fig.caption
 
 
 @pytest.mark.filterwarnings("error")

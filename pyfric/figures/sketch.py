@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -23,10 +23,11 @@ from pyfric.figures.style import (
     SMALL,
     VERMILION,
     DataFigure,
+    in_unit,
     panels,
     scene_text,
 )
-from pyfric.scene import as_scene, quantities
+from pyfric.scene import as_scene, prefix_power, quantities
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene, SceneLike
@@ -38,13 +39,13 @@ MOST_SPRINGS = 6
 FIELD_ROOM = 9
 """Height of a field below the interface, in hundredths of L."""
 FIELDS = {
-    "mu_s": (r"$\mu_\mathrm{s}$", 1.0, ""),
-    "mu_k": (r"$\mu_\mathrm{k}$", 1.0, ""),
-    "d_c": (r"$d_\mathrm{c}$", 1e6, r" $\mu$m"),
-    "alpha": (r"$\alpha$", 1.0, " N s/m"),
-    "k_f": (r"$k_\mathrm{f}$", 1e-6, " MN/m"),
+    "mu_s": (r"$\mu_\mathrm{s}$", "", 0),
+    "mu_k": (r"$\mu_\mathrm{k}$", "", 0),
+    "d_c": (r"$d_\mathrm{c}$", "m", -2),
+    "alpha": (r"$\alpha$", "N s/m", 0),
+    "k_f": (r"$k_\mathrm{f}$", "N/m", 2),
 }
-"""Name of a field -> how it is written, what times its value, and its unit."""
+"""Name of a field -> how it is written, its unit, and the power of 1000 of the usual prefix."""
 LINE = 0.8  # of springs and outlines, pt
 
 
@@ -90,10 +91,10 @@ def sketch(scene: SceneLike) -> DataFigure:
     if scene.driver.K:
         _driver(axes, z, L, unit, scene)
     _fields(axes, x, unit, scene)
-    _length(axes, (0, -13 * unit), (L, -13 * unit), f"$L$ = {L:g} mm", unit)
+    _length(axes, (0, -13 * unit), (L, -13 * unit), f"$L$ = {_shown(slider.L, 'm', -1)}", unit)
     if scene.N_z > 1:
         far = L + 4 * unit if scene.d > 0 else -4 * unit
-        _length(axes, (far, 0), (far, H), f"$H$ = {H:g} mm", scene.d * unit)
+        _length(axes, (far, 0), (far, H), f"$H$ = {_shown(slider.H, 'm', -1)}", scene.d * unit)
 
     n, x_mm = scene.n_of_i, (scene.n_of_i - 1) * slider.l * 1e3
     columns = {"n": n, "x_mm": x_mm, "load_N": _forces(scene), "shear_N": scene.shear}
@@ -156,9 +157,9 @@ def _foundation(axes: Axes, x: np.ndarray, L: float, unit: float, scene: Scene) 
     friction = scene.law.mean
     text = rf"$\mu_\mathrm{{s}}$ = {friction.mu_s:.4g}, $\mu_\mathrm{{k}}$ = {friction.mu_k:.4g}"
     if scene.interface.d_c:
-        text += rf", $d_\mathrm{{c}}$ = {friction.d_c * 1e6:.4g} $\mu$m"
+        text += rf", $d_\mathrm{{c}}$ = {_shown(friction.d_c, 'm', -2, digits=4)}"
     if scene.N_z > 1 and not scene.prescribed:
-        text = rf"$k_\mathrm{{f}}$ = {np.mean(scene.k_f) / 1e6:.4g} MN/m,  {text}"
+        text = rf"$k_\mathrm{{f}}$ = {_shown(np.mean(scene.k_f), 'N/m', 2, digits=4)},  {text}"
     _text(axes, (L / 2, -9.5 * unit), text, GREEN)
 
 
@@ -173,10 +174,11 @@ def _fields(axes: Axes, x: np.ndarray, unit: float, scene: Scene) -> None:
         height = bottom + high_at * (values - low) / (high - low)
         axes.step(at, height, where="mid", color=GREEN, lw=LINE)
         if name in FIELDS:
-            shown, times, of = FIELDS[name]
+            text, of, power = FIELDS[name]
         else:  # a field of the friction law
-            shown, times, of = name, 1.0, f" {quantities(type(scene.interface.law))[name].unit}"
-        text = f"{shown} {low * times:.3g}$-${high * times:.3g}{of}"
+            text, of = name, quantities(type(scene.interface.law))[name].unit
+            power = prefix_power(high)
+        text += f" {_shown((low, high), of, power, digits=3, joint='$-$')}"
         side = {"ha": "right"} if scene.d > 0 else {"ha": "left"}
         place = -3 * unit if scene.d > 0 else L + 3 * unit
         _text(axes, (place, bottom + high_at / 2), text, GREEN, **side)
@@ -194,12 +196,12 @@ def _rod(axes: Axes, x: np.ndarray, L: float, H: float, unit: float, scene: Scen
         for sign in (-1, 1):
             ends = sorted((L / 2 + sign * 7 * unit, L / 2 + sign * (L / 2 + 2 * unit)))
             _wall(axes, (ends[0], H + above), (ends[1], H + above), unit, 1)
-        text = rf"mattress {scene.top.mattress / 1e6:g} MN/m"
+        text = f"mattress {_shown(scene.top.mattress, 'N/m', 2)}"
         _text(axes, (0, H + 14 * unit), text, ORANGE, ha="left")
     _arrow(axes, (L / 2, H + above + 5.5 * unit), (L / 2, H + thick), VERMILION, 1.6)
-    text = rf"$F_\mathrm{{N}}$ = {scene.F_N:g} N"
+    text = rf"$F_\mathrm{{N}}$ = {_shown(scene.F_N, 'N')}"
     _text(axes, (L / 2, H + 18.5 * unit), text, VERMILION)
-    _text(axes, (L, H + 14 * unit), f"rod {scene.M_rod * 1e3:g} g", "0.3", ha="right")
+    _text(axes, (L, H + 14 * unit), f"rod {_shown(scene.M_rod * 1e3, 'g')}", "0.3", ha="right")
 
 
 def _load(axes: Axes, x: np.ndarray, L: float, H: float, unit: float, scene: Scene) -> None:
@@ -218,16 +220,16 @@ def _load(axes: Axes, x: np.ndarray, L: float, H: float, unit: float, scene: Sce
             tip = where + 4 * unit * force / np.max(np.abs(shear))
             _arrow(axes, (where, row + 0.6 * unit), (tip, row + 0.6 * unit), ORANGE, 0.7)
     if scene.top.kind == "distributed":
-        text = rf"$F_\mathrm{{N}}$ = {scene.F_N:g} N, $\theta = {scene.top.theta:g}$"
+        text = rf"$F_\mathrm{{N}}$ = {_shown(scene.F_N, 'N')}, $\theta = {scene.top.theta:g}$"
     else:
-        low, high = np.min(load), most
-        span = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
-        text = rf"$p_i$ = {span} N on each block"
+        span = _shown(np.unique([np.min(load), most]), "N", digits=3, joint=" to ")
+        text = f"$p_i$ = {span} on each block"
         more = []
         if np.any(shear):
-            more.append(rf"$\tau_i$ up to {np.max(np.abs(shear)):.3g} N")
+            more.append(rf"$\tau_i$ up to {_shown(np.max(np.abs(shear)), 'N', digits=3)}")
         if scene.k_top:
-            more.append(rf"$k_\mathrm{{top}}$ = {scene.k_top / 1e6:.3g} MN/m to a rigid top")
+            stiff = _shown(scene.k_top, "N/m", 2, digits=3)
+            more.append(rf"$k_\mathrm{{top}}$ = {stiff} to a rigid top")
         text = "\n".join([text, ", ".join(more)]).strip()
     _text(axes, (L / 2, H + 15.5 * unit), text, VERMILION, va="bottom")
 
@@ -236,7 +238,7 @@ def _driver(axes: Axes, z: np.ndarray, L: float, unit: float, scene: Scene) -> N
     """The spring at height h, or those of a plate, the moving end, and their numbers."""
     d, driver = scene.d, scene.driver
     ends = np.array([scene.j_h, scene.j_h_top]) * scene.slider.l * 1e3
-    h, rows = driver.h * 1e3, z[(z >= ends[0]) & (z <= ends[1])]
+    rows = z[(z >= ends[0]) & (z <= ends[1])]
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_SPRINGS)).round().astype(int)]
     middle, reach = (rows[0] + rows[-1]) / 2, (rows[-1] - rows[0]) / 2
     here = 0.0 if d > 0 else L
@@ -248,11 +250,13 @@ def _driver(axes: Axes, z: np.ndarray, L: float, unit: float, scene: Scene) -> N
     _arrow(axes, (far - d * 9 * unit, middle), (far - d * 1.2 * unit, middle), BLACK, 1.2)
     left = far - d * 26 * unit
     side = {"ha": "left" if d > 0 else "right"}
-    speed = rf"$V$ = {driver.V * 1e3:.4g} mm/s"
-    _text(axes, (left, rows[-1] + 10 * unit), rf"$K$ = {driver.K / 1e6:g} MN/m", BLACK, **side)
-    _text(axes, (left, rows[-1] + 5 * unit), speed, BLACK, **side)
-    if h:
-        height = f"{h:g} mm" if scene.n_driven == 1 else rf"{h:g}$-${rows[-1]:g} mm"
+    for high, text in (
+        (10, f"$K$ = {_shown(driver.K, 'N/m', 2)}"),
+        (5, f"$V$ = {_shown(driver.V, 'm/s', -1, digits=4)}"),
+    ):
+        _text(axes, (left, rows[-1] + high * unit), text, BLACK, **side)
+    if driver.h:
+        height = _shown(np.unique(ends) / 1e3, "m", -1, joint="$-$")
         _text(axes, (left, rows[0] - 6 * unit), f"$h$ = {height}", BLACK, **side)
 
 
@@ -288,6 +292,11 @@ def _arrow(
 def _text(axes: Axes, at: Sequence[float], text: str, colour: str, **where: str | float) -> None:
     standard = {"ha": "center", "va": "center", "fontsize": SMALL, "color": colour, "zorder": 7}
     axes.text(*at, text, **standard | where)
+
+
+def _shown(values: float | Sequence[float], unit: str, power: int = 0, **how: Any) -> str:
+    """Return numbers in SI as text in one unit; see `in_unit`."""
+    return in_unit(np.atleast_1d(values), unit, power, **how).replace(" u", r" $\mu$")
 
 
 def _zigzag(start: Sequence[float], stop: Sequence[float], width: float, turns: int) -> np.ndarray:

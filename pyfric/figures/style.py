@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pyfric.scene import SceneError, laws, write, written
+from pyfric.scene import PREFIXES, SceneError, laws, prefix_power, write, written
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -225,17 +225,15 @@ def scene_text(scenes: Scene | Sequence[Scene]) -> str:
     scenes = [scenes] if not isinstance(scenes, Sequence) else list(scenes)
     first = scenes[0]
 
-    def of(get: Any, unit: str = "", scale: float = 1.0) -> str:
-        values = sorted({get(one) / scale for one in scenes})
-        listed = ", ".join(f"{value:g}" for value in values)
-        return f"{listed} {unit}".strip()
+    def of(get: Any, unit: str = "", power: int = 0) -> str:
+        return in_unit(sorted({get(one) for one in scenes}), unit, power)
 
     if first.rigid:
         load = "rigid rod on top"
     elif first.prescribed:
         load = "prescribed interface"
     elif first.N_z == 1:
-        load = f"chain under prescribed loads, k_top = {of(lambda s: s.k_top, 'MN/m', 1e6)}"
+        load = f"chain under prescribed loads, k_top = {of(lambda s: s.k_top, 'N/m', 2)}"
     else:
         load = f"distributed load, theta = {of(lambda s: s.top.theta)}"
     blocks = sorted({(one.N_x, one.N_z) for one in scenes})
@@ -247,7 +245,7 @@ def scene_text(scenes: Scene | Sequence[Scene]) -> str:
     else:
         friction = "mu_s/mu_k = " + ", ".join(f"{s:g}/{k:g}" for s, k in pairs)
     if any(one.interface.d_c for one in scenes):
-        friction += f", d_c = {of(lambda s: s.law.mean.d_c, 'um', 1e-6)}"
+        friction += f", d_c = {of(lambda s: s.law.mean.d_c, 'm', -2)}"
     if any(one.law.mean.alpha for one in scenes):
         friction += f", alpha = {of(lambda s: s.law.mean.alpha, 'N s/m')}"
     used = [one.interface.law for one in scenes]
@@ -258,16 +256,31 @@ def scene_text(scenes: Scene | Sequence[Scene]) -> str:
     friction += f" (means; {', '.join(varied)} vary along the interface)" if varied else ""
     plates = ""
     if any(one.n_driven > 1 for one in scenes):
-        plates = f"h_top = {of(lambda s: s.j_h_top * s.slider.l, 'mm', 1e-3)}, "
+        plates = f"h_top = {of(lambda s: s.j_h_top * s.slider.l, 'm', -1)}, "
     return (
-        f"{head}: {load}, L = {of(lambda s: s.slider.L, 'mm', 1e-3)}, "
-        f"H = {of(lambda s: s.slider.H, 'mm', 1e-3)}, l = {of(lambda s: s.slider.l, 'mm', 1e-3)} "
+        f"{head}: {load}, L = {of(lambda s: s.slider.L, 'm', -1)}, "
+        f"H = {of(lambda s: s.slider.H, 'm', -1)}, l = {of(lambda s: s.slider.l, 'm', -1)} "
         f"({', '.join(f'{x} x {z}' for x, z in blocks)} blocks), "
-        f"F_N = {of(lambda s: s.F_N, 'N')}, driver K = {of(lambda s: s.driver.K, 'MN/m', 1e6)}, "
-        f"V = {of(lambda s: s.driver.V, 'mm/s', 1e-3)}, "
-        f"h = {of(lambda s: s.driver.h, 'mm', 1e-3)}, {plates}on the {first.driver.side}; "
-        f"k = {of(lambda s: s.slider.k, 'MN/m', 1e6)}, {friction}."
+        f"F_N = {of(lambda s: s.F_N, 'N')}, driver K = {of(lambda s: s.driver.K, 'N/m', 2)}, "
+        f"V = {of(lambda s: s.driver.V, 'm/s', -1)}, "
+        f"h = {of(lambda s: s.driver.h, 'm', -1)}, {plates}on the {first.driver.side}; "
+        f"k = {of(lambda s: s.slider.k, 'N/m', 2)}, {friction}."
     )
+
+
+def in_unit(
+    values: Sequence[float], unit: str, power: int = 0, digits: int = 6, joint: str = ", "
+) -> str:
+    """Return numbers in SI as text in one unit.
+
+    The unit has the prefix of this power of 1000, or another one if the largest number then needs
+    an exponent.
+    """
+    most = max(values, key=abs)
+    if unit and "e" in f"{most / 1000.0**power:.4g}":
+        power = prefix_power(most)
+    texts = joint.join(f"{value / 1000.0**power:.{digits}g}" for value in values)
+    return f"{texts} {PREFIXES[power]}{unit}".strip()
 
 
 def engine_text(records: Sequence[Record]) -> str:

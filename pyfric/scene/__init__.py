@@ -47,6 +47,13 @@ from pyfric.scene.scene import OnDriven, Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import law_notes
 from pyfric.scene.toml import parsed
-from pyfric.scene.units import check_number, check_whole, parse_quantity, spoken
+from pyfric.scene.units import (
+    PREFIXES,
+    check_number,
+    check_whole,
+    parse_quantity,
+    prefix_power,
+    spoken,
+)
 
 __version__ = version("pyfric")

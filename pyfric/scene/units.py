@@ -229,9 +229,14 @@ PREFIXES = {0: "", -1: "m", -2: "u", -3: "n", 1: "k", 2: "M", 3: "G"}
 
 def with_prefix(value: float, unit: str) -> str:
     """Return a value in SI with four digits and a prefix of its unit, such as "8 um"."""
-    power = math.floor(math.log10(abs(float(f"{value:.4g}"))) / 3) if value else 0
-    power = min(max(power, -3), 3)
+    power = prefix_power(value)
     return f"{float(f'{value:.4g}') / 1000.0**power:.4g} {PREFIXES[power]}{unit}"
+
+
+def prefix_power(value: float) -> int:
+    """Return the power of 1000 whose prefix suits a value of four digits."""
+    power = math.floor(math.log10(abs(float(f"{value:.4g}"))) / 3) if value else 0
+    return min(max(power, -3), 3)
 
 
 @lru_cache(maxsize=1)

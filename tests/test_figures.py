@@ -563,6 +563,10 @@ def test_sketch_shows_the_scene_with_its_numbers(scene, texts):
     assert (z.min(), z.max()) == pytest.approx((0, scene.slider.H * 1e3))
     if scene.N_z > 1:  # the driven row is drawn
         assert np.isclose(z, scene.driver.h * 1e3).any()
+    all_inside(fig)
+
+
+def all_inside(fig):
     fig.canvas.draw()
     right, top = fig.canvas.get_width_height()
     for text in fig.findobj(matplotlib.text.Text):
@@ -572,10 +576,23 @@ def test_sketch_shows_the_scene_with_its_numbers(scene, texts):
             assert -1 <= box.y0 <= box.y1 <= top + 1
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_sketch_has_room_for_long_numbers(side):
+    fields = {"mu_s": 0.677, "mu_k": 0.525, "d_c": 12.25e-6, "k_f": 9.375e6}
+    all_inside(figures.sketch(setup1(side=side, **fields)))
+    varied = {"mu_s": 0.7, "d_c": 12.25e-6, "alpha": 1.5}
+    varied = {name: pyfric.Spread(mean=mean, std=0.1 * mean) for name, mean in varied.items()}
+    fig = figures.sketch(setup1(side=side, **varied))
+    all_inside(fig)
+    shown = " ".join(text.get_text() for text in fig.findobj(matplotlib.text.Text))
+    assert shown.count(r"$\mu_\mathrm{s}$") == shown.count(r"$d_\mathrm{c}$") == 1
+
+
 def test_sketch_shows_a_field_of_the_law_that_varies():
     fig = figures.sketch(pyfric.preset("slow", u_s=pyfric.Spread(mean=1e-6, std=1e-7)))
+    all_inside(fig)
     shown = [text.get_text() for text in fig.findobj(matplotlib.text.Text)]
-    assert any(re.fullmatch(r"u_s 0\.\d+\$-\$1\.\d+ \$\\mu\$m", text) for text in shown)
+    assert any(re.fullmatch(r"u_s\n0\.\d+\$-\$1\.\d+ \$\\mu\$m", text) for text in shown)
 
 
 def test_numbers_of_a_large_scene_are_in_large_units():

@@ -36,8 +36,8 @@ MOST_COLUMNS = 32
 """Lattices with more columns are thinned."""
 MOST_SPRINGS = 6
 """Of a plate as many springs are drawn at most."""
-FIELD_ROOM = 9
-"""Height of a field below the interface, in hundredths of L."""
+FIELD_ROOM = 11
+"""Height of a field below the interface, two lines of text, in hundredths of L."""
 FIELDS = {
     "mu_s": (r"$\mu_\mathrm{s}$", "", 0),
     "mu_k": (r"$\mu_\mathrm{k}$", "", 0),
@@ -67,8 +67,8 @@ def sketch(scene: SceneLike) -> DataFigure:
     scene = as_scene(scene)
     slider = scene.slider
     L, H, unit = slider.L * 1e3, slider.H * 1e3, slider.L * 1e3 / 100
-    above = 27 if scene.top.kind == "prescribed" else 23
-    room = {"top": above * unit, "bottom": 19 * unit, "side": 40 * unit}
+    above = 28 if scene.top.kind == "prescribed" else 23
+    room = {"top": above * unit, "bottom": 19 * unit, "side": 42 * unit}
     room["bottom"] += FIELD_ROOM * unit * len(scene.varied)
     width = L + room["side"] + 10 * unit
     height = H + room["top"] + room["bottom"]
@@ -148,18 +148,27 @@ def _forces(scene: Scene) -> np.ndarray:
 
 
 def _foundation(axes: Axes, x: np.ndarray, L: float, unit: float, scene: Scene) -> None:
-    """The springs of the foundation; a prescribed interface stands on the wall."""
+    """The springs of the foundation, and the fields that do not vary.
+
+    A prescribed interface stands on the wall.
+    """
     depth = (1 if scene.prescribed else 5) * unit
     if not scene.prescribed:
         springs = [_zigzag((at, -0.3 * unit), (at, -depth), 0.7 * unit, 3).T for at in x]
         axes.add_collection(LineCollection(springs, colors=GREEN, linewidths=0.5))
     _wall(axes, (-2 * unit, -depth), (L + 2 * unit, -depth), unit, -1)
     friction = scene.law.mean
-    text = rf"$\mu_\mathrm{{s}}$ = {friction.mu_s:.4g}, $\mu_\mathrm{{k}}$ = {friction.mu_k:.4g}"
-    if scene.interface.d_c:
-        text += rf", $d_\mathrm{{c}}$ = {_shown(friction.d_c, 'm', -2, digits=4)}"
+    means = {"mu_s": friction.mu_s, "mu_k": friction.mu_k}
     if scene.N_z > 1 and not scene.prescribed:
-        text = rf"$k_\mathrm{{f}}$ = {_shown(np.mean(scene.k_f), 'N/m', 2, digits=4)},  {text}"
+        means = {"k_f": np.mean(scene.k_f)} | means
+    if scene.interface.d_c:
+        means["d_c"] = friction.d_c
+    told = [
+        f"{FIELDS[name][0]} = {_shown(value, *FIELDS[name][1:], digits=3)}"
+        for name, value in means.items()
+        if name not in scene.varied
+    ]
+    text = ", ".join(told)
     _text(axes, (L / 2, -9.5 * unit), text, GREEN)
 
 
@@ -178,7 +187,7 @@ def _fields(axes: Axes, x: np.ndarray, unit: float, scene: Scene) -> None:
         else:  # a field of the friction law
             text, of = name, quantities(type(scene.interface.law))[name].unit
             power = prefix_power(high)
-        text += f" {_shown((low, high), of, power, digits=3, joint='$-$')}"
+        text += f"\n{_shown((low, high), of, power, digits=3, joint='$-$')}"
         side = {"ha": "right"} if scene.d > 0 else {"ha": "left"}
         place = -3 * unit if scene.d > 0 else L + 3 * unit
         _text(axes, (place, bottom + high_at / 2), text, GREEN, **side)
@@ -248,7 +257,7 @@ def _driver(axes: Axes, z: np.ndarray, L: float, unit: float, scene: Scene) -> N
     low, high = middle - reach - 3 * unit, 2 * reach + 6 * unit
     axes.add_patch(Rectangle((far - 0.6 * unit, low), 1.2 * unit, high, fc=BLACK, zorder=5))
     _arrow(axes, (far - d * 9 * unit, middle), (far - d * 1.2 * unit, middle), BLACK, 1.2)
-    left = far - d * 26 * unit
+    left = far - d * 28 * unit
     side = {"ha": "left" if d > 0 else "right"}
     for high, text in (
         (10, f"$K$ = {_shown(driver.K, 'N/m', 2)}"),
@@ -296,7 +305,8 @@ def _text(axes: Axes, at: Sequence[float], text: str, colour: str, **where: str 
 
 def _shown(values: float | Sequence[float], unit: str, power: int = 0, **how: Any) -> str:
     """Return numbers in SI as text in one unit; see `in_unit`."""
-    return in_unit(np.atleast_1d(values), unit, power, **how).replace(" u", r" $\mu$")
+    text = in_unit(np.atleast_1d(values), unit, power, **how)
+    return text.replace(" u", r" $\mu$").replace("^2", "$^2$")
 
 
 def _zigzag(start: Sequence[float], stop: Sequence[float], width: float, turns: int) -> np.ndarray:

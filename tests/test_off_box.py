@@ -66,6 +66,21 @@ def test_a_looser_accuracy_is_kept(name):
 
 
 @pytest.mark.slow
+def test_where_a_loose_accuracy_is_not_kept_the_page_says_it():
+    broken = {}
+    for name in ALL:
+        if name.endswith("_finite") and not name.startswith("digest_"):
+            off = reference(name).apart(reference(name).hybrid(1e-4))
+            worst = max(off["start"], off["arrest"])
+            if worst > 1e-4 or off["events"] or off["blocks"]:
+                broken[name] = worst, off["blocks"]
+    assert list(broken) == ["light_finite"]
+    worst, blocks = broken["light_finite"]
+    assert worst == pytest.approx(2.4e-4, rel=0.2)
+    assert blocks == 3
+
+
+@pytest.mark.slow
 def test_what_jumps_spare_is_what_the_page_says():
     page = (off_box.HERE.parent / "docs" / "explanation" / "hybrid.md").read_text(encoding="utf-8")
     for name, accuracy, said in (

@@ -5,11 +5,12 @@ import functools
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from helpers import refused, small
+from helpers import refused, small, small_rod
 
 import pyfric
 from pyfric.cli import main
-from pyfric.engines.stopping import CONDITIONS, ended_by_condition, force_to_come
+from pyfric.engines.stopping import CONDITIONS, Stopping, ended_by_condition, force_to_come
+from pyfric.record import build_catalogue
 from pyfric.scene.ends import TAKES
 from pyfric.sweeps import Job, Sweep
 
@@ -76,6 +77,48 @@ def test_counted_events(engine):
     assert events.equals(whole.events[: len(events)])
     assert (events["is_main"] & events["is_precursor"] & events["finished"]).sum() == 2
     assert len(whole.events) > len(events)
+
+
+COUNTED = {"main_events": "is_main", "precursors": "is_precursor", "system_size": "L_p_over_L"}
+
+
+@ENGINES
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_events_are_counted_as_by_their_catalogue(engine, goes_on, monkeypatch):
+    """Where no catalogue is made, it would not have counted enough events."""
+    ended = Stopping.ended
+
+    def checked(seen, which, n):
+        found = ended(seen, which, n)
+        if seen._logs:
+            events = seen.events[seen.events["is_main"] & seen.events["finished"]]
+            assert (found == np.inf) == ((events[which] == 1).sum() < n)
+        return found
+
+    monkeypatch.setattr(Stopping, "ended", checked)
+    scene, how = small(V=0.2), HOW[engine]
+    before = pyfric.simulate(scene, 1.0, stop_when="arrested", **how) if goes_on else None
+    t_end = 0.012 + (before.curve["t"].iloc[-1] if goes_on else 0.0)
+    conditions = [f"{name} = {n}" for name in COUNTED for n in (1, 2, 99)]
+    for k in range(len(conditions)):
+        assert pyfric.simulate(scene, t_end, initial=before, stop_when=conditions[k:], **how).done
+
+
+def test_catalogues_are_made_where_they_can_count(monkeypatch):
+    built = []
+
+    def counted(*args, **how):
+        built.append(args)
+        return build_catalogue(*args, **how)
+
+    monkeypatch.setattr("pyfric.engines.stopping.build_catalogue", counted)
+    for n, most in ((99, 0.0), (5, 0.5)):
+        record = pyfric.simulate(
+            small_rod(V=0.02), 0.04, stop_when=f"main_events = {n}", fidelity="hybrid"
+        )
+        rests = (record.quiet["kind"] < 0).sum()
+        assert len(record.events) > 10
+        assert len(built) <= most * rests
 
 
 def test_slip_that_is_slow():

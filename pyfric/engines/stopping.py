@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pyfric.core import OPEN
-from pyfric.record import build_catalogue, creeps_to_rest, parts
+from pyfric.record import MAIN_EVENT_BLOCKS, build_catalogue, creeps_to_rest, parts
 from pyfric.scene import condition
 
 if TYPE_CHECKING:
@@ -170,6 +170,7 @@ class Stopping:
         region: blocks that slipped in the present or last event.
         slips: whether blocks slip now, without corner slip.
         t_rest: time at which slip last stopped, in s.
+        begun: number of events that have begun after `since`.
         t_switch: time at which slip last stopped or a block last began to slip, in s.
         mode: contact states at the last check.
         speed: speed of the fastest slipping block at the last check, in m/s.
@@ -182,6 +183,7 @@ class Stopping:
         self.scene, self.t_gap, self.since, self.t_end = scene, t_gap, since, t_end
         self.t, self.slips, self.speed = since, False, 0.0
         self.t_rest = self.t_switch = since
+        self.begun, self._stopped = 0, -math.inf
         self.first = np.full(scene.N_x, np.nan)
         self.region = np.zeros(scene.N_x, dtype=bool)
         self.mode = np.zeros(scene.N_x, dtype=np.int32)
@@ -190,6 +192,7 @@ class Stopping:
         self.forces: Callable[[], Forces] | None = None
         self._logs: list[tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]]] = []
         self._known: tuple[int, pd.DataFrame | None] = (-1, None)
+        self._settled: dict[str, tuple[int, int]] = {}
 
     # --- what a run reports ----------------------------------------------------------------------
 
@@ -197,6 +200,7 @@ class Stopping:
         """Count the blocks that slip in an initial state as slipping from its time on."""
         slipping = (np.abs(state.mode) == 1) & (state.corner == 0)
         self.slips, self.region = bool(slipping.any()), slipping
+        self.begun += int(self.slips)
         self.first[slipping] = state.t
 
     def take(self, switches: Mapping[str, np.ndarray], quiet: Mapping[str, np.ndarray]) -> None:
@@ -206,9 +210,12 @@ class Stopping:
         for step, t, kind in zip(quiet["step"], quiet["t"], quiet["kind"], strict=True):
             if kind > 0 and parts(t - self.t_rest, self.t_gap):
                 begin = step
+            new = kind > 0 and t > self.since and parts(t - self._stopped, self.t_gap)
+            self.begun += int(new)
             self.slips = kind > 0
             if kind < 0:
-                self.t_rest = max(float(t), self.since)
+                self._stopped = float(t)
+                self.t_rest = max(self._stopped, self.since)
         if begin >= 0:
             self.region[:] = False
         starts = (np.abs(switches["new"]) == 1) & (np.abs(switches["old"]) != 1)
@@ -251,11 +258,23 @@ class Stopping:
 
     def ended(self, which: str, n: float) -> float:
         """Return the end (s) of the n-th main event that has 1 in the column `which`."""
-        if not self._logs:
+        if not self._logs or self.most_ended(which) < n:
             return math.inf
         events = self.events
-        stops = events["t_stop"][(events[which] == 1) & events["is_main"] & events["finished"]]
+        wanted = (events[which] == 1) & events["is_main"] & events["finished"]
+        self._settled[which] = len(events[:-1]), int(wanted[:-1].sum())
+        stops = events["t_stop"][wanted]
         return self.quiet(float(stops.iloc[math.ceil(n) - 1])) if len(stops) >= n else math.inf
+
+    def most_ended(self, which: str) -> int:
+        """Return the most main events with 1 in the column `which` that can have ended.
+
+        It takes no catalogue. All events but the last one of the latest catalogue stay as they are.
+        Each later one may count, but the present one only if it can have ended as a main event.
+        """
+        known, wanted = self._settled.get(which, (0, 0))
+        present = not self.slips and int(self.region.sum()) >= MAIN_EVENT_BLOCKS
+        return wanted + max(self.begun - known - 1, 0) + present
 
     def quiet(self, t: float) -> float:
         """Return the time (s) after which new slip is not part of an event that stopped at t."""

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pyfric
+from pyfric import core
 from pyfric.engines import (
     Options,
     choice,
@@ -22,7 +23,16 @@ from pyfric.engines import (
     step_size,
 )
 from pyfric.engines.choice import LINEAR, RING_SHARE, SHARE, SPARES, interval, step_error
-from pyfric.engines.cost import finer_counts, full_work, machine_speed, work, work_so_far
+from pyfric.engines.cost import (
+    CALL,
+    JUNCTION,
+    finer_counts,
+    full_counts,
+    full_work,
+    machine_speed,
+    work,
+    work_so_far,
+)
 from pyfric.engines.pilot import (
     Pilot,
     counted,
@@ -306,6 +316,18 @@ def test_work_of_dynamics():
     record = simulate(scene, 2e-3, progress=False, **how)
     made = full_work(scene, "finite", found.dt, 2e-3) - full_work(scene, "finite", 1, 0)
     assert work_so_far(record) == pytest.approx(made, rel=0.1)
+
+
+def test_calls_of_the_core_for_motion_on_junctions_are_counted(monkeypatch):
+    calls, advance = [], core.advance
+    monkeypatch.setattr(core, "advance", lambda *a, **how: calls.append(a) or advance(*a, **how))
+    scene = preset("slow", L=0.02, H=0.0125)
+    found = plan(scene, t_end=1e-3)
+    record = simulate(scene, 1e-3, fidelity="dynamic", dt=found.dt, progress=False, verify="none")
+    expected = full_counts(scene, found.dt, 1e-3, calls=pyfric.Options().calls_on(scene))
+    assert expected["calls"] == pytest.approx(len(calls), rel=0.2)
+    assert found.work > 2 * len(calls) * CALL
+    assert work_so_far(record) > record.counts["steps"] * 4 * JUNCTION * 100 * scene.N_x
 
 
 def test_a_pilot_run_that_spares_nothing_ends_early():

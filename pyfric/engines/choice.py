@@ -256,7 +256,7 @@ class _Choice:
         return self._hybrid(pilot, needs)
 
     def _full_work(self) -> float:
-        how = self.options.stepper, self.options.calls
+        how = self.options.stepper, self.options.calls_on(self.scene)
         return full_work(self.scene, self.geometry, self.dt, self.t_end, *how)
 
     def _made(self, counts: dict[str, float] | None = None, **what: object) -> Plan:

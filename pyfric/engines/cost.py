@@ -29,9 +29,11 @@ if TYPE_CHECKING:
 EVALUATION, BOTTOM, BLOCK = 0.9e-6, 5e-9, {"linear": 3.1e-9, "finite": 8.5e-9}
 """Time of one force evaluation, in s: a constant, a part for each bottom block, and a part for each
 block of the lattice."""
+JUNCTION = 1.25e-9
+"""Additional time of one force evaluation for each junction, in s."""
 CALL = 1e-4
-"""Time of one call of the core, in s. A run that conditions can end needs one for each point of the
-loading curve."""
+"""Time of one call of the core, in s. A run that conditions can end, or whose law records motion,
+needs one for each point of the loading curve. To record motion takes as long again."""
 ATTEMPT = {"linear": (2.5e-3, 1e-6), "finite": (4e-3, 2.5e-6)}
 """Time of one attempt to jump, in s: a constant, and a part for each block."""
 SLIDE = 1e-2
@@ -68,10 +70,11 @@ def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float
     """Return the work of the operations that a record counts, in s."""
     blocks = scene.N_x * scene.N_z
     evaluation = EVALUATION + BOTTOM * scene.N_x + BLOCK[geometry] * blocks
+    evaluation += JUNCTION * scene.law.junctions * scene.N_x
     attempt, of_block = ATTEMPT[geometry]
     return (
         counts.get("block_evaluations", 0) / blocks * evaluation
-        + counts.get("calls", 0) * CALL
+        + counts.get("calls", 0) * CALL * (2 if scene.law.junctions else 1)
         + counts.get("attempts", 0) * (attempt + of_block * blocks)
         + counts.get("slides", 0) * SLIDE
         + counts.get("modal_bases", 0) * set_up(scene, "hybrid", geometry).work

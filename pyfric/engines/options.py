@@ -286,10 +286,9 @@ class Options:
             allowed = f"at most {length:g} s, the length of the run"
             raise SceneError("sample", self.sample, "s", allowed, "beyond the end")
 
-    @property
-    def calls(self) -> int:
-        """Number of calls of the core that points of the loading curve need."""
-        return POINTS if self.stop_when else 0
+    def calls_on(self, scene: Scene) -> int:
+        """Return the number of calls of the core that points of the loading curve need."""
+        return POINTS if self.stop_when or scene.law.junctions else 0
 
     def check_static(self) -> None:
         """Raise SceneError unless an engine without inertia can have these options."""

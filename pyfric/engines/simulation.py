@@ -343,7 +343,7 @@ def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, floa
     geometry = how.geometry or default_geometry(scene)
     t_end = expected_end(scene, t_end, how.stop_when)
     dt, switching = how.steps_on(scene)
-    made, counts = full_work(scene, geometry, dt, t_end, how.stepper, how.calls), None
+    made, counts = full_work(scene, geometry, dt, t_end, how.stepper, how.calls_on(scene)), None
     if how.fidelity in ("quasistatic", "equilibrium"):
         made = quasistatic_work(scene, pilot_run(scene, t_end))
     elif how.fidelity == "hybrid" and made > CHEAP:

@@ -178,7 +178,7 @@ def price(
     if engine in ("quasistatic", "equilibrium"):
         return budget(made), 0.0
     stepper, geometry = options.stepper, options.geometry or default_geometry(scene)
-    full = full_counts(scene, dt, t_end, stepper, options.calls)
+    full = full_counts(scene, dt, t_end, stepper, options.calls_on(scene))
     runs = operations(scene, engine, counts or full, full | {"calls": 0}, stepper)
     return verification_work(made, functools.partial(references, scene, geometry, runs, stepper))
 

@@ -83,6 +83,11 @@ class Law:
         return True
 
     @property
+    def junctions(self) -> int:
+        """Number of junctions of each block; 0 without junctions."""
+        return 0
+
+    @property
     def slowest(self) -> float:
         """Longest mean time scale of the law itself, in s; 0 if it has none."""
         return 0.0

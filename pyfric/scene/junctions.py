@@ -78,6 +78,11 @@ class JunctionLaw(Law):
         return self.mu_s * np.sqrt(p / (self.kind.n_s * self.C))
 
     @property
+    def junctions(self) -> int:
+        """Number of junctions of each block."""
+        return self.kind.n_s
+
+    @property
     def slowest(self) -> float:
         """Longest mean slip time of junctions, in s."""
         return float(np.max(self.t_R))

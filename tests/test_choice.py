@@ -26,9 +26,11 @@ from pyfric.engines.choice import LINEAR, RING_SHARE, SHARE, SPARES, interval, s
 from pyfric.engines.cost import (
     CALL,
     JUNCTION,
+    RUN,
     finer_counts,
     full_counts,
     full_work,
+    located,
     machine_speed,
     work,
     work_so_far,
@@ -453,3 +455,17 @@ def test_set_up_of_the_quasistatic_engine_is_counted():
     scene = preset("fig1", l=0.5e-3)
     run = Pilot(None, np.zeros((0, 2)), 1.0, "")
     assert quasistatic_work(scene, run) > 1.0
+
+
+def test_full_dynamics_locates_the_transitions_of_the_pilot_run(monkeypatch):
+    """A law of 33 knots: more work than that of steps. (The run makes 1.8 times what is found.)"""
+    weakening = {"interface.law": laws.ExponentialWeakening(), "d_c": 1e-6}
+    scene, t_end = setup1(weakening, L=0.03, H=0.015, V=0.1), 0.12
+    pilots = []
+    monkeypatch.setattr(choice, "counted", lambda *how: pilots.append(counted(*how)) or pilots[0])
+    found = plan(scene, "precursors", t_end=t_end, tolerance=1e-3)
+    steps = full_counts(scene, found.dt, t_end)
+    more = {"block_evaluations": steps["block_evaluations"] + located(scene, pilots[0])}
+    assert found.fidelity == "dynamic"
+    assert found.work == pytest.approx(RUN + work(scene, found.geometry, more))
+    assert found.work > 2 * full_work(scene, found.geometry, found.dt, t_end)

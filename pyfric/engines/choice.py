@@ -30,7 +30,7 @@ import numpy as np
 
 from pyfric.core import OPEN
 from pyfric.display import html
-from pyfric.engines.cost import RUN, full_work, machine_speed, work
+from pyfric.engines.cost import RUN, full_counts, located, machine_speed, work
 from pyfric.engines.options import Fidelity, Options, Want, default_switching, step_size
 from pyfric.engines.pauses import relaxation_time
 from pyfric.engines.pilot import (
@@ -226,6 +226,9 @@ class _Choice:
         self.reasons: list[str] = []
         self.stepped = bool(options.budget) or options.stepper != "rk4"
         self.geometry: Geometry = options.geometry or default_geometry(scene)
+        self.located = (
+            0.0  # block evaluations that locate transitions, once a pilot run counted them
+        )
         self.dt, self.error = self._step()
         if self._full_work() > CHEAP:
             self.t_end = expected_end(scene, t_end, self.options.stop_when)
@@ -255,12 +258,17 @@ class _Choice:
         needs = self._linear(pilot)
         return self._hybrid(pilot, needs)
 
-    def _full_work(self) -> float:
+    def _full_counts(self) -> dict[str, float]:
+        """Return the operations of full dynamics."""
         how = self.options.stepper, self.options.calls_on(self.scene)
-        return full_work(self.scene, self.geometry, self.dt, self.t_end, *how)
+        counts = full_counts(self.scene, self.dt, self.t_end, *how)
+        return counts | {"block_evaluations": counts["block_evaluations"] + self.located}
+
+    def _full_work(self) -> float:
+        return RUN + work(self.scene, self.geometry, self._full_counts())
 
     def _made(self, counts: dict[str, float] | None = None, **what: object) -> Plan:
-        """Return the plan; `counts` are the operations of a hybrid run."""
+        """Return the plan; `counts` are the operations of a run with time steps."""
         cost = price(
             self.scene, self.options, what["fidelity"], self.dt, self.t_end, what["work"], counts
         )
@@ -278,6 +286,7 @@ class _Choice:
         """Return the plan of full dynamics."""
         self.reasons.append(f"hybrid ({reason})")
         return self._made(
+            self._full_counts(),
             fidelity="dynamic",
             geometry=self.geometry,
             switching=self.options.switching or default_switching(self.scene),
@@ -337,8 +346,9 @@ class _Choice:
         """Return the plan of the hybrid engine, or of full dynamics if little work is saved."""
         accuracy = self.options.accuracy or min(SHARE * self.tolerance, LOOSEST)
         made = {"geometry": self.geometry, "dt": self.dt, "accuracy": accuracy}
-        full = self._full_work()
         counts = counted(self.scene, self.t_end, dataclasses.replace(self.options, **made), pilot)
+        self.located = located(self.scene, counts)  # by full dynamics, too
+        full = self._full_work()
         spent = RUN + work(self.scene, self.geometry, counts)
         if spent > SPARES * full:
             spares = "the slider slips or rings down most of the time, so that it spares too little"

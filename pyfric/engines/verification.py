@@ -171,7 +171,7 @@ def price(
         dt: its step, in s.
         t_end: its length, in s.
         made: its work, in s.
-        counts: operations of a hybrid run.
+        counts: its operations; None means those of full dynamics without located transitions.
     """
     if options.verify == "none":
         return 0.0, 0.0

@@ -189,13 +189,15 @@ def counted(scene: Scene, t_end: float, options: Options, pilot: Pilot) -> dict[
     """
     geometry, dt = options.geometry, options.dt
     full = full_work(scene, geometry, dt, t_end)
+    first = set_up(scene, "hybrid", geometry).work  # of the first modes, which says nothing of t
     plain = dataclasses.replace(options, fidelity="hybrid", checkpoint=None, verify=None)
 
     def share(t: float) -> float:
         return pilot.share(t, t_end)
 
     def enough(run: Run) -> bool:
-        return work_so_far(run) > min(DEAR * full, LONGEST) or share(run.state.t) >= PART
+        dear = work_so_far(run) - first > min(DEAR * full, LONGEST)
+        return dear or share(run.state.t) >= PART
 
     try:
         last = min(t_end, MAX_STEPS * dt)

@@ -192,7 +192,7 @@ def write_commands():
 
 ROOT = Path(__file__).parents[1]
 shown = {}
-tried = stored("plans/plans.csv")
+tried, again = stored("plans/plans.csv"), stored("plans/again.csv")
 write_commands()
 myst_substitutions = {
     "held": held(),
@@ -206,7 +206,7 @@ myst_substitutions = {
     "modules": modules(),
     "prestress": prestress(stored("fronts/collapse.csv"), stored("fronts/low_viscosity.csv")),
     "plan_costs": plan_costs(tried),
-    "plans": plans(tried),
+    "plans": plans(pd.concat([tried, again])),
     "promises": promises(stored("plans/promises.csv")),
     "regimes": regimes(),
 }

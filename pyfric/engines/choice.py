@@ -226,9 +226,7 @@ class _Choice:
         self.reasons: list[str] = []
         self.stepped = bool(options.budget) or options.stepper != "rk4"
         self.geometry: Geometry = options.geometry or default_geometry(scene)
-        self.located = (
-            0.0  # block evaluations that locate transitions, once a pilot run counted them
-        )
+        self.located = 0.0  # block evaluations for transitions, once a pilot run counts them
         self.dt, self.error = self._step()
         if self._full_work() > CHEAP:
             self.t_end = expected_end(scene, t_end, self.options.stop_when)

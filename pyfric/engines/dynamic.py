@@ -37,8 +37,6 @@ from pyfric.engines.integration import (
 from pyfric.record import (
     Method,
     Record,
-    budget_error,
-    budget_left,
     build_catalogue,
     chain_notes,
     held_in,
@@ -169,9 +167,8 @@ class Run:
         if self.method.geometry == "linear":
             F_T = max(abs(row[1]) for row in self.rows)
             notes = strain_notes(scene, self.name, F_T, self.state.t)
-        curve = self.curve()
-        left = budget_left(curve).abs().max() if self.method.budget else 0.0
-        if left > self.guard.rounding and (missing := budget_error(curve)) > OPEN_BUDGET:
+        missing = self.guard.missing(self.curve()) if self.method.budget else 0.0
+        if missing > OPEN_BUDGET:
             notes += (
                 f"{self.name}: the energy budget misses {missing:.2g} of what went through it "
                 f"(limit {OPEN_BUDGET:g}): steps of {dt:.3g} s damp fast motion; take a smaller "

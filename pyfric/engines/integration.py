@@ -31,12 +31,14 @@ from pyfric import core
 from pyfric.core import State
 from pyfric.display import Progress, run_bar
 from pyfric.engines.stopping import stopping_of
-from pyfric.record import Record
+from pyfric.record import Record, budget_error, budget_left
 from pyfric.scene import SceneError, check_number, default_geometry
 from pyfric.signals import answered
 from pyfric.statics import EquilibriumError, StaticSolver, check_pushes, one_thread
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from pyfric.engines.dynamic import Run
     from pyfric.engines.options import Options
     from pyfric.record import Method
@@ -223,6 +225,11 @@ class Guard:
         most = sum(abs(one.force) + abs(one.at(min(state.t, one.end))) for one in changing)
         parts += most * float(np.abs(state.y[0, 0]).max())
         return 2 * parts
+
+    def missing(self, curve: pd.DataFrame) -> float:
+        """Return what the energy budget of a curve misses, relative; 0 if it may be rounding."""
+        small = budget_left(curve).abs().max() <= self.rounding
+        return 0.0 if small else budget_error(curve)
 
     def trouble(self, before: State, after: State, base: Energy | None = None) -> Trouble | None:
         """Return what is wrong with the state `after`, None if nothing is.

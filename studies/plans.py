@@ -8,8 +8,8 @@ Trial n of a seed is always the same. Rows are appended to a file as they are do
 are in it are not made again.
 
 A promise is kept where the real error of what was wanted is within the tolerance, and honest where
-it is within the run's own measured error. Events after the time from which on a record says that
-single ones cannot be trusted are left out, and counted.
+it is within the run's own measured error. If a run holds up to the time from which on its record
+says that single events cannot be trusted, later events are left out, and counted.
 """
 
 from __future__ import annotations
@@ -229,8 +229,9 @@ def full_seconds(scene: Scene, made: Record, t_end: float) -> float:
 def judged(made: Record, truth: Record, expected: float) -> dict[str, Any]:
     """Return the errors of a record, expected, measured and real, and what holds."""
     own = made.errors or Errors()
-    ends = [one for one in (own.until, own.covered) if one is not None]
-    until = min(ends) if own.partly or own.until is not None else math.inf
+    until = math.inf
+    if own.until is not None or own.partly:
+        until = own.until if own.until is not None and own.holds else own.covered
     apart, trusted = differences(made, truth), differences(made, truth, until)
     trusted = trusted.without(trusted.events[trusted.events["event"].isin(own.undetermined)])
     real = Errors(want=own.want, tolerance=own.tolerance, **trusted.errors())

@@ -161,6 +161,18 @@ def test_an_event_that_goes_on_is_compared_by_its_force(ladder, parts):
     assert 0.08 < differences(one, other).errors()["arrest"] <= 0.1
 
 
+def test_an_event_that_has_ended_in_one_run_alone_has_no_order(ladder):
+    """But for one that ends too late for the pause after it to be known."""
+    last = main_events(ladder)[-1]
+    ended = without(ladder, range(last + 1, len(ladder.events) + 1))
+    on = going_on(ended, last)
+    assert differences(ended, on).turned
+    assert differences(on, ended).turned
+    late = float(ended.events["t_stop"][last]) + 0.9 * ladder.method.t_gap
+    assert not differences(ended, on, late).turned
+    assert not differences(on, on).turned
+
+
 def going_on(record, event):
     """Return the record with an event that goes on at its end."""
     events = record.events
@@ -541,10 +553,11 @@ def test_events_are_trusted_as_far_as_the_budget_pays_for_a_finer_run(ladder):
     assert errors.measured() == pytest.approx(SAFETY * 0.007 / 2**4)
     assert errors.statistics
     known.part = pyfric.simulate(ladder.scene, starts[1] - 1e-3, fidelity="quasistatic")
-    errors = known.verified(None).errors  # from the run of twice the step: small events agree
-    assert (errors.minor, errors.holds, errors.measured()) == (True, None, 0)
+    errors = known.verified(None).errors  # from the run of twice the step: no main event agrees
     assert errors.until <= starts[main[0]]
-    assert errors.verdict.endswith("NOT MEASURED in any main event")
+    assert errors.holds is False
+    assert errors.events == len(main)
+    assert errors.verdict.endswith(f"BEYOND {errors.tolerance:g}")
 
 
 def test_other_small_events_end_the_trust_in_single_ones(ladder):
@@ -626,13 +639,14 @@ def test_from_when_on_single_events_cannot_be_trusted_is_said(ladder):
 
 
 def test_what_no_refinement_helps_is_said(ladder):
-    """Nothing that could be trusted is left to compare."""
+    """No main event can be trusted: the errors of all are reported."""
     record = Known(ladder, step=1e4).verified(None)
-    assert record.errors.holds is None
-    assert "NOT MEASURED" in record.notes[-1]
+    assert record.errors.holds is False
+    assert record.errors.start > 1
+    assert "does not hold, BEYOND" in record.notes[-1]
 
 
-def test_a_trust_that_ends_at_the_beginning_measures_nothing(ladder):
+def test_where_nothing_can_be_trusted_the_errors_of_all_events_are_reported(ladder):
     """The first event slips other blocks with each step."""
     known = Known(ladder, step=1e4)
     plain = known.run
@@ -643,8 +657,9 @@ def test_a_trust_that_ends_at_the_beginning_measures_nothing(ladder):
 
     known.run = run
     errors = known.verified(None).errors
-    assert (errors.until, errors.measured(), errors.holds) == (0.0, None, None)
-    assert {errors.state(name) for name in UNITS} == {"not measured"}
+    assert (errors.until, errors.holds) == (0.0, False)
+    assert errors.start > 1
+    assert "up to" not in errors.verdict
 
 
 def test_a_part_that_was_not_compared_is_said(ladder):
@@ -716,6 +731,27 @@ def test_the_perturbed_driver_follows_its_protocol_faster():
     check = _Verification(record, "full", still)
     check._perturbed(Errors())
     assert check.notes == ["sensitivity was not measured: no driver moves"]
+
+
+def test_a_run_that_a_slightly_faster_driver_changes_from_the_start_does_not_hold(ladder):
+    """Although a shorter step does not change it."""
+    options = Options(
+        fidelity="hybrid", geometry="finite", dt=pyfric.step_size(ladder.scene), tolerance=0.01
+    )
+
+    def run(scene, *_, **__):
+        changed = scene != ladder.scene
+        return Known(ladder, step=0.1 * changed).run(ladder.scene, 1.5, options)
+
+    made = Specification(scene=ladder.scene, t_begin=0.0, t_end=1.5, options=options, run=run)
+    check = _Verification(run(ladder.scene), "full", made)
+    errors = check._compared(check.record, 2.0)
+    assert errors.holds
+    errors = check._perturbed(errors)
+    assert errors.start == pytest.approx(0.1 * SAFETY)
+    assert errors.until < ladder.events["t_start"][main_events(ladder)[0]]
+    assert errors.holds is False
+    assert "a driver that is faster by 1e-09" in str(errors)
 
 
 def test_a_continued_run_says_that_it_was_not_verified():

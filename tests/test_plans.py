@@ -37,10 +37,11 @@ def test_a_promise_is_judged_by_the_real_error(ladder, real, measured, broken, d
     assert row["real"] == pytest.approx(real)
     assert (row["beyond_tolerance"], row["beyond_measured"]) == (broken, dishonest)
     assert row["said"] == (measured > 0.01)
-    late = dataclasses.replace(own, until=float(events["t_start"][main[2]]))
+    late = dataclasses.replace(own, until=float(events["t_start"][main[2]]), covered=1.5)
     row = plans.judged(dataclasses.replace(ladder, errors=late), truth, 1e-3)
-    assert not row["beyond_tolerance"]
-    assert row["trusted"] < row["events"]
+    holds = measured <= 0.01  # otherwise no event is left out
+    assert row["beyond_tolerance"] == (broken and not holds)
+    assert (row["trusted"] < row["events"]) == holds
     none = Errors(want="stress", tolerance=0.01, start=measured)
     row = plans.judged(dataclasses.replace(ladder, errors=none), truth, 1e-3)
     assert (row["not_measured"], row["said"], row["beyond_measured"]) == (True, True, False)

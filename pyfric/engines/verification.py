@@ -6,8 +6,8 @@ both runs could deviate in the same event. It is full dynamics rather than a hyb
 budget pays for both. The budget is half a second and twice the work of the run, or twice the work
 that the plan announced if that is less. If the error is of order p in the step, it is
 1/(1 - r^-p) times the difference of two runs whose steps have the ratio r; `SAFETY` times that is
-reported. If an event ends at another block, the difference has no order; `TURNED` times the
-difference is reported. If no step resolves weakening of friction, nothing is measured: friction
+reported. If an event ends at another block, or in one run alone, the difference has no order;
+`TURNED` times the difference is reported. If no step resolves weakening of friction, nothing is measured: friction
 drops at once in both runs.
 
 If the error of a planned run exceeds the tolerance, the run is refined. A run in linear geometry is
@@ -20,7 +20,8 @@ If only a few of many events still differ, they are named, and all others are me
 single events cannot be trusted from the first difference on, and later events are compared by their
 statistics. The first difference is that from a run of half the step, as far as the budget pays for
 it, and from the coarser run where that does not reach an event. An event of few blocks counts, too,
-if it slips other blocks.
+if it slips other blocks. If events before the first difference do not tell what is wanted, the
+error of all events is reported, which exceeds the tolerance.
 
 A reference run ends at `GRACE` times its expected work. Events that it does not cover are not
 measured.
@@ -60,7 +61,7 @@ RATIOS = (4.0, 2.0)
 """Ratios of the step of a run to that of its reference run."""
 DYNAMICS, SAFETY, TURNED = 1.25, 2.0, 3.0
 """Factors of safety for reported errors: of a quasi-static run compared with dynamics, of runs with
-two steps, and of any runs in which an event ends at another block. They are definitions, as for two
+two steps, and of any runs in which an event ends at another block or time. They are definitions, as for two
 grids."""
 LOOSEST = 1e-3
 """Largest error of jumps that a plan accepts, over F_N."""
@@ -365,7 +366,7 @@ class _Verification:
         return _errors(found, self.made, self._factor(found.turned), _words(self.other))
 
     def _factor(self, turned: bool) -> float:
-        """Return reported errors over differences. `turned`: an event ended at another block."""
+        """Return reported errors over differences. `turned`: see `Differences.turned`."""
         return max(SAFETY * self.factor, TURNED) if turned else SAFETY * self.factor
 
     # --- reference runs --------------------------------------------------------------------------
@@ -428,7 +429,7 @@ class _Verification:
                 return dataclasses.replace(rest, undetermined=named)
         if self.other.method.dt > self.record.method.dt:
             first = self._first_part(self.other)
-            if first.events:
+            if first.measured() is not None:
                 return first
         return self._until(errors, self._parted(), self.other)
 
@@ -452,7 +453,7 @@ class _Verification:
         if np.isnan(t) and not errors.partly:
             return errors
         errors = self._until(errors, float(np.fmin(t, self.found.covered)), coarse)
-        if not errors.events:
+        if errors.measured() is None:
             (self.found, self.other, self.factor), self.notes = kept, notes
         return errors
 
@@ -460,7 +461,8 @@ class _Verification:
         """Return the errors before an event that begins at t (s), and statistics of later events.
 
         The event may begin a little earlier or later in the other run. An event of fewer blocks
-        that slips others in the two runs is the end, too.
+        that slips others in the two runs is the end, too. Where earlier events do not tell what is
+        wanted, the errors remain those of all events, which are beyond the tolerance.
         """
         if not t > self.made.t_begin:
             return errors
@@ -468,16 +470,14 @@ class _Verification:
         t = min(t, _apart(self.record, self.other))
         ended = events["t_stop"][(events["t_start"] < t) & (events["t_stop"] < t)]
         until = float(max(ended, default=self.made.t_begin))
-        together = statistics(self.record, other, until)
         self.notes.append(
             f"single events cannot be trusted from t = {until:.6g} s on: two runs disagree"
         )
-        before = self.found.before(until)
-        if (minor := not len(before.events)) and until > self.made.t_begin:
-            before = differences(self.record, self.other, until)
-        minor = minor and bool(events["is_main"].any())
-        found = dataclasses.replace(self._scaled(before), until=until, statistics=together)
-        return dataclasses.replace(found, minor=minor and found.events > 0)
+        before = self._scaled(self.found.before(until))
+        if before.measured() is None and self._beyond(errors):
+            before = errors
+        together = statistics(self.record, other, until)
+        return dataclasses.replace(before, until=until, statistics=together)
 
     def _perturbed(self, errors: Errors) -> Errors:
         """Return the errors up to the first event that a slightly faster driver changes."""
@@ -490,7 +490,9 @@ class _Verification:
             self.notes.append("sensitivity was not measured: no driver moves")
             return errors
         other = dataclasses.replace(made, scene=scene).again(self.record)
-        off = differences(self.record, other).beyond(
-            made.options.tolerance / SAFETY, made.options.want
-        )
-        return self._until(errors, float(off["t_start"].min()), other) if len(off) else errors
+        found = differences(self.record, other)
+        off = found.beyond(made.options.tolerance / SAFETY, made.options.want)
+        if not len(off):
+            return errors
+        apart = _errors(found, made, SAFETY, f"a driver that is faster by {PERTURBATION:g}")
+        return self._until(apart, float(off["t_start"].min()), other)

@@ -26,6 +26,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.record.analysis import mean_force
+from pyfric.record.catalogue import parts
 from pyfric.record.pairing import event_distances, in_order, pace
 from pyfric.record.rupture import five_known, front_speed
 from pyfric.scene import SceneError
@@ -81,7 +82,8 @@ class Errors:
         covered: time up to which they were compared, s.
         t_end: time up to which the run goes, s; None means `covered`.
         until: time from which on single events cannot be trusted, s; None if there is no such time.
-        minor: whether there are main events, and all of them are after that.
+            Errors are those of earlier events, or of all if earlier ones do not tell what is
+            wanted.
         statistics: what holds for the events after that, together: name to value and error.
         by: what the run was compared with.
     """
@@ -104,7 +106,6 @@ class Errors:
     covered: float = 0.0
     t_end: float | None = None
     until: float | None = None
-    minor: bool = False
     statistics: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     by: tuple[str, ...] = ()
 
@@ -133,15 +134,14 @@ class Errors:
     def holds(self) -> bool | None:
         """Whether the measured error is within the tolerance.
 
-        None where it was not measured, not over the whole run, or in no main event, or where there
-        is no tolerance.
+        None where it was not measured, or not over the whole run, or where there is no tolerance.
         """
         error = self.measured()
         if error is None or self.tolerance is None:
             return None
         if error > self.tolerance:
             return False
-        return None if self.partly or self.minor else True
+        return None if self.partly else True
 
     @property
     def partly(self) -> bool:
@@ -163,10 +163,8 @@ class Errors:
         text = f"for {self.want}: measured {self.measured():.2g}, {said} {self.tolerance:g}"
         if self.holds is None and self.partly:
             text += f", up to {self.covered:.6g} s; NOT MEASURED from there to {self.t_end:.6g} s"
-        if self.until is not None:
+        if self.until is not None and self.holds:
             text += f", up to {self.until:.6g} s"
-        if self.minor:
-            text += "; NOT MEASURED in any main event"
         if self.undetermined:
             text += f", but for {len(self.undetermined)} events that are not determined: "
             text += ", ".join(map(str, self.undetermined))
@@ -200,8 +198,8 @@ class Differences(NamedTuple):
 
     Attributes:
         events: event of one run and of the other (0 for none), t_start (s), and the differences
-            `BY_EVENT`; NaN where there is nothing to compare. `own` is False for main events of the
-            other run alone.
+            `BY_EVENT`; NaN where there is nothing to compare. `outlasts` is 1 for an event that has
+            ended in one run alone. `own` is False for main events of the other run alone.
         speeds: event, t_start (s) and error.
         covered: time up to which both runs go, s.
     """
@@ -212,8 +210,11 @@ class Differences(NamedTuple):
 
     @property
     def turned(self) -> bool:
-        """Whether an event ends at another block: such differences have no order in the step."""
-        return bool((self.events["length"] > 0).any())
+        """Whether an event ends at another block, or in one run alone.
+
+        Such differences have no order in the step.
+        """
+        return bool((self.events[["length", "outlasts"]] > 0).any(axis=None))
 
     def before(self, t: float) -> Differences:
         """Return the differences of events that start before a time, in s."""
@@ -275,7 +276,7 @@ def differences(record: Record, other: Record, until: float = math.inf) -> Diffe
         row = {"event": 0, "other": 0, "t_start": begin, "arrest": off}
         own = pd.DataFrame([dict.fromkeys(own, np.nan) | row])
     both = pd.concat([own.assign(own=True), others.assign(own=False)], ignore_index=True)
-    once = {"t_start": "first", **dict.fromkeys(BY_EVENT, "max"), "own": "max"}
+    once = {"t_start": "first", **dict.fromkeys((*BY_EVENT, "outlasts", "own"), "max")}
     events = both.groupby(["event", "other"], sort=False).agg(once).reset_index()
     return Differences(events, speeds, covered)
 
@@ -300,7 +301,8 @@ class _Pairs:
             about = {"event": e, "other": k, "t_start": float(self.events.loc[e, "t_start"])}
             rows.append(about | dict.fromkeys(BY_EVENT, np.nan) | row)
             speeds.append(pd.DataFrame({"event": e, "t_start": about["t_start"], "error": off}))
-        table = pd.DataFrame(rows, columns=["event", "other", "t_start", *BY_EVENT], dtype=float)
+        columns = ["event", "other", "t_start", *BY_EVENT, "outlasts"]
+        table = pd.DataFrame(rows, columns=columns, dtype=float)
         nothing = pd.DataFrame({name: np.zeros(0) for name in ("event", "t_start", "error")})
         return table, pd.concat(speeds, ignore_index=True) if speeds else nothing
 
@@ -326,8 +328,14 @@ class _Pairs:
             "length": abs(one["L_p_over_L"] - two["L_p_over_L"]) if ended else np.nan,
             "stress": self._stress(e, k, ended),
             "rupture": self._rupture(e, k, forces=bool(np.isfinite(start)), ended=ended),
+            "outlasts": self._outlasts(one, two) or self._outlasts(two, one),
         }
         return row, self._speeds(e, k, ended)
+
+    def _outlasts(self, one: pd.Series, two: pd.Series) -> bool:
+        """Return whether an event goes on, after another one has ended within both runs."""
+        ended = two["finished"] and parts(self.covered - two["t_stop"], self.a.method.t_gap)
+        return bool(ended and not one["finished"])
 
     def _alone(self, e: int) -> tuple[dict[str, float], np.ndarray]:
         """Return what is known of an event that b has not had yet, or has in another one."""

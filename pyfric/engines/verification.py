@@ -7,8 +7,8 @@ budget pays for both. The budget is half a second and twice the work of the run,
 that the plan announced if that is less. If the error is of order p in the step, it is
 1/(1 - r^-p) times the difference of two runs whose steps have the ratio r; `SAFETY` times that is
 reported. If an event ends at another block, or in one run alone, the difference has no order;
-`TURNED` times the difference is reported. If no step resolves weakening of friction, nothing is measured: friction
-drops at once in both runs.
+`TURNED` times the difference is reported. If no step resolves weakening of friction, nothing is
+measured: friction drops at once in both runs.
 
 If the error of a planned run exceeds the tolerance, the run is refined. A run in linear geometry is
 repeated in finite geometry. A run in finite geometry is replaced by its reference run, for which no
@@ -61,8 +61,8 @@ RATIOS = (4.0, 2.0)
 """Ratios of the step of a run to that of its reference run."""
 DYNAMICS, SAFETY, TURNED = 1.25, 2.0, 3.0
 """Factors of safety for reported errors: of a quasi-static run compared with dynamics, of runs with
-two steps, and of any runs in which an event ends at another block or time. They are definitions, as for two
-grids."""
+two steps, and of any runs in which an event ends at another block or time. They are definitions, as
+for two grids."""
 LOOSEST = 1e-3
 """Largest error of jumps that a plan accepts, over F_N."""
 LADDER = 0.01

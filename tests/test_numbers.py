@@ -11,7 +11,7 @@ PAGE = ROOT / "docs" / "explanation" / "numbers.md"
 MOST_FITTED = 15
 KINDS = {
     "definition": {
-        "choice": "SHARE SPARES MOVING",
+        "choice": "LONGEST SHARE SPARES MOVING",
         "cost": "POINTS FASTEST SLOWEST",
         "dynamic": "CALL_SECONDS STATIC_SECONDS OPEN_BUDGET",
         "jump": "CORRECTED",

@@ -68,6 +68,9 @@ SHARE = 0.25
 """Share of the tolerance for each of the errors of geometry, jumps and steps."""
 SPARES = 0.5
 """Largest work of the hybrid engine, over that of full dynamics, for which it is chosen."""
+LONGEST = 0.9
+"""Longest step of a plan over the stability limit. Forces and switches leave a tenth: the limit is
+that of the lattice at rest."""
 PHASE = 1 / 120
 """Phase error of one RK4 step for a motion of angular frequency omega, over (omega dt)^5."""
 MOVING = 0.8
@@ -368,17 +371,16 @@ class _Choice:
         error = step_error(scene, self.want, auto)
         if options.dt != "auto" or options.stepper != "rk4" or error == 0:
             return auto, error
-        dt = auto * (SHARE * self.tolerance / error) ** 0.25
+        limit = stability_limit(scene)[0]
+        dt = min(auto * (SHARE * self.tolerance / error) ** 0.25, LONGEST * limit)
         resolving = scene.resolving_step, RATIOS[-1] * scene.resolving_step
         for longest in resolving:  # of the run, or else of its reference run
             if RATIOS[0] * longest >= min(dt, auto):  # otherwise friction drops at once
                 dt = min(dt, longest)
                 break
-        if dt >= auto:
-            return auto, error
         digit = 10.0 ** (math.floor(math.log10(dt)) - 1)
         dt = float(f"{math.floor(dt / digit) * digit:.1e}")
-        return dt, error * (dt / auto) ** 4
+        return dt, step_error(scene, self.want, dt)
 
     def _resolution(self) -> Assumption:
         limit = stability_limit(self.scene, self.options.stepper)[0]

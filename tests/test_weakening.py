@@ -273,7 +273,7 @@ def test_the_plan_moves_up():
     assert plan.fidelity == "hybrid"
     assert any("its steepest fall is 1.76, more than 0.05" in one for one in plan.reasons)
     question = {"want": "loading_curve", "tolerance": 0.2, "progress": False}
-    record = pyfric.simulate(preset("fig1", d_c=2e-6), 0.01, **question)
+    record = pyfric.simulate(preset("fig1", d_c=2e-6), 0.03, **question)
     assert record.method.engine == "hybrid"
 
 

@@ -173,6 +173,18 @@ def test_an_event_that_has_ended_in_one_run_alone_has_no_order(ladder):
     assert not differences(on, on).turned
 
 
+def test_arrests_are_compared_where_one_run_ends_soon_after(ladder):
+    """It has come to rest, too late to know whether the event goes on."""
+    last, F_N = main_events(ladder)[-1], ladder.scene.F_N
+    ended = without(ladder, range(last + 1, len(ladder.events) + 1))
+    events = ended.events
+    events.loc[last, "finished"] = False
+    events.loc[last, "F_T_arrest"] += 1e-7 * F_N  # far less than between samples
+    early = ended.replace(events=events)
+    assert differences(ended, early).errors()["arrest"] == pytest.approx(1e-7)
+    assert differences(early, ended).errors()["arrest"] == pytest.approx(1e-7)
+
+
 def going_on(record, event):
     """Return the record with an event that goes on at its end."""
     events = record.events

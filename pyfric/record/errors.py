@@ -355,10 +355,13 @@ class _Pairs:
     def _going_on(self, one: pd.Series, two: pd.Series) -> float:
         """Return how far forces are apart in an event that goes on in one of two runs, in N.
 
-        NaN where both have come to rest, too late to know whether they go on.
+        Where both have come to rest, they differ as their arrests do; NaN if that is too late in
+        both to know whether they go on.
         """
         if not (one["finished"] or two["finished"] or np.isnan(one["t_stop"] + two["t_stop"])):
             return np.nan
+        if np.maximum(one["t_stop"], two["t_stop"]) <= self.covered:
+            return float(one["F_T_arrest"] - two["F_T_arrest"])
         ends = (
             event["t_stop"] if event["finished"] else run.curve["t"].iloc[-1]
             for run, event in ((self.a, one), (self.b, two))

@@ -338,10 +338,10 @@ def test_work_of_dynamics():
 
 
 def test_calls_of_the_core_for_motion_on_junctions_are_counted(monkeypatch):
-    calls, advance = [], core.advance
-    monkeypatch.setattr(core, "advance", lambda *a, **how: calls.append(a) or advance(*a, **how))
     scene = preset("slow", L=0.02, H=0.0125)
     found = plan(scene, t_end=1e-3)
+    calls, advance = [], core.advance
+    monkeypatch.setattr(core, "advance", lambda *a, **how: calls.append(a) or advance(*a, **how))
     record = simulate(scene, 1e-3, fidelity="dynamic", dt=found.dt, progress=False, verify="none")
     expected = full_counts(scene, found.dt, 1e-3, calls=pyfric.Options().calls_on(scene))
     assert expected["calls"] == pytest.approx(len(calls), rel=0.2)
@@ -486,3 +486,23 @@ def test_full_dynamics_locates_the_transitions_of_the_pilot_run(monkeypatch):
     assert found.fidelity == "dynamic"
     assert found.work == pytest.approx(RUN + work(scene, found.geometry, more))
     assert found.work > 2 * full_work(scene, found.geometry, found.dt, t_end)
+
+
+def test_transitions_of_cheap_dynamics_are_counted():
+    law = {"interface.law": laws.ExponentialWeakening(), "d_c": 1e-6}  # 33 knots
+    scene, t_end = setup1(law, L=0.02, H=0.0125, V=0.5), 3e-3
+    found = plan(scene, tolerance=0.05, t_end=t_end)
+    steps = full_work(scene, "finite", found.dt, t_end)
+    record = simulate(scene, t_end, tolerance=0.05, verify="none", progress=False)
+    assert found.fidelity == record.method.engine == "dynamic"
+    assert 1.2 * steps < found.work < CHEAP
+    assert found.work == pytest.approx(RUN + work_so_far(record), rel=0.01)
+
+
+def test_cheap_dynamics_is_counted_up_to_its_end():
+    scene = setup1(L=0.02, H=0.0125, V=0.5)
+    plans = [plan(scene, t_end=t, stop_when="main_events = 1") for t in (0.01, 0.02)]
+    record = simulate(scene, 0.02, stop_when="main_events = 1", verify="none", progress=False)
+    assert record.curve["t"].iloc[-1] < 0.01
+    assert {one.fidelity for one in plans} == {"dynamic"}
+    assert plans[1].work < 1.1 * plans[0].work

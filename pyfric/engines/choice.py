@@ -39,6 +39,7 @@ from pyfric.engines.pilot import (
     linear_error,
     pilot_run,
     quasistatic_work,
+    transitions,
 )
 from pyfric.engines.stretches import bends, beyond_ladder
 from pyfric.engines.verification import CHEAP, LOOSEST, RATIOS, price
@@ -205,10 +206,12 @@ def plan(
     Source: the rules of `pyfric.engines.choice`.
     """
     options = Options(want=want, tolerance=tolerance, stop_when=stop_when)
-    return choose(scene, options, check_number("t_end", t_end, "s", ge=0.0))
+    return choose(scene, options, check_number("t_end", t_end, "s", ge=0.0), priced=True)
 
 
-def choose(scene: Scene, options: Options, t_end: float, *, ladder: bool = True) -> Plan:
+def choose(
+    scene: Scene, options: Options, t_end: float, *, ladder: bool = True, priced: bool = False
+) -> Plan:
     """Return the plan that respects all options that were given.
 
     Args:
@@ -216,17 +219,19 @@ def choose(scene: Scene, options: Options, t_end: float, *, ladder: bool = True)
         options: options; the plan fills in those left at None or "auto".
         t_end: length of the run, in s.
         ladder: whether the quasi-static engine may be chosen.
+        priced: whether full dynamics is made once, where it is cheap, to count its transitions.
     """
-    return _Choice(scene, options, t_end).plan(ladder)
+    return _Choice(scene, options, t_end, priced).plan(ladder)
 
 
 class _Choice:
     """The choice of a model for one scene and one set of options."""
 
-    def __init__(self, scene: Scene, options: Options, t_end: float) -> None:
+    def __init__(self, scene: Scene, options: Options, t_end: float, priced: bool) -> None:
         self.scene, self.options, self.t_end = scene, options.on(scene), t_end
         self.want, self.tolerance = options.want, options.tolerance
         self.reasons: list[str] = []
+        self.priced = priced
         self.stepped = bool(options.budget) or options.stepper != "rk4"
         self.geometry: Geometry = options.geometry or default_geometry(scene)
         self.located = 0.0  # block evaluations for transitions, once a pilot run counts them
@@ -286,12 +291,15 @@ class _Choice:
     def _full(self, reason: str, needs: tuple[Assumption, ...] = ()) -> Plan:
         """Return the plan of full dynamics."""
         self.reasons.append(f"hybrid ({reason})")
+        switching = self.options.switching or default_switching(self.scene)
+        made = {"geometry": self.geometry, "switching": switching, "dt": self.dt}
+        if self.priced and self._full_work() <= CHEAP:
+            options = dataclasses.replace(self.options, **made)
+            self.located, self.t_end = transitions(self.scene, self.t_end, options)
         return self._made(
             self._full_counts(),
             fidelity="dynamic",
-            geometry=self.geometry,
-            switching=self.options.switching or default_switching(self.scene),
-            dt=self.dt,
+            **made,
             assumptions=(*needs, self._resolution()),
             error=self.error,
             work=self._full_work(),

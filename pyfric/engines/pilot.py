@@ -3,7 +3,8 @@
 A quasi-static run, with larger blocks if necessary, finds the events. Static states in both
 geometries give the error of linear geometry. A hybrid run of the first part of the time gives the
 work of that part. The work of the rest is extrapolated in proportion to its events, each weighted
-with the number of blocks that slip; one that goes on counts in part.
+with the number of blocks that slip; one that goes on counts in part. Cheap full dynamics is made
+once, if its price is wanted: most transitions occur in the last events.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.core import OPEN
-from pyfric.engines.cost import full_counts, full_work, set_up, work, work_so_far
-from pyfric.engines.dynamic import RunError
+from pyfric.engines.cost import full_counts, full_work, located, set_up, work, work_so_far
+from pyfric.engines.dynamic import Run, RunError
 from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import integrate
 from pyfric.engines.options import MAX_STEPS
@@ -30,7 +31,6 @@ from pyfric.statics import EquilibriumError, StaticSolver
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pyfric.engines.dynamic import Run
     from pyfric.engines.options import Options
     from pyfric.record import Record
     from pyfric.scene import Scene
@@ -45,7 +45,8 @@ treat each of them."""
 PART = 0.25
 """Part of the run, by weighted events, that the hybrid pilot run covers."""
 DEAR, LONGEST = 0.1, 5.0
-"""Largest work of the hybrid pilot run: over that of full dynamics of the whole run, and in s."""
+"""Largest work of a pilot run with time steps: of a hybrid one over that of full dynamics of the
+whole run, and in s."""
 
 
 class Pilot(NamedTuple):
@@ -176,6 +177,34 @@ def _apart(solver: StaticSolver, quiet: Mapping[str, np.ndarray], row: int) -> f
     with np.errstate(divide="ignore", invalid="ignore"):
         further = np.where(falls > 0, margins[0] / falls, np.inf)
     return float(abs(now.F_T + further.min() - F_T) / scene.F_N)
+
+
+def transitions(scene: Scene, t_end: float, options: Options) -> tuple[float, float]:
+    """Return what full dynamics takes to locate transitions, counted in a run of it.
+
+    A run whose work exceeds `LONGEST` is extrapolated in proportion to time.
+
+    Args:
+        scene: the scene.
+        t_end: end of the run, in s.
+        options: options of the run, with its geometry, switching and step.
+
+    Returns:
+        Block evaluations that locate transitions, and the time (s) at which the run ends.
+    """
+    plain = dataclasses.replace(options, fidelity="dynamic", checkpoint=None, verify=None)
+
+    def enough(run: Run) -> bool:
+        return work_so_far(run) > LONGEST
+
+    try:
+        record = integrate(Run, scene, t_end, plain, progress=False, enough=enough)
+    except RunError as error:
+        record = error.record
+    made, t = located(scene, record.counts, options.stepper), float(record.curve["t"].iloc[-1])
+    if record.status == "interrupted":
+        return made * t_end / max(t, options.dt), t_end
+    return made, min(t, t_end)
 
 
 def counted(scene: Scene, t_end: float, options: Options, pilot: Pilot) -> dict[str, float]:

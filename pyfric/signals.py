@@ -151,9 +151,11 @@ def commanded() -> Iterator[None]:
     wakeup = signal.set_wakeup_fd(mouth.fileno(), warn_on_full_buffer=False)
     ended = threading.Event()
     threading.Thread(target=_end_if_unheard, args=(ear, ended, vars(_now)), daemon=True).start()
+    hook, sys.unraisablehook = sys.unraisablehook, _swallowed
     try:
         yield
     finally:
+        sys.unraisablehook = hook
         ended.set()
         signal.set_wakeup_fd(wakeup)
         mouth.close()
@@ -196,6 +198,12 @@ def _listening() -> Iterator[None]:
         raise KeyboardInterrupt
     if waited:
         signal.raise_signal(signal.SIGINT)
+
+
+def _swallowed(told: sys.UnraisableHookArgs) -> None:
+    """Show an exception that cannot be raised, unless it is a Ctrl-C, which ends the process."""
+    if not issubclass(told.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(told)
 
 
 def _end_if_unheard(ear: socket.socket, ended: threading.Event, main: dict[str, int]) -> None:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import termios
 import threading
+import weakref
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from helpers import WATCHED, small
 
 import pyfric
 from pyfric.cli import main
-from pyfric.engines import pilot
+from pyfric.planning import pilot
 from pyfric.scene import written
 from pyfric.signals import (
     SIGNALS,
@@ -267,6 +268,30 @@ def test_the_first_moments_end_without_traceback(command, moment):
     with started("-X", "importtime", "-m", "pyfric", *command.split()) as process:
         wait_for(process, f" {moment}\n".encode())
         check_stops(process)
+
+
+class Weak:
+    pass
+
+
+def test_a_signal_that_python_swallows_shows_no_traceback(capfd):
+    """An exception in the callback of a weak reference cannot be raised."""
+
+    def callback(error):
+        def raises(_):
+            raise error
+
+        return raises
+
+    with commanded():
+        for error in (KeyboardInterrupt(), ValueError("other")):
+            one = Weak()
+            reference = weakref.ref(one, callback(error))
+            del one
+            assert reference() is None
+    shown = capfd.readouterr().err
+    assert "KeyboardInterrupt" not in shown
+    assert "ValueError: other" in shown
 
 
 @pytest.mark.parametrize(

@@ -21,19 +21,9 @@ from pyfric import display
 if TYPE_CHECKING:
     from pyfric import figures, theory
     from pyfric.core import State, StateError
-    from pyfric.engines import (
-        Assumption,
-        Options,
-        Plan,
-        Progress,
-        RunError,
-        plan,
-        prediction_curve,
-        released,
-        simulate,
-        step_size,
-    )
+    from pyfric.engines import Options, Progress, RunError, prediction_curve, step_size
     from pyfric.paper import claims
+    from pyfric.planning import Assumption, Plan, plan, released, simulate
     from pyfric.record import (
         Method,
         Record,
@@ -162,6 +152,7 @@ ROOMS = (
     "statics",
     "record",
     "engines",
+    "planning",
     "sweeps",
     "figures",
     "paper",

@@ -25,8 +25,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 
 from pyfric.checks.chart import Method, after_events, run
-from pyfric.engines import RunError, simulate
+from pyfric.engines import RunError
 from pyfric.figures import DataFigure
+from pyfric.planning import simulate
 from pyfric.record import front_speed, paired
 from pyfric.scene import Scene, SceneError, preset, setup1
 from pyfric.signals import at_once

@@ -25,7 +25,7 @@ from scipy.integrate import solve_ivp
 
 from pyfric import core
 from pyfric.core import OPEN
-from pyfric.engines import simulate
+from pyfric.planning import simulate
 from pyfric.scene import chain, preset
 from pyfric.statics import loaded_state, stability_limit
 

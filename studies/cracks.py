@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 
 from pyfric import theory
-from pyfric.engines import simulate, step_size
+from pyfric.engines import step_size
+from pyfric.planning import simulate
 from pyfric.record import Record, viscous_error
 from pyfric.scene import Walls, slab, write
 from pyfric.statics import loaded_state

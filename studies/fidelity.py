@@ -18,7 +18,8 @@ import pandas as pd
 import peers
 from bench import RIVAL, time_peer
 
-from pyfric.engines import prediction_curve, simulate
+from pyfric.engines import prediction_curve
+from pyfric.planning import simulate
 from pyfric.record import differences
 from pyfric.scene import preset
 from pyfric.signals import at_once

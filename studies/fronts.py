@@ -31,7 +31,8 @@ from cracks import Crack, kept_crack, viscous
 from finer import refined
 
 from pyfric.core import STEPPERS
-from pyfric.engines import simulate, step_size
+from pyfric.engines import step_size
+from pyfric.planning import simulate
 from pyfric.record import Record, analysis
 from pyfric.scene import preset, write
 from pyfric.signals import at_once

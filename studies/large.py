@@ -12,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import pandas as pd
 
-from pyfric.engines import simulate
+from pyfric.planning import simulate
 from pyfric.scene import preset
 from pyfric.signals import at_once
 

@@ -23,8 +23,9 @@ import pandas as pd
 from beside import slider_points, wave_points
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from pyfric.engines import RunError, simulate
+from pyfric.engines import RunError
 from pyfric.figures import DataFigure
+from pyfric.planning import simulate
 from pyfric.record import budget_left, front_speed
 from pyfric.scene import SceneError, preset
 from pyfric.signals import at_once

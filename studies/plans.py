@@ -26,8 +26,9 @@ import numpy as np
 import pandas as pd
 
 from pyfric.checks import regression
-from pyfric.engines import QuasistaticRun, RunError, plan, simulate, step_size
+from pyfric.engines import QuasistaticRun, RunError, step_size
 from pyfric.engines.cost import full_work, machine_speed
+from pyfric.planning import plan, simulate
 from pyfric.record import Errors, differences, fronts, paired
 from pyfric.scene import SceneError, Spread, chain, default_geometry, setup1, setup2, slab
 from pyfric.scene.laws import Ageing, SpeedDependent

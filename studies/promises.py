@@ -16,7 +16,8 @@ import pandas as pd
 import plans
 
 from pyfric.checks.tpv3 import STATIONS, distance, misfit, ruptured
-from pyfric.engines import plan, simulate, step_size
+from pyfric.engines import step_size
+from pyfric.planning import plan, simulate
 from pyfric.record import differences, zone_of_scene
 from pyfric.scene import chain, preset, setup1, slab
 

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyfric.engines import simulate
 from pyfric.figures import save_figure
+from pyfric.planning import simulate
 from pyfric.scene import setup1
 
 METHODS = (

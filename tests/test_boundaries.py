@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyfric.engines import simulate
+from pyfric.planning import simulate
 from pyfric.scene import SceneError, chain
 from pyfric.sweeps import boundary, label_map
 

@@ -11,26 +11,7 @@ from hypothesis import strategies as st
 
 import pyfric
 from pyfric import core
-from pyfric.engines import (
-    Options,
-    choice,
-    expected_cost,
-    pilot,
-    plan,
-    relaxation_time,
-    simulate,
-    simulation,
-    step_size,
-)
-from pyfric.engines.choice import (
-    LINEAR,
-    LONGEST,
-    RING_SHARE,
-    SHARE,
-    SPARES,
-    interval,
-    step_error,
-)
+from pyfric.engines import Options, relaxation_time, step_size
 from pyfric.engines.cost import (
     CALL,
     JUNCTION,
@@ -43,14 +24,24 @@ from pyfric.engines.cost import (
     work,
     work_so_far,
 )
-from pyfric.engines.pilot import (
+from pyfric.planning import choice, expected_cost, pilot, plan, simulate, simulation
+from pyfric.planning.choice import (
+    LINEAR,
+    LONGEST,
+    RING_SHARE,
+    SHARE,
+    SPARES,
+    step_error,
+)
+from pyfric.planning.pilot import (
     Pilot,
     counted,
+    interval,
     linear_error,
     pilot_run,
     quasistatic_work,
 )
-from pyfric.engines.verification import CHEAP, Reference, verification_work
+from pyfric.planning.price import CHEAP, Reference, verification_work
 from pyfric.scene import SceneError, chain, laws, preset, setup1, setup2
 from pyfric.statics import stability_limit
 

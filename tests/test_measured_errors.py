@@ -12,19 +12,19 @@ from helpers import small_rod
 
 import pyfric
 from pyfric.cli import main
-from pyfric.engines import Options, verification
+from pyfric.engines import Options
 from pyfric.engines.cost import full_work, work_so_far
-from pyfric.engines.verification import (
+from pyfric.planning import verification
+from pyfric.planning.price import RATIOS, budget
+from pyfric.planning.verification import (
     DYNAMICS,
     GRACE,
     PERTURBATION,
-    RATIOS,
     SAFETY,
     STRICTER,
     TURNED,
     Specification,
     _Verification,
-    budget,
     verified,
 )
 from pyfric.record import Errors, Record, differences, statistics, summary

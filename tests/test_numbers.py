@@ -1,4 +1,4 @@
-"""Numbers of engines, statics and record: of what kind each is; the docs list the fitted ones."""
+"""Numbers in module constants: of what kind each is; the docs list the fitted ones."""
 
 import ast
 import importlib
@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-ROOMS = ("engines", "statics", "record")
+ROOMS = ("planning", "engines", "statics", "record")
 PAGE = ROOT / "docs" / "explanation" / "numbers.md"
 MOST_FITTED = 15
 KINDS = {
@@ -24,8 +24,8 @@ KINDS = {
         "simulation": "LONG",
         "starts": "EXCESS",
         "contact": "LEAST_DEFINITENESS",
-        "verification": "PLAIN CHEAP RATIOS DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER "
-        "FEW GRACE PERTURBATION",
+        "price": "PLAIN CHEAP RATIOS",
+        "verification": "DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER FEW GRACE PERTURBATION",
         "analysis": "BINS SHIFTS PER_BIN",
         "catalogue": "T_GAP MAIN_EVENT_BLOCKS",
         "classes": "FROM_BLOCK SLOW LAST",

@@ -14,7 +14,8 @@ from tolerances import SPLIT
 
 import pyfric
 from pyfric.core import State, StateError
-from pyfric.engines import RunError, choice, integration, plan, quasistatic, simulation, step_size
+from pyfric.engines import RunError, integration, quasistatic, step_size
+from pyfric.planning import choice, plan, simulation
 from pyfric.record import Record, budget_error
 from pyfric.scene import SceneError, chain, setup1, setup2
 from pyfric.statics import EquilibriumError
@@ -193,7 +194,7 @@ def test_a_ladder_that_does_not_settle(monkeypatch):
     def fails(*arguments, **options):
         raise EquilibriumError("the event at t = 1 s does not settle", np.nan, 0.0, 1)
 
-    monkeypatch.setattr(quasistatic, "simulate", fails)
+    monkeypatch.setattr(simulation, "static_sequence", fails)
     record = simulate(slow(), 0.7, tolerance=0.1)
     assert record.method.engine == "hybrid"
     (note,) = gave_way(record)

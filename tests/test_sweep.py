@@ -18,7 +18,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pyfric.cli import main
-from pyfric.engines import Options, RunError, simulate
+from pyfric.engines import Options, RunError
+from pyfric.planning import simulate
 from pyfric.record import Record, analysis
 from pyfric.scene import SceneError, Spread, laws
 from pyfric.sweeps import Job, Span, Sweep, runs, sweep

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from pyfric.engines import RunError, default_switching, full_work, machine_speed, simulate
+from pyfric.engines import RunError, default_switching, full_work, machine_speed
 from pyfric.figures import DataFigure
+from pyfric.planning import simulate
 from pyfric.record import differences
 from pyfric.scene import SceneError, as_scene, check_number, default_geometry
 from pyfric.signals import at_once

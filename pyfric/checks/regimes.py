@@ -27,7 +27,8 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import OPEN
-from pyfric.engines import RunError, folded, prediction_curve, simulate
+from pyfric.engines import RunError, folded, prediction_curve
+from pyfric.planning import simulate
 from pyfric.record import budget_error
 from pyfric.scene import Scene, SceneError, chain, setup1, setup2
 from pyfric.signals import at_once

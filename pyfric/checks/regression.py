@@ -24,7 +24,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.checks.tolerances import Check, Tolerances, largest, rms
-from pyfric.engines import simulate
+from pyfric.planning import simulate
 from pyfric.record import Collapse, collapse_spread, fronts, paired
 from pyfric.scene import Scene
 

@@ -1,33 +1,85 @@
-"""Choose a model, run it, measure its errors."""
+"""What runs: engines, their options, and what runs cost."""
 
 from pyfric.display import Progress
-from pyfric.engines.choice import Assumption, Plan, plan
-from pyfric.engines.cost import full_work, machine_speed
-from pyfric.engines.dynamic import RunError
-from pyfric.engines.integration import folded
-from pyfric.engines.options import OPTION_UNITS, Options, default_switching, step_size
-from pyfric.engines.pauses import relaxation_time
-from pyfric.engines.quasistatic import QuasistaticRun, prediction_curve
-from pyfric.engines.simulation import check_run, expected_cost, released, simulate
+from pyfric.engines.cost import (
+    POINTS,
+    RUN,
+    SLOWEST,
+    check_memory,
+    finer_counts,
+    full_counts,
+    full_work,
+    located,
+    machine_speed,
+    set_up,
+    work,
+    work_so_far,
+)
+from pyfric.engines.dynamic import Run, RunError
+from pyfric.engines.hybrid import HybridRun
+from pyfric.engines.integration import folded, integrate
+from pyfric.engines.options import (
+    ACCURACY,
+    MAX_STEPS,
+    OPTION_UNITS,
+    Fidelity,
+    Keywords,
+    Options,
+    Want,
+    default_switching,
+    kept,
+    step_size,
+)
+from pyfric.engines.pauses import coarser, longest_pause, pause_notes, relaxation_time
+from pyfric.engines.quasistatic import (
+    STATIC_ENGINES,
+    QuasistaticRun,
+    prediction_curve,
+    static_sequence,
+)
+from pyfric.engines.stopping import ended_by_condition, stopping_of
+from pyfric.engines.stretches import bends, beyond_ladder, check_ladder
 
 __all__ = [
+    "ACCURACY",
+    "MAX_STEPS",
     "OPTION_UNITS",
-    "Assumption",
+    "POINTS",
+    "RUN",
+    "SLOWEST",
+    "STATIC_ENGINES",
+    "Fidelity",
+    "HybridRun",
+    "Keywords",
     "Options",
-    "Plan",
     "Progress",
     "QuasistaticRun",
+    "Run",
     "RunError",
-    "check_run",
+    "Want",
+    "bends",
+    "beyond_ladder",
+    "check_ladder",
+    "check_memory",
+    "coarser",
     "default_switching",
-    "expected_cost",
+    "ended_by_condition",
+    "finer_counts",
     "folded",
+    "full_counts",
     "full_work",
+    "integrate",
+    "kept",
+    "located",
+    "longest_pause",
     "machine_speed",
-    "plan",
+    "pause_notes",
     "prediction_curve",
     "relaxation_time",
-    "released",
-    "simulate",
+    "set_up",
+    "static_sequence",
     "step_size",
+    "stopping_of",
+    "work",
+    "work_so_far",
 ]

@@ -371,10 +371,10 @@ class EquilibriumRun(QuasistaticRun):
         self._climb(*args)
 
 
-ENGINES = {one.name: one for one in (QuasistaticRun, EquilibriumRun)}
+STATIC_ENGINES = {one.name: one for one in (QuasistaticRun, EquilibriumRun)}
 
 
-def simulate(
+def static_sequence(
     engine: str,
     scene: Scene,
     t_end: float,
@@ -394,7 +394,7 @@ def simulate(
     check_ladder(engine, scene)
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     gap = longest_pause(scene) if t_gap is None else t_gap
-    run = ENGINES[engine](scene, gap, stopping_of(stop_when, scene, gap, initial, t_end))
+    run = STATIC_ENGINES[engine](scene, gap, stopping_of(stop_when, scene, gap, initial, t_end))
     with run_bar(progress, scene.name, 0.0, t_end) as bar, answered() as stop:
 
         def show(t: float, F_T: float, events: int) -> None:

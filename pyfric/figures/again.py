@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pyfric import core
-from pyfric.engines import simulate
 from pyfric.figures.style import single
+from pyfric.planning import simulate
 from pyfric.scene import SceneError
 
 if TYPE_CHECKING:

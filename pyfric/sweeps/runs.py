@@ -30,7 +30,8 @@ import scipy
 
 from pyfric import core
 from pyfric.display import jobs_bar
-from pyfric.engines import Options, simulate
+from pyfric.engines import Options
+from pyfric.planning import simulate
 from pyfric.record import Record
 from pyfric.scene import (
     Number,

@@ -47,7 +47,8 @@ import pandas as pd
 import tomli_w
 
 from pyfric.display import html
-from pyfric.engines import Options, check_run, expected_cost
+from pyfric.engines import Options
+from pyfric.planning import check_run, expected_cost
 from pyfric.record import Record
 from pyfric.scene import (
     PRESETS,

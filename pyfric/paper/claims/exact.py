@@ -12,9 +12,9 @@ from scipy.sparse.linalg import spsolve
 
 from pyfric import core
 from pyfric.core import OPEN, State
-from pyfric.engines import simulate
 from pyfric.paper.claims import damage as to
 from pyfric.paper.claims.claim import Band, Claim, Runs, claim
+from pyfric.planning import simulate
 from pyfric.record import budget_left
 from pyfric.scene import Scene, chain, preset, setup1, setup2
 from pyfric.statics import bonds, loaded_state, solve_static, spring_stiffness, stability_limit

@@ -17,21 +17,31 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.core import OPEN
-from pyfric.engines.cost import full_counts, full_work, located, set_up, work, work_so_far
-from pyfric.engines.dynamic import Run, RunError
-from pyfric.engines.hybrid import HybridRun
-from pyfric.engines.integration import integrate
-from pyfric.engines.options import MAX_STEPS
-from pyfric.engines.pauses import coarser, longest_pause
-from pyfric.engines.quasistatic import QuasistaticRun
-from pyfric.engines.stopping import stopping_of
+from pyfric.engines import (
+    MAX_STEPS,
+    HybridRun,
+    QuasistaticRun,
+    Run,
+    RunError,
+    coarser,
+    full_counts,
+    full_work,
+    integrate,
+    located,
+    longest_pause,
+    set_up,
+    stopping_of,
+    work,
+    work_so_far,
+)
+from pyfric.record import build_catalogue
 from pyfric.scene import SceneError
 from pyfric.statics import EquilibriumError, StaticSolver
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pyfric.engines.options import Options
+    from pyfric.engines import Options
     from pyfric.record import Record
     from pyfric.scene import Scene
 
@@ -144,6 +154,31 @@ def expected_end(scene: Scene, t_end: float, stop_when: tuple[str, ...] | None) 
 
 def _rows(log: Mapping[str, np.ndarray], begin: int, end: int) -> dict[str, np.ndarray]:
     return {name: values[begin:end] for name, values in log.items()}
+
+
+def interval(record: Record) -> float:
+    """Return the median time between main events of a quasi-static run, in s; inf without any.
+
+    Events are separated here by any pause, because at high V t_gap would join many into one.
+    """
+    log = record.switches, record.quiet, record.scene
+    events = build_catalogue(*log, t_gap=0.0).events
+    starts = events["t_start"].to_numpy()[events["is_main"].to_numpy()]
+    if len(starts) > 1:
+        return float(np.median(np.diff(starts)))
+    return float(record.curve["t"].iloc[-1]) if len(starts) else math.inf
+
+
+def drop(record: Record) -> float:
+    """Return the largest drop of F_T in system-size events of a quasi-static run, over F_N.
+
+    Without viscosity a slider overshoots by as much as F_T dropped. The quasi-static engine leaves
+    this overshoot out.
+    """
+    events = record.events
+    whole = events[events["is_main"] & (events["n_blocks"] == record.scene.N_x)]
+    fall = (whole["F_T_start"] - whole["F_T_arrest"]).max()
+    return float(fall / record.scene.F_N) if fall > 0 else 0.0
 
 
 def linear_error(pilot: Pilot) -> float | None:

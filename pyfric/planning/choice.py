@@ -16,7 +16,7 @@ dynamic       finite     nothing
 
 The step follows from the tolerance and the error of RK4. It resolves weakening of friction, too, if
 steps of reference runs can. The accuracy of jumps is a share of the tolerance. The choice rests on
-expected errors; `pyfric.engines.verification` measures them.
+expected errors; `pyfric.planning.verification` measures them.
 """
 
 from __future__ import annotations
@@ -30,20 +30,34 @@ import numpy as np
 
 from pyfric.core import OPEN
 from pyfric.display import html
-from pyfric.engines.cost import RUN, full_counts, located, machine_speed, work
-from pyfric.engines.options import Fidelity, Options, Want, default_switching, step_size
-from pyfric.engines.pauses import relaxation_time
-from pyfric.engines.pilot import (
+from pyfric.engines import (
+    RUN,
+    Fidelity,
+    Options,
+    Want,
+    bends,
+    beyond_ladder,
+    default_switching,
+    full_counts,
+    located,
+    machine_speed,
+    relaxation_time,
+    step_size,
+    work,
+)
+from pyfric.planning.pilot import (
     counted,
+    drop,
     expected_end,
+    interval,
     linear_error,
     pilot_run,
     quasistatic_work,
     transitions,
 )
-from pyfric.engines.stretches import bends, beyond_ladder
-from pyfric.engines.verification import CHEAP, LOOSEST, RATIOS, price
-from pyfric.record import blocks_needed, build_catalogue, zone_of_scene
+from pyfric.planning.price import CHEAP, RATIOS, price
+from pyfric.planning.verification import LOOSEST
+from pyfric.record import blocks_needed, zone_of_scene
 from pyfric.scene import Geometry, check_number, default_geometry
 from pyfric.signals import at_once
 from pyfric.statics import NO_RESTS, one_thread_if_small, stability_limit
@@ -52,7 +66,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pyfric.core import Switching
-    from pyfric.engines.pilot import Pilot
+    from pyfric.planning.pilot import Pilot
     from pyfric.record import Record
     from pyfric.scene import Number, Scene, SceneLike
 
@@ -203,7 +217,7 @@ def plan(
         SceneError: an argument is refused.
         EquilibriumError: the scene has no loaded state.
 
-    Source: the rules of `pyfric.engines.choice`.
+    Source: the rules of `pyfric.planning.choice`.
     """
     options = Options(want=want, tolerance=tolerance, stop_when=stop_when)
     return choose(scene, options, check_number("t_end", t_end, "s", ge=0.0), priced=True)
@@ -310,7 +324,7 @@ class _Choice:
         scene, options = self.scene, self.options
         record, needs, error, reason = pilot.record, (), ERROR_QUASISTATIC, ""
         if record is not None:
-            needs, error = _needs(scene, record), max(error, _drop(record))
+            needs, error = _needs(scene, record), max(error, drop(record))
         if self.want == "front_speed":
             reason = "it has no front speed"
         elif beyond := beyond_ladder(scene):
@@ -444,31 +458,6 @@ def _needs(scene: Scene, record: Record) -> tuple[Assumption, ...]:
         Assumption("open blocks", most, OPEN_BLOCKS, "no gap beyond the corner"),
         Assumption("eta/sqrt(k m)", ratio, OVERDAMPED, "blocks are underdamped"),
     )
-
-
-def interval(record: Record) -> float:
-    """Return the median time between main events of a quasi-static run, in s; inf without any.
-
-    Events are separated here by any pause, because at high V t_gap would join many into one.
-    """
-    log = record.switches, record.quiet, record.scene
-    events = build_catalogue(*log, t_gap=0.0).events
-    starts = events["t_start"].to_numpy()[events["is_main"].to_numpy()]
-    if len(starts) > 1:
-        return float(np.median(np.diff(starts)))
-    return float(record.curve["t"].iloc[-1]) if len(starts) else math.inf
-
-
-def _drop(record: Record) -> float:
-    """Return the largest drop of F_T in system-size events of a quasi-static run, over F_N.
-
-    Without viscosity a slider overshoots by as much as F_T dropped. The quasi-static engine leaves
-    this overshoot out.
-    """
-    events = record.events
-    whole = events[events["is_main"] & (events["n_blocks"] == record.scene.N_x)]
-    fall = (whole["F_T_start"] - whole["F_T_arrest"]).max()
-    return float(fall / record.scene.F_N) if fall > 0 else 0.0
 
 
 def step_error(scene: Scene, want: Want, dt: float) -> float:

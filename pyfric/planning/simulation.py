@@ -10,26 +10,31 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pyfric.core import State, StateError
-from pyfric.engines import quasistatic
-from pyfric.engines.choice import choose
-from pyfric.engines.cost import (
+from pyfric.engines import (
     POINTS,
     RUN,
     SLOWEST,
+    STATIC_ENGINES,
+    HybridRun,
+    Options,
+    Run,
+    RunError,
+    check_ladder,
     check_memory,
+    ended_by_condition,
     full_work,
+    integrate,
+    kept,
     machine_speed,
+    pause_notes,
+    static_sequence,
+    step_size,
     work,
 )
-from pyfric.engines.dynamic import Run, RunError
-from pyfric.engines.hybrid import HybridRun
-from pyfric.engines.integration import integrate
-from pyfric.engines.options import Options, kept, step_size
-from pyfric.engines.pauses import pause_notes
-from pyfric.engines.pilot import counted, expected_end, pilot_run, quasistatic_work
-from pyfric.engines.stopping import ended_by_condition
-from pyfric.engines.stretches import check_ladder
-from pyfric.engines.verification import CHEAP, Specification, price, verified
+from pyfric.planning.choice import choose
+from pyfric.planning.pilot import counted, expected_end, pilot_run, quasistatic_work
+from pyfric.planning.price import CHEAP, price
+from pyfric.planning.verification import Specification, verified
 from pyfric.record import Record
 from pyfric.scene import (
     SceneError,
@@ -49,8 +54,8 @@ if TYPE_CHECKING:
 
     from pyfric.core import State
     from pyfric.display import Progress
-    from pyfric.engines.choice import Plan
-    from pyfric.engines.options import Keywords, Options
+    from pyfric.engines import Keywords, Options
+    from pyfric.planning.choice import Plan
     from pyfric.scene import Number, Scene, SceneLike
 
 LONG = 600.0
@@ -157,7 +162,7 @@ def check_run(scene: Scene, options: Options) -> None:
     """Raise SceneError if the chosen static engine cannot have a scene or an option."""
     if options.geometry is not None:
         check_geometry(options.geometry, scene)
-    if options.fidelity in quasistatic.ENGINES:
+    if options.fidelity in STATIC_ENGINES:
         options.check_static()
         check_ladder(options.fidelity, scene)
 
@@ -165,7 +170,7 @@ def check_run(scene: Scene, options: Options) -> None:
 def _going_on(before: Record, options: Options) -> Options:
     """Return the options with the engine of a record that is continued."""
     engine = before.method.engine
-    if engine not in (*ENGINES, *quasistatic.ENGINES):
+    if engine not in (*ENGINES, *STATIC_ENGINES):
         raise StateError(f"initial: a record of the {engine} engine cannot be continued")
     if options.fidelity == "auto":
         options = dataclasses.replace(options, fidelity=engine)
@@ -218,7 +223,7 @@ def _run(
     options.check_static()
     check_memory(scene, options.fidelity, "linear")
     how |= {"t_gap": options.t_gap, "stop_when": options.stop_when}
-    record = quasistatic.simulate(options.fidelity, scene, t_end, **how)
+    record = static_sequence(options.fidelity, scene, t_end, **how)
     return _with_notes(record, *pause_notes(record))
 
 

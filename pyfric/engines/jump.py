@@ -182,7 +182,7 @@ def rest(
             return q, force
         shift = system.answer(left)
         change = system.K @ shift
-        error = float(np.abs(system.gaps_of(shift, -change)).max())
+        error = float(np.abs(system.gaps_of(shift, -change[system.held])).max())
         q, force = q + shift, force - change
         if math.isfinite(before):
             system.contraction = error / before if before > 0 else 0.0
@@ -197,34 +197,30 @@ def rest(
 
 def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.ndarray) -> Path:
     """Return the path from a static state q (m) with forces (N) on it, both of shape (n_q,)."""
-    stiffer, zero = system.stiffer(q), np.zeros_like(q)
-
-    def answer(force: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the response to a force, from a guess x, and the residual force."""
-        if stiffer is not None:
-            x = x + system.answer(force - system.restoring(x, stiffer))
-        return x, force - system.restoring(x, stiffer)
-
+    stiffer, held, zero = system.stiffer(q), system.held, np.zeros_like(q)
     b_1, b_2 = outside.rates()
     steady, plain = outside.steady, not any(outside.gain)
     if stiffer is None and steady and plain:
         V, of_drift, of_lag = outside.V, *system.steady_gaps
-        gaps = system.gaps_of(q, forces) + V * of_lag, V * of_drift, np.zeros_like(of_lag)
+        gaps = system.gaps_of(q, forces[held]) + V * of_lag, V * of_drift, np.zeros_like(of_lag)
         lag = np.array([V * system.lag, zero, zero])
         return Path(np.array([q, V * system.drift, zero]), lag, np.array(gaps), stiffer)
-    q_1, left_1 = answer(b_1, outside.V * system.drift if plain else system.answer(b_1))
-    q_2, left_2, l_1 = zero, zero, zero
+    guess = outside.V * system.drift if plain else system.answer(b_1)
+    q_1, left_1 = system.refined(guess, b_1, stiffer)
+    q_2, left_2, l_1 = zero, zero[held], zero
     if not steady:
-        q_2, left_2 = answer(b_2, outside.a * system.drift)
+        q_2, left_2 = system.refined(outside.a * system.drift, b_2, stiffer)
         l_1 = outside.a * system.lag
     drag = -(system.C @ (q_1 + l_1))
     pull = drag - system.M * q_2
-    l_0, left_0 = answer(pull, outside.V * system.lag if steady and plain else system.answer(pull))
-    bottom = zip((q, q_1, q_2), (forces, left_1, left_2), strict=True)
+    guess = outside.V * system.lag if steady and plain else system.answer(pull)
+    l_0, left_0 = system.refined(guess, pull, stiffer)
+    bottom = zip((q, q_1, q_2), (forces[held], left_1, left_2), strict=True)
     gaps = np.array([system.gaps_of(x, f) for x, f in bottom])
-    gaps[0] += system.gaps_of(l_0, left_0 + drag - pull)
+    gaps[0] += system.gaps_of(l_0, left_0 + (drag - pull)[held])
     if not steady:
-        gaps[1] += system.gaps_of(l_1, -(system.C @ q_2) - system.restoring(l_1, stiffer))
+        left = -(system.C @ q_2) - system.restoring(l_1, stiffer)
+        gaps[1] += system.gaps_of(l_1, left[held])
     return Path(np.array([q, q_1, q_2]), np.array([l_0, l_1, zero]), gaps, stiffer)
 
 
@@ -319,10 +315,11 @@ class Jump:
             if left > self.accuracy:
                 return self._wait(left / self.accuracy, self.motion.decay, n)
             alive = np.flatnonzero(self.ringing.levels(s) > self.accuracy)
-            if finite and not round_ and alive.size:
+            if not round_:
                 end = self.system.stiffer(at(self.path.q, s))
-                self.ringing.follow(self.path.stiffer, end, s, alive)
-            q, v, gaps, shift = self._landed(s)
+                if finite and alive.size:
+                    self.ringing.follow(self.path.stiffer, end, s, alive)
+            q, v, gaps, shift = self._landed(s, end)
             wrong = gaps - self._gaps(s)
             error, bent = 0.0, self.path.bent(shift, wrong, s)
             if finite:
@@ -413,8 +410,11 @@ class Jump:
         a = np.abs(system.excited(v))
         return float((np.abs(system.gaps) @ a).max(initial=0.0))
 
-    def _landed(self, s: float) -> tuple[np.ndarray, ...]:
-        """Return q, q' and gap functions at s (s), corrected by a shift, and the shift of q."""
+    def _landed(self, s: float, stiffer: np.ndarray | None) -> tuple[np.ndarray, ...]:
+        """Return q, q' and gap functions at s (s), corrected by a shift, and the shift of q.
+
+        `stiffer` is the change of bond stiffness to that state, (3, n_bonds); None if linear.
+        """
         system, path = self.system, self.path
         w, w_v, w_a = system.deviation(*self.ringing.at(s))
         q = at(path.q, s) + at(path.lag, s) + w
@@ -423,11 +423,9 @@ class Jump:
         forces = system.forces(q, *outside) - system.C @ v
         left = forces - system.M * (path.q[2] + w_a)
         left[system.held] = 0.0
-        stiffer, shift = system.stiffer(q), system.answer(left)
-        if stiffer is not None:
-            shift = system.refined(shift, left, stiffer)
+        shift, after = system.refined(system.answer(left), left, stiffer)
         q, v = q + shift, v + 2 / s * shift
-        return q, v, system.gaps_of(q, forces - system.restoring(shift, stiffer)), shift
+        return q, v, system.gaps_of(q, forces[system.held] + after), shift
 
     def _gaps(self, s: float) -> np.ndarray:
         """Return the predicted gap functions at s (s), shape (n_c,), in N."""

@@ -178,6 +178,7 @@ class Linearised:
             blocks = np.flatnonzero(near.stuck & ~stuck)
             self._factor = Released(near, blocks, self.K, self.free)
         self.M, self.C, self.n_q = mass(scene), damping(scene), self.K.shape[0]
+        self._K_held = self.K[self.held]
         self.contraction = 0.0
         if solver.geometry == "finite":
             self.contraction = 1.0
@@ -197,6 +198,7 @@ class Linearised:
         found = copy.copy(self)
         found._bonds = self.solver.bond_tangents(q)
         found.K = self.solver.stiffness(found._bonds, self._contact.mode, driven=True)
+        found._K_held = found.K[self.held]
         found._find_modes()
         found.growth = found.stepped(found.rates)
         return found
@@ -354,7 +356,7 @@ class Linearised:
         """Gap functions of `drift` (N/m) and `lag` (N s/m) at a steady speed, shape (n_c,)."""
         pull = self.solver.push, -(self.C @ self.drift)
         return tuple(
-            self.gaps_of(x, force - self.K @ x)
+            self.gaps_of(x, force[self.held] - self._K_held @ x)
             for x, force in zip((self.drift, self.lag), pull, strict=True)
         )
 
@@ -388,9 +390,25 @@ class Linearised:
             return None
         return self.solver.bond_tangents(q) - self._bonds
 
-    def refined(self, x: np.ndarray, force: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
-        """Return the response x to a force, corrected once for the change of bond stiffness."""
-        return x + self.answer(force - self.restoring(x, stiffer))
+    def refined(
+        self, x: np.ndarray, force: np.ndarray, stiffer: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the response to a force, and the force that it leaves on stuck blocks.
+
+        Args:
+            x: response without changes of bond stiffness, which are corrected once, (n_q,), in m.
+            force: shape (n_q,), in N.
+            stiffer: changes of bond stiffness, shape (3, n_bonds), in N/m; None means none.
+
+        Returns:
+            The response, shape (n_q,), in m; the force, shape (n_stuck,), in N. What the correction
+            does to the changed stiffness is of second order, and left out.
+        """
+        left = force - self.restoring(x, stiffer)
+        if stiffer is None:
+            return x, left[self.held]
+        shift = self.answer(left)
+        return x + shift, left[self.held] - self._K_held @ shift
 
     def restoring(self, x: np.ndarray, stiffer: np.ndarray | None) -> np.ndarray:
         """Return K x, shape (n_q,), with changes of bond stiffness included."""
@@ -411,9 +429,9 @@ class Linearised:
         return np.concatenate([strength + f, strength - f, lifted])
 
     def gaps_of(self, q: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        """Return the gap functions at q with `forces` on the coordinates, both (n_q,)."""
+        """Return the gap functions at q, (n_q,), with forces on the stuck blocks, (n_stuck,)."""
         N_x = len(self.stuck)
-        return self.gap_functions(q[N_x : 2 * N_x], -forces[self.held])
+        return self.gap_functions(q[N_x : 2 * N_x], -forces)
 
     def strengthened(self, age: np.ndarray, *rows: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return gap functions, or parts of them, of blocks that have been stuck for `age`.
@@ -464,7 +482,7 @@ class Linearised:
         twice_kinetic = float(v @ momentum)
         energy = 0.5 * (twice_kinetic + float(w @ force))
         decay = float(v @ drag) / (2 * twice_kinetic) if twice_kinetic > 0 else 0.0
-        gaps = self.gaps_of(w, -(force + drag))
+        gaps = self.gaps_of(w, -(force + drag)[self.held])
         a = self.amplitudes(np.array([y_0, y_1])) + (drawn - self._CB @ y_0) @ self._pulled
         return Motion(a, max(energy, 0.0), gaps, max(decay, self.decay))
 

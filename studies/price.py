@@ -11,6 +11,7 @@ import sys
 from typing import TYPE_CHECKING
 
 import accuracy as chart
+import numpy as np
 import pandas as pd
 from beside import chart_points
 
@@ -30,6 +31,8 @@ HYBRID = "hybrid engine"
 VERLET = "velocity Verlet, step ends"
 """The steps that LAMMPS is timed on; not drawn."""
 WANT = "precursors"
+NEAR = 0.5
+"""Ratio of errors whose points have one label, in decades."""
 RED, BLUE, GREY = "#C00000", "#0072B2", "0.35"
 
 
@@ -69,8 +72,9 @@ def figure(table: pd.DataFrame) -> DataFigure:
     style(axes)
     plans = table[(table["kind"] == "plan") & (table["want"] == WANT)]
     axes.loglog(plans["cheaper"], plans[WANT], "-o", color=BLUE, ms=4, lw=1.2)
-    for _, same in plans.groupby(plans[WANT].map(lambda error: f"{error:.0e}"), sort=False):
-        text = f"pyfric's choice\nfor a tolerance of {' or '.join(map(str, same['tolerance']))}"
+    near = (np.log10(plans[WANT]).diff().abs() > NEAR).cumsum()
+    for _, same in plans.groupby(near):
+        text = f"pyfric's choice for a\ntolerance of {' or '.join(map(str, same['tolerance']))}"
         _name(axes, same.loc[same["cheaper"].idxmin()], text, BLUE, (-7, 6), "right")
     shown = table[table["kind"].isin(["method", "peer"]) & (table["name"] != VERLET)]
     for _, row in shown.iterrows():

@@ -205,6 +205,9 @@ def plan(
 ) -> Plan:
     """Return the engine, geometry and step that suffice for a quantity and a tolerance.
 
+    Operations are counted in pilot runs. Full dynamics that takes less than half a second is made
+    once as a whole, because most transitions occur in its last events.
+
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         want: "loading_curve", "precursors", "stress", "front_speed" or "motion".

@@ -112,7 +112,7 @@ def large(tell: Tell) -> None:
 @figure_out_option
 @telling
 def chart(out: Path, tell: Tell) -> None:
-    """Chart what accuracy costs in four scenes, what plans take, and LAMMPS (half an hour)."""
+    """Chart what accuracy costs in four scenes, what plans take, and LAMMPS (ten minutes)."""
     check_folder(out)
     import accuracy
     import pandas as pd

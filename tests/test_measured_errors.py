@@ -582,6 +582,27 @@ def test_other_small_events_end_the_trust_in_single_ones(ladder):
     assert known.verified(None).errors.until < starts[first] < until
 
 
+def test_small_errors_are_those_before_other_small_events(ladder):
+    main, starts = main_events(ladder), ladder.events["t_start"]
+    small = ladder.events.index[~ladder.events["is_main"]]
+    known = Known(ladder, step=1e-4)
+    known.evaluations = 10**5  # a run of a quarter of the step is paid for
+    other = small[starts[small] > starts[main[2]]][0]
+    known.part = changed(ladder, other, last_block=1)
+    record = known.verified(None)
+    errors = record.errors
+    assert known.asked[1][1] == 1 / RATIOS[0]
+    assert starts[main[1]] < errors.until < starts[other]
+    assert errors.holds
+    assert errors.events == (starts[main] < errors.until).sum() >= 2
+    assert errors.statistics
+    assert any("cannot be trusted" in note for note in record.notes)
+    known.part = changed(ladder, small[starts[small] < starts[main[0]]][0], last_block=1)
+    record = known.verified(None)  # earlier events do not tell what is wanted
+    assert (record.errors.until, record.errors.events) == (None, len(main))
+    assert not any("cannot be trusted" in note for note in record.notes)
+
+
 def test_a_wrong_turn_has_no_order(ladder):
     """Events of other lengths are no errors of some order in the step."""
     record = Known(ladder, turn=1.0 - 1e-9).verified(None, tolerance=0.02)

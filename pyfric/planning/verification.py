@@ -19,9 +19,12 @@ event.
 If only a few of many events still differ, they are named, and all others are measured. Otherwise
 single events cannot be trusted from the first difference on, and later events are compared by their
 statistics. The first difference is that from a run of half the step, as far as the budget pays for
-it, and from the coarser run where that does not reach an event. An event of few blocks counts, too,
-if it slips other blocks. If events before the first difference do not tell what is wanted, the
-error of all events is reported, which exceeds the tolerance.
+it, and from the coarser run where that does not reach an event. If events before the first
+difference do not tell what is wanted, the error of all events is reported, which exceeds the
+tolerance.
+
+An event of few blocks that slips other blocks in two runs is a difference, too, even if the error
+is within the tolerance: what follows from it has no order in the step.
 
 A reference run ends at `GRACE` times its expected work. Events that it does not cover are not
 measured.
@@ -164,12 +167,16 @@ def _with(record: Record, errors: Errors, notes: list[str]) -> Record:
 
 
 def _apart(record: Record, other: Record) -> float:
-    """Return the start (s) of the first event that slips other blocks in another run."""
+    """Return the start (s) of the first event that slips other blocks in another run.
+
+    Events that go on in one of the runs do not count. inf is returned if there is none.
+    """
     names = ["n_blocks", "first_block", "last_block"]
     same = min(len(record.events), len(other.events))
-    ours, theirs = (one.events[names].to_numpy()[:same] for one in (record, other))
-    off = record.events["t_start"].to_numpy()[:same][(ours != theirs).any(axis=1)]
-    return float(off[0]) if len(off) else math.inf
+    ours, theirs = (one.events[:same] for one in (record, other))
+    off = (ours[names].to_numpy() != theirs[names].to_numpy()).any(axis=1)
+    off &= ours["finished"].to_numpy() & theirs["finished"].to_numpy()
+    return float(ours["t_start"][off].min()) if off.any() else math.inf
 
 
 def _words(record: Record) -> str:
@@ -233,6 +240,8 @@ class _Verification:
             errors = self._perturbed(errors)
         elif self._beyond(errors):
             errors = self._determined(errors)
+        else:
+            errors = self._before_other_events(errors)
         dt = min(one.method.dt for one in (self.record, self.other))
         if dt > (resolves := made.scene.resolving_step):
             errors = Errors(**_promise(made))
@@ -378,6 +387,20 @@ class _Verification:
             before = errors
         together = statistics(self.record, other, until)
         return dataclasses.replace(before, until=until, statistics=together)
+
+    def _before_other_events(self, errors: Errors) -> Errors:
+        """Return the errors before the first event that slips other blocks in the other run.
+
+        Where earlier events do not tell what is wanted, the errors remain those of all events.
+        """
+        t, notes = _apart(self.record, self.other), [*self.notes]
+        if math.isinf(t):
+            return errors
+        before = self._until(errors, t, self.other)
+        if before.measured() is None:
+            self.notes = notes
+            return errors
+        return before
 
     def _perturbed(self, errors: Errors) -> Errors:
         """Return the errors up to the first event that a slightly faster driver changes."""

@@ -92,13 +92,15 @@ def modules():
 
 def plans(data):
     """Return how many plans kept their tolerance, by question."""
-    counted = ["beyond_tolerance", "beyond_measured", "not_measured", "no_front_speed"]
+    data = data.assign(silent=data["beyond_tolerance"] & ~data["said"])
+    counted = ["beyond_tolerance", "silent", "beyond_measured", "not_measured", "no_front_speed"]
     rows = [
         [want.replace("_", " "), len(part), *part[counted].astype(bool).sum()]
         for want, part in [*data.groupby("want"), ("all", data)]
     ]
     head = ["question", "random scenes", "error beyond the tolerance"]
     head += [
+        "of which the record says nothing",
         "beyond the measured error",
         "not measured, or in part",
         "of which no front has a speed",
@@ -192,7 +194,7 @@ def write_commands():
 
 ROOT = Path(__file__).parents[1]
 shown = {}
-tried, again = stored("plans/plans.csv"), stored("plans/again.csv")
+tried = pd.concat([stored("plans/plans.csv"), stored("plans/again.csv")])
 write_commands()
 myst_substitutions = {
     "held": held(),
@@ -206,7 +208,7 @@ myst_substitutions = {
     "modules": modules(),
     "prestress": prestress(stored("fronts/collapse.csv"), stored("fronts/low_viscosity.csv")),
     "plan_costs": plan_costs(tried),
-    "plans": plans(pd.concat([tried, again])),
+    "plans": plans(tried),
     "promises": promises(stored("plans/promises.csv")),
     "regimes": regimes(),
 }

@@ -11,6 +11,7 @@ import signal
 import tomllib
 from pathlib import Path
 
+import accuracy
 import pandas as pd
 import pytest
 
@@ -193,6 +194,25 @@ def test_the_paper_counts_plans_as_they_are_stored():
     data = pd.concat([pd.read_csv(one) for one in sets])
     text = " ".join((ROOT / "scripts" / "release" / "paper.md").read_text(encoding="utf-8").split())
     silent = (data["beyond_tolerance"] & ~data["said"]).sum()
+    assert silent <= 2  # none is what is wanted
     said = f"In {silent} of {len(data)} random plans the error exceeded the tolerance without "
     said += "notice; in "
     assert said + f"{data['not_measured'].sum()} of them the record says" in text
+
+
+def test_texts_beside_the_charts_say_what_is_stored():
+    folder = ROOT / "reference_data"
+    price = pd.read_csv(folder / "chart" / "price_points.csv").set_index("name")
+    about = (ROOT / "README.md").read_text(encoding="utf-8")
+    times = float(f"{price.loc['hybrid engine', 'cheaper']:.2g}")
+    assert f"is {times:.0f} times cheaper" in about
+    points = pd.read_csv(folder / "chart" / "chart_points.csv")
+    plans = points[points["kind"] == "plan"]
+    full = accuracy.full_dynamics(points).set_index("scene")["seconds"]
+    shares = plans["seconds"] / plans["scene"].map(full)
+    kept = [row[row["want"]] <= row["tolerance"] for row in plans.to_dict("records")]
+    text = " ".join((folder / "README.md").read_text(encoding="utf-8").split())
+    assert all(kept)
+    assert f"All {len(plans)} plans meet their tolerance." in text
+    low, high = shares.min(), shares.max()
+    assert f"they take {low:.2g} to {high:.2g} of the time of full dynamics" in text

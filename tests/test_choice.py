@@ -290,7 +290,8 @@ def test_work_is_counted(scene, t_end, tolerance):
     ("made", "full", "first", "second"),
     [
         (0.02, 0.02, 0.08, 0.32),  # a quarter of the step, then a sixteenth
-        (1.0, 1.0, 2.0, 0.5),  # half of it, and what is left
+        (1.0, 1.0, 2.5, 0.0),  # 1/2.5 of it, with the whole budget
+        (2.0, 2.0, 4.0, 0.5),  # half of it, and what is left
         (0.1, 1.0, 0.4, 0.3),  # full dynamics is beyond the budget, a hybrid run is not
         (0.1, 0.15, 0.6, 0.1),  # full dynamics is not
         (0.1, None, 0.7, 0.0),  # no reference run: the budget

@@ -12,7 +12,7 @@ from helpers import small_rod
 
 import pyfric
 from pyfric.cli import main
-from pyfric.engines import Options
+from pyfric.engines import ACCURACY, Options
 from pyfric.engines.cost import full_work, work_so_far
 from pyfric.planning import verification
 from pyfric.planning.price import RATIOS, budget
@@ -21,7 +21,6 @@ from pyfric.planning.verification import (
     GRACE,
     PERTURBATION,
     SAFETY,
-    STRICTER,
     TURNED,
     Specification,
     _Verification,
@@ -481,10 +480,9 @@ class Known:
         counts = {"block_evaluations": made, "steps": made // (4 * blocks), "attempts": 0}
         return dataclasses.replace(ladder, method=method, events=events, counts=counts)
 
-    def verified(self, mode, tolerance=0.01, geometry="finite", work=np.inf):
-        options = pyfric.Options(
-            fidelity="hybrid", geometry=geometry, dt=self.dt_0, tolerance=tolerance, accuracy=1e-4
-        )
+    def verified(self, mode, tolerance=0.01, geometry="finite", work=np.inf, accuracy=1e-4):
+        how = {"fidelity": "hybrid", "geometry": geometry, "dt": self.dt_0}
+        options = pyfric.Options(**how, tolerance=tolerance, accuracy=accuracy)
         scene = self.ladder.scene
         how = {"options": options, "run": self.run, "refines": True, "work": work}
         made = Specification(scene=scene, t_begin=0.0, t_end=1.5, **how)
@@ -496,7 +494,7 @@ def test_a_small_error_takes_one_more_run(ladder):
     errors = known.verified(None).errors
     (_, share, accuracy) = known.asked[-1]
     assert len(known.asked) == 2
-    assert (share, accuracy) == (1 / 2, 1e-4 * STRICTER)  # twice the work, and half a second
+    assert (share, accuracy) == (1 / 2, ACCURACY)  # twice the work, and half a second
     assert errors.start == pytest.approx(SAFETY * 1e-4)
     full = known.verified("full").errors
     assert full.start == pytest.approx(SAFETY * 1e-4)
@@ -507,18 +505,21 @@ def test_the_reference_is_the_best_that_is_paid_for(ladder):
     """The largest ratio of steps; full dynamics, where that is paid for, rather than jumps."""
     scene, dt = ladder.scene, pyfric.step_size(ladder.scene)
     full, seen = full_work(scene, "finite", dt, 1.5), []
-    for evaluations in (10**5, 10**8, 10**9):
+    for evaluations in (10**5, 2 * 10**7, 10**8, 10**9):
         known = Known(ladder, step=1e-6)
         known.evaluations = evaluations
         record = known.verified(None)
         (_, share, accuracy) = known.asked[1]
         own = work_so_far(record)
-        made = full / share if accuracy is None else own / share
-        assert made <= budget(own) * 1.01
+        one = full if accuracy is None else own
+        assert one / share <= budget(own) * 1.01
+        if share > 1 / RATIOS[0]:
+            assert one * (1 / share + 0.5) > budget(own) * 0.99
         seen.append((share, accuracy is None))
     assert seen[0] == (1 / 4, False)  # a quarter of the step is cheap
+    assert 1 / 4 < seen[1][0] < 1 / 2
+    assert seen[2] == (1 / 2, False)
     assert seen[-1][1]  # dynamics spares nothing there
-    assert seen[1] == (1 / 2, False)
 
 
 def test_verification_costs_what_the_plan_announced(ladder):
@@ -621,7 +622,11 @@ def test_linear_geometry_gives_way(ladder):
 
 def test_jumps_are_compared_with_stricter_ones(ladder):
     record = Known(ladder, jumps=10.0).verified(None)
-    assert record.errors.start == pytest.approx(SAFETY * 10 * 1e-4 * (1 - STRICTER) / (1 - 2**-4))
+    assert record.errors.start == pytest.approx(SAFETY * 10 * (1e-4 - ACCURACY) / (1 - 2**-4))
+    for accuracy, stricter in ((1e-3, ACCURACY), (ACCURACY, ACCURACY / 10), (1e-9, 1e-9)):
+        known = Known(ladder)
+        known.verified(None, accuracy=accuracy)
+        assert known.asked[1][2] == pytest.approx(stricter)
 
 
 def test_a_few_events_that_are_not_determined_are_named(ladder):

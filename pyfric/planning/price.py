@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 PLAIN, CHEAP = 2.0, 0.5
 """Largest work of verification, in s: `PLAIN` times the work of the run, plus `CHEAP`."""
-RATIOS = (4.0, 2.0)
-"""Ratios of the step of a run to that of its reference run."""
+RATIOS = (4.0, 3.5, 3.0, 2.5, 2.0)
+"""Possible ratios of the step of a run to that of its reference run."""
 
 
 class Reference(NamedTuple):

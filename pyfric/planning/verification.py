@@ -1,8 +1,9 @@
 """Errors of a run, measured by comparison with a reference run that leaves out less.
 
-The reference run is in finite geometry. Its jumps are ten times as accurate, or it makes none. Its
-step is 4 times shorter, or half as long if the budget does not pay for that: with a smaller ratio,
-both runs could deviate in the same event. It is full dynamics rather than a hybrid run if the
+The reference run is in finite geometry. Its jumps are as accurate as those of a run without a plan,
+at least ten times as accurate as those of the run, or it makes none. Its step is up to 4 times
+shorter, as far as the budget pays for it, and at most half as long: the less two steps differ, the
+more often both runs deviate in the same event. It is full dynamics rather than a hybrid run if the
 budget pays for both. The budget is half a second and twice the work of the run, or twice the work
 that the plan announced if that is less. If the error is of order p in the step, it is
 1/(1 - r^-p) times the difference of two runs whose steps have the ratio r; `SAFETY` times that is
@@ -78,7 +79,7 @@ LOOSEST = 1e-3
 LADDER = 0.01
 """Accuracy of jumps in the reference run of a quasi-static run, over the tolerance."""
 STRICTER = 0.1
-"""Accuracy of jumps of a reference run over that of the run."""
+"""Largest accuracy of jumps of a reference run over that of the run."""
 FEW = 0.1
 """Largest share of main events that may be named as undetermined while the others are measured."""
 GRACE = 2.0
@@ -299,7 +300,8 @@ class _Verification:
         how = {"fidelity": engine, "geometry": self.geometry, "dt": method.dt / ratio}
         how |= {"accuracy": None, "rtol": method.rtol and max(method.rtol / ratio**4, 1e-12)}
         if engine == "hybrid":
-            how["accuracy"] = max((method.accuracy or ACCURACY) * STRICTER, 1e-9)
+            strict = STRICTER * (method.accuracy or ACCURACY)
+            how["accuracy"] = max(min(strict, ACCURACY), 1e-9)
         return how
 
     def _reference(self, level: Reference) -> Record:

@@ -32,7 +32,7 @@ from pyfric.engines.options import (
 )
 from pyfric.engines.pauses import coarser, longest_pause, pause_notes, relaxation_time
 from pyfric.engines.quasistatic import (
-    STATIC_ENGINES,
+    EquilibriumRun,
     QuasistaticRun,
     prediction_curve,
     static_sequence,
@@ -40,14 +40,17 @@ from pyfric.engines.quasistatic import (
 from pyfric.engines.stopping import ended_by_condition, stopping_of
 from pyfric.engines.stretches import bends, beyond_ladder, check_ladder
 
+ENGINES = {engine.name: engine for engine in (EquilibriumRun, QuasistaticRun, HybridRun, Run)}
+"""All engines by name, the cheapest first."""
+
 __all__ = [
     "ACCURACY",
+    "ENGINES",
     "MAX_STEPS",
     "OPTION_UNITS",
     "POINTS",
     "RUN",
     "SLOWEST",
-    "STATIC_ENGINES",
     "Fidelity",
     "HybridRun",
     "Keywords",

@@ -100,6 +100,7 @@ class Run:
     """A run of full dynamics in progress: the state, and the logs so far."""
 
     name = "dynamic"
+    models, leaves_out = "dynamics throughout", ()
     keeps_budget, jumps = True, False
     steppers: tuple[str, ...] = tuple(core.STEPPERS)
 

@@ -159,6 +159,8 @@ class HybridRun(Run):
     """A run that steps through events and jumps between them."""
 
     name = "hybrid"
+    models = "dynamics inside events, closed forms between them"
+    leaves_out = ("fast modes, once they have nearly decayed",)
     keeps_budget, jumps = False, True
     steppers = ("rk4",)
 

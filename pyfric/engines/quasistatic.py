@@ -137,6 +137,8 @@ class QuasistaticRun:
     """
 
     name = "quasistatic"
+    models = "a sequence of static states; events by a rule without inertia"
+    leaves_out = ("inertia, waves, ring-down", "rotation of bonds")
 
     def __init__(
         self, scene: Scene, t_gap: float | None = None, stopping: Stopping | None = None
@@ -358,6 +360,7 @@ class EquilibriumRun(QuasistaticRun):
     """The stuck slider under the driver up to the first slip. Blocks may open and close."""
 
     name = "equilibrium"
+    models = "static states up to the first slip"
 
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
         scene, F_T = self.scene, self.contact.values().F_T
@@ -371,11 +374,8 @@ class EquilibriumRun(QuasistaticRun):
         self._climb(*args)
 
 
-STATIC_ENGINES = {one.name: one for one in (QuasistaticRun, EquilibriumRun)}
-
-
 def static_sequence(
-    engine: str,
+    engine: type[QuasistaticRun],
     scene: Scene,
     t_end: float,
     *,
@@ -386,15 +386,15 @@ def static_sequence(
 ) -> Record:
     """Follow a scene through static states to t_end (s); see `pyfric.simulate`.
 
-    The arguments are those of `pyfric.simulate`, with engine "quasistatic" or "equilibrium". A run
-    that continues a record is computed again from its start, which gives the same bits.
+    The other arguments are those of `pyfric.simulate`. A run that continues a record is computed
+    again from its start, which gives the same bits.
     """
     if not isinstance(initial, Record | None):
-        raise StateError(f"initial: the {engine} engine continues records only")
-    check_ladder(engine, scene)
+        raise StateError(f"initial: the {engine.name} engine continues records only")
+    check_ladder(engine.name, scene)
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     gap = longest_pause(scene) if t_gap is None else t_gap
-    run = STATIC_ENGINES[engine](scene, gap, stopping_of(stop_when, scene, gap, initial, t_end))
+    run = engine(scene, gap, stopping_of(stop_when, scene, gap, initial, t_end))
     with run_bar(progress, scene.name, 0.0, t_end) as bar, answered() as stop:
 
         def show(t: float, F_T: float, events: int) -> None:

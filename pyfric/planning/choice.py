@@ -31,6 +31,7 @@ import numpy as np
 from pyfric.core import OPEN
 from pyfric.display import html
 from pyfric.engines import (
+    ENGINES,
     RUN,
     Fidelity,
     Options,
@@ -93,16 +94,6 @@ MOVING = 0.8
 length of the cohesive zone, too."""
 OVERDAMPED = math.sqrt(3) / 4
 """eta/sqrt(k m) below which a block oscillates: 8 eta < 2 sqrt(3 k m), from its eight bonds."""
-MODELS = {
-    "quasistatic": "a sequence of static states; events by a rule without inertia",
-    "hybrid": "dynamics inside events, closed forms between them",
-    "dynamic": "dynamics throughout",
-}
-LEFT_OUT = {
-    "quasistatic": ["inertia, waves, ring-down"],
-    "hybrid": ["fast modes, once they have nearly decayed"],
-    "dynamic": [],
-}
 
 
 class Assumption(NamedTuple):
@@ -163,13 +154,14 @@ class Plan:
         step = ""
         if self.dt is not None:
             step = f", dt = {self.dt * 1e6:.3g} us, {self.switching} switching"
-        left_out = list(LEFT_OUT[self.fidelity])
-        if any(one.name == LINEAR for one in self.assumptions) or self.fidelity == "quasistatic":
-            left_out += ["rotation of bonds"] * (self.geometry == "linear")
+        engine = ENGINES[self.fidelity]
+        left_out = [*engine.leaves_out]
+        if any(one.name == LINEAR for one in self.assumptions):
+            left_out.append("rotation of bonds")
         lines = [
             f"for {self.want} within {self.tolerance:g}: {self.fidelity}, {self.geometry} geometry"
             + step,
-            f"modelled: {MODELS[self.fidelity]}",
+            f"modelled: {engine.models}",
             f"left out: {'; '.join(left_out) or 'nothing'}",
             *(f"because {one}" for one in self.assumptions),
             *(f"rejected: {reason}" for reason in self.reasons),

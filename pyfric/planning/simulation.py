@@ -11,11 +11,10 @@ import numpy as np
 
 from pyfric.core import State, StateError
 from pyfric.engines import (
+    ENGINES,
     POINTS,
     RUN,
     SLOWEST,
-    STATIC_ENGINES,
-    HybridRun,
     Options,
     Run,
     RunError,
@@ -60,10 +59,6 @@ if TYPE_CHECKING:
 
 LONG = 600.0
 """Expected duration above which a run prints a note before it starts, in s."""
-
-
-ENGINES: dict[str, type[Run]] = {"dynamic": Run, "hybrid": HybridRun}
-"""The engines with time steps."""
 
 
 @one_thread_if_small
@@ -162,7 +157,7 @@ def check_run(scene: Scene, options: Options) -> None:
     """Raise SceneError if the chosen static engine cannot have a scene or an option."""
     if options.geometry is not None:
         check_geometry(options.geometry, scene)
-    if options.fidelity in STATIC_ENGINES:
+    if options.fidelity != "auto" and not issubclass(ENGINES[options.fidelity], Run):
         options.check_static()
         check_ladder(options.fidelity, scene)
 
@@ -170,7 +165,7 @@ def check_run(scene: Scene, options: Options) -> None:
 def _going_on(before: Record, options: Options) -> Options:
     """Return the options with the engine of a record that is continued."""
     engine = before.method.engine
-    if engine not in (*ENGINES, *STATIC_ENGINES):
+    if engine not in ENGINES:
         raise StateError(f"initial: a record of the {engine} engine cannot be continued")
     if options.fidelity == "auto":
         options = dataclasses.replace(options, fidelity=engine)
@@ -178,7 +173,7 @@ def _going_on(before: Record, options: Options) -> Options:
         raise StateError(
             f"initial: the record is from the {engine} engine, not from {options.fidelity}"
         )
-    if engine in ENGINES and not isinstance(before.final_state, State):
+    if issubclass(ENGINES[engine], Run) and not isinstance(before.final_state, State):
         raise StateError("initial: this record holds no state of the dynamics to go on from")
     return options
 
@@ -210,20 +205,21 @@ def _run(
 ) -> Record:
     """Run one engine. `enough` can end the run of an engine with time steps."""
     how: dict[str, Any] = {"initial": initial, "progress": progress}
-    if options.fidelity in ENGINES:
+    engine = ENGINES[options.fidelity]
+    if issubclass(engine, Run):
         begin = _begin(initial)
-        method = options.settled(scene, ENGINES[options.fidelity], begin, t_end)
+        method = options.settled(scene, engine, begin, t_end)
         check_memory(scene, method.engine, method.geometry)
         made = full_work(scene, method.geometry, method.dt, t_end - begin, method.stepper)
         said = []
         if method.engine == "dynamic" and made * SLOWEST > LONG:
             said = _said(scene, "dynamic", made * machine_speed(), progress)
-        record = integrate(ENGINES[options.fidelity], scene, t_end, options, enough=enough, **how)
+        record = integrate(engine, scene, t_end, options, enough=enough, **how)
         return _with_notes(record, *pause_notes(record), *said)
     options.check_static()
-    check_memory(scene, options.fidelity, "linear")
+    check_memory(scene, engine.name, "linear")
     how |= {"t_gap": options.t_gap, "stop_when": options.stop_when}
-    record = static_sequence(options.fidelity, scene, t_end, **how)
+    record = static_sequence(engine, scene, t_end, **how)
     return _with_notes(record, *pause_notes(record))
 
 

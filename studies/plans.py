@@ -3,7 +3,7 @@
 Each trial draws a small scene (setup 1, setup 2 or a chain, with other sizes, friction, viscosity,
 stiffness, load and driver), what is wanted and a tolerance. The planned run is compared with full
 dynamics in finite geometry (linear for a chain) whose steps are a tenth of the stability limit, and
-at most a tenth of those of the record: shorter than those of the run that it was compared with.
+at most a fifth of those of the record: shorter than those of the run that it was compared with.
 Trial n of a seed is always the same. Rows are appended to a file as they are done, and trials that
 are in it are not made again.
 
@@ -46,7 +46,7 @@ WORK = 3e7
 """Block evaluations of a reference run."""
 EVENTS = 10
 """Main events of a trial, by the ladder."""
-FINE, SHORTER = 0.1, 10
+FINE, SHORTER = 0.1, 5
 """Its steps, over the stability limit; steps of the record over its, at least."""
 ROUNDING = 1e-6
 """Errors of the reference run itself are of this size: no measured error counts as smaller."""

@@ -16,6 +16,7 @@ from pyfric.engines.cost import (
     CALL,
     JUNCTION,
     RUN,
+    TABLE,
     finer_counts,
     full_counts,
     full_work,
@@ -41,7 +42,7 @@ from pyfric.planning.pilot import (
     pilot_run,
     quasistatic_work,
 )
-from pyfric.planning.price import CHEAP, Reference, verification_work
+from pyfric.planning.price import CHEAP, Runs, budget, verification_work
 from pyfric.scene import SceneError, chain, laws, preset, setup1, setup2
 from pyfric.statics import stability_limit
 
@@ -286,25 +287,36 @@ def test_work_is_counted(scene, t_end, tolerance):
     assert 0 < found.price <= (2 * found.work + 0.5) * (1 + 1e-9) * machine_speed()
 
 
+STAGES = 5 / 4 * TABLE
+"""Work of a step with the opposite stepper, over that with RK4."""
+
+
 @pytest.mark.parametrize(
     ("made", "full", "first", "second"),
     [
-        (0.02, 0.02, 0.08, 0.32),  # a quarter of the step, then a sixteenth
-        (1.0, 1.0, 2.5, 0.0),  # 1/2.5 of it, with the whole budget
-        (2.0, 2.0, 4.0, 0.5),  # half of it, and what is left
-        (0.1, 1.0, 0.4, 0.3),  # full dynamics is beyond the budget, a hybrid run is not
-        (0.1, 0.15, 0.6, 0.1),  # full dynamics is not
-        (0.1, None, 0.7, 0.0),  # no reference run: the budget
+        (0.02, 0.02, 2 * STAGES, 4),  # half the step, then a quarter
+        (1.0, 1.0, 1.4 * STAGES, None),  # 1/1.4 of it, and what is left
+        (10.0, 10.0, 2, None),  # half of it with the same stepper
+        (0.1, 1.0, 2 * STAGES, 2.8),  # full dynamics is beyond the budget, a hybrid run is not
+        (0.1, 0.15, 2 * STAGES, None),  # full dynamics is not
+        (10.0, 30.0, 2, None),  # nothing is within the budget
     ],
 )
 def test_work_of_verification(made, full, first, second):
-    works = {} if full is None else {"dynamic": full, "hybrid": made}
-
-    def references(ratios):
-        each = [(engine, ratio) for ratio in ratios for engine in works]
-        return [Reference(engine, r, r * works[engine]) for engine, r in each]
-
-    assert verification_work(made, references) == pytest.approx((first, second))
+    """The work of full dynamics and of the hybrid engine is that of their steps alone."""
+    scene = small()
+    one = work(scene, "finite", full_counts(scene, 1e-6, 1e-3))
+    counts = {
+        engine: full_counts(scene, 1e-6, 1e-3 * seconds / one)
+        for engine, seconds in (("dynamic", full), ("hybrid", made))
+    }
+    runs = Runs(scene, "finite", counts, "rk4", 1e-6, "located")
+    found = verification_work(made, runs)
+    engine = full if first * full + RUN <= budget(made) else made
+    expected = min(first * engine + RUN, budget(made))
+    left = budget(made) - expected
+    assert found[0] == pytest.approx(expected)
+    assert found[1] == pytest.approx(left if second is None else second * engine + RUN)
 
 
 def test_operations_with_shorter_steps():

@@ -13,9 +13,9 @@ from helpers import small_rod
 import pyfric
 from pyfric.cli import main
 from pyfric.engines import ACCURACY, Options
-from pyfric.engines.cost import full_work, work_so_far
+from pyfric.engines.cost import TABLE, full_counts, full_work, work_so_far
 from pyfric.planning import verification
-from pyfric.planning.price import RATIOS, budget
+from pyfric.planning.price import OPPOSITE_RATIOS, RATIOS, Runs, budget, references
 from pyfric.planning.verification import (
     DYNAMICS,
     GRACE,
@@ -440,14 +440,14 @@ def test_a_prescribed_interface_is_compared_by_its_rupture_times():
 
 class Known:
     """Runs off by `step` (dt/dt_0)^4 F_N, by `bonds` F_N in linear geometry, and by `jumps` times
-    their accuracy, in start forces.
+    their accuracy, in start forces. With the opposite stepper, `step` counts with a minus.
 
     From main event `chaos` on, steps move them by `noise` (dt/dt_0)^0.1. Steps of more than `turn`
     dt_0 take a wrong turn: one event is 0.1 L longer, the next one starts at 0.005 F_N more. `part`
-    is a shorter run, which those of a quarter of the step or less are.
+    is a shorter run, which those of steps of at most `short` dt_0 are.
     """
 
-    part = None
+    part, short = None, 1.4**-2
 
     def __init__(self, ladder, step=0.0, bonds=0.0, chaos=None, noise=0.0, jumps=0.0, turn=np.inf):
         self.ladder, self.step, self.bonds, self.chaos = ladder, step, bonds, chaos
@@ -460,12 +460,13 @@ class Known:
         how = {"engine": options.fidelity, "geometry": options.geometry, "dt": options.dt}
         how |= {"accuracy": options.accuracy, "sample": 10**6}
         method = dataclasses.replace(
-            self.ladder.method, **how, stepper="rk4", switching="located", variant=""
+            self.ladder.method, **how, stepper=options.stepper, switching="located", variant=""
         )
         share = options.dt / self.dt_0
-        off = self.step * share**4 + self.bonds * (options.geometry == "linear")
+        sign = -1 if options.stepper == "rk4_opposite" else 1
+        off = sign * self.step * share**4 + self.bonds * (options.geometry == "linear")
         off += self.jumps * (options.accuracy or 0.0)
-        ladder = self.part if self.part is not None and share <= 1 / 4 else self.ladder
+        ladder = self.part if self.part is not None and share <= self.short * 1.001 else self.ladder
         events = ladder.events
         events.loc[events["is_main"], "F_T_start"] += off * scene.F_N
         if share > self.turn:
@@ -473,11 +474,12 @@ class Known:
             events.loc[self.main[3], "F_T_start"] += 0.005 * scene.F_N
         if self.chaos is not None:
             events.loc[self.main[self.chaos :], "F_T_start"] += self.noise * share**0.1 * scene.F_N
-        self.asked.append((options.geometry, share, options.accuracy))
+        self.asked.append((options.geometry, share, options.accuracy, options.stepper))
         self.ends.append(enough)
-        made = round(self.evaluations / share)
+        stages = 5 if sign < 0 else 4
+        made = round(self.evaluations / share * stages / 4)
         blocks = scene.N_x * scene.N_z
-        counts = {"block_evaluations": made, "steps": made // (4 * blocks), "attempts": 0}
+        counts = {"block_evaluations": made, "steps": made // (stages * blocks), "attempts": 0}
         return dataclasses.replace(ladder, method=method, events=events, counts=counts)
 
     def verified(self, mode, tolerance=0.01, geometry="finite", work=np.inf, accuracy=1e-4):
@@ -492,46 +494,67 @@ class Known:
 def test_a_small_error_takes_one_more_run(ladder):
     known = Known(ladder, step=1e-4)
     errors = known.verified(None).errors
-    (_, share, accuracy) = known.asked[-1]
+    (_, *how) = known.asked[-1]
     assert len(known.asked) == 2
-    assert (share, accuracy) == (1 / 2, ACCURACY)  # twice the work, and half a second
+    assert how == [
+        pytest.approx(1 / 1.4),
+        ACCURACY,
+        "rk4_opposite",
+    ]  # twice the work, and half a second
     assert errors.start == pytest.approx(SAFETY * 1e-4)
     full = known.verified("full").errors
     assert full.start == pytest.approx(SAFETY * 1e-4)
-    assert known.asked[3][1] == 1 / RATIOS[0]
+    assert known.asked[3][1] == 1 / OPPOSITE_RATIOS[0]
 
 
 def test_the_reference_is_the_best_that_is_paid_for(ladder):
-    """The largest ratio of steps; full dynamics, where that is paid for, rather than jumps."""
+    """The opposite stepper, and the largest ratio; dynamics, where that is paid for, not jumps."""
     scene, dt = ladder.scene, pyfric.step_size(ladder.scene)
     full, seen = full_work(scene, "finite", dt, 1.5), []
-    for evaluations in (10**5, 2 * 10**7, 10**8, 10**9):
+    for evaluations in (10**5, 10**8, 10**9):
         known = Known(ladder, step=1e-6)
         known.evaluations = evaluations
         record = known.verified(None)
-        (_, share, accuracy) = known.asked[1]
+        (_, share, accuracy, stepper) = known.asked[1]
         own = work_so_far(record)
-        one = full if accuracy is None else own
-        assert one / share <= budget(own) * 1.01
-        if share > 1 / RATIOS[0]:
-            assert one * (1 / share + 0.5) > budget(own) * 0.99
-        seen.append((share, accuracy is None))
-    assert seen[0] == (1 / 4, False)  # a quarter of the step is cheap
-    assert 1 / 4 < seen[1][0] < 1 / 2
-    assert seen[2] == (1 / 2, False)
-    assert seen[-1][1]  # dynamics spares nothing there
+        stages = 5 / 4 * TABLE if stepper == "rk4_opposite" else 1
+        assert stages * (full if accuracy is None else own) / share <= budget(own) * 1.01
+        seen.append((share, accuracy is None, stepper))
+    assert seen[0] == (1 / 2, False, "rk4_opposite")
+    assert seen[1] == (pytest.approx(1 / 1.4), False, "rk4_opposite")
+    assert seen[2] == (1 / 2, True, "rk4_opposite")  # dynamics spares nothing there
+
+
+def test_undamped_motion_is_compared_with_the_same_stepper(ladder):
+    scene = dataclasses.replace(
+        ladder.scene, slider=dataclasses.replace(ladder.scene.slider, eta=0.0)
+    )
+    counts = {"dynamic": full_counts(scene, 1e-6, 1e-2)}
+    for switching, eta, steppers in (
+        ("located", 1, ["rk4_opposite", "rk4_opposite", "rk4"]),
+        ("located", 0, ["rk4", "rk4"]),
+        ("step_end", 1, ["rk4", "rk4"]),
+    ):
+        one = ladder.scene if eta else scene
+        dt = 0.75 * stability_limit(one)[0]
+        found = references(Runs(one, "finite", counts, "rk4", dt, switching))
+        assert [level.stepper for level in found] == steppers
+        ratios = {"rk4": RATIOS, "rk4_opposite": OPPOSITE_RATIOS}
+        for level in found:
+            ratio = pytest.approx(dt / level.dt)
+            assert any(ratio == possible for possible in ratios[level.stepper])
+    back = references(Runs(ladder.scene, "finite", counts, "rk4_opposite", dt / 2, "located"))
+    assert back[0].stepper == "rk4"
 
 
 def test_verification_costs_what_the_plan_announced(ladder):
-    """The reference run of a run that takes longer than its plan said ends earlier.
-
-    Its step is never longer than half: both runs could deviate in the same event.
-    """
+    """The reference run of a run that takes longer than its plan said ends earlier."""
     ended = []
     for announced in (np.inf, 1e-3):
         known = Known(ladder, step=1e-6)
         record = known.verified(None, work=announced)
-        assert known.asked[1][1] == 1 / RATIOS[-1] == 1 / 2
+        share = 1 / 1.4 if announced > 1 else 1 / RATIOS[-1]
+        assert known.asked[1][1] == pytest.approx(share)
         ended.append(known.ends[1](record))  # with as much work as the run
     assert work_so_far(record) > GRACE * budget(1e-3)
     assert ended == [False, True]
@@ -541,17 +564,17 @@ def test_a_run_that_is_too_far_off_gives_way_to_its_reference(ladder):
     """Of which no smaller error is claimed before it is compared with a finer one."""
     known = Known(ladder, step=0.007)
     record = known.verified(None)
-    assert [share for _, share, _ in known.asked] == [1, 1 / 2, 1 / 4]
-    assert record.method.dt == known.dt_0 / 2
+    assert [share for _, share, *_ in known.asked] == pytest.approx([1, 1 / 1.4, 1 / 1.4**2])
+    assert record.method.dt == known.dt_0 / 1.4
     assert any("refined to hybrid, finite geometry" in note for note in record.notes)
     assert record.errors.until is None
     assert record.errors.holds
     cheap = Known(ladder, step=0.007)
     cheap.evaluations = 3 * 10**6
     record = cheap.verified(None)
-    shares = [share for _, share, _ in cheap.asked]
-    assert shares[:2] == [1, 1 / 4]
-    assert record.method.dt <= cheap.dt_0 / 4
+    shares = [share for _, share, *_ in cheap.asked]
+    assert shares[:2] == [1, 1 / 2]
+    assert record.method.dt <= cheap.dt_0 / 2
 
 
 def test_events_are_trusted_as_far_as_the_budget_pays_for_a_finer_run(ladder):
@@ -560,10 +583,10 @@ def test_events_are_trusted_as_far_as_the_budget_pays_for_a_finer_run(ladder):
     known = Known(ladder, step=0.007)
     known.part = pyfric.simulate(ladder.scene, starts[main[3]] - 1e-3, fidelity="quasistatic")
     errors = known.verified(None).errors
-    assert known.asked[-1][1] == 1 / 4
+    assert known.asked[-1][1] == pytest.approx(1 / 1.4**2)
     assert errors.events == 3
     assert starts[main[2]] <= errors.until < starts[main[3]]
-    assert errors.measured() == pytest.approx(SAFETY * 0.007 / 2**4)
+    assert errors.measured() == pytest.approx(SAFETY * 0.007 / 1.4**4)
     assert errors.statistics
     known.part = pyfric.simulate(ladder.scene, starts[1] - 1e-3, fidelity="quasistatic")
     errors = known.verified(None).errors  # from the run of twice the step: no main event agrees
@@ -575,7 +598,7 @@ def test_events_are_trusted_as_far_as_the_budget_pays_for_a_finer_run(ladder):
 
 def test_other_small_events_end_the_trust_in_single_ones(ladder):
     main, starts = main_events(ladder), ladder.events["t_start"]
-    known = Known(ladder, step=0.007, chaos=6, noise=0.1)
+    known = Known(ladder, step=0.007, chaos=6, noise=0.3)
     until = known.verified(None).errors.until
     assert starts[main[4]] < until < starts[main[6]]
     (first, *_) = ladder.events.index[(starts > starts[main[2]]) & ~ladder.events["is_main"]]
@@ -587,12 +610,12 @@ def test_small_errors_are_those_before_other_small_events(ladder):
     main, starts = main_events(ladder), ladder.events["t_start"]
     small = ladder.events.index[~ladder.events["is_main"]]
     known = Known(ladder, step=1e-4)
-    known.evaluations = 10**5  # a run of a quarter of the step is paid for
+    known.evaluations = 10**5  # a run of half the step is paid for
     other = small[starts[small] > starts[main[2]]][0]
     known.part = changed(ladder, other, last_block=1)
     record = known.verified(None)
     errors = record.errors
-    assert known.asked[1][1] == 1 / RATIOS[0]
+    assert known.asked[1][1] == 1 / OPPOSITE_RATIOS[0]
     assert starts[main[1]] < errors.until < starts[other]
     assert errors.holds
     assert errors.events == (starts[main] < errors.until).sum() >= 2
@@ -614,7 +637,7 @@ def test_linear_geometry_gives_way(ladder):
     known = Known(ladder, bonds=0.05)
     record = known.verified(None, geometry="linear")
     assert record.method.geometry == "finite"
-    assert [geometry for geometry, _, _ in known.asked] == ["linear", "finite", "finite"]
+    assert [geometry for geometry, *_ in known.asked] == ["linear", "finite", "finite"]
     assert known.asked[-1][1:] == known.asked[0][1:]
     assert known.ends[-1] is None  # this run is the result: no budget ends it
     assert record.errors.start < 1e-12
@@ -622,7 +645,8 @@ def test_linear_geometry_gives_way(ladder):
 
 def test_jumps_are_compared_with_stricter_ones(ladder):
     record = Known(ladder, jumps=10.0).verified(None)
-    assert record.errors.start == pytest.approx(SAFETY * 10 * (1e-4 - ACCURACY) / (1 - 2**-4))
+    factor = SAFETY / (1 + 1.4**-4)
+    assert record.errors.start == pytest.approx(factor * 10 * (1e-4 - ACCURACY))
     for accuracy, stricter in ((1e-3, ACCURACY), (ACCURACY, ACCURACY / 10), (1e-9, 1e-9)):
         known = Known(ladder)
         known.verified(None, accuracy=accuracy)
@@ -783,7 +807,7 @@ def test_a_run_that_a_slightly_faster_driver_changes_from_the_start_does_not_hol
 
     made = Specification(scene=ladder.scene, t_begin=0.0, t_end=1.5, options=options, run=run)
     check = _Verification(run(ladder.scene), "full", made)
-    errors = check._compared(check.record, 2.0)
+    errors = check._measured(differences(check.record, check.record), check.record, 1.0)
     assert errors.holds
     errors = check._perturbed(errors)
     assert errors.start == pytest.approx(0.1 * SAFETY)

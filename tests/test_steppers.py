@@ -17,7 +17,7 @@ from pyfric.statics import dispersion, loaded_state, stability_limit
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False, sample=1e-5)
 
-TABLES = ("symplectic_euler", "verlet", "adaptive")
+TABLES = ("rk4_opposite", "symplectic_euler", "verlet", "adaptive")
 """Steppers given by a table; RK4 has a sweep of its own, and tests of its own."""
 FIXED = {"rtol": 1.0}
 """With this error allowed, adaptive steps are as long as dt."""
@@ -54,6 +54,7 @@ def test_one_step_is_that_of_the_twin(kind, geometry, stepper):
     scene = small(kind)
     state = wild(scene, geometry)
     there = {
+        "rk4_opposite": twin.rk4_opposite_step,
         "symplectic_euler": twin.symplectic_euler_step,
         "verlet": twin.verlet_step,
         "adaptive": twin.rk4_step,
@@ -73,14 +74,16 @@ def test_one_step_is_that_of_the_twin(kind, geometry, stepper):
 
 
 @pytest.mark.parametrize(
-    ("stepper", "order"), [("symplectic_euler", 1), ("verlet", 2), ("adaptive", 4)]
+    ("stepper", "order"),
+    [("symplectic_euler", 1), ("verlet", 2), ("rk4_opposite", 4), ("adaptive", 4)],
 )
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_order_while_nothing_switches(kind, geometry, stepper, order):
     """State and budget converge at the order of the stepper; the reference is RK4."""
     scene = small(kind, V=1e-3)
-    coarse = (0.2 if order == 4 else 0.05) * stability_limit(scene)[0]
+    share = {"adaptive": 0.2, "rk4_opposite": 0.1}.get(stepper, 0.05)
+    coarse = share * stability_limit(scene)[0]
     size = 1e-8
     exact = shaken(scene, geometry, coarse, size)
     exact.dt = coarse / 16
@@ -103,7 +106,7 @@ def test_order_while_nothing_switches(kind, geometry, stepper, order):
 def test_order_of_pure_slip(stepper):
     """All blocks slip the same way throughout: motion is smooth, and converges as it should."""
     scene = small(mu_s=0.3, mu_k=0.2)
-    order = {"symplectic_euler": 1, "verlet": 2, "rk4": 4, "adaptive": 4}[stepper]
+    order = {"symplectic_euler": 1, "verlet": 2}.get(stepper, 4)
     coarse, ends = 0.2e-6, []
     for halvings in (0, 1, 2, 6):
         state = loaded_state(scene).state(scene, coarse / 2**halvings)
@@ -115,6 +118,46 @@ def test_order_of_pure_slip(stepper):
     errors = [np.abs(end - ends[-1]).max() for end in ends[:-1]]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all(np.abs(orders - order) < 0.35), orders
+
+
+# --- opposite errors -----------------------------------------------------------------------------
+
+
+def test_errors_of_opposite_steppers_in_linear_motion():
+    """R(z) - exp(z) is of fifth order, and its sum over both steppers of sixth order."""
+    pair = core.STEPPERS["rk4"], core.STEPPERS["rk4_opposite"]
+    assert [one.opposite for one in pair] == [pair[1].name, pair[0].name]
+    for angle in (0.5, 0.6, 0.8, 1.0):
+        z = 0.1 * np.exp(1j * np.pi * angle)
+        both = np.array([one.growth(z) - np.exp(z) for one in pair])
+        np.testing.assert_allclose(both[1], z**5 / 120, rtol=0.15)
+        assert abs(both.sum()) < 0.04 * abs(both[0])
+
+
+@pytest.mark.parametrize("stepper", ["rk4", "rk4_opposite"])
+def test_growth_is_that_of_a_step(stepper):
+    stepper = core.STEPPERS[stepper]
+    for omega, gamma in ((0.3, 0.1), (1.5, 2.0), (0.1, 0.0)):
+        rate = -gamma / 2 + 1j * np.sqrt(omega**2 - gamma**2 / 4 + 0j)
+        u, p = stepper.step(lambda u, p, w=omega, g=gamma: -(w**2) * u - g * p, 1.0, rate)
+        np.testing.assert_allclose([u, p], stepper.growth(rate) * np.array([1.0, rate]), rtol=1e-13)
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_the_limit_of_short_steps_lies_between_opposite_runs(geometry):
+    """In the forces at which events start, and in the state of a ring-down."""
+    scene, ends = small(V=1e-3), []
+    dt = 0.3 * stability_limit(scene)[0]
+    for stepper, times in (("rk4", 1), ("rk4_opposite", 1), ("rk4", 16)):
+        state = shaken(scene, geometry, dt, 1e-8)
+        state.dt = dt / times
+        log = advance(scene, geometry, state, 300 * times, stepper=stepper, budget=False)
+        assert log.n_switch == 0
+        ends.append(state.y.copy())
+    off, other = ends[0] - ends[2], ends[1] - ends[2]
+    assert np.abs(off).max() > 0
+    assert np.sum(off * other) < -0.9 * np.linalg.norm(off) * np.linalg.norm(other)
+    assert np.linalg.norm(off + other) < 0.3 * np.linalg.norm(off)
 
 
 # --- the adaptive stepper ------------------------------------------------------------------------
@@ -348,6 +391,7 @@ def reference():
     ("stepper", "switching", "dt", "error"),
     [
         ("rk4", "located", 0.4e-6, 1e-6),
+        ("rk4_opposite", "located", 0.4e-6, 1e-6),
         ("verlet", "located", 0.1e-6, 1e-5),
         ("symplectic_euler", "located", 0.02e-6, 1e-3),
         ("adaptive", "located", 1.0e-6, 1e-4),
@@ -375,7 +419,8 @@ def test_every_method_tends_to_the_same_run(stepper, switching, dt, error, refer
 
 
 @pytest.mark.parametrize(
-    ("stepper", "least"), [("verlet", 1.8), ("symplectic_euler", 0.8), ("adaptive", 3.5)]
+    ("stepper", "least"),
+    [("verlet", 1.8), ("symplectic_euler", 0.8), ("adaptive", 3.5), ("rk4_opposite", 3.5)],
 )
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_energy_budget_closes(geometry, stepper, least):
@@ -425,7 +470,7 @@ def test_plans_keep_the_method_that_was_asked_for():
         ("dynamic", {"rtol": 1e-3}, "rtol", "stepper = 'adaptive'"),
         ("dynamic", {"stepper": "adaptive", "rtol": 0.0}, "rtol", ">="),
         ("dynamic", {"stepper": "adaptive", "rtol": float("nan")}, "rtol", "finite"),
-        ("hybrid", {"stepper": "verlet"}, "stepper", "'rk4' with fidelity = 'hybrid'"),
+        ("hybrid", {"stepper": "verlet"}, "stepper", "'rk4_opposite' with fidelity = 'hybrid'"),
         ("quasistatic", {"stepper": "verlet"}, "stepper", "makes no steps"),
         ("quasistatic", {"switching": "located"}, "switching", "makes no steps"),
     ],

@@ -15,6 +15,7 @@ Forces act on the blocks, positive to the right and up. Under a rod the top row 
 the rod; what y holds there is ignored.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field as member
 from itertools import pairwise
@@ -474,7 +475,21 @@ def _sign(value: float) -> int:
     return RIGHT if value > 0 else LEFT
 
 
-def rk4_step(
+def rk4_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
+    """Return y, rod, slip and the works of the step (J, `WORKS`): classical RK4, modes fixed."""
+    rows = [], [1 / 2], [0, 1 / 2], [0, 0, 1]
+    return _runge_kutta_step(rows, [1 / 6, 1 / 3, 1 / 3, 1 / 6], *args)
+
+
+def rk4_opposite_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
+    """Return the same with R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24 + z^5/60."""
+    rows = [], [1 / 3], [-1 / 15, 2 / 5], [7 / 15, -4 / 5, 1], [-1 / 5, 6 / 5, -1, 1]
+    return _runge_kutta_step(rows, [1 / 8, 0, 3 / 8, 3 / 8, 1 / 8], *args)
+
+
+def _runge_kutta_step(
+    rows: Sequence[Sequence[float]],
+    weights: Sequence[float],
     scene: Any,
     geometry: str,
     t: float,
@@ -485,25 +500,23 @@ def rk4_step(
     dt: float,
     slip: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
-    """Return y, rod, slip and the works of the step (J, `WORKS`): classical RK4, modes fixed."""
-
     def slope(t: float, *state: np.ndarray) -> tuple[np.ndarray, ...]:
         y, rod, slip = state
         F = right_hand_side(scene, geometry, t, y, rod, mode, u_drv0, slip)
         return F.dydt, F.drod, F.dslip, np.array([F.rates[name] for name in WORKS])
 
-    def moved(h: float, k: tuple[np.ndarray, ...]) -> list[np.ndarray]:
-        return [a + h * b for a, b in zip(state, k[:3], strict=True)]
+    def moved(shares: Sequence[float]) -> list[np.ndarray]:
+        return [
+            a + sum((dt * share * k[n] for share, k in zip(shares, slopes, strict=False)), 0 * a)
+            for n, a in enumerate(state)
+        ]
 
     state = with_rod(scene, y, rod), rod, np.zeros(scene.N_x) if slip is None else slip
-    k1 = slope(t, *state)
-    k2 = slope(t + dt / 2, *moved(dt / 2, k1))
-    k3 = slope(t + dt / 2, *moved(dt / 2, k2))
-    k4 = slope(t + dt, *moved(dt, k3))
-    *changes, works = (
-        dt / 6 * (a + 2 * b + 2 * c + d) for a, b, c, d in zip(k1, k2, k3, k4, strict=True)
-    )
-    y, rod, slip = (a + b for a, b in zip(state, changes, strict=True))
+    slopes: list[tuple[np.ndarray, ...]] = []
+    for row in rows:
+        slopes.append(slope(t + sum(row) * dt, *moved(row)))
+    y, rod, slip = moved(weights)
+    works = sum(dt * share * k[3] for share, k in zip(weights, slopes, strict=True))
     return with_rod(scene, y, rod), rod, slip, dict(zip(WORKS, works.tolist(), strict=True))
 
 

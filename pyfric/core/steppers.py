@@ -38,6 +38,9 @@ class Stepper:
         e: b minus b of the embedded method, shape (n,); None for steps of fixed length.
         growth: R(z), the factor by which exp(lambda t) grows in a step, with z = lambda h. None for
             steppers that treat u and v differently.
+        grows: growth of undamped motion in a step that counts as stable, |R(z)| - 1.
+        opposite: name of the stepper whose leading error in linear motion is minus that of this
+            one; "" if there is none.
         swept: whether the core has a special procedure for it (classical RK4).
     """
 
@@ -50,6 +53,8 @@ class Stepper:
     abar: np.ndarray | None = None
     e: np.ndarray | None = None
     growth: Callable[[np.ndarray], np.ndarray] | None = None
+    grows: float = 0.0
+    opposite: str = ""
     swept: bool = False
 
     def __post_init__(self) -> None:
@@ -108,6 +113,11 @@ def _rk4_growth(z: np.ndarray) -> np.ndarray:
     return 1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))
 
 
+def _opposite_growth(z: np.ndarray) -> np.ndarray:
+    """R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24 + z^5/60."""
+    return 1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4 * (1 + 2 * z / 5))))
+
+
 def _lower(*rows: list[float]) -> np.ndarray:
     """Return a strictly lower triangle."""
     a = np.zeros((len(rows) + 1,) * 2)
@@ -128,7 +138,21 @@ STEPPERS: dict[str, Stepper] = {
             b=np.array([1.0, 2.0, 2.0, 1.0]) / 6,
             a=_lower(*_RK4_ROWS),
             growth=_rk4_growth,
+            opposite="rk4_opposite",
             swept=True,
+        ),
+        # Five stages of order 4. In linear motion exp(z) - R(z) = -z^5/120 + ..., and z^5/120 + ...
+        # with RK4: the exact motion lies between both. On the imaginary axis |R| is 1 + 7 z^6/720,
+        # so that fast motion needs damping.
+        Stepper(
+            "rk4_opposite",
+            order=4,
+            c=np.array([0.0, 1 / 3, 1 / 3, 2 / 3, 1.0]),
+            b=np.array([1.0, 0.0, 3.0, 3.0, 1.0]) / 8,
+            a=_lower([1 / 3], [-1 / 15, 2 / 5], [7 / 15, -4 / 5, 1.0], [-1 / 5, 6 / 5, -1.0, 1.0]),
+            growth=_opposite_growth,
+            grows=1e-4,
+            opposite="rk4",
         ),
         # u' = u + h (v + h F_1/2m), v' = v + h (F_1 + F_2)/2m. F_2 is taken at u' and, for viscous
         # forces, at the predicted velocity v + h F_1/m.

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 EVALUATION, BOTTOM, BLOCK = 0.9e-6, 5e-9, {"linear": 3.1e-9, "finite": 8.5e-9}
 """Time of one force evaluation, in s: a constant, a part for each bottom block, and a part for each
 block of the lattice."""
+TABLE = 1.2
+"""Time of one force evaluation of a stepper given by a table, over that of RK4."""
 JUNCTION = 1.25e-9
 """Additional time of one force evaluation for each junction, in s."""
 CALL = 1e-4
@@ -66,11 +68,14 @@ class SetUp(NamedTuple):
     bytes: float
 
 
-def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float:
+def work(
+    scene: Scene, geometry: Geometry, counts: Mapping[str, float], stepper: str = "rk4"
+) -> float:
     """Return the work of the operations that a record counts, in s."""
     blocks = scene.N_x * scene.N_z
     evaluation = EVALUATION + BOTTOM * scene.N_x + BLOCK[geometry] * blocks
     evaluation += JUNCTION * scene.law.junctions * scene.N_x
+    evaluation *= 1.0 if STEPPERS[stepper].swept else TABLE
     attempt, of_block = ATTEMPT[geometry]
     return (
         counts.get("block_evaluations", 0) / blocks * evaluation
@@ -92,7 +97,7 @@ def steps_of_slide(scene: Scene, geometry: Geometry) -> int:
 def work_so_far(run: Run | Record) -> float:
     """Return the work so far of a run with time steps, or of its record, in s."""
     counts = run.counts() if callable(run.counts) else run.counts
-    return work(run.scene, run.method.geometry, counts)
+    return work(run.scene, run.method.geometry, counts, run.method.stepper or "rk4")
 
 
 def full_counts(
@@ -114,14 +119,15 @@ def located(scene: Scene, counts: Mapping[str, float], stepper: str = "rk4") -> 
 
 
 def finer_counts(
-    scene: Scene, counts: Mapping[str, float], ratio: float, stepper: str = "rk4"
+    scene: Scene, counts: Mapping[str, float], ratio: float, old: str = "rk4", new: str = "rk4"
 ) -> dict[str, float]:
-    """Return the operations of a run with steps shorter by a ratio.
+    """Return the operations of a run with another stepper and steps shorter by a ratio.
 
-    Jumps, calls, and evaluations that locate transitions are as many.
+    Jumps, calls, and steps that locate transitions are as many.
     """
-    of_steps = counts["block_evaluations"] - located(scene, counts, stepper)
+    of_steps = counts["block_evaluations"] - located(scene, counts, old)
     evaluations = counts["block_evaluations"] + (ratio - 1) * of_steps
+    evaluations *= STEPPERS[new].evaluations / STEPPERS[old].evaluations
     return {**counts, "steps": ratio * counts["steps"], "block_evaluations": evaluations}
 
 
@@ -134,7 +140,7 @@ def full_work(
     calls: int = 0,
 ) -> float:
     """Return the work (s) of full dynamics with steps dt over a time `lasts`, both in s."""
-    return RUN + work(scene, geometry, full_counts(scene, dt, lasts, stepper, calls))
+    return RUN + work(scene, geometry, full_counts(scene, dt, lasts, stepper, calls), stepper)
 
 
 def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:

@@ -54,10 +54,12 @@ class RestStates:
     Args:
         solver: static states of the scene in its geometry.
         dt: step of the run, in s.
+        stepper: the stepper that makes it.
     """
 
-    def __init__(self, solver: StaticSolver, dt: float) -> None:
-        self.known, self.dt, self._loaded = solver, dt, ~solver.loaded.open
+    def __init__(self, solver: StaticSolver, dt: float, stepper: str = "rk4") -> None:
+        self.known, self.dt, self.stepper = solver, dt, stepper
+        self._loaded = ~solver.loaded.open
         room = core.available() / set_up(solver.scene, "hybrid", solver.geometry).bytes
         self._systems: Memory[Linearised] = Memory(int(min(max(room, 1), KEPT)))
         paths = PATHS / (3 * 8 * len(solver.arm))
@@ -76,11 +78,12 @@ class RestStates:
             return self._of_loaded
         released = self._loaded & ~stuck
         few = EXTRA * released.sum() <= N_MODES and not (stuck & ~self._loaded).any()
-        return Linearised(self.known, stuck, self.dt, self._of_loaded if few else None)
+        near = self._of_loaded if few else None
+        return Linearised(self.known, stuck, self.dt, near, stepper=self.stepper)
 
     @functools.cached_property
     def _of_loaded(self) -> Linearised:
-        return Linearised(self.known, self._loaded, self.dt)
+        return Linearised(self.known, self._loaded, self.dt, stepper=self.stepper)
 
     def renew(self, stuck: np.ndarray, q: np.ndarray) -> Linearised:
         """Return the slider linearised at a state q, and keep it for later calls of `system`."""
@@ -162,14 +165,14 @@ class HybridRun(Run):
     models = "dynamics inside events, closed forms between them"
     leaves_out = ("fast modes, once they have nearly decayed",)
     keeps_budget, jumps = False, True
-    steppers = ("rk4",)
+    steppers = ("rk4", "rk4_opposite")
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         _, quiet = core.room_of_step(self.scene.N_x, self.method.switching)
         self.log = core.Log(self.scene.N_x, quiet=quiet, every=self.every)
         self.accuracy = self.method.accuracy * self.scene.F_N / AMPLIFIED  # of one jump, N
-        self.rests = RestStates(self.known, self.method.dt)
+        self.rests = RestStates(self.known, self.method.dt, self.method.stepper)
         self.solver = RememberedStates(self.rests)
         self.jumped = self.spared = self.attempts = 0
         # An attempt to jump solves twice with the banded factor, of 64 min(N_x, N_z) bytes for each

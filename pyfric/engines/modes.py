@@ -26,7 +26,7 @@ They are mu_s p + f and mu_s p - f for stuck blocks, and k_f u_z for open blocks
 
 A step of RK4 multiplies a mode by R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24, z = lambda dt. It leaves
 the quasi-static path unchanged. The ring-down of a run with steps dt therefore has the rates
-log(R)/dt.
+log(R)/dt. Other steppers have another R.
 
 In finite geometry K is the tangent stiffness at one state, first the loaded one. Rates follow the
 present tangent to first order, delta lambda = -phi.delta K phi/(phi.C phi + 2 lambda phi.M phi).
@@ -137,14 +137,15 @@ class Linearised:
     Args:
         solver: static states of the scene in its geometry.
         stuck: stuck blocks, shape (N_x,), bool; all others are open.
-        dt: step of RK4 that the ring-down follows, in s; None means exact time.
+        dt: step that the ring-down follows, in s; None means exact time.
         near: the slider with more stuck blocks, at the tangent that is factorised, whose space is
             extended; None: a new space.
         modes: number of undamped modes in a new space.
+        stepper: the stepper that makes these steps.
 
     Attributes:
         rates: eigenvalues of the damped modes, one of each conjugate pair, shape (n,), in 1/s.
-        growth: rates of the amplitudes, shape (n,), in 1/s: `rates`, changed by the steps of RK4.
+        growth: rates of the amplitudes, shape (n,), in 1/s: `rates`, changed by the steps.
         gaps: gap functions of modes of amplitude 1, shape (n_c, n), complex, in N.
         u_h: mean u_x of the driven blocks in these modes, shape (n,), complex, in m.
         bound: largest change of the gap functions by a truncated part of 1 J, (n_c,), in N.
@@ -164,9 +165,10 @@ class Linearised:
         dt: float | None = None,
         near: Linearised | None = None,
         modes: int = N_MODES,
+        stepper: str = "rk4",
     ) -> None:
         scene = solver.scene
-        self.solver, self.stuck, self.dt = solver, stuck, dt
+        self.solver, self.stuck, self.dt, self.stepper = solver, stuck, dt, stepper
         self.held, self.open, self.law = np.flatnonzero(stuck), np.flatnonzero(~stuck), scene.law
         self.k_f = np.broadcast_to(scene.k_f, scene.N_x)
         mode = np.where(stuck, STUCK, OPEN).astype(np.int8)
@@ -303,11 +305,11 @@ class Linearised:
         return float(force @ self._factor.solve(force))
 
     def stepped(self, rates: np.ndarray) -> np.ndarray:
-        """Return the rates of amplitudes that steps of RK4 give for rates, both in 1/s."""
+        """Return the rates of amplitudes that steps give for rates, both in 1/s."""
         if self.dt is None:
             return rates
         z = rates * self.dt
-        growth = np.log(STEPPERS["rk4"].growth(z)) / self.dt
+        growth = np.log(STEPPERS[self.stepper].growth(z)) / self.dt
         growth.real = np.minimum(growth.real, 0.0)
         return growth
 

@@ -100,7 +100,7 @@ class Keywords(TypedDict, total=False):
     tolerance: Number
     verify: Verify | None
     geometry: Geometry | None
-    stepper: Literal["rk4", "verlet", "symplectic_euler", "adaptive"]
+    stepper: Literal["rk4", "rk4_opposite", "verlet", "symplectic_euler", "adaptive"]
     switching: Switching | None
     rtol: Number | None
     dt: Number
@@ -130,15 +130,16 @@ class Options:
         tolerance: accepted error; see `pyfric.plan`.
         verify: how the errors in `Record.errors` are measured. "sample": by a reference run within
             a budget of work, twice that of the run and half a second. "full": by a run in finite
-            geometry with a quarter of the step, and a run whose driver is faster by 1e-9 relative.
+            geometry with at most half the step, and one whose driver is faster by 1e-9 relative.
             "none": not at all. None means "none" for a named engine. For fidelity = "auto", None
             means "sample", and the run is refined if its errors exceed the tolerance.
         geometry: "finite" (as in the paper) or "linear". None leaves the choice to the plan.
             Without a plan None means "finite", or "linear" for a chain and for static engines.
-        stepper: "rk4": classical RK4, order 4 (the paper's). "verlet": velocity Verlet with viscous
-            forces at a predicted velocity, order 2. "symplectic_euler": semi-implicit Euler, order
-            1. "adaptive": RK4 with an error estimate and sub-steps inside dt. All except "rk4" need
-            full dynamics.
+        stepper: "rk4": classical RK4, order 4 (the paper's). "rk4_opposite": order 4, with errors
+            opposite to those of "rk4". The limit of short steps lies between both, if steps are not
+            too long. "verlet": velocity Verlet with viscous forces at a predicted velocity, order
+            2. "symplectic_euler": semi-implicit Euler, order 1. "adaptive": RK4 with an error
+            estimate and sub-steps inside dt. The last three need full dynamics.
         switching: "located": a contact switches inside the step, at the root of v_x, mu_s p - |f|
             or u_z of a block, and the step continues from there. A double root within a sub-step is
             found if the parabola through start, middle and end falls below zero. "step_end":

@@ -2,30 +2,62 @@
 
 from __future__ import annotations
 
-import functools
 from typing import TYPE_CHECKING, NamedTuple
 
-from pyfric.engines import RUN, finer_counts, full_counts, located, work
+from pyfric.core import STEPPERS
+from pyfric.engines import RUN, default_switching, finer_counts, full_counts, located, work
 from pyfric.scene import default_geometry
+from pyfric.statics import stability_limit
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from pyfric.engines import Options
     from pyfric.scene import Geometry, Scene
 
 PLAIN, CHEAP = 2.0, 0.5
 """Largest work of verification, in s: `PLAIN` times the work of the run, plus `CHEAP`."""
-RATIOS = (4.0, 3.5, 3.0, 2.5, 2.0)
-"""Possible ratios of the step of a run to that of its reference run."""
+OPPOSITE_RATIOS, RATIOS = (2.0, 1.4), (4.0, 2.0)
+"""Ratios of the step of a run to that of a reference run, with the opposite stepper and with the
+same one. With the same stepper, a smaller ratio would let both runs deviate in the same event."""
+USABLE = 0.95
+"""Longest step of an opposite stepper over its stability limit, which is that at rest."""
 
 
 class Reference(NamedTuple):
-    """A possible reference run: engine, ratio of the step of the run to its own, work in s."""
+    """A possible reference run: engine, stepper, step and work in s."""
 
     engine: str
-    ratio: float
+    stepper: str
+    dt: float
     work: float
+
+
+class Runs(NamedTuple):
+    """A run with each of the engines that could make it.
+
+    Attributes:
+        scene: the scene.
+        geometry: geometry of reference runs.
+        counts: operations by engine: see `operations`.
+        stepper, dt, switching: how steps are made; dt in s.
+    """
+
+    scene: Scene
+    geometry: Geometry
+    counts: Mapping[str, Mapping[str, float]]
+    stepper: str
+    dt: float
+    switching: str
+
+    def finer(self, engine: str, stepper: str, ratio: float) -> dict[str, float]:
+        """Return the operations with another stepper and with steps shorter by a ratio."""
+        return finer_counts(self.scene, self.counts[engine], ratio, self.stepper, stepper)
+
+    def like(self, made: Reference) -> Runs:
+        """Return these runs with the stepper and the step of a reference run."""
+        counts = {e: self.finer(e, made.stepper, self.dt / made.dt) for e in self.counts}
+        return self._replace(counts=counts, stepper=made.stepper, dt=made.dt)
 
 
 def operations(
@@ -44,27 +76,24 @@ def operations(
     return {"dynamic": {**full, "block_evaluations": evaluations}} | {engine: counts}
 
 
-def references(
-    scene: Scene,
-    geometry: Geometry,
-    runs: Mapping[str, Mapping[str, float]],
-    stepper: str,
-    ratios: Sequence[float] = RATIOS,
-) -> list[Reference]:
+def references(runs: Runs) -> list[Reference]:
     """Return possible reference runs, the best one first.
 
-    Args:
-        scene: the scene.
-        geometry: geometry of reference runs.
-        runs: result of `operations`.
-        stepper: the stepper.
-        ratios: ratios of the step of the run to those of reference runs.
+    They resolve weakening of friction, if some can.
     """
-    found = []
-    for ratio in ratios:
-        for engine, counts in runs.items():
-            finer = finer_counts(scene, counts, ratio, stepper)
-            found.append(Reference(engine, ratio, RUN + work(scene, geometry, finer)))
+    scene, stepper, found = runs.scene, runs.stepper, []
+    ways = [(stepper, ratio) for ratio in RATIOS]
+    opposite = STEPPERS[stepper].opposite if runs.switching == "located" else ""
+    if opposite:
+        limit = USABLE * stability_limit(scene, opposite)[0]
+        stable = [(opposite, ratio) for ratio in OPPOSITE_RATIOS if runs.dt / ratio <= limit]
+        ways = [*stable, ways[-1]] if stable else ways
+    resolve = [way for way in ways if runs.dt / way[1] <= scene.resolving_step]
+    for other, ratio in resolve or ways:
+        for engine in runs.counts:
+            counts = runs.finer(engine, other, ratio)
+            seconds = RUN + work(scene, runs.geometry, counts, other)
+            found.append(Reference(engine, other, runs.dt / ratio, seconds))
     return found
 
 
@@ -78,9 +107,7 @@ def affordable(possible: Sequence[Reference], left: float) -> Reference | None:
     return next((one for one in possible if one.work <= left), None)
 
 
-def verification_work(
-    made: float, possible: Callable[[Sequence[float]], Sequence[Reference]]
-) -> tuple[float, float]:
+def verification_work(made: float, runs: Runs) -> tuple[float, float]:
     """Return the work (s) of verification, and what is added if the run has to be refined.
 
     The refined run is the first reference run. It is compared with a second one. Whatever cannot be
@@ -88,12 +115,14 @@ def verification_work(
 
     Args:
         made: work of the run, in s.
-        possible: function that returns the reference runs with these ratios of steps.
+        runs: the run, with each engine.
     """
     left = budget(made)
-    first = affordable(possible(RATIOS), left) or Reference("", 1.0, left)
+    first = affordable(references(runs), left)
+    if first is None:
+        return left, 0.0
     left -= first.work
-    second = affordable(possible([first.ratio * ratio for ratio in RATIOS]), left)
+    second = affordable(references(runs.like(first)), left)
     return first.work, second.work if second else left
 
 
@@ -123,5 +152,6 @@ def price(
         return budget(made), 0.0
     stepper, geometry = options.stepper, options.geometry or default_geometry(scene)
     full = full_counts(scene, dt, t_end, stepper, options.calls_on(scene))
-    runs = operations(scene, engine, counts or full, full | {"calls": 0}, stepper)
-    return verification_work(made, functools.partial(references, scene, geometry, runs, stepper))
+    counts = operations(scene, engine, counts or full, full | {"calls": 0}, stepper)
+    switching = options.switching or default_switching(scene)
+    return verification_work(made, Runs(scene, geometry, counts, stepper, dt, switching))

@@ -1,28 +1,31 @@
 """Errors of a run, measured by comparison with a reference run that leaves out less.
 
-The reference run is in finite geometry. Its jumps are as accurate as those of a run without a plan,
-at least ten times as accurate as those of the run, or it makes none. Its step is up to 4 times
-shorter, as far as the budget pays for it, and at most half as long: the less two steps differ, the
-more often both runs deviate in the same event. It is full dynamics rather than a hybrid run if the
-budget pays for both. The budget is half a second and twice the work of the run, or twice the work
-that the plan announced if that is less. If the error is of order p in the step, it is
-1/(1 - r^-p) times the difference of two runs whose steps have the ratio r; `SAFETY` times that is
-reported. If an event ends at another block, or in one run alone, the difference has no order;
-`TURNED` times the difference is reported. If no step resolves weakening of friction, nothing is
-measured: friction drops at once in both runs.
+The reference run is in finite geometry, with shorter steps. Its jumps are as accurate as those of a
+run without a plan, at least ten times as accurate as those of the run, or it makes none. It is made
+with the *opposite stepper*, whose leading error is minus that of the run: the limit of short steps
+lies between both runs. Two runs with errors of one sign can agree on an outcome that shorter steps
+change. The step is half that of the run, or shorter by 1.4 if the budget does not pay for that.
+Steps that hardly damp fast motion are unstable with the opposite stepper; the reference run then
+has the stepper of the run and a quarter or half of its step. It is full dynamics rather than a
+hybrid run if the budget pays for both. The budget is half a second and twice the work of the run,
+or twice the work that the plan announced if that is less.
+
+If the error is of order p in the step, it is 1/(1 -+ r^-p) times the difference of two runs whose
+steps have the ratio r, with + for opposite steppers; `SAFETY` times that is reported. If an event
+ends at another block, or in one run alone, the difference has no order; `TURNED` times the
+difference is reported. If no step resolves weakening of friction, nothing is measured: friction
+drops at once in both runs.
 
 If the error of a planned run exceeds the tolerance, the run is refined. A run in linear geometry is
 repeated in finite geometry. A run in finite geometry is replaced by its reference run, for which no
 smaller error is reported. The reference run is compared with a still finer run while the budget
-lasts. It is not compared with a run of twice its step, because both could deviate in the same
-event.
+lasts.
 
 If only a few of many events still differ, they are named, and all others are measured. Otherwise
 single events cannot be trusted from the first difference on, and later events are compared by their
-statistics. The first difference is that from a run of half the step, as far as the budget pays for
-it, and from the coarser run where that does not reach an event. If events before the first
-difference do not tell what is wanted, the error of all events is reported, which exceeds the
-tolerance.
+statistics. The first difference is that from a finer run, as far as the budget pays for it. Where
+that does not reach an event, it is that from the coarser run. If events before the first difference
+do not tell what is wanted, the error of all events is reported, which exceeds the tolerance.
 
 An event of few blocks that slips other blocks in two runs is a difference, too, even if the error
 is within the tolerance: what follows from it has no order in the step.
@@ -38,7 +41,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -54,8 +57,8 @@ from pyfric.engines import (
 )
 from pyfric.planning.price import (
     CHEAP,
-    RATIOS,
     Reference,
+    Runs,
     affordable,
     budget,
     operations,
@@ -120,6 +123,7 @@ class Specification:
         method = record.method
         same = {"dt": method.dt, "geometry": method.geometry, "switching": method.switching}
         same |= {"accuracy": method.accuracy, "rtol": method.rtol, "fidelity": method.engine}
+        same |= {"stepper": method.stepper or "rk4"}
         plain = {"method": None, "checkpoint": None, "budget": method.budget, "verify": None}
         options = dataclasses.replace(self.options, **(plain | same | changes))
         return self.run(self.scene, self.t_end, options, enough=enough)
@@ -132,7 +136,7 @@ def verified(record: Record, mode: str | None, made: Specification) -> Record | 
 
     Args:
         record: record of the run.
-        mode: "sample" or None: within the budget. "full": with a quarter of the step at any cost,
+        mode: "sample" or None: within the budget. "full": with the best reference run at any cost,
             and with a run whose driver is faster by `PERTURBATION`.
         made: specification of the run.
     """
@@ -182,8 +186,11 @@ def _apart(record: Record, other: Record) -> float:
 
 def _words(record: Record) -> str:
     method = record.method
+    stepper = "" if method.stepper == "rk4" else f", {method.stepper}"
     jumps = "" if method.accuracy is None else f", jumps within {method.accuracy:.1g} F_N"
-    return f"{method.engine}, {method.geometry} geometry, steps of {method.dt:.3g} s{jumps}"
+    return (
+        f"{method.engine}, {method.geometry} geometry, steps of {method.dt:.3g} s{stepper}{jumps}"
+    )
 
 
 def _quasistatic(record: Record, mode: str | None, made: Specification) -> Record | None:
@@ -218,15 +225,15 @@ class _Verification:
 
     def record_with_errors(self) -> Record:
         """Return the run with its errors, or the reference run that replaces it."""
-        made, level = self.made, self._level()
-        reference = self._reference(level)
-        errors = self._compared(reference, level.ratio)
+        made = self.made
+        reference = self._reference(self._level())
+        errors = self._compared(reference)
         while self._beyond(errors) and made.refines and self.mode != "full" and reference.done:
             off = errors.measured()
             if self.record.method.geometry != reference.method.geometry:
                 self.record = self._in_reference_geometry()
                 self.notes.append(f"refined to {_words(self.record)}: measured error {off:.2g}")
-                errors = self._compared(reference, level.ratio)
+                errors = self._compared(reference)
                 continue
             self.notes.append(f"refined to {_words(reference)}: measured error {off:.2g}")
             coarse, self.record = self.record, reference
@@ -236,7 +243,7 @@ class _Verification:
             if not self._beyond(errors) or level.work > self.left:
                 break
             reference = self._reference(level)
-            errors = self._compared(reference, level.ratio)
+            errors = self._compared(reference)
         if self.mode == "full":
             errors = self._perturbed(errors)
         elif self._beyond(errors):
@@ -257,15 +264,14 @@ class _Verification:
         error = errors.measured()
         return error is not None and errors.tolerance is not None and error > errors.tolerance
 
-    def _shrink(self, ratio: float) -> float:
-        """Return the factor by which errors fall if the step is `ratio` times shorter."""
+    def _compared(self, other: Record) -> Errors:
+        """Return the errors that follow from a run whose steps are shorter."""
         method = self.record.method
         order = 1 if method.switching == "step_end" else STEPPERS[method.stepper].order
-        return ratio**-order
-
-    def _compared(self, other: Record, ratio: float) -> Errors:
-        """Return the errors that follow from a run whose steps are shorter by a ratio."""
-        return self._measured(differences(self.record, other), other, 1 / (1 - self._shrink(ratio)))
+        left = (method.dt / other.method.dt) ** -order  # over the error of the run
+        if other.method.stepper == method.stepper:
+            left = -left
+        return self._measured(differences(self.record, other), other, 1 / (1 + left))
 
     def _measured(self, found: Differences, other: Record, factor: float) -> Errors:
         """Return the errors that follow from differences from another run."""
@@ -281,32 +287,35 @@ class _Verification:
 
     # --- reference runs --------------------------------------------------------------------------
 
-    def _references(self, ratios: Sequence[float]) -> list[Reference]:
-        """Return the reference runs of the run as it is now, with these ratios of steps."""
+    def _references(self) -> list[Reference]:
+        """Return the reference runs of the run as it is now."""
         scene, method, counts = self.record.scene, self.record.method, self.record.counts
         lasts = self.made.t_end - self.made.t_begin
         full = full_counts(scene, method.dt, lasts, method.stepper)
-        runs = operations(scene, method.engine, counts, full, method.stepper)
-        return references(scene, self.geometry, runs, method.stepper, ratios)
+        made = operations(scene, method.engine, counts, full, method.stepper)
+        steps = method.stepper, method.dt, method.switching
+        return references(Runs(scene, self.geometry, made, *steps))
 
     def _level(self) -> Reference:
         """Return the best reference run within the budget, or the cheapest one if none is."""
-        possible = self._references(RATIOS[:1] if self.mode == "full" else RATIOS)
+        possible = self._references()
         return affordable(possible, self.left) or possible[-1]
 
-    def _how(self, engine: str, ratio: float) -> dict[str, Any]:
+    def _how(self, level: Reference) -> dict[str, Any]:
         """Return the options of a reference run."""
         method = self.record.method
-        how = {"fidelity": engine, "geometry": self.geometry, "dt": method.dt / ratio}
-        how |= {"accuracy": None, "rtol": method.rtol and max(method.rtol / ratio**4, 1e-12)}
-        if engine == "hybrid":
+        how = {"fidelity": level.engine, "geometry": self.geometry}
+        how |= {"stepper": level.stepper, "dt": level.dt, "accuracy": None, "rtol": method.rtol}
+        if method.rtol:
+            how["rtol"] = max(method.rtol * (level.dt / method.dt) ** 4, 1e-12)
+        if level.engine == "hybrid":
             strict = STRICTER * (method.accuracy or ACCURACY)
             how["accuracy"] = max(min(strict, ACCURACY), 1e-9)
         return how
 
     def _reference(self, level: Reference) -> Record:
         """Make a reference run."""
-        return self._made(self._how(level.engine, level.ratio), level.work)
+        return self._made(self._how(level), level.work)
 
     def _in_reference_geometry(self) -> Record:
         """Repeat the whole run in the geometry of reference runs."""
@@ -356,10 +365,13 @@ class _Verification:
         Later events have the statistics of the run and of a coarser one, which disagree.
         """
         kept, notes = (self.found, self.other, self.factor), [*self.notes]
-        engine, left = self.record.method.engine, self.left
-        how = self._how(engine, RATIOS[-1])
-        finer = self.made.again(self.record, lambda run: work_so_far(run) > left, **how)
-        errors = self._compared(finer, RATIOS[-1])
+        method, left = self.record.method, self.left
+        possible = [one for one in self._references() if one.engine == method.engine]
+        level = min(possible, key=lambda one: (one.stepper == method.stepper, one.work))
+        finer = self.made.again(
+            self.record, lambda run: work_so_far(run) > left, **self._how(level)
+        )
+        errors = self._compared(finer)
         t = self._parted()
         if np.isnan(t) and not errors.partly:
             return errors

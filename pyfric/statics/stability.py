@@ -38,21 +38,23 @@ BITS = 52
 
 
 def radius(stepper: Stepper, theta: np.ndarray) -> np.ndarray:
-    """Return the largest |z| in 2 ... 4 with |R(z)| <= 1 on the ray of angle theta.
+    """Return the largest |z| up to 4 with |R(z)| <= 1 on the ray of angle theta.
 
-    For RK4 the stable part of each ray in the left half plane is connected, so that bisection finds
-    its end.
+    The stable part of each ray in the left half plane is connected, so that bisection finds its
+    end. With RK4 it reaches 2 on all rays.
 
     Args:
         stepper: a stepper with R(z) (`Stepper.growth`).
         theta: angle of z, any shape, in [pi/2, pi] (rad).
     """
     ray = np.exp(1j * np.asarray(theta))
-    low, high = np.full(ray.shape, 2.0), np.full(ray.shape, 4.0)
+    most = 1 + stepper.grows
+    low = np.where(np.abs(stepper.growth(2 * ray)) <= most, 2.0, 0.0)
+    high = np.full(ray.shape, 4.0)
     for _ in range(BITS):
         middle = (low + high) / 2
         z = middle * ray
-        stable = np.abs(stepper.growth(z)) <= 1
+        stable = np.abs(stepper.growth(z)) <= most
         low, high = np.where(stable, middle, low), np.where(stable, high, middle)
     return low
 
@@ -61,8 +63,8 @@ def _step_limits(stepper: Stepper, eigenvalues: np.ndarray) -> np.ndarray:
     """Return the limit for each eigenvalue; positive real parts, due to rounding, are set to 0."""
     z = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag)
     limits = np.full(z.shape, np.inf)
-    # Radii are from 2.6 to 3.0: eigenvalues below half the largest one cannot set the limit.
-    moving = (z != 0) & (np.abs(z) >= np.abs(z).max() / 2)
+    # Radii of RK4 are from 2.6 to 3.0: eigenvalues below half the largest one cannot set the limit.
+    moving = (z != 0) & ((np.abs(z) >= np.abs(z).max() / 2) | (stepper.grows > 0))
     limits[moving] = radius(stepper, np.angle(z[moving])) / np.abs(z[moving])
     return limits
 
@@ -287,7 +289,7 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
-        stepper: "rk4", "symplectic_euler", "verlet" or "adaptive".
+        stepper: "rk4", "rk4_opposite", "symplectic_euler", "verlet" or "adaptive".
 
     Returns:
         dt_max in s, and a mapping: `shape` ((N_z, N_x) of the small lattice), `exact` (whether the

@@ -42,7 +42,14 @@ from pyfric.planning.pilot import (
     pilot_run,
     quasistatic_work,
 )
-from pyfric.planning.price import CHEAP, Runs, budget, verification_work
+from pyfric.planning.price import (
+    CHEAP,
+    Runs,
+    affordable,
+    budget,
+    references,
+    verification_work,
+)
 from pyfric.scene import SceneError, chain, laws, preset, setup1, setup2
 from pyfric.statics import stability_limit
 
@@ -287,36 +294,44 @@ def test_work_is_counted(scene, t_end, tolerance):
     assert 0 < found.price <= (2 * found.work + 0.5) * (1 + 1e-9) * machine_speed()
 
 
-STAGES = 5 / 4 * TABLE
-"""Work of a step with the opposite stepper, over that with RK4."""
-
-
 @pytest.mark.parametrize(
     ("made", "full", "first", "second"),
     [
-        (0.02, 0.02, 2 * STAGES, 4),  # half the step, then a quarter
-        (1.0, 1.0, 1.4 * STAGES, None),  # 1/1.4 of it, and what is left
-        (10.0, 10.0, 2, None),  # half of it with the same stepper
-        (0.1, 1.0, 2 * STAGES, 2.8),  # full dynamics is beyond the budget, a hybrid run is not
-        (0.1, 0.15, 2 * STAGES, None),  # full dynamics is not
-        (10.0, 30.0, 2, None),  # nothing is within the budget
+        (0.02, 0.02, ("dynamic", "rk4_opposite", 4.0), ("dynamic", "rk4", 4.0)),
+        (0.1, 0.1, ("dynamic", "rk4_opposite", 4.0), None),
+        (0.5, 0.5, ("dynamic", "rk4_opposite", 1.7), None),
+        (10.0, 10.0, ("dynamic", "rk4", 2.0), None),
+        (0.1, 1.0, ("hybrid", "rk4_opposite", 4.0), None),  # full dynamics is beyond the budget
+        (10.0, 30.0, ("hybrid", "rk4", 2.0), None),
     ],
 )
 def test_work_of_verification(made, full, first, second):
     """The work of full dynamics and of the hybrid engine is that of their steps alone."""
-    scene = small()
+    scene = setup1(L=0.8, H=0.2)
     one = work(scene, "finite", full_counts(scene, 1e-6, 1e-3))
     counts = {
         engine: full_counts(scene, 1e-6, 1e-3 * seconds / one)
         for engine, seconds in (("dynamic", full), ("hybrid", made))
     }
-    runs = Runs(scene, "finite", counts, "rk4", 1e-6, "located")
-    found = verification_work(made, runs)
-    engine = full if first * full + RUN <= budget(made) else made
-    expected = min(first * engine + RUN, budget(made))
-    left = budget(made) - expected
-    assert found[0] == pytest.approx(expected)
-    assert found[1] == pytest.approx(left if second is None else second * engine + RUN)
+    runs, found, left = Runs(scene, "finite", counts, "rk4", 1e-6, "located"), [], budget(made)
+    for expected in (first, second):
+        if expected is None:
+            assert affordable(references(runs), left) is None
+            found.append(left)
+            break
+        engine, stepper, ratio = expected
+        level = affordable(references(runs), left)
+        assert (level.engine, level.stepper) == (engine, stepper)
+        assert level.dt == pytest.approx(runs.dt / ratio)
+        stages = 1.0 if stepper == "rk4" else 5 / 4 * TABLE[1]
+        steps = work(scene, "finite", runs.counts[engine], runs.stepper)
+        if runs.stepper == "rk4":
+            assert level.work == pytest.approx(RUN + stages * ratio * steps, rel=0.02)
+        found.append(level.work)
+        runs, left = runs.like(level), left - level.work
+    assert verification_work(made, Runs(scene, "finite", counts, "rk4", 1e-6, "located")) == (
+        pytest.approx(found)
+    )
 
 
 def test_operations_with_shorter_steps():

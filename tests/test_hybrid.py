@@ -24,6 +24,7 @@ from pyfric.statics import (
     EquilibriumError,
     loaded_state,
     solve_static,
+    stability_limit,
 )
 
 
@@ -115,6 +116,24 @@ def test_linear_geometry_is_full_dynamics(name):
     check_counts(b)
     assert b.counts["steps"] < 0.5 * a.counts["steps"]
     assert b.counts["jumps"] > 0
+
+
+def test_opposite_steppers_have_opposite_errors():
+    """In start and arrest forces of all events, with jumps that follow the ring-down of each."""
+    scene, t_end = SCENES["free, right"]
+    how = {"geometry": "linear", "switching": "located"}
+    dt = 0.4 * stability_limit(scene)[0]
+    exact = step(scene, t_end, dt=dt / 8, **how)
+    errors = []
+    for stepper in ("rk4", "rk4_opposite"):
+        full, jumps = both(scene, t_end, stepper=stepper, dt=dt, **how)
+        assert jumps.method.stepper == stepper
+        assert jumps.counts["jumps"] > 0
+        check_same_events(full, jumps, FORCE)
+        names = ["F_T_start", "F_T_arrest"]
+        errors.append((full.events[names] - exact.events[names]).to_numpy()[1:10] / scene.F_N)
+    assert np.abs(errors[0]).min() > 1e-7
+    np.testing.assert_allclose(errors[1], -errors[0], rtol=0.15)
 
 
 @pytest.mark.parametrize(

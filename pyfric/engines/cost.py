@@ -29,8 +29,9 @@ if TYPE_CHECKING:
 EVALUATION, BOTTOM, BLOCK = 0.9e-6, 5e-9, {"linear": 3.1e-9, "finite": 8.5e-9}
 """Time of one force evaluation, in s: a constant, a part for each bottom block, and a part for each
 block of the lattice."""
-TABLE = 1.2
-"""Time of one force evaluation of a stepper given by a table, over that of RK4."""
+TABLE = (0.25e-6, 1.2)
+"""Time of one force evaluation of a stepper given by a table: a constant, in s, and a part over
+that of RK4."""
 JUNCTION = 1.25e-9
 """Additional time of one force evaluation for each junction, in s."""
 CALL = 1e-4
@@ -75,7 +76,8 @@ def work(
     blocks = scene.N_x * scene.N_z
     evaluation = EVALUATION + BOTTOM * scene.N_x + BLOCK[geometry] * blocks
     evaluation += JUNCTION * scene.law.junctions * scene.N_x
-    evaluation *= 1.0 if STEPPERS[stepper].swept else TABLE
+    if not STEPPERS[stepper].swept:
+        evaluation = TABLE[0] + TABLE[1] * evaluation
     attempt, of_block = ATTEMPT[geometry]
     return (
         counts.get("block_evaluations", 0) / blocks * evaluation

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 PLAIN, CHEAP = 2.0, 0.5
 """Largest work of verification, in s: `PLAIN` times the work of the run, plus `CHEAP`."""
-OPPOSITE_RATIOS, RATIOS = (2.0, 1.4), (4.0, 2.0)
+OPPOSITE_RATIOS, RATIOS = (4.0, 3.0, 2.0, 1.7, 1.4), (4.0, 2.0)
 """Ratios of the step of a run to that of a reference run, with the opposite stepper and with the
 same one. With the same stepper, a smaller ratio would let both runs deviate in the same event."""
 USABLE = 0.95

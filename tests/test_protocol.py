@@ -11,6 +11,8 @@ from helpers import bits, budget_error, refused, same_run, small
 from scipy.integrate import solve_ivp
 
 import pyfric
+from pyfric import core
+from pyfric.engines.dynamic import Run, just_after
 from pyfric.scene import Scene, chain, setup1, setup2
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", switching="located")
@@ -312,6 +314,26 @@ def test_split_runs_and_the_whole_give_the_same_bits():
     assert whole.final_state.t >= 8e-4 * (1 - 1e-12)
     assert bits(whole.final_state) == bits(again.final_state)
     assert same_run(whole, again, counts={}, method=whole.method, curve=whole.curve)
+
+
+def test_checks_of_the_energy_follow_the_protocol_over_jumps(monkeypatch):
+    """The first state of a check has the energy that the driver's present motion gives it."""
+    off, look = [], Run._look
+
+    def looked(run, due):
+        state, geometry = run.good.state, run.method.geometry
+        now = core.model(run.scene, geometry, state.u_drv0, just_after(state))
+        found = (core.energies(one, state, state.t) for one in (run.good.model, now))
+        off.append(abs(np.subtract(*(sum(one.values()) for one in found))) / run.guard.rounding)
+        look(run, due)
+
+    monkeypatch.setattr(Run, "_look", looked)
+    scene = setup1(L=0.02, H=0.0125, F_N=400.0, V=2e-3)
+    stop, start = 0.047, 0.09
+    scene = driven(scene, ((stop, 2e-3), (stop, 0.0), (start, 0.0), (start, 8e-3)))
+    how = {"fidelity": "hybrid", "geometry": "linear", "progress": False}
+    assert pyfric.simulate(scene, 0.1, **how).counts["jumps"] > 10
+    assert max(off) < 10
 
 
 def test_hysteresis_loops_hold_the_work_that_is_lost():

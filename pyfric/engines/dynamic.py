@@ -336,6 +336,7 @@ class Run:
             RunError: the core could not finish a step, or the state fails a check.
         """
         if self.good is None:
+            self._follow(just_after(self.state))  # a jump may have passed a breakpoint
             self.good = self._kept()
         self._make(n_steps)
         self._look(self.state.step - self.good.state.step >= STEPS)

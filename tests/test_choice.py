@@ -299,7 +299,8 @@ def test_work_is_counted(scene, t_end, tolerance):
     [
         (0.02, 0.02, ("dynamic", "rk4_opposite", 4.0), ("dynamic", "rk4", 4.0)),
         (0.1, 0.1, ("dynamic", "rk4_opposite", 4.0), None),
-        (0.5, 0.5, ("dynamic", "rk4_opposite", 1.7), None),
+        (0.3, 0.3, ("dynamic", "rk4_opposite", 2.0), None),
+        (0.6, 0.6, ("dynamic", "rk4", 2.5), None),
         (10.0, 10.0, ("dynamic", "rk4", 2.0), None),
         (0.1, 1.0, ("hybrid", "rk4_opposite", 4.0), None),  # full dynamics is beyond the budget
         (10.0, 30.0, ("hybrid", "rk4", 2.0), None),

@@ -15,7 +15,7 @@ from pyfric.cli import main
 from pyfric.engines import ACCURACY, Options
 from pyfric.engines.cost import TABLE, full_counts, full_work, work_so_far
 from pyfric.planning import verification
-from pyfric.planning.price import OPPOSITE_RATIOS, RATIOS, Runs, budget, references
+from pyfric.planning.price import RATIOS, Runs, budget, references
 from pyfric.planning.verification import (
     DYNAMICS,
     GRACE,
@@ -447,14 +447,14 @@ class Known:
     is a shorter run, which those of steps of at most `short` dt_0 are.
     """
 
-    part, short = None, 1.4**-2
+    part, short = None, 1 / 4
 
     def __init__(self, ladder, step=0.0, bonds=0.0, chaos=None, noise=0.0, jumps=0.0, turn=np.inf):
         self.ladder, self.step, self.bonds, self.chaos = ladder, step, bonds, chaos
         self.noise, self.asked, self.jumps, self.turn = noise, [], jumps, turn
         self.ends = []
         self.dt_0 = pyfric.step_size(ladder.scene)
-        self.main, self.evaluations = main_events(ladder), 5 * 10**7
+        self.main, self.evaluations = main_events(ladder), 18 * 10**6
 
     def run(self, scene, t_end, options, enough=None):
         how = {"engine": options.fidelity, "geometry": options.geometry, "dt": options.dt}
@@ -497,21 +497,21 @@ def test_a_small_error_takes_one_more_run(ladder):
     (_, *how) = known.asked[-1]
     assert len(known.asked) == 2
     assert how == [
-        pytest.approx(1 / 1.4),
+        1 / 2,
         ACCURACY,
         "rk4_opposite",
     ]  # twice the work, and half a second
     assert errors.start == pytest.approx(SAFETY * 1e-4)
     full = known.verified("full").errors
     assert full.start == pytest.approx(SAFETY * 1e-4)
-    assert known.asked[3][1] == 1 / OPPOSITE_RATIOS[0]
+    assert known.asked[3][1] == 1 / RATIOS[0]
 
 
 def test_the_reference_is_the_best_that_is_paid_for(ladder):
     """The opposite stepper, and the largest ratio; dynamics, where that is paid for, not jumps."""
     scene, dt = ladder.scene, pyfric.step_size(ladder.scene)
     full, seen = full_work(scene, "finite", dt, 1.5), []
-    for evaluations in (10**5, 5 * 10**7, 10**9):
+    for evaluations in (10**5, 18 * 10**6, 10**9):
         known = Known(ladder, step=1e-6)
         known.evaluations = evaluations
         record = known.verified(None)
@@ -521,7 +521,7 @@ def test_the_reference_is_the_best_that_is_paid_for(ladder):
         assert stages * (full if accuracy is None else own) / share <= budget(own) * 1.01
         seen.append((share, accuracy is None, stepper))
     assert seen[0] == (1 / 4, False, "rk4_opposite")
-    assert seen[1] == (pytest.approx(1 / 1.4), False, "rk4_opposite")
+    assert seen[1] == (1 / 2, False, "rk4_opposite")
     assert seen[2] == (1 / 3, True, "rk4_opposite")  # dynamics spares nothing there
 
 
@@ -531,18 +531,16 @@ def test_undamped_motion_is_compared_with_the_same_stepper(ladder):
     )
     counts = {"dynamic": full_counts(scene, 1e-6, 1e-2)}
     for switching, eta, steppers in (
-        ("located", 1, ["rk4_opposite"] * len(OPPOSITE_RATIOS) + ["rk4"]),
-        ("located", 0, ["rk4", "rk4"]),
-        ("step_end", 1, ["rk4", "rk4"]),
+        ("located", 1, ["rk4_opposite"] * len(RATIOS) + ["rk4"] * len(RATIOS)),
+        ("located", 0, ["rk4"] * len(RATIOS)),
+        ("step_end", 1, ["rk4"] * len(RATIOS)),
     ):
         one = ladder.scene if eta else scene
         dt = 0.75 * stability_limit(one)[0]
         found = references(Runs(one, "finite", counts, "rk4", dt, switching))
         assert [level.stepper for level in found] == steppers
-        ratios = {"rk4": RATIOS, "rk4_opposite": OPPOSITE_RATIOS}
         for level in found:
-            ratio = pytest.approx(dt / level.dt)
-            assert any(ratio == possible for possible in ratios[level.stepper])
+            assert any(dt / level.dt == pytest.approx(ratio) for ratio in RATIOS)
     back = references(Runs(ladder.scene, "finite", counts, "rk4_opposite", dt / 2, "located"))
     assert back[0].stepper == "rk4"
 
@@ -554,8 +552,7 @@ def test_verification_costs_what_the_plan_announced(ladder):
         known = Known(ladder, step=1e-6)
         known.evaluations = 6 * 10**7
         record = known.verified(None, work=announced)
-        share = 1 / 1.4 if announced > 1 else 1 / RATIOS[-1]
-        assert known.asked[1][1] == pytest.approx(share)
+        assert known.asked[1][1] == 1 / RATIOS[-1]
         ended.append(known.ends[1](record))  # with as much work as the run
     assert work_so_far(record) > GRACE * budget(1e-3)
     assert ended == [False, True]
@@ -565,8 +562,8 @@ def test_a_run_that_is_too_far_off_gives_way_to_its_reference(ladder):
     """Of which no smaller error is claimed before it is compared with a finer one."""
     known = Known(ladder, step=0.007)
     record = known.verified(None)
-    assert [share for _, share, *_ in known.asked] == pytest.approx([1, 1 / 1.4, 1 / 1.4**2])
-    assert record.method.dt == known.dt_0 / 1.4
+    assert [share for _, share, *_ in known.asked] == [1, 1 / 2, 1 / 4]
+    assert record.method.dt == known.dt_0 / 2
     assert any("refined to hybrid, finite geometry" in note for note in record.notes)
     assert record.errors.until is None
     assert record.errors.holds
@@ -574,8 +571,8 @@ def test_a_run_that_is_too_far_off_gives_way_to_its_reference(ladder):
     cheap.evaluations = 3 * 10**6
     record = cheap.verified(None)
     shares = [share for _, share, *_ in cheap.asked]
-    assert shares[:2] == [1, 1 / OPPOSITE_RATIOS[0]]
-    assert record.method.dt <= cheap.dt_0 / OPPOSITE_RATIOS[0]
+    assert shares[:2] == [1, 1 / RATIOS[0]]
+    assert record.method.dt <= cheap.dt_0 / RATIOS[0]
 
 
 def test_events_are_trusted_as_far_as_the_budget_pays_for_a_finer_run(ladder):
@@ -584,10 +581,10 @@ def test_events_are_trusted_as_far_as_the_budget_pays_for_a_finer_run(ladder):
     known = Known(ladder, step=0.007)
     known.part = pyfric.simulate(ladder.scene, starts[main[3]] - 1e-3, fidelity="quasistatic")
     errors = known.verified(None).errors
-    assert known.asked[-1][1] == pytest.approx(1 / 1.4**2)
+    assert known.asked[-1][1] == 1 / 4
     assert errors.events == 3
     assert starts[main[2]] <= errors.until < starts[main[3]]
-    assert errors.measured() == pytest.approx(SAFETY * 0.007 / 1.4**4)
+    assert errors.measured() == pytest.approx(SAFETY * 0.007 / 2**4)
     assert errors.statistics
     known.part = pyfric.simulate(ladder.scene, starts[1] - 1e-3, fidelity="quasistatic")
     errors = known.verified(None).errors  # from the run of twice the step: no main event agrees
@@ -595,6 +592,18 @@ def test_events_are_trusted_as_far_as_the_budget_pays_for_a_finer_run(ladder):
     assert errors.holds is False
     assert errors.events == len(main)
     assert errors.verdict.endswith(f"BEYOND {errors.tolerance:g}")
+
+
+def test_a_budget_that_is_used_up_pays_for_no_finer_run(ladder):
+    """A run without length would be compared with nothing: a difference of 0."""
+    known = Known(ladder, step=0.007)
+    errors = known.verified(None, work=1e-3).errors
+    assert [share for _, share, *_ in known.asked] == [1, 1 / 2]
+    assert errors.holds is False
+    assert errors.events == len(main_events(ladder))
+    nothing = pyfric.simulate(ladder.scene, 0.0, fidelity="quasistatic")
+    found = differences(ladder, nothing)
+    assert Errors(want="precursors", tolerance=0.01, **found.errors()).measured() is None
 
 
 def test_other_small_events_end_the_trust_in_single_ones(ladder):
@@ -616,7 +625,7 @@ def test_small_errors_are_those_before_other_small_events(ladder):
     known.part = changed(ladder, other, last_block=1)
     record = known.verified(None)
     errors = record.errors
-    assert known.asked[1][1] == 1 / OPPOSITE_RATIOS[0]
+    assert known.asked[1][1] == 1 / RATIOS[0]
     assert starts[main[1]] < errors.until < starts[other]
     assert errors.holds
     assert errors.events == (starts[main] < errors.until).sum() >= 2
@@ -646,7 +655,7 @@ def test_linear_geometry_gives_way(ladder):
 
 def test_jumps_are_compared_with_stricter_ones(ladder):
     record = Known(ladder, jumps=10.0).verified(None)
-    factor = SAFETY / (1 + 1.4**-4)
+    factor = SAFETY / (1 + 2**-4)
     assert record.errors.start == pytest.approx(factor * 10 * (1e-4 - ACCURACY))
     for accuracy, stricter in ((1e-3, ACCURACY), (ACCURACY, ACCURACY / 10), (1e-9, 1e-9)):
         known = Known(ladder)

@@ -24,7 +24,7 @@ KINDS = {
         "simulation": "LONG",
         "starts": "EXCESS",
         "contact": "LEAST_DEFINITENESS",
-        "price": "PLAIN CHEAP RATIOS OPPOSITE_RATIOS USABLE",
+        "price": "PLAIN CHEAP RATIOS USABLE",
         "verification": "DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER FEW GRACE PERTURBATION",
         "analysis": "BINS SHIFTS PER_BIN",
         "catalogue": "T_GAP MAIN_EVENT_BLOCKS",

@@ -130,7 +130,7 @@ class Options:
         tolerance: accepted error; see `pyfric.plan`.
         verify: how the errors in `Record.errors` are measured. "sample": by a reference run within
             a budget of work, twice that of the run and half a second. "full": by a run in finite
-            geometry with at most half the step, and one whose driver is faster by 1e-9 relative.
+            geometry with a quarter of the step, and a run whose driver is faster by 1e-9 relative.
             "none": not at all. None means "none" for a named engine. For fidelity = "auto", None
             means "sample", and the run is refined if its errors exceed the tolerance.
         geometry: "finite" (as in the paper) or "linear". None leaves the choice to the plan.

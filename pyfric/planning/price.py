@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 PLAIN, CHEAP = 2.0, 0.5
 """Largest work of verification, in s: `PLAIN` times the work of the run, plus `CHEAP`."""
-OPPOSITE_RATIOS, RATIOS = (4.0, 3.0, 2.0, 1.7, 1.4), (4.0, 2.0)
-"""Ratios of the step of a run to that of a reference run, with the opposite stepper and with the
-same one. With the same stepper, a smaller ratio would let both runs deviate in the same event."""
+RATIOS = (4.0, 3.0, 2.5, 2.0)
+"""Possible ratios of the step of a run to that of its reference run. With a smaller ratio both runs
+could deviate in the same event."""
 USABLE = 0.95
 """Longest step of an opposite stepper over its stability limit, which is that at rest."""
 
@@ -85,9 +85,8 @@ def references(runs: Runs) -> list[Reference]:
     ways = [(stepper, ratio) for ratio in RATIOS]
     opposite = STEPPERS[stepper].opposite if runs.switching == "located" else ""
     if opposite:
-        limit = USABLE * stability_limit(scene, opposite)[0]
-        stable = [(opposite, ratio) for ratio in OPPOSITE_RATIOS if runs.dt / ratio <= limit]
-        ways = [*stable, ways[-1]] if stable else ways
+        longest = USABLE * stability_limit(scene, opposite)[0]
+        ways = [(opposite, ratio) for ratio in RATIOS if runs.dt / ratio <= longest] + ways
     resolve = [way for way in ways if runs.dt / way[1] <= scene.resolving_step]
     for other, ratio in resolve or ways:
         for engine in runs.counts:

@@ -5,9 +5,9 @@ run without a plan, at least ten times as accurate as those of the run, or it ma
 is all if the run jumps over stable slip, which more accurate jumps hardly spare. It is made
 with the *opposite stepper*, whose leading error is minus that of the run: the limit of short steps
 lies between both runs. Two runs with errors of one sign can agree on an outcome that shorter steps
-change. The step is up to 4 times shorter, as far as the budget pays for it, and at least 1.4 times.
-Steps that hardly damp fast motion are unstable with the opposite stepper; the reference run then
-has the stepper of the run and a quarter or half of its step. It is full dynamics rather than a
+change. The step is up to 4 times shorter, as far as the budget pays for it, and at most half as
+long. If the budget does not pay for the opposite stepper, or if it is unstable because fast motion
+is hardly damped, the reference run has the stepper of the run. It is full dynamics rather than a
 hybrid run if the budget pays for both. The budget is half a second and twice the work of the run,
 or twice the work that the plan announced if that is less.
 
@@ -350,7 +350,7 @@ class _Verification:
             if not self._beyond(rest):
                 named = tuple(int(event) for event in off["event"])
                 return dataclasses.replace(rest, undetermined=named)
-        if self.other.method.dt > self.record.method.dt:
+        if self.other.method.dt > self.record.method.dt and self.left > 0:
             first = self._first_part(self.other)
             if first.measured() is not None:
                 return first

@@ -270,8 +270,8 @@ def differences(record: Record, other: Record, until: float = math.inf) -> Diffe
     own, speeds = _Pairs(record, other, covered).rows()
     others, _ = _Pairs(other, record, covered).rows()
     others = others.rename(columns={"event": "other", "other": "event"})
-    if not len(own) and not len(others) and record.scene.driver.K:
-        begin = float(record.curve["t"].iloc[0])
+    begin = float(record.curve["t"].iloc[0])
+    if not len(own) and not len(others) and record.scene.driver.K and covered > begin:
         off = _curves_apart(record, other, covered) / record.scene.F_N
         row = {"event": 0, "other": 0, "t_start": begin, "arrest": off}
         own = pd.DataFrame([dict.fromkeys(own, np.nan) | row])

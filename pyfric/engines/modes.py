@@ -140,8 +140,8 @@ class Linearised:
         dt: step that the ring-down follows, in s; None means exact time.
         near: the slider with more stuck blocks, at the tangent that is factorised, whose space is
             extended; None: a new space.
-        modes: number of undamped modes in a new space.
         stepper: the stepper that makes these steps.
+        modes: number of undamped modes in a new space.
 
     Attributes:
         rates: eigenvalues of the damped modes, one of each conjugate pair, shape (n,), in 1/s.
@@ -164,8 +164,8 @@ class Linearised:
         stuck: np.ndarray,
         dt: float | None = None,
         near: Linearised | None = None,
-        modes: int = N_MODES,
         stepper: str = "rk4",
+        modes: int = N_MODES,
     ) -> None:
         scene = solver.scene
         self.solver, self.stuck, self.dt, self.stepper = solver, stuck, dt, stepper

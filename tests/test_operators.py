@@ -143,6 +143,17 @@ def rk4_factor(z):
     return 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24
 
 
+def test_stable_part_of_rays_of_the_opposite_stepper():
+    """From 0 to the end that is found, and not just beyond it; undamped motion grows slowly."""
+    stepper, theta = STEPPERS["rk4_opposite"], np.linspace(np.pi / 2, np.pi, 91)
+    ends, most = radius(stepper, theta), 1 + stepper.grows
+    ray = np.exp(1j * theta)
+    shares = np.linspace(0.01, 1 - 1e-9, 100)[:, None]
+    assert (np.abs(stepper.growth(shares * ends * ray)) <= most).all()
+    assert (np.abs(stepper.growth(1.001 * ends * ray)) > most).all()
+    assert ends[0] == pytest.approx((720 / 7 * stepper.grows) ** (1 / 6), rel=0.01)
+
+
 def test_each_ray_leaves_the_rk4_region_once():
     theta = np.linspace(math.pi / 2, math.pi, 181)
     ends = radius(STEPPERS["rk4"], theta)

@@ -554,6 +554,8 @@ def test_verification_costs_what_the_plan_announced(ladder):
         record = known.verified(None, work=announced)
         assert known.asked[1][1] == 1 / RATIOS[-1]
         ended.append(known.ends[1](record))  # with as much work as the run
+        assert known.asked[1][3] == "rk4"  # the opposite stepper takes longer
+        assert record.errors.start == pytest.approx(SAFETY * 1e-6)
     assert work_so_far(record) > GRACE * budget(1e-3)
     assert ended == [False, True]
 

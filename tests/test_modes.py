@@ -69,3 +69,19 @@ def test_the_closed_space_alone_misses_slower_motion(name):
     alone = Linearised(extended.solver, extended.stuck, None, closed)
     alone.B = closed.B
     assert slowest_outside(alone) < 0.95 * closed.cut
+
+
+@pytest.mark.parametrize("stepper", ["rk4", "rk4_opposite"])
+def test_amplitudes_grow_as_in_steps(stepper):
+    """R(z) of each stepper, by its polynomial; the rates themselves are the exact ones."""
+    solver = StaticSolver(*SCENES["free"])
+    stuck, dt = np.ones(solver.scene.N_x, dtype=bool), 2e-7
+    system = Linearised(solver, stuck, dt, stepper=stepper, modes=12)
+    z = system.rates * dt
+    growth = 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24 + (stepper == "rk4_opposite") * z**5 / 60
+    np.testing.assert_allclose(np.exp(system.growth * dt), growth, rtol=1e-12)
+    error = system.growth - system.rates
+    sign = 1 if stepper == "rk4_opposite" else -1
+    ringing = np.abs(z) < 0.2
+    assert ringing.sum() >= 3
+    np.testing.assert_allclose(error[ringing], sign * z[ringing] ** 5 / 120 / dt, rtol=0.25)

@@ -38,7 +38,7 @@ BITS = 52
 
 
 def radius(stepper: Stepper, theta: np.ndarray) -> np.ndarray:
-    """Return the largest |z| up to 4 with |R(z)| <= 1 on the ray of angle theta.
+    """Return the largest |z| up to 4 with |R(z)| <= 1 + `grows` on the ray of angle theta.
 
     The stable part of each ray in the left half plane is connected, so that bisection finds its
     end. With RK4 it reaches 2 on all rays.
@@ -237,15 +237,23 @@ def _small_limit(scene: Scene, stepper: Stepper, enough: float, on: float) -> fl
     A limit above `enough` (s) need not be exact. Bottom blocks may be on springs `on` (N/m).
     """
     unit = np.sqrt(scene.slider.k / scene.m)
+    if stepper.growth is not None:
+        limits = (_step_limits(stepper, found).min() for found in _eigenvalues(scene, on))
+        return float(min(limits)) / unit
     best = np.inf
     for K, C in _matrices(scene, on):
-        n = len(K)
-        if stepper.growth is not None:
-            A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
-            best = min(best, float(_step_limits(stepper, np.linalg.eigvals(A)).min()))
-        else:
-            best = min(best, _map_limit(stepper, K, C, min(best, enough * unit)))
+        best = min(best, _map_limit(stepper, K, C, min(best, enough * unit)))
     return best / unit
+
+
+@functools.lru_cache(maxsize=256)
+def _eigenvalues(scene: Scene, on: float) -> tuple[np.ndarray, ...]:
+    """Return the eigenvalues of motion with the matrices of `_matrices`; steppers share them."""
+    found = []
+    for K, C in _matrices(scene, on):
+        nil, one = np.zeros(K.shape), np.eye(len(K))
+        found.append(np.linalg.eigvals(np.block([[nil, one], [-K, -C]])))
+    return tuple(found)
 
 
 def _map_limit(stepper: Stepper, K: np.ndarray, C: np.ndarray, enough: float) -> float:
@@ -275,9 +283,10 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
 
     For "rk4", all eigenvalues lambda of [[0, I], [-M^-1 K, -M^-1 C]] must have |R(lambda dt)| <= 1.
     "adaptive" makes steps of RK4. For this stepper the value is not a limit of dt: it is the
-    largest sub-step that the error control can allow. The other steppers treat u and v differently;
-    the matrix of their whole step must have no eigenvalue outside the unit circle. For a plane wave
-    of frequency omega and damping rate gamma this means (omega dt)^2 + 2 gamma dt <= 4 for
+    largest sub-step that the error control can allow. With "rk4_opposite" undamped motion grows in
+    every step; up to 1e-4 counts as stable. The other steppers treat u and v differently; the
+    matrix of their whole step must have no eigenvalue outside the unit circle. For a plane wave of
+    frequency omega and damping rate gamma this means (omega dt)^2 + 2 gamma dt <= 4 for
     "symplectic_euler". For "verlet" it is a polynomial condition, which is omega dt <= 2 without
     damping and gamma dt <= 2 without stiffness.
 

@@ -264,7 +264,7 @@ class _Choice:
         if self.want == "motion":
             return self._full("motion between events is wanted, which only full dynamics has")
         if self.stepped:
-            return self._full("only full dynamics has these options")
+            return self._full("plans have these options with full dynamics only")
         if full <= CHEAP:
             return self._full(f"full dynamics takes about {full * machine_speed():.2g} s")
         pilot = pilot_run(scene, self.t_end)

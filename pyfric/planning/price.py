@@ -151,6 +151,6 @@ def price(
         return budget(made), 0.0
     stepper, geometry = options.stepper, options.geometry or default_geometry(scene)
     full = full_counts(scene, dt, t_end, stepper, options.calls_on(scene))
-    counts = operations(scene, engine, counts or full, full | {"calls": 0}, stepper)
+    each = operations(scene, engine, counts or full, full | {"calls": 0}, stepper)
     switching = options.switching or default_switching(scene)
-    return verification_work(made, Runs(scene, geometry, counts, stepper, dt, switching))
+    return verification_work(made, Runs(scene, geometry, each, stepper, dt, switching))

@@ -306,9 +306,8 @@ class _Verification:
         """Return the options of a reference run."""
         method = self.record.method
         how = {"fidelity": level.engine, "geometry": self.geometry}
-        how |= {"stepper": level.stepper, "dt": level.dt, "accuracy": None, "rtol": method.rtol}
-        if method.rtol:
-            how["rtol"] = max(method.rtol * (level.dt / method.dt) ** 4, 1e-12)
+        how |= {"stepper": level.stepper, "dt": level.dt, "accuracy": None}
+        how["rtol"] = method.rtol and max(method.rtol * (level.dt / method.dt) ** 4, 1e-12)
         if level.engine == "hybrid":
             strict = STRICTER * (method.accuracy or ACCURACY)
             if not self.record.counts.get("slides", 0):

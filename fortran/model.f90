@@ -41,7 +41,7 @@ module pyfric_model
   end type counts_t
 
   !> Numbers passed by Python, in this order, with the names of pyfric.core.Constants; `new_model` reads the others.
-  type, bind(c) :: constants_t
+  type :: constants_t
     real(dp) :: l           !! lattice constant [m]
     real(dp) :: k           !! stiffness of nearest-neighbour springs [N/m]; diagonals have k/2
     real(dp) :: eta         !! bond viscosity [N s/m]
@@ -55,7 +55,7 @@ module pyfric_model
     real(dp) :: d           !! direction in which the driver pushes: +1 or -1
     real(dp) :: k_drv       !! stiffness of the driver on each driven block, K over their number [N/m]
     real(dp) :: v_drv       !! driver speed V at t_seg [m/s]
-    real(dp) :: u_drv0      !! mean u_x of the driven blocks at which F_T = 0 at t = 0 [m]
+    real(dp) :: u_mean      !! mean u_x of the driven blocks at which F_T = 0 at t = 0 [m]
     real(dp) :: p_corner    !! slip that starts below this p is a corner episode [N]
     real(dp) :: k_top       !! stiffness that holds each block of a free top row at u_x = 0 [N/m]
     real(dp) :: t_seg       !! begin of the piece of the protocol that is being run [s]
@@ -66,7 +66,7 @@ module pyfric_model
     real(dp) :: ruptured    !! share of pinned junctions below which a block is ruptured
   end type constants_t
 
-  type :: model_t
+  type, extends(constants_t) :: model_t
     logical :: complete = .false.   !! there was enough memory
     integer :: nx           !! blocks along the interface
     integer :: nz           !! rows
@@ -85,26 +85,6 @@ module pyfric_model
     integer :: j_shear      !! row on which shear acts
     real(dp) :: z_p         !! impedance of a block to longitudinal waves, rho c_P times its face [N s/m]
     real(dp) :: z_s         !! the same for shear waves
-    real(dp) :: l           !! these: see constants_t
-    real(dp) :: k
-    real(dp) :: eta
-    real(dp) :: m
-    real(dp) :: f_n
-    real(dp) :: m_rod
-    real(dp) :: i_rod
-    real(dp) :: m_top
-    real(dp) :: i_top
-    real(dp) :: kappa
-    real(dp) :: d
-    real(dp) :: k_drv
-    real(dp) :: v_drv
-    real(dp) :: p_corner
-    real(dp) :: k_top
-    real(dp) :: t_seg
-    real(dp) :: x_drv
-    real(dp) :: a_drv
-    real(dp) :: load_rate
-    real(dp) :: shear_rate
     type(law_t) :: law      !! friction under the bottom row
     real(dp) :: series(7, N_BOND) !! of each bond's spring in finite geometry, see `series` [N/m^(2n+1)], n = 1...
     logical :: sheared      !! shear, its rate or k_top is not zero
@@ -127,7 +107,6 @@ contains
                                                        !! see take_rows
     type(model_t) :: s
     type(counts_t) :: n
-    type(constants_t) :: c
     integer :: first, last, failed
 
     n = transfer(counts, n)
@@ -145,15 +124,15 @@ contains
     s%top = n%top
     s%along = n%along == 1
     s%j_shear = merge(1, s%nz, s%prescribed)
-    first = storage_size(c)/storage_size(s%l)
-    c = transfer(numbers(:first), c)
-    call take_constants(c, s)
+    first = storage_size(s%constants_t)/storage_size(s%l)
+    s%constants_t = transfer(numbers(:first), s%constants_t)
+    call derive(s)
     last = first + s%j_h_top - s%j_h + 1
     allocate (s%at(s%n), s%u_drv0(s%j_h:s%j_h_top), stat=failed)
     if (failed /= 0) return
     s%at(:) = elements(s%n)
-    s%u_drv0(:) = c%u_drv0 + numbers(first + 1:last)
-    call take_rows(numbers(last + 1:), n, c%ruptured, s)
+    s%u_drv0(:) = s%u_mean + numbers(first + 1:last)
+    call take_rows(numbers(last + 1:), n, s)
     if (.not. s%complete) return
     s%sheared = s%k_top > 0.0_dp .or. abs(s%shear_rate) > 0.0_dp .or. any(abs(s%shear) > 0.0_dp)
     s%pushed = any(abs(s%push) > 0.0_dp) .or. any(abs(s%push_rate) > 0.0_dp)
@@ -161,10 +140,9 @@ contains
 
   !> Rows of N_x numbers: x [m], load, shear and push [N], rate of push [N/s], k_f [N/m], the fields of the law; then the
   !> knots of its tables, and thresholds of junctions.
-  pure subroutine take_rows(numbers, n, ruptured, s)
+  pure subroutine take_rows(numbers, n, s)
     real(dp), contiguous, intent(in) :: numbers(:)
     type(counts_t), intent(in) :: n
-    real(dp), intent(in) :: ruptured  !! share of pinned junctions
     type(model_t), intent(inout) :: s
     integer, parameter :: ROWS = 6
     integer :: nx, last, failed
@@ -179,43 +157,23 @@ contains
     s%push_rate(:) = numbers(4*nx + 1:5*nx)
     s%k_f(:) = numbers(5*nx + 1:6*nx)
     last = (ROWS + N_FIELDS)*nx
-    s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%d < 0.0_dp, ruptured, &
+    s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%d < 0.0_dp, s%ruptured, &
                     [n%n_hold, n%n_slide, n%n_speed, n%n_age], numbers(last + 1:), &
                     numbers(ROWS*nx + 1:last))
     s%complete = s%law%complete
   end subroutine take_rows
 
-  pure subroutine take_constants(c, s)
-    type(constants_t), intent(in) :: c
+  !> What follows from the constants alone: impedances of a block, and springs in finite geometry.
+  pure subroutine derive(s)
     type(model_t), intent(inout) :: s
     integer :: b
 
-    s%l = c%l
-    s%k = c%k
-    s%eta = c%eta
-    s%m = c%m
-    s%f_n = c%f_n
-    s%m_rod = c%m_rod
-    s%i_rod = c%i_rod
-    s%m_top = c%m_top
-    s%i_top = c%i_top
-    s%kappa = c%kappa
-    s%d = c%d
-    s%k_drv = c%k_drv
-    s%v_drv = c%v_drv
-    s%p_corner = c%p_corner
-    s%k_top = c%k_top
-    s%t_seg = c%t_seg
-    s%x_drv = c%x_drv
-    s%a_drv = c%a_drv
-    s%load_rate = c%load_rate
-    s%shear_rate = c%shear_rate
     s%z_p = sqrt(1.5_dp*s%k*s%m)
     s%z_s = sqrt(0.5_dp*s%k*s%m)
     do b = 1, N_BOND
       s%series(:, b) = series(BONDS(b)%stiffness*s%k, sum(BONDS(b)%d**2)*s%l**2)
     end do
-  end subroutine take_constants
+  end subroutine derive
 
   !> Share of whole blocks in row j: one half at a prescribed interface and at an absorbing top.
   pure function row_share(s, j) result(c)

@@ -437,7 +437,8 @@ def components(name):
     """Return the components of a derived type in Fortran, in order, those of its parts in place."""
     folder = Path(__file__).parents[1] / "fortran"
     source = (folder / "law.f90").read_text() + (folder / "model.f90").read_text()
-    body = re.search(rf"type, bind\(c\) :: {name}\n(.*?)end type {name}", source, re.S).group(1)
+    pattern = rf"type(?:, bind\(c\))? :: {name}\n(.*?)end type {name}"
+    body = re.search(pattern, source, re.S).group(1)
     found = []
     for kind, component in re.findall(r"^ +(.*?) :: (\w+)", body, re.M):
         part = re.fullmatch(r"type\((\w+)\)", kind)

@@ -303,7 +303,7 @@ def test_signs_are_compared_not_products():
     for name in ("y", "rod", "margin"):
         setattr(tiny, name, scale * getattr(state, name))
     numbers = model.numbers.copy()
-    for name in ("F_N", "v_drv", "u_drv0", "p_corner"):
+    for name in ("F_N", "v_drv", "u_mean", "p_corner"):
         numbers[core.Constants._fields.index(name)] *= scale
     load = slice(-2 * scene.N_x, -scene.N_x)
     numbers[load] *= scale

@@ -61,7 +61,7 @@ class Constants(NamedTuple):
     d: float
     k_drv: float
     v_drv: float
-    u_drv0: float
+    u_mean: float
     p_corner: float
     k_top: float
     t_seg: float
@@ -174,7 +174,7 @@ def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) ->
         d=scene.d,
         k_drv=scene.driver.K / scene.n_driven,
         v_drv=V.at(begin),
-        u_drv0=float(np.mean(home)),
+        u_mean=float(np.mean(home)),
         p_corner=CORNER_SHARE * scene.F_N / scene.N_x,
         k_top=scene.k_top,
         t_seg=begin,
@@ -194,7 +194,7 @@ def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) ->
         counts = counts._replace(n_junctions=kind.n_s, seed_low=words[0], seed_high=words[1])
         constants = constants._replace(ruptured=kind.ruptured)
         knots = [*knots, scene.law.thresholds.ravel()]
-    aside = home - constants.u_drv0
+    aside = home - constants.u_mean
     packed = _packed(counts, constants, aside, scene.x, load, shear, *push, *rows, *knots)
     if not np.isfinite(packed.numbers).all():
         raise ValueError(f"constants of the scene are not finite: {constants}")

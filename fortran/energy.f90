@@ -44,13 +44,13 @@ contains
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)   !! state
     real(dp), intent(in) :: rod(6)             !! rod
     real(dp), intent(in) :: memory(s%law%n_memory, s%nx) !! see pyfric_law
-    real(dp) :: e(N_ENERGY), p(s%nx), bottom(LB:s%n + LANES, 4)
+    real(dp) :: e(N_ENERGY), p(s%nx)
     integer :: j
 
     e = 0.0_dp
     do j = 1, s%nz
       e(1) = e(1) + 0.5_dp*s%m*row_share(s, j)*sum(column_shares(s)*(y(s%at(:s%nx), VX, j)**2 + y(s%at(:s%nx), VZ, j)**2))
-      e(3) = e(3) + bond_energy(s, j, row(j), row(min(j + 1, s%nz)))
+      e(3) = e(3) + bond_energy(s, j, y(LB, 1, j), y(LB, 1, min(j + 1, s%nz)))
     end do
     if (.not. s%prescribed) then
       e(4) = 0.5_dp*s%k_f(1)*sum(s%k_f/s%k_f(1)*min(y(s%at(:s%nx), UZ, 1), 0.0_dp)**2)
@@ -67,19 +67,7 @@ contains
       end do
     end if
     if (s%law%rests) return
-    bottom = row(1)
-    call foundation(s, bottom(LB, UZ), p)
+    call foundation(s, y(LB, UZ, 1), p)
     e(7) = interface_energy(s%law, s%nx, memory, y(s%at(:s%nx), UX, 1), p)
-
-  contains
-
-    !> A row without the columns beyond the sides.
-    pure function row(j) result(q)
-      integer, intent(in) :: j
-      real(dp) :: q(LB:s%n + LANES, 4)
-
-      q = 0.0_dp
-      q(s%at(:s%nx), :) = y(s%at(:s%nx), :, j)
-    end function row
   end function energies
 end module pyfric_energy

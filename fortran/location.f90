@@ -141,7 +141,8 @@ contains
     control%works = budget
   end subroutine plan_substep
 
-  !> Tests a trial sub-step by its bottom rows. If it is rejected, another length is tried from the same start.
+  !> Tests a trial sub-step by its bottom rows: it is accepted if its error is small, and no event function crosses zero
+  !> before its end. If it is rejected, another length is tried from the same start.
   subroutine test_substep(s, step, t0, dt, err, old, new, contact, w, control, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
@@ -159,7 +160,19 @@ contains
     control%finished = control%length >= control%remaining
     control%t = t0 + step*dt + (control%start + control%length)
     if (control%finished) control%t = t0 + (step + 1.0_dp)*dt
-    call test_error_and_events(s, control%t, dt, err, old, new, contact, w, control, control%crossed, status)
+    control%crossed = .false.
+    control%accepted = control%phase /= WHOLE .or. err <= 1.0_dp
+    if (.not. control%accepted) then
+      control%length = 0.5_dp*control%length
+      control%longest = control%length
+      if (control%length < SHORTEST_SUBSTEP*dt) status = TOO_SHORT
+    else if (control%located) then
+      call evaluate_events(s, control%t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, control%marks, w, control%g, &
+                           control%margin)
+      control%crossed = any(control%g < 0.0_dp)
+      if (control%crossed .or. control%phase == SEARCH) call narrow_search(dt, control)
+      if (control%accepted) call check_dips(s, control%t, dt, old, new, contact, w, control)
+    end if
     control%finished = control%finished .and. control%accepted
   end subroutine test_substep
 
@@ -204,39 +217,9 @@ contains
     call plan_substep(s, control%t, dt, contact, budget, control)
   end subroutine complete_substep
 
-  !> Whether the sub-step is accepted: its error is small, and no event function crosses zero before its end.
-  subroutine test_error_and_events(s, t, dt, err, old, new, contact, w, control, crossed, status)
-    type(model_t), intent(in) :: s
-    real(dp), intent(in) :: t                              !! time at its end [s]
-    real(dp), intent(in) :: dt                             !! step [s]
-    real(dp), intent(in) :: err                            !! error over what is allowed
-    real(dp), intent(in) :: old(LB:s%n + LANES, 4, s%nz)   !! state at the start of the sub-step
-    real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at its end
-    type(contact_t), intent(in) :: contact
-    type(row_t), intent(inout) :: w
-    type(step_control_t), intent(inout) :: control
-    logical, intent(out) :: crossed                        !! an event function is negative at its end
-    integer(ip), intent(inout) :: status                   !! see pyfric_status
-
-    crossed = .false.
-    control%accepted = control%phase /= WHOLE .or. err <= 1.0_dp
-    if (.not. control%accepted) then
-      control%length = 0.5_dp*control%length
-      control%longest = control%length
-      if (control%length < SHORTEST_SUBSTEP*dt) status = TOO_SHORT
-      return
-    end if
-    if (.not. control%located) return
-    call evaluate_events(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, control%marks, w, control%g, control%margin)
-    crossed = any(control%g < 0.0_dp)
-    if (crossed .or. control%phase == SEARCH) call narrow_search(dt, crossed, control)
-    if (control%accepted) call check_dips(s, t, dt, old, new, contact, w, control)
-  end subroutine test_error_and_events
-
   !> Narrows the search interval by the result of the trial, and chooses the next trial.
-  pure subroutine narrow_search(dt, crossed, control)
+  pure subroutine narrow_search(dt, control)
     real(dp), intent(in) :: dt           !! step [s]
-    logical, intent(in) :: crossed       !! an event function is negative at the end of the trial
     type(step_control_t), intent(inout) :: control
     real(dp) :: root
 
@@ -247,7 +230,7 @@ contains
       control%moved = 0
       control%trials = 0
     end if
-    if (crossed) then
+    if (control%crossed) then
       control%b = control%length
       control%g_b = control%g
       if (control%moved == 1) control%g_a = 0.5_dp*control%g_a
@@ -260,7 +243,7 @@ contains
     end if
     control%trials = control%trials + 1
     root = control%a + (control%b - control%a)*first_root(control%g_a, control%g_b)
-    control%accepted = crossed .and. control%b - root <= ROOT_WIDTH*dt
+    control%accepted = control%crossed .and. control%b - root <= ROOT_WIDTH*dt
     if (control%accepted) return
     if (mod(control%trials, 3) == 0) root = 0.5_dp*(control%a + control%b)
     control%length = min(max(root, control%a) + 0.5_dp*ROOT_WIDTH*dt, control%b)

@@ -290,24 +290,13 @@ contains
     run%t = method%t0 + run%step*method%dt
     if (.not. run%no_substeps) run%t = run%t + run%control%start
     if (.not. run%control%finished) return
-    if (log%every > 0) call sample(s, method, run, new, rod, contact, budget, log)
+    if (log%every > 0) then
+      if (modulo(run%step, real(log%every, dp)) <= 0.0_dp) then
+        call log_point(log, curve_point(s, run%t, new, rod, contact%memory, method%keep_budget, budget, contact%loss))
+      end if
+    end if
     run%goes_on = run%step < run%end_step .and. log_has_room(s, method, log)
   end subroutine complete_step
-
-  !> Logs a point of the loading curve if this is the end of a multiple of `every` steps.
-  subroutine sample(s, method, run, y, rod, contact, budget, log)
-    type(model_t), intent(in) :: s
-    type(method_t), intent(in) :: method
-    type(run_t), intent(in) :: run
-    real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)     !! state
-    real(dp), intent(in) :: rod(6)                         !! rod
-    type(contact_t), intent(in) :: contact
-    type(budget_t), intent(in) :: budget
-    type(log_t), intent(inout) :: log
-
-    if (modulo(run%step, real(log%every, dp)) > 0.0_dp) return
-    call log_point(log, curve_point(s, run%t, y, rod, contact%memory, method%keep_budget, budget, contact%loss))
-  end subroutine sample
 
   !> True while one more step cannot overflow the log.
   pure function log_has_room(s, method, log) result(yes)

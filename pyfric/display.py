@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from tqdm import tqdm
 
-__all__ = ["Progress", "drawing", "html", "jobs_bar", "page", "plain", "run_bar"]
-
 figures: Any = None
 """A function that imports and returns `pyfric.figures`; `pyfric` sets it."""
 

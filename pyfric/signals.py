@@ -20,19 +20,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-__all__ = [
-    "SIGNALS",
-    "answered",
-    "asked_to_stop",
-    "at_once",
-    "commanded",
-    "forget",
-    "held_back",
-    "nothing_to_save",
-    "raise_if_asked",
-    "saved_first",
-]
-
 SIGNALS = (
     *(signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT),
     *(signal.SIGUSR1, signal.SIGXCPU),

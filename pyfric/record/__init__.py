@@ -25,7 +25,6 @@ from pyfric.record.catalogue import (
 )
 from pyfric.record.classes import (
     SLOW,
-    RuptureClass,
     creeps_to_rest,
     rupture_class,
 )

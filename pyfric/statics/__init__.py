@@ -1,11 +1,10 @@
 """Static states of the slider."""
 
-from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.blas import one_thread, one_thread_if_small
 from pyfric.statics.complementarity import Contact, ContactProblem, Route, Static
 from pyfric.statics.condensation import LARGE
 from pyfric.statics.contact import LEAST_DEFINITENESS, States, Values
-from pyfric.statics.creep import Change, Creep, Point, creeps
+from pyfric.statics.creep import Creep, Point, creeps
 from pyfric.statics.equilibrium import RememberedStates, StaticSolver, loaded_state, solve_static
 from pyfric.statics.lattice import bonds, spring_stiffness
 from pyfric.statics.memory import Memory
@@ -20,43 +19,3 @@ from pyfric.statics.rest import (
 from pyfric.statics.stability import stability_limit
 from pyfric.statics.starts import check_pushes, forced, overstressed, ramped
 from pyfric.statics.system import System
-
-__all__ = [
-    "LARGE",
-    "LEAST_DEFINITENESS",
-    "NO_RESTS",
-    "BandedCholesky",
-    "Change",
-    "Contact",
-    "ContactProblem",
-    "Creep",
-    "Equilibrium",
-    "EquilibriumError",
-    "Memory",
-    "Point",
-    "RememberedStates",
-    "Route",
-    "States",
-    "Static",
-    "StaticSolver",
-    "System",
-    "Values",
-    "bonds",
-    "check_pushes",
-    "check_rests",
-    "check_sticks",
-    "creeps",
-    "damping",
-    "dispersion",
-    "forced",
-    "loaded_state",
-    "mass",
-    "one_thread",
-    "one_thread_if_small",
-    "overstressed",
-    "ramped",
-    "solve_static",
-    "spring_stiffness",
-    "stability_limit",
-    "stiffness",
-]

@@ -78,9 +78,6 @@ class Material:
             falls with l. That is a viscosity of 0.82 l sqrt(E rho), which damps waves of a few
             blocks for every l.
 
-    Raises:
-        SceneError: a value is missing, unknown, of the wrong type or out of range.
-
     Source: PRL 107, 074301 (2011), model section, for k and eta.
     """
 

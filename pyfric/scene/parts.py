@@ -1,6 +1,7 @@
 """The parts of a scene: slider, top boundary, driver, interface.
 
-Symbols and boundaries are those of PRL 107, 074301 (2011).
+Symbols and boundaries are those of PRL 107, 074301 (2011). Every part, `Material` and `Spread`
+raise SceneError if a value is missing, unknown, of the wrong type or out of range.
 """
 
 import dataclasses
@@ -63,9 +64,6 @@ class Slider:
             of its blocks, including rotation. "along": it resists only the component along the
             bond, so that rotation is free.
 
-    Raises:
-        SceneError: a value is missing, unknown, of the wrong type or out of range.
-
     Source: PRL 107, 074301 (2011), model section.
     """
 
@@ -100,9 +98,6 @@ class Slider:
             name: a key of `pyfric.MATERIALS`, for values that are not given.
             width, E, density, viscosity: see `Material`.
             **fields: L, H, l and other fields of the slider, except k and M.
-
-        Raises:
-            SceneError: a value is missing, unknown, of the wrong type or out of range.
 
         >>> slab = {"L": "140 mm", "H": "75 mm", "l": "2.5 mm"}
         >>> pyfric.Slider.of_material(E="3 GPa", width="6 mm", density=1200.0, **slab).k
@@ -191,9 +186,6 @@ class Rod(Top):
 
     F_N = 0 is refused, because no block would be in contact, and F_N is the unit of force.
 
-    Raises:
-        SceneError: a value is missing, unknown, of the wrong type or out of range.
-
     Source: PRL 107, 074301 (2011), setup 1.
     """
 
@@ -222,9 +214,6 @@ class DistributedLoad(Top):
         push: forces in the drive direction on blocks of the interface; see `PrescribedLoad`.
 
     F_N = 0 is refused, because no block would be in contact, and F_N is the unit of force.
-
-    Raises:
-        SceneError: a value is missing, unknown, of the wrong type or out of range.
 
     Source: PRL 107, 074301 (2011), setup 2.
     """
@@ -263,9 +252,6 @@ class PrescribedLoad(Top):
             a force (N), and optionally start and end times (s) and a growth rate (N/s). Examples:
             ((1, 0.2),) without end, ((1, 0.2, 0.0, 1e-3),) for 1 ms, ((1, 0.0, 0.0, inf, 50.0),)
             for a ramp. With tau, a push has to exceed the strength of its block.
-
-    Raises:
-        SceneError: a value is missing, unknown, of the wrong type or out of range.
 
     Source: D. S. Amundsen et al., Phys. Rev. E 92, 032406 (2015), fronts in a chain with
     prescribed stresses.
@@ -333,9 +319,6 @@ class Driver:
         h_top: height of the plate's upper edge, m; a multiple of l, h <= h_top <= H. None means
             one driven block.
 
-    Raises:
-        SceneError: a value is missing, unknown, of the wrong type or out of range.
-
     Source: PRL 107, 074301 (2011), F_T = K (V t - x_h), for one block.
     """
 
@@ -378,9 +361,6 @@ class Interface:
     stiffer, slip is stable and follows the driver, until the slipping zone is too long. Steps
     resolve weakening if dt sqrt((mu_s - mu_k) p/(m d_c)) is below 1, with p = F_N/N_x; otherwise
     the record carries a note.
-
-    Raises:
-        SceneError: a value is missing, unknown, of the wrong type or out of range.
 
     Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
     """

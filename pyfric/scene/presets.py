@@ -158,12 +158,7 @@ def setup1(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     the paper gives 75.6 g. This mass leads to the paper's wave speeds (1677 and 968 m/s) only at
     L = 140 mm; therefore the density is kept. M=0.0756 gives the mass of the caption at every L.
 
-    Args:
-        changes: names of fields to values, as in `Scene.replace`.
-        **fields: the same, for names without a dot.
-
-    Raises:
-        SceneError: a name is unknown or in several parts, or a value is refused.
+    Changes and errors are those of `preset`.
 
     Source: PRL 107, 074301 (2011), Fig. 1 and its caption.
     """
@@ -179,12 +174,7 @@ def slow(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     standard deviation of 0.6 ms. n_s, u_s, t_R and other parameters of `pyfric.laws.Junctions` can
     be changed by name, too. If n_s is changed, u_s is kept.
 
-    Args:
-        changes: names of fields to values, as in `Scene.replace`.
-        **fields: the same, for names without a dot.
-
-    Raises:
-        SceneError: a name is unknown or in several parts, or a value is refused.
+    Changes and errors are those of `preset`.
 
     Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014).
     """
@@ -199,12 +189,7 @@ def setup2(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     0.833, 0 and -0.833), K = 0.8 MN/m, V = 0.45 mm/s, h = 2 mm, mu_s = 0.7, mu_k = 0.45. If l is
     changed, k and M stay the same.
 
-    Args:
-        changes: names of fields to values, as in `Scene.replace`.
-        **fields: the same, for names without a dot.
-
-    Raises:
-        SceneError: a name is unknown or in several parts, or a value is refused.
+    Changes and errors are those of `preset`.
 
     Source: PRL 107, 074301 (2011), setup 2.
     """
@@ -224,12 +209,7 @@ def chain(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     Waves then travel at l sqrt(k/m) = 1595 m/s, the speed sqrt(E/rho) of long waves in a rod.
     Driver and friction are those of setup 1, with tau = 0 and k_top = 0.
 
-    Args:
-        changes: names of fields to values, as in `Scene.replace`.
-        **fields: the same, for names without a dot.
-
-    Raises:
-        SceneError: a name is unknown or in several parts, or a value is refused.
+    Changes and errors are those of `preset`.
 
     Source: PRL 107, 074301 (2011), setup 1.
     """
@@ -297,12 +277,7 @@ def tpv3(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     l = 100 m, L = 18 km and H = 12 km, rounded to whole blocks; l should divide 1.5 km. Top and
     right side are absorbing. eta and dashpots are those of `slab`. d_c = 0.2 m.
 
-    Args:
-        changes: names of fields to values, as in `Scene.replace`.
-        **fields: the same, for names without a dot.
-
-    Raises:
-        SceneError: a name is unknown or in several parts, or a value is refused.
+    Changes and errors are those of `preset`.
 
     Source: R. A. Harris et al., Seismol. Res. Lett. 80, 119 (2009), and the SCEC benchmarks.
     """

@@ -40,9 +40,6 @@ class Spread:
     has no correlation length. The uniform numbers are those of Philox 4x64 with ten rounds. Only
     additions, products and one square root follow, so that fields are the same on any machine.
 
-    Raises:
-        SceneError: a value is missing, unknown, of the wrong type or out of range.
-
     Source: J. K. Salmon et al., Proc. SC11, 16 (2011), Philox.
     """
 

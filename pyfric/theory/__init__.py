@@ -1,4 +1,7 @@
-"""What theory says about fronts: wave speeds, fracture mechanics, the exact chain."""
+"""What theory says about fronts: wave speeds, fracture mechanics, the exact chain.
+
+Every function raises ValueError if a value is out of range.
+"""
 
 from pyfric.theory.chain import (
     LARGEST_VISCOSITY,

@@ -68,9 +68,6 @@ def chain_prestress(v: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.nd
         alpha: absolute viscosity in sqrt(k m), 0 to `LARGEST_VISCOSITY`.
         eta: bond viscosity in sqrt(k m), 0 to `LARGEST_VISCOSITY`.
 
-    Raises:
-        ValueError: a value is out of range.
-
     Source: see the module.
     """
     alpha, eta = _viscosities(alpha, eta)
@@ -101,9 +98,6 @@ def chain_prestress_overdamped(w: ArrayLike) -> np.ndarray:
 
     Args:
         w: alpha v in c sqrt(k m), any shape, `SLOWEST_OVERDAMPED` to `FASTEST_OVERDAMPED`.
-
-    Raises:
-        ValueError: a value is out of range.
     """
     limits = {"ge": SLOWEST_OVERDAMPED, "le": FASTEST_OVERDAMPED}
     w = checked_array("w", w, "c sqrt(k m)", **limits)
@@ -117,9 +111,6 @@ def chain_speed_overdamped(tau_bar: ArrayLike, alpha: float) -> np.ndarray:
         tau_bar: scaled prestress, between 0 and 1, any shape.
         alpha: absolute viscosity in sqrt(k m), > 0. The limit is that of v << alpha: at
             v = 0.1 alpha the true speed differs by about 1 %.
-
-    Raises:
-        ValueError: a value is out of range.
     """
     tau_bar = checked_array("tau_bar", tau_bar, gt=0, lt=1)
     alpha = checked("alpha", alpha, "sqrt(k m)", gt=0)
@@ -134,9 +125,6 @@ def chain_speed_undamped(tau_bar: ArrayLike) -> np.ndarray:
 
     Args:
         tau_bar: scaled prestress, 0 to 1 (not included), any shape.
-
-    Raises:
-        ValueError: a value is out of range.
 
     >>> round(float(pyfric.theory.chain_speed_undamped(0.6)), 12)
     1.25

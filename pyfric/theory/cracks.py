@@ -53,9 +53,6 @@ def alpha_s(material: Material, v: ArrayLike) -> np.ndarray:
     Args:
         material: the material.
         v: speed, m/s, any shape, 0 to c_S.
-
-    Raises:
-        ValueError: v is out of range.
     """
     return np.sqrt(1 - _xi(material, v, material.c_S) ** 2)[()]
 
@@ -78,9 +75,6 @@ def A_II(material: Material, v: ArrayLike) -> np.ndarray:
         material: the material; 1/(1 - nu) = 2 (1 - c_S^2/c_P^2), in plane stress 1 + nu.
         v: front speed, m/s, any shape, 0 to c_R (not included).
 
-    Raises:
-        ValueError: v is out of range.
-
     Source: Freund (1990), chapter 5.
     """
     xi2 = _xi(material, v, material.c_R, open_=True) ** 2
@@ -97,9 +91,6 @@ def I_v(material: Material, v: ArrayLike) -> np.ndarray:
     Args:
         material: the material.
         v: front speed, m/s, any shape, 0 to c_R; the value at 0 is the limit.
-
-    Raises:
-        ValueError: v is out of range.
 
     Source: Freund (1990), chapter 6.
     """
@@ -169,9 +160,6 @@ def energy_release_rate(
         K_II: static stress intensity, Pa sqrt(m), any shape; see `stress_intensity`.
         v: front speed, m/s, 0 to c_R, any shape that broadcasts.
         bodies: 1, on a rigid plane, or 2.
-
-    Raises:
-        ValueError: a value is out of range.
     """
     share = choice("bodies", bodies, (1, 2)) / 2
     K, xi = same_shape(
@@ -193,9 +181,6 @@ def crack_length(
         stress_drop: dtau, Pa.
         Gamma: fracture energy in the convention of `bodies`, J/m^2.
         bodies: 1, on a rigid plane, or 2.
-
-    Raises:
-        ValueError: a value is out of range.
 
     Source: Freund (1990), chapter 7; see the approximation at the top of the module.
     """

@@ -63,9 +63,6 @@ def lattice_waves(
     Returns:
         `Waves`, each of the shape of q.
 
-    Raises:
-        ValueError: a value is out of range.
-
     Source: PRL 107, 074301 (2011): omega = 2 sqrt(a k/m) sin(q l/2), a = 3/2, 1/2, 1.
     """
     k, m, l = checked("k", k, "N/m", gt=0), checked("m", m, "kg", gt=0), checked("l", l, "m", gt=0)
@@ -184,9 +181,6 @@ class Material:
             E: Young modulus, Pa.
             nu: Poisson's ratio, -0.99 to 0.5.
             rho: density, kg/m^3.
-
-        Raises:
-            ValueError: a value is out of range.
         """
         E, rho = checked("E", E, "Pa", gt=0), checked("rho", rho, "kg/m^3", gt=0)
         nu = checked("nu", nu, ge=-0.99, le=0.5)
@@ -201,9 +195,6 @@ class Material:
             E: Young modulus, Pa.
             nu: Poisson's ratio, -0.99 to 0.499999.
             rho: density, kg/m^3.
-
-        Raises:
-            ValueError: a value is out of range.
         """
         E, rho = checked("E", E, "Pa", gt=0), checked("rho", rho, "kg/m^3", gt=0)
         nu = checked("nu", nu, ge=-0.99, le=0.499999)

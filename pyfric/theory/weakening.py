@@ -29,9 +29,6 @@ def fracture_energy(mu_s: float, mu_k: float, p: ArrayLike, d_c: ArrayLike) -> n
         p: normal stress, Pa, any shape.
         d_c: slip of weakening, m, any shape that broadcasts.
 
-    Raises:
-        ValueError: a value is out of range.
-
     Source: Palmer and Rice (1973).
     """
     drop = _friction_drop(mu_s, mu_k, p)
@@ -61,9 +58,6 @@ def cohesive_zone(
         v: front speed, m/s, 0 to c_R (not included), any shape that broadcasts.
         bodies: 1, on a rigid plane, or 2.
 
-    Raises:
-        ValueError: a value is out of range.
-
     Source: Palmer and Rice (1973).
     """
     share = choice("bodies", bodies, (1, 2)) / 2
@@ -85,9 +79,6 @@ def strength_excess(tau_p: ArrayLike, tau_0: ArrayLike, tau_r: ArrayLike) -> np.
         tau_p: peak stress, Pa, any shape.
         tau_0: initial stress, Pa, tau_r < tau_0 <= tau_p, any shape that broadcasts.
         tau_r: residual stress, Pa, any shape that broadcasts.
-
-    Raises:
-        ValueError: a value is out of range.
 
     Source: Andrews (1976).
     """

@@ -182,7 +182,7 @@ class Run:
         names = ["t", "F_T"]
         if self.method.budget:
             names += [*core.energies(self.model, self.state, self.state.t)]
-            names += ["work_driver", "work_load", "dissipated_bonds", *self.scene.law.budget_names]
+            names += ["work_driver", "work_load", "dissipated_bonds", *self.scene.law.budget()]
         return names
 
     def curve(self) -> pd.DataFrame:
@@ -208,7 +208,8 @@ class Run:
         columns = [F_T]
         if self.method.budget:
             del energies[6 + self.model.on_junctions :]
-            columns += [*energies, *before, *self.scene.law.budget(heat, loss, (above, viscous))]
+            interface = self.scene.law.budget(heat, loss, (above, viscous))
+            columns += [*energies, *before, *interface.values()]
         self.rows += np.column_stack([np.broadcast_to(t, len(F_T)), *columns]).tolist()
 
     def _motion(self) -> dict[str, np.ndarray]:

@@ -17,10 +17,9 @@ Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
 
 from __future__ import annotations
 
-import functools
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -55,6 +54,15 @@ class Law:
     alpha: Any = 0.0
     tables: Tables = NO_TABLES
 
+    memory: ClassVar[np.dtype] = CLOCKS
+    """Names and shapes of the state variables of a block; all are numbers."""
+    rests: ClassVar[bool] = True
+    """Whether a block can stick, with constant u_x. Other laws need full dynamics."""
+    junctions: ClassVar[int] = 0
+    """Number of junctions of each block; 0 without junctions."""
+    slowest: ClassVar[float] = 0.0
+    """Longest mean time scale of the law itself, in s; 0 if it has none."""
+
     def hold(self, p: Any, age: Any = 0.0) -> Any:
         """Return the strength of blocks that have been stuck for `age` (s), in units of p."""
         gain = self.tables.hold
@@ -71,26 +79,6 @@ class Law:
         """Return the law of some columns."""
         fields = {name: of(getattr(self, name), which) for name in ("mu_s", "mu_k", "d_c", "alpha")}
         return replace(self, **fields)
-
-    @property
-    def memory(self) -> np.dtype:
-        """Names and shapes of the state variables of a block; all are numbers."""
-        return CLOCKS
-
-    @property
-    def rests(self) -> bool:
-        """Whether a block can stick, with constant u_x. Other laws need full dynamics."""
-        return True
-
-    @property
-    def junctions(self) -> int:
-        """Number of junctions of each block; 0 without junctions."""
-        return 0
-
-    @property
-    def slowest(self) -> float:
-        """Longest mean time scale of the law itself, in s; 0 if it has none."""
-        return 0.0
 
     def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
         """Return quantities from `memory` that a run records at points of the curve, (N_x,)."""
@@ -122,15 +110,15 @@ class Law:
         """Tables for the core."""
         return self.tables
 
-    @property
-    def budget_names(self) -> tuple[str, ...]:
-        """Names of the terms that `budget` returns."""
-        parts = () if self.coulomb else ("weakening_heat", "viscous_heat")
-        return "friction_heat", "switching_loss", *parts
+    def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
+        """Return the terms of the interface in the energy budget by name, from those of `State`.
 
-    def budget(self, heat: Any, loss: Any, parts: Any) -> list[Any]:
-        """Return the terms of the interface in the energy budget, from those of `State`."""
-        return [heat, loss, *([] if self.coulomb else parts)]
+        With Amontons-Coulomb friction the heat has no parts.
+        """
+        terms = {"friction_heat": heat, "switching_loss": loss}
+        if self.tables == NO_TABLES and not np.any(self.alpha):
+            return terms
+        return terms | {"weakening_heat": parts[0], "viscous_heat": parts[1]}
 
     @property
     def drop(self) -> Any:
@@ -142,11 +130,6 @@ class Law:
         """The law with each field replaced by its mean."""
         means = {n: float(np.mean(getattr(self, n))) for n in ("mu_s", "mu_k", "d_c", "alpha")}
         return replace(self, **means)
-
-    @functools.cached_property
-    def coulomb(self) -> bool:
-        """Whether it is Amontons-Coulomb friction."""
-        return self.tables == NO_TABLES and not np.any(self.alpha)
 
     @property
     def weakens(self) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -41,6 +41,8 @@ class JunctionLaw(Law):
     t_R_std: Any
     numbers: Any
 
+    rests: ClassVar[bool] = False
+
     @classmethod
     def of(cls, scene: Scene) -> JunctionLaw:
         """Return the law of a scene with an interface of junctions.
@@ -64,10 +66,6 @@ class JunctionLaw(Law):
             C = mu_s**2 * (scene.F_N / scene.N_x) / (kind.n_s * scene.given_field("u_s") ** 2)
         more = {"kind": kind, "C": C, "t_R": t_R, "t_R_std": t_R_std, "numbers": scene.n_of_i}
         return cls(mu_s, mu_k, **more)
-
-    @property
-    def rests(self) -> bool:
-        return False
 
     def stiffness(self, p: Any) -> Any:
         """Return the stiffness of blocks with all junctions pinned, n_s k_j, in N/m."""
@@ -151,14 +149,6 @@ class JunctionLaw(Law):
         cv = float(np.mean(self.t_R_std)) / mean if mean else 0.0
         return Tables(hold=self.kind.quantiles_of_t_R(cv))
 
-    @property
-    def coulomb(self) -> bool:
-        return False
-
-    @property
-    def budget_names(self) -> tuple[str, ...]:
-        return "friction_heat", "switching_loss", "stiffness_work"
-
-    def budget(self, heat: Any, loss: Any, parts: Any) -> list[Any]:
+    def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
         """Return heat of dragging, heat of breaks and pinning, and work of stiffness changes."""
-        return [parts[0], loss, parts[1]]
+        return {"friction_heat": parts[0], "switching_loss": loss, "stiffness_work": parts[1]}

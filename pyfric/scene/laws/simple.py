@@ -94,9 +94,9 @@ class ExponentialHealing(FrictionLaw):
 
     def tables(self, of: Means) -> Tables:
         """Return the tables, with the gain."""
-        unit = _growth()
+        unit = _decay()
         x = tuple(self.t_c * time for time in unit.x)
-        gain = Table(x, tuple(self.gain * share for share in unit.y)) if self.gain else None
+        gain = Table(x, tuple(self.gain * (1 - left) for left in unit.y)) if self.gain else None
         return super().tables(of)._replace(hold=gain)
 
 
@@ -126,9 +126,3 @@ class SpeedDependent(FrictionLaw):
 def _decay() -> Table:
     end = math.exp(-FAR)
     return sampled(lambda x: (math.exp(-x) - end) / (1 - end), FAR)
-
-
-@functools.cache
-def _growth() -> Table:
-    end = -math.expm1(-FAR)
-    return sampled(lambda x: -math.expm1(-x) / end, FAR)

@@ -16,7 +16,7 @@ from docutils import nodes
 from sphinx_gallery.scrapers import figure_rst, matplotlib_scraper
 
 import pyfric
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.figures import style as house
 
 # They are attributes of pyfric, and autodoc looks for modules.

@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import pyfric
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.engines.options import CHOICES
 from pyfric.figures import sketch
 from pyfric.scene import settings as scene_settings

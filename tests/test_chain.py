@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 import pyfric
 from pyfric import core
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.cli.shared import Exit
 from pyfric.core import STUCK
 from pyfric.figures import fig1b

@@ -10,7 +10,7 @@ from helpers import refused
 
 import pyfric
 from pyfric.checks import chart, stability
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.figures import save_figure
 from pyfric.scene import chain, preset, setup1
 from pyfric.statics import stability_limit

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 import pyfric
 from pyfric import SceneError
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.paper import claims
 from pyfric.paper.claims import CLAIMS, NUMBERS, Claim, damage, scorecard
 from pyfric.paper.claims.claim import Band, Damage, Measured

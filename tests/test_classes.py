@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from helpers import refused, small
 
 import pyfric
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.figures import phase_map, save_figure
 from pyfric.scene import Scene, chain
 from pyfric.sweeps import Job, chain_job, phase_diagram, phases

@@ -19,7 +19,7 @@ from helpers import WATCHED, same_run, small
 
 import pyfric
 from pyfric import core
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.cli.commands.run import TABLES
 from pyfric.cli.shared import Exit, Tell
 from pyfric.figures import FIGURES
@@ -750,7 +750,7 @@ def test_movie(tmp_path, monkeypatch):
 
 def test_help_waits_for_no_library():
     names = "{'numpy', 'pydantic', 'click'}"
-    code = f"import sys; from pyfric.cli import main; print(sys.modules.keys() & {names})"
+    code = f"import sys; from pyfric.cli.commands import main; print(sys.modules.keys() & {names})"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout == "{'click'}\n"
 

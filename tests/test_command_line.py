@@ -13,8 +13,8 @@ from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 from helpers import STUDIES
 
-from pyfric.cli import main
 from pyfric.cli.app import Commands
+from pyfric.cli.commands import main
 from pyfric.cli.shared import Tell
 from pyfric.scene import PRESETS
 

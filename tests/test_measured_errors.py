@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from helpers import small_rod
 
 import pyfric
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.engines import ACCURACY, Options
 from pyfric.engines.cost import TABLE, full_counts, full_work, work_so_far
 from pyfric.planning import verification

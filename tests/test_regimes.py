@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from pyfric.checks import regimes
 from pyfric.checks.regimes import REGIMES, Observed, observe, report
-from pyfric.cli import main
+from pyfric.cli.commands import main
 
 NAMES = [one.name for one in REGIMES]
 LONGEST = 10.0

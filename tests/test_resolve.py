@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from helpers import refused
 
 import pyfric
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.sweeps.spacings import AT, _finer
 
 SLAB = pyfric.setup1(L=0.06, H=0.03, l=5e-3, V=4e-4)

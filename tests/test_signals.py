@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from helpers import WATCHED, small
 
 import pyfric
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.planning import pilot
 from pyfric.scene import written
 from pyfric.signals import (
@@ -344,7 +344,7 @@ def test_every_signal_saves_the_run_and_gives_its_code(tmp_path, monkeypatch, nu
 INSIDE = """
 import os, signal
 import pyfric
-from pyfric.cli import main
+from pyfric.cli.commands import main
 pyfric.simulate = lambda *_, **__: exec("os.kill(os.getpid(), signal.SIGUSR1)")
 main(["run", "fig1", "--t-end", "1"])
 """

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 import pyfric
 from pyfric import figures, theory
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.figures import spacetime
 from pyfric.figures.spacetime import space_time, speeds, theory_times, wave_lines
 from pyfric.figures.strip import event_frames

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from helpers import refused, small, small_rod
 
 import pyfric
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.engines.stopping import CONDITIONS, Stopping, ended_by_condition, force_to_come
 from pyfric.record import build_catalogue
 from pyfric.scene.ends import TAKES

@@ -15,7 +15,7 @@ from damage import unnoticed
 from helpers import small
 
 import pyfric
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.scene import SceneError
 from pyfric.sweeps import Job, Store, run_all, runs, store
 from pyfric.sweeps.store import CACHE_VARIABLE, DAY, LOCK

@@ -17,7 +17,7 @@ from helpers import refused, small
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.engines import Options, RunError
 from pyfric.planning import simulate
 from pyfric.record import Record, analysis

@@ -13,11 +13,11 @@ from pyfric import core
 from pyfric.checks import verify
 from pyfric.checks.tolerances import Check
 from pyfric.checks.verify import Group
-from pyfric.cli import main
+from pyfric.cli.commands import main
 
 SOME = """
 from pyfric.checks import verify
-from pyfric.cli import main
+from pyfric.cli.commands import main
 groups = dict(verify._all())
 hybrid = "run1_linear: hybrid engine against stored full dynamics"
 verify._all = lambda: [(name, groups[name]) for name in ("build", hybrid)]

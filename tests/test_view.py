@@ -11,7 +11,7 @@ from helpers import small
 from test_page import Page
 
 import pyfric
-from pyfric.cli import main
+from pyfric.cli.commands import main
 from pyfric.figures import record_page, view
 from pyfric.figures.view import drawing
 from pyfric.record import held_in

@@ -1,11 +1,9 @@
-"""The command line: `start` is the command `pyfric`; `main` holds all its subcommands."""
+"""The command line: `start` is the command `pyfric`."""
 
 import os
 import signal
 from types import FrameType
-from typing import Any, NoReturn
-
-__all__ = ["main", "start"]
+from typing import NoReturn
 
 
 def start() -> None:
@@ -21,12 +19,3 @@ def _end(number: int, frame: FrameType | None) -> NoReturn:
     """Leave while no command has anything to save."""
     os.write(2, b"interrupted\n")
     os._exit(128 + number)
-
-
-def __getattr__(name: str) -> Any:
-    """Import the commands when they are first used."""
-    if name != "main":
-        raise AttributeError(f"module 'pyfric.cli' has no attribute {name!r}")
-    from pyfric.cli.commands import main
-
-    return main

@@ -10,5 +10,3 @@ from pyfric.cli.commands import (
     run,
     sweep,
 )
-
-__all__ = ["main"]

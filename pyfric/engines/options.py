@@ -21,11 +21,11 @@ from pyfric.engines.cost import POINTS
 from pyfric.engines.pauses import longest_pause
 from pyfric.record import Method
 from pyfric.scene import (
+    Conditions,
     Geometry,
     SceneError,
     check_geometry,
     check_number,
-    checked_conditions,
     condition,
     default_geometry,
     paper_step,
@@ -212,7 +212,7 @@ class Options:
         if not isinstance(self.budget, bool | np.bool | None):
             raise SceneError("budget", self.budget, "", "True, False or None")
         if self.stop_when is not None:
-            object.__setattr__(self, "stop_when", checked_conditions(self.stop_when))
+            object.__setattr__(self, "stop_when", Conditions().check(self.stop_when))
         if self.threads is not None:
             whole = isinstance(self.threads, Integral) and not isinstance(self.threads, bool)
             if not (whole and 1 <= self.threads <= MAX_THREADS):

@@ -6,7 +6,7 @@ from pyfric.scene import laws
 from pyfric.scene.change import followed_by, full_name, once, scene_fields
 from pyfric.scene.checked import Annotation, Quantity, Written, quantities
 from pyfric.scene.consistency import Geometry, check_geometry, check_push, default_geometry
-from pyfric.scene.ends import checked_conditions, condition
+from pyfric.scene.ends import Conditions, condition
 from pyfric.scene.errors import SceneError, naming, nearest, unknown
 from pyfric.scene.files import (
     check_writable,

@@ -60,20 +60,6 @@ def condition(text: str) -> tuple[str, tuple[float, ...]]:
     return name, numbers
 
 
-def checked_conditions(given: Any) -> tuple[str, ...]:
-    """Return conditions as a tuple of texts.
-
-    Raises:
-        SceneError: a condition is unknown, or a value is refused.
-    """
-    texts = (given,) if isinstance(given, str) else given
-    if not (isinstance(texts, list | tuple) and all(isinstance(one, str) for one in texts)):
-        raise SceneError("stop_when", given, "", f"text, or a list of texts: {_names()}")
-    for text in texts:
-        condition(text)
-    return tuple(texts)
-
-
 class Conditions(Annotation):
     """Annotation of conditions: a text, or a list of texts."""
 
@@ -82,4 +68,9 @@ class Conditions(Annotation):
         return f"a list of {_names()}"
 
     def check(self, value: Any, written: Written | None = None) -> tuple[str, ...]:
-        return checked_conditions(value)
+        texts = (value,) if isinstance(value, str) else value
+        if not (isinstance(texts, list | tuple) and all(isinstance(one, str) for one in texts)):
+            raise SceneError("stop_when", value, "", f"text, or a list of texts: {_names()}")
+        for text in texts:
+            condition(text)
+        return tuple(texts)

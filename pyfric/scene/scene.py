@@ -242,14 +242,11 @@ class Scene:
             self._draws[name] = tuple(values.tolist())
         return self._draws[name]
 
-    @property
+    @functools.cached_property
     def F_N(self) -> float:
         """Total normal force in N."""
-        if isinstance(self.top, PrescribedLoad):
-            p = self.top.p
-            whole = isinstance(p, float) and self.shares[1].min() == 1
-            return self.N_x * p if whole else math.fsum(self.p_prescribed)
-        return self.top.F_N
+        prescribed = isinstance(self.top, PrescribedLoad)
+        return math.fsum(self.p_prescribed) if prescribed else self.top.F_N
 
     @property
     def d(self) -> int:

@@ -235,11 +235,11 @@ def test_an_event_that_has_not_ended_is_no_precursor(ladder):
 
 def test_caption_states_slip_weakening():
     scene = setup1(d_c=5e-6)
-    assert "mu_k = 0.45, d_c = 5 um." in scene_text(scene)
-    assert "d_c" not in scene_text(setup1())
+    assert "mu_k = 0.45, d_c = 5 um." in scene_text([scene])
+    assert "d_c" not in scene_text([setup1()])
     assert "d_c = 0, 5 um." in scene_text([scene, setup1()])
     law = laws.TabulatedLaw(slip=(0.0, 3e-6), mu=(0.7, 0.45))
-    text = scene_text(setup1().replace(law=law))
+    text = scene_text([setup1().replace(law=law)])
     assert "law TabulatedLaw(slip 0 to 3 um" in text
     assert "d_c" not in text
 

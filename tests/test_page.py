@@ -56,7 +56,9 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("paper")
-    files = reproduce(NAMES, out / "new" / "figures", workers=1, cache=out / "kept", runs=RUNS)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pyfric.paper.reproduction.RUNS", RUNS)
+        files = reproduce(NAMES, out / "new" / "figures", workers=1, cache=out / "kept")
     assert len(list((out / "kept").glob("*.nc"))) == 3  # shared runs are made once
     assert all(path.stat().st_size > 0 for path in files)
     assert {path.name for path in files} == {

@@ -98,10 +98,10 @@ def _changes(scene: partial[Scene]) -> str:
 _run = partial(simulate, progress=False, threads=1)
 
 
-def _refused(scene: Callable[[], Scene], *, field: str, t_end: float = 1e-3, **how) -> Observed:
+def _refused(scene: Callable[[], Scene], *, field: str, **how) -> Observed:
     """A refusal that names a field."""
     try:
-        _run(scene(), t_end, **how)
+        _run(scene(), 1e-3, **how)
     except SceneError as error:
         one = next((e for e in error.flat() if e.field == field), error)
         right = float(one.field != field)

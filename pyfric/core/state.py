@@ -144,8 +144,7 @@ class State:
         moving = f"{slipping} slip, {opened} open" if slipping or opened else "none slips"
         return f"State of {blocks} at t = {self.t:.9g} s, step {self.step}: {moving}"
 
-    def _repr_html_(self) -> str:
-        return html(self)
+    _repr_html_ = html
 
     def values(self) -> dict[str, Any]:
         """Return arrays and numbers by name, as in files; each state variable is one array."""

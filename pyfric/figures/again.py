@@ -35,14 +35,13 @@ class Again:
 
         Args:
             record: a run of the hybrid or the dynamic engine; its geometry and stepper are kept.
-            event: its number, from 1.
+            event: its number, from 1; both passed `check_event`.
             initial: the state that the run began from; None for the loaded slider.
 
         Raises:
-            SceneError: no such event, another engine, a stepper that the hybrid engine lacks, or a
-                run that began from another state.
+            SceneError: a stepper that the hybrid engine lacks, or a run that began from another
+                state.
         """
-        check_event(record, event)
         scene, method = record.scene, record.method
         first = 0.0 if initial is None else initial.t
         if record.curve["t"].iloc[0] != first:

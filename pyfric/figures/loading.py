@@ -62,12 +62,9 @@ def fig1b(record: Record, path: str | os.PathLike[str] | None = None) -> DataFig
     covers (n-1)/N_x to n/N_x, so that a bar from the trailing edge ends at L_p/L. Blocks that
     only made corner slips, or were open when the event ended, are drawn thin.
 
-    Parameters
-    ----------
-    record
-        The run to draw.
-    path
-        If given, the figure is also written there: see `save_figure`.
+    Args:
+        record: the run to draw.
+        path: if given, the figure is also written there: see `save_figure`.
     """
     single(record)
     fig, (top, bottom) = panels(3.3, (1.15, 1), sharex=True)
@@ -143,8 +140,8 @@ def figure_caption(record: Record) -> str:
     """Caption with the scene's parameters, the engine and what was found."""
     events = record.events
     t_end = record.curve["t"].iloc[-1] if len(record.curve) else 0.0
-    main = events["is_main"].to_numpy()
-    whole = int((main & (events["L_p_over_L"].to_numpy() == 1)).sum())
+    kinds, main = event_kinds(record), events["is_main"].to_numpy()
+    whole = int((kinds == "whole").sum())
     precursors = len(analysis.precursors(record))
     open_at_end = int((main & events["is_precursor"] & ~events["finished"]).sum())
     interior = int(main.sum()) - whole - precursors - open_at_end

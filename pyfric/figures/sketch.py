@@ -103,7 +103,7 @@ def sketch(scene: SceneLike) -> DataFigure:
     driven = "the driven row" if scene.n_driven == 1 else "the rows at the plate's edges"
     thin = f" Every {_ordinal(q)} block in both directions and {driven} are drawn."
     what = f"Sketch of the scene, to scale, after Fig. 1(a) of {PAPER}."
-    fig.caption = f"{what}{thin if q > 1 else ''}\n{scene_text(scene)}"
+    fig.caption = f"{what}{thin if q > 1 else ''}\n{scene_text([scene])}"
     return fig
 
 

@@ -220,9 +220,8 @@ def caption(records: Record | Sequence[Record], *texts: str) -> str:
     return "\n".join([" ".join(texts), scenes, engine_text(several)])
 
 
-def scene_text(scenes: Scene | Sequence[Scene]) -> str:
-    """Parameters of a scene, or of several of one kind of load, with lists where they differ."""
-    scenes = [scenes] if not isinstance(scenes, Sequence) else list(scenes)
+def scene_text(scenes: Sequence[Scene]) -> str:
+    """Parameters of scenes of one kind of load, with lists where they differ."""
     first = scenes[0]
 
     def of(get: Any, unit: str = "", power: int = 0) -> str:

@@ -65,7 +65,7 @@ def record_page(record: Record) -> str:
     events for the size of the page, it says which are left out.
     """
     kept = _kept(record)
-    rows = _event_rows(record, kept)
+    rows = _event_rows(record, np.sort(kept))
     page = {
         "record": record,
         "found": summary(record, []),
@@ -90,9 +90,9 @@ def _json(values: Any) -> str:
 
 
 def _kept(record: Record) -> np.ndarray:
-    """Numbers of the events on the page."""
+    """Numbers of the events on the page, largest first."""
     order = np.argsort(-record.events["n_blocks"].to_numpy(), kind="stable")
-    return np.sort(order[:MOST_EVENTS]) + 1
+    return order[:MOST_EVENTS] + 1
 
 
 def _overview(record: Record, kept: np.ndarray) -> dict[str, Any]:
@@ -150,9 +150,8 @@ def _details(record: Record, kept: np.ndarray, room: int) -> dict[str, Any]:
     """
     order, unit = np.argsort(record.scene.n_of_i), record.scene.F_N / record.scene.N_x
     episodes = {event: rows for event, rows in record.episodes.groupby("event") if event}
-    largest_first = kept[np.argsort(-record.events["n_blocks"].to_numpy()[kept - 1], kind="stable")]
     details = {}
-    for event in map(int, largest_first):
+    for event in map(int, kept):
         one: dict[str, Any] = {
             name: _rounded(record.arrays[name][event - 1][order] / unit, 4)
             for name in ("tau_before", "p_before", "tau_after", "p_after")

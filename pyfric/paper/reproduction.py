@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,7 +31,6 @@ def reproduce(
     workers: int | None = None,
     cache: bool | str | os.PathLike[str] = True,
     progress: bool | None = None,
-    runs: Mapping[str, Job | Sequence[Job]] = RUNS,
 ) -> list[Path]:
     """Run what the figures need, side by side, and draw them.
 
@@ -39,7 +38,6 @@ def reproduce(
         names: figures, keys of `pyfric.figures.FIGURES`; none means all.
         out: folder of the files; made if missing.
         workers, cache, progress: see `pyfric.run_all`.
-        runs: what figures are drawn from, by the names that they ask for.
 
     Returns:
         The files: for each figure PNG, PDF, caption and tables (see `save_figure`), among them
@@ -58,7 +56,7 @@ def reproduce(
     out.mkdir(parents=True, exist_ok=True)
     jobs = {}
     for name in names:
-        asked = runs[FIGURES[name].runs]
+        asked = RUNS[FIGURES[name].runs]
         jobs[name] = (asked,) if isinstance(asked, Job) else asked
     every = list(dict.fromkeys(job for name in names for job in jobs[name]))
     with side_by_side(every, workers) as pool:
@@ -69,7 +67,7 @@ def reproduce(
             made.append(pool.submit(_film, records[jobs[FILMED][0]], out))
         for name in names:
             mine = [records[job] for job in jobs[name]]
-            one = isinstance(runs[FIGURES[name].runs], Job)
+            one = isinstance(RUNS[FIGURES[name].runs], Job)
             made.append(pool.submit(_drawn, name, jobs[name], mine, one, out))
         paths = [path for paths in made for path in paths.result()]
     return [*paths, write_index(out)]

@@ -175,8 +175,7 @@ class Plan:
 
     __repr__ = __str__
 
-    def _repr_html_(self) -> str:
-        return html(self)
+    _repr_html_ = html
 
     def check(self, record: Record) -> list[Assumption]:
         """Return the assumptions that the record of a run contradicts."""

@@ -229,8 +229,7 @@ class Record:
         """Return a figure of the loading curve; of a prediction curve, of length against force."""
         return drawing(self)
 
-    def _repr_html_(self) -> str:
-        return html(self)
+    _repr_html_ = html
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Record):

@@ -429,8 +429,7 @@ class Scene:
     def __repr__(self) -> str:
         return scene_text(self)
 
-    def _repr_html_(self) -> str:
-        return html(self)
+    _repr_html_ = html
 
     def plot(self) -> Any:
         """Return a sketch of the scene to scale; see `pyfric.figures.sketch`."""

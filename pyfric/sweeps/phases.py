@@ -26,7 +26,6 @@ import pandas as pd
 from pyfric.engines import Options
 from pyfric.record import SLOW, Record, pace_limits
 from pyfric.scene import (
-    Scene,
     SceneError,
     SceneLike,
     as_scene,
@@ -251,7 +250,7 @@ def _jobs(
     names = [name for name, _ in checked]
     if own and set(names) != {"alpha", "tau_bar"}:
         raise SceneError("x, y", names, "", "'alpha' and 'tau_bar', the numbers of the chain")
-    if own or (callable(scene) and not isinstance(scene, Scene)):
+    if own or callable(scene):
         for name, value in (("t_end", t_end), ("options", options)):
             if value is not None:
                 raise SceneError(name, value, "", "None without a scene: the jobs have their own")

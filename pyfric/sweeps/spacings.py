@@ -63,8 +63,7 @@ class Resolution:
 
     __repr__ = __str__
 
-    def _repr_html_(self) -> str:
-        return html(self)
+    _repr_html_ = html
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -167,8 +167,7 @@ class Sweep:
         name = self.scene.name or "a scene"
         return f"Sweep of {name} over {fields}: {self.points}, t_end = {self.t_end:g} s"
 
-    def _repr_html_(self) -> str:
-        return html(self)
+    _repr_html_ = html
 
     @property
     def _drawn(self) -> bool:

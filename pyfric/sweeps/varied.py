@@ -76,22 +76,22 @@ class Span:
             SceneError: there are too many, or neither n nor step says how many; it has this name.
         """
         if self.step is not None:
-            count = self._steps(self.step) + 1
+            count = self._steps() + 1
             if count > MAX_POINTS:
                 raise SceneError(name, count, "", f"at most {MAX_POINTS} values")
-            return [self._stepped(self.step, i) for i in range(count)]
+            return [self._stepped(i) for i in range(count)]
         if self.n is None:
             raise SceneError(name, None, "", "a range with n or step", "how many values?")
         return [self.at(share) for share in np.linspace(0.0, 1.0, self.n)]
 
-    def _steps(self, step: float) -> int:
+    def _steps(self) -> int:
         """Return how many steps fit into the range."""
-        return math.floor((self.stop - self.start) / step * (1 + 1e-12))
+        return math.floor((self.stop - self.start) / self.step * (1 + 1e-12))
 
-    def _stepped(self, step: float, n: int) -> float:
+    def _stepped(self, n: int) -> float:
         """Return the value n steps from the start, an integer if ends and step are integers."""
-        value = self.start + n * step
-        whole = all(isinstance(number, int) for number in (self.start, self.stop, step))
+        value = self.start + n * self.step
+        whole = all(isinstance(number, int) for number in (self.start, self.stop, self.step))
         return value if whole else _short(value)
 
     def share(self, value: float) -> float:
@@ -109,7 +109,7 @@ class Span:
         if self.step is None:
             return _short(value)
         n = round((value - self.start) / self.step)
-        return self._stepped(self.step, min(n, self._steps(self.step)))
+        return self._stepped(min(n, self._steps()))
 
 
 def _short(value: float) -> float:

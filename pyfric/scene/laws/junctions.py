@@ -150,5 +150,5 @@ def _of_mean_1(quantile: Any) -> Table:
     u = np.concatenate([[0.0], np.sort(halves) / PARTS, inner, 1 - halves / PARTS])
     y = np.asarray(quantile(u), float)
     u, y = np.append(u, 1.0), np.append(y, y[-1])
-    mean = float(np.sum((y[1:] + y[:-1]) / 2 * np.diff(u)))
+    mean = float(np.trapezoid(y, u))
     return Table(tuple(u.tolist()), tuple((y / mean).tolist()))

@@ -8,6 +8,7 @@ import pytest
 from scipy import linalg
 
 import pyfric
+from pyfric.core import STUCK
 from pyfric.engines.pauses import loading_while_relaxing, relaxation_time
 from pyfric.scene import chain, preset, setup1, setup2, slab
 from pyfric.statics import StaticSolver, damping, mass
@@ -19,7 +20,8 @@ def small(**changes):
 
 def spectrum(scene):
     """Return all eigenvalues of the stuck slider from dense matrices."""
-    K, _, free = StaticSolver(scene, "linear").tangent(np.ones(scene.N_x, dtype=bool))
+    solver, mode = StaticSolver(scene, "linear"), np.full(scene.N_x, STUCK)
+    K, free = solver.tangents(mode), solver.unknown(mode)
     K, C = K[free][:, free].toarray(), damping(scene)[free][:, free].toarray()
     M, n = mass(scene)[free], len(free)
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-K / M[:, None], -C / M[:, None]]])

@@ -242,7 +242,7 @@ def digest(
         while state.step < stop:
             status = core.advance(model, state, log, stop - state.step, **how)
             if status not in (core.Status.DONE, core.Status.LOG_FULL):
-                raise RuntimeError(f"{geometry} geometry, variant {variant}: {status.message}")
+                raise RuntimeError(f"{geometry} geometry, variant {variant}: {status.name}")
             for kind, table in (("switch", log.switches()), ("quiet", log.quiet())):
                 for name, values in table.items():
                     logged[kind, name].append(values.copy())

@@ -47,7 +47,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from pyfric.core import OPEN, STEPPERS, STUCK
 from pyfric.scene import FRICTIONLESS, of
-from pyfric.statics import States, damping, mass
+from pyfric.statics import EquilibriumError, States, damping, mass
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
@@ -173,10 +173,13 @@ class Linearised:
         self.k_f = np.broadcast_to(scene.k_f, scene.N_x)
         mode = np.where(stuck, STUCK, OPEN).astype(np.int8)
         self._contact = States(scene, mode, FRICTIONLESS)
+        self.K, self.free = solver.tangents(mode), solver.unknown(mode)
         if near is None:
-            self.K, self._factor, self.free = solver.tangent(stuck)
+            if not stuck.any():  # singular: rounding would decide whether it can be factorised
+                what = "the slider is not supported: all blocks are open"
+                raise EquilibriumError(what, np.nan, 0.0, 0)
+            self._factor = solver.factor(mode, driven=True)
         else:
-            self.K, self.free = solver.tangents(mode), solver.unknown(mode)
             blocks = np.flatnonzero(near.stuck & ~stuck)
             self._factor = Released(near, blocks, self.K, self.free)
         self.M, self.C, self.n_q = mass(scene), damping(scene), self.K.shape[0]

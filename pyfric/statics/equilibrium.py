@@ -331,7 +331,7 @@ class StaticSolver(System):
             if residual > 0.5 * previous:
                 if least <= 16 * rounded or (renewed and least <= limit):
                     break
-                factor, renewed = self.factor_at(q, states.mode, **how), True
+                factor, renewed = self.factor(states.mode, **how, q=q), True
             previous = residual
             q = q.copy()
             q[unknown] += factor.solve(force)

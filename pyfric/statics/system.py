@@ -100,16 +100,8 @@ class System:
 
     def displacements(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return u, shape (N_z, 2, N_x), and rod, shape (3,), from q; a rod sets the top row."""
-        return self._spread(q), q[-3:].copy() if self.scene.rigid else np.zeros(3)
-
-    def _spread(self, q: np.ndarray) -> np.ndarray:
-        """Return T q, the displacements u, shape (N_z, 2, N_x)."""
-        u, n = np.zeros(self._load.shape), len(q) - (3 if self.scene.rigid else 0)
-        u.reshape(-1)[:n] = q[:n]
-        if self.scene.rigid:
-            X, Z, phi = q[n:]
-            u[-1] = np.full(self.scene.N_x, X), Z + phi * self.scene.x
-        return u
+        u = (self._T @ q).reshape(self._load.shape)
+        return u, q[-3:].copy() if self.scene.rigid else np.zeros(3)
 
     def translation(self) -> np.ndarray:
         """Return the coordinates of a unit displacement along the interface, shape (n_q,)."""
@@ -162,7 +154,7 @@ class System:
 
         drive = None means that there is no driver spring.
         """
-        scene, u, F_T = self.scene, self._spread(q), 0.0
+        scene, (u, _), F_T = self.scene, self.displacements(q), 0.0
         force = self._springs(u) + self._load
         if scene.k_top:
             force[-1, 0] -= scene.k_top * u[-1, 0]
@@ -228,32 +220,17 @@ class System:
             return (self._K + sp.diags_array(held)).tocsr()
         return assembled(self._differences, of_bonds, held)
 
-    def tangent(
-        self, stuck: np.ndarray
-    ) -> tuple[sp.csr_array, BandedCholesky | SuperLU, np.ndarray]:
-        """Return the tangent stiffness of `linearise` with foundation and driver.
-
-        Args:
-            stuck: blocks that are closed and held, shape (N_x,), bool; the others are open.
-
-        Returns:
-            K, shape (n_q, n_q), in N/m; its factorisation for the free coordinates; their indices.
-
-        Raises:
-            EquilibriumError: all blocks are open.
-        """
-        mode = np.where(stuck, STUCK, OPEN).astype(np.int8)
-        if not stuck.any():  # singular: rounding would decide whether it can be factorised
-            what = "the slider is not supported: all blocks are open"
-            raise EquilibriumError(what, np.nan, 0.0, 0)
-        return self.tangents(mode), self.factor(mode, driven=True), self.unknown(mode)
-
     def tangents(self, mode: np.ndarray) -> sp.csr_array:
         """Return the tangent stiffness of `linearise` with foundation and driver, (n_q, n_q)."""
         return self.stiffness(self._tangents, mode, driven=True)
 
     def factor(
-        self, mode: np.ndarray, *, driven: bool, friction: np.ndarray | float = 0.0
+        self,
+        mode: np.ndarray,
+        *,
+        driven: bool,
+        friction: np.ndarray | float = 0.0,
+        q: np.ndarray | None = None,
     ) -> BandedCholesky | SuperLU:
         """Return the factorisation of the tangent of `linearise`, for coordinates not held.
 
@@ -261,20 +238,14 @@ class System:
             mode: contact states, shape (N_x,).
             driven: whether the driver's spring is attached.
             friction: signed friction of slipping blocks over u_z, shape (N_x,), in N/m.
+            q: coordinates, shape (n_q,), at which to take another tangent, which is not kept.
         """
 
         def make() -> BandedCholesky | SuperLU:
-            K = self.stiffness(self._tangents, mode, driven=driven)
-            return self._factorised(K, mode, friction)
+            of_bonds = self._tangents if q is None else self.bond_tangents(q)
+            return self._factorised(self.stiffness(of_bonds, mode, driven=driven), mode, friction)
 
-        return self._factors.get((driven, mode.tobytes()), make)
-
-    def factor_at(
-        self, q: np.ndarray, mode: np.ndarray, *, driven: bool, friction: np.ndarray | float = 0.0
-    ) -> BandedCholesky | SuperLU:
-        """Return the factorisation as in `factor`, for the tangent at q."""
-        K = self.stiffness(self.bond_tangents(q), mode, driven=driven)
-        return self._factorised(K, mode, friction)
+        return make() if q is not None else self._factors.get((driven, mode.tobytes()), make)
 
     def unknown(self, mode: np.ndarray) -> np.ndarray:
         """Return the indices of the coordinates that are not held."""

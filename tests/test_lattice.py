@@ -1,5 +1,6 @@
 """The lattice: bonds, forces of springs and their tangents, elasticity."""
 
+import functools
 import math
 
 import numpy as np
@@ -7,9 +8,10 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
+from pyfric import core
 from pyfric.scene import Scene, setup1, setup2
 from pyfric.statics import bonds, spring_stiffness
-from pyfric.statics.lattice import Bonds, assembled, spring_forces
+from pyfric.statics.lattice import Bonds, assembled, spring_forces, spring_tangents
 from pyfric.statics.operators import coordinates
 
 
@@ -26,6 +28,29 @@ def small_rod(**changes) -> Scene:
 def displacements(scene: Scene, size: float, seed: int = 1) -> np.ndarray:
     shape = (scene.N_z, 2, scene.N_x)
     return size * scene.slider.l * np.random.default_rng(seed).standard_normal(shape)
+
+
+def forces_of(scene: Scene, geometry: str):
+    """The function from displacements to forces of the springs that statics takes."""
+    if geometry == "finite":
+        return core.bond_forces(scene, geometry)
+    return functools.partial(spring_forces, bonds(scene))
+
+
+def finite_forces(lattice: Bonds, u: np.ndarray) -> np.ndarray:
+    """Forces of the springs of any lattice in finite geometry; the core has the square one."""
+    du, d = np.array([D @ u.ravel() for D in lattice.difference]), lattice.d.T
+    r = np.hypot(*(d + du))
+    pull = lattice.k * np.sum(du * (2 * d + du), axis=0) / (r + lattice.l) * (d + du) / r
+    return -sum(D.T @ one for D, one in zip(lattice.difference, pull, strict=True)).reshape(u.shape)
+
+
+def tangent(lattice: Bonds, u: np.ndarray, geometry: str) -> sp.csr_array:
+    """The derivative of minus the forces of the springs."""
+    if geometry == "linear":
+        return spring_stiffness(lattice)
+    du = [D @ u.ravel() for D in lattice.difference]
+    return assembled(sp.vstack(lattice.difference).tocsr(), spring_tangents(lattice, du))
 
 
 def neighbours(scene: Scene):
@@ -79,7 +104,7 @@ def test_every_pair_of_neighbours_has_one_bond():
 @pytest.mark.parametrize("scene", [small_scene(), setup2(L=2e-3, H=1e-3, h=1e-3)])
 def test_spring_forces_are_those_of_the_paper(scene, geometry):
     u = displacements(scene, 0.1)
-    F = spring_forces(bonds(scene), u, geometry)
+    F = forces_of(scene, geometry)(u)
     expected = twin_forces(scene, u, geometry)
     np.testing.assert_allclose(F, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
     assert np.abs(F.sum(axis=(0, 2))).max() < 1e-13 * np.abs(F).max()
@@ -88,10 +113,9 @@ def test_spring_forces_are_those_of_the_paper(scene, geometry):
 def test_finite_forces_keep_their_digits_at_tiny_strain():
     """The difference to the linear geometry falls with the square of the displacements."""
     scene = small_scene()
-    lattice, u = bonds(scene), displacements(scene, 1.0)
-    difference = []
+    u, difference = displacements(scene, 1.0), []
     for size in (1e-3, 1e-6):
-        linear, finite = (spring_forces(lattice, size * u, g) for g in ("linear", "finite"))
+        linear, finite = (forces_of(scene, g)(size * u) for g in ("linear", "finite"))
         difference.append(np.abs(finite - linear).max() / size**2)
     assert difference[1] == pytest.approx(difference[0], rel=0.01)
 
@@ -99,9 +123,9 @@ def test_finite_forces_keep_their_digits_at_tiny_strain():
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_stiffness_is_the_derivative_of_the_forces(geometry):
     scene = small_scene()
-    lattice, u, du = bonds(scene), displacements(scene, 0.05), displacements(scene, 1e-5, seed=2)
-    K = spring_stiffness(lattice, u, geometry)
-    change = spring_forces(lattice, u + du, geometry) - spring_forces(lattice, u - du, geometry)
+    u, du = displacements(scene, 0.05), displacements(scene, 1e-5, seed=2)
+    K, forces = tangent(bonds(scene), u, geometry), forces_of(scene, geometry)
+    change = forces(u + du) - forces(u - du)
     np.testing.assert_allclose(-(K @ du.ravel()) * 2, change.ravel(), atol=2e-9 * abs(change).max())
     assert abs(K - K.T).max() <= 1e-15 * abs(K).max()
 
@@ -131,11 +155,10 @@ def test_finite_bonds_ignore_a_rigid_rotation():
     c, s = math.cos(0.3), math.sin(0.3)
     u = np.stack([c * x - s * z - x, s * x + c * z - z], axis=1)
     scale = scene.slider.k * scene.slider.l
-    lattice = bonds(scene)
-    assert np.abs(spring_forces(lattice, u, "finite")).max() < 1e-14 * scale
-    assert np.abs(spring_forces(lattice, u, "linear")).max() > 1e-3 * scale
-    small = np.stack([-z, x], axis=1)
-    assert np.abs(spring_forces(lattice, small, "linear")).max() < 1e-14 * scale
+    linear, finite = (forces_of(scene, geometry) for geometry in ("linear", "finite"))
+    assert np.abs(finite(u)).max() < 1e-14 * scale
+    assert np.abs(linear(u)).max() > 1e-3 * scale
+    assert np.abs(linear(np.stack([-z, x], axis=1))).max() < 1e-14 * scale
 
 
 # --- elasticity ----------------------------------------------------------------------------------
@@ -239,12 +262,10 @@ def test_another_lattice_turns_without_force_in_finite_geometry():
     c, s = math.cos(0.3), math.sin(0.3)
     u = np.einsum("ab,jbi->jai", np.array([[c - 1, -s], [s, c - 1]]), at)
     scale = lattice.k[0] * lattice.l[0]
-    assert np.abs(spring_forces(lattice, u, "finite")).max() < 1e-14 * scale
+    assert np.abs(finite_forces(lattice, u)).max() < 1e-14 * scale
     shaken = u + 1e-5 * np.random.default_rng(1).standard_normal(u.shape)
     du = 1e-9 * np.random.default_rng(2).standard_normal(u.shape)
-    K = spring_stiffness(lattice, shaken, "finite")
-    change = spring_forces(lattice, shaken + du, "finite") - spring_forces(
-        lattice, shaken - du, "finite"
-    )
+    K = tangent(lattice, shaken, "finite")
+    change = finite_forces(lattice, shaken + du) - finite_forces(lattice, shaken - du)
     expected = -(K @ du.ravel()) * 2
     np.testing.assert_allclose(change.ravel(), expected, atol=1e-6 * np.abs(change).max())

@@ -16,8 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from pyfric.scene import Geometry
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -118,56 +116,46 @@ def _over_walls(
     return found
 
 
-def _stretch(lattice: Bonds, du: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
-    """Return D = d + du as (D_x, D_z), r = |D| and r - l = (2 d.du + |du|^2)/(r + l)."""
-    (du_x, du_z), (d_x, d_z) = du, lattice.d.T
-    X, Z = d_x + du_x, d_z + du_z
-    r = np.sqrt(X * X + Z * Z)
-    e = (du_x * (d_x + X) + du_z * (d_z + Z)) / (r + lattice.l)
-    return X, Z, r, e
+def spring_forces(lattice: Bonds, u: np.ndarray) -> np.ndarray:
+    """Return the forces k n (n.du) of all springs on the blocks in linear geometry.
 
-
-def spring_forces(lattice: Bonds, u: np.ndarray, geometry: Geometry = "linear") -> np.ndarray:
-    """Return the forces of all springs on the blocks.
+    Opposite forces cancel to rounding; those of `core.bond_forces` do so only over k u, which is
+    large where the slider turns.
 
     Args:
         lattice: from `bonds`.
         u: displacements, shape (N_z, 2, N_x) or flat, in m.
-        geometry: "linear", k n (n.du), or "finite", k (r - l) D/r with D = d + du, r = |D|.
 
     Returns:
         Forces in N, in the shape of u.
-
-    Source: PRL 107, 074301 (2011), force k_ij (r_ij - l_ij) dx_ij / r_ij.
     """
     du_x, du_z = (D @ u.reshape(-1) for D in lattice.difference)
-    if geometry == "linear":
-        X, Z = lattice.d.T
-        tension = lattice.k * (X * du_x + Z * du_z) / lattice.l**2
-    else:
-        X, Z, r, e = _stretch(lattice, (du_x, du_z))
-        tension = lattice.k * e / r
+    X, Z = lattice.d.T
+    tension = lattice.k * (X * du_x + Z * du_z) / lattice.l**2
     gather_x, gather_z = lattice.gather
     return (gather_x @ (tension * X) + gather_z @ (tension * Z)).reshape(u.shape)
 
 
-def spring_tangents(
-    lattice: Bonds, du: Sequence[np.ndarray] | None = None, geometry: Geometry = "linear"
-) -> np.ndarray:
+def spring_tangents(lattice: Bonds, du: Sequence[np.ndarray] | None = None) -> np.ndarray:
     """Return the entries xx, xz and zz of the stiffness of each bond, shape (3, n_bonds), in N/m.
 
-    k n n^T, or k ((r - l)/r I + l D D^T/r^3) in finite geometry.
+    In linear geometry it is k n n^T. In finite geometry the force is k (r - l) D/r with D = d + du
+    and r = |D|, and the stiffness is k ((r - l)/r I + l D D^T/r^3).
 
     Args:
         lattice: from `bonds`.
         du: du_x and du_z over each bond, where the finite geometry is linearised, each of shape
-            (n_bonds,), in m; None means 0.
-        geometry: "linear" or "finite".
+            (n_bonds,), in m; None means linear geometry.
+
+    Source: PRL 107, 074301 (2011), force k_ij (r_ij - l_ij) dx_ij / r_ij.
     """
-    X, Z = lattice.d.T
+    X, Z = d_x, d_z = lattice.d.T
     r, isotropic = lattice.l, 0.0
-    if geometry == "finite" and du is not None:
-        X, Z, r, e = _stretch(lattice, du)
+    if du is not None:
+        du_x, du_z = du
+        X, Z = d_x + du_x, d_z + du_z
+        r = np.sqrt(X * X + Z * Z)
+        e = (du_x * (d_x + X) + du_z * (d_z + Z)) / (r + lattice.l)  # r - l
         isotropic = lattice.k * e / r
     along = lattice.k * lattice.l / r**3
     return np.array([along * X * X + isotropic, along * X * Z, along * Z * Z + isotropic])
@@ -191,16 +179,7 @@ def assembled(
     return (K + sp.diags_array(np.broadcast_to(ground, K.shape[0]))).tocsr()
 
 
-def spring_stiffness(
-    lattice: Bonds, u: np.ndarray | None = None, geometry: Geometry = "linear"
-) -> sp.csr_array:
-    """Return the derivative of minus `spring_forces` with respect to u_full.
-
-    Arguments are those of `spring_forces`; u = None means 0.
-
-    Returns:
-        Symmetric sparse matrix, shape (2 N_x N_z, 2 N_x N_z), in N/m.
-    """
-    du = None if u is None else [D @ u.reshape(-1) for D in lattice.difference]
+def spring_stiffness(lattice: Bonds) -> sp.csr_array:
+    """Return the stiffness of all springs in linear geometry, (2 N_x N_z, 2 N_x N_z), in N/m."""
     E = sp.vstack(lattice.difference).tocsr()
-    return assembled(E, spring_tangents(lattice, du, geometry))
+    return assembled(E, spring_tangents(lattice))

@@ -178,7 +178,7 @@ class System:
     def bond_tangents(self, q: np.ndarray) -> np.ndarray:
         """Return the stiffnesses xx, xz and zz of each bond at q, shape (3, n_bonds), in N/m."""
         du = self.elongations(q) if self.geometry == "finite" else None
-        return spring_tangents(self._lattice, du, self.geometry)
+        return spring_tangents(self._lattice, du)
 
     @functools.cached_property
     def _differences(self) -> sp.csr_array:

@@ -84,7 +84,7 @@ def test_tables_after_any_changes(name, todo):
             contact.change(b, STUCK)
         elif what == "back" and slip[b]:
             slip[b] = 0
-            contact.change(b, STUCK, held[b])
+            contact.put(np.array([b]), np.array([STUCK]), held[[b]])
         elif what == "flip" and i.scene.N_z > 1 and (closed.sum() > 3 or not closed[b]):
             closed[b] ^= True
             slip[b], held = 0, u_x

@@ -222,14 +222,14 @@ class Options:
 
     def _check_paper(self) -> None:
         """Raise SceneError if an option contradicts the paper's method."""
-        for name, without in (
-            ("stepper", ("rk4",)),
-            ("switching", (None, "step_end")),
-            ("dt", ("auto",)),
-        ):
+        allowed = "none with method = 'paper', which is rk4, step ends and its own dt"
+        self._check_without(allowed, stepper=("rk4",), switching=(None, "step_end"), dt=("auto",))
+
+    def _check_without(self, allowed: str, **known: tuple[Any, ...]) -> None:
+        """Raise SceneError unless each of these options has one of its values."""
+        for name, values in known.items():
             value = getattr(self, name)
-            if value not in without:
-                allowed = "none with method = 'paper', which is rk4, step ends and its own dt"
+            if value not in values:
                 raise SceneError(name, value, "s" if name == "dt" else "", allowed)
 
     def open(self) -> set[str]:
@@ -293,20 +293,16 @@ class Options:
 
     def check_static(self) -> None:
         """Raise SceneError unless an engine without inertia can have these options."""
-        for name, without in (
-            ("method", (None,)),
-            ("geometry", (None, "linear")),
-            ("stepper", ("rk4",)),
-            ("switching", (None,)),
-            ("dt", ("auto",)),
-            ("budget", (None, False)),
-            ("accuracy", (None,)),
-        ):
-            value = getattr(self, name)
-            if value not in without:
-                what = f"the {self.fidelity} engine is linear and makes no steps"
-                unit = "s" if name == "dt" else ""
-                raise SceneError(name, value, unit, f"nothing, because {what}")
+        self._check_without(
+            f"nothing, because the {self.fidelity} engine is linear and makes no steps",
+            method=(None,),
+            geometry=(None, "linear"),
+            stepper=("rk4",),
+            switching=(None,),
+            dt=("auto",),
+            budget=(None, False),
+            accuracy=(None,),
+        )
 
     def settled(self, scene: Scene, engine: type[Run], t_begin: float, t_end: float) -> Method:
         """Return the method of an engine with time steps for a run between two times, in s.

@@ -229,7 +229,8 @@ def choose(
         ladder: whether the quasi-static engine may be chosen.
         priced: whether full dynamics is made once, where it is cheap, to count its transitions.
     """
-    return _Choice(scene, options, t_end, priced).plan(ladder)
+    choice = _Choice(scene, options, t_end, priced)
+    return choice.on_lattice(choice.model(ladder))
 
 
 class _Choice:
@@ -247,11 +248,8 @@ class _Choice:
         if self._full_work() > CHEAP:
             self.t_end = expected_end(scene, t_end, self.options.stop_when)
 
-    def plan(self, ladder: bool) -> Plan:
-        """Return the plan."""
-        return self._on_lattice(self._model(ladder))
-
-    def _model(self, ladder: bool) -> Plan:
+    def model(self, ladder: bool) -> Plan:
+        """Return the plan with the cheapest engine that answers what is wanted."""
         scene, full = self.scene, self._full_work()
         if scene.prescribed and scene.N_z > 1:
             return self._full("a prescribed interface in two dimensions has no static states")
@@ -404,7 +402,7 @@ class _Choice:
         meaning = f"{self.dt:.3g} s of {limit:.3g} s"
         return Assumption("dt over the stability limit", self.dt / limit, 1.0, meaning)
 
-    def _on_lattice(self, chosen: Plan) -> Plan:
+    def on_lattice(self, chosen: Plan) -> Plan:
         """Return the plan with the lattice constant that front speeds need, if it is smaller.
 
         Half the lattice constant takes 8 times as long: 4 times the blocks, twice the steps.

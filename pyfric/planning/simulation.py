@@ -51,9 +51,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Unpack
 
-    from pyfric.core import State
     from pyfric.display import Progress
-    from pyfric.engines import Keywords, Options
+    from pyfric.engines import Keywords
     from pyfric.planning.choice import Plan
     from pyfric.scene import Number, Scene, SceneLike
 

@@ -18,9 +18,7 @@ import pandas as pd
 from pyfric.scene import Scene
 
 
-def paired(
-    a: pd.DataFrame, b: pd.DataFrame, scene: Scene, span: float | None = None
-) -> tuple[np.ndarray, np.ndarray]:
+def paired(a: pd.DataFrame, b: pd.DataFrame, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Return rows of two tables of events that belong together, in order.
 
     Each event of the shorter table has its partner in the longer one.
@@ -28,18 +26,20 @@ def paired(
     Args:
         a, b: tables of events of runs of one scene, or parts of them.
         scene: that scene.
-        span: the time that is compared, s; None is that of the last event.
 
     Returns:
         Rows of a and rows of b, counted from 0, of the same length.
     """
-    return in_order(event_distances(a, b, scene, span))
+    return in_order(event_distances(a, b, scene))
 
 
 def event_distances(
     a: pd.DataFrame, b: pd.DataFrame, scene: Scene, span: float | None = None
 ) -> np.ndarray:
-    """Return how far apart the events of two tables are, (len(a), len(b)); see the module."""
+    """Return how far apart the events of two tables are, (len(a), len(b)); see the module.
+
+    `span` is the time that is compared, s; None is that of the last event.
+    """
     if span is None:
         span = max((one["t_start"].max() for one in (a, b) if len(one)), default=0.0)
     first, last = (_pairs(name, a, b) for name in ("first_block", "last_block"))

@@ -400,10 +400,9 @@ class Contact(States):
 
     # --- pivots ----------------------------------------------------------------------------------
 
-    def change(self, i: int, mode: int, u_x: float | None = None) -> None:
-        """Put one block into another state, at its present position or at u_x (m)."""
-        at = self.values().u_x[i] if u_x is None else u_x
-        self.put(np.array([i]), np.array([mode]), np.array([at]))
+    def change(self, i: int, mode: int) -> None:
+        """Put one block into another state, at its present position."""
+        self.put(np.array([i]), np.array([mode]), self.values().u_x[[i]])
 
     def put(self, which: np.ndarray, mode: np.ndarray, u_x: np.ndarray) -> None:
         """Put n blocks into states, shape (n,); those that stick are held at u_x (m), (n,)."""

@@ -115,6 +115,7 @@ class Creep:
         self.N_x, self.k_f = scene.N_x, np.broadcast_to(np.asarray(scene.k_f, float), scene.N_x)
         self.way, self.closed = way.astype(float), closed.copy()
         self.clock, self.u_x = clock.copy(), u_x.copy()
+        self.d_c = np.broadcast_to(np.asarray(self.law.d_c, float), self.N_x)
         force = ROUNDED * problem.unit
         self.small = np.array([force, force, RATE, force, force / scene.slider.k])  # see `wrong`
         table = self.law.tables.slide
@@ -127,14 +128,12 @@ class Creep:
     def look(self, u_x: np.ndarray) -> None:
         """Select the linear piece of the law for each block at u_x (m), by the last passed knot."""
         path = self.clock + self.way * u_x
-        d_c = np.broadcast_to(np.asarray(self.law.d_c, float), self.N_x)
-        share = np.divide(path, d_c, out=np.full(self.N_x, math.inf), where=d_c > 0)
+        share = np.divide(path, self.d_c, out=np.full(self.N_x, math.inf), where=self.d_c > 0)
         self.cell = np.clip(np.searchsorted(self._x, share, side="right") - 1, 0, None)
 
     def friction(self, u_x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mu of each block on its linear piece of the law, and dmu/ds (1/m)."""
-        law, c = self.law, self.cell
-        d_c = np.broadcast_to(np.asarray(law.d_c, float), self.N_x)
+        law, d_c, c = self.law, self.d_c, self.cell
         slope = np.divide(self._slopes[c], d_c, out=np.zeros(self.N_x), where=d_c > 0)
         left = self._y[c] + slope * (self.clock + self.way * u_x - self._x[c] * d_c)
         left = np.where(c == len(self._x) - 1, self._y[-1], left)
@@ -143,7 +142,7 @@ class Creep:
     def knot(self) -> np.ndarray:
         """Return the slip at the next knot, shape (N_x,), in m; inf beyond the last."""
         following = np.append(self._x, math.inf)[self.cell + 1]
-        return following * np.where(np.equal(self.law.d_c, 0), 1.0, self.law.d_c)
+        return following * np.where(self.d_c == 0, 1.0, self.d_c)
 
     @property
     def free(self) -> np.ndarray:
@@ -267,7 +266,7 @@ class Creep:
             self.closed[i] ^= True
         self.u_x = point.u_x.copy()
         self.way[i], self.clock[i] = way, -way * point.u_x[i]
-        self.cell[i] = len(self._x) - 1 if of(self.law.d_c, i) == 0 else 0
+        self.cell[i] = len(self._x) - 1 if self.d_c[i] == 0 else 0
         most = of(self.law.mu_s, i)
         if way and most - self.friction(point.u_x)[0][i] > ENOUGH * most:
             return None
@@ -345,7 +344,7 @@ class Creep:
         ahead = np.divide(-left, slopes, out=never, where=falls)
         weakens = self.cell < len(self._x) - 1
         speed = np.abs(now.rate[weakens]).max(initial=0.0)
-        far = PART * self._x[1] * float(np.max(self.law.d_c))
+        far = PART * self._x[1] * float(np.max(self.d_c))
         return min(far / speed if speed > 0 else math.inf, 1.01 * max(float(ahead.min()), 0.0))
 
     def wrong(self, point: Point | None, fastest: float) -> Change | None:

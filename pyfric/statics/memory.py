@@ -21,9 +21,6 @@ class Memory(Generic[T]):
         self.room = room
         self._kept: dict[Hashable, T] = {}
 
-    def __len__(self) -> int:
-        return len(self._kept)
-
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return the value of a key. If it is missing, drop old values and call `make`."""
         if key in self._kept:

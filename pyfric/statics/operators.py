@@ -143,9 +143,7 @@ class Medium(NamedTuple):
         return cls(slider.l, slider.k, scene.m, scene.eta, slider.dashpots, min(scene.N_z, 2))
 
 
-def dispersion(
-    scene: Scene, wave_vectors: np.ndarray, ground: tuple[float, float] = (0.0, 0.0)
-) -> tuple[np.ndarray, np.ndarray]:
+def dispersion(scene: Scene, wave_vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies and damping rates of plane waves in the infinite lattice or chain.
 
     A wave exp(i q.r + lambda t) has lambda^2 + gamma lambda + omega^2 = 0. Its stiffness is a
@@ -154,20 +152,22 @@ def dispersion(
     Args:
         scene: the scene (l, k, m, eta are used; N_z = 1 is a chain).
         wave_vectors: q, shape (..., 2), in rad/m.
-        ground: stiffness from every block to the ground along x and z, in N/m.
 
     Returns:
         omega, shape (..., 2), ascending, in rad/s; gamma, shape (...), in 1/s. With dashpots along
         the bonds damping is a matrix, too. Then gamma has shape (..., 2): the damping of each
         undamped wave, without the coupling of the two waves.
     """
-    return waves(Medium.of(scene), wave_vectors, ground)
+    return waves(Medium.of(scene), wave_vectors, (0.0, 0.0))
 
 
 def waves(
     medium: Medium, wave_vectors: np.ndarray, ground: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies and damping rates in a medium; see `dispersion`."""
+    """Return frequencies and damping rates in a medium; see `dispersion`.
+
+    `ground` is the stiffness from every block to the ground along x and z, in N/m.
+    """
     l, k, m, eta, dashpots, rows = medium
     D = np.zeros((*wave_vectors.shape[:-1], 2, 2))
     C = np.zeros_like(D)

@@ -358,7 +358,7 @@ def test_records_equal_no_other_object():
 @pytest.fixture
 def one_more(monkeypatch):
     """A column of events and an array over blocks, each one decorated function."""
-    monkeypatch.setattr(held, "_held", dict(held._held))
+    monkeypatch.setattr(held, "_held", {group: dict(names) for group, names in held._held.items()})
 
     @event_column("m", "largest slip of a block")
     def largest_slip(of):
@@ -391,7 +391,7 @@ def test_a_column_and_an_array_are_one_function_each(one_more, tmp_path):
 
 def test_what_nobody_describes_is_not_read(tmp_path, monkeypatch):
     with monkeypatch.context() as here:
-        here.setattr(held, "_held", dict(held._held))
+        here.setitem(held._held, "events", dict(held._held["events"]))
         event_column("1", "its row")(lambda of: np.arange(of.first.size, dtype=float))
         path = make_record().save(tmp_path / "run.nc")
     with pytest.raises(RecordError, match=r"event_<lambda>: no record holds"):

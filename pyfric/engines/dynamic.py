@@ -187,7 +187,7 @@ class Run:
 
     def curve(self) -> pd.DataFrame:
         """Return the loading curve so far."""
-        return pd.DataFrame(self.rows, columns=self.columns())
+        return pd.DataFrame(np.array(self.rows), columns=self.columns())
 
     def sample(self) -> None:
         """Add the present state to the loading curve."""

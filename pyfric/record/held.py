@@ -11,6 +11,7 @@ over blocks from left to right, whichever side is driven.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,12 +84,12 @@ GROUPS = {
     "final_state": "final_",
 }
 """Group of a tree -> what the names of its variables begin with in a file."""
-_held: dict[tuple[str, str], Held] = {}
+_held: dict[str, dict[str, Held]] = {group: {} for group in GROUPS}
 
 
-def held_in(group: str) -> dict[str, Held]:
+def held_in(group: str) -> Mapping[str, Held]:
     """Return what a group holds, by name, in the order of tables and files."""
-    return {name: held for (where, name), held in _held.items() if where == group}
+    return MappingProxyType(_held[group])
 
 
 def found_arrays() -> dict[str, Held]:
@@ -140,6 +141,7 @@ def checked(
     """
     known = held_in(group)
     known = known if names is None else {name: known[name] for name in names}
+    values = dict(values.items())  # columns of a data frame are found one by one otherwise
     for name in values:
         if name not in known:
             raise RecordError(f"record: no record holds {group}.{name}")
@@ -169,9 +171,9 @@ def table(group: str, columns: Mapping[str, Any] | pd.DataFrame) -> pd.DataFrame
 
 
 def _enter(held: Held) -> None:
-    if (held.group, held.name) in _held:
+    if held.name in _held[held.group]:
         raise ValueError(f"{held.group}.{held.name} is held already")
-    _held[held.group, held.name] = held
+    _held[held.group][held.name] = held
 
 
 TABLE = """

@@ -60,8 +60,8 @@ class _Guarded:
         return kept.copy(deep=False) if shallow else copy.deepcopy(kept)
 
     def __set__(self, record: Record, value: Any) -> None:
-        own = table(self.field, value) if self.field in TABLES else value
-        record.__dict__[self.name] = copy.deepcopy(own)
+        own = table(self.field, value) if self.field in TABLES else copy.deepcopy(value)
+        record.__dict__[self.name] = own
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

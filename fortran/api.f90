@@ -1,10 +1,10 @@
 ! External procedures for f2py: plain arrays in, plain arrays out. Nothing is checked here; pyfric.core checks.
 
 !> Steps of an explicit stepper, with contacts switched at their ends or located inside them.
-subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, numbers, table, located, rtol, t0, dt, n_steps, &
-                   n_threads, keep_budget, max_switch, max_quiet, every, max_point, step, sub, y, rod, mode, corner, margin, loss, &
-                   memory, dissipated, heat, parts, work, n_log, switch_i, switch_r, quiet_i, quiet_r, points, tried, block, &
-                   t_block, status)
+subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, counts, numbers, table, located, rtol, t0, dt, &
+                   n_steps, n_threads, keep_budget, max_switch, max_quiet, every, max_point, step, sub, y, rod, mode, corner, &
+                   margin, loss, memory, dissipated, heat, parts, work, n_log, switch_i, switch_r, quiet_i, quiet_r, points, &
+                   tried, block, t_block, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_law, only: whole_memory
@@ -23,8 +23,9 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, counts, number
   integer(c_int), intent(in) :: n_numbers                    !! length of numbers
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
   real(c_double), intent(in) :: numbers(n_numbers)           !! the scene, see pyfric_model [SI]
-  integer(c_int), intent(in) :: stages                       !! of the stepper's table; 0: RK4
-  real(c_double), intent(in) :: table(stages, 5 + 2*stages)  !! see pyfric_table_stepper
+  integer(c_int), intent(in) :: stages                       !! of the stepper
+  integer(c_int), intent(in) :: n_columns                    !! of its table
+  real(c_double), intent(in) :: table(stages, n_columns)     !! see pyfric_table_stepper
   integer(c_int), intent(in) :: located                      !! 1: locate switches inside steps, 0: at step ends
   real(c_double), intent(in) :: rtol                         !! error of an adaptive sub-step over what F_N/N_x does
   real(c_double), intent(in) :: t0                           !! time of step 0 [s]

@@ -1,6 +1,7 @@
-!> One step of classical RK4 in a single sweep over the rows.
+!> One step of classical RK4, or of its opposite of five stages, in a single sweep over the rows.
 !>
-!> Stage s of a row needs only stage s - 1 of that row and its neighbours. Therefore the four stages follow each other up
+!> Of these Runge-Kutta methods each stage follows from the last one alone: u + c_s h v_(s-1), v + c_s h F_(s-1)/m.
+!> Stage s of a row needs only stage s - 1 of that row and its neighbours. Therefore the stages follow each other up
 !> the lattice, one row apart, and their data are still in the cache for any size of the lattice. A thread owns rows
 !> j0..j1. In the rows next to them it repeats the few earlier stages that it needs. Nothing is shared during a step,
 !> and every row sees the same operations for any number of threads.
@@ -11,23 +12,34 @@ module pyfric_rk4
   use pyfric_boundaries, only: rod_acceleration, rod_to_row
   use pyfric_bonds, only: N_BOND
   use pyfric_rows, only: row_t, row_forces, row_powers, budget_t
-  use pyfric_workspace, only: RING
+  use pyfric_workspace, only: MAX_STAGES
+  use pyfric_table_stepper, only: table_t
   implicit none (type, external)
   private
-  public :: rk4_step, BOTTOM_FRONT, BOTTOM_ROWS
-
-  !> After this front the two bottom rows are complete, if there are more rows than fronts.
-  integer, parameter :: BOTTOM_FRONT = 5, BOTTOM_ROWS = 14
-  real(dp), parameter :: NODE(4) = [0.0_dp, 0.5_dp, 0.5_dp, 1.0_dp]    !! c_s
-  real(dp), parameter :: WEIGHT(4) = [1.0_dp, 2.0_dp, 2.0_dp, 1.0_dp]  !! 6 b_s
+  public :: rk4_step, bottom_front, bottom_rows
 
 contains
 
+  !> The front after which the two bottom rows are complete, if there are more rows than fronts.
+  pure integer function bottom_front(table) result(front)
+    type(table_t), intent(in) :: table
+
+    front = table%stages + 1
+  end function bottom_front
+
+  !> Rows of stages that are computed up to that front.
+  pure integer function bottom_rows(table) result(rows)
+    type(table_t), intent(in) :: table
+
+    rows = table%stages*(table%stages + 3)/2
+  end function bottom_rows
+
   !> Computes rows j0..j1 of the state one step later, at fixed contact states. A sweep may be split into two calls with
-  !> the same work space: one up to front BOTTOM_FRONT, and one from the next front on.
-  subroutine rk4_step(s, t, sub, j0, j1, first, last, keep_budget, mode, memory, y, rod, y_new, rod_new, budget, q, carry, &
-                      b, fx, fz, w)
+  !> the same work space: one up to front `bottom_front`, and one from the next front on.
+  subroutine rk4_step(s, table, t, sub, j0, j1, first, last, keep_budget, mode, memory, y, rod, y_new, rod_new, budget, q, &
+                      carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
+    type(table_t), intent(in) :: table
     real(dp), intent(in) :: t                         !! time at the start [s]
     real(dp), intent(in) :: sub                       !! length of the step or sub-step [s]
     integer, intent(in) :: j0                         !! first row of this thread
@@ -42,28 +54,29 @@ contains
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
     real(dp), intent(inout) :: rod_new(6)             !! written by the thread that owns the top row
     type(budget_t), intent(inout) :: budget           !! entries of rows j0..j1 are advanced
-    real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:RING - 1, 2:4)  !! work space: rows of stages 2 to 4
-    real(dp), intent(inout) :: carry(LB:s%n + LANES, 2, 4)            !! work space of finite geometry
+    real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:table%stages - 1, 2:table%stages)  !! work space: rows of stages
+    real(dp), intent(inout) :: carry(LB:s%n + LANES, 2, table%stages)  !! work space of finite geometry
     real(dp), intent(inout) :: b(LB:s%n + LANES, 2, N_BOND)       !! work space of finite geometry
     real(dp), intent(inout) :: fx(LB:s%n + LANES)                 !! work space
     real(dp), intent(inout) :: fz(LB:s%n + LANES)                 !! work space
     type(row_t), intent(inout) :: w
-    real(dp) :: rods(6, 5), rod_sum(6)
-    integer :: low, high, j, stage, front
+    real(dp) :: rods(6, MAX_STAGES + 1), rod_sum(6)
+    integer :: low, high, j, stage, stages, front
 
+    stages = table%stages
     rods(:, 1) = rod
-    do front = max(1, j0 - 4, first), min(j1 + 3, last)
-      do stage = 1, 4
-        low = max(1, j0 - (4 - stage))
-        high = min(s%nz, j1 + (4 - stage))
+    do front = max(1, j0 - stages, first), min(j1 + stages - 1, last)
+      do stage = 1, stages
+        low = max(1, j0 - (stages - stage))
+        high = min(s%nz, j1 + (stages - stage))
         j = front - stage + 1
         if (j < max(1, low - 1) .or. j > high) cycle
         if (j == max(1, low - 1)) carry(:, :, stage) = 0.0_dp
         if (stage == 1) then
           call stage_of_row(y(LB, 1, max(j - 1, 1)), y(LB, 1, j), y(LB, 1, min(j + 1, s%nz)))
         else
-          call stage_of_row(q(LB, 1, mod(j + RING - 1, RING), stage), q(LB, 1, mod(j, RING), stage), &
-                       q(LB, 1, mod(j + 1, RING), stage))
+          call stage_of_row(q(LB, 1, mod(j + stages - 1, stages), stage), q(LB, 1, mod(j, stages), stage), &
+                            q(LB, 1, mod(j + 1, stages), stage))
         end if
       end do
     end do
@@ -76,29 +89,30 @@ contains
       real(dp), intent(in) :: row(LB:s%n + LANES, 4)   !! the row at this stage
       real(dp), intent(in) :: up(LB:s%n + LANES, 4)    !! the row above at this stage
 
-      call row_forces(s, j, t + NODE(stage)*sub, dn, row, up, mode, memory, carry(LB, 1, stage), b, fx, fz, w)
+      call row_forces(s, j, t + table%c(stage)*sub, dn, row, up, mode, memory, carry(LB, 1, stage), b, fx, fz, w)
       if (j < low) return
       if (keep_budget .and. j >= j0 .and. j <= j1) then
-        call row_powers(s, j, t + NODE(stage)*sub, sub/6.0_dp*WEIGHT(stage), mode, memory, row, up, rods(5, stage), w, &
-                        budget)
+        call row_powers(s, j, t + table%c(stage)*sub, sub/6.0_dp*(6.0_dp*table%b(stage)), mode, memory, row, up, &
+                        rods(5, stage), w, budget)
       end if
       if (j < s%nz .or. .not. s%rigid) then
-        call next_row(s, stage, sub, j, y(LB, 1, j), row, fx, fz, q, y_new(LB, 1, j))
+        call next_row(s, table, stage, sub, j, y(LB, 1, j), row, fx, fz, q, y_new(LB, 1, j))
         return
       end if
-      call next_rod(s, t + NODE(stage)*sub, stage, sub, fx, fz, rods, rod_sum)
-      if (stage < 4) then
-        call rod_to_row(s, rods(:, stage + 1), q(LB, 1, mod(j, RING), stage + 1))
+      call next_rod(s, table, t + table%c(stage)*sub, stage, sub, fx, fz, rods, rod_sum)
+      if (stage < stages) then
+        call rod_to_row(s, rods(:, stage + 1), q(LB, 1, mod(j, stages), stage + 1))
       else
-        rod_new = rods(:, 5)
+        rod_new = rods(:, stages + 1)
         call rod_to_row(s, rod_new, y_new(LB, 1, j))
       end if
     end subroutine stage_of_row
   end subroutine rk4_step
 
   !> Computes a row of blocks at the next stage, or at the end of the step.
-  pure subroutine next_row(s, stage, sub, j, y, row, fx, fz, q, y_new)
+  pure subroutine next_row(s, table, stage, sub, j, y, row, fx, fz, q, y_new)
     type(model_t), intent(in) :: s
+    type(table_t), intent(in) :: table
     integer, intent(in) :: stage
     real(dp), intent(in) :: sub                          !! length of the step or sub-step [s]
     integer, intent(in) :: j                             !! row
@@ -106,41 +120,47 @@ contains
     real(dp), intent(in) :: row(LB:s%n + LANES, 4)       !! at this stage
     real(dp), intent(in) :: fx(LB:s%n + LANES)           !! its forces [N]
     real(dp), intent(in) :: fz(LB:s%n + LANES)           !! its forces [N]
-    real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:RING - 1, 2:4)  !! rows of the stages
+    real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:table%stages - 1, 2:table%stages)  !! rows of the stages
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4)  !! at the end
 
     integer :: slot
 
-    slot = mod(j, RING)
-    if (stage < 4) then
-      call to_stage(s%n, NODE(stage + 1)*sub, s%m, y, row(LB, VX), fx, fz, q(LB, 1, slot, stage + 1))
+    slot = mod(j, table%stages)
+    if (stage < table%stages) then
+      call to_stage(s%n, table%c(stage + 1)*sub, s%m, y, row(LB, VX), fx, fz, q(LB, 1, slot, stage + 1))
       call close_state(s, q(LB, 1, slot, stage + 1))
-    else
-      call to_end(s%n, sub, s%m, y, q(LB, VX, slot, 2), q(LB, VX, slot, 3), row(LB, VX), fx, fz, y_new)
-      call close_state(s, y_new)
+      return
     end if
+    if (table%stages == 4) then
+      call to_end(s%n, sub, s%m, y, q(LB, VX, slot, 2), q(LB, VX, slot, 3), row(LB, VX), fx, fz, y_new)
+    else
+      call to_end_of_five(s%n, table, sub, s%m, y, q(LB, VX, slot, 2), q(LB, VX, slot, 3), q(LB, VX, slot, 4), row(LB, VX), &
+                          fx, fz, y_new)
+    end if
+    call close_state(s, y_new)
   end subroutine next_row
 
   !> The same for the rod, which carries the top row.
-  pure subroutine next_rod(s, t, stage, sub, fx, fz, rods, rod_sum)
+  pure subroutine next_rod(s, table, t, stage, sub, fx, fz, rods, rod_sum)
     type(model_t), intent(in) :: s
+    type(table_t), intent(in) :: table
     real(dp), intent(in) :: t                 !! time of the stage [s]
     integer, intent(in) :: stage
     real(dp), intent(in) :: sub               !! length of the step or sub-step [s]
     real(dp), intent(in) :: fx(LB:s%n + LANES)   !! forces on the top row [N]
     real(dp), intent(in) :: fz(LB:s%n + LANES)   !! forces on the top row [N]
-    real(dp), intent(inout) :: rods(6, 5)     !! the rod at the stages and at the end
+    real(dp), intent(inout) :: rods(6, MAX_STAGES + 1)  !! the rod at the stages and at the end
     real(dp), intent(inout) :: rod_sum(6)     !! weighted sum of the rates of the stages
     real(dp) :: rate(6)
 
     rate(1:3) = rods(4:6, stage)
     rate(4:6) = rod_acceleration(s, t, rods(3, stage), fx, fz)
     if (stage == 1) rod_sum = 0.0_dp
-    rod_sum = rod_sum + WEIGHT(stage)*rate
-    if (stage < 4) then
-      rods(:, stage + 1) = rods(:, 1) + NODE(stage + 1)*sub*rate
+    rod_sum = rod_sum + (6.0_dp*table%b(stage))*rate
+    if (stage < table%stages) then
+      rods(:, stage + 1) = rods(:, 1) + table%c(stage + 1)*sub*rate
     else
-      rods(:, 5) = rods(:, 1) + sub/6.0_dp*rod_sum
+      rods(:, stage + 1) = rods(:, 1) + sub/6.0_dp*rod_sum
     end if
   end subroutine next_rod
 
@@ -167,7 +187,7 @@ contains
     end do
   end subroutine to_stage
 
-  !> The end of the step: u + dt/6 (v_1 + 2 v_2 + 2 v_3 + v_4), v + dt/6 (F_1 + 2 F_2 + 2 F_3 + F_4)/m. The first three
+  !> The end of a step of RK4: u + dt/6 (v_1 + 2 v_2 + 2 v_3 + v_4), v + dt/6 (F_1 + 2 F_2 + 2 F_3 + F_4)/m. The first three
   !> forces follow from the velocities of the stages: dt F_1/m = 2 (v_2 - v), dt F_2/m = 2 (v_3 - v), dt F_3/m = v_4 - v.
   pure subroutine to_end(n, dt, m, y, v2, v3, v4, fx, fz, y_new)
     integer, intent(in) :: n
@@ -194,4 +214,40 @@ contains
       y_new(i, VZ) = y(i, VZ) + (third*(((v2(i, 2) + v4(i, 2)) + 2.0_dp*v3(i, 2)) - 4.0_dp*y(i, VZ)) + c_m*fz(i))
     end do
   end subroutine to_end
+
+  !> The end of a step of five stages: u + dt sum_s b_s v_s, v + dt sum_s b_s F_s/m. The first four forces follow from the
+  !> velocities of the stages: c_(s+1) dt F_s/m = v_(s+1) - v.
+  pure subroutine to_end_of_five(n, table, dt, m, y, v2, v3, v4, v5, fx, fz, y_new)
+    integer, intent(in) :: n
+    type(table_t), intent(in) :: table
+    real(dp), intent(in) :: dt                          !! step [s]
+    real(dp), intent(in) :: m                           !! block mass [kg]
+    real(dp), intent(in) :: y(LB:n + LANES, 4)          !! state at the start of the step
+    real(dp), intent(in) :: v2(LB:n + LANES, 2)         !! velocities of stage 2 [m/s]
+    real(dp), intent(in) :: v3(LB:n + LANES, 2)         !! velocities of stage 3 [m/s]
+    real(dp), intent(in) :: v4(LB:n + LANES, 2)         !! velocities of stage 4 [m/s]
+    real(dp), intent(in) :: v5(LB:n + LANES, 2)         !! velocities of stage 5 [m/s]
+    real(dp), intent(in) :: fx(LB:n + LANES)            !! force of stage 5 [N]
+    real(dp), intent(in) :: fz(LB:n + LANES)            !! force of stage 5 [N]
+    real(dp), intent(inout) :: y_new(LB:n + LANES, 4)   !! state at the end of the step
+    real(dp) :: b(5), g(4), b_m
+    integer :: d, i
+
+    b = dt*table%b
+    g = table%b(:4)/table%c(2:5)
+    b_m = b(5)/m
+    do d = 1, 2
+      !GCC$ ivdep
+      do i = 1, n
+        y_new(i, d) = y(i, d) + (((b(1)*y(i, d + 2) + b(2)*v2(i, d)) + (b(3)*v3(i, d) + b(4)*v4(i, d))) + b(5)*v5(i, d))
+        y_new(i, d + 2) = y(i, d + 2) + ((g(1)*(v2(i, d) - y(i, d + 2)) + g(2)*(v3(i, d) - y(i, d + 2))) &
+                                         + (g(3)*(v4(i, d) - y(i, d + 2)) + g(4)*(v5(i, d) - y(i, d + 2))))
+      end do
+    end do
+    !GCC$ ivdep
+    do i = 1, n
+      y_new(i, VX) = y_new(i, VX) + b_m*fx(i)
+      y_new(i, VZ) = y_new(i, VZ) + b_m*fz(i)
+    end do
+  end subroutine to_end_of_five
 end module pyfric_rk4

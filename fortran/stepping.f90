@@ -5,7 +5,7 @@ module pyfric_stepping
   use pyfric_model, only: model_t
   use pyfric_rows, only: budget_t, row_t, new_row, take_shared
   use pyfric_workspace, only: reserve, aligned, widen, narrow, RINGS, CARRY, BONDS, FX, FZ, COLUMNS, MAX_STAGES
-  use pyfric_rk4, only: rk4_step, BOTTOM_FRONT, BOTTOM_ROWS
+  use pyfric_rk4, only: rk4_step, bottom_front, bottom_rows
   use pyfric_table_stepper, only: table_t, table_step
   use pyfric_contact, only: contact_t, switch_contacts
   use pyfric_energy, only: curve_point
@@ -72,7 +72,7 @@ contains
     call reserve(s, COLUMNS, method%n_threads, work, complete)
     if (.not. complete) run%status = NO_MEMORY
     if (.not. complete) return
-    if (method%table%stages > 0) then
+    if (.not. method%table%swept) then
       stage = 0.0_dp
       forces = 0.0_dp
     end if
@@ -148,8 +148,8 @@ contains
       if (run%status == NO_MEMORY) return
       run%sub = run%control%length
     end if
-    run%bottom_first = method%located .and. method%table%stages == 0 .and. s%nz > BOTTOM_FRONT
-    if (run%bottom_first) run%tested_share = real(BOTTOM_ROWS, dp)/(4*s%nz)
+    run%bottom_first = method%located .and. method%table%swept .and. s%nz > bottom_front(method%table)
+    if (run%bottom_first) run%tested_share = real(bottom_rows(method%table), dp)/(method%table%stages*s%nz)
     run%goes_on = run%step < run%end_step .and. log_has_room(s, method, log)
   end subroutine prepare
 
@@ -184,13 +184,13 @@ contains
       if (.not. run%goes_on) exit
       if (bottom_first) then
         if (thread == 0) then
-          call sweep(1, BOTTOM_FRONT)
+          call sweep(1, bottom_front(method%table))
           call test_step(s, method, run, y(LB, 1, 1, run%current), y(LB, 1, 1, 3 - run%current), contact)
         end if
         !$omp barrier
       end if
       if (.not. bottom_first) call sweep(1, huge(1))
-      if (bottom_first .and. run%control%accepted) call sweep(merge(BOTTOM_FRONT + 1, 1, thread == 0), huge(1))
+      if (bottom_first .and. run%control%accepted) call sweep(merge(bottom_front(method%table) + 1, 1, thread == 0), huge(1))
       !$omp barrier
       if (thread == 0) then
         if (.not. bottom_first) call test_step(s, method, run, y(LB, 1, 1, run%current), y(LB, 1, 1, 3 - run%current), contact)
@@ -201,7 +201,7 @@ contains
 
   contains
 
-    !> Fronts of RK4, or a step of the table stepper.
+    !> Fronts of RK4 or its opposite, or a step of the table stepper.
     subroutine sweep(first, last)
       integer, intent(in) :: first
       integer, intent(in) :: last
@@ -233,8 +233,8 @@ contains
 
     old = run%current
     new = 3 - old
-    if (method%table%stages == 0) then
-      call rk4_step(s, run%t, run%sub, j0, j1, first, last, method%keep_budget, contact%mode, contact%memory, &
+    if (method%table%swept) then
+      call rk4_step(s, method%table, run%t, run%sub, j0, j1, first, last, method%keep_budget, contact%mode, contact%memory, &
                     y(LB, 1, 1, old), rods(:, old), y(LB, 1, 1, new), rods(:, new), budget, work(LB, RINGS), &
                     work(LB, CARRY), work(LB, BONDS), work(LB, FX), work(LB, FZ), w)
     else

@@ -18,7 +18,8 @@ module pyfric_table_stepper
   public :: table_t, new_table, table_step
 
   type :: table_t
-    integer :: stages = 0   !! 0: RK4, which has a sweep of its own
+    integer :: stages = 0
+    logical :: swept = .false.             !! RK4 or its opposite: made in a single sweep (pyfric_rk4), from c and b alone
     real(dp) :: c(MAX_STAGES) = 0.0_dp
     real(dp) :: b(MAX_STAGES) = 0.0_dp
     real(dp) :: bbar(MAX_STAGES) = 0.0_dp
@@ -30,16 +31,17 @@ module pyfric_table_stepper
 
 contains
 
-  !> The table from the columns that Python passes: c, b, bbar, e, ebar, a, abar.
+  !> The table from the columns that Python passes: c, b and, if it is not swept, bbar, e, ebar, a, abar.
   pure function new_table(stages, columns) result(table)
     integer, intent(in) :: stages                !! at most MAX_STAGES
-    real(dp), intent(in) :: columns(stages, 5 + 2*stages)
+    real(dp), intent(in) :: columns(:, :)
     type(table_t) :: table
 
     table%stages = stages
-    if (stages == 0) return
+    table%swept = size(columns, 2) == 2
     table%c(:stages) = columns(:, 1)
     table%b(:stages) = columns(:, 2)
+    if (table%swept) return
     table%bbar(:stages) = columns(:, 3)
     table%e(:stages) = columns(:, 4)
     table%ebar(:stages) = columns(:, 5)

@@ -8,13 +8,14 @@ module pyfric_workspace
   implicit none (type, external)
   private
   public :: reserve, aligned, widen, narrow
-  public :: MAX_STAGES, RING, RINGS, FX, FZ, CARRY, BONDS, COLUMNS
+  public :: MAX_STAGES, RINGS, FX, FZ, CARRY, BONDS, COLUMNS
 
-  integer, parameter :: MAX_STAGES = 5  !! of a stepper given by a table
-  integer, parameter :: RING = 4         !! rows of a stage that RK4 keeps: row j is last needed by stage 4 of row j
-  !> Columns of a thread's rows work(LB:n+LANES, COLUMNS): rows of stages 2 to 4 of RK4; in finite geometry,
-  !> forces that go up a row, two for each of four stages, and forces of bonds [N]; forces on a row [N].
-  integer, parameter :: RINGS = 1, CARRY = RINGS + 12*RING, BONDS = CARRY + 8, FX = BONDS + 2*N_BOND, FZ = FX + 1, COLUMNS = FZ
+  integer, parameter :: MAX_STAGES = 5  !! of a stepper
+  !> Columns of a thread's rows work(LB:n+LANES, COLUMNS). Of each stage after the first a sweep keeps as many rows as there
+  !> are stages, because row j is last needed by the last stage of row j. In finite geometry: forces that go up a row, two for
+  !> each stage, and forces of bonds [N]. Forces on a row [N].
+  integer, parameter :: RINGS = 1, CARRY = RINGS + 4*MAX_STAGES*(MAX_STAGES - 1), BONDS = CARRY + 2*MAX_STAGES, &
+    FX = BONDS + 2*N_BOND, FZ = FX + 1, COLUMNS = FZ
 
 contains
 

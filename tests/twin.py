@@ -483,8 +483,10 @@ def rk4_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, 
 
 def rk4_opposite_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
     """Return the same with R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24 + z^5/60."""
-    rows = [], [1 / 3], [-1 / 15, 2 / 5], [7 / 15, -4 / 5, 1], [-1 / 5, 6 / 5, -1, 1]
-    return _runge_kutta_step(rows, [1 / 8, 0, 3 / 8, 3 / 8, 1 / 8], *args)
+    c = 0.5251532966241576, 0.2754049693883984, 0.5297539961792543, 0.9200761705590146
+    b = 0.1198903876004858, 0.28922320221750564, 0.224859363727749, 0.12960234091721815
+    rows = [], *([0] * k + [share] for k, share in enumerate(c))
+    return _runge_kutta_step(rows, [*b, 1 - sum(b)], *args)
 
 
 def _runge_kutta_step(

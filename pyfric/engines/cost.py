@@ -29,9 +29,6 @@ if TYPE_CHECKING:
 EVALUATION, BOTTOM, BLOCK = 0.9e-6, 5e-9, {"linear": 3.1e-9, "finite": 8.5e-9}
 """Time of one force evaluation, in s: a constant, a part for each bottom block, and a part for each
 block of the lattice."""
-TABLE = (0.25e-6, 1.2)
-"""Time of one force evaluation of a stepper given by a table: a constant, in s, and a part over
-that of RK4."""
 JUNCTION = 1.25e-9
 """Additional time of one force evaluation for each junction, in s."""
 CALL = 1e-4
@@ -69,15 +66,11 @@ class SetUp(NamedTuple):
     bytes: float
 
 
-def work(
-    scene: Scene, geometry: Geometry, counts: Mapping[str, float], stepper: str = "rk4"
-) -> float:
+def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float:
     """Return the work of the operations that a record counts, in s."""
     blocks = scene.N_x * scene.N_z
     evaluation = EVALUATION + BOTTOM * scene.N_x + BLOCK[geometry] * blocks
     evaluation += JUNCTION * scene.law.junctions * scene.N_x
-    if not STEPPERS[stepper].swept:
-        evaluation = TABLE[0] + TABLE[1] * evaluation
     attempt, of_block = ATTEMPT[geometry]
     return (
         counts.get("block_evaluations", 0) / blocks * evaluation
@@ -99,7 +92,7 @@ def steps_of_slide(scene: Scene, geometry: Geometry) -> int:
 def work_so_far(run: Run | Record) -> float:
     """Return the work so far of a run with time steps, or of its record, in s."""
     counts = run.counts() if callable(run.counts) else run.counts
-    return work(run.scene, run.method.geometry, counts, run.method.stepper or "rk4")
+    return work(run.scene, run.method.geometry, counts)
 
 
 def full_counts(
@@ -142,7 +135,7 @@ def full_work(
     calls: int = 0,
 ) -> float:
     """Return the work (s) of full dynamics with steps dt over a time `lasts`, both in s."""
-    return RUN + work(scene, geometry, full_counts(scene, dt, lasts, stepper, calls), stepper)
+    return RUN + work(scene, geometry, full_counts(scene, dt, lasts, stepper, calls))
 
 
 def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:

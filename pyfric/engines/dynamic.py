@@ -119,7 +119,7 @@ class Run:
         self.model = core.model(scene, method.geometry, state.u_drv0, just_after(state))
         self.piece: int | None = None  # of the protocols, that the model follows
         step = {"block_evaluations": len(core.STEPPERS[method.stepper].c) * scene.N_x * scene.N_z}
-        steps = int(CALL_SECONDS / work(scene, method.geometry, step, method.stepper))
+        steps = int(CALL_SECONDS / work(scene, method.geometry, step))
         self.most_steps = min(max(steps, 1), STEPS)
         self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
         # The core samples the curve; motion and conditions need a call for each point.

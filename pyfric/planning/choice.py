@@ -277,8 +277,7 @@ class _Choice:
         return counts | {"block_evaluations": counts["block_evaluations"] + self.located}
 
     def _full_work(self) -> float:
-        counts, stepper = self._full_counts(), self.options.stepper
-        return RUN + work(self.scene, self.geometry, counts, stepper)
+        return RUN + work(self.scene, self.geometry, self._full_counts())
 
     def _made(self, counts: dict[str, float] | None = None, **what: object) -> Plan:
         """Return the plan; `counts` are the operations of a run with time steps."""

@@ -91,7 +91,7 @@ def references(runs: Runs) -> list[Reference]:
     for other, ratio in resolve or ways:
         for engine in runs.counts:
             counts = runs.finer(engine, other, ratio)
-            seconds = RUN + work(scene, runs.geometry, counts, other)
+            seconds = RUN + work(scene, runs.geometry, counts)
             found.append(Reference(engine, other, runs.dt / ratio, seconds))
     return found
 

@@ -13,7 +13,7 @@ from helpers import small_rod
 import pyfric
 from pyfric.cli.commands import main
 from pyfric.engines import ACCURACY, Options
-from pyfric.engines.cost import TABLE, full_counts, full_work, work_so_far
+from pyfric.engines.cost import full_counts, full_work, work_so_far
 from pyfric.planning import verification
 from pyfric.planning.price import RATIOS, Runs, budget, references
 from pyfric.planning.verification import (
@@ -23,6 +23,7 @@ from pyfric.planning.verification import (
     SAFETY,
     TURNED,
     Specification,
+    _apart,
     _Verification,
     verified,
 )
@@ -497,7 +498,7 @@ def test_a_small_error_takes_one_more_run(ladder):
     (_, *how) = known.asked[-1]
     assert len(known.asked) == 2
     assert how == [
-        1 / 2,
+        pytest.approx(1 / 2.5),
         ACCURACY,
         "rk4_opposite",
     ]  # twice the work, and half a second
@@ -517,12 +518,12 @@ def test_the_reference_is_the_best_that_is_paid_for(ladder):
         record = known.verified(None)
         (_, share, accuracy, stepper) = known.asked[1]
         own = work_so_far(record)
-        stages = 5 / 4 * TABLE[1] if stepper == "rk4_opposite" else 1
+        stages = 5 / 4 if stepper == "rk4_opposite" else 1
         assert stages * (full if accuracy is None else own) / share <= budget(own) * 1.01
         seen.append((share, accuracy is None, stepper))
     assert seen[0] == (1 / 4, False, "rk4_opposite")
-    assert seen[1] == (1 / 2, False, "rk4_opposite")
-    assert seen[2] == (1 / 3, True, "rk4_opposite")  # dynamics spares nothing there
+    assert seen[1] == (pytest.approx(1 / 2.5), False, "rk4_opposite")
+    assert seen[2] == (1 / 4, True, "rk4_opposite")  # dynamics spares nothing there
 
 
 def test_undamped_motion_is_compared_with_the_same_stepper(ladder):
@@ -564,8 +565,9 @@ def test_a_run_that_is_too_far_off_gives_way_to_its_reference(ladder):
     """Of which no smaller error is claimed before it is compared with a finer one."""
     known = Known(ladder, step=0.007)
     record = known.verified(None)
-    assert [share for _, share, *_ in known.asked] == [1, 1 / 2, 1 / 4]
-    assert record.method.dt == known.dt_0 / 2
+    shares = [share for _, share, *_ in known.asked]
+    assert shares == pytest.approx([1, 1 / 2.5, 1 / (2.5 * 2)])
+    assert record.method.dt == known.dt_0 / 2.5
     assert any("refined to hybrid, finite geometry" in note for note in record.notes)
     assert record.errors.until is None
     assert record.errors.holds
@@ -583,10 +585,10 @@ def test_events_are_trusted_as_far_as_the_budget_pays_for_a_finer_run(ladder):
     known = Known(ladder, step=0.007)
     known.part = pyfric.simulate(ladder.scene, starts[main[3]] - 1e-3, fidelity="quasistatic")
     errors = known.verified(None).errors
-    assert known.asked[-1][1] == 1 / 4
+    assert known.asked[-1][1] == pytest.approx(1 / (2.5 * 2))
     assert errors.events == 3
     assert starts[main[2]] <= errors.until < starts[main[3]]
-    assert errors.measured() == pytest.approx(SAFETY * 0.007 / 2**4)
+    assert errors.measured() == pytest.approx(SAFETY * 0.007 / 2.5**4)
     assert errors.statistics
     known.part = pyfric.simulate(ladder.scene, starts[1] - 1e-3, fidelity="quasistatic")
     errors = known.verified(None).errors  # from the run of twice the step: no main event agrees
@@ -616,6 +618,15 @@ def test_other_small_events_end_the_trust_in_single_ones(ladder):
     (first, *_) = ladder.events.index[(starts > starts[main[2]]) & ~ladder.events["is_main"]]
     known.part = changed(ladder, first, last_block=1)
     assert known.verified(None).errors.until < starts[first] < until
+
+
+def test_another_episode_of_each_block_makes_another_event(ladder):
+    event = main_events(ladder)[2]
+    blocks = int(ladder.events.loc[event, "n_blocks"])
+    for more in (blocks, -blocks):
+        assert _apart(changed(ladder, event, n_episodes=more), ladder) == np.inf
+        other = changed(ladder, event, n_episodes=more + np.sign(more))
+        assert _apart(other, ladder) == ladder.events.loc[event, "t_start"]
 
 
 def test_small_errors_are_those_before_other_small_events(ladder):
@@ -657,7 +668,7 @@ def test_linear_geometry_gives_way(ladder):
 
 def test_jumps_are_compared_with_stricter_ones(ladder):
     record = Known(ladder, jumps=10.0).verified(None)
-    factor = SAFETY / (1 + 2**-4)
+    factor = SAFETY / (1 + 2.5**-4)
     assert record.errors.start == pytest.approx(factor * 10 * (1e-4 - ACCURACY))
     for accuracy, stricter in ((1e-3, ACCURACY), (ACCURACY, ACCURACY / 10), (1e-9, 1e-9)):
         known = Known(ladder)

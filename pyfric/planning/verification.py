@@ -29,7 +29,8 @@ that does not reach an event, it is that from the coarser run. If events before 
 do not tell what is wanted, the error of all events is reported, which exceeds the tolerance.
 
 An event of few blocks that slips other blocks in two runs is a difference, too, even if the error
-is within the tolerance: what follows from it has no order in the step.
+is within the tolerance: what follows from it has no order in the step. So is an event whose blocks
+slip again and again, if the numbers of episodes differ by more than that of its blocks.
 
 A reference run ends at `GRACE` times its expected work. Events that it does not cover are not
 measured.
@@ -175,12 +176,16 @@ def _with(record: Record, errors: Errors, notes: list[str]) -> Record:
 def _apart(record: Record, other: Record) -> float:
     """Return the start (s) of the first event that slips other blocks in another run.
 
-    Events that go on in one of the runs do not count. inf is returned if there is none.
+    In an event whose blocks slip again and again, episodes are counted, too: one for each block,
+    more or less, is another event. Events that go on in one of the runs do not count. inf is
+    returned if there is none.
     """
     names = ["n_blocks", "first_block", "last_block"]
     same = min(len(record.events), len(other.events))
     ours, theirs = (one.events[:same] for one in (record, other))
     off = (ours[names].to_numpy() != theirs[names].to_numpy()).any(axis=1)
+    episodes = ours["n_episodes"].to_numpy() - theirs["n_episodes"].to_numpy()
+    off |= np.abs(episodes) > ours["n_blocks"].to_numpy()
     off &= ours["finished"].to_numpy() & theirs["finished"].to_numpy()
     return float(ours["t_start"][off].min()) if off.any() else math.inf
 

@@ -627,6 +627,12 @@ def test_another_episode_of_each_block_makes_another_event(ladder):
         assert _apart(changed(ladder, event, n_episodes=more), ladder) == np.inf
         other = changed(ladder, event, n_episodes=more + np.sign(more))
         assert _apart(other, ladder) == ladder.events.loc[event, "t_start"]
+    here, there = (
+        one.replace(events=one.events.assign(finished=one.events.index != event))
+        for one in (other, ladder)
+    )
+    assert _apart(here, there) == ladder.events.loc[event, "t_start"]  # goes on in both runs
+    assert _apart(here, ladder) == np.inf
 
 
 def test_small_errors_are_those_before_other_small_events(ladder):

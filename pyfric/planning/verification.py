@@ -177,16 +177,16 @@ def _apart(record: Record, other: Record) -> float:
     """Return the start (s) of the first event that slips other blocks in another run.
 
     In an event whose blocks slip again and again, episodes are counted, too: one for each block,
-    more or less, is another event. Events that go on in one of the runs do not count. inf is
-    returned if there is none.
+    more or less, is another event. Events that go on to the end do not count, but for the episodes
+    of those that go on in both runs. inf is returned if there is none.
     """
     names = ["n_blocks", "first_block", "last_block"]
     same = min(len(record.events), len(other.events))
     ours, theirs = (one.events[:same] for one in (record, other))
-    off = (ours[names].to_numpy() != theirs[names].to_numpy()).any(axis=1)
+    ended, theirs_ended = (one["finished"].to_numpy() for one in (ours, theirs))
+    off = (ours[names].to_numpy() != theirs[names].to_numpy()).any(axis=1) & ended & theirs_ended
     episodes = ours["n_episodes"].to_numpy() - theirs["n_episodes"].to_numpy()
-    off |= np.abs(episodes) > ours["n_blocks"].to_numpy()
-    off &= ours["finished"].to_numpy() & theirs["finished"].to_numpy()
+    off |= (np.abs(episodes) > ours["n_blocks"].to_numpy()) & (ended == theirs_ended)
     return float(ours["t_start"][off].min()) if off.any() else math.inf
 
 

@@ -61,7 +61,7 @@ contains
     real(dp), intent(inout) :: fz(LB:s%n + LANES)                 !! work space
     type(row_t), intent(inout) :: w
     real(dp) :: rods(6, MAX_STAGES + 1), rod_sum(6)
-    integer :: low, high, j, stage, stages, front
+    integer :: low, high, j, slot, stage, stages, front
 
     stages = table%stages
     rods(:, 1) = rod
@@ -72,11 +72,12 @@ contains
         j = front - stage + 1
         if (j < max(1, low - 1) .or. j > high) cycle
         if (j == max(1, low - 1)) carry(:, :, stage) = 0.0_dp
+        slot = mod(j, stages)
         if (stage == 1) then
           call stage_of_row(y(LB, 1, max(j - 1, 1)), y(LB, 1, j), y(LB, 1, min(j + 1, s%nz)))
         else
-          call stage_of_row(q(LB, 1, mod(j + stages - 1, stages), stage), q(LB, 1, mod(j, stages), stage), &
-                            q(LB, 1, mod(j + 1, stages), stage))
+          call stage_of_row(q(LB, 1, merge(stages - 1, slot - 1, slot == 0), stage), q(LB, 1, slot, stage), &
+                            q(LB, 1, merge(0, slot + 1, slot == stages - 1), stage))
         end if
       end do
     end do
@@ -96,12 +97,12 @@ contains
                         rods(5, stage), w, budget)
       end if
       if (j < s%nz .or. .not. s%rigid) then
-        call next_row(s, table, stage, sub, j, y(LB, 1, j), row, fx, fz, q, y_new(LB, 1, j))
+        call next_row(s, table, stage, sub, slot, y(LB, 1, j), row, fx, fz, q, y_new(LB, 1, j))
         return
       end if
       call next_rod(s, table, t + table%c(stage)*sub, stage, sub, fx, fz, rods, rod_sum)
       if (stage < stages) then
-        call rod_to_row(s, rods(:, stage + 1), q(LB, 1, mod(j, stages), stage + 1))
+        call rod_to_row(s, rods(:, stage + 1), q(LB, 1, slot, stage + 1))
       else
         rod_new = rods(:, stages + 1)
         call rod_to_row(s, rod_new, y_new(LB, 1, j))
@@ -110,12 +111,12 @@ contains
   end subroutine rk4_step
 
   !> Computes a row of blocks at the next stage, or at the end of the step.
-  pure subroutine next_row(s, table, stage, sub, j, y, row, fx, fz, q, y_new)
+  pure subroutine next_row(s, table, stage, sub, slot, y, row, fx, fz, q, y_new)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
     integer, intent(in) :: stage
     real(dp), intent(in) :: sub                          !! length of the step or sub-step [s]
-    integer, intent(in) :: j                             !! row
+    integer, intent(in) :: slot                          !! where q keeps the row
     real(dp), intent(in) :: y(LB:s%n + LANES, 4)         !! the row at the start
     real(dp), intent(in) :: row(LB:s%n + LANES, 4)       !! at this stage
     real(dp), intent(in) :: fx(LB:s%n + LANES)           !! its forces [N]
@@ -123,9 +124,6 @@ contains
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:table%stages - 1, 2:table%stages)  !! rows of the stages
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4)  !! at the end
 
-    integer :: slot
-
-    slot = mod(j, table%stages)
     if (stage < table%stages) then
       call to_stage(s%n, table%c(stage + 1)*sub, s%m, y, row(LB, VX), fx, fz, q(LB, 1, slot, stage + 1))
       call close_state(s, q(LB, 1, slot, stage + 1))

@@ -627,8 +627,7 @@ def test_sigterm_is_left_as_it_was():
 def small_paper(monkeypatch):
     """One small run behind every figure, and only the figures that it is enough for."""
     job = pyfric.Job(scene=tiny(), t_end=1.2e-3, options={"fidelity": "hybrid"})
-    defaults = pyfric.paper.reproduce.__kwdefaults__
-    monkeypatch.setitem(defaults, "runs", {"fig1": job, "fig4b": (job,)})
+    monkeypatch.setattr("pyfric.paper.reproduction.RUNS", {"fig1": job, "fig4b": (job,)})
     for name in FIGURES.keys() - {"fig1b", "fig4b"}:
         monkeypatch.delitem(FIGURES, name)
 

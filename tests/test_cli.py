@@ -626,6 +626,7 @@ def test_sigterm_is_left_as_it_was():
 @pytest.fixture
 def small_paper(monkeypatch):
     """One small run behind every figure, and only the figures that it is enough for."""
+    pyf("reproduce", "--help")  # the command asks for all figures when it is loaded
     job = pyfric.Job(scene=tiny(), t_end=1.2e-3, options={"fidelity": "hybrid"})
     monkeypatch.setattr("pyfric.paper.reproduction.RUNS", {"fig1": job, "fig4b": (job,)})
     for name in FIGURES.keys() - {"fig1b", "fig4b"}:

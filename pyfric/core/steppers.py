@@ -74,10 +74,14 @@ class Stepper:
 
     @functools.cached_property
     def swept(self) -> bool:
-        """Whether each stage follows from the last one alone, so that one sweep makes a step."""
-        if self.adaptive or len(self.c) < 4:
+        """Whether each stage follows from the last one alone, so that one sweep makes a step.
+
+        The sweep of the core is written for Runge-Kutta methods of four and five stages.
+        """
+        if self.adaptive or len(self.c) not in (4, 5):
             return False
-        return bool((self.a == np.diag(self.c[1:], -1)).all())
+        last_alone = (self.a == np.diag(self.c[1:], -1)).all()
+        return bool(last_alone and (self.bbar == _product(self.b, self.a)).all())
 
     @functools.cached_property
     def columns(self) -> np.ndarray:

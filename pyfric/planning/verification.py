@@ -176,9 +176,9 @@ def _with(record: Record, errors: Errors, notes: list[str]) -> Record:
 def _apart(record: Record, other: Record) -> float:
     """Return the start (s) of the first event that slips other blocks in another run.
 
-    In an event whose blocks slip again and again, episodes are counted, too: one for each block,
-    more or less, is another event. Events that go on to the end do not count, but for the episodes
-    of those that go on in both runs. inf is returned if there is none.
+    Events whose numbers of episodes differ by more than one for each block count, too. Of events
+    that go on to the end, only those that go on in both runs can count, by their episodes. inf is
+    returned if there is none.
     """
     names = ["n_blocks", "first_block", "last_block"]
     same = min(len(record.events), len(other.events))

@@ -25,7 +25,7 @@ KINDS = {
         "starts": "EXCESS",
         "contact": "LEAST_DEFINITENESS",
         "price": "PLAIN CHEAP RATIOS USABLE",
-        "verification": "DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER FEW GRACE PERTURBATION",
+        "verification": "DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER FEW MOST PERTURBATION",
         "analysis": "BINS SHIFTS PER_BIN",
         "catalogue": "T_GAP MAIN_EVENT_BLOCKS",
         "classes": "FROM_BLOCK SLOW LAST",

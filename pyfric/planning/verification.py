@@ -32,8 +32,8 @@ An event of few blocks that slips other blocks in two runs is a difference, too,
 is within the tolerance: what follows from it has no order in the step. So is an event whose blocks
 slip again and again, if the numbers of episodes differ by more than that of its blocks.
 
-A reference run ends at `GRACE` times its expected work. Events that it does not cover are not
-measured.
+A reference run ends where the run with its verification has cost `MOST` times what the plan
+announced. Events that it does not cover are not measured.
 
 Source: P. J. Roache, J. Fluids Eng. 116, 405 (1994), factors of safety for two grids.
 """
@@ -58,7 +58,6 @@ from pyfric.engines import (
     work_so_far,
 )
 from pyfric.planning.price import (
-    CHEAP,
     Reference,
     Runs,
     affordable,
@@ -87,8 +86,8 @@ STRICTER = 0.1
 """Largest accuracy of jumps of a reference run over that of the run."""
 FEW = 0.1
 """Largest share of main events that may be named as undetermined while the others are measured."""
-GRACE = 2.0
-"""Work at which a reference run is ended, over its expected work."""
+MOST = 3.0
+"""Largest work of a run with its verification, over the expected one: reference runs end there."""
 PERTURBATION = 1e-9
 """Relative increase of the driver's speed in the perturbed run."""
 
@@ -105,6 +104,7 @@ class Specification:
         refines: whether steps and geometry may be changed.
         expected: error that the plan expects.
         work: work of the run that the plan expects, in s; inf without a plan.
+        whole: expected work with verification and refinement, likewise.
         geometry: geometry of reference runs; None means finite, or linear for a chain.
     """
 
@@ -116,6 +116,7 @@ class Specification:
     refines: bool = False
     expected: float | None = None
     work: float = math.inf
+    whole: float = math.inf
     geometry: Geometry | None = None
 
     def again(
@@ -225,14 +226,18 @@ class _Verification:
     def __init__(self, record: Record, mode: str | None, made: Specification) -> None:
         self.record, self.mode, self.made = record, mode, made
         self.geometry = made.geometry or default_geometry(made.scene)
-        spent = min(work_so_far(record), made.work)
-        self.left = math.inf if mode == "full" else budget(spent)
+        spent = work_so_far(record)
+        left = budget(min(spent, made.work))
+        self.left = math.inf if mode == "full" else left
+        self.first = self._level()
+        whole = min(made.whole, spent + min(self.first.work, left))
+        self.over = MOST * whole - spent - left
         self.notes: list[str] = []
 
     def record_with_errors(self) -> Record:
         """Return the run with its errors, or the reference run that replaces it."""
         made = self.made
-        reference = self._reference(self._level())
+        reference = self._reference(self.first)
         errors = self._compared(reference)
         while self._beyond(errors) and made.refines and self.mode != "full" and reference.done:
             off = errors.measured()
@@ -321,25 +326,16 @@ class _Verification:
         return how
 
     def _reference(self, level: Reference) -> Record:
-        """Make a reference run."""
-        return self._made(self._how(level), level.work)
+        """Make a reference run, which is ended if the run and its verification cost too much."""
+        most = self.left + self.over
+        how = self._how(level)
+        found = self.made.again(self.record, lambda run: work_so_far(run) > most, **how)
+        self.left -= work_so_far(found)
+        return found
 
     def _in_reference_geometry(self) -> Record:
         """Repeat the whole run in the geometry of reference runs."""
         found = self.made.again(self.record, geometry=self.geometry)
-        self.left -= work_so_far(found)
-        return found
-
-    def _made(self, how: dict[str, Any], expected: float) -> Record:
-        """Make a run, which is ended if it takes `GRACE` times the expected work (s)."""
-        most = GRACE * max(min(expected, self.left), CHEAP)
-        if self.mode == "full":
-            most = math.inf
-
-        def enough(run: Run) -> bool:
-            return work_so_far(run) > most
-
-        found = self.made.again(self.record, enough, **how)
         self.left -= work_so_far(found)
         return found
 

@@ -519,6 +519,21 @@ def test_transitions_of_cheap_dynamics_are_counted():
     assert found.work == pytest.approx(RUN + work_so_far(record), rel=0.01)
 
 
+def test_a_run_may_cost_what_its_plan_announced(monkeypatch):
+    """The hybrid engine; cheap dynamics was made for its price, so that the run itself tells it."""
+    seen = []
+    monkeypatch.setattr(
+        simulation, "verified", lambda record, mode, made: seen.append(made) or record
+    )
+    for scene, t_end in ((small(), 0.7), (small(V=0.5), 3e-3)):
+        simulate(scene, t_end, want="front_speed", progress=False)
+    found = plan(small(), "front_speed", t_end=0.7)
+    assert found.fidelity == "hybrid"
+    announced = (found.seconds + found.price + found.refinement) / machine_speed()
+    assert seen[0].whole == pytest.approx(announced)
+    assert seen[1].whole == math.inf
+
+
 def test_cheap_dynamics_is_counted_up_to_its_end():
     scene = setup1(L=0.02, H=0.0125, V=0.5)
     plans = [plan(scene, t_end=t, stop_when="main_events = 1") for t in (0.01, 0.02)]

@@ -12,7 +12,7 @@ from helpers import small_rod
 
 import pyfric
 from pyfric.cli.commands import main
-from pyfric.engines import ACCURACY, Options
+from pyfric.engines import ACCURACY, HybridRun, Options, integrate
 from pyfric.engines.cost import full_counts, full_work, work_so_far
 from pyfric.planning import verification
 from pyfric.planning.price import RATIOS, Runs, budget, references
@@ -792,6 +792,22 @@ def test_a_reference_run_ends_where_its_budget_does():
     most = dataclasses.replace(record, counts={"block_evaluations": 10**12, "steps": 10**9})
     assert enough(most)
     assert not enough(record)
+
+
+def test_nothing_is_measured_where_a_run_has_used_up_its_price():
+    scene, how = small_rod(), pyfric.Options(fidelity="hybrid", geometry="finite", accuracy=1e-4)
+
+    def run(scene, t_end, options, enough=None):
+        return integrate(HybridRun, scene, t_end, options, progress=False, enough=enough)
+
+    made = Specification(scene=scene, t_begin=0.0, t_end=0.4, options=how, run=run)
+    record = run(scene, 0.4, how)
+    before = verified(record, None, made).errors
+    assert before.holds
+    assert before.covered >= 0.4
+    after = verified(record, None, dataclasses.replace(made, work=1e-3, whole=1e-3)).errors
+    assert after.holds is None
+    assert after.covered < 0.1
 
 
 def test_a_ladder_is_compared_with_dynamics():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 import sys
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -29,7 +30,6 @@ from pyfric.engines import (
     static_sequence,
     step_size,
     work,
-    work_so_far,
 )
 from pyfric.planning.choice import choose
 from pyfric.planning.pilot import counted, expected_end, pilot_run, quasistatic_work
@@ -271,8 +271,7 @@ def _planned(made: Specification, initial: State | None, progress: object) -> Re
         error.record = _with_notes(error.record, *notes)
         raise
     if record.done and options.verify != "none":
-        made = _as_planned(_until(made, record), plan, level, record)
-        record = verified(record, options.verify, made)
+        record = verified(record, options.verify, _as_planned(_until(made, record), plan, level))
     return _with_notes(record, *notes)
 
 
@@ -299,7 +298,7 @@ def _static(plan: Plan, made: Specification) -> tuple[Record | None, str]:
     if made.options.verify == "none":
         return record, ""
     made = _until(made, record)
-    found = verified(record, made.options.verify, _as_planned(made, plan, level, record))
+    found = verified(record, made.options.verify, _as_planned(made, plan, level))
     return found, "" if found else "errors measured by dynamics exceed the tolerance"
 
 
@@ -325,17 +324,16 @@ def _until(made: Specification, record: Record) -> Specification:
     return dataclasses.replace(made, t_end=t)
 
 
-def _as_planned(made: Specification, plan: Plan, level: Options, record: Record) -> Specification:
+def _as_planned(made: Specification, plan: Plan, level: Options) -> Specification:
     """Return the specification of a planned run; options given by the user stay fixed.
 
-    `plan` announces cheap full dynamics as it is made, with its transitions, which are not known
-    before the run.
+    For cheap full dynamics `whole` is inf: `plan` announces what the run takes when it is made.
     """
     asked = made.options
     free = asked.dt == "auto" and asked.stepper == "rk4"
     whole = plan.work * (1 + (plan.price + plan.refinement) / plan.seconds)
     if plan.fidelity == "dynamic" and plan.work <= CHEAP:
-        whole *= max(work_so_far(record) / plan.work, 1.0)
+        whole = math.inf
     promise = {"expected": plan.error, "work": plan.work, "whole": whole, "refines": free}
     return dataclasses.replace(made, options=level, geometry=asked.geometry, **promise)
 

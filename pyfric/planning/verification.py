@@ -32,8 +32,9 @@ An event of few blocks that slips other blocks in two runs is a difference, too,
 is within the tolerance: what follows from it has no order in the step. So is an event whose blocks
 slip again and again, if the numbers of episodes differ by more than that of its blocks.
 
-A reference run ends where the run with its verification has cost `MOST` times what the plan
-announced. Events that it does not cover are not measured.
+Reference runs end where the run and they have cost `MOST` times the work of the run and its first
+reference run, or `MOST` times what the plan announced if that is less. Events that they do not
+cover are not measured.
 
 Source: P. J. Roache, J. Fluids Eng. 116, 405 (1994), factors of safety for two grids.
 """
@@ -104,7 +105,7 @@ class Specification:
         refines: whether steps and geometry may be changed.
         expected: error that the plan expects.
         work: work of the run that the plan expects, in s; inf without a plan.
-        whole: expected work with verification and refinement, likewise.
+        whole: work of the run, verification and refinement that the plan announced, likewise.
         geometry: geometry of reference runs; None means finite, or linear for a chain.
     """
 
@@ -231,7 +232,7 @@ class _Verification:
         self.left = math.inf if mode == "full" else left
         self.first = self._level()
         whole = min(made.whole, spent + min(self.first.work, left))
-        self.over = MOST * whole - spent - left
+        self.over = MOST * whole - spent - left  # what reference runs may take beyond the budget
         self.notes: list[str] = []
 
     def record_with_errors(self) -> Record:

@@ -12,7 +12,7 @@ MOST_FITTED = 15
 KINDS = {
     "definition": {
         "choice": "LONGEST SHARE SPARES MOVING",
-        "cost": "POINTS FASTEST SLOWEST",
+        "cost": "POINTS TIMED FASTEST SLOWEST",
         "dynamic": "CALL_SECONDS STATIC_SECONDS OPEN_BUDGET",
         "jump": "CORRECTED",
         "hybrid": "MOSTLY LATE BALANCED EXTRA",

@@ -30,7 +30,7 @@ do not tell what is wanted, the error of all events is reported, which exceeds t
 
 An event of few blocks that slips other blocks in two runs is a difference, too, even if the error
 is within the tolerance: what follows from it has no order in the step. So is an event whose blocks
-slip again and again, if the numbers of episodes differ by more than that of its blocks.
+slip once more in one run than in the other.
 
 Reference runs end where the run and they have cost `MOST` times the work of the run and its first
 reference run, or `MOST` times what the plan announced if that is less. Events that they do not
@@ -178,17 +178,16 @@ def _with(record: Record, errors: Errors, notes: list[str]) -> Record:
 def _apart(record: Record, other: Record) -> float:
     """Return the start (s) of the first event that slips other blocks in another run.
 
-    Events whose numbers of episodes differ by more than one for each block count, too. Of events
-    that go on to the end, only those that go on in both runs can count, by their episodes. inf is
-    returned if there is none.
+    Events whose numbers of episodes differ count, too. Of events that go on to the end, only those
+    that go on in both runs can count, by their episodes. inf is returned if there is none.
     """
     names = ["n_blocks", "first_block", "last_block"]
     same = min(len(record.events), len(other.events))
     ours, theirs = (one.events[:same] for one in (record, other))
     ended, theirs_ended = (one["finished"].to_numpy() for one in (ours, theirs))
     off = (ours[names].to_numpy() != theirs[names].to_numpy()).any(axis=1) & ended & theirs_ended
-    episodes = ours["n_episodes"].to_numpy() - theirs["n_episodes"].to_numpy()
-    off |= (np.abs(episodes) > ours["n_blocks"].to_numpy()) & (ended == theirs_ended)
+    episodes = ours["n_episodes"].to_numpy() != theirs["n_episodes"].to_numpy()
+    off |= episodes & (ended == theirs_ended)
     return float(ours["t_start"][off].min()) if off.any() else math.inf
 
 

@@ -1,8 +1,10 @@
 """What is chosen, and why: every number a plan states, and every model that it rejects."""
 
 import dataclasses
+import itertools
 import math
 import time
+import types
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 
 import pyfric
 from pyfric import core
-from pyfric.engines import Options, relaxation_time, step_size
+from pyfric.engines import Options, cost, relaxation_time, step_size
 from pyfric.engines.cost import (
     CALL,
     JUNCTION,
@@ -376,6 +378,15 @@ def test_a_pilot_run_that_spares_nothing_ends_early():
     made = work(scene, "linear", counted(scene, 1.5, options, pilot_run(scene, 1.5)))
     assert made > SPARES * full_work(scene, "linear", options.dt, 1.5)
     assert time.process_time() - start < 5
+
+
+def test_a_machine_that_takes_three_times_the_work_is_three_times_as_slow(monkeypatch):
+    scene = preset("fig1")
+    step = {"block_evaluations": 4 * scene.N_x * scene.N_z}
+    expected = cost.TIMED * work(scene, "finite", step)
+    clock = itertools.count(step=3 * expected)
+    monkeypatch.setattr(cost, "time", types.SimpleNamespace(thread_time=lambda: next(clock)))
+    assert machine_speed.__wrapped__() == pytest.approx(3.0)
 
 
 def test_choices_do_not_depend_on_the_machine(monkeypatch):

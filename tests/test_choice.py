@@ -3,8 +3,10 @@
 import dataclasses
 import itertools
 import math
+import re
 import time
 import types
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -54,6 +56,7 @@ from pyfric.planning.price import (
 from pyfric.scene import SceneError, chain, laws, preset, setup1, setup2
 from pyfric.statics import stability_limit
 
+ROOT = Path(__file__).parents[1]
 WANTS = ("loading_curve", "precursors", "stress", "front_speed", "motion")
 RELAXES = "relaxation time over time between main events"
 
@@ -387,6 +390,18 @@ def test_a_machine_that_takes_three_times_the_work_is_three_times_as_slow(monkey
     clock = itertools.count(step=3 * expected)
     monkeypatch.setattr(cost, "time", types.SimpleNamespace(thread_time=lambda: next(clock)))
     assert machine_speed.__wrapped__() == pytest.approx(3.0)
+
+
+def test_bonds_beyond_their_series_cost_more():
+    made = {"block_evaluations": 1e6}
+    light, heavy = (preset("fig1", F_N=F_N) for F_N in (2e3, 4e4))
+    assert work(heavy, "linear", made) == work(light, "linear", made)
+    more = work(heavy, "finite", made) - work(light, "finite", made)
+    assert more == pytest.approx(1e6 * cost.CLOSED)
+    (limit,) = re.findall(
+        r"S_SERIES = 2.0_dp\*\*\((-\d+)\)", (ROOT / "fortran" / "model.f90").read_text()
+    )
+    assert cost.BEYOND == 2.0 ** int(limit) / 2
 
 
 def test_choices_do_not_depend_on_the_machine(monkeypatch):

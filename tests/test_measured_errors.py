@@ -455,7 +455,7 @@ class Known:
         self.noise, self.asked, self.jumps, self.turn = noise, [], jumps, turn
         self.ends = []
         self.dt_0 = pyfric.step_size(ladder.scene)
-        self.main, self.evaluations = main_events(ladder), 18 * 10**6
+        self.main, self.evaluations = main_events(ladder), 12 * 10**6
 
     def run(self, scene, t_end, options, enough=None):
         how = {"engine": options.fidelity, "geometry": options.geometry, "dt": options.dt}
@@ -513,7 +513,7 @@ def test_the_reference_is_the_best_that_is_paid_for(ladder):
     """The opposite stepper, and the largest ratio; dynamics, where that is paid for, not jumps."""
     scene, dt = ladder.scene, pyfric.step_size(ladder.scene)
     full, seen = full_work(scene, "finite", dt, 1.5), []
-    for evaluations in (10**5, 18 * 10**6, 10**9):
+    for evaluations in (10**5, 12 * 10**6, 10**9):
         known = Known(ladder, step=1e-6)
         known.evaluations = evaluations
         record = known.verified(None)
@@ -552,7 +552,7 @@ def test_verification_costs_what_the_plan_announced(ladder):
     ended = []
     for announced in (np.inf, 1e-3):
         known = Known(ladder, step=1e-6)
-        known.evaluations = 6 * 10**7
+        known.evaluations = 4 * 10**7
         record = known.verified(None, work=announced)
         assert known.asked[1][1] == 1 / RATIOS[-1]
         ended.append(known.ends[1](record))  # with as much work as the run
@@ -654,6 +654,18 @@ def test_small_errors_are_those_before_other_small_events(ladder):
     record = known.verified(None)  # earlier events do not tell what is wanted
     assert (record.errors.until, record.errors.events) == (None, len(main))
     assert not any("cannot be trusted" in note for note in record.notes)
+
+
+def test_an_event_that_ends_in_one_run_alone_ends_the_trust(ladder):
+    """Even if forces agree as long as it lasts in both."""
+    main, starts = main_events(ladder), ladder.events["t_start"]
+    known = Known(ladder, step=1e-4)
+    known.evaluations = 10**5
+    known.part = going_on(without(ladder, range(main[-1] + 1, len(ladder.events) + 1)), main[-1])
+    errors = known.verified(None).errors
+    assert starts[main[-2]] < errors.until < starts[main[-1]]
+    assert errors.holds
+    assert errors.events == len(main) - 1
 
 
 def test_a_wrong_turn_has_no_order(ladder):

@@ -52,6 +52,7 @@ KINDS = {
     },
     "derived": {
         "choice": "PHASE OVERDAMPED",
+        "cost": "BEYOND",
         "creeping": "APART",
         "modes": "LANCZOS SLOWEST",
         "pilot": "NEARBY",

@@ -16,6 +16,7 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import STEPPERS, available
+from pyfric.engines.integration import largest_strain
 from pyfric.scene import SceneError, setup1
 from pyfric.statics import loaded_state
 
@@ -29,6 +30,10 @@ if TYPE_CHECKING:
 EVALUATION, BOTTOM, BLOCK = 0.9e-6, 5e-9, {"linear": 3.1e-9, "finite": 8.5e-9}
 """Time of one force evaluation, in s: a constant, a part for each bottom block, and a part for each
 block of the lattice."""
+BEYOND, CLOSED = 2.0**-8, 10e-9
+"""Strain beyond which the core computes bonds in closed form, too, and the additional time of one
+force evaluation for each block, in s. Their series in (r^2 - l0^2)/l0^2, about twice the strain, is
+good to 2^-7."""
 JUNCTION = 1.25e-9
 """Additional time of one force evaluation for each junction, in s."""
 CALL = 1e-4
@@ -69,6 +74,8 @@ def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float
     blocks = scene.N_x * scene.N_z
     evaluation = EVALUATION + BOTTOM * scene.N_x + BLOCK[geometry] * blocks
     evaluation += JUNCTION * scene.law.junctions * scene.N_x
+    if geometry == "finite" and largest_strain(scene, 0.0) > BEYOND:
+        evaluation += CLOSED * blocks
     attempt, of_block = ATTEMPT[geometry]
     return (
         counts.get("block_evaluations", 0) / blocks * evaluation

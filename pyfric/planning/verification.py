@@ -29,8 +29,8 @@ that does not reach an event, it is that from the coarser run. If events before 
 do not tell what is wanted, the error of all events is reported, which exceeds the tolerance.
 
 An event of few blocks that slips other blocks in two runs is a difference, too, even if the error
-is within the tolerance: what follows from it has no order in the step. So is an event whose blocks
-slip once more in one run than in the other.
+is within the tolerance: what follows from it has no order in the step. So is an event in which a
+block slips once more in one of the runs, and one that ends in one of them alone.
 
 Reference runs end where the run and they have cost `MOST` times the work of the run and its first
 reference run, or `MOST` times what the plan announced if that is less. Events that they do not
@@ -387,13 +387,13 @@ class _Verification:
         """Return the errors before an event that begins at t (s), and statistics of later events.
 
         The event may begin a little earlier or later in the other run. An event of fewer blocks
-        that slips others in the two runs is the end, too. Where earlier events do not tell what is
+        that has another outcome is the end, too. Where earlier events do not tell what is
         wanted, the errors remain those of all events, which are beyond the tolerance.
         """
         if not t > self.made.t_begin:
             return errors
         events = self.record.events
-        t = min(t, _apart(self.record, self.other))
+        t = min(t, self._other_outcome())
         ended = events["t_stop"][(events["t_start"] < t) & (events["t_stop"] < t)]
         until = float(max(ended, default=self.made.t_begin))
         self.notes.append(
@@ -406,11 +406,11 @@ class _Verification:
         return dataclasses.replace(before, until=until, statistics=together)
 
     def _before_other_events(self, errors: Errors) -> Errors:
-        """Return the errors before the first event that slips other blocks in the other run.
+        """Return the errors before the first event that has another outcome in the other run.
 
         Where earlier events do not tell what is wanted, the errors remain those of all events.
         """
-        t, notes = _apart(self.record, self.other), [*self.notes]
+        t, notes = self._other_outcome(), [*self.notes]
         if math.isinf(t):
             return errors
         before = self._until(errors, t, self.other)
@@ -418,6 +418,14 @@ class _Verification:
             self.notes = notes
             return errors
         return before
+
+    def _other_outcome(self) -> float:
+        """Return the start (s) of the first event that slips other blocks or ends in one run alone.
+
+        inf is returned if there is none.
+        """
+        alone = self.found.events["t_start"][self.found.events["outlasts"] > 0]
+        return min(_apart(self.record, self.other), alone.min() if len(alone) else math.inf)
 
     def _perturbed(self, errors: Errors) -> Errors:
         """Return the errors up to the first event that a slightly faster driver changes."""

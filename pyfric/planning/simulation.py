@@ -331,10 +331,12 @@ def _as_planned(made: Specification, plan: Plan, level: Options) -> Specificatio
     """
     asked = made.options
     free = asked.dt == "auto" and asked.stepper == "rk4"
-    whole = plan.work * (1 + (plan.price + plan.refinement) / plan.seconds)
+    speed = plan.seconds / plan.work
+    whole = plan.work + plan.price / speed
     if plan.fidelity == "dynamic" and plan.work <= CHEAP:
         whole = math.inf
     promise = {"expected": plan.error, "work": plan.work, "whole": whole, "refines": free}
+    promise["refinement"] = plan.refinement / speed
     return dataclasses.replace(made, options=level, geometry=asked.geometry, **promise)
 
 

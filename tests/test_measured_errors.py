@@ -13,7 +13,7 @@ from helpers import small_rod
 import pyfric
 from pyfric.cli.commands import main
 from pyfric.engines import ACCURACY, HybridRun, Options, integrate
-from pyfric.engines.cost import full_counts, full_work, work_so_far
+from pyfric.engines.cost import CALL, full_counts, full_work, work_so_far
 from pyfric.planning import verification
 from pyfric.planning.price import RATIOS, Runs, budget, references
 from pyfric.planning.verification import (
@@ -483,12 +483,14 @@ class Known:
         counts = {"block_evaluations": made, "steps": made // (stages * blocks), "attempts": 0}
         return dataclasses.replace(ladder, method=method, events=events, counts=counts)
 
-    def verified(self, mode, tolerance=0.01, geometry="finite", work=np.inf, accuracy=1e-4):
+    def verified(
+        self, mode, tolerance=0.01, geometry="finite", work=np.inf, accuracy=1e-4, refinement=0.0
+    ):
         how = {"fidelity": "hybrid", "geometry": geometry, "dt": self.dt_0}
         options = pyfric.Options(**how, tolerance=tolerance, accuracy=accuracy)
         scene = self.ladder.scene
         how = {"options": options, "run": self.run, "refines": True, "work": work}
-        how["whole"] = work + budget(work)
+        how |= {"whole": work + budget(work), "refinement": refinement}
         made = Specification(scene=scene, t_begin=0.0, t_end=1.5, **how)
         return verified(self.run(scene, 1.5, options), mode, made)
 
@@ -609,6 +611,18 @@ def test_a_budget_that_is_used_up_pays_for_no_finer_run(ladder):
     nothing = pyfric.simulate(ladder.scene, 0.0, fidelity="quasistatic")
     found = differences(ladder, nothing)
     assert Errors(want="precursors", tolerance=0.01, **found.errors()).measured() is None
+
+
+def test_a_refined_run_may_cost_what_was_announced_for_that(ladder):
+    ended = []
+    for refinement in (0.0, 1.0):
+        known = Known(ladder, step=0.007)
+        known.evaluations = 10**5
+        known.verified(None, refinement=refinement)
+        assert len(known.ends) == 3
+        run = ladder.replace(counts={"calls": 1.5 / CALL})  # work of 1.5 s
+        ended.append(known.ends[-1](run))
+    assert ended == [True, False]
 
 
 def test_other_small_events_end_the_trust_in_single_ones(ladder):

@@ -344,7 +344,7 @@ def test_operations_with_shorter_steps():
     """Located transitions, points of the curve and attempts to jump stay as many."""
     scene = small()
     blocks = scene.N_x * scene.N_z
-    counts = {"steps": 100, "block_evaluations": 500 * blocks, "calls": 7, "attempts": 3}
+    counts = {"steps": 100, "block_evaluations": 500 * blocks, "calls": 7, "landings": 3}
     found = finer_counts(scene, counts, 4)
     assert found == counts | {"steps": 400, "block_evaluations": 1700 * blocks}
     record = simulate(scene, 0.02, fidelity="dynamic", progress=False, verify="none")

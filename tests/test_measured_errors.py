@@ -480,7 +480,7 @@ class Known:
         stages = 5 if sign < 0 else 4
         made = round(self.evaluations / share * stages / 4)
         blocks = scene.N_x * scene.N_z
-        counts = {"block_evaluations": made, "steps": made // (stages * blocks), "attempts": 0}
+        counts = {"block_evaluations": made, "steps": made // (stages * blocks), "landings": 0}
         return dataclasses.replace(ladder, method=method, events=events, counts=counts)
 
     def verified(

@@ -39,10 +39,11 @@ JUNCTION = 1.25e-9
 CALL = 1e-4
 """Time of one call of the core, in s. A run that conditions can end, or whose law records motion,
 needs one for each point of the loading curve. To record motion takes as long again."""
-ATTEMPT = {"linear": (2.5e-3, 1e-6), "finite": (4e-3, 2.5e-6)}
-"""Time of one attempt to jump, in s: a constant, and a part for each block."""
-SLIDE = 1e-2
-"""Additional time of one attempt to jump over stable slip, in s."""
+LANDING = {"linear": (2.5e-3, 1e-6), "finite": (4e-3, 2.5e-6)}
+"""Time of one predicted landing of a jump, in s: a constant, and a part for each block. It includes
+the calls of the core around the jump."""
+SLIDE = 1.25e-2
+"""Time of one attempt to jump over stable slip, in s."""
 BASE = 0.02
 """Time to find modes that does not depend on the lattice, in s."""
 POINTS = 5000
@@ -76,11 +77,11 @@ def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float
     evaluation += JUNCTION * scene.law.junctions * scene.N_x
     if geometry == "finite" and largest_strain(scene, 0.0) > BEYOND:
         evaluation += CLOSED * blocks
-    attempt, of_block = ATTEMPT[geometry]
+    landing, of_block = LANDING[geometry]
     return (
         counts.get("block_evaluations", 0) / blocks * evaluation
         + counts.get("calls", 0) * CALL * (2 if scene.law.junctions else 1)
-        + counts.get("attempts", 0) * (attempt + of_block * blocks)
+        + counts.get("landings", 0) * (landing + of_block * blocks)
         + counts.get("slides", 0) * SLIDE
         + counts.get("modal_bases", 0) * set_up(scene, "hybrid", geometry).work
         + counts.get("releases", 0) * RELEASE * scene.N_x**2
@@ -91,7 +92,7 @@ def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float
 def steps_of_slide(scene: Scene, geometry: Geometry) -> int:
     """Return the number of steps that take as long as an attempt to jump over stable slip."""
     step = {"block_evaluations": len(STEPPERS["rk4"].c) * scene.N_x * scene.N_z}
-    return int(work(scene, geometry, {"attempts": 1, "slides": 1}) / work(scene, geometry, step))
+    return int(work(scene, geometry, {"slides": 1}) / work(scene, geometry, step))
 
 
 def work_so_far(run: Run | Record) -> float:

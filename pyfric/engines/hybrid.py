@@ -174,7 +174,7 @@ class HybridRun(Run):
         self.accuracy = self.method.accuracy * self.scene.F_N / AMPLIFIED  # of one jump, N
         self.rests = RestStates(self.known, self.method.dt, self.method.stepper)
         self.solver = RememberedStates(self.rests)
-        self.jumped = self.spared = self.attempts = 0
+        self.jumped = self.spared = self.attempts = self.landings = 0
         # An attempt to jump solves twice with the banded factor, of 64 min(N_x, N_z) bytes for each
         # block. That takes as long as min(N_x, N_z) steps.
         self.least = TRY + min(self.scene.N_x, self.scene.N_z)
@@ -229,13 +229,14 @@ class HybridRun(Run):
             self.try_at = max(self.try_at, self.paid)
 
     def counts(self) -> dict[str, int]:
-        """Return those of steps, and numbers of jumps, spared steps, attempts and bases."""
+        """Return those of steps, and of jumps, attempts, predicted landings and bases."""
         made = super().counts()
         old = self.before.counts if self.before else {}
         return made | {
             "jumps": self.jumped + old.get("jumps", 0),
             "steps_spared": self.spared + old.get("steps_spared", 0),
             "attempts": self.attempts + old.get("attempts", 0),
+            "landings": self.landings + old.get("landings", 0),
             "slides": self.slides + old.get("slides", 0),
             "modal_bases": self.rests.bases + old.get("modal_bases", 0),
         }
@@ -353,7 +354,10 @@ class HybridRun(Run):
         behind, slower = path.q[0] + path.lag[0], path.q[1] + path.lag[1]
         motion = system.split(q - behind, v - slower)
         how = {"dt": state.dt, "accuracy": self.accuracy, "least": self.least}
-        return Jump(system, outside, path, motion, state.t - state.t_0, **how).land(most)
+        jump = Jump(system, outside, path, motion, state.t - state.t_0, **how)
+        landing = jump.land(most)
+        self.landings += jump.predicted
+        return landing
 
     def _samples(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the sample times in a jump of n steps: since t = 0, and since now, in s."""

@@ -284,6 +284,9 @@ class Jump:
         dt: step, in s.
         accuracy: largest estimated error of contact forces, in N.
         least: smallest number of steps of a jump and of a wait.
+
+    Attributes:
+        predicted: number of landings that were predicted.
     """
 
     def __init__(
@@ -302,11 +305,13 @@ class Jump:
         self.age, self.dt, self.accuracy, self.least = age, dt, accuracy, least
         self.ringing = Ringing(system, motion.a)
         self.bound = system.bound * math.sqrt(motion.energy)
+        self.predicted = 0
 
     def land(self, most: int) -> Landing | Wait | Stale:
         """Return the end of the jump after at most `most` steps, or how long to wait."""
         finite = self.system.solver.geometry == "finite"
         for round_ in range(ROUNDS):
+            self.predicted += 1
             n = self._longest(most)
             if isinstance(n, Wait):
                 return n

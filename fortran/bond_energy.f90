@@ -110,89 +110,122 @@ contains
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)  !! the row above
     logical, intent(in), optional :: images        !! those that lead to images only
-    real(dp) :: total, row(4, 0:s%nx + 1), above_it(4, 0:s%nx + 1), column(s%nx)
-    integer :: i
+    real(dp) :: total, row(0:s%nx + 1, 4), above_it(0:s%nx + 1, 4), each(0:s%nx, N_BOND)
+    integer :: i, m
 
-    column = column_shares(s)
     row = with_images(s, q)
     above_it = with_images(s, up)
     if (j == s%nz) then
-      above_it(1:3:2, :) = row(1:3:2, :)
-      above_it(2:4:2, :) = -row(2:4:2, :)
+      above_it(:, UX:VX:2) = row(:, UX:VX:2)
+      above_it(:, UZ:VZ:2) = -row(:, UZ:VZ:2)
     end if
+    do m = 1, N_BOND
+      if (BOND(m)%rows == 0) then
+        each(:, m) = of_bonds(s, m, viscous, row, row)
+      else
+        each(:, m) = of_bonds(s, m, viscous, row, above_it)
+      end if
+      each(:, m) = shares(s, j, m, present(images))*each(:, m)
+    end do
     total = 0.0_dp
     do i = 0, s%nx, stride
-      total = total + of_bond(BESIDE, i, row)
+      total = total + each(i, BESIDE)
     end do
     do i = 1, s%nx
-      total = total + of_bond(ABOVE, i, above_it)
+      total = total + each(i, ABOVE)
     end do
     do i = 0, s%nx, stride
-      total = total + (of_bond(RIGHT, i, above_it) + of_bond(LEFT, i, above_it))
+      total = total + (each(i, RIGHT) + each(i, LEFT))
     end do
-
-  contains
-
-    !> Contribution of bond m of column i; 0 if the bond does not exist.
-    pure function of_bond(m, i, to) result(e)
-      integer, intent(in) :: m
-      integer, intent(in) :: i
-      real(dp), intent(in) :: to(4, 0:s%nx + 1)  !! the row of its second block
-      real(dp) :: e, change(4)
-      integer :: i_1, i_2
-      logical :: image
-
-      e = 0.0_dp
-      i_1 = i + BOND(m)%first
-      i_2 = i + BOND(m)%second
-      image = min(i_1, i_2) < 1 .or. max(i_1, i_2) > s%nx .or. j + BOND(m)%rows > s%nz
-      if (min(i_1, i_2) < 1 .and. s%left /= MIRRORED .or. max(i_1, i_2) > s%nx .and. s%right /= MIRRORED) return
-      if (j + BOND(m)%rows > s%nz .and. s%top /= MIRRORED .or. present(images) .and. .not. image) return
-      change = to(:, i_2) - row(:, i_1)
-      e = merge(power_of(s, m, change), energy_of(s, m, change), viscous)
-      if (image) e = 0.5_dp*e
-      if (BOND(m)%rows == 0) e = row_share(s, j)*e
-      if (i_1 == i_2) e = column(i)*e
-    end function of_bond
   end function over_bonds
+
+  !> Shares of bonds m that start in row j, by column: 1, one half for images and half blocks, 0 for those that do not exist.
+  pure function shares(s, j, m, images) result(c)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: j        !! row, from 1 at the bottom
+    integer, intent(in) :: m
+    logical, intent(in) :: images   !! only of those that lead to images
+    real(dp) :: c(0:s%nx)
+
+    c = 1.0_dp
+    if (j + BOND(m)%rows > s%nz) c = merge(0.5_dp, 0.0_dp, s%top == MIRRORED)
+    if (BOND(m)%first /= BOND(m)%second) then
+      c(0) = min(c(0), merge(0.5_dp, 0.0_dp, s%left == MIRRORED))
+      c(s%nx) = min(c(s%nx), merge(0.5_dp, 0.0_dp, s%right == MIRRORED))
+    end if
+    if (images) c = merge(0.0_dp, c, c >= 1.0_dp)
+    if (BOND(m)%rows == 0) c = row_share(s, j)*c
+    if (BOND(m)%first == BOND(m)%second) c(1:) = column_shares(s)*c(1:)
+  end function shares
+
+  !> Energies [J] or powers [W] of whole bonds m, by column.
+  pure function of_bonds(s, m, viscous, row, to) result(e)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: m
+    logical, intent(in) :: viscous                !! powers
+    real(dp), intent(in) :: row(0:s%nx + 1, 4)    !! the row of their first blocks
+    real(dp), intent(in) :: to(0:s%nx + 1, 4)     !! the row of their second blocks
+    real(dp) :: e(0:s%nx)
+    real(dp), dimension(0:s%nx) :: du_x, du_z
+    integer :: a, b
+
+    a = BOND(m)%first
+    b = BOND(m)%second
+    du_x = to(b:b + s%nx, UX) - row(a:a + s%nx, UX)
+    du_z = to(b:b + s%nx, UZ) - row(a:a + s%nx, UZ)
+    if (viscous) then
+      e = power_of(s, m, du_x, du_z, to(b:b + s%nx, VX) - row(a:a + s%nx, VX), to(b:b + s%nx, VZ) - row(a:a + s%nx, VZ))
+    else
+      e = energy_of(s, m, du_x, du_z)
+    end if
+  end function of_bonds
 
   !> The blocks of a row, and the images beyond its sides.
   pure function with_images(s, q) result(row)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)  !! the row
-    real(dp) :: row(4, 0:s%nx + 1)
+    real(dp) :: row(0:s%nx + 1, 4)
 
-    row(:, 1:s%nx) = transpose(q(s%at(:s%nx), :))
-    row(:, 0) = reflected(row(:, 1))
-    row(:, s%nx + 1) = reflected(row(:, s%nx))
+    row(1:s%nx, :) = q(s%at(:s%nx), :)
+    row(0, :) = reflected(row(1, :))
+    row(s%nx + 1, :) = reflected(row(s%nx, :))
   end function with_images
 
-  !> Power of the dashpot of bond m [W].
-  pure function power_of(s, m, change) result(power)
+  !> Power of the dashpots of bonds m [W], from the changes from their first blocks to their second ones.
+  pure function power_of(s, m, du_x, du_z, dv_x, dv_z) result(power)
     type(model_t), intent(in) :: s
     integer, intent(in) :: m
-    real(dp), intent(in) :: change(4)  !! from the first block to the second one
-    real(dp) :: power, d(2)
+    real(dp), dimension(0:s%nx), intent(in) :: du_x, du_z, dv_x, dv_z
+    real(dp) :: power(0:s%nx)
+    real(dp), dimension(0:s%nx) :: d_x, d_z
 
-    d = s%l*BOND(m)%d
-    if (s%finite) d = d + change(UX:UZ)
-    power = s%eta*merge(sum(d*change(VX:VZ))**2/sum(d*d), sum(change(VX:VZ)**2), s%along)
+    if (s%along) then
+      d_x = s%l*BOND(m)%d(1)
+      d_z = s%l*BOND(m)%d(2)
+      if (s%finite) then
+        d_x = d_x + du_x
+        d_z = d_z + du_z
+      end if
+      power = s%eta*((d_x*dv_x + d_z*dv_z)**2/(d_x*d_x + d_z*d_z))
+    else
+      power = s%eta*(dv_x**2 + dv_z**2)
+    end if
   end function power_of
 
-  !> Energy of the spring of bond m [J].
-  pure function energy_of(s, m, change) result(energy)
+  !> Energy of the springs of bonds m [J], from the changes from their first blocks to their second ones.
+  pure function energy_of(s, m, du_x, du_z) result(energy)
     type(model_t), intent(in) :: s
     integer, intent(in) :: m
-    real(dp), intent(in) :: change(4)  !! from the first block to the second one
-    real(dp) :: energy, d(2), du(2), l0, stretch
+    real(dp), dimension(0:s%nx), intent(in) :: du_x, du_z
+    real(dp) :: energy(0:s%nx)
+    real(dp) :: d(2), l0, stretch(0:s%nx)
 
     d = s%l*BOND(m)%d
-    du = change(UX:UZ)
     l0 = sqrt(d(1)*d(1) + d(2)*d(2))
     if (s%finite) then
-      stretch = (du(1)*(2.0_dp*d(1) + du(1)) + du(2)*(2.0_dp*d(2) + du(2)))/(sqrt((d(1) + du(1))**2 + (d(2) + du(2))**2) + l0)
+      stretch = (du_x*(2.0_dp*d(1) + du_x) + du_z*(2.0_dp*d(2) + du_z))/(sqrt((d(1) + du_x)**2 + (d(2) + du_z)**2) + l0)
     else
-      stretch = (d(1)*du(1) + d(2)*du(2))/l0
+      stretch = (d(1)*du_x + d(2)*du_z)/l0
     end if
     energy = 0.5_dp*(BOND(m)%stiffness*s%k)*stretch**2
   end function energy_of

@@ -48,7 +48,7 @@ BASE = 0.02
 """Time to find modes that does not depend on the lattice, in s."""
 POINTS = 5000
 """Default number of points of the loading curve."""
-RUN = 0.02
+RUN = 0.04
 """Time of a run before and after its steps, in s."""
 RELEASE, STATIC_EVENT = 1e-8, 1e-3
 """Time of the quasi-static engine to release a block, over N_x^2, and for one event, in s."""

@@ -136,10 +136,11 @@ class RestStates:
         *,
         free: np.ndarray,
         load: tuple[float, float] | None = None,
+        near: Equilibrium | None = None,
     ) -> Static | Equilibrium:
         """Return the static state, for the catalogue."""
         found = None if free.all() else self._static(u_x, drive, free, load)
-        return found or self.known.solve(u_x, drive, free=free, load=load)
+        return found or self.known.solve(u_x, drive, free=free, load=load, near=near)
 
     def _static(
         self, u_x: np.ndarray, drive: float, free: np.ndarray, load: tuple[float, float] | None

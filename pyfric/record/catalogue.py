@@ -24,6 +24,7 @@ driven side, and events are counted from 1. Times are in s, lengths in m, forces
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 import warnings
 from collections.abc import Mapping
@@ -138,22 +139,25 @@ class Catalogue:
         The bottom row is held at the u_x of the quiet log, open blocks are free, and the driver
         stands where it is then: without ring-down and drift, whichever engine wrote the log.
         """
-        scene, failed, found = self.scene, [], {}
+        scene, failed, found, rows = self.scene, [], {}, {}
         for at in ("start", "stop"):
-            rows, times = self[f"quiet_{at}"], self[f"t_{at}"]
-            tau = np.full((len(rows), scene.N_x), np.nan)
-            found[at] = {"F_T": np.full(len(rows), np.nan), "tau": tau, "p": tau.copy()}
-            for e in np.flatnonzero(rows >= 0) if self.solver else ():
-                t, u_x, mode = times[e], self.quiet["u_x"][rows[e]], self.quiet["mode"][rows[e]]
-                load = scene.load_at(t)
-                how = {} if load is None else {"load": load}
-                try:
-                    rest = self.solver.solve(u_x, scene.drive(t), free=mode == OPEN, **how)
-                except EquilibriumError as error:
-                    failed.append(f"t = {t:.6g} s: {error}")
-                    continue
-                for name, values in found[at].items():
-                    values[e] = getattr(rest, name)
+            rows[at] = self[f"quiet_{at}"]
+            tau = np.full((len(rows[at]), scene.N_x), np.nan)
+            found[at] = {"F_T": np.full(len(tau), np.nan), "tau": tau, "p": tau.copy()}
+        for e, at in itertools.product(range(len(rows["start"])), found):  # in the order of time
+            row, t = rows[at][e], self[f"t_{at}"][e]
+            if row < 0 or not self.solver:
+                continue
+            load = scene.load_at(t)
+            how = {} if load is None else {"load": load}
+            u_x, mode = self.quiet["u_x"][row], self.quiet["mode"][row]
+            try:
+                rest = self.solver.solve(u_x, scene.drive(t), free=mode == OPEN, **how)
+            except EquilibriumError as error:
+                failed.append(f"t = {t:.6g} s: {error}")
+                continue
+            for name, values in found[at].items():
+                values[e] = getattr(rest, name)
         if failed:
             what = f"{len(failed)} static states of events were not found and are NaN"
             warnings.warn(f"{what}, the first at {failed[0]}", RuntimeWarning, stacklevel=2)

@@ -140,6 +140,7 @@ class StaticSolver(System):
         *,
         free: np.ndarray | None = None,
         load: tuple[float, float] | None = None,
+        near: Equilibrium | None = None,
     ) -> Equilibrium:
         """Return the equilibrium with the interface held.
 
@@ -152,6 +153,7 @@ class StaticSolver(System):
             free: blocks without friction (open ones), shape (N_x,), bool; their u_x is a
                 result. They carry p if they touch the foundation. None means no block.
             load: F_N and T, in N; None means those at t = 0.
+            near: equilibrium at which the search starts; None means the loaded state.
 
         Returns:
             The equilibrium. F_T is K (drive - d (u_x - u_drv0)), with the mean over driven blocks.
@@ -162,7 +164,7 @@ class StaticSolver(System):
         """
         check_rests(self.scene)
         if load is not None:
-            return self.under(load).solve(u_x_bottom, drive, free=free)
+            return self.under(load).solve(u_x_bottom, drive, free=free, near=near)
         scene, N_x = self.scene, self.scene.N_x
         given, drive = np.array(u_x_bottom, dtype=float), float(drive)
         loose = np.zeros(N_x, bool) if free is None else np.array(free, dtype=bool)
@@ -173,9 +175,10 @@ class StaticSolver(System):
             wrong = given[~loose & ~np.isfinite(given)]
             field, bad = ("u_x_bottom", wrong[0]) if len(wrong) else ("drive", drive)
             raise SceneError(field, float(bad), "m", "finite numbers", "not a finite number")
-        q = self.coordinates(self.loaded.u, self.loaded.rod)
+        begin = near or self.loaded
+        q = self.coordinates(begin.u, begin.rod)
         if not loose.all():  # the slider as a whole may be far from where it began
-            q += np.mean((given - self.loaded.u[0, 0])[~loose]) * self.translation()
+            q += np.mean((given - begin.u[0, 0])[~loose]) * self.translation()
 
         states = States(scene, with_free(scene, ~self.loaded.open, loose), FRICTIONLESS)
 
@@ -420,10 +423,14 @@ def solve_static(
 
 
 class RememberedStates:
-    """A `StaticSolver` that keeps its solutions, so that the same state is solved only once."""
+    """A `StaticSolver` that keeps its solutions, so that the same state is solved only once.
+
+    The search for a new state starts at the latest one.
+    """
 
     def __init__(self, solver: StaticSolver) -> None:
         self.finder = solver
+        self.latest: Equilibrium | None = None
         self.found: dict[tuple[Any, ...], Static | EquilibriumError] = {}
 
     def solve(
@@ -437,7 +444,9 @@ class RememberedStates:
         key = u_x_bottom.tobytes(), float(drive), free.tobytes(), load
         if key not in self.found:
             try:
-                rest = self.finder.solve(u_x_bottom, drive, free=free, load=load)
+                near = self.latest
+                rest = self.finder.solve(u_x_bottom, drive, free=free, load=load, near=near)
+                self.latest = rest if isinstance(rest, Equilibrium) else near
                 self.found[key] = Static(rest.F_T, rest.tau, rest.p)
             except EquilibriumError as error:
                 self.found[key] = error

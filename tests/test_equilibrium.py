@@ -16,6 +16,7 @@ from pyfric.scene import Law, Scene, SceneError, preset, setup1, setup2
 from pyfric.statics import (
     ContactProblem,
     EquilibriumError,
+    RememberedStates,
     StaticSolver,
     loaded_state,
     solve_static,
@@ -683,3 +684,21 @@ def test_what_is_not_known_of_a_failure_is_not_said():
     assert str(EquilibriumError("it moves", math.nan, 2e-9, 0)) == "no equilibrium: it moves"
     known = "(residual 0.1 N, limit 2e-09 N, 7 iterations)"
     assert str(EquilibriumError("it moves", 0.1, 2e-9, 7)).endswith(known)
+
+
+def test_a_search_that_starts_near_ends_at_the_same_state():
+    """Under a large load it needs fewer steps of Newton's method than from the loaded state."""
+    scene = small_free(F_N=2e3)
+    solver = StaticSolver(scene, "finite")
+    free = np.zeros(scene.N_x, bool)
+    u_x, drive = solver.loaded.u[0, 0].copy(), 0.6 * scene.F_N / scene.driver.K
+    states = [solver.solve(u_x, drive * share, free=free) for share in (0.98, 1.0)]
+    again = solver.solve(u_x, drive, free=free, near=states[0])
+    assert again.iterations < states[1].iterations
+    for name in ARRAYS:
+        expected = getattr(states[1], name)
+        assert getattr(again, name) == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
+    remembered = RememberedStates(solver)
+    for share in (0.98, 1.0):
+        remembered.solve(u_x, drive * share, free=free)
+    assert remembered.latest.iterations == again.iterations

@@ -500,6 +500,13 @@ def test_a_slider_that_never_rests_is_noted():
     assert "slipped, or its ring-down was too large for jumps with an accuracy" in record.notes[0]
 
 
+def test_landings_are_predicted_again_in_finite_geometry_only():
+    scene = setup2(L=0.03, H=0.01, V=0.02)
+    counts = {g: run(scene, 0.02, fidelity="hybrid", geometry=g).counts for g in GEOMETRIES}
+    assert counts["linear"]["landings"] == counts["linear"]["attempts"] > 0
+    assert counts["finite"]["landings"] > counts["finite"]["attempts"] > 0
+
+
 def test_few_jumps_are_tried_where_none_is_possible():
     """An overdamped slider on a fast driver: every jump is refused."""
     scene = setup2(L=0.01, H=0.006, eta=300.0, theta=-0.833, V=0.2, h=1e-3, side="right")

@@ -554,7 +554,7 @@ def test_verification_costs_what_the_plan_announced(ladder):
     ended = []
     for announced in (np.inf, 1e-3):
         known = Known(ladder, step=1e-6)
-        known.evaluations = 4 * 10**7
+        known.evaluations = 35 * 10**6
         record = known.verified(None, work=announced)
         assert known.asked[1][1] == 1 / RATIOS[-1]
         ended.append(known.ends[1](record))  # with as much work as the run

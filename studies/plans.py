@@ -215,11 +215,20 @@ def trial(
     row |= {"eta": scene.eta / math.sqrt(scene.slider.k * scene.m), "V": scene.driver.V}
     row |= {"planned": found.fidelity, "engine": made.method.engine}
     row |= {"geometry": made.method.geometry, "dt": made.method.dt}
+    row |= {"of_longest": of_longest(made)}
     row |= {"seconds_plan": planned - start, "seconds_run": ran - planned}
     row |= {"announced": found.seconds + found.price, "refinement": found.refinement}
     row |= {"full_work": full_seconds(scene, made, t_end), "seconds_reference": end - ran}
     row |= {"refined": sum("refined to" in n for n in made.notes)}
     return row | judged(made, truth, found.error)
+
+
+def of_longest(made: Record) -> float | None:
+    """Return the step of a record over the longest that is stable and resolves weakening."""
+    scene, method = made.scene, made.method
+    if method.dt is None:
+        return None
+    return method.dt / min(stability_limit(scene, method.stepper)[0], scene.resolving_step)
 
 
 def full_seconds(scene: Scene, made: Record, t_end: float) -> float:

@@ -248,6 +248,16 @@ def test_options_that_a_model_lacks_rule_it_out():
     assert stepped.fidelity == "dynamic"
 
 
+def test_a_reference_run_in_another_geometry_is_priced_by_the_budget():
+    """How far it could jump was not counted."""
+    found = plan(small(), "front_speed", 0.1, t_end=0.7)
+    assert (found.fidelity, found.geometry) == ("hybrid", "linear")
+    assert found.price / found.seconds == pytest.approx(budget(found.work) / found.work)
+    options = pyfric.Options(want="front_speed", tolerance=0.1, geometry="linear")
+    same = choice.choose(small(), options, 0.7)
+    assert same.price / same.seconds < 0.9 * budget(same.work) / same.work
+
+
 # --- geometry ------------------------------------------------------------------------------------
 
 

@@ -281,9 +281,8 @@ class _Choice:
 
     def _made(self, counts: dict[str, float] | None = None, **what: object) -> Plan:
         """Return the plan; `counts` are the operations of a run with time steps."""
-        cost = price(
-            self.scene, self.options, what["fidelity"], self.dt, self.t_end, what["work"], counts
-        )
+        made = what["fidelity"], what["geometry"], self.dt, self.t_end, what["work"], counts
+        cost = price(self.scene, self.options, *made)
         return Plan(
             want=self.want,
             tolerance=self.tolerance,

@@ -129,6 +129,7 @@ def price(
     scene: Scene,
     options: Options,
     engine: str,
+    geometry: Geometry,
     dt: float,
     t_end: float,
     made: float,
@@ -136,10 +137,12 @@ def price(
 ) -> tuple[float, float]:
     """Return the work (s) of verification, and what is added if the run has to be refined.
 
+    Jumps of a reference run in another geometry are not counted: its price is then the budget.
+
     Args:
         scene: the scene.
         options: options of the run.
-        engine: its engine.
+        engine, geometry: its engine and geometry.
         dt: its step, in s.
         t_end: its length, in s.
         made: its work, in s.
@@ -149,8 +152,12 @@ def price(
         return 0.0, 0.0
     if engine in ("quasistatic", "equilibrium"):
         return budget(made), 0.0
-    stepper, geometry = options.stepper, options.geometry or default_geometry(scene)
+    stepper, of_reference = options.stepper, options.geometry or default_geometry(scene)
     full = full_counts(scene, dt, t_end, stepper, options.calls_on(scene))
     each = operations(scene, engine, counts or full, full | {"calls": 0}, stepper)
     switching = options.switching or default_switching(scene)
-    return verification_work(made, Runs(scene, geometry, each, stepper, dt, switching))
+    runs = Runs(scene, of_reference, each, stepper, dt, switching)
+    first, more = verification_work(made, runs)
+    if engine == "hybrid" and geometry != of_reference:
+        first = budget(made)
+    return first, more

@@ -361,7 +361,7 @@ def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, floa
         counts = counted(scene, t_end, resolved, pilot_run(scene, t_end))
         made = RUN + work(scene, geometry, counts)
     if how.verify is not None:
-        made += price(scene, how, how.fidelity, dt, t_end, made, counts)[0]
+        made += price(scene, how, how.fidelity, geometry, dt, t_end, made, counts)[0]
     return made * machine_speed(), _size(scene, t_end)
 
 

@@ -224,11 +224,9 @@ def trial(
 
 
 def of_longest(made: Record) -> float | None:
-    """Return the step of a record over the longest that is stable and resolves weakening."""
-    scene, method = made.scene, made.method
-    if method.dt is None:
-        return None
-    return method.dt / min(stability_limit(scene, method.stepper)[0], scene.resolving_step)
+    """Return the step of a record over the longest of RK4 that resolves weakening."""
+    scene, dt = made.scene, made.method.dt
+    return dt and dt / min(stability_limit(scene)[0], scene.resolving_step)
 
 
 def full_seconds(scene: Scene, made: Record, t_end: float) -> float:

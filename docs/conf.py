@@ -134,10 +134,10 @@ def plan_accuracy(data):
     longest = ~refined & (little["of_longest"] > 0.8)
     return (
         f"In {len(little)} of {len(data)} trials the error is less than a thousandth of the "
-        f"tolerance. Of these, {longest.sum()} have the longest step that is stable and resolves "
-        f"weakening, and {refined.sum()} were refined because the measured error of a run with "
-        f"longer steps exceeded the tolerance; {len(little) - longest.sum() - refined.sum()} could "
-        "have had longer steps."
+        f"tolerance. Of these, {longest.sum()} have more than 0.8 of the longest step that is "
+        f"stable and resolves weakening, and {refined.sum()} were refined because the measured "
+        "error of a run with longer steps exceeded the tolerance; "
+        f"{len(little) - longest.sum() - refined.sum()} could have had longer steps."
     )
 
 

@@ -444,9 +444,10 @@ class RememberedStates:
         key = u_x_bottom.tobytes(), float(drive), free.tobytes(), load
         if key not in self.found:
             try:
-                near = self.latest
-                rest = self.finder.solve(u_x_bottom, drive, free=free, load=load, near=near)
-                self.latest = rest if isinstance(rest, Equilibrium) else near
+                how = {"free": free, "load": load, "near": self.latest}
+                rest = self.finder.solve(u_x_bottom, drive, **how)
+                if isinstance(rest, Equilibrium):
+                    self.latest = rest
                 self.found[key] = Static(rest.F_T, rest.tau, rest.p)
             except EquilibriumError as error:
                 self.found[key] = error

@@ -20,12 +20,12 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from pyfric import core
 from pyfric.core import State
 from pyfric.display import Progress
 from pyfric.engines.cost import work, work_so_far
+from pyfric.engines.history import History
 from pyfric.engines.integration import (
     STEPS,
     Guard,
@@ -85,15 +85,13 @@ def kept_notes(before: Record | None) -> tuple[str, ...]:
 
 
 class _Good(NamedTuple):
-    """A state that passed the checks of `Guard`, its model, and the logs until then."""
+    """A state that passed the checks of `Guard`, its model, and what was recorded until then."""
 
     state: State
     model: core.Model
     steps: int
     evaluations: int
-    rows: list[list[float]]
-    switches: list[Mapping[str, np.ndarray]]
-    quiet: list[Mapping[str, np.ndarray]]
+    history: History
 
 
 class Run:
@@ -127,10 +125,7 @@ class Run:
         self.every = method.sample if alone and method.sample <= MAX_CALL else 0
         self.log = core.Log(scene.N_x, every=self.every)
         self.t_begin = state.t
-        self.switches: list[Mapping[str, np.ndarray]] = []
-        self.quiet: list[Mapping[str, np.ndarray]] = []
-        self.rows: list[list[float]] = []
-        self.motion: list[dict[str, np.ndarray]] = []  # one per row, if the law records motion
+        self.history = History(self._columns())
         self.timings: dict[str, float] = {}
         self.events, self.last_slip = 0, -math.inf
         self.steps, self.seconds, self.rate = 0, 0.0, 0.0
@@ -142,11 +137,7 @@ class Run:
         else:
             self.t_begin = before.curve["t"].iloc[0]
             self._add_logs(before.switches, before.quiet)
-            between = state.step % method.sample != 0
-            self.rows = before.curve.to_numpy().tolist()[: -1 if between else None]
-            kept = zip(*before.motion.values(), strict=True)
-            self.motion = [dict(zip(before.motion, one, strict=True)) for one in kept]
-            del self.motion[len(self.rows) :]
+            self.history.take(before, last=state.step % method.sample == 0)
 
     def before_call(self, last: int) -> None:
         """Do what an engine does instead of steps, up to step number `last`."""
@@ -166,9 +157,9 @@ class Run:
         scene, dt = self.scene, self.method.dt
         notes = ()
         if self.method.geometry == "linear":
-            F_T = max(abs(row[1]) for row in self.rows)
+            F_T = self.history.curve()["F_T"].abs().max()
             notes = strain_notes(scene, self.name, F_T, self.state.t)
-        missing = self.guard.missing(self.curve()) if self.method.budget else 0.0
+        missing = self.guard.missing(self.history.curve()) if self.method.budget else 0.0
         if missing > OPEN_BUDGET:
             notes += (
                 f"{self.name}: the energy budget misses {missing:.2g} of what went through it "
@@ -177,17 +168,13 @@ class Run:
             )
         return (*notes, *(f"{self.name}: {note}" for note in law_notes(scene, self.state.t, dt)))
 
-    def columns(self) -> list[str]:
+    def _columns(self) -> list[str]:
         """Return the names of the columns of the curve."""
         names = ["t", "F_T"]
         if self.method.budget:
             names += [*core.energies(self.model, self.state, self.state.t)]
             names += ["work_driver", "work_load", "dissipated_bonds", *self.scene.law.budget()]
         return names
-
-    def curve(self) -> pd.DataFrame:
-        """Return the loading curve so far."""
-        return pd.DataFrame(np.array(self.rows), columns=self.columns())
 
     def sample(self) -> None:
         """Add the present state to the loading curve."""
@@ -199,7 +186,7 @@ class Run:
             f = core.evaluate(self.model, state, state.t).f
             motion |= {"u_x": state.y[0, 0].copy(), "v_x": state.y[0, 2], "f": f}
             types = held_in("motion")
-            self.motion.append({k: v.astype(types[k].dtype) for k, v in motion.items()})
+            self.history.motion.append({k: v.astype(types[k].dtype) for k, v in motion.items()})
 
     def _add_points(self, t: float | np.ndarray, points: np.ndarray) -> None:
         """Add n points of the loading curve of the core, shape (15, n), at times t (s)."""
@@ -210,12 +197,7 @@ class Run:
             del energies[6 + self.model.on_junctions :]
             interface = self.scene.law.budget(heat, loss, (above, viscous))
             columns += [*energies, *before, *interface.values()]
-        self.rows += np.column_stack([np.broadcast_to(t, len(F_T)), *columns]).tolist()
-
-    def _motion(self) -> dict[str, np.ndarray]:
-        """Return the motion so far, arrays (points of the curve, N_x) by name."""
-        names = self.motion[0] if self.motion else ()
-        return {name: np.array([one[name] for one in self.motion]) for name in names}
+        self.history.add(np.column_stack([np.broadcast_to(t, len(F_T)), *columns]))
 
     def advance(
         self,
@@ -239,9 +221,8 @@ class Run:
             now = time.perf_counter()
             if now - shown > 0.1 or state.step >= last or self.ending:
                 shown = now
-                force = self.rows[-1][1] / self.scene.F_N
-                begin = self.rows[0][0]
-                end = state.t0 + last * state.dt
+                force = self.history.last[1] / self.scene.F_N
+                begin, end = self.history.begin, state.t0 + last * state.dt
                 show(Progress(state.t, begin, end, force, self.events, self.rate))
             if (done := work_so_far(self)) > solve_at:  # not by the clock: jumps use what is found
                 with warnings.catch_warnings(action="ignore"):
@@ -366,8 +347,8 @@ class Run:
 
     def _kept(self) -> _Good:
         """Return a copy of the run to which it returns if it fails later."""
-        made, logs = (self.steps, self.evaluations), (self.rows, self.switches, self.quiet)
-        return _Good(self.state.copy(), self.model, *made, *(log[:] for log in logs))
+        made = self.steps, self.evaluations
+        return _Good(self.state.copy(), self.model, *made, self.history.copy())
 
     def _look(self, due: bool) -> None:
         """Raise RunError if the state fails a check; energy and lattice are checked if due."""
@@ -381,8 +362,8 @@ class Run:
     def _add_logs(
         self, switches: Mapping[str, np.ndarray], quiet: Mapping[str, np.ndarray]
     ) -> None:
-        self.switches.append(switches)
-        self.quiet.append(quiet)
+        self.history.switches.append(switches)
+        self.history.quiet.append(quiet)
         if self.stopping is not None:
             self.stopping.take(switches, quiet)
         for t, kind in zip(quiet["t"], quiet["kind"], strict=True):
@@ -421,9 +402,8 @@ class Run:
 
     def _back_to(self, step: int) -> None:
         """Restore the last good state and logs, and repeat the steps up to number `step`."""
-        state, _, self.steps, self.evaluations, self.rows, self.switches, self.quiet = self.good
+        state, _, self.steps, self.evaluations, self.history = self.good
         self.state, every = state.copy(), self.method.sample
-        del self.motion[len(self.rows) :]
         while self.state.step < step:
             end = step if self.every else min(step, (self.state.step // every + 1) * every)
             self._make(end - self.state.step)
@@ -440,11 +420,7 @@ class Run:
 
     def catalogue(self) -> tuple[Catalogue, dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Return the catalogue of events so far, and the two logs."""
-        switches, quiet = _joined(self.switches), _joined(self.quiet)
-        if not self.switches:
-            empty = core.Log(self.scene.N_x, 0, 0)
-            switches, quiet = empty.switches(), empty.quiet()
-        self.switches, self.quiet = [switches], [quiet]
+        switches, quiet = self.history.logs(self.scene.N_x)
         catalogue = build_catalogue(
             switches,
             quiet,
@@ -462,14 +438,14 @@ class Run:
         state, scene, method = self.state, self.scene, self.method
         start = time.perf_counter()
         catalogue, switches, quiet = self.catalogue()
-        here = len(self.rows)
-        if self.rows[-1][0] != state.t:
+        history, n = self.history, self.history.n
+        if history.last[0] != state.t:
             self.sample()
         state.drive = scene.drive(state.t)
-        curve, notes = self.curve(), self.notes() + zone_notes(scene, self.name, catalogue)
+        curve, notes = history.curve(), self.notes() + zone_notes(scene, self.name, catalogue)
         notes += chain_notes(scene, self.name, catalogue)
-        motion = self._motion()
-        del self.rows[here:], self.motion[here:]
+        motion = history.arrays()
+        history.cut(n)
         timings = self.timings | {"catalogue": time.perf_counter() - start}
         if self.before is not None:
             timings = {k: v + self.before.timings.get(k, 0.0) for k, v in timings.items()}
@@ -494,7 +470,3 @@ class Run:
             status=status,
             final_state=state,
         )
-
-
-def _joined(logs: list[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    return {name: np.concatenate([log[name] for log in logs]) for name in (logs[0] if logs else ())}

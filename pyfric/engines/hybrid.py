@@ -310,7 +310,7 @@ class HybridRun(Run):
         last = int(np.searchsorted(t, due))
         if last == len(t):
             return 0
-        del self.rows[len(self.rows) - len(t) + last + 1 :]
+        self.history.cut(self.history.n - len(t) + last + 1)
         self.ending = self.stopping.named(text)
         every = self.method.sample
         return (self.state.step // every + 1 + last) * every - self.state.step
@@ -330,7 +330,7 @@ class HybridRun(Run):
         if landing is None or landing.n < min(most, TRY):
             return TRY
         t, s = self._samples(landing.n)
-        self.rows += np.column_stack([t, landing.F_T(s)]).tolist()
+        self.history.add(np.column_stack([t, landing.F_T(s)]))
         point = landing.point
         self._put(landing.q, landing.v, point.u_x, landing.n)
         state.margin[:] = np.where(state.mode == OPEN, 0.0, self.scene.law.margin(point.p, point.f))
@@ -371,7 +371,7 @@ class HybridRun(Run):
         (t, s), scene = self._samples(landing.n), self.scene
         moved = landing.jump.u_h(s) - np.mean(self.state.u_drv0)
         stretch = outside.drive_at(s) - scene.d * moved
-        self.rows += np.column_stack([t, scene.driver.K * stretch]).tolist()
+        self.history.add(np.column_stack([t, scene.driver.K * stretch]))
 
     def _land(self, landing: Landing, system: Linearised) -> None:
         """Set the state to the end of a jump."""

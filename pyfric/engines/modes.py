@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
     from pyfric.statics import StaticSolver
 
-N_MODES = 40
+N_MODES = 32
 """Number of undamped modes in the space."""
 FAST = 6
 """Number of modes with viscous corrections of second order: the fastest, for which those of first

@@ -85,13 +85,13 @@ def kept_notes(before: Record | None) -> tuple[str, ...]:
 
 
 class _Good(NamedTuple):
-    """A state that passed the checks of `Guard`, its model, and what was recorded until then."""
+    """A state that passed the checks of `Guard`, its model, and a mark in the history."""
 
     state: State
     model: core.Model
     steps: int
     evaluations: int
-    history: History
+    recorded: tuple[Any, ...]
 
 
 class Run:
@@ -348,7 +348,7 @@ class Run:
     def _kept(self) -> _Good:
         """Return a copy of the run to which it returns if it fails later."""
         made = self.steps, self.evaluations
-        return _Good(self.state.copy(), self.model, *made, self.history.copy())
+        return _Good(self.state.copy(), self.model, *made, self.history.mark())
 
     def _look(self, due: bool) -> None:
         """Raise RunError if the state fails a check; energy and lattice are checked if due."""
@@ -402,7 +402,8 @@ class Run:
 
     def _back_to(self, step: int) -> None:
         """Restore the last good state and logs, and repeat the steps up to number `step`."""
-        state, _, self.steps, self.evaluations, self.history = self.good
+        state, _, self.steps, self.evaluations, recorded = self.good
+        self.history.back(recorded)
         self.state, every = state.copy(), self.method.sample
         while self.state.step < step:
             end = step if self.every else min(step, (self.state.step // every + 1) * every)

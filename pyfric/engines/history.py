@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -33,12 +33,14 @@ class History:
         self.switches: list[Mapping[str, np.ndarray]] = []
         self.quiet: list[Mapping[str, np.ndarray]] = []
 
-    def copy(self) -> History:
-        """Return a copy that does not change with this one."""
-        new = History(self.names)
-        new._points, new.motion = self._points[:], self.motion[:]
-        new.switches, new.quiet = self.switches[:], self.quiet[:]
-        return new
+    def mark(self) -> tuple[Any, ...]:
+        """Return what `back` needs to forget all that is recorded from now on."""
+        return self.n, self.switches[:], self.quiet[:]
+
+    def back(self, mark: tuple[Any, ...]) -> None:
+        """Forget what was recorded since a mark was made."""
+        n, self.switches, self.quiet = mark
+        self.cut(n)
 
     def take(self, before: Record, *, last: bool) -> None:
         """Take over the curve and motion of a record, with or without its last point."""

@@ -171,6 +171,8 @@ class Linearised:
         self.solver, self.stuck, self.dt, self.stepper = solver, stuck, dt, stepper
         self.held, self.open, self.law = np.flatnonzero(stuck), np.flatnonzero(~stuck), scene.law
         self.k_f = np.broadcast_to(scene.k_f, scene.N_x)
+        mu_s = np.broadcast_to(scene.law.hold(1.0), scene.N_x)
+        self._of_p = mu_s[self.held], -self.k_f[self.held], self.k_f[self.open]
         mode = np.where(stuck, STUCK, OPEN).astype(np.int8)
         self._contact = States(scene, mode, FRICTIONLESS)
         self.K, self.free = solver.tangents(mode), solver.unknown(mode)
@@ -409,9 +411,9 @@ class Linearised:
             The response, shape (n_q,), in m; the force, shape (n_stuck,), in N. What the correction
             does to the changed stiffness is of second order, and left out.
         """
-        left = force - self.restoring(x, stiffer)
         if stiffer is None:
-            return x, left[self.held]
+            return x, force[self.held] - self._K_held @ x
+        left = force - self.restoring(x, stiffer)
         shift = self.answer(left)
         return x + shift, left[self.held] - self._K_held @ shift
 
@@ -428,9 +430,9 @@ class Linearised:
             u_z: displacements of the bottom blocks, shape (N_x, ...), in m.
             f: friction force on the blocks that stick, shape (n_stuck, ...), in N.
         """
-        p = -(self.k_f[self.held] * u_z[self.held].T).T
-        strength = (np.broadcast_to(of(self.law.hold(1.0), self.held), len(p)) * p.T).T
-        lifted = (self.k_f[self.open] * u_z[self.open].T).T
+        mu_s, pressing, lifting = self._of_p
+        strength = (mu_s * (pressing * u_z[self.held].T)).T
+        lifted = (lifting * u_z[self.open].T).T
         return np.concatenate([strength + f, strength - f, lifted])
 
     def gaps_of(self, q: np.ndarray, forces: np.ndarray) -> np.ndarray:

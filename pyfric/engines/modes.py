@@ -46,7 +46,7 @@ import numpy as np
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from pyfric.core import OPEN, STEPPERS, STUCK
-from pyfric.scene import FRICTIONLESS, of
+from pyfric.scene import FRICTIONLESS
 from pyfric.statics import EquilibriumError, States, damping, mass
 
 if TYPE_CHECKING:
@@ -170,9 +170,8 @@ class Linearised:
         scene = solver.scene
         self.solver, self.stuck, self.dt, self.stepper = solver, stuck, dt, stepper
         self.held, self.open, self.law = np.flatnonzero(stuck), np.flatnonzero(~stuck), scene.law
-        self.k_f = np.broadcast_to(scene.k_f, scene.N_x)
-        mu_s = np.broadcast_to(scene.law.hold(1.0), scene.N_x)
-        self._of_p = mu_s[self.held], -self.k_f[self.held], self.k_f[self.open]
+        k_f, mu_s = (np.broadcast_to(a, len(stuck)) for a in (scene.k_f, self.law.hold(1.0)))
+        self._of_contact = mu_s[self.held], k_f[self.held], k_f[self.open]
         mode = np.where(stuck, STUCK, OPEN).astype(np.int8)
         self._contact = States(scene, mode, FRICTIONLESS)
         self.K, self.free = solver.tangents(mode), solver.unknown(mode)
@@ -269,8 +268,7 @@ class Linearised:
         KB, CB, r = self.K @ B, self.C @ B, B.shape[1]
         BKB, self._CB = B.T @ KB, B.T @ CB
         self._compliances = np.linalg.inv(BKB)
-        zero, one = np.zeros((r, r)), np.eye(r)
-        rates, x = np.linalg.eig(np.block([[zero, one], [-BKB, -self._CB]]))
+        rates, x = np.linalg.eig(np.block([[np.zeros((r, r)), np.eye(r)], [-BKB, -self._CB]]))
         one_of_pair = rates.imag >= 0
         rates, x = rates[one_of_pair], x[:r, one_of_pair]
         self.rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
@@ -297,11 +295,12 @@ class Linearised:
 
         A force K_i w is at most sqrt(2 E K_ii). Bonds between held blocks do not contribute.
         """
-        held, free, law = self.held, self.free, self.law
+        held, free, (mu_s, k_f, lifting) = self.held, self.free, self._of_contact
         C = self.C[held][:, free]
-        stiff = of(law.hold(1.0) ** 2 * self.k_f, held) + self.K[held][:, held].sum(axis=1)
+        stiff = mu_s**2 * k_f + self.K[held][:, held].sum(axis=1)
         stiff = stiff + C.multiply(C) @ (1 / self.M[free])
-        lifted = [self.k_f[i] ** 2 * self._compliance(i + len(self.stuck)) for i in self.open]
+        compliance = [self._compliance(i + len(self.stuck)) for i in self.open]
+        lifted = lifting**2 * np.array(compliance, dtype=float)
         self.bound = np.sqrt(2 * np.concatenate([stiff, stiff, lifted]))
 
     def _compliance(self, at: int) -> float:
@@ -430,8 +429,8 @@ class Linearised:
             u_z: displacements of the bottom blocks, shape (N_x, ...), in m.
             f: friction force on the blocks that stick, shape (n_stuck, ...), in N.
         """
-        mu_s, pressing, lifting = self._of_p
-        strength = (mu_s * (pressing * u_z[self.held].T)).T
+        mu_s, k_f, lifting = self._of_contact
+        strength = (mu_s * (-k_f * u_z[self.held].T)).T
         lifted = (lifting * u_z[self.open].T).T
         return np.concatenate([strength + f, strength - f, lifted])
 

@@ -10,10 +10,6 @@ Source: J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011).
 """
 
 import importlib
-import os
-import re
-import sys
-from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 from pyfric import display
@@ -159,43 +155,6 @@ ROOMS = (
     "checks",
 )
 """From the ground up: a room imports those below it. The command line stands above them all."""
-
-
-def _check_libraries() -> None:
-    """Raise ImportError, with what to do, if a library that pyfric needs is missing or too old."""
-    needed = [one for one in metadata.requires(__name__) or () if ";" not in one]
-    wrong = {one: why for one in needed if (why := _wrong(*one.split(">=")))}
-    if wrong:
-        told = " and ".join(f"{one} ({why})" for one, why in wrong.items())
-        mend = " ".join(f"'{one}'" for one in wrong)
-        raise ImportError(f"pyfric needs {told}: python -m pip install {mend}")
-
-
-def _wrong(name: str, least: str) -> str:
-    """Return why a library does not do, or an empty string."""
-    try:
-        found = metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return "not installed"
-    return f"{found} is installed" if _release(found) < _release(least) else ""
-
-
-def _release(version: str) -> list[int]:
-    """Return the numbers a version starts with, without zeros at the end."""
-    numbers = [int(one) for one in re.split(r"[^\d.]", version)[0].split(".") if one]
-    while numbers and not numbers[-1]:
-        numbers.pop()
-    return numbers
-
-
-try:
-    _check_libraries()
-except metadata.PackageNotFoundError:
-    pass  # the sources, which nobody installed, say nothing of versions
-except ImportError as error:
-    if os.path.basename(sys.argv[0]) == "pyfric":  # the command: its import is all that it has done
-        sys.exit(f"Error: {error}")
-    raise
 
 
 def _figures() -> Any:

@@ -3,12 +3,7 @@
 import base64
 import html
 import math
-import os
 import re
-import subprocess
-import sys
-from importlib import metadata
-from pathlib import Path
 
 import numpy as np
 import pint
@@ -131,52 +126,6 @@ def test_refused_values(changes, field, text):
     with pytest.raises(SceneError, match=text) as refusal:
         preset("fig1").replace(changes)
     assert refusal.value.field == field
-
-
-def old(folder, name, version):
-    """Return a folder of libraries in which this one has this version."""
-    (folder / f"{name}-{version}.dist-info").mkdir()
-    text = f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n"
-    (folder / f"{name}-{version}.dist-info" / "METADATA").write_text(text, encoding="utf-8")
-    return str(folder)
-
-
-def test_missing_and_old_libraries_are_a_sentence(monkeypatch, tmp_path):
-    monkeypatch.syspath_prepend(old(tmp_path, "h5py", "3.10.9"))
-    known = metadata.requires("pyfric")
-    monkeypatch.setattr(metadata, "requires", lambda name: [*known, "no-such-library>=1.0"])
-    with pytest.raises(ImportError) as refusal:
-        pyfric._check_libraries()
-    assert re.fullmatch(
-        r"pyfric needs h5py>=3[.\d]+ \(3\.10\.9 is installed\) and no-such-library>=1\.0 "
-        r"\(not installed\): python -m pip install 'h5py>=3[.\d]+' 'no-such-library>=1\.0'",
-        str(refusal.value),
-    )
-    assert refusal.value.__cause__ is refusal.value.__context__ is None
-
-
-@pytest.mark.parametrize("command", [["pyfric", "--version"], ["python", "-c", "import pyfric"]])
-def test_an_old_library_ends_the_command_with_a_sentence(tmp_path, command):
-    path = Path(sys.executable).with_name(command[0])
-    env = os.environ | {"PYTHONPATH": old(tmp_path, "h5py", "3.10")}
-    done = subprocess.run([path, *command[1:]], env=env, capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (1, "")
-    said = done.stderr.splitlines()
-    start = "Error:" if command[0] == "pyfric" else "ImportError:"
-    assert said[-1].startswith(f"{start} pyfric needs h5py>=3.11 (3.10 is installed): ")
-    assert len(said) == 1 or command[0] == "python"
-    assert "During handling" not in done.stderr
-
-
-@pytest.mark.parametrize(
-    ("found", "least", "does"),
-    [
-        *[("2", "2.0", True), ("2.0.0rc1", "2.0", True), ("2025.10.1", "2025.9", True)],
-        *[("3.9.1", "3.11", False), ("1.99.dev0+g12", "2.0", False), ("10.0", "9.1", True)],
-    ],
-)
-def test_versions_compare_as_numbers(found, least, does):
-    assert (pyfric._release(found) >= pyfric._release(least)) is does
 
 
 def test_dir_is_complete():

@@ -28,7 +28,7 @@ EXAMPLES = {
     pyfric.RecordError: lambda: pyfric.RecordError("a.nc: no record"),
     pyfric.RunError: run_error,
     pyfric.SceneError: lambda: pyfric.SceneError(
-        "h", 2.0, "m", "less", "too high", [pyfric.SceneError("l", lambda: 0, "m", "a number")]
+        "h", 2.0, "m", "less", "too high", [pyfric.SceneError("l", 3, "m", "a number")]
     ),
     pyfric.StateError: lambda: pyfric.StateError("no state"),
     LogError: lambda: LogError("no log"),
@@ -78,9 +78,7 @@ def test_an_equilibrium_error_brings_its_numbers():
     assert (back.residual, back.limit, back.iterations) == (2.0, 1e-9, 7)
 
 
-def test_a_scene_error_brings_what_can_be_pickled():
+def test_a_scene_error_brings_its_attributes():
     back = pickle.loads(pickle.dumps(EXAMPLES[pyfric.SceneError]()))
     assert (back.field, back.value, back.unit, back.allowed) == ("h", 2.0, "m", "less")
-    (other,) = back.others
-    assert "lambda" in other.value
-    assert pickle.loads(pickle.dumps(other)).value == other.value
+    assert [other.value for other in back.others] == [3]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import pickle
 import reprlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -17,15 +16,6 @@ LIKE = 0.6
 
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 100
-
-
-class _Text(str):
-    """The text of a value that cannot be pickled."""
-
-    __slots__ = ()
-
-    def __repr__(self) -> str:
-        return str(self)
 
 
 class SceneError(ValueError):
@@ -70,14 +60,6 @@ class SceneError(ValueError):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self)!r})"
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        field, value, *rest = self.args
-        try:
-            pickle.dumps(value)
-        except Exception:  # the error can then reach other processes
-            value = _Text(show(value))
-        return type(self), (field, value, *rest), vars(self) | {"value": value}
 
     def at(self, field: str, where: str = "") -> SceneError:
         """Return the same error under another dotted name, its reason after a place."""

@@ -88,12 +88,11 @@ def held_by(record: Record) -> Iterator[tuple[Held, np.ndarray]]:
         "tau_initial": record.tau_initial,
         "p_initial": record.p_initial,
     }
-    drawn = {DRAWN + name: np.array(v)[scene.n_of_i - 1] for name, v in scene.drawn.items()}
     groups: dict[str, Mapping[str, Any]] = {
         "curve": record.curve,
         "events": record.events,
         "episodes": record.episodes,
-        "interface": coordinates | drawn | record.arrays,
+        "interface": coordinates | _drawn(scene) | record.arrays,
         "motion": record.motion,
         "quiet": record.quiet,
         "switches": record.switches,
@@ -243,16 +242,23 @@ def fields(
 
 
 def _scene(text: str, interface: Mapping[str, np.ndarray]) -> Scene:
-    """Return the scene of a file, whose fields are not drawn again."""
-    first = np.argsort(interface["n"])  # from the trailing edge on
-    drawn = {k.removeprefix(DRAWN): v[first] for k, v in interface.items() if k.startswith(DRAWN)}
+    """Return the scene of a file, which has to draw the numbers that the file holds."""
     try:
-        scene = Scene.from_toml(f"{text}\n", draws=drawn, files=False)
+        scene = Scene.from_toml(f"{text}\n", files=False)
     except SceneError as error:
         raise RecordError(f"attribute scene: {error}") from None
     if not np.array_equal(interface["n"], scene.n_of_i):
         raise RecordError("n does not number the blocks of the scene from the trailing edge")
+    drawn = _drawn(scene)
+    for name in drawn.keys() | {name for name in interface if name.startswith(DRAWN)}:
+        if not np.array_equal(drawn.get(name), interface.get(name)):
+            raise RecordError(f"{name} differs from what the scene draws")
     return scene
+
+
+def _drawn(scene: Scene) -> dict[str, np.ndarray]:
+    """Return the names and values of the drawn fields of a scene, left to right."""
+    return {DRAWN + name: np.array(v)[scene.n_of_i - 1] for name, v in scene.drawn.items()}
 
 
 def _state(values: Mapping[str, np.ndarray], scene: Scene) -> State | None:

@@ -168,7 +168,7 @@ def followed_by(before: Scene, after: Scene, t: float) -> tuple[Scene, list[str]
                 said.append(text if then != now else f"another {part}.{corners}")
         whole[part] = dataclasses.replace(old, **ours)
         others[part] = dataclasses.replace(old, **theirs)
-    free = {"name": after.name, "stop_when": after.stop_when, "draws": before.drawn}
+    free = {"name": after.name, "stop_when": after.stop_when}
     if dataclasses.replace(before, **others, **free) != after:
         return None
     return dataclasses.replace(before, **whole, **free), said

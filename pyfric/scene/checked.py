@@ -248,18 +248,17 @@ def quantities(cls: type) -> dict[str, Quantity]:
     return {n: mark for n, mark in annotations(cls).items() if isinstance(mark, Quantity)}
 
 
-def from_table(cls: type, entries: Mapping[str, Any], folder: Path | None, **more: Any) -> Any:
+def from_table(cls: type, entries: Mapping[str, Any], folder: Path | None) -> Any:
     """Return the part that a table of a scene file describes.
 
     Args:
         cls: its class. If the class has `from_file`, `cls.from_file(entries, folder)` is called.
         entries: the table.
         folder: folder of the scene file; None means that the table may not name files.
-        more: arguments that the table cannot contain.
     """
     if hasattr(cls, "from_file"):
         return cls.from_file(entries, folder)
-    return from_entries(cls, entries, folder, **more)
+    return from_entries(cls, entries, folder)
 
 
 def from_entries(cls: type, entries: Mapping[str, Any], folder: Path | None, **more: Any) -> Any:

@@ -11,7 +11,7 @@ import functools
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import InitVar, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -20,10 +20,9 @@ import numpy as np
 from pyfric.display import drawing, html
 from pyfric.scene import toml
 from pyfric.scene.change import changed, joined
-from pyfric.scene.checked import Name, annotations, from_table, part
+from pyfric.scene.checked import Name, from_table, part
 from pyfric.scene.consistency import check
 from pyfric.scene.ends import Conditions
-from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.files import write
 from pyfric.scene.friction import Law
 from pyfric.scene.junctions import JunctionLaw
@@ -66,8 +65,6 @@ class Scene:
         walls: boundary conditions of a slider on a prescribed interface, `Walls`.
         stop_when: one or several conditions, such as "arrested", that end runs without conditions
             of their own; see `pyfric.Options`.
-        draws: names of fields that are a `Spread` to values drawn earlier, N_x numbers each from
-            the trailing edge on; records keep them so that they are not drawn again.
 
     Raises:
         SceneError: a part is missing, unknown or of the wrong type, h or h_top is not on a row,
@@ -83,25 +80,11 @@ class Scene:
     name: Annotated[str, Name(MAX_NAME)] = ""
     walls: Annotated[Walls, PARTS["walls"]] = Walls()
     stop_when: Annotated[tuple[str, ...], Conditions()] = ()
-    draws: InitVar[Mapping[str, Any] | None] = None
 
     _section: ClassVar[str] = ""
 
-    def __post_init__(self, draws: Mapping[str, Any] | None) -> None:
-        object.__setattr__(self, "_draws", {})
-        self._take_over(draws or {})
+    def __post_init__(self) -> None:
         check(self)
-
-    def _take_over(self, draws: Mapping[str, Any]) -> None:
-        """Take over values that were drawn earlier for fields."""
-        for name, values in draws.items():
-            drawn = np.asarray(values, dtype=float)
-            field = name in (*FIELDS, *self.interface.law.fields)
-            spread = field and isinstance(self._given(name), Spread)
-            if not (spread and drawn.shape == (self.N_x,) and np.isfinite(drawn).all()):
-                allowed = f"{self.N_x} finite numbers for a field that is a Spread"
-                raise SceneError(f"draws.{name}", values, "", allowed)
-            self._draws[name] = tuple(drawn.tolist())
 
     @property
     def N_x(self) -> int:
@@ -204,11 +187,12 @@ class Scene:
         new["alpha"] = tuple(alpha) if isinstance(alpha, list) else alpha
         return replace(self.interface, law=replace(self.interface.law, **law), **new)
 
-    @property
+    @functools.cached_property
     def drawn(self) -> dict[str, tuple[float, ...]]:
         """Values drawn for fields that are a `Spread`, from the trailing edge on."""
-        spreads = [name for name in self.fields if isinstance(self._given(name), Spread)]
-        return {name: self._draw(name) for name in spreads}
+        given = {name: self._given(name) for name in self.fields}
+        spreads = {name: one for name, one in given.items() if isinstance(one, Spread)}
+        return {n: tuple(s.draw(self.N_x, self.slider.l).tolist()) for n, s in spreads.items()}
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -231,16 +215,9 @@ class Scene:
         given = self.slider.k if given is None else given
         if isinstance(given, float):
             return given
-        found = self._by_column(self._draw(name) if isinstance(given, Spread) else given)
+        found = self._by_column(self.drawn[name] if isinstance(given, Spread) else given)
         found.flags.writeable = False
         return found
-
-    def _draw(self, name: str) -> tuple[float, ...]:
-        """Return the values drawn for a field; they are drawn only once."""
-        if name not in self._draws:
-            values = self._given(name).draw(self.N_x, self.slider.l)
-            self._draws[name] = tuple(values.tolist())
-        return self._draws[name]
 
     @functools.cached_property
     def F_N(self) -> float:
@@ -471,14 +448,12 @@ class Scene:
         cls,
         source: str | os.PathLike[str],
         *,
-        draws: Mapping[str, Any] | None = None,
         files: bool | Path = True,
     ) -> Self:
         """Return the scene in a TOML file or text; `pyfric.scene.toml` describes the format.
 
         Args:
             source: path of a file, or the text itself, which contains a line break.
-            draws: see `Scene`.
             files: whether a friction law may name files. True reads them from the folder of the
                 source (for a text, the current folder). A path reads them from that folder.
 
@@ -488,8 +463,6 @@ class Scene:
                 are listed.
         """
         entries = toml.parsed(source)
-        if "draws" in entries:
-            raise unknown("draws", entries["draws"], "draws", annotations(cls))
         entries = dict.fromkeys(("slider", "top", "driver", "interface")) | toml.placed(entries)
         folder = toml.folder_of(source) if files is True else files or None
-        return from_table(cls, entries, folder, draws=draws)
+        return from_table(cls, entries, folder)

@@ -581,22 +581,6 @@ def test_a_field_has_one_name_everywhere():
     assert "mu_s is 0.7, which has no seed" in error.reason
 
 
-def test_fields_may_stand_outside_the_tables_of_a_file():
-    short = 'mu_k = 0.4\n"driver.V" = "1 mm/s"\nmattress = "0 N/m"\nname = "good"\n'
-    bare = GOOD.replace("mu_k = 0.45\n", "").replace('V = "0.7875 mm/s"\n', "")
-    bare = bare.replace('mattress = "0.4 MN/m"\n', "").replace('name = "good"\n', "")
-    assert Scene.from_toml(short + bare) == setup1(mu_k=0.4, V=1e-3, mattress=0.0, name="good")
-    for entry, field, reason in (
-        ("mu_s = 0.6", "interface.mu_s", "given twice"),
-        ("protocol = []", "protocol", "several parts"),
-        ("theta = 0.5", "theta", "unknown"),
-        ('mu_k = "0.4"', "interface.mu_k", "not str"),
-        ('"top.h" = "5 mm"', "top.h", "unknown"),
-    ):
-        error = refused(f"{entry}\n{GOOD.replace('mu_k = 0.45', '') if 'mu_k' in entry else GOOD}")
-        assert (error.field, reason in error.reason) == (field, True)
-
-
 def test_editors_are_told_every_name():
     parts = Slider, Rod, DistributedLoad, PrescribedLoad, Walls, Driver, Interface
     ends = [field.name for part in parts for field in dataclasses.fields(part)]

@@ -213,12 +213,6 @@ class OneOf(Annotation):
         cls = self._asked(entries.pop("kind", None)) if self.kinds else self.classes[0]
         return from_table(cls, entries, written.folder)
 
-    def fields(self, kind: Any) -> list[str]:
-        """Return the names of the fields of a kind; an empty list if it is unknown."""
-        cls = self.kinds.get(kind) if isinstance(kind, str) else None
-        cls = cls if self.kinds else self.classes[0]
-        return [field.name for field in dataclasses.fields(cls)] if cls else []
-
     def _asked(self, kind: Any) -> type:
         """Return the class of a kind."""
         if isinstance(kind, str) and kind in self.kinds:

@@ -462,7 +462,7 @@ class Scene:
                 missing, unknown, without or with a wrong unit, or out of range. All problems found
                 are listed.
         """
-        entries = toml.parsed(source)
-        entries = dict.fromkeys(("slider", "top", "driver", "interface")) | toml.placed(entries)
+        missing = dict.fromkeys(("slider", "top", "driver", "interface"))
+        entries = missing | toml.parsed(source)
         folder = toml.folder_of(source) if files is True else files or None
         return from_table(cls, entries, folder)

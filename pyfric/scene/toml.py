@@ -34,7 +34,6 @@
     t_c = "1 ms"
 
 A law of kind "table" takes lists or CSV files: slide = "friction.csv", relative to the scene file.
-A field may also be outside the tables, as V = "1 mm/s" or, in quotes, "driver.V" = "1 mm/s".
 Numbers without unit are bare. Lengths, forces and so on are text with any unit that fits. A field
 that may vary along the interface is a number, a list, or a table, such as
 mu_s = {mean = 0.7, std = 0.02, correlation_length = "10 mm", seed = 1}.
@@ -50,7 +49,6 @@ import tomli_w
 from pyfric.scene.checked import table
 from pyfric.scene.errors import SceneError
 from pyfric.scene.files import read_at_most
-from pyfric.scene.parts import PARTS
 
 MAX_FILE = 1_048_576
 """Largest size of a scene file, in bytes; two lists of `checked.MAX_LISTED` forces fit."""
@@ -99,32 +97,3 @@ def folder_of(source: str | os.PathLike[str]) -> Path:
 
 def _is_text(source: str | os.PathLike[str]) -> bool:
     return isinstance(source, str) and "\n" in source
-
-
-def placed(entries: dict[str, Any]) -> dict[str, Any]:
-    """Return a document with the fields outside tables moved into the tables of their parts.
-
-    Raises:
-        SceneError: a field is in several parts, or given twice.
-    """
-    tables = {part: entries.get(part, {}) for part in PARTS}
-    if not all(isinstance(found, dict) for found in tables.values()):
-        return entries  # which is refused
-    tables, rest = {part: dict(found) for part, found in tables.items()}, {}
-    for name, value in entries.items():
-        part, _, field = name.rpartition(".")
-        owners = [
-            owner
-            for owner, mark in PARTS.items()
-            if part in ("", owner) and field in mark.fields(tables[owner].get("kind"))
-        ]
-        if name in PARTS or not owners:
-            rest[name] = value
-        elif len(owners) > 1:
-            several = " or ".join(f"{owner}.{field}" for owner in owners)
-            raise SceneError(name, value, "", several, "is in several parts")
-        elif field in tables[owners[0]]:
-            raise SceneError(f"{owners[0]}.{field}", value, "", "one of both", "given twice")
-        else:
-            tables[owners[0]][field] = value
-    return rest | {part: found for part, found in tables.items() if found or part in entries}

@@ -151,7 +151,7 @@ class Whole(Annotation):
 
 @dataclasses.dataclass(frozen=True)
 class Name(Annotation):
-    """A line of text without control characters and without marks that change its direction."""
+    """A line of text without characters that control it, such as its direction."""
 
     longest: int
 
@@ -165,17 +165,14 @@ class Name(Annotation):
         if len(value) > self.longest:
             raise SceneError("", value, "", self.allowed, "too long")
         for n, sign in enumerate(value, 1):
-            order = sign in ORDERING or unicodedata.bidirectional(sign) in DIRECTIONS
-            if order or unicodedata.category(sign) in ("Cc", "Cs", "Zl", "Zp"):
-                what = "changes the order of the text" if order else "is no letter, mark or space"
-                reason = f"character {n} (U+{ord(sign):04X}) {what}"
+            if unicodedata.category(sign) in UNSEEN and sign not in JOINERS:
+                reason = f"character {n} (U+{ord(sign):04X}) is no letter, mark or space"
                 raise SceneError("", ascii(value), "", self.allowed, reason)
         return value
 
 
-DIRECTIONS = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
-ORDERING = "\u061c\u200e\u200f"
-"""Characters that change the direction of text."""
+UNSEEN, JOINERS = ("Cc", "Cf", "Cs", "Zl", "Zp"), "\u200c\u200d"
+"""Categories of signs that have no place in a line of text, and two that scripts need."""
 
 Positive = functools.partial(Quantity, gt=0.0)
 NotNegative = functools.partial(Quantity, ge=0.0)
@@ -195,10 +192,7 @@ class OneOf(Annotation):
     ) -> None:
         self.classes, self.section = classes, classes[0]._section
         self.kinds = {c.kind: c for c in classes if hasattr(c, "kind")} if kinds is None else kinds
-        names = [c.__name__ for c in classes]
-        names = [f"an {name}" if name[0] in "AEIOU" else f"a {name}" for name in names]
-        listed = ", ".join(names[:-1]) + " or " * (len(names) > 1) + names[-1]
-        self.allowed = allowed or listed
+        self.allowed = allowed or " or ".join(c.__name__ for c in classes)
 
     def check(self, value: Any, written: Written | None = None) -> Any:
         if isinstance(value, self.classes):

@@ -39,7 +39,7 @@ def test_a_folder_that_cannot_be_written_is_refused_first(name, tmp_path):
     (tmp_path / "file").write_text("mine")
     result = study(name, "--out", tmp_path / "file")
     assert result.exit_code == Exit.BAD_INPUT, result.output
-    assert "this is a file, not a folder" in result.stderr
+    assert "Not a directory" in result.stderr
 
 
 def test_a_table_goes_beside_the_command_that_makes_it(tmp_path, monkeypatch):

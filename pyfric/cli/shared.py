@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import enum
-import errno
 import functools
 import json
 import os
 import shlex
 import signal
 import sys
-import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -163,8 +161,8 @@ def check_out(
 ) -> None:
     """Refuse an output before anything starts, by the same rule for all commands.
 
-    Its folder must exist. A regular file is replaced only with --overwrite. A folder, a device, or
-    an input of the command is never replaced.
+    It must be writable (`pyfric.scene.check_writable`). A file is replaced only with --overwrite.
+    An input of the command is never replaced.
 
     Args:
         out: the file, or the common stem of several files.
@@ -175,15 +173,10 @@ def check_out(
     """
     if out is None:
         return
-    _check_writable(out.parent, out, option)
     read = [Path(one) for one in reads if one is not None and Path(one).exists()]
     for end in ends:
         path = out.with_name(out.name + end)
-        _check_links(path, option)
-        if path.is_dir():
-            raise click.UsageError(f"{option} {path}: this is a folder.")
-        if path.exists() and not path.is_file():
-            raise click.UsageError(f"{option} {path}: this is not a regular file.")
+        _check_writable(path, path, option)
         if path.exists() and any(path.samefile(one) for one in read):
             raise click.UsageError(f"{option} {path}: this file is read by the same command.")
         if path.exists() and not overwrite:
@@ -196,11 +189,10 @@ def check_apart(**outputs: Iterable[Path]) -> None:
     Args:
         outputs: the files of each option.
     """
-    of: dict[Path, str] = {}
+    of: dict[str, str] = {}
     for option, paths in outputs.items():
         for path in paths:
-            _check_links(path, f"--{option}")
-            other = of.setdefault(path.resolve(), option)
+            other = of.setdefault(os.path.realpath(path), option)
             if other != option:
                 raise click.UsageError(f"--{option} {path}: --{other} writes the same file.")
 
@@ -211,33 +203,18 @@ def check_folder(out: Path | None, option: str = "--out") -> None:
     A missing folder is made. Existing files with the names of outputs are replaced, as the help of
     `pyfric` says.
     """
-    if out is None:
-        return
-    _check_links(out, option)
-    if out.exists() and not out.is_dir():
-        raise click.UsageError(f"{option} {out}: this is a file, not a folder.")
-    _check_writable(out if out.is_dir() else out.parent, out, option)
+    if out is not None:
+        _check_writable(out, (out if os.path.lexists(out) else out.parent) / "file", option)
 
 
-def _check_links(path: Path, option: str) -> None:
-    """Refuse a link that leads to itself."""
+def _check_writable(out: Path, path: Path, option: str) -> None:
+    """Refuse an output for which this file cannot be written."""
+    from pyfric.scene import check_writable
+
     try:
-        path.stat()
+        check_writable(path)
     except OSError as error:
-        if error.errno == errno.ELOOP:
-            raise click.UsageError(f"{option} {path}: {error.strerror}.") from None
-
-
-def _check_writable(folder: Path, out: Path, option: str) -> None:
-    """Refuse an output in a folder that is not there, or in which nothing can be written."""
-    if not folder.is_dir():
-        raise click.UsageError(f"{option} {out}: there is no folder {folder}.")
-    try:
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError:
-        message = f"{option} {out}: the folder {folder} is not writable."
-        raise click.UsageError(message) from None
+        raise click.UsageError(f"{option} {out}: {error.strerror}.") from None
 
 
 def figure_ends(*tables: str) -> tuple[str, ...]:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import secrets
 import shlex
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +13,6 @@ from click.core import ParameterSource
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
     EXIT_CODES,
-    Exit,
     Registered,
     SceneName,
     Seconds,
@@ -264,30 +260,12 @@ def _run(
             if record is None or not _is_done(record, t_end):
                 record = _simulate(scene, t_end, before, out, progress, how)
             if out is not None:
-                files.append(_saved(record, out))
+                files.append(record.save(out))
     except KeyboardInterrupt:
         if not files:
             raise
         stop(signalled(), f"interrupted after the run had ended; the record is in {out}")
     return record, files
-
-
-def _saved(record: Record, out: Path) -> Path:
-    """Write the record; where that fails, write it elsewhere, say where, and stop."""
-    try:
-        return record.save(out)
-    except OSError as error:
-        from pyfric.sweeps import Store
-
-        for find in (tempfile.gettempdir, lambda: Store.at(True).folder):  # the first one writes
-            with contextlib.suppress(OSError):
-                folder = Path(find())
-                folder.mkdir(parents=True, exist_ok=True)
-                path = record.save(folder / f"{out.stem}-{secrets.token_hex(4)}.nc")
-                break
-        else:
-            raise
-        stop(Exit.FAILED, f"Error: {error}; the record is in {path}")
 
 
 def _hint(scene: str, changes: tuple[str, ...], t_end: float, out: Path | None) -> str:

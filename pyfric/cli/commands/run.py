@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -257,7 +256,7 @@ def _run(
     try:
         with saved_first():
             record = before
-            if record is None or not _is_done(record, t_end):
+            if record is None or not _is_done(record, scene, t_end):
                 record = _simulate(scene, t_end, before, out, progress, how)
             if out is not None:
                 files.append(record.save(out))
@@ -278,56 +277,42 @@ def _hint(scene: str, changes: tuple[str, ...], t_end: float, out: Path | None) 
 
 
 def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
-    """Return the record that goes on as this scene; options that were given have to agree with it.
+    """Return a record that is continued; options that were given have to be those that it keeps.
 
     Raises:
-        RecordError: no record, or one of a scene that differs in more than speed or loads.
+        RecordError: no record.
         SceneError: an option differs.
     """
-    import pyfric
-    from pyfric.scene import followed_by, paper_step
+    from pyfric.engines import kept
+    from pyfric.scene import SceneError, paper_step
 
     before = record_of(path)
-    t = float(before.curve["t"].iloc[-1])
-    if before.scene != scene and followed_by(before.scene, scene, t) is None:
-        reason = "only V, F_N, T and their protocols may differ"
-        raise pyfric.RecordError(
-            f"{path}: this record of another scene cannot be continued: {reason}"
-        )
     method = before.method
 
-    def same(name: str, value: Any) -> bool:
-        if name == "fidelity":
-            return value in ("auto", method.engine)
+    def same(name: str, value: Any, held: Any) -> bool:
         if name == "method":
             paper = ("rk4", "step_end", paper_step(scene))
             return (method.stepper, method.switching, method.dt) == paper
-        if name == "dt":
-            return pyfric.step_size(scene, value, method.stepper) == method.dt
         if name == "sample":
-            return max(1, round(value / (method.dt or math.inf))) == method.sample
-        return value == {
-            "geometry": method.geometry,
-            "stepper": method.stepper or "rk4",
-            "switching": method.switching or None,
-            "rtol": method.rtol,
-            "t_gap": method.t_gap,
-            "budget": method.budget,
-        }.get(name, value)
+            return max(1, round(value / method.dt)) == method.sample
+        return value in (held, "auto")
 
-    for name, value in ctx.params.items():
+    for name, held in kept(method).items():
         given = ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
-        if given and not same(name, value):
+        if given and not same(name, value := ctx.params[name], held):
             allowed = "what the record that is continued was made with, or no such option"
             unit = "s" if isinstance(value, float) and name != "rtol" else ""
-            raise pyfric.SceneError(name, value, unit, allowed, "cannot change")
+            raise SceneError(name, value, unit, allowed, "cannot change")
     return before
 
 
-def _is_done(record: Record, t_end: float) -> bool:
-    """Whether a complete record ends at t_end, or within the step beyond it."""
-    t = record.curve["t"].iloc[-1]
-    return record.status == "complete" and t - (record.method.dt or 0.0) < t_end <= t
+def _is_done(record: Record, scene: Scene, t_end: float) -> bool:
+    """Whether a complete record of the scene ends at t_end, or within the step beyond it."""
+    from pyfric.scene import followed_by
+
+    t = float(record.curve["t"].iloc[-1])
+    ends = record.status == "complete" and t - (record.method.dt or 0.0) < t_end <= t
+    return ends and followed_by(record.scene, scene, t) is not None
 
 
 def _simulate(

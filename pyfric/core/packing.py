@@ -80,8 +80,7 @@ class Model(NamedTuple):
         numbers: the following numbers, one after the other. `Constants`; u_drv0 of each driven
             block minus their mean (m). With N_x numbers each: x (m), load (p if it is prescribed)
             and shear (N), pushes on the bottom row at t_seg (N) and their rates (N/s), k_f (N/m),
-            the five fields of the friction law. x and y of each knot of its tables; thresholds of
-            junctions.
+            the five fields of the friction law. x and y of each knot of its tables.
     """
 
     counts: np.ndarray
@@ -193,7 +192,6 @@ def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) ->
         words = np.array([kind.seed % 2**32, kind.seed >> 32], np.uint32).view(np.int32)
         counts = counts._replace(n_junctions=kind.n_s, seed_low=words[0], seed_high=words[1])
         constants = constants._replace(ruptured=kind.ruptured)
-        knots = [*knots, scene.law.thresholds.ravel()]
     aside = home - constants.u_mean
     packed = _packed(counts, constants, aside, scene.x, load, shear, *push, *rows, *knots)
     if not np.isfinite(packed.numbers).all():

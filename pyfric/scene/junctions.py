@@ -8,7 +8,6 @@ Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014).
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -89,11 +88,6 @@ class JunctionLaw(Law):
         """Return the share of pinned junctions."""
         return {"pinned": memory["pinned"].mean(axis=1)}
 
-    @functools.cached_property
-    def thresholds(self) -> np.ndarray:
-        """Thresholds of junctions over u_s, shape (N_x, n_s); (0, n_s) if all are 1."""
-        return self.kind.thresholds(self.numbers)
-
     @property
     def memory(self) -> np.dtype:
         each = (self.kind.n_s,)
@@ -122,8 +116,7 @@ class JunctionLaw(Law):
         whole = np.where(closed, self.stiffness(p), 1.0)
         even = (2 * np.arange(1, n + 1) - n - 1) / n
         stretch = (-f / whole)[:, None] + d * self.kind.stretch * u_s[:, None] * even
-        theta = self.thresholds if len(self.thresholds) else np.ones((1, n))
-        over = np.abs(stretch) - theta * u_s[:, None]
+        over = np.abs(stretch) - u_s[:, None]
         worst = int(np.argmax(np.where(closed, over.max(axis=1), -np.inf)))
         if closed.any() and over[worst].max() > 0:
             reached = float(np.abs(stretch[worst]).max() / u_s[worst])
@@ -131,7 +124,7 @@ class JunctionLaw(Law):
                 f"junctions of block {self.numbers[worst]} from the trailing edge would break "
                 "at the start"
             )
-            allowed = "stretches below the thresholds: less stretch, a larger mu_s or u_s"
+            allowed = "stretches up to u_s: less stretch, a larger mu_s or u_s"
             raise SceneError("interface.law", reached, "u_s", allowed, reason)
         memory = np.zeros(len(p), self.memory)
         memory["anchor"] = np.where(closed[:, None], u_x[:, None] - stretch, u_x[:, None])

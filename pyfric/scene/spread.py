@@ -11,13 +11,10 @@ SUMMED = 12
 """Uniform numbers in a sum that approximates a normal number; the sum has variance 1."""
 
 
-def uniform(n: int, seed: int, stream: int = 0, block: int = 0) -> np.ndarray:
-    """Return n numbers in [0, 1), multiples of 2^-53, of Philox under the key (seed, stream).
-
-    They follow the counter (0, block, 0, 0).
-    """
-    key, counter = np.array([[seed, stream], [0, block]], dtype=np.uint64)
-    raw = np.random.Philox(key=key, counter=[*counter, 0, 0]).random_raw(n)
+def uniform(n: int, seed: int) -> np.ndarray:
+    """Return n numbers in [0, 1), multiples of 2^-53, of Philox under the key (seed, 0)."""
+    key = np.array([seed, 0], dtype=np.uint64)
+    raw = np.random.Philox(key=key, counter=[0, 0, 0, 0]).random_raw(n)
     return (raw >> np.uint64(11)).astype(float) * 2.0**-53
 
 

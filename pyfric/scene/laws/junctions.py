@@ -1,6 +1,5 @@
 """Interfaces of junctions that break, slip for a while, and pin again."""
 
-import functools
 import math
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -10,7 +9,7 @@ from pyfric.scene.checked import NotNegative, Positive, Quantity, Whole
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.kinds import FrictionLaw, Means, law
 from pyfric.scene.laws.table import Table
-from pyfric.scene.spread import FIELD, Field, uniform
+from pyfric.scene.spread import FIELD, Field
 
 MOST = 1_000_000
 """Largest number of junctions of a block."""
@@ -45,9 +44,6 @@ class Junctions(FrictionLaw):
         t_R_std: standard deviation of the slip time, s, >= 0; 0: a fixed time, no random numbers.
         t_R_distribution: "normal", cut at 0, or "gamma", whose shape parameter follows from the
             means of t_R and t_R_std over the interface.
-        threshold_std: standard deviation of the thresholds of junctions, over their mean u_s, >= 0;
-            0: all are equal.
-        threshold_distribution: "weibull", or "uniform" up to a standard deviation of 1/sqrt(3).
         stretch: half width, over u_s, of the uniform distribution of initial stretches, in [0, 1].
         ruptured: share of pinned junctions below which a block is ruptured, in (0, 1].
         seed: seed of the random numbers, a whole number from 0 to 2^64 - 1.
@@ -61,8 +57,7 @@ class Junctions(FrictionLaw):
     only the first one.
 
     Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014). The use of the present p,
-    and the behaviour of junctions when motion reverses, are choices made here. Thresholds:
-    Z. Farkas, S. R. Dahmen, D. E. Wolf, J. Stat. Mech. P06015 (2005).
+    and the behaviour of junctions when motion reverses, are choices made here.
     """
 
     n_s: Annotated[int, Whole(MOST)] = 100
@@ -71,8 +66,6 @@ class Junctions(FrictionLaw):
     t_R: Annotated[Field, NotNegative("s", **FIELD)] = 2e-3
     t_R_std: Annotated[Field, NotNegative("s", **FIELD)] = 0.0
     t_R_distribution: Literal["normal", "gamma"] = "normal"
-    threshold_std: Annotated[float, NotNegative("")] = 0.0
-    threshold_distribution: Literal["weibull", "uniform"] = "weibull"
     stretch: Annotated[float, Quantity("", ge=0.0, le=1.0)] = 0.0
     ruptured: Annotated[float, Quantity("", gt=0.0, le=1.0)] = 0.3
     seed: Annotated[int, Whole(2**64 - 1)] = 0
@@ -89,9 +82,6 @@ class Junctions(FrictionLaw):
         if (self.u_s is None) == (self.C is None):
             reason = "both are given" if self.C is not None else "neither is given"
             raise SceneError(f"{self._section}.u_s", self.u_s, "m", "either u_s or C", reason)
-        if self.threshold_distribution == "uniform" and self.threshold_std > 1 / math.sqrt(3):
-            allowed = "at most 1/sqrt(3) with a uniform distribution: thresholds are positive"
-            raise SceneError(f"{self._section}.threshold_std", self.threshold_std, "", allowed)
 
     def tables(self, of: Means) -> Any:
         """Return empty tables: junctions need none."""
@@ -103,7 +93,7 @@ class Junctions(FrictionLaw):
     def quantiles_of_t_R(self, cv: float) -> Table | None:
         """Return the quantiles of t_R over its mean as a table; None for a normal distribution.
 
-        The table is scaled to a mean of 1.
+        The table is refined at both ends and scaled to a mean of 1.
 
         Args:
             cv: standard deviation over mean.
@@ -113,42 +103,10 @@ class Junctions(FrictionLaw):
         from scipy.special import gammaincinv  # slow to import
 
         shape = 1 / cv**2
-        return _of_mean_1(lambda u: gammaincinv(shape, u) / shape)
-
-    def thresholds(self, numbers: np.ndarray) -> np.ndarray:
-        """Return the thresholds of junctions over u_s, shape (N_x, n_s); empty if all are 1.
-
-        The thresholds of block i are quantiles at the uniform random numbers after the counter
-        (0, i, 0, 0) under the key (seed, 1).
-
-        Args:
-            numbers: block numbers from the trailing edge, from 1 on, shape (N_x,).
-        """
-        if self.threshold_std == 0:
-            return np.zeros((0, self.n_s))
-        u = np.array([uniform(self.n_s, self.seed, 1, i) for i in numbers])
-        if self.threshold_distribution == "uniform":
-            return 1 + self.threshold_std * math.sqrt(3) * (2 * u - 1)
-        return _weibull(self.threshold_std)(u)
-
-
-@functools.cache
-def _weibull(cv: float) -> Table:
-    """Return the quantiles of the Weibull distribution with mean 1 and standard deviation cv."""
-    low, high = 0.05, 200.0  # moduli with cv = 1e15 and 0.006
-    for _ in range(200):
-        m = math.sqrt(low * high)
-        wide = math.lgamma(1 + 2 / m) - 2 * math.lgamma(1 + 1 / m) > math.log1p(cv**2)
-        low, high = (m, high) if wide else (low, m)
-    return _of_mean_1(lambda u: (-np.log1p(-u)) ** (1 / m))
-
-
-def _of_mean_1(quantile: Any) -> Table:
-    """Return a table of quantiles over probability, refined at both ends, scaled to a mean of 1."""
-    halves = 2.0 ** -np.arange(1, 1 - math.log2(TAIL * PARTS))
-    inner = np.arange(1, PARTS) / PARTS
-    u = np.concatenate([[0.0], np.sort(halves) / PARTS, inner, 1 - halves / PARTS])
-    y = np.asarray(quantile(u), float)
-    u, y = np.append(u, 1.0), np.append(y, y[-1])
-    mean = float(np.trapezoid(y, u))
-    return Table(tuple(u.tolist()), tuple((y / mean).tolist()))
+        halves = 2.0 ** -np.arange(1, 1 - math.log2(TAIL * PARTS))
+        inner = np.arange(1, PARTS) / PARTS
+        u = np.concatenate([[0.0], np.sort(halves) / PARTS, inner, 1 - halves / PARTS])
+        y = gammaincinv(shape, u) / shape
+        u, y = np.append(u, 1.0), np.append(y, y[-1])
+        mean = float(np.trapezoid(y, u))
+        return Table(tuple(u.tolist()), tuple((y / mean).tolist()))

@@ -97,7 +97,6 @@ def test_refusals():
     refused(lambda: Spread(mean=1.0), "spread.std")
     refused(lambda: Spread(mean=1.0, std=0.1, range=0.1), "spread.std")
     refused(lambda: Spread(mean=1.0, std=0.1, seed=-1), "spread.seed")
-    refused(lambda: Spread(mean=1.0, std=0.1, distribution="uniform"), "spread.distribution")
     backward = {"mean": 0.7, "std": 0.1, "correlation_length": -1e-3}
     refused(lambda: with_(mu_s=backward), "interface.mu_s", "correlation_length: too small")
     refused(lambda: with_(mu_s={"mean": 0.7}), "interface.mu_s", "std: one is needed")

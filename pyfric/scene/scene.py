@@ -24,8 +24,7 @@ from pyfric.scene.checked import Name, from_table, part
 from pyfric.scene.consistency import check
 from pyfric.scene.ends import Conditions
 from pyfric.scene.files import write
-from pyfric.scene.friction import Law
-from pyfric.scene.junctions import JunctionLaw
+from pyfric.scene.friction import JunctionLaw, Law
 from pyfric.scene.parts import (
     FIELDS,
     PARTS,

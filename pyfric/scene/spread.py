@@ -1,6 +1,6 @@
 """Random values along the interface, the same on any machine."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -26,15 +26,14 @@ class Spread:
         mean: mean, in the unit of the field.
         std: standard deviation, for a normal distribution; alternatively
         range: half width of a uniform distribution from mean - range to mean + range.
-        distribution: "normal" or "uniform"; None means that std or range decides.
         correlation_length: length over which the field is averaged, m; 0 for independent blocks.
             The correlation of two blocks falls linearly with their distance and is 0 at this
             length.
         seed: seed of the generator, a whole number from 0 to 2^64 - 1.
 
-    "normal" is the sum of twelve uniform numbers minus 6. Its distribution function is within
-    0.0023 of the normal one. No independent value is further than 6 std from the mean. "uniform"
-    has no correlation length. The uniform numbers are those of Philox 4x64 with ten rounds. Only
+    The normal distribution is that of the sum of twelve uniform numbers minus 6, within
+    0.0023. No independent value is further than 6 std from the mean. With `range` there is no
+    correlation length. The uniform numbers are those of Philox 4x64 with ten rounds. Only
     additions, products and one square root follow, so that fields are the same on any machine.
 
     Source: J. K. Salmon et al., Proc. SC11, 16 (2011), Philox.
@@ -43,7 +42,6 @@ class Spread:
     mean: Annotated[float, NotNegative("")]
     std: Annotated[float | None, NotNegative("", optional=True)] = None
     range: Annotated[float | None, NotNegative("", optional=True)] = None
-    distribution: Literal["normal", "uniform"] | None = None
     correlation_length: Annotated[float, NotNegative("m")] = 0.0
     seed: Annotated[int, Whole(2**64 - 1)] = 0
 
@@ -53,11 +51,7 @@ class Spread:
     def __post_init__(self) -> None:
         if (self.std is None) == (self.range is None):
             raise SceneError("spread.std", self.std, "", "either std or range", "one is needed")
-        asked = "normal" if self.range is None else "uniform"
-        if self.distribution not in (None, asked):
-            allowed = "'normal' with std, 'uniform' with range"
-            raise SceneError("spread.distribution", self.distribution, "", allowed)
-        if asked == "uniform" and self.correlation_length:
+        if self.range is not None and self.correlation_length:
             allowed = "0 m with a uniform distribution: averages are not uniform"
             raise SceneError("spread.correlation_length", self.correlation_length, "m", allowed)
 

@@ -23,8 +23,14 @@ from pyfric.scene.checked import (
     quantities,
 )
 from pyfric.scene.errors import SceneError
-from pyfric.scene.laws import KINDS, FrictionLaw, Means, Tables, check_tables
-from pyfric.scene.laws.simple import LinearWeakening
+from pyfric.scene.laws import (
+    KINDS,
+    FrictionLaw,
+    LinearWeakening,
+    Means,
+    Tables,
+    check_tables,
+)
 from pyfric.scene.materials import Material
 from pyfric.scene.protocol import Corners, Protocol, Pushed, Pushes
 from pyfric.scene.spread import BLOCKS, FIELD, Field, Spread

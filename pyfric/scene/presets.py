@@ -12,8 +12,7 @@ from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 
 from pyfric.scene.change import changed, full_name, joined, once, scene_fields
 from pyfric.scene.errors import SceneError, naming, unknown
-from pyfric.scene.laws import FrictionLaw
-from pyfric.scene.laws.junctions import Junctions
+from pyfric.scene.laws import FrictionLaw, Junctions
 from pyfric.scene.parts import (
     PARTS,
     DistributedLoad,

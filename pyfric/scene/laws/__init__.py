@@ -1,21 +1,23 @@
 """Friction laws as data, one module for each family; see docs/laws.md."""
 
-# isort: off
 from pyfric.scene.laws.columns import Measured, from_csv
-from pyfric.scene.laws.kinds import KINDS, FrictionLaw, Means, Tables, check_tables, law
-from pyfric.scene.laws.table import Table, sampled
-
-# The kinds are in this order in `KINDS`.
-from pyfric.scene.laws.simple import (
+from pyfric.scene.laws.junctions import Junctions
+from pyfric.scene.laws.kinds import (
+    KINDS,
     Ageing,
     ExponentialHealing,
     ExponentialWeakening,
+    FrictionLaw,
     LinearWeakening,
+    Means,
     SpeedDependent,
+    Table,
+    Tables,
+    check_tables,
+    law,
+    sampled,
 )
 from pyfric.scene.laws.tabulated import TabulatedLaw
-from pyfric.scene.laws.junctions import Junctions
-# isort: on
 
 __all__ = [
     "KINDS",

@@ -17,7 +17,7 @@ import numpy as np
 
 from pyfric.scene.errors import SceneError, naming
 from pyfric.scene.files import read_at_most
-from pyfric.scene.laws.table import MAX_KNOTS, Table
+from pyfric.scene.laws.kinds import MAX_KNOTS, Table
 from pyfric.scene.units import check_number, check_whole, parse_quantity
 
 MAX_BYTES = 1_048_576

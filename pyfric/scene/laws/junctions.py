@@ -7,8 +7,7 @@ import numpy as np
 
 from pyfric.scene.checked import NotNegative, Positive, Quantity, Whole
 from pyfric.scene.errors import SceneError
-from pyfric.scene.laws.kinds import FrictionLaw, Means, law
-from pyfric.scene.laws.table import Table
+from pyfric.scene.laws.kinds import FrictionLaw, Means, Table, law
 from pyfric.scene.spread import FIELD, Field
 
 MOST = 1_000_000

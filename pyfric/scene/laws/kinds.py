@@ -1,7 +1,7 @@
-"""Friction laws as up to four tables, and the registry of their kinds.
+"""Friction laws as up to four tables, the registry of their kinds, and laws of few parameters.
 
-A kind is a frozen dataclass under `@law`. Its method `tables` returns the deviations from
-Amontons-Coulomb friction, each as a `Table`:
+Tables are linear between knots and constant beyond the last one. A kind is a frozen dataclass under
+`@law`. Its method `tables` returns the deviations from Amontons-Coulomb friction:
 
     hold    gain of mu_s                 over the time since the block stuck, s
     slide   share of mu_s - mu_k left    over slip/d_c
@@ -12,18 +12,129 @@ Amontons-Coulomb friction, each as a `Table`:
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, ClassVar, NamedTuple, TypeVar, dataclass_transform
+import functools
+import math
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, dataclass_transform
 
 import numpy as np
 
-from pyfric.scene.checked import part
-from pyfric.scene.errors import SceneError
-from pyfric.scene.laws.table import Table
+from pyfric.scene.checked import NotNegative, Positive, part
+from pyfric.scene.errors import SceneError, naming
+from pyfric.scene.units import check_number
 
 Kind = TypeVar("Kind", bound="type[FrictionLaw]")
 
 KINDS: dict[str, type[FrictionLaw]] = {}
 """Kinds of laws by name."""
+MAX_KNOTS = 1000
+"""Largest number of knots of a table."""
+CLOSE = 1e-3
+"""Error of `sampled`, over the range of the function."""
+FAR = 8.0
+"""End of the exponentials in units of d_c or t_c; there exp(-8) = 3.4e-4 of them is left."""
+PER_DECADE, DECADES = 32, 9
+"""Knots for each decade of time after t_c, and the number of decades of the table of `Ageing`."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """Knots x, which increase from 0, and values y.
+
+    For messages, `places` gives the origin of each knot, such as "friction.csv, row 3".
+    """
+
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    places: tuple[str, ...] = dataclasses.field(default=(), compare=False)
+
+    def __repr__(self) -> str:
+        return f"<table of {len(self.x)} knots up to {self.x[-1]:.4g}>"
+
+    def place(self, n: int) -> str:
+        """Return the origin of knot n, counted from 0."""
+        return self.places[n] if self.places else f"knot {n + 1}"
+
+    def __call__(self, x: Any) -> Any:
+        """Return the values at x, of any shape."""
+        return np.interp(x, self.x, self.y)
+
+    @property
+    def slopes(self) -> np.ndarray:
+        """Slopes between neighbouring knots."""
+        return np.diff(self.y) / np.diff(self.x)
+
+    @property
+    def area(self) -> float:
+        """Integral over all knots."""
+        return float(np.trapezoid(self.y, self.x))
+
+    def checked(self, name: str, unit: str) -> Table:
+        """Return the table after a check of its knots and values.
+
+        Args:
+            name: name of the field, for the error.
+            unit: unit of the knots.
+
+        Raises:
+            SceneError: the knots are not in order, or a value is not finite.
+        """
+        if len(self.x) != len(self.y) or not 2 <= len(self.x) <= MAX_KNOTS:
+            allowed = f"2 to {MAX_KNOTS} knots, each with one value"
+            raise SceneError(name, [len(self.x), len(self.y)], "", allowed, "lengths do not fit")
+        for n, (x, y) in enumerate(zip(self.x, self.y, strict=True)):
+            with naming(where=self.place(n)):
+                check_number(name, x, unit, ge=0.0)
+                check_number(name, y, "")
+        if self.x[0] != 0:
+            reason = f"{self.place(0)}: tables start at 0"
+            raise SceneError(name, self.x[0], unit, f"0 {unit}".strip(), reason)
+        if (np.diff(self.x) <= 0).any():
+            n = int(np.argmax(np.diff(self.x) <= 0)) + 1
+            allowed = f"more than {self.x[n - 1]!r} {unit}".strip() + ": laws do not jump"
+            reason = f"{self.place(n)}: not beyond the one before"
+            raise SceneError(name, self.x[n], unit, allowed, reason)
+        return self
+
+
+def sampled(function: Callable[[float], float], end: float) -> Table:
+    """Return a table that follows a function on [0, end].
+
+    Intervals are halved until the chord is close to the function at their quarters. The allowed
+    error is `CLOSE` times the range of the function on 17 points.
+
+    Args:
+        function: a function of one number.
+        end: end of the table, in the unit of the argument.
+
+    Raises:
+        SceneError: a value is not a finite number, or more than `MAX_KNOTS` would be needed.
+    """
+    end = check_number("end", end, "", gt=0.0)
+
+    def value(x: float) -> float:
+        return check_number(f"the law at {x:.6g}", function(x), "")
+
+    coarse = [value(end * n / 16) for n in range(17)]
+    allowed = CLOSE * (max(coarse) - min(coarse))
+    x, y, todo = [0.0], [coarse[0]], [(0.0, end)]
+    while todo:
+        a, b = todo.pop()
+        y_a, y_b = value(a), value(b)
+        off = max(
+            abs(value(a + share * (b - a)) - (y_a + share * (y_b - y_a)))
+            for share in (0.25, 0.5, 0.75)
+        )
+        if off > allowed and len(x) + len(todo) > MAX_KNOTS:
+            reason = "it jumps, or is too rough"
+            raise SceneError("law", b, "", f"a function that {MAX_KNOTS} knots can follow", reason)
+        if off > allowed:
+            todo += [((a + b) / 2, b), (a, (a + b) / 2)]
+        else:
+            x.append(b)
+            y.append(y_b)
+    return Table(tuple(x), tuple(y))
+
 
 STRAIGHT = Table((0.0, 1.0), (1.0, 0.0))
 
@@ -119,3 +230,119 @@ def check_tables(tables: Tables) -> None:
                 n = int(np.argmax(wrong))
                 reason = f"{table.place(n)}: {reason}"
                 raise SceneError(f"interface.law.{name}", float(y[n]), "", allowed, reason)
+
+
+# --- laws of few parameters ----------------------------------------------------------------------
+
+
+@law
+class LinearWeakening(FrictionLaw):
+    """mu = mu_s - (mu_s - mu_k) min(s/d_c, 1); with d_c = 0 it is Amontons-Coulomb friction.
+
+    Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
+    """
+
+    kind: ClassVar[str] = "linear"
+
+
+@law
+class ExponentialWeakening(FrictionLaw):
+    """mu = mu_k + (mu_s - mu_k) exp(-s/d_c), within 1e-3 (mu_s - mu_k), up to s = 8 d_c.
+
+    For larger slip mu = mu_k.
+
+    Source: S. Abercrombie, J. Rice, Geophys. J. Int. 162, 406 (2005), laws of slip weakening.
+    """
+
+    kind: ClassVar[str] = "exponential"
+
+    def tables(self, of: Means) -> Tables:
+        """Return the exponential; its last value is 0."""
+        if not of.d_c > 0:
+            allowed = "a finite number > 0 m with an exponential law"
+            raise SceneError("interface.d_c", of.d_c, "m", allowed, "nothing to decay over")
+        return Tables(slide=_decay())
+
+
+@law
+class Ageing(FrictionLaw):
+    """mu_s + B log10(1 + t/t_c) after a block has stuck for t; it slips like `LinearWeakening`.
+
+    Args:
+        B: gain of mu_s for each decade of time, >= 0.
+        t_c: time at which the gain begins, s, > 0.
+
+    The table has 32 knots for each decade, so that the gain in a decade is right within 3e-4 B. It
+    ends at t = 1e9 t_c.
+
+    Source: J. H. Dieterich, J. Geophys. Res. 77, 3690 (1972), time-dependent friction.
+    """
+
+    B: Annotated[float, NotNegative("")]
+    t_c: Annotated[float, Positive("s")]
+
+    kind: ClassVar[str] = "ageing"
+    example: ClassVar[dict[str, float]] = {"B": 0.02, "t_c": 1e-5}
+
+    def tables(self, of: Means) -> Tables:
+        """Return the tables, with the gain on knots evenly spaced in log(1 + t/t_c)."""
+        decades = [n / PER_DECADE for n in range(PER_DECADE * DECADES + 1)]
+        x = (self.t_c * (10.0**n - 1) for n in decades)
+        gain = Table(tuple(x), tuple(self.B * n for n in decades)) if self.B else None
+        return super().tables(of)._replace(hold=gain)
+
+
+@law
+class ExponentialHealing(FrictionLaw):
+    """mu_s + gain (1 - exp(-t/t_c)) after a block has stuck for t, within 1e-3 gain.
+
+    It slips like `LinearWeakening`.
+
+    Args:
+        gain: gain of mu_s after a long contact time, >= 0.
+        t_c: time scale of the gain, s, > 0.
+
+    Source: A. Yu. Ishlinskii, I. V. Kragelskii, Zh. Tekh. Fiz. 14, 276 (1944), static friction
+    that grows with the time of contact and saturates.
+    """
+
+    gain: Annotated[float, NotNegative("")]
+    t_c: Annotated[float, Positive("s")]
+
+    kind: ClassVar[str] = "healing"
+    example: ClassVar[dict[str, float]] = {"gain": 0.05, "t_c": 1e-4}
+
+    def tables(self, of: Means) -> Tables:
+        """Return the tables, with the gain."""
+        unit = _decay()
+        x = tuple(self.t_c * time for time in unit.x)
+        gain = Table(x, tuple(self.gain * (1 - left) for left in unit.y)) if self.gain else None
+        return super().tables(of)._replace(hold=gain)
+
+
+@law
+class SpeedDependent(FrictionLaw):
+    """`LinearWeakening` with mu of a slipping block multiplied by a factor that depends on speed.
+
+    Args:
+        v: speeds, m/s, from 0 on, increasing.
+        factor: factor of mu at each speed, >= 0; linear between speeds, constant after the last.
+
+    Source: J. H. Dieterich, J. Geophys. Res. 84, 2161 (1979): friction changes with speed.
+    """
+
+    v: Annotated[tuple[float, ...], NotNegative("m/s", listed=True)]
+    factor: Annotated[tuple[float, ...], NotNegative("", listed=True)]
+
+    kind: ClassVar[str] = "speed"
+    example: ClassVar[dict[str, Any]] = {"v": (0.0, 0.02, 0.1), "factor": (1.0, 0.7, 0.85)}
+
+    def tables(self, of: Means) -> Tables:
+        """Return the tables, with the factor."""
+        return super().tables(of)._replace(speed=Table(self.v, self.factor))
+
+
+@functools.cache
+def _decay() -> Table:
+    end = math.exp(-FAR)
+    return sampled(lambda x: (math.exp(-x) - end) / (1 - end), FAR)

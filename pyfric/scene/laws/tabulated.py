@@ -7,8 +7,15 @@ from typing import Annotated, Any, ClassVar, Self
 from pyfric.scene.checked import NotNegative, from_entries
 from pyfric.scene.errors import SceneError, unknown
 from pyfric.scene.laws.columns import Measured, from_csv
-from pyfric.scene.laws.kinds import UNITS, FrictionLaw, Means, Tables, law
-from pyfric.scene.laws.table import Table, sampled
+from pyfric.scene.laws.kinds import (
+    UNITS,
+    FrictionLaw,
+    Means,
+    Table,
+    Tables,
+    law,
+    sampled,
+)
 from pyfric.scene.units import check_number, with_prefix
 
 COLUMNS = {

@@ -27,7 +27,7 @@ from pyfric.figures.style import (
     panels,
     scene_text,
 )
-from pyfric.scene import as_scene, prefix_power, quantities
+from pyfric.scene import annotations, as_scene, prefix_power
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene, SceneLike
@@ -185,7 +185,7 @@ def _fields(axes: Axes, x: np.ndarray, unit: float, scene: Scene) -> None:
         if name in FIELDS:
             text, of, power = FIELDS[name]
         else:  # a field of the friction law
-            text, of = name, quantities(type(scene.interface.law))[name].unit
+            text, of = name, annotations(type(scene.interface.law))[name].unit
             power = prefix_power(high)
         text += f"\n{_shown((low, high), of, power, digits=3, joint='$-$')}"
         side = {"ha": "right"} if scene.d > 0 else {"ha": "left"}

@@ -231,18 +231,10 @@ def annotations(cls: type) -> dict[str, Annotation]:
     }
 
 
-def quantities(cls: type) -> dict[str, Quantity]:
-    """Return the `Quantity` of each numeric field of a part."""
-    return {n: mark for n, mark in annotations(cls).items() if isinstance(mark, Quantity)}
-
-
 def from_table(cls: type, entries: Mapping[str, Any], folder: Path | None) -> Any:
-    """Return the part that a table of a scene file describes.
+    """Return the part that a table of a scene file describes, by `cls.from_file` if there is one.
 
-    Args:
-        cls: its class. If the class has `from_file`, `cls.from_file(entries, folder)` is called.
-        entries: the table.
-        folder: folder of the scene file; None means that the table may not name files.
+    Without a folder, the table may not name files.
     """
     if hasattr(cls, "from_file"):
         return cls.from_file(entries, folder)

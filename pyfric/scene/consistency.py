@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from pyfric.scene.checked import quantities
+from pyfric.scene.checked import Annotation, annotations
 from pyfric.scene.errors import SceneError
 from pyfric.scene.parts import CHAIN_NOTE, Interface, PrescribedLoad, steps_in
 from pyfric.scene.protocol import Push
@@ -42,7 +42,7 @@ def check(scene: Scene) -> None:
 def _check_fields(scene: Scene) -> None:
     """Check the fields of the interface block by block."""
     law = scene.interface.law
-    marks = quantities(Interface) | {n: quantities(type(law))[n] for n in law.fields}
+    marks = annotations(Interface) | {n: annotations(type(law))[n] for n in law.fields}
     for name in scene.fields:
         mark, given = marks[name], getattr(law if name in law.fields else scene.interface, name)
         if isinstance(given, tuple) and len(given) != scene.N_x:
@@ -159,9 +159,9 @@ def _check_absent(scene: Scene) -> None:
     for name, (allowed, reason) in absent.items():
         part, _, field = name.partition(".")
         owner = getattr(scene, part)
-        value, mark = getattr(owner, field), quantities(type(owner)).get(field)
+        value, mark = getattr(owner, field), annotations(type(owner)).get(field, Annotation())
         if value not in (None, 0, "free"):
-            raise SceneError(name, value, mark.unit if mark else "", allowed, reason)
+            raise SceneError(name, value, mark.unit, allowed, reason)
     if scene.driver.K == 0 and scene.N_z > 1 and not scene.prescribed:
         reason = "only a prescribed interface, or a chain, goes without a driver"
         raise SceneError("driver.K", 0.0, "N/m", "> 0 N/m", reason)

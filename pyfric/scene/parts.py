@@ -20,7 +20,6 @@ from pyfric.scene.checked import (
     annotations,
     from_entries,
     part,
-    quantities,
 )
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws import (
@@ -384,7 +383,7 @@ class Interface:
         missing, ends = [], self.law.ends() or (None, None)
         for name, end in zip(("mu_s", "mu_k"), ends, strict=True):
             if getattr(self, name) is None and end is None:
-                allowed = quantities(Interface)[name].allowed
+                allowed = annotations(Interface)[name].allowed
                 missing.append(SceneError(f"interface.{name}", None, "", allowed, "missing"))
             elif getattr(self, name) is None:
                 object.__setattr__(self, name, end)

@@ -126,13 +126,7 @@ def _mass(slider: Slider) -> float:
 
 
 def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
-    """Return a scene with changed values.
-
-    Args:
-        base: the scene.
-        given: names of fields to values.
-        rules: part_field to a rule, which gives the value if it is missing or None.
-    """
+    """Return a scene with changes; `rules`, as part_field, replace values not given or None."""
     for part in given.keys() & PARTS:
         with naming(part):
             PARTS[part].check(given[part])

@@ -14,8 +14,6 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from pyfric.scene.checked import Annotation, Quantity, Whole, Written
 from pyfric.scene.errors import SceneError, numbered
 from pyfric.scene.units import as_list
@@ -66,13 +64,7 @@ def piece_at(path: Sequence[Piece], t: float) -> Piece:
 
 
 def followed(first: float, corners: Corners, then_first: float, then: Corners, t: float) -> Corners:
-    """Return the breakpoints of a protocol that continues as another one from time t (s) on.
-
-    Args:
-        first, corners: the protocol up to t.
-        then_first, then: the protocol from t on.
-        t: time, in s.
-    """
+    """Return the breakpoints of a protocol that continues as another one from time t (s) on."""
     old, new = pieces(first, corners), pieces(then_first, then)
     if _from(old, t) == _from(new, t):
         return corners
@@ -241,15 +233,3 @@ class Pushes(Annotation):
             + ([f"{one.rate!r} N/s"] if one.rate else [])
             for one in value
         ]
-
-
-def pushes_at(pushes: tuple[Push, ...], n_blocks: int, t: float, now: float) -> np.ndarray:
-    """Return forces (N) and rates (N/s) at time `now` (s) of the pushes that act at t (s).
-
-    The shape is (2, n_blocks), from the trailing edge on.
-    """
-    found = np.zeros((2, n_blocks))
-    for one in pushes:
-        if one.begin <= t < one.end:
-            found[:, one.block - 1] += one.at(now), one.rate
-    return found

@@ -36,7 +36,7 @@ from pyfric.scene.parts import (
     Slider,
     Walls,
 )
-from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces, pushes_at
+from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import scene_text
 
@@ -348,7 +348,10 @@ class Scene:
         Returns:
             Forces (N) and their rates (N/s), shape (2, N_x).
         """
-        found = pushes_at(self.top.push, self.N_x, t, t if now is None else now)
+        found = np.zeros((2, self.N_x))
+        for one in self.top.push:
+            if one.begin <= t < one.end:
+                found[:, one.block - 1] += one.at(t if now is None else now), one.rate
         return self.d * found[:, self.n_of_i - 1] + 0.0  # no -0.0
 
     @property

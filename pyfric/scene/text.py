@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pyfric.scene.checked import quantities
+from pyfric.scene.checked import annotations
 from pyfric.scene.parts import PrescribedLoad
 from pyfric.scene.units import with_prefix
 
@@ -24,7 +24,7 @@ def scene_text(scene: Scene) -> str:
     lines = [f"Scene {scene.name or 'without a name'}: {scene.N_x} x {scene.N_z} blocks"]
     for name in ("slider", "top", "driver", "interface"):
         part = getattr(scene, name)
-        units = {key: mark.unit for key, mark in quantities(type(part)).items()}
+        units = {key: mark.unit for key, mark in annotations(type(part)).items()}
         values = {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
         entries = [
             f"{key} = {_short(value)} {units.get(key, '')}".rstrip()

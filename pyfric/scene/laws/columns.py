@@ -65,11 +65,7 @@ class Measured:
         check_whole("knots", self.knots, 2, MAX_KNOTS)
 
     def table(self, name: str, unit: str) -> Table:
-        """Return the table.
-
-        Args:
-            name: name of the field, for errors.
-            unit: SI unit of the slip.
+        """Return the table; name of the field and SI unit of the slip are as in `from_csv`.
 
         Raises:
             SceneError: see `from_csv`; or mu does not fall.

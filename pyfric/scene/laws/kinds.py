@@ -72,10 +72,6 @@ class Table:
     def checked(self, name: str, unit: str) -> Table:
         """Return the table after a check of its knots and values.
 
-        Args:
-            name: name of the field, for the error.
-            unit: unit of the knots.
-
         Raises:
             SceneError: the knots are not in order, or a value is not finite.
         """

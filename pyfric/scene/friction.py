@@ -220,14 +220,12 @@ class JunctionLaw(Law):
         C: the constant in k_j = sqrt(C p/n_s), in N/m^2; a number, or one for each column.
         t_R, t_R_std: mean slip time of a junction and its standard deviation, in s; numbers, or one
             for each column.
-        numbers: block numbers from the trailing edge, from 1 on, shape (N_x,).
     """
 
     kind: Junctions
     C: Any
     t_R: Any
     t_R_std: Any
-    numbers: Any
 
     rests: ClassVar[bool] = False
 
@@ -252,7 +250,7 @@ class JunctionLaw(Law):
             C = scene.given_field("C")
         else:
             C = mu_s**2 * (scene.F_N / scene.N_x) / (kind.n_s * scene.given_field("u_s") ** 2)
-        more = {"kind": kind, "C": C, "t_R": t_R, "t_R_std": t_R_std, "numbers": scene.n_of_i}
+        more = {"kind": kind, "C": C, "t_R": t_R, "t_R_std": t_R_std}
         return cls(mu_s, mu_k, **more)
 
     def stiffness(self, p: Any) -> Any:
@@ -308,11 +306,9 @@ class JunctionLaw(Law):
         over = np.abs(stretch) - u_s[:, None]
         worst = int(np.argmax(np.where(closed, over.max(axis=1), -np.inf)))
         if closed.any() and over[worst].max() > 0:
+            number = worst + 1 if d > 0 else len(p) - worst
             reached = float(np.abs(stretch[worst]).max() / u_s[worst])
-            reason = (
-                f"junctions of block {self.numbers[worst]} from the trailing edge would break "
-                "at the start"
-            )
+            reason = f"junctions of block {number} from the trailing edge would break at the start"
             allowed = "stretches up to u_s: less stretch, a larger mu_s or u_s"
             raise SceneError("interface.law", reached, "u_s", allowed, reason)
         memory = np.zeros(len(p), self.memory)

@@ -14,7 +14,7 @@ from damage import damaged, unnoticed
 from helpers import small
 
 from pyfric.core import State, StateError
-from pyfric.scene import check_writable, drafts, files, sealed, unsealed, write, written
+from pyfric.scene import check_writable, clean_drafts, files, sealed, unsealed, write, written
 from pyfric.statics import loaded_state
 
 NOBODY = 4_000_000  # above the largest number that Linux gives a process
@@ -122,7 +122,7 @@ def test_drafts_of_killed_processes_go(tmp_path):
     kill += "with written(sys.argv[1]) as d: d.touch(); os.kill(os.getpid(), 9)"
     killed = subprocess.run([sys.executable, "-c", kill, str(tmp_path / "a")])
     assert killed.returncode == -signal.SIGKILL
-    assert len(drafts(tmp_path)) == len(names(tmp_path)) == 1
+    assert len(names(tmp_path)) == 1
     write(tmp_path / "b", b"")
     assert names(tmp_path) == ["b"]
 
@@ -131,27 +131,29 @@ def test_drafts_at_work_stay(tmp_path):
     with written(tmp_path / "a") as draft:
         draft.write_bytes(b"a")
         write(tmp_path / "b", b"b")
-        assert drafts(tmp_path) == []
+        assert clean_drafts(tmp_path) == 0
     assert names(tmp_path) == ["a", "b"]
 
 
 def test_drafts_of_a_number_given_again_go_when_they_are_old(tmp_path):
     draft = files._draft(tmp_path)
     draft.touch()
-    assert drafts(tmp_path) == []
+    assert clean_drafts(tmp_path) == 0
     os.utime(draft, (0, 0))
-    assert drafts(tmp_path) == [draft]
+    assert clean_drafts(tmp_path) == 1
+    assert not draft.exists()
 
 
 def test_drafts_of_other_machines_go_when_they_are_old(tmp_path):
     draft = tmp_path / f".pyfric-elsewhere-{NOBODY}-0123abcd.tmp"
     draft.touch()
     (tmp_path / ".mine.tmp").touch()
-    assert drafts(tmp_path) == []
+    assert clean_drafts(tmp_path) == 0
     yesterday = time.time() - 1.01 * files.OLD
     for path in tmp_path.iterdir():
         os.utime(path, (yesterday, yesterday))
-    assert drafts(tmp_path) == [draft]
+    assert clean_drafts(tmp_path) == 1
+    assert not draft.exists()
 
 
 # --- damage --------------------------------------------------------------------------------------

@@ -11,7 +11,6 @@ from pyfric.scene.errors import SceneError, naming, nearest, unknown
 from pyfric.scene.files import (
     check_writable,
     clean_drafts,
-    drafts,
     sealed,
     unsealed,
     write,

@@ -143,18 +143,19 @@ def _draft(folder: Path) -> Path:
     return folder / f".pyfric-{_host()}-{os.getpid()}-{secrets.token_hex(4)}.tmp"
 
 
-def drafts(folder: Path) -> list[Path]:
-    """Return the temporary files that killed processes left in a folder.
+def clean_drafts(folder: Path) -> int:
+    """Delete the temporary files that killed processes left in a folder; return their number.
 
     Their process no longer exists. If this cannot be checked, they are older than a day.
     """
-    found = []
+    gone = 0
     with contextlib.suppress(OSError):
-        for entry in os.scandir(folder):
-            named = DRAFT.fullmatch(entry.name)
-            if named and _left_behind(Path(entry.path), named["host"], int(named["process"])):
-                found.append(Path(entry.path))
-    return found
+        for path in list(folder.iterdir()):
+            named = DRAFT.fullmatch(path.name)
+            if named and _left_behind(path, named["host"], int(named["process"])):
+                path.unlink()
+                gone += 1
+    return gone
 
 
 def _left_behind(draft: Path, host: str, process: int) -> bool:
@@ -169,15 +170,6 @@ def _left_behind(draft: Path, host: str, process: int) -> bool:
         return time.time() - draft.stat().st_mtime > OLD
     except OSError:
         return False
-
-
-def clean_drafts(folder: Path) -> int:
-    """Delete the temporary files of killed processes in a folder; return their number."""
-    found = drafts(folder)
-    for draft in found:
-        with contextlib.suppress(OSError):
-            draft.unlink()
-    return len(found)
 
 
 # --- seals ---------------------------------------------------------------------------------------

@@ -161,15 +161,9 @@ def check_out(
 ) -> None:
     """Refuse an output before anything starts, by the same rule for all commands.
 
-    It must be writable (`pyfric.scene.check_writable`). A file is replaced only with --overwrite.
-    An input of the command is never replaced.
-
-    Args:
-        out: the file, or the common stem of several files.
-        overwrite: whether files may be replaced.
-        option: what names it.
-        ends: what comes after the stem.
-        reads: files that the command reads.
+    It is the file `out`, or several files with this stem and different `ends`. All must be writable
+    (`pyfric.scene.check_writable`). A file is replaced only with --overwrite, and one that the
+    command `reads` never.
     """
     if out is None:
         return
@@ -184,11 +178,7 @@ def check_out(
 
 
 def check_apart(**outputs: Iterable[Path]) -> None:
-    """Refuse outputs if two of them are the same file, even if it does not exist yet.
-
-    Args:
-        outputs: the files of each option.
-    """
+    """Refuse outputs of options if two options write one file, even if it does not exist yet."""
     of: dict[str, str] = {}
     for option, paths in outputs.items():
         for path in paths:

@@ -286,14 +286,7 @@ class JunctionLaw(Law):
         """Return margins and state variables of blocks whose junctions are pinned and carry f.
 
         The mean stretch of the junctions of a block follows from f. Their stretches are spread
-        evenly about this mean.
-
-        Args:
-            t: time, in s.
-            u_x: displacements, shape (N_x,), in m.
-            p: normal forces, shape (N_x,), in N; if p = 0, all junctions of the block slip.
-            f: friction forces on the blocks, along +x, shape (N_x,), in N.
-            d: direction of the drive.
+        evenly about this mean. If p = 0, all junctions of the block slip. See `Law.begin`.
 
         Raises:
             SceneError: a junction would break.

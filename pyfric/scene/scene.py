@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
+import tomli_w
 
 from pyfric.display import drawing, html
 from pyfric.scene import toml
 from pyfric.scene.change import changed, joined
-from pyfric.scene.checked import Name, from_table, part
+from pyfric.scene.checked import Name, from_table, part, table
 from pyfric.scene.consistency import check
 from pyfric.scene.ends import Conditions
 from pyfric.scene.files import write
@@ -440,7 +441,7 @@ class Scene:
         Raises:
             OSError: the file cannot be written; an existing file is then unchanged.
         """
-        text = toml.text(self)
+        text = tomli_w.dumps(table(self))
         if path is not None:
             write(path, text.encode())
         return text

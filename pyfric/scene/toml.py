@@ -44,19 +44,11 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-import tomli_w
-
-from pyfric.scene.checked import table
 from pyfric.scene.errors import SceneError
 from pyfric.scene.files import read_at_most
 
 MAX_FILE = 1_048_576
 """Largest size of a scene file, in bytes; two lists of `checked.MAX_LISTED` forces fit."""
-
-
-def text(scene: Any) -> str:
-    """Return a scene as TOML."""
-    return tomli_w.dumps(table(scene))
 
 
 def parsed(source: str | os.PathLike[str], what: str = "scene") -> dict[str, Any]:

@@ -389,10 +389,6 @@ class Interface:
                 object.__setattr__(self, name, end)
         if missing:
             raise SceneError.joined(missing)
-        numbers = isinstance(self.mu_k, float) and isinstance(self.mu_s, float)
-        if numbers and self.mu_k > self.mu_s:  # the scene compares fields, block by block
-            allowed = f"0 <= mu_k <= mu_s = {self.mu_s!r}"
-            raise SceneError("interface.mu_k", self.mu_k, "", allowed, "mu_k exceeds mu_s")
         check_tables(self.tables)
 
     def coulomb(self) -> Self:

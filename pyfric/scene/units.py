@@ -122,7 +122,7 @@ def check_whole(
     return int(value)
 
 
-def in_si(field: str, value: Any, unit: str, *, allowed: str = "") -> Any:
+def in_si(field: str, value: Any, unit: str, *, allowed: str) -> Any:
     """Convert text with a unit, or a quantity of pint, to SI; return anything else unchanged.
 
     Raises:
@@ -135,7 +135,6 @@ def in_si(field: str, value: Any, unit: str, *, allowed: str = "") -> Any:
     try:
         return value.to(unit or "dimensionless").magnitude
     except Exception as error:  # each library has its own
-        allowed = allowed or f"a quantity in {unit or '1'}"
         raise SceneError(field, str(value), unit, allowed, str(error)) from None
 
 

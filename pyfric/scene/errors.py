@@ -11,9 +11,6 @@ from typing import Any
 import numpy as np
 
 NO_UNIT = "missing unit"
-LIKE = 0.6
-"""Smallest similarity of two words, between 0 and 1, for which one is suggested for the other."""
-
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 100
 
@@ -105,17 +102,11 @@ def show(value: Any) -> str:
 
 def nearest(key: str, known: Iterable[str]) -> str:
     """Return the entry of `known` most similar to `key`, or ``""`` if none is similar enough."""
-    folded = key[:64].casefold()
-
-    def likeness(name: str) -> tuple[float, float]:
-        other = name.casefold()
-        ratio = difflib.SequenceMatcher(None, folded, other).ratio()
-        if folded and (folded.startswith(other) or other.startswith(folded)):
-            ratio = max(ratio, LIKE)  # "Length" means L
-        return ratio, difflib.SequenceMatcher(None, key[:64], name).ratio()
-
-    best = max(known, key=likeness, default="")
-    return best if likeness(best)[0] >= LIKE else ""
+    key, names = key[:64], {name.casefold(): name for name in known}
+    if found := difflib.get_close_matches(key.casefold(), names, n=1):
+        return names[found[0]]
+    begins = (name for name in known if key.startswith(name) or name.startswith(key))
+    return next(begins, "") if key else ""  # "Length" means L
 
 
 def unknown(field: str, value: Any, key: str, known: Iterable[str]) -> SceneError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from pyfric.scene.checked import Annotation, annotations
@@ -17,11 +18,12 @@ if TYPE_CHECKING:
 
     Parts = Scene | Mapping[str, Any]
 
-PROTOCOLS = {
-    "driver": (("V", "protocol"),),
-    "top": (("F_N", "protocol"), ("T", "T_protocol")),
-}
-"""Parts whose fields may change with time: names of the first value and of the breakpoints."""
+PROTOCOLS = (
+    ("driver.V", "driver.protocol"),
+    ("top.F_N", "top.protocol"),
+    ("top.T", "top.T_protocol"),
+)
+"""Fields that may change with time: names of the first value and of the breakpoints."""
 
 
 def scene_fields(scene: Parts) -> dict[str, Annotation]:
@@ -148,27 +150,22 @@ def followed_by(before: Scene, after: Scene, t: float) -> tuple[Scene, list[str]
         after: the scene from t on; times of its protocols count from t = 0, too.
         t: time, in s.
     """
-    whole, others, said = {}, {}, []
-    for part, protocols in PROTOCOLS.items():
-        old, new = getattr(before, part), getattr(after, part)
-        names = {field.name for field in dataclasses.fields(old)}
-        if type(old) is not type(new):
-            return None
-        ours, theirs = {}, {}
-        for first, corners in protocols:
-            if corners not in names:
-                continue
-            ends = [(getattr(one, first), getattr(one, corners)) for one in (old, new)]
-            ours[corners] = followed(*ends[0], *ends[1], t)
-            theirs |= {first: ends[1][0], corners: ends[1][1]}
-            if ours[corners] != ends[0][1]:
-                unit = annotations(type(old))[first].unit
-                now, then = (value for at, value in ours[corners] if at == t)
-                text = f"{part}.{first} = {then:.6g} {unit} instead of {now:.6g} {unit}"
-                said.append(text if then != now else f"another {part}.{corners}")
-        whole[part] = dataclasses.replace(old, **ours)
-        others[part] = dataclasses.replace(old, **theirs)
-    free = {"name": after.name, "stop_when": after.stop_when}
-    if dataclasses.replace(before, **others, **free) != after:
+    if type(before.top) is not type(after.top):
         return None
-    return dataclasses.replace(before, **whole, **free), said
+    fields, said = scene_fields(before), []
+    others = {"name": after.name, "stop_when": after.stop_when}
+    whole = dict(others)
+    for first, corners in PROTOCOLS:
+        if corners not in fields:
+            continue
+        ends = attrgetter(first, corners)
+        whole[corners] = followed(*ends(before), *ends(after), t)
+        others |= dict(zip((first, corners), ends(after), strict=True))
+        if whole[corners] != ends(before)[1]:
+            unit = fields[first].unit
+            now, then = (value for at, value in whole[corners] if at == t)
+            text = f"{first} = {then:.6g} {unit} instead of {now:.6g} {unit}"
+            said.append(text if then != now else f"another {corners}")
+    if changed(before, others) != after:
+        return None
+    return changed(before, whole), said

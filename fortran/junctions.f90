@@ -3,7 +3,7 @@
 !> Each block has n_s junctions. Junction j has an anchor a_j, a stretch d_j = u_x - a_j, and bears -k_j d_j. All have the
 !> same share p/n_s of the block's normal force:
 !>
-!>     k_j = sqrt(C p/n_s),   break at |d_j| > theta_j u_s,  u_s = mu_s k_j/C,   slip level u_d = mu_d k_j/C
+!>     k_j = sqrt(C p/n_s),   break at |d_j| > u_s,  u_s = mu_s k_j/C,   slip level u_d = mu_d k_j/C
 !>
 !>     pinned     the anchor rests
 !>     slipping   the anchor is dragged so that |d_j| <= u_d; a time t_R after the break it pins at u_x, without force
@@ -40,13 +40,11 @@ module pyfric_junctions
     real(dp), allocatable :: c(:)          !! C [N/m2]
     real(dp), allocatable :: t_r(:)        !! mean of t_R [s]
     real(dp), allocatable :: t_r_std(:)    !! its standard deviation; 0: always the mean [s]
-    real(dp), allocatable :: theta(:, :)   !! thresholds of the junctions of each block over u_s
-    real(dp) :: weakest                    !! the least of them
   end type junctions_t
 
 contains
 
-  pure function new_junctions(nx, n, seed, from_right, share, quantiles, fields, theta) result(of)
+  pure function new_junctions(nx, n, seed, from_right, share, quantiles, fields) result(of)
     integer, intent(in) :: nx              !! blocks
     integer, intent(in) :: n               !! junctions of a block
     integer(ip), intent(in) :: seed(2)     !! two words of 32 bits, the lowest first
@@ -54,16 +52,15 @@ contains
     real(dp), intent(in) :: share          !! of pinned junctions, below which a block is ruptured
     type(curve_t), intent(in) :: quantiles
     real(dp), intent(in) :: fields(nx, 5)  !! mu_s, mu_d, C, t_R, its standard deviation
-    real(dp), intent(in) :: theta(:)       !! thresholds, junction by junction; none: all 1
     type(junctions_t) :: of
-    integer :: i, failed
+    integer :: failed
 
     of%n = n
     of%fewest = share*n
     of%seed = ior(iand(int(seed(1), int64), int(z'FFFFFFFF', int64)), shiftl(int(seed(2), int64), 32))
     of%from_right = from_right
     of%quantiles = quantiles
-    allocate (of%mu_s(nx), of%mu_d(nx), of%c(nx), of%t_r(nx), of%t_r_std(nx), of%theta(n, nx), stat=failed)
+    allocate (of%mu_s(nx), of%mu_d(nx), of%c(nx), of%t_r(nx), of%t_r_std(nx), stat=failed)
     of%complete = failed == 0 .and. quantiles%complete
     if (.not. of%complete) return
     of%mu_s(:) = fields(:, 1)
@@ -71,13 +68,6 @@ contains
     of%c(:) = fields(:, 3)
     of%t_r(:) = fields(:, 4)
     of%t_r_std(:) = fields(:, 5)
-    of%theta(:, :) = 1.0_dp
-    if (size(theta) > 0) then
-      do i = 1, nx
-        of%theta(:, i) = theta((i - 1)*n + 1:i*n)
-      end do
-    end if
-    of%weakest = minval(of%theta)
   end function new_junctions
 
   !> k_j [N/m].
@@ -252,7 +242,7 @@ contains
       if (memory(s + LOOSE, i) > 0.0_dp) call drag(of%n, u, of%mu_d(i)*k/of%c(i), memory(1, i))
       if (p(i) > 0.0_dp) then
         stretch = max(u - memory(s + LEAST, i), memory(s + GREATEST, i) - u)
-        if (stretch > of%weakest*(of%mu_s(i)*k/of%c(i))) call break_stretched(of, i, t, u, k, memory(1, i), loss(i), changed)
+        if (stretch > of%mu_s(i)*k/of%c(i)) call break_stretched(of, i, t, u, k, memory(1, i), loss(i), changed)
         if (changed .or. memory(s + EARLIEST, i) <= t + soon) call pin_due(of%n, t + soon, u, k, memory(1, i), loss(i), changed)
       else if (memory(s + COUNT, i) > 0.0_dp) then
         call let_go(of%n, t, u, memory(1, i))
@@ -297,7 +287,7 @@ contains
     u_s = of%mu_s(i)*k/of%c(i)
     do j = 1, of%n
       d = u - memory(j, ANCHOR)
-      if (memory(j, PINNED) <= 0.0_dp .or. abs(d) <= of%theta(j, i)*u_s) cycle
+      if (memory(j, PINNED) <= 0.0_dp .or. abs(d) <= u_s) cycle
       after = within(of%mu_d(i)*k/of%c(i), d)
       memory(j, ANCHOR) = u - after
       memory(j, PINNED) = 0.0_dp
@@ -379,7 +369,7 @@ contains
     u_s = of%mu_s(i)*stiffness(of, i, p)/of%c(i)
     room = huge(room)
     do j = 1, of%n
-      if (memory(j, PINNED) > 0.0_dp) room = min(room, of%theta(j, i)*u_s - abs(u - memory(j, ANCHOR)))
+      if (memory(j, PINNED) > 0.0_dp) room = min(room, u_s - abs(u - memory(j, ANCHOR)))
     end do
   end function next_break
 

@@ -54,7 +54,7 @@ module pyfric_law
 contains
 
   !> The law from its tables, one after another: x and y of each knot; and mu_s, mu_k, d_c, alpha, 0 of each block. On
-  !> junctions: quantiles of t_R in the first table, thresholds after all; and mu_s, mu_d, C, t_R and its spread.
+  !> junctions: quantiles of t_R in the first table; and mu_s, mu_d, C, t_R and its spread.
   pure function new_law(nx, n_memory, n_junctions, seed, from_right, share, n_knots, knots, fields) result(law)
     integer, intent(in) :: nx                  !! blocks
     integer(ip), intent(in) :: n_memory        !! numbers that are saved of each block
@@ -92,7 +92,7 @@ contains
     law%n_memory = n_whole(n_junctions)
     law%simple = .false.
     law%kinked = .true.
-    law%junctions = new_junctions(nx, n_junctions, seed, from_right, share, law%hold, fields, knots(at(N_TABLES) + 1:))
+    law%junctions = new_junctions(nx, n_junctions, seed, from_right, share, law%hold, fields)
     law%complete = law%junctions%complete
   end function new_law
 

@@ -139,7 +139,7 @@ contains
   end function new_model
 
   !> Rows of N_x numbers: x [m], load, shear and push [N], rate of push [N/s], k_f [N/m], the fields of the law; then the
-  !> knots of its tables, and thresholds of junctions.
+  !> knots of its tables.
   pure subroutine take_rows(numbers, n, s)
     real(dp), contiguous, intent(in) :: numbers(:)
     type(counts_t), intent(in) :: n

@@ -868,6 +868,25 @@ def test_overwrite_draws_again(tmp_path):
     assert pyf("draw", "fig1", *SMALL, "--out", tmp_path / "a").exit_code == Exit.BAD_INPUT
 
 
+def test_a_run_that_cannot_be_saved_is_kept_elsewhere(tmp_path, monkeypatch):
+    save = pyfric.Record.save
+
+    def full(record, path):
+        if path == tmp_path / "a.nc":
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        return save(record, path)
+
+    monkeypatch.setattr(pyfric.Record, "save", full)
+    (tmp_path / "other").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "other"))
+    found = dynamic("--out", tmp_path / "a.nc", t_end="10 us")
+    assert found.exit_code == Exit.FAILED
+    (kept,) = (tmp_path / "other").iterdir()
+    said = f"No space left on device: '{tmp_path / 'a.nc'}'; the record is in {kept}"
+    assert said in found.stderr
+    assert pyfric.Record.load(kept).status == "complete"
+
+
 def test_a_run_that_cannot_be_saved_names_its_file(tmp_path, monkeypatch):
     def full(record, path):
         raise OSError(errno.ENOSPC, "No space left on device", str(path))

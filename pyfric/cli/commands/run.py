@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import secrets
 import shlex
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +15,7 @@ from click.core import ParameterSource
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
     EXIT_CODES,
+    Exit,
     Registered,
     SceneName,
     Seconds,
@@ -259,12 +263,23 @@ def _run(
             if record is None or not _is_done(record, scene, t_end):
                 record = _simulate(scene, t_end, before, out, progress, how)
             if out is not None:
-                files.append(record.save(out))
+                files.append(_saved(record, out))
     except KeyboardInterrupt:
         if not files:
             raise
         stop(signalled(), f"interrupted after the run had ended; the record is in {out}")
     return record, files
+
+
+def _saved(record: Record, out: Path) -> Path:
+    """Write the record; where that fails, write it elsewhere, say where, and stop."""
+    try:
+        return record.save(out)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            path = record.save(Path(tempfile.gettempdir(), f"{out.stem}-{secrets.token_hex(4)}.nc"))
+            stop(Exit.FAILED, f"Error: {error}; the record is in {path}")
+        raise
 
 
 def _hint(scene: str, changes: tuple[str, ...], t_end: float, out: Path | None) -> str:

@@ -1,6 +1,6 @@
 """Linear elastic fracture mechanics of frictional cracks: sub-Rayleigh fronts in mode II.
 
-A crack |x| < a in an infinite plane drops the shear stress by dtau(x) and runs at the speed v on
+A crack |x| < a in an infinite plane drops the shear stress by dtau and runs at the speed v on
 both sides, v < c_R. With r = (c_S/c_P)^2, E' = `Material.E_prime` and
 
     alpha_s = sqrt(1 - v^2/c_S^2),  alpha_d = sqrt(1 - v^2/c_P^2),
@@ -23,22 +23,15 @@ K. B. Broberg, Cracks and Fracture (1999); D. J. Andrews, J. Geophys. Res. 81, 5
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
-from pyfric.theory.inputs import checked, checked_array, choice, refusal, same_shape
+from pyfric.theory.inputs import checked, checked_array, choice, same_shape
 from pyfric.theory.waves import Material, reduced_D
 
 Bodies = Literal[1, 2]
-StressDrop = "float | Callable[[float], float]"
-
-ACCURACY = 1e-8
-"""Largest error accepted from the quadrature of a stress drop, over its largest value."""
 
 # Trapezoidal rule in y = ln(v x), which is exponentially accurate: the integrand of I is analytic
 # for |Im y| < pi/2 and falls as exp(-|y|).
@@ -117,37 +110,17 @@ def g_II(material: Material, v: ArrayLike) -> np.ndarray:
     return _g(_xi(material, v, material.c_R), material.r)[()]
 
 
-def stress_intensity(
-    a: ArrayLike, stress_drop: StressDrop, breaks: Sequence[float] = ()
-) -> np.ndarray:
-    """Return the static K_II of a crack, Pa sqrt(m).
-
-    K_II = (2/sqrt(pi)) integral_0^a dtau(t) sqrt(a/(a^2 - t^2)) dt. With t = a sin(theta) the
-    integrand is dtau(a sin theta), without singularity.
+def stress_intensity(a: ArrayLike, stress_drop: float) -> np.ndarray:
+    """Return the static K_II = dtau sqrt(pi a) of a crack under a uniform stress drop, Pa sqrt(m).
 
     Args:
         a: half length of the crack, m, any shape.
-        stress_drop: dtau, Pa: a number, or a function of the distance t >= 0 from the middle (m),
-            even in t.
-        breaks: distances t > 0 at which the function jumps or has a kink, m.
+        stress_drop: dtau, Pa.
 
-    Returns:
-        K_II, in the shape of a; dtau sqrt(pi a) where dtau is uniform.
-
-    Raises:
-        ValueError: a value is out of range, the function returns what is not a finite number, or
-            the quadrature does not reach `ACCURACY` (breaks are missing).
-
-    Source: Freund (1990), chapter 6; H. Tada et al., The Stress Analysis of Cracks Handbook.
+    Source: Freund (1990), chapter 6.
     """
-    a = checked_array("a", a, "m", gt=0)
-    if not callable(stress_drop):
-        return (checked("stress_drop", stress_drop, "Pa") * np.sqrt(np.pi * a))[()]
-    if len(breaks):
-        breaks = checked_array("breaks", breaks, "m", gt=0)
-    breaks = np.sort(np.ravel(breaks))
-    K = [_intensity(one, stress_drop, breaks[breaks < one]) for one in a.flat]
-    return np.reshape(K, a.shape)[()]
+    dtau, a = checked("stress_drop", stress_drop, "Pa"), checked_array("a", a, "m", gt=0)
+    return (dtau * np.sqrt(np.pi * a))[()]
 
 
 def energy_release_rate(
@@ -197,18 +170,17 @@ def crack_length(
 def crack_speed(
     material: Material,
     a: ArrayLike,
-    stress_drop: StressDrop,
+    stress_drop: float,
     Gamma: ArrayLike,
     *,
-    breaks: Sequence[float] = (),
     bodies: Bodies = 1,
 ) -> np.ndarray:
-    """Return the front speed of a crack of half length a, m/s: the root of G(a, v) = Gamma.
+    """Return the front speed of a crack under a uniform stress drop: the root of G = Gamma, m/s.
 
     Args:
         material: the material.
         a: half length, m, any shape.
-        stress_drop, breaks: as in `stress_intensity`.
+        stress_drop: dtau, Pa.
         Gamma: fracture energy at the tip in the convention of `bodies`, J/m^2, a number or one for
             each a; 0 gives c_R.
         bodies: 1, on a rigid plane, or 2.
@@ -216,16 +188,13 @@ def crack_speed(
     Returns:
         v; 0 where the crack is too short to grow, K_II <= 0 included.
 
-    Raises:
-        ValueError: a value is out of range, or as in `stress_intensity`.
-
     Source: Freund (1990), chapter 7; see the approximation at the top of the module.
     """
     share = choice("bodies", bodies, (1, 2)) / 2
     a, Gamma = same_shape(
         a=checked_array("a", a, "m", gt=0), Gamma=checked_array("Gamma", Gamma, "J/m^2", ge=0)
     )
-    K = np.maximum(stress_intensity(a, stress_drop, breaks), 0.0)
+    K = np.maximum(stress_intensity(a, stress_drop), 0.0)
     static = share * K**2 / material.E_prime
     low, high = np.zeros(a.shape), np.full(a.shape, material.c_R / material.c_S)
     for _ in range(52):
@@ -261,26 +230,3 @@ def _I(xi: np.ndarray, r: float) -> np.ndarray:
 def _g(xi: np.ndarray, r: float) -> np.ndarray:
     D_over_xi2 = np.maximum(reduced_D(xi**2, r), 0.0)
     return 2 * (1 - r) * _I(xi, r) ** 2 * D_over_xi2 / np.sqrt(1 - xi**2)
-
-
-def _intensity(a: float, stress_drop: Callable[[float], float], breaks: np.ndarray) -> float:
-    peak = 0.0
-
-    def value(theta: float) -> float:
-        nonlocal peak
-        dtau = checked("stress_drop(t)", stress_drop(a * np.sin(theta)), "Pa")
-        peak = max(peak, abs(dtau))
-        return dtau
-
-    ends = [0.0, *np.arcsin(breaks / a), np.pi / 2]
-    total = error = 0.0
-    for low, high in itertools.pairwise(ends):
-        part, wrong, *_ = scipy.integrate.quad(
-            value, low, high, epsabs=0, epsrel=1e-10, full_output=1
-        )
-        total, error = total + part, error + wrong
-    if error > ACCURACY * peak:
-        found = f"its quadrature for a = {a:.6g} m is uncertain by {error:.1g} Pa"
-        allowed = f"a function smooth between its breaks; {found}"
-        raise refusal("stress_drop", stress_drop, "", allowed)
-    return 2 * np.sqrt(a / np.pi) * total

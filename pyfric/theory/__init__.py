@@ -14,15 +14,19 @@ from pyfric.theory.chain import (
 )
 from pyfric.theory.cracks import (
     A_II,
+    ANDREWS_S,
     D,
     I_v,
     alpha_d,
     alpha_s,
+    cohesive_zone,
     crack_length,
     crack_speed,
     energy_release_rate,
+    fracture_energy,
     g_II,
     k_II,
+    strength_excess,
     stress_intensity,
 )
 from pyfric.theory.waves import (
@@ -31,12 +35,6 @@ from pyfric.theory.waves import (
     density_factor,
     lattice_waves,
     rayleigh_speed,
-)
-from pyfric.theory.weakening import (
-    ANDREWS_S,
-    cohesive_zone,
-    fracture_energy,
-    strength_excess,
 )
 
 __all__ = [

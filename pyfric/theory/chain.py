@@ -90,7 +90,15 @@ def chain_speed(tau_bar: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.
     """
     alpha, eta = _viscosities(alpha, eta)
     tau_bar = checked_array("tau_bar", tau_bar, gt=0, lt=1)
-    return np.reshape([_speed(one, alpha, eta) for one in tau_bar.flat], tau_bar.shape)[()]
+    least = SLOWEST if alpha else 1.0
+
+    def prestress(v: float) -> float:
+        return _prestress(v, alpha, eta) if alpha or v > 1 else 0.0
+
+    limits = least, FASTEST, f"a front of {least:g} c to {FASTEST:g} c"
+    return np.reshape([_inverse(prestress, one, *limits) for one in tau_bar.flat], tau_bar.shape)[
+        ()
+    ]
 
 
 def chain_prestress_overdamped(w: ArrayLike) -> np.ndarray:
@@ -225,14 +233,6 @@ def _beyond(W: Callable[[float], complex], dW: Callable[[float], complex], v: fl
     slope = -4 * dW(begin) / z / (z + 1) ** 2  # dr/du
     swing = np.sum(r**k * (slope / (r * k**2 * begin) - 1 / (k**3 * begin**2))).imag
     return total + 2 * v**2 * swing
-
-
-def _speed(tau_bar: float, alpha: float, eta: float) -> float:
-    def prestress(v: float) -> float:
-        return _prestress(v, alpha, eta) if alpha or v > 1 else 0.0
-
-    least = SLOWEST if alpha else 1.0
-    return _inverse(prestress, tau_bar, least, FASTEST, f"a front of {least:g} c to {FASTEST:g} c")
 
 
 def _inverse(

@@ -1,7 +1,7 @@
 """Linear elastic fracture mechanics of frictional cracks: sub-Rayleigh fronts in mode II.
 
-A crack |x| < a in an infinite plane drops the shear stress by dtau and runs at the speed v on
-both sides, v < c_R. With r = (c_S/c_P)^2, E' = `Material.E_prime` and
+A crack |x| < a in an infinite plane drops the shear stress by dtau and runs at the speed v on both
+sides, v < c_R. With r = (c_S/c_P)^2, E' = `Material.E_prime` and
 
     alpha_s = sqrt(1 - v^2/c_S^2),  alpha_d = sqrt(1 - v^2/c_P^2),
     D = 4 alpha_d alpha_s - (1 + alpha_s^2)^2,
@@ -18,7 +18,8 @@ Functions that take Gamma or d_c take them in the convention of ``bodies``.
 
 Source: L. B. Freund, Dynamic Fracture Mechanics (1990), chapters 5 to 7 (A_II, k_II after Burridge
 and Willis 1969, Kostrov 1964); A. C. Palmer and J. R. Rice, Proc. R. Soc. A 332, 527 (1973);
-K. B. Broberg, Cracks and Fracture (1999); D. J. Andrews, J. Geophys. Res. 81, 5679 (1976).
+K. B. Broberg, Cracks and Fracture (1999); D. J. Andrews, J. Geophys. Res. 81, 5679 (1976) and Bull.
+Seismol. Soc. Am. 75, 1 (1985).
 """
 
 from __future__ import annotations
@@ -28,10 +29,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pyfric.theory.inputs import checked, checked_array, choice, same_shape
+from pyfric.theory.inputs import checked, checked_array, choice, refusal, same_shape
 from pyfric.theory.waves import Material, reduced_D
 
 Bodies = Literal[1, 2]
+
+ANDREWS_S = 1.77
+"""In two dimensions a crack can become supershear only where S is below this (Andrews 1985)."""
 
 # Trapezoidal rule in y = ln(v x), which is exponentially accurate: the integrand of I is analytic
 # for |Im y| < pi/2 and falls as exp(-|y|).
@@ -40,23 +44,21 @@ _X = np.exp(np.arange(-148, 149) * _STEP)
 _WEIGHT = _STEP * _X / (1 + _X**2) ** 1.5
 
 
-def alpha_s(material: Material, v: ArrayLike) -> np.ndarray:
-    """Return sqrt(1 - v^2/c_S^2).
+# --- functions of the speed ----------------------------------------------------------------------
 
-    Args:
-        material: the material.
-        v: speed, m/s, any shape, 0 to c_S.
-    """
+
+def alpha_s(material: Material, v: ArrayLike) -> np.ndarray:
+    """Return sqrt(1 - v^2/c_S^2) for speeds v of any shape, m/s, 0 to c_S."""
     return np.sqrt(1 - _xi(material, v, material.c_S) ** 2)[()]
 
 
 def alpha_d(material: Material, v: ArrayLike) -> np.ndarray:
-    """Return sqrt(1 - v^2/c_P^2); arguments as in `alpha_s`."""
+    """Return sqrt(1 - v^2/c_P^2); v as in `alpha_s`."""
     return np.sqrt(1 - material.r * _xi(material, v, material.c_S) ** 2)[()]
 
 
 def D(material: Material, v: ArrayLike) -> np.ndarray:
-    """Return 4 alpha_d alpha_s - (1 + alpha_s^2)^2; arguments as in `alpha_s`."""
+    """Return 4 alpha_d alpha_s - (1 + alpha_s^2)^2; v as in `alpha_s`."""
     xi2 = _xi(material, v, material.c_S) ** 2
     return (xi2 * reduced_D(xi2, material.r))[()]
 
@@ -64,8 +66,9 @@ def D(material: Material, v: ArrayLike) -> np.ndarray:
 def A_II(material: Material, v: ArrayLike) -> np.ndarray:
     """Return A_II = v^2 alpha_s/((1 - nu) c_S^2 D), nu of plane strain: 1 at rest, infinite at c_R.
 
+    1/(1 - nu) = 2 (1 - c_S^2/c_P^2), in plane stress 1 + nu.
+
     Args:
-        material: the material; 1/(1 - nu) = 2 (1 - c_S^2/c_P^2), in plane stress 1 + nu.
         v: front speed, m/s, any shape, 0 to c_R (not included).
 
     Source: Freund (1990), chapter 5.
@@ -82,7 +85,6 @@ def I_v(material: Material, v: ArrayLike) -> np.ndarray:
     R(z) = (c_S^-2 - 2 z^2)^2 + 4 z^2 sqrt(c_P^-2 - z^2) sqrt(c_S^-2 - z^2).
 
     Args:
-        material: the material.
         v: front speed, m/s, any shape, 0 to c_R; the value at 0 is the limit.
 
     Source: Freund (1990), chapter 6.
@@ -93,7 +95,7 @@ def I_v(material: Material, v: ArrayLike) -> np.ndarray:
 def k_II(material: Material, v: ArrayLike) -> np.ndarray:
     """Return k_II = -I R(1/v) v c_S^2/sqrt(v^-2 - c_S^-2): dynamic over static K_II.
 
-    Args and errors as in `I_v`: 1 at rest, 0 at c_R.
+    1 at rest, 0 at c_R; v as in `I_v`.
 
     Source: Freund (1990), chapter 6, with R(1/v) = -D/v^4.
     """
@@ -103,11 +105,14 @@ def k_II(material: Material, v: ArrayLike) -> np.ndarray:
 
 
 def g_II(material: Material, v: ArrayLike) -> np.ndarray:
-    """Return g_II = A_II k_II^2: dynamic over static energy release rate.
+    """Return g_II = A_II k_II^2, dynamic over static energy release rate: 1 at rest, 0 at c_R.
 
-    Args and errors as in `I_v`: 1 at rest, 0 at c_R, falling.
+    It falls with v, which is as in `I_v`.
     """
     return _g(_xi(material, v, material.c_R), material.r)[()]
+
+
+# --- cracks --------------------------------------------------------------------------------------
 
 
 def stress_intensity(a: ArrayLike, stress_drop: float) -> np.ndarray:
@@ -129,12 +134,11 @@ def energy_release_rate(
     """Return G = g_II(v) K_II^2/E' of two bodies, half of it for one, J/m^2.
 
     Args:
-        material: the material.
         K_II: static stress intensity, Pa sqrt(m), any shape; see `stress_intensity`.
         v: front speed, m/s, 0 to c_R, any shape that broadcasts.
         bodies: 1, on a rigid plane, or 2.
     """
-    share = choice("bodies", bodies, (1, 2)) / 2
+    share = _share(bodies)
     K, xi = same_shape(
         K_II=checked_array("K_II", K_II, "Pa m^0.5"), v=_xi(material, v, material.c_R)
     )
@@ -149,7 +153,6 @@ def crack_length(
     a = Gamma E'/(pi g_II(v) dtau^2), with Gamma of two bodies. At v = 0 it is the critical length.
 
     Args:
-        material: the material.
         v: front speed, m/s, 0 to c_R (not included), any shape.
         stress_drop: dtau, Pa.
         Gamma: fracture energy in the convention of `bodies`, J/m^2.
@@ -157,7 +160,7 @@ def crack_length(
 
     Source: Freund (1990), chapter 7; see the approximation at the top of the module.
     """
-    share = choice("bodies", bodies, (1, 2)) / 2
+    share = _share(bodies)
     stress_drop = checked("stress_drop", stress_drop, "Pa", gt=0)
     Gamma, xi = same_shape(
         Gamma=checked_array("Gamma", Gamma, "J/m^2", ge=0),
@@ -168,29 +171,22 @@ def crack_length(
 
 
 def crack_speed(
-    material: Material,
-    a: ArrayLike,
-    stress_drop: float,
-    Gamma: ArrayLike,
-    *,
-    bodies: Bodies = 1,
+    material: Material, a: ArrayLike, stress_drop: float, Gamma: ArrayLike, *, bodies: Bodies = 1
 ) -> np.ndarray:
     """Return the front speed of a crack under a uniform stress drop: the root of G = Gamma, m/s.
 
+    It is 0 where the crack is too short to grow, or K_II <= 0.
+
     Args:
-        material: the material.
         a: half length, m, any shape.
         stress_drop: dtau, Pa.
         Gamma: fracture energy at the tip in the convention of `bodies`, J/m^2, a number or one for
             each a; 0 gives c_R.
         bodies: 1, on a rigid plane, or 2.
 
-    Returns:
-        v; 0 where the crack is too short to grow, K_II <= 0 included.
-
     Source: Freund (1990), chapter 7; see the approximation at the top of the module.
     """
-    share = choice("bodies", bodies, (1, 2)) / 2
+    share = _share(bodies)
     a, Gamma = same_shape(
         a=checked_array("a", a, "m", gt=0), Gamma=checked_array("Gamma", Gamma, "J/m^2", ge=0)
     )
@@ -204,7 +200,90 @@ def crack_speed(
     return np.where(static > Gamma, high * material.c_S, 0.0)[()]
 
 
+# --- friction ------------------------------------------------------------------------------------
+
+
+def fracture_energy(mu_s: float, mu_k: float, p: ArrayLike, d_c: ArrayLike) -> np.ndarray:
+    """Return Gamma = (mu_s - mu_k) p d_c/2 of linear slip weakening, J/m^2.
+
+    The d_c of `pyfric.Interface` gives the energy per body, D_c = 2 d_c that of both bodies.
+
+    Args:
+        mu_s, mu_k: friction coefficients, mu_s >= mu_k >= 0.
+        p: normal stress, Pa, any shape.
+        d_c: slip of weakening, m, any shape that broadcasts.
+
+    Source: Palmer and Rice (1973).
+    """
+    drop = _friction_drop(mu_s, mu_k, p)
+    drop, d_c = same_shape(p=drop, d_c=checked_array("d_c", d_c, "m", ge=0))
+    return (drop * d_c / 2)[()]
+
+
+def cohesive_zone(
+    material: Material,
+    mu_s: float,
+    mu_k: float,
+    p: ArrayLike,
+    d_c: ArrayLike,
+    v: ArrayLike = 0.0,
+    *,
+    bodies: Bodies = 1,
+) -> np.ndarray:
+    """Return the length of the cohesive zone X_c(v) = X_c0/A_II(v), m.
+
+    X_c0 = (9 pi/32)(E'/2) D_c/((mu_s - mu_k) p) with the D_c of two bodies, D_c = 2 d_c of one.
+
+    Args:
+        mu_s, mu_k: friction coefficients, mu_s > mu_k >= 0.
+        p: normal stress, Pa, > 0, any shape.
+        d_c: slip of weakening in the convention of `bodies`, m, any shape that broadcasts.
+        v: front speed, m/s, 0 to c_R (not included), any shape that broadcasts.
+        bodies: 1, on a rigid plane, or 2.
+
+    Source: Palmer and Rice (1973).
+    """
+    share, drop = _share(bodies), _friction_drop(mu_s, mu_k, p)
+    if not (drop > 0).all():
+        raise refusal("(mu_s - mu_k) p", float(drop.min()), "Pa", "a finite number > 0 Pa")
+    drop, d_c, A = same_shape(
+        p=drop, d_c=checked_array("d_c", d_c, "m", ge=0), v=np.asarray(A_II(material, v))
+    )
+    return (9 * np.pi / 64 * material.E_prime * d_c / share / (drop * A))[()]
+
+
+def strength_excess(tau_p: ArrayLike, tau_0: ArrayLike, tau_r: ArrayLike) -> np.ndarray:
+    """Return S = (tau_p - tau_0)/(tau_0 - tau_r); supershear needs S < `ANDREWS_S`.
+
+    With the scaled prestress tau_bar of `pyfric.analysis`, S = 1/tau_bar - 1.
+
+    Args:
+        tau_p: peak stress, Pa, any shape.
+        tau_0: initial stress, Pa, tau_r < tau_0 <= tau_p, any shape that broadcasts.
+        tau_r: residual stress, Pa, any shape that broadcasts.
+
+    Source: Andrews (1976).
+    """
+    given = {"tau_p": tau_p, "tau_0": tau_0, "tau_r": tau_r}
+    stresses = {name: checked_array(name, value, "Pa") for name, value in given.items()}
+    tau_p, tau_0, tau_r = same_shape(**stresses)
+    wrong = (tau_0 <= tau_r) | (tau_0 > tau_p)
+    if wrong.any():
+        raise refusal("tau_0", float(tau_0[wrong][0]), "Pa", "tau_p >= tau_0 > tau_r")
+    return ((tau_p - tau_0) / (tau_0 - tau_r))[()]
+
+
 # --- parts ---------------------------------------------------------------------------------------
+
+
+def _share(bodies: Bodies) -> float:
+    """The share of the two bodies' energy that goes by this convention."""
+    return choice("bodies", bodies, (1, 2)) / 2
+
+
+def _friction_drop(mu_s: float, mu_k: float, p: ArrayLike) -> np.ndarray:
+    mu_k = checked("mu_k", mu_k, ge=0)
+    return (checked("mu_s", mu_s, ge=mu_k) - mu_k) * checked_array("p", p, "Pa", ge=0)
 
 
 def _xi(material: Material, v: ArrayLike, top: float, open_: bool = False) -> np.ndarray:

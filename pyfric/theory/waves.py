@@ -82,10 +82,7 @@ def density_factor(N_x: int, N_z: int) -> float:
     slower by the root of it (1677 instead of 1720 m/s for the paper's setup 1).
 
     Args:
-        N_x, N_z: numbers of blocks, at least 2.
-
-    Raises:
-        ValueError: fewer than 2, or not whole.
+        N_x, N_z: numbers of blocks, whole and at least 2.
     """
     for name, N in (("N_x", N_x), ("N_z", N_z)):
         if checked(name, N, ge=2) % 1:
@@ -121,8 +118,7 @@ def rayleigh_speed(c_P: float, c_S: float) -> float:
     >>> round(float(pyfric.theory.rayleigh_speed(c_P=3**0.5, c_S=1.0)), 6)
     0.919402
     """
-    material = Material(c_P=c_P, c_S=c_S, rho=1.0)
-    return material.c_R
+    return Material(c_P=c_P, c_S=c_S, rho=1.0).c_R
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,9 +161,6 @@ class Material:
             m: mass of a block, kg.
             l: lattice constant, m.
             B: thickness, m.
-
-        Raises:
-            ValueError: a value is not positive.
         """
         c_P = lattice_waves(k, m, l).phase
         c_S = lattice_waves(k, m, l, polarisation="shear").phase

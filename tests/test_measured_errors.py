@@ -312,7 +312,7 @@ def test_beyond_the_tolerance_is_said():
     assert 0 < PERTURBATION < 1e-6
 
 
-# --- measured, bounded, or not measured ----------------------------------------------------------
+# --- measured, or not ----------------------------------------------------------------------------
 
 
 def test_what_was_not_measured_is_never_zero(ladder, tmp_path):
@@ -321,7 +321,7 @@ def test_what_was_not_measured_is_never_zero(ladder, tmp_path):
         errors = Errors(want=want, tolerance=0.01)
         assert errors.measured() is None
         assert errors.holds is None
-        assert {errors.state(name) for name in UNITS} == {"not measured"}
+        assert {getattr(errors, name) for name in UNITS} == {None}
         assert "NOT MEASURED, nothing was compared" in str(errors)
         record = ladder.replace(errors=errors)
         found = summary(record, [])["errors"]
@@ -346,17 +346,14 @@ def test_the_number_that_was_wanted_has_to_be_known():
     assert Errors(**forces | {"tolerance": None}).holds is None
 
 
-def test_a_bound_names_its_formula():
+def test_measured_errors_are_told_apart_from_others():
     errors = Errors(want="precursors", tolerance=0.1, arrest=0.01, events=3, covered=0.5)
-    errors = dataclasses.replace(errors, start=0.05, bounds={"start": "what ladders leave out"})
-    assert [errors.state(name) for name in ("start", "arrest", "length")] == [
-        "bounded", "measured", "not measured",
-    ]  # fmt: skip
     assert errors.holds is True
     said = str(errors)
     assert "measured errors (3 events, to 0.5 s): arrest 0.01 F_N\n" in said
-    assert "bounded: start 0.05 F_N by what ladders leave out" in said
-    assert "length, stress, rupture, speed_median, speed_95, speed_worst not measured" in said
+    assert (
+        "start, length, stress, rupture, speed_median, speed_95, speed_worst not measured" in said
+    )
 
 
 def test_a_record_that_nothing_was_compared_with_says_so(ladder):

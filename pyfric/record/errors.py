@@ -8,8 +8,8 @@ is compared as far as both know it: forces on the way in place of arrests, front
 runs know the five rupture times of a block. A prescribed interface has no forces: its rupture times
 are compared. Where nothing slips in either run, their loading curves are.
 
-Each number of `Errors` is measured, bounded, or not measured. What was not measured is None, which
-is never taken for 0: where nothing was compared, nothing is promised.
+What was not measured is None, which is never taken for 0: where nothing was compared, nothing is
+promised.
 
 What is local stays with its event: lengths, front speeds, arrest. Start forces hang on the stresses
 that all earlier events left.
@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -75,7 +75,6 @@ class Errors:
     Attributes:
         want, tolerance, expected: of the plan; None where there was none.
         start, arrest, length, stress, rupture, speed_median, speed_95, speed_worst: the errors.
-        bounds: numbers that are bounded and not measured: name to the formula.
         compared: name to how many events, or blocks of fronts, were compared for it.
         events: events that were compared: main events, or all where there are none.
         undetermined: events that two runs do not agree on; the errors are those of all others.
@@ -99,7 +98,6 @@ class Errors:
     speed_median: float | None = None
     speed_95: float | None = None
     speed_worst: float | None = None
-    bounds: Mapping[str, str] = field(default_factory=dict)
     compared: Mapping[str, int] = field(default_factory=dict)
     events: int = 0
     undetermined: tuple[int, ...] = ()
@@ -110,12 +108,6 @@ class Errors:
     by: tuple[str, ...] = ()
 
     __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}  # of files
-
-    def state(self, name: str) -> Literal["measured", "bounded", "not measured"]:
-        """Return how a number is known, such as "start"."""
-        if getattr(self, name) is None:
-            return "not measured"
-        return "bounded" if name in self.bounds else "measured"
 
     def measured(self, want: str | None = None) -> float | None:
         """Return the error that a tolerance bounds, None where it was not measured.
@@ -171,19 +163,19 @@ class Errors:
         return text
 
     def __str__(self) -> str:
-        said: dict[str, list[str]] = {"measured": [], "bounded": [], "not measured": []}
+        said, unknown = [], []
         for name, unit in UNITS.items():
-            value, how = getattr(self, name), self.state(name)
             over = f" over {self.compared[name]}" if name in self.compared else ""
-            by = f" by {self.bounds[name]}" if how == "bounded" else over
-            said[how].append(name if value is None else f"{name} {value:.2g} {unit}{by}")
+            value = getattr(self, name)
+            if value is None:
+                unknown.append(name)
+            else:
+                said.append(f"{name} {value:.2g} {unit}{over}")
         lines, events = [], f"{self.events} events, to {self.covered:.6g} s"
-        if said["measured"]:
-            lines.append(f"measured errors ({events}): {', '.join(said['measured'])}")
-        if said["bounded"]:
-            lines.append(f"bounded: {', '.join(said['bounded'])}")
-        if said["not measured"]:
-            lines.append(f"{', '.join(said['not measured'])} {NOTHING}")
+        if said:
+            lines.append(f"measured errors ({events}): {', '.join(said)}")
+        if unknown:
+            lines.append(f"{', '.join(unknown)} {NOTHING}")
         if self.verdict:
             expected = "" if self.expected is None else f" (expected {self.expected:.2g})"
             lines.append(self.verdict + expected)

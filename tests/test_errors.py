@@ -9,7 +9,6 @@ import pytest
 
 import pyfric
 from pyfric.checks.verify import _OutOfTime
-from pyfric.record.episodes import LogError
 from pyfric.sweeps.runs import Unwanted
 
 
@@ -31,7 +30,6 @@ EXAMPLES = {
         "h", 2.0, "m", "less", "too high", [pyfric.SceneError("l", 3, "m", "a number")]
     ),
     pyfric.StateError: lambda: pyfric.StateError("no state"),
-    LogError: lambda: LogError("no log"),
     _OutOfTime: lambda: _OutOfTime("not made within 60 s"),
     Unwanted: Unwanted,
 }

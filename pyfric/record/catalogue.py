@@ -35,8 +35,8 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import OPEN, State
-from pyfric.record.episodes import SWITCH_COLUMNS, build_episodes, columns_of, quiet_columns
-from pyfric.record.held import block_array, event_column, found_arrays, held_in, table
+from pyfric.record.episodes import build_episodes
+from pyfric.record.held import block_array, checked, event_column, found_arrays, held_in, table
 from pyfric.record.nucleation import nucleation_lengths
 from pyfric.record.rupture import (
     count_not_increasing,
@@ -177,8 +177,8 @@ class Catalogue:
 
 
 def build_catalogue(
-    switches: Mapping[str, np.ndarray] | np.ndarray,
-    quiet: Mapping[str, np.ndarray] | np.ndarray,
+    switches: Mapping[str, np.ndarray],
+    quiet: Mapping[str, np.ndarray],
     scene: Scene,
     *,
     t_gap: float = T_GAP,
@@ -193,7 +193,7 @@ def build_catalogue(
     Parameters
     ----------
     switches, quiet
-        The logs, as structured arrays or mappings of columns (`SWITCH_COLUMNS`, `QUIET_COLUMNS`).
+        The logs, as mappings of columns with the types of `SWITCH_COLUMNS` and `QUIET_COLUMNS`.
     scene
         Gives N_x, the driven side, l, h, V and the lattice's shear speed.
     t_gap
@@ -221,7 +221,7 @@ def build_catalogue(
 
     Raises
     ------
-    LogError
+    RecordError
         If a log lacks a column, is inconsistent, or does not fit the scene.
 
     Warns
@@ -231,13 +231,14 @@ def build_catalogue(
     """
     if not t_gap >= 0:
         raise ValueError(f"t_gap = {t_gap!r} s: must be at least 0")
-    switches = columns_of(switches, SWITCH_COLUMNS, "switch log")
+    sizes = {"x": scene.N_x}
+    switches, quiet = checked("switches", switches, sizes), checked("quiet", quiet, sizes)
     episodes = build_episodes(switches, scene.n_of_i, t_begin=t_begin, last=last)
     episodes["event"] = _event_numbers(episodes, t_gap)
     return Catalogue(
         scene=scene,
         episodes=episodes,
-        quiet=quiet_columns(quiet, scene.N_x),
+        quiet=quiet,
         switches=switches,
         t_gap=t_gap,
         t_end=math.inf if t_end is None else t_end,

@@ -10,12 +10,12 @@ edge, the driven side. Times are in s, lengths in m, forces in N.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from pyfric.record.held import held_in
+from pyfric.record.held import RecordError, held_in
 
 if TYPE_CHECKING:
     from pyfric.core import State
@@ -28,12 +28,8 @@ QUIET_COLUMNS = {name: held.dtype for name, held in held_in("quiet").items()}
 (kind +1) or returns to 0 (kind -1). ``u_x`` and ``mode`` have a second axis of N_x blocks."""
 
 
-class LogError(ValueError):
-    """The switch or quiet log contradicts itself or the scene."""
-
-
 def build_episodes(
-    switches: Mapping[str, np.ndarray] | np.ndarray,
+    log: Mapping[str, np.ndarray],
     n_of_i: np.ndarray,
     *,
     t_begin: float = 0.0,
@@ -43,8 +39,8 @@ def build_episodes(
 
     Parameters
     ----------
-    switches
-        The switch log (`SWITCH_COLUMNS`).
+    log
+        The switch log, with columns of the types of `SWITCH_COLUMNS`.
     n_of_i
         (N_x,) block number from the trailing edge of each column.
     t_begin
@@ -62,13 +58,11 @@ def build_episodes(
 
     Raises
     ------
-    LogError
+    RecordError
         If a block's modes do not fit together from each other.
     """
-    n_of_i = np.asarray(n_of_i, dtype=np.int64)
-    log = columns_of(switches, SWITCH_COLUMNS, "switch log")
     if log["block"].size and (log["block"].min() < 0 or log["block"].max() >= n_of_i.size):
-        raise LogError(f"switch log: block number outside 0...{n_of_i.size - 1}")
+        raise RecordError(f"switch log: block number outside 0...{n_of_i.size - 1}")
     log = _with_earlier_starts(log, t_begin, last)
 
     order = np.argsort(log["block"], kind="stable")  # block by block, in order of time
@@ -110,7 +104,7 @@ def _starts_and_stops(
     broken = (block[1:] == block[:-1]) & (old[1:] != new[:-1])
     if broken.any():
         i = int(block[1:][broken][0])
-        raise LogError(f"switch log: contact states of block {i} (column) contradict each other")
+        raise RecordError(f"switch log: contact states of block {i} (column) contradict each other")
     was, now = _slips(old), _slips(new)
     edge = np.flatnonzero(was != now)  # starts and stops alternate within a block
     k = np.flatnonzero(now[edge])
@@ -124,31 +118,12 @@ def _starts_and_stops(
     return start, stop, np.bincount(reversed_in, minlength=k.size).astype(np.int64)
 
 
-def columns_of(log: Any, columns: Mapping[str, Any], name: str) -> dict[str, np.ndarray]:
-    """The log as a dict of arrays with the agreed types."""
-    try:
-        table = {key: np.asarray(log[key]).astype(kind) for key, kind in columns.items()}
-    except (KeyError, ValueError, IndexError) as error:
-        raise LogError(f"{name}: needs the columns {', '.join(columns)} ({error})") from error
-    if len({column.shape[0] for column in table.values()}) != 1:
-        raise LogError(f"{name}: columns of different lengths")
-    return table
-
-
-def quiet_columns(log: Any, N_x: int) -> dict[str, np.ndarray]:
-    table = columns_of(log, QUIET_COLUMNS, "quiet log")
-    for key in ("u_x", "mode"):
-        if table[key].shape != (table["t"].size, N_x):
-            raise LogError(f"quiet log: {key} has shape {table[key].shape}, needs (rows, {N_x})")
-    return table
-
-
 def _slips(mode: np.ndarray) -> np.ndarray:
     return np.abs(mode) == 1
 
 
 def _with_earlier_starts(
-    log: dict[str, np.ndarray], t_begin: float, last: State | None
+    log: Mapping[str, np.ndarray], t_begin: float, last: State | None
 ) -> dict[str, np.ndarray]:
     """Add a start at ``t_begin`` for each block that slips until its first switch or the end."""
     blocks, first = np.unique(log["block"], return_index=True)

@@ -23,11 +23,7 @@ from pyfric.record.catalogue import (
     count_main,
     parts,
 )
-from pyfric.record.classes import (
-    SLOW,
-    creeps_to_rest,
-    rupture_class,
-)
+from pyfric.record.classes import SLOW, creeps_to_rest
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
 from pyfric.record.errors import Differences, Errors, differences, statistics
 from pyfric.record.held import GROUPS, RecordError, block_array, event_column, held_in

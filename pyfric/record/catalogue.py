@@ -40,9 +40,9 @@ from pyfric.record.held import block_array, checked, event_column, found_arrays,
 from pyfric.record.nucleation import nucleation_lengths
 from pyfric.record.rupture import (
     count_not_increasing,
-    default_link_time,
     first_slips,
     front_speed,
+    longest_link,
     rupture_front,
 )
 from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving
@@ -77,7 +77,6 @@ class Catalogue:
         t_gap: longest pause inside an event, s.
         t_end: time of the end of the run, s; inf if that is not known.
         solver: finds static states; None leaves them NaN.
-        link_time: longest time from block to block of a front, s.
     """
 
     scene: Scene
@@ -87,7 +86,6 @@ class Catalogue:
     t_gap: float
     t_end: float
     solver: StaticSolver | None
-    link_time: float
     _found: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -186,48 +184,32 @@ def build_catalogue(
     t_end: float | None = None,
     last: State | None = None,
     solver: StaticSolver | None = None,
-    link_time: float | None = None,
 ) -> Catalogue:
     """Build the catalogue of a run from its logs.
 
-    Parameters
-    ----------
-    switches, quiet
-        The logs, as mappings of columns with the types of `SWITCH_COLUMNS` and `QUIET_COLUMNS`.
-    scene
-        Gives N_x, the driven side, l, h, V and the lattice's shear speed.
-    t_gap
-        Longest pause inside an event, s. The number of events depends on it.
-    t_begin
-        Time at which the logs begin, s. Blocks already slipping then start their episode there.
-    t_end
-        Time at which the run ended, s. If given, an event that stopped within ``t_gap`` of it is
-        not finished, because a later episode could still have joined it.
-    last
-        State at the end of the logs. Blocks that slip in it and are not in the logs slipped all the
-        time; without it they do not count.
-    solver
-        A `StaticSolver` for the static forces and stresses; without it they are NaN.
-    link_time
-        Longest time between first slips of neighbouring blocks in one front, s. Default:
-        `default_link_time`.
+    Args:
+        switches, quiet: the logs, as mappings of columns with the types of `SWITCH_COLUMNS` and
+            `QUIET_COLUMNS`.
+        scene: gives N_x, the driven side, l, h, V and the lattice's shear speed.
+        t_gap: longest pause inside an event, s. The number of events depends on it.
+        t_begin: time at which the logs begin, s. Blocks already slipping then start their episode
+            there.
+        t_end: time at which the run ended, s. If given, an event that stopped within ``t_gap`` of
+            it is not finished, because a later episode could still have joined it.
+        last: state at the end of the logs. Blocks that slip in it and are not in the logs slipped
+            all the time; without it they do not count.
+        solver: a `StaticSolver` for the static forces and stresses; without it they are NaN.
 
-    Returns
-    -------
-    Catalogue
-        Its columns and arrays are the functions of this module; columns.csv of `Record.to_csv`
-        lists them with unit and meaning. A record adds nucleation_length, m, where friction weakens
-        with slip alone: the length of `pyfric.analysis.nucleations`.
+    Returns:
+        The catalogue: its columns and arrays are the functions of this module; columns.csv of
+        `Record.to_csv` lists them with unit and meaning. A record adds nucleation_length, m, where
+        friction weakens with slip alone: the length of `pyfric.analysis.nucleations`.
 
-    Raises
-    ------
-    RecordError
-        If a log lacks a column, is inconsistent, or does not fit the scene.
+    Raises:
+        RecordError: a log lacks a column, is inconsistent, or does not fit the scene.
 
-    Warns
-    -----
-    RuntimeWarning
-        Static states were not found.
+    Warns:
+        RuntimeWarning: static states were not found.
     """
     if not t_gap >= 0:
         raise ValueError(f"t_gap = {t_gap!r} s: must be at least 0")
@@ -243,7 +225,6 @@ def build_catalogue(
         t_gap=t_gap,
         t_end=math.inf if t_end is None else t_end,
         solver=solver,
-        link_time=default_link_time(scene) if link_time is None else link_time,
     )
 
 
@@ -447,7 +428,7 @@ def region(of: Catalogue) -> np.ndarray:
 @block_array("s", "rupture time of the blocks in the front")
 def rupture_times(of: Catalogue) -> np.ndarray:
     first = first_slips(of.joined, of.first.size, of.scene.N_x)
-    return rupture_front(first, of.scene.n_of_i, of.link_time)
+    return rupture_front(first, of.scene.n_of_i, longest_link(of.scene))
 
 
 @block_array("1", "blocks in the cohesive zone of the front, at rest")

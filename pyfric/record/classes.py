@@ -92,9 +92,9 @@ def rupture_class(record: Record, event: int | None = None, slow: float = SLOW) 
     """Return the class of the rupture of an event; see `pyfric.record.classes`.
 
     Args:
-        record: a run.
-        event: its number in `events`; None means the one in which most blocks slip, if any.
-        slow: pace below which a front is slow, over the limit.
+        event: its number in `events`; None means the one in which most blocks slip. Without events
+            the class is "nothing slipped".
+        slow: pace below which a front is slow, over c in a chain, over c_R in two dimensions.
 
     Raises:
         SceneError: there is no such event.

@@ -32,34 +32,25 @@ def build_episodes(
     log: Mapping[str, np.ndarray],
     n_of_i: np.ndarray,
     *,
-    t_begin: float = 0.0,
-    last: State | None = None,
+    t_begin: float,
+    last: State | None,
 ) -> pd.DataFrame:
     """Slip episodes, one row each, ordered by start (ties: by step, then by block number).
 
-    Parameters
-    ----------
-    log
-        The switch log, with columns of the types of `SWITCH_COLUMNS`.
-    n_of_i
-        (N_x,) block number from the trailing edge of each column.
-    t_begin
-        Time at which the log begins, s.
-    last
-        State at the end of the log. A block that slips in it and is not in the log has slipped from
-        t_begin on. Without it, such blocks have no episode.
+    Args:
+        log: the switch log, with columns of the types of `SWITCH_COLUMNS`.
+        n_of_i: (N_x,) block number from the trailing edge of each column.
+        t_begin: time at which the log begins, s.
+        last: state at the end of the log. A block that slips in it and is not in the log has
+            slipped from t_begin on. Without it, such blocks have no episode.
 
-    Returns
-    -------
-    DataFrame
+    Returns:
         The columns of the group "episodes" (`pyfric.record.held`) except event. If an episode is
         unfinished, its t_stop, u_x_stop and slip are NaN. If an episode began before the log, its
         u_x_start, slip and p_start are NaN.
 
-    Raises
-    ------
-    RecordError
-        If a block's modes do not fit together from each other.
+    Raises:
+        RecordError: a block's modes do not fit together from each other.
     """
     if log["block"].size and (log["block"].min() < 0 or log["block"].max() >= n_of_i.size):
         raise RecordError(f"switch log: block number outside 0...{n_of_i.size - 1}")

@@ -18,6 +18,7 @@ import pandas as pd
 from pyfric.core import State
 from pyfric.display import drawing, html, page
 from pyfric.record import layout
+from pyfric.record.classes import rupture_class
 from pyfric.record.errors import Errors
 from pyfric.record.held import RecordError, checked, found_arrays, held_in, table
 from pyfric.record.method import Method
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pyfric.record.catalogue import Catalogue
-    from pyfric.record.classes import RuptureClass
 
 TABLES = ("curve", "events", "episodes")
 LOGS = ("quiet", "switches", "motion")
@@ -73,45 +73,30 @@ class Record:
     read-only, and each access to tables or final state returns a copy. Records are equal (``==``)
     if they hold the same values, bit for bit, with the same types.
 
-    Attributes
-    ----------
-    scene, method
-        What was run and how.
-    curve
-        Data frame with t (s), F_T (N) and, when the budget was kept, energies (J).
-    events, episodes
-        Data frames of the catalogue: see `pyfric.record.catalogue`. The index of events
-        is their number, as in ``record.events.loc[3]``; episodes have it as a column.
-    arrays
-        Arrays over events and blocks by name, shape (n_events, N_x). Each is also an attribute:
-        region, rupture_times (s), X_c0_over_l, X_c_over_l, tau_before, p_before, tau_after and
-        p_after (N).
-    tau_initial, p_initial
-        Interface forces at t = 0, shape (N_x,), N.
-    quiet, switches
-        The logs as dicts of arrays (`QUIET_COLUMNS`, `SWITCH_COLUMNS` of `catalogue`), from which
-        the catalogue is made, again when the run is continued.
-    motion
-        On junctions, arrays of shape (points of the curve, N_x): the share of junctions that is
-        pinned, u_x (m), v_x (m/s) and f (N). Otherwise empty.
-    versions, timings
-        Version of each library, and time of each part of the run in s, by name.
-    counts
-        Counts of work by name, such as steps and block_evaluations.
-    notes
-        What a reader has to know: assumptions that failed, models that were rejected.
-    status
-        "complete", "interrupted", "failed: reason", or "ended ..." for a run that its engine or a
-        condition ended before t_end.
-    final_state
-        The `State` to continue from, or None.
-    errors
-        The measured `Errors`, or None.
+    Attributes:
+        scene, method: what was run and how.
+        curve: data frame with t (s), F_T (N) and, when the budget was kept, energies (J).
+        events, episodes: data frames of the catalogue: see `pyfric.record.catalogue`. The index of
+            events is their number, as in ``record.events.loc[3]``; episodes have it as a column.
+        arrays: arrays over events and blocks by name, shape (n_events, N_x). Each is also an
+            attribute: region, rupture_times (s), X_c0_over_l, X_c_over_l, tau_before, p_before,
+            tau_after and p_after (N).
+        tau_initial, p_initial: interface forces at t = 0, shape (N_x,), N.
+        quiet, switches: the logs as dicts of arrays (`QUIET_COLUMNS`, `SWITCH_COLUMNS`), from which
+            the catalogue is made, again when the run is continued.
+        motion: on junctions, arrays of shape (points of the curve, N_x): the share of junctions
+            that is pinned, u_x (m), v_x (m/s) and f (N). Otherwise empty.
+        versions, timings: version of each library, and time of each part of the run in s, by name.
+        counts: counts of work by name, such as steps and block_evaluations.
+        notes: what a reader has to know: assumptions that failed, models that were rejected.
+        status: "complete", "interrupted", "failed: reason", or "ended ..." for a run that its
+            engine or a condition ended before t_end.
+        final_state: the `State` to continue from, or None.
+        errors: the measured `Errors`, or None.
 
-    Raises
-    ------
-    RecordError
-        If something is missing, of another type, or does not fit together; it names the field.
+    Raises:
+        RecordError: something is missing, of another type, or does not fit together; it names the
+            field.
     """
 
     scene: Scene
@@ -180,20 +165,7 @@ class Record:
             raise SceneError("event", int(event), "", allowed, "no such event")
         return int(event) - 1
 
-    def rupture_class(self, event: int | None = None, slow: float = 0.1) -> RuptureClass:
-        """Return the class of the rupture of an event; see `pyfric.record.classes`.
-
-        Args:
-            event: its number in `events`; None means the one in which most blocks slip. Without
-                events the class is "nothing slipped".
-            slow: pace below which a front is slow, over c in a chain, over c_R in two dimensions.
-
-        Raises:
-            SceneError: there is no such event.
-        """
-        from pyfric.record.classes import rupture_class
-
-        return rupture_class(self, event, slow)
+    rupture_class = rupture_class
 
     @classmethod
     def from_catalogue(cls, catalogue: Catalogue, *, late: bool = True, **rest: Any) -> Self:
@@ -258,10 +230,8 @@ class Record:
 
         HDF5 writes to memory only, because it does not survive a full disk.
 
-        Raises
-        ------
-        OSError
-            If the file cannot be written; it names path and reason.
+        Raises:
+            OSError: the file cannot be written; it names path and reason.
         """
         return write(path, sealed(file_image(layout.variables(self), layout.attributes(self))))
 
@@ -269,13 +239,10 @@ class Record:
     def load(cls, path: str | os.PathLike[str]) -> Self:
         """Read a record written by `save`.
 
-        Raises
-        ------
-        FileNotFoundError
-            If there is no such file.
-        RecordError
-            If the file is not a pyfric record, is damaged, or has another schema; it names what is
-            wrong.
+        Raises:
+            FileNotFoundError: there is no such file.
+            RecordError: the file is not a pyfric record, is damaged, or has another schema; it
+                names what is wrong.
         """
         if not isinstance(path, str | os.PathLike):
             raise RecordError(f"record: a path is needed, not {type(path).__name__}")
@@ -330,10 +297,8 @@ class Record:
     def from_datatree(cls, tree: xr.DataTree) -> Self:
         """Return the record that a tree of `to_datatree` holds.
 
-        Raises
-        ------
-        RecordError
-            If something is missing, does not fit together or has another schema.
+        Raises:
+            RecordError: something is missing, does not fit together or has another schema.
         """
         groups = {
             group: {
@@ -349,10 +314,8 @@ class Record:
         It shows the loading curve, where the interface slips, each event with its stresses, and
         what made the record; see `pyfric.figures.record_page`.
 
-        Raises
-        ------
-        OSError
-            If the file cannot be written; it names path and reason.
+        Raises:
+            OSError: the file cannot be written; it names path and reason.
         """
         return write(path, page(self).encode())
 

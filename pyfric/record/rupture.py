@@ -6,10 +6,10 @@ two are equally long). First slips in other runs, and all later slips, are left 
 rupture merged into the event, or a block that had slipped before the front came, would otherwise
 show up as a very slow front.
 
-The default ``link_time`` is 40 l/c_s with c_s = l sqrt(k/(2 m)), the shear speed of the lattice.
+The ``link_time`` is 40 l/c_s with c_s = l sqrt(k/(2 m)), the shear speed of the lattice.
 One pause of that length makes v_c = 4 l/(40 l/c_s) = 0.1 c_s, so one pause cannot by itself pass
 for a slow front (v_c < 0.05 c_s), while a steady front is followed down to 0.025 c_s. On junctions
-a front waits while junctions slip, so the default is at least their mean time of slip t_R.
+a front waits while junctions slip, so that it is at least their mean time of slip t_R.
 
 Arrays over blocks run from left to right, times are in s, speeds in m/s.
 """
@@ -29,8 +29,8 @@ SLOWEST = 0.1
 begin (a definition)."""
 
 
-def default_link_time(scene: Scene) -> float:
-    """Default ``link_time`` of a front, s: 4 l/(0.1 c_s) = 40 sqrt(2 m/k), or the law's own."""
+def longest_link(scene: Scene) -> float:
+    """Longest time from block to block of a front, s: 4 l/(0.1 c_s) = 40 sqrt(2 m/k), or more."""
     of_waves = AVERAGED / SLOWEST * float(np.sqrt(2 * scene.m / scene.slider.k))
     return max(of_waves, scene.law.slowest)
 
@@ -38,20 +38,14 @@ def default_link_time(scene: Scene) -> float:
 def rupture_front(first_slips: np.ndarray, n_of_i: np.ndarray, link_time: float) -> np.ndarray:
     """Rupture times of each event's front (definition at the top of this module).
 
-    Parameters
-    ----------
-    first_slips
-        (n_events, N_x) start of each block's first slip in the event, s, NaN for blocks that did
-        not slip; columns from left to right.
-    n_of_i
-        (N_x,) block numbers; equal candidates are told apart by time, then by block number.
-    link_time
-        Largest difference between linked neighbours, s.
+    Args:
+        first_slips: (n_events, N_x) start of each block's first slip in the event, s, NaN for
+            blocks that did not slip; columns from left to right.
+        n_of_i: (N_x,) block numbers; equal candidates are told apart by time, then by number.
+        link_time: largest difference between linked neighbours, s.
 
-    Returns
-    -------
-    ndarray
-        (n_events, N_x), s: ``first_slips`` where the block belongs to the front, NaN elsewhere.
+    Returns:
+        (n_events, N_x), s: ``first_slips`` where the block is in the front, NaN elsewhere.
     """
     order = np.argsort(n_of_i)
     t = np.asarray(first_slips, dtype=float)[:, order]
@@ -77,18 +71,12 @@ def rupture_front(first_slips: np.ndarray, n_of_i: np.ndarray, link_time: float)
 def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
     """Front speed at each block, averaged over five blocks: v_c(i) = 4 l/(t_{i+2} - t_{i-2}).
 
-    Parameters
-    ----------
-    rupture_times
-        (..., N_x) rupture times, s, columns from left to right.
-    l
-        Lattice spacing, m.
-    d
-        +1 for fronts that run to the right (driven from the left), -1 for the left.
+    Args:
+        rupture_times: (..., N_x), s, columns from left to right.
+        l: lattice spacing, m.
+        d: +1 for fronts that run to the right (driven from the left), -1 for the left.
 
-    Returns
-    -------
-    ndarray
+    Returns:
         (..., N_x), m/s. NaN at two blocks from either end, and where the five times do not all
         exist or do not strictly increase away from the driven side. The event table counts the
         latter as ``n_not_increasing``.

@@ -35,7 +35,7 @@ from pyfric.record import (
     held,
     held_in,
 )
-from pyfric.record.layout import SCHEMA, TEXTS
+from pyfric.record.layout import SCHEMA, TEXTS, fields
 from pyfric.scene import SceneError, files, sealed, setup1, setup2, unsealed
 
 MS = 1e-3
@@ -152,11 +152,20 @@ def same_bits(a, b):
     assert a.tobytes() == b.tobytes()
 
 
+def from_tree(tree):
+    """The record that a tree holds, as it is made from a file."""
+    groups = {
+        group: {k: v.to_numpy() for k, v in one.to_dataset(inherit=False).variables.items()}
+        for group, one in tree.children.items()
+    }
+    return Record(**fields(tree.attrs, groups))
+
+
 @pytest.mark.parametrize("n_events", [0, 3])
 def test_a_tree_holds_all_of_a_record(n_events, tmp_path):
     record = make_record(setup2(theta=-1 / 3), n_events)
     tree = record.to_datatree()
-    assert Record.from_datatree(tree) == record
+    assert from_tree(tree) == record
     assert set(tree.children) == set(GROUPS)
     assert list(tree["events"].data_vars) == list(record.events)
     assert tree["interface/tau_before"].dims == ("event", "x")
@@ -168,15 +177,6 @@ def test_a_tree_holds_all_of_a_record(n_events, tmp_path):
         tree.to_netcdf(tmp_path / "tree.nc", engine="h5netcdf")
         with xr.open_datatree(tmp_path / "tree.nc", engine="h5netcdf", decode_cf=False) as again:
             assert (again["events/t_start"] == record.events["t_start"]).all()
-
-
-def test_trees_that_are_no_record_are_refused():
-    tree = make_record().to_datatree()
-    with pytest.raises(RecordError, match="tree: not a pyfric record"):
-        Record.from_datatree(xr.DataTree())
-    del tree["episodes"]
-    with pytest.raises(RecordError, match="tree: damaged pyfric record"):
-        Record.from_datatree(tree)
 
 
 def test_a_dataset_is_lean_and_says_what_is_in_it():
@@ -377,7 +377,7 @@ def test_a_column_and_an_array_are_one_function_each(one_more, tmp_path):
     record = make_record()
     assert (record.events["largest_slip"] == record.slip.max(axis=1)).all()
     assert through_file(record, tmp_path) == record
-    assert Record.from_datatree(record.to_datatree()) == record
+    assert from_tree(record.to_datatree()) == record
     dataset = record.to_xarray()
     assert dataset["event_largest_slip"].attrs["long_name"] == "largest slip of a block"
     assert dataset["slip"].dims == ("event", "x")

@@ -216,11 +216,10 @@ def grouped(values: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]
 def fields(
     attributes: Mapping[str, Any], groups: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """Return the fields of a record from the attributes and groups of a file or tree.
+    """Return the fields of a record from the attributes and groups of a file.
 
     Raises:
         RecordError: a text, the scene or the state is damaged; it names the field.
-        KeyError: a group is missing.
     """
     sizes: dict[str, int] = {}
     interface = checked("interface", groups["interface"], sizes)

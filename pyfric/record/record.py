@@ -259,21 +259,16 @@ class Record:
             attributes, values = read_image(inside)
         except Exception as error:  # whatever the HDF5 layers make of a foreign file
             raise RecordError(f"{path}: not a pyfric record ({error})") from error
-        return cls._checked(str(path), attributes, lambda: layout.grouped(values))
-
-    @classmethod
-    def _checked(cls, source: str, attributes: Mapping[str, Any], groups: Any) -> Self:
-        """Return the record that attributes and groups of a file, or of a tree, come to."""
         schema = attributes.get("pyfric_schema")
         if schema is None:
-            raise RecordError(f"{source}: not a pyfric record (no attribute pyfric_schema)")
+            raise RecordError(f"{path}: not a pyfric record (no attribute pyfric_schema)")
         if not isinstance(schema, int) or schema != layout.SCHEMA:
-            made = f"{source}: written with record schema {schema}, this pyfric reads"
+            made = f"{path}: written with record schema {schema}, this pyfric reads"
             raise RecordError(f"{made} {layout.SCHEMA}; another version of pyfric is needed")
         try:
-            return cls(**layout.fields(attributes, groups()))
+            return cls(**layout.fields(attributes, layout.grouped(values)))
         except (KeyError, TypeError, ValueError) as error:
-            raise RecordError(f"{source}: damaged pyfric record ({error})") from error
+            raise RecordError(f"{path}: damaged pyfric record ({error})") from error
 
     def to_xarray(self) -> xr.Dataset:
         """Return an `xarray.Dataset` of curve, events and interface, without logs.
@@ -286,27 +281,12 @@ class Record:
         return layout.dataset(self)
 
     def to_datatree(self) -> xr.DataTree:
-        """All of the record as an `xarray.DataTree`, from which `from_datatree` makes it again.
+        """Return all of the record as an `xarray.DataTree`.
 
         Groups are curve, events, episodes, interface (arrays over blocks), quiet and switches
         (the logs) and final_state. Needs the package xarray.
         """
         return layout.datatree(self)
-
-    @classmethod
-    def from_datatree(cls, tree: xr.DataTree) -> Self:
-        """Return the record that a tree of `to_datatree` holds.
-
-        Raises:
-            RecordError: something is missing, does not fit together or has another schema.
-        """
-        groups = {
-            group: {
-                str(k): v.to_numpy() for k, v in one.to_dataset(inherit=False).variables.items()
-            }
-            for group, one in tree.children.items()
-        }
-        return cls._checked("tree", tree.attrs, lambda: groups)
 
     def to_html(self, path: str | os.PathLike[str]) -> Path:
         """Write one self-contained page about the record, at most 2 MB, and return its path.

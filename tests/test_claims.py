@@ -17,14 +17,12 @@ from pyfric.paper import claims
 from pyfric.paper.claims import CLAIMS, NUMBERS, Claim, damage, scorecard
 from pyfric.paper.claims.claim import Band, Damage, Measured
 from pyfric.paper.claims.quantities import (
-    exponent,
     force_step,
     furthest,
-    off_line,
     prediction_error,
     straight,
 )
-from pyfric.paper.claims.runs import MATTRESS, SPEEDS
+from pyfric.paper.runs import MATTRESS, SPEEDS
 from pyfric.sweeps import Job
 
 WITHOUT_RUNS = [number for number in NUMBERS if not CLAIMS[number].runs]
@@ -161,13 +159,6 @@ def test_straightness_is_in_blocks():
     bent = 2 * force + 0.01 * np.array([1, -1, -1, 1])  # orthogonal to every straight line
     table = pd.DataFrame({"force": force, "L_p_over_L": bent})
     assert straight(table, 50) == pytest.approx(0.5)
-    assert exponent([1.0, 2.0, 4.0], [3.0, 12.0, 48.0]) == pytest.approx(2.0)
-
-
-def test_distance_from_a_line():
-    h = np.array([1.0, 2.0, 3.0])
-    np.testing.assert_allclose(off_line(h, 0.5 + 2 * h), 0, atol=1e-12)
-    assert np.abs(off_line(h, np.array([2.0, 5.0, 6.0]))).min() > 0.05
 
 
 # --- damage --------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The runs behind the paper's figures.
+"""The runs behind the paper's figures and claims.
 
 Each is a `pyfric.Job`, for `pyfric.run_all`, by the hybrid engine with located switches. The Fig. 1
 scene and those with its h in which F_N differs are in finite geometry. All others are in linear
@@ -13,14 +13,15 @@ Source: PRL 107, 074301 (2011), Figs. 1 to 4.
 
 from __future__ import annotations
 
+import functools
+import math
+from typing import Any
+
 from pyfric.scene import preset, setup1
 from pyfric.sweeps import Job
 
 FINITE = {"fidelity": "hybrid", "geometry": "finite", "switching": "located"}
 LINEAR = {"fidelity": "hybrid", "geometry": "linear", "switching": "located"}
-SETUP2 = LINEAR | {"dt": 4.5e-7}
-"""Setup 2, where the limit is 0.68 us."""
-
 FIG1 = Job(scene=preset("fig1"), t_end=2.0, options=FINITE)
 """The scene of Figs. 1(b), 3 and 4(a), up to the seventh event over the whole interface."""
 
@@ -51,10 +52,12 @@ FIG2A = (
 """Setup 1 up to about the first event over the whole interface: all L and h, one of them run 4, and
 other F_N in finite geometry at h = 5 mm."""
 
+SETUP2 = ("setup2-", "setup2", "setup2+")
 FIG2B = tuple(
-    Job(scene=preset(name), t_end=0.68, options=SETUP2) for name in ("setup2-", "setup2", "setup2+")
+    Job(scene=preset(name), t_end=0.68, options=LINEAR | {"dt": 4.5e-7}) for name in SETUP2
 )
-"""Setup 2 with theta = -0.833, 0 and 0.833, up to about the first event over the interface."""
+"""Setup 2 with theta = -0.833, 0 and 0.833, up to about the first event over the interface. The
+limit of dt is 0.68 us."""
 
 RUNS: dict[str, Job | tuple[Job, ...]] = {
     "fig1": FIG1,
@@ -63,3 +66,76 @@ RUNS: dict[str, Job | tuple[Job, ...]] = {
     "fig4b": FIG4B,
 }
 """What figures are drawn from (`pyfric.figures.FIGURES`): one run, or several."""
+
+# --- claims --------------------------------------------------------------------------------------
+
+T_END = 1.02
+"""End of variations of the Fig. 1 scene, s: just after it slides as a whole."""
+ELEVENTH = 0.75
+"""Just after the 11th main precursor, s."""
+BY_MU_S = {f"mu_s {mu_s:g}": mu_s for mu_s in (0.5, 0.6, 0.8, 0.9)}
+BY_D_C = {f"d_c {d_c * 1e6:g}": d_c for d_c in (0.0, 0.5e-6, 1e-6, 2e-6, 5e-6, 10e-6)}
+BY_ETA = {f"eta {share:g}": share for share in (0.15, 0.22, 0.42)}
+"""In sqrt(k m); 0.316 is the default."""
+BY_K_F = {f"k_f {share:g}": share for share in (1.5, 3.0, 1000.0)}
+"""In k."""
+BY_V = {f"V {share:g}": share for share in (0.5, 2.0)}
+"""In V."""
+MATTRESS = {"mattress on each": "0.4 MN/m on each top block", "mattress rigid": "rigid"}
+"""Run -> what it is; in the others the mattress has 0.4 MN/m in all."""
+H_2A = (2.5, 5.0, 7.5, 10.0, 12.5, 15.0)  # mm
+
+
+def _name_2a(job: Job) -> str:
+    if job is FIG1:
+        return "fig1"
+    scene, finite = job.scene, " finite" if job.options.geometry == "finite" else ""
+    return f"{scene.slider.L * 1e3:g}/{scene.driver.h * 1e3:g}/{scene.F_N:g}{finite}"
+
+
+GRID = tuple(_name_2a(job) for job in FIG2A)
+AT_2700 = {L: tuple(f"{L}/{h:g}/2700" for h in H_2A) for L in (140, 200)}
+BASE = "140/5/3500"
+"""The Fig. 1 scene in linear geometry, up to sliding."""
+AT_F_N = ("140/5/1750 finite", "140/5/2700 finite")
+FRONTS = ("fig4a", "run1", "run2", "run3", "run4")
+
+SPEEDS = {
+    "fig4a": "located switching, m = M/N",
+    "fig4a paper": "switching at the ends of steps of 0.2 us, m = M/N",
+    "fig4a heavy": "located switching, mass per area M/(L H)",
+    "fig4a paper heavy": "switching at the ends of steps of 0.2 us, mass per area M/(L H)",
+}
+"""Run of the Fig. 1 scene up to its 11th main precursor -> how contacts switch, and its mass."""
+
+
+@functools.cache
+def jobs() -> dict[str, Job]:
+    """Return all runs behind the claims by name."""
+    fig1 = preset("fig1")
+    unit = math.sqrt(fig1.slider.k * fig1.m)
+
+    def fig(t_end: float = T_END, **changes: Any) -> Job:
+        return Job(scene=preset("fig1", **changes), t_end=t_end, options=LINEAR)
+
+    found = dict(zip(GRID, FIG2A, strict=True))
+    found |= {"fig4a": FIG1, BASE: fig(0.95)}
+    found |= {job.scene.name: job for job in (*FIG2B, *FIG4B)}
+    F_N = 2700.0
+    job = Job(scene=preset("fig1", F_N=F_N), t_end=0.95 * F_N / 3500, options=FINITE)
+    found["140/5/2700 finite"] = job
+    found |= {name: fig(mu_s=mu_s) for name, mu_s in BY_MU_S.items()}
+    found |= {name: fig(0.92 if d_c < 5e-6 else 0.5, d_c=d_c) for name, d_c in BY_D_C.items()}
+    found |= {name: fig(0.92, eta=share * unit) for name, share in BY_ETA.items()}
+    found |= {name: fig(0.92, k_f=share * fig1.slider.k) for name, share in BY_K_F.items()}
+    found |= {name: fig(T_END / share, V=share * fig1.driver.V) for name, share in BY_V.items()}
+    each, rigid = fig1.N_x * fig1.top.mattress, 1e6 * fig1.top.mattress
+    found |= dict(zip(MATTRESS, (fig(mattress=each), fig(mattress=rigid)), strict=True))
+    N_x, N_z = fig1.N_x, fig1.N_z
+    heavy = preset("fig1", M=fig1.slider.M * N_x * N_z / ((N_x - 1) * (N_z - 1)))
+    paper_steps = {"fidelity": "hybrid", "geometry": "finite", "switching": "step_end", "dt": 2e-7}
+    found["fig4a paper"] = Job(scene=fig1, t_end=ELEVENTH, options=paper_steps)
+    found["fig4a heavy"] = Job(scene=heavy, t_end=ELEVENTH, options=FIG1.options)
+    found["fig4a paper heavy"] = Job(scene=heavy, t_end=ELEVENTH, options=paper_steps)
+    found["chain"] = Job(scene=preset("chain"), t_end=0.55, options={"fidelity": "hybrid"})
+    return found

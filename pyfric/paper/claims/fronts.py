@@ -14,8 +14,8 @@ from pyfric.engines import relaxation_time
 from pyfric.paper.claims import damage as to
 from pyfric.paper.claims.claim import Band, Claim, Damage, Runs, claim
 from pyfric.paper.claims.quantities import furthest, growing, listed
-from pyfric.paper.claims.runs import BASE, BY_ETA, BY_K_F, FRONTS, SPEEDS
 from pyfric.paper.claims.shares import DRAWS, SCATTER, position_alone, shares, told
+from pyfric.paper.runs import BASE, BY_ETA, BY_K_F, FRONTS, SPEEDS
 from pyfric.record import analysis
 from pyfric.scene import Scene, preset
 from pyfric.statics import dispersion

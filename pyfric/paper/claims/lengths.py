@@ -11,19 +11,17 @@ from pyfric.engines import prediction_curve
 from pyfric.paper.claims import damage as to
 from pyfric.paper.claims.claim import Band, Claim, Runs, claim
 from pyfric.paper.claims.quantities import (
-    exponent,
     force_at,
     force_step,
     furthest,
     growing,
     listed,
-    off_line,
     prediction_error,
     rms,
     short,
     straight,
 )
-from pyfric.paper.claims.runs import AT_2700, AT_F_N, BASE, BY_V, GRID, H_2A, SETUP2
+from pyfric.paper.runs import AT_2700, AT_F_N, BASE, BY_V, GRID, H_2A, SETUP2
 from pyfric.record import analysis
 
 WORDS = "the paper's words"
@@ -145,7 +143,8 @@ HEIGHTS_BACKWARDS = {a: b for one in AT_2700.values() for a, b in zip(one, one[:
 @claim("3", *AT_2700[140], *AT_2700[200])
 def _steps_over_h(runs: Runs) -> Iterator[Claim]:
     steps = {(name, L): _steps(runs, name, L) for name in UNITS for L in SMALL}
-    power = {key: exponent(H_SMALL, step) for key, (step, _) in steps.items()}
+    logs = {key: np.polyfit(np.log(H_SMALL), np.log(step), 1) for key, (step, _) in steps.items()}
+    power = {key: float(slope) for key, (slope, _) in logs.items()}
     powers = {name: float(np.mean([power[name, L] for L in SMALL])) for name in UNITS}
     texts = [
         f"{name}, L = {L} mm: {', '.join(f'{one:.3g}' for one in step)} {UNITS[name]}, exponent "
@@ -163,7 +162,8 @@ def _steps_over_h(runs: Runs) -> Iterator[Claim]:
         "the steps grow linearly with h, with an offset (3b). A finer lattice does not change "
         "this: with l = 1.25 mm the steps at L = 140 mm are 4.0, 5.5, 5.3 mm",
     )
-    off = {key: np.abs(off_line(H_SMALL, step)) for key, (step, _) in steps.items()}
+    lines = {key: np.polyfit(H_SMALL, step, 1, w=1 / step) for key, (step, _) in steps.items()}
+    off = {key: np.abs(step - np.polyval(lines[key], H_SMALL)) for key, (step, _) in steps.items()}
     texts = [
         "{}, L = {} mm: {:.2g} {unit} + {:.2g} {unit} h/mm, off it by {:.1%}".format(
             *key, *np.polyfit(H_SMALL, step, 1)[::-1], (off[key] / step).max(), unit=UNITS[key[0]]

@@ -90,7 +90,6 @@ def left_behind(record: Record, events: Iterable[int] | None = None) -> pd.DataF
     """What precursors leave on their slipped, closed blocks, tip block excluded.
 
     Args:
-        record: the run.
         events: numbers of its events; None means the precursors of the first loading.
 
     Returns:
@@ -128,16 +127,6 @@ def weighted(left: pd.DataFrame) -> str:
 def rms(x: Iterable[float]) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(np.square(np.asarray(x)))))
-
-
-def exponent(x: Iterable[float], y: Iterable[float]) -> float:
-    """Slope of ln y over ln x."""
-    return float(np.polyfit(np.log(list(x)), np.log(list(y)), 1)[0])
-
-
-def off_line(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Distance of y from a straight line over x, fitted to relative distances."""
-    return y - np.polyval(np.polyfit(x, y, 1, w=1 / y), x)
 
 
 def listed(numbers: dict[str, float], digits: str = ".3f") -> str:

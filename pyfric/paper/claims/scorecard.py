@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from pyfric.display import jobs_bar
 from pyfric.paper.claims import exact, fronts, lengths, stresses  # noqa: F401 they enter claims
 from pyfric.paper.claims.claim import CLAIMS, Claim, Runs
-from pyfric.paper.claims.runs import jobs
+from pyfric.paper.runs import jobs
 from pyfric.scene import SceneError, nearest
 from pyfric.signals import at_once
 from pyfric.sweeps import run_all, side_by_side

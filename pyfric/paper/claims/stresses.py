@@ -22,7 +22,7 @@ from pyfric.paper.claims.quantities import (
     size,
     weighted,
 )
-from pyfric.paper.claims.runs import AT_2700, BASE, BY_D_C, BY_MU_S, MATTRESS
+from pyfric.paper.runs import AT_2700, BASE, BY_D_C, BY_MU_S, MATTRESS
 from pyfric.record import analysis
 
 if TYPE_CHECKING:

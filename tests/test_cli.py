@@ -23,7 +23,7 @@ from pyfric.cli.commands import main
 from pyfric.cli.commands.run import TABLES
 from pyfric.cli.shared import Exit, Tell
 from pyfric.figures import FIGURES
-from pyfric.paper.page import mathematical
+from pyfric.paper.reproduction import mathematical
 from pyfric.sweeps import runs
 
 SMALL = ("--set", "L=20 mm", "--set", "H=12.5 mm", "--set", "V=500 mm/s")

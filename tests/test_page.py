@@ -11,7 +11,7 @@ import pyfric
 from pyfric.figures import FIGURES
 from pyfric.paper import reproduce, write_index
 from pyfric.paper import runs as paper
-from pyfric.paper.page import mathematical
+from pyfric.paper.reproduction import mathematical
 from pyfric.sweeps import Job
 
 OPTIONS = {"fidelity": "hybrid", "geometry": "linear"}

@@ -1,8 +1,7 @@
 """The paper's runs, page and claims."""
 
 from pyfric.paper import claims
-from pyfric.paper.page import write_index
-from pyfric.paper.reproduction import reproduce
+from pyfric.paper.reproduction import reproduce, write_index
 from pyfric.paper.runs import RUNS
 
 __all__ = ["RUNS", "claims", "reproduce", "write_index"]

@@ -195,11 +195,11 @@ def test_every_figure_has_runs():
 
 
 def test_the_paper_s_scenes():
-    scenes = [job.scene for job in paper.FIG2A]
+    scenes = [job.scene for job in paper.FIG2A.values()]
     assert {one.slider.L for one in scenes} == {0.14, 0.2}
     assert {one.F_N for one in scenes} == {1750, 2700, 3500}
     assert {one.driver.h for one in scenes} == {2.5e-3, 5e-3, 7.5e-3, 10e-3, 12.5e-3, 15e-3}
-    linear = [job.scene.F_N for job in paper.FIG2A if job.options.geometry == "linear"]
+    linear = [job.scene.F_N for job in paper.FIG2A.values() if job.options.geometry == "linear"]
     assert set(linear) == {2700}, "there F_N is only a scale"
     assert len(linear) == 12
     assert [job.scene.top.theta for job in paper.FIG2B] == [-0.833, 0, 0.833]

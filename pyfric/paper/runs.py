@@ -31,26 +31,27 @@ FIG4B = tuple(
     for name, t_end in (("run1", 0.8), ("run2", 0.9), ("run3", 1.0), ("run4", 1.1))
 )
 """Runs 1 to 4, beyond the first event over the whole interface."""
+H_2A = (2.5, 5.0, 7.5, 10.0, 12.5, 15.0)  # mm
+AT_2700 = {L: tuple(f"{L}/{h:g}/2700" for h in H_2A) for L in (140, 200)}
 
 
-def _fig2a(L: float, h: float, F_N: float, options: dict[str, str]) -> Job:
-    name = f"L = {L * 1e3:g} mm, h = {h * 1e3:g} mm, F_N = {F_N:g} N"
-    t_end = (0.95 if 5e-3 <= h <= 10e-3 else 1.02) * F_N / 3500
-    return Job(scene=setup1(L=L, h=h, F_N=F_N, name=name), t_end=t_end, options=options)
+def _fig2a(name: str) -> Job:
+    """Return a run in setup 1 with L (mm), h (mm) and F_N (N) as in its name."""
+    values, _, finite = name.partition(" ")
+    L, h, F_N = map(float, values.split("/"))
+    words = f"L = {L:g} mm, h = {h:g} mm, F_N = {F_N:g} N"
+    t_end = (0.95 if 5 <= h <= 10 else 1.02) * F_N / 3500
+    scene = setup1(L=L / 1e3, h=h / 1e3, F_N=F_N, name=words)
+    return Job(scene=scene, t_end=t_end, options=FINITE if finite else LINEAR)
 
 
-FIG2A = (
-    *(
-        FIG4B[3] if (L, h) == (0.2, 10e-3) else _fig2a(L, h, 2700.0, LINEAR)
-        for L in (0.14, 0.2)
-        for h in (2.5e-3, 5e-3, 7.5e-3, 10e-3, 12.5e-3, 15e-3)
-    ),
-    FIG1,
-    _fig2a(0.14, 5e-3, 1750.0, FINITE),
-    *(_fig2a(0.2, 5e-3, F_N, FINITE) for F_N in (1750.0, 3500.0)),
-)
-"""Setup 1 up to about the first event over the whole interface: all L and h, one of them run 4, and
-other F_N in finite geometry at h = 5 mm."""
+FIG2A = {name: _fig2a(name) for name in AT_2700[140] + AT_2700[200]}
+FIG2A |= {"200/10/2700": FIG4B[3], "fig1": FIG1}
+FIG2A |= {
+    name: _fig2a(name) for name in ("140/5/1750 finite", "200/5/1750 finite", "200/5/3500 finite")
+}
+"""Setup 1 up to about the first event over the whole interface, by "L/h/F_N" in mm and N: all L and
+h, one of them run 4, and other F_N in finite geometry at h = 5 mm."""
 
 SETUP2 = ("setup2-", "setup2", "setup2+")
 FIG2B = tuple(
@@ -61,7 +62,7 @@ limit of dt is 0.68 us."""
 
 RUNS: dict[str, Job | tuple[Job, ...]] = {
     "fig1": FIG1,
-    "fig2a": FIG2A,
+    "fig2a": tuple(FIG2A.values()),
     "fig2b": FIG2B,
     "fig4b": FIG4B,
 }
@@ -83,18 +84,6 @@ BY_V = {f"V {share:g}": share for share in (0.5, 2.0)}
 """In V."""
 MATTRESS = {"mattress on each": "0.4 MN/m on each top block", "mattress rigid": "rigid"}
 """Run -> what it is; in the others the mattress has 0.4 MN/m in all."""
-H_2A = (2.5, 5.0, 7.5, 10.0, 12.5, 15.0)  # mm
-
-
-def _name_2a(job: Job) -> str:
-    if job is FIG1:
-        return "fig1"
-    scene, finite = job.scene, " finite" if job.options.geometry == "finite" else ""
-    return f"{scene.slider.L * 1e3:g}/{scene.driver.h * 1e3:g}/{scene.F_N:g}{finite}"
-
-
-GRID = tuple(_name_2a(job) for job in FIG2A)
-AT_2700 = {L: tuple(f"{L}/{h:g}/2700" for h in H_2A) for L in (140, 200)}
 BASE = "140/5/3500"
 """The Fig. 1 scene in linear geometry, up to sliding."""
 AT_F_N = ("140/5/1750 finite", "140/5/2700 finite")
@@ -118,8 +107,7 @@ def jobs() -> dict[str, Job]:
     def fig(t_end: float = T_END, **changes: Any) -> Job:
         return Job(scene=preset("fig1", **changes), t_end=t_end, options=LINEAR)
 
-    found = dict(zip(GRID, FIG2A, strict=True))
-    found |= {"fig4a": FIG1, BASE: fig(0.95)}
+    found = FIG2A | {"fig4a": FIG1, BASE: fig(0.95)}
     found |= {job.scene.name: job for job in (*FIG2B, *FIG4B)}
     F_N = 2700.0
     job = Job(scene=preset("fig1", F_N=F_N), t_end=0.95 * F_N / 3500, options=FINITE)

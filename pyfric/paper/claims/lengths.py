@@ -21,7 +21,7 @@ from pyfric.paper.claims.quantities import (
     short,
     straight,
 )
-from pyfric.paper.runs import AT_2700, AT_F_N, BASE, BY_V, GRID, H_2A, SETUP2
+from pyfric.paper.runs import AT_2700, AT_F_N, BASE, BY_V, FIG2A, H_2A, SETUP2
 from pyfric.record import analysis
 
 WORDS = "the paper's words"
@@ -75,23 +75,23 @@ def _precursors(runs: Runs) -> Iterator[Claim]:
     )
 
 
-@claim("2", *GRID, AT_F_N[1])
+@claim("2", *FIG2A, AT_F_N[1])
 def _collapse(runs: Runs) -> Iterator[Claim]:
     other_unit = to.each(
         "force over 2700 N instead of F_N",
         to.with_force(lambda record, force: force * record.scene.F_N / 2700),
     )
     tables = {name: growing(record) for name, record in runs.items()}
-    every = pd.concat([tables[name] for name in GRID], ignore_index=True)
+    every = pd.concat([tables[name] for name in FIG2A], ignore_index=True)
     spread = analysis.collapse_spread(every["L_p_over_L"], every["force"], log=False)
-    step = float(np.mean([force_step(tables[name]) for name in GRID]))
+    step = float(np.mean([force_step(tables[name]) for name in FIG2A]))
     yield Claim(
         "2a",
         "length against force is one curve for all L, h and F_N",
         spread.rms / step,
         Band(None, 0.5, HALF, "steps"),
         f"RMS of F_T/F_N about its median in bins of L_p/L ({spread.rms:.4f}) over the mean step "
-        f"between precursors ({step:.4f}); {spread.n} precursors, {len(GRID)} scenes",
+        f"between precursors ({step:.4f}); {spread.n} precursors, {len(FIG2A)} scenes",
         [other_unit],
     )
     yield Claim(
@@ -105,7 +105,7 @@ def _collapse(runs: Runs) -> Iterator[Claim]:
     )
     bent = sorted(
         (straight(short(tables[name]), runs[name].scene.N_x), runs[name].scene.name)
-        for name in GRID
+        for name in FIG2A
         if len(short(tables[name])) > 2
     )
     yield Claim(
@@ -246,10 +246,10 @@ def _load_on_the_trailing_edge(runs: Runs) -> Iterator[Claim]:
     )
 
 
-@claim("5", *GRID, BASE, *SETUP2, *BY_V)
+@claim("5", *FIG2A, BASE, *SETUP2, *BY_V)
 def _prediction(runs: Runs) -> Iterator[Claim]:
     damage = to.each("prediction of mu_s = mu_k = 0.3", to.in_scene(mu_k=0.3))
-    for number, what, names in (("5a", "setup 1", GRID), ("5b", "setup 2", SETUP2)):
+    for number, what, names in (("5a", "setup 1", tuple(FIG2A)), ("5b", "setup 2", SETUP2)):
         errors = {name: prediction_error(runs[name]) for name in names}
         every = np.concatenate(list(errors.values()))
         shares = {name: rms(one) / force_step(growing(runs[name])) for name, one in errors.items()}

@@ -17,9 +17,8 @@ from pyfric.record import (
     analysis,
     front_speed,
     held_in,
-    zone_at_rest,
-    zone_moving,
 )
+from pyfric.record.zones import zone_at_rest, zone_moving
 from pyfric.scene import setup1
 
 F_N, N, L_BLOCK = 1000.0, 11, 2.5e-3

@@ -48,7 +48,7 @@ KINDS = {
         "stability": "ROUNDED BITS",
         "analysis": "ROUNDED",
         "catalogue": "ROUNDED",
-        "nucleation": "ROUNDING",
+        "growth": "ROUNDING",
     },
     "derived": {
         "choice": "PHASE OVERDAMPED",
@@ -58,7 +58,7 @@ KINDS = {
         "pilot": "NEARBY",
         "pauses": "SLOWEST",
         "lattice": "DIRECTIONS",
-        "griffith": "SPEEDS",
+        "growth": "SPEEDS",
         "netcdf": "DEFLATE",
         "creep": "PART",
         "stability": "_REDUCED",

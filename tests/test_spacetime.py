@@ -14,8 +14,8 @@ from pyfric.figures import spacetime
 from pyfric.figures.spacetime import space_time, speeds, theory_times, wave_lines
 from pyfric.figures.strip import event_frames
 from pyfric.figures.style import DataFigure
-from pyfric.record import analysis, griffith_length
-from pyfric.record.griffith import _before
+from pyfric.record import analysis
+from pyfric.record.growth import _before
 from pyfric.scene import chain, setup1
 from pyfric.statics import loaded_state
 
@@ -180,11 +180,11 @@ def test_griffith_length_is_where_it_no_longer_pays(run):
     table = analysis.energy_release(run, longest(run))
     assert (table["Gamma"].dropna() == 0).all()  # no fracture energy without weakening
     table = table.assign(G=0.0, Gamma=1.0)
-    assert griffith_length(table) == 0
+    assert analysis.griffith_length(table) == 0
     table.loc[2:10, "G"] = 2.0  # blocks 3 to 11 of 29
-    assert griffith_length(table) == 11 / 29
+    assert analysis.griffith_length(table) == 11 / 29
     table.loc[2:, "G"] = 2.0
-    assert griffith_length(table) == 1
+    assert analysis.griffith_length(table) == 1
 
 
 def test_no_event_no_motion(run):

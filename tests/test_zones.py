@@ -13,17 +13,9 @@ from test_analysis import MU_K, MU_S, made_up
 
 import pyfric
 from pyfric import theory
-from pyfric.record import (
-    analysis,
-    can_rupture,
-    front_speed,
-    viscous_error,
-    zone_at_rest,
-    zone_moving,
-    zone_notes,
-    zone_of_scene,
-)
+from pyfric.record import analysis, front_speed, viscous_error, zone_notes, zone_of_scene
 from pyfric.record.catalogue import share_X_c, share_X_c0
+from pyfric.record.zones import can_rupture, zone_at_rest, zone_moving
 from pyfric.scene import chain, preset, slab
 
 CRACKS = Path(__file__).parents[1] / "reference_data" / "fronts" / "viscosity.csv"

@@ -10,7 +10,6 @@ from pyfric.record.analysis import (
     energy_release,
     front,
     fronts,
-    griffith_length,
     precursor_lengths,
     stress_profile,
     system_size_events,
@@ -35,12 +34,9 @@ from pyfric.record.rupture import front_speed
 from pyfric.record.zones import (
     RESOLVED,
     blocks_needed,
-    can_rupture,
     chain_notes,
     pace_limits,
     viscous_error,
-    zone_at_rest,
-    zone_moving,
     zone_notes,
     zone_of_scene,
 )

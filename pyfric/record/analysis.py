@@ -22,8 +22,7 @@ import pandas as pd
 import scipy
 from numpy.typing import ArrayLike
 
-from pyfric.record.griffith import energy_release, griffith_length
-from pyfric.record.nucleation import nucleations
+from pyfric.record.growth import energy_release, griffith_length, nucleations
 from pyfric.record.rupture import front_speed
 from pyfric.scene import Scene, SceneError, check_number
 
@@ -187,7 +186,6 @@ def stress_profile(record: Record, event: int | None = None, when: When = "befor
     """Return the static stresses along the interface, as in the paper's Fig. 3.
 
     Args:
-        record: the run.
         event: its number, from 1; None is the loaded slider at F_T = 0.
         when: "before" is the state at the event's first slip, "after" at its last stick; without
             meaning for event = None.
@@ -235,7 +233,7 @@ def front(record: Record, event: int) -> pd.DataFrame:
     """Return the rupture front of one event, as in the paper's Fig. 4.
 
     Args:
-        record: the run; front speeds need the smaller steps of want = "front_speed".
+        record: its front speeds need the smaller steps of want = "front_speed".
         event: its number, from 1.
 
     Returns:
@@ -307,7 +305,6 @@ def compare_curve(
     count, and a shift leaves at least half of them inside.
 
     Args:
-        record: the run.
         t, F_T: measured times, s, increasing, and forces, N, shape (n,), n >= 2.
         largest_shift: largest shift either way, s, >= 0; None means half of the measured time.
 

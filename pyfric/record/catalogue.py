@@ -36,8 +36,8 @@ import pandas as pd
 
 from pyfric.core import OPEN, State
 from pyfric.record.episodes import build_episodes
+from pyfric.record.growth import nucleation_lengths
 from pyfric.record.held import block_array, checked, event_column, found_arrays, held_in, table
-from pyfric.record.nucleation import nucleation_lengths
 from pyfric.record.rupture import (
     count_not_increasing,
     first_slips,
@@ -72,7 +72,6 @@ class Catalogue:
         events: a data frame, one row for each event, counted from 1.
         arrays: arrays over events and blocks by name, shape (n_events, N_x), blocks from the left.
         episodes: a data frame, with the event of each.
-        scene: the scene.
         quiet, switches: the logs, as dicts of arrays.
         t_gap: longest pause inside an event, s.
         t_end: time of the end of the run, s; inf if that is not known.

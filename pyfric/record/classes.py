@@ -71,7 +71,6 @@ def creeps_to_rest(
     to a block held by a stiffness of 6 k, sqrt(12 k E).
 
     Args:
-        scene: the scene.
         state: blocks in motion.
         accelerations: returns those of all blocks, shape (N_z, 2, N_x), in m/s^2.
         more: force that the driver adds, in N.

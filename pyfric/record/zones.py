@@ -65,7 +65,6 @@ def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
     """Return X_c0/l at each block: 0 without weakening, NaN where p is 0 or NaN.
 
     Args:
-        scene: the scene.
         p: normal forces on the blocks from left to right, shape (..., N_x), N; where it is NaN, a
             prescribed one is taken.
 
@@ -86,7 +85,6 @@ def zone_moving(scene: Scene, p: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return X_c(v)/l at each block; NaN where v is, and where it is not below c_R.
 
     Args:
-        scene: the scene.
         p: as in `zone_at_rest`.
         v: front speeds, of the same shape, m/s.
 
@@ -127,7 +125,6 @@ def zone_of_scene(scene: Scene, speed: float = 0.0) -> float:
     Where p is not given it is F_N/N_x.
 
     Args:
-        scene: the scene.
         speed: v over c_R, or over c in a chain; below 1.
     """
     v = np.full(scene.N_x, speed * pace_limits(scene)[0])
@@ -164,7 +161,6 @@ def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ..
     Where no static state is known, as under a push, p is F_N/N_x.
 
     Args:
-        scene: the scene.
         engine: name of the engine.
         catalogue: of the run; main events whose fronts have speeds count.
     """

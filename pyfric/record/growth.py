@@ -1,0 +1,227 @@
+"""Where slip loses stability and how far it grows, from static states before an event.
+
+**Nucleation.** From the state of rest before an event, stable slip is followed as static states
+(`pyfric.statics.creep`) until none is near: an eigenvalue of the slipping part has passed zero, or
+a block that would have to slip lets it pass. The extent of the blocks that slip then is the
+nucleation length. It follows from statics alone, whichever engine made the record. For a long
+interface in an infinite body and linear weakening it does not depend on how the load is spread:
+2 h_n = 1.158 mu* /W with mu* = E'/2 and W = (mu_s - mu_k) p/D_c, two bodies.
+
+**Energy release** of a front that grows from the trailing edge. The front is taken as it would run
+without inertia: from the static state just before its event, with the driver where it is when the
+front ends, blocks 1, 2, ... are released one after the other, those behind carry mu_k p, those
+ahead are held. Block n is held by f before it is released and moves by du. Its excess force falls
+from f - mu_k p to 0, in proportion to the displacement (linear geometry), so that the front spends
+
+    G_n = (f - mu_k p) du/2
+
+on it, over l B the energy release rate G(a) at a = n l. It grows while G exceeds the fracture
+energy Gamma_n = (mu_s - mu_k) p d_c/2 (Griffith). With inertia its speed is the root of
+g_II(v) G = Gamma, which leaves out waves from the sides of the slider.
+
+Source: K. Uenishi and J. R. Rice, J. Geophys. Res. 108, 2042 (2003); L. B. Freund, Dynamic Fracture
+Mechanics (1990), chapters 5 and 7; the virtual crack closure of E. F. Rybicki and M. F. Kanninen,
+Eng. Fract. Mech. 9, 931 (1977).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from pyfric.core import OPEN, STUCK
+from pyfric.record.zones import material_of
+from pyfric.scene import SceneError
+from pyfric.statics import (
+    LARGE,
+    Contact,
+    ContactProblem,
+    Creep,
+    EquilibriumError,
+    creeps,
+    loaded_state,
+)
+from pyfric.theory import g_II
+
+if TYPE_CHECKING:
+    from pyfric.record.record import Record
+
+SPEEDS = 2001
+"""Speeds up to c_R between which g_II is taken as straight: a root is off by less than c_R/2000
+(rounding)."""
+ROUNDING = 1e-9
+"""An event is followed from this share of the driver's way before its first slip (rounding: the way
+is known to 1e-16 of itself, and what follows from it to a hundred thousand times that)."""
+
+
+def _condensed(record: Record) -> tuple[ContactProblem, float]:
+    """Return the condensed slider of a record, and the driver's position at t = 0, in m."""
+    scene, u_drv0 = record.scene, getattr(record.final_state, "u_drv0", None)
+    u_drv0 = loaded_state(scene).u_drv0 if u_drv0 is None else u_drv0
+    return ContactProblem(scene, u_drv0), scene.d * float(np.mean(u_drv0))
+
+
+# --- nucleation ----------------------------------------------------------------------------------
+
+
+def nucleations(record: Record) -> pd.DataFrame:
+    """Return where the events of a record lose stability; see the module.
+
+    Finite geometry is treated as linear.
+
+    Returns:
+        One row for each event before which all blocks are stuck. Columns: event; t (s) and F_T (N)
+        at the end of stable slip; first_block, last_block and n_blocks of the blocks that slip
+        then, counted from the trailing edge; length (m) from first to last block. NaN and 0 if slip
+        stays stable, if the driver does not move on, or if loads differ from those at t = 0.
+
+    Raises:
+        SceneError: friction does not weaken over a length, or depends on more than slip.
+    """
+    scene = record.scene
+    if not creeps(scene.law):
+        raise SceneError(
+            "interface.d_c", scene.interface.d_c, "m", "> 0, and a law of slip alone",
+            "slip does not lose stability",
+        )  # fmt: skip
+    problem, begin = _condensed(record)
+    rows = []
+    for event, row in record.events["quiet_start"].items():
+        if row >= 0:
+            t = float(record.events["t_start"].loc[event])
+            rows.append({"event": event} | _nucleation(problem, record, int(row), begin, t))
+    names = ["event", "t", "F_T", "first_block", "last_block", "n_blocks", "length"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def nucleation_lengths(record: Record) -> np.ndarray | None:
+    """Return `length` of `nucleations` for each event, (n_events,), in m; NaN where there is none.
+
+    None where friction does not weaken with slip alone, where no static states are known, and on
+    lattices of more than `LARGE` unknowns, for which it takes too long to be done unasked.
+    """
+    scene = record.scene
+    if not creeps(scene.law) or not scene.has_rests or 2 * scene.N_x * scene.N_z > LARGE:
+        return None
+    lengths = np.full(len(record.events), np.nan)
+    if len(lengths):
+        table = nucleations(record)
+        lengths[table["event"].to_numpy(dtype=int) - 1] = table["length"]
+    return lengths
+
+
+def _nucleation(
+    problem: ContactProblem, record: Record, row: int, begin: float, t: float
+) -> dict[str, float]:
+    """Return one row of `nucleations`."""
+    scene, none = record.scene, np.zeros(record.scene.N_x)
+    u_x, mode = (record.quiet[name][row] for name in ("u_x", "mode"))
+    creep = Creep(problem, u_x, none, mode != OPEN, none)
+    none = dict.fromkeys(("t", "F_T", "first_block", "last_block"), np.nan)
+    none |= {"n_blocks": 0, "length": np.nan}
+    legs = scene.legs(float(record.curve["t"].iloc[-1]))
+    leg = next(one for one in reversed(legs) if one.t <= t)
+    if leg.way < 1 or scene.load_at(t) != scene.load_at(0.0):
+        return none
+    near = max(scene.drive(t) - ROUNDING * abs(scene.drive(t)), leg.first)
+    try:
+        path, changes = creep.nucleate(begin + near, begin + leg.last)
+    except EquilibriumError:  # nothing is left that carries the slider
+        return none
+    n = np.sort(scene.n_of_i[creep.way != 0])
+    if changes[-1].what != "unstable" or not path or not n.size:
+        return none
+    return {
+        "t": leg.time_at(path[-1].drive - begin),
+        "F_T": path[-1].F_T,
+        "first_block": int(n[0]),
+        "last_block": int(n[-1]),
+        "n_blocks": n.size,
+        "length": (n[-1] - n[0] + 1) * scene.slider.l,
+    }
+
+
+# --- energy release ------------------------------------------------------------------------------
+
+
+def energy_release(record: Record, event: int) -> pd.DataFrame:
+    """Return the energy release along the interface; see the module.
+
+    Args:
+        event: its number, from 1.
+
+    Returns:
+        One row per block. Columns: n; x_over_L; G and Gamma of the block, in J (over l B in J/m^2);
+        v, the speed in m/s at which g_II(v) G = Gamma. G and Gamma are NaN where the block is open
+        or slips already. v is 0 where G < Gamma, and NaN for a chain.
+
+    Raises:
+        SceneError: no such event, the record holds no state just before it, or the interface has
+            junctions, whose fracture energy is not defined.
+    """
+    if not record.scene.law.rests:
+        kind, reason = record.scene.interface.law.kind, "their fracture energy is not defined"
+        raise SceneError("interface.law", kind, "", "a law without junctions", reason)
+    contact, scene = _before(record, event), record.scene
+    law, order = scene.law, np.argsort(scene.n_of_i)
+    G, Gamma = np.full(scene.N_x, np.nan), np.full(scene.N_x, np.nan)
+    for n, i in enumerate(order):
+        if contact.free[i]:
+            continue
+        now = contact.values()
+        contact.change(i, scene.d)
+        excess = -scene.d * now.f[i] - law.slide(now.p)[i]
+        G[n] = excess * scene.d * (contact.values().u_x[i] - now.u_x[i]) / 2
+        Gamma[n] = law.fracture_energy(now.p)[i]
+    n = np.arange(1, scene.N_x + 1)
+    at = {"n": n, "x_over_L": (n - 1) / (scene.N_x - 1)}
+    return pd.DataFrame(at | {"G": G, "Gamma": Gamma, "v": _speeds(record, G, Gamma)})
+
+
+def griffith_length(table: pd.DataFrame) -> float:
+    """Return L_p/L where a front stops without inertia: past the last block where G reaches Gamma.
+
+    It is the end of the longest stretch in which G exceeds Gamma, 0 if there is none. Before this
+    stretch slip is stable; single blocks there may exceed Gamma, too.
+
+    Args:
+        table: what `energy_release` returned.
+    """
+    pays = (table["G"] > table["Gamma"]).to_numpy()
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], pays, [False]]).astype(int)))
+    if not ends.size:
+        return 0.0
+    first, last = ends[::2], ends[1::2]
+    return int(last[np.argmax(last - first)]) / len(table)
+
+
+def _before(record: Record, event: int) -> Contact:
+    """Return the interface just before an event, held; open blocks are free."""
+    scene, of_event = record.scene, record.row(event)
+    row = int(record.events["quiet_start"].loc[event])
+    if row < 0:
+        allowed = "an event before which all blocks are stuck"
+        raise SceneError("event", event, "", allowed, "the record holds no state before it")
+    u_x, mode = (record.quiet[name][row] for name in ("u_x", "mode"))
+    times = record.rupture_times[of_event]
+    known = times[np.isfinite(times)]
+    t = known.max() if known.size else record.events["t_start"].loc[event]
+    if scene.load_at(0.0) is not None:
+        reason = "static states under a changing F_N or T are not computed"
+        raise SceneError("top.protocol", scene.load_at(float(t)), "N", "none", reason)
+    problem, begin = _condensed(record)
+    return Contact(problem, u_x, begin + scene.drive(float(t)), np.where(mode == OPEN, OPEN, STUCK))
+
+
+def _speeds(record: Record, G: np.ndarray, Gamma: np.ndarray) -> np.ndarray:
+    """Return the roots of g_II(v) G = Gamma, m/s."""
+    scene = record.scene
+    if scene.N_z == 1:
+        return np.full(G.shape, np.nan)
+    material = material_of(scene)
+    v = np.linspace(0, material.c_R, SPEEDS)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        need = np.where(G > 0, Gamma / G, np.where(np.isnan(G), np.nan, np.inf))
+    return np.interp(-need, -g_II(material, v), v, left=0.0)

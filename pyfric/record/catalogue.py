@@ -88,7 +88,7 @@ class Catalogue:
     _found: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        names = [name for name, one in held_in("events").items() if one.find and not one.late]
+        names = [name for name, one in held_in("events").items() if one.find and one.required]
         self.events = table("events", pd.DataFrame({name: self[name] for name in names}))
         self.arrays = {name: self[name] for name in found_arrays()}
 
@@ -385,8 +385,7 @@ def quiet_stop(of: Catalogue) -> np.ndarray:
     return of.quiet_rows(-1, steps)
 
 
-@event_column("m", "length at which stable slip loses stability, by static states",
-              required=False, late=True)  # fmt: skip
+@event_column("m", "length at which stable slip loses stability, by static states", required=False)
 def nucleation_length(record: Record) -> np.ndarray | None:
     return nucleation_lengths(record)
 

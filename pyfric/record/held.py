@@ -36,7 +36,7 @@ class Held(NamedTuple):
         unit, meaning: for whoever reads them.
         required: False for what some records do not have.
         find: function that computes it, for columns of events and arrays over events and blocks.
-        late: whether that takes a whole `Record`.
+            It takes a `Catalogue`, or a whole `Record` for what is not required.
     """
 
     group: str
@@ -47,7 +47,6 @@ class Held(NamedTuple):
     meaning: str
     required: bool = True
     find: Find | None = None
-    late: bool = False
 
     @property
     def variable(self) -> str:
@@ -100,8 +99,8 @@ def found_arrays() -> dict[str, Held]:
 def event_column(unit: str, meaning: str, dtype: type = float, **how: bool) -> Enter:
     """Enter the function below as a column of the table of events, under its own name.
 
-    It takes a `Catalogue` and returns one value for each event. With late = True it takes the
-    `Record` that holds all else; with required = False it may return None, for no such column.
+    It takes a `Catalogue` and returns one value for each event. With required = False it takes the
+    `Record` that holds all else, and may return None, for no such column.
     """
     return lambda find: _found("events", ("event",), dtype, unit, meaning, find, **how)
 

@@ -179,10 +179,10 @@ class Record:
 
     def with_late_columns(self) -> Self:
         """Return the record with the columns of events that are found from a whole record."""
-        columns = {name: one for name, one in held_in("events").items() if one.late}
-        missing = {name: columns[name].find(self) for name in set(columns) - set(self.events)}
-        missing = {name: values for name, values in missing.items() if values is not None}
-        return self.replace(events=self.events.assign(**missing)) if missing else self
+        events = self.events
+        missing = [one for name, one in held_in("events").items() if name not in events]
+        found = {one.name: values for one in missing if (values := one.find(self)) is not None}
+        return self.replace(events=events.assign(**found)) if found else self
 
     def replace(self, **changes: Any) -> Self:
         """Return the record with other values of its attributes, arrays over blocks included."""

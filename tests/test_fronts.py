@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyfric.record import zone_at_rest
+from pyfric.record.zones import zone_at_rest
 from pyfric.scene import preset
 
 

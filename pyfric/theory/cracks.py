@@ -1,7 +1,7 @@
 """Linear elastic fracture mechanics of frictional cracks: sub-Rayleigh fronts in mode II.
 
-A crack |x| < a in an infinite plane drops the shear stress by dtau and runs at the speed v on both
-sides, v < c_R. With r = (c_S/c_P)^2, E' = `Material.E_prime` and
+A crack |x| < a in an infinite plane drops the shear stress by dtau(x) and runs at the speed v on
+both sides, v < c_R. With r = (c_S/c_P)^2, E' = `Material.E_prime` and
 
     alpha_s = sqrt(1 - v^2/c_S^2),  alpha_d = sqrt(1 - v^2/c_P^2),
     D = 4 alpha_d alpha_s - (1 + alpha_s^2)^2,
@@ -24,15 +24,22 @@ Seismol. Soc. Am. 75, 1 (1985).
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from pyfric.theory.inputs import checked, checked_array, choice, refusal, same_shape
 from pyfric.theory.waves import Material, reduced_D
 
 Bodies = Literal[1, 2]
+StressDrop = "float | Callable[[float], float]"
+
+ACCURACY = 1e-8
+"""Largest error accepted from the quadrature of a stress drop, over its largest value."""
 
 ANDREWS_S = 1.77
 """In two dimensions a crack can become supershear only where S is below this (Andrews 1985)."""
@@ -115,17 +122,37 @@ def g_II(material: Material, v: ArrayLike) -> np.ndarray:
 # --- cracks --------------------------------------------------------------------------------------
 
 
-def stress_intensity(a: ArrayLike, stress_drop: float) -> np.ndarray:
-    """Return the static K_II = dtau sqrt(pi a) of a crack under a uniform stress drop, Pa sqrt(m).
+def stress_intensity(
+    a: ArrayLike, stress_drop: StressDrop, breaks: Sequence[float] = ()
+) -> np.ndarray:
+    """Return the static K_II of a crack, Pa sqrt(m).
+
+    K_II = (2/sqrt(pi)) integral_0^a dtau(t) sqrt(a/(a^2 - t^2)) dt. With t = a sin(theta) the
+    integrand is dtau(a sin theta), without singularity.
 
     Args:
         a: half length of the crack, m, any shape.
-        stress_drop: dtau, Pa.
+        stress_drop: dtau, Pa: a number, or a function of the distance t >= 0 from the middle (m),
+            even in t.
+        breaks: distances t > 0 at which the function jumps or has a kink, m.
 
-    Source: Freund (1990), chapter 6.
+    Returns:
+        K_II, in the shape of a; dtau sqrt(pi a) where dtau is uniform.
+
+    Raises:
+        ValueError: a value is out of range, the function returns what is not a finite number, or
+            the quadrature does not reach `ACCURACY` (breaks are missing).
+
+    Source: Freund (1990), chapter 6; H. Tada et al., The Stress Analysis of Cracks Handbook.
     """
-    dtau, a = checked("stress_drop", stress_drop, "Pa"), checked_array("a", a, "m", gt=0)
-    return (dtau * np.sqrt(np.pi * a))[()]
+    a = checked_array("a", a, "m", gt=0)
+    if not callable(stress_drop):
+        return (checked("stress_drop", stress_drop, "Pa") * np.sqrt(np.pi * a))[()]
+    if len(breaks):
+        breaks = checked_array("breaks", breaks, "m", gt=0)
+    breaks = np.sort(np.ravel(breaks))
+    K = [_intensity(one, stress_drop, breaks[breaks < one]) for one in a.flat]
+    return np.reshape(K, a.shape)[()]
 
 
 def energy_release_rate(
@@ -171,15 +198,21 @@ def crack_length(
 
 
 def crack_speed(
-    material: Material, a: ArrayLike, stress_drop: float, Gamma: ArrayLike, *, bodies: Bodies = 1
+    material: Material,
+    a: ArrayLike,
+    stress_drop: StressDrop,
+    Gamma: ArrayLike,
+    *,
+    breaks: Sequence[float] = (),
+    bodies: Bodies = 1,
 ) -> np.ndarray:
-    """Return the front speed of a crack under a uniform stress drop: the root of G = Gamma, m/s.
+    """Return the front speed of a crack of half length a, m/s: the root of G(a, v) = Gamma.
 
     It is 0 where the crack is too short to grow, or K_II <= 0.
 
     Args:
         a: half length, m, any shape.
-        stress_drop: dtau, Pa.
+        stress_drop, breaks: as in `stress_intensity`.
         Gamma: fracture energy at the tip in the convention of `bodies`, J/m^2, a number or one for
             each a; 0 gives c_R.
         bodies: 1, on a rigid plane, or 2.
@@ -190,7 +223,7 @@ def crack_speed(
     a, Gamma = same_shape(
         a=checked_array("a", a, "m", gt=0), Gamma=checked_array("Gamma", Gamma, "J/m^2", ge=0)
     )
-    K = np.maximum(stress_intensity(a, stress_drop), 0.0)
+    K = np.maximum(stress_intensity(a, stress_drop, breaks), 0.0)
     static = share * K**2 / material.E_prime
     low, high = np.zeros(a.shape), np.full(a.shape, material.c_R / material.c_S)
     for _ in range(52):
@@ -309,3 +342,26 @@ def _I(xi: np.ndarray, r: float) -> np.ndarray:
 def _g(xi: np.ndarray, r: float) -> np.ndarray:
     D_over_xi2 = np.maximum(reduced_D(xi**2, r), 0.0)
     return 2 * (1 - r) * _I(xi, r) ** 2 * D_over_xi2 / np.sqrt(1 - xi**2)
+
+
+def _intensity(a: float, stress_drop: Callable[[float], float], breaks: np.ndarray) -> float:
+    peak = 0.0
+
+    def value(theta: float) -> float:
+        nonlocal peak
+        dtau = checked("stress_drop(t)", stress_drop(a * np.sin(theta)), "Pa")
+        peak = max(peak, abs(dtau))
+        return dtau
+
+    ends = [0.0, *np.arcsin(breaks / a), np.pi / 2]
+    total = error = 0.0
+    for low, high in itertools.pairwise(ends):
+        part, wrong, *_ = scipy.integrate.quad(
+            value, low, high, epsabs=0, epsrel=1e-10, full_output=1
+        )
+        total, error = total + part, error + wrong
+    if error > ACCURACY * peak:
+        found = f"its quadrature for a = {a:.6g} m is uncertain by {error:.1g} Pa"
+        allowed = f"a function smooth between its breaks; {found}"
+        raise refusal("stress_drop", stress_drop, "", allowed)
+    return 2 * np.sqrt(a / np.pi) * total

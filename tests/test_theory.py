@@ -36,14 +36,6 @@ def refused(field, call, *args, **kwargs):
         call(*args, **kwargs)
 
 
-def nu_plane_stress(material):
-    return 1 - 2 * material.r
-
-
-def nu_plane_strain(material):
-    return (1 - 2 * material.r) / (2 * (1 - material.r))
-
-
 # --- waves ---------------------------------------------------------------------------------------
 
 
@@ -103,13 +95,16 @@ def test_speeds_of_the_paper():
     assert (round(slider.c_P), round(slider.c_S)) == (1677, 968)
     assert slider.rho == pytest.approx(scene.slider.M / (scene.slider.L * scene.slider.H * B))
     assert slider.E_prime == pytest.approx(4 * k / (3 * B), rel=1e-12)
-    assert nu_plane_stress(slider) == pytest.approx(1 / 3)
-    assert nu_plane_strain(slider) == pytest.approx(1 / 4)
+    assert slider.nu_plane_stress == pytest.approx(1 / 3)
+    assert slider.nu_plane_strain == pytest.approx(1 / 4)
 
 
 def test_rayleigh_speed():
     """Against the cubic of Rayleigh's equation, which is another form of D = 0."""
     assert theory.rayleigh_speed(np.sqrt(3), 1.0) == pytest.approx(0.919402, abs=5e-7)
+    assert theory.Material.plane_strain(1e9, 0.25, 1e3).c_R == pytest.approx(
+        0.919402 * np.sqrt(1e6 / 2.5), rel=1e-6
+    )
     assert CAUCHY.c_R**2 == pytest.approx(2 - 2 / np.sqrt(3), rel=1e-13)  # closed for lambda = mu
     for material in (ROCK, STIFF, SOFT):
         r = material.r
@@ -117,6 +112,19 @@ def test_rayleigh_speed():
         real = roots[(abs(roots.imag) < 1e-9) & (roots.real > 0) & (roots.real < 1)].real
         assert len(real) == 1
         assert material.c_R / material.c_S == pytest.approx(np.sqrt(real[0]), rel=1e-10)
+
+
+@pytest.mark.parametrize("nu", [-0.5, 0.0, 0.2, 1 / 3, 0.45])
+def test_plane_stress_and_plane_strain(nu):
+    """Plane stress with nu is plane strain with nu/(1 + nu)."""
+    E, rho = 3e9, 1200.0
+    plate, bulk = theory.Material.plane_stress(E, nu, rho), theory.Material.plane_strain(E, nu, rho)
+    assert plate.nu_plane_stress == pytest.approx(nu, abs=1e-12)
+    assert plate.nu_plane_strain == pytest.approx(nu / (1 + nu), abs=1e-12)
+    assert bulk.nu_plane_strain == pytest.approx(nu, abs=1e-12)
+    assert plate.E_prime == pytest.approx(E, rel=1e-12)
+    assert bulk.E_prime == pytest.approx(E / (1 - nu**2), rel=1e-12)
+    assert plate.mu == pytest.approx(E / (2 * (1 + nu)), rel=1e-12)
 
 
 # --- cracks --------------------------------------------------------------------------------------
@@ -185,9 +193,9 @@ def test_functions_of_the_front_speed(material):
     np.testing.assert_allclose(d**2, 1 - (v / material.c_P) ** 2, rtol=1e-12)
     D = theory.D(material, v)
     np.testing.assert_allclose(D, 4 * s * d - (1 + s**2) ** 2, rtol=0, atol=1e-14)
-    A = v**2 * s / ((1 - nu_plane_strain(material)) * material.c_S**2 * D)
+    A = v**2 * s / ((1 - material.nu_plane_strain) * material.c_S**2 * D)
     np.testing.assert_allclose(theory.A_II(material, v), A, rtol=1e-9)
-    in_plate = v**2 * s * (1 + nu_plane_stress(material)) / (material.c_S**2 * D)
+    in_plate = v**2 * s * (1 + material.nu_plane_stress) / (material.c_S**2 * D)
     np.testing.assert_allclose(A, in_plate, rtol=1e-12)
     g = theory.g_II(material, v)
     np.testing.assert_allclose(g, A * theory.k_II(material, v) ** 2, rtol=1e-9)
@@ -245,17 +253,15 @@ def test_one_body_is_half_of_two():
 def test_cohesive_zone():
     """2.54 mm for each micrometre of d_c in the paper's scene; shorter by A_II when it runs."""
     E, p = 3e9, 3500 / (0.14 * 6e-3)
-    c_S = np.sqrt(E / (2 * 1200.0 * (1 + 1 / 3)))
-    material = theory.Material(c_P=np.sqrt(3) * c_S, c_S=c_S, rho=1200.0)  # nu of a plate is 1/3
+    material = theory.Material.plane_stress(E, 1 / 3, 1200.0)
     X_c0 = theory.cohesive_zone(material, 0.7, 0.45, p, 1e-6)
     assert X_c0 == pytest.approx(9 * np.pi / 32 * E * 1e-6 / (0.25 * p))
     assert X_c0 == pytest.approx(2.5447e-3, abs=5e-8)
     v = 0.9 * material.c_R
     X_c = theory.cohesive_zone(material, 0.7, 0.45, p, 1e-6, v)
     assert X_c * theory.A_II(material, v) == pytest.approx(X_c0)
-    mu = ROCK.rho * ROCK.c_S**2
     assert theory.cohesive_zone(ROCK, 0.677, 0.525, 120e6, 0.4, bodies=2) == pytest.approx(
-        9 * np.pi / 32 * mu / (1 - nu_plane_strain(ROCK)) * 0.4 / (0.152 * 120e6)
+        9 * np.pi / 32 * ROCK.mu / (1 - ROCK.nu_plane_strain) * 0.4 / (0.152 * 120e6)
     )
 
 
@@ -509,6 +515,7 @@ def test_pressure_balances_force_and_torque(drive):
         ("c_P", lambda: theory.Material(c_P=1.0, c_S=1.0, rho=1.0)),
         ("rho", lambda: theory.Material(c_P=2.0, c_S=1.0, rho=0.0)),
         ("c_S", lambda: theory.rayleigh_speed(2.0, -1.0)),
+        ("nu", lambda: theory.Material.plane_strain(1.0, 0.5, 1.0)),
         ("B", lambda: theory.Material.of_lattice(1.0, 1.0, 1.0, 0.0)),
         ("k", lambda: theory.lattice_waves(np.nan, 1.0, 1.0)),
         ("q", lambda: theory.lattice_waves(1.0, 1.0, 1.0, [0.1, 3.2])),
@@ -560,7 +567,7 @@ def test_a_quantity_does_not_lose_its_unit():
     for given in (5 * units.mm, [5 * units.mm], units.Quantity([1.0, 2.0], "mm"), "5 mm"):
         with pytest.raises(ValueError, match=r"(?s)^a = .*; allowed: plain numbers, in m"):
             theory.stress_intensity(given, 1e6)
-    refused("rho", theory.Material, c_P=2.0, c_S=1.0, rho=3 * units.kg / units.m**3)
+    refused("E", theory.Material.plane_stress, 3 * units.GPa, 0.3, 1200.0)
 
 
 def test_shapes():

@@ -166,15 +166,58 @@ class Material:
         c_S = lattice_waves(k, m, l, polarisation="shear").phase
         return cls(c_P=c_P, c_S=c_S, rho=m / (l**2 * checked("B", B, "m", gt=0)))
 
+    @classmethod
+    def plane_stress(cls, E: float, nu: float, rho: float) -> Self:
+        """Return a thin plate: c_P^2 = E/(rho (1 - nu^2)), c_S^2 = E/(2 rho (1 + nu)).
+
+        Args:
+            E: Young modulus, Pa.
+            nu: Poisson's ratio, -0.99 to 0.5.
+            rho: density, kg/m^3.
+        """
+        E, rho = checked("E", E, "Pa", gt=0), checked("rho", rho, "kg/m^3", gt=0)
+        nu = checked("nu", nu, ge=-0.99, le=0.5)
+        c_P, c_S = np.sqrt(E / (rho * (1 - nu**2))), np.sqrt(E / (2 * rho * (1 + nu)))
+        return cls(c_P=c_P, c_S=c_S, rho=rho)
+
+    @classmethod
+    def plane_strain(cls, E: float, nu: float, rho: float) -> Self:
+        """Return a thick body: c_P^2 = E (1 - nu)/(rho (1 + nu)(1 - 2 nu)), c_S as in a plate.
+
+        Args:
+            E: Young modulus, Pa.
+            nu: Poisson's ratio, -0.99 to 0.499999.
+            rho: density, kg/m^3.
+        """
+        E, rho = checked("E", E, "Pa", gt=0), checked("rho", rho, "kg/m^3", gt=0)
+        nu = checked("nu", nu, ge=-0.99, le=0.499999)
+        c_S = np.sqrt(E / (2 * rho * (1 + nu)))
+        return cls(c_P=c_S * np.sqrt(2 * (1 - nu) / (1 - 2 * nu)), c_S=c_S, rho=rho)
+
     @property
     def r(self) -> float:
         """(c_S/c_P)^2."""
         return (self.c_S / self.c_P) ** 2
 
     @property
+    def mu(self) -> float:
+        """Shear modulus, Pa."""
+        return self.rho * self.c_S**2
+
+    @property
     def E_prime(self) -> float:
-        """E in plane stress, E/(1 - nu^2) in plane strain: 4 rho c_S^2 (1 - r) in both, Pa."""
-        return 4 * (self.rho * self.c_S**2) * (1 - self.r)
+        """E in plane stress, E/(1 - nu^2) in plane strain: 4 mu (1 - r) in both, Pa."""
+        return 4 * self.mu * (1 - self.r)
+
+    @property
+    def nu_plane_stress(self) -> float:
+        """Poisson's ratio of the plate with these speeds, 1 - 2 r."""
+        return 1 - 2 * self.r
+
+    @property
+    def nu_plane_strain(self) -> float:
+        """Poisson's ratio of the thick body with these speeds, (1 - 2 r)/(2 (1 - r))."""
+        return (1 - 2 * self.r) / (2 * (1 - self.r))
 
     @functools.cached_property
     def c_R(self) -> float:

@@ -19,15 +19,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import NamedTuple, Self
 
 from platformdirs import user_cache_path
 
 from pyfric.record import Record, RecordError
 from pyfric.scene import Scene, SceneError, clean_drafts, write
-
-if TYPE_CHECKING:
-    from filelock import BaseFileLock
 
 CACHE_VARIABLE = "PYFRIC_CACHE"
 """Environment variable that names another folder for finished runs."""
@@ -170,48 +167,36 @@ class Store:
     def reserved(self, key: str, what: str, look: Callable[[], None]) -> Iterator[bool]:
         """Lock a run for the block, once no other process makes it; yield whether it is locked.
 
+        It is not locked in a folder that takes no files, or no locks.
+
         Args:
             key: of the run.
             what: what it is, for the line that says who is waited for.
             look: called again and again while waiting; what it raises ends that.
         """
-        lock = None if self.folder is None else self._locked(key, what, look)
-        try:
-            yield lock is not None
-        finally:
-            if lock is not None:
-                with suppress(OSError):
-                    self.lock_file(key).unlink()
-                lock.release()
-
-    def _locked(self, key: str, what: str, look: Callable[[], None]) -> BaseFileLock | None:
-        """Return the lock of a run; None in a folder that takes no files, or no locks."""
-        from filelock import FileLock, Timeout  # slow to import
+        from filelock import FileLock  # slow to import
 
         path, begin = self.lock_file(key), time.monotonic()
-        lock = FileLock(path, timeout=POLL, fallback_to_soft=False)
+        lock = FileLock(path, poll_interval=POLL, fallback_to_soft=False)
+
+        def waiting() -> bool:
+            look()
+            if time.monotonic() - begin > SILENCE:
+                with suppress(OSError):
+                    log(f"waiting for {path.read_text() or 'another process'}, which makes {what}")
+            return False
+
+        if self.folder is not None:
+            with suppress(OSError):
+                lock.acquire(cancel_check=waiting)
+                path.write_text(f"process {os.getpid()} of {socket.gethostname()}")
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            while not lock.is_locked:
-                with suppress(Timeout):
-                    lock.acquire()
-                    break
-                look()
-                if time.monotonic() - begin > SILENCE:
-                    log(f"waiting for {_holder(path)}, which makes {what}")
-        except OSError:
-            return None
-        with suppress(OSError):  # the disk may be full
-            path.write_text(f"process {os.getpid()} of {socket.gethostname()}")
-        return lock
-
-    def clear(self) -> None:
-        """Delete the files of locks that nobody holds."""
-        for path in self.folder.glob(f".*{LOCK}") if self.folder else ():
-            from filelock import FileLock
-
-            with suppress(OSError), FileLock(path, timeout=0, fallback_to_soft=False):
-                path.unlink()
+            yield lock.is_locked
+        finally:
+            if lock.is_locked:
+                with suppress(OSError):
+                    path.unlink()
+                lock.release()
 
     # --- what goes -------------------------------------------------------------------------------
 
@@ -253,12 +238,10 @@ class Store:
         for entry in self.entries(FAILED):
             if entry.age > (FORGET if older_than is None else older_than):
                 entry.delete()
-        self.clear()
+        from filelock import FileLock
+
+        for path in self.folder.glob(f".*{LOCK}"):
+            with suppress(OSError), FileLock(path, timeout=0, fallback_to_soft=False):
+                path.unlink()  # nobody holds it
         return gone, clean_drafts(self.folder)
 
-
-def _holder(path: Path) -> str:
-    """Return who holds a lock."""
-    with suppress(OSError):
-        return path.read_text() or "another process"
-    return "another process"

@@ -15,6 +15,7 @@ Source: K. Thøgersen et al., Phys. Rev. E 100, 043004 (2019), for the chain and
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
@@ -41,7 +42,7 @@ from pyfric.sweeps.runs import Job, run_all
 from pyfric.sweeps.store import Cache
 from pyfric.sweeps.varied import Scale
 
-Labels = Mapping[str, Callable[["Record"], Hashable]]
+Labels = Mapping[str, Callable[[Record], Hashable]]
 Axis = tuple[str, Sequence[float] | np.ndarray]
 
 ALPHA = np.logspace(-3, 1, 20)
@@ -70,6 +71,8 @@ PACES: Mapping[frozenset[str], tuple[float, int]] = {
 }
 """Two paces -> the speed between them: a share of one of the two limits of a scene."""
 
+Pair = tuple[Hashable, ...]
+"""Labels below and above a line."""
 Row = dict[str, Any]
 """What became of a run: the fields, the labels, and what is said of its front."""
 
@@ -193,36 +196,62 @@ def phase_diagram(
     labels = LABELS if label is None else label
     labels = labels if isinstance(labels, Mapping) else {"label": labels}
     points = [(a, b) for a in xs for b in ys]
-    jobs = [job(a, b) for a, b in points]
-    records = run_all(jobs, cache=cache, **how)
+    records = run_all([job(a, b) for a, b in points], cache=cache, **how)
+    rows: dict[tuple[float, float], Row] = {}
 
-    def row(a: float, b: float, record: Record) -> Row:
+    def enter(a: float, b: float, record: Record) -> None:
         told = {name: of(record) for name, of in labels.items()}
-        return {x_name: a, y_name: b} | told | _front(record)
+        rows[a, b] = {x_name: a, y_name: b} | told | _front(record)
 
-    pairs = zip(points, records, strict=True)
-    rows = [row(a, b, record) for (a, b), record in pairs]
-    table = pd.DataFrame(rows)
+    def run(a: float, b: float) -> Row:
+        if (a, b) not in rows:
+            enter(a, b, *run_all([job(a, b)], 1, cache, progress=False))
+        return rows[a, b]
 
-    def run(b: float, a: float) -> Row:
-        (record,) = run_all([job(a, b)], 1, cache, progress=False)
-        rows.append(row(a, b, record))
-        return rows[-1]
+    def line(name: str, pair: Pair, cells: Mapping[float, tuple[float, float]]) -> pd.DataFrame:
+        """Return the line between these two labels, in cells of x: there y is between two points.
 
-    def limit(pair: tuple[Hashable, Hashable]) -> Callable[[Row], float] | None:
-        """Return the number that changes its sign between two paces, None for other labels."""
-        if labels is not LABELS or frozenset(pair) not in PACES:
-            return None
-        share, which = PACES[frozenset(pair)]
-        return lambda one: math.log(
-            one["speed"] / (share * pace_limits(job(one[x_name], one[y_name]).scene)[which])
+        Where there is a third label between them, the line is where the lower one ends. All runs so
+        far count, those of other lines, too.
+        """
+
+        def below(b: float, a: float) -> bool:
+            return bool(run(a, b)[name] == pair[0])
+
+        def limit(b: float, a: float) -> float:
+            """Return a number that changes its sign between two paces, NaN for other labels."""
+            if labels is not LABELS or frozenset(pair) not in PACES:
+                return math.nan
+            share, which = PACES[frozenset(pair)]
+            return math.log(run(a, b)["speed"] / (share * pace_limits(job(a, b).scene)[which]))
+
+        inside = [(b, a) for a, b in rows if a in cells and cells[a][0] <= b <= cells[a][1]]
+        known = [(b, a, below(b, a), limit(b, a)) for b, a in inside]
+        found = boundary(
+            below,
+            along=(ys[0], ys[-1]),
+            over=list(cells),
+            scale=even_scale(np.array(ys)),
+            over_scale=even_scale(np.array(xs)),
+            tolerance=tolerance,
+            known=pd.DataFrame(known, columns=["along", "over", "label", "measure"]),
+            measure=limit,
         )
+        ends = zip(found["over"], found["high"], strict=True)
+        above = [rows.get(end, {name: pair[1]})[name] for end in ends]
+        found = found.assign(label=name, below=[pair[0]] * len(found), above=above)
+        return found.rename(columns={"over": x_name, "along": y_name})
 
-    found = [
-        _line(run, rows, table, (x_name, y_name), name, pair, tolerance, limit(pair))
-        for name in (labels if lines else ())
-        for pair in sorted(set(_changes(table, x_name, y_name, name)["pair"]), key=str)
-    ]
+    for point, record in zip(points, records, strict=True):
+        enter(*point, record)
+    table, found = pd.DataFrame(rows.values()), []
+    for name in labels if lines else ():
+        changes: dict[Pair, dict[float, tuple[float, float]]] = {}
+        for a, cell in itertools.product(xs, itertools.pairwise(ys)):
+            pair = tuple(rows[a, b][name] for b in cell)
+            if pair[0] != pair[1]:
+                changes.setdefault(pair, {}).setdefault(a, cell)
+        found += [line(name, pair, changes[pair]) for pair in sorted(changes, key=str)]
     columns = ["label", "below", "above", x_name, y_name, "low", "high", "runs"]
     joined = pd.concat([pd.DataFrame(columns=columns), *found], ignore_index=True)
     return PhaseDiagram(x_name, y_name, table, joined[columns].infer_objects(), units)
@@ -254,9 +283,8 @@ def _jobs(
         for name, value in (("t_end", t_end), ("options", options)):
             if value is not None:
                 raise SceneError(name, value, "", "None without a scene: the jobs have their own")
-        if own:
-            return lambda a, b: chain_job(**{names[0]: a, names[1]: b}), tuple(checked), ("", "")
-        return scene, tuple(checked), ("", "")
+        chains = lambda a, b: chain_job(**{names[0]: a, names[1]: b})  # noqa: E731
+        return chains if own else scene, tuple(checked), ("", "")
     base = as_scene(scene)
     if t_end is None:
         raise SceneError("t_end", None, "s", "the end of the runs of a scene", "missing")
@@ -280,63 +308,6 @@ def _front(record: Record) -> dict[str, Any]:
         "reached": found.reached,
         "status": record.status,
     }
-
-
-def _changes(table: pd.DataFrame, x: str, y: str, name: str) -> pd.DataFrame:
-    """Return where a label of neighbours along y differs: x, low, high, and the pair of labels."""
-    rows = table.sort_values([x, y])
-    above = rows.shift(-1)
-    differs = (rows[x] == above[x]) & (rows[name] != above[name])
-    pairs = list(zip(rows[name], above[name], strict=True))
-    found = pd.DataFrame({"x": rows[x], "low": rows[y], "high": above[y]}).assign(pair=pairs)
-    return found[differs]
-
-
-def _line(
-    run: Callable[[float, float], Row],
-    rows: list[Row],
-    table: pd.DataFrame,
-    fields: tuple[str, str],
-    name: str,
-    pair: tuple[Hashable, Hashable],
-    tolerance: float,
-    measure: Callable[[Row], float] | None,
-) -> pd.DataFrame:
-    """Return the line on which a label changes along y, between neighbours with these two.
-
-    Where there is a third label between them, the line is where the lower one ends. `rows` are all
-    runs so far: those of other lines count for this one.
-    """
-    x, y = fields
-    xs, ys = np.unique(table[x]), np.unique(table[y])
-    changes = _changes(table, x, y, name)
-    changes = changes[[one == pair for one in changes["pair"]]].drop_duplicates("x")
-    cells = {one.x: (one.low, one.high) for one in changes.itertuples()}
-    inside = [one for one in rows if one[x] in cells]
-    inside = [one for one in inside if cells[one[x]][0] <= one[y] <= cells[one[x]][1]]
-    known = [{"over": one[x], "along": one[y], "label": one[name] == pair[0]} for one in inside]
-    if measure is not None:
-        known = [one | {"measure": measure(of)} for one, of in zip(known, inside, strict=True)]
-    seen = {(one[y], one[x]): one for one in inside}
-
-    def is_below(b: float, a: float) -> bool:
-        seen[b, a] = run(b, a)
-        return bool(seen[b, a][name] == pair[0])
-
-    line = boundary(
-        is_below,
-        along=(ys[0], ys[-1]),
-        over=list(changes["x"]),
-        scale=even_scale(ys),
-        over_scale=even_scale(xs),
-        tolerance=tolerance,
-        known=pd.DataFrame(known),
-        measure=None if measure is None else lambda b, a: measure(seen[b, a]),
-    )
-    points = zip(line["high"], line["over"], strict=True)
-    above = [seen[point][name] if point in seen else pair[1] for point in points]
-    line = line.assign(label=name, below=[pair[0]] * len(line), above=above)
-    return line.rename(columns={"over": x, "along": y})
 
 
 def even_scale(values: np.ndarray) -> Scale:

@@ -275,7 +275,7 @@ def test_a_sweep_goes_on_where_it_stopped_with_large_lattices_first(tmp_path, mo
 
 def test_means_over_seeds_have_standard_errors(tmp_path):
     what = swept(scene=RANDOM, over={"mu_k": [0.3, 0.4], "interface.mu_s.seed": range(4)})
-    assert what.mean("F_first", tmp_path)["n"].to_list() == [0, 0]
+    assert what.status(tmp_path).mean("F_first")["n"].to_list() == [0, 0]
     found = what.run(tmp_path, workers=1)
     mean, table = found.mean("F_first"), found.table
     assert mean.columns.to_list() == ["interface.mu_k", "mean", "standard_error", "n"]
@@ -287,7 +287,7 @@ def test_means_over_seeds_have_standard_errors(tmp_path):
         assert row.standard_error == pytest.approx(error)
         assert error > 0
         assert row.n == 4
-    assert what.mean("F_first", tmp_path).equals(mean)
+    assert what.status(tmp_path).mean("F_first").equals(mean)
     both = found.mean("F_first", over=["interface.mu_k", "interface.mu_s.seed"])
     assert both["mean"].item() == pytest.approx(table["F_first"].mean())
     assert both["n"].item() == 8

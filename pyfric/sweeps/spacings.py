@@ -131,11 +131,8 @@ def resolve(
         raise SceneError("top.kind", scene.top.kind, "", "'rod' or 'distributed'", reason)
     levels = check_whole("levels", levels, 2, 5)
     options = {"fidelity": "quasistatic"} if options is None else options
-    if isinstance(options, Options):
-        options = options.given()
-    if not isinstance(options, Mapping):
-        raise SceneError("options", options, "", "Options, or a mapping")
-    how = {"stop_when": "system_size", **options}
+    given = Job(scene=scene, t_end=t_end, options=options).options.given()
+    how = {"stop_when": "system_size"} | given
     jobs = [Job(scene=_finer(scene, 2**n), t_end=t_end, options=how) for n in range(levels)]
     try:
         records = run_all(jobs, workers=workers, cache=cache, progress=progress)

@@ -244,4 +244,3 @@ class Store:
             with suppress(OSError), FileLock(path, timeout=0, fallback_to_soft=False):
                 path.unlink()  # nobody holds it
         return gone, clean_drafts(self.folder)
-

@@ -278,10 +278,6 @@ class Sweep:
             outcomes[n] = outcome
         return Results(self, tuple(outcomes))
 
-    def mean(self, column: str, cache: Cache = True) -> pd.DataFrame:
-        """Return the mean of a column over seeds, of finished points; see `Results.mean`."""
-        return self.status(cache).mean(column)
-
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str]) -> Self:
         """Return the sweep that a file describes.

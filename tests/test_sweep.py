@@ -288,11 +288,7 @@ def test_means_over_seeds_have_standard_errors(tmp_path):
         assert error > 0
         assert row.n == 4
     assert what.status(tmp_path).mean("F_first").equals(mean)
-    both = found.mean("F_first", over=["interface.mu_k", "interface.mu_s.seed"])
-    assert both["mean"].item() == pytest.approx(table["F_first"].mean())
-    assert both["n"].item() == 8
     refused(lambda: found.mean("F_frist"), "column", "did you mean 'F_first'")
-    refused(lambda: found.mean("F_first", over=["seed"]), "over")
     refused(lambda: swept().status(tmp_path).mean("F_first"), "over", "no field is a seed")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 from typing import Any
@@ -47,23 +48,11 @@ def rms(error: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(error)))) if len(error) else math.nan
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Tolerances:
-    """What a run may differ by from full dynamics with located switching.
+    """What a run may differ by from full dynamics with located switching; see `_TABLE`.
 
-    Attributes:
-        start, arrest: static forces of main events, over F_N.
-        time: start of main events, s.
-        small: static forces of the other events, over F_N; None where only main events are
-            compared.
-        blocks: first and last block of events, and blocks in only one of two fronts.
-        stress: tau and p, RMS over the interface, over F_N/N_x.
-        behind: RMS of the scaled tau/p behind the tip after an event.
-        rupture: rupture times after the start of the event, s; None where they are not compared.
-        speed: RMS of the ln of the ratio of v_c, over all blocks.
-        spread: RMS of ln v_c about the stored binned median.
-        curve: F_T(t) where nothing slips, over F_N; None where it is not compared.
-        why: where the values come from.
+    `why` says where the values come from. What is None is not compared.
     """
 
     start: float
@@ -92,57 +81,36 @@ class Tolerances:
         ]
 
 
-HYBRID = {
-    "linear": Tolerances(
-        start=5e-6,
-        arrest=5e-6,
-        time=1e-5,
-        small=5e-6,
-        blocks=0,
-        stress=1e-4,
-        behind=5e-5,
-        rupture=5e-7,
-        speed=3e-4,
-        spread=3e-4,
-        curve=5e-6,
-        why="same steps and switches; the truncated part of jumps, and amplified rounding",
-    ),
-    "finite": Tolerances(
-        start=3e-5,
-        arrest=3e-5,
-        time=5e-5,
-        small=1e-3,
-        blocks=0,
-        stress=2e-4,
-        behind=3e-4,
-        rupture=2e-6,
-        speed=1e-3,
-        spread=5e-3,
-        curve=2e-4,
-        why="as in linear geometry; in addition, jumps use the modes of the loaded state",
+# fmt: off
+_TABLE = {
+    # hybrid engine, linear and finite geometry; hybrid engine with switching at step ends
+    "start": (5e-6, 3e-5, 2.5e-3),  # static force of main events at first slip, over F_N
+    "arrest": (5e-6, 3e-5, 0.01),   # the same at last stick
+    "time": (1e-5, 5e-5, 4e-3),     # start of main events, s
+    "small": (5e-6, 1e-3, None),    # static forces of the other events, over F_N
+    "blocks": (0, 0, 2),            # first and last block of events; blocks in one of two fronts
+    "stress": (1e-4, 2e-4, 0.1),    # tau and p, RMS over the interface, over F_N/N_x
+    "behind": (5e-5, 3e-4, 0.2),    # RMS of the scaled tau/p behind the tip after an event
+    "rupture": (5e-7, 2e-6, None),  # rupture times after the start of the event, s
+    "speed": (3e-4, 1e-3, 0.25),    # RMS of the ln of the ratio of v_c, over all blocks
+    "spread": (3e-4, 5e-3, 0.1),    # RMS of ln v_c about the stored binned median
+    "curve": (5e-6, 2e-4, None),    # F_T(t) where nothing slips, over F_N
+    "why": (
+        "same steps and switches; the truncated part of jumps, and amplified rounding",
+        "as in linear geometry; in addition, jumps use the modes of the loaded state",
+        "switches wait for step ends: a first-order error, which is largest for rupture times one "
+        "or two steps apart",
     ),
 }
+# fmt: on
+_LINEAR, _FINITE, STEP_END = itertools.starmap(Tolerances, zip(*_TABLE.values(), strict=True))
+"""Hybrid with switching at step ends. Measured: start 1.2e-3, arrest 5.1e-3, 1.9 ms, 2 blocks,
+stresses 0.06, behind the tip 0.12 (run 3), v_c 0.13, spread 0.07. Slow nucleation takes up to
+0.8 ms longer or shorter, so that rupture times say nothing."""
+HYBRID = {"linear": _LINEAR, "finite": _FINITE}
 """Hybrid with located switching, geometry -> tolerances. Measured in seven scenes: in linear
 geometry forces 3.5e-7, stresses 2e-6, rupture times 2e-8 s, v_c 5e-5; in finite geometry forces
 3e-6 (2.3e-4 for a single-block event of run 3), stresses 1.2e-5, rupture times 2.3e-7 s, v_c 6e-5;
 no block more or less."""
 DYNAMIC = {geometry: replace(within, curve=None) for geometry, within in HYBRID.items()}
 """Full dynamics of one event, from a hybrid state."""
-STEP_END = Tolerances(
-    start=2.5e-3,
-    arrest=0.01,
-    time=4e-3,
-    small=None,
-    blocks=2,
-    stress=0.1,
-    behind=0.2,
-    rupture=None,
-    speed=0.25,
-    spread=0.1,
-    curve=None,
-    why="switches wait for step ends: a first-order error, which is largest for "
-    "rupture times one or two steps apart",
-)
-"""Hybrid with switching at step ends. Measured: start 1.2e-3, arrest 5.1e-3, 1.9 ms, 2 blocks,
-stresses 0.06, behind the tip 0.12 (run 3), v_c 0.13, spread 0.07. Slow nucleation takes up to
-0.8 ms longer or shorter, so that rupture times say nothing."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -70,31 +69,26 @@ class Results:
         table = self.table
         return table[table["status"].isin(("failed", "refused"))]
 
-    def mean(self, column: str, over: Sequence[str] | None = None) -> pd.DataFrame:
+    def mean(self, column: str) -> pd.DataFrame:
         """Return the mean of a column of `MEASURED` over finished points that differ in seeds only.
 
         Args:
             column: the column; where it is not known at a point (NaN), that point does not count.
-            over: fields over which the mean is taken; None means all that end in ".seed".
 
         Returns:
-            One row for each set of values of the other fields, which are its first columns; then
-            ``mean``, its ``standard_error``, the standard deviation of the column (n - 1) over
-            sqrt(n), NaN for one point, and ``n``, the number of points.
+            One row for each set of values of the fields that do not end in ".seed", which are its
+            first columns; then ``mean``, its ``standard_error``, the standard deviation of the
+            column (n - 1) over sqrt(n), NaN for one point, and ``n``, the number of points.
 
         Raises:
-            SceneError: there is no such column or field, or nothing to take a mean over.
+            SceneError: there is no such column, or no field is a seed.
         """
-        fields = list(self.sweep.over)
         if column not in MEASURED:
             raise unknown("column", column, str(column), MEASURED)
-        over = [name for name in fields if name.endswith(".seed")] if over is None else list(over)
-        for name in over:
-            if name not in fields:
-                raise unknown("over", name, str(name), fields)
-        if not over:
-            raise SceneError("over", None, "", f"some of {', '.join(fields)}", "no field is a seed")
-        table, kept = self.table, [name for name in fields if name not in over]
+        table, fields = self.table, list(self.sweep.over)
+        kept = [name for name in fields if not name.endswith(".seed")]
+        if kept == fields:
+            raise SceneError("over", fields, "", "a field that ends in .seed", "no field is a seed")
         groups = table.groupby(kept or np.zeros(len(table)), sort=False, dropna=False)[column]
         found = groups.agg(["mean", "sem", "count"]).set_axis(
             ["mean", "standard_error", "n"], axis=1

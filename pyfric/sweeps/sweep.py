@@ -152,11 +152,13 @@ class Sweep:
         for name, limit in (("max_hours", max_hours), ("max_GB", max_GB)):
             if limit is not None:
                 check_number(f"limits.{name}", limit, "", gt=0.0)
-        n = check_whole("n", n, 1, MAX_POINTS) if self._drawn else n
         vars(self).update(n=n, seed=check_whole("seed", seed, 0, MAX_POINTS))
-        if n is not None and not self._drawn:
+        if self._drawn:
+            vars(self).update(n=check_whole("n", n, 1, MAX_POINTS))
+            return
+        if n is not None:
             raise SceneError("n", n, "", f"none: points = {points!r} are not drawn at random")
-        lengths = [] if self._drawn else [len(values) for values in self.over.values()]
+        lengths = [len(values) for values in self.over.values()]
         if points == "list" and len(set(lengths)) > 1:
             raise SceneError("over", lengths, "", "as many values of each field in a list")
         if math.prod(lengths if points == "grid" else lengths[:1]) > MAX_POINTS:
@@ -269,14 +271,10 @@ class Sweep:
                 if limit is not None and value > limit:
                     allowed = f"at least {value:.2g}, which the sweep would take ({found})"
                     raise SceneError(f"limits.{name}", limit, "", allowed, "too little")
-        outcomes: list[Any] = [*self.jobs]
-        numbers = [n for n, job in enumerate(self.jobs) if isinstance(job, Job)]
-        numbers.sort(key=lambda n: -self.jobs[n].scene.N_x * self.jobs[n].scene.N_z)
-        jobs = [self.jobs[n] for n in numbers]
-        made = run_all(jobs, cache=cache, errors="return", **how)
-        for n, outcome in zip(numbers, made, strict=True):
-            outcomes[n] = outcome
-        return Results(self, tuple(outcomes))
+        jobs = [job for job in self.jobs if isinstance(job, Job)]
+        jobs.sort(key=lambda job: -job.scene.N_x * job.scene.N_z)
+        made = dict(zip(jobs, run_all(jobs, cache=cache, errors="return", **how), strict=True))
+        return Results(self, tuple(made.get(job, job) for job in self.jobs))
 
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str]) -> Self:

@@ -21,7 +21,7 @@ import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -73,17 +73,15 @@ class Regime:
 
 # --- scenes --------------------------------------------------------------------------------------
 
-ROD = {"L": 0.02, "H": 0.0125, "F_N": 400.0, "V": 0.05}
-FREE = {"L": 0.012, "H": 0.005, "F_N": 50.0, "V": 0.05}
-LINKS = {"L": 0.02, "V": 0.05}
-
 
 def _scene(setup: Callable[..., Scene], small: dict[str, float], **changes: float) -> Scene:
     return setup(**small | changes)
 
 
-rod, free = partial(_scene, setup1, ROD), partial(_scene, setup2, FREE)
-links, cascade = partial(_scene, chain, LINKS), partial(_scene, setup1, {}, h=7.5e-3)
+rod = partial(_scene, setup1, {"L": 0.02, "H": 0.0125, "F_N": 400.0, "V": 0.05})
+free = partial(_scene, setup2, {"L": 0.012, "H": 0.005, "F_N": 50.0, "V": 0.05})
+links = partial(_scene, chain, {"L": 0.02, "V": 0.05})
+cascade = partial(_scene, setup1, {}, h=7.5e-3)
 
 
 def _changes(scene: partial[Scene]) -> str:
@@ -268,126 +266,88 @@ def _pulled(scene: Callable[[], Scene], *, force: float, t_end: float) -> Observ
 
 # --- the table -----------------------------------------------------------------------------------
 
-_hybrid_is_dynamic = "hybrid engine and full dynamics agree event by event"
+STATED: dict[Any, Behaviour] = {
+    _refused: "refusal", _above_limit: "refusal", _stopped: "stop", _noted: "warning",
+    _moved_up: "switch",
+}  # fmt: skip
+"""What a look is for -> the behaviour that is then stated; "answer" for all others."""
+_same_events = "hybrid engine and full dynamics agree event by event"
 _linear = {"fidelity": "hybrid", "geometry": "linear"}
+_ladder = {"fidelity": "quasistatic"}
 
-REGIMES: tuple[Regime, ...] = (
-    Regime("dt above the limit", rod, "refusal", "the limit is named", _above_limit),
-    Regime(
-        "k_f >> k", partial(rod, k_f=1.35e10), "answer",
-        f"the step falls as 1/sqrt(k_f); {_hybrid_is_dynamic}", partial(_same, t_end=3e-3),
-    ),
-    Regime(
-        "eta = 0", partial(rod, eta=0.0), "switch",
-        "nothing decays: full dynamics; the notes say why, and how much the step damps",
-        partial(_moved_up, t_end=3e-3, damps=True, finer=16),
-    ),
-    Regime(
-        "eta limits dt", partial(rod, eta=300.0), "answer",
-        f"the step falls as 1/eta; {_hybrid_is_dynamic}", partial(_same, t_end=3e-3),
-    ),
-    Regime(
-        "mu_s = mu_k", partial(rod, mu_s=0.45, V=2e-3), "answer",
-        "slip grows with the driver; dynamics follows the equilibrium curve",
-        partial(_continuous, t_end=0.03),
-    ),
-    Regime(
-        "mu_s just above mu_k", partial(rod, mu_s=0.45 + 1e-6, V=2e-3), "answer",
-        "the same", partial(_continuous, t_end=0.03),
-    ),
-    Regime(
-        "mu_s just above mu_k, quasi-static", partial(rod, mu_s=0.45 + 1e-6), "warning",
-        "slip is taken as continuous, and the notes say so",
-        partial(_noted, note="slip is continuous", fidelity="quasistatic", t_end=3e-3),
-    ),
-    Regime(
-        "mu_k = 0", partial(free, mu_k=0.0), "answer", _hybrid_is_dynamic,
-        partial(_same, t_end=4e-3),
-    ),
-    Regime(
-        "lift-off", partial(rod, h=0.0125), "answer",
-        f"blocks open, carry no friction, and land; {_hybrid_is_dynamic}",
-        partial(_same, t_end=6e-3, opens=True),
-    ),
-    Regime(
-        "corner cascade", cascade, "answer",
-        "micro-slips of the corner are recorded; forces as in the "
-        "quasi-static sequence",
-        partial(_cascade, t_end=0.9),
-    ),
-    Regime(
-        "all blocks at once", partial(links, tau=272.0, k_top=1e8, p=400.0, K=1e-20, V=0.0),
-        "answer", "released in one step, as one event; motion in closed form", _at_once,
-    ),
-    Regime(
-        "all blocks at their threshold", partial(links, tau=280.0, p=400.0), "answer",
-        _hybrid_is_dynamic, partial(_same, t_end=1e-3),
-    ),
-    Regime(
-        "V too high for jumps", partial(rod, V=1.0), "switch",
-        "the slider is never at rest: full dynamics, and the notes say so",
-        partial(_moved_up, t_end=3e-3, damps=False, finer=4),
-    ),
-    Regime(
-        "V too high for quasi-static states", partial(rod, V=1.0), "warning",
-        "a note says that the slider does not come to rest between events",
-        partial(_noted, note="does not come to rest", fidelity="quasistatic"),
-    ),
-    Regime(
-        "load that folds the lattice", partial(rod, F_N=4e5), "refusal",
-        "the block that folds is named", partial(_refused, field="top.F_N"),
-    ),
-    Regime(
-        "load that folds it, linear geometry", partial(rod, F_N=4e5), "warning",
-        "the notes give the strain", partial(_noted, note="strains reach about", **_linear),
-    ),
-    Regime(
-        "driver that folds the lattice", partial(rod, V=300.0), "stop",
-        "step, time and block are named; the record before is kept",
-        partial(_stopped, t_end=1e-3),
-    ),
-    Regime(
-        "d_c > 0", partial(rod, V=2e-3, d_c=2e-7), "answer",
-        f"stable slip before rupture; {_hybrid_is_dynamic}", partial(_same, t_end=0.05, least=2),
-    ),
-    Regime(
-        "d_c too short for the step", partial(rod, d_c=1e-9), "warning",
-        "the notes name the step that would resolve it",
-        partial(_noted, note="do not resolve weakening", **_linear),
-    ),
-    Regime(
-        "d_c > 0, quasi-static", partial(rod, V=2e-3, d_c=2e-6), "refusal",
-        "the quasi-static sequence knows slip at mu_k only",
-        partial(_refused, field="interface.d_c", fidelity="quasistatic"),
-    ),
-    Regime(
-        "F_T pulls", partial(rod, V=0.0), "answer",
-        "the driver's spring also pulls: the slider comes to rest where statics predicts",
-        partial(_pulled, force=0.2, t_end=0.012),
-    ),
-    Regime(
-        "F_T pulls the slider back", partial(rod, V=0.0), "answer",
-        "blocks slip away from the slider's front; statics at the end",
-        partial(_pulled, force=0.9, t_end=0.025),
-    ),
-    Regime("F_N = 0", partial(rod, F_N=0.0), "refusal", "nothing would touch",
-           partial(_refused, field="top.F_N")),
-    Regime("F_N = 0, chain", partial(links, p=0.0), "refusal", "nothing would touch",
-           partial(_refused, field="top.p")),
-    Regime(
-        "K very large", partial(rod, K=1e11, V=0.02), "answer",
-        f"the step falls as 1/sqrt(K); {_hybrid_is_dynamic}", partial(_same, t_end=2e-3),
-    ),
-    Regime("K very small", partial(rod, K=1e-3), "answer", "F_T = K V t and nothing slips",
-           partial(_nothing_slips, t_end=0.01)),
-    Regime("one row under a rod", partial(rod, H=0.0, h=0.0), "refusal",
-           "one row is a chain with prescribed forces", partial(_refused, field="slider.H")),
-    Regime("one row", links, "answer", _hybrid_is_dynamic, partial(_same, t_end=0.02)),
-    Regime("two rows under a rod", partial(rod, H=2.5e-3, h=2.5e-3), "answer", _hybrid_is_dynamic,
-           partial(_same, t_end=4e-3)),
-    Regime("two rows", partial(free, H=1e-3, h=1e-3), "answer", _hybrid_is_dynamic,
-           partial(_same, t_end=4e-3)),
-)  # fmt: skip
+# fmt: off
+REGIMES = tuple(
+    Regime(name, partial(make, **changes), STATED.get(look, "answer"), text, partial(look, **how))
+    for name, make, changes, text, look, how in (
+        ("dt above the limit", rod, {}, "the limit is named", _above_limit, {}),
+        ("k_f >> k", rod, {"k_f": 1.35e10}, f"the step falls as 1/sqrt(k_f); {_same_events}",
+         _same, {"t_end": 3e-3}),
+        ("eta = 0", rod, {"eta": 0.0},
+         "nothing decays: full dynamics; the notes say why, and how much the step damps",
+         _moved_up, {"t_end": 3e-3, "damps": True, "finer": 16}),
+        ("eta limits dt", rod, {"eta": 300.0}, f"the step falls as 1/eta; {_same_events}",
+         _same, {"t_end": 3e-3}),
+        ("mu_s = mu_k", rod, {"mu_s": 0.45, "V": 2e-3},
+         "slip grows with the driver; dynamics follows the equilibrium curve",
+         _continuous, {"t_end": 0.03}),
+        ("mu_s just above mu_k", rod, {"mu_s": 0.45 + 1e-6, "V": 2e-3}, "the same",
+         _continuous, {"t_end": 0.03}),
+        ("mu_s just above mu_k, quasi-static", rod, {"mu_s": 0.45 + 1e-6},
+         "slip is taken as continuous, and the notes say so",
+         _noted, {"note": "slip is continuous", "t_end": 3e-3, **_ladder}),
+        ("mu_k = 0", free, {"mu_k": 0.0}, _same_events, _same, {"t_end": 4e-3}),
+        ("lift-off", rod, {"h": 0.0125},
+         f"blocks open, carry no friction, and land; {_same_events}",
+         _same, {"t_end": 6e-3, "opens": True}),
+        ("corner cascade", cascade, {},
+         "micro-slips of the corner are recorded; forces as in the quasi-static sequence",
+         _cascade, {"t_end": 0.9}),
+        ("all blocks at once", links,
+         {"tau": 272.0, "k_top": 1e8, "p": 400.0, "K": 1e-20, "V": 0.0},
+         "released in one step, as one event; motion in closed form", _at_once, {}),
+        ("all blocks at their threshold", links, {"tau": 280.0, "p": 400.0}, _same_events,
+         _same, {"t_end": 1e-3}),
+        ("V too high for jumps", rod, {"V": 1.0},
+         "the slider is never at rest: full dynamics, and the notes say so",
+         _moved_up, {"t_end": 3e-3, "damps": False, "finer": 4}),
+        ("V too high for quasi-static states", rod, {"V": 1.0},
+         "a note says that the slider does not come to rest between events",
+         _noted, {"note": "does not come to rest", **_ladder}),
+        ("load that folds the lattice", rod, {"F_N": 4e5}, "the block that folds is named",
+         _refused, {"field": "top.F_N"}),
+        ("load that folds it, linear geometry", rod, {"F_N": 4e5}, "the notes give the strain",
+         _noted, {"note": "strains reach about", **_linear}),
+        ("driver that folds the lattice", rod, {"V": 300.0},
+         "step, time and block are named; the record before is kept", _stopped, {"t_end": 1e-3}),
+        ("d_c > 0", rod, {"V": 2e-3, "d_c": 2e-7}, f"stable slip before rupture; {_same_events}",
+         _same, {"t_end": 0.05, "least": 2}),
+        ("d_c too short for the step", rod, {"d_c": 1e-9},
+         "the notes name the step that would resolve it",
+         _noted, {"note": "do not resolve weakening", **_linear}),
+        ("d_c > 0, quasi-static", rod, {"V": 2e-3, "d_c": 2e-6},
+         "the quasi-static sequence knows slip at mu_k only",
+         _refused, {"field": "interface.d_c", **_ladder}),
+        ("F_T pulls", rod, {"V": 0.0},
+         "the driver's spring also pulls: the slider comes to rest where statics predicts",
+         _pulled, {"force": 0.2, "t_end": 0.012}),
+        ("F_T pulls the slider back", rod, {"V": 0.0},
+         "blocks slip away from the slider's front; statics at the end",
+         _pulled, {"force": 0.9, "t_end": 0.025}),
+        ("F_N = 0", rod, {"F_N": 0.0}, "nothing would touch", _refused, {"field": "top.F_N"}),
+        ("F_N = 0, chain", links, {"p": 0.0}, "nothing would touch", _refused, {"field": "top.p"}),
+        ("K very large", rod, {"K": 1e11, "V": 0.02},
+         f"the step falls as 1/sqrt(K); {_same_events}", _same, {"t_end": 2e-3}),
+        ("K very small", rod, {"K": 1e-3}, "F_T = K V t and nothing slips",
+         _nothing_slips, {"t_end": 0.01}),
+        ("one row under a rod", rod, {"H": 0.0, "h": 0.0},
+         "one row is a chain with prescribed forces", _refused, {"field": "slider.H"}),
+        ("one row", links, {}, _same_events, _same, {"t_end": 0.02}),
+        ("two rows under a rod", rod, {"H": 2.5e-3, "h": 2.5e-3}, _same_events,
+         _same, {"t_end": 4e-3}),
+        ("two rows", free, {"H": 1e-3, "h": 1e-3}, _same_events, _same, {"t_end": 4e-3}),
+    )
+)
+# fmt: on
 """All regimes, in the order in which the table shows them."""
 
 

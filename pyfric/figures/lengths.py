@@ -88,7 +88,7 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
     )
     if both:
         what += f" (b) Runs that differ in F_N, each F_N shifted by {SHIFT:g}; colour: F_N."
-    fig.caption = caption(records, what, _what(points), *_geometries(records))
+    fig.caption = caption(records, what, _what(points))
     return fig
 
 
@@ -112,34 +112,6 @@ def _draw_loads(
     axes.set_ylabel(r"$L_\mathrm{p}/L$")
     axes.set_ylim(0, 1.02)
     axes.set_xlim(left=0)
-
-
-def _geometries(records: Sequence[Record]) -> list[str]:
-    """What linear geometry means for F_N, and how far finite geometry is from it."""
-    linear = {_pushed(one.scene): one for one in records if one.method.geometry == "linear"}
-    finite = [one for one in records if one.method.geometry == "finite"]
-    if not linear:
-        return []
-    text = ["In linear geometry F_N only sets the scale of all forces."]
-    if finite:
-        loads = joined(f"{F_N:g}" for F_N in _values(finite, lambda scene: scene.F_N))
-        heights = joined(f"{h * 1e3:g}" for h in _values(finite, lambda scene: scene.driver.h))
-        text.append(f"F_N = {loads} N at h = {heights} mm: finite geometry; all others: linear.")
-    pairs = [(one, linear[key]) for one in finite if (key := _pushed(one.scene)) in linear]
-    if pairs:
-        apart = max(_force_apart(*pair) for pair in pairs)
-        text.append(f"At equal length, F_T/F_N of these runs differs by up to {apart:.2g}.")
-    return text
-
-
-def _force_apart(one: Record, other: Record) -> float:
-    """Return the largest difference in F_T/F_N at the lengths of one that the other spans."""
-    tables = (lengths_of([record]).query("advances") for record in (one, other))
-    (length, force), (known, there) = (
-        table[["L_p_over_L", "F_T_over_F_N"]].to_numpy().T for table in tables
-    )
-    inside = (known[0] <= length) & (length <= known[-1])
-    return float(np.abs(force - np.interp(length, known, there))[inside].max(initial=0.0))
 
 
 @figure("Fig. 2(b): precursor length against force, setup 2", runs="fig2b")

@@ -120,14 +120,12 @@ def fig3b(record: Record) -> DataFigure:
         "precursors": pd.concat(profiles, ignore_index=True),
         "sliding": pd.concat(after, ignore_index=True),
     }
-    drop, spread = _drop(record, profiles), _spread(after[1:])
     events = joined(str(table["event"].iloc[0]) for table in profiles)
     what = (
         "(a) Normal force p over that of the same block at F_T = 0, after every second main "
         f"precursor of the first loading (events {events}). Dots: their last blocks. "
-        f"Between x = h + l and the tip it falls by up to {drop:.0%}. (b) p over F_N/N_x after the "
-        f"{len(after)} events over the whole interface; {spread}after Fig. 3(b) of {PAPER} and "
-        "its inset."
+        f"(b) p over F_N/N_x after the {len(after)} events over the whole interface; after "
+        f"Fig. 3(b) of {PAPER} and its inset."
     )
     fig.caption = caption(record, what)
     return fig
@@ -212,23 +210,3 @@ def _after_sliding(axes: Axes, record: Record, events: list[int]) -> list[pd.Dat
     axes.set_ylim(bottom=0)
     axes.set_ylabel(r"$p\,N_x/F_\mathrm{N}$")
     return after
-
-
-def _drop(record: Record, profiles: list[pd.DataFrame]) -> float:
-    """Largest fall of p/p_initial over h + l < x < L_p."""
-    scene, lowest = record.scene, 1.0
-    for table in profiles:
-        n = table["n"]
-        inside = (n - 1 > scene.j_h + 1) & (n < round(table["L_p_over_L"].iloc[0] * scene.N_x))
-        lowest = min(lowest, table["p_over_p_initial"][inside].min())
-    return 1 - lowest
-
-
-def _spread(after: list[pd.DataFrame]) -> str:
-    if len(after) < 2:
-        return ""
-    p = np.array([table["p"] for table in after])
-    return (
-        f"from the second on, they differ by at most {np.ptp(p, axis=0).max():.2g} F_N/N_x at any "
-        "block; "
-    )

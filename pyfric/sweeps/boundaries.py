@@ -124,39 +124,64 @@ def boundary(
     steps = np.diff(values)
     if not ((steps > 0).all() or (steps < 0).all()):
         raise SceneError("over", over, "", "rising or falling values")
-    line = _Line(2 * tolerance / (math.log10(span.stop / span.start) if scale == "log" else 1.0))
-    rows = []
-    for value in values:
-        column = _Column(f, span, value, known, measure)
-        rows.append(line.point(column, math.log(value) if over_scale == "log" else value))
+    names = ["along", "over", "label", "measure"]
+    known = (pd.DataFrame() if known is None else known).reindex(columns=names)
+    line = _Line(f, measure, span, known, tolerance)
+    rows = [line.point(over, math.log(over) if over_scale == "log" else over) for over in values]
     return pd.DataFrame(rows, columns=_Line.columns)
 
 
-class _Column:
-    """Labels at a value over, by the share of the range along."""
+class _Line:
+    """A line so far, and what is known at its next value over; places and widths are shares of the
+    range."""
+
+    columns = ("over", "along", "low", "high", "below", "above", "runs")
 
     def __init__(
-        self,
-        f: Label,
-        span: Span,
-        over: float,
-        known: pd.DataFrame | None,
-        measure: Measure | None,
+        self, f: Label, measure: Measure | None, span: Span, known: pd.DataFrame, tolerance: float
     ) -> None:
-        self.f, self.measure, self.span, self.over, self.runs = f, measure, span, over, 0
-        self.labels: dict[float, Hashable] = {}
-        self.numbers: dict[float, float] = {}
-        if known is not None:
-            rows = known[np.isclose(known["over"], over, rtol=1e-9, atol=0.0)]
-            shares = map(span.share, rows["along"])
-            pairs = zip(shares, rows["label"], strict=True)
-            self.labels = {x: _one(label) for x, label in sorted(pairs) if 0 <= x <= 1}
-            if "measure" in rows:
-                self.numbers = dict(
-                    zip(map(span.share, rows["along"]), rows["measure"], strict=True)
-                )
+        self.f, self.measure, self.span, self.known = f, measure, span, known
+        decades = math.log10(span.stop / span.start) if span.scale == "log" else 1.0
+        self.width = 2 * tolerance / decades
+        self.step = FIRST * self.width
+        self.points: list[tuple[float, float]] = []  # over in its scale, place
+        self.below: Hashable = None
 
-    def __call__(self, share: float) -> Hashable:
+    def point(self, over: float, x: float) -> tuple[Any, ...]:
+        """Return the row of the next value over, x in its scale."""
+        self.over, self.runs = over, 0
+        rows = self.known[np.isclose(self.known["over"], over, rtol=1e-9, atol=0.0)]
+        rows = rows.assign(share=[*map(self.span.share, rows["along"])])
+        pairs = zip(rows["share"], rows["label"], strict=True)
+        self.labels = {at: _one(label) for at, label in sorted(pairs) if 0 <= at <= 1}
+        self.numbers = dict(zip(rows["share"], rows["measure"], strict=True))
+        guess, bracket = None, None
+        if self.points:
+            low, high = self.ends()
+            guess = min(max(_extended(self.points[-POINTS:], x), low), high)
+            bracket = self._narrowed(low, high, guess)
+        if bracket is None:
+            self.points.clear()
+            self.step = FIRST * self.width
+            guess, self.below = None, self.label(min(self.labels, default=0.0))
+            low, high = self.ends()
+            if self.is_below(high) and not self.is_below(0.0):
+                self.below = self.label(0.0)  # no known label was below the line
+                low, high = self.ends()
+            if not self.is_below(high):
+                bracket = self._narrowed(low, high)
+        if bracket is None:
+            return over, math.nan, math.nan, math.nan, self.below, self.below, self.runs
+        low, high = bracket
+        middle = (low + high) / 2
+        if guess is not None:
+            half = max(abs(middle - guess) / 2 / self.width, 1.0)
+            self.step = self.width * 2 ** math.ceil(math.log2(half))
+        self.points.append((x, middle))
+        places = map(self.span.at, (middle, low, high))
+        return over, *places, self.label(low), self.label(high), self.runs
+
+    def label(self, share: float) -> Hashable:
         if share not in self.labels:
             at = self.span.at(share), self.over
             self.labels[share] = _one(self.f(*at))
@@ -165,16 +190,19 @@ class _Column:
                 self.numbers[share] = _measured(self.measure(*at))
         return self.labels[share]
 
-    def ends(self, below: Hashable) -> tuple[float, float]:
-        """Return the known bracket, in shares, of the point at which the label changes."""
-        above = (share for share, label in self.labels.items() if label not in [below])
+    def is_below(self, share: float) -> bool:
+        return self.label(share) in [self.below]
+
+    def ends(self) -> tuple[float, float]:
+        """Return the known bracket of the place at which the label changes."""
+        above = (share for share, label in self.labels.items() if label not in [self.below])
         high = min(above, default=1.0)
         return max((share for share in self.labels if share < high), default=0.0), high
 
     def root(self, low: float, high: float) -> float | None:
-        """Return where the measure changes its sign between two shares, None where it does not.
+        """Return where the measure changes its sign between two places, None where it does not.
 
-        The share is taken as a parabola of the measure through both and the next known one.
+        The place is taken as a parabola of the measure through both and the next known one.
         """
         known = {share: number for share, number in self.numbers.items() if math.isfinite(number)}
         a, b = (known.get(share, math.nan) for share in (low, high))
@@ -188,51 +216,8 @@ class _Column:
                 return root
         return _extended(ends, 0.0)
 
-
-class _Line:
-    """A line so far; widths are shares of the range."""
-
-    columns = ("over", "along", "low", "high", "below", "above", "runs")
-
-    def __init__(self, width: float) -> None:
-        self.width, self.step = width, FIRST * width
-        self.points: list[tuple[float, float]] = []  # over in its scale, share
-        self.below: Hashable = None
-
-    def _is_below(self, label: Hashable) -> bool:
-        return label in [self.below]
-
-    def point(self, column: _Column, x: float) -> tuple[Any, ...]:
-        """Return the row of the next value, x in its scale."""
-        guess, bracket = None, None
-        if self.points:
-            low, high = column.ends(self.below)
-            guess = min(max(_extended(self.points[-POINTS:], x), low), high)
-            bracket = self._narrowed(column, low, high, guess)
-        if bracket is None:
-            self.points.clear()
-            self.step = FIRST * self.width
-            guess, self.below = None, column(min(column.labels, default=0.0))
-            low, high = column.ends(self.below)
-            if self._is_below(column(high)) and not self._is_below(column(0.0)):
-                self.below = column(0.0)  # no known label was below the line
-                low, high = column.ends(self.below)
-            if not self._is_below(column(high)):
-                bracket = self._narrowed(column, low, high)
-        if bracket is None:
-            none = (math.nan, math.nan, math.nan)
-            return column.over, *none, self.below, self.below, column.runs
-        low, high = bracket
-        share = (low + high) / 2
-        if guess is not None:
-            half = max(abs(share - guess) / 2 / self.width, 1.0)
-            self.step = self.width * 2 ** math.ceil(math.log2(half))
-        self.points.append((x, share))
-        ends = column.span.at(share), column.span.at(low), column.span.at(high)
-        return column.over, *ends, column(low), column(high), column.runs
-
     def _narrowed(
-        self, column: _Column, low: float, high: float, guess: float | None = None
+        self, low: float, high: float, guess: float | None = None
     ) -> tuple[float, float] | None:
         """Return a bracket as narrow as wanted, from a wider one; None where the range ends first.
 
@@ -242,10 +227,10 @@ class _Line:
         """
         left, step, guess_is_below = math.inf, self.step, None
         while high - low > (1 + 1e-9) * self.width:
-            if left == math.inf and {low, high} <= column.labels.keys():
+            if left == math.inf and {low, high} <= self.labels.keys():
                 left = math.ceil(math.log2((high - low) / self.width)) + 1
             left -= 1
-            middle, root = (low + high) / 2, column.root(low, high)
+            middle, root = (low + high) / 2, self.root(low, high)
             share = middle if guess is None else guess
             if root is not None:
                 end = low if root < middle else high
@@ -253,7 +238,7 @@ class _Line:
                 share = end + math.copysign(self.width, middle - root) if near else root
             reach = self.width * 2.0**left
             share = min(max(share, low, high - reach), high, low + reach)
-            is_below = self._is_below(column(share))
+            is_below = self.is_below(share)
             if share == (high if is_below else low):
                 return None
             low, high = (share, high) if is_below else (low, share)

@@ -20,7 +20,7 @@ import secrets
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, overload
@@ -271,46 +271,38 @@ Outcomes = Iterator[tuple[str, Record | Exception]]
 
 
 def _outcomes(todo: Mapping[str, Job], count: int, store: Store, executor: Any) -> Outcomes:
-    if executor is None:
-        with Workers(count) if count > 1 else InThisProcess() as pool:
-            yield from _ended(todo, store, pool, "")
-    elif isinstance(executor, Workers | InThisProcess):  # who made them stops them
-        yield from _ended(todo, store, executor, "")
-    else:
-        wanted = secrets.token_hex(20)
-        with store.reserved(wanted, "", lambda: None) as locked:
-            yield from _ended(todo, store, executor, wanted if locked else "")
-
-
-def _ended(todo: Mapping[str, Job], store: Store, executor: Any, wanted: str) -> Outcomes:
-    """Yield what becomes of jobs that an executor is given.
+    """Yield what becomes of jobs, made by `count` workers or by an executor.
 
     It is asked now and then, because not every one calls back. What it lost is given to it again.
     """
-    futures = {key: executor.submit(_made, job, store, key, wanted) for key, job in todo.items()}
-    losses = dict.fromkeys(futures, 0)
-    try:
+    with ExitStack() as stack:
+        wanted = ""
+        if executor is None:
+            executor = stack.enter_context(Workers(count) if count > 1 else InThisProcess())
+        elif not isinstance(executor, Workers | InThisProcess):  # who made those stops them
+            key = secrets.token_hex(20)
+            wanted = key if stack.enter_context(store.reserved(key, "", lambda: None)) else ""
+
+        def begun(key: str) -> Any:
+            return executor.submit(_made, todo[key], store, key, wanted)
+
+        futures, losses = {key: begun(key) for key in todo}, dict.fromkeys(todo, 0)
+        stack.callback(lambda: [future.cancel() for future in futures.values()])
         while futures:
             ended = [key for key, future in futures.items() if future.done()]
             for key in ended:
-                made = _result(futures.pop(key))
+                made: Any
+                try:
+                    made = futures.pop(key).result()
+                except Exception as error:
+                    made = error
                 if isinstance(made, CancelledError) and losses[key] < MAX_LOSSES:
                     losses[key] += 1
-                    futures[key] = executor.submit(_made, todo[key], store, key, wanted)
+                    futures[key] = begun(key)
                 else:
                     yield key, made
             if not ended:
                 time.sleep(POLL)
-    finally:
-        for future in futures.values():
-            future.cancel()
-
-
-def _result(future: Any) -> Record | Exception:
-    try:
-        return future.result()
-    except Exception as error:
-        return error
 
 
 class Unwanted(Exception):

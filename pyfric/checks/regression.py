@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 import tomllib
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -84,38 +84,26 @@ def load(name: str, folder: str | os.PathLike[str] = INSTALLED) -> Reference:
 # --- runs ----------------------------------------------------------------------------------------
 
 
+def _run(known: Reference, t_end: float, **how: Any) -> Record:
+    """Return a run of a set, in its geometry, with its samples."""
+    geometry, sample = known.about["geometry"], known.about["sample"] * known.about["dt"]
+    return simulate(known.scene, t_end, geometry=geometry, sample=sample, progress=False, **how)
+
+
 def hybrid(
     known: Reference, t_end: float | None = None, switching: Switching = "located"
 ) -> Record:
     """Return the hybrid run of a set, up to its first system-size event or t_end (s)."""
-    return simulate(
-        known.scene,
-        known.whole["t_stop"] + AFTER if t_end is None else t_end,
-        fidelity="hybrid",
-        geometry=known.about["geometry"],
-        switching=switching,
-        sample=known.about["sample"] * known.about["dt"],
-        progress=False,
-    )
+    t_end = known.whole["t_stop"] + AFTER if t_end is None else t_end
+    return _run(known, t_end, fidelity="hybrid", switching=switching)
 
 
 def dynamic(known: Reference, event: int) -> Record:
     """Return full dynamics of one event of a set, from a hybrid state shortly before it."""
     about = known.events.loc[event]
-    before = hybrid(known, about["t_start"] - BEFORE)
-    return simulate(
-        known.scene,
-        about["t_stop"] + AFTER,
-        fidelity="dynamic",
-        geometry=known.about["geometry"],
-        switching="located",
-        initial=before.final_state,
-        dt=known.about["dt"],
-        sample=known.about["sample"] * known.about["dt"],
-        budget=False,
-        threads=1,
-        progress=False,
-    )
+    before = hybrid(known, about["t_start"] - BEFORE).final_state
+    how = {"fidelity": "dynamic", "switching": "located", "budget": False, "threads": 1}
+    return _run(known, about["t_stop"] + AFTER, initial=before, dt=known.about["dt"], **how)
 
 
 def quasistatic(known: Reference) -> Record:

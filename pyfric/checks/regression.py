@@ -25,7 +25,7 @@ import pandas as pd
 
 from pyfric.checks.tolerances import Check, Tolerances, largest, rms
 from pyfric.planning import simulate
-from pyfric.record import Collapse, collapse_spread, fronts, paired
+from pyfric.record import collapse_spread, fronts, paired
 from pyfric.scene import Scene
 
 if TYPE_CHECKING:
@@ -213,19 +213,14 @@ def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Che
         stored = pd.concat(theirs)
         scaled = law.scaled(stored["tau_over_p"])
         curve = collapse_spread(scaled, stored["v_c"], bins=BINS)
-        points = pd.concat(ours)
-        difference = abs(_spread(curve, points["scaled"], points["v_c"]) - curve.rms)
+        points = pd.concat(ours)[["scaled", "v_c"]]
+        points = points[np.isfinite(points).all(axis=1)]
+        in_bin = np.searchsorted(curve.edges, points["scaled"].to_numpy(), side="right") - 1
+        median = curve.median[np.clip(in_bin, 0, len(curve.median) - 1)]
+        difference = abs(rms(np.log(points["v_c"].to_numpy() / median)) - curve.rms)
         name = f"collapse of v_c: spread less the stored {curve.rms:.3f}"
         checks += within.checks((name, difference, within.spread))
     return checks
-
-
-def _spread(curve: Collapse, x: pd.Series, v_c: pd.Series) -> float:
-    """RMS of ln v_c about a binned median."""
-    kept = (np.isfinite(x) & np.isfinite(v_c)).to_numpy()
-    last = len(curve.median) - 1
-    in_bin = np.clip(np.searchsorted(curve.edges, x.to_numpy()[kept], side="right") - 1, 0, last)
-    return rms(np.log(v_c.to_numpy()[kept] / curve.median[in_bin]))
 
 
 # --- the quasi-static sequence: precursors by length and force -----------------------------------

@@ -238,7 +238,11 @@ def digest(
     how = {"switching": switching, "variant": variant, "threads": threads}
     logged, switches = defaultdict(list), 0
     for stop in (STEPS // 2, STEPS) if halves else (STEPS,):
-        state = _saved_and_loaded(state) if state.step else state
+        if state.step:
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "state.npz"
+                state.save(path)
+                state = core.State.load(path)
         while state.step < stop:
             status = core.advance(model, state, log, stop - state.step, **how)
             if status not in (core.Status.DONE, core.Status.LOG_FULL):
@@ -253,13 +257,6 @@ def digest(
     for values in (state.y, state.rod, state.mode, state.heat, state.loss, state.t_0):
         content.update(values.tobytes())
     return content.hexdigest(), switches
-
-
-def _saved_and_loaded(state: core.State) -> core.State:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "state.npz"
-        state.save(path)
-        return core.State.load(path)
 
 
 def _exact() -> Made:

@@ -60,7 +60,8 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
         SceneError: there is no record.
     """
     records = listed(records)
-    predicted = {_pushed(one.scene): one.scene for one in records}
+    scenes = [one.scene for one in records]
+    predicted = {(one.slider.L, one.driver.h, one.driver.h_top): one for one in scenes}
     points, curves = lengths_of(records), _predictions(list(predicted.values()))
     colour = dict(zip(sorted(curves["h_mm"].unique()), cycle(COLOURS), strict=False))
     shape = dict(zip(sorted(curves["L_mm"].unique()), cycle(MARKERS), strict=False))
@@ -202,11 +203,6 @@ def _prediction(record: Record) -> pd.DataFrame:
     curve = record.curve
     force = curve["F_T"] / record.scene.F_N
     return pd.DataFrame({"F_T_over_F_N": force, "L_p_over_L": curve["L_p_over_L"]})
-
-
-def _pushed(scene: Scene) -> tuple[float, float, float | None]:
-    """Return length and where the driver pushes: runs that share them have one prediction curve."""
-    return scene.slider.L, scene.driver.h, scene.driver.h_top
 
 
 def _values(records: Sequence[Record], get: object) -> list[float]:

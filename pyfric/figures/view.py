@@ -64,7 +64,7 @@ def record_page(record: Record) -> str:
     event it shows when each block slips, and the stresses before and after. If there are too many
     events for the size of the page, it says which are left out.
     """
-    kept = _kept(record)
+    kept = np.argsort(-record.events["n_blocks"].to_numpy(), kind="stable")[:MOST_EVENTS] + 1
     rows = _event_rows(record, np.sort(kept))
     page = {
         "record": record,
@@ -87,12 +87,6 @@ def record_page(record: Record) -> str:
 def _json(values: Any) -> str:
     """Return JSON that can stand inside a script element."""
     return json.dumps(values, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-
-
-def _kept(record: Record) -> np.ndarray:
-    """Numbers of the events on the page, largest first."""
-    order = np.argsort(-record.events["n_blocks"].to_numpy(), kind="stable")
-    return order[:MOST_EVENTS] + 1
 
 
 def _overview(record: Record, kept: np.ndarray) -> dict[str, Any]:

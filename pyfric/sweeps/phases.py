@@ -200,8 +200,15 @@ def phase_diagram(
     rows: dict[tuple[float, float], Row] = {}
 
     def enter(a: float, b: float, record: Record) -> None:
-        told = {name: of(record) for name, of in labels.items()}
-        rows[a, b] = {x_name: a, y_name: b} | told | _front(record)
+        slider, front = record.scene.slider, record.rupture_class()
+        rows[a, b] = {
+            **{x_name: a, y_name: b},
+            **{name: of(record) for name, of in labels.items()},
+            "speed": front.speed,
+            "speed_over_c": front.speed / (slider.l * math.sqrt(slider.k / record.scene.m)),
+            "reached": front.reached,
+            "status": record.status,
+        }
 
     def run(a: float, b: float) -> Row:
         if (a, b) not in rows:
@@ -296,18 +303,6 @@ def _jobs(
     fields = scene_fields(base)
     marks = [fields[full_name(base, name)] for name in names]
     return job, tuple(checked), tuple(mark.unit for mark in marks)
-
-
-def _front(record: Record) -> dict[str, Any]:
-    """Return speed and length of the front of a run, and how the run ended."""
-    slider, found = record.scene.slider, record.rupture_class()
-    c = slider.l * math.sqrt(slider.k / record.scene.m)
-    return {
-        "speed": found.speed,
-        "speed_over_c": found.speed / c,
-        "reached": found.reached,
-        "status": record.status,
-    }
 
 
 def even_scale(values: np.ndarray) -> Scale:

@@ -249,9 +249,13 @@ class Sweep:
 
         Points that failed are "failed", with the reason; `run` tries them again.
         """
-        store = Store.at(cache)
-        found = (job if isinstance(job, SceneError) else _found(store, job) for job in self.jobs)
-        return Results(self, tuple(found))
+        store, outcomes = Store.at(cache), []
+        for job in self.jobs:
+            found = job if isinstance(job, SceneError) else store.load(job.key, job.scene)
+            if found is None and (reason := store.failure(job.key)):
+                found = JobError(job, reason)
+            outcomes.append(found)
+        return Results(self, tuple(outcomes))
 
     def run(self, cache: Cache = True, **how: Any) -> Results:
         """Run all points that are not finished, those with many blocks first.
@@ -295,14 +299,6 @@ def _as_in_scene(value: Any, mark: Annotation) -> Any:
         return mark.check(value)
     except SceneError:
         return value
-
-
-def _found(store: Store, job: Job) -> Record | JobError | None:
-    """Return the finished record of a job, or why it failed, or None."""
-    record = store.load(job.key, job.scene)
-    if record is None and (reason := store.failure(job.key)):
-        return JobError(job, reason)
-    return record
 
 
 # --- files ---------------------------------------------------------------------------------------

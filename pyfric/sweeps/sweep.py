@@ -310,14 +310,22 @@ def _read(path: Path) -> dict[str, Any]:
     Raises:
         SceneError: it cannot be read, or a value is refused.
     """
-    document = parsed(path, "sweep")
+    document, folder = parsed(path, "sweep"), path.parent
     _check_keys("", document, ENTRIES)
     for key in ("scene", "t_end", "over"):
         if key not in document:
             raise SceneError(key, None, "", "an entry of a sweep", "missing")
-    over, options, limits = (_table(document, key) for key in ("over", "options", "limits"))
+    for key in ("over", "options", "limits"):
+        if not isinstance(table := document.setdefault(key, {}), dict):
+            raise SceneError(key, table, "", f"a table [{key}]", "not a table")
+    limits, scene = document.pop("limits"), document["scene"]
     _check_keys("limits.", limits, LIMITS)
-    scene = _scene(document["scene"], path.parent)
+    if isinstance(scene, str):
+        scene = preset(scene) if scene in PRESETS else Scene.from_toml(folder / scene)
+    elif isinstance(scene, dict):
+        scene = Scene.from_toml(tomli_w.dumps(scene) + "\n", files=folder)
+    else:
+        raise SceneError("scene", scene, "", "a preset, a scene file or a table [scene]")
     free = {"gt": None, "ge": None, "le": None}  # what is out of range is refused at its point
     marks = {
         name: dataclasses.replace(mark, **free) if isinstance(mark, Quantity) else mark
@@ -329,37 +337,21 @@ def _read(path: Path) -> dict[str, Any]:
         if name not in marks or value == "auto":
             return value  # what is unknown is refused where it is used
         with naming(field or name):
-            return marks[name].check(value, Written(value, path.parent))
+            return marks[name].check(value, Written(value, folder))
 
-    return {
+    given = {
         "scene": scene,
         "t_end": read("t_end", document["t_end"]),
-        "over": _over(over, scene, read),
-        "options": {key: read(f"options.{key}", value) for key, value in options.items()},
-        **{key: document[key] for key in ("points", "n", "seed") if key in document},
-        **limits,
+        "over": _over(document["over"], scene, read),
+        "options": {key: read(f"options.{key}", v) for key, v in document["options"].items()},
     }
+    return document | limits | given
 
 
 def _check_keys(prefix: str, table: Mapping[str, Any], known: tuple[str, ...]) -> None:
     for key, value in table.items():
         if key not in known:
             raise unknown(prefix + key, value, key, known)
-
-
-def _table(document: Mapping[str, Any], key: str) -> dict[str, Any]:
-    table = document.get(key, {})
-    if not isinstance(table, dict):
-        raise SceneError(key, table, "", f"a table [{key}]", "not a table")
-    return table
-
-
-def _scene(given: Any, folder: Path) -> Scene:
-    if isinstance(given, str):
-        return preset(given) if given in PRESETS else Scene.from_toml(folder / given)
-    if isinstance(given, dict):
-        return Scene.from_toml(tomli_w.dumps(given) + "\n", files=folder)
-    raise SceneError("scene", given, "", "a preset, a scene file or a table [scene]")
 
 
 def _over(

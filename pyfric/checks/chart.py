@@ -106,30 +106,21 @@ def chart(
     finest = _reference(scene, t_end, budget / 2)
     say(f"reference: {_named(finest)}, up to {t_end:.3g} s")
     truth, seconds = run(scene, t_end, finest, _step(scene, finest))
-    rows = [
-        _row(scene, t_end, finest, seconds)
-        | {"status": "reference", "covered": 1.0, "events": len(truth.events)}
-    ]
+    about = {"seconds": seconds, "status": "reference", "covered": 1.0, "events": len(truth.events)}
+    rows = [finest._asdict() | {"dt": _step(scene, finest), "t_end": t_end} | about]
     for method in methods(scene):
-        left = budget - (time.process_time() - begin)
-        say(f"{_named(method)}; {max(left, 0.0):.0f} s are left")
-        rows.append(_measured(scene, t_end, method, truth, left))
+        left = max(budget - (time.process_time() - begin), 0.0)
+        say(f"{_named(method)}; {left:.0f} s are left")
+        about = method._asdict() | {"dt": _step(scene, method), "t_end": t_end}
+        rows.append(about | _measured(scene, t_end, method, truth, left))
     return pd.DataFrame(rows)
 
 
 def after_events(scene: Scene, events: int) -> float | None:
-    """Return a time just after so many main events, s; None where they do not come.
-
-    Args:
-        scene: what is simulated, with a driver.
-        events: number of main events.
-    """
-    t_end, until = (
-        2.0 * scene.F_N / (scene.driver.K * scene.driver.V),
-        f"main_events = {events + 1}",
-    )
-    how = {"fidelity": "quasistatic", "stop_when": until, "progress": False}
-    found = simulate(scene, t_end, **how).events
+    """Return a time just after so many main events of a driven scene, s; None without them."""
+    t_end = 2.0 * scene.F_N / (scene.driver.K * scene.driver.V)
+    how = {"stop_when": f"main_events = {events + 1}", "progress": False}
+    found = simulate(scene, t_end, fidelity="quasistatic", **how).events
     starts = found["t_start"][found["is_main"]].to_list()
     return float(np.mean(starts[events - 1 : events + 1])) if len(starts) > events else None
 
@@ -189,26 +180,20 @@ def run(
     return record, time.process_time() - begin
 
 
-def _row(scene: Scene, t_end: float, method: Method, seconds: float) -> dict[str, Any]:
-    dt = _step(scene, method)
-    return method._asdict() | {"dt": dt, "t_end": t_end, "seconds": seconds}
-
-
 def _measured(
     scene: Scene, t_end: float, method: Method, truth: Record, left: float
 ) -> dict[str, Any]:
-    """Return a row with the errors of a method; where it has no answer, with the reason."""
+    """Return time, status and errors of a method; where it has no answer, the reason."""
     expected = _expected(scene, t_end, method)
-    if expected > left or left <= 0:
-        why = f"not run: about {expected:.2g} s, and {max(left, 0.0):.2g} s of the budget are left"
-        return _row(scene, t_end, method, math.nan) | {"status": why}
+    if expected > left or not left:
+        why = f"not run: about {expected:.2g} s, and {left:.2g} s of the budget are left"
+        return {"status": why}
     try:
         record, seconds = run(scene, t_end, method, _step(scene, method))
     except (SceneError, RunError, EquilibriumError) as error:
-        return _row(scene, t_end, method, math.nan) | {"status": str(error)}
-    if not record.done:
-        return _row(scene, t_end, method, seconds) | {"status": record.status}
-    return _row(scene, t_end, method, seconds) | _errors(record, truth, t_end)
+        return {"status": str(error)}
+    errors = _errors(record, truth, t_end) if record.done else {"status": record.status}
+    return {"seconds": seconds} | errors
 
 
 def _errors(record: Record, truth: Record, t_end: float) -> dict[str, Any]:

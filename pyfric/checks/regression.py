@@ -115,18 +115,9 @@ def quasistatic(known: Reference) -> Record:
 
 
 def compare(known: Reference, made: Record, within: Tolerances) -> list[Check]:
-    """Return all checks of a run: loading curve and events, stresses, crack speeds.
-
-    Args:
-        known: the stored set.
-        made: a run of its scene; it may be a part of it.
-        within: the tolerances of the engine that made the run.
-    """
-    return [
-        *loading_curve(known, made, within),
-        *stresses(known, made, within),
-        *crack_speeds(known, made, within),
-    ]
+    """Return all checks of a run of the scene of a set, or of a part of such a run."""
+    each = (loading_curve, stresses, crack_speeds)
+    return [check for comparison in each for check in comparison(known, made, within)]
 
 
 def loading_curve(known: Reference, made: Record, within: Tolerances) -> list[Check]:

@@ -58,10 +58,8 @@ def at_rest(scene: Scene) -> Scene:
 def measured_limit(scene: Scene, stepper: str, around: float) -> float:
     """Return the largest step at which a disturbance does not grow, in s.
 
-    Args:
-        scene: a scene at rest (V = 0) in which nothing slips.
-        stepper: one of `LIMITED`.
-        around: where to look, in s: between 0.7 and 1.4 times this.
+    Nothing slips in the scene, which is at rest (V = 0). The step is looked for between 0.7 and 1.4
+    times `around` (s).
     """
     low, high = 0.7 * around, 1.4 * around
     for _ in range(HALVINGS):

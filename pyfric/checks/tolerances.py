@@ -69,11 +69,7 @@ class Tolerances:
     why: str
 
     def checks(self, *measured: tuple[Any, ...]) -> list[Check]:
-        """Return checks of what was measured, for the reason of these tolerances.
-
-        Args:
-            measured: name, value, tolerance (None where it is not compared) and, maybe, unit.
-        """
+        """Return checks of what was measured: name, value, tolerance and, maybe, unit."""
         return [
             Check(name, float(value), limit, *unit, why=self.why)
             for name, value, limit, *unit in measured

@@ -312,9 +312,7 @@ class Unwanted(Exception):
 def _made(job: Job, store: Store, key: str, wanted: str) -> Record:
     """Return the record of a job from the store, or make it and keep it there.
 
-    Args:
-        job, store, key: the job, and where its record is kept by which key.
-        wanted: key of a lock file that is there as long as the run is wanted; "" means always.
+    `wanted` is the key of a lock file that is there as long as the run is wanted; "": always.
     """
 
     def look(_: Any = None) -> None:

@@ -167,12 +167,8 @@ class Store:
     def reserved(self, key: str, what: str, look: Callable[[], None]) -> Iterator[bool]:
         """Lock a run for the block, once no other process makes it; yield whether it is locked.
 
-        It is not locked in a folder that takes no files, or no locks.
-
-        Args:
-            key: of the run.
-            what: what it is, for the line that says who is waited for.
-            look: called again and again while waiting; what it raises ends that.
+        It is not locked in a folder that takes no files, or no locks. `look` is called again and
+        again while waiting; what it raises ends that. A line says who makes `what`.
         """
         from filelock import FileLock  # slow to import
 

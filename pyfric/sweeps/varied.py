@@ -118,14 +118,7 @@ def _short(value: float) -> float:
 
 
 def drawn(spans: Sequence[Span], kind: str, n: int, seed: int) -> list[list[float]]:
-    """Return n points with a value in each range.
-
-    Args:
-        spans: the ranges.
-        kind: "random", or a sequence that fills ranges evenly, a key of `SEQUENCES`.
-        n: number of points.
-        seed: of the generator behind both.
-    """
+    """Return n points with a value in each range: "random", or a kind of `SEQUENCES`."""
     rng = np.random.default_rng(seed)
     if kind == "random":
         shares = rng.random((n, len(spans)))

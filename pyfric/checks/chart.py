@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,17 +19,11 @@ import pandas as pd
 from pyfric.engines import RunError, default_switching, full_work, machine_speed
 from pyfric.figures import DataFigure
 from pyfric.planning import simulate
-from pyfric.record import differences
-from pyfric.scene import SceneError, as_scene, check_number, default_geometry
+from pyfric.record import Record, differences
+from pyfric.scene import Scene, SceneError, SceneLike, as_scene, check_number, default_geometry
 from pyfric.signals import at_once
 from pyfric.statics import EquilibriumError, stability_limit
 from pyfric.theory import Material
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pyfric.record import Record
-    from pyfric.scene import Scene, SceneLike
 
 WANTS = {
     "loading_curve": "loading curve: RMS of F_T over F_N",

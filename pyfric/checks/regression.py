@@ -16,23 +16,19 @@ What a run may differ by is in `pyfric.checks.tolerances`: one for each engine, 
 from __future__ import annotations
 
 import math
+import os
 import tomllib
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pyfric.checks.tolerances import Check, Tolerances, largest, rms
+from pyfric.core import Switching
 from pyfric.planning import simulate
-from pyfric.record import collapse_spread, fronts, paired
+from pyfric.record import Record, collapse_spread, fronts, paired
 from pyfric.scene import Scene
-
-if TYPE_CHECKING:
-    import os
-
-    from pyfric.core import Switching
-    from pyfric.record import Record
 
 INSTALLED = Path(__file__).parent / "reference"
 """Sets that come with the package."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pandas as pd
@@ -20,14 +20,9 @@ import pandas as pd
 from pyfric import core
 from pyfric.core import OPEN
 from pyfric.figures import DataFigure
-from pyfric.scene import Interface, as_scene
+from pyfric.scene import Interface, Scene, SceneLike, as_scene
 from pyfric.signals import at_once
 from pyfric.statics import loaded_state, stability_limit
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from pyfric.scene import Scene, SceneLike
 
 LIMITED = ("rk4", "verlet", "symplectic_euler")
 """Explicit steppers with uniform steps."""

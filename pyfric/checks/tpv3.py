@@ -12,15 +12,11 @@ Source: R. A. Harris et al., Seismol. Res. Lett. 80, 119 (2009).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from pyfric import core
+from pyfric.scene import Scene
 from pyfric.statics import loaded_state
-
-if TYPE_CHECKING:
-    from pyfric.scene import Scene
 
 STATIONS = np.arange(2.0, 15.0)
 """Distances from the middle, km."""

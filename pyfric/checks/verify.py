@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,12 +28,10 @@ from pyfric.checks.tolerances import DYNAMIC, HYBRID, STEP_END, Check, Tolerance
 from pyfric.display import plain
 from pyfric.engines import step_size
 from pyfric.paper.claims import CLAIMS, chain_front
+from pyfric.record import Record
 from pyfric.scene import laws, preset, setup1
 from pyfric.signals import at_once
 from pyfric.statics import loaded_state
-
-if TYPE_CHECKING:
-    from pyfric.record import Record
 
 STEPS, SWITCHES = 300, 50
 """Steps of the runs whose bits are compared, and how many contacts have to switch in them."""

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pyfric import core
+from pyfric.core import State
 from pyfric.figures.style import single
 from pyfric.planning import simulate
+from pyfric.record import Record
 from pyfric.scene import SceneError
-
-if TYPE_CHECKING:
-    from pyfric.core import State
-    from pyfric.record import Record
 
 LEAD = 20
 """Steps between the state that a run up to it gives and the event."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -30,11 +29,8 @@ from pyfric.figures.style import (
     panels,
     single,
 )
-from pyfric.record import PER_BIN, collapse_spread, front, fronts
-
-if TYPE_CHECKING:
-    from pyfric.record import Record
-    from pyfric.scene import Scene
+from pyfric.record import PER_BIN, Record, collapse_spread, front, fronts
+from pyfric.scene import Scene
 
 LOOKS = ((BLUE, "o"), (ORANGE, "s"), (GREEN, "^"), (VERMILION, "D"))
 """Colour and marker of each run."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import cycle
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -31,12 +30,8 @@ from pyfric.figures.style import (
     panels,
     single,
 )
-from pyfric.record import precursor_lengths
-from pyfric.scene import SceneError
-
-if TYPE_CHECKING:
-    from pyfric.record import Record
-    from pyfric.scene import Scene
+from pyfric.record import Record, precursor_lengths
+from pyfric.scene import Scene, SceneError
 
 COLOURS = (SKY, BLUE, GREEN, ORANGE, VERMILION, PURPLE)
 MARKERS = "os^D"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -30,10 +29,7 @@ from pyfric.figures.style import (
     single,
     time_unit,
 )
-from pyfric.record import MAIN_EVENT_BLOCKS, analysis, numbered
-
-if TYPE_CHECKING:
-    from pyfric.record import Record
+from pyfric.record import MAIN_EVENT_BLOCKS, Record, analysis, numbered
 
 CURVE_BINS = 2000
 """Columns of the loading curve's envelope: about two per pixel at column width."""

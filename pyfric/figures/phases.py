@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 
 from pyfric.figures.style import (
@@ -21,13 +21,8 @@ from pyfric.figures.style import (
     panels,
 )
 from pyfric.scene import unknown
-from pyfric.sweeps import even_scale
+from pyfric.sweeps import PhaseDiagram, even_scale
 from pyfric.theory import LARGEST_VISCOSITY, chain_prestress
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from pyfric.sweeps import PhaseDiagram
 
 SYMBOLS = ("x", "o", "s", "^", "D", "v", "*", "+")
 """Symbols of labels, in alphabetical order."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,10 +27,7 @@ from pyfric.figures.style import (
     panels,
     scene_text,
 )
-from pyfric.scene import annotations, as_scene, prefix_power
-
-if TYPE_CHECKING:
-    from pyfric.scene import Scene, SceneLike
+from pyfric.scene import Scene, SceneLike, annotations, as_scene, prefix_power
 
 MOST_COLUMNS = 32
 """Lattices with more columns are thinned."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from pyfric import theory
+from pyfric.core import State
 from pyfric.figures.again import Again, check_event
 from pyfric.figures.style import (
     BLACK,
@@ -22,16 +23,9 @@ from pyfric.figures.style import (
     style,
     time_unit,
 )
-from pyfric.record import energy_release, front
-from pyfric.scene import SceneError
+from pyfric.record import Record, energy_release, front
+from pyfric.scene import Scene, SceneError
 from pyfric.signals import at_once
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from pyfric.core import State
-    from pyfric.record import Record
-    from pyfric.scene import Scene
 
 BEFORE, AFTER = 0.15, 0.5
 """What is shown before and after the front, in units of the time that it takes."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
@@ -24,12 +22,8 @@ from pyfric.figures.style import (
     panels,
     single,
 )
-from pyfric.record import precursor_lengths, stress_profile, system_size_events
-from pyfric.scene import SceneError
-
-if TYPE_CHECKING:
-    from pyfric.record import Record
-    from pyfric.scene import Law
+from pyfric.record import Record, precursor_lengths, stress_profile, system_size_events
+from pyfric.scene import Law, SceneError
 
 STATES = {"initial": (GREY, ":", 1.2), "before": (BLUE, "--", 1.0), "after": (VERMILION, "-", 1.0)}
 """State -> colour, line style, line width (pt)."""

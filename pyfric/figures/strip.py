@@ -12,7 +12,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -25,6 +25,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter
 
 from pyfric import core
+from pyfric.core import State
 from pyfric.figures.again import LEAD, Again, check_event
 from pyfric.figures.style import (
     BLACK,
@@ -39,13 +40,9 @@ from pyfric.figures.style import (
     style,
     time_unit,
 )
-from pyfric.scene import SceneError, written
+from pyfric.record import Record
+from pyfric.scene import Scene, SceneError, written
 from pyfric.signals import at_once
-
-if TYPE_CHECKING:
-    from pyfric.core import State
-    from pyfric.record import Record
-    from pyfric.scene import Scene
 
 MOMENTS = (0.05, 0.3, 0.55, 0.8, 1.0, 1.6)
 """Frames of a strip, in units of the time the front takes."""

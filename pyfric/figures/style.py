@@ -6,18 +6,15 @@ import io
 import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pyfric.scene import PREFIXES, SceneError, laws, prefix_power, write, written
-
-if TYPE_CHECKING:
-    from pyfric.record import Record
-    from pyfric.scene import Scene
+from pyfric.record import Record
+from pyfric.scene import PREFIXES, Scene, SceneError, laws, prefix_power, write, written
 
 COLUMN_WIDTH = 3.4
 """Width of one journal column, inches."""

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from pyfric.figures.lengths import growth
 from pyfric.figures.loading import (
@@ -25,15 +26,13 @@ from pyfric.figures.loading import (
     slip_segments,
 )
 from pyfric.figures.sketch import sketch
+from pyfric.figures.style import DataFigure
 from pyfric.record import GROUPS, MAIN_EVENT_BLOCKS, Record, held_in, summary
 from pyfric.scene import Scene
 from pyfric.sweeps import Sweep
 
 if TYPE_CHECKING:
     import jinja2
-    import pandas as pd
-
-    from pyfric.figures.style import DataFigure
 
 LARGEST = 2_000_000
 """Most bytes of a page."""

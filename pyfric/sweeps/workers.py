@@ -15,17 +15,15 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext
 from multiprocessing.process import BaseProcess
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
 from pyfric.signals import SIGNALS, held_back
-
-if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
 
 GRACE = 1.5
 """Time in which a worker that is to stop can do so by itself, s."""

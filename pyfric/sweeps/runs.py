@@ -46,7 +46,7 @@ from pyfric.scene import (
 )
 from pyfric.signals import at_once, saved_first
 from pyfric.sweeps.store import MAX_BYTES, Cache, Store
-from pyfric.sweeps.workers import InThisProcess, Workers, stopping
+from pyfric.sweeps.workers import InThisProcess, Workers
 
 ELSEWHERE = ("threads", "checkpoint", "checkpoint_every")
 """Options that do not change what a run gives; jobs leave them to `run_all`."""
@@ -316,7 +316,7 @@ def _made(job: Job, store: Store, key: str, wanted: str) -> Record:
     """
 
     def look(_: Any = None) -> None:
-        if stopping() or (wanted and not store.lock_file(wanted).exists()):
+        if wanted and not store.lock_file(wanted).exists():
             raise Unwanted
 
     look()

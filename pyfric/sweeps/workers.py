@@ -3,7 +3,7 @@
 Each worker is a `ProcessPoolExecutor` of one spawned process, so that it is known which job a
 process took along. It never sees the signals that end a command: it inherits a mask that blocks
 them. It holds one end of a pipe whose other end only this process has. When that closes, because
-work is to stop or because this process is gone, however it went, the worker ends too.
+this process is gone, however it went, the worker ends too.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import os
 import signal
 import threading
-import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -24,16 +23,6 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from pyfric.signals import SIGNALS, held_back
-
-GRACE = 1.5
-"""Time in which a worker that is to stop can do so by itself, s."""
-
-_stop = threading.Event()
-
-
-def stopping() -> bool:
-    """Whether this is a worker process that is to stop."""
-    return _stop.is_set()
 
 
 class Workers(Executor):
@@ -69,13 +58,12 @@ class Workers(Executor):
 
     @held_back()
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
-        self._speaks.close()
-        killer = threading.Timer(2 * GRACE, lambda: [worker.kill() for worker in self._workers])
-        killer.start()
+        self._speaks.close()  # ends what has just been started
+        for process in [process for worker in self._workers for process in worker.processes]:
+            process.kill()
         self._threads.shutdown(cancel_futures=True)
         for worker in self._workers:
             worker.pool.shutdown()
-        killer.cancel()
         self._hears.close()
 
 
@@ -93,10 +81,6 @@ class _Worker(SpawnContext):
         process = super().Process(*args, **kwargs)
         self.processes.append(process)
         return process
-
-    def kill(self) -> None:
-        for process in self.processes:
-            process.kill()
 
 
 class InThisProcess(Executor):
@@ -116,8 +100,6 @@ def _begin(hears: Connection) -> None:
 
 
 def _leave(hears: Connection) -> None:
-    """End this process a while after it is to stop."""
+    """End this process with the one that it works for."""
     hears.poll(None)
-    _stop.set()
-    time.sleep(GRACE)
     os._exit(1)

@@ -58,9 +58,10 @@ class Workers(Executor):
 
     @held_back()
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
-        self._speaks.close()  # ends what has just been started
+        self._speaks.close()  # ends a process that is just being started
         for process in [process for worker in self._workers for process in worker.processes]:
-            process.kill()
+            if process.pid is not None:
+                process.kill()
         self._threads.shutdown(cancel_futures=True)
         for worker in self._workers:
             worker.pool.shutdown()

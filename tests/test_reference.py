@@ -9,8 +9,7 @@ import pytest
 
 import pyfric
 from pyfric.checks import regression
-from pyfric.checks.regression import Ladder
-from pyfric.checks.tolerances import DYNAMIC, HYBRID, STEP_END, Check
+from pyfric.checks.regression import DYNAMIC, HYBRID, STEP_END, Check, Ladder
 from pyfric.scene import preset
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference_data"
@@ -18,7 +17,7 @@ SCENES = ("fig1", "run1", "run2", "run3", "run4", "setup2", "setup2-", "setup2+"
 GEOMETRIES = ("linear", "finite")
 CLEAN = tuple(name for name in SCENES if name != "setup2+")
 
-# --- limits of single scenes; tolerances of the engines are in `pyfric.checks.tolerances` --------
+# --- limits of single scenes; tolerances of the engines are in `pyfric.checks.regression` --------
 
 GAP = 0.26
 """F_T/F_N at which, in setup2+, an interior gap opens (0.261 linear, 0.281 finite). Blocks at its

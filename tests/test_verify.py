@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from pyfric import core
 from pyfric.checks import verify
-from pyfric.checks.tolerances import Check
+from pyfric.checks.regression import Check
 from pyfric.checks.verify import Group
 from pyfric.cli.commands import main
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from pyfric import core, theory
 from pyfric.checks import regression, tpv3
-from pyfric.checks.tolerances import DYNAMIC, HYBRID, STEP_END, Check, Tolerances
+from pyfric.checks.regression import DYNAMIC, HYBRID, STEP_END, Check, Tolerances
 from pyfric.display import plain
 from pyfric.engines import step_size
 from pyfric.paper.claims import CLAIMS, chain_front

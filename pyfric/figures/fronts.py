@@ -103,8 +103,7 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
     points = points[np.isfinite(points["v_c"]) & np.isfinite(points["tau_over_p"])]
     points = points.reset_index(drop=True)
     fig, both = panels(4.4, (1, 1), sharey=True)
-    handles = _draw_runs(both, records, points)
-    medians = _draw_medians(both, records, points)
+    handles, medians = _draw_runs(both, records, points)
     for axes in both:
         axes.set_yscale("log")
         _speeds(axes, records[0].scene)
@@ -135,44 +134,33 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
 
 def _draw_runs(
     both: Sequence[Axes], records: Sequence[Record], points: pd.DataFrame
-) -> list[Line2D]:
-    """Draw the points of each run; return one legend handle for each."""
-    handles = []
-    counts = points["run"].value_counts()
+) -> tuple[list[Line2D], pd.DataFrame]:
+    """Draw the points of each run and, over them, its medians, where there are enough points.
+
+    Returns:
+        One legend handle for each run; run, scene, axis, its median, and v_c of each median.
+    """
+    handles, tables = [], [pd.DataFrame(columns=["at", "v_c", "run", "scene", "axis"])]
     for n, one in enumerate(records, 1):
         colour, shape = LOOKS[(n - 1) % len(LOOKS)]
         rows, friction = points[points["run"] == n], one.scene.law.mean
         look = {"ls": "", "marker": shape, "ms": 1.8, "color": colour, "alpha": 0.35, "mew": 0.3}
-        look["zorder"] = 3 - counts.get(n, 0) / max(len(points), 1)  # few on top
+        look["zorder"] = 3 - len(rows) / max(len(points), 1)  # few on top
         look["rasterized"] = len(rows) > 5000
+        medians = {"color": colour, "marker": shape, "lw": 1.2, "zorder": 5, **MEDIAN}
         for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
             axes.plot(rows[x], rows["v_c"], **look)
+            if len(rows) >= PER_BIN * MEDIANS:
+                edges = collapse_spread(rows[x], rows["v_c"], bins=MEDIANS).edges
+                cut = pd.cut(rows[x], np.unique(edges), include_lowest=True)
+                table = rows.groupby(cut, observed=True)[[x, "v_c"]].median()
+                table = table.rename(columns={x: "at"}).reset_index(drop=True)
+                axes.plot(table["at"], table["v_c"], **medians)
+                tables.append(table.assign(run=n, scene=one.scene.name, axis=x))
         name = rf"{one.scene.name}: $\mu_\mathrm{{s}}$, $\mu_\mathrm{{k}}$ = "
         label = name + f"{friction.mu_s:g}, {friction.mu_k:g}"
         handles.append(Line2D([], [], ls="", marker=shape, color=colour, ms=3.5, label=label))
-    return handles
-
-
-def _draw_medians(
-    both: Sequence[Axes], records: Sequence[Record], points: pd.DataFrame
-) -> pd.DataFrame:
-    """Draw the medians of each run over its points; return run, scene, axis, its median, v_c."""
-    tables = []
-    for n, one in enumerate(records, 1):
-        rows = points[points["run"] == n]
-        if len(rows) < PER_BIN * MEDIANS:
-            continue
-        colour, shape = LOOKS[(n - 1) % len(LOOKS)]
-        look = {"color": colour, "marker": shape, "lw": 1.2, "zorder": 5, **MEDIAN}
-        for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
-            edges = collapse_spread(rows[x], rows["v_c"], bins=MEDIANS).edges
-            cut = pd.cut(rows[x], np.unique(edges), include_lowest=True)
-            bins = rows.groupby(cut, observed=True)
-            table = bins[[x, "v_c"]].median().rename(columns={x: "at"})
-            axes.plot(table["at"], table["v_c"], **look)
-            tables.append(table.reset_index(drop=True).assign(run=n, scene=one.scene.name, axis=x))
-    columns = ["at", "v_c", "run", "scene", "axis"]
-    return pd.concat(tables) if tables else pd.DataFrame(columns=columns)
+    return handles, pd.concat(tables[1:] or tables)
 
 
 def _draw_spreads(both: Sequence[Axes], points: pd.DataFrame) -> list[str]:

@@ -188,9 +188,7 @@ def _named(scene: Scene, table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _predictions(scenes: Sequence[Scene]) -> pd.DataFrame:
-    tables = []
-    for scene in scenes:
-        tables.append(_named(scene, _prediction(prediction_curve(scene))))
+    tables = [_named(one, _prediction(prediction_curve(one))) for one in scenes]
     return pd.concat(tables, ignore_index=True)
 
 

@@ -4,7 +4,8 @@
 
     record = pyfric.simulate(pyfric.preset("fig1"), t_end=0.9)
     record.events                          # the event catalogue
-    pyfric.figures.fig1b(record, "fig1b")  # loading curve and slipping regions
+    figure = pyfric.figures.fig1b(record)  # loading curve and slipping regions
+    pyfric.figures.save_figure(figure, "fig1b")
 
 Source: J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011).
 """

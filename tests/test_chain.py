@@ -537,7 +537,7 @@ def test_records_hold_the_largest_lists(tmp_path):
 
 
 def test_figure_and_tables(record, tmp_path):
-    fig = fig1b(record, tmp_path / "chain")
+    fig = fig1b(record)
     assert "chain under prescribed loads" in fig.caption
     assert "linear geometry" in fig.caption
     assert len(record.to_csv(tmp_path)) == 6

@@ -185,7 +185,8 @@ def inside_and_readable(fig, width=3.4):
 
 def test_saved_files(ladder, tmp_path):
     stem = tmp_path / "new" / "fig1b"
-    fig = fig1b(ladder, stem)
+    fig = fig1b(ladder)
+    save_figure(fig, stem)
     names = {path.name for path in stem.parent.iterdir()}
     expected = {"fig1b.png", "fig1b.pdf", "fig1b.txt", "fig1b_curve.csv", "fig1b_slip.csv"}
     assert names == expected
@@ -246,11 +247,12 @@ def test_caption_states_slip_weakening():
 
 def test_record_without_events(tmp_path):
     record = made_up_record(lengths=())
-    fig = fig1b(record, tmp_path / "none")
+    fig = fig1b(record)
+    save_figure(fig, tmp_path / "none")
     assert fig.axes[0].get_legend() is None
     assert fig.tables["slip"].empty
     empty = dataclasses.replace(record, curve=pd.DataFrame({"t": [], "F_T": []}, dtype=float))
-    fig1b(empty, tmp_path / "empty")
+    save_figure(fig1b(empty), tmp_path / "empty")
 
 
 def test_long_curves_keep_their_extremes():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from itertools import pairwise
 
 import numpy as np
@@ -25,7 +24,6 @@ from pyfric.figures.style import (
     legend,
     mark,
     panels,
-    save_figure,
     single,
     time_unit,
 )
@@ -50,17 +48,13 @@ def fig1a(record: Record) -> DataFigure:
 
 
 @figure("Fig. 1(b): loading curve and slipping regions", runs="fig1")
-def fig1b(record: Record, path: str | os.PathLike[str] | None = None) -> DataFigure:
+def fig1b(record: Record) -> DataFigure:
     """Fig. 1(b) of the paper: loading curve, and where the interface slips in each event.
 
     Top: F_T/F_N against time, with mu_k as a reference. Bottom: each event as a vertical bar at
     the time of its first slip, over the blocks that slipped; x/L from the trailing edge. Block n
     covers (n-1)/N_x to n/N_x, so that a bar from the trailing edge ends at L_p/L. Blocks that
     only made corner slips, or were open when the event ended, are drawn thin.
-
-    Args:
-        record: the run to draw.
-        path: if given, the figure is also written there: see `save_figure`.
     """
     single(record)
     fig, (top, bottom) = panels(3.3, (1.15, 1), sharex=True)
@@ -88,8 +82,6 @@ def fig1b(record: Record, path: str | os.PathLike[str] | None = None) -> DataFig
         "curve": pd.DataFrame({"t_s": t, "F_T_over_F_N": force}),
         "slip": segments,
     }
-    if path is not None:
-        save_figure(fig, path)
     return fig
 
 

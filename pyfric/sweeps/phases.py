@@ -103,7 +103,7 @@ class PhaseDiagram:
         return f"Phase diagram over {self.x} and {self.y}: {points}"
 
 
-def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS, step: float = STEP) -> Job:
+def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS) -> Job:
     """Return the run of a chain whose first block is pushed for ever, just beyond its threshold.
 
     The chain is that of setup 1 lumped into one row, but for its length, without bond viscosity.
@@ -113,7 +113,6 @@ def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS, step: float = 
         alpha: viscosity of slip over sqrt(k m), > 0.
         tau_bar: prestress (tau/p - mu_k)/(mu_s - mu_k), between 0 and 1, the same on all blocks.
         blocks: their number, at least 20.
-        step: largest step over sqrt(m/k).
 
     Raises:
         SceneError: a value is refused.
@@ -147,7 +146,7 @@ def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS, step: float = 
     t_end = blocks * (20 + alpha * slow) * math.sqrt(m / k)
     end = f"reached = {(blocks - 1) * l!r}"
     options = {"fidelity": "dynamic", "budget": False, "verify": "none", "sample": t_end / 1000}
-    dt = min(step, 2 * step / STEP / alpha) * math.sqrt(m / k)
+    dt = min(STEP, 2 / alpha) * math.sqrt(m / k)
     return Job(
         scene=scene, t_end=t_end, options=options | {"dt": dt, "stop_when": ("arrested", end)}
     )

@@ -52,8 +52,8 @@ def sketch(scene: SceneLike) -> DataFigure:
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
 
-    Large lattices are thinned to every q-th block, as the caption says. Lengths
-    of the load's arrows are proportional to the forces.
+    Large lattices are thinned, as the caption says. Lengths of the load's arrows are proportional
+    to the forces.
 
     Fields of the interface that vary are drawn below it, from their least to their largest value.
 
@@ -98,7 +98,7 @@ def sketch(scene: SceneLike) -> DataFigure:
     fields = {name: scene.field(name) for name in scene.varied}
     fig.tables = {"columns": pd.DataFrame(columns | fields)}
     driven = "the driven row" if scene.n_driven == 1 else "the rows at the plate's edges"
-    thin = f" Every {_ordinal(q)} block in both directions and {driven} are drawn."
+    thin = f" One block of {q} in each direction and {driven} are drawn."
     what = f"Sketch of the scene, to scale, after Fig. 1(a) of {PAPER}."
     fig.caption = f"{what}{thin if q > 1 else ''}\n{scene_text([scene])}"
     return fig
@@ -114,10 +114,6 @@ def _thinning(scene: Scene) -> int:
 
 def _kept(count: int, q: int) -> np.ndarray:
     return np.unique(np.append(np.arange(0, count, q), count - 1))
-
-
-def _ordinal(q: int) -> str:
-    return {2: "second", 3: "third"}.get(q, f"{q}th")
 
 
 def _lattice(axes: Axes, x: np.ndarray, z: np.ndarray, chain: bool, unit: float) -> None:

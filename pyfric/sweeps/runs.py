@@ -222,14 +222,15 @@ def run_all(
         raise SceneError("errors", errors, "", "'raise' or 'return'")
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise SceneError("executor", executor, "", "an object with submit, or None")
-    store, count = Store.at(cache), _count(workers)
+    _count(workers)
+    store = Store.at(cache)
     by_key = {job.key: job for job in jobs}
     found: dict[str, Any] = {key: store.load(key, job.scene) for key, job in by_key.items()}
     todo = {key: job for key, job in by_key.items() if found[key] is None}
     with jobs_bar(progress, len(by_key)) as show:
         done = len(by_key) - len(todo)
         show(done, len(by_key))
-        with closing(_outcomes(todo, min(count, len(todo)), store, executor)) as outcomes:
+        with closing(_outcomes(todo, workers, store, executor)) as outcomes:
             for key, made in outcomes:
                 if isinstance(made, Exception):
                     error = JobError(todo[key], made)
@@ -243,12 +244,11 @@ def run_all(
                 show(done, len(by_key))
     if todo:
         store.prune(MAX_BYTES if store.own else None)
-    outcomes = ((found[job.key], job) for job in jobs)
     return [
-        JobError(job, one)
-        if isinstance(one, Exception)
-        else dataclasses.replace(one, scene=job.scene)
-        for one, job in outcomes
+        JobError(job, made)
+        if isinstance(made := found[job.key], Exception)
+        else dataclasses.replace(made, scene=job.scene)
+        for job in jobs
     ]
 
 
@@ -266,19 +266,19 @@ def _count(workers: int | None) -> int:
 
 # --- running -------------------------------------------------------------------------------------
 
-Outcomes = Iterator[tuple[str, Record | Exception]]
-"""Key and record, or what went wrong, of each job as it ends."""
 
+def _outcomes(
+    todo: Mapping[str, Job], workers: int | None, store: Store, executor: Any
+) -> Iterator[tuple[str, Any]]:
+    """Yield key and record, or what went wrong, of each job as it ends.
 
-def _outcomes(todo: Mapping[str, Job], count: int, store: Store, executor: Any) -> Outcomes:
-    """Yield what becomes of jobs, made by `count` workers or by an executor.
-
-    It is asked now and then, because not every one calls back. What it lost is given to it again.
+    Executors are asked now and then, because not every one calls back. What they lost is given to
+    them again.
     """
     with ExitStack() as stack:
         wanted = ""
         if executor is None:
-            executor = stack.enter_context(Workers(count) if count > 1 else InThisProcess())
+            executor = stack.enter_context(side_by_side([*todo.values()], workers))
         elif not isinstance(executor, Workers | InThisProcess):  # who made those stops them
             key = secrets.token_hex(20)
             wanted = key if stack.enter_context(store.reserved(key, "", lambda: None)) else ""
@@ -291,9 +291,8 @@ def _outcomes(todo: Mapping[str, Job], count: int, store: Store, executor: Any) 
         while futures:
             ended = [key for key, future in futures.items() if future.done()]
             for key in ended:
-                made: Any
                 try:
-                    made = futures.pop(key).result()
+                    made: Any = futures.pop(key).result()
                 except Exception as error:
                     made = error
                 if isinstance(made, CancelledError) and losses[key] < MAX_LOSSES:

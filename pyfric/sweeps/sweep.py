@@ -7,23 +7,8 @@
     results.to_xarray()      # the same with units, on the axes of a grid
     results.mean("n_precursors")  # over seeds, with standard errors
 
-The file is TOML, and quantities carry their units::
-
-    scene = "setup2"         # a preset, a scene file beside this one, or a table [scene]
-    t_end = "1.2 s"
-    points = "grid"          # or list, random, sobol, halton, latin
-
-    [over]                   # anything that a scene has
-    "top.theta" = [-0.5, 0, 0.5]
-    "driver.h" = { from = "2 mm", to = "10 mm", step = "2 mm" }
-    "interface.mu_s" = [0.7, { mean = 0.7, std = 0.02, seed = 1 }]
-
-    [options]                # those of `pyfric.simulate`
-    fidelity = "quasistatic"
-
-    [limits]
-    max_hours = 1
-    max_GB = 2
+A file of a sweep (docs/sweeps.md) is TOML with the entries `ENTRIES`, and quantities carry their
+units.
 
 A grid takes all combinations, a list the first values of all fields, then the second ones, and so
 on. The others draw `n` points from ranges, with a `seed`; `scale = "log"` makes a range even in its

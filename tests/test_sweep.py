@@ -376,6 +376,8 @@ def test_a_scene_in_the_file_names_files_beside_it(file):
         ('"1.2 ms"', "1.2", "missing unit"),
         ("scene.toml", "nothing.toml", "cannot be read"),
         ("[over]", "[over", "not TOML"),
+        ("[over]", "[over]\ninterface.mu_k = [0.3]", "each field once"),
+        ("{ from", "5 # { from", "a list of values, or a range"),
         ('t_end = "1.2 ms"', "", "t_end: missing"),
         ("[options]", "[limits]\nmax_hour = 1\n[options]", "did you mean 'max_hours'"),
     ],

@@ -339,27 +339,22 @@ def _check_keys(prefix: str, table: Mapping[str, Any], known: tuple[str, ...]) -
             raise unknown(prefix + key, value, key, known)
 
 
-def _over(
-    table: Mapping[str, Any], scene: Scene, read: Callable[..., Any]
-) -> dict[str, list[Any] | Span]:
-    """Return what varies: lists of values, or ranges, by the full names of fields."""
-    over: dict[str, list[Any] | Span] = {}
-    for given, value in _flat(table).items():
+def _over(table: Mapping[str, Any], scene: Scene, read: Callable[..., Any]) -> dict[str, Any]:
+    """Return what varies: lists of values and ranges in SI; all else is refused by `Sweep`."""
+    over = _flat(table)
+    for given, value in over.items():
         name = full_field(scene, given, value)
         field = f"over.{name}"
         if isinstance(value, list):
-            over[name] = [read(name, entry, field) for entry in value]
+            over[given] = [read(name, entry, field) for entry in value]
         elif isinstance(value, dict) and {"from", "to"} <= set(value):
             _check_keys(f"{field}.", value, RANGE)
             ends = {key: read(name, value[key], f"{field}.{key}") for key in NAMES if key in value}
             try:
-                over[name] = Span(**{NAMES.get(k, k): v for k, v in (value | ends).items()})
+                over[given] = Span(**{NAMES.get(k, k): v for k, v in (value | ends).items()})
             except SceneError as error:
                 entry = {"start": "from", "stop": "to"}.get(error.field, error.field)
                 raise error.at(f"{field}.{entry}") from None
-        else:
-            allowed = "a list of values, or a range with from and to"
-            raise SceneError(field, value, "", allowed)
     return over
 
 

@@ -508,8 +508,6 @@ def test_speeds_of_several_runs(run):
             far = mine[mine[x] >= mine[x].quantile(0.9)]
             assert line.get_ydata()[-1] == pytest.approx(far["v_c"].median(), rel=0.1)
     assert set(fig.tables["medians"]["run"]) == {1, 2}
-    spread = analysis.collapse_spread(points["scaled"].to_numpy(), points["v_c"].to_numpy()).rms
-    assert any(f"{spread:.2f}" in text.get_text() for text in both[1].texts)
     assert "mu_s/mu_k = 0.5/0.2, 0.7/0.45" in fig.caption
     inside_and_readable(fig)
 

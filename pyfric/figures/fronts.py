@@ -17,12 +17,10 @@ from pyfric.figures.style import (
     GREEN,
     ORANGE,
     PAPER,
-    SMALL,
     VERMILION,
     DataFigure,
     caption,
     figure,
-    joined,
     legend,
     listed,
     mark,
@@ -116,7 +114,6 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
     scaled = r"(\tau/p-\mu_\mathrm{k})/(\mu_\mathrm{s}-\mu_\mathrm{k})"
     both[1].set_xlabel(rf"scaled prestress ${scaled}$")
     fig.tables = {"points": points, "medians": medians}
-    spreads = _draw_spreads(both, points)
     what = (
         "Speed of rupture fronts against tau/p just before the event (a) and against "
         f"(tau/p - mu_k)/(mu_s - mu_k) (b); after Fig. 4(b) of {PAPER} and its inset. "
@@ -126,8 +123,6 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
     )
     if len(medians):
         what += f" Lines: medians in {MEDIANS} bins of equal numbers of points."
-    if spreads:
-        what += f" Spread of ln v_c about one binned median: {joined(spreads)} (rms)."
     fig.caption = caption(records, what)
     return fig
 
@@ -161,19 +156,6 @@ def _draw_runs(
         label = name + f"{friction.mu_s:g}, {friction.mu_k:g}"
         handles.append(Line2D([], [], ls="", marker=shape, color=colour, ms=3.5, label=label))
     return handles, pd.concat(tables[1:] or tables)
-
-
-def _draw_spreads(both: Sequence[Axes], points: pd.DataFrame) -> list[str]:
-    """Write the spread of ln v_c into both panels, where there are enough points; return both."""
-    spreads = []
-    if len(points) < PER_BIN * 20:
-        return spreads
-    for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
-        rms = collapse_spread(points[x].to_numpy(), points["v_c"].to_numpy()).rms
-        spreads.append(f"{rms:.2f}")
-        text = rf"rms of $\ln v_\mathrm{{c}}$: {rms:.2f}"
-        axes.text(0.02, 0.12, text, transform=axes.transAxes, va="bottom", fontsize=SMALL)
-    return spreads
 
 
 def _speeds(axes: Axes, scene: Scene) -> None:

@@ -40,7 +40,6 @@ SPARE = 20_000
 """Bytes of it that are kept for what is counted last."""
 MOST_EVENTS = 3000
 """Most events of a page: the main ones and the micro-slips of most blocks."""
-KIND_NAMES = {"whole": "whole interface", "partial": "partial", "micro": "micro-slip"}
 
 
 def drawing(shown: Any) -> DataFigure | None:
@@ -121,7 +120,7 @@ def _event_rows(record: Record, kept: np.ndarray) -> list[dict[str, Any]]:
         {
             "event": int(event),
             "kind": str(kind),
-            "kind_name": KIND_NAMES[kind],
+            "kind_name": KINDS[kind][0].partition(",")[0],
             "precursor": bool(one["is_precursor"]),
             "t": _number(one["t_start"], 9),
             "duration": _number(one["duration"]),

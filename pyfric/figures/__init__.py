@@ -6,13 +6,12 @@ leaves no global state and needs no display. Colours are from the Okabe-Ito set,
 distinguishable under colour blindness; markers or line widths differ as well.
 """
 
-from pyfric.figures.fronts import fig4a, fig4b
+from pyfric.figures.interface import fig3a, fig3b, fig4a, fig4b
 from pyfric.figures.lengths import fig2a, fig2b
 from pyfric.figures.loading import fig1b, figure_caption, slip_segments
 from pyfric.figures.phases import phase_map
 from pyfric.figures.sketch import sketch
 from pyfric.figures.spacetime import space_time
-from pyfric.figures.stresses import fig3a, fig3b
 from pyfric.figures.strip import event_movie, event_strip, has_ffmpeg
 from pyfric.figures.style import FIGURES, DataFigure, PaperFigure, save_figure
 from pyfric.figures.view import drawing as drawing

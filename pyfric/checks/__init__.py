@@ -2,10 +2,6 @@
 
 import importlib
 from types import ModuleType
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from pyfric.checks import chart, regimes, regression, stability, tpv3, verify
 
 __all__ = ["chart", "regimes", "regression", "stability", "tpv3", "verify"]
 

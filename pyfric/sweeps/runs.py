@@ -242,8 +242,6 @@ def run_all(
                 found[key] = made
                 done += 1
                 show(done, len(by_key))
-    if todo:
-        store.prune(MAX_BYTES if store.own else None)
     return [
         JobError(job, made)
         if isinstance(made := found[job.key], Exception)
@@ -276,6 +274,8 @@ def _outcomes(
     them again.
     """
     with ExitStack() as stack:
+        if todo:
+            stack.callback(store.prune, MAX_BYTES if store.own else None)
         wanted = ""
         if executor is None:
             executor = stack.enter_context(side_by_side([*todo.values()], workers))

@@ -702,7 +702,7 @@ def test_frames_of_a_film_are_the_whole_figure(run):
     v = np.linspace(-0.1, 0.1, 4 * N_z * N_x).reshape(2, N_z, 2, N_x)
     mode = np.arange(N_x) % 3
     frames = [strip.Frame(n * 1e-5, v[n], p * (0.2 + 0.3 * n), p, n * mode) for n in (0, 1)]
-    fig, (panels,) = strip._panels(run.scene, 1, 1, 0.1)
+    fig, (panels,) = strip._panels(run.scene, 1, 0.1)
     panels.scale(run.scene)
     panels.show(frames[0], 0.0, (1e6, "us"))
     fig.canvas.draw()

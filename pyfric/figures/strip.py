@@ -46,7 +46,7 @@ from pyfric.signals import at_once
 
 MOMENTS = (0.05, 0.3, 0.55, 0.8, 1.0, 1.6)
 """Frames of a strip, in units of the time the front takes."""
-FILM_DPI, FPS = 150, 12
+FILM_DPI = 150
 
 
 class Film(type(Path())):
@@ -136,20 +136,26 @@ def event_frames(
 
 
 @at_once()
-def event_strip(record: Record, event: int, initial: State | None = None) -> DataFigure:
-    """Draw an event as a strip of six frames: velocity along the drive, tau/p and slip below it.
+def event_strip(
+    record: Record,
+    event: int,
+    moments: Sequence[float] = MOMENTS,
+    initial: State | None = None,
+) -> DataFigure:
+    """Draw an event as a strip of frames: velocity along the drive, tau/p and slip below it.
 
     Args:
         record: a run of the hybrid or the dynamic engine.
         event: its number, from 1.
+        moments: times of the frames from the first slip on, in units of the front's time.
         initial: as in `event_frames`.
 
     Raises:
         SceneError: see `event_frames`.
     """
-    frames = event_frames(record, event, frame_times(record, event), initial)
+    frames = event_frames(record, event, frame_times(record, event, moments), initial)
     t_start, most = record.events["t_start"].loc[event], _largest(frames)
-    fig, drawn = _panels(record.scene, 2, 3, most)
+    fig, drawn = _panels(record.scene, len(frames), most)
     unit = time_unit(frames[-1].t - t_start)
     for one, frame in zip(drawn, frames, strict=True):
         one.show(frame, t_start, unit)
@@ -165,14 +171,18 @@ def event_movie(
     path: str | os.PathLike[str],
     *,
     count: int = 60,
+    moments: tuple[float, float] = (0.0, 2.0),
+    fps: int = 12,
     initial: State | None = None,
 ) -> Film:
-    """Write an animation of an event, to twice the time of the front; see `event_strip`.
+    """Write an animation of an event; see `event_strip`.
 
     Args:
         record, event: as in `event_strip`.
         path: the file; its name ends in .gif, or in .mp4 if ffmpeg is installed.
         count: number of frames.
+        moments: times of the first and the last frame, in units of the front's time.
+        fps: frames per second.
         initial: as in `event_frames`.
 
     Returns:
@@ -182,11 +192,11 @@ def event_movie(
         SceneError: see `event_frames`; or the name ends in neither .gif nor .mp4.
         OSError: the file cannot be written.
     """
-    writer = _writer(Path(path))
-    times = frame_times(record, event, np.linspace(0.0, 2.0, count))
+    writer = _writer(Path(path), fps)
+    times = frame_times(record, event, np.linspace(*moments, count))
     frames = event_frames(record, event, times, initial)
     t_start = record.events["t_start"].loc[event]
-    fig, (panels,) = _panels(record.scene, 1, 1, _largest(frames))
+    fig, (panels,) = _panels(record.scene, 1, _largest(frames))
     named = f"{record.scene.name or 'scene'}, event {event}: first slip at $t$ = {t_start:.6g} s"
     fig.suptitle(named, fontsize=SMALL)
     panels.scale(record.scene)
@@ -209,7 +219,7 @@ def event_movie(
     return Film(path)
 
 
-def _writer(path: Path) -> AbstractMovieWriter:
+def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     """Return what writes this kind of film.
 
     Raises:
@@ -217,14 +227,14 @@ def _writer(path: Path) -> AbstractMovieWriter:
     """
     kind, allowed = path.suffix.lower(), "a name that ends in .gif, or .mp4 where ffmpeg is found"
     if kind == ".gif":
-        return PillowWriter(fps=FPS)
+        return PillowWriter(fps=fps)
     if kind != ".mp4":
         raise SceneError("path", str(path), "", allowed, "an unknown kind of film")
     if not has_ffmpeg():
         reason = "an MP4 needs ffmpeg, or the extra movies (imageio-ffmpeg), which is not here"
         raise SceneError("path", str(path), "", allowed, reason)
     even = "pad=ceil(iw/2)*2:ceil(ih/2)*2"  # H.264 takes nothing else
-    return FFMpegWriter(fps=FPS, codec="h264", extra_args=["-vf", even, "-preset", "veryfast"])
+    return FFMpegWriter(fps=fps, codec="h264", extra_args=["-vf", even, "-preset", "veryfast"])
 
 
 class _Canvas:
@@ -273,20 +283,27 @@ def has_ffmpeg() -> bool:
 # --- parts ---------------------------------------------------------------------------------------
 
 
-def _panels(scene: Scene, rows: int, columns: int, most: float) -> tuple[DataFigure, list[_Panels]]:
-    """Return a figure with the panels of rows times columns frames, and one scale of colours."""
-    width, chain = COLUMN_WIDTH * min(2, columns), scene.N_z == 1
+def _panels(scene: Scene, count: int, most: float) -> tuple[DataFigure, list[_Panels]]:
+    """Return a figure with the panels of `count` frames, and one scale of colours."""
+    columns = min(3, count)
+    rows, width = -(-count // columns), COLUMN_WIDTH * min(2, count)
+    chain = scene.N_z == 1
     field = 0.1 if chain else 0.72 * width / columns * scene.slider.H / scene.slider.L
     below = max(0.55 * field, 0.55)
     fig = DataFigure(figsize=(width, rows * (field + below + 0.25) + 0.3))
     fig.get_layout_engine().set(h_pad=0.02, w_pad=0.02, hspace=0.02, wspace=0.02)
-    heights = {"height_ratios": [field, below] * rows}
-    grid = fig.subplots(2 * rows, columns, squeeze=False, sharex=True, **heights)
-    drawn = [
-        _Panels(*grid[2 * row : 2 * row + 2, column], scene, most, column == 0, row == rows - 1)
-        for row in range(rows)
-        for column in range(columns)
-    ]
+    grid = fig.subplots(
+        2 * rows, columns, squeeze=False, sharex=True, height_ratios=[field, below] * rows
+    )
+    drawn = []
+    for n in range(rows * columns):
+        row, column = divmod(n, columns)
+        pair = grid[2 * row : 2 * row + 2, column]
+        if n < count:
+            drawn.append(_Panels(*pair, scene, most, labelled=column == 0, lowest=row == rows - 1))
+        else:
+            for axes in pair:
+                axes.set_axis_off()
     text = r"velocity along the drive $v_x$ (m/s)"
     colour_bar(fig, drawn[0].image, grid, text, fraction=0.05)
     return fig, drawn
@@ -296,7 +313,7 @@ class _Panels:
     """Velocity field and interface of one frame."""
 
     def __init__(
-        self, top: Axes, bottom: Axes, scene: Scene, most: float, labelled: bool, lowest: bool
+        self, top: Axes, bottom: Axes, scene: Scene, most: float, *, labelled: bool, lowest: bool
     ) -> None:
         slider, friction = scene.slider, scene.law.mean
         self.top, self.bottom = top, bottom

@@ -15,9 +15,9 @@ import numpy as np
 from pyfric.scene import (
     PrescribedLoad,
     Push,
-    Quantity,
     SceneError,
     as_scene,
+    check_number,
     check_push,
     default_geometry,
 )
@@ -31,40 +31,32 @@ EXCESS = 0.05
 """Default stress of patches beyond their strength, over the strength."""
 
 
-class AtRest:
-    """Friction and strength of a slider before any push.
+def _at_rest(
+    scene: Scene, t: float, solver: StaticSolver | None = None
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return friction along +x and strength before any push, at t (s), shape (N_x,), in N.
 
-    Args:
-        scene: the scene; its pushes are left out.
-        solver: static solver of the scene; None makes one.
+    None is returned after slip. `solver` is that of the scene without its pushes.
     """
-
-    def __init__(self, scene: Scene, solver: StaticSolver | None = None) -> None:
-        self.scene = scene.replace({"top.push": ()}) if scene.top.push else scene
-        self.solver = solver or StaticSolver(self.scene, default_geometry(scene))
-
-    def at(self, t: float) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return friction along +x and strength at t (s), shape (N_x,), in N; None after slip."""
-        found = None
-        for one in (*(c for c in self.scene.corners if c < t), t):
-            if (found := self._now(one)) is None:
-                return None
-        return found
-
-    def _now(self, t: float) -> tuple[np.ndarray, np.ndarray] | None:
-        scene, state = self.scene, self.solver.loaded
-        drive, load = scene.drive(t), scene.load_at(t)
+    scene = scene.replace({"top.push": ()}) if scene.top.push else scene
+    solver = solver or StaticSolver(scene, default_geometry(scene))
+    loaded = state = solver.loaded
+    for time in (*(corner for corner in scene.corners if corner < t), t):
+        drive, load = scene.drive(time), scene.load_at(time)
         moved = drive != 0 or load not in (None, scene.load_at(0.0))
         if moved and not scene.has_rests:
             return None
         if moved:
             try:
-                state = self.solver.solve(state.u[0, 0], drive, free=state.open, load=load)
+                state = solver.solve(loaded.u[0, 0], drive, free=loaded.open, load=load)
             except EquilibriumError:  # the load is far beyond the strength
                 return None
+        else:
+            state = loaded
         strength = np.where(state.open, 0.0, scene.law.hold(state.p))
-        slips = ~state.open & (np.abs(state.f) > strength)
-        return None if moved and slips.any() else (state.f, strength)
+        if moved and (~state.open & (np.abs(state.f) > strength)).any():
+            return None
+    return state.f, strength
 
 
 def check_pushes(scene: Scene, solver: StaticSolver) -> None:
@@ -81,35 +73,10 @@ def check_pushes(scene: Scene, solver: StaticSolver) -> None:
     """
     if not (scene.top.push and scene.law.rests) or isinstance(scene.top, PrescribedLoad):
         return  # those of a prescribed interface are checked with the scene
-    rest = AtRest(scene, solver)
-    known = {t: rest.at(t) for t in {one.begin for one in scene.top.push}}
+    known = {t: _at_rest(scene, t, solver) for t in {one.begin for one in scene.top.push}}
     for one in scene.top.push:
         if known[one.begin] is not None:
             check_push(scene, one, *known[one.begin])
-
-
-def _rest_at(scene: Scene, begin: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return shear force along the drive and strength at `begin` (s), in N.
-
-    Both have shape (N_x,), ordered from the trailing edge.
-    """
-    if not scene.law.rests:
-        reason = "blocks on junctions have no threshold"
-        raise SceneError("interface.law", scene.interface.law.kind, "", "another law", reason)
-    found = AtRest(scene).at(begin)
-    if found is None:
-        reason = "something slips before, or it is not known: there are no static states then"
-        raise SceneError("begin", begin, "s", "an earlier time, or a driver at rest", reason)
-    f, strength = found
-    order = np.argsort(scene.n_of_i)
-    return (-scene.d * f)[order], strength[order]
-
-
-def _checked(name: str, value: Any, unit: str, **limits: float) -> float:
-    try:
-        return Quantity(unit, **limits).check(value)
-    except SceneError as error:
-        raise error.at(name) from None
 
 
 def _patch(scene: Scene, x: float, length: float) -> list[int]:
@@ -142,15 +109,7 @@ def overstressed(
     Raises:
         SceneError: a value is refused.
     """
-    scene = as_scene(scene)
-    x, length = _checked("x", x, "m", ge=0.0), _checked("length", length, "m", ge=0.0)
-    excess, begin = _checked("excess", excess, "", gt=0.0), _checked("begin", begin, "s", ge=0.0)
-    stress, strength = _rest_at(scene, begin)
-    pushes = [
-        Push(n, (1 + excess) * strength[n - 1] - stress[n - 1], begin)
-        for n in _patch(scene, x, length)
-    ]
-    return _pushed(scene, pushes)
+    return _stressed(scene, x, length, excess, begin)
 
 
 def forced(
@@ -179,19 +138,34 @@ def forced(
     Raises:
         SceneError: a value is refused.
     """
+    return _stressed(scene, x, length, excess, begin, check_number("speed", speed, "m/s", gt=0.0))
+
+
+def _stressed(
+    scene: SceneLike, x: Any, length: Any, excess: Any, begin: Any, speed: float | None = None
+) -> Scene:
+    """Return a scene with a stressed patch, at once or at the speed (m/s) of fronts from x."""
     scene = as_scene(scene)
-    x, length = _checked("x", x, "m", ge=0.0), _checked("length", length, "m", ge=0.0)
-    excess, begin = _checked("excess", excess, "", gt=0.0), _checked("begin", begin, "s", ge=0.0)
-    speed = _checked("speed", speed, "m/s", gt=0.0)
-    stress, strength = _rest_at(scene, begin)
+    x, length = check_number("x", x, "m", ge=0.0), check_number("length", length, "m", ge=0.0)
+    excess = check_number("excess", excess, "", gt=0.0)
+    begin = check_number("begin", begin, "s", ge=0.0)
+    if not scene.law.rests:
+        reason = "blocks on junctions have no threshold"
+        raise SceneError("interface.law", scene.interface.law.kind, "", "another law", reason)
+    found = _at_rest(scene, begin)
+    if found is None:
+        reason = "something slips before, or it is not known: there are no static states then"
+        raise SceneError("begin", begin, "s", "an earlier time, or a driver at rest", reason)
+    needed, order = (1 + excess) * found[1] + scene.d * found[0], np.argsort(scene.n_of_i)
     l, pushes = scene.slider.l, []
     for n in _patch(scene, x, length):
-        steps = abs(n - 1 - x / l)
-        steps = round(steps) if math.isclose(steps, round(steps), abs_tol=1e-9) else steps
-        times = (begin + step * (l / speed) for step in (steps, steps + 1))
-        force = (1 + excess) * strength[n - 1] - stress[n - 1]
-        pushes.append(Push(n, force, *times))
-    return _pushed(scene, pushes)
+        times = [begin]
+        if speed is not None:
+            steps = abs(n - 1 - x / l)
+            steps = round(steps) if math.isclose(steps, round(steps), abs_tol=1e-9) else steps
+            times = [begin + step * (l / speed) for step in (steps, steps + 1)]
+        pushes.append(Push(n, needed[order[n - 1]], *times))
+    return scene.replace({"top.push": (*scene.top.push, *pushes)})
 
 
 def ramped(scene: SceneLike, *, x: Any, rate: Any, begin: Any = 0.0) -> Scene:
@@ -209,14 +183,8 @@ def ramped(scene: SceneLike, *, x: Any, rate: Any, begin: Any = 0.0) -> Scene:
         SceneError: a value is refused.
     """
     scene = as_scene(scene)
-    x, begin = _checked("x", x, "m", ge=0.0), _checked("begin", begin, "s", ge=0.0)
-    rate = _checked("rate", rate, "N/s", gt=0.0)
+    x, begin = check_number("x", x, "m", ge=0.0), check_number("begin", begin, "s", ge=0.0)
+    rate = check_number("rate", rate, "N/s", gt=0.0)
     n = math.ceil(x / scene.slider.l * (1 - 1e-12)) + 1
     _patch(scene, x, 2 * scene.slider.l)
-    return _pushed(scene, [Push(n, 0.0, begin, math.inf, rate)])
-
-
-def _pushed(scene: Scene, pushes: list[Push]) -> Scene:
-    """Return a scene with additional pushes."""
-    plain = [Push(one.block, *map(float, one[1:])) for one in pushes]
-    return scene.replace({"top.push": (*scene.top.push, *plain)})
+    return scene.replace({"top.push": (*scene.top.push, Push(n, 0.0, begin, math.inf, rate))})

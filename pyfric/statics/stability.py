@@ -19,7 +19,6 @@ from pyfric.scene import (
     Rod,
     Scene,
     SceneError,
-    Slider,
     as_scene,
 )
 from pyfric.statics.operators import Medium, damping, mass, stiffness, waves
@@ -138,17 +137,13 @@ limit is local, so that larger lattices have the same limit within 5 % (`tests/t
 """
 
 
-def _row_mass(m: float, n: int) -> float:
-    """Return 12/L^2 times the moment of inertia m sum x_i^2 of a row of n blocks, in kg."""
-    return m * n * (n + 1) / (n - 1)
-
-
 def _reduced(scene: Scene) -> Scene:
     """Return a small scene with the same local properties, or the scene if it is small.
 
     l, k, m, eta, k_f are kept, and K on each driven block. The mass of the rod is scaled with N_x,
     like the bonds that hold it. So is K if it acts only on the rod. The mattress is scaled with the
-    moment of inertia. Frequencies of the rod then keep their size.
+    moment of inertia. Frequencies of the rod then keep their size. Loads, speeds and friction do
+    not matter to the limit: scenes that differ in nothing else have the same small scene.
     """
     n_x, n_z = (min(n, most) for n, most in zip((scene.N_x, scene.N_z), _REDUCED, strict=True))
     if (n_x, n_z) == (scene.N_x, scene.N_z):
@@ -160,26 +155,22 @@ def _reduced(scene: Scene) -> Scene:
     share = n_x / scene.N_x
     on_rod = scene.rigid and scene.j_h == scene.N_z - 1
     K = scene.driver.K / scene.n_driven * (j_h_top - j_h + 1)
-    l, top = scene.slider.l, scene.top
+    l, m, top = scene.slider.l, scene.m, scene.top
     if scene.rigid:
-        # kappa over the moment of inertia is kept; the factor 12/L^2 cancels.
+        # kappa over the moment of inertia is kept. Its factor 12/L^2 cancels: times this factor,
+        # m sum x_i^2 of a row of n blocks is m n (n + 1)/(n - 1).
         rod = top.mass * share
-        tilt = (rod + _row_mass(scene.m, n_x)) / (top.mass + _row_mass(scene.m, scene.N_x))
-        top = Rod(F_N=top.F_N, mass=rod, mattress=top.mattress * tilt)
+        inertia, whole = (
+            mass + m * n * (n + 1) / (n - 1) for mass, n in ((rod, n_x), (top.mass, scene.N_x))
+        )
+        top = Rod(F_N=1.0, mass=rod, mattress=top.mattress * (inertia / whole))
     elif isinstance(top, PrescribedLoad):
-        top = PrescribedLoad(p=scene.F_N / scene.N_x, k_top=scene.k_top)
-    else:  # shear of the top does not matter, and this interface has no friction
-        top = dataclasses.replace(top, T=0.0, T_protocol=())
+        top = PrescribedLoad(p=1.0, k_top=scene.k_top)
+    else:
+        top = DistributedLoad(F_N=1.0)
+    lengths = {"L": (n_x - 1) * l, "H": (n_z - 1) * l, "M": m * n_x * n_z}
     return Scene(
-        slider=Slider(
-            L=(n_x - 1) * l,
-            H=(n_z - 1) * l,
-            l=l,
-            k=scene.slider.k,
-            M=scene.m * n_x * n_z,
-            eta=scene.eta,
-            dashpots=scene.slider.dashpots,
-        ),
+        slider=dataclasses.replace(scene.slider, **lengths, eta=scene.eta, damping=None),
         top=top,
         driver=Driver(K=K * (share if on_rod else 1.0), V=0.0, h=j_h * l, h_top=j_h_top * l),
         interface=Interface(
@@ -231,6 +222,7 @@ def _on_springs(scene: Scene) -> float:
     return float(np.max(scene.law.stiffness(p)))
 
 
+@functools.lru_cache(maxsize=256)
 def _small_limit(scene: Scene, stepper: Stepper, enough: float, on: float) -> float:
     """Return the limit of a small lattice, in s.
 
@@ -309,39 +301,10 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
     """
     if not isinstance(stepper, str) or stepper not in STEPPERS:
         raise SceneError("stepper", stepper, "", " or ".join(map(repr, STEPPERS)))
-    return _limit(_plain(as_scene(scene)), stepper)
-
-
-def _plain(scene: Scene) -> Scene:
-    """Return the scene without loads, speeds and friction: such scenes share a limit.
-
-    The loads of junctions remain: their stiffness follows p.
-    """
-    loads: dict[str, Any] = {"push": ()}
-    if isinstance(scene.top, PrescribedLoad):
-        loads |= {"tau": 0.0} | ({"p": 1.0} if scene.law.rests else {})
-    elif isinstance(scene.top, DistributedLoad):
-        loads |= {"T": 0.0, "T_protocol": ()}
-    if scene.law.rests and not isinstance(scene.top, PrescribedLoad):
-        loads |= {"F_N": 1.0, "protocol": ()}
-    given = scene.interface
-    return dataclasses.replace(
-        scene,
-        top=dataclasses.replace(scene.top, **loads),
-        driver=dataclasses.replace(scene.driver, V=0.0, protocol=()),
-        interface=Interface(mu_s=0.0, mu_k=0.0, k_f=given.k_f, alpha=given.alpha)
-        if scene.law.rests
-        else given,
-        name="",
-        stop_when=(),
-    )
-
-
-@functools.lru_cache(maxsize=256)
-def _limit(scene: Scene, stepper: str) -> tuple[float, Mapping[str, Any]]:
-    """Return the result of `stability_limit`; results are cached."""
+    scene = as_scene(scene)
     small = _reduced(scene)
-    info = MappingProxyType({"shape": (small.N_z, small.N_x), "exact": small is scene})
-    bulk = np.inf if small is scene else _bulk_limit(scene, stepper)
+    exact = small is scene
+    bulk = math.inf if exact else _bulk_limit(scene, stepper)
     of_modes = _small_limit(small, STEPPERS[stepper], bulk, _on_springs(scene))
+    info = MappingProxyType({"shape": (small.N_z, small.N_x), "exact": exact})
     return min(bulk, of_modes), info

@@ -10,6 +10,7 @@ import warnings
 from contextlib import contextmanager
 from decimal import Decimal
 from fractions import Fraction
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from hypothesis import strategies as st
 
 import pyfric
 from pyfric.cli.commands import main
-from pyfric.engines.options import CHOICES
+from pyfric.engines.options import Fidelity, StepperName, Verify, Want
 from pyfric.figures import sketch
 from pyfric.scene import settings as scene_settings
 
@@ -111,7 +112,7 @@ def small(name, changes):
 @given(
     st.sampled_from(sorted(SMALL)),
     st.dictionaries(st.sampled_from(KEYS), odd, min_size=1, max_size=3),
-    st.sampled_from(CHOICES["fidelity"]),
+    st.sampled_from(get_args(Fidelity)),
     st.sampled_from(["linear", "finite", None]),
 )
 @example("setup2", {"F_N": 1.0, "V": 1.0, "d_c": 1.0}, "auto", "linear")  # blocks lift off at once
@@ -135,9 +136,10 @@ def test_scenes(name, changes, fidelity, geometry):
 
 
 OPTIONS = [one.name for one in dataclasses.fields(pyfric.Options) if one.name != "checkpoint"]
+WORDS = [word for kind in (Fidelity, StepperName, Verify, Want) for word in get_args(kind)]
 options = st.dictionaries(
     st.sampled_from([*OPTIONS, *OPTIONS, "Fidelity", "thread", "", "self"]),
-    odd | st.sampled_from([word for words in CHOICES.values() for word in words]),
+    odd | st.sampled_from(["paper", "finite", "located", *WORDS]),
     min_size=1,
     max_size=4,
 )

@@ -286,7 +286,7 @@ def test_a_failed_run_says_what_was_planned(monkeypatch):
         ("stepper", "euler", "'rk4'"),
         ("budget", "yes", "True, False or None"),
         ("sample", 0.0, "> 0 s"),
-        ("threads", 0, "1 … 4096"),
+        ("threads", 0, "1 to 4096"),
         ("checkpoint_every", -1.0, "> 0 s"),
         ("t_gap", -1.0, ">= 0 s"),
         ("t_end", -1.0, ">= 0 s"),
@@ -302,7 +302,7 @@ def test_refused_options(fidelity, name, given_value, allowed):
 
 @pytest.mark.parametrize("fidelity", ["fast", "", None, 3, ["hybrid"], "prediction"])
 def test_refused_fidelity(fidelity):
-    with pytest.raises(SceneError, match="'auto' or 'equilibrium' or 'quasistatic' or 'hybrid'"):
+    with pytest.raises(SceneError, match="'auto', 'equilibrium', 'quasistatic', 'hybrid'"):
         simulate(small(), 1e-3, fidelity=fidelity)
 
 

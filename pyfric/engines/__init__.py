@@ -21,7 +21,6 @@ from pyfric.engines.integration import folded, integrate
 from pyfric.engines.options import (
     ACCURACY,
     MAX_STEPS,
-    OPTION_UNITS,
     Fidelity,
     Keywords,
     Options,

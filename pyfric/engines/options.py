@@ -9,11 +9,10 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
-from dataclasses import dataclass
-from numbers import Integral
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypedDict
 
 import numpy as np
+from pydantic import SkipValidation
 
 from pyfric import core
 from pyfric.core import STEPPERS, Switching
@@ -23,22 +22,26 @@ from pyfric.record import Method
 from pyfric.scene import (
     Conditions,
     Geometry,
+    NotNegative,
+    Positive,
+    Quantity,
     SceneError,
     check_geometry,
     check_number,
+    check_whole,
     condition,
     default_geometry,
     paper_step,
-    unknown,
+    part,
 )
 from pyfric.statics import check_rests, check_sticks, stability_limit
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
     from typing import Unpack
 
     from pyfric.engines.dynamic import Run
-    from pyfric.scene import Number, Scene, SceneLike
+    from pyfric.scene import Number, Scene, SceneLike, Written
 
 AUTO_SHARE = 0.5
 """dt = "auto" is this share of the stability limit, rounded down to two digits.
@@ -68,27 +71,20 @@ Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
 Verify = Literal["none", "sample", "full"]
 """How errors are measured."""
 
-CHOICES: Mapping[str, tuple[str, ...]] = {
-    "method": ("paper",),
-    "fidelity": get_args(Fidelity),
-    "want": get_args(Want),
-    "verify": get_args(Verify),
-    "geometry": get_args(Geometry),
-    "stepper": tuple(STEPPERS),
-    "switching": get_args(Switching),
-}
-"""Option -> its allowed texts."""
-NUMBERS: Mapping[str, tuple[str, dict[str, float]]] = {
-    "tolerance": ("", {"gt": 0.0, "le": 1.0}),
-    "rtol": ("", {"ge": 1e-12, "le": 1.0}),
-    "dt": ("s", {"gt": 0.0}),
-    "sample": ("s", {"gt": 0.0}),
-    "t_gap": ("s", {"ge": 0.0}),
-    "accuracy": ("F_N", {"ge": 1e-9, "le": 1.0}),
-    "checkpoint_every": ("s", {"gt": 0.0}),
-}
-"""Option -> its unit and range."""
-OPTION_UNITS = {name: unit for name, (unit, _) in NUMBERS.items()}
+StepperName = Literal["rk4", "rk4_opposite", "verlet", "symplectic_euler", "adaptive"]
+"""The name of a stepper."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Step(Quantity):
+    """Annotation of a time step, or "auto"."""
+
+    unit: str = "s"
+    gt: float | None = 0.0
+    note: str = ", or 'auto'"
+
+    def check(self, value: Any, written: Written | None = None) -> Any:
+        return value if _is_auto(value) else super().check(value, written)
 
 
 class Keywords(TypedDict, total=False):
@@ -100,7 +96,7 @@ class Keywords(TypedDict, total=False):
     tolerance: Number
     verify: Verify | None
     geometry: Geometry | None
-    stepper: Literal["rk4", "rk4_opposite", "verlet", "symplectic_euler", "adaptive"]
+    stepper: StepperName
     switching: Switching | None
     rtol: Number | None
     dt: Number
@@ -114,7 +110,7 @@ class Keywords(TypedDict, total=False):
     checkpoint_every: Number
 
 
-@dataclass(frozen=True, kw_only=True)
+@part
 class Options:
     """How a run is made; these are the keyword arguments of `pyfric.simulate`.
 
@@ -172,39 +168,29 @@ class Options:
     fidelity: Fidelity = "auto"
     method: Literal["paper"] | None = None
     want: Want = "precursors"
-    tolerance: float = 0.01
+    tolerance: Annotated[float, Positive("", le=1.0)] = 0.01
     verify: Verify | None = None
     geometry: Geometry | None = None
-    stepper: str = "rk4"
+    stepper: StepperName = "rk4"
     switching: Switching | None = None
-    rtol: float | None = None
-    dt: float | Literal["auto"] = "auto"
-    accuracy: float | None = None
-    budget: bool | None = None
-    sample: float | None = None
-    t_gap: float | None = None
-    stop_when: str | tuple[str, ...] | None = None
-    threads: int | None = None
-    checkpoint: str | os.PathLike[str] | None = None
-    checkpoint_every: float = 60.0
+    rtol: Annotated[float | None, Quantity("", ge=1e-12, le=1.0, optional=True)] = None
+    dt: Annotated[float | Literal["auto"], Step()] = "auto"
+    accuracy: Annotated[float | None, Quantity("F_N", ge=1e-9, le=1.0, optional=True)] = None
+    budget: Annotated[bool | None, SkipValidation] = None
+    sample: Annotated[float | None, Positive("s", optional=True)] = None
+    t_gap: Annotated[float | None, NotNegative("s", optional=True)] = None
+    stop_when: Annotated[str | tuple[str, ...] | None, SkipValidation] = None
+    threads: Annotated[int | None, SkipValidation] = None
+    checkpoint: Annotated[str | os.PathLike[str] | None, SkipValidation] = None
+    checkpoint_every: Annotated[float, Positive("s")] = 60.0
+
+    _section: ClassVar[str] = ""
 
     if TYPE_CHECKING:  # what may be given; the fields hold numbers in SI units
 
         def __init__(self, **keywords: Unpack[Keywords]) -> None: ...
 
     def __post_init__(self) -> None:
-        free = self.open()
-        for name, known in CHOICES.items():
-            value = getattr(self, name)
-            if name not in free and not (isinstance(value, str) and value in known):
-                raise SceneError(name, value, "", " or ".join(map(repr, known)))
-        for name, (unit, allowed) in NUMBERS.items():
-            value = getattr(self, name)
-            if name in free or (name == "dt" and _is_auto(value)):
-                continue
-            note = ", or 'auto'" if name == "dt" else ""
-            value = check_number(name, value, unit, note=note, **allowed)
-            object.__setattr__(self, name, value)
         if self.rtol is not None and not STEPPERS[self.stepper].adaptive:
             raise SceneError("rtol", self.rtol, "", "None, or stepper = 'adaptive'")
         if self.method is not None:
@@ -214,9 +200,7 @@ class Options:
         if self.stop_when is not None:
             object.__setattr__(self, "stop_when", Conditions().check(self.stop_when))
         if self.threads is not None:
-            whole = isinstance(self.threads, Integral) and not isinstance(self.threads, bool)
-            if not (whole and 1 <= self.threads <= MAX_THREADS):
-                raise SceneError("threads", self.threads, "", f"1 … {MAX_THREADS} or None")
+            check_whole("threads", self.threads, 1, MAX_THREADS, note=" or None")
         if not isinstance(self.checkpoint, str | os.PathLike | None):
             raise SceneError("checkpoint", self.checkpoint, "", "a path or None")
 
@@ -232,27 +216,10 @@ class Options:
             if value not in values:
                 raise SceneError(name, value, "s" if name == "dt" else "", allowed)
 
-    def open(self) -> set[str]:
-        """Return the names of the options that are left at their default None."""
-        fields = dataclasses.fields(self)
-        return {one.name for one in fields if one.default is None is getattr(self, one.name)}
-
     def given(self) -> dict[str, Any]:
         """Return the options that differ from their defaults."""
         values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
         return {name: value for name, value in values.items() if value != getattr(Options, name)}
-
-    def changed(self, keywords: Mapping[str, Any]) -> Options:
-        """Return the options with some values replaced.
-
-        Raises:
-            SceneError: an option is unknown, or a value is refused.
-        """
-        names = [one.name for one in dataclasses.fields(self)]
-        for name, value in keywords.items():
-            if name not in names:
-                raise unknown(str(name), value, str(name), names)
-        return dataclasses.replace(self, **keywords)
 
     def on(self, scene: Scene) -> Options:
         """Return the options with the conditions of a scene, unless others were given.

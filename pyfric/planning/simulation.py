@@ -127,7 +127,7 @@ def simulate(
         keywords = {**keywords, **kept(initial.method)}
     if not isinstance(options, Options | None):
         raise SceneError("options", options, "", "Options or None")
-    options = (options or Options()).changed(keywords).on(scene)
+    options = dataclasses.replace(options or Options(), **keywords).on(scene)
     notes: tuple[str, ...] = ()
     if isinstance(initial, Record):
         options = _going_on(initial, options)

@@ -4,7 +4,15 @@ from importlib.metadata import version
 
 from pyfric.scene import laws
 from pyfric.scene.change import followed_by, full_name, once, scene_fields
-from pyfric.scene.checked import Annotation, Quantity, Written, annotations
+from pyfric.scene.checked import (
+    Annotation,
+    NotNegative,
+    Positive,
+    Quantity,
+    Written,
+    annotations,
+    part,
+)
 from pyfric.scene.consistency import Geometry, check_geometry, check_push, default_geometry
 from pyfric.scene.ends import Conditions, condition
 from pyfric.scene.errors import SceneError, naming, nearest, unknown

@@ -10,12 +10,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 import scipy
 
-from pyfric.engines import OPTION_UNITS
+from pyfric.engines import Options
 from pyfric.scene import (
     Annotation,
     Quantity,
     Scene,
     SceneError,
+    annotations,
     check_number,
     check_whole,
     full_name,
@@ -132,8 +133,12 @@ def drawn(spans: Sequence[Span], kind: str, n: int, seed: int) -> list[list[floa
 
 def varied(scene: Scene) -> dict[str, Annotation]:
     """Return all that may vary, with annotations; those of options are of their numbers only."""
-    numbers = {name: Quantity(unit) for name, unit in OPTION_UNITS.items()}
-    options = {f"options.{name}": numbers.get(name, Annotation()) for name in OPTIONS}
+    marks = annotations(Options)
+    units = {name: mark.unit for name, mark in marks.items() if isinstance(mark, Quantity)}
+    options = {
+        f"options.{name}": Quantity(units[name]) if name in units else Annotation()
+        for name in OPTIONS
+    }
     return {"t_end": Quantity("s", ge=0.0)} | scene_fields(scene) | options
 
 

@@ -67,12 +67,14 @@ class Pilot(NamedTuple):
         times: start times (s) and numbers of slipping blocks of events, shape (n, 2).
         far: share of the time that the pilot run covers.
         failed: why the quasi-static engine cannot be used; "" if it can.
+        t_stop: time (s) at which a condition ends the run; inf if none does.
     """
 
     record: Record | None
     times: np.ndarray
     far: float
     failed: str
+    t_stop: float = math.inf
 
     @property
     def events(self) -> float:
@@ -98,20 +100,28 @@ class Pilot(NamedTuple):
 
 
 @functools.lru_cache(maxsize=16)
-def pilot_run(scene: Scene, t_end: float) -> Pilot:
-    """Return the quasi-static pilot run of a scene to t_end (s)."""
+def pilot_run(scene: Scene, t_end: float, stop_when: tuple[str, ...] = ()) -> Pilot:
+    """Return the quasi-static pilot run of a scene to t_end (s), or until a condition holds."""
     small = coarser(scene)
     small = dataclasses.replace(small, interface=small.interface.coulomb())
 
     def enough() -> bool:
         return run.events >= EVENTS or run.log.step * small.N_x**2 > CHANGES
 
+    stopping = None
     try:
-        run = QuasistaticRun(small)
+        if stop_when:
+            stopping = stopping_of(stop_when, small, longest_pause(scene), None, t_end)
+        run = QuasistaticRun(small, stopping=stopping)
         run.advance(t_end, enough, lambda *_: None)
         record = run.record("complete")
     except EquilibriumError as error:
         return Pilot(None, np.zeros((0, 2)), 0.0, str(error))
+    t_stop = math.inf
+    if stopping is not None and run.events:
+        stopping.take(*run.log.new())
+        stopping.look(stopping.t_rest, run.log.mode)
+        t_stop, _ = stopping.due()
     far = min(run.rows[-1][0] / max(t_end, 1e-30), 1.0)
     events, many = record.events, run.events / max(far, 1e-12) > MOST_EVENTS
     blocks = events["n_blocks"] * (scene.N_x / small.N_x)
@@ -120,6 +130,7 @@ def pilot_run(scene: Scene, t_end: float) -> Pilot:
         times=np.column_stack([events["t_start"], blocks]),
         far=far,
         failed=f"about {run.events / far:.0e} events up to t_end" if many else "",
+        t_stop=t_stop,
     )
 
 
@@ -132,28 +143,9 @@ def quasistatic_work(scene: Scene, pilot: Pilot) -> float:
 
 def expected_end(scene: Scene, t_end: float, stop_when: tuple[str, ...] | None) -> float:
     """Return the time (s) at which a condition ends the pilot run; t_end (s) if none does."""
-    static = scene.has_rests and scene.law.rests
-    record = pilot_run(scene, t_end).record if stop_when and static else None
-    if record is None:
+    if not (stop_when and scene.has_rests and scene.law.rests):
         return t_end
-    seen = stopping_of(stop_when, record.scene, longest_pause(scene), None, t_end)
-    quiet, switches, begin = record.quiet, record.switches, 0
-    ends = np.flatnonzero(quiet["kind"] < 0)
-    following = np.append(quiet["t"], math.inf)[ends + 1]
-    taken = np.searchsorted(switches["step"], quiet["step"][ends], side="right")
-    row = 0
-    for end, until, following_t in zip(ends + 1, taken, following, strict=True):
-        seen.take(_rows(switches, begin, until), _rows(quiet, row, end))
-        begin, row = until, end
-        seen.look(seen.t_rest, quiet["mode"][end - 1])
-        due, _ = seen.due()
-        if due < following_t:
-            return min(t_end, due)
-    return t_end
-
-
-def _rows(log: Mapping[str, np.ndarray], begin: int, end: int) -> dict[str, np.ndarray]:
-    return {name: values[begin:end] for name, values in log.items()}
+    return min(t_end, pilot_run(scene, t_end, stop_when).t_stop)
 
 
 def interval(record: Record) -> float:

@@ -50,7 +50,6 @@ from pyfric.planning.price import (
     Runs,
     affordable,
     budget,
-    references,
     verification_work,
 )
 from pyfric.scene import SceneError, chain, laws, preset, setup1, setup2
@@ -332,11 +331,11 @@ def test_work_of_verification(made, full, first, second):
     runs, found, left = Runs(scene, "finite", counts, "rk4", 1e-6, "located"), [], budget(made)
     for expected in (first, second):
         if expected is None:
-            assert affordable(references(runs), left) is None
+            assert affordable(runs.references(), left) is None
             found.append(left)
             break
         engine, stepper, ratio = expected
-        level = affordable(references(runs), left)
+        level = affordable(runs.references(), left)
         assert (level.engine, level.stepper) == (engine, stepper)
         assert level.dt == pytest.approx(runs.dt / ratio)
         stages = 1.0 if stepper == "rk4" else 5 / 4
@@ -344,7 +343,7 @@ def test_work_of_verification(made, full, first, second):
         if runs.stepper == "rk4":
             assert level.work == pytest.approx(RUN + stages * ratio * steps, rel=0.02)
         found.append(level.work)
-        runs, left = runs.like(level), left - level.work
+        runs, left = runs.like(level.stepper, level.dt), left - level.work
     assert verification_work(made, Runs(scene, "finite", counts, "rk4", 1e-6, "located")) == (
         pytest.approx(found)
     )

@@ -15,7 +15,7 @@ from pyfric.cli.commands import main
 from pyfric.engines import ACCURACY, HybridRun, Options, integrate
 from pyfric.engines.cost import CALL, full_counts, full_work, work_so_far
 from pyfric.planning import verification
-from pyfric.planning.price import RATIOS, Runs, budget, references
+from pyfric.planning.price import RATIOS, Runs, budget
 from pyfric.planning.verification import (
     DYNAMICS,
     MOST,
@@ -538,11 +538,11 @@ def test_undamped_motion_is_compared_with_the_same_stepper(ladder):
     ):
         one = ladder.scene if eta else scene
         dt = 0.75 * stability_limit(one)[0]
-        found = references(Runs(one, "finite", counts, "rk4", dt, switching))
+        found = Runs(one, "finite", counts, "rk4", dt, switching).references()
         assert [level.stepper for level in found] == steppers
         for level in found:
             assert any(dt / level.dt == pytest.approx(ratio) for ratio in RATIOS)
-    back = references(Runs(ladder.scene, "finite", counts, "rk4_opposite", dt / 2, "located"))
+    back = Runs(ladder.scene, "finite", counts, "rk4_opposite", dt / 2, "located").references()
     assert back[0].stepper == "rk4"
 
 

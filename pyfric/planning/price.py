@@ -50,50 +50,49 @@ class Runs(NamedTuple):
     dt: float
     switching: str
 
-    def finer(self, engine: str, stepper: str, ratio: float) -> dict[str, float]:
-        """Return the operations with another stepper and with steps shorter by a ratio."""
-        return finer_counts(self.scene, self.counts[engine], ratio, self.stepper, stepper)
+    def like(self, stepper: str, dt: float) -> Runs:
+        """Return these runs with another stepper and a shorter step (s)."""
+        counts = {
+            engine: finer_counts(self.scene, made, self.dt / dt, self.stepper, stepper)
+            for engine, made in self.counts.items()
+        }
+        return self._replace(counts=counts, stepper=stepper, dt=dt)
 
-    def like(self, made: Reference) -> Runs:
-        """Return these runs with the stepper and the step of a reference run."""
-        counts = {e: self.finer(e, made.stepper, self.dt / made.dt) for e in self.counts}
-        return self._replace(counts=counts, stepper=made.stepper, dt=made.dt)
+    def references(self) -> list[Reference]:
+        """Return possible reference runs, the best one first.
+
+        They resolve weakening of friction, if some can.
+        """
+        scene, stepper, dt = self.scene, self.stepper, self.dt
+        ways = [(stepper, dt / ratio) for ratio in RATIOS]
+        opposite = STEPPERS[stepper].opposite if self.switching == "located" else ""
+        if opposite:
+            longest = USABLE * stability_limit(scene, opposite)[0]
+            ways = [(opposite, one) for _, one in ways if one <= longest] + ways
+        resolve = [way for way in ways if way[1] <= scene.resolving_step]
+        return [
+            Reference(engine, *way, RUN + work(scene, self.geometry, counts))
+            for way in resolve or ways
+            for engine, counts in self.like(*way).counts.items()
+        ]
 
 
 def operations(
-    scene: Scene, engine: str, counts: Mapping[str, float], full: Mapping[str, float], stepper: str
+    scene: Scene, engine: str, counts: Mapping[str, float], dt: float, lasts: float, stepper: str
 ) -> dict[str, Mapping[str, float]]:
     """Return the operations of full dynamics and of a run with the same step, by engine.
 
     Args:
         scene: the scene.
         engine: engine of the run.
-        counts: its operations, see `pyfric.engines.cost.work`.
-        full: those of full dynamics, without located transitions, of which there are as many.
+        counts: its operations, see `pyfric.engines.cost.work`. As many transitions are located by
+            full dynamics.
+        dt, lasts: step and duration, in s.
         stepper: the stepper of both.
     """
-    evaluations = full["block_evaluations"] + located(scene, counts, stepper)
-    return {"dynamic": {**full, "block_evaluations": evaluations}} | {engine: counts}
-
-
-def references(runs: Runs) -> list[Reference]:
-    """Return possible reference runs, the best one first.
-
-    They resolve weakening of friction, if some can.
-    """
-    scene, stepper, found = runs.scene, runs.stepper, []
-    ways = [(stepper, ratio) for ratio in RATIOS]
-    opposite = STEPPERS[stepper].opposite if runs.switching == "located" else ""
-    if opposite:
-        longest = USABLE * stability_limit(scene, opposite)[0]
-        ways = [(opposite, ratio) for ratio in RATIOS if runs.dt / ratio <= longest] + ways
-    resolve = [way for way in ways if runs.dt / way[1] <= scene.resolving_step]
-    for other, ratio in resolve or ways:
-        for engine in runs.counts:
-            counts = runs.finer(engine, other, ratio)
-            seconds = RUN + work(scene, runs.geometry, counts)
-            found.append(Reference(engine, other, runs.dt / ratio, seconds))
-    return found
+    full = full_counts(scene, dt, lasts, stepper)
+    full["block_evaluations"] += located(scene, counts, stepper)
+    return {"dynamic": full, engine: counts}
 
 
 def budget(made: float) -> float:
@@ -117,11 +116,11 @@ def verification_work(made: float, runs: Runs) -> tuple[float, float]:
         runs: the run, with each engine.
     """
     left = budget(made)
-    first = affordable(references(runs), left)
+    first = affordable(runs.references(), left)
     if first is None:
         return left, 0.0
     left -= first.work
-    second = affordable(references(runs.like(first)), left)
+    second = affordable(runs.like(first.stepper, first.dt).references(), left)
     return first.work, second.work if second else left
 
 
@@ -153,8 +152,8 @@ def price(
     if engine in ("quasistatic", "equilibrium"):
         return budget(made), 0.0
     stepper, of_reference = options.stepper, options.geometry or default_geometry(scene)
-    full = full_counts(scene, dt, t_end, stepper, options.calls_on(scene))
-    each = operations(scene, engine, counts or full, full | {"calls": 0}, stepper)
+    counts = counts or full_counts(scene, dt, t_end, stepper, options.calls_on(scene))
+    each = operations(scene, engine, counts, dt, t_end, stepper)
     switching = options.switching or default_switching(scene)
     runs = Runs(scene, of_reference, each, stepper, dt, switching)
     first, more = verification_work(made, runs)

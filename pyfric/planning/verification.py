@@ -51,21 +51,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyfric.core import STEPPERS
-from pyfric.engines import (
-    ACCURACY,
-    RunError,
-    full_counts,
-    work,
-    work_so_far,
-)
-from pyfric.planning.price import (
-    Reference,
-    Runs,
-    affordable,
-    budget,
-    operations,
-    references,
-)
+from pyfric.engines import ACCURACY, RunError, work, work_so_far
+from pyfric.planning.price import Reference, Runs, affordable, budget, operations
 from pyfric.record import Errors, differences, statistics
 from pyfric.scene import default_geometry
 from pyfric.statics import EquilibriumError
@@ -306,10 +293,9 @@ class _Verification:
         """Return the reference runs of the run as it is now."""
         scene, method, counts = self.record.scene, self.record.method, self.record.counts
         lasts = self.made.t_end - self.made.t_begin
-        full = full_counts(scene, method.dt, lasts, method.stepper)
-        made = operations(scene, method.engine, counts, full, method.stepper)
+        made = operations(scene, method.engine, counts, method.dt, lasts, method.stepper)
         steps = method.stepper, method.dt, method.switching
-        return references(Runs(scene, self.geometry, made, *steps))
+        return Runs(scene, self.geometry, made, *steps).references()
 
     def _level(self) -> Reference:
         """Return the best reference run within the budget, or the cheapest one if none is."""

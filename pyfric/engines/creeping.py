@@ -32,7 +32,7 @@ import numpy as np
 from pyfric.core import OPEN
 from pyfric.engines.crossing import first_crossing
 from pyfric.engines.modes import orthonormal
-from pyfric.statics import ContactProblem, Creep, creeps, damping, mass
+from pyfric.statics import ContactProblem, Creep, creeps
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -91,7 +91,6 @@ class Creeping:
 
     def __init__(self, scene: Scene, known: StaticSolver, accuracy: float, V: float) -> None:
         self.scene, self.known, self.V = scene, known, V
-        self.mass, self.C = mass(scene), damping(scene)
         self._spaces: list[_Space] = []
         self.force = accuracy / scene.N_x
         self.kink = self.force / (math.sqrt(scene.slider.k * scene.m) * V)
@@ -156,7 +155,7 @@ class Creeping:
         for one in self._spaces:
             if one.system is system and np.array_equal(one.slips, slips):
                 return one
-        self._spaces = [*self._spaces[1 - KEPT :], _Space(self, system, slips)]
+        self._spaces = [*self._spaces[1 - KEPT :], _Space(system, slips)]
         return self._spaces[-1]
 
     def _path(self, modes: _Modes, point: Point, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -195,8 +194,8 @@ class _Space:
         on_shapes: `rows` times `shapes`, shape (n, n), in N/m.
     """
 
-    def __init__(self, what: Creeping, system: Linearised, slips: np.ndarray) -> None:
-        self.M, self.C, self.system, self.slips = what.mass, what.C, system, slips
+    def __init__(self, system: Linearised, slips: np.ndarray) -> None:
+        self.system, self.slips = system, slips
         self.shapes = system.moved(slips)
         self.rows = system.K[slips]
         self.on_shapes = self.rows @ self.shapes
@@ -208,14 +207,14 @@ class _Space:
     @functools.cached_property
     def basis(self) -> np.ndarray:
         """Basis of the shapes with blocks held and the static responses, shape (n_q, r)."""
-        return orthonormal(np.hstack([self.system.B, self.shapes]), self.M)
+        return orthonormal(np.hstack([self.system.B, self.shapes]), self.system.M)
 
     @functools.cached_property
     def matrices(self) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness without the rows of slipping blocks, and damping, in the basis, (r, r)."""
         basis, force = self.basis, self.system.K @ self.basis
         force[self.slips] = 0.0
-        return basis.T @ force, basis.T @ (self.C @ basis)
+        return basis.T @ force, basis.T @ (self.system.C @ basis)
 
 
 class _Modes:
@@ -227,7 +226,8 @@ class _Modes:
 
     def __init__(self, scene: Scene, space: _Space, creep: Creep, point: Point) -> None:
         self.scene, self.space, self.system, self.creep = scene, space, space.system, creep
-        self.M, self.C, self.K, self.slips = space.M, space.C, space.system.K, space.slips
+        self.M, self.C, self.K = self.system.M, self.system.C, self.system.K
+        self.slips = space.slips
         mu, slope = creep.friction(point.u_x)
         self.weakens = (slope * point.p)[self.slips]
         self.rubs = (creep.way * mu * creep.k_f)[self.slips]
@@ -246,22 +246,22 @@ class _Modes:
         return w + space.shapes @ np.linalg.solve(against, left)
 
     def split(self, w: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the amplitudes of the modes in a deviation, and the truncated energy, in J."""
-        self._find()
-        y, u = (self.basis.T @ (self.M * one) for one in (w, v))
-        a = np.linalg.solve(self.right, np.concatenate([y, u]))
-        w, v = w - self.basis @ y, v - self.basis @ u
-        return a, max(float(v @ (self.M * v) + w @ (self.K @ w)) / 2, 0.0)
+        """Find the modes; return their amplitudes in a deviation, and the truncated energy, in J.
 
-    def _find(self) -> None:
-        """Find the rates (1/s) and modes (2 r, 2 r) in the basis of the space, (n_q, r)."""
+        The modes `right`, (2 r, 2 r), are in the basis of the space, (n_q, r); their rates `growth`
+        are in 1/s.
+        """
         self.basis = basis = self.space.basis
         K, C = self.space.matrices
         K = K + basis[self.slips].T @ (self.space.rows @ basis + self.friction(basis))
         r = basis.shape[1]
         both = np.block([[np.zeros((r, r)), np.eye(r)], [-K, -C]])
-        self.rates, self.right = np.linalg.eig(both)
-        self.growth = self.system.stepped(self.rates)
+        rates, self.right = np.linalg.eig(both)
+        self.growth = self.system.stepped(rates)
+        y, u = (basis.T @ (self.M * one) for one in (w, v))
+        a = np.linalg.solve(self.right, np.concatenate([y, u]))
+        w, v = w - basis @ y, v - basis @ u
+        return a, max(float(v @ (self.M * v) + w @ (self.K @ w)) / 2, 0.0)
 
     def deviation(self, a: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
         """Return w (m) and w' (m/s), shape (n_q,), after a time s (s), from amplitudes a."""

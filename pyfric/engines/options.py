@@ -46,15 +46,12 @@ if TYPE_CHECKING:
 AUTO_SHARE = 0.5
 """dt = "auto" is this share of the stability limit, rounded down to two digits.
 
-The reference is the Fig. 1 scene up to 0.9 s with the paper's step of 0.2 us, an eighth of the
-limit, and switches at step ends. With half the limit (0.78 us), the 13 main precursors keep their
-order. Their start and arrest forces agree within 8e-4 F_N and their lengths within one block. With
-1.2 us they agree within 1e-3 F_N and one block. This error is proportional to the step. With
-located switches it is far smaller (`reference_data/`)."""
+In the Fig. 1 scene with switches at step ends, the main precursors up to 0.9 s then keep their
+order. Their forces are those of the paper's step, an eighth of the limit, within 8e-4 F_N. The
+difference is proportional to the step, and far smaller with located switches."""
 RTOL = 1e-6
-"""Default of rtol, the largest error of an adaptive sub-step. For a short front with dt = "auto"
-and located switching, the error of rupture times is then 2e-11 s. With rtol = 1e-3, where sub-steps
-are as long as dt, it is 7e-9 s, and the work is 1.3 times smaller."""
+"""Default of rtol. The error of rupture times of a short front is then 2e-11 s, with located
+switching; 1e-3 makes it 7e-9 s for 1.3 times less work."""
 ACCURACY = 1e-6
 """Default of accuracy."""
 LONGEST_LOCATED = 30.0
@@ -194,7 +191,9 @@ class Options:
         if self.rtol is not None and not STEPPERS[self.stepper].adaptive:
             raise SceneError("rtol", self.rtol, "", "None, or stepper = 'adaptive'")
         if self.method is not None:
-            self._check_paper()
+            allowed = "none with method = 'paper', which is rk4, step ends and its own dt"
+            known = {"stepper": ("rk4",), "switching": (None, "step_end"), "dt": ("auto",)}
+            self._check_without(allowed, **known)
         if not isinstance(self.budget, bool | np.bool | None):
             raise SceneError("budget", self.budget, "", "True, False or None")
         if self.stop_when is not None:
@@ -203,11 +202,6 @@ class Options:
             check_whole("threads", self.threads, 1, MAX_THREADS, note=" or None")
         if not isinstance(self.checkpoint, str | os.PathLike | None):
             raise SceneError("checkpoint", self.checkpoint, "", "a path or None")
-
-    def _check_paper(self) -> None:
-        """Raise SceneError if an option contradicts the paper's method."""
-        allowed = "none with method = 'paper', which is rk4, step ends and its own dt"
-        self._check_without(allowed, stepper=("rk4",), switching=(None, "step_end"), dt=("auto",))
 
     def _check_without(self, allowed: str, **known: tuple[Any, ...]) -> None:
         """Raise SceneError unless each of these options has one of its values."""
@@ -245,8 +239,12 @@ class Options:
 
     def steps_on(self, scene: Scene) -> tuple[float, Switching]:
         """Return the time step (s), and where contacts switch."""
-        dt = step_size(scene, self.dt if self.method is None else _paper_step(scene), self.stepper)
-        return dt, self.switching or default_switching(scene, self.method)
+        dt = self.dt if self.method is None else paper_step(scene)
+        if dt is None:
+            allowed = "None for loads that are prescribed, which are not the paper's"
+            raise SceneError("method", "paper", "", allowed)
+        switching = self.switching or default_switching(scene, self.method)
+        return step_size(scene, dt, self.stepper), switching
 
     def check_sample(self, length: float) -> None:
         """Raise SceneError if the sampling interval exceeds the length of the run (s)."""
@@ -357,15 +355,6 @@ def step_size(
     if not STEPPERS[stepper].adaptive and dt > limit:
         allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {stepper} for this scene"
         raise SceneError("dt", dt, "s", allowed, "unstable")
-    return dt
-
-
-def _paper_step(scene: Scene) -> float:
-    """Return the paper's step (s), or raise SceneError for a scene of another kind."""
-    dt = paper_step(scene)
-    if dt is None:
-        allowed = "None for loads that are prescribed, which are not the paper's"
-        raise SceneError("method", "paper", "", allowed)
     return dt
 
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 SMALL = 250
 """Largest N_x that runs on one BLAS thread; matrices have 2 N_x rows."""
-ARITHMETIC = {"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}
-"""NumPy's defaults."""
 
 F = TypeVar("F", bound="Callable[..., Any]")
 
@@ -45,7 +43,8 @@ def one_thread_if_small(function: F) -> F:
     def limited(scene: Any, *args: Any, **kwargs: Any) -> Any:
         scene = as_scene(scene)
         small = scene.N_x <= SMALL
-        with np.errstate(**ARITHMETIC), one_thread() if small else nullcontext():
+        usual = np.errstate(divide="warn", over="warn", under="ignore", invalid="warn")
+        with usual, one_thread() if small else nullcontext():
             return function(scene, *args, **kwargs)
 
     return cast("F", limited)

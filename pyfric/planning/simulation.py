@@ -304,15 +304,12 @@ def _static(plan: Plan, made: Specification) -> tuple[Record | None, str]:
 
 def _resolved(options: Options, plan: Plan) -> Options:
     """Return the options, with the choices of the plan for those left open."""
-    if plan.fidelity == "quasistatic":
-        free = {"geometry": None, "dt": "auto", "budget": None, "switching": None}
-        return dataclasses.replace(options, fidelity="quasistatic", accuracy=None, **free)
     return dataclasses.replace(
         options,
         budget=bool(options.budget),
         fidelity=plan.fidelity,
         geometry=plan.geometry,
-        dt=plan.dt,
+        dt=plan.dt or "auto",
         accuracy=plan.accuracy,
         switching=options.switching or plan.switching,
     )

@@ -131,7 +131,9 @@ class Creeping:
             return None
         space = self._space(held(), np.flatnonzero(way))
         modes = _Modes(self.scene, space, creep, begin)
-        a, left = self._motion(state, modes, begin)
+        q, v = self._path(modes, begin, dt)
+        w = self.known.coordinates(state.y[:, :2], state.rod[:3]) - q
+        a, left = modes.split(w, self.known.coordinates(state.y[:, 2:], state.rod[3:]) - v)
         if math.sqrt(2 * self.scene.slider.k * left) > self.force:
             return None
         end = drive + (last - state.step) * V * dt
@@ -168,19 +170,9 @@ class Creeping:
         if before is not None:
             bend = V * (space.carried(point.rate) - space.carried(before.rate)) / by
         lag = modes.lag(v, bend)
-        return self._static(system, point.u_x, drive) + lag, v + modes.lag(bend)
-
-    def _static(self, system: Linearised, u_x: np.ndarray, drive: float) -> np.ndarray:
-        """Return the static state with blocks at u_x (m) and the driver at `drive` (m)."""
         q = np.zeros(system.n_q)
-        q[system.held] = u_x[system.held]
-        return q + system.answer(system.forces(q, drive))
-
-    def _motion(self, state: State, modes: _Modes, point: Point) -> tuple[np.ndarray, float]:
-        """Return the amplitudes of the modes, and the energy of the truncated part, in J."""
-        q, v = self._path(modes, point, state.dt)
-        w = self.known.coordinates(state.y[:, :2], state.rod[:3]) - q
-        return modes.split(w, self.known.coordinates(state.y[:, 2:], state.rod[3:]) - v)
+        q[system.held] = point.u_x[system.held]
+        return q + system.answer(system.forces(q, drive)) + lag, v + modes.lag(bend)
 
 
 class _Space:

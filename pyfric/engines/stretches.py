@@ -98,7 +98,12 @@ def stretches(scene: Scene, drive_0: float, t_end: float) -> list[Stretch]:
         return [Stretch(leg, drive_0) for leg in scene.legs(t_end)]
     found, K = [], scene.driver.K
     load = scene.F_N, getattr(scene.top, "T", 0.0)
-    for leg in legs(_cut(scene), t_end):
+    times = sorted({0.0, *scene.corners})
+    pieces = [  # of V, cut at all corners
+        one._replace(t=t, value=one.at(t), integral=one.integral_at(t))
+        for t, one in zip(times, (scene.piece("V", t) for t in times), strict=True)
+    ]
+    for leg in legs(pieces, t_end):
         F_N, T = (scene.piece(what, leg.t) for what in ("F_N", "T"))
         now, gain = (F_N.at(leg.t), T.at(leg.t)), (F_N.slope, T.slope)
         jump = tuple(b - a for a, b in zip(load, now, strict=True))
@@ -117,13 +122,3 @@ def stretches(scene: Scene, drive_0: float, t_end: float) -> list[Stretch]:
         else:
             found.append(Stretch(leg, drive_0, Route(0.0, 1.0, now)))
     return found
-
-
-def _cut(scene: Scene) -> list:
-    """Return the pieces of V, cut at all corners."""
-    times = sorted({0.0, *scene.corners})
-    whole = [scene.piece("V", t) for t in times]
-    return [
-        one._replace(t=t, value=one.at(t), integral=one.integral_at(t))
-        for t, one in zip(times, whole, strict=True)
-    ]

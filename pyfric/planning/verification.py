@@ -232,7 +232,8 @@ class _Verification:
         while self._beyond(errors) and made.refines and self.mode != "full" and reference.done:
             off = errors.measured()
             if self.record.method.geometry != reference.method.geometry:
-                self.record = self._in_reference_geometry()
+                self.record = made.again(self.record, geometry=self.geometry)
+                self.left -= work_so_far(self.record)
                 self.notes.append(f"refined to {_words(self.record)}: measured error {off:.2g}")
                 errors = self._compared(reference)
                 continue
@@ -320,12 +321,6 @@ class _Verification:
         most = self.left + self.over
         how = self._how(level)
         found = self.made.again(self.record, lambda run: work_so_far(run) > most, **how)
-        self.left -= work_so_far(found)
-        return found
-
-    def _in_reference_geometry(self) -> Record:
-        """Repeat the whole run in the geometry of reference runs."""
-        found = self.made.again(self.record, geometry=self.geometry)
         self.left -= work_so_far(found)
         return found
 

@@ -5,7 +5,7 @@ import pytest
 
 import pyfric
 from pyfric.scene import chain, setup2
-from pyfric.statics import ContactProblem, Creep, creep
+from pyfric.statics import ContactProblem, Creep
 
 MU_S, MU_K, P, D_C, K_CHAIN = 0.7, 0.45, 60.0, 4e-6, 2e7
 SLOPE = (MU_S - MU_K) * P / D_C  # 3.75 MN/m
@@ -144,16 +144,3 @@ def test_a_margin_that_rounding_has_used_up_does_not_stop_a_path(monkeypatch):
     record = pyfric.simulate(scene, 0.018, fidelity="dynamic", progress=False)
     assert record.events["nucleation_length"].notna().any()
     assert len(steps) < 100 * len(record.events)
-
-
-def test_signs_of_eigenvalues():
-    """Of matrices whose symmetric part is positive definite, is not, and of unstable ones."""
-    rng = np.random.default_rng(1)
-    found = set()
-    for shift in np.linspace(-3.0, 6.0, 60):
-        J = rng.standard_normal((6, 6)) + shift * np.eye(6)
-        stable = bool(np.linalg.eigvals(J).real.min() > 0)
-        assert creep._positive(J) == stable
-        found.add((stable, bool(np.linalg.eigvalsh(J + J.T).min() > 0)))
-    assert found == {(True, True), (True, False), (False, False)}
-    assert creep._positive(np.zeros((0, 0)))

@@ -251,7 +251,7 @@ class QuasistaticRun:
             show(self.t, self.rows[-1][1], self.events)
             if stop() or not contact.stuck.any() or self._ended(self.t):
                 return
-            if not contact.definite():
+            if contact.definiteness() < LEAST_DEFINITENESS:
                 self.ending = "ended where slip may not be unique"
                 self.notes += (
                     f"{self.name}: slip is followed up to F_T/F_N = "

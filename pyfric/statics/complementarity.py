@@ -28,7 +28,6 @@ from pyfric.statics.contact import (
     Unmet,
     Values,
     definiteness,
-    is_definite,
     rounding,
     with_free,
 )
@@ -386,9 +385,9 @@ class Contact(States):
         follow = np.linalg.solve(F[np.ix_(open_, open_)], F[np.ix_(open_, i)])
         return tuple(A[np.ix_(i, i)] - A[np.ix_(i, open_)] @ follow for A in (W, F))
 
-    def definite(self) -> bool:
-        """Return whether the slip operator is positive definite: the solution is then unique."""
-        return is_definite(*self.slip_operator(self.slip))
+    def definiteness(self) -> float:
+        """Return the definiteness of the slip operator, which decides whether slip is unique."""
+        return definiteness(*self.slip_operator(self.slip))
 
     def definiteness_of_sliding(self) -> float:
         """Return the definiteness of the slip operator if all blocks in contact slip one way.

@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.linalg.lapack import dpotrf
 
 from pyfric.core import OPEN, STUCK
 from pyfric.statics.rest import EquilibriumError
@@ -182,10 +181,7 @@ def definiteness(W: np.ndarray, F: np.ndarray) -> float:
     """
     if not len(W):
         return 1.0
+    if not np.isfinite(W).all():
+        return -np.inf
     values = eigh(W + W.T, F + F.T, eigvals_only=True, subset_by_index=[0, 0])
     return float(values[0])
-
-
-def is_definite(W: np.ndarray, F: np.ndarray) -> bool:
-    """Return whether `definiteness` is above `LEAST_DEFINITENESS`, without computing its value."""
-    return not len(W) or dpotrf(W + W.T - LEAST_DEFINITENESS * (F + F.T))[1] == 0

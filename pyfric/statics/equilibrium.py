@@ -56,7 +56,6 @@ from pyfric.statics.contact import (
     States,
     Unmet,
     Values,
-    definiteness,
     rounding,
     with_free,
 )
@@ -367,7 +366,7 @@ class StaticSolver(System):
 
 def _warn_if_ambiguous(contact: Contact) -> None:
     """Warn if the definiteness of the slip operator is below `LEAST_DEFINITENESS`."""
-    found = definiteness(*contact.slip_operator(contact.slip))
+    found = contact.definiteness()
     if found < LEAST_DEFINITENESS:
         warnings.warn(
             "friction is so strong that the loaded state may not be the only one. While F_N is "

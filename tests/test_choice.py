@@ -557,9 +557,7 @@ def test_transitions_of_cheap_dynamics_are_counted():
 def test_a_run_may_cost_what_its_plan_announced(monkeypatch):
     """The hybrid engine; cheap dynamics was made for its price, so that the run itself tells it."""
     seen = []
-    monkeypatch.setattr(
-        simulation, "verified", lambda record, mode, made: seen.append(made) or record
-    )
+    monkeypatch.setattr(simulation, "verified", lambda record, made: seen.append(made) or record)
     for scene, t_end in ((small(), 0.7), (small(V=0.5), 3e-3)):
         simulate(scene, t_end, want="front_speed", progress=False)
     found = plan(small(), "front_speed", t_end=0.7)

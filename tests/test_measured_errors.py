@@ -484,12 +484,12 @@ class Known:
         self, mode, tolerance=0.01, geometry="finite", work=np.inf, accuracy=1e-4, refinement=0.0
     ):
         how = {"fidelity": "hybrid", "geometry": geometry, "dt": self.dt_0}
-        options = pyfric.Options(**how, tolerance=tolerance, accuracy=accuracy)
+        options = pyfric.Options(**how, tolerance=tolerance, accuracy=accuracy, verify=mode)
         scene = self.ladder.scene
         how = {"options": options, "run": self.run, "refines": True, "work": work}
         how |= {"whole": work + budget(work), "refinement": refinement}
         made = Specification(scene=scene, t_begin=0.0, t_end=1.5, **how)
-        return verified(self.run(scene, 1.5, options), mode, made)
+        return verified(self.run(scene, 1.5, options), made)
 
 
 def test_a_small_error_takes_one_more_run(ladder):
@@ -809,7 +809,7 @@ def test_a_reference_run_ends_where_its_budget_does():
 
     how = pyfric.Options(fidelity="hybrid", geometry="finite", accuracy=1e-4)
     made = Specification(scene=scene, t_begin=0.0, t_end=1e-3, options=how, run=run)
-    record = verified(run(scene, 1e-3, how), None, made)
+    record = verified(run(scene, 1e-3, how), made)
     (_, enough) = ended
     most = dataclasses.replace(record, counts={"block_evaluations": 10**12, "steps": 10**9})
     assert enough(most)
@@ -824,10 +824,10 @@ def test_nothing_is_measured_where_a_run_has_used_up_its_price():
 
     made = Specification(scene=scene, t_begin=0.0, t_end=0.4, options=how, run=run)
     record = run(scene, 0.4, how)
-    before = verified(record, None, made).errors
+    before = verified(record, made).errors
     assert before.holds
     assert before.covered >= 0.4
-    after = verified(record, None, dataclasses.replace(made, work=1e-3, whole=1e-3)).errors
+    after = verified(record, dataclasses.replace(made, work=1e-3, whole=1e-3)).errors
     assert after.holds is None
     assert after.covered < 0.1
 
@@ -854,11 +854,11 @@ def test_the_perturbed_driver_follows_its_protocol_faster():
 
     record = pyfric.simulate(scene, 1e-3, fidelity="dynamic", progress=False)
     made = Specification(scene=scene, t_begin=0.0, t_end=1e-3, options=Options(), run=run)
-    check = _Verification(record, "full", made)
+    check = _Verification(record, made)
     check._perturbed(Errors())
     assert seen[0].driver.protocol == ((0.0, 1e-3 * (1 + PERTURBATION)),)
     still = dataclasses.replace(made, scene=scene.replace({"driver.protocol": ()}))
-    check = _Verification(record, "full", still)
+    check = _Verification(record, still)
     check._perturbed(Errors())
     assert check.notes == ["sensitivity was not measured: no driver moves"]
 
@@ -874,7 +874,7 @@ def test_a_run_that_a_slightly_faster_driver_changes_from_the_start_does_not_hol
         return Known(ladder, step=0.1 * changed).run(ladder.scene, 1.5, options)
 
     made = Specification(scene=ladder.scene, t_begin=0.0, t_end=1.5, options=options, run=run)
-    check = _Verification(run(ladder.scene), "full", made)
+    check = _Verification(run(ladder.scene), made)
     errors = check._measured(differences(check.record, check.record), check.record, 1.0)
     assert errors.holds
     errors = check._perturbed(errors)

@@ -150,7 +150,7 @@ def simulate(
         return record
     if isinstance(initial, Record):
         return _with_notes(record, "errors were not measured: the run continues another one")
-    return verified(record, options.verify, _until(made, record))
+    return verified(record, _until(made, record))
 
 
 def check_run(scene: Scene, options: Options) -> None:
@@ -271,7 +271,7 @@ def _planned(made: Specification, initial: State | None, progress: object) -> Re
         error.record = _with_notes(error.record, *notes)
         raise
     if record.done and options.verify != "none":
-        record = verified(record, options.verify, _as_planned(_until(made, record), plan, level))
+        record = verified(record, _as_planned(_until(made, record), plan, level))
     return _with_notes(record, *notes)
 
 
@@ -298,7 +298,7 @@ def _static(plan: Plan, made: Specification) -> tuple[Record | None, str]:
     if made.options.verify == "none":
         return record, ""
     made = _until(made, record)
-    found = verified(record, made.options.verify, _as_planned(made, plan, level))
+    found = verified(record, _as_planned(made, plan, level))
     return found, "" if found else "errors measured by dynamics exceed the tolerance"
 
 

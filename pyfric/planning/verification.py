@@ -123,23 +123,23 @@ class Specification:
         return self.run(self.scene, self.t_end, options, enough=enough)
 
 
-def verified(record: Record, mode: str | None, made: Specification) -> Record | None:
+def verified(record: Record, made: Specification) -> Record | None:
     """Return a run with its measured errors, refined if they exceed the tolerance.
 
     None is returned for a quasi-static run whose errors exceed the tolerance: dynamics replaces it.
 
     Args:
         record: record of the run.
-        mode: "sample" or None: within the budget. "full": with the best reference run at any cost,
-            and with a run whose driver is faster by `PERTURBATION`.
-        made: specification of the run.
+        made: specification of the run. Its option `verify` is "sample" or None: within the budget.
+            "full": with the best reference run at any cost, and with a run whose driver is faster
+            by `PERTURBATION`.
     """
     start = time.perf_counter()
     try:
         if record.method.engine == "quasistatic":
-            record = _quasistatic(record, mode, made)
+            record = _quasistatic(record, made)
         elif record.method.engine in ("hybrid", "dynamic"):
-            record = _Verification(record, mode, made).record_with_errors()
+            record = _Verification(record, made).record_with_errors()
     except (RunError, EquilibriumError) as error:
         note = f"errors were not measured: the reference run ended ({error})"
         record = dataclasses.replace(record, notes=(*record.notes, note))
@@ -190,11 +190,11 @@ def _words(record: Record) -> str:
     )
 
 
-def _quasistatic(record: Record, mode: str | None, made: Specification) -> Record | None:
+def _quasistatic(record: Record, made: Specification) -> Record | None:
     """Compare a quasi-static run with dynamics, as far as the budget allows."""
     scene, geometry = made.scene, made.geometry or default_geometry(made.scene)
     spent = min(work(scene, "linear", record.counts), made.work)
-    most = math.inf if mode == "full" else budget(spent)
+    most = math.inf if made.options.verify == "full" else budget(spent)
     how = {"fidelity": "hybrid", "dt": "auto", "switching": "located", "geometry": geometry}
     how |= {"accuracy": min(LADDER * made.options.tolerance, LOOSEST), "budget": False}
 
@@ -213,12 +213,12 @@ def _quasistatic(record: Record, mode: str | None, made: Specification) -> Recor
 class _Verification:
     """Verification of a run with time steps by a reference run."""
 
-    def __init__(self, record: Record, mode: str | None, made: Specification) -> None:
-        self.record, self.mode, self.made = record, mode, made
+    def __init__(self, record: Record, made: Specification) -> None:
+        self.record, self.made, self.full = record, made, made.options.verify == "full"
         self.geometry = made.geometry or default_geometry(made.scene)
         spent = work_so_far(record)
         left = budget(min(spent, made.work))
-        self.left = math.inf if mode == "full" else left
+        self.left = math.inf if self.full else left
         self.first = self._level()
         whole = min(made.whole, spent + min(self.first.work, left))
         self.over = MOST * whole - spent - left  # what reference runs may take beyond the budget
@@ -229,7 +229,7 @@ class _Verification:
         made = self.made
         reference = self._reference(self.first)
         errors = self._compared(reference)
-        while self._beyond(errors) and made.refines and self.mode != "full" and reference.done:
+        while self._beyond(errors) and made.refines and not self.full and reference.done:
             off = errors.measured()
             if self.record.method.geometry != reference.method.geometry:
                 self.record = made.again(self.record, geometry=self.geometry)
@@ -247,7 +247,7 @@ class _Verification:
                 break
             reference = self._reference(level)
             errors = self._compared(reference)
-        if self.mode == "full":
+        if self.full:
             errors = self._perturbed(errors)
         elif self._beyond(errors):
             errors = self._determined(errors)

@@ -134,8 +134,7 @@ def simulate(
         scene, notes = _both(initial, scene)
     else:
         options.check_sample(t_end - (0.0 if initial is None else initial.t))
-    if options.geometry is not None:
-        check_geometry(options.geometry, scene)
+    check_run(scene, options)
     if options.checkpoint is not None:
         numbers = 4 * scene.N_x * scene.N_z + 2 * POINTS
         check_writable(options.checkpoint, 8 * numbers)
@@ -216,7 +215,6 @@ def _run(
             said = _said(scene, "dynamic", made * machine_speed(), progress)
         record = integrate(engine, scene, t_end, options, enough=enough, **how)
         return _with_notes(record, *pause_notes(record), *said)
-    options.check_static()
     check_memory(scene, engine.name, "linear")
     how |= {"t_gap": options.t_gap, "stop_when": options.stop_when}
     record = static_sequence(engine, scene, t_end, **how)

@@ -58,7 +58,7 @@ from pyfric.scene import default_geometry
 from pyfric.statics import EquilibriumError
 
 if TYPE_CHECKING:
-    from pyfric.engines import Options, Run
+    from pyfric.engines import Options
     from pyfric.record import Differences, Record
     from pyfric.scene import Geometry, Scene
 
@@ -110,16 +110,15 @@ class Specification:
     refinement: float = 0.0
     geometry: Geometry | None = None
 
-    def again(
-        self, record: Record, enough: Callable[[Run], bool] | None = None, **changes: Any
-    ) -> Record:
-        """Return a run made like a record, with some options changed."""
+    def again(self, record: Record, most: float | None = None, **changes: Any) -> Record:
+        """Return a run made like a record, with some options changed; it ends at a work (s)."""
         method = record.method
         same = {"dt": method.dt, "geometry": method.geometry, "switching": method.switching}
         same |= {"accuracy": method.accuracy, "rtol": method.rtol, "fidelity": method.engine}
         same |= {"stepper": method.stepper or "rk4"}
         plain = {"method": None, "checkpoint": None, "budget": method.budget, "verify": None}
         options = dataclasses.replace(self.options, **(plain | same | changes))
+        enough = None if most is None else lambda run: work_so_far(run) > most
         return self.run(self.scene, self.t_end, options, enough=enough)
 
 
@@ -156,6 +155,11 @@ def _promise(made: Specification) -> dict[str, Any]:
 
 def _errors(found: Differences, made: Specification, factor: float, by: str) -> Errors:
     return Errors(**_promise(made), by=(by,), **found.errors(factor))
+
+
+def _beyond(errors: Errors) -> bool:
+    error = errors.measured()
+    return error is not None and errors.tolerance is not None and error > errors.tolerance
 
 
 def _with(record: Record, errors: Errors, notes: list[str]) -> Record:
@@ -197,15 +201,11 @@ def _quasistatic(record: Record, made: Specification) -> Record | None:
     most = math.inf if made.options.verify == "full" else budget(spent)
     how = {"fidelity": "hybrid", "dt": "auto", "switching": "located", "geometry": geometry}
     how |= {"accuracy": min(LADDER * made.options.tolerance, LOOSEST), "budget": False}
-
-    def enough(run: Run) -> bool:
-        return work_so_far(run) > most
-
-    by = made.again(record, enough, **how)
+    by = made.again(record, most, **how)
     found = differences(record, by)
     factor = TURNED if found.turned else DYNAMICS
     errors = _errors(found, made, factor, f"dynamics ({_words(by)})")
-    if made.refines and errors.measured() is not None and errors.measured() > errors.tolerance:
+    if made.refines and _beyond(errors):
         return None
     return _with(record, errors, [])
 
@@ -229,7 +229,7 @@ class _Verification:
         made = self.made
         reference = self._reference(self.first)
         errors = self._compared(reference)
-        while self._beyond(errors) and made.refines and not self.full and reference.done:
+        while _beyond(errors) and made.refines and not self.full and reference.done:
             off = errors.measured()
             if self.record.method.geometry != reference.method.geometry:
                 self.record = made.again(self.record, geometry=self.geometry)
@@ -243,13 +243,13 @@ class _Verification:
             found = differences(self.record, coarse)
             errors = self._measured(found, coarse, TURNED / SAFETY)  # an event may end elsewhere
             level = self._level()
-            if not self._beyond(errors) or level.work > self.left:
+            if not _beyond(errors) or level.work > self.left:
                 break
             reference = self._reference(level)
             errors = self._compared(reference)
         if self.full:
             errors = self._perturbed(errors)
-        elif self._beyond(errors):
+        elif _beyond(errors):
             errors = self._determined(errors)
         else:
             errors = self._before_other_events(errors)
@@ -261,11 +261,6 @@ class _Verification:
                 f"needs dt <= {resolves:.3g} s, and friction drops at once in both of two runs"
             )
         return _with(self.record, errors, self.notes)
-
-    @staticmethod
-    def _beyond(errors: Errors) -> bool:
-        error = errors.measured()
-        return error is not None and errors.tolerance is not None and error > errors.tolerance
 
     def _compared(self, other: Record) -> Errors:
         """Return the errors that follow from a run whose steps are shorter."""
@@ -318,9 +313,7 @@ class _Verification:
 
     def _reference(self, level: Reference) -> Record:
         """Make a reference run, which is ended if the run and its verification cost too much."""
-        most = self.left + self.over
-        how = self._how(level)
-        found = self.made.again(self.record, lambda run: work_so_far(run) > most, **how)
+        found = self.made.again(self.record, self.left + self.over, **self._how(level))
         self.left -= work_so_far(found)
         return found
 
@@ -332,7 +325,7 @@ class _Verification:
         off = self.found.beyond(options.tolerance / self._factor(turned=False), options.want)
         if 0 < len(off) <= FEW * main and (off["event"] > 0).all():
             rest = self._scaled(self.found.without(off))
-            if not self._beyond(rest):
+            if not _beyond(rest):
                 named = tuple(int(event) for event in off["event"])
                 return dataclasses.replace(rest, undetermined=named)
         if self.other.method.dt > self.record.method.dt and self.left > 0:
@@ -353,13 +346,10 @@ class _Verification:
         Later events have the statistics of the run and of a coarser one, which disagree.
         """
         kept, notes = (self.found, self.other, self.factor), [*self.notes]
-        method, left = self.record.method, self.left
+        method = self.record.method
         possible = [one for one in self._references() if one.engine == method.engine]
         level = min(possible, key=lambda one: (one.stepper == method.stepper, one.work))
-        finer = self.made.again(
-            self.record, lambda run: work_so_far(run) > left, **self._how(level)
-        )
-        errors = self._compared(finer)
+        errors = self._compared(self.made.again(self.record, self.left, **self._how(level)))
         t = self._parted()
         if np.isnan(t) and not errors.partly:
             return errors
@@ -385,7 +375,7 @@ class _Verification:
             f"single events cannot be trusted from t = {until:.6g} s on: two runs disagree"
         )
         before = self._scaled(self.found.before(until))
-        if before.measured() is None and self._beyond(errors):
+        if before.measured() is None and _beyond(errors):
             before = errors
         together = statistics(self.record, other, until)
         return dataclasses.replace(before, until=until, statistics=together)

@@ -46,7 +46,7 @@ def check_ladder(engine: str, scene: Scene) -> None:
 
 
 def beyond_ladder(scene: Scene) -> SceneError | None:
-    """Return the error if the quasi-static sequence cannot treat a friction law, None if it can.
+    """Return the error if the quasi-static sequence cannot follow a scene, None if it can.
 
     In the sequence, slipping blocks have friction mu_k. Weakening over a slip length may be left
     out if it is so steep that no block slips stably meanwhile; `SOFTEST` is the limit.
@@ -57,22 +57,17 @@ def beyond_ladder(scene: Scene) -> SceneError | None:
         kind, allowed = scene.interface.law.kind, f"a law of slip alone, {instead}"
         return SceneError("interface.law", kind, "", allowed, reason)
     if np.any(law.alpha):
-        reason, alpha = (
-            "the quasi-static sequence cannot follow viscosity",
-            float(np.max(law.alpha)),
+        reason, alpha = "the quasi-static sequence cannot follow viscosity", np.max(law.alpha)
+        return SceneError("interface.alpha", float(alpha), "N s/m", f"0, {instead}", reason)
+    load = float(np.max(scene.F_N / scene.N_x))
+    if law.weakens and (soft := scene.slider.k / law.steepness(load)) > SOFTEST:
+        reason = (
+            "the quasi-static sequence knows slip at mu_k only, and friction falls too slowly for "
+            f"it: k over its steepest fall is {soft:.3g}, more than {SOFTEST:g}"
         )
-        return SceneError("interface.alpha", alpha, "N s/m", f"0, {instead}", reason)
-    if not law.weakens:
-        return None
-    soft = scene.slider.k / law.steepness(float(np.max(scene.F_N / scene.N_x)))
-    if soft <= SOFTEST:
-        return None
-    reason = (
-        "the quasi-static sequence knows slip at mu_k only, and friction falls too slowly for it: "
-        f"k over its steepest fall is {soft:.3g}, more than {SOFTEST:g}"
-    )
-    allowed = f"a smaller d_c, {instead}"
-    return SceneError("interface.d_c", scene.interface.d_c, "m", allowed, reason)
+        allowed = f"a smaller d_c, {instead}"
+        return SceneError("interface.d_c", scene.interface.d_c, "m", allowed, reason)
+    return bends(scene)
 
 
 def bends(scene: Scene) -> SceneError | None:

@@ -36,7 +36,6 @@ from pyfric.engines import (
     Fidelity,
     Options,
     Want,
-    bends,
     beyond_ladder,
     default_switching,
     full_counts,
@@ -320,8 +319,6 @@ class _Choice:
             reason = "it has no front speed"
         elif beyond := beyond_ladder(scene):
             reason = beyond.reason
-        elif bend := bends(scene):
-            reason = bend.reason
         elif pilot.failed:
             reason = pilot.failed
         elif error > self.tolerance:

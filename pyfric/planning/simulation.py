@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import math
 import sys
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -41,6 +41,7 @@ from pyfric.scene import (
     as_scene,
     check_geometry,
     check_number,
+    check_whole,
     check_writable,
     default_geometry,
     followed_by,
@@ -367,7 +368,7 @@ def _size(scene: Scene, t_end: float) -> float:
     return 1e5 + 8.0 * pilot_run(scene, t_end).events * (9 * scene.N_x + 40)
 
 
-def released(scene: SceneLike, blocks: int, dt: float | Literal["auto"] = "auto") -> State:
+def released(scene: SceneLike, blocks: int) -> State:
     """Return the loaded state with the first blocks from the trailing edge released.
 
     The released blocks start with zero velocity and slip in the drive direction. Their friction has
@@ -377,17 +378,14 @@ def released(scene: SceneLike, blocks: int, dt: float | Literal["auto"] = "auto"
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         blocks: number of released blocks, 1 to N_x.
-        dt: time step of the run, as in `step_size`.
 
     Raises:
-        SceneError: the number of blocks is out of range, the friction law has no static states, or
-            the step is refused.
+        SceneError: the number of blocks is out of range, or the friction law has no static states.
     """
     scene = as_scene(scene)
     check_sticks(scene)
-    if not (isinstance(blocks, int | np.integer) and 1 <= blocks <= scene.N_x):
-        raise SceneError("blocks", blocks, "", f"a whole number from 1 to N_x = {scene.N_x}")
-    state, first = loaded_state(scene).state(scene, step_size(scene, dt)), scene.n_of_i <= blocks
+    check_whole("blocks", blocks, 1, scene.N_x, note=" = N_x")
+    state, first = loaded_state(scene).state(scene, step_size(scene)), scene.n_of_i <= blocks
     state.mode[first] = scene.d
     slide, d_c = scene.law.tables.slide, np.broadcast_to(scene.law.d_c, first.shape)
     weakened = d_c[first] * (1.0 if slide is None else slide.x[-1])

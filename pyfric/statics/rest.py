@@ -85,11 +85,6 @@ class Equilibrium:
             f"drive = {self.drive:.6g} m, residual {self.residual:.2g} N"
         )
 
-    @property
-    def u_z(self) -> np.ndarray:
-        """u_z of the bottom blocks, shape (N_x,), in m."""
-        return self.u[0, 1]
-
     def state(self, scene: Scene, dt: float, t0: float = 0.0) -> State:
         """Return the state of a run that starts here, with zero velocities and no slip.
 

@@ -67,7 +67,6 @@ Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
 """The quantity that a run is made for."""
 Verify = Literal["none", "sample", "full"]
 """How errors are measured."""
-
 StepperName = Literal["rk4", "rk4_opposite", "verlet", "symplectic_euler", "adaptive"]
 """The name of a stepper."""
 

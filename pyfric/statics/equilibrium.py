@@ -8,17 +8,10 @@ p = -k_f u_z. Any other block is open: it carries neither p nor friction, and it
 u_x = 0, unless a block would need more friction than mu_s p. In that case F_N is applied
 proportionally and quasi-statically. In linear geometry this loading is self-similar: a block that
 slips does so from the smallest load on, always in one direction. Conditions on the final state
-therefore suffice:
-
-    stuck     u_x = 0,            |f| <= mu_s p
-    slipped   sign(u_x) = s != 0, f = -s mu_k p
-    open      p = f = 0,          u_z >= 0
-
-For mu_s = mu_k this is a linear complementarity problem. For mu_s > mu_k the same conditions hold,
-with mu_k on blocks that slipped, and there can be several solutions. A rule selects one. The block
-with the largest |f| - mu_s p is released, one at a time (equal ones together). Then the state is
-computed again, and blocks that moved along their friction force are held again. In finite geometry
-the same conditions are imposed at full load.
+(`contact`, with displacements counted from u_x = 0) therefore suffice. For mu_s = mu_k this is a
+linear complementarity problem. For mu_s > mu_k blocks that slipped have mu_k, and there can be
+several solutions; the order of the conditions selects one. In finite geometry the same conditions
+are imposed at full load.
 
 Newton's method, on all blocks, finds the static state for given contact states. If this state
 violates their conditions, the contact solver (`complementarity`) finds other contact states. It

@@ -47,7 +47,6 @@ from pyfric.statics.complementarity import Contact, ContactProblem, Route, Stati
 from pyfric.statics.contact import (
     LEAST_DEFINITENESS,
     States,
-    Unmet,
     Values,
     rounding,
     with_free,
@@ -56,8 +55,6 @@ from pyfric.statics.rest import Equilibrium, EquilibriumError, as_prescribed, ch
 from pyfric.statics.system import System
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from pyfric.scene import OnDriven, Scene, SceneLike
 
 MAX_NEWTON = 60
@@ -173,14 +170,7 @@ class StaticSolver(System):
             q += np.mean((given - begin.u[0, 0])[~loose]) * self.translation()
 
         states = States(scene, with_free(scene, ~self.loaded.open, loose), FRICTIONLESS)
-
-        def settle(contact: Contact) -> None:
-            contact.hold_at(given, loose | (contact.slip != 0))
-
-        def unmet(now: Values) -> Unmet | None:
-            return states.misplaced(now, STUCK, given)
-
-        return self._rest(q, states, given, drive, unmet, settle)
+        return self._rest(q, states, given, drive, loose)
 
     def _load_slider(self) -> Equilibrium:
         """Return the loaded state. Bottom blocks slip only if they exceed their strength."""
@@ -188,15 +178,7 @@ class StaticSolver(System):
         if not (scene.law.rests or isinstance(scene.top, PrescribedLoad)):
             return self._load_on_junctions()
         states = States(scene, home, scene.law, driven=False)
-
-        def settle(contact: Contact) -> None:
-            contact.load(home)
-            _warn_if_ambiguous(contact)
-
-        def unmet(now: Values) -> Unmet | None:
-            return states.unmet_in_loading(now, home) if scene.N_z > 1 else None
-
-        return self._rest(np.zeros(len(self.arm)), states, home, None, unmet, settle)
+        return self._rest(np.zeros(len(self.arm)), states, home, None)
 
     def _load_on_junctions(self) -> Equilibrium:
         """Return the loaded state on junctions, which are pinned at u_x = 0 before F_N is applied.
@@ -245,8 +227,7 @@ class StaticSolver(System):
         states: States,
         given: np.ndarray,
         drive: float | None,
-        unmet: Callable[[Values], Unmet | None],
-        settle: Callable[[Contact], None],
+        loose: np.ndarray | None = None,
     ) -> Equilibrium:
         """Return the static state whose contact states meet their conditions.
 
@@ -258,9 +239,9 @@ class StaticSolver(System):
             q: initial coordinates, shape (n_q,).
             states: initial contact states, changed in place.
             given: positions of held blocks, shape (N_x,), in m.
-            drive: displacement of the driver since t = 0, in m; None means that there is no driver.
-            unmet: returns the violated conditions.
-            settle: makes the contact solver meet the conditions.
+            drive: displacement of the driver since t = 0, in m; None means proportional loading,
+                without a driver.
+            loose: blocks without friction, shape (N_x,), bool; not for loading.
         """
         scene, N_x, steps = self.scene, self.scene.N_x, 0
         for _ in range(CORRECTIONS):
@@ -272,10 +253,18 @@ class StaticSolver(System):
             f = np.where(states.stuck, -found.forces[:N_x], f)
             p = np.where(states.closed, -scene.k_f * q[N_x : 2 * N_x], 0.0)
             now = Values(q[:N_x], f, q[N_x : 2 * N_x], p, found.F_T)
-            if unmet(now) is None:
+            if drive is not None:
+                unmet = states.misplaced(now, STUCK, given)
+            else:
+                unmet = states.unmet_in_loading(now, given) if scene.N_z > 1 else None
+            if unmet is None:
                 return self._result(found, states, now, drive, steps)
             contact = self._contact(states, now, given, drive)
-            settle(contact)
+            if drive is not None:
+                contact.hold_at(given, loose | (contact.slip != 0))
+            else:
+                contact.load(given)
+                _warn_if_ambiguous(contact)
             states.enter(slice(None), contact.mode)
         T = scene.top.T if drive is None else 0.0
         what = "contact states do not settle" + f" under top.T = {T:g} N" * bool(T)
@@ -367,7 +356,7 @@ def _warn_if_ambiguous(contact: Contact) -> None:
             f"slip operator is {found:.3g}, below {LEAST_DEFINITENESS:g}. A smaller mu_k makes the "
             "state unique",
             RuntimeWarning,
-            stacklevel=8,
+            stacklevel=7,
         )
 
 

@@ -62,8 +62,7 @@ def _step_limits(stepper: Stepper, eigenvalues: np.ndarray) -> np.ndarray:
     """Return the limit for each eigenvalue; positive real parts, due to rounding, are set to 0."""
     z = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag)
     limits = np.full(z.shape, np.inf)
-    # Radii of RK4 are from 2.6 to 3.0: eigenvalues below half the largest one cannot set the limit.
-    moving = (z != 0) & ((np.abs(z) >= np.abs(z).max() / 2) | (stepper.grows > 0))
+    moving = z != 0
     limits[moving] = radius(stepper, np.angle(z[moving])) / np.abs(z[moving])
     return limits
 

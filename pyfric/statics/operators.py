@@ -11,8 +11,6 @@ Source: PRL 107, 074301 (2011), model section.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.sparse as sp
 
@@ -123,27 +121,9 @@ def _absorbing(scene: Scene) -> np.ndarray:
     return c.ravel()
 
 
-class Medium(NamedTuple):
-    """What plane waves depend on: l (m), k (N/m), m (kg), eta (N s/m), dashpots, one or two rows.
-
-    More rows than two have the waves of two.
-    """
-
-    l: float
-    k: float
-    m: float
-    eta: float
-    dashpots: str
-    rows: int
-
-    @classmethod
-    def of(cls, scene: Scene) -> Medium:
-        """Return that of a scene."""
-        slider = scene.slider
-        return cls(slider.l, slider.k, scene.m, scene.eta, slider.dashpots, min(scene.N_z, 2))
-
-
-def dispersion(scene: Scene, wave_vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def dispersion(
+    scene: Scene, wave_vectors: np.ndarray, ground: tuple[float, float] = (0.0, 0.0)
+) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies and damping rates of plane waves in the infinite lattice or chain.
 
     A wave exp(i q.r + lambda t) has lambda^2 + gamma lambda + omega^2 = 0. Its stiffness is a
@@ -152,28 +132,19 @@ def dispersion(scene: Scene, wave_vectors: np.ndarray) -> tuple[np.ndarray, np.n
     Args:
         scene: the scene (l, k, m, eta are used; N_z = 1 is a chain).
         wave_vectors: q, shape (..., 2), in rad/m.
+        ground: stiffness from every block to the ground along x and z, in N/m.
 
     Returns:
         omega, shape (..., 2), ascending, in rad/s; gamma, shape (...), in 1/s. With dashpots along
         the bonds damping is a matrix, too. Then gamma has shape (..., 2): the damping of each
         undamped wave, without the coupling of the two waves.
     """
-    return waves(Medium.of(scene), wave_vectors, (0.0, 0.0))
-
-
-def waves(
-    medium: Medium, wave_vectors: np.ndarray, ground: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies and damping rates in a medium; see `dispersion`.
-
-    `ground` is the stiffness from every block to the ground along x and z, in N/m.
-    """
-    l, k, m, eta, dashpots, rows = medium
+    l, k = scene.slider.l, scene.slider.k
     D = np.zeros((*wave_vectors.shape[:-1], 2, 2))
     C = np.zeros_like(D)
     gamma = np.zeros(wave_vectors.shape[:-1])
     for dx, dz, factor in DIRECTIONS:
-        if abs(dz) >= rows:
+        if abs(dz) >= scene.N_z:
             continue
         d = np.array([dx, dz], dtype=float)
         s = 4 * np.sin(wave_vectors @ (d * l / 2)) ** 2
@@ -181,10 +152,10 @@ def waves(
         C += s[..., None, None] * np.outer(d, d) / (d @ d)
         gamma += s
     D += np.diag(ground) / k
-    if dashpots == "along":
+    if scene.slider.dashpots == "along":
         values, shapes = np.linalg.eigh(D)
         gamma = np.einsum("...ik,...ij,...jk->...k", shapes, C, shapes)
     else:
         values = np.linalg.eigvalsh(D)
-    omega = np.sqrt(k / m) * np.sqrt(np.maximum(values, 0.0))
-    return omega, gamma * (eta / m)
+    omega = np.sqrt(k / scene.m) * np.sqrt(np.maximum(values, 0.0))
+    return omega, gamma * (scene.eta / scene.m)

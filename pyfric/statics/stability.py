@@ -21,7 +21,7 @@ from pyfric.scene import (
     SceneError,
     as_scene,
 )
-from pyfric.statics.operators import Medium, damping, mass, stiffness, waves
+from pyfric.statics.operators import damping, dispersion, mass, stiffness
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -93,6 +93,7 @@ def _pair_limits(stepper: Stepper, omega: np.ndarray, gamma: np.ndarray) -> np.n
     return low
 
 
+@functools.lru_cache(maxsize=256)
 def _bulk_limit(scene: Scene, stepper: str) -> float:
     """Return the smallest limit over the Brillouin zone, in s.
 
@@ -104,15 +105,11 @@ def _bulk_limit(scene: Scene, stepper: str) -> float:
         hold = scene.k_top + _on_springs(scene)
         grounds = [(hold, float(np.max(scene.k_f))), (hold, 0.0)]
         drags = sorted({0.0, float(np.max(scene.law.alpha)) / scene.m})
-    medium = Medium.of(scene)
-    return min(_waves_limit(medium, ground, drag, stepper) for ground in grounds for drag in drags)
+    return min(_waves_limit(scene, ground, drag, stepper) for ground in grounds for drag in drags)
 
 
-@functools.lru_cache(maxsize=256)
-def _waves_limit(medium: Medium, ground: tuple[float, float], drag: float, stepper: str) -> float:
+def _waves_limit(scene: Scene, ground: tuple[float, float], drag: float, stepper: str) -> float:
     """Return `_bulk_limit` for blocks held by `ground` (`dispersion`) and by drag -m drag v.
-
-    Scenes of one material share it.
 
     The stiffness is even in q_x and q_z, so that q l in [0, pi]^2 suffices. The grid is refined
     16-fold around its best point, five times, to a resolution of 1.5e-6.
@@ -121,7 +118,7 @@ def _waves_limit(medium: Medium, ground: tuple[float, float], drag: float, stepp
     for _ in range(5):
         axes = [np.clip(c + np.linspace(-width, width, 33), 0, np.pi) for c in centre]
         ql = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        omega, gamma = waves(medium, ql / medium.l, ground)
+        omega, gamma = dispersion(scene, ql / scene.slider.l, ground)
         gamma = np.broadcast_to(gamma.reshape(len(gamma), -1), omega.shape) + drag
         limits = _pair_limits(STEPPERS[stepper], omega, gamma)
         if limits.min() < best:

@@ -42,7 +42,8 @@ def first_crossing(
         ds: resolution, in s. An interval of this length that may hold a zero counts as a zero.
         bend: twice the coefficients of s^2, shape (n_c,) or 0, in N/s^2.
     """
-    size, bend = np.abs(modal), np.broadcast_to(bend, c.shape)
+    size, bend, squares = np.abs(modal), np.broadcast_to(bend, c.shape), np.abs(rates) ** 2
+    largest = size.max(axis=0, initial=0.0)
     fastest = np.max(np.abs(rates), initial=1 / s_end)
     s, h = 0.0, 0.1 / fastest
     while s < s_end:
@@ -60,12 +61,13 @@ def first_crossing(
                 leap = float(np.min(2 * low[falls] / fall[falls], initial=np.inf))
             s = min(s + leap, s_end)
             continue
-        grid, alive = s + h * np.arange(GRID + 1), size.max(axis=0) * decay > GONE * np.max(c)
+        grid, alive = s + h * np.arange(GRID + 1), largest * decay > GONE * np.max(c)
         value = c[near, None] + rate[near, None] * grid + np.outer(bend[near], 0.5 * grid**2)
         waves = _exponentials(rates[alive], grid)
-        value += (modal[near][:, alive] @ waves).real
+        part = np.ix_(near, alive)
+        value += (modal[part] @ waves).real
         curve = np.maximum(bend[near], 0.0)[:, None] * (h**2 / 8)
-        fast = size[near][:, alive] * np.abs(rates[alive]) ** 2
+        fast = size[part] * squares[alive]
         curve = curve + fast @ np.abs(waves[:, :-1]) * (h**2 / 8)
         sure = (np.minimum(value[:, :-1], value[:, 1:]) > curve).all(axis=0)
         n_sure = int(np.argmin(sure)) if not sure.all() else GRID

@@ -379,7 +379,7 @@ class Linearised:
         solver = self.solver.under(load)
         if solver.geometry == "finite":
             return solver.forces(q, self._contact, drive)[0]
-        return solver.load + solver.pushed(drive) - self.K @ q
+        return solver.load + solver.unpushed + drive * solver.push - self.K @ q
 
     def answer(self, force: np.ndarray) -> np.ndarray:
         """Return the static displacements under forces on all coordinates, shape (n_q,)."""

@@ -141,11 +141,11 @@ class System:
         """Forces on the coordinates per displacement of the driver, K d du_h/dq, (n_q,), in N/m."""
         return self.scene.driver.K * self.scene.d * self.driven_row
 
-    def pushed(self, drive: float) -> np.ndarray:
-        """Return the forces of the driver on the coordinates at u = 0, shape (n_q,), in N."""
-        scene, n = self.scene, self.scene.n_driven
-        each = scene.driver.K / n * (scene.d * drive + self.u_drv0)
-        return self._driven @ np.broadcast_to(each, n)
+    @functools.cached_property
+    def unpushed(self) -> np.ndarray:
+        """Forces of the driver on the coordinates at u = 0 and drive = 0, shape (n_q,), in N."""
+        n = self.scene.n_driven
+        return self._driven @ np.broadcast_to(self.scene.driver.K / n * self.u_drv0, n)
 
     def forces(
         self, q: np.ndarray, contact: States, drive: float | None

@@ -98,9 +98,9 @@ def test_events_are_counted_as_by_their_catalogue(engine, goes_on, monkeypatch):
     monkeypatch.setattr(Stopping, "ended", checked)
     scene, how = small(V=0.2), HOW[engine]
     before = pyfric.simulate(scene, 1.0, stop_when="arrested", **how) if goes_on else None
-    t_end = 0.012 + (before.curve["t"].iloc[-1] if goes_on else 0.0)
+    t_end = 0.007 + (before.curve["t"].iloc[-1] if goes_on else 0.0)
     conditions = [f"{name} = {n}" for name in COUNTED for n in (1, 2, 99)]
-    for k in range(len(conditions)):
+    for k in (0, 1, 4, 6, 7):  # with the others a run ends where it does with one of these
         assert pyfric.simulate(scene, t_end, initial=before, stop_when=conditions[k:], **how).done
 
 
@@ -114,7 +114,7 @@ def test_catalogues_are_made_where_they_can_count(monkeypatch):
     monkeypatch.setattr("pyfric.engines.stopping.build_catalogue", counted)
     for n, most in ((99, 0.0), (5, 0.5)):
         record = pyfric.simulate(
-            small_rod(V=0.02), 0.04, stop_when=f"main_events = {n}", fidelity="hybrid"
+            small_rod(V=0.02), 0.04, stop_when=f"main_events = {n}", **HOW["hybrid"]
         )
         rests = (record.quiet["kind"] < 0).sum()
         assert len(record.events) > 10
@@ -179,11 +179,6 @@ def test_runs_go_on(engine):
     second = pyfric.simulate(ended.scene, t_end, initial=ended, stop_when="arrested")
     assert ended_by_condition(second) or second.done
     assert len(second.events) > len(ended.events)  # it counts from where the first one ended
-
-
-def test_plans_count_with_it():
-    whole, part = (pyfric.plan("fig1", t_end=1.0, stop_when=one) for one in (None, "precursors"))
-    assert part.work < 0.5 * whole.work
 
 
 def test_refused_conditions():
@@ -262,12 +257,13 @@ def test_conditions_of_a_scene_in_the_other_engines(engine):
 
 def test_plans_and_estimates_count_with_those_of_a_scene():
     scene = pyfric.preset("fig1", stop_when="precursors")
-    part = pyfric.plan("fig1", t_end=1.0, stop_when="precursors")
-    assert pyfric.plan(scene, t_end=1.0).work == part.work
-    assert pyfric.plan(scene, t_end=1.0, stop_when=()).work == pyfric.plan("fig1", t_end=1.0).work
+    whole, part = (pyfric.plan("fig1", t_end=0.8, stop_when=one) for one in (None, "precursors"))
+    assert part.work < 0.5 * whole.work
+    assert pyfric.plan(scene, t_end=0.8).work == part.work
+    assert pyfric.plan(scene, t_end=0.8, stop_when=()).work == whole.work
     costs = []
     for one in (scene, "fig1"):
-        sweep = Sweep(scene=one, t_end=2.0, over={"driver.h": [5e-3]}, options=HOW["hybrid"])
+        sweep = Sweep(scene=one, t_end=1.5, over={"driver.h": [5e-3]}, options=HOW["hybrid"])
         costs.append(sweep.estimate(cache=None).hours)
     assert costs[0] < 0.5 * costs[1]
 

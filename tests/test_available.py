@@ -6,6 +6,14 @@ from helpers import run_python
 from pyfric.core import memory
 
 
+@pytest.fixture(scope="module")
+def said():
+    """What each part of one process prints, whose memory is limited again and again."""
+    found = run_python('print("---")'.join((LIMITED, WITHOUT, REFUSED)))
+    assert found.returncode == 0, found.stderr
+    return dict(zip(("limited", "without", "refused"), found.stdout.split("---\n"), strict=True))
+
+
 def test_a_container_may_have_less_memory(tmp_path, monkeypatch):
     files = [tmp_path / "max", tmp_path / "current"]
     monkeypatch.setattr(memory, "CONTAINERS", (files,))
@@ -33,10 +41,8 @@ assert available() > 0.5 * whole
 """
 
 
-def test_limits_of_the_process_count():
-    found = run_python(LIMITED)
-    assert found.returncode == 0, found.stderr
-    assert [float(line) for line in found.stdout.split()] == pytest.approx([200, 200], abs=20)
+def test_limits_of_the_process_count(said):
+    assert [float(line) for line in said["limited"].split()] == pytest.approx([200, 200], abs=20)
 
 
 REFUSED = """
@@ -52,9 +58,8 @@ except pyfric.SceneError as error:
 """
 
 
-def test_a_run_beyond_the_limit_of_the_process_is_refused():
-    found = run_python(REFUSED)
-    assert found.stdout == "slider.l True\n", found.stderr
+def test_a_run_beyond_the_limit_of_the_process_is_refused(said):
+    assert said["refused"] == "slider.l True\n"
 
 
 WITHOUT = """
@@ -87,7 +92,6 @@ print(core.advance(model, state, log, 1).name, state.step)
 """
 
 
-def test_a_core_without_memory_says_so_and_goes_on_later():
-    found = run_python(WITHOUT)
-    said = "the core has no memory for 201 x 101 blocks"
-    assert found.stdout.splitlines() == [said, said, "DONE 1"], found.stderr
+def test_a_core_without_memory_says_so_and_goes_on_later(said):
+    refusal = "the core has no memory for 201 x 101 blocks"
+    assert said["without"].splitlines() == [refusal, refusal, "DONE 1"]

@@ -3,8 +3,6 @@
 import dataclasses
 import io
 import re
-import subprocess
-import sys
 from unittest import mock
 
 import matplotlib
@@ -265,15 +263,6 @@ def test_long_curves_keep_their_extremes():
     assert (thin_t[0], thin_t[-1]) == (0, 1)
     assert (thin_y.min(), thin_y.max()) == (-3, 3)
     assert (np.diff(thin_t) > 0).all()
-
-
-def test_drawing_leaves_no_global_state():
-    code = (
-        "import sys, pyfric.figures;"
-        "assert 'matplotlib.pyplot' not in sys.modules;"
-        "assert 'xarray' not in sys.modules"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 # --- figures 2 to 4, on a small slider -----------------------------------------------------------

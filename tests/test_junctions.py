@@ -111,12 +111,12 @@ def test_slides_and_holds_are_those_of_the_mean_field():
 
 
 def test_hold_relaxes_while_junctions_pin(steady):
-    """F/p = w mu_s/2 + (1 - w) mu_d exp(-t/t_R) for exponential times, w = 1/2."""
-    block, _ = steady(1.0, 6)
+    """F/p = w mu_s/2 + (1 - w) mu_d exp(-t/t_R) for exponential times, w = 1/5."""
+    block, _ = steady(4.0, 5)
     begin = block.t
     for n, dt in ((5, 1e-4), (5, 1e-4), (10, 1e-4), (10, 2e-4)):
         ratio = block.move(0.0, n, dt)[-1]
-        exact = MU_S / 4 + MU_D / 2 * np.exp(-(block.t - begin) / 1e-3)
+        exact = MU_S / 10 + 4 * MU_D / 5 * np.exp(-(block.t - begin) / 1e-3)
         assert ratio == pytest.approx(exact, abs=1e-3)
 
 
@@ -125,9 +125,9 @@ def test_slide_after_hold_peaks_by_the_speed_of_the_slide_before(steady):
 
     Its peak is at y* = min(1, (1 - w)/w + mu_d/mu_s).
     """
-    block, _ = steady(1.0, 6)
+    block, _ = steady(4.0, 5)
     w = block.pinned()
-    assert w == pytest.approx(0.5, abs=5e-3)
+    assert w == pytest.approx(0.2, abs=5e-3)
     block.move(0.0, 1, 20e-3)  # exp(-20) of the junctions slip on
     ratio = block.slide(1.0, 0.975)
     y = np.arange(1, len(ratio) + 1) * 10 / Dragged.STEPS
@@ -181,7 +181,7 @@ def test_lattice_is_that_of_the_twin(side, geometry):
     """Anchors, breaks, times of release, and motion, through ruptures."""
     scene = small(side=side)
     state = begin(scene, geometry, 3e-7)
-    follows_twin(scene, geometry, state, 400)
+    follows_twin(scene, geometry, state, 300)
     assert state.breaks.max() >= 2  # some pinned and broke again
 
 

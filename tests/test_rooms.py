@@ -3,6 +3,8 @@
 import ast
 import functools
 import importlib
+import json
+import os
 import subprocess
 import sys
 import tomllib
@@ -94,30 +96,69 @@ def test_nobody_below_comes_in_by_the_door():
             assert set(from_door) <= set(layers()), file
 
 
-def test_the_door_alone_imports_no_room_and_no_library():
-    heavy = "{'numpy', 'scipy', 'pandas', 'matplotlib', 'xarray', 'pydantic', 'pyfric.scene'}"
-    code = f"import sys, pyfric; print(sys.modules.keys() & {heavy})"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout == "set()\n"
+# --- what a fresh process imports ----------------------------------------------------------------
+
+FRESH = """
+import json, sys
+
+def imported(*names):
+    print(json.dumps(sorted(sys.modules.keys() & set(names))))
+
+import pyfric
+imported("numpy", "scipy", "pandas", "matplotlib", "xarray", "pydantic", "pyfric.scene")
+from pyfric import preset, simulate
+from pyfric.analysis import precursors
+print(json.dumps(simulate(preset("fig1"), 1e-5, progress=False).status))
+imported("scipy.optimize", "scipy.stats", "scipy.integrate", "matplotlib", "xarray", "pint")
+scene = pyfric.Scene.from_toml(preset("fig1").to_toml())
+imported("pint", "pyfric.figures")
+print(json.dumps("<img" in scene._repr_html_()))
+imported("matplotlib", "matplotlib.pyplot", "xarray", "pyfric.figures")
+"""
 
 
-def test_a_run_waits_for_no_library_that_it_does_not_use():
-    slow = "{'scipy.optimize', 'scipy.stats', 'scipy.integrate', 'matplotlib', 'xarray', 'pint'}"
-    code = (
-        "import sys; from pyfric import preset, simulate; from pyfric.analysis import precursors;"
-        f"simulate(preset('fig1'), 1e-5, progress=False); print(sys.modules.keys() & {slow})"
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory):
+    """What a process says that has no display, no home, and nothing imported, line by line."""
+    found = subprocess.run(
+        [sys.executable, "-c", FRESH],
+        cwd=tmp_path_factory.mktemp("fresh"),
+        env={name: os.environ[name] for name in ("PATH", "PYTHONPATH") if name in os.environ},
+        capture_output=True,
+        text=True,
+        check=False,
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout == "set()\n"
+    assert found.returncode == 0, found.stderr
+    names = ("door", "status", "run", "file", "drawn", "figure")
+    return dict(zip(names, map(json.loads, found.stdout.splitlines()), strict=True))
 
 
-def test_a_scene_is_drawn_though_nobody_imported_figures():
-    code = (
-        "import sys; from pyfric.scene import preset; scene = preset('fig1');"
-        "print('pyfric.figures' in sys.modules, '<img' in scene._repr_html_())"
-    )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout == "False True\n"
+def test_the_door_alone_imports_no_room_and_no_library(fresh):
+    assert fresh["door"] == []
+
+
+def test_running_needs_no_display_and_no_home(fresh):
+    assert fresh["status"] == "complete"
+
+
+def test_a_run_waits_for_no_library_that_it_does_not_use(fresh):
+    assert fresh["run"] == []
+
+
+def test_pint_is_imported_only_for_other_units(fresh):
+    assert "pint" not in fresh["file"]
+
+
+def test_a_scene_is_drawn_though_nobody_imported_figures(fresh):
+    assert "pyfric.figures" not in fresh["file"]
+    assert fresh["drawn"]
+
+
+def test_drawing_leaves_no_global_state(fresh):
+    assert fresh["figure"] == ["matplotlib", "pyfric.figures"]
+
+
+# --- lists ---------------------------------------------------------------------------------------
 
 
 def near():

@@ -5,8 +5,6 @@ import dataclasses
 import math
 import os
 import pickle
-import subprocess
-import sys
 import tomllib
 from fractions import Fraction
 
@@ -337,14 +335,6 @@ def test_texts_that_are_no_length(text):
     error = refused(lambda: parse_quantity("slider.l", text, "m"))
     assert (error.field, error.value, error.unit) == ("slider.l", text, "m")
     assert "1 m" in error.allowed
-
-
-def test_pint_is_imported_only_for_other_units():
-    code = (
-        "import sys; from pyfric.scene import Scene, setup1;"
-        "Scene.from_toml(setup1().to_toml()); assert 'pint' not in sys.modules"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):

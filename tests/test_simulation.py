@@ -241,7 +241,7 @@ def test_high_speed_that_was_not_foreseen(monkeypatch):
 
     plain = simulation.choose
     monkeypatch.setattr(simulation, "choose", foreseen)
-    record = simulate(small(V=0.02), 0.15, tolerance=0.1)
+    record = simulate(small(V=0.02), 0.1, tolerance=0.1)
     assert record.method.engine in ("hybrid", "dynamic")
     (note,) = gave_way(record)
     assert "relaxation time over time between main events" in note

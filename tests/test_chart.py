@@ -62,7 +62,7 @@ def test_what_a_run_lacks_is_its_error():
 def test_what_refuses_a_scene_says_why(tmp_path):
     """A prescribed interface has rupture times only, from full dynamics only."""
     scene = preset("tpv3", l=1000.0)
-    found = chart.chart(scene, 2.0, budget=30.0)
+    found = chart.chart(scene, 1.5, budget=30.0)
     other = found[found["fidelity"] != "dynamic"]
     assert other["status"].str.contains("full dynamics|linear|quasi-static").all()
     finite = found[(found["fidelity"] == "dynamic") & (found["geometry"] == "finite")]

@@ -515,12 +515,12 @@ def test_cost_of_the_papers_method_counts_its_steps():
     assert costs[0] > 1.5 * usual
 
 
-@pytest.mark.parametrize("eta", [1e-9, 1e-4])
-def test_a_phase_error_ends_at_one(eta):
-    scene = preset("fig1").replace({"eta": eta})
-    assert step_error(scene, "front_speed", step_size(scene)) <= 1.0
+def test_a_phase_error_ends_at_one():
     least = plan(preset("fig1").replace({"eta": 1.0}), "precursors", 0.01, t_end=0.01).dt / 20
-    assert plan(scene, "precursors", 0.01, t_end=0.01).dt > least
+    for eta in (1e-9, 1e-4):
+        scene = preset("fig1").replace({"eta": eta})
+        assert step_error(scene, "front_speed", step_size(scene)) <= 1.0
+        assert plan(scene, "precursors", 0.01, t_end=0.01).dt > least
 
 
 def test_set_up_of_the_quasistatic_engine_is_counted():

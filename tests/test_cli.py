@@ -5,17 +5,15 @@ import errno
 import functools
 import json
 import os
-import re
 import shutil
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from helpers import WATCHED, same_run, small
+from helpers import same_run, small
 
 import pyfric
 from pyfric import core
@@ -572,44 +570,6 @@ def test_an_interrupted_run_without_out(monkeypatch):
 
 
 # --- signals -------------------------------------------------------------------------------------
-
-
-def test_ctrl_c_leaves_a_record_that_continues(tmp_path):
-    """In a process of its own; other signals: test_signals, and the hybrid engine: test_hybrid."""
-    out = tmp_path / "a.nc"
-    command = ["run", "fig1", *SMALL, "--fidelity", "dynamic", "--geometry", "linear"]
-    command += ["--sample", "100 us", "--out", str(out)]
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-c", WATCHED, *command, "--t-end", "100"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    begin = time.perf_counter()
-    try:
-        shown = b""
-        while not re.search(rb"[1-9]\d* events", shown):  # under way
-            piece = os.read(process.stderr.fileno(), 4096)
-            assert piece, shown
-            shown += piece
-        start = time.perf_counter()
-        process.send_signal(signal.SIGINT)
-        stdout, stderr = process.communicate(timeout=30)
-        seconds = time.perf_counter() - start
-    finally:
-        process.kill()
-        process.wait()
-    assert process.returncode == Exit.INTERRUPTED
-    assert b"Traceback" not in stderr
-    assert b"--resume" in stderr
-    assert b"interrupted at t" in stdout
-    # About 0.5 s; on a busy machine all is slower, as the start was.
-    assert seconds < max(3, start - begin)
-    record = pyfric.Record.load(out)
-    assert record.status == "interrupted"
-    t_end = float(record.curve["t"].iloc[-1]) + 1e-4
-    assert pyf(*command, "--t-end", t_end, "--resume", "--quiet").output == ""
-    whole = simulate(tiny(), t_end, fidelity="dynamic", geometry="linear", sample=1e-4)
-    assert same_run(pyfric.Record.load(out), whole, versions={})
 
 
 def test_sigterm_is_left_as_it_was():

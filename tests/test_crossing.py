@@ -76,7 +76,7 @@ def test_no_dip_is_missed(depth, omega, phase, decay):
     """A margin that dips below zero, by little and for a short time, and comes back."""
     ds = 1e-4
     modal, rates = np.array([[np.exp(1j * phase)]]), np.array([-decay + 1j * omega])
-    grid = np.linspace(0, 0.5, 400_001)
+    grid = np.linspace(0, 0.5, 100_001)
     wave = value(np.zeros(1), np.zeros(1), modal, rates, grid)[0]
     lowest = wave.argmin()
     c = np.array([-wave[lowest] - depth])

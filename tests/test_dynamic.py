@@ -184,7 +184,7 @@ def test_a_stuck_slider_follows_the_static_solution():
     scene = setup1(L=0.05, H=0.025, V=0.5e-3)
     for geometry in GEOMETRIES:
         solver = StaticSolver(scene, geometry)
-        record = simulate(scene, 0.02, geometry=geometry, progress=False)
+        record = simulate(scene, 0.01, geometry=geometry, progress=False)
         assert len(record.events) == 0
         state = record.final_state
         # The driver drags the slider a little behind: compare at the drive a drift time earlier.

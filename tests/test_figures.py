@@ -349,7 +349,7 @@ def test_precursors_behind_an_earlier_one_are_told_apart(run):
 
 def test_slopes_of_the_load_are_three_curves():
     records = [
-        simulated(setup2(L=0.05, H=0.01, V=5e-3, theta=theta, name=f"theta {theta}"), 0.05)
+        simulated(setup2(L=0.05, H=0.01, V=5e-3, theta=theta, name=f"theta {theta}"), 0.04)
         for theta in (0.8, -0.8, 0.0)
     ]
     fig = figures.fig2b(records)
@@ -735,8 +735,9 @@ def test_strip_refuses_what_it_cannot_show(run):
             figures.event_strip(run, event)
     with pytest.raises(pyfric.SceneError, match="times"):
         event_frames(run, 5, [0.0])
-    other = pyfric.simulate(run.scene, 0.01, fidelity="hybrid", progress=False).final_state
-    late = pyfric.simulate(run.scene, 0.05, fidelity="hybrid", initial=other, progress=False)
+    how = {"fidelity": "hybrid", "geometry": "linear", "progress": False}
+    other = pyfric.simulate(run.scene, 0.01, **how).final_state
+    late = pyfric.simulate(run.scene, 0.05, initial=other, **how)
     assert len(late.events)
     with pytest.raises(pyfric.SceneError, match="from the loaded slider"):
         figures.event_strip(late, len(late.events))

@@ -127,7 +127,7 @@ def test_opposite_steppers_have_opposite_errors():
     scene, t_end = SCENES["free, right"]
     how = {"geometry": "linear", "switching": "located"}
     dt = 0.4 * stability_limit(scene)[0]
-    exact = step(scene, t_end, dt=dt / 8, **how)
+    exact = step(scene, t_end, dt=dt / 4, **how)
     errors = []
     for stepper in ("rk4", "rk4_opposite"):
         full, jumps = both(scene, t_end, stepper=stepper, dt=dt, **how)
@@ -506,7 +506,7 @@ def test_landings_are_predicted_again_in_finite_geometry_only(monkeypatch):
     monkeypatch.setattr(hybrid.Jump, "land", lambda one, n: (jumps.append(one), land(one, n))[1])
     for geometry in GEOMETRIES:
         jumps.clear()
-        counts = run(scene, 0.02, fidelity="hybrid", geometry=geometry).counts
+        counts = run(scene, 0.01, fidelity="hybrid", geometry=geometry).counts
         assert counts["landings"] >= len(jumps) >= counts["attempts"] > 0
         assert (counts["landings"] == len(jumps)) == (geometry == "linear")
 

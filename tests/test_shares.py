@@ -7,6 +7,11 @@ import pytest
 from pyfric.paper.claims.shares import BINS, SCATTER, position_alone, shares, told
 
 
+@pytest.fixture(autouse=True)
+def fewer_draws(monkeypatch):
+    monkeypatch.setattr("pyfric.paper.claims.shares.DRAWS", 249)
+
+
 def fronts(speed, count=24, blocks=40, noise=0.0):
     """Fronts on which prestress falls with the position, each at its own level.
 

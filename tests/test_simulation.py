@@ -464,7 +464,7 @@ ODD = {
 def test_odd_scenes(scene):
     for t_end, tolerance, verify in (
         (0.0, 0.5, "none"),
-        (3e-3, 0.01, "sample"),
+        (1.5e-3, 0.01, "sample"),
     ):
         record = simulate(scene, t_end, tolerance=tolerance, verify=verify)
         assert record.status == "complete"

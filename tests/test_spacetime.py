@@ -261,7 +261,7 @@ def test_a_crack_is_shown_from_its_record(crack):
 @pytest.mark.parametrize("command", ["spacetime", "movie"])
 def test_a_crack_is_shown_from_its_scene(command, tmp_path):
     out = tmp_path / "crack"
-    options = ["--event", "1", "--t-end", "2", "--set", "slider.l=500 m", "--out", str(out)]
+    options = ["--event", "1", "--t-end", "2", "--set", "slider.l=750 m", "--out", str(out)]
     done = CliRunner().invoke(main, [command, "tpv3", *options])
     assert done.exit_code == 0, done.output
     assert out.with_suffix(".png").stat().st_size > 0

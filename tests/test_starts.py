@@ -176,9 +176,9 @@ def test_fronts_leave_a_patch_by_themselves():
 
 def test_sliders_that_are_driven():
     """Pushes are measured at the slider that the driver has loaded until they begin."""
-    scene = small_rod(V=1e-3)
+    scene = small_rod(V=5e-3)
     solver = pyfric.StaticSolver(scene, "finite")
-    t = 0.1
+    t = 0.02
     state = solver.solve(solver.loaded.u[0, 0], scene.drive(t))
     margin = scene.law.hold(state.p) - abs(state.f)
     assert margin.min() > 0

@@ -485,7 +485,7 @@ def test_refused_options(fidelity, options, field, allowed):
 def test_the_chain_runs_with_every_method():
     scene = chain(L=0.03, V=0.05, tau=30.0)
     ends = [
-        simulate(scene, 1e-3, stepper=m, switching=s, dt=0.2e-6).curve["F_T"].iloc[-1]
+        simulate(scene, 5e-4, stepper=m, switching=s, dt=0.2e-6).curve["F_T"].iloc[-1]
         for m, s in WAYS
     ]
     assert np.ptp(ends) < 2e-3 * scene.F_N

@@ -307,7 +307,8 @@ def test_scene_files_on_the_command_line(tmp_path):
     assert ends[0] < ends[1] < ends[2] == 0.4
     done = CliRunner().invoke(main, [*command, "--stop-when", "precursors = 2"])
     assert "ended by stop_when (precursors = 2)" in done.output
-    done = CliRunner().invoke(main, ["plan", str(tmp_path / "scene.toml"), "--json"])
+    command = ["plan", str(tmp_path / "scene.toml"), "--t-end", "0.2", "--json"]
+    done = CliRunner().invoke(main, command)
     assert done.exit_code == 0
 
 

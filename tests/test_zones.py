@@ -197,7 +197,7 @@ def test_the_plan_of_front_speeds_names_the_lattice_and_its_price():
     needs = [(little, 0.05, 6), (little, 0.025, 12)]
     needs += [(paper, by, viscous / by**2) for by in (0.05, 0.025)]
     for scene, tolerance, need in needs:
-        chosen = pyfric.plan(scene, "front_speed", tolerance, t_end=0.1)
+        chosen = pyfric.plan(scene, "front_speed", tolerance, t_end=0.05)
         n = int(np.ceil(need / blocks))
         assert f"need {need:.2g}" in chosen.lattice
         assert f"l = {2.5 / n:.3g} mm, {n} times smaller" in chosen.lattice
@@ -209,12 +209,12 @@ def test_the_plan_of_front_speeds_names_the_lattice_and_its_price():
     shorter = theory.A_II(material, 0.8 * material.c_R)
     assert zone_of_scene(paper, 0.8) == pytest.approx(zone_of_scene(paper) / shorter)
     assert shorter > 1.4
-    without = pyfric.plan(preset("fig1", L=0.07, H=0.0375), "front_speed", 0.05, t_end=0.1)
+    without = pyfric.plan(preset("fig1", L=0.07, H=0.0375), "front_speed", 0.05, t_end=0.05)
     assert "no l resolves" in without.lattice
     for d_c, damping, enough in ((2e-5, 1e-5, True), (2e-5, None, False), (3e-5, None, True)):
         scene = preset("fig1", d_c=d_c, L=0.07, H=0.0375, damping=damping)
-        assert (not pyfric.plan(scene, "front_speed", 0.05, t_end=0.1).lattice) == enough
-    assert pyfric.plan(paper, "stress", 0.05, t_end=0.1).lattice == ""
+        assert (not pyfric.plan(scene, "front_speed", 0.05, t_end=0.05).lattice) == enough
+    assert pyfric.plan(paper, "stress", 0.05, t_end=0.05).lattice == ""
 
 
 def test_zones_of_blocks_without_weakening_are_left_out_of_the_median():

@@ -18,6 +18,7 @@ from click.testing import CliRunner
 from helpers import WATCHED, same_run, small
 
 import pyfric
+from pyfric.checks import regimes
 from pyfric.cli.commands import main
 from pyfric.planning import pilot
 from pyfric.scene import written
@@ -294,14 +295,24 @@ def test_a_signal_that_python_swallows_shows_no_traceback(capfd):
     assert "ValueError: other" in shown
 
 
-@pytest.mark.parametrize(
-    ("command", "number"), [("verify", signal.SIGINT), ("regimes", signal.SIGTERM)]
-)
-def test_checks_stop_and_fail_nothing(command, number):
-    with started("-c", WATCHED, command) as process:
+def test_checks_stop_and_fail_nothing(monkeypatch):
+    """A process that verifies, and runs of regimes, which may fail there."""
+    with started("-c", WATCHED, "verify") as process:
         wait_for(process, b"\n")  # the first part is done
-        stdout, _ = check_stops(process, number)
+        stdout, _ = check_stops(process)
     assert stdout == ""
+    run, runs = regimes._run, []
+
+    def pressed(*arguments, **options):
+        runs.append(arguments)
+        os.kill(os.getpid(), signal.SIGTERM)
+        return run(*arguments, **options)
+
+    monkeypatch.setattr(regimes, "_run", pressed)
+    result = CliRunner().invoke(main, ["regimes"])
+    assert len(runs) == 1
+    assert (result.exit_code, result.stdout) == (128 + signal.SIGTERM, "")
+    assert "interrupted" in result.stderr
 
 
 def test_a_run_is_saved_before_figures_are_imported(tmp_path, monkeypatch):

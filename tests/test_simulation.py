@@ -534,5 +534,6 @@ def test_numpy_settings_of_the_caller_change_nothing():
     runs = []
     for wanted in ("ignore", "raise"):
         with np.errstate(all=wanted):
-            runs.append(simulate("fig1", "0.12 s", fidelity="hybrid", progress=False))
+            how = {"fidelity": "hybrid", "geometry": "linear"}
+            runs.append(simulate("fig1", "0.12 s", **how))
     assert bits(runs[0].final_state) == bits(runs[1].final_state)

@@ -427,7 +427,7 @@ def test_speed_of_undamped_fronts(taubar):
 
 
 def test_speed_of_fronts_that_switch_at_step_ends():
-    share = 8e-3
+    share = 4e-3
     speed, _ = front_speed(0.9, 0.0, share, "step_end")
     assert -share < speed / UNDAMPED[0.9] - 1 < 1e-4
 

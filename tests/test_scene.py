@@ -469,7 +469,7 @@ def test_theta_outside_its_range(theta):
         ("mu_s = 0.7", "mus = 0.7", "interface.mus", 0.7, "", "did you mean 'mu_s'?"),
         ('L = "140 mm"', 'Length = "1 m"', "slider.Length", "1 m", "", "did you mean 'L'?"),
         ("mattress", "matress", "top.matress", "0.4 MN/m", "", "did you mean 'mattress'?"),
-        ('"left"', '"Left"', "driver.side", "Left", "", "Input should be"),
+        ('"left"', '"Left"', "driver.side", "Left", "", "did you mean 'left'?"),
         ('"rod"', '"rods"', "top.kind", "rods", "", "did you mean 'rod'?"),
         ('"rod"', "1", "top.kind", 1, "", "not text"),
         ('kind = "rod"', "", "top.kind", None, "", "missing"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import re
 import typing
 import unicodedata
 from collections.abc import Mapping
@@ -277,6 +278,10 @@ def _translated(cls: type, error: pydantic.ValidationError) -> SceneError:
             refusal = cause if cause.field else cause.at(prefix + key)
         elif line["type"] == UNEXPECTED:
             refusal = unknown(prefix + key, line["input"], key, names)
+        elif line["type"] == "literal_error":
+            words = re.findall("'([^']*)'", details["expected"])
+            reason = unknown(key, line["input"], str(line["input"]), words).reason
+            refusal = SceneError(prefix + key, line["input"], "", details["expected"], reason)
         else:
             mark = annotations(cls).get(key, Annotation())
             missing = line["type"] == "missing"

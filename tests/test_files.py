@@ -156,6 +156,14 @@ def test_drafts_of_other_machines_go_when_they_are_old(tmp_path):
     assert not draft.exists()
 
 
+def test_what_cannot_be_deleted_keeps_no_other_draft(tmp_path):
+    for number in range(4):  # in whatever order they are listed
+        (tmp_path / f".pyfric-{files._host()}-{NOBODY}-0000000{number}.tmp").touch()
+        (tmp_path / f".pyfric-{files._host()}-{NOBODY}-1111111{number}.tmp").mkdir()
+    assert clean_drafts(tmp_path) == 4
+    assert all(path.is_dir() for path in tmp_path.iterdir())
+
+
 # --- damage --------------------------------------------------------------------------------------
 
 

@@ -153,8 +153,9 @@ def clean_drafts(folder: Path) -> int:
         for path in list(folder.iterdir()):
             named = DRAFT.fullmatch(path.name)
             if named and _left_behind(path, named["host"], int(named["process"])):
-                path.unlink()
-                gone += 1
+                with contextlib.suppress(OSError):  # others are deleted all the same
+                    path.unlink()
+                    gone += 1
     return gone
 
 

@@ -14,7 +14,7 @@ from pyfric.core import STEPPERS
 from pyfric.scene import Driver, Scene, setup1, setup2
 from pyfric.statics import StaticSolver, damping, dispersion, mass, stability_limit, stiffness
 from pyfric.statics.operators import coordinates
-from pyfric.statics.stability import _small_limit, radius
+from pyfric.statics.stability import _bulk_limit, _small_limit, radius
 
 # --- generalised coordinates ---------------------------------------------------------------------
 
@@ -301,3 +301,11 @@ def test_limit_is_computed_once_for_all_speeds_and_friction():
 def test_other_integrators_are_refused():
     with pytest.raises(ValueError, match="rk4"):
         stability_limit(setup1(), "euler")
+
+
+def test_scenes_that_differ_in_loads_share_their_limit():
+    stability_limit(setup1(eta=1.25))
+    known = [limit.cache_info().misses for limit in (_bulk_limit, _small_limit)]
+    for changes in ({"F_N": 10.0}, {"V": 1.0}, {"mu_s": 0.9}):
+        assert stability_limit(setup1(eta=1.25, **changes)) == stability_limit(setup1(eta=1.25))
+    assert [limit.cache_info().misses for limit in (_bulk_limit, _small_limit)] == known

@@ -94,15 +94,15 @@ def _pair_limits(stepper: Stepper, omega: np.ndarray, gamma: np.ndarray) -> np.n
 
 
 @functools.lru_cache(maxsize=256)
-def _bulk_limit(scene: Scene, stepper: str) -> float:
+def _bulk_limit(scene: Scene, stepper: str, on: float) -> float:
     """Return the smallest limit over the Brillouin zone, in s.
 
-    In a chain every block has springs to the foundation (unless it is open) and k_top, so that they
-    enter its waves.
+    In a chain every block has springs to the foundation (unless it is open), k_top and `on` (N/m),
+    so that they enter its waves.
     """
     grounds, drags = [(0.0, 0.0)], [0.0]
     if scene.N_z == 1:
-        hold = scene.k_top + _on_springs(scene)
+        hold = scene.k_top + on
         grounds = [(hold, float(np.max(scene.k_f))), (hold, 0.0)]
         drags = sorted({0.0, float(np.max(scene.law.alpha)) / scene.m})
     return min(_waves_limit(scene, ground, drag, stepper) for ground in grounds for drag in drags)
@@ -299,8 +299,8 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
         raise SceneError("stepper", stepper, "", " or ".join(map(repr, STEPPERS)))
     scene = as_scene(scene)
     small = _reduced(scene)
-    exact = small is scene
-    bulk = math.inf if exact else _bulk_limit(scene, stepper)
-    of_modes = _small_limit(small, STEPPERS[stepper], bulk, _on_springs(scene))
+    exact, on = small is scene, _on_springs(scene)
+    bulk = math.inf if exact else _bulk_limit(small, stepper, on)
+    of_modes = _small_limit(small, STEPPERS[stepper], bulk, on)
     info = MappingProxyType({"shape": (small.N_z, small.N_x), "exact": exact})
     return min(bulk, of_modes), info

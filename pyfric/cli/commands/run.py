@@ -298,7 +298,7 @@ def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
         RecordError: no record.
         SceneError: an option differs.
     """
-    from pyfric.engines import kept
+    from pyfric.engines import kept, step_size
     from pyfric.scene import SceneError, paper_step
 
     before = record_of(path)
@@ -308,11 +308,13 @@ def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
         if name == "method":
             paper = ("rk4", "step_end", paper_step(scene))
             return (method.stepper, method.switching, method.dt) == paper
+        if name == "dt":
+            return step_size(scene, value, method.stepper) == held
         if name == "sample":
             return max(1, round(value / method.dt)) == method.sample
-        return value in (held, "auto")
+        return value == held or (name, value) == ("fidelity", "auto")
 
-    for name, held in kept(method).items():
+    for name, held in {"fidelity": method.engine, **kept(method)}.items():
         given = ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
         if given and not same(name, value := ctx.params[name], held):
             allowed = "what the record that is continued was made with, or no such option"

@@ -482,8 +482,8 @@ class Linearised:
         For the truncated part, M w, M v and K w are orthogonal to B, but viscosity couples it to
         the modes. It adds phi.C w/(phi.C phi + 2 lambda phi.M phi) to the amplitude of a mode phi.
         """
-        y_0, y_1, drawn = (one @ self.B for one in (self.M * w, self.M * v, self.C @ w))
-        w, v = w - self.B @ y_0, v - self.B @ y_1
+        y_0, y_1, drawn = np.array([self.M * w, self.M * v, self.C @ w]) @ self.B
+        w, v = np.array([w, v]) - np.array([y_0, y_1]) @ self.B.T
         force, drag, momentum = self.K @ w, self.C @ v, self.M * v
         twice_kinetic = float(v @ momentum)
         energy = 0.5 * (twice_kinetic + float(w @ force))

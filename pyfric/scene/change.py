@@ -38,19 +38,20 @@ def scene_fields(scene: Parts) -> dict[str, Annotation]:
     parts = scene if isinstance(scene, Mapping) else {name: getattr(scene, name) for name in PARTS}
     found: dict[str, Annotation] = {"name": Annotation(), "stop_when": Annotation()}
     for name, part in parts.items():
-        found |= {name: PARTS[name]} | _inside(part, name, annotations(type(part)))
+        found[name] = PARTS[name]
+        if dataclasses.is_dataclass(type(part)):
+            found |= _inside(part, name, annotations(type(part)))
     return found
 
 
 def _inside(owner: Any, prefix: str, marks: Mapping[str, Annotation]) -> dict[str, Annotation]:
     """Return the fields of a part and of the parts inside it; `marks` are their annotations."""
     found: dict[str, Annotation] = {}
-    if not dataclasses.is_dataclass(owner) or isinstance(owner, type):
-        return found
     for field in dataclasses.fields(owner):
         name, value = f"{prefix}.{field.name}", getattr(owner, field.name)
         found[name] = mark = marks.get(field.name, Annotation())
-        found |= _inside(value, name, mark.of_drawn() or annotations(type(value)))
+        if dataclasses.is_dataclass(type(value)):
+            found |= _inside(value, name, mark.of_drawn() or annotations(type(value)))
     return found
 
 

@@ -60,12 +60,9 @@ class Annotation:
         """Return a value in the form of a scene file."""
         return value
 
-    def of_drawn(self) -> dict[str, Annotation]:
+    def of_drawn(self) -> Mapping[str, Annotation]:
         """Return the annotations of the class `drawn`; some of its numbers have this unit."""
-        return {
-            name: dataclasses.replace(mark, unit=self.unit) if name in self.drawn.in_unit else mark
-            for name, mark in (annotations(self.drawn).items() if self.drawn else ())
-        }
+        return in_unit(self.drawn, self.unit) if self.drawn else {}
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
         def checked(value: Any) -> Any:
@@ -229,6 +226,15 @@ def annotations(cls: type) -> dict[str, Annotation]:
         for name, hint in typing.get_type_hints(cls, include_extras=True).items()
         for mark in getattr(hint, "__metadata__", ())
         if isinstance(mark, Annotation)
+    }
+
+
+@functools.cache
+def in_unit(cls: type, unit: str) -> dict[str, Annotation]:
+    """Return the annotations of the fields of a part, with this unit for those in `cls.in_unit`."""
+    return {
+        name: dataclasses.replace(mark, unit=unit) if name in cls.in_unit else mark
+        for name, mark in annotations(cls).items()
     }
 
 

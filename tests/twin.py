@@ -15,6 +15,7 @@ Forces act on the blocks, positive to the right and up. Under a rod the top row 
 the rod; what y holds there is ignored.
 """
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field as member
@@ -41,33 +42,37 @@ def bond_forces(scene: Any, y: np.ndarray, geometry: str) -> np.ndarray:
     """
     F = np.zeros((scene.N_z, 2, scene.N_x))
     u_x, u_z, v_x, v_z = (y[:, c, :].tolist() for c in range(4))
-    bonds = [(a, b, *_bond(scene, a, b)) for a, b in NEIGHBOURS]
-    eta, only_along, N_x = scene.eta, along(scene), scene.N_x
-    for j in range(scene.N_z):
-        for i in range(N_x):
-            F_x = F_z = 0.0
-            for a, b, k, l, d_x, d_z in bonds:
-                there = neighbour(scene, j + b, i + a)
-                if there is None:
-                    continue
-                j2, i2, sign = there
-                du_x, du_z = u_x[j2][i2] - u_x[j][i], sign * u_z[j2][i2] - u_z[j][i]
-                if geometry == "linear":
-                    n_x, n_z = d_x / l, d_z / l
-                    tension = k * (n_x * du_x + n_z * du_z)
-                else:
-                    elongation, r = _elongation(l, d_x, d_z, du_x, du_z)
-                    n_x, n_z = (d_x + du_x) / r, (d_z + du_z) / r
-                    tension = k * elongation
-                dv_x, dv_z = v_x[j2][i2] - v_x[j][i], sign * v_z[j2][i2] - v_z[j][i]
-                if only_along:
-                    dv = n_x * dv_x + n_z * dv_z
-                    dv_x, dv_z = dv * n_x, dv * n_z
-                part_of = share(scene, j, i, a, b)
-                F_x += part_of * (tension * n_x + eta * dv_x)
-                F_z += part_of * (tension * n_z + eta * dv_z)
-            F[j, :, i] = F_x, F_z
+    eta, only_along = scene.eta, along(scene)
+    for (j, i), bonds in _bonds(scene).items():
+        F_x = F_z = 0.0
+        for j2, i2, sign, part_of, k, l, d_x, d_z in bonds:
+            du_x, du_z = u_x[j2][i2] - u_x[j][i], sign * u_z[j2][i2] - u_z[j][i]
+            if geometry == "linear":
+                n_x, n_z = d_x / l, d_z / l
+                tension = k * (n_x * du_x + n_z * du_z)
+            else:
+                elongation, r = _elongation(l, d_x, d_z, du_x, du_z)
+                n_x, n_z = (d_x + du_x) / r, (d_z + du_z) / r
+                tension = k * elongation
+            dv_x, dv_z = v_x[j2][i2] - v_x[j][i], sign * v_z[j2][i2] - v_z[j][i]
+            if only_along:
+                dv = n_x * dv_x + n_z * dv_z
+                dv_x, dv_z = dv * n_x, dv * n_z
+            F_x += part_of * (tension * n_x + eta * dv_x)
+            F_z += part_of * (tension * n_z + eta * dv_z)
+        F[j, :, i] = F_x, F_z
     return F
+
+
+@functools.cache
+def _bonds(scene: Any) -> dict[tuple[int, int], list[tuple]]:
+    """Return the bonds of each block: its neighbour, what there is of them, and their geometry."""
+    found = {(j, i): [] for j in range(scene.N_z) for i in range(scene.N_x)}
+    for (j, i), bonds in found.items():
+        for a, b in NEIGHBOURS:
+            if there := neighbour(scene, j + b, i + a):
+                bonds.append((*there, share(scene, j, i, a, b), *_bond(scene, a, b)))
+    return found
 
 
 def along(scene: Any) -> bool:

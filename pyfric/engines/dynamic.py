@@ -28,6 +28,7 @@ from pyfric.engines.cost import work, work_so_far
 from pyfric.engines.history import History
 from pyfric.engines.integration import (
     STEPS,
+    Energy,
     Guard,
     just_after,
     last_step,
@@ -85,12 +86,11 @@ def kept_notes(before: Record | None) -> tuple[str, ...]:
 
 
 class _Good(NamedTuple):
-    """A state that passed the checks of `Guard`, its model, and a mark in the history."""
+    """A state that passed the checks of `Guard`, its energy, counts, and a mark in the history."""
 
     state: State
-    model: core.Model
-    steps: int
-    evaluations: int
+    energy: Energy
+    made: dict[str, int]
     recorded: tuple[Any, ...]
 
 
@@ -117,6 +117,8 @@ class Run:
         self.model = core.model(scene, method.geometry, state.u_drv0, just_after(state))
         self.piece: int | None = None  # of the protocols, that the model follows
         step = {"block_evaluations": len(core.STEPPERS[method.stepper].c) * scene.N_x * scene.N_z}
+        # Where a call ends decides when a jump is tried, and when a pilot run ends. It therefore
+        # follows from counted work, not from the clock.
         steps = int(CALL_SECONDS / work(scene, method.geometry, step))
         self.most_steps = min(max(steps, 1), STEPS)
         self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
@@ -128,8 +130,8 @@ class Run:
         self.history = History(self._columns())
         self.timings: dict[str, float] = {}
         self.events, self.last_slip = 0, -math.inf
-        self.steps, self.seconds, self.rate = 0, 0.0, 0.0
-        self.evaluations = 0
+        self.made = {"steps": 0, "block_evaluations": 0}  # counts of this run
+        self.seconds, self.rate = 0.0, 0.0
         self.good: _Good | None = None  # a run that fails returns to it
         self.before = before
         if before is None:
@@ -147,10 +149,9 @@ class Run:
         return MAX_CALL
 
     def counts(self) -> dict[str, int]:
-        """Return the number of steps, and of force evaluations times blocks."""
+        """Return the counts of steps, of force evaluations times blocks, and of jumps."""
         old = self.before.counts if self.before else {}
-        made = {"steps": self.steps, "block_evaluations": self.evaluations}
-        return {name: value + old.get(name, 0) for name, value in made.items()}
+        return {name: value + old.get(name, 0) for name, value in self.made.items()}
 
     def notes(self) -> tuple[str, ...]:
         """Return the notes for the record."""
@@ -213,7 +214,7 @@ class Run:
         while state.step < last and not self.ending and not stop():
             self.before_call(last)
             if state.step < last and not self.ending:
-                most = min(self.in_time(), last - state.step, self.call_length())
+                most = min(self.most_steps, last - state.step, self.call_length())
                 self.call(most if self.every else min(most, every - state.step % every))
                 if state.step % every == 0 and not self.every:
                     self.sample()
@@ -234,16 +235,6 @@ class Run:
         if self.good is not None:
             self._look(due=True)
         self.timings["stepping"] = time.perf_counter() - start
-
-    def in_time(self) -> int:
-        """Return the most steps of one call.
-
-        Where a call ends decides when a jump is tried, and when a pilot run ends. It therefore
-        follows from counted work. On junctions, whose work is not counted, it is measured.
-        """
-        if self.scene.law.rests:
-            return self.most_steps
-        return max(1, int(CALL_SECONDS * self.rate)) if self.rate else 1
 
     def ended(self) -> str:
         """Return the status of a run that a condition ends now, or "" if none does."""
@@ -319,7 +310,8 @@ class Run:
         """
         if self.good is None:
             self._follow(just_after(self.state))  # a jump may have passed a breakpoint
-            self.good = self._kept()
+            energy = self.guard.energy(self.state)
+            self.good = _Good(self.state.copy(), energy, self.made.copy(), self.history.mark())
         self._make(n_steps)
         self._look(self.state.step - self.good.state.step >= STEPS)
 
@@ -330,14 +322,14 @@ class Run:
         status = self.make_steps(state, n_steps)
         seconds = time.perf_counter() - start
         per_step = core.STEPPERS[self.method.stepper].evaluations * self.scene.N_x * self.scene.N_z
-        self.evaluations += round(self.log.tried * per_step)
+        self.made["block_evaluations"] += round(self.log.tried * per_step)
         if status in UNFINISHED:
             message = unfinished(self.scene, self.method, self.log, status)
             self._back_to(step)
             raise RunError(message, self.record(f"failed: {message}"))
-        self.steps += state.step - step
+        self.made["steps"] += state.step - step
         self.seconds += seconds
-        self.rate = self.steps / self.seconds
+        self.rate = self.made["steps"] / self.seconds
         if self.log.n_point:
             numbers = step // self.every + 1 + np.arange(self.log.n_point)
             times = state.t0 + numbers * self.every * state.dt
@@ -345,16 +337,10 @@ class Run:
         if self.log.n_switch or self.log.n_quiet:
             self._add_logs(self.log.switches(), self.log.quiet())
 
-    def _kept(self) -> _Good:
-        """Return a copy of the run to which it returns if it fails later."""
-        made = self.steps, self.evaluations
-        return _Good(self.state.copy(), self.model, *made, self.history.mark())
-
     def _look(self, due: bool) -> None:
         """Raise RunError if the state fails a check; energy and lattice are checked if due."""
-        good = self.good
-        base = self.guard.energy(good.state, good.model) if due else None
-        if self.guard.trouble(good.state, self.state, base) is not None:
+        base = self.good.energy if due else None
+        if self.guard.trouble(self.good.state, self.state, base) is not None:
             self._fail()
         if due:
             self.good = None
@@ -372,23 +358,20 @@ class Run:
 
     def _fail(self) -> None:
         """Return to the last step that passes all checks and raise RunError for the next one."""
-        good, fine, wrong = self.good.state, self.good.state.step, self.state.step
-        base = self.guard.energy(good, self.good.model)
-        while wrong - fine > 1:
-            middle = (fine + wrong) // 2
-            if self.guard.trouble(good, self._again(good, middle), base) is None:
-                fine = middle
-            else:
-                wrong = middle
-        self._back_to(fine)
-        before, after = self.state, self._again(good, wrong)
-        trouble = self.guard.trouble(before, after, base)
+        after, trouble = self.good.state.copy(), None
+        log, self.log = self.log, core.Log(self.scene.N_x)
+        while trouble is None:
+            before = after.copy()
+            self.make_steps(after, 1)
+            trouble = self.guard.trouble(before, after, self.good.energy)
+        self.log = log
+        self._back_to(before.step)
         v = np.hypot(before.y[:, 2], before.y[:, 3])
         limit, _ = stability_limit(self.scene, self.method.stepper)
         message = (
-            f"{trouble.what} at step {wrong}, t = {after.t:.9g} s, at the block in column "
+            f"{trouble.what} at step {after.step}, t = {after.t:.9g} s, at the block in column "
             f"{trouble.i + 1} from the left, row {trouble.j + 1} from the bottom; one step before, "
-            f"speeds reach {v.max():.3g} m/s. dt = {good.dt:g} s is below the limit {limit:.4g} s "
+            f"speeds reach {v.max():.3g} m/s. dt = {after.dt:g} s is below the limit {limit:.4g} s "
             "of small motions: the strains have left the range of the model; reduce dt, F_N or V"
             + self._located_hint()
         )
@@ -402,22 +385,14 @@ class Run:
 
     def _back_to(self, step: int) -> None:
         """Restore the last good state and logs, and repeat the steps up to number `step`."""
-        state, _, self.steps, self.evaluations, recorded = self.good
-        self.history.back(recorded)
-        self.state, every = state.copy(), self.method.sample
+        self.history.back(self.good.recorded)
+        self.made.update(self.good.made)
+        self.state, every = self.good.state.copy(), self.method.sample
         while self.state.step < step:
             end = step if self.every else min(step, (self.state.step // every + 1) * every)
             self._make(end - self.state.step)
             if self.state.step % every == 0 and not self.every:
                 self.sample()
-
-    def _again(self, good: State, step: int) -> State:
-        """Return the state at a step number, computed again from an earlier state."""
-        state, kept, self.log = good.copy(), self.log, core.Log(self.scene.N_x)
-        while state.step < step and self.make_steps(state, step - state.step) not in UNFINISHED:
-            pass
-        self.log = kept
-        return state
 
     def catalogue(self) -> tuple[Catalogue, dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Return the catalogue of events so far, and the two logs."""
@@ -450,9 +425,8 @@ class Run:
         timings = self.timings | {"catalogue": time.perf_counter() - start}
         if self.before is not None:
             timings = {k: v + self.before.timings.get(k, 0.0) for k, v in timings.items()}
-        if self.steps:
-            blocks = scene.N_x * scene.N_z
-            timings["per_block_and_step"] = self.seconds / self.steps / blocks
+        if steps := self.made["steps"]:
+            timings["per_block_and_step"] = self.seconds / steps / (scene.N_x * scene.N_z)
         return Record.from_catalogue(
             catalogue,
             late=late,

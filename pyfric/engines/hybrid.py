@@ -55,17 +55,17 @@ class RestStates:
         solver: static states of the scene in its geometry.
         dt: step of the run, in s.
         stepper: the stepper that makes it.
+        made: counts of the run; "modal_bases" is increased.
     """
 
-    def __init__(self, solver: StaticSolver, dt: float, stepper: str = "rk4") -> None:
-        self.known, self.dt, self.stepper = solver, dt, stepper
+    def __init__(self, solver: StaticSolver, dt: float, stepper: str, made: dict[str, int]) -> None:
+        self.known, self.dt, self.stepper, self.made = solver, dt, stepper, made
         self._loaded = ~solver.loaded.open
         room = core.available() / set_up(solver.scene, "hybrid", solver.geometry).bytes
         self._systems: Memory[Linearised] = Memory(int(min(max(room, 1), KEPT)))
         paths = PATHS / (3 * 8 * len(solver.arm))
         self._rests: Memory[tuple[float, np.ndarray]] = Memory(int(max(paths, 1)))
         self._latest: dict[bytes, np.ndarray] = {}
-        self.bases = 0
 
     def system(self, stuck: np.ndarray) -> Linearised:
         """Return the slider linearised at these contact states."""
@@ -73,7 +73,7 @@ class RestStates:
 
     def _linearised(self, stuck: np.ndarray) -> Linearised:
         """Extend the space of the loaded slider, if few of its blocks were released."""
-        self.bases += 1
+        self.made["modal_bases"] += 1
         if (stuck == self._loaded).all():
             return self._of_loaded
         released = self._loaded & ~stuck
@@ -173,16 +173,17 @@ class HybridRun(Run):
         _, quiet = core.room_of_step(self.scene.N_x, self.method.switching)
         self.log = core.Log(self.scene.N_x, quiet=quiet, every=self.every)
         self.accuracy = self.method.accuracy * self.scene.F_N / AMPLIFIED  # of one jump, N
-        self.rests = RestStates(self.known, self.method.dt, self.method.stepper)
+        counted = "jumps", "steps_spared", "attempts", "landings", "slides", "modal_bases"
+        self.made |= dict.fromkeys(counted, 0)
+        self.rests = RestStates(self.known, self.method.dt, self.method.stepper, self.made)
         self.solver = RememberedStates(self.rests)
-        self.jumped = self.spared = self.attempts = self.landings = 0
         # An attempt to jump solves twice with the banded factor, of 64 min(N_x, N_z) bytes for each
         # block. That takes as long as min(N_x, N_z) steps.
         self.least = TRY + min(self.scene.N_x, self.scene.N_z)
         self.slid, self.try_at, self.landed = True, self.state.step, self.state.step
         # An attempt to jump over stable slip takes as long as many steps: the next one waits until
         # as many were made or spared.
-        self.slides, self.paid = 0, self.state.step
+        self.paid = self.state.step
         self.slide_cost = steps_of_slide(self.scene, self.method.geometry)
         self._creepings: dict[float, Creeping] = {}
         fastest = self.scene.driver.fastest
@@ -220,7 +221,7 @@ class HybridRun(Run):
         """Jump if nothing slips, or over stable slip, if an attempt is due."""
         state, slips = self.state, bool(self._slips().any())
         if slips != self.slid or (slips and self.creeping is None):
-            self.try_at, self.slid = state.step + TRY * (self.steps > 0), slips
+            self.try_at, self.slid = state.step + TRY * (self.made["steps"] > 0), slips
         if slips and self.creeping is None:
             return
         if state.step >= self.try_at:
@@ -228,19 +229,6 @@ class HybridRun(Run):
             self.try_at = state.step + max(wait, int(LATE * (state.step - self.landed)))
         if slips:
             self.try_at = max(self.try_at, self.paid)
-
-    def counts(self) -> dict[str, int]:
-        """Return those of steps, and of jumps, attempts, predicted landings and bases."""
-        made = super().counts()
-        old = self.before.counts if self.before else {}
-        return made | {
-            "jumps": self.jumped + old.get("jumps", 0),
-            "steps_spared": self.spared + old.get("steps_spared", 0),
-            "attempts": self.attempts + old.get("attempts", 0),
-            "landings": self.landings + old.get("landings", 0),
-            "slides": self.slides + old.get("slides", 0),
-            "modal_bases": self.rests.bases + old.get("modal_bases", 0),
-        }
 
     def notes(self) -> tuple[str, ...]:
         """Return the notes, with one more if jumps spared little."""
@@ -272,7 +260,7 @@ class HybridRun(Run):
         stuck, most = state.mode != OPEN, self._piece_ends(last) - state.step
         if most <= 0 or not stuck.any():
             return TRY
-        self.attempts += 1
+        self.made["attempts"] += 1
         outside = Outside(known, state.t, just_after(state))
         where, q = (state.y[0, 0], stuck, outside.drive, outside.load), self._coordinates()[0]
         start = self.rests.at(*where, self.accuracy, q)
@@ -321,12 +309,14 @@ class HybridRun(Run):
         Return the number of steps until the next attempt.
         """
         state, most = self.state, self._piece_ends(last) - self.state.step
-        landing, self.attempts = None, self.attempts + 1
+        landing = None
+        self.made["attempts"] += 1
         if most > 0:
             landing = self.creeping.land(
                 state, lambda: self.rests.system(state.mode != OPEN), state.step + most
             )
-        self.slides, self.paid = self.slides + 1, state.step + self.slide_cost
+        self.made["slides"] += 1
+        self.paid = state.step + self.slide_cost
         if landing is None or landing.n < min(most, TRY):
             return TRY
         t, s = self._samples(landing.n)
@@ -357,7 +347,7 @@ class HybridRun(Run):
         how = {"dt": state.dt, "accuracy": self.accuracy, "least": self.least}
         jump = Jump(system, outside, path, motion, state.t - state.t_0, **how)
         landing = jump.land(most)
-        self.landings += jump.predicted
+        self.made["landings"] += jump.predicted
         return landing
 
     def _samples(self, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -389,4 +379,5 @@ class HybridRun(Run):
         state.y[0, 0, held], state.y[0, 2, held] = u_x[held], 0.0
         state.step += n
         self.good, self.landed = None, state.step
-        self.jumped, self.spared = self.jumped + 1, self.spared + n
+        self.made["jumps"] += 1
+        self.made["steps_spared"] += n

@@ -348,8 +348,7 @@ class Run:
     def _add_logs(
         self, switches: Mapping[str, np.ndarray], quiet: Mapping[str, np.ndarray]
     ) -> None:
-        self.history.switches.append(switches)
-        self.history.quiet.append(quiet)
+        self.history.log(switches, quiet)
         if self.stopping is not None:
             self.stopping.take(switches, quiet)
         for t, kind in zip(quiet["t"], quiet["kind"], strict=True):

@@ -33,6 +33,11 @@ class History:
         self.switches: list[Mapping[str, np.ndarray]] = []
         self.quiet: list[Mapping[str, np.ndarray]] = []
 
+    def log(self, switches: Mapping[str, np.ndarray], quiet: Mapping[str, np.ndarray]) -> None:
+        """Add entries to the two logs."""
+        self.switches.append(switches)
+        self.quiet.append(quiet)
+
     def mark(self) -> tuple[Any, ...]:
         """Return what `back` needs to forget all that is recorded from now on."""
         return self.n, self.switches[:], self.quiet[:]

@@ -31,13 +31,13 @@ import pandas as pd
 from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
 from pyfric.display import Progress, run_bar
 from pyfric.engines.dynamic import kept_notes
+from pyfric.engines.history import History
 from pyfric.engines.integration import strain_notes
 from pyfric.engines.pauses import loading_notes, longest_pause
 from pyfric.engines.stopping import stopping_of
 from pyfric.engines.stretches import Stretch, bends, check_ladder, stretches
 from pyfric.record import (
     QUIET_COLUMNS,
-    SWITCH_COLUMNS,
     Method,
     Record,
     build_catalogue,
@@ -55,7 +55,7 @@ from pyfric.statics import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from pyfric.engines.stopping import Stopping
     from pyfric.scene import Scene, SceneLike
@@ -68,61 +68,6 @@ IDLE = 200
 
 BENDS = 32
 """Straight parts of the curve between two changes of contact state while the driver accelerates."""
-
-
-class _Log:
-    """Logs of contact switches and of starts and ends of slip, for `pyfric.record.catalogue`."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene, self.p_corner = scene, CORNER_SHARE * scene.F_N / scene.N_x
-        self.switch: list[tuple[Any, ...]] = []
-        self.quiet: list[tuple[Any, ...]] = []
-        self.mode = np.zeros(scene.N_x, dtype=np.int32)
-        self.corner = np.zeros(scene.N_x, dtype=bool)
-        self.step, self.active = 0, False
-        self.told = (0, 0)  # rows of both logs that `new` has returned
-
-    def set(self, contact: Contact, t: float, before: Values | None = None) -> None:
-        """Log the changes of contact state. Slip starts at the values `before` the change."""
-        new = contact.mode.astype(np.int32)
-        changed = np.flatnonzero(new != self.mode)
-        if not changed.size:
-            return
-        now = contact.values()
-        before = now if before is None else before
-        was, old = self.active, self.mode
-        for i in changed:
-            begins = abs(old[i]) != 1
-            u_x, _, _, p, _ = before if begins and abs(new[i]) == 1 else now
-            if begins:
-                self.corner[i] = p[i] < self.p_corner
-            self.switch.append((self.step, i, old[i], new[i], self.corner[i], t, u_x[i], p[i]))
-        self.mode = new
-        self.active = bool(((np.abs(new) == 1) & ~self.corner).any())
-        if self.active != was:
-            kind, mode, at = (-1, new, now) if was else (1, old, before)
-            self.quiet.append((self.step, t, kind, at.F_T, at.u_x.copy(), mode))
-        self.step += 1
-
-    def new(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Return the rows of both logs since the last call, as columns."""
-        begin, self.told = self.told, (len(self.switch), len(self.quiet))
-        return self.columns(begin)
-
-    def columns(
-        self, begin: tuple[int, int] = (0, 0)
-    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Return both logs as columns, from these rows on."""
-        switch, quiet = self.switch[begin[0] :], self.quiet[begin[1] :]
-        return _columns(switch, SWITCH_COLUMNS), _columns(quiet, QUIET_COLUMNS, self.scene.N_x)
-
-
-def _columns(rows: list[Any], kinds: Any, N_x: int = 0) -> dict[str, np.ndarray]:
-    wide = ("u_x", "mode") if N_x else ()
-    if not rows:
-        return {k: np.zeros((0, N_x) if k in wide else 0, kind) for k, kind in kinds.items()}
-    values = zip(*rows, strict=True)
-    return {k: np.array(v, dtype=kind) for (k, kind), v in zip(kinds.items(), values, strict=True)}
 
 
 class QuasistaticRun:
@@ -149,10 +94,11 @@ class QuasistaticRun:
         self.problem = ContactProblem(scene)
         self.contact = self.problem.loaded()
         self.drive_0 = self.contact.drive
-        self.log = _Log(scene)
-        self.log.mode[~self.contact.closed] = OPEN
-        self.rows: list[tuple[float, float]] = []
-        self.events = 0
+        self.history = History(["t", "F_T"])
+        self.mode = np.where(self.contact.closed, STUCK, OPEN).astype(np.int32)  # as logged
+        self.corner, self.p_corner = np.zeros(scene.N_x, bool), CORNER_SHARE * scene.F_N / scene.N_x
+        self.slips, self.changes, self.starts, self.events = False, 0, 0, 0
+        _, self.nothing = self.history.logs(scene.N_x)  # columns of an empty log
         self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # the present part
         self.ending = ""  # status of a run that ends before its time
         self.t_quiet = -math.inf  # no slip before this time
@@ -165,7 +111,37 @@ class QuasistaticRun:
         return self.stretch.leg.time_at(self.contact.drive - self.stretch.offset)
 
     def sample(self) -> None:
-        self.rows.append((self.t, self.contact.values().F_T))
+        self.history.add(np.array([[self.t, self.contact.values().F_T]]))
+
+    def log(self, t: float, before: Values | None = None) -> None:
+        """Log the changes of contact state. Slip starts at the values `before` the change."""
+        old, new = self.mode, self.contact.mode.astype(np.int32)
+        i = np.flatnonzero(new != old)
+        if not i.size:
+            return
+        now = self.contact.values()
+        before = now if before is None else before
+        begins = np.abs(old[i]) != 1
+        starts = begins & (np.abs(new[i]) == 1)
+        u_x = np.where(starts, before.u_x[i], now.u_x[i])
+        p = np.where(starts, before.p[i], now.p[i])
+        self.corner[i[begins]] = p[begins] < self.p_corner
+        self.mode, was = new, self.slips
+        self.slips = bool(((np.abs(new) == 1) & ~self.corner).any())  # apart from corner slip
+        step, t_i = np.full(i.size, self.changes), np.full(i.size, t)
+        switches = {"step": step, "block": i, "old": old[i], "new": new[i]}
+        switches |= {"corner": self.corner[i], "t": t_i, "u_x": u_x, "p": p}
+        quiet = self.nothing
+        if self.slips != was:
+            kind, mode, at = (-1, new, now) if was else (1, old, before)
+            row = self.changes, t, kind, at.F_T, at.u_x, mode
+            kinds = zip(QUIET_COLUMNS.items(), row, strict=True)
+            quiet = {name: np.array([value], dtype=kind) for (name, kind), value in kinds}
+            self.starts += self.slips
+        self.history.log(switches, quiet)
+        if self.stopping is not None:
+            self.stopping.take(switches, quiet)
+        self.changes += 1
 
     def advance(self, t_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> bool:
         """Follow the scene to t_end (s); return False if it was interrupted.
@@ -176,7 +152,7 @@ class QuasistaticRun:
         start = time.perf_counter()
         self.sample()
         self.follow(t_end, stop, show)
-        if not np.isfinite(self.rows[-1][1]):
+        if not np.isfinite(self.history.last[1]):
             what = "the quasi-static sequence left the range of numbers"
             raise EquilibriumError(what, np.nan, self.contact.tol, 0)
         self.timings["events"] = time.perf_counter() - start
@@ -189,7 +165,7 @@ class QuasistaticRun:
             leg, offset, route = stretch
             if leg.way != contact.way or route is not None:  # all slip stops
                 contact.hold_all()
-                self.log.set(contact, leg.t)
+                self.log(leg.t)
             self.stretch = stretch
             if route is not None:
                 contact.along(self.problem.along(route), offset + leg.first)
@@ -200,8 +176,8 @@ class QuasistaticRun:
             if stop() or self.ending or math.isinf(leg.t_end):
                 return
             contact.drive = offset + leg.last
-            self.rows.append((leg.t_end, contact.values().F_T))
-            show(*self.rows[-1], self.events)
+            self.history.add(np.array([[leg.t_end, contact.values().F_T]]))
+            show(*self.history.last, self.events)
 
     def _climb(self, drive_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
         """Follow the sequence of events until the driver is at drive_end."""
@@ -221,11 +197,11 @@ class QuasistaticRun:
             self.sample()
             if mode in (OPEN, STUCK):
                 contact.change(i, mode)
-                self.log.set(contact, self.t)
+                self.log(self.t)
             else:
                 self._event(i, mode, stop)
             self.sample()
-            show(self.t, self.rows[-1][1], self.events)
+            show(*self.history.last, self.events)
             if self.ending:
                 return
 
@@ -245,19 +221,19 @@ class QuasistaticRun:
         for _ in range(GROWTH * self.scene.N_x):
             for _ in contact.settle_rates():
                 pass
-            self.log.set(contact, self.t)
-            self.events = sum(row[2] > 0 for row in self.log.quiet)
+            self.log(self.t)
+            self.events = self.starts
             self.sample()
-            show(self.t, self.rows[-1][1], self.events)
+            show(*self.history.last, self.events)
             if stop() or not contact.stuck.any() or self._ended(self.t):
                 return
             if contact.definiteness() < LEAST_DEFINITENESS:
                 self.ending = "ended where slip may not be unique"
                 self.notes += (
                     f"{self.name}: slip is followed up to F_T/F_N = "
-                    f"{self.rows[-1][1] / self.scene.F_N:.6g}, where the definiteness of the slip "
-                    f"operator falls below {LEAST_DEFINITENESS:g}: friction is so strong (mu = "
-                    f"{law.mean.mu_s:g}) that the solution may not be unique beyond",
+                    f"{self.history.last[1] / self.scene.F_N:.6g}, where the definiteness of the "
+                    f"slip operator falls below {LEAST_DEFINITENESS:g}: friction is so strong "
+                    f"(mu = {law.mean.mu_s:g}) that the solution may not be unique beyond",
                 )
                 return
             drive, i, mode = contact.next_change(reload=False)
@@ -270,10 +246,9 @@ class QuasistaticRun:
 
     def _ended(self, t: float) -> bool:
         """Return whether a condition ends the run before the next change, at t (s)."""
-        if self.stopping is None or not self.rows:
+        if self.stopping is None:
             return False
-        self.stopping.take(*self.log.new())
-        self.stopping.look(self.t, self.log.mode)
+        self.stopping.look(self.t, self.mode)
         due, text = self.stopping.due()
         if due <= t:
             self.ending, self.t_quiet = self.stopping.named(text), max(due, self.t)
@@ -282,13 +257,13 @@ class QuasistaticRun:
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
         """Release block i and follow the event at this position of the driver."""
         self.events += 1
-        contact, log, t = self.contact, self.log, self.t
+        contact, t = self.contact, self.t
         now = contact.values()
         contact.change(i, direction)
-        log.set(contact, t, now)
+        self.log(t, now)
         try:
             for before in contact.follow(now.u_x):
-                log.set(contact, t, before)
+                self.log(t, before)
                 if stop():
                     return
         except EquilibriumError as error:
@@ -296,15 +271,16 @@ class QuasistaticRun:
             what = f"the quasi-static event at t = {t:.6g} s: {what}"
             raise EquilibriumError(what, *figures) from error
         contact.hold_all()
-        log.set(contact, t)
+        self.log(t)
 
-    def _with_bends(self) -> list[tuple[float, float]]:
+    def _with_bends(self) -> list[Sequence[float]]:
         """Return the points of the curve, and more of them where the driver accelerates.
 
         Between two points F_T is linear in the position of the driver.
         """
-        scene, found = self.scene, self.rows[:1]
-        for (t, F_T), end in itertools.pairwise(self.rows):
+        scene, rows = self.scene, self.history.curve().to_numpy().tolist()
+        found = rows[:1]
+        for (t, F_T), end in itertools.pairwise(rows):
             if end[0] > t and scene.piece("V", 0.5 * (t + end[0])).slope:
                 times = np.linspace(t, end[0], BENDS + 1).tolist()
                 first, *inside, last = map(scene.drive, times)
@@ -318,20 +294,21 @@ class QuasistaticRun:
         """Return the record of the run so far."""
         start = time.perf_counter()
         scene = self.scene
-        switches, quiet = self.log.columns()
+        switches, quiet = self.history.logs(scene.N_x)
         catalogue = build_catalogue(
             switches,
             quiet,
             scene,
             t_gap=self.t_gap,
-            t_end=max(self.rows[-1][0], self.t_quiet),
+            t_end=max(self.history.last[0], self.t_quiet),
             solver=self.problem,
         )
-        rows = self.rows if columns else self._with_bends()
-        curve = pd.DataFrame(rows, columns=["t", "F_T"]).assign(**columns)
+        curve = self.history.curve().assign(**columns)
+        t_end, F_T = self.history.last[0], curve["F_T"].abs().max()
+        if not columns:
+            curve = pd.DataFrame(self._with_bends(), columns=["t", "F_T"])
         f, p = self.initial.f, self.initial.p
         engine = engine or self.name
-        t_end, F_T = self.rows[-1][0], max(abs(F) for _, F in self.rows)
         warned = strain_notes(scene, engine, F_T, t_end)
         if engine == "quasistatic":  # V does not matter to a prediction
             warned += loading_notes(scene, engine) + zone_notes(scene, engine, catalogue)
@@ -464,7 +441,7 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     note()
     run.follow(math.inf, lambda: False, note)
     run.timings["path"] = time.perf_counter() - start
-    drive = [scene.drive(t) for t, _ in run.rows]
+    drive = [scene.drive(t) for t in run.history.curve()["t"]]
     return run.record("complete", "prediction", drive=drive, L_p_over_L=reached)
 
 

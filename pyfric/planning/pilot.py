@@ -106,7 +106,7 @@ def pilot_run(scene: Scene, t_end: float, stop_when: tuple[str, ...] = ()) -> Pi
     small = dataclasses.replace(small, interface=small.interface.coulomb())
 
     def enough() -> bool:
-        return run.events >= EVENTS or run.log.step * small.N_x**2 > CHANGES
+        return run.events >= EVENTS or run.changes * small.N_x**2 > CHANGES
 
     stopping = None
     try:
@@ -119,10 +119,9 @@ def pilot_run(scene: Scene, t_end: float, stop_when: tuple[str, ...] = ()) -> Pi
         return Pilot(None, np.zeros((0, 2)), 0.0, str(error))
     t_stop = math.inf
     if stopping is not None and run.events:
-        stopping.take(*run.log.new())
-        stopping.look(stopping.t_rest, run.log.mode)
+        stopping.look(stopping.t_rest, run.mode)
         t_stop, _ = stopping.due()
-    far = min(run.rows[-1][0] / max(t_end, 1e-30), 1.0)
+    far = min(run.history.last[0] / max(t_end, 1e-30), 1.0)
     events, many = record.events, run.events / max(far, 1e-12) > MOST_EVENTS
     blocks = events["n_blocks"] * (scene.N_x / small.N_x)
     return Pilot(
